@@ -1,0 +1,91 @@
+#include "base/alloc.h"
+
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/checked.h"
+
+static _Atomic uint64_t alloc_count;
+static _Atomic uint64_t alloc_fail_at;
+
+static bool should_fail(void)
+{
+    uint64_t n = atomic_fetch_add_explicit(&alloc_count, 1, memory_order_relaxed) + 1;
+    uint64_t at = atomic_load_explicit(&alloc_fail_at, memory_order_relaxed);
+    return at != 0 && n == at;
+}
+
+void *hg_calloc(size_t count, size_t size)
+{
+    size_t bytes;
+    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || should_fail())
+        return NULL;
+    return calloc(1, bytes ? bytes : 1);
+}
+
+void *hg_calloc_aligned(size_t align, size_t size)
+{
+    if (size > PTRDIFF_MAX || should_fail())
+        return NULL;
+    void *ptr = aligned_alloc(align, size ? size : align);
+    if (ptr)
+        memset(ptr, 0, size);
+    return ptr;
+}
+
+void *hg_realloc(void *ptr, size_t count, size_t size)
+{
+    size_t bytes;
+    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || should_fail())
+        return NULL;
+    return realloc(ptr, bytes ? bytes : 1);
+}
+
+char *hg_strndup(const char *text, size_t length)
+{
+    length = strnlen(text, length);
+    char *copy = hg_calloc(length + 1, 1);
+    if (copy)
+        memcpy(copy, text, length);
+    return copy;
+}
+
+char *hg_strdup(const char *text)
+{
+    return hg_strndup(text, strlen(text));
+}
+
+void hg_free(void *ptr)
+{
+    free(ptr);
+}
+
+enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size)
+{
+    void *old;
+    memcpy(&old, ptr_to_ptr, sizeof old);
+    if (need <= *capacity && old)
+        return HG_OK;
+    size_t next = *capacity ? *capacity : 8;
+    while (next < need)
+        if (!hg_add_size(next, next / 2 + 1, &next))
+            return HG_E_NOMEM;
+    void *grown = hg_realloc(old, next, size);
+    if (!grown)
+        return HG_E_NOMEM;
+    memcpy(ptr_to_ptr, &grown, sizeof grown);
+    *capacity = next;
+    return HG_OK;
+}
+
+void hg_alloc_fail_at(uint64_t n)
+{
+    atomic_store(&alloc_count, 0);
+    atomic_store(&alloc_fail_at, n);
+}
+
+uint64_t hg_alloc_count(void)
+{
+    return atomic_load(&alloc_count);
+}

@@ -1,0 +1,40 @@
+// file.h - whole-file reads with a limit, and outputs that appear complete or not at all.
+// Floor 0. Thread-safe (each object belongs to one thread).
+#ifndef HG_BASE_FILE_H
+#define HG_BASE_FILE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/status.h"
+
+// Reads a regular file of at most limit_bytes. *data is freed with hg_free and has one extra
+// zero byte behind `*size`. HG_E_NOTFOUND, HG_E_PERM, HG_E_LIMIT, HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **data, size_t *size,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// An output under a temporary name beside its final one.
+struct hg_file_out {
+    int fd; // open for writing and reading; -1 when not begun
+    char *path, *temp_path;
+};
+
+// Creates the temporary file in the same folder. Writing goes through fd or temp_path.
+enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct hg_error *err)
+    HG_MUST_CHECK;
+enum hg_status hg_file_write(struct hg_file_out *out, const void *data, size_t size,
+    struct hg_error *err) HG_MUST_CHECK;
+// fsync, rename over the final name, fsync of the folder; on failure the temporary is removed
+// and an older file at the final name is untouched. Finishes *out either way.
+enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err) HG_MUST_CHECK;
+// Removes the temporary. Accepts a zeroed, begun or finished object (fd -1 or both names NULL).
+void hg_file_abort(struct hg_file_out *out);
+
+// begin + write + commit.
+enum hg_status hg_file_write_atomic(const char *path, const void *data, size_t size,
+    struct hg_error *err) HG_MUST_CHECK;
+// Maps errno to a status (ENOENT -> NOTFOUND, EACCES/EPERM/EROFS -> PERM, ENOSPC/EDQUOT -> NOSPACE,
+// ENOMEM -> NOMEM, else IO).
+enum hg_status hg_status_from_errno(int error_number);
+
+#endif

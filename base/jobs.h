@@ -1,0 +1,23 @@
+// jobs.h - a bounded pool of threads for CPU work (decode, LOD build, filtering).
+// Floor 0. hg_jobs_for may be called from any thread, also from inside a job (it helps itself).
+#ifndef HG_BASE_JOBS_H
+#define HG_BASE_JOBS_H
+
+#include <stddef.h>
+
+#include "base/status.h"
+
+struct hg_jobs;
+
+typedef void hg_jobs_fn(void *user, size_t index);
+
+// threads 0 = one per core. NULL when memory or threads are not to be had.
+struct hg_jobs *hg_jobs_create(unsigned threads) HG_MUST_CHECK;
+void hg_jobs_destroy(struct hg_jobs *jobs); // waits for running work
+unsigned hg_jobs_threads(const struct hg_jobs *jobs);
+
+// Calls fn(user, i) once for every i in [0, count), on all threads including the caller's;
+// returns when all are done. Order is unspecified; results must not depend on it.
+void hg_jobs_for(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, void *user);
+
+#endif

@@ -1,0 +1,32 @@
+#include "base/refbuf.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/checked.h"
+
+struct hg_refbuf *hg_refbuf_create(size_t size)
+{
+    size_t total;
+    if (!hg_add_size(size, sizeof(struct hg_refbuf), &total) || !hg_align_size(total, 64, &total))
+        return NULL;
+    struct hg_refbuf *buf = hg_calloc_aligned(64, total);
+    if (!buf)
+        return NULL;
+    atomic_init(&buf->refs, 1);
+    buf->size = size;
+    return buf;
+}
+
+struct hg_refbuf *hg_refbuf_ref(struct hg_refbuf *buf)
+{
+    atomic_fetch_add_explicit(&buf->refs, 1, memory_order_relaxed);
+    return buf;
+}
+
+void hg_refbuf_unref(struct hg_refbuf *buf)
+{
+    if (buf && atomic_fetch_sub_explicit(&buf->refs, 1, memory_order_acq_rel) == 1)
+        hg_free(buf);
+}
