@@ -1,0 +1,90 @@
+// image.h - pixels in memory: reading and writing files through OpenImageIO, and conversions.
+// Floor 1. Thread-safe; each object belongs to one thread. The only C++ file is oiio.cpp.
+#ifndef HG_RENDERER_IMAGE_IMAGE_H
+#define HG_RENDERER_IMAGE_IMAGE_H
+
+#include "base/bytes.h"
+#include "base/status.h"
+
+enum hg_pixel_format {
+    HG_PIXEL_RGBA8,   // 4 x u8, straight alpha; transfer as the file has it
+    HG_PIXEL_RGBA16,  // 4 x u16, straight alpha
+    HG_PIXEL_RGBA32F, // 4 x f32, linear when the file is (exr, hdr), else as stored scaled to 0..1
+};
+
+struct hg_image {
+    uint32_t width, height;      // px
+    enum hg_pixel_format format; //
+    bool has_alpha;              // false: the file had none and alpha is 1
+    size_t size_bytes;           // width * height * bytes per pixel; rows from the top, no padding
+    void *pixels;                // owned; hg_free
+};
+
+struct hg_image_limits {
+    uint32_t max_side_px; // default 32768
+    uint64_t max_pixels;  // default 2^28
+    uint64_t max_bytes;   // of decoded pixels; default 2^31
+};
+
+// What a file says about itself, without decoding pixels.
+struct hg_image_info {
+    uint32_t width, height, channels; // channels as stored
+    bool is_float, is_16bit;
+    char file_format[16]; // "png", "jpeg", "openexr", ...
+};
+
+// Bytes per pixel of a format.
+size_t hg_pixel_bytes(enum hg_pixel_format format);
+
+// All four: `limits` may be NULL (defaults). HG_E_NOTFOUND, HG_E_FORMAT (malformed or unknown),
+// HG_E_LIMIT (checked before memory is taken), HG_E_NOMEM, HG_E_IO; err names file and reason.
+// Grey becomes RGB; missing alpha becomes 1; CMYK and palettes are converted. Orientation metadata
+// is ignored, as glTF demands. *out is zeroed on failure.
+enum hg_status hg_image_probe_file(
+    const char *path, struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_image_read_file(const char *path, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
+// `name` is used in messages and, by its extension, as a hint; content decides.
+enum hg_status hg_image_probe_memory(const void *data, size_t size, const char *name,
+    struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_image_read_memory(const void *data, size_t size, const char *name,
+    enum hg_pixel_format format, const struct hg_image_limits *limits, struct hg_image *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// Zeroed pixels. HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_image_create(uint32_t width, uint32_t height, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out) HG_MUST_CHECK;
+// Accepts a zeroed image.
+void hg_image_finish(struct hg_image *image);
+
+// Files are made in memory (the worker writes no output files).
+enum hg_image_file {
+    HG_IMAGE_PNG8,      // from RGBA8: sRGB-tagged
+    HG_IMAGE_PNG16,     // from RGBA16 or RGBA32F display values 0..1: sRGB-tagged
+    HG_IMAGE_JPEG,      // from RGBA8, alpha dropped; 4:4:4 at quality >= 90, else 4:2:0
+    HG_IMAGE_EXR_HALF,  // from RGBA32F, linear Rec.709 (chromaticities attribute), zip
+    HG_IMAGE_EXR_FLOAT, //
+};
+
+struct hg_image_attribute {
+    const char *name; // "heliograph:samples"
+    enum { HG_ATTR_STRING, HG_ATTR_INT, HG_ATTR_FLOAT, HG_ATTR_MAT4 } type;
+    const char *string;
+    int integer;
+    const float *floats; // 1 or 16
+};
+
+struct hg_image_encode {
+    enum hg_image_file file;
+    int quality;                                 // JPEG 1..100, default 90
+    bool opaque;                                 // drop alpha: RGB instead of RGBA
+    const struct hg_image_attribute *attributes; // [attribute_count]; EXR and PNG text
+    size_t attribute_count;
+};
+
+// Appends the file's bytes to `out`. The same image and parameters give the same bytes.
+// HG_E_INVAL (wrong pixel format), HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_image_encode(const struct hg_image *image, const struct hg_image_encode *params,
+    struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,24 @@
+// metrics.h - how far two pictures are from each other.
+// Floor 1. Thread-safe. Both images have the same size and format RGBA8 (display sRGB) or RGBA32F
+// (taken as display values for PSNR, SSIM, FLIP after clamping to 0..1). Alpha: both are blended
+// over black first for PSNR, SSIM and FLIP; RMSE and MAX also compare alpha.
+#ifndef HG_RENDERER_IMAGE_METRICS_H
+#define HG_RENDERER_IMAGE_METRICS_H
+
+#include "renderer/image/image.h"
+
+enum hg_metric {
+    HG_METRIC_PSNR, // dB, peak 1, over RGB; identical = 999
+    HG_METRIC_SSIM, // mean SSIM on luma, 11x11 Gaussian sigma 1.5. Wang et al. 2004
+    HG_METRIC_FLIP, // mean LDR-FLIP at 67 px per degree. Andersson et al. 2020
+    HG_METRIC_RMSE, //
+    HG_METRIC_MAX,  //
+};
+
+// *diff, when not NULL, receives an RGBA8 picture of the error (heat map), to be finished by the
+// caller. HG_E_INVAL when sizes differ; HG_E_NOMEM.
+enum hg_status hg_image_compare(const struct hg_image *a, const struct hg_image *b,
+    enum hg_metric metric, double *value, struct hg_image *diff,
+    struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,123 @@
+// renderer.h - the facade of everything between a scene and pixels.
+// Floor 5. No Vulkan types. All calls come from one thread, the render thread, unless said.
+//
+// A renderer owns a device. Views look at scenes (scene/scene.h, edited by the caller between
+// calls). hg_view_step renders one slice of work and never more than a few samples, so that the
+// caller stays responsive; repeated steps of an unchanged view accumulate until it is settled.
+#ifndef HG_RENDERER_RENDERER_H
+#define HG_RENDERER_RENDERER_H
+
+#include "base/bytes.h"
+#include "base/jobs.h"
+#include "base/refbuf.h"
+#include "base/status.h"
+#include "renderer/image/image.h"
+#include "renderer/scene/load.h"
+#include "renderer/scene/scene.h"
+
+struct hg_renderer;
+struct hg_view;
+
+struct hg_renderer_params {
+    const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
+    const char *cache_dir;  // shader and environment caches; NULL = none
+    const char *shader_dir; // recompile GLSL from here at run time; NULL = embedded SPIR-V
+    uint64_t texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
+    bool validation;  // Vulkan validation layers with synchronization validation
+    unsigned threads; // CPU jobs; 0 = one per core
+};
+
+// HG_E_DEVICE with the reason when no Vulkan 1.3 device fits. HG_E_NOMEM.
+enum hg_status hg_renderer_create(const struct hg_renderer_params *params, struct hg_renderer **out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_renderer_destroy(struct hg_renderer *renderer); // views first; accepts NULL
+// One JSON object: device, driver, features, fallbacks in use (heliod --device-info).
+enum hg_status hg_renderer_device_json(struct hg_renderer *renderer, char **text) HG_MUST_CHECK;
+struct hg_jobs *hg_renderer_jobs(struct hg_renderer *renderer);
+// Compiles what common frames need. progress may be NULL.
+enum hg_status hg_renderer_warm_up(struct hg_renderer *renderer,
+    void (*progress)(void *user, uint32_t done, uint32_t total), void *user,
+    struct hg_error *err) HG_MUST_CHECK;
+// Number of validation messages seen since creation (tests expect 0).
+uint32_t hg_renderer_validation_messages(const struct hg_renderer *renderer);
+
+enum hg_tonemap { HG_TONEMAP_ACES, HG_TONEMAP_AGX, HG_TONEMAP_PBR_NEUTRAL, HG_TONEMAP_LINEAR };
+enum hg_background { HG_BACKGROUND_ENV, HG_BACKGROUND_NONE, HG_BACKGROUND_COLOR };
+
+struct hg_view_params {     // zero of each field = default
+    uint32_t width, height; // px, 1..16384; default 1280 x 720
+    enum hg_tonemap tonemap;
+    float exposure_ev; // stops
+    enum hg_background background;
+    float background_color[3]; // linear
+    uint32_t samples;          // per pixel until settled; default 32
+    uint32_t seed;
+};
+
+struct hg_view_camera {             // world space, metres
+    float eye[3], target[3], up[3]; // up is made orthogonal; 0 = +Y
+    bool orthographic;
+    float vfov_rad;     // vertical; default 45 degrees
+    float half_height;  // orthographic
+    float near, far;    // near 0 = from the scene; far 0 = infinite
+    uint64_t input_seq; // returned in frames
+};
+
+// The view keeps a pointer to the scene, which must outlive it.
+enum hg_status hg_view_create(struct hg_renderer *renderer, struct hg_scene *scene,
+    struct hg_view **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_view_destroy(struct hg_view *view); // accepts NULL
+// HG_E_INVAL names the field; HG_E_LIMIT; HG_E_NOMEM. On error the old parameters stay.
+enum hg_status hg_view_set_params(
+    struct hg_view *view, const struct hg_view_params *params, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_view_set_camera(
+    struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+// Camera of a scene's node at its present pose. HG_E_NOTFOUND when the node has none.
+enum hg_status hg_view_set_camera_node(
+    struct hg_view *view, uint64_t node_id, uint64_t input_seq, struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_stage_time {
+    char name[32];
+    uint64_t ns;
+};
+
+// Provenance of the newest step.
+struct hg_frame_info {
+    uint64_t number, scene_revision, input_seq;
+    uint32_t width, height;
+    uint32_t samples; // accumulated per pixel
+    uint32_t missing_pages, missing_clusters;
+    bool settled;
+    uint64_t triangles_total, triangles_drawn;
+    uint32_t stage_count;
+    struct hg_stage_time stages[64]; // render passes of this step
+};
+
+// Renders one slice: picks up scene, parameter and camera changes (these restart accumulation),
+// uploads what is new, draws 1..max_samples samples. A settled view does nothing and says so.
+// HG_E_DEVICE_LOST, HG_E_NOMEM, HG_E_LIMIT (budget) with *err; the view stays usable.
+enum hg_status hg_view_step(struct hg_view *view, uint32_t max_samples, struct hg_frame_info *info,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// Pixels of the newest step into *out (width*height*4). RGBA8: tone-mapped, sRGB, straight alpha.
+// RGBA32F: linear radiance times exposure, straight alpha, before tone mapping.
+// RGBA16: as RGBA8 with 16 bits. HG_E_STATE before the first step.
+enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format format,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_pick {
+    bool hit;
+    uint64_t revision, node, mesh, material;
+    uint32_t part, triangle;
+    float position[3], normal[3], uv[2], distance;
+};
+
+// What the newest step shows at a pixel centre (unjittered sample of the same state).
+enum hg_status hg_view_pick(struct hg_view *view, uint32_t x, uint32_t y, struct hg_pick *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// One JSON object with the keys of docs/client.md (--stats); view may be NULL.
+enum hg_status hg_renderer_stats_json(
+    struct hg_renderer *renderer, struct hg_view *view, char **text) HG_MUST_CHECK;
+
+#endif

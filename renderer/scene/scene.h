@@ -1,0 +1,308 @@
+// scene.h - what is rendered: nodes, meshes, materials, textures, lights, cameras, animation.
+// Floor 2, first room: plain data in linear units (metres, radians, candela, lux; colours linear
+// Rec.709), no Vulkan. A scene belongs to the render thread. An asset is built by any one thread,
+// then handed to a scene.
+//
+// Every object has a u64 id (see protocol/messages.def): asset << 32 | index. Objects are found by
+// id, live at stable addresses until removed, and carry the revision at which they last changed, so
+// that lower rooms can keep caches keyed by {id, revision}.
+#ifndef HG_RENDERER_SCENE_SCENE_H
+#define HG_RENDERER_SCENE_SCENE_H
+
+#include "base/refbuf.h"
+#include "base/status.h"
+#include "renderer/image/image.h"
+
+enum hg_wrap { HG_WRAP_REPEAT, HG_WRAP_CLAMP, HG_WRAP_MIRROR };
+enum hg_alpha_mode { HG_ALPHA_OPAQUE, HG_ALPHA_MASK, HG_ALPHA_BLEND };
+enum hg_topology { HG_TOPOLOGY_TRIANGLES, HG_TOPOLOGY_LINES, HG_TOPOLOGY_POINTS };
+enum hg_object_kind { // same values as the protocol's object_kind
+    HG_OBJECT_NODE,
+    HG_OBJECT_MESH,
+    HG_OBJECT_MATERIAL,
+    HG_OBJECT_TEXTURE,
+    HG_OBJECT_LIGHT,
+    HG_OBJECT_CAMERA,
+    HG_OBJECT_KINDS
+};
+
+// Common head of every object.
+struct hg_object {
+    uint64_t id;
+    uint64_t revision; // scene revision of the last change
+    char *name;        // UTF-8, never NULL, may be ""
+};
+
+// Pixels of a texture, shared between textures of an asset. Exactly one source is set.
+struct hg_image_source {
+    uint32_t refs;             // owned by the scene's thread (the loader's before hand-over)
+    char *label;               // uri, "images[3]" or file name, for messages
+    struct hg_refbuf *encoded; // bytes of an image file, or NULL
+    char *path;                // image file on disk (already checked to lie in the roots), or NULL
+    struct hg_image pixels;    // or decoded pixels (client-made, procedural)
+    bool pixels_srgb;          // transfer of `pixels`; files: decided by the slot
+};
+
+struct hg_texture {
+    struct hg_object head;
+    struct hg_image_source *image; // NULL: missing; sampled as white
+    enum hg_wrap wrap_s, wrap_t;
+    bool mag_nearest, min_nearest, mip_nearest, mip_none;
+};
+
+enum hg_texture_slot { // colour slots hold sRGB files, the rest linear data
+    HG_SLOT_BASE_COLOR,         // rgb sRGB, a
+    HG_SLOT_METALLIC_ROUGHNESS, // g roughness, b metallic
+    HG_SLOT_NORMAL,             // tangent space, rg(b)
+    HG_SLOT_OCCLUSION,          // r
+    HG_SLOT_EMISSIVE,           // rgb sRGB
+    HG_SLOT_CLEARCOAT,          // r
+    HG_SLOT_CLEARCOAT_ROUGHNESS,// g
+    HG_SLOT_CLEARCOAT_NORMAL,
+    HG_SLOT_SHEEN_COLOR,        // rgb sRGB
+    HG_SLOT_SHEEN_ROUGHNESS,    // a
+    HG_SLOT_TRANSMISSION,       // r
+    HG_SLOT_THICKNESS,          // g
+    HG_SLOT_SPECULAR,           // a
+    HG_SLOT_SPECULAR_COLOR,     // rgb sRGB
+    HG_SLOT_IRIDESCENCE,        // r
+    HG_SLOT_IRIDESCENCE_THICKNESS, // g
+    HG_SLOT_ANISOTROPY,         // rg direction, b strength
+    HG_SLOT_DIFFUSE_TRANSMISSION, // a
+    HG_SLOT_DIFFUSE_TRANSMISSION_COLOR, // rgb sRGB
+    HG_SLOT_COUNT
+};
+
+// Slots whose files are sRGB-encoded.
+bool hg_texture_slot_is_srgb(enum hg_texture_slot slot);
+
+struct hg_texture_ref {
+    struct hg_texture *texture; // NULL: no texture, the factor alone counts
+    uint32_t uv_set;            // 0 or 1
+    float uv_transform[6];      // row-major 2x3: u' = m0 u + m1 v + m2, v' = m3 u + m4 v + m5
+};
+
+struct hg_material {
+    struct hg_object head;
+    float base_color[4]; // linear; default 1 1 1 1
+    float metallic, roughness; // perceptual roughness; defaults 1, 1
+    float emissive[3];         // linear, already times emissive_strength
+    float normal_scale, occlusion_strength; // defaults 1, 1
+    enum hg_alpha_mode alpha_mode;
+    float alpha_cutoff; // default 0.5
+    bool double_sided, unlit;
+    // Read and kept now, shaded by the path tracer (KHR_materials_*), defaults as specified there.
+    float ior, specular, specular_color[3];
+    float clearcoat, clearcoat_roughness, clearcoat_normal_scale;
+    float sheen_color[3], sheen_roughness;
+    float transmission, thickness, attenuation_distance, attenuation_color[3], dispersion;
+    float iridescence, iridescence_ior, iridescence_thickness_min, iridescence_thickness_max; // nm
+    float anisotropy, anisotropy_rotation; // rotation in radians
+    float diffuse_transmission, diffuse_transmission_color[3];
+    bool has_specular, has_ior;
+    struct hg_texture_ref slots[HG_SLOT_COUNT];
+};
+
+// Fills the defaults of glTF 2.0 (and of every extension).
+void hg_material_set_defaults(struct hg_material *material);
+
+// Deltas of one morph target; NULL arrays are zero.
+struct hg_morph_target {
+    float *positions; // [vertex_count * 3]
+    float *normals;   // [vertex_count * 3]
+    float *tangents;  // [vertex_count * 3]
+};
+
+// One draw: an indexed list (strips, fans and loops are expanded by loaders).
+struct hg_mesh_part {
+    enum hg_topology topology;
+    uint32_t vertex_count, index_count; // index_count is a multiple of 3, 2 or 1
+    uint32_t *indices;   // [index_count], each < vertex_count
+    float *positions;    // [vertex_count * 3] metres, finite
+    float *normals;      // [vertex_count * 3] unit; never NULL for triangles
+    float *tangents;     // [vertex_count * 4] unit xyz, w = +-1; NULL: none needed
+    float *uv[2];        // [vertex_count * 2]; NULL: 0,0
+    float *colors;       // [vertex_count * 4] linear; NULL: white
+    uint16_t *joints;    // [vertex_count * 4 * joint_sets]; NULL: not skinned
+    float *weights;      // [vertex_count * 4 * joint_sets], sums 1
+    uint32_t joint_sets; // 0, 1 or 2
+    struct hg_morph_target *targets; // [mesh.target_count]
+    struct hg_material *material;    // NULL: default material
+    struct hg_material **variants;   // [asset.variant_count] replacement per variant, entries may
+                                     // be NULL (no change); NULL: no mapping
+    float bounds_min[3], bounds_max[3]; // of positions, morph targets at full weight included
+};
+
+struct hg_mesh {
+    struct hg_object head;
+    struct hg_mesh_part *parts;
+    uint32_t part_count, target_count;
+    float *weights; // [target_count] defaults
+};
+
+struct hg_light {
+    struct hg_object head;
+    enum { HG_LIGHT_DIRECTIONAL, HG_LIGHT_POINT, HG_LIGHT_SPOT } kind;
+    float color[3];
+    float intensity; // lux (directional) or candela
+    float range;     // metres, 0 = infinite
+    float inner_cone_rad, outer_cone_rad;
+    bool casts_shadow;
+};
+
+struct hg_camera {
+    struct hg_object head;
+    enum { HG_CAMERA_PERSPECTIVE, HG_CAMERA_ORTHOGRAPHIC } kind;
+    float vfov_rad, half_height; // vertical; metres
+    float aspect;                // of the file, 0 = none: the view's aspect is used
+    float near, far;             // metres; far 0 = infinite
+};
+
+struct hg_skin {
+    struct hg_node **joints; // [joint_count]
+    float (*inverse_bind)[16];
+    uint32_t joint_count;
+};
+
+struct hg_node {
+    struct hg_object head;
+    struct hg_asset *asset; // NULL: made by a client
+    struct hg_node *parent, *first_child, *next_sibling;
+    float translation[3], rotation[4], scale[3]; // rotation x y z w, unit
+    bool has_matrix;                             // `matrix` instead of TRS
+    float matrix[16];                            // column-major
+    bool visible;                                // hides the subtree too
+    struct hg_mesh *mesh;
+    struct hg_light *light;
+    struct hg_camera *camera;
+    struct hg_skin *skin;
+    float *weights; // [mesh->target_count] or NULL: the mesh's
+    // EXT_mesh_gpu_instancing: instance transforms relative to the node; 0 = draw once.
+    uint32_t instance_count;
+    float (*instances)[16];
+    // Written by hg_scene_update:
+    float world[16], previous_world[16];
+    bool world_visible;
+};
+
+enum hg_anim_path { HG_ANIM_TRANSLATION, HG_ANIM_ROTATION, HG_ANIM_SCALE, HG_ANIM_WEIGHTS };
+enum hg_anim_interpolation { HG_ANIM_STEP, HG_ANIM_LINEAR, HG_ANIM_CUBIC };
+
+struct hg_anim_channel {
+    struct hg_node *node;
+    enum hg_anim_path path;
+    enum hg_anim_interpolation interpolation;
+    uint32_t key_count, width; // width: 3, 4 or target_count
+    float *times;              // [key_count] seconds, strictly increasing
+    float *values;             // [key_count * width], cubic: [key_count * 3 * width] in, value, out
+};
+
+struct hg_animation {
+    char *name;
+    struct hg_anim_channel *channels;
+    uint32_t channel_count;
+    double duration_s;
+};
+
+struct hg_warning { // about an asset, kept for `helio info` and sent as notices
+    char what[256], where[128], reason[256];
+};
+
+// Everything one file brought. Owned by the scene after hg_scene_add_asset.
+struct hg_asset {
+    uint32_t number;
+    char *label;                  // file name
+    char generator[128], version[16], copyright[256], file_format[16];
+    struct hg_node **nodes;       uint32_t node_count; // ids number << 32 | index
+    struct hg_mesh **meshes;      uint32_t mesh_count;
+    struct hg_material **materials; uint32_t material_count;
+    struct hg_texture **textures; uint32_t texture_count;
+    struct hg_light **lights;     uint32_t light_count;
+    struct hg_camera **cameras;   uint32_t camera_count;
+    struct hg_skin **skins;       uint32_t skin_count;
+    struct hg_animation *animations; uint32_t animation_count;
+    char **variants;              uint32_t variant_count;
+    char **extensions_used;       uint32_t extension_count;
+    struct hg_warning *warnings;  uint32_t warning_count;
+    struct hg_node **roots;       uint32_t root_count; // of the chosen scene of the file
+    int32_t variant;              // chosen variant, -1 = none
+};
+
+enum hg_environment_kind { HG_ENV_NONE, HG_ENV_COLOR, HG_ENV_IMAGE, HG_ENV_SKY };
+
+struct hg_environment {
+    enum hg_environment_kind kind;
+    uint64_t revision;
+    struct hg_image image; // IMAGE: RGBA32F equirectangular radiance; direction convention below
+    // u = atan2(d.z, d.x) / (2 pi) + 0.5, v = 0.5 - asin(d.y) / pi (v from the top)
+    uint8_t image_hash[32]; // SHA-256 of the file, key of prefilter caches
+    float color[3];         // COLOR
+    float intensity;        // default 1
+    float rotation_rad;     // about +Y
+    float sun_direction[3]; // SKY: towards the sun, unit
+    float turbidity;        // SKY: 1..10
+};
+
+struct hg_scene {
+    uint64_t revision; // grows with every published change
+    struct hg_environment environment;
+    // Live objects by kind, in order of creation; NULL-free.
+    struct hg_object_list {
+        struct hg_object **items;
+        size_t capacity;
+        uint32_t count;
+    } objects[HG_OBJECT_KINDS];
+    struct hg_asset **assets;
+    size_t asset_capacity;
+    uint32_t asset_count;
+    struct hg_id_map { // id -> object, per kind
+        struct hg_id_slot *slots;
+        uint32_t capacity, used;
+    } ids[HG_OBJECT_KINDS];
+};
+
+enum hg_status hg_scene_create(struct hg_scene **out) HG_MUST_CHECK;
+void hg_scene_destroy(struct hg_scene *scene); // accepts NULL
+
+// NULL when there is none. The _node, _mesh, ... forms cast.
+struct hg_object *hg_scene_find(const struct hg_scene *scene, enum hg_object_kind kind,
+    uint64_t id);
+
+// Adds a zeroed object (with its kind's defaults) under a new id. HG_E_EXISTS, HG_E_NOMEM.
+enum hg_status hg_scene_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id,
+    struct hg_object **out) HG_MUST_CHECK;
+// Removes a client-made object; references to it become NULL, children of a node become roots.
+// HG_E_NOTFOUND; HG_E_STATE for objects of an asset.
+enum hg_status hg_scene_remove(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id,
+    struct hg_error *err) HG_MUST_CHECK;
+// Re-parents; HG_E_INVAL when it would make a cycle. parent NULL = root.
+enum hg_status hg_scene_set_parent(struct hg_scene *scene, struct hg_node *node,
+    struct hg_node *parent) HG_MUST_CHECK;
+// Marks an object changed at the scene's next revision.
+void hg_scene_touch(struct hg_scene *scene, struct hg_object *object);
+// One published change: revision + 1.
+void hg_scene_publish(struct hg_scene *scene);
+
+// Takes ownership of the asset on success and registers its objects. HG_E_EXISTS, HG_E_NOMEM.
+enum hg_status hg_scene_add_asset(struct hg_scene *scene, struct hg_asset *asset,
+    struct hg_node *parent) HG_MUST_CHECK;
+enum hg_status hg_scene_remove_asset(struct hg_scene *scene, uint32_t number) HG_MUST_CHECK;
+struct hg_asset *hg_scene_find_asset(const struct hg_scene *scene, uint32_t number);
+void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; accepts NULL
+
+// Poses the nodes of an asset. animation -1 = all; time is clamped to each channel's range.
+// HG_E_NOTFOUND for an unknown animation.
+enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
+    HG_MUST_CHECK;
+// Material that a part shows under the asset's chosen variant; NULL = default material.
+struct hg_material *hg_asset_part_material(const struct hg_asset *asset,
+    const struct hg_mesh_part *part);
+
+// Recomputes world matrices and visibility of all nodes.
+void hg_scene_update(struct hg_scene *scene);
+// World bounds of a node's subtree (NULL = all), skins and morphs included conservatively.
+// False when there is no geometry. Call after hg_scene_update.
+bool hg_scene_bounds(const struct hg_scene *scene, const struct hg_node *node, float min[3],
+    float max[3]);
+
+#endif
