@@ -1,0 +1,21 @@
+// bindings.h - the one descriptor set of the renderer: only images need descriptors, every buffer
+// is reached by its device address. Floor 0, shared by C and GLSL. Set 0; unused bindings hold a
+// 1x1 dummy.
+#ifndef HG_SHADERS_SHARED_BINDINGS_H
+#define HG_SHADERS_SHARED_BINDINGS_H
+
+#define HG_BIND_PAGES_SRGB   0  // sampler2DArray, RGBA8_SRGB page pool (texture/)
+#define HG_BIND_PAGES_LINEAR 1  // sampler2DArray, RGBA8_UNORM page pool (texture/)
+#define HG_BIND_PAGES_FLOAT  2  // sampler2DArray, RGBA16F page pool (texture/)
+#define HG_BIND_ENV_SPECULAR 3  // samplerCube, prefiltered radiance (light/)
+#define HG_BIND_ENV_RADIANCE 4  // sampler2D, equirectangular radiance for the background (light/)
+#define HG_BIND_DFG          5  // sampler2D, split-sum and energy tables (light/)
+#define HG_BIND_SHADOW       6  // sampler2D, depth atlas of all shadow maps (light/)
+#define HG_BIND_SHADOW_CMP   7  // sampler2DShadow, the same atlas with depth comparison
+#define HG_BIND_VISIBILITY   8  // usampler2D, visibility buffer (passes/)
+#define HG_BIND_DEPTH        9  // sampler2D, depth of the visibility buffer (passes/)
+#define HG_BIND_COLOR_A      10 // sampler2D, pass input (passes/)
+#define HG_BIND_COLOR_B      11 // sampler2D, pass input (passes/)
+#define HG_BIND_COUNT        12
+
+#endif
