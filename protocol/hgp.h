@@ -6,6 +6,11 @@
 // u32 channel } and `length` payload bytes. `request` is chosen by the asker (0 = no answer
 // wanted) and returned in every answer. `channel` is 0 on client connections; on the broker-worker
 // link it names the session.
+//
+// A payload is the fields of its row in messages.def, one behind the other, little-endian, without
+// padding: U8 .. F64 and VEC/MAT as they are, BOOL u8, ENUM u16, STR and BYTES u32 size + bytes,
+// HASH 32 bytes, LIST u32 count + items. A message (or list part) that has OPT fields starts with
+// a u32 bitmap: bit n = the n-th OPT field is there. docs/protocol.md is the normative text.
 #ifndef HG_PROTOCOL_HGP_H
 #define HG_PROTOCOL_HGP_H
 
@@ -127,14 +132,18 @@ struct hgp_fault {
 
 // Decodes a whole payload into *out (struct hgp_<name> of `type`, zeroed first). STR and BYTES
 // borrow the payload; LIST items live in `arena`. Exact: missing and extra bytes are refused.
-// HG_E_FORMAT, HG_E_TRUNCATED, HG_E_INVAL (value out of range), HG_E_LIMIT, HG_E_NOMEM,
-// HG_E_UNSUPPORTED (unknown type or since > version). On error *out is zeroed and *fault says
-// where (may be NULL).
+// HG_E_FORMAT (bool, UTF-8, unknown OPT bit, extra bytes), HG_E_TRUNCATED, HG_E_INVAL (number out
+// of range or not finite, unknown enum value), HG_E_LIMIT (STR, BYTES or LIST too long),
+// HG_E_NOMEM, HG_E_UNSUPPORTED (unknown type or since > version; *out is untouched when the type
+// is unknown). On error *out is zeroed and *fault says where (may be NULL). `arena` may be NULL
+// for types without a LIST.
 enum hg_status hgp_decode(uint16_t version, uint16_t type, const uint8_t *payload, size_t size,
     struct hg_arena *arena, void *out, struct hgp_fault *fault) HG_MUST_CHECK;
 
 // Appends header and payload. The message must obey its own limits: HG_E_INVAL names the field in
-// *fault (may be NULL); HG_E_NOMEM when the writer cannot grow. On error nothing is appended.
+// *fault (may be NULL); HG_E_NOMEM when the writer cannot grow or has failed before;
+// HG_E_UNSUPPORTED when the message's since > version. On error nothing is appended and the
+// writer is as usable as before. Fields with since > version are left out.
 enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, enum hgp_type type,
     uint32_t request, uint32_t channel, const void *message, struct hgp_fault *fault) HG_MUST_CHECK;
 
