@@ -19,7 +19,8 @@ struct hg_reader {
 
 static inline struct hg_reader hg_reader_make(const void *data, size_t size)
 {
-    return (struct hg_reader){.data = data, .size = size};
+    struct hg_reader r = {(const uint8_t *)data, size, 0, false}; // also valid C++
+    return r;
 }
 
 uint8_t hg_read_u8(struct hg_reader *r);

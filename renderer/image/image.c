@@ -1,0 +1,179 @@
+#include "renderer/image/image.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/alloc.h"
+#include "base/checked.h"
+#include "base/file.h"
+#include "renderer/image/oiio.h"
+
+static const struct hg_image_limits default_limits = {
+    .max_side_px = 32768,
+    .max_pixels = UINT64_C(1) << 28,
+    .max_bytes = UINT64_C(1) << 31,
+};
+static const uint64_t max_file_bytes = UINT64_C(1) << 31;
+
+// First bytes of each format that is read. Nothing else is tried: a file never chooses a parser
+// (video containers, camera raw, vendor formats) that nobody expects.
+struct magic {
+    const char *format; // OpenImageIO's name
+    size_t offset, size;
+    const char *bytes;
+};
+
+static const struct magic magics[] = {
+    {"png", 0, 8, "\x89PNG\r\n\x1a\n"},
+    {"jpeg", 0, 3, "\xff\xd8\xff"},
+    {"webp", 8, 4, "WEBP"},
+    {"openexr", 0, 4, "\x76\x2f\x31\x01"},
+    {"hdr", 0, 2, "#?"},
+    {"tiff", 0, 4, "II*\0"},
+    {"tiff", 0, 4, "MM\0*"},
+    {"tiff", 0, 4, "II+\0"},
+    {"tiff", 0, 4, "MM\0+"},
+    {"bmp", 0, 2, "BM"},
+    {"gif", 0, 6, "GIF87a"},
+    {"gif", 0, 6, "GIF89a"},
+    {"psd", 0, 4, "8BPS"},
+    {"dds", 0, 4, "DDS "},
+    {"jpeg2000", 0, 12, "\0\0\0\x0cjP  \r\n\x87\n"},
+    {"jpeg2000", 0, 4, "\xff\x4f\xff\x51"},
+};
+
+size_t hg_pixel_bytes(enum hg_pixel_format format)
+{
+    switch (format) {
+    case HG_PIXEL_RGBA8:
+        return 4;
+    case HG_PIXEL_RGBA16:
+        return 8;
+    case HG_PIXEL_RGBA32F:
+        return 16;
+    }
+    return 0;
+}
+
+static bool has_extension(const char *name, const char *extension)
+{
+    const char *dot = strrchr(name, '.');
+    return dot && strcasecmp(dot + 1, extension) == 0;
+}
+
+// OpenImageIO's reader for these bytes, or NULL.
+static const char *find_format(const uint8_t *data, size_t size, const char *name)
+{
+    for (size_t i = 0; i < sizeof magics / sizeof *magics; i++) {
+        const struct magic *m = &magics[i];
+        if (size >= m->offset + m->size && memcmp(data + m->offset, m->bytes, m->size) == 0)
+            return m->format;
+    }
+    if (size >= 3 && data[0] == 'P' && data[1] >= '1' && data[1] <= '7')
+        return "pnm";
+    if (size >= 3 && data[0] == 'P' && (data[1] == 'F' || data[1] == 'f'))
+        return "pnm";
+    // Targa has no first bytes of its own.
+    return size >= 18 && has_extension(name, "tga") ? "targa" : NULL;
+}
+
+static enum hg_status sniff(
+    const void *data, size_t size, const char *name, const char **format, struct hg_error *err)
+{
+    *format = size > 0 ? find_format(data, size, name) : NULL;
+    if (*format)
+        return HG_OK;
+    if (size == 0)
+        return hg_error_set(err, HG_E_FORMAT, name, "byte 0", "the image is empty");
+    return hg_error_set(err, HG_E_FORMAT, name, "byte 0", "not an image format that is read here");
+}
+
+static struct hg_image_limits complete_limits(const struct hg_image_limits *limits)
+{
+    struct hg_image_limits l = limits ? *limits : default_limits;
+    l.max_side_px = l.max_side_px ? l.max_side_px : default_limits.max_side_px;
+    l.max_pixels = l.max_pixels ? l.max_pixels : default_limits.max_pixels;
+    l.max_bytes = l.max_bytes ? l.max_bytes : default_limits.max_bytes;
+    return l;
+}
+
+enum hg_status hg_image_probe_memory(const void *data, size_t size, const char *name,
+    struct hg_image_info *out, struct hg_error *err)
+{
+    const char *format;
+    memset(out, 0, sizeof *out);
+    enum hg_status st = sniff(data, size, name, &format, err);
+    return st ? st : hg_oiio_probe(data, size, name, format, out, err);
+}
+
+enum hg_status hg_image_read_memory(const void *data, size_t size, const char *name,
+    enum hg_pixel_format format, const struct hg_image_limits *limits, struct hg_image *out,
+    struct hg_error *err)
+{
+    const char *reader;
+    struct hg_image_limits l = complete_limits(limits);
+    memset(out, 0, sizeof *out);
+    enum hg_status st = sniff(data, size, name, &reader, err);
+    return st ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
+}
+
+enum hg_status hg_image_probe_file(
+    const char *path, struct hg_image_info *out, struct hg_error *err)
+{
+    uint8_t *data;
+    size_t size;
+    memset(out, 0, sizeof *out);
+    enum hg_status st = hg_file_read(path, max_file_bytes, &data, &size, err);
+    if (st)
+        return st;
+    st = hg_image_probe_memory(data, size, path, out, err);
+    hg_free(data);
+    return st;
+}
+
+enum hg_status hg_image_read_file(const char *path, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err)
+{
+    uint8_t *data;
+    size_t size;
+    memset(out, 0, sizeof *out);
+    enum hg_status st = hg_file_read(path, max_file_bytes, &data, &size, err);
+    if (st)
+        return st;
+    st = hg_image_read_memory(data, size, path, format, limits, out, err);
+    hg_free(data);
+    return st;
+}
+
+static bool within_limits(
+    uint32_t width, uint32_t height, const struct hg_image_limits *l, size_t pixel_bytes)
+{
+    uint64_t pixels = (uint64_t)width * height, bytes;
+    return width && height && width <= l->max_side_px && height <= l->max_side_px &&
+           pixels <= l->max_pixels && hg_mul_u64(pixels, pixel_bytes, &bytes) &&
+           bytes <= l->max_bytes && bytes <= SIZE_MAX;
+}
+
+enum hg_status hg_image_create(uint32_t width, uint32_t height, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out)
+{
+    struct hg_image_limits l = complete_limits(limits);
+    size_t pixel_bytes = hg_pixel_bytes(format);
+    memset(out, 0, sizeof *out);
+    if (!within_limits(width, height, &l, pixel_bytes))
+        return HG_E_LIMIT;
+    size_t size = (size_t)width * height * pixel_bytes;
+    void *pixels = hg_calloc(size, 1);
+    if (!pixels)
+        return HG_E_NOMEM;
+    *out = (struct hg_image){
+        .width = width, .height = height, .format = format, .size_bytes = size, .pixels = pixels};
+    return HG_OK;
+}
+
+void hg_image_finish(struct hg_image *image)
+{
+    hg_free(image->pixels);
+    memset(image, 0, sizeof *image);
+}

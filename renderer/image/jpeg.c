@@ -1,0 +1,40 @@
+#include <turbojpeg.h>
+
+#include "base/alloc.h"
+#include "renderer/image/encode.h"
+
+enum { max_jpeg_side_px = 65500 };
+
+static enum hg_status compress(tjhandle handle, const struct hg_image *image, int quality,
+    struct hg_writer *out, struct hg_error *err)
+{
+    int subsampling = quality >= 90 ? TJSAMP_444 : TJSAMP_420;
+    unsigned long capacity = tjBufSize((int)image->width, (int)image->height, subsampling);
+    unsigned char *bytes = hg_calloc(capacity, 1);
+    if (!bytes)
+        return hg_error_set(err, HG_E_NOMEM, "jpeg", NULL, "no memory for %lu bytes", capacity);
+    unsigned long size = capacity;
+    int rc = tjCompress2(handle, image->pixels, (int)image->width, 0, (int)image->height, TJPF_RGBX,
+        &bytes, &size, subsampling, quality, TJFLAG_NOREALLOC);
+    if (rc == 0)
+        hg_write_bytes(out, bytes, size);
+    hg_free(bytes);
+    if (rc)
+        return hg_error_set(err, HG_E_IO, "jpeg", NULL, "%s", tjGetErrorStr2(handle));
+    return out->failed ? hg_error_set(err, HG_E_NOMEM, "jpeg", NULL, "no room for the file")
+                       : HG_OK;
+}
+
+enum hg_status hg_jpeg_encode(
+    const struct hg_image *image, int quality, struct hg_writer *out, struct hg_error *err)
+{
+    if (image->width > max_jpeg_side_px || image->height > max_jpeg_side_px)
+        return hg_error_set(err, HG_E_LIMIT, "jpeg", "size", "%ux%u is larger than a JPEG can be",
+            image->width, image->height);
+    tjhandle handle = tjInitCompress();
+    if (!handle)
+        return hg_error_set(err, HG_E_NOMEM, "jpeg", NULL, "no memory for the encoder");
+    enum hg_status st = compress(handle, image, quality, out, err);
+    tjDestroy(handle);
+    return st;
+}
