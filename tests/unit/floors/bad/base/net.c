@@ -1,0 +1,2 @@
+#include <sys/socket.h> // caught: socket
+  #  include <netinet/in.h> // caught: socket

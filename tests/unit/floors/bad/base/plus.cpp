@@ -1,0 +1,2 @@
+// caught: c++
+#include "base/a.h"

@@ -1,0 +1,2 @@
+#include "renderer/renderer.h" // caught: apart
+#include "server/broker/net.h" // caught: apart

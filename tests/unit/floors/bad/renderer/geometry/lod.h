@@ -1,0 +1,1 @@
+#include "renderer/texture/page.h" // caught: down

@@ -1,0 +1,2 @@
+#include <vulkan/vulkan.h>
+#include "renderer/image/image.h" // caught: floor

@@ -1,0 +1,1 @@
+#include "renderer/frame/graph.h" // caught: floor

@@ -1,0 +1,1 @@
+#include "renderer/trace/bvh.h" // caught: down

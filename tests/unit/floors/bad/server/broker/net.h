@@ -1,0 +1,2 @@
+#include "renderer/image/image.h" // caught: apart
+#include "client/conn.h" // caught: apart

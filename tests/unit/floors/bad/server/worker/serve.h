@@ -1,0 +1,2 @@
+#include "renderer/renderer.h" // caught: vulkan
+#include "server/broker/net.h" // caught: apart

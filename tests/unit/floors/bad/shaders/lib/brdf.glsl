@@ -1,0 +1,1 @@
+#include "passes/shade.comp" // caught: floor

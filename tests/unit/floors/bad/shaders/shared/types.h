@@ -1,0 +1,1 @@
+#include "lib/brdf.glsl" // caught: floor

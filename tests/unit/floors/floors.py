@@ -1,0 +1,203 @@
+#!/usr/bin/env python3
+"""floors.py - reads every #include of the project and fails when a floor is broken.
+
+    floors.py ROOT          check the tree
+    floors.py --self-check FIXTURES
+                            FIXTURES/good must pass; in FIXTURES/bad every file names in a comment
+                            "caught: RULE" what has to be found in it, and nothing else may be
+Rules (names as they are printed):
+    floor       an include goes to the same or a higher floor
+    down        rooms of floor 2 include each other only downhill: scene < geometry, texture < light < trace
+    apart       broker, worker and client meet only in the protocol; client and broker do not
+                include the renderer
+    pass        a pass includes another pass
+    vulkan      Vulkan headers outside renderer/, also through headers of the project
+    socket      socket headers outside server/ and client/
+    root        an include in quotes that is not written from the root, or names no file
+    c++         a C++ file that no C++-only library forces
+"""
+import os
+import re
+import sys
+
+# Rooms by the longest matching folder. Files directly in renderer/ are the facade.
+FLOORS = {
+    "base": 0, "shaders/shared": 0,
+    "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "shaders/lib": 1,
+    "renderer/scene": 2, "renderer/texture": 2, "renderer/geometry": 2, "renderer/light": 2,
+    "renderer/trace": 2, "shaders/passes": 2,
+    "renderer/passes": 3,
+    "renderer/frame": 4,
+    "renderer": 5,
+    "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
+}
+# Within floor 2 an include goes to a smaller number.
+HILL = {"renderer/scene": 0, "renderer/geometry": 1, "renderer/texture": 1, "renderer/light": 2,
+        "renderer/trace": 3}
+# Floor 6: which rooms a room may include beside base and protocol; "" stands for itself.
+APART = {
+    "server": {"server"},
+    "server/broker": {"server", "server/broker"},
+    "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
+    "client": {"client"},
+}
+CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/draco.cpp"}
+SCANNED = ("base", "protocol", "renderer", "server", "client", "shaders")
+SUFFIXES = (".c", ".h", ".cpp", ".cc", ".cxx", ".hpp", ".inl", ".def",
+            ".glsl", ".comp", ".vert", ".frag", ".mesh", ".task", ".geom", ".tesc", ".tese")
+SHADERS = (".glsl", ".comp", ".vert", ".frag", ".mesh", ".task", ".geom", ".tesc", ".tese")
+VULKAN = re.compile(r"^(vulkan/|vk_|volk|vma)")
+SOCKET = re.compile(r"^(sys/socket|sys/un|netinet/|arpa/|netdb|net/|linux/(if|in|tcp|un)|openssl/ssl)")
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:<([^>]+)>|"([^"]+)")', re.M)
+CAUGHT = re.compile(r"caught: ([a-z+]+)")
+
+
+def room_of(path):
+    folder = os.path.dirname(path)
+    while folder:
+        if folder in FLOORS:
+            return folder
+        folder = os.path.dirname(folder)
+    return None
+
+
+class Tree:
+    def __init__(self, root):
+        self.root = root
+        self.files = {}  # path -> [(line, name, quoted)]
+        for top in SCANNED:
+            for folder, _, names in os.walk(os.path.join(root, top)):
+                for name in names:
+                    if name.endswith(SUFFIXES):
+                        self.read(os.path.relpath(os.path.join(folder, name), root))
+
+    def read(self, path):
+        with open(os.path.join(self.root, path), encoding="utf-8") as f:
+            text = f.read()
+        # Comments are blanked (not removed) so that line numbers stay.
+        text = re.sub(r"/\*.*?\*/", lambda m: re.sub(r"[^\n]", " ", m.group()), text, flags=re.S)
+        self.files[path] = [(text.count("\n", 0, m.start()) + 1, m.group(1) or m.group(2),
+                             m.group(2) is not None) for m in INCLUDE.finditer(text)]
+
+    def resolve(self, path, name):
+        """The project file that `name` in quotes means, or None. Shaders also know shaders/ as
+        their root, users of the library client/include/."""
+        roots = [""]
+        if path.endswith(SHADERS) or path.startswith("shaders/"):
+            roots.append("shaders/")
+        if path.startswith("client/"):
+            roots.append("client/include/")
+        for prefix in roots:
+            if os.path.normpath(prefix + name) == prefix + name and prefix + name in self.files:
+                return prefix + name
+        return None
+
+    def reaches_vulkan(self, path, seen):
+        seen.add(path)
+        for _, name, quoted in self.files[path]:
+            if not quoted and VULKAN.match(name):
+                return True
+            target = quoted and self.resolve(path, name)
+            if target and target not in seen and self.reaches_vulkan(target, seen):
+                return True
+        return False
+
+
+def stem(path):
+    return os.path.splitext(os.path.basename(path))[0]
+
+
+def check_target(path, target):
+    """The rule that an include of one project file by another breaks, or None."""
+    room, other = room_of(path), room_of(target)
+    if room is None or other is None:
+        return "floor"
+    if room == "renderer/passes" and other == room:
+        # pass.h is what all passes have in common; it belongs to none.
+        return None if stem(target) in (stem(path), "pass") else "pass"
+    if room == "shaders/passes" and other == room:
+        return "pass"
+    if room == other:
+        return None
+    if room in APART:
+        if other in ("base", "protocol") or other in APART[room]:
+            return None
+        inside = "renderer" in APART[room] and other.startswith("renderer/")
+        return None if inside else "apart"
+    if room in HILL and other in HILL:
+        return None if HILL[other] < HILL[room] else "down"
+    return None if FLOORS[other] < FLOORS[room] else "floor"
+
+
+def check_system(path, name):
+    if VULKAN.match(name) and not path.startswith("renderer/"):
+        return "vulkan"
+    if SOCKET.match(name) and not path.startswith(("server/", "client/")):
+        return "socket"
+    return None
+
+
+def check_quoted(tree, path, name):
+    target = tree.resolve(path, name)
+    if target is None:
+        return "root"
+    rule = check_target(path, target)
+    if rule is None and path.startswith(("server/", "client/")) and \
+            not target.startswith(("server/", "client/")) and tree.reaches_vulkan(target, set()):
+        return "vulkan"
+    return rule
+
+
+def check(root):
+    """All findings as (path, line, rule, include)."""
+    tree, found = Tree(root), []
+    for path in sorted(tree.files):
+        if path.endswith((".cpp", ".cc", ".cxx", ".hpp")) and path not in CPP_FILES:
+            found.append((path, 1, "c++", path))
+        for line, name, quoted in tree.files[path]:
+            rule = check_quoted(tree, path, name) if quoted else check_system(path, name)
+            if rule:
+                found.append((path, line, rule, name))
+    return tree, found
+
+
+def self_check(fixtures):
+    failures = []
+    tree, found = check(os.path.join(fixtures, "good"))
+    if len(tree.files) < 8:
+        failures.append("good: only %d files were read" % len(tree.files))
+    failures += ["good: %s:%d: %s wrongly caught" % f[:3] for f in found]
+    tree, found = check(os.path.join(fixtures, "bad"))
+    rules = set()
+    for path in sorted(tree.files):
+        with open(os.path.join(tree.root, path), encoding="utf-8") as f:
+            want = sorted(CAUGHT.findall(f.read()))
+        got = sorted(rule for p, _, rule, _ in found if p == path)
+        rules.update(want)
+        if want != got:
+            failures.append("bad: %s: want %s, caught %s" % (path, want, got))
+    for rule in re.findall(r"^    ([a-z+]+)  +\S", __doc__.split("printed")[1], re.M):
+        if rule not in rules:
+            failures.append("no fixture breaks the rule '%s'" % rule)
+    return failures
+
+
+def main(args):
+    if len(args) == 2 and args[0] == "--self-check":
+        failures = self_check(args[1])
+    elif len(args) == 1:
+        tree, found = check(args[0])
+        failures = ["%s:%d: %s: %s" % (p, l, rule, name) for p, l, rule, name in found]
+        if not tree.files:
+            failures.append("%s: no sources were found" % args[0])
+        print("%d files read" % len(tree.files))
+    else:
+        print(__doc__, file=sys.stderr)
+        return 2
+    for failure in failures:
+        print(failure, file=sys.stderr)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,2 @@
+// floor 0
+#include <stdint.h>

@@ -1,0 +1,3 @@
+#include <netdb.h>
+#include "helio/helio.h"
+#include "client/include/helio/helio.h"

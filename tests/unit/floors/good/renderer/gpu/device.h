@@ -1,0 +1,3 @@
+#include <vulkan/vulkan.h>
+#include "base/a.h"
+#include "shaders/shared/types.h"

@@ -1,0 +1,2 @@
+#include "renderer/geometry/lod.h"
+#include "renderer/scene/scene.h"

@@ -1,0 +1,2 @@
+#include "renderer/passes/shade.h"
+#include "renderer/trace/bvh.h"

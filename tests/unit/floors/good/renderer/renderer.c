@@ -1,0 +1,2 @@
+#include "renderer/renderer.h"
+#include "renderer/gpu/device.h"

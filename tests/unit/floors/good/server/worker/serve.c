@@ -1,0 +1,3 @@
+#include "renderer/renderer.h"
+#include "renderer/image/image.h"
+#include "server/config.h"

@@ -1,0 +1,2 @@
+#include "shared/types.h"
+#include "lib/brdf.glsl"
