@@ -11,12 +11,13 @@ enum hg_metric {
     HG_METRIC_PSNR, // dB, peak 1, over RGB; identical = 999
     HG_METRIC_SSIM, // mean SSIM on luma, 11x11 Gaussian sigma 1.5. Wang et al. 2004
     HG_METRIC_FLIP, // mean LDR-FLIP at 67 px per degree. Andersson et al. 2020
-    HG_METRIC_RMSE, //
-    HG_METRIC_MAX,  //
+    HG_METRIC_RMSE, // 0..1 for RGBA8 (levels / 255); alpha counts when either is not opaque
+    HG_METRIC_MAX,  // likewise; a value that is not a number in one picture only is infinite
 };
 
-// *diff, when not NULL, receives an RGBA8 picture of the error (heat map), to be finished by the
-// caller. HG_E_INVAL when sizes differ; HG_E_NOMEM.
+// *diff, when not NULL, receives an RGBA8 heat map of the error, to be finished by the caller:
+// the error for FLIP and 1 - SSIM; differences (PSNR, RMSE, MAX) are hottest from 1/8 up.
+// HG_E_INVAL when sizes or formats differ; HG_E_NOMEM.
 enum hg_status hg_image_compare(const struct hg_image *a, const struct hg_image *b,
     enum hg_metric metric, double *value, struct hg_image *diff,
     struct hg_error *err) HG_MUST_CHECK;
