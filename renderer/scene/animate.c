@@ -1,0 +1,105 @@
+#include "renderer/scene/scene.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "renderer/scene/xform.h"
+
+// Index of the last key at or before t, and the fraction to the next key.
+static uint32_t find_key(const struct hg_anim_channel *channel, float t, float *fraction)
+{
+    const float *times = channel->times;
+    uint32_t last = channel->key_count - 1;
+    *fraction = 0;
+    if (t <= times[0])
+        return 0;
+    if (t >= times[last])
+        return last;
+    uint32_t low = 0, high = last;
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (times[middle] <= t)
+            low = middle;
+        else
+            high = middle;
+    }
+    *fraction = (t - times[low]) / (times[low + 1] - times[low]);
+    return low;
+}
+
+// Cubic Hermite spline of glTF 2.0, appendix C: keys hold in-tangent, value, out-tangent.
+static void sample_cubic(const struct hg_anim_channel *channel, uint32_t key, float s, float *out)
+{
+    uint32_t width = channel->width;
+    const float *k0 = channel->values + (size_t)key * 3 * width;
+    if (s <= 0) {
+        memcpy(out, k0 + width, width * sizeof *out);
+        return;
+    }
+    const float *k1 = k0 + (size_t)3 * width;
+    float dt = channel->times[key + 1] - channel->times[key];
+    float s2 = s * s, s3 = s2 * s;
+    for (uint32_t i = 0; i < width; i++)
+        out[i] = (2 * s3 - 3 * s2 + 1) * k0[width + i] +
+                 dt * (s3 - 2 * s2 + s) * k0[2 * width + i] + (-2 * s3 + 3 * s2) * k1[width + i] +
+                 dt * (s3 - s2) * k1[i];
+}
+
+static void sample_linear(const struct hg_anim_channel *channel, uint32_t key, float s, float *out)
+{
+    uint32_t width = channel->width;
+    const float *a = channel->values + (size_t)key * width;
+    if (s <= 0 || channel->interpolation == HG_ANIM_STEP) {
+        memcpy(out, a, width * sizeof *out);
+        return;
+    }
+    const float *b = a + width;
+    if (channel->path == HG_ANIM_ROTATION) {
+        hg_quat_slerp(a, b, s, out);
+        return;
+    }
+    for (uint32_t i = 0; i < width; i++)
+        out[i] = a[i] + (b[i] - a[i]) * s;
+}
+
+static float *channel_target(const struct hg_anim_channel *channel)
+{
+    switch (channel->path) {
+    case HG_ANIM_TRANSLATION:
+        return channel->node->translation;
+    case HG_ANIM_ROTATION:
+        return channel->node->rotation;
+    case HG_ANIM_SCALE:
+        return channel->node->scale;
+    case HG_ANIM_WEIGHTS:
+        return channel->node->weights;
+    }
+    return NULL;
+}
+
+static void pose_channel(const struct hg_anim_channel *channel, float t)
+{
+    float *out = channel_target(channel);
+    if (!out || channel->key_count == 0)
+        return;
+    float s;
+    uint32_t key = find_key(channel, t, &s);
+    if (channel->interpolation == HG_ANIM_CUBIC)
+        sample_cubic(channel, key, s, out);
+    else
+        sample_linear(channel, key, s, out);
+    if (channel->path == HG_ANIM_ROTATION)
+        hg_quat_normalize(out);
+}
+
+enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
+{
+    if (animation < -1 || (animation >= 0 && (uint32_t)animation >= asset->animation_count))
+        return HG_E_NOTFOUND;
+    uint32_t first = animation < 0 ? 0 : (uint32_t)animation;
+    uint32_t end = animation < 0 ? asset->animation_count : first + 1;
+    for (uint32_t i = first; i < end; i++)
+        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
+            pose_channel(&asset->animations[i].channels[c], (float)time_s);
+    return HG_OK;
+}
