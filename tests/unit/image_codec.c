@@ -262,7 +262,7 @@ static void every_prefix_is_an_error(void **state)
     (void)state;
     struct hg_image a = make_image(HG_PIXEL_RGBA8), b;
     struct hg_writer w = encode(&a, &(struct hg_image_encode){.file = HG_IMAGE_PNG8});
-    for (size_t n = 0; n + 12 < w.size; n++) { // 12: IEND carries no pixels
+    for (size_t n = 0; n < w.size; n++) {
         uint8_t *exact = malloc(n ? n : 1);
         assert_non_null(exact);
         memcpy(exact, w.data, n);
