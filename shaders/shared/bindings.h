@@ -1,6 +1,7 @@
-// bindings.h - the one descriptor set of the renderer: only images need descriptors, every buffer
-// is reached by its device address. Floor 0, shared by C and GLSL. Set 0; unused bindings hold a
-// 1x1 dummy.
+// bindings.h - the one descriptor set of the renderer: images, and the uniform block of the frame
+// (a uniform load is one broadcast on CPU devices, a load by address is a gather per lane); every
+// other buffer is reached by its device address. Floor 0, shared by C and GLSL. Set 0; unused image
+// bindings hold a 1x1 dummy.
 #ifndef HG_SHADERS_SHARED_BINDINGS_H
 #define HG_SHADERS_SHARED_BINDINGS_H
 
@@ -16,6 +17,8 @@
 #define HG_BIND_DEPTH        9  // sampler2D, depth of the visibility buffer (passes/)
 #define HG_BIND_COLOR_A      10 // sampler2D, pass input (passes/)
 #define HG_BIND_COLOR_B      11 // sampler2D, pass input (passes/)
-#define HG_BIND_COUNT        12
+#define HG_BIND_IMAGE_COUNT  12
+#define HG_BIND_FRAME        12 // uniform block: struct hg_gpu_frame (frame.h)
+#define HG_BIND_COUNT        13
 
 #endif

@@ -31,6 +31,7 @@ struct hg_mat4x3 {
 #define HG_PTR(block) uint64_t // device address of a buffer_reference block
 #define HG_UINT       uint32_t
 #define HG_INT        int32_t
+#define HG_FLOAT      float
 #define HG_STRUCT(s)  struct s
 #define HG_SHARED_SIZE(s, bytes) static_assert(sizeof(struct s) == (bytes), #s)
 #else // GLSL
@@ -42,6 +43,7 @@ struct hg_mat4x3 {
 #define HG_PTR(block) block
 #define HG_UINT       uint
 #define HG_INT        int
+#define HG_FLOAT      float
 #define HG_STRUCT(s)  s
 #define HG_SHARED_SIZE(s, bytes)
 #endif

@@ -1,0 +1,36 @@
+// frame.glsl - the frame's uniform block and the pass's push constants.
+// Include first; a pass that needs other push constants defines HG_NO_PUSH before.
+#ifndef HG_LIB_FRAME_GLSL
+#define HG_LIB_FRAME_GLSL
+
+#include "shared/bindings.h"
+#include "shared/frame.h"
+
+layout(set = 0, binding = HG_BIND_FRAME, scalar) uniform hg_frame_block
+{
+    hg_gpu_frame hg_frame;
+};
+
+// Random bits from integers: one round of PCG on three words.
+// Source: Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", pcg3d.
+uvec3 hg_hash3(uvec3 v)
+{
+    v = v * 1664525u + 1013904223u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v ^= v >> 16u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    return v;
+}
+
+// Three floats in [0, 1), fixed by pixel, sample and seed.
+vec3 hg_random3(uvec2 pixel, uint salt)
+{
+    uvec3 h = hg_hash3(uvec3(pixel, hg_frame.sample_index * 16u + salt + hg_frame.seed * 65536u));
+    return vec3(h >> 8u) * (1.0 / 16777216.0);
+}
+
+#endif

@@ -1,0 +1,57 @@
+// frame.h - what every pass of one frame knows. Floor 0, shared by C and GLSL.
+//
+// One uniform block, global name `hg_frame` in GLSL (lib/frame.glsl). Each room embeds its struct
+// here by value and fills it with its own hg_<room>_fill(). Pass arguments travel in push constants.
+#ifndef HG_SHADERS_SHARED_FRAME_H
+#define HG_SHADERS_SHARED_FRAME_H
+
+#include "shared/types.h"
+
+#define HG_BACKGROUND_MODE_ENV   0
+#define HG_BACKGROUND_MODE_NONE  1 // transparent
+#define HG_BACKGROUND_MODE_COLOR 2
+
+// Right-handed, y up. Clip space of Vulkan: x right, y down, depth 1 at the near plane and 0 at the
+// far plane or infinity (reversed). "vs" looks along -z.
+struct hg_gpu_camera {
+    HG_MAT4 view;          // world to view
+    HG_MAT4 proj;          // view to clip, jittered
+    HG_MAT4 view_proj;     // proj * view
+    HG_MAT4 inv_view_proj; // clip to world
+    HG_MAT4 inv_view;      // view to world
+    HG_VEC3 eye_ws;
+    HG_UINT orthographic; // 0 or 1
+    HG_VEC3 forward_ws;   // unit, where the camera looks
+    HG_FLOAT near;        // metres
+    HG_VEC3 ray_origin_ws; // through the centre of pixel (x + 0.5, y + 0.5) goes the ray
+    HG_FLOAT far;          // metres; 0 = infinite
+    HG_VEC3 ray_x_ws;      // perspective: direction = ray_origin + px * ray_x + py * ray_y, from the
+    HG_FLOAT pixel_angle;  // eye, not unit, view depth 1 (jitter included);
+    HG_VEC3 ray_y_ws;      // orthographic: start = ray_origin + px * ray_x + py * ray_y, direction
+    HG_FLOAT pixel_size;   // forward. pixel_angle: radians, pixel_size: metres (orthographic)
+};
+HG_SHARED_SIZE(hg_gpu_camera, 400);
+
+#define HG_FRAME_TONEMAP_ACES        0
+#define HG_FRAME_TONEMAP_AGX         1
+#define HG_FRAME_TONEMAP_PBR_NEUTRAL 2
+#define HG_FRAME_TONEMAP_LINEAR      3
+
+// 16-byte multiples keep the block tidy; pointers first within each struct.
+struct hg_gpu_frame {
+    HG_STRUCT(hg_gpu_camera) camera;
+    HG_UINT width, height; // px
+    HG_VEC2 jitter_px;     // of this sample, -0.5..0.5 about the pixel centre (0 in picks)
+    HG_UINT sample_index;  // of the accumulation, from 0
+    HG_UINT sample_count;  // that will be accumulated
+    HG_UINT seed;
+    HG_UINT background_mode;  // HG_BACKGROUND_MODE_*
+    HG_VEC3 background_color; // linear
+    HG_FLOAT exposure;        // linear factor, 2^EV
+    HG_UINT tonemap;          // HG_FRAME_TONEMAP_*
+    HG_UINT flags;            // reserved, 0
+    HG_VEC2 inv_size;         // 1 / width, 1 / height
+};
+HG_SHARED_SIZE(hg_gpu_frame, 464);
+
+#endif
