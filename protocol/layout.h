@@ -89,6 +89,8 @@ struct hgp_any_list {
 const struct hgp_layout *hgp_layout_find(uint16_t type);
 // The n-th message's description, in the order of messages.def; NULL behind the last.
 const struct hgp_message_info *hgp_message_at(size_t n);
+// The n-th list part, likewise.
+const struct hgp_layout *hgp_struct_at(size_t n);
 // NULL when unknown.
 const struct hgp_enum_table *hgp_enum_find(const char *name);
 

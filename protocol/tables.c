@@ -83,6 +83,16 @@ const struct hgp_enum_table *hgp_enum_find(const char *name)
     LAYOUT_FIELD(presence, kind, field, a, b, since)
 #include "protocol/messages.def"
 
+static hgp_layout_fn *const structs[] = {
+#define HGP_STRUCT(name, doc) layout_##name,
+#include "protocol/messages.def"
+};
+
+const struct hgp_layout *hgp_struct_at(size_t n)
+{
+    return n < sizeof structs / sizeof *structs ? structs[n]() : NULL;
+}
+
 // ---- messages ----------------------------------------------------------------------------------
 
 static const struct hgp_message_info messages[] = {

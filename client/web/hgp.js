@@ -1,0 +1,1081 @@
+// hgp.js - the Heliograph protocol: framing and message codec. Bytes in, objects out.
+// Made by protocol/gen from protocol/messages.def and protocol/gen/runtime.js; change those,
+// then build the target protocol_update. No dependencies; browsers and Node.
+
+export const VERSION_MIN = 1;
+export const VERSION_MAX = 1;
+export const LIMIT_BEFORE_AUTH = 16384;
+
+// Codes of error and notice messages, by name.
+export const status = {
+    "ok": 0,
+    "invalid": 1,
+    "no-memory": 2,
+    "limit": 3,
+    "io": 4,
+    "no-space": 5,
+    "format": 6,
+    "unsupported": 7,
+    "not-found": 8,
+    "exists": 9,
+    "not-allowed": 10,
+    "auth": 11,
+    "state": 12,
+    "version": 13,
+    "again": 14,
+    "truncated": 15,
+    "closed": 16,
+    "timeout": 17,
+    "cancelled": 18,
+    "device": 19,
+    "device-lost": 20,
+    "worker": 21,
+    "hash": 22,
+    "busy": 23,
+    "internal": 24,
+};
+
+export const enums = {
+    role: { NONE: 0, VIEW: 1, EDIT: 2, ADMIN: 3 },
+    encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7 },
+    render_mode: { REALTIME: 0, PATH: 1 },
+    tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
+    background: { ENV: 0, NONE: 1, COLOR: 2 },
+    environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3 },
+    camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
+    light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2 },
+    alpha_mode: { OPAQUE: 0, MASK: 1, BLEND: 2 },
+    primitive_mode: { POINTS: 0, LINES: 1, LINE_LOOP: 2, LINE_STRIP: 3, TRIANGLES: 4, TRIANGLE_STRIP: 5, TRIANGLE_FAN: 6 },
+    pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
+    wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
+    object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
+    metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
+};
+
+// Parts of lists.
+export const structs = {
+    // one string
+    text: [
+        { name: "value", kind: "str", max: 256, since: 1 },
+    ],
+    // one content hash
+    content: [
+        { name: "hash", kind: "hash", since: 1 },
+    ],
+    // one answer
+    flag: [
+        { name: "value", kind: "bool", since: 1 },
+    ],
+    // a file of an uploaded asset
+    asset_file: [
+        { name: "uri", kind: "str", max: 1024, since: 1 },
+        { name: "hash", kind: "hash", since: 1 },
+    ],
+    // how long a stage of a frame took
+    stage_time: [
+        { name: "name", kind: "str", max: 32, since: 1 },
+        { name: "ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+    ],
+    // a node in a list
+    node_entry: [
+        { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "parent", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "mesh", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "light", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "visible", kind: "bool", since: 1 },
+        { name: "name", kind: "str", max: 256, since: 1 },
+    ],
+    // one primitive of a mesh made by a client
+    mesh_part: [
+        { name: "mode", kind: "enum", values: "primitive_mode", since: 1 },
+        { name: "material", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "positions", kind: "bytes", max: 67108864, since: 1 },
+        { name: "normals", kind: "bytes", max: 67108864, since: 1 },
+        { name: "tangents", kind: "bytes", max: 67108864, since: 1 },
+        { name: "uv0", kind: "bytes", max: 67108864, since: 1 },
+        { name: "uv1", kind: "bytes", max: 67108864, since: 1 },
+        { name: "colors", kind: "bytes", max: 67108864, since: 1 },
+        { name: "indices", kind: "bytes", max: 67108864, since: 1 },
+    ],
+};
+
+export const messages = {
+    // first message of a connection
+    hello: {
+        type: 0x0101, direction: "C2S", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "version_min", kind: "u16", least: 1, most: 65535, since: 1 },
+            { name: "version_max", kind: "u16", least: 1, most: 65535, since: 1 },
+            { name: "client", kind: "str", max: 128, since: 1 },
+            { name: "capabilities", kind: "list", items: "text", max: 64, since: 1 },
+        ],
+    },
+    // answer to hello
+    welcome: {
+        type: 0x0102, direction: "S2C", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "version", kind: "u16", least: 1, most: 65535, since: 1 },
+            { name: "server", kind: "str", max: 128, since: 1 },
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "auth_required", kind: "bool", since: 1 },
+            { name: "role", kind: "enum", values: "role", since: 1 },
+            { name: "max_message_bytes", kind: "u32", least: 1024, most: 4294967295, since: 1 },
+            { name: "capabilities", kind: "list", items: "text", max: 64, since: 1 },
+        ],
+    },
+    // present a token
+    auth: {
+        type: 0x0103, direction: "C2S", state: "AUTH", role: "NONE", since: 1,
+        fields: [
+            { name: "token", kind: "str", max: 256, since: 1 },
+        ],
+    },
+    // the session is open
+    auth_ok: {
+        type: 0x0104, direction: "S2C", state: "AUTH", role: "NONE", since: 1,
+        fields: [
+            { name: "role", kind: "enum", values: "role", since: 1 },
+            { name: "name", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // the request with this id failed; 0 = the connection
+    error: {
+        type: 0x0105, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "code", kind: "u16", least: 1, most: 65535, since: 1 },
+            { name: "what", kind: "str", max: 256, since: 1 },
+            { name: "where", kind: "str", max: 128, since: 1 },
+            { name: "reason", kind: "str", max: 512, since: 1 },
+        ],
+    },
+    // the request with this id is done
+    ok: {
+        type: 0x0106, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // answered by pong at once
+    ping: {
+        type: 0x0107, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "nonce", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // answer to ping
+    pong: {
+        type: 0x0108, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "nonce", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // the server stops soon; no new scenes or views
+    drain: {
+        type: 0x0109, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "deadline_ms", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "reason", kind: "str", max: 256, since: 1 },
+        ],
+    },
+    // the sender closes after this
+    bye: {
+        type: 0x010a, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "reason", kind: "str", max: 256, since: 1 },
+        ],
+    },
+    // the request with this id is under way
+    progress: {
+        type: 0x010b, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "stage", kind: "str", max: 64, since: 1 },
+            { name: "done", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "total", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // a warning about the request with this id, or the scene
+    notice: {
+        type: 0x010c, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "code", kind: "u16", least: 0, most: 65535, since: 1 },
+            { name: "what", kind: "str", max: 256, since: 1 },
+            { name: "where", kind: "str", max: 128, since: 1 },
+            { name: "reason", kind: "str", max: 512, since: 1 },
+        ],
+    },
+    // join a scene, or make it
+    scene_open: {
+        type: 0x0201, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "name", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // answer; one scene per session at a time
+    scene_opened: {
+        type: 0x0202, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "existed", kind: "bool", since: 1 },
+            { name: "first_id", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "id_count", kind: "u32", least: 1, most: 4294967295, since: 1 },
+        ],
+    },
+    // leave; a scene nobody holds is dropped
+    scene_close: {
+        type: 0x0203, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // which contents does the daemon have?
+    upload_query: {
+        type: 0x0204, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "contents", kind: "list", items: "content", max: 1024, since: 1 },
+        ],
+    },
+    // answer, in the same order
+    upload_have: {
+        type: 0x0205, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "have", kind: "list", items: "flag", max: 1024, since: 1 },
+        ],
+    },
+    // a piece of a content; pieces come in order; ok follows the last
+    upload: {
+        type: 0x0206, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "hash", kind: "hash", since: 1 },
+            { name: "total", kind: "u64", least: 0n, most: 1099511627776n, since: 1 },
+            { name: "offset", kind: "u64", least: 0n, most: 1099511627776n, since: 1 },
+            { name: "data", kind: "bytes", max: 4194304, since: 1 },
+        ],
+    },
+    // load a file into the scene; progress, notices, then asset_loaded
+    asset_load: {
+        type: 0x0207, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "path", kind: "str", max: 4096, since: 1 },
+            { name: "files", kind: "list", items: "asset_file", max: 4096, since: 1 },
+            { name: "parent", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "transform", kind: "mat4", since: 1, optional: true },
+            { name: "scene_index", kind: "i32", least: -1, most: 2147483647, since: 1, optional: true },
+            { name: "variant", kind: "str", max: 256, since: 1, optional: true },
+        ],
+    },
+    // answer to asset_load
+    asset_loaded: {
+        type: 0x0208, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "nodes", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "meshes", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "materials", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "textures", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "lights", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "cameras", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "animations", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "triangles", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "bounds_min", kind: "vec3", since: 1 },
+            { name: "bounds_max", kind: "vec3", since: 1 },
+            { name: "duration_s", kind: "f64", least: 0, most: 1e+12, since: 1 },
+        ],
+    },
+    // remove an asset and its objects
+    asset_unload: {
+        type: 0x0209, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+        ],
+    },
+    // make or replace a mesh
+    mesh_set: {
+        type: 0x020a, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "mesh", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "parts", kind: "list", items: "mesh_part", max: 256, since: 1 },
+        ],
+    },
+    // make or replace a texture
+    texture_set: {
+        type: 0x020b, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "texture", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "format", kind: "enum", values: "pixel_format", since: 1 },
+            { name: "width", kind: "u32", least: 0, most: 65536, since: 1 },
+            { name: "height", kind: "u32", least: 0, most: 65536, since: 1 },
+            { name: "wrap_s", kind: "enum", values: "wrap", since: 1 },
+            { name: "wrap_t", kind: "enum", values: "wrap", since: 1 },
+            { name: "nearest", kind: "bool", since: 1 },
+            { name: "pixels", kind: "bytes", max: 268435456, since: 1 },
+        ],
+    },
+    // make or change a material (glTF 2.0 metallic-roughness)
+    material_set: {
+        type: 0x020c, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "material", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "base_color", kind: "vec4", since: 1, optional: true },
+            { name: "metallic", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "roughness", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "emissive", kind: "vec3", since: 1, optional: true },
+            { name: "emissive_strength", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
+            { name: "normal_scale", kind: "f32", least: -1e+03, most: 1e+03, since: 1, optional: true },
+            { name: "occlusion_strength", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "alpha_mode", kind: "enum", values: "alpha_mode", since: 1, optional: true },
+            { name: "alpha_cutoff", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
+            { name: "double_sided", kind: "bool", since: 1, optional: true },
+            { name: "unlit", kind: "bool", since: 1, optional: true },
+            { name: "base_color_texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "metallic_roughness_texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "normal_texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "occlusion_texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "emissive_texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "name", kind: "str", max: 256, since: 1, optional: true },
+        ],
+    },
+    // make or change a node
+    node_set: {
+        type: 0x020d, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "node", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "parent", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "translation", kind: "vec3", since: 1, optional: true },
+            { name: "rotation", kind: "vec4", since: 1, optional: true },
+            { name: "scale", kind: "vec3", since: 1, optional: true },
+            { name: "visible", kind: "bool", since: 1, optional: true },
+            { name: "mesh", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "light", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "name", kind: "str", max: 256, since: 1, optional: true },
+        ],
+    },
+    // make or change a light (KHR_lights_punctual)
+    light_set: {
+        type: 0x020e, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "light", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "kind", kind: "enum", values: "light_kind", since: 1, optional: true },
+            { name: "color", kind: "vec3", since: 1, optional: true },
+            { name: "intensity", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "range", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "inner_cone_rad", kind: "f32", least: 0, most: 1.5707964, since: 1, optional: true },
+            { name: "outer_cone_rad", kind: "f32", least: 0, most: 1.5707964, since: 1, optional: true },
+            { name: "casts_shadow", kind: "bool", since: 1, optional: true },
+        ],
+    },
+    // make or change a camera object
+    camera_set: {
+        type: 0x020f, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "camera", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1, optional: true },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
+            { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "near", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "far", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+        ],
+    },
+    // change the environment
+    environment_set: {
+        type: 0x0210, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "kind", kind: "enum", values: "environment_kind", since: 1, optional: true },
+            { name: "path", kind: "str", max: 4096, since: 1, optional: true },
+            { name: "hash", kind: "hash", since: 1, optional: true },
+            { name: "color", kind: "vec3", since: 1, optional: true },
+            { name: "intensity", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
+            { name: "rotation_rad", kind: "f32", least: -1e+04, most: 1e+04, since: 1, optional: true },
+            { name: "sun_direction", kind: "vec3", since: 1, optional: true },
+            { name: "turbidity", kind: "f32", least: 1, most: 1e+01, since: 1, optional: true },
+        ],
+    },
+    // pose an asset at a time
+    animation_set: {
+        type: 0x0211, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "animation", kind: "i32", least: -1, most: 2147483647, since: 1 },
+            { name: "time_s", kind: "f64", least: 0, most: 1e+12, since: 1 },
+        ],
+    },
+    // choose a material variant
+    variant_set: {
+        type: 0x0212, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "variant", kind: "str", max: 256, since: 1 },
+        ],
+    },
+    // remove an object made by a client
+    object_remove: {
+        type: 0x0213, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [
+            { name: "kind", kind: "enum", values: "object_kind", since: 1 },
+            { name: "object", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // edits up to batch_end become one revision
+    batch_begin: {
+        type: 0x0214, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [],
+    },
+    // publish the edits since batch_begin
+    batch_end: {
+        type: 0x0215, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [],
+    },
+    // make or change a view of the session's scene
+    view_set: {
+        type: 0x0301, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "width", kind: "u32", least: 1, most: 16384, since: 1, optional: true },
+            { name: "height", kind: "u32", least: 1, most: 16384, since: 1, optional: true },
+            { name: "mode", kind: "enum", values: "render_mode", since: 1, optional: true },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
+            { name: "still_encoding", kind: "enum", values: "encoding", since: 1, optional: true },
+            { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
+            { name: "tonemap", kind: "enum", values: "tonemap", since: 1, optional: true },
+            { name: "exposure_ev", kind: "f32", least: -32, most: 32, since: 1, optional: true },
+            { name: "background", kind: "enum", values: "background", since: 1, optional: true },
+            { name: "background_color", kind: "vec3", since: 1, optional: true },
+            { name: "samples", kind: "u32", least: 1, most: 1048576, since: 1, optional: true },
+            { name: "seed", kind: "u32", least: 0, most: 4294967295, since: 1, optional: true },
+            { name: "max_fps", kind: "f32", least: 0.01, most: 1e+03, since: 1, optional: true },
+        ],
+    },
+    // drop a view
+    view_close: {
+        type: 0x0302, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+        ],
+    },
+    // newest wins; never answered unless it is wrong
+    view_camera: {
+        type: 0x0303, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "input_seq", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "eye", kind: "vec3", since: 1, optional: true },
+            { name: "target", kind: "vec3", since: 1, optional: true },
+            { name: "up", kind: "vec3", since: 1, optional: true },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1, optional: true },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
+            { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "near", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "far", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+        ],
+    },
+    // one frame, answered by frame with this request id
+    frame_request: {
+        type: 0x0304, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "settled", kind: "bool", since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
+            { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
+        ],
+    },
+    // frames whenever the view changes or improves, while credit lasts
+    subscribe: {
+        type: 0x0305, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "credit_frames", kind: "u32", least: 0, most: 1024, since: 1 },
+        ],
+    },
+    // frames the client has taken
+    credit: {
+        type: 0x0306, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "frames", kind: "u32", least: 1, most: 1024, since: 1 },
+        ],
+    },
+    // a picture and where it comes from
+    frame: {
+        type: 0x0307, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "scene_revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "input_seq", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "width", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "height", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1 },
+            { name: "samples", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "missing_pages", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "missing_clusters", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "settled", kind: "bool", since: 1 },
+            { name: "lossless", kind: "bool", since: 1 },
+            { name: "hash", kind: "hash", since: 1, optional: true },
+            { name: "stages", kind: "list", items: "stage_time", max: 64, since: 1 },
+            { name: "data", kind: "bytes", max: 536870912, since: 1 },
+        ],
+    },
+    // what is under a pixel of the newest frame?
+    pick: {
+        type: 0x0401, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "x", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "y", kind: "u32", least: 0, most: 16383, since: 1 },
+        ],
+    },
+    // answer to pick
+    picked: {
+        type: 0x0402, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "hit", kind: "bool", since: 1 },
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "mesh", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "material", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "part", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "triangle", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "position", kind: "vec3", since: 1 },
+            { name: "normal", kind: "vec3", since: 1 },
+            { name: "uv", kind: "vec2", since: 1 },
+            { name: "distance", kind: "f32", least: 0, most: 1e+30, since: 1 },
+        ],
+    },
+    // box of a node's subtree
+    bounds_query: {
+        type: 0x0403, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // answer
+    bounds: {
+        type: 0x0404, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "empty", kind: "bool", since: 1 },
+            { name: "min", kind: "vec3", since: 1 },
+            { name: "max", kind: "vec3", since: 1 },
+        ],
+    },
+    // list nodes
+    nodes_query: {
+        type: 0x0405, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "first", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "count", kind: "u32", least: 1, most: 4096, since: 1 },
+        ],
+    },
+    // answer
+    nodes: {
+        type: 0x0406, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "total", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "nodes", kind: "list", items: "node_entry", max: 4096, since: 1 },
+        ],
+    },
+    // statistics of a view's newest frame and of the worker
+    stats_query: {
+        type: 0x0407, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // list sessions; answered by the broker
+    sessions_query: {
+        type: 0x0408, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [],
+    },
+    // describe the scene (helio info); needs no device
+    info_query: {
+        type: 0x0409, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer to the queries whose result is one JSON object
+    json: {
+        type: 0x040a, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "text", kind: "str", max: 16777216, since: 1 },
+        ],
+    },
+    // compare two image files
+    compare: {
+        type: 0x040b, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "metric", kind: "enum", values: "metric", since: 1 },
+            { name: "a", kind: "bytes", max: 268435456, since: 1 },
+            { name: "b", kind: "bytes", max: 268435456, since: 1 },
+            { name: "want_diff", kind: "bool", since: 1 },
+        ],
+    },
+    // answer
+    compared: {
+        type: 0x040c, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "value", kind: "f64", least: -1e+300, most: 1e+300, since: 1 },
+            { name: "width", kind: "u32", least: 0, most: 65536, since: 1 },
+            { name: "height", kind: "u32", least: 0, most: 65536, since: 1 },
+            { name: "diff", kind: "bytes", max: 268435456, since: 1 },
+        ],
+    },
+    // run a benchmark; progress, then json; private workers only
+    bench: {
+        type: 0x040d, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "name", kind: "str", max: 64, since: 1 },
+            { name: "options", kind: "str", max: 65536, since: 1 },
+        ],
+    },
+    // the worker accepts sessions
+    worker_ready: {
+        type: 0x0501, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "pid", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "device", kind: "str", max: 65536, since: 1 },
+        ],
+    },
+    // the header's channel now carries this session
+    session_attach: {
+        type: 0x0502, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "role", kind: "enum", values: "role", since: 1 },
+            { name: "scene", kind: "str", max: 256, since: 1 },
+            { name: "first_id", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "id_count", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "max_pixels", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "replay", kind: "bool", since: 1 },
+        ],
+    },
+    // drop the channel's views and its hold on the scene
+    session_detach: {
+        type: 0x0503, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [],
+    },
+    // the journal has been replayed
+    replay_end: {
+        type: 0x0504, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // sent every 500 ms by the worker's loop
+    pulse: {
+        type: 0x0505, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "busy_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "rss_bytes", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "views", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+};
+
+// ---- codec -------------------------------------------------------------------------------------
+//
+// A message is a plain object by the names of messages.def. u8 .. f64 are numbers, u64 is a BigInt
+// (whole numbers are taken as well), enums are the names of their values, str is a string, bytes
+// and hash are Uint8Array, vectors and matrices are arrays of numbers, lists are arrays of objects.
+// An optional field that is not there is not a key of the object.
+
+export const PREFACE = Uint8Array.of(0x48, 0x47, 0x50, 0x0d, 0x0a, 0x1a, 0x0a, 0x01);
+export const HEADER_BYTES = 16;
+export const FLAG_OPTIONAL = 1;
+
+// Thrown for everything refused. `status` is a name of the status table; `field` is empty when the
+// payload ends inside the message or runs over; `offset` counts bytes of the payload.
+export class HgpError extends Error {
+    constructor(status, field, offset, reason) {
+        super(`${field ? field + ": " : ""}${reason} (${status}, byte ${offset})`);
+        this.name = "HgpError";
+        this.status = status;
+        this.field = field;
+        this.offset = offset;
+        this.reason = reason;
+    }
+}
+
+const byType = new Map(Object.entries(messages).map(([name, m]) => [m.type, { name, ...m }]));
+
+// { name, type, direction, state, role, since, fields }, or undefined for an unknown type.
+export function findMessage(type) {
+    return byType.get(type);
+}
+
+// ---- headers -----------------------------------------------------------------------------------
+
+export function encodeHeader({ length, type, flags = 0, request = 0, channel = 0 }) {
+    const view = new DataView(new ArrayBuffer(HEADER_BYTES));
+    view.setUint32(0, length, true);
+    view.setUint16(4, type, true);
+    view.setUint16(6, flags, true);
+    view.setUint32(8, request, true);
+    view.setUint32(12, channel, true);
+    return new Uint8Array(view.buffer);
+}
+
+export function decodeHeader(bytes, limit) {
+    if (bytes.length < HEADER_BYTES)
+        throw new HgpError("truncated", "", bytes.length, "a header has 16 bytes");
+    const view = new DataView(bytes.buffer, bytes.byteOffset, HEADER_BYTES);
+    const header = {
+        length: view.getUint32(0, true),
+        type: view.getUint16(4, true),
+        flags: view.getUint16(6, true),
+        request: view.getUint32(8, true),
+        channel: view.getUint32(12, true),
+    };
+    if (header.length > limit)
+        throw new HgpError("limit", "length", 0, "the payload is longer than allowed");
+    if (header.flags & ~FLAG_OPTIONAL)
+        throw new HgpError("format", "flags", 6, "an unknown flag is set");
+    return header;
+}
+
+// ---- rules of values, the same for both directions ---------------------------------------------
+
+const WIDTHS = { u8: 1, u16: 2, u32: 4, u64: 8, i32: 4, f32: 4, f64: 8, bool: 1, enum: 2, hash: 32 };
+const FLOATS = { vec2: 2, vec3: 3, vec4: 4, mat4: 16 };
+
+function checkRange(value, least, most) {
+    if (value < least)
+        return "less than its least value";
+    return value > most ? "greater than its greatest value" : null;
+}
+
+// The reason why a number, enum or vector is refused, or null.
+function checkValue(field, value) {
+    switch (field.kind) {
+    case "f32":
+        if (!Number.isFinite(value))
+            return "not a finite number";
+        return checkRange(value, Math.fround(field.least), Math.fround(field.most));
+    case "f64":
+        if (!Number.isFinite(value))
+            return "not a finite number";
+        return checkRange(value, field.least, field.most);
+    case "vec2":
+    case "vec3":
+    case "vec4":
+    case "mat4":
+        return value.every(Number.isFinite) ? null : "not a finite number";
+    case "enum":
+        return value === undefined ? "not a value of its enum" : null;
+    case "hash":
+        return null;
+    default:
+        return checkRange(value, field.least, field.most);
+    }
+}
+
+function optionalFields(fields, version) {
+    return fields.filter((f) => f.optional && f.since <= version);
+}
+
+// The bits of the optional fields `version` knows; bits are counted over all optional fields.
+function knownBits(fields, version) {
+    let known = 0;
+    fields.filter((f) => f.optional).forEach((f, i) => {
+        if (f.since <= version)
+            known |= 1 << i;
+    });
+    return known >>> 0;
+}
+
+function leastBytes(fields, version) {
+    const required = fields.filter((f) => !f.optional && f.since <= version);
+    const one = (f) => WIDTHS[f.kind] ?? (f.kind in FLOATS ? 4 * FLOATS[f.kind] : 4);
+    const bitmap = optionalFields(fields, version).length ? 4 : 0;
+    return required.reduce((sum, f) => sum + one(f), bitmap);
+}
+
+// ---- decoding ----------------------------------------------------------------------------------
+
+const utf8 = new TextDecoder("utf-8", { fatal: true, ignoreBOM: true });
+
+class Reader {
+    constructor(bytes, version) {
+        this.bytes = bytes;
+        this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
+        this.version = version;
+        this.pos = 0;
+    }
+    // Moves over `size` bytes and returns where they start.
+    take(size) {
+        if (size > this.bytes.length - this.pos)
+            throw new HgpError("truncated", "", this.pos, "the payload ends inside the message");
+        const at = this.pos;
+        this.pos += size;
+        return at;
+    }
+    u8() { return this.view.getUint8(this.take(1)); }
+    u16() { return this.view.getUint16(this.take(2), true); }
+    u32() { return this.view.getUint32(this.take(4), true); }
+    i32() { return this.view.getInt32(this.take(4), true); }
+    u64() { return this.view.getBigUint64(this.take(8), true); }
+    f32() { return this.view.getFloat32(this.take(4), true); }
+    f64() { return this.view.getFloat64(this.take(8), true); }
+    blob(size) {
+        const at = this.take(size);
+        return this.bytes.subarray(at, at + size);
+    }
+}
+
+function readText(bytes) {
+    try {
+        const text = utf8.decode(bytes);
+        return text.includes("\0") ? null : text;
+    } catch {
+        return null;
+    }
+}
+
+function decodeBlob(r, field, path, at) {
+    const size = r.u32();
+    if (size > field.max)
+        throw new HgpError("limit", path, at, "longer than allowed");
+    const bytes = r.blob(size);
+    if (field.kind === "bytes")
+        return bytes;
+    const text = readText(bytes);
+    if (text === null)
+        throw new HgpError("format", path, at, "not UTF-8 without NUL");
+    return text;
+}
+
+function decodeList(r, field, path, at) {
+    const count = r.u32();
+    if (count > field.max)
+        throw new HgpError("limit", path, at, "more items than allowed");
+    const fields = structs[field.items];
+    if (count * leastBytes(fields, r.version) > r.bytes.length - r.pos)
+        throw new HgpError("truncated", "", r.pos, "the payload ends inside the message");
+    const list = [];
+    for (let i = 0; i < count; i++)
+        list.push(decodeFields(r, fields, `${path}[${i}].`));
+    return list;
+}
+
+function readFixed(r, field) {
+    if (field.kind in FLOATS)
+        return Array.from({ length: FLOATS[field.kind] }, () => r.f32());
+    if (field.kind === "enum") {
+        const value = r.u16();
+        return Object.keys(enums[field.values]).find((name) => enums[field.values][name] === value);
+    }
+    return field.kind === "hash" ? r.blob(32) : r[field.kind]();
+}
+
+function decodeField(r, field, path) {
+    const at = r.pos;
+    if (field.kind === "list")
+        return decodeList(r, field, path, at);
+    if (field.kind === "str" || field.kind === "bytes")
+        return decodeBlob(r, field, path, at);
+    if (field.kind === "bool") {
+        const byte = r.u8();
+        if (byte > 1)
+            throw new HgpError("format", path, at, "a bool is 0 or 1");
+        return byte === 1;
+    }
+    const value = readFixed(r, field);
+    const reason = checkValue(field, value);
+    if (reason)
+        throw new HgpError("invalid", path, at, reason);
+    return value;
+}
+
+function decodeFields(r, fields, prefix) {
+    const known = knownBits(fields, r.version);
+    const bits = known ? r.u32() : 0;
+    if (bits & ~known)
+        throw new HgpError("format", prefix + "has", r.pos - 4,
+            "a bit of an unknown optional field is set");
+    const out = {};
+    let bit = 1;
+    for (const field of fields) {
+        const there = field.since <= r.version && (!field.optional || (bits & bit) !== 0);
+        if (field.optional)
+            bit <<= 1;
+        if (there)
+            out[field.name] = decodeField(r, field, prefix + field.name);
+    }
+    return out;
+}
+
+// A whole payload by a list of fields; missing and extra bytes are refused.
+export function decodeLayout(fields, version, payload) {
+    const r = new Reader(payload, version);
+    const message = decodeFields(r, fields, "");
+    if (r.pos !== payload.length)
+        throw new HgpError("format", "", r.pos, "bytes behind the end of the message");
+    return message;
+}
+
+// bytes and hash fields are views of `payload`.
+export function decode(version, type, payload) {
+    const info = findMessage(type);
+    if (!info || info.since > version)
+        throw new HgpError("unsupported", "", 0, "unknown message type");
+    return decodeLayout(info.fields, version, payload);
+}
+
+// ---- encoding ----------------------------------------------------------------------------------
+
+const utf8Encoder = new TextEncoder();
+
+class Writer {
+    constructor(version, start) {
+        this.version = version;
+        this.start = start;
+        this.size = start;
+        this.bytes = new Uint8Array(256);
+        this.view = new DataView(this.bytes.buffer);
+    }
+    // Makes room for `size` bytes and returns where they start.
+    grow(size) {
+        const at = this.size;
+        this.size += size;
+        if (this.size > this.bytes.length) {
+            const bytes = new Uint8Array(Math.max(this.size, this.bytes.length * 2));
+            bytes.set(this.bytes.subarray(0, at));
+            this.bytes = bytes;
+            this.view = new DataView(bytes.buffer);
+        }
+        return at;
+    }
+    u8(v) { this.view.setUint8(this.grow(1), v); }
+    u16(v) { const at = this.grow(2); this.view.setUint16(at, v, true); }
+    u32(v) { const at = this.grow(4); this.view.setUint32(at, v, true); }
+    i32(v) { const at = this.grow(4); this.view.setInt32(at, v, true); }
+    u64(v) { const at = this.grow(8); this.view.setBigUint64(at, v, true); }
+    f32(v) { const at = this.grow(4); this.view.setFloat32(at, v, true); }
+    f64(v) { const at = this.grow(8); this.view.setFloat64(at, v, true); }
+    blob(bytes) { const at = this.grow(bytes.length); this.bytes.set(bytes, at); }
+}
+
+function refuse(w, path, reason) {
+    throw new HgpError("invalid", path, w.size - w.start, reason);
+}
+
+// The value as it will be on the wire, or undefined when it has the wrong type.
+function coerce(field, value) {
+    switch (field.kind) {
+    case "u64":
+        if (Number.isSafeInteger(value))
+            return BigInt(value);
+        return typeof value === "bigint" ? value : undefined;
+    case "f32":
+        return typeof value === "number" ? Math.fround(value) : undefined;
+    case "f64":
+        return typeof value === "number" ? value : undefined;
+    case "vec2":
+    case "vec3":
+    case "vec4":
+    case "mat4": {
+        const list = Array.from(value ?? [], (v) => (typeof v === "number" ? Math.fround(v) : NaN));
+        return list.length === FLOATS[field.kind] ? list : undefined;
+    }
+    case "bool":
+        return typeof value === "boolean" ? value : undefined;
+    case "enum":
+        return Object.hasOwn(enums[field.values], value) ? enums[field.values][value] : undefined;
+    case "hash":
+        return value instanceof Uint8Array && value.length === 32 ? value : undefined;
+    default:
+        return Number.isInteger(value) ? value : undefined;
+    }
+}
+
+function encodeBlob(w, field, path, value) {
+    let bytes = value;
+    if (field.kind === "str") {
+        // A lone surrogate has no UTF-8 form; TextEncoder would replace it without a word.
+        if (typeof value !== "string" || /[\ud800-\udfff]/u.test(value) || value.includes("\0"))
+            refuse(w, path, "not UTF-8 without NUL");
+        bytes = utf8Encoder.encode(value);
+    }
+    if (!(bytes instanceof Uint8Array))
+        refuse(w, path, "not a Uint8Array");
+    if (bytes.length > field.max)
+        refuse(w, path, "longer than allowed");
+    w.u32(bytes.length);
+    w.blob(bytes);
+}
+
+function encodeList(w, field, path, value) {
+    if (!Array.isArray(value))
+        refuse(w, path, "not an array");
+    if (value.length > field.max)
+        refuse(w, path, "more items than allowed");
+    w.u32(value.length);
+    value.forEach((item, i) => encodeFields(w, structs[field.items], item, `${path}[${i}].`));
+}
+
+function encodeField(w, field, path, value) {
+    if (field.kind === "list")
+        return encodeList(w, field, path, value);
+    if (field.kind === "str" || field.kind === "bytes")
+        return encodeBlob(w, field, path, value);
+    const wire = coerce(field, value);
+    if (wire === undefined)
+        refuse(w, path, field.kind === "enum" ? "not a value of its enum" : `not a ${field.kind}`);
+    if (field.kind === "bool")
+        return w.u8(wire ? 1 : 0);
+    const reason = checkValue(field, wire);
+    if (reason)
+        refuse(w, path, reason);
+    if (field.kind in FLOATS)
+        return wire.forEach((v) => w.f32(v));
+    if (field.kind === "enum")
+        return w.u16(wire);
+    return field.kind === "hash" ? w.blob(wire) : w[field.kind](wire);
+}
+
+function writeBitmap(w, fields, message) {
+    let bits = 0;
+    fields.filter((f) => f.optional).forEach((f, i) => {
+        if (f.since <= w.version && message[f.name] !== undefined)
+            bits |= 1 << i;
+    });
+    if (knownBits(fields, w.version))
+        w.u32(bits >>> 0);
+}
+
+function encodeFields(w, fields, message, prefix) {
+    if (typeof message !== "object" || message === null)
+        refuse(w, prefix, "not an object");
+    for (const key of Object.keys(message))
+        if (!fields.some((f) => f.name === key))
+            refuse(w, prefix + key, "no such field");
+    writeBitmap(w, fields, message);
+    for (const field of fields) {
+        const value = message[field.name];
+        if (field.since > w.version || (field.optional && value === undefined))
+            continue;
+        if (value === undefined)
+            refuse(w, prefix + field.name, "the field is missing");
+        encodeField(w, field, prefix + field.name, value);
+    }
+}
+
+// The payload alone, by a list of fields.
+export function encodeLayout(fields, version, message) {
+    const w = new Writer(version, 0);
+    encodeFields(w, fields, message, "");
+    return w.bytes.subarray(0, w.size);
+}
+
+// Header and payload of one message, by its name.
+export function encode(version, name, message, { request = 0, channel = 0 } = {}) {
+    const info = Object.hasOwn(messages, name) ? messages[name] : undefined;
+    if (!info || info.since > version)
+        throw new HgpError("unsupported", "", 0, "unknown message type");
+    const w = new Writer(version, HEADER_BYTES);
+    encodeFields(w, info.fields, message, "");
+    const length = w.size - HEADER_BYTES;
+    w.bytes.set(encodeHeader({ length, type: info.type, request, channel }), 0);
+    return w.bytes.subarray(0, w.size);
+}

@@ -1,0 +1,168 @@
+// The generated sections of docs/protocol.md.
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "protocol/gen/gen.h"
+
+static const char *const direction_texts[] = {
+    "client to server", "server to client", "both ways", "broker to worker", "worker to broker"};
+static const char *const state_texts[] = {"hello", "auth", "open"};
+
+static void section_status(struct hg_writer *out)
+{
+    gen_print(out, "| code | name | meaning |\n|---|---|---|\n");
+#define HG_STATUS(sym, value, name, text) gen_print(out, "| %d | `%s` | %s |\n", value, name, text);
+#include "base/status.def"
+#undef HG_STATUS
+}
+
+static void section_enums(struct hg_writer *out)
+{
+    for (size_t i = 0; i < gen_row_count; i++) {
+        if (gen_rows[i].kind != GEN_ENUM)
+            continue;
+        gen_print(out, "%s**%s** (since %u): %s\n\n| value | name | meaning |\n|---|---|---|\n",
+            i ? "\n" : "", gen_rows[i].name, gen_rows[i].number, gen_rows[i].doc);
+        for (size_t n = i + 1; n < gen_row_count && gen_rows[n].kind == GEN_VALUE; n++)
+            gen_print(
+                out, "| %u | `%s` | %s |\n", gen_rows[n].number, gen_rows[n].name, gen_rows[n].doc);
+    }
+}
+
+static void print_range(struct hg_writer *out, const struct hgp_field *field)
+{
+    uint64_t top = field->size < 8 ? (UINT64_C(1) << (8 * field->size)) - 1 : UINT64_MAX;
+    char least[32], most[32];
+    switch (field->kind) {
+    case HGP_K_U8:
+    case HGP_K_U16:
+    case HGP_K_U32:
+    case HGP_K_U64:
+        if (field->limit.u.most == top && field->limit.u.least == 0)
+            break;
+        gen_print(out, "%" PRIu64 " .. ", field->limit.u.least);
+        if (field->limit.u.most < top)
+            gen_print(out, "%" PRIu64, field->limit.u.most);
+        break;
+    case HGP_K_I32:
+        gen_print(out, "%" PRId64 " .. %" PRId64, field->limit.i.least, field->limit.i.most);
+        break;
+    case HGP_K_F32:
+    case HGP_K_F64:
+        gen_number(least, field->limit.f.least, field->kind == HGP_K_F32);
+        gen_number(most, field->limit.f.most, field->kind == HGP_K_F32);
+        gen_print(out, "%s .. %s", least, most);
+        break;
+    case HGP_K_STR:
+    case HGP_K_BYTES:
+        gen_print(out, "%u bytes", field->limit.max_bytes);
+        break;
+    case HGP_K_LIST:
+        gen_print(out, "%u items", field->limit.list.max_count);
+        break;
+    default:
+        break;
+    }
+}
+
+static void print_type(struct hg_writer *out, const struct hgp_field *field)
+{
+    const char *kind = gen_kind_name(field->kind);
+    if (field->kind == HGP_K_ENUM)
+        gen_print(out, "ENUM %s", field->limit.values->name);
+    else if (field->kind == HGP_K_LIST)
+        gen_print(out, "LIST of %s", field->limit.list.items()->name);
+    else
+        gen_print(out, "%s", kind);
+}
+
+static void print_fields(
+    struct hg_writer *out, const struct hgp_layout *layout, const struct gen_row *owner)
+{
+    if (!layout->field_count) {
+        gen_print(out, "No fields.\n");
+        return;
+    }
+    gen_print(
+        out, "| field | type | limits | there | since | meaning |\n|---|---|---|---|---|---|\n");
+    unsigned bit = 0;
+    for (size_t i = 0; i < layout->field_count; i++) {
+        const struct hgp_field *field = &layout->fields[i];
+        gen_print(out, "| `%s` | ", field->name);
+        print_type(out, field);
+        gen_print(out, " | ");
+        print_range(out, field);
+        if (field->presence == HGP_P_OPT)
+            gen_print(out, " | bit %u", bit++);
+        else
+            gen_print(out, " | always");
+        gen_print(out, " | %u | %s |\n", field->since, gen_find_field(owner, field->name)->doc);
+    }
+}
+
+static void section_parts(struct hg_writer *out)
+{
+    const struct hgp_layout *layout;
+    for (size_t n = 0; (layout = hgp_struct_at(n)); n++) {
+        const struct gen_row *row = gen_find(GEN_STRUCT, layout->name);
+        gen_print(out, "%s**%s**: %s\n\n", n ? "\n" : "", layout->name, row->doc);
+        print_fields(out, layout, row);
+    }
+}
+
+static void section_summary(struct hg_writer *out)
+{
+    const struct hgp_message_info *info;
+    gen_print(out, "| type | message | direction | state | least role | since | meaning |\n"
+                   "|---|---|---|---|---|---|---|\n");
+    for (size_t n = 0; (info = hgp_message_at(n)); n++)
+        gen_print(out, "| 0x%04x | [`%s`](#%s) | %s | %s | %s | %u | %s |\n", (unsigned)info->type,
+            info->name, info->name, direction_texts[info->direction], state_texts[info->state],
+            hgp_enum_name("role", (uint32_t)info->role), info->since,
+            gen_find(GEN_MESSAGE, info->name)->doc);
+}
+
+static void section_messages(struct hg_writer *out)
+{
+    const struct hgp_message_info *info;
+    for (size_t n = 0; (info = hgp_message_at(n)); n++) {
+        const struct gen_row *row = gen_find(GEN_MESSAGE, info->name);
+        gen_print(out, "%s### %s\n\n0x%04x, %s, state %s, role %s, since %u: %s\n\n", n ? "\n" : "",
+            info->name, (unsigned)info->type, direction_texts[info->direction],
+            state_texts[info->state], hgp_enum_name("role", (uint32_t)info->role), info->since,
+            row->doc);
+        print_fields(out, hgp_layout_find((uint16_t)info->type), row);
+    }
+}
+
+static void section_limits(struct hg_writer *out)
+{
+    gen_print(out, "| limit | bytes |\n|---|---|\n");
+    gen_print(out, "| preface | %d |\n| header | %d |\n", HGP_PREFACE_BYTES, HGP_HEADER_BYTES);
+    gen_print(out, "| payload before the session is open | %d |\n", HGP_LIMIT_BEFORE_AUTH);
+    gen_print(out, "| payload after it, default | %d |\n", HGP_LIMIT_OPEN_DEFAULT);
+}
+
+bool gen_docs_section(struct hg_writer *out, const char *name, size_t name_length)
+{
+    static const struct {
+        const char *name;
+        void (*make)(struct hg_writer *out);
+    } sections[] = {
+        {"limits", section_limits},
+        {"status", section_status},
+        {"enums", section_enums},
+        {"parts", section_parts},
+        {"summary", section_summary},
+        {"messages", section_messages},
+        {"transcript", gen_transcript},
+    };
+    for (size_t i = 0; i < sizeof sections / sizeof *sections; i++)
+        if (strlen(sections[i].name) == name_length &&
+            memcmp(sections[i].name, name, name_length) == 0) {
+            sections[i].make(out);
+            return true;
+        }
+    return false;
+}
