@@ -1,0 +1,286 @@
+#!/usr/bin/env python3
+"""Renders the Render-Fidelity scenarios and ranks us among the other engines.
+
+usage: fidelity.py --data DIR --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
+                   [--only NAME]... [--jobs N] [--spp N] [--candidate ENGINE]
+
+Every scenario of DIR/fidelity/scenarios.json is rendered through the command line, at twice the
+size of the other engines' thumbs, and scored with the published metric (see score.h). Rasterisers
+are compared with rasterisers. A scenario counts when its materials are covered, and passes when
+our median distance to the others is no larger than the typical distance among them. At least 80 %
+must pass, and explanations.txt must explain exactly the others, one line each.
+
+--candidate scores one engine's pictures in place of ours (no rendering): a rehearsal of the
+harness that shows how the engines themselves would rank.
+Writes OUT/index.html, OUT/results.json and one line on stdout. Exit code 1 when the aim is missed.
+"""
+import argparse
+import concurrent.futures
+import html
+import json
+import math
+import os
+import statistics
+import struct
+import subprocess
+import sys
+import time
+
+RASTERISERS = ("babylon", "filament", "gltf-sample-viewer", "model-viewer")
+PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
+# Renders of older settings (FIDELITY.md): shown, never scored.
+OUTLIERS = ("dspbr-pt", "rhodonite")
+NOT_SHADED_YET = {"KHR_materials_" + name for name in (
+    "clearcoat", "sheen", "transmission", "volume", "ior", "specular", "iridescence", "anisotropy",
+    "dispersion", "diffuse_transmission")}
+NOT_READ = {"KHR_texture_basisu"}
+AIM = 0.8
+SECONDS_PER_SCENARIO = 240
+
+
+def extensions_used(path):
+    with open(path, "rb") as file:
+        data = file.read()
+    if data[:4] == b"glTF":
+        size = struct.unpack("<I", data[12:16])[0]
+        data = data[20:20 + size]
+    return set(json.loads(data).get("extensionsUsed", []))
+
+
+def camera_arguments(scenario):
+    t, orbit = scenario["target"], scenario["orbit"]
+    arguments = ["--fov", repr(scenario["verticalFoV"])]
+    if orbit["radius"]:
+        arguments += ["--orbit=%r,%r,%r" % (orbit["theta"], orbit["phi"], orbit["radius"]),
+                      "--target=%r,%r,%r" % (t["x"], t["y"], t["z"])]
+        return arguments
+    # Radius 0: the eye is at the target and looks the way an orbiting camera would.
+    theta, phi = math.radians(orbit["theta"]), math.radians(orbit["phi"])
+    ahead = (-math.sin(phi) * math.sin(theta), -math.cos(phi), -math.sin(phi) * math.cos(theta))
+    at = [t[k] + a for k, a in zip("xyz", ahead)]
+    return arguments + ["--eye=%r,%r,%r" % (t["x"], t["y"], t["z"]), "--target=%r,%r,%r" % tuple(at)]
+
+
+class Harness:
+    def __init__(self, options):
+        self.options = options
+        self.folder = os.path.join(options.data, "fidelity", "goldens")
+
+    def goldens(self, name, scenario):
+        """{engine: file} of the thumbs that share the scenario's aspect, and their size."""
+        folder = os.path.join(self.folder, name)
+        files = {}
+        for entry in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
+            if entry.endswith("-golden.thumb.webp"):
+                files[entry[:-len("-golden.thumb.webp")]] = os.path.join(folder, entry)
+        if not files:
+            return {}, None
+        text = subprocess.run([self.options.score, "sizes"] + list(files.values()), check=True,
+                              stdout=subprocess.PIPE, text=True).stdout
+        sizes = dict(zip(files, (tuple(map(int, line.split())) for line in text.splitlines())))
+        for engine, (width, height) in sizes.items():
+            if width == 0:
+                sys.exit("%s cannot be read" % files[engine])
+        want = scenario["dimensions"]
+        expected = (512, 512 * want["height"] / want["width"])
+        near = [s for s in sizes.values() if abs(s[0] - expected[0]) + abs(s[1] - expected[1]) < 3]
+        if not near:
+            return {}, None
+        size = statistics.mode(near)
+        return {e: f for e, f in files.items() if sizes[e] == size}, size
+
+    def render(self, scenario, size, out):
+        options = self.options
+        command = [options.helio, "render", os.path.join(options.data, scenario["modelFile"]),
+                   "-o", out, "--size", "%dx%d" % (size[0] * 2, size[1] * 2),
+                   "--env", os.path.join(options.data, scenario["environmentFile"]),
+                   "--background", "env" if scenario["renderSkybox"] else "none",
+                   "--tonemap", "aces", "--spp", str(options.spp), "--progress", "none"]
+        command += camera_arguments(scenario)
+        try:
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                  text=True, errors="replace", timeout=SECONDS_PER_SCENARIO)
+        except subprocess.TimeoutExpired:
+            return "took more than %d s" % SECONDS_PER_SCENARIO
+        if done.returncode:
+            lines = done.stdout.strip().splitlines()
+            return "exit code %d: %s" % (done.returncode, lines[-1] if lines else "no message")
+        return None
+
+    def run(self, name, scenario):
+        """The record of one scenario for results.json."""
+        record = {"name": name, "state": "scored"}
+        held = {key: os.path.join(self.options.data, scenario[key]) if scenario.get(key) else None
+                for key in ("modelFile", "environmentFile")}
+        for key, path in held.items():
+            if not path or not os.path.exists(path):
+                return dict(record, state="not held", why="%s %s" % (
+                    key[:-4], scenario.get(key) or scenario.get("lighting")))
+        used = extensions_used(held["modelFile"])
+        record["later"] = sorted(used & (NOT_SHADED_YET | NOT_READ))
+        goldens, size = self.goldens(name, scenario)
+        mine = self.options.candidate
+        if mine:
+            if mine not in goldens:
+                return dict(record, state="no picture", why="%s has none" % mine)
+            first = goldens.pop(mine)
+        group = [e for e in RASTERISERS if e in goldens]
+        if len(group) < 2:
+            return dict(record, state="no peers", why="%d comparable pictures" % len(group))
+        if not mine:
+            first = os.path.join(self.options.out, name + ".full.png")
+            started = time.monotonic()
+            failure = self.render(scenario, size, first)
+            record["seconds"] = round(time.monotonic() - started, 2)
+            if failure:
+                return dict(record, state="failed", why=failure)
+        return self.score(record, first, goldens, size)
+
+    def score(self, record, first, goldens, size):
+        order = [e for e in RASTERISERS + PATH_TRACERS + OUTLIERS if e in goldens]
+        base = os.path.join(self.options.out, record["name"])
+        text = subprocess.run(
+            [self.options.score, "compare", "%dx%d" % size, base + ".strip.png", base + ".png",
+             first] + [goldens[e] for e in order],
+            check=True, stdout=subprocess.PIPE, text=True).stdout
+        matrix = [[float(v) for v in line.split()] for line in text.splitlines()]
+        record["engines"] = order
+        record["ours_db"] = dict(zip(order, matrix[0][1:]))
+        for key, engines in (("rasterisers", RASTERISERS), ("path_tracers", PATH_TRACERS)):
+            group = [order.index(e) + 1 for e in engines if e in order]
+            if len(group) < 2:
+                continue
+            others = {order[i - 1]: statistics.median(matrix[i][j] for j in group if j != i)
+                      for i in group}
+            record[key] = {"ours_db": statistics.median(matrix[0][j] for j in group),
+                           "typical_db": statistics.median(others.values()), "each_db": others}
+        group = record["rasterisers"]
+        record["passes"] = group["ours_db"] <= group["typical_db"]
+        return record
+
+
+def read_explanations(path):
+    explanations = {}
+    with open(path, encoding="utf-8") as file:
+        for number, line in enumerate(file, 1):
+            line = line.strip()
+            if not line or line.startswith("#"):
+                continue
+            name, colon, text = line.partition(":")
+            if not colon or not text.strip():
+                sys.exit("%s:%d: not \"SCENARIO: reason\"" % (path, number))
+            explanations[name.strip()] = text.strip()
+    return explanations
+
+
+def judge(records, explanations, checked):
+    """(covered, passed, complaints)."""
+    covered = [r for r in records if r["state"] == "scored" and not r["later"]]
+    passed = [r for r in covered if r["passes"]]
+    complaints = ["%s: not rendered: %s" % (r["name"], r["why"]) for r in records
+                  if r["state"] == "failed"]
+    if not checked:
+        return covered, passed, complaints
+    if not covered:
+        complaints.append("no scenario could be scored: the test data is missing")
+    elif len(passed) < AIM * len(covered):
+        complaints.append("%d of %d covered scenarios pass, the aim is %d %%" % (
+            len(passed), len(covered), AIM * 100))
+    needed = {r["name"] for r in covered} - {r["name"] for r in passed}
+    complaints += ["%s: farther off than the others, and explanations.txt does not say why" % n
+                   for n in sorted(needed - explanations.keys())]
+    complaints += ["%s: explained in explanations.txt, but needs no explanation" % n
+                   for n in sorted(explanations.keys() - needed)
+                   if any(r["name"] == n for r in records)]
+    return covered, passed, complaints
+
+
+STYLE = """body{font:14px sans-serif;margin:2em;background:#fff;color:#222}
+img{max-width:100%;border:1px solid #ccc}h2{margin:1.6em 0 .2em}
+.good{color:#176e2c}.bad{color:#a11}.grey{color:#777}table{border-collapse:collapse}
+td,th{padding:.1em .8em .1em 0;text-align:left}"""
+
+
+def describe(record, explanations):
+    name = html.escape(record["name"])
+    parts = ["<h2 id='%s'>%s</h2>" % (name, name)]
+    if record["state"] != "scored":
+        parts.append("<p class=grey>%s: %s</p>" % (record["state"], html.escape(record["why"])))
+        return parts
+    group = record["rasterisers"]
+    kind = "later" if record["later"] else "good" if record["passes"] else "bad"
+    word = {"good": "no farther than the others", "bad": "farther than the others",
+            "later": "materials of a later issue: " + ", ".join(record["later"])}[kind]
+    parts.append("<p class=%s>%s: ours %.2f dB, typical %.2f dB</p>" % (
+        "grey" if kind == "later" else kind, html.escape(word), group["ours_db"],
+        group["typical_db"]))
+    if record["name"] in explanations:
+        parts.append("<p>%s</p>" % html.escape(explanations[record["name"]]))
+    if "path_tracers" in record:
+        traced = record["path_tracers"]
+        parts.append("<p class=grey>against path tracers: ours %.2f dB, among them %.2f dB</p>" % (
+            traced["ours_db"], traced["typical_db"]))
+    parts.append("<table><tr><th>ours" + "".join("<th>" + e for e in record["engines"]) +
+                 "</tr><tr><td>" + "".join("<td>%.2f" % record["ours_db"][e]
+                                           for e in record["engines"]) + "</tr></table>")
+    parts.append("<img src='%s.strip.png' alt='strip'>" % name)
+    return parts
+
+
+def write_report(out, records, explanations, summary):
+    page = ["<!doctype html><meta charset=utf-8><title>Fidelity</title><style>%s</style>" % STYLE,
+            "<h1>Fidelity</h1><p>%s</p>" % html.escape(summary),
+            "<p>Top row: ours, then each engine. Below: ours minus theirs, four times; grey is "
+            "equal, brighter means ours is brighter. Distances in dB of the published metric; "
+            "lower is closer.</p>"]
+    for record in records:
+        page += describe(record, explanations)
+    with open(os.path.join(out, "index.html"), "w", encoding="utf-8") as file:
+        file.write("\n".join(page) + "\n")
+    with open(os.path.join(out, "results.json"), "w", encoding="utf-8") as file:
+        json.dump({"summary": summary, "scenarios": records}, file, indent=1, sort_keys=True)
+        file.write("\n")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for name in ("--data", "--score", "--out", "--explanations"):
+        parser.add_argument(name, required=True)
+    parser.add_argument("--helio")
+    parser.add_argument("--only", action="append", default=[])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--candidate")
+    options = parser.parse_args()
+    path = os.path.join(options.data, "fidelity", "scenarios.json")
+    if not os.path.exists(path):
+        sys.exit("%s is missing: the fidelity test needs the test data" % path)
+    with open(path, encoding="utf-8") as file:
+        scenarios = json.load(file)
+    os.makedirs(options.out, exist_ok=True)
+    names = [n for n in scenarios if not options.only or any(o in n for o in options.only)]
+    harness = Harness(options)
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        records = list(pool.map(lambda n: harness.run(n, scenarios[n]), names))
+    explanations = read_explanations(options.explanations)
+    covered, passed, complaints = judge(
+        records, explanations, not options.only and not options.candidate)
+    states = {s: sum(r["state"] == s for r in records)
+              for s in ("not held", "no peers", "no picture", "failed")}
+    summary = "fidelity: %d of %d covered scenarios no farther than the other engines; %d with " \
+        "later materials%s" % (
+            len(passed), len(covered),
+            sum(r["state"] == "scored" and bool(r["later"]) for r in records),
+            "".join("; %d %s" % (n, s) for s, n in states.items() if n))
+    write_report(options.out, records, explanations, summary)
+    for record in records:
+        if record["state"] in ("not held", "no peers"):
+            print("%s: %s: %s" % (record["name"], record["state"], record["why"]))
+    for complaint in complaints:
+        print(complaint, file=sys.stderr)
+    print(summary)
+    sys.exit(1 if complaints else 0)
+
+
+if __name__ == "__main__":
+    main()
