@@ -4,7 +4,7 @@
 //   make_vectors bad    one per line: message, the edit of its "full" payload (the bytes from
 //                       `at` on are overwritten by `put`), and the status and field with which
 //                       it must be refused, at byte `at`
-//   make_vectors corpus FOLDER   streams for the fuzz harnesses, c2s-* and s2c-*
+//   make_vectors corpus FOLDER   streams for the fuzz harnesses in FOLDER/hgp_c2s and hgp_s2c
 //
 // The stored files under vectors/ are compared with this output; a stored line never changes.
 #include <stdio.h>
@@ -235,21 +235,40 @@ static void append_sample(
     hg_writer_finish(&w);
 }
 
-// One stream per message and direction, each with what has to come before it.
+// Before the message come those that open the connection, so that it is reached.
+static void append_opening(struct hg_writer *stream, enum hgp_direction direction)
+{
+    switch (direction) {
+    case HGP_C2S:
+    case HGP_ANY:
+        hg_write_bytes(stream, HGP_PREFACE, HGP_PREFACE_BYTES);
+        append_sample(stream, hgp_find(HGP_T_hello), SAMPLE_FULL);
+        append_sample(stream, hgp_find(HGP_T_auth), SAMPLE_FULL);
+        break;
+    case HGP_S2C:
+        append_sample(stream, hgp_find(HGP_T_welcome), SAMPLE_FULL);
+        append_sample(stream, hgp_find(HGP_T_auth_ok), SAMPLE_FULL);
+        break;
+    case HGP_B2W:
+        append_sample(stream, hgp_find(HGP_T_session_attach), SAMPLE_BARE);
+        break;
+    case HGP_W2B:
+        append_sample(stream, hgp_find(HGP_T_worker_ready), SAMPLE_FULL);
+    }
+}
+
+// One stream per message, in the folder of the harness that reads its direction.
 static void write_corpus(const char *folder)
 {
     const struct hgp_message_info *info;
     for (size_t n = 0; (info = hgp_message_at(n)); n++) {
-        bool to_server = info->direction == HGP_C2S || info->direction == HGP_ANY;
+        bool from_server = info->direction == HGP_S2C || info->direction == HGP_W2B;
         struct hg_writer stream = {0};
-        char name[64];
-        if (to_server)
-            hg_write_bytes(&stream, HGP_PREFACE, HGP_PREFACE_BYTES);
-        append_sample(&stream, hgp_find(to_server ? HGP_T_hello : HGP_T_welcome), SAMPLE_FULL);
-        append_sample(&stream, hgp_find(to_server ? HGP_T_auth : HGP_T_auth_ok), SAMPLE_FULL);
+        char name[96];
+        append_opening(&stream, info->direction);
         append_sample(&stream, info, SAMPLE_FULL);
         append_sample(&stream, info, SAMPLE_BARE);
-        snprintf(name, sizeof name, "%s-%s", to_server ? "c2s" : "s2c", info->name);
+        snprintf(name, sizeof name, "%s/%s", from_server ? "hgp_s2c" : "hgp_c2s", info->name);
         write_stream(folder, name, &stream);
         hg_writer_finish(&stream);
     }
