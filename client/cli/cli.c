@@ -1,0 +1,404 @@
+// cli.c - connection, exit codes and messages shared by the commands.
+#include "client/cli/cli.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+
+static struct helio *volatile interrupt_target;
+static volatile sig_atomic_t stopped;
+
+static void on_signal(int number)
+{
+    struct helio *h = interrupt_target;
+    (void)number;
+    stopped = 1;
+    if (h)
+        helio_interrupt(h);
+}
+
+bool hg_cli_is_stopped(void)
+{
+    return stopped;
+}
+
+void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
+{
+    // A second Ctrl-C kills at once.
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
+    hg_cli_progress_init(&cli->progress, options->progress);
+}
+
+void hg_cli_finish(struct hg_cli *cli)
+{
+    hg_cli_progress_clear(&cli->progress);
+    interrupt_target = NULL;
+    helio_destroy(cli->h);
+    cli->h = NULL;
+}
+
+void hg_cli_clean(char *dst, size_t size, const char *text, size_t length)
+{
+    size_t n = 0;
+    for (size_t i = 0; text && i < length && n + 1 < size; i++) {
+        unsigned char c = (unsigned char)text[i];
+        dst[n++] = (char)(c < 0x20 || c == 0x7f ? '?' : c);
+    }
+    dst[n] = 0;
+}
+
+enum hg_cli_exit hg_cli_exit_of(enum hg_cli_doing doing, enum hg_status status)
+{
+    static const enum hg_cli_exit otherwise[] = {HG_CLI_EXIT_USAGE, HG_CLI_EXIT_UNREACHABLE,
+        HG_CLI_EXIT_INPUT, HG_CLI_EXIT_RENDER, HG_CLI_EXIT_RENDER};
+    switch (status) {
+    case HG_OK:
+        return HG_CLI_EXIT_OK;
+    case HG_E_PERM:
+    case HG_E_AUTH:
+        return HG_CLI_EXIT_NOT_ALLOWED;
+    case HG_E_LIMIT:
+    case HG_E_NOSPACE:
+    case HG_E_NOMEM:
+    case HG_E_BUSY:
+        return HG_CLI_EXIT_LIMIT;
+    case HG_E_CANCELLED:
+        return HG_CLI_EXIT_STOPPED;
+    case HG_E_CLOSED:
+    case HG_E_VERSION:
+        return HG_CLI_EXIT_UNREACHABLE;
+    case HG_E_TIMEOUT:
+        return doing == HG_CLI_DOING_CONNECT ? HG_CLI_EXIT_UNREACHABLE : HG_CLI_EXIT_RENDER;
+    case HG_E_WORKER:
+    case HG_E_DEVICE:
+    case HG_E_DEVICE_LOST:
+    case HG_E_INTERNAL:
+        return HG_CLI_EXIT_RENDER;
+    case HG_E_INVAL:
+    case HG_E_NOTFOUND: // --token-file
+    case HG_E_UNSUPPORTED:
+        return doing == HG_CLI_DOING_CONNECT ? HG_CLI_EXIT_USAGE : otherwise[doing];
+    default:
+        return doing == HG_CLI_DOING_ARGUMENTS ? HG_CLI_EXIT_RENDER : otherwise[doing];
+    }
+}
+
+enum hg_cli_exit hg_cli_report(
+    struct hg_cli *cli, enum hg_cli_doing doing, const struct hg_error *err)
+{
+    char text[800], clean[800];
+    snprintf(text, sizeof text, "%s%s%s%s%s", err->what, err->what[0] ? ": " : "", err->where,
+        err->where[0] ? ": " : "", err->reason[0] ? err->reason : hg_status_text(err->status));
+    hg_cli_clean(clean, sizeof clean, text, strlen(text));
+    if (cli)
+        hg_cli_progress_clear(&cli->progress);
+    fprintf(stderr, "helio: %s\n", clean);
+    if (cli && cli->h) { // a connection that broke is not the input's fault
+        struct helio_info info;
+        helio_get_info(cli->h, &info);
+        if (info.state == HELIO_CLOSED)
+            doing = HG_CLI_DOING_CONNECT;
+    }
+    if (cli && cli->embedded && doing == HG_CLI_DOING_CONNECT)
+        doing = HG_CLI_DOING_RENDER;
+    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : err->status);
+}
+
+// ---- the private worker's arguments ------------------------------------------------------------
+
+struct worker_args {
+    const char **items;
+    size_t count, capacity;
+    struct hg_arena arena;
+};
+
+static enum hg_status add_arg(struct worker_args *args, const char *option, const char *value)
+{
+    if (hg_grow(&args->items, &args->capacity, args->count + 3, sizeof *args->items))
+        return HG_E_NOMEM;
+    char *copy = hg_arena_strndup(&args->arena, value, strlen(value));
+    if (!copy)
+        return HG_E_NOMEM;
+    args->items[args->count++] = option;
+    args->items[args->count++] = copy;
+    args->items[args->count] = NULL;
+    return HG_OK;
+}
+
+// The folder of a file, absolute, symbolic links resolved.
+static enum hg_status add_folder_of(struct worker_args *args, const char *file)
+{
+    char full[PATH_MAX];
+    if (!realpath(file, full))
+        return HG_OK; // said when it is loaded
+    char *slash = strrchr(full, '/');
+    slash[slash == full] = 0;
+    for (size_t i = 1; i < args->count; i += 2)
+        if (strcmp(args->items[i], full) == 0)
+            return HG_OK;
+    return add_arg(args, "--asset-root", full);
+}
+
+static enum hg_status add_cache_dir(struct worker_args *args, const char *given)
+{
+    char path[PATH_MAX];
+    const char *xdg = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
+    if (given)
+        snprintf(path, sizeof path, "%s", given);
+    else if (xdg && *xdg == '/')
+        snprintf(path, sizeof path, "%s/heliograph", xdg);
+    else if (home && *home == '/')
+        snprintf(path, sizeof path, "%s/.cache/heliograph", home);
+    else
+        return HG_OK;
+    for (char *p = path + 1; *p; p++) // its parents
+        if (*p == '/') {
+            *p = 0;
+            mkdir(path, 0777);
+            *p = '/';
+        }
+    mkdir(path, 0777);
+    char full[PATH_MAX];
+    if (!realpath(path, full) || access(full, W_OK))
+        return HG_OK; // works without caches
+    return add_arg(args, "--cache-dir", full);
+}
+
+static enum hg_status add_options(struct worker_args *args, const struct hg_cli_options *o)
+{
+    char number[16];
+    enum hg_status status = add_cache_dir(args, o->cache_dir);
+    for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {
+        char full[PATH_MAX];
+        status = add_arg(args, "--asset-root",
+            realpath(o->asset_root.items[i], full) ? full : o->asset_root.items[i]);
+    }
+    if (!status && o->has_texture_budget) {
+        snprintf(number, sizeof number, "%u", o->texture_budget);
+        status = add_arg(args, "--texture-budget", number);
+    }
+    if (!status && o->has_geometry_budget) {
+        snprintf(number, sizeof number, "%u", o->geometry_budget);
+        status = add_arg(args, "--geometry-budget", number);
+    }
+    if (!status && o->device)
+        status = add_arg(args, "--device", o->device);
+    return status ? status : add_arg(args, "--log", o->log ? o->log : "warn");
+}
+
+static enum hg_status build_args(
+    struct worker_args *args, const struct hg_cli *cli, const struct hg_cli_texts *files)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; !status && files && i < files->count; i++)
+        if (files->items[i] && strcmp(files->items[i], "demo:") != 0)
+            status = add_folder_of(args, files->items[i]);
+    return status ? status : add_options(args, cli->options);
+}
+
+// ---- connecting --------------------------------------------------------------------------------
+
+static enum hg_status refuse_worker_options(const struct hg_cli_options *o, struct hg_error *err)
+{
+    const char *name = o->has_texture_budget    ? "--texture-budget"
+                       : o->has_geometry_budget ? "--geometry-budget"
+                       : o->has_device          ? "--device"
+                       : o->has_asset_root      ? "--asset-root"
+                       : o->has_cache_dir       ? "--cache-dir"
+                       : o->has_log             ? "--log"
+                                                : NULL;
+    if (!name)
+        return HG_OK;
+    return hg_error_set(err, HG_E_INVAL, name, NULL,
+        "is for the private worker; with --connect the daemon decides");
+}
+
+static enum hg_status find_token(
+    const struct hg_cli_options *o, char *token, size_t size, bool *found, struct hg_error *err)
+{
+    const char *env = getenv("HELIO_TOKEN");
+    const char *text = o->token ? o->token : !o->token_file && env && *env ? env : NULL;
+    *found = true;
+    if (text) {
+        if (strlen(text) >= size)
+            return hg_error_set(
+                err, HG_E_INVAL, "--token", NULL, "longer than %zu bytes", size - 1);
+        snprintf(token, size, "%s", text);
+        return HG_OK;
+    }
+    *found = o->token_file != NULL;
+    if (!o->token_file)
+        return HG_OK;
+    uint8_t *data;
+    size_t length;
+    enum hg_status status = hg_file_read(o->token_file, 4096, &data, &length, err);
+    if (status)
+        return status;
+    size_t n = strcspn((const char *)data, " \t\r\n");
+    if (n == 0 || n >= size)
+        status = hg_error_set(err, HG_E_INVAL, o->token_file, NULL,
+            "its first line is not a token of 1 to %zu bytes", size - 1);
+    else
+        snprintf(token, size, "%.*s", (int)n, (const char *)data);
+    hg_free(data);
+    return status;
+}
+
+// As helio_connect, but Ctrl-C already reaches the connection while it is made.
+static enum hg_status open_session(
+    struct hg_cli *cli, const struct helio_options *options, struct hg_error *err)
+{
+    enum hg_status status = helio_start(options, &cli->h, err);
+    if (status)
+        return status;
+    interrupt_target = cli->h;
+    if (stopped)
+        helio_interrupt(cli->h);
+    uint64_t end = hg_clock_now_ns() + options->timeout_ns;
+    struct helio_info info;
+    for (helio_get_info(cli->h, &info); info.state != HELIO_OPEN; helio_get_info(cli->h, &info)) {
+        uint64_t now = hg_clock_now_ns();
+        status = helio_wait(cli->h, end > now ? end - now : 0, err);
+        if (status)
+            return status;
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct hg_cli_texts *files,
+    bool with_scene, struct hg_error *err)
+{
+    const struct hg_cli_options *o = cli->options;
+    char token[257];
+    bool has_token = false;
+    struct worker_args args = {0};
+    cli->embedded = !url;
+    enum hg_status status = HG_OK;
+    if (url)
+        status = refuse_worker_options(o, err);
+    if (!status && url)
+        status = find_token(o, token, sizeof token, &has_token, err);
+    if (!status && !url && build_args(&args, cli, files))
+        status = hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory for its arguments");
+    uint64_t begin = hg_clock_now_ns();
+    uint64_t timeout = o->has_timeout ? (uint64_t)(o->timeout * 1e9) : 0;
+    struct helio_options options = {
+        .url = url,
+        .token = has_token ? token : NULL,
+        .client = "helio/" HELIO_VERSION,
+        .timeout_ns = timeout ? timeout : UINT64_C(30000000000),
+        .max_receive_bytes = 640u * 1024 * 1024,
+        .worker_args = args.items,
+    };
+    if (!status)
+        status = open_session(cli, &options, err);
+    explicit_bzero(token, sizeof token);
+    hg_arena_finish(&args.arena);
+    hg_free(args.items);
+    if (status)
+        return status;
+    cli->connect_ns = hg_clock_now_ns() - begin;
+    helio_set_timeout(cli->h, timeout ? timeout : HELIO_NO_TIMEOUT);
+    helio_set_handlers(
+        cli->h, &(struct helio_handlers){&cli->progress, hg_cli_on_progress, hg_cli_on_notice});
+    return with_scene ? helio_scene_open(cli->h, "", &cli->scene, err) : HG_OK;
+}
+
+enum hg_status hg_cli_server_path(
+    const struct hg_cli *cli, const char *path, char **out, struct hg_error *err)
+{
+    char full[PATH_MAX];
+    *out = NULL;
+    const char *use = path;
+    if (cli->embedded && strcmp(path, "demo:") != 0) {
+        if (!realpath(path, full))
+            return hg_error_set(
+                err, hg_status_from_errno(errno), path, NULL, "cannot open: %s", strerror(errno));
+        use = full;
+    }
+    *out = hg_strdup(use);
+    return *out ? HG_OK : hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
+}
+
+enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)
+{
+    struct helio_message *m;
+    enum hg_status found = HG_OK;
+    struct hg_error ignored;
+    while (helio_next(cli->h, &m, &ignored) == HG_OK) {
+        if (m->type == HGP_T_error && !found) {
+            const struct hgp_error *e = &m->body->error;
+            char what[264], where[136];
+            hg_cli_clean(what, sizeof what, e->what.data, e->what.size);
+            hg_cli_clean(where, sizeof where, e->where.data, e->where.size);
+            found = hg_error_set(err, (enum hg_status)e->code, what, where, "%.*s",
+                (int)e->reason.size, e->reason.data ? e->reason.data : "");
+        } else if (m->type == HGP_T_notice) {
+            hg_cli_on_notice(&cli->progress, &m->body->notice);
+        }
+        helio_message_free(m);
+    }
+    return found;
+}
+
+enum hg_status hg_cli_check_output(const char *path, struct hg_error *err)
+{
+    char folder[PATH_MAX];
+    struct stat st;
+    if (strlen(path) >= sizeof folder)
+        return hg_error_set(err, HG_E_INVAL, path, NULL, "the name is too long");
+    if (stat(path, &st) == 0 && S_ISDIR(st.st_mode))
+        return hg_error_set(err, HG_E_INVAL, path, NULL, "is a folder");
+    snprintf(folder, sizeof folder, "%s", path);
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        slash[slash == folder] = 0;
+    else
+        snprintf(folder, sizeof folder, ".");
+    if (stat(folder, &st) != 0 || !S_ISDIR(st.st_mode))
+        return hg_error_set(err, HG_E_INVAL, path, NULL, "its folder '%s' does not exist", folder);
+    if (access(folder, W_OK | X_OK))
+        return hg_error_set(err, hg_status_from_errno(errno), path, NULL,
+            "cannot write to its folder: %s", strerror(errno));
+    return HG_OK;
+}
+
+enum hg_status hg_cli_format_of(const char *path, const char *bit_depth, const char *exr,
+    uint32_t quality, struct hg_cli_format *out, struct hg_error *err)
+{
+    const char *dot = strrchr(path, '.');
+    *out = (struct hg_cli_format){.quality = (uint8_t)(quality ? quality : 90)};
+    bool png = dot && strcasecmp(dot, ".png") == 0;
+    bool jpeg = dot && (strcasecmp(dot, ".jpg") == 0 || strcasecmp(dot, ".jpeg") == 0);
+    bool is_exr = dot && strcasecmp(dot, ".exr") == 0;
+    if (!png && !jpeg && !is_exr)
+        return hg_error_set(
+            err, HG_E_INVAL, path, NULL, "the name ends in none of .png .jpg .jpeg .exr");
+    if (bit_depth && !png)
+        return hg_error_set(err, HG_E_INVAL, "--bit-depth", NULL, "is for PNG files");
+    if (exr && !is_exr)
+        return hg_error_set(err, HG_E_INVAL, "--exr", NULL, "is for EXR files");
+    if (quality && !jpeg)
+        return hg_error_set(err, HG_E_INVAL, "--quality", NULL, "is for JPEG files");
+    if (png)
+        out->encoding =
+            bit_depth && strcmp(bit_depth, "16") == 0 ? HGP_encoding_PNG16 : HGP_encoding_PNG8;
+    else if (jpeg)
+        out->encoding = HGP_encoding_JPEG;
+    else
+        out->encoding =
+            exr && strcmp(exr, "float") == 0 ? HGP_encoding_EXR_FLOAT : HGP_encoding_EXR_HALF;
+    return HG_OK;
+}

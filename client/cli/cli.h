@@ -1,0 +1,130 @@
+// cli.h - what the commands of `helio` share: the connection, exit codes, progress, messages.
+// Floor 6 (client). One thread. Only the files of client/cli print.
+#ifndef HG_CLIENT_CLI_CLI_H
+#define HG_CLIENT_CLI_CLI_H
+
+#include <jansson.h>
+
+#include "client/cli/options.h"
+#include "client/cli/progress.h"
+#include "client/include/helio/helio.h"
+
+enum hg_cli_exit {
+    HG_CLI_EXIT_OK = 0,
+    HG_CLI_EXIT_FAILED = 1,
+    HG_CLI_EXIT_USAGE = 2,
+    HG_CLI_EXIT_INPUT = 3,
+    HG_CLI_EXIT_UNREACHABLE = 4,
+    HG_CLI_EXIT_NOT_ALLOWED = 5,
+    HG_CLI_EXIT_LIMIT = 6,
+    HG_CLI_EXIT_RENDER = 7,
+    HG_CLI_EXIT_STOPPED = 8,
+};
+
+// What was being done when a status came back; decides between exit codes.
+enum hg_cli_doing {
+    HG_CLI_DOING_ARGUMENTS, // the user's words: 2
+    HG_CLI_DOING_CONNECT,   // 4
+    HG_CLI_DOING_INPUT,     // 3
+    HG_CLI_DOING_RENDER,    // 7
+    HG_CLI_DOING_OUTPUT,    // 7
+};
+
+enum {
+    HG_CLI_IMAGE_BYTES = 256 * 1024 * 1024, // greatest image file of a comparison
+    HG_CLI_VIEW = 1,                        // the one view a command uses
+};
+
+struct hg_cli {
+    const struct hg_cli_options *options;
+    struct helio *h;
+    bool embedded;
+    struct hgp_scene_opened scene;
+    struct hg_cli_progress progress;
+    uint64_t begin_ns, connect_ns; // start of the program; how long connecting took
+};
+
+enum hg_cli_exit hg_cli_exit_of(enum hg_cli_doing doing, enum hg_status status);
+// Prints "helio: what: where: reason" (peer bytes made harmless) and returns the exit code.
+enum hg_cli_exit hg_cli_report(
+    struct hg_cli *cli, enum hg_cli_doing doing, const struct hg_error *err);
+// A copy of `text` without control bytes, cut to fit.
+void hg_cli_clean(char *dst, size_t size, const char *text, size_t length);
+
+void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options);
+void hg_cli_finish(struct hg_cli *cli);
+
+// Opens the session: to `url`, or (NULL) a private worker that may read the folders of `files`
+// (NULL entries and "demo:" are skipped) and the options' roots. Opens a private scene as well
+// when `with_scene`. On failure *err is filled and *doing says what failed.
+enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct hg_cli_texts *files,
+    bool with_scene, struct hg_error *err) HG_MUST_CHECK;
+// True once Ctrl-C (or SIGTERM) was seen.
+bool hg_cli_is_stopped(void);
+
+// Turns a path into what the server is asked for: absolute for a private worker (the file must
+// exist), as given for a daemon. *out is freed with hg_free.
+enum hg_status hg_cli_server_path(
+    const struct hg_cli *cli, const char *path, char **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Errors of messages that nobody waited for (view_camera), and other stray messages, are taken
+// from the queue; the first error is returned.
+enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
+
+// Checks that `path` can be made: its folder exists and is writable.
+enum hg_status hg_cli_check_output(const char *path, struct hg_error *err) HG_MUST_CHECK;
+
+// The encoding that a file name and options ask for; HG_E_INVAL for unknown endings.
+struct hg_cli_format {
+    enum hgp_encoding encoding;
+    uint8_t quality;
+};
+enum hg_status hg_cli_format_of(const char *path, const char *bit_depth, const char *exr,
+    uint32_t quality, struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
+
+// Camera by name or number among the scene's camera nodes, or its first one (name NULL: *node 0
+// when there is none).
+enum hg_status hg_cli_find_camera(
+    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
+// A node by name (exact), or "#ID". HG_E_NOTFOUND.
+enum hg_status hg_cli_find_node(
+    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
+// Brings the whole scene into view.
+enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double aspect,
+    struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+// Sends a camera; errors about it come back with the next call.
+enum hg_status hg_cli_send_camera(
+    struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+
+// Two image files through the server's metric. diff_png (may be NULL) is freed with hg_free.
+struct hg_cli_bytes {
+    uint8_t *data;
+    size_t size;
+};
+enum hg_status hg_cli_compare(struct hg_cli *cli, enum hgp_metric metric,
+    const struct hg_cli_bytes *a, const struct hg_cli_bytes *b, double *value,
+    struct hg_cli_bytes *diff_png, struct hg_error *err) HG_MUST_CHECK;
+
+// Sends every file that an asset needs; *files is an array of *count, freed with hg_cli_files_free.
+struct hg_cli_files {
+    struct helio_file *items;
+    uint32_t count;
+};
+enum hg_status hg_cli_files_of_asset(
+    const char *path, struct hg_cli_files *out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_files_free(struct hg_cli_files *files);
+
+// Statistics of the view as JSON with the client's own members merged in. New reference.
+enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *err) HG_MUST_CHECK;
+
+// The commands.
+enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_run(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options);
+
+#endif

@@ -1,0 +1,57 @@
+// main.c - the program `helio`: finds the command and runs it.
+#include <stdio.h>
+#include <string.h>
+
+#include "client/cli/cli.h"
+#include "client/cli/help.h"
+
+static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
+    const struct hg_cli_options *) = {
+    [HG_CLI_INDEX_RENDER] = hg_cli_render,
+    [HG_CLI_INDEX_INFO] = hg_cli_info,
+    [HG_CLI_INDEX_COMPARE] = hg_cli_compare_command,
+    [HG_CLI_INDEX_RUN] = hg_cli_run,
+    [HG_CLI_INDEX_BENCH] = hg_cli_bench,
+    [HG_CLI_INDEX_PING] = hg_cli_ping,
+    [HG_CLI_INDEX_STATS] = hg_cli_stats_command,
+    [HG_CLI_INDEX_SESSIONS] = hg_cli_sessions,
+};
+
+// helio --generate NAME: "helio.1", "helio-render.1", "helio.bash" or "_helio" to the standard
+// output. Used by the build; the results are kept in client/man and client/completion.
+static int generate(const char *name)
+{
+    if (strcmp(name, "helio.1") == 0)
+        return hg_cli_man(stdout, NULL), HG_CLI_EXIT_OK;
+    if (strcmp(name, "helio.bash") == 0)
+        return hg_cli_completion_bash(stdout), HG_CLI_EXIT_OK;
+    if (strcmp(name, "_helio") == 0)
+        return hg_cli_completion_zsh(stdout), HG_CLI_EXIT_OK;
+    for (int i = 0; i < HG_CLI_COMMAND_COUNT; i++) {
+        char page[64];
+        snprintf(page, sizeof page, "helio-%s.1", hg_cli_commands[i].name);
+        if (strcmp(name, page) == 0)
+            return hg_cli_man(stdout, &hg_cli_commands[i]), HG_CLI_EXIT_OK;
+    }
+    fprintf(stderr, "helio: %s: nothing of that name is generated\n", name);
+    return HG_CLI_EXIT_USAGE;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 2 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
+                         strcmp(argv[1], "help") == 0))
+        return hg_cli_help_program(stdout), HG_CLI_EXIT_OK;
+    if (argc == 2 && strcmp(argv[1], "--version") == 0)
+        return printf("helio %s\n", helio_version()), HG_CLI_EXIT_OK;
+    if (argc == 3 && strcmp(argv[1], "--generate") == 0)
+        return generate(argv[2]);
+    static struct hg_cli_options options;
+    struct hg_error err = {0};
+    if (hg_cli_parse(argc, (const char *const *)argv, &options, &err))
+        return hg_cli_report(NULL, HG_CLI_DOING_ARGUMENTS, &err);
+    int index = __builtin_ctz((unsigned)options.command);
+    if (options.help)
+        return hg_cli_help_command(stdout, &hg_cli_commands[index]), HG_CLI_EXIT_OK;
+    return run_command[index](&options);
+}

@@ -1,0 +1,288 @@
+#include "client/cli/options.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT] = {
+#define HG_CLI_COMMAND(symbol, name, arguments, least, most, summary, description)                 \
+    {HG_CLI_##symbol, name, arguments, least, most, summary, description},
+#include "client/cli/options.def"
+};
+
+const struct hg_cli_option_row hg_cli_option_rows[] = {
+#define HG_CLI_OPTION(field, name, letter, kind, argument, commands, low, high, choices, text)     \
+    {name, letter, HG_CLI_KIND_##kind, argument, commands, low, high, choices, text,               \
+        offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field)},
+#include "client/cli/options.def"
+};
+
+const uint32_t hg_cli_option_count = sizeof hg_cli_option_rows / sizeof *hg_cli_option_rows;
+
+enum hg_status hg_cli_parse_number(
+    const char *what, const char *text, double low, double high, double *out, struct hg_error *err)
+{
+    char *end;
+    *out = 0;
+    errno = 0;
+    double v = strtod(text, &end);
+    if (end == text || *end || !isfinite(v) || strpbrk(text, "xXpP \t\n"))
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is not a number", text);
+    if (v < low || v > high)
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "%s is outside %g to %g", text, low, high);
+    *out = v;
+    return HG_OK;
+}
+
+enum hg_status hg_cli_parse_u32(const char *what, const char *text, uint32_t low, uint32_t high,
+    uint32_t *out, struct hg_error *err)
+{
+    *out = 0;
+    size_t length = strlen(text);
+    if (!length || length > 10 || strspn(text, "0123456789") != length)
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is not a whole number", text);
+    unsigned long long v = strtoull(text, NULL, 10);
+    if (v < low || v > high)
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "%s is outside %u to %u", text, low, high);
+    *out = (uint32_t)v;
+    return HG_OK;
+}
+
+enum hg_status hg_cli_parse_numbers(
+    const char *what, const char *text, uint32_t count, double *out, struct hg_error *err)
+{
+    const char *at = text;
+    memset(out, 0, count * sizeof *out);
+    for (uint32_t i = 0; i < count; i++) {
+        char part[64];
+        size_t length = strcspn(at, ",");
+        bool last = i + 1 == count;
+        if (!length || length >= sizeof part || (at[length] == ',') == last) {
+            memset(out, 0, count * sizeof *out);
+            return hg_error_set(err, HG_E_INVAL, what, NULL,
+                "'%s' is not %u numbers separated by commas", text, count);
+        }
+        snprintf(part, sizeof part, "%.*s", (int)length, at);
+        enum hg_status status = hg_cli_parse_number(what, part, -1e30, 1e30, &out[i], err);
+        if (status)
+            return status;
+        at += length + !last;
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_cli_parse_size(
+    const char *what, const char *text, struct hg_cli_size *out, struct hg_error *err)
+{
+    char width[16];
+    const char *x = strchr(text, 'x');
+    *out = (struct hg_cli_size){0};
+    if (!x || x == text || (size_t)(x - text) >= sizeof width)
+        return hg_error_set(
+            err, HG_E_INVAL, what, NULL, "'%s' is not a size such as 1280x720", text);
+    snprintf(width, sizeof width, "%.*s", (int)(x - text), text);
+    struct hg_cli_size size;
+    enum hg_status status = hg_cli_parse_u32(what, width, 1, 16384, &size.width, err);
+    if (!status)
+        status = hg_cli_parse_u32(what, x + 1, 1, 16384, &size.height, err);
+    if (!status)
+        *out = size;
+    return status;
+}
+
+enum hg_status hg_cli_parse_background(
+    const char *what, const char *text, struct hg_cli_background *out, struct hg_error *err)
+{
+    *out = (struct hg_cli_background){0};
+    if (strcmp(text, "env") == 0)
+        return HG_OK;
+    out->kind = HG_CLI_BACKGROUND_NONE;
+    if (strcmp(text, "none") == 0)
+        return HG_OK;
+    out->kind = HG_CLI_BACKGROUND_COLOR;
+    struct hg_error inner;
+    enum hg_status status = hg_cli_parse_numbers(what, text, 3, out->color, &inner);
+    for (int i = 0; !status && i < 3; i++)
+        status = out->color[i] < 0 ? HG_E_INVAL : HG_OK;
+    if (!status)
+        return HG_OK;
+    *out = (struct hg_cli_background){0};
+    return hg_error_set(err, HG_E_INVAL, what, NULL,
+        "'%s' is not env, none or three linear components R,G,B", text);
+}
+
+static enum hg_status parse_frames(
+    const char *what, const char *text, struct hg_cli_frames *out, struct hg_error *err)
+{
+    struct hg_cli_frames f = {.step = 1};
+    char tail;
+    int fields = 0;
+    if (strspn(text, "0123456789-:") == strlen(text) && text[0] != '-' && strlen(text) < 40 &&
+        !strstr(text, "--") && !strstr(text, ":-")) {
+        if (strchr(text, ':'))
+            fields = sscanf(text, "%9u-%9u:%9u%c", &f.first, &f.last, &f.step, &tail) == 3;
+        else if (strchr(text, '-'))
+            fields = sscanf(text, "%9u-%9u%c", &f.first, &f.last, &tail) == 2;
+        else if ((fields = sscanf(text, "%9u%c", &f.first, &tail) == 1))
+            f.last = f.first;
+    }
+    if (!fields || f.step < 1 || f.first > f.last) {
+        *out = (struct hg_cli_frames){0};
+        return hg_error_set(err, HG_E_INVAL, what, NULL,
+            "'%s' is not A-B or A-B:STEP with A <= B and STEP >= 1", text);
+    }
+    *out = f;
+    return HG_OK;
+}
+
+static enum hg_status parse_choice(
+    const char *what, const char *choices, const char *text, const char **out, struct hg_error *err)
+{
+    size_t length = strlen(text);
+    for (const char *at = choices; length;) {
+        size_t n = strcspn(at, "|");
+        if (n == length && memcmp(at, text, n) == 0) {
+            *out = text;
+            return HG_OK;
+        }
+        if (!at[n])
+            break;
+        at += n + 1;
+    }
+    return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of %s", text, choices);
+}
+
+static enum hg_status add_text(
+    const char *what, struct hg_cli_texts *texts, const char *text, struct hg_error *err)
+{
+    if (texts->count == HG_CLI_TEXTS_MAX)
+        return hg_error_set(
+            err, HG_E_INVAL, what, NULL, "given more than %d times", HG_CLI_TEXTS_MAX);
+    texts->items[texts->count++] = text;
+    return HG_OK;
+}
+
+static enum hg_status set_value(const struct hg_cli_option_row *row, const char *text,
+    struct hg_cli_options *out, struct hg_error *err)
+{
+    char what[64];
+    void *value = (char *)out + row->value_offset;
+    snprintf(what, sizeof what, "--%s", row->name);
+    *(bool *)((char *)out + row->has_offset) = true;
+    if (row->kind != HG_CLI_KIND_FLAG && !*text)
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "needs a value");
+    switch (row->kind) {
+    case HG_CLI_KIND_FLAG:
+        *(bool *)value = true;
+        return HG_OK;
+    case HG_CLI_KIND_TEXT:
+    case HG_CLI_KIND_FILE:
+        *(const char **)value = text;
+        return HG_OK;
+    case HG_CLI_KIND_TEXTS:
+    case HG_CLI_KIND_FOLDER:
+        return add_text(what, value, text, err);
+    case HG_CLI_KIND_U32:
+        return hg_cli_parse_u32(what, text, (uint32_t)row->low, (uint32_t)row->high, value, err);
+    case HG_CLI_KIND_F64:
+        return hg_cli_parse_number(what, text, row->low, row->high, value, err);
+    case HG_CLI_KIND_SIZE:
+        return hg_cli_parse_size(what, text, value, err);
+    case HG_CLI_KIND_VEC3:
+        return hg_cli_parse_numbers(what, text, 3, ((struct hg_cli_vec3 *)value)->v, err);
+    case HG_CLI_KIND_CHOICE:
+        return parse_choice(what, row->choices, text, value, err);
+    case HG_CLI_KIND_FRAMES:
+        return parse_frames(what, text, value, err);
+    case HG_CLI_KIND_BACKGROUND:
+        return hg_cli_parse_background(what, text, value, err);
+    }
+    return HG_E_INTERNAL;
+}
+
+static const struct hg_cli_option_row *find_long(uint32_t command, const char *name, size_t length)
+{
+    for (uint32_t i = 0; i < hg_cli_option_count; i++) {
+        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
+        if ((row->commands & command) && strlen(row->name) == length &&
+            memcmp(row->name, name, length) == 0)
+            return row;
+    }
+    return NULL;
+}
+
+static const struct hg_cli_option_row *find_short(uint32_t command, char letter)
+{
+    for (uint32_t i = 0; i < hg_cli_option_count; i++)
+        if ((hg_cli_option_rows[i].commands & command) && hg_cli_option_rows[i].letter == letter)
+            return &hg_cli_option_rows[i];
+    return NULL;
+}
+
+// Parses the option at argv[*at]; leaves *at on the last word it used.
+static enum hg_status parse_option(
+    int argc, const char *const *argv, int *at, struct hg_cli_options *out, struct hg_error *err)
+{
+    const char *word = argv[*at], *value = NULL;
+    const struct hg_cli_option_row *row;
+    if (word[1] == '-') {
+        size_t length = strcspn(word + 2, "=");
+        row = find_long(out->command, word + 2, length);
+        value = word[2 + length] ? word + 3 + length : NULL;
+    } else {
+        row = find_short(out->command, word[1]);
+        value = word[2] ? word + 2 : NULL;
+    }
+    if (!row)
+        return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown option");
+    if (row->kind == HG_CLI_KIND_FLAG && value)
+        return hg_error_set(err, HG_E_INVAL, word, NULL, "takes no value");
+    if (row->kind != HG_CLI_KIND_FLAG && !value) {
+        if (*at + 1 >= argc)
+            return hg_error_set(err, HG_E_INVAL, word, NULL, "needs %s", row->argument);
+        value = argv[++*at];
+    }
+    return set_value(row, value, out, err);
+}
+
+static enum hg_status check_counts(const struct hg_cli_command_row *row,
+    const struct hg_cli_options *options, struct hg_error *err)
+{
+    if (options->help || options->arg_count >= row->least)
+        return HG_OK;
+    return hg_error_set(err, HG_E_INVAL, row->name, NULL, "needs %s", row->arguments);
+}
+
+enum hg_status hg_cli_parse(
+    int argc, const char *const *argv, struct hg_cli_options *out, struct hg_error *err)
+{
+    const struct hg_cli_command_row *row = NULL;
+    *out = (struct hg_cli_options){.program = "helio"};
+    if (argc < 2)
+        return hg_error_set(err, HG_E_INVAL, "helio", NULL, "needs a command; see helio --help");
+    for (int i = 0; i < HG_CLI_COMMAND_COUNT; i++)
+        if (strcmp(argv[1], hg_cli_commands[i].name) == 0)
+            row = &hg_cli_commands[i];
+    if (!row)
+        return hg_error_set(err, HG_E_INVAL, argv[1], NULL, "unknown command; see helio --help");
+    out->command = row->command;
+    bool only_args = false;
+    for (int i = 2; i < argc; i++) {
+        enum hg_status status = HG_OK;
+        if (!only_args && (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0))
+            out->help = true;
+        else if (!only_args && strcmp(argv[i], "--") == 0)
+            only_args = true;
+        else if (!only_args && argv[i][0] == '-' && argv[i][1])
+            status = parse_option(argc, argv, &i, out, err);
+        else if (out->arg_count == row->most)
+            status = hg_error_set(err, HG_E_INVAL, argv[i], NULL, "one argument too many");
+        else
+            out->args[out->arg_count++] = argv[i];
+        if (status)
+            return status;
+    }
+    return check_counts(row, out, err);
+}

@@ -1,0 +1,127 @@
+// options.h - the command line of `helio`, parsed by the table options.def.
+// Floor 6 (client). Texts point into argv.
+#ifndef HG_CLIENT_CLI_OPTIONS_H
+#define HG_CLIENT_CLI_OPTIONS_H
+
+#include "base/status.h"
+
+enum {
+    HG_CLI_TEXTS_MAX = 64,
+    HG_CLI_ARGS_MAX = 2,
+};
+
+enum hg_cli_command_index {
+#define HG_CLI_COMMAND(symbol, ...) HG_CLI_INDEX_##symbol,
+#include "client/cli/options.def"
+    HG_CLI_COMMAND_COUNT
+};
+
+enum hg_cli_command {
+#define HG_CLI_COMMAND(symbol, ...) HG_CLI_##symbol = 1 << HG_CLI_INDEX_##symbol,
+#include "client/cli/options.def"
+};
+
+enum hg_cli_kind {
+    HG_CLI_KIND_FLAG,
+    HG_CLI_KIND_TEXT,
+    HG_CLI_KIND_FILE,
+    HG_CLI_KIND_TEXTS,
+    HG_CLI_KIND_FOLDER, // repeated
+    HG_CLI_KIND_U32,
+    HG_CLI_KIND_F64,
+    HG_CLI_KIND_SIZE,
+    HG_CLI_KIND_VEC3,
+    HG_CLI_KIND_CHOICE,
+    HG_CLI_KIND_FRAMES,
+    HG_CLI_KIND_BACKGROUND,
+};
+
+struct hg_cli_texts {
+    const char *items[HG_CLI_TEXTS_MAX];
+    uint32_t count;
+};
+
+struct hg_cli_size {
+    uint32_t width, height;
+};
+
+struct hg_cli_vec3 {
+    double v[3];
+};
+
+struct hg_cli_frames {
+    uint32_t first, last, step; // step >= 1, first <= last
+};
+
+struct hg_cli_background {
+    enum { HG_CLI_BACKGROUND_ENV, HG_CLI_BACKGROUND_NONE, HG_CLI_BACKGROUND_COLOR } kind;
+    double color[3];
+};
+
+#define HG_CLI_TYPE_FLAG       bool
+#define HG_CLI_TYPE_TEXT       const char *
+#define HG_CLI_TYPE_FILE       const char *
+#define HG_CLI_TYPE_TEXTS      struct hg_cli_texts
+#define HG_CLI_TYPE_FOLDER     struct hg_cli_texts
+#define HG_CLI_TYPE_U32        uint32_t
+#define HG_CLI_TYPE_F64        double
+#define HG_CLI_TYPE_SIZE       struct hg_cli_size
+#define HG_CLI_TYPE_VEC3       struct hg_cli_vec3
+#define HG_CLI_TYPE_CHOICE     const char *
+#define HG_CLI_TYPE_FRAMES     struct hg_cli_frames
+#define HG_CLI_TYPE_BACKGROUND struct hg_cli_background
+
+// Every option's value, and whether it was given.
+struct hg_cli_options {
+    enum hg_cli_command command;
+    const char *program; // "helio"
+    const char *args[HG_CLI_ARGS_MAX];
+    uint32_t arg_count;
+    bool help;
+#define HG_CLI_OPTION(field, name, letter, kind, ...)                                              \
+    HG_CLI_TYPE_##kind field;                                                                      \
+    bool has_##field;
+#include "client/cli/options.def"
+};
+
+struct hg_cli_command_row {
+    enum hg_cli_command command;
+    const char *name, *arguments;
+    uint32_t least, most;
+    const char *summary, *description;
+};
+
+struct hg_cli_option_row {
+    const char *name;
+    char letter; // 0 = none
+    enum hg_cli_kind kind;
+    const char *argument;
+    uint32_t commands; // bits
+    double low, high;
+    const char *choices, *text;
+    size_t value_offset, has_offset;
+};
+
+extern const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT];
+extern const struct hg_cli_option_row hg_cli_option_rows[];
+extern const uint32_t hg_cli_option_count;
+
+// Parses argv (with the command at argv[1]). HG_E_INVAL: err->what names the option or argument.
+// --help anywhere sets `help` and forgives missing arguments.
+enum hg_status hg_cli_parse(int argc, const char *const *argv, struct hg_cli_options *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// One value as options of that kind take it; also used by scripts. `what` names it in messages.
+enum hg_status hg_cli_parse_number(const char *what, const char *text, double low, double high,
+    double *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_parse_u32(const char *what, const char *text, uint32_t low, uint32_t high,
+    uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+// `count` numbers separated by commas.
+enum hg_status hg_cli_parse_numbers(const char *what, const char *text, uint32_t count, double *out,
+    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_parse_size(const char *what, const char *text, struct hg_cli_size *out,
+    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_parse_background(const char *what, const char *text,
+    struct hg_cli_background *out, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,184 @@
+// scene.c - questions about the scene and its statistics that several commands ask.
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "client/cli/cli.h"
+
+enum { NODES_PER_QUERY = 4096 };
+
+// Calls `visit` for every node until it returns true.
+static enum hg_status walk_nodes(struct hg_cli *cli,
+    bool (*visit)(void *user, const struct hgp_node_entry *node), void *user, struct hg_error *err)
+{
+    uint32_t first = 0, total = 1;
+    while (first < total) {
+        struct hgp_nodes_query query = {.first = first, .count = NODES_PER_QUERY};
+        struct helio_message *answer;
+        enum hg_status status =
+            helio_call_for(cli->h, HGP_T_nodes_query, &query, HGP_T_nodes, &answer, err);
+        if (status)
+            return status;
+        const struct hgp_nodes *nodes = &answer->body->nodes;
+        bool done = nodes->nodes.count == 0;
+        total = nodes->total;
+        for (uint32_t i = 0; !done && i < nodes->nodes.count; i++)
+            done = visit(user, &nodes->nodes.items[i]);
+        first += nodes->nodes.count;
+        helio_message_free(answer);
+        if (done)
+            break;
+    }
+    return HG_OK;
+}
+
+struct node_search {
+    const char *name; // NULL: any
+    long number;      // of the camera, -1 = by name only
+    long seen;        // cameras so far
+    uint64_t by_name, by_number;
+    char known[160]; // names of cameras, for messages
+};
+
+static bool is_named(const struct hgp_node_entry *node, const char *name)
+{
+    return name && node->name.size == strlen(name) &&
+           memcmp(node->name.data ? node->name.data : "", name, node->name.size) == 0;
+}
+
+static bool visit_camera(void *user, const struct hgp_node_entry *node)
+{
+    struct node_search *s = user;
+    if (!node->camera)
+        return false;
+    if (is_named(node, s->name) && !s->by_name)
+        s->by_name = node->node;
+    if (s->seen == s->number)
+        s->by_number = node->node;
+    size_t used = strlen(s->known);
+    char name[64];
+    hg_cli_clean(name, sizeof name, node->name.data, node->name.size);
+    snprintf(
+        s->known + used, sizeof s->known - used, "%s%ld '%s'", s->seen ? ", " : "", s->seen, name);
+    s->seen++;
+    return s->by_name != 0 || (!s->name && s->by_number);
+}
+
+enum hg_status hg_cli_find_camera(
+    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
+{
+    struct node_search search = {.name = name, .number = name ? -1 : 0};
+    *node = 0;
+    if (name && *name && strspn(name, "0123456789") == strlen(name) && strlen(name) < 9)
+        search.number = strtol(name, NULL, 10);
+    enum hg_status status = walk_nodes(cli, visit_camera, &search, err);
+    if (status)
+        return status;
+    *node = search.by_name ? search.by_name : search.by_number;
+    if (name && !*node)
+        return hg_error_set(err, HG_E_NOTFOUND, "--camera", NULL,
+            "no camera '%s'; the scene has %s", name, search.seen ? search.known : "none");
+    return HG_OK;
+}
+
+static bool visit_node(void *user, const struct hgp_node_entry *node)
+{
+    struct node_search *s = user;
+    if (is_named(node, s->name))
+        s->by_name = node->node;
+    return s->by_name != 0;
+}
+
+enum hg_status hg_cli_find_node(
+    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
+{
+    *node = 0;
+    if (name[0] == '#' && name[1] && strspn(name + 1, "0123456789") == strlen(name + 1)) {
+        *node = strtoull(name + 1, NULL, 10);
+        return HG_OK;
+    }
+    struct node_search search = {.name = name, .number = -1};
+    enum hg_status status = walk_nodes(cli, visit_node, &search, err);
+    if (status)
+        return status;
+    *node = search.by_name;
+    return *node ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, "node", name, "no node of that name");
+}
+
+enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double aspect,
+    struct hgp_view_camera *camera, struct hg_error *err)
+{
+    struct hgp_bounds_query query = {0};
+    struct helio_message *answer;
+    enum hg_status status =
+        helio_call_for(cli->h, HGP_T_bounds_query, &query, HGP_T_bounds, &answer, err);
+    if (status)
+        return status;
+    const struct hgp_bounds *b = &answer->body->bounds;
+    const float unit_min[3] = {-1, -1, -1}, unit_max[3] = {1, 1, 1};
+    helio_camera_fit(
+        b->empty ? unit_min : b->min, b->empty ? unit_max : b->max, vfov_rad, aspect, camera);
+    helio_message_free(answer);
+    return HG_OK;
+}
+
+enum hg_status hg_cli_send_camera(
+    struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err)
+{
+    // With a request id, so that an error names this message instead of ending the connection.
+    uint32_t request;
+    return helio_send(cli->h, HGP_T_view_camera, camera, &request, err);
+}
+
+enum hg_status hg_cli_compare(struct hg_cli *cli, enum hgp_metric metric,
+    const struct hg_cli_bytes *a, const struct hg_cli_bytes *b, double *value,
+    struct hg_cli_bytes *diff_png, struct hg_error *err)
+{
+    struct helio_message *answer;
+    struct hgp_compare compare = {
+        .metric = metric,
+        .a = {a->data, (uint32_t)a->size},
+        .b = {b->data, (uint32_t)b->size},
+        .want_diff = diff_png != NULL,
+    };
+    *value = 0;
+    if (diff_png)
+        *diff_png = (struct hg_cli_bytes){0};
+    enum hg_status status =
+        helio_call_for(cli->h, HGP_T_compare, &compare, HGP_T_compared, &answer, err);
+    if (status)
+        return status;
+    const struct hgp_compared *got = &answer->body->compared;
+    *value = got->value;
+    if (diff_png) {
+        diff_png->data = hg_calloc(got->diff.size, 1);
+        if (!diff_png->data)
+            status = hg_error_set(err, HG_E_NOMEM, "compared", "diff", "no memory");
+        else if (got->diff.size)
+            memcpy(diff_png->data, got->diff.data, got->diff.size);
+        diff_png->size = status ? 0 : got->diff.size;
+    }
+    helio_message_free(answer);
+    return status;
+}
+
+enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *err)
+{
+    char *text;
+    json_error_t wrong;
+    *out = NULL;
+    enum hg_status status = helio_query_json(cli->h, HGP_T_stats_query, HG_CLI_VIEW, &text, err);
+    if (status)
+        return status;
+    *out = json_loads(text, 0, &wrong);
+    helio_text_free(text);
+    if (*out && json_is_object(*out))
+        return HG_OK;
+    json_decref(*out);
+    *out = NULL;
+    return hg_error_set(err, HG_E_FORMAT, "statistics", NULL, "the server's JSON is not an object");
+}

@@ -1,0 +1,75 @@
+// script.h - the language of helio run: text to steps. Pure; the words live in the script's arena.
+// Floor 6 (client). The language is described in docs/client.md.
+#ifndef HG_CLIENT_CLI_SCRIPT_H
+#define HG_CLIENT_CLI_SCRIPT_H
+
+#include "base/arena.h"
+#include "client/cli/options.h"
+#include "protocol/hgp.h"
+
+enum hg_cli_step_kind {
+    HG_CLI_STEP_CONNECT,      // path = url or NULL
+    HG_CLI_STEP_LOAD,         // path, asset (0 = next)
+    HG_CLI_STEP_VIEW,         // view
+    HG_CLI_STEP_ENVIRONMENT,  // environment, path (FILE)
+    HG_CLI_STEP_VARIANT,      // name, asset
+    HG_CLI_STEP_NODE,         // name, node
+    HG_CLI_STEP_MATERIAL,     // name, material
+    HG_CLI_STEP_CAMERA,       // camera
+    HG_CLI_STEP_CAMERA_NODE,  // name
+    HG_CLI_STEP_CAMERA_FIT,   // number = vertical field of view in degrees
+    HG_CLI_STEP_TIME,         // number, asset (0 = all loaded)
+    HG_CLI_STEP_FRAME,        // path (may be NULL), now
+    HG_CLI_STEP_EXPECT_IMAGE, // metric, path, op, number
+    HG_CLI_STEP_EXPECT_STAT,  // name, op, number
+    HG_CLI_STEP_EXPECT_PICK,  // x, y, name (NULL = nothing)
+    HG_CLI_STEP_EXPECT_HASH,  // name = 64 hexadecimal digits
+};
+
+enum hg_cli_op {
+    HG_CLI_OP_GE,
+    HG_CLI_OP_LE,
+    HG_CLI_OP_GT,
+    HG_CLI_OP_LT,
+    HG_CLI_OP_EQ,
+    HG_CLI_OP_NE
+};
+
+struct hg_cli_step {
+    enum hg_cli_step_kind kind;
+    uint32_t line;    // from 1
+    const char *text; // the line as written, trimmed
+    const char *path, *name;
+    uint32_t asset, x, y;
+    double number;
+    enum hg_cli_op op;
+    enum hgp_metric metric;
+    bool now; // frame: do not wait until it is settled
+    union {
+        struct hgp_view_set view;
+        struct hgp_environment_set environment;
+        struct hgp_node_set node;
+        struct hgp_material_set material;
+        struct hgp_view_camera camera;
+    };
+};
+
+struct hg_cli_script {
+    struct hg_arena arena;
+    struct hg_cli_step *steps; // heap
+    size_t count, capacity;
+};
+
+// Value of ${name}; NULL when it is not defined.
+typedef const char *hg_cli_variable_fn(void *user, const char *name, size_t length);
+
+// Parses a whole script (terminated text). HG_E_INVAL: err->what = "FILE:LINE", err->reason.
+// *out is freed with hg_cli_script_finish.
+enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_variable_fn *variable,
+    void *user, struct hg_cli_script *out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_script_finish(struct hg_cli_script *script);
+
+bool hg_cli_op_holds(enum hg_cli_op op, double seen, double wanted);
+const char *hg_cli_op_text(enum hg_cli_op op);
+
+#endif

@@ -1,0 +1,219 @@
+// helio.h - libhelio: talk to a Heliograph daemon, or to a private worker, from C.
+//
+// Floor 6. Links only hg_base and hg_protocol; knows no renderer. A `struct helio` belongs to one
+// thread at a time; different ones are independent. Only helio_interrupt may be called from
+// anywhere, signal handlers included.
+//
+// Messages are the structs of protocol/hgp.h (`struct hgp_<name>`), made from the table
+// protocol/messages.def, which is also the reference of docs/protocol.md.
+//
+// Blocking use:
+//     struct helio *h;
+//     helio_connect(&(struct helio_options){.url = "unix:/run/heliod.sock"}, &h, &err);
+//     helio_scene_open(h, "", &scene, &err);
+//     helio_load(h, scene.first_id, "demo:", &loaded, &err);
+//     helio_call(h, HGP_T_view_set, &view, NULL, &err);
+//     helio_frame(h, &request, &frame, &err);            // frame->body->frame.data
+//     helio_message_free(frame);
+//     helio_destroy(h);
+//
+// Non-blocking use: helio_start; then, whenever helio_fd is readable (or writable while
+// helio_want_write), helio_process, and helio_next until it says HG_E_AGAIN.
+//
+// Errors: fallible functions return a status of base/status.h, set their outputs to zero on failure
+// and fill *err (may be NULL) with words for people. HG_E_AGAIN is flow, not failure. A connection
+// that failed stays failed: every later call returns the same status.
+//
+// Strings and bytes given to a function are borrowed for the call only.
+#ifndef HELIO_HELIO_H
+#define HELIO_HELIO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/status.h"
+#include "protocol/hgp.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define HELIO_API __attribute__((visibility("default")))
+
+struct helio; // one connection
+
+#define HELIO_NO_TIMEOUT UINT64_MAX
+
+// ---- connecting --------------------------------------------------------------------------------
+
+// Zero is the default of every member.
+struct helio_options {
+    const char *url;                // unix:PATH or tcp:HOST:PORT; NULL = start a private worker
+    const char *token;              // NULL = none; needed when the daemon asks for one
+    const char *client;             // name for the daemon's logs; default "libhelio/VERSION"
+    uint64_t timeout_ns;            // until the session is open; default 30 s
+    uint32_t max_receive_bytes;     // greatest payload taken; default HGP_LIMIT_OPEN_DEFAULT
+    const char *worker;             // private worker's program; default HELIO_WORKER of the
+                                    // environment, else ../libexec/helio-worker beside this program
+    const char *const *worker_args; // its arguments after --fd 3, NULL-terminated; NULL = none
+};
+
+enum helio_state {
+    HELIO_CONNECTING, // the transport is being set up
+    HELIO_GREETING,   // hello, authentication, or a worker that starts
+    HELIO_OPEN,       // messages may be sent
+    HELIO_CLOSED,     // over; helio_process says why
+};
+
+struct helio_info {
+    enum helio_state state;
+    enum hgp_role role;
+    uint16_t version;           // of the protocol
+    uint64_t session;           // number in the daemon's logs; 0 with a private worker
+    uint32_t max_message_bytes; // greatest payload the other side takes
+    const char *server;         // program and version; lives as long as the connection
+    const char *device;         // private worker: JSON object of its device; else ""
+    int worker_pid;             // private worker: its process; else 0
+    bool draining;              // the server stops soon
+};
+
+// "0.1.0".
+HELIO_API const char *helio_version(void);
+
+// Starts to connect and returns at once (name lookup alone may block). The rest happens in
+// helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (nobody listens), HG_E_NOMEM,
+// HG_E_IO, HG_E_WORKER (the worker's program cannot be started).
+HELIO_API enum hg_status helio_start(
+    const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;
+
+// helio_start, then waits until the session is open. Also HG_E_TIMEOUT, HG_E_AUTH, HG_E_VERSION,
+// HG_E_CLOSED (unreachable), HG_E_CANCELLED.
+HELIO_API enum hg_status helio_connect(
+    const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Closes, ends a private worker (waits up to 2 s for it, then kills it) and frees. Accepts NULL.
+HELIO_API void helio_destroy(struct helio *h);
+
+HELIO_API void helio_get_info(const struct helio *h, struct helio_info *out);
+
+// ---- non-blocking use --------------------------------------------------------------------------
+
+// The descriptor to poll; may change while HELIO_CONNECTING. -1 when closed.
+HELIO_API int helio_fd(const struct helio *h);
+// True while bytes wait to be sent (or a connection is being made): poll for writing too.
+HELIO_API bool helio_want_write(const struct helio *h);
+// Reads and writes what is possible now; never blocks. HG_OK, or why the connection ended.
+// Stops reading while 256 messages (or max_receive_bytes) wait to be taken with helio_next.
+HELIO_API enum hg_status helio_process(struct helio *h, struct hg_error *err) HG_MUST_CHECK;
+
+// Queues a message. `type` goes to the server and needs HELIO_OPEN. *request (may be NULL) becomes
+// the id that its answers carry; with NULL no answer is wanted.
+// HG_E_AGAIN: 8 MiB wait to be sent already: process first. HG_E_INVAL names the field at fault;
+// HG_E_LIMIT: larger than the other side takes; HG_E_STATE; HG_E_NOMEM.
+HELIO_API enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *message,
+    uint32_t *request, struct hg_error *err) HG_MUST_CHECK;
+
+// A received message; everything in `body` lives until helio_message_free.
+struct helio_message {
+    enum hgp_type type;
+    uint32_t request;          // 0 = not an answer
+    uint32_t size_bytes;       // of its payload
+    const union hgp_any *body; // the member named by `type`
+};
+
+// Takes the oldest received message. HG_E_AGAIN: none (or the connection's error once it failed and
+// none is left).
+HELIO_API enum hg_status helio_next(
+    struct helio *h, struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
+HELIO_API void helio_message_free(struct helio_message *message); // accepts NULL
+
+// ---- blocking use ------------------------------------------------------------------------------
+
+// Called inside blocking calls for messages that accompany a request. Either may be NULL.
+struct helio_handlers {
+    void *user;
+    void (*progress)(void *user, const struct hgp_progress *progress);
+    void (*notice)(void *user, const struct hgp_notice *notice);
+};
+
+HELIO_API void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers);
+
+// Deadline of each blocking call below; default HELIO_NO_TIMEOUT.
+HELIO_API void helio_set_timeout(struct helio *h, uint64_t timeout_ns);
+
+// Makes the running and the next blocking call return HG_E_CANCELLED. Async-signal-safe.
+HELIO_API void helio_interrupt(struct helio *h);
+
+// Waits until something arrived, was sent, or the time is over. HG_E_TIMEOUT, HG_E_CANCELLED, or
+// why the connection ended.
+HELIO_API enum hg_status helio_wait(
+    struct helio *h, uint64_t timeout_ns, struct hg_error *err) HG_MUST_CHECK;
+
+// Waits until everything queued has been handed to the system.
+HELIO_API enum hg_status helio_flush(struct helio *h, struct hg_error *err) HG_MUST_CHECK;
+
+// Sends and waits for the answer. An `error` answer becomes its status and *err. *answer (may be
+// NULL when it does not matter) is freed with helio_message_free. Messages that belong to other
+// requests stay for helio_next; progress and notices go to the handlers.
+HELIO_API enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
+    struct helio_message **answer, struct hg_error *err) HG_MUST_CHECK;
+
+// As helio_call; any answer but `answer_type` is HG_E_FORMAT.
+HELIO_API enum hg_status helio_call_for(struct helio *h, enum hgp_type type, const void *message,
+    enum hgp_type answer_type, struct helio_message **answer, struct hg_error *err) HG_MUST_CHECK;
+
+// Round trip. *rtt_ns in nanoseconds.
+HELIO_API enum hg_status helio_ping(
+    struct helio *h, uint64_t *rtt_ns, struct hg_error *err) HG_MUST_CHECK;
+
+// Joins the scene `name`, or makes it; "" = a private one. A private worker has one private scene.
+HELIO_API enum hg_status helio_scene_open(struct helio *h, const char *name,
+    struct hgp_scene_opened *out, struct hg_error *err) HG_MUST_CHECK;
+
+// Loads a file that the server can see. `asset` is a number of the range of scene_opened.
+HELIO_API enum hg_status helio_load(struct helio *h, uint32_t asset, const char *path,
+    struct hgp_asset_loaded *out, struct hg_error *err) HG_MUST_CHECK;
+
+// A file of this machine whose content the server shall have.
+struct helio_file {
+    const char *path; // here
+    const char *uri;  // as the asset names it, percent-decoded
+    uint8_t hash[32]; // out: SHA-256 of its content
+};
+
+// Sends the contents that the server does not have yet, in pieces; fills the hashes.
+// *sent_bytes (may be NULL) counts what went over the wire. HG_E_LIMIT above max_bytes per file.
+HELIO_API enum hg_status helio_upload(struct helio *h, struct helio_file *files, uint32_t count,
+    uint64_t max_bytes, uint64_t *sent_bytes, struct hg_error *err) HG_MUST_CHECK;
+
+// One frame of a view; body->frame of *out.
+HELIO_API enum hg_status helio_frame(struct helio *h, const struct hgp_frame_request *request,
+    struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Statistics (HGP_T_stats_query with a view, 0 = none), sessions, info: a terminated JSON text,
+// freed with helio_text_free.
+HELIO_API enum hg_status helio_query_json(struct helio *h, enum hgp_type type, uint32_t view,
+    char **text, struct hg_error *err) HG_MUST_CHECK;
+HELIO_API void helio_text_free(char *text);
+
+// ---- cameras (pure) ----------------------------------------------------------------------------
+
+// Id of object `index` of the asset loaded as `asset` (0 = made by a client).
+HELIO_API uint64_t helio_object_id(uint32_t asset, uint32_t index);
+
+// Sets eye, target and up: eye = target + radius (sin phi sin theta, cos phi, sin phi cos theta),
+// degrees, +Y up. Radius 0 stands at `target` and looks the way a larger radius would. Straight
+// above and below, `up` is the limit of the neighbouring views.
+HELIO_API void helio_camera_orbit(double theta_deg, double phi_deg, double radius,
+    const double target[3], struct hgp_view_camera *camera);
+
+// Sets eye, target and lens so that a box (world space, metres) is in view as a whole, seen from
+// the front, from slightly above. aspect = width / height.
+HELIO_API void helio_camera_fit(const float min[3], const float max[3], double vfov_rad,
+    double aspect, struct hgp_view_camera *camera);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,314 @@
+// call.c - blocking use: wait, call, and the calls people make most.
+#include <errno.h>
+#include <inttypes.h>
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "client/lib/conn.h"
+
+static uint64_t deadline_of(uint64_t timeout_ns)
+{
+    uint64_t now = hg_clock_now_ns();
+    return timeout_ns > UINT64_MAX - now ? UINT64_MAX : now + timeout_ns;
+}
+
+static int poll_ms(uint64_t deadline_ns)
+{
+    uint64_t now = hg_clock_now_ns();
+    if (deadline_ns <= now)
+        return 0;
+    uint64_t ms = (deadline_ns - now + 999999) / 1000000;
+    return ms > 1000 ? 1000 : (int)ms; // at least once a second: a silent worker is noticed
+}
+
+static bool take_interrupt(struct helio *h)
+{
+    uint64_t count;
+    return read(h->wake_fd, &count, sizeof count) == sizeof count;
+}
+
+static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct hg_error *err)
+{
+    for (;;) {
+        if (take_interrupt(h))
+            return hg_error_set(err, HG_E_CANCELLED, h->url, NULL, "interrupted");
+        if (h->error.status)
+            return hg_client_failed(h, err);
+        bool full = h->queued >= HG_CLIENT_QUEUE_MESSAGES;
+        struct pollfd p[2] = {
+            {.fd = h->fd,
+                .events = (short)((full ? 0 : POLLIN) | (helio_want_write(h) ? POLLOUT : 0))},
+            {.fd = h->wake_fd, .events = POLLIN},
+        };
+        int n = poll(p, 2, poll_ms(deadline_ns));
+        if (n < 0 && errno != EINTR)
+            return hg_client_fail(h, HG_E_IO, NULL, "poll: %s", strerror(errno)),
+                   hg_client_failed(h, err);
+        enum hg_status status = helio_process(h, err);
+        if (status)
+            return status;
+        if (n > 0 && p[0].revents)
+            return HG_OK;
+        if (hg_clock_now_ns() >= deadline_ns)
+            return hg_error_set(err, HG_E_TIMEOUT, h->url, NULL, "no answer in time");
+    }
+}
+
+enum hg_status helio_wait(struct helio *h, uint64_t timeout_ns, struct hg_error *err)
+{
+    return wait_until(h, deadline_of(timeout_ns), err);
+}
+
+enum hg_status helio_connect(
+    const struct helio_options *options, struct helio **out, struct hg_error *err)
+{
+    enum hg_status status = helio_start(options, out, err);
+    if (status)
+        return status;
+    struct helio *h = *out;
+    uint64_t deadline = deadline_of(h->open_timeout_ns);
+    while (!status && h->state != HELIO_OPEN)
+        status = wait_until(h, deadline, err);
+    if (status) {
+        helio_destroy(h);
+        *out = NULL;
+    }
+    return status;
+}
+
+enum hg_status helio_flush(struct helio *h, struct hg_error *err)
+{
+    uint64_t deadline = deadline_of(h->timeout_ns);
+    while (!h->error.status && helio_want_write(h)) {
+        enum hg_status status = wait_until(h, deadline, err);
+        if (status)
+            return status;
+    }
+    return hg_client_failed(h, err);
+}
+
+// Removes and returns the oldest queued message of a request.
+static struct hg_client_message *take_answer(struct helio *h, uint32_t request)
+{
+    struct hg_client_message *before = NULL;
+    for (struct hg_client_message *m = h->first; m; before = m, m = m->next) {
+        if (m->pub.request != request)
+            continue;
+        if (before)
+            before->next = m->next;
+        else
+            h->first = m->next;
+        if (h->last == m)
+            h->last = before;
+        m->next = NULL;
+        h->queued--;
+        h->queued_bytes -= m->pub.size_bytes;
+        return m;
+    }
+    return NULL;
+}
+
+static bool handle_companion(struct helio *h, const struct hg_client_message *m)
+{
+    if (m->pub.type == HGP_T_progress) {
+        if (h->handlers.progress)
+            h->handlers.progress(h->handlers.user, &m->body.progress);
+        return true;
+    }
+    if (m->pub.type == HGP_T_notice) {
+        if (h->handlers.notice)
+            h->handlers.notice(h->handlers.user, &m->body.notice);
+        return true;
+    }
+    return false;
+}
+
+static enum hg_status status_of_answer(const struct hg_client_message *m, struct hg_error *err)
+{
+    if (m->pub.type != HGP_T_error)
+        return HG_OK;
+    const struct hgp_error *e = &m->body.error;
+    char what[sizeof err->what], where[sizeof err->where];
+    snprintf(what, sizeof what, "%.*s", (int)e->what.size, e->what.data ? e->what.data : "");
+    snprintf(where, sizeof where, "%.*s", (int)e->where.size, e->where.data ? e->where.data : "");
+    enum hg_status status = e->code ? (enum hg_status)e->code : HG_E_INTERNAL;
+    return hg_error_set(err, status, what, where, "%.*s", (int)e->reason.size,
+        e->reason.data ? e->reason.data : "");
+}
+
+static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t deadline,
+    struct hg_client_message **answer, struct hg_error *err)
+{
+    *answer = NULL;
+    for (;;) {
+        struct hg_client_message *m = take_answer(h, request);
+        if (!m && h->queued >= HG_CLIENT_QUEUE_MESSAGES)
+            return hg_error_set(err, HG_E_STATE, h->url, NULL,
+                "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
+        if (m && handle_companion(h, m)) {
+            hg_client_message_destroy(m);
+            continue;
+        }
+        if (m) {
+            enum hg_status status = status_of_answer(m, err);
+            if (status)
+                hg_client_message_destroy(m);
+            else
+                *answer = m;
+            return status;
+        }
+        enum hg_status status = wait_until(h, deadline, err);
+        // An answer that came before the connection ended still counts.
+        if (status && !(h->error.status && h->first))
+            return status;
+        if (status && (m = take_answer(h, request)) && !handle_companion(h, m)) {
+            status = status_of_answer(m, err);
+            if (!status)
+                *answer = m;
+            else
+                hg_client_message_destroy(m);
+            return status;
+        }
+        hg_client_message_destroy(status ? m : NULL);
+        if (status && !m)
+            return status;
+    }
+}
+
+enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
+    struct helio_message **answer, struct hg_error *err)
+{
+    uint64_t deadline = deadline_of(h->timeout_ns);
+    uint32_t request;
+    struct hg_client_message *got;
+    if (answer)
+        *answer = NULL;
+    enum hg_status status = helio_send(h, type, message, &request, err);
+    while (status == HG_E_AGAIN) {
+        status = wait_until(h, deadline, err);
+        if (!status)
+            status = helio_send(h, type, message, &request, err);
+    }
+    if (!status)
+        status = wait_answer(h, request, deadline, &got, err);
+    if (status)
+        return status;
+    if (answer)
+        *answer = &got->pub;
+    else
+        hg_client_message_destroy(got);
+    return HG_OK;
+}
+
+enum hg_status helio_call_for(struct helio *h, enum hgp_type type, const void *message,
+    enum hgp_type answer_type, struct helio_message **answer, struct hg_error *err)
+{
+    struct helio_message *got;
+    if (answer)
+        *answer = NULL;
+    enum hg_status status = helio_call(h, type, message, &got, err);
+    if (status)
+        return status;
+    if (got->type != answer_type) {
+        status = hg_error_set(err, HG_E_FORMAT, hgp_find((uint16_t)type)->name, NULL,
+            "the server answered with '%s'", hgp_find((uint16_t)got->type)->name);
+        helio_message_free(got);
+        return status;
+    }
+    if (answer)
+        *answer = got;
+    else
+        helio_message_free(got);
+    return HG_OK;
+}
+
+enum hg_status helio_ping(struct helio *h, uint64_t *rtt_ns, struct hg_error *err)
+{
+    struct helio_message *answer;
+    uint64_t begin = hg_clock_now_ns();
+    struct hgp_ping ping = {.nonce = begin};
+    *rtt_ns = 0;
+    enum hg_status status = helio_call_for(h, HGP_T_ping, &ping, HGP_T_pong, &answer, err);
+    if (status)
+        return status;
+    if (answer->body->pong.nonce != begin)
+        status = hg_error_set(err, HG_E_FORMAT, "pong", "nonce", "not the one that was sent");
+    else
+        *rtt_ns = hg_clock_now_ns() - begin;
+    helio_message_free(answer);
+    return status;
+}
+
+enum hg_status helio_scene_open(
+    struct helio *h, const char *name, struct hgp_scene_opened *out, struct hg_error *err)
+{
+    *out = (struct hgp_scene_opened){0};
+    if (h->embedded && *name)
+        return hg_error_set(err, HG_E_UNSUPPORTED, name, NULL,
+            "a private worker has no named scenes; connect to a daemon");
+    if (h->embedded) { // session_attach has opened it
+        *out = (struct hgp_scene_opened){.first_id = 1, .id_count = HG_CLIENT_PRIVATE_IDS};
+        return h->error.status ? hg_client_failed(h, err) : HG_OK;
+    }
+    struct helio_message *answer;
+    struct hgp_scene_open open = {.name = hgp_str_make(name)};
+    enum hg_status status =
+        helio_call_for(h, HGP_T_scene_open, &open, HGP_T_scene_opened, &answer, err);
+    if (status)
+        return status;
+    *out = answer->body->scene_opened;
+    helio_message_free(answer);
+    return HG_OK;
+}
+
+enum hg_status helio_load(struct helio *h, uint32_t asset, const char *path,
+    struct hgp_asset_loaded *out, struct hg_error *err)
+{
+    struct helio_message *answer;
+    struct hgp_asset_load load = {.asset = asset, .path = hgp_str_make(path)};
+    *out = (struct hgp_asset_loaded){0};
+    enum hg_status status =
+        helio_call_for(h, HGP_T_asset_load, &load, HGP_T_asset_loaded, &answer, err);
+    if (status)
+        return status;
+    *out = answer->body->asset_loaded;
+    helio_message_free(answer);
+    return HG_OK;
+}
+
+enum hg_status helio_frame(struct helio *h, const struct hgp_frame_request *request,
+    struct helio_message **out, struct hg_error *err)
+{
+    return helio_call_for(h, HGP_T_frame_request, request, HGP_T_frame, out, err);
+}
+
+enum hg_status helio_query_json(
+    struct helio *h, enum hgp_type type, uint32_t view, char **text, struct hg_error *err)
+{
+    struct helio_message *answer;
+    union hgp_any query = {0};
+    *text = NULL;
+    if (type != HGP_T_stats_query && type != HGP_T_info_query && type != HGP_T_sessions_query)
+        return hg_error_set(err, HG_E_INVAL, "query", NULL, "not a query answered with JSON");
+    if (type == HGP_T_stats_query)
+        query.stats_query.view = view;
+    enum hg_status status = helio_call_for(h, type, &query, HGP_T_json, &answer, err);
+    if (status)
+        return status;
+    const struct hgp_str *json = &answer->body->json.text;
+    *text = hg_strndup(json->data ? json->data : "", json->size);
+    helio_message_free(answer);
+    if (!*text)
+        return hg_error_set(err, HG_E_NOMEM, "answer", NULL, "no memory");
+    return HG_OK;
+}
+
+void helio_text_free(char *text)
+{
+    hg_free(text);
+}

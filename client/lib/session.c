@@ -1,0 +1,174 @@
+// session.c - the conversation's states: hello, authentication, open; or a worker that starts.
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "client/lib/conn.h"
+
+static enum hg_status send_hello(struct helio *h)
+{
+    hg_write_bytes(&h->out, HGP_PREFACE, HGP_PREFACE_BYTES);
+    struct hgp_hello hello = {
+        .version_min = HGP_VERSION_MIN,
+        .version_max = HGP_VERSION_MAX,
+        .client = hgp_str_make(h->client),
+    };
+    struct hg_error err = {0};
+    enum hg_status status =
+        h->out.failed ? HG_E_NOMEM : hg_client_queue(h, HGP_T_hello, 0, &hello, &err);
+    return status ? hg_client_fail(h, status, NULL, "cannot say hello: %s", err.reason) : HG_OK;
+}
+
+enum hg_status hg_client_greet(struct helio *h)
+{
+    h->state = HELIO_GREETING;
+    h->heard_ns = hg_clock_now_ns();
+    return h->embedded ? HG_OK : send_hello(h);
+}
+
+static enum hg_status fail_from_error(struct helio *h, const struct hgp_error *error)
+{
+    enum hg_status status = error->code ? (enum hg_status)error->code : HG_E_INTERNAL;
+    char where[128];
+    snprintf(where, sizeof where, "%.*s", (int)error->where.size,
+        error->where.data ? error->where.data : "");
+    return hg_client_fail(h, status, where, "%.*s", (int)error->reason.size,
+        error->reason.data ? error->reason.data : "");
+}
+
+static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welcome)
+{
+    if (welcome->version < HGP_VERSION_MIN || welcome->version > HGP_VERSION_MAX)
+        return hg_client_fail(
+            h, HG_E_VERSION, "version", "the server chose protocol version %u", welcome->version);
+    h->version = welcome->version;
+    h->session = welcome->session;
+    h->role = welcome->role;
+    h->send_limit = welcome->max_message_bytes;
+    snprintf(h->server, sizeof h->server, "%.*s", (int)welcome->server.size,
+        welcome->server.data ? welcome->server.data : "");
+    if (!welcome->auth_required && !h->token) {
+        h->state = HELIO_OPEN;
+        return HG_OK;
+    }
+    if (!h->token)
+        return hg_client_fail(h, HG_E_AUTH, "token", "the server asks for a token");
+    if (!welcome->auth_required) { // open already: the token is not needed
+        h->state = HELIO_OPEN;
+        return HG_OK;
+    }
+    struct hgp_auth auth = {.token = hgp_str_make(h->token)};
+    struct hg_error err = {0};
+    enum hg_status status = hg_client_queue(h, HGP_T_auth, 0, &auth, &err);
+    h->auth_sent = true;
+    return status ? hg_client_fail(h, HG_E_AUTH, "token", "%s", err.reason) : HG_OK;
+}
+
+static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_ready *ready)
+{
+    char *device = hg_strndup(ready->device.data ? ready->device.data : "", ready->device.size);
+    if (!device)
+        return hg_client_fail(h, HG_E_NOMEM, NULL, "no memory for the device's description");
+    hg_free(h->device);
+    h->device = device;
+    snprintf(h->server, sizeof h->server, "helio-worker");
+    h->role = HGP_role_ADMIN;
+    struct hgp_session_attach attach = {
+        .session = 1,
+        .role = HGP_role_ADMIN,
+        .scene = hgp_str_make("private"),
+        .first_id = 1,
+        .id_count = HG_CLIENT_PRIVATE_IDS,
+        .max_pixels = UINT64_MAX,
+    };
+    struct hg_error err = {0};
+    enum hg_status status = hg_client_queue(h, HGP_T_session_attach, 0, &attach, &err);
+    if (status)
+        return hg_client_fail(h, status, NULL, "cannot attach: %s", err.reason);
+    h->state = HELIO_OPEN;
+    return HG_OK;
+}
+
+static enum hg_status greeting(struct helio *h, const struct hg_client_message *message)
+{
+    if (!h->embedded && message->pub.type == HGP_T_welcome && !h->auth_sent && !h->server[0])
+        return on_welcome(h, &message->body.welcome);
+    if (!h->embedded && message->pub.type == HGP_T_auth_ok && h->auth_sent) {
+        h->role = message->body.auth_ok.role;
+        h->state = HELIO_OPEN;
+        return HG_OK;
+    }
+    if (h->embedded && message->pub.type == HGP_T_worker_ready)
+        return on_worker_ready(h, &message->body.worker_ready);
+    return hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not expected before the session is open",
+        hgp_find((uint16_t)message->pub.type)->name);
+}
+
+static void enqueue(struct helio *h, struct hg_client_message *message)
+{
+    if (h->last)
+        h->last->next = message;
+    else
+        h->first = message;
+    h->last = message;
+    h->queued++;
+    h->queued_bytes += message->pub.size_bytes;
+}
+
+static bool may_come_from_server(const struct helio *h, enum hgp_type type)
+{
+    enum hgp_direction direction = hgp_find((uint16_t)type)->direction;
+    return direction == HGP_S2C || direction == HGP_ANY || (h->embedded && direction == HGP_W2B);
+}
+
+// Messages that the library answers or keeps for itself. True when the message is used up.
+static bool handle_own(
+    struct helio *h, const struct hg_client_message *message, enum hg_status *status)
+{
+    struct hg_error err = {0};
+    *status = HG_OK;
+    switch (message->pub.type) {
+    case HGP_T_pulse:
+        return true;
+    case HGP_T_ping:
+        *status = hg_client_queue(h, HGP_T_pong, message->pub.request,
+            &(struct hgp_pong){.nonce = message->body.ping.nonce}, &err);
+        if (*status)
+            *status = hg_client_fail(h, *status, NULL, "cannot answer a ping: %s", err.reason);
+        return true;
+    case HGP_T_error:
+        if (message->pub.request == 0)
+            *status = fail_from_error(h, &message->body.error);
+        return *status != HG_OK;
+    case HGP_T_bye:
+        *status = hg_client_fail(h, HG_E_CLOSED, NULL, "the server said goodbye: %.*s",
+            (int)message->body.bye.reason.size,
+            message->body.bye.reason.data ? message->body.bye.reason.data : "");
+        return true;
+    default:
+        return false;
+    }
+}
+
+enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *message)
+{
+    enum hg_status status = HG_OK;
+    h->heard_ns = hg_clock_now_ns();
+    bool used = true;
+    if (!may_come_from_server(h, message->pub.type)) {
+        status = hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not a message that servers send",
+            hgp_find((uint16_t)message->pub.type)->name);
+    } else if (!handle_own(h, message, &status)) {
+        if (h->state == HELIO_GREETING) {
+            status = greeting(h, message);
+        } else {
+            h->draining |= message->pub.type == HGP_T_drain;
+            enqueue(h, message);
+            used = false;
+        }
+    }
+    if (used)
+        hg_client_message_destroy(message);
+    return status;
+}

@@ -1,0 +1,185 @@
+// Every option of every command: its good values, its bad values, and the message that names it.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "client/cli/options.h"
+
+struct sample {
+    const char *good, *bad; // bad NULL: every text is good
+};
+
+static struct sample sample_of(const struct hg_cli_option_row *row)
+{
+    static char choice[64];
+    switch (row->kind) {
+    case HG_CLI_KIND_U32:
+        return (struct sample){"1", "-1"};
+    case HG_CLI_KIND_F64:
+        return (struct sample){"1", "1e999"};
+    case HG_CLI_KIND_SIZE:
+        return (struct sample){"640x480", "640"};
+    case HG_CLI_KIND_VEC3:
+        return (struct sample){"-1,2.5,3e1", "1,2"};
+    case HG_CLI_KIND_FRAMES:
+        return (struct sample){"1-10:2", "10-1"};
+    case HG_CLI_KIND_BACKGROUND:
+        return (struct sample){"0.1,0.2,0.3", "red"};
+    case HG_CLI_KIND_CHOICE:
+        snprintf(choice, sizeof choice, "%.*s", (int)strcspn(row->choices, "|"), row->choices);
+        return (struct sample){choice, "nonsense"};
+    default:
+        return (struct sample){"text", NULL};
+    }
+}
+
+static enum hg_status parse(int argc, const char **argv, struct hg_error *err)
+{
+    static struct hg_cli_options options;
+    *err = (struct hg_error){0};
+    return hg_cli_parse(argc, argv, &options, err);
+}
+
+static int base_argv(const struct hg_cli_command_row *command, const char **argv)
+{
+    int argc = 0;
+    argv[argc++] = "helio";
+    argv[argc++] = command->name;
+    for (uint32_t i = 0; i < command->least; i++)
+        argv[argc++] = "argument";
+    return argc;
+}
+
+static void check_option(
+    const struct hg_cli_command_row *command, const struct hg_cli_option_row *row)
+{
+    char name[64], joined[128];
+    const char *argv[8];
+    struct hg_error err;
+    struct sample sample = sample_of(row);
+    snprintf(name, sizeof name, "--%s", row->name);
+    int argc = base_argv(command, argv);
+    argv[argc] = name;
+    if (row->kind == HG_CLI_KIND_FLAG) {
+        assert_int_equal(parse(argc + 1, argv, &err), HG_OK);
+        snprintf(joined, sizeof joined, "%s=1", name);
+        argv[argc] = joined;
+        assert_int_equal(parse(argc + 1, argv, &err), HG_E_INVAL);
+        assert_non_null(strstr(err.what, name));
+        return;
+    }
+    assert_int_equal(parse(argc + 1, argv, &err), HG_E_INVAL); // no value
+    assert_string_equal(err.what, name);
+    argv[argc + 1] = sample.good;
+    assert_int_equal(parse(argc + 2, argv, &err), HG_OK);
+    argv[argc + 1] = "";
+    assert_int_equal(parse(argc + 2, argv, &err), HG_E_INVAL);
+    assert_string_equal(err.what, name);
+    if (!sample.bad)
+        return;
+    argv[argc + 1] = sample.bad;
+    assert_int_equal(parse(argc + 2, argv, &err), HG_E_INVAL);
+    assert_string_equal(err.what, name);
+    assert_true(err.reason[0]);
+    snprintf(joined, sizeof joined, "%s=%s", name, sample.good);
+    argv[argc] = joined;
+    assert_int_equal(parse(argc + 1, argv, &err), HG_OK);
+    snprintf(joined, sizeof joined, "%s=%s", name, sample.bad);
+    assert_int_equal(parse(argc + 1, argv, &err), HG_E_INVAL);
+    assert_string_equal(err.what, name);
+}
+
+static void test_every_option(void **state)
+{
+    (void)state;
+    int checked = 0;
+    for (int c = 0; c < HG_CLI_COMMAND_COUNT; c++)
+        for (uint32_t i = 0; i < hg_cli_option_count; i++)
+            if (hg_cli_option_rows[i].commands & hg_cli_commands[c].command) {
+                check_option(&hg_cli_commands[c], &hg_cli_option_rows[i]);
+                checked++;
+            }
+    assert_true(checked > 60);
+}
+
+static void test_unknown(void **state)
+{
+    (void)state;
+    struct hg_error err;
+    assert_int_equal(parse(2, (const char *[]){"helio", "view"}, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "view");
+    assert_int_equal(parse(1, (const char *[]){"helio"}, &err), HG_E_INVAL);
+    assert_int_equal(parse(2, (const char *[]){"helio", "render"}, &err), HG_E_INVAL);
+    assert_int_equal(parse(4, (const char *[]){"helio", "render", "a", "b"}, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "b");
+    assert_int_equal(
+        parse(4, (const char *[]){"helio", "render", "a", "--nope"}, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "--nope");
+    assert_int_equal(parse(4, (const char *[]){"helio", "render", "a", "-z"}, &err), HG_E_INVAL);
+    // an option of another command
+    assert_int_equal(
+        parse(5, (const char *[]){"helio", "info", "a", "--size", "1x1"}, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "--size");
+}
+
+static void test_values(void **state)
+{
+    (void)state;
+    struct hg_cli_options o;
+    const char *argv[] = {"helio", "render", "--orbit", "-60,90,124", "s.glb", "-oout.png",
+        "--size=16384x1", "--frames", "3-9:3", "--background", "none", "--asset-root", "a",
+        "--asset-root", "b", "--exposure", "-1.5", "--seed", "4294967295"};
+    assert_int_equal(hg_cli_parse(sizeof argv / sizeof *argv, argv, &o, NULL), HG_OK);
+    assert_string_equal(o.args[0], "s.glb");
+    assert_string_equal(o.output, "out.png");
+    assert_true(o.orbit.v[0] == -60 && o.orbit.v[1] == 90 && o.orbit.v[2] == 124);
+    assert_int_equal(o.size.width, 16384);
+    assert_int_equal(o.size.height, 1);
+    assert_true(o.frames.first == 3 && o.frames.last == 9 && o.frames.step == 3);
+    assert_int_equal(o.background.kind, HG_CLI_BACKGROUND_NONE);
+    assert_int_equal(o.asset_root.count, 2);
+    assert_string_equal(o.asset_root.items[1], "b");
+    assert_true(o.has_exposure && o.exposure == -1.5);
+    assert_int_equal(o.seed, 4294967295u);
+    assert_false(o.has_time);
+    const char *dashes[] = {"helio", "info", "--", "--odd.glb"};
+    assert_int_equal(hg_cli_parse(4, dashes, &o, NULL), HG_OK);
+    assert_string_equal(o.args[0], "--odd.glb");
+}
+
+static void test_bad_values(void **state)
+{
+    (void)state;
+    static const char *const bad[][2] = {{"--size", "0x10"}, {"--size", "10x"}, {"--size", "x10"},
+        {"--size", "16385x1"}, {"--size", "1x1x1"}, {"--size", "-1x1"}, {"--frames", "1--3"},
+        {"--frames", "1-3:0"}, {"--frames", "1-3:-1"}, {"--frames", "-1-3"}, {"--frames", "a"},
+        {"--orbit", "1,2,3,4"}, {"--orbit", "1,,3"}, {"--orbit", "1,2,nan"},
+        {"--orbit", "1,2,0x10"}, {"--fov", "0"}, {"--fov", "180"}, {"--background", "1,2,-3"},
+        {"--seed", "4294967296"}, {"--samples", "0"}, {"--samples", "1.5"}, {"--exposure", "33"},
+        {"--exposure", "1 "}, {"--mode", "Realtime"}, {"--tonemap", "aces|agx"},
+        {"--tonemap", "ace"}, {"--quality", "101"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct hg_error err;
+        const char *argv[] = {"helio", "render", "s", "-o", "o.png", bad[i][0], bad[i][1]};
+        if (parse(7, argv, &err) != HG_E_INVAL)
+            fail_msg("%s %s was taken", bad[i][0], bad[i][1]);
+        assert_string_equal(err.what, bad[i][0]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_every_option),
+        cmocka_unit_test(test_unknown),
+        cmocka_unit_test(test_values),
+        cmocka_unit_test(test_bad_values),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
