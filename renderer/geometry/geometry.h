@@ -1,0 +1,128 @@
+// geometry.h - meshes, instances, materials and draws of a scene on the device, and culling.
+// Floor 2 (geometry). Thread: the render thread.
+//
+// Parts are uploaded once and kept by {mesh id, revision}; instances, draws and materials are small
+// tables that are compared with what the device has, and only ranges that differ are written.
+// Skinned and morphed parts have output streams of their own per node; passes/skin.h fills them
+// when their pose changed.
+//
+// Large worlds: node matrices are multiplied in the scene; here each instance's translation is
+// taken relative to an origin in double precision before it becomes float. The origin is 0 until
+// hg_geometry_set_origin is called, and moves in steps of HG_GEOMETRY_ORIGIN_STEP, so that nothing
+// is written while the eye stays in one cell. Camera, lights and shadow matrices must be relative
+// to the same origin. Shaders subtract the eye before they project (lib/vertex.glsl).
+#ifndef HG_RENDERER_GEOMETRY_GEOMETRY_H
+#define HG_RENDERER_GEOMETRY_GEOMETRY_H
+
+#include "renderer/gpu/gpu.h"
+#include "renderer/scene/scene.h"
+#include "renderer/texture/textures.h"
+#include "shaders/shared/geometry.h"
+
+#define HG_GEOMETRY_ORIGIN_STEP 4096.0 // metres
+
+struct hg_geometry;
+
+struct hg_geometry_params {
+    uint64_t budget_bytes; // of vertex, index, deformation and table memory; 0 = unlimited
+};
+
+struct hg_geometry_stats {
+    uint64_t budget_bytes, used_bytes, peak_bytes;
+    uint64_t uploaded_bytes;   // by the newest sync
+    uint64_t triangles_total;  // of all visible instances
+    uint32_t draws, instances, parts, materials, deforms;
+    uint32_t parts_uploaded, deforms_changed; // by the newest sync
+};
+
+// HG_E_NOMEM. `gpu` is borrowed and must outlive it.
+enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_params *params,
+    struct hg_geometry **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_geometry_destroy(struct hg_geometry *geometry); // accepts NULL
+
+// Moves the origin to the cell of eye_ws (scene space, metres); true when it changed. Cells have an
+// overlap of a quarter step, so that an eye on a border does not flip.
+bool hg_geometry_set_origin(struct hg_geometry *geometry, const double eye_ws[3]);
+void hg_geometry_origin(const struct hg_geometry *geometry, double out[3]);
+
+// Brings the device in line with the scene (hg_scene_update was called, `textures` are synced).
+// HG_E_LIMIT (geometry budget, before memory is taken; what was shown before stays), HG_E_NOMEM,
+// device errors. Nothing is written when nothing changed.
+enum hg_status hg_geometry_sync(struct hg_geometry *geometry, const struct hg_scene *scene,
+    const struct hg_textures *textures, struct hg_error *err) HG_MUST_CHECK;
+void hg_geometry_fill(const struct hg_geometry *geometry, struct hg_gpu_geometry *out);
+void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_stats *out);
+// Grows whenever positions, transforms or visibility changed: cached shadow maps are stale.
+uint64_t hg_geometry_shape_revision(const struct hg_geometry *geometry);
+// Grows with every change a picture could show (materials too).
+uint64_t hg_geometry_revision(const struct hg_geometry *geometry);
+// World bounds of everything drawn, relative to the origin. False when there is nothing.
+bool hg_geometry_bounds(const struct hg_geometry *geometry, float min[3], float max[3]);
+
+// --- draw lists ----------------------------------------------------------------------------------
+
+enum hg_draw_class { HG_DRAW_CLASS_OPAQUE, HG_DRAW_CLASS_MASK, HG_DRAW_CLASS_BLEND };
+
+// Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, first_index 0,
+// vertexOffset 0, firstInstance = first_draw) with the part's index buffer (u32) bound.
+// Ranges of a list are in draw order: by class, then topology, sides, mirroring, part.
+struct hg_draw_range {
+    uint32_t first_draw, draw_count;
+    uint32_t index_count, primitive_count; // primitives: per draw
+    uint32_t flags;                        // HG_DRAW_* of all its draws
+    VkBuffer index_buffer;
+    uint64_t index_offset; // bytes
+};
+
+struct hg_cull {
+    float planes[6][4];   // inside: dot(xyz, p) + w >= 0; relative to the origin
+    uint32_t plane_count; // 0 = no culling
+    // Spheres of draws that look smaller than min_px are dropped: px_scale = height / (2 tan(vfov /
+    // 2)) (perspective; radius / distance from eye) or height / (2 half_height) with orthographic.
+    float eye[3], px_scale, min_px; // min_px 0 = off
+    bool orthographic;
+    bool casters_only; // drop what casts no shadow (blend)
+};
+
+struct hg_draw_ranges { // zero-initialise; keeps its memory between uses; hg_draw_ranges_finish
+    struct hg_draw_range *items;
+    size_t capacity;
+    uint32_t count;
+    uint32_t class_first[4]; // ranges of class c: [class_first[c], class_first[c + 1])
+    uint64_t draws, triangles;
+};
+
+// Six planes (near first; far at infinity is left out by count 5) of a column-major view-projection
+// matrix with Vulkan clip space and reversed depth. Returns the number of planes.
+uint32_t hg_cull_planes(const float view_proj[16], float planes[6][4]);
+// What may be seen. HG_E_NOMEM.
+enum hg_status hg_geometry_cull(const struct hg_geometry *geometry, const struct hg_cull *cull,
+    struct hg_draw_ranges *out) HG_MUST_CHECK;
+void hg_draw_ranges_finish(struct hg_draw_ranges *ranges); // accepts a zeroed list
+
+// --- picking -------------------------------------------------------------------------------------
+
+struct hg_draw_info {
+    const struct hg_node *node;
+    const struct hg_mesh *mesh;
+    const struct hg_material *material; // NULL: default material
+    uint32_t part, instance;            // index in the mesh; of the node's instances
+};
+// False when there is no such draw. Valid until the next sync.
+bool hg_geometry_draw_info(
+    const struct hg_geometry *geometry, uint32_t draw, struct hg_draw_info *out);
+
+// --- deformation (recorded by passes/skin.h) -----------------------------------------------------
+
+// Deforms whose pose changed since they were last recorded; jobs are structs hg_gpu_deform at
+// address + 256-byte stride.
+struct hg_deform_job {
+    VkDeviceAddress address;
+    uint32_t vertex_count;
+};
+uint32_t hg_geometry_deform_count(const struct hg_geometry *geometry);
+struct hg_deform_job hg_geometry_deform(const struct hg_geometry *geometry, uint32_t index);
+// Call when they were recorded into a batch that was submitted.
+void hg_geometry_deforms_done(struct hg_geometry *geometry);
+
+#endif
