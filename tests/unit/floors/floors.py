@@ -7,7 +7,7 @@
                             "caught: RULE" what has to be found in it, and nothing else may be
 Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
-    down        rooms of floor 2 include each other only downhill: scene < geometry, texture < light < trace
+    down        rooms of floor 2 include each other only downhill: scene < texture < geometry < light < trace
     apart       broker, worker and client meet only in the protocol; client and broker do not
                 include the renderer
     pass        a pass includes another pass
@@ -32,8 +32,8 @@ FLOORS = {
     "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
 }
 # Within floor 2 an include goes to a smaller number.
-HILL = {"renderer/scene": 0, "renderer/geometry": 1, "renderer/texture": 1, "renderer/light": 2,
-        "renderer/trace": 3}
+HILL = {"renderer/scene": 0, "renderer/texture": 1, "renderer/geometry": 2, "renderer/light": 3,
+        "renderer/trace": 4}
 # Floor 6: which rooms a room may include beside base and protocol; "" stands for itself.
 APART = {
     "server": {"server"},

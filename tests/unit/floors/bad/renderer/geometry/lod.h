@@ -1,1 +1,1 @@
-#include "renderer/texture/page.h" // caught: down
+#include "renderer/trace/bvh.h" // caught: down

@@ -1,1 +1,1 @@
-#include "renderer/trace/bvh.h" // caught: down
+#include "renderer/geometry/lod.h" // caught: down
