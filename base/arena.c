@@ -54,7 +54,8 @@ void *hg_arena_alloc(struct hg_arena *arena, size_t count, size_t size)
 
 char *hg_arena_strndup(struct hg_arena *arena, const char *text, size_t length)
 {
-    char *copy = hg_arena_alloc(arena, length + 1, 1);
+    size_t size;
+    char *copy = hg_add_size(length, 1, &size) ? hg_arena_alloc(arena, size, 1) : NULL;
     if (copy)
         memcpy(copy, text, length);
     return copy;

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -85,6 +86,22 @@ enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **da
     return HG_OK;
 }
 
+// Writes 12 random digits to `suffix`, the end of `path`, and creates the file. Not mkstemp, whose
+// mode 0600 could only be widened by reading the umask, which is not thread-safe.
+static int create_temp(char *suffix, const char *path)
+{
+    for (int tries = 0; tries < 100; tries++) {
+        uint64_t random;
+        if (getrandom(&random, sizeof random, 0) != (ssize_t)sizeof random)
+            return -1;
+        snprintf(suffix, 13, "%012llx", (unsigned long long)(random & 0xffffffffffff));
+        int fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (fd >= 0 || errno != EEXIST)
+            return fd;
+    }
+    return -1;
+}
+
 enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct hg_error *err)
 {
     *out = (struct hg_file_out){.fd = -1};
@@ -98,17 +115,14 @@ enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct h
         hg_file_abort(out);
         return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
     }
-    snprintf(out->temp_path, room, "%.*s.%s.XXXXXX", (int)(base - path), path, base);
-    out->fd = mkostemp(out->temp_path, O_CLOEXEC);
+    int stem = snprintf(out->temp_path, room, "%.*s.%s.", (int)(base - path), path, base);
+    out->fd = create_temp(out->temp_path + stem, out->temp_path);
     if (out->fd < 0) {
         enum hg_status status = fail_errno(err, path, "cannot create");
         out->temp_path[0] = 0;
         hg_file_abort(out);
         return status;
     }
-    mode_t mask = umask(0);
-    umask(mask);
-    fchmod(out->fd, 0666 & ~mask);
     return HG_OK;
 }
 
