@@ -5,6 +5,7 @@
 #ifndef HG_SHADERS_SHARED_FRAME_H
 #define HG_SHADERS_SHARED_FRAME_H
 
+#include "shared/light.h"
 #include "shared/types.h"
 
 #define HG_BACKGROUND_MODE_ENV   0
@@ -51,7 +52,8 @@ struct hg_gpu_frame {
     HG_UINT tonemap;          // HG_FRAME_TONEMAP_*
     HG_UINT flags;            // reserved, 0
     HG_VEC2 inv_size;         // 1 / width, 1 / height
+    HG_STRUCT(hg_gpu_lighting) lighting;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 464);
+HG_SHARED_SIZE(hg_gpu_frame, 600);
 
 #endif

@@ -1,0 +1,88 @@
+#include "renderer/light/dfg.h"
+
+#include "renderer/light/vec.h"
+
+static float smith_g2_over_g1(float n_dot_l, float n_dot_v, float a2)
+{
+    // Heitz 2014, eq. 99 over eq. 43 with eq. 72.
+    float sv = sqrtf(n_dot_v * n_dot_v * (1 - a2) + a2);
+    float sl = sqrtf(n_dot_l * n_dot_l * (1 - a2) + a2);
+    return n_dot_l * (n_dot_v + sv) / (n_dot_v * sl + n_dot_l * sv);
+}
+
+// One visible normal by spherical caps (Dupuy and Benyoub 2023): cosines of h to v and of l to n.
+static void visible_normal(const float v[3], const float stretched[3], float alpha,
+    const float circle[2], float z, float out[2])
+{
+    float r = sqrtf(hg_clampf(1 - z * z, 0, 1));
+    float h[3] = {r * circle[0] + stretched[0], r * circle[1], z + stretched[2]};
+    h[0] *= alpha;
+    h[1] *= alpha;
+    h[2] = fmaxf(h[2], 1e-9f);
+    float scale = 1 / sqrtf(hg_dot3(h, h));
+    out[0] = hg_dot3(v, h) * scale;
+    out[1] = 2 * out[0] * h[2] * scale - v[2];
+}
+
+// Adds the points of one height of the cap; the half circle stands for both halves.
+static void integrate_ring(
+    const float v[3], const float stretched[3], float alpha, float u, uint32_t n, double ab[2])
+{
+    float z = (1 - u) * (1 + stretched[2]) - stretched[2];
+    for (uint32_t i = 0; i < n; i++) {
+        float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n, c[2];
+        visible_normal(v, stretched, alpha, (float[2]){cosf(phi), sinf(phi)}, z, c);
+        if (c[1] <= 0)
+            continue;
+        float g = smith_g2_over_g1(c[1], v[2], alpha * alpha);
+        float m = hg_clampf(1 - c[0], 0, 1), m2 = m * m, f = m2 * m2 * m;
+        ab[0] += (double)(g * (1 - f));
+        ab[1] += (double)(g * f);
+    }
+}
+
+void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2])
+{
+    float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
+    float stretched[3] = {v[0] * alpha, 0, v[2]};
+    hg_normalize3(stretched);
+    double sum[2] = {0, 0};
+    for (uint32_t j = 0; j < n; j++) {
+        // Midpoints of t with u = t^2 (3 - 2 t): the ends, where the integrand bends, lie denser.
+        float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
+        double ring[2] = {0, 0};
+        integrate_ring(v, stretched, alpha, u, n, ring);
+        sum[0] += ring[0] * (double)(6 * t * (1 - t));
+        sum[1] += ring[1] * (double)(6 * t * (1 - t));
+    }
+    ab[0] = (float)(sum[0] / ((double)n * n));
+    ab[1] = (float)(sum[1] / ((double)n * n));
+}
+
+static void fill_row(void *user, size_t row)
+{
+    struct hg_vec2 *out = user;
+    float roughness = (float)row / (HG_DFG_SIZE - 1);
+    for (uint32_t i = 0; i < HG_DFG_SIZE; i++) {
+        float s = (float)i / (HG_DFG_SIZE - 1), ab[2];
+        hg_dfg_integrate(fmaxf(s * s, 1e-4f), roughness * roughness, 48, ab);
+        out[row * HG_DFG_SIZE + i] = (struct hg_vec2){ab[0], ab[1]};
+    }
+    // 2 integral of f(mu) mu over mu, over the linear pieces in s = sqrt(mu): 4 integral f s^3 ds.
+    double sum[2] = {0, 0};
+    const uint32_t fine = 64;
+    for (uint32_t k = 0; k < (HG_DFG_SIZE - 1) * fine; k++) {
+        double x = (k + 0.5) / fine, s = x / (HG_DFG_SIZE - 1);
+        uint32_t i = (uint32_t)x;
+        const struct hg_vec2 *p = out + row * HG_DFG_SIZE + i;
+        double f = x - i, w = 4 * s * s * s / ((HG_DFG_SIZE - 1.0) * fine);
+        sum[0] += w * ((double)p[0].x * (1 - f) + (double)p[1].x * f);
+        sum[1] += w * ((double)p[0].y * (1 - f) + (double)p[1].y * f);
+    }
+    out[HG_DFG_SIZE * HG_DFG_SIZE + row] = (struct hg_vec2){(float)sum[0], (float)sum[1]};
+}
+
+void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
+{
+    hg_jobs_for(jobs, HG_DFG_SIZE, fill_row, out);
+}

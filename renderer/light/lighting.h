@@ -1,0 +1,79 @@
+// lighting.h - everything that lights one view: punctual lights in clusters, shadow maps, and the
+// environment.
+// Floor 2 (light). Thread: the render thread; heavy work is spread over `jobs`.
+//
+// Positions are relative to the origin of the geometry room (geometry.h), which the caller passes.
+// What did not change is kept: the environment is prefiltered once per content (and kept on disk),
+// shadow maps are drawn again only when their light, their projection or the casters changed.
+#ifndef HG_RENDERER_LIGHT_LIGHTING_H
+#define HG_RENDERER_LIGHT_LIGHTING_H
+
+#include "base/jobs.h"
+#include "renderer/gpu/gpu.h"
+#include "renderer/scene/scene.h"
+#include "shaders/shared/frame.h"
+#include "shaders/shared/light.h"
+
+struct hg_lighting;
+
+struct hg_lighting_params {   // zero of each field = default
+    const char *cache_dir;    // prefiltered environments; NULL = none
+    uint32_t shadow_atlas_px; // side of the depth atlas, a power of two; default 4096
+};
+
+// The environment is a black 1x1 map and the atlas is empty until the first sync.
+// HG_E_NOMEM, HG_E_LIMIT, device errors. gpu and jobs are borrowed and must outlive it.
+enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
+    const struct hg_lighting_params *params, struct hg_lighting **out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_lighting_destroy(struct hg_lighting *lighting); // accepts NULL
+
+// What a view looks at.
+struct hg_lighting_view {
+    const struct hg_scene *scene;       // hg_scene_update was called
+    const struct hg_gpu_camera *camera; // relative to origin; jitter does not matter
+    uint32_t width, height;             // px
+    double origin[3];                   // hg_geometry_origin
+    uint64_t shape_revision;            // hg_geometry_shape_revision
+    bool has_bounds;                    // hg_geometry_bounds returned true
+    float bounds_min[3], bounds_max[3]; // relative to origin
+};
+
+// Brings lights, clusters, environment and the plan of shadow maps in line with the view. Call once
+// per step, after hg_geometry_sync and before hg_gpu_begin. Uploads are recorded in front of the
+// next batch. On error the state before stays. HG_E_NOMEM, HG_E_LIMIT, device errors.
+enum hg_status hg_lighting_sync(struct hg_lighting *lighting, const struct hg_lighting_view *view,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// The block of the frame. sample_index: of the accumulation, turns the shadow filter.
+void hg_lighting_fill(
+    const struct hg_lighting *lighting, uint32_t sample_index, struct hg_gpu_lighting *out);
+
+// Images for HG_BIND_ENV_SPECULAR, HG_BIND_ENV_RADIANCE and HG_BIND_SHADOW; never NULL.
+// HG_BIND_DFG and HG_BIND_SHADOW_CMP are not used.
+struct hg_gpu_image *hg_lighting_image_specular(struct hg_lighting *lighting);
+struct hg_gpu_image *hg_lighting_image_radiance(struct hg_lighting *lighting);
+struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *lighting);
+
+// One square of the atlas (passes/shadow.h draws them).
+struct hg_shadow_map {
+    struct hg_gpu_shadow gpu;
+    float view_proj[16]; // column-major, Vulkan clip space, reversed depth; near planes kept
+    bool stale;          // to be drawn in this step
+};
+// Maps of the newest plan, in the order of hg_gpu_lighting.shadows. Valid until the next sync.
+struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
+
+struct hg_lighting_stats {
+    uint32_t lights, shadowed_lights;
+    uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
+    uint32_t shadow_maps, shadow_maps_stale;
+    uint32_t clusters, cluster_entries; // 0 when all lights are looped over
+    bool cluster_overflow;              // too many entries: lights are looped over
+    uint64_t environment_ns;            // of the newest prefilter, 0 = from memory
+    bool environment_cached;            // it came from the disk
+    uint64_t device_bytes;
+};
+void hg_lighting_stats(const struct hg_lighting *lighting, struct hg_lighting_stats *out);
+
+#endif

@@ -1,0 +1,110 @@
+// environment.glsl - light from far away: background, diffuse and specular image-based lighting.
+//
+// Include lib/frame.glsl first. Everything is prefiltered by renderer/light/environment.c; rotation
+// and intensity are applied here. Directions are in world space, unit length.
+#ifndef HG_LIB_ENVIRONMENT_GLSL
+#define HG_LIB_ENVIRONMENT_GLSL
+
+#include "lib/brdf.glsl"
+
+layout(set = 0, binding = HG_BIND_ENV_SPECULAR) uniform samplerCube hg_env_specular;
+layout(set = 0, binding = HG_BIND_ENV_RADIANCE) uniform sampler2D hg_env_radiance;
+
+// World direction to the image's own frame: the inverse of the rotation about +y.
+vec3 hg_environment_rotate(vec3 d)
+{
+    float c = hg_frame.lighting.env_rotation_cos, s = hg_frame.lighting.env_rotation_sin;
+    return vec3(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
+}
+
+// Radiance of the image itself, for the background and for rays that miss.
+// u = atan2(z, x) / 2 pi + 0.5, v = 0.5 - asin(y) / pi.
+vec3 hg_environment_radiance(vec3 dir_ws)
+{
+    if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
+        return hg_frame.lighting.env_color;
+    vec3 d = hg_environment_rotate(dir_ws);
+    vec2 uv = vec2(atan(d.z, d.x) * (0.5 * HG_INV_PI) + 0.5,
+        0.5 - asin(clamp(d.y, -1.0, 1.0)) * HG_INV_PI);
+    return textureLod(hg_env_radiance, uv, 0.0).rgb * hg_frame.lighting.env_color;
+}
+
+// Irradiance on a plane with this normal, over pi: what a white Lambert surface sends back.
+// Octahedral map with a border of one texel, bilinear.
+vec3 hg_environment_irradiance(vec3 n)
+{
+    if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
+        return hg_frame.lighting.env_color;
+    const uint pitch = HG_IRRADIANCE_SIZE + 2;
+    vec2 p = hg_octahedral_encode(hg_environment_rotate(n)) * 0.5 + 0.5;
+    p = p * float(HG_IRRADIANCE_SIZE) + 0.5;
+    uvec2 i = uvec2(clamp(p, vec2(0.0), vec2(float(HG_IRRADIANCE_SIZE))));
+    vec2 f = p - vec2(i);
+    uint k = i.y * pitch + i.x;
+    vec3 low = mix(hg_frame.lighting.irradiance.v[k].rgb,
+        hg_frame.lighting.irradiance.v[k + 1u].rgb, f.x);
+    vec3 high = mix(hg_frame.lighting.irradiance.v[k + pitch].rgb,
+        hg_frame.lighting.irradiance.v[k + pitch + 1u].rgb, f.x);
+    return mix(low, high, f.y) * hg_frame.lighting.env_color;
+}
+
+// Level of the prefiltered cube that holds this perceptual roughness. Steps of alpha are about
+// equal in ratio, so that blends between levels stay close to the lobe in between.
+float hg_environment_lod(float roughness)
+{
+    return hg_frame.lighting.env_specular_lods * roughness * (1.7 - 0.7 * roughness);
+}
+
+// Mean radiance under the GGX lobe about a mirror direction (n = v = r).
+// Karis 2013, "Real Shading in Unreal Engine 4", eq. 9.
+vec3 hg_environment_prefiltered(vec3 r, float roughness)
+{
+    if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
+        return hg_frame.lighting.env_color;
+    vec3 d = hg_environment_rotate(r);
+    return textureLod(hg_env_specular, d, hg_environment_lod(roughness)).rgb *
+        hg_frame.lighting.env_color;
+}
+
+// Share of the specular lobe that ambient occlusion leaves, from the share of the cosine lobe.
+// Lagarde and de Rousiers 2014, "Moving Frostbite to PBR", listing 26.
+float hg_specular_occlusion(float n_dot_v, float occlusion, float alpha)
+{
+    return clamp(pow(n_dot_v + occlusion, exp2(-16.0 * alpha - 1.0)) - 1.0 + occlusion, 0.0, 1.0);
+}
+
+// Fades reflections that point below the true surface, which only a normal map can ask for.
+// McAuley 2013 (Far Cry 3), published by Romanov 2013, "Horizon Occlusion for Normal Mapped
+// Reflections", with a strength of 1.3.
+float hg_horizon_occlusion(vec3 r, vec3 n_geometric)
+{
+    float h = clamp(1.0 + 1.3 * dot(r, n_geometric), 0.0, 1.0);
+    return h * h;
+}
+
+// Light reflected to the eye from the whole environment; occlusion 0..1 is the material's.
+// Split sum (Karis 2013) with multiple scattering as in Fdez-Aguera 2019, "A Multiple-Scattering
+// Microfacet Model for Real-Time Image Based Lighting"; in a white furnace what leaves a white
+// surface is 1 for every roughness and metallic.
+vec3 hg_environment_brdf(hg_brdf b, vec3 n_geometric, float occlusion)
+{
+    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE)
+        return vec3(0.0);
+    vec3 r = 2.0 * dot(b.n, b.v) * b.n - b.v;
+    // Wide lobes lean from the mirror direction towards the normal (Lagarde and de Rousiers 2014,
+    // section 4.9.3); by alpha^2, as three.js and Filament do.
+    float r2 = b.roughness * b.roughness;
+    vec3 r_lobe = normalize(mix(r, b.n, r2 * r2));
+    float specular_occlusion = 1.0;
+    if (occlusion < 1.0)
+        specular_occlusion = hg_specular_occlusion(b.n_dot_v, occlusion, b.alpha);
+    specular_occlusion *= hg_horizon_occlusion(r, n_geometric);
+    vec3 irradiance = hg_environment_irradiance(b.n) * occlusion;
+    vec3 radiance = hg_environment_prefiltered(r_lobe, b.roughness) * specular_occlusion;
+    float miss = 1.0 - b.dfg_v.x - b.dfg_v.y;
+    vec3 single = b.f0 * b.dfg_v.x + b.dfg_v.y;
+    float e_dielectric = b.f0_dielectric * b.dfg_v.x + b.dfg_v.y + b.f_ms_dielectric * miss;
+    return single * radiance + (b.f_ms * miss + b.diffuse * (1.0 - e_dielectric)) * irradiance;
+}
+
+#endif

@@ -1,0 +1,186 @@
+// light.glsl - light that comes straight from punctual lights, through clusters and shadow maps.
+//
+// Include lib/frame.glsl first. Photometric input, radiometric use: 1 lux on white Lambert gives a
+// radiance of 1 / pi. Source of the light model: KHR_lights_punctual.
+#ifndef HG_LIB_LIGHT_GLSL
+#define HG_LIB_LIGHT_GLSL
+
+#include "lib/brdf.glsl"
+
+layout(set = 0, binding = HG_BIND_SHADOW) uniform sampler2D hg_shadow_atlas;
+
+// --- shadow maps ---------------------------------------------------------------------------------
+
+// Where a receiver lies in one map, and how its plane runs there.
+struct hg_shadow_receiver {
+    vec2 ndc;      // -1..1
+    float depth;   // reversed
+    float bias;    // of depth
+    vec2 gradient; // of depth along the receiver's plane, per texel
+};
+
+// Slopes steeper than this (about 87 degrees) are not followed: the light hardly reaches them.
+#define HG_SHADOW_MIN_COS 0.05
+
+// Plane through pos with this normal in the map's depth.
+//   orthographic: n . q = c            => d depth / d x = scale_z n.x / (n.z scale)
+//   perspective:  1 / z = (n.xy/s, n.z) . (ndc, 1) / c, depth = near / z => linear in ndc as well
+hg_shadow_receiver hg_shadow_project(hg_gpu_shadow s, vec3 pos_ws, vec3 n)
+{
+    hg_shadow_receiver r;
+    vec3 d = pos_ws - s.origin_ws;
+    vec3 q = vec3(dot(d, s.right_ws), dot(d, s.up_ws), dot(d, s.forward_ws));
+    vec3 m = vec3(dot(n, s.right_ws), dot(n, s.up_ws), dot(n, s.forward_ws));
+    float texel_ndc = 2.0 / s.size_px;
+    if (s.perspective == 0u) {
+        r.ndc = q.xy * s.scale;
+        r.depth = 1.0 - q.z * s.depth_scale;
+        r.bias = 0.5 * s.texel_size * s.depth_scale;
+        float mz = min(m.z, -HG_SHADOW_MIN_COS);
+        r.gradient = m.xy * (s.depth_scale / (s.scale * mz) * texel_ndc);
+        return r;
+    }
+    float z = max(q.z, 1e-6);
+    r.ndc = q.xy * (s.scale / z);
+    r.depth = s.depth_scale / z;
+    r.bias = 0.5 * s.texel_size * s.depth_scale / z; // of near / z for a step of texel_size * z
+    float c = min(dot(m, q), -HG_SHADOW_MIN_COS * length(q));
+    r.gradient = m.xy * (s.depth_scale / (s.scale * c) * texel_ndc);
+    return r;
+}
+
+// Share of light let through around a point of the atlas: 2x2 comparisons, bilinear weights. Each
+// texel is compared with the receiver's plane at that texel, where this lies nearer to the light
+// than the receiver, so that planes at any angle neither shadow themselves nor need a bias that
+// grows with the slope; where it lies deeper the receiver's own depth is used, so that the floor
+// before a wall does not shadow the wall's foot.
+// Source: Isidoro 2006, "Shadow Mapping: GPU-based Tips and Techniques" (receiver plane bias).
+float hg_shadow_tap(hg_gpu_shadow s, hg_shadow_receiver r, vec2 receiver_px, vec2 offset_px)
+{
+    vec2 t = receiver_px + offset_px - 0.5;
+    vec2 i = floor(t);
+    vec2 f = t - i;
+    vec4 stored = textureGather(hg_shadow_atlas, (i + 1.0) * hg_frame.lighting.shadow_inv_size);
+    // Gather order: (0,1) (1,1) (1,0) (0,0). Rows of the map run down, the gradient is y up.
+    vec2 c = i + 0.5 - receiver_px;
+    vec4 x = c.x + vec4(0.0, 1.0, 1.0, 0.0);
+    vec4 y = c.y + vec4(1.0, 1.0, 0.0, 0.0);
+    vec4 plane = x * r.gradient.x - y * r.gradient.y;
+    vec4 lit = step(stored, vec4(r.depth + r.bias) + max(plane, vec4(0.0)));
+    vec2 low = mix(lit.wx, lit.zy, f.x);
+    return mix(low.x, low.y, f.y);
+}
+
+float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
+{
+    vec2 px = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
+    float sum = 0.0;
+    uint taps = min(hg_frame.lighting.shadow_taps, uint(HG_SHADOW_MAX_TAPS));
+    for (uint i = 0u; i < taps; i++) {
+        vec2 o = hg_vogel_disk(i, taps, hg_frame.lighting.shadow_rotation);
+        sum += hg_shadow_tap(s, r, px, o * hg_frame.lighting.shadow_radius_px);
+    }
+    return sum / float(taps);
+}
+
+// Lit share of a point; n_geometric faces the eye. First map of the light that holds it: cascades
+// come finest first and hand over at a distance from their edge that changes with every sample, so
+// that the settled image blends them.
+float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
+{
+    uint first = light.shadow, last = light.shadow + light.shadow_count - 1u;
+    if (light.kind == HG_LIGHT_KIND_POINT) {
+        vec3 a = abs(l);
+        uint face = a.x >= a.y && a.x >= a.z ? (l.x > 0.0 ? 1u : 0u)
+            : a.y >= a.z                     ? (l.y > 0.0 ? 3u : 2u)
+                                             : (l.z > 0.0 ? 5u : 4u);
+        first += face; // l points to the light, the face looks the other way
+        last = first;
+    }
+    float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
+    float cos_l = dot(n_geometric, l);
+    for (uint i = first; i <= last; i++) {
+        hg_gpu_shadow s = hg_frame.lighting.shadows.v[i];
+        // Off the surface by part of a texel along the normal, for curvature and rounding.
+        float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
+        float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
+        vec3 p = pos_ws + n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine));
+        hg_shadow_receiver r = hg_shadow_project(s, p, n_geometric);
+        float edge = max(abs(r.ndc.x), abs(r.ndc.y));
+        if (edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0)
+            return hg_shadow_filter(s, r);
+    }
+    return 1.0;
+}
+
+// --- lights --------------------------------------------------------------------------------------
+
+// Illuminance at a point on a plane facing the light (lux per unit of its colour), and where it is.
+// Distance and cone after KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
+vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
+{
+    if (light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
+        l = -light.direction_ws;
+        return light.color;
+    }
+    vec3 d = light.position_ws - pos_ws;
+    float d2 = max(dot(d, d), 1e-8);
+    l = d * inversesqrt(d2);
+    float q = d2 * light.inv_range_sq;
+    float e = clamp(1.0 - q * q, 0.0, 1.0) / d2;
+    if (light.kind == HG_LIGHT_KIND_SPOT) {
+        float c = dot(-l, light.direction_ws);
+        float cone = clamp(c * light.spot_scale + light.spot_offset, 0.0, 1.0);
+        e *= cone * cone;
+    }
+    return light.color * e;
+}
+
+vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
+{
+    hg_gpu_light light = hg_frame.lighting.lights.v[index];
+    vec3 l;
+    vec3 e = hg_light_illuminance(light, pos_ws, l);
+    if (dot(b.n, l) <= 0.0 || max(e.r, max(e.g, e.b)) <= 0.0)
+        return vec3(0.0);
+    vec3 sum = e * hg_brdf_evaluate(b, l);
+    if (light.shadow != HG_SHADOW_NONE)
+        sum *= hg_shadow(light, pos_ws, n_geometric, l);
+    return sum;
+}
+
+// Cluster of a pixel (centre at +0.5) at a distance along the view direction.
+// Source: Olsson, Billeter and Assarsson 2012, "Clustered Deferred and Forward Shading"; slices
+// exponential in depth.
+uint hg_light_cluster(vec2 pixel, float view_depth)
+{
+    uvec3 n = uvec3(hg_frame.lighting.cluster_x, hg_frame.lighting.cluster_y,
+        hg_frame.lighting.cluster_z);
+    vec2 xy = pixel *
+        vec2(hg_frame.lighting.cluster_scale_x, hg_frame.lighting.cluster_scale_y);
+    float z = log2(max(view_depth, 1e-9)) * hg_frame.lighting.cluster_z_scale +
+        hg_frame.lighting.cluster_z_bias;
+    uvec3 c = min(uvec3(max(vec3(xy, z), vec3(0.0))), n - 1u);
+    return (c.z * n.y + c.y) * n.x + c.x;
+}
+
+// Light reflected to the eye from all punctual lights. pixel: centre of the shaded pixel in px;
+// view_depth: metres along the camera's forward.
+vec3 hg_light_brdf(hg_brdf b, vec3 pos_ws, vec3 n_geometric, vec2 pixel, float view_depth)
+{
+    vec3 sum = vec3(0.0);
+    uint everywhere = hg_frame.lighting.global_count;
+    if (hg_frame.lighting.clustered == 0u)
+        everywhere = hg_frame.lighting.light_count;
+    for (uint i = 0u; i < everywhere; i++)
+        sum += hg_light_one(b, i, pos_ws, n_geometric);
+    if (hg_frame.lighting.clustered == 0u)
+        return sum;
+    uint cluster = hg_light_cluster(pixel, view_depth);
+    uint end = hg_frame.lighting.clusters.v[cluster + 1u];
+    for (uint k = hg_frame.lighting.clusters.v[cluster]; k < end; k++)
+        sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
+    return sum;
+}
+
+#endif

@@ -1,0 +1,109 @@
+// light.h - lights, clusters, shadow maps and the environment as shaders see them.
+// Floor 0, shared by C and GLSL. Embedded by value in struct hg_gpu_frame; filled by
+// hg_lighting_fill (renderer/light/lighting.h). Metres, candela, lux, linear Rec.709 radiance.
+#ifndef HG_SHADERS_SHARED_LIGHT_H
+#define HG_SHADERS_SHARED_LIGHT_H
+
+#include "shared/types.h"
+
+#define HG_LIGHT_KIND_DIRECTIONAL 0
+#define HG_LIGHT_KIND_POINT       1
+#define HG_LIGHT_KIND_SPOT        2
+
+#define HG_SHADOW_NONE    0xffffffffu
+#define HG_SHADOW_MAX_TAPS 16
+#define HG_CASCADE_COUNT  4
+
+#define HG_ENV_KIND_NONE  0 // black
+#define HG_ENV_KIND_COLOR 1 // the same radiance from everywhere: no images are read
+#define HG_ENV_KIND_IMAGE 2
+
+#define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
+#define HG_IRRADIANCE_SIZE 64 // side of the octahedral irradiance map, without its border of one
+
+// One punctual light (KHR_lights_punctual).
+struct hg_gpu_light {
+    HG_VEC3 position_ws;
+    float inv_range_sq;   // 1 / range^2; 0 = infinite
+    HG_VEC3 direction_ws; // unit, the way the light travels (-z of its node)
+    HG_UINT kind;         // HG_LIGHT_KIND_*
+    HG_VEC3 color;        // rgb * intensity: lux (directional) or candela
+    HG_UINT shadow;       // first of its shadow maps, HG_SHADOW_NONE
+    float spot_scale;     // cone: saturate(cos * scale + offset)^2
+    float spot_offset;
+    HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point 6
+    HG_UINT id;           // index of the light in its scene, for statistics
+};
+HG_SHARED_SIZE(hg_gpu_light, 64);
+
+// One square projection in the shadow atlas. With q = (right, up, forward) . (p - origin):
+//   orthographic: xy = q.xy * scale, depth = 1 - q.z * depth_scale
+//   perspective:  xy = q.xy * scale / q.z, depth = depth_scale / q.z (depth_scale = near)
+// xy in -1..1 inside the map (y up); depth 1 is nearest to the light (reversed), as in the frame.
+struct hg_gpu_shadow {
+    HG_VEC3 origin_ws;
+    float scale;
+    HG_VEC3 right_ws;
+    float depth_scale;
+    HG_VEC3 up_ws;
+    float texel_size; // metres; perspective: metres at distance 1 m
+    HG_VEC3 forward_ws;
+    HG_UINT perspective; // 0 or 1
+    HG_VEC2 rect_px;     // corner of the map in the atlas
+    float size_px;       // side of the map
+    float extent;        // |xy| up to which the map may be read (1 less the filter's reach)
+};
+HG_SHARED_SIZE(hg_gpu_shadow, 80);
+
+#ifndef __STDC__
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer hg_lights_ref
+{
+    hg_gpu_light v[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer
+    hg_shadows_ref
+{
+    hg_gpu_shadow v[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer
+    hg_light_list_ref
+{
+    uint v[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer
+    hg_light_vec4_ref
+{
+    vec4 v[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer
+    hg_light_vec2_ref
+{
+    vec2 v[];
+};
+#endif
+
+struct hg_gpu_lighting {
+    HG_PTR(hg_lights_ref) lights;            // [light_count]; the first global_count reach all
+    HG_PTR(hg_shadows_ref) shadows;          // [shadow_count]
+    HG_PTR(hg_light_list_ref) clusters;      // [x * y * z + 1] first index of each cluster's list
+    HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
+    HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
+    HG_PTR(hg_light_vec2_ref) dfg;           // [size^2] (a, b), then [size] their averages
+    HG_UINT light_count, global_count;
+    HG_UINT clustered; // 0: all lights are looped over
+    HG_UINT cluster_x, cluster_y, cluster_z;
+    float cluster_scale_x, cluster_scale_y; // clusters per pixel
+    float cluster_z_scale, cluster_z_bias;  // slice = log2(view depth) * scale + bias
+    HG_UINT env_kind;        // HG_ENV_KIND_*
+    float env_specular_lods; // highest level of the prefiltered cube
+    HG_VEC3 env_color;       // COLOR: radiance, intensity included; IMAGE: intensity, thrice
+    float env_rotation_cos, env_rotation_sin; // of world about +y
+    float shadow_inv_size;   // 1 / side of the atlas in texels
+    float shadow_radius_px;  // of the filter disk
+    HG_UINT shadow_taps;     // 1..HG_SHADOW_MAX_TAPS
+    float shadow_rotation;   // radians, changes with every sample
+    float shadow_dither;     // 0..1, changes with every sample: where cascades change over
+};
+HG_SHARED_SIZE(hg_gpu_lighting, 136);
+
+#endif
