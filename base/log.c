@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/utf8.h"
 
 static const char *const level_names[] = {"debug", "info", "warn", "error"};
 static const char *const scope_names[] = {
@@ -92,23 +93,26 @@ void hg_log_write(enum hg_log_level level, enum hg_log_scope scope, enum hg_stat
         .scope = scope, .status = status, .session = session, .text = text});
 }
 
-// Escapes so that one record stays one line and terminals are safe.
-static size_t escape(char *dst, size_t size, const char *src)
+// Escapes so that one record stays one line and terminals are safe: quotes and backslashes,
+// control characters (C1 in UTF-8, too), bytes that are not UTF-8.
+static void escape(char *dst, size_t size, const char *src)
 {
-    size_t n = 0;
-    for (; *src && n + 5 < size; src++) {
+    size_t n = 0, step;
+    for (size_t left = strlen(src); left && n + 9 < size; left -= step, src += step) {
         unsigned char c = (unsigned char)*src;
-        if (c == '"' || c == '\\') {
-            dst[n++] = '\\';
-            dst[n++] = (char)c;
-        } else if (c < 0x20 || c == 0x7f) {
+        step = hg_utf8_sequence(src, left);
+        bool control = c < 0x20 || c == 0x7f || (c == 0xc2 && (unsigned char)src[1] < 0xa0);
+        if (step == 0 || control) {
+            step = 1;
             n += (size_t)snprintf(dst + n, size - n, "\\x%02x", c);
-        } else {
-            dst[n++] = (char)c;
+            continue;
         }
+        if (c == '"' || c == '\\')
+            dst[n++] = '\\';
+        memcpy(dst + n, src, step);
+        n += step;
     }
     dst[n] = 0;
-    return n;
 }
 
 void hg_log_sink_logfmt(void *user, const struct hg_log_record *r)

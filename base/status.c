@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/utf8.h"
+
 static const struct {
     enum hg_status status;
     const char *name, *text;
@@ -45,6 +47,9 @@ enum hg_status hg_error_set(struct hg_error *err, enum hg_status status, const c
     va_start(args, fmt);
     vsnprintf(out.reason, sizeof out.reason, fmt, args);
     va_end(args);
+    hg_utf8_clean(out.what);
+    hg_utf8_clean(out.where);
+    hg_utf8_clean(out.reason);
     *err = out;
     return status;
 }

@@ -34,7 +34,7 @@ const char *hg_status_text(enum hg_status status);
 
 // Fills *err (may be NULL) and returns `status`, so that callers can write
 //     return hg_error_set(err, HG_E_FORMAT, path, "/meshes/0", "count %u is too large", n);
-// `what` and `where` may be NULL (left empty).
+// `what` and `where` may be NULL (left empty). Malformed UTF-8 (foreign names) becomes '?'.
 enum hg_status hg_error_set(struct hg_error *err, enum hg_status status, const char *what,
     const char *where, const char *fmt, ...) HG_PRINTF(5, 6);
 

@@ -114,36 +114,6 @@ size_t hgp_kind_floats(enum hgp_kind kind)
     }
 }
 
-// Length of the well-formed sequence at `p`, 0 when there is none (RFC 3629, section 4).
-static size_t utf8_sequence(const unsigned char *p, size_t left)
-{
-    unsigned char c = p[0];
-    if (c < 0x80)
-        return c != 0;
-    size_t length = c >= 0xf0 ? 4 : c >= 0xe0 ? 3 : 2;
-    if (c < 0xc2 || c > 0xf4 || left < length)
-        return 0;
-    // The second byte carries the bounds against overlong forms, surrogates and > U+10FFFF.
-    unsigned char least = c == 0xe0 ? 0xa0 : c == 0xf0 ? 0x90 : 0x80;
-    unsigned char most = c == 0xed ? 0x9f : c == 0xf4 ? 0x8f : 0xbf;
-    if (p[1] < least || p[1] > most)
-        return 0;
-    for (size_t i = 2; i < length; i++)
-        if ((p[i] & 0xc0) != 0x80)
-            return 0;
-    return length;
-}
-
-bool hgp_utf8_is_valid(const char *text, size_t size)
-{
-    for (size_t i = 0, n; i < size; i += n) {
-        n = utf8_sequence((const unsigned char *)text + i, size - i);
-        if (n == 0)
-            return false;
-    }
-    return true;
-}
-
 // Appends to `dst`, cutting what does not fit.
 static size_t append(char *dst, size_t size, size_t used, const char *text)
 {

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/checked.h"
+#include "base/utf8.h"
 #include "protocol/layout.h"
 
 struct decoder {
@@ -88,7 +89,7 @@ static enum hg_status decode_view(
         return HG_OK;
     }
     *(struct hgp_str *)member = (struct hgp_str){(const char *)data, size};
-    if (hgp_utf8_is_valid((const char *)data, size))
+    if (hg_utf8_is_valid((const char *)data, size))
         return HG_OK;
     *reason = "not UTF-8 without NUL";
     return HG_E_FORMAT;

@@ -1,6 +1,7 @@
 // Struct to header and payload bytes, driven by the layouts.
 #include <string.h>
 
+#include "base/utf8.h"
 #include "protocol/layout.h"
 
 struct encoder {
@@ -75,7 +76,7 @@ static enum hg_status encode_view(struct encoder *e, const struct hgp_field *fie
     const char *reason = NULL;
     if (hgp_check_size(field, view.size, &reason))
         return refuse(e, place, field->name, reason);
-    if (field->kind == HGP_K_STR && !hgp_utf8_is_valid((const char *)view.data, view.size))
+    if (field->kind == HGP_K_STR && !hg_utf8_is_valid((const char *)view.data, view.size))
         return refuse(e, place, field->name, "not UTF-8 without NUL");
     hg_write_u32(e->w, view.size);
     hg_write_bytes(e->w, view.data, view.size);

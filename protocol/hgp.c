@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <string.h>
 
+#include "base/utf8.h"
 #include "protocol/layout.h"
 
 enum hg_status hgp_header_decode(
@@ -89,6 +90,16 @@ bool hgp_enum_value(const char *enum_name, const char *value_name, uint32_t *val
             return true;
         }
     return false;
+}
+
+struct hgp_str hgp_str_fit(const char *text, uint32_t max_bytes)
+{
+    if (!text)
+        return (struct hgp_str){0};
+    size_t left = strnlen(text, max_bytes), size = 0;
+    for (size_t n; (n = hg_utf8_sequence(text + size, left - size)); size += n)
+        ;
+    return (struct hgp_str){text, (uint32_t)size};
 }
 
 uint32_t hgp_layout_known_bits(const struct hgp_layout *layout, uint16_t version)

@@ -161,4 +161,8 @@ static inline struct hgp_str hgp_str_make(const char *text)
     return (struct hgp_str){text, (uint32_t)__builtin_strlen(text)};
 }
 
+// The longest start of foreign text (names, paths) that may be sent as a STR of at most max_bytes:
+// ends before a sequence that is cut or malformed. `text` may be NULL.
+struct hgp_str hgp_str_fit(const char *text, uint32_t max_bytes);
+
 #endif

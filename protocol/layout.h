@@ -118,8 +118,6 @@ enum hg_status hgp_check_value(
     const struct hgp_field *field, const void *member, const char **reason);
 // For the size of STR and BYTES and the count of LIST.
 enum hg_status hgp_check_size(const struct hgp_field *field, uint32_t size, const char **reason);
-// For the bytes of STR: UTF-8 without NUL, surrogates and overlong forms (RFC 3629).
-bool hgp_utf8_is_valid(const char *text, size_t size);
 
 // The bodies of hgp_decode and hgp_encode for one layout (tests call them with their own).
 enum hg_status hgp_layout_decode(const struct hgp_layout *layout, uint16_t version,

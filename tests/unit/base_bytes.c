@@ -1,4 +1,4 @@
-// bytes.h and sha256.h.
+// bytes.h, sha256.h and utf8.h.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -10,6 +10,7 @@
 #include "base/alloc.h"
 #include "base/bytes.h"
 #include "base/sha256.h"
+#include "base/utf8.h"
 
 static const uint8_t written[] = {0x01, 0x02, 0x01, 0x04, 0x03, 0x02, 0x01, 0x08, 0x07, 0x06, 0x05,
     0x04, 0x03, 0x02, 0x01, 0x00, 0x00, 0xc0, 0x3f, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x04, 0xc0,
@@ -187,6 +188,48 @@ static void test_sha256_vectors(void **state)
     free(million);
 }
 
+// ---- utf8.h ------------------------------------------------------------------------------------
+
+static void test_utf8(void **state)
+{
+    (void)state;
+    assert_true(hg_utf8_is_valid("", 0));
+    assert_true(hg_utf8_is_valid("a\x7f", 2));
+    assert_true(hg_utf8_is_valid("\xc2\x80\xdf\xbf", 4));
+    assert_true(hg_utf8_is_valid("\xe0\xa0\x80\xed\x9f\xbf\xee\x80\x80\xef\xbf\xbf", 12));
+    assert_true(hg_utf8_is_valid("\xf0\x90\x80\x80\xf4\x8f\xbf\xbf", 8));
+    static const char *const bad[] = {"\xc1\xbf", "\xe0\x9f\xbf", "\xed\xa0\x80",
+        "\xf0\x8f\xbf\xbf", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "\x80", "\xe2\x82",
+        "\xf0\x90\x80", "\xc2\xc0", "\xe2\x82\xc0", "\xf0\x90\x80\xc0"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        size_t size = strlen(bad[i]);
+        char *exact = malloc(size); // without its terminator
+        assert_non_null(exact);
+        memcpy(exact, bad[i], size);
+        assert_false(hg_utf8_is_valid(exact, size));
+        assert_int_equal(hg_utf8_sequence(exact, size), 0);
+        free(exact);
+    }
+    assert_false(hg_utf8_is_valid("a\0b", 3));
+    assert_int_equal(hg_utf8_sequence("a", 0), 0);
+}
+
+static void test_utf8_clean(void **state)
+{
+    (void)state;
+    static const char *const pairs[][2] = {{"", ""}, {"plain", "plain"}, {"\xc3\xa9", "\xc3\xa9"},
+        {"a\xff", "a?"}, {"\x80z", "?z"}, {"a\xc3", "a"}, {"a\xe2\x82", "a"},
+        {"a\xf0\x9f\x99", "a"}, {"\xe2\x82z", "??z"}, {"\xc0\x80", "??"}, {"\xed\xa0\x80", "???"},
+        {"\xe0\x80", "??"}};
+    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+        char text[16];
+        strcpy(text, pairs[i][0]);
+        hg_utf8_clean(text);
+        assert_string_equal(text, pairs[i][1]);
+        assert_true(hg_utf8_is_valid(text, strlen(text)));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -197,6 +240,8 @@ int main(void)
         cmocka_unit_test(test_writer_limit),
         cmocka_unit_test(test_writer_torture),
         cmocka_unit_test(test_sha256_vectors),
+        cmocka_unit_test(test_utf8),
+        cmocka_unit_test(test_utf8_clean),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

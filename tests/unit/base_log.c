@@ -133,6 +133,17 @@ static void test_escaping(void **state)
     assert_ptr_equal(strchr(line, '\n'), line + strlen(line) - 1);
 }
 
+static void test_escaping_of_foreign_bytes(void **state)
+{
+    (void)state;
+    char line[4096];
+    struct hg_log_record record = {.scope = HG_LOG_NET,
+        .text = "\xff \xc3 \xc2\x9b \xed\xa0\x80 \xc2\xa0 \xf0\x9f\x99\x82 \xe2\x82"};
+    write_line(&record, line, sizeof line);
+    assert_non_null(strstr(line, "msg=\"\\xff \\xc3 \\xc2\\x9b \\xed\\xa0\\x80 \xc2\xa0 "
+                                 "\xf0\x9f\x99\x82 \\xe2\\x82\"\n"));
+}
+
 // Text of any length stays one line with its end.
 static void test_long_text(void **state)
 {
@@ -176,6 +187,20 @@ static void test_status_names(void **state)
     assert_int_equal(HG_E_WORKER, 21);
 }
 
+// Details are UTF-8 whatever was put in, also where they were cut: they are sent to clients.
+static void test_errors_are_utf8(void **state)
+{
+    (void)state;
+    struct hg_error err;
+    char text[600];
+    memset(text, 'x', 254);
+    strcpy(text + 254, "\xc3\xa9\xc3\xa9"); // cut in the middle of the first
+    hg_error_set(&err, HG_E_FORMAT, text, "\xff/a", "%s", "\xc3 b \xe2\x82");
+    assert_int_equal(strlen(err.what), 254);
+    assert_string_equal(err.where, "?/a");
+    assert_string_equal(err.reason, "? b ");
+}
+
 static void test_errors(void **state)
 {
     (void)state;
@@ -207,9 +232,11 @@ int main(void)
         cmocka_unit_test_setup(test_configure, set_up),
         cmocka_unit_test_setup(test_logfmt, set_up),
         cmocka_unit_test_setup(test_escaping, set_up),
+        cmocka_unit_test_setup(test_escaping_of_foreign_bytes, set_up),
         cmocka_unit_test_setup(test_long_text, set_up),
         cmocka_unit_test(test_status_names),
         cmocka_unit_test(test_errors),
+        cmocka_unit_test(test_errors_are_utf8),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

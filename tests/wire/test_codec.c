@@ -504,20 +504,21 @@ static void test_tables(void **state)
     assert_int_equal(hgp_find(HGP_T_sessions_query)->role, HGP_role_ADMIN);
 }
 
-static void test_utf8(void **state)
+static void test_str_fit(void **state)
 {
     (void)state;
-    assert_true(hgp_utf8_is_valid("", 0));
-    assert_true(hgp_utf8_is_valid("a\x7f", 2));
-    assert_true(hgp_utf8_is_valid("\xc2\x80\xdf\xbf", 4));
-    assert_true(hgp_utf8_is_valid("\xe0\xa0\x80\xed\x9f\xbf\xee\x80\x80\xef\xbf\xbf", 12));
-    assert_true(hgp_utf8_is_valid("\xf0\x90\x80\x80\xf4\x8f\xbf\xbf", 8));
-    static const char *const bad[] = {"\xc1\xbf", "\xe0\x9f\xbf", "\xed\xa0\x80",
-        "\xf0\x8f\xbf\xbf", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "\x80", "\xe2\x82",
-        "\xf0\x90\x80", "\xc2\xc0", "\xe2\x82\xc0", "\xf0\x90\x80\xc0"};
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
-        assert_false(hgp_utf8_is_valid(bad[i], strlen(bad[i])));
-    assert_false(hgp_utf8_is_valid("a\0b", 3));
+    assert_int_equal(hgp_str_fit(NULL, 10).size, 0);
+    assert_int_equal(hgp_str_fit("", 10).size, 0);
+    assert_int_equal(hgp_str_fit("abc", 10).size, 3);
+    assert_int_equal(hgp_str_fit("abc", 2).size, 2);
+    assert_int_equal(hgp_str_fit("a\xc3\xa9z", 2).size, 1); // not half of the e acute
+    assert_int_equal(hgp_str_fit("a\xc3\xa9z", 3).size, 3);
+    assert_int_equal(hgp_str_fit("ab\xffz", 10).size, 2);
+    char *exact = malloc(3); // not terminated within the limit
+    assert_non_null(exact);
+    memcpy(exact, "abc", 3);
+    assert_int_equal(hgp_str_fit(exact, 3).size, 3);
+    free(exact);
 }
 
 static void test_fault_paths(void **state)
@@ -553,7 +554,7 @@ int main(void)
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_enum_names),
         cmocka_unit_test(test_tables),
-        cmocka_unit_test(test_utf8),
+        cmocka_unit_test(test_str_fit),
         cmocka_unit_test(test_fault_paths),
     };
     return cmocka_run_group_tests(tests, NULL, finish_arena);
