@@ -35,8 +35,8 @@ struct hg_gpu_params {
 
 struct hg_gpu_caps {
     char device_name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE], driver[160];
-    bool is_cpu;        // a software rasteriser: memory is shared, wide loads are cheap
-    bool mapped;        // device-local memory is host-visible: uploads are plain writes
+    bool is_cpu; // a software rasteriser: memory is shared, wide loads are cheap
+    bool mapped; // device-local memory is host-visible: uploads are plain writes
     bool depth_clamp, anisotropy, large_points, validation;
     uint32_t max_image_side_px, max_image_layers;
     uint64_t max_buffer_bytes, max_allocation_bytes, memory_bytes; // memory: device-local heap
@@ -108,7 +108,7 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
 
 enum hg_gpu_image_kind { HG_GPU_IMAGE_2D, HG_GPU_IMAGE_2D_ARRAY, HG_GPU_IMAGE_CUBE };
 
-enum hg_gpu_use { // what commands do with an image next
+enum hg_gpu_use {    // what commands do with an image next
     HG_GPU_USE_NONE, // contents undefined
     HG_GPU_USE_SAMPLED,
     HG_GPU_USE_COLOR,      // colour attachment
@@ -135,7 +135,8 @@ struct hg_gpu_image {
     enum hg_gpu_image_kind kind;
     enum hg_gpu_use use; // state after the commands recorded so far
     struct hg_gpu_memory memory;
-    VkImageView *layer_views; // attachments of arrays and cubes: 2D views, index mip * layers + layer
+    VkImageView
+        *layer_views; // attachments of arrays and cubes: 2D views, index mip * layers + layer
 };
 
 // HG_E_LIMIT (side, layers, bytes or format not supported), HG_E_NOMEM.
@@ -238,8 +239,8 @@ enum hg_gpu_blend {
 // Cached by content: fill it anew each time. Zero-initialise (padding counts); names are string
 // literals such as "visibility.vert" (file in shaders/passes/).
 struct hg_gpu_pipeline_params {
-    const char *compute;           // compute pipeline, or
-    const char *vertex, *fragment; // graphics; fragment NULL = depth only
+    const char *compute;            // compute pipeline, or
+    const char *vertex, *fragment;  // graphics; fragment NULL = depth only
     uint32_t spec[HG_GPU_MAX_SPEC]; // specialisation constants 0..spec_count-1 (bit patterns)
     uint32_t spec_count;
     VkFormat colors[HG_GPU_MAX_COLORS];

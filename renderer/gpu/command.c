@@ -1,0 +1,483 @@
+// command.c - batches, the timeline, barriers, rendering, stage timers.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "renderer/gpu/internal.h"
+
+static enum hg_status init_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot, struct hg_error *err)
+{
+    slot->gpu = gpu;
+    const VkCommandPoolCreateInfo pool = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
+        .flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
+        .queueFamilyIndex = gpu->queue_family};
+    enum hg_status status =
+        HG_VK(gpu, err, vkCreateCommandPool, gpu->device, &pool, NULL, &slot->pool);
+    if (status != HG_OK)
+        return status;
+    const VkCommandBufferAllocateInfo buffers = {
+        .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
+        .commandPool = slot->pool,
+        .commandBufferCount = 1};
+    status = HG_VK(gpu, err, vkAllocateCommandBuffers, gpu->device, &buffers, &slot->handle);
+    const VkQueryPoolCreateInfo queries = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
+        .queryType = VK_QUERY_TYPE_TIMESTAMP,
+        .queryCount = 2 * HG_GPU_MAX_STAGES};
+    if (status == HG_OK && gpu->caps.timestamp_period_ns > 0)
+        status = HG_VK(gpu, err, vkCreateQueryPool, gpu->device, &queries, NULL, &slot->queries);
+    return status;
+}
+
+static enum hg_status init_upload(struct hg_gpu *gpu, struct hg_error *err)
+{
+    const VkCommandPoolCreateInfo pool = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
+        .flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
+        .queueFamilyIndex = gpu->queue_family};
+    enum hg_status status =
+        HG_VK(gpu, err, vkCreateCommandPool, gpu->device, &pool, NULL, &gpu->upload_pool);
+    if (status != HG_OK)
+        return status;
+    const VkCommandBufferAllocateInfo buffers = {
+        .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
+        .commandPool = gpu->upload_pool,
+        .commandBufferCount = 1};
+    return HG_VK(gpu, err, vkAllocateCommandBuffers, gpu->device, &buffers, &gpu->upload);
+}
+
+enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err)
+{
+    const VkSemaphoreTypeCreateInfo type = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO,
+        .semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE};
+    const VkSemaphoreCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, .pNext = &type};
+    enum hg_status status =
+        HG_VK(gpu, err, vkCreateSemaphore, gpu->device, &info, NULL, &gpu->timeline);
+    for (uint32_t i = 0; i < HG_GPU_SLOTS && status == HG_OK; i++)
+        status = init_slot(gpu, &gpu->slots[i], err);
+    return status == HG_OK ? init_upload(gpu, err) : status;
+}
+
+static void finish_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
+{
+    for (uint32_t i = 0; i < slot->set_pool_count; i++)
+        vkDestroyDescriptorPool(gpu->device, slot->set_pools[i], NULL);
+    hg_free(slot->set_pools);
+    if (slot->queries != VK_NULL_HANDLE)
+        vkDestroyQueryPool(gpu->device, slot->queries, NULL);
+    if (slot->pool != VK_NULL_HANDLE)
+        vkDestroyCommandPool(gpu->device, slot->pool, NULL);
+    *slot = (struct hg_gpu_cmd){0};
+}
+
+void hg_gpu_commands_finish(struct hg_gpu *gpu)
+{
+    for (uint32_t i = 0; i < HG_GPU_SLOTS; i++)
+        finish_slot(gpu, &gpu->slots[i]);
+    for (uint32_t i = 0; i < gpu->retired_count; i++)
+        hg_gpu_free_retired(gpu, &gpu->retired[i]);
+    hg_free(gpu->retired);
+    gpu->retired = NULL;
+    gpu->retired_count = 0;
+    if (gpu->timeline != VK_NULL_HANDLE)
+        vkDestroySemaphore(gpu->device, gpu->timeline, NULL);
+    gpu->timeline = VK_NULL_HANDLE;
+}
+
+// --- lifetime ------------------------------------------------------------------------------------
+
+void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
+{
+    for (uint32_t i = 0; i < object->layer_view_count; i++)
+        vkDestroyImageView(gpu->device, object->layer_views[i], NULL);
+    hg_free(object->layer_views);
+    vkDestroyImageView(gpu->device, object->view, NULL);
+    vkDestroyImage(gpu->device, object->image, NULL);
+    vkDestroyBuffer(gpu->device, object->buffer, NULL);
+    struct hg_gpu_memory memory = object->memory;
+    hg_gpu_memory_give(gpu, &memory);
+}
+
+void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
+{
+    const bool idle = gpu->open == NULL && !gpu->upload_open && gpu->completed >= gpu->submitted;
+    if (!idle && hg_grow(&gpu->retired, &gpu->retired_capacity, gpu->retired_count + 1,
+                     sizeof *gpu->retired) == HG_OK) {
+        gpu->retired[gpu->retired_count] = *object;
+        gpu->retired[gpu->retired_count++].value = gpu->submitted + 1;
+        return;
+    }
+    if (!idle) // no memory to remember it: wait instead
+        vkQueueWaitIdle(gpu->queue);
+    hg_gpu_free_retired(gpu, object);
+}
+
+static void sweep(struct hg_gpu *gpu)
+{
+    uint32_t kept = 0;
+    const bool idle = gpu->open == NULL && !gpu->upload_open && gpu->completed >= gpu->submitted;
+    for (uint32_t i = 0; i < gpu->retired_count; i++) {
+        if (idle || gpu->retired[i].value <= gpu->completed)
+            hg_gpu_free_retired(gpu, &gpu->retired[i]);
+        else
+            gpu->retired[kept++] = gpu->retired[i];
+    }
+    gpu->retired_count = kept;
+}
+
+static void add_time(struct hg_gpu *gpu, const char *name, uint64_t ns)
+{
+    for (uint32_t i = 0; i < gpu->time_count; i++) {
+        if (strcmp(gpu->times[i].name, name) == 0) {
+            gpu->times[i].ns += ns;
+            return;
+        }
+    }
+    gpu->times[gpu->time_count++] = (struct hg_gpu_stage_time){name, ns};
+}
+
+static void read_times(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
+{
+    uint64_t ticks[2 * HG_GPU_MAX_STAGES];
+    gpu->time_count = 0;
+    if (slot->stage_count == 0 || slot->queries == VK_NULL_HANDLE)
+        return;
+    const uint32_t count = 2 * slot->stage_count;
+    if (vkGetQueryPoolResults(gpu->device, slot->queries, 0, count, count * sizeof ticks[0], ticks,
+            sizeof ticks[0], VK_QUERY_RESULT_64_BIT) != VK_SUCCESS)
+        return;
+    for (uint32_t i = 0; i < slot->stage_count; i++) {
+        const uint64_t span = ticks[2 * i + 1] - ticks[2 * i];
+        add_time(
+            gpu, slot->stages[i], (uint64_t)((double)span * (double)gpu->caps.timestamp_period_ns));
+    }
+    slot->stage_count = 0;
+}
+
+uint32_t hg_gpu_stage_times(
+    const struct hg_gpu *gpu, struct hg_gpu_stage_time out[HG_GPU_MAX_STAGES])
+{
+    memcpy(out, gpu->times, gpu->time_count * sizeof *out);
+    return gpu->time_count;
+}
+
+enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err)
+{
+    if (gpu->lost)
+        return hg_error_set(err, HG_E_DEVICE_LOST, "device", NULL, "the device was lost");
+    if (value > gpu->completed) {
+        const VkSemaphoreWaitInfo info = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO,
+            .semaphoreCount = 1,
+            .pSemaphores = &gpu->timeline,
+            .pValues = &value};
+        enum hg_status status =
+            HG_VK(gpu, err, vkWaitSemaphores, gpu->device, &info, HG_GPU_WAIT_NS);
+        if (status != HG_OK)
+            return status;
+        gpu->completed = value;
+        for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
+            if (gpu->slots[i].value == value)
+                read_times(gpu, &gpu->slots[i]);
+        }
+    }
+    sweep(gpu);
+    return HG_OK;
+}
+
+bool hg_gpu_is_lost(const struct hg_gpu *gpu)
+{
+    return gpu->lost;
+}
+
+// --- batches -------------------------------------------------------------------------------------
+
+VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd)
+{
+    return cmd->handle;
+}
+
+enum hg_status hg_gpu_begin(struct hg_gpu *gpu, struct hg_gpu_cmd **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_gpu_cmd *slot = &gpu->slots[gpu->next_slot];
+    if (gpu->open != NULL)
+        return hg_error_set(err, HG_E_STATE, "batch", NULL, "another batch is being recorded");
+    enum hg_status status = hg_gpu_wait(gpu, slot->value, err);
+    if (status == HG_OK)
+        status = HG_VK(gpu, err, vkResetCommandPool, gpu->device, slot->pool, 0);
+    for (uint32_t i = 0; i < slot->set_pool_count && status == HG_OK; i++)
+        status = HG_VK(gpu, err, vkResetDescriptorPool, gpu->device, slot->set_pools[i], 0);
+    const VkCommandBufferBeginInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
+        .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
+    if (status == HG_OK)
+        status = HG_VK(gpu, err, vkBeginCommandBuffer, slot->handle, &info);
+    if (status != HG_OK)
+        return status;
+    slot->sets_used = 0;
+    slot->stage_count = 0;
+    slot->stage_open = false;
+    if (slot->queries != VK_NULL_HANDLE)
+        vkCmdResetQueryPool(slot->handle, slot->queries, 0, 2 * HG_GPU_MAX_STAGES);
+    gpu->next_slot = (gpu->next_slot + 1) % HG_GPU_SLOTS;
+    gpu->open = slot;
+    *out = slot;
+    return HG_OK;
+}
+
+static void full_barrier(VkCommandBuffer cmd)
+{
+    const VkMemoryBarrier2 barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
+        .srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+        .srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT,
+        .dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT | VK_PIPELINE_STAGE_2_HOST_BIT,
+        .dstAccessMask =
+            VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT | VK_ACCESS_2_HOST_READ_BIT};
+    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
+        .memoryBarrierCount = 1,
+        .pMemoryBarriers = &barrier};
+    vkCmdPipelineBarrier2(cmd, &info);
+}
+
+void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd)
+{
+    full_barrier(cmd->handle);
+}
+
+static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles, uint32_t count,
+    uint64_t *value, struct hg_error *err)
+{
+    *value = 0;
+    VkCommandBufferSubmitInfo buffers[2];
+    for (uint32_t i = 0; i < count; i++) {
+        buffers[i] = (VkCommandBufferSubmitInfo){
+            .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO, .commandBuffer = handles[i]};
+    }
+    const VkSemaphoreSubmitInfo signal = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO,
+        .semaphore = gpu->timeline,
+        .value = gpu->submitted + 1,
+        .stageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT};
+    const VkSubmitInfo2 info = {.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2,
+        .commandBufferInfoCount = count,
+        .pCommandBufferInfos = buffers,
+        .signalSemaphoreInfoCount = 1,
+        .pSignalSemaphoreInfos = &signal};
+    enum hg_status status = HG_VK(gpu, err, vkQueueSubmit2, gpu->queue, 1, &info, VK_NULL_HANDLE);
+    if (status != HG_OK)
+        return status;
+    *value = ++gpu->submitted;
+    return HG_OK;
+}
+
+// Ends the upload command buffer so that all copies are visible to what follows.
+static enum hg_status close_uploads(struct hg_gpu *gpu, struct hg_error *err)
+{
+    full_barrier(gpu->upload);
+    gpu->upload_open = false;
+    return HG_VK(gpu, err, vkEndCommandBuffer, gpu->upload);
+}
+
+enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err)
+{
+    if (!gpu->upload_open)
+        return HG_OK;
+    enum hg_status status = close_uploads(gpu, err);
+    if (status == HG_OK)
+        status = submit(gpu, &gpu->upload, 1, &gpu->upload_value, err);
+    return status;
+}
+
+enum hg_status hg_gpu_submit(
+    struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_t *value, struct hg_error *err)
+{
+    *value = 0;
+    gpu->open = NULL;
+    full_barrier(cmd->handle);
+    enum hg_status status = HG_VK(gpu, err, vkEndCommandBuffer, cmd->handle);
+    VkCommandBuffer handles[2];
+    uint32_t count = 0;
+    const bool uploads = gpu->upload_open;
+    if (status == HG_OK && uploads) {
+        status = close_uploads(gpu, err);
+        handles[count++] = gpu->upload;
+    }
+    handles[count++] = cmd->handle;
+    if (status == HG_OK)
+        status = submit(gpu, handles, count, value, err);
+    if (status == HG_OK) {
+        cmd->value = *value;
+        if (uploads)
+            gpu->upload_value = *value;
+    }
+    return status;
+}
+
+void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
+{
+    if (gpu->open != cmd || cmd == NULL)
+        return;
+    gpu->open = NULL;
+    cmd->stage_count = 0;
+    if (vkEndCommandBuffer(cmd->handle) != VK_SUCCESS)
+        hg_debug(GPU, "a discarded batch could not be ended");
+}
+
+// --- barriers ------------------------------------------------------------------------------------
+
+static const struct {
+    VkPipelineStageFlags2 stages;
+    VkAccessFlags2 read, write;
+    VkImageLayout layout;
+} uses[] = {
+    [HG_GPU_USE_NONE] = {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0, 0, VK_IMAGE_LAYOUT_UNDEFINED},
+    [HG_GPU_USE_SAMPLED] = {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
+                                VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+                                VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+        VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, 0, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL},
+    [HG_GPU_USE_COLOR] = {VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
+        VK_ACCESS_2_COLOR_ATTACHMENT_READ_BIT, VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
+        VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL},
+    [HG_GPU_USE_DEPTH] = {VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT |
+                              VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT,
+        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
+        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+        VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL},
+    [HG_GPU_USE_COPY_READ] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_READ_BIT,
+        0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
+    [HG_GPU_USE_COPY_WRITE] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, 0,
+        VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
+};
+
+void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
+{
+    // Uploads of one batch write different texels, reads do not wait for reads.
+    const bool again = image->use == use;
+    if (again && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
+        return;
+    const VkImageMemoryBarrier2 barrier = {
+        .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2,
+        .srcStageMask = uses[image->use].stages,
+        .srcAccessMask = uses[image->use].write,
+        .dstStageMask = uses[use].stages,
+        .dstAccessMask = uses[use].read | uses[use].write,
+        .oldLayout = uses[image->use].layout,
+        .newLayout = uses[use].layout,
+        .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+        .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+        .image = image->handle,
+        .subresourceRange = {image->aspect, 0, VK_REMAINING_MIP_LEVELS, 0,
+            VK_REMAINING_ARRAY_LAYERS},
+    };
+    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
+        .imageMemoryBarrierCount = 1,
+        .pImageMemoryBarriers = &barrier};
+    vkCmdPipelineBarrier2(cmd, &info);
+    image->use = use;
+}
+
+void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
+{
+    hg_gpu_image_barrier(cmd->handle, image, use);
+}
+
+void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
+{
+    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_READ);
+    const VkBufferImageCopy copy = {
+        .bufferOffset = offset,
+        .imageSubresource = {image->aspect, region->mip, region->layer, 1},
+        .imageOffset = {(int32_t)region->x, (int32_t)region->y, 0},
+        .imageExtent = {region->width, region->height, 1},
+    };
+    vkCmdCopyImageToBuffer(
+        cmd->handle, image->handle, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to->handle, 1, &copy);
+}
+
+// --- rendering -----------------------------------------------------------------------------------
+
+static VkRenderingAttachmentInfo attachment(
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_target *target, enum hg_gpu_use use)
+{
+    struct hg_gpu_image *image = target->image;
+    hg_gpu_image_use(cmd, image, use);
+    VkImageView view = image->view;
+    if (image->layer_views != NULL)
+        view = image->layer_views[target->mip * image->layers + target->layer];
+    return (VkRenderingAttachmentInfo){
+        .sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
+        .imageView = view,
+        .imageLayout = uses[use].layout,
+        .loadOp = target->clear     ? VK_ATTACHMENT_LOAD_OP_CLEAR
+                  : target->discard ? VK_ATTACHMENT_LOAD_OP_DONT_CARE
+                                    : VK_ATTACHMENT_LOAD_OP_LOAD,
+        .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
+        .clearValue = target->value,
+    };
+}
+
+static void set_defaults(VkCommandBuffer cmd, const VkRect2D *area)
+{
+    const VkViewport viewport = {(float)area->offset.x, (float)area->offset.y,
+        (float)area->extent.width, (float)area->extent.height, 0.0f, 1.0f};
+    vkCmdSetViewport(cmd, 0, 1, &viewport);
+    vkCmdSetScissor(cmd, 0, 1, area);
+    vkCmdSetCullMode(cmd, VK_CULL_MODE_NONE);
+    vkCmdSetFrontFace(cmd, VK_FRONT_FACE_COUNTER_CLOCKWISE);
+    vkCmdSetDepthBias(cmd, 0.0f, 0.0f, 0.0f);
+}
+
+void hg_gpu_cmd_begin_rendering(struct hg_gpu_cmd *cmd, const struct hg_gpu_rendering *rendering)
+{
+    VkRenderingAttachmentInfo colors[HG_GPU_MAX_COLORS];
+    for (uint32_t i = 0; i < rendering->color_count; i++)
+        colors[i] = attachment(cmd, &rendering->colors[i], HG_GPU_USE_COLOR);
+    VkRenderingAttachmentInfo depth = {0};
+    const bool has_depth = rendering->depth.image != NULL;
+    if (has_depth)
+        depth = attachment(cmd, &rendering->depth, HG_GPU_USE_DEPTH);
+    const struct hg_gpu_target *first = has_depth ? &rendering->depth : &rendering->colors[0];
+    VkRect2D area = rendering->area;
+    if (area.extent.width == 0)
+        area.extent =
+            (VkExtent2D){first->image->width >> first->mip, first->image->height >> first->mip};
+    const VkRenderingInfo info = {
+        .sType = VK_STRUCTURE_TYPE_RENDERING_INFO,
+        .renderArea = area,
+        .layerCount = 1,
+        .colorAttachmentCount = rendering->color_count,
+        .pColorAttachments = colors,
+        .pDepthAttachment = has_depth ? &depth : NULL,
+    };
+    vkCmdBeginRendering(cmd->handle, &info);
+    set_defaults(cmd->handle, &area);
+}
+
+void hg_gpu_cmd_end_rendering(struct hg_gpu_cmd *cmd)
+{
+    vkCmdEndRendering(cmd->handle);
+}
+
+void hg_gpu_cmd_push(struct hg_gpu_cmd *cmd, const void *data, uint32_t size_bytes)
+{
+    vkCmdPushConstants(
+        cmd->handle, cmd->gpu->pipeline_layout, VK_SHADER_STAGE_ALL, 0, size_bytes, data);
+}
+
+void hg_gpu_cmd_begin_stage(struct hg_gpu_cmd *cmd, const char *name)
+{
+    if (cmd->queries == VK_NULL_HANDLE || cmd->stage_count == HG_GPU_MAX_STAGES)
+        return;
+    cmd->stages[cmd->stage_count] = name;
+    cmd->stage_open = true;
+    vkCmdWriteTimestamp2(
+        cmd->handle, VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, cmd->queries, 2 * cmd->stage_count);
+}
+
+void hg_gpu_cmd_end_stage(struct hg_gpu_cmd *cmd)
+{
+    if (!cmd->stage_open)
+        return;
+    vkCmdWriteTimestamp2(
+        cmd->handle, VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, cmd->queries, 2 * cmd->stage_count + 1);
+    cmd->stage_count++;
+    cmd->stage_open = false;
+}

@@ -1,0 +1,153 @@
+// internal.h - what the files of renderer/gpu/ share. Private to this room.
+#ifndef HG_RENDERER_GPU_INTERNAL_H
+#define HG_RENDERER_GPU_INTERNAL_H
+
+#include "renderer/gpu/gpu.h"
+
+#define HG_GPU_SLOTS         2               // batches that can be in flight
+#define HG_GPU_BLOCK_BYTES   (64ull << 20)   // one allocation from the driver
+#define HG_GPU_STAGING_BYTES (32ull << 20)   // staging memory for copies
+#define HG_GPU_WAIT_NS       120000000000ull // no progress for this long = device lost
+#define HG_GPU_SETS_PER_POOL 64
+
+enum hg_gpu_memory_kind { HG_GPU_MEMORY_DEVICE, HG_GPU_MEMORY_UPLOAD, HG_GPU_MEMORY_READBACK };
+
+struct hg_gpu_range {
+    uint64_t offset, size_bytes;
+};
+
+struct hg_gpu_block {
+    struct hg_gpu_block *next;
+    VkDeviceMemory memory;
+    uint64_t size_bytes;
+    uint32_t type;
+    void *mapped;                // NULL when the type is not host-visible
+    struct hg_gpu_range *ranges; // free, ordered by offset, never adjacent
+    size_t range_count, range_capacity;
+    bool dedicated; // to one resource larger than half a block
+};
+
+struct hg_gpu_retired {
+    uint64_t value;
+    VkBuffer buffer;
+    VkImage image;
+    VkImageView view, *layer_views;
+    uint32_t layer_view_count;
+    struct hg_gpu_memory memory;
+};
+
+struct hg_gpu_cmd {
+    struct hg_gpu *gpu;
+    VkCommandPool pool;
+    VkCommandBuffer handle;
+    uint64_t value; // of its last submission
+    VkDescriptorPool *set_pools;
+    size_t set_pool_capacity;
+    uint32_t set_pool_count, sets_used;
+    VkQueryPool queries;
+    const char *stages[HG_GPU_MAX_STAGES];
+    uint32_t stage_count;
+    bool stage_open;
+};
+
+struct hg_gpu_pipeline {
+    struct hg_gpu_pipeline_params params;
+    VkPipeline handle;
+};
+
+struct hg_gpu_module {
+    char name[64];
+    VkShaderModule handle;
+};
+
+struct hg_gpu {
+    struct hg_gpu_caps caps;
+    VkInstance instance;
+    VkDebugUtilsMessengerEXT messenger;
+    VkPhysicalDevice physical;
+    VkPhysicalDeviceMemoryProperties memory_types;
+    VkPhysicalDeviceProperties properties;
+    VkDevice device;
+    VkQueue queue;
+    uint32_t queue_family, driver_version, driver_id;
+    uint8_t pipeline_cache_uuid[VK_UUID_SIZE];
+    char *cache_dir, *shader_dir;
+    bool debug_names, force_staging, lost, own_disk_cache;
+    PFN_vkSetDebugUtilsObjectNameEXT set_name;
+    uint32_t messages; // atomic
+
+    struct hg_gpu_block *blocks;
+    struct hg_gpu_memory_stats stats;
+
+    VkSemaphore timeline;
+    uint64_t submitted, completed;
+    struct hg_gpu_cmd slots[HG_GPU_SLOTS];
+    uint32_t next_slot;
+    struct hg_gpu_cmd *open;
+    struct hg_gpu_retired *retired;
+    size_t retired_capacity;
+    uint32_t retired_count;
+    struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
+    uint32_t time_count;
+
+    VkCommandPool upload_pool;
+    VkCommandBuffer upload; // recording when upload_open
+    bool upload_open;
+    uint64_t upload_value; // timeline value of its last submission
+    struct hg_gpu_buffer staging;
+    uint64_t staging_used;
+
+    VkDescriptorSetLayout set_layout;
+    VkPipelineLayout pipeline_layout;
+    VkSampler samplers[HG_BIND_IMAGE_COUNT];
+    struct hg_gpu_image dummies[HG_BIND_IMAGE_COUNT];
+    struct hg_gpu_buffer dummy_frame;
+    VkPipelineCache pipeline_cache;
+    size_t pipeline_cache_bytes; // when last saved
+    struct hg_gpu_pipeline *pipelines;
+    size_t pipeline_capacity;
+    uint32_t pipeline_count;
+    struct hg_gpu_module *modules;
+    size_t module_capacity;
+    uint32_t module_count;
+};
+
+// True when the test hook wants this call to fail; *result is then what to return.
+bool hg_gpu_call_fails(VkResult *result);
+VkResult hg_gpu_injected(void);
+
+// hg_gpu_check of one Vulkan call that the test hook can make fail.
+#define HG_VK(gpu, err, fn, ...)                                                                   \
+    hg_gpu_check(                                                                                  \
+        gpu, hg_gpu_call_fails(&(VkResult){0}) ? hg_gpu_injected() : fn(__VA_ARGS__), #fn, err)
+
+void hg_gpu_name(struct hg_gpu *gpu, VkObjectType type, uint64_t handle, const char *name);
+
+// memory.c
+enum hg_status hg_gpu_memory_take(struct hg_gpu *gpu, enum hg_gpu_memory_kind kind,
+    const VkMemoryRequirements *need, struct hg_gpu_memory *out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_memory_give(struct hg_gpu *gpu, struct hg_gpu_memory *memory);
+void hg_gpu_memory_finish(struct hg_gpu *gpu);
+
+// command.c
+enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_commands_finish(struct hg_gpu *gpu);
+void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
+void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
+enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum hg_gpu_use use);
+
+// upload.c
+void hg_gpu_upload_finish(struct hg_gpu *gpu);
+
+// pipeline.c
+enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_pipelines_finish(struct hg_gpu *gpu);
+
+// compile.c: GLSL of a pass below `root` to SPIR-V words (freed with hg_free).
+// HG_E_NOTFOUND, HG_E_FORMAT (err->what = file, err->where = "line N"), HG_E_NOMEM.
+enum hg_status hg_gpu_compile(const char *root, const char *name, uint32_t **words,
+    size_t *size_bytes, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,570 @@
+// pipeline.c - the descriptor set, samplers, shader modules, pipelines and their cache on disk.
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "renderer/gpu/embed.h"
+#include "renderer/gpu/internal.h"
+
+// --- samplers and the set ------------------------------------------------------------------------
+
+static const struct {
+    bool linear, mips, repeat_u, compare;
+    enum hg_gpu_image_kind kind;
+    VkFormat dummy;
+} bindings[HG_BIND_IMAGE_COUNT] = {
+    [HG_BIND_PAGES_SRGB] = {true, false, false, false, HG_GPU_IMAGE_2D_ARRAY,
+        VK_FORMAT_R8G8B8A8_SRGB},
+    [HG_BIND_PAGES_LINEAR] = {true, false, false, false, HG_GPU_IMAGE_2D_ARRAY,
+        VK_FORMAT_R8G8B8A8_UNORM},
+    [HG_BIND_PAGES_FLOAT] = {true, false, false, false, HG_GPU_IMAGE_2D_ARRAY,
+        VK_FORMAT_R16G16B16A16_SFLOAT},
+    [HG_BIND_ENV_SPECULAR] = {true, true, false, false, HG_GPU_IMAGE_CUBE,
+        VK_FORMAT_R16G16B16A16_SFLOAT},
+    [HG_BIND_ENV_RADIANCE] = {true, true, true, false, HG_GPU_IMAGE_2D,
+        VK_FORMAT_R16G16B16A16_SFLOAT},
+    [HG_BIND_DFG] = {true, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_R16G16B16A16_SFLOAT},
+    [HG_BIND_SHADOW] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
+    [HG_BIND_SHADOW_CMP] = {true, false, false, true, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
+    [HG_BIND_VISIBILITY] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_R32G32_UINT},
+    [HG_BIND_DEPTH] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
+    [HG_BIND_COLOR_A] = {false, false, false, false, HG_GPU_IMAGE_2D,
+        VK_FORMAT_R32G32B32A32_SFLOAT},
+    [HG_BIND_COLOR_B] = {false, false, false, false, HG_GPU_IMAGE_2D,
+        VK_FORMAT_R32G32B32A32_SFLOAT},
+};
+
+static enum hg_status create_sampler(struct hg_gpu *gpu, uint32_t i, struct hg_error *err)
+{
+    const VkFilter filter = bindings[i].linear ? VK_FILTER_LINEAR : VK_FILTER_NEAREST;
+    const VkSamplerCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_SAMPLER_CREATE_INFO,
+        .magFilter = filter,
+        .minFilter = filter,
+        .mipmapMode =
+            bindings[i].mips ? VK_SAMPLER_MIPMAP_MODE_LINEAR : VK_SAMPLER_MIPMAP_MODE_NEAREST,
+        .addressModeU = bindings[i].repeat_u ? VK_SAMPLER_ADDRESS_MODE_REPEAT
+                                             : VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+        .addressModeV = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+        .addressModeW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+        .compareEnable = bindings[i].compare,
+        .compareOp = VK_COMPARE_OP_LESS_OR_EQUAL,
+        .maxLod = bindings[i].mips ? VK_LOD_CLAMP_NONE : 0.0f,
+    };
+    return HG_VK(gpu, err, vkCreateSampler, gpu->device, &info, NULL, &gpu->samplers[i]);
+}
+
+// The dummies are left undefined in content: nothing may depend on an unbound image.
+static enum hg_status create_dummy(struct hg_gpu *gpu, uint32_t i, struct hg_error *err)
+{
+    const struct hg_gpu_image_params params = {
+        .kind = bindings[i].kind,
+        .format = bindings[i].dummy,
+        .width = 1,
+        .height = 1,
+        .name = "dummy",
+    };
+    return hg_gpu_image_create(gpu, &params, &gpu->dummies[i], err);
+}
+
+static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err)
+{
+    VkDescriptorSetLayoutBinding slots[HG_BIND_COUNT] = {0};
+    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
+        slots[i] = (VkDescriptorSetLayoutBinding){i, VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 1,
+            VK_SHADER_STAGE_ALL, &gpu->samplers[i]};
+    }
+    slots[HG_BIND_FRAME] = (VkDescriptorSetLayoutBinding){
+        HG_BIND_FRAME, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1, VK_SHADER_STAGE_ALL, NULL};
+    const VkDescriptorSetLayoutCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
+        .bindingCount = HG_BIND_COUNT,
+        .pBindings = slots};
+    return HG_VK(gpu, err, vkCreateDescriptorSetLayout, gpu->device, &info, NULL, &gpu->set_layout);
+}
+
+static enum hg_status create_pipeline_layout(struct hg_gpu *gpu, struct hg_error *err)
+{
+    const VkPushConstantRange push = {VK_SHADER_STAGE_ALL, 0, 128};
+    const VkPipelineLayoutCreateInfo info = {.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
+        .setLayoutCount = 1,
+        .pSetLayouts = &gpu->set_layout,
+        .pushConstantRangeCount = 1,
+        .pPushConstantRanges = &push};
+    return HG_VK(gpu, err, vkCreatePipelineLayout, gpu->device, &info, NULL, &gpu->pipeline_layout);
+}
+
+static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct hg_gpu *gpu = cmd->gpu;
+    if (hg_grow(&cmd->set_pools, &cmd->set_pool_capacity, cmd->set_pool_count + 1,
+            sizeof *cmd->set_pools) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "descriptor pool", NULL, "out of host memory");
+    const VkDescriptorPoolSize sizes[] = {
+        {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, HG_BIND_IMAGE_COUNT * HG_GPU_SETS_PER_POOL},
+        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_GPU_SETS_PER_POOL}};
+    const VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
+        .maxSets = HG_GPU_SETS_PER_POOL,
+        .poolSizeCount = 2,
+        .pPoolSizes = sizes};
+    enum hg_status status = HG_VK(gpu, err, vkCreateDescriptorPool, gpu->device, &info, NULL,
+        &cmd->set_pools[cmd->set_pool_count]);
+    if (status == HG_OK)
+        cmd->set_pool_count++;
+    return status;
+}
+
+static enum hg_status take_set(struct hg_gpu_cmd *cmd, VkDescriptorSet *out, struct hg_error *err)
+{
+    struct hg_gpu *gpu = cmd->gpu;
+    *out = VK_NULL_HANDLE;
+    const uint32_t pool = cmd->sets_used / HG_GPU_SETS_PER_POOL;
+    enum hg_status status = pool < cmd->set_pool_count ? HG_OK : add_set_pool(cmd, err);
+    if (status != HG_OK)
+        return status;
+    const VkDescriptorSetAllocateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
+        .descriptorPool = cmd->set_pools[pool],
+        .descriptorSetCount = 1,
+        .pSetLayouts = &gpu->set_layout};
+    status = HG_VK(gpu, err, vkAllocateDescriptorSets, gpu->device, &info, out);
+    if (status == HG_OK)
+        cmd->sets_used++;
+    return status;
+}
+
+enum hg_status hg_gpu_cmd_bind(
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *set, struct hg_error *err)
+{
+    struct hg_gpu *gpu = cmd->gpu;
+    VkDescriptorSet handle;
+    enum hg_status status = take_set(cmd, &handle, err);
+    if (status != HG_OK)
+        return status;
+    VkDescriptorImageInfo images[HG_BIND_IMAGE_COUNT];
+    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
+        struct hg_gpu_image *image = set->images[i] != NULL ? set->images[i] : &gpu->dummies[i];
+        hg_gpu_image_use(cmd, image, HG_GPU_USE_SAMPLED);
+        images[i] = (VkDescriptorImageInfo){
+            VK_NULL_HANDLE, image->view, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL};
+    }
+    const struct hg_gpu_buffer *frame = set->frame != NULL ? set->frame : &gpu->dummy_frame;
+    const uint64_t offset = set->frame != NULL ? set->frame_offset : 0;
+    const uint64_t rest = frame->size_bytes - offset;
+    const uint64_t most = gpu->properties.limits.maxUniformBufferRange;
+    const VkDescriptorBufferInfo uniform = {frame->handle, offset, rest < most ? rest : most};
+    const VkWriteDescriptorSet writes[2] = {
+        {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+            .dstSet = handle,
+            .descriptorCount = HG_BIND_IMAGE_COUNT,
+            .descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+            .pImageInfo = images},
+        {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+            .dstSet = handle,
+            .dstBinding = HG_BIND_FRAME,
+            .descriptorCount = 1,
+            .descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
+            .pBufferInfo = &uniform},
+    };
+    // Bindings with immutable samplers differ, so one write cannot run over all of them.
+    VkWriteDescriptorSet all[HG_BIND_COUNT];
+    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
+        all[i] = writes[0];
+        all[i].dstBinding = i;
+        all[i].descriptorCount = 1;
+        all[i].pImageInfo = &images[i];
+    }
+    all[HG_BIND_FRAME] = writes[1];
+    vkUpdateDescriptorSets(gpu->device, HG_BIND_COUNT, all, 0, NULL);
+    vkCmdBindDescriptorSets(
+        cmd->handle, VK_PIPELINE_BIND_POINT_GRAPHICS, gpu->pipeline_layout, 0, 1, &handle, 0, NULL);
+    vkCmdBindDescriptorSets(
+        cmd->handle, VK_PIPELINE_BIND_POINT_COMPUTE, gpu->pipeline_layout, 0, 1, &handle, 0, NULL);
+    return HG_OK;
+}
+
+// --- the cache on disk ---------------------------------------------------------------------------
+
+// Drivers trust the blob's length but should not: header, device and a hash are checked here.
+struct cache_header {
+    char magic[8];
+    uint64_t size_bytes, hash;
+    uint32_t vendor, device, driver, reserved;
+    uint8_t uuid[VK_UUID_SIZE];
+};
+
+static uint64_t fnv1a(const uint8_t *data, size_t size)
+{
+    uint64_t hash = 14695981039346656037ull;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ data[i]) * 1099511628211ull;
+    return hash;
+}
+
+static struct cache_header cache_header(const struct hg_gpu *gpu, const void *data, size_t size)
+{
+    struct cache_header header = {.magic = "HGPIPE1",
+        .size_bytes = size,
+        .hash = fnv1a(data, size),
+        .vendor = gpu->properties.vendorID,
+        .device = gpu->properties.deviceID,
+        .driver = gpu->properties.driverVersion};
+    memcpy(header.uuid, gpu->properties.pipelineCacheUUID, VK_UUID_SIZE);
+    return header;
+}
+
+static bool cache_path(const struct hg_gpu *gpu, char *path, size_t size)
+{
+    if (gpu->cache_dir == NULL || gpu->own_disk_cache)
+        return false;
+    return snprintf(path, size, "%s/shaders/pipelines.bin", gpu->cache_dir) < (int)size;
+}
+
+static enum hg_status create_cache(struct hg_gpu *gpu, struct hg_error *err)
+{
+    char path[4096];
+    uint8_t *data = NULL;
+    size_t size = 0;
+    VkPipelineCacheCreateInfo info = {.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
+    if (cache_path(gpu, path, sizeof path) &&
+        hg_file_read(path, 256u << 20, &data, &size, NULL) == HG_OK &&
+        size > sizeof(struct cache_header)) {
+        const uint8_t *blob = data + sizeof(struct cache_header);
+        const size_t blob_size = size - sizeof(struct cache_header);
+        const struct cache_header want = cache_header(gpu, blob, blob_size);
+        if (memcmp(&want, data, sizeof want) == 0) {
+            info.initialDataSize = blob_size;
+            info.pInitialData = blob;
+        } else {
+            hg_info(GPU, "pipeline cache of another device or driver ignored");
+        }
+    }
+    gpu->pipeline_cache_bytes = info.initialDataSize;
+    enum hg_status status =
+        HG_VK(gpu, err, vkCreatePipelineCache, gpu->device, &info, NULL, &gpu->pipeline_cache);
+    hg_free(data);
+    return status;
+}
+
+enum hg_status hg_gpu_save_pipeline_cache(struct hg_gpu *gpu, struct hg_error *err)
+{
+    char path[4096];
+    size_t size = 0;
+    if (!cache_path(gpu, path, sizeof path))
+        return HG_OK;
+    enum hg_status status =
+        HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipeline_cache, &size, NULL);
+    if (status != HG_OK || size <= gpu->pipeline_cache_bytes)
+        return status;
+    uint8_t *data = hg_calloc(1, sizeof(struct cache_header) + size);
+    if (data == NULL)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "out of host memory");
+    uint8_t *blob = data + sizeof(struct cache_header);
+    status = HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipeline_cache, &size, blob);
+    if (status == HG_OK) {
+        const struct cache_header header = cache_header(gpu, blob, size);
+        memcpy(data, &header, sizeof header);
+        status = hg_file_write_atomic(path, data, sizeof header + size, err);
+    }
+    if (status == HG_OK)
+        gpu->pipeline_cache_bytes = size;
+    hg_free(data);
+    return status;
+}
+
+// --- modules and pipelines -----------------------------------------------------------------------
+
+static enum hg_status create_module(struct hg_gpu *gpu, const char *name, const uint32_t *words,
+    size_t size_bytes, struct hg_error *err)
+{
+    if (hg_grow(&gpu->modules, &gpu->module_capacity, gpu->module_count + 1,
+            sizeof *gpu->modules) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, name, NULL, "out of host memory");
+    struct hg_gpu_module *module = &gpu->modules[gpu->module_count];
+    *module = (struct hg_gpu_module){0};
+    snprintf(module->name, sizeof module->name, "%s", name);
+    const VkShaderModuleCreateInfo info = {.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
+        .codeSize = size_bytes,
+        .pCode = words};
+    enum hg_status status =
+        HG_VK(gpu, err, vkCreateShaderModule, gpu->device, &info, NULL, &module->handle);
+    if (status == HG_OK) {
+        gpu->module_count++;
+        hg_gpu_name(gpu, VK_OBJECT_TYPE_SHADER_MODULE, (uint64_t)module->handle, name);
+    }
+    return status;
+}
+
+static enum hg_status load_module(struct hg_gpu *gpu, const char *name, struct hg_error *err)
+{
+    if (gpu->shader_dir != NULL) {
+        uint32_t *words;
+        size_t size;
+        enum hg_status status = hg_gpu_compile(gpu->shader_dir, name, &words, &size, err);
+        if (status == HG_OK)
+            status = create_module(gpu, name, words, size, err);
+        hg_free(words);
+        return status;
+    }
+    const struct hg_shader_binary *binary = hg_shader_find(name);
+    if (binary == NULL)
+        return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such shader");
+    return create_module(gpu, name, binary->words, binary->size_bytes, err);
+}
+
+static enum hg_status find_module(
+    struct hg_gpu *gpu, const char *name, VkShaderModule *out, struct hg_error *err)
+{
+    *out = VK_NULL_HANDLE;
+    for (uint32_t i = 0; i < gpu->module_count; i++) {
+        if (strcmp(gpu->modules[i].name, name) == 0) {
+            *out = gpu->modules[i].handle;
+            return HG_OK;
+        }
+    }
+    enum hg_status status = load_module(gpu, name, err);
+    if (status == HG_OK)
+        *out = gpu->modules[gpu->module_count - 1].handle;
+    return status;
+}
+
+struct stages { // scratch of one pipeline creation
+    VkSpecializationMapEntry entries[HG_GPU_MAX_SPEC];
+    VkSpecializationInfo spec;
+    VkPipelineShaderStageCreateInfo list[2];
+    uint32_t count;
+};
+
+static enum hg_status add_stage(struct hg_gpu *gpu, struct stages *stages, const char *name,
+    VkShaderStageFlagBits stage, struct hg_error *err)
+{
+    VkShaderModule module;
+    enum hg_status status = find_module(gpu, name, &module, err);
+    stages->list[stages->count++] = (VkPipelineShaderStageCreateInfo){
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+        .stage = stage,
+        .module = module,
+        .pName = "main",
+        .pSpecializationInfo = stages->spec.mapEntryCount > 0 ? &stages->spec : NULL};
+    return status;
+}
+
+static void fill_spec(struct stages *stages, const struct hg_gpu_pipeline_params *params)
+{
+    for (uint32_t i = 0; i < params->spec_count; i++)
+        stages->entries[i] = (VkSpecializationMapEntry){i, i * 4, 4};
+    stages->spec = (VkSpecializationInfo){
+        params->spec_count, stages->entries, params->spec_count * 4, params->spec};
+}
+
+static VkPipelineColorBlendAttachmentState blend_state(enum hg_gpu_blend blend)
+{
+    VkPipelineColorBlendAttachmentState state = {
+        .blendEnable = blend != HG_GPU_BLEND_NONE,
+        .srcColorBlendFactor = VK_BLEND_FACTOR_ONE,
+        .dstColorBlendFactor = VK_BLEND_FACTOR_ONE,
+        .colorBlendOp = VK_BLEND_OP_ADD,
+        .alphaBlendOp = VK_BLEND_OP_ADD,
+        .colorWriteMask = 0xf,
+    };
+    if (blend == HG_GPU_BLEND_PREMULTIPLIED)
+        state.dstColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
+    if (blend == HG_GPU_BLEND_UNDER)
+        state.srcColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_DST_ALPHA;
+    state.srcAlphaBlendFactor = state.srcColorBlendFactor;
+    state.dstAlphaBlendFactor = state.dstColorBlendFactor;
+    return state;
+}
+
+static enum hg_status create_graphics(struct hg_gpu *gpu, const struct stages *stages,
+    const struct hg_gpu_pipeline_params *p, VkPipeline *out, struct hg_error *err)
+{
+    const VkPipelineVertexInputStateCreateInfo input = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
+    const VkPipelineInputAssemblyStateCreateInfo assembly = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO,
+        .topology = p->topology};
+    const VkPipelineViewportStateCreateInfo viewport = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO,
+        .viewportCount = 1,
+        .scissorCount = 1};
+    const VkPipelineRasterizationStateCreateInfo raster = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO,
+        .depthClampEnable = p->depth_clamp && gpu->caps.depth_clamp,
+        .depthBiasEnable = p->depth_bias,
+        .polygonMode = VK_POLYGON_MODE_FILL,
+        .lineWidth = 1.0f};
+    const VkPipelineMultisampleStateCreateInfo samples = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO,
+        .rasterizationSamples = VK_SAMPLE_COUNT_1_BIT};
+    const VkPipelineDepthStencilStateCreateInfo depth = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO,
+        .depthTestEnable = p->depth_compare != VK_COMPARE_OP_NEVER,
+        .depthWriteEnable = p->depth_write,
+        .depthCompareOp = p->depth_compare};
+    VkPipelineColorBlendAttachmentState blends[HG_GPU_MAX_COLORS];
+    for (uint32_t i = 0; i < p->color_count; i++)
+        blends[i] = blend_state(i == 0 ? p->blend : HG_GPU_BLEND_NONE);
+    const VkPipelineColorBlendStateCreateInfo blend = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO,
+        .attachmentCount = p->color_count,
+        .pAttachments = blends};
+    static const VkDynamicState dynamics[] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR,
+        VK_DYNAMIC_STATE_CULL_MODE, VK_DYNAMIC_STATE_FRONT_FACE, VK_DYNAMIC_STATE_DEPTH_BIAS};
+    const VkPipelineDynamicStateCreateInfo dynamic = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO,
+        .dynamicStateCount = sizeof dynamics / sizeof dynamics[0],
+        .pDynamicStates = dynamics};
+    const VkPipelineRenderingCreateInfo rendering = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO,
+        .colorAttachmentCount = p->color_count,
+        .pColorAttachmentFormats = p->colors,
+        .depthAttachmentFormat = p->depth};
+    const VkGraphicsPipelineCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO,
+        .pNext = &rendering,
+        .stageCount = stages->count,
+        .pStages = stages->list,
+        .pVertexInputState = &input,
+        .pInputAssemblyState = &assembly,
+        .pViewportState = &viewport,
+        .pRasterizationState = &raster,
+        .pMultisampleState = &samples,
+        .pDepthStencilState = &depth,
+        .pColorBlendState = &blend,
+        .pDynamicState = &dynamic,
+        .layout = gpu->pipeline_layout};
+    return HG_VK(
+        gpu, err, vkCreateGraphicsPipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
+}
+
+static enum hg_status create_pipeline(struct hg_gpu *gpu,
+    const struct hg_gpu_pipeline_params *params, VkPipeline *out, struct hg_error *err)
+{
+    struct stages stages = {0};
+    fill_spec(&stages, params);
+    enum hg_status status;
+    if (params->compute != NULL) {
+        status = add_stage(gpu, &stages, params->compute, VK_SHADER_STAGE_COMPUTE_BIT, err);
+        if (status != HG_OK)
+            return status;
+        const VkComputePipelineCreateInfo info = {
+            .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
+            .stage = stages.list[0],
+            .layout = gpu->pipeline_layout};
+        return HG_VK(gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipeline_cache, 1, &info,
+            NULL, out);
+    }
+    status = add_stage(gpu, &stages, params->vertex, VK_SHADER_STAGE_VERTEX_BIT, err);
+    if (status == HG_OK && params->fragment != NULL)
+        status = add_stage(gpu, &stages, params->fragment, VK_SHADER_STAGE_FRAGMENT_BIT, err);
+    return status == HG_OK ? create_graphics(gpu, &stages, params, out, err) : status;
+}
+
+static bool same_name(const char *a, const char *b)
+{
+    return a == b || (a != NULL && b != NULL && strcmp(a, b) == 0);
+}
+
+static bool same_params(
+    const struct hg_gpu_pipeline_params *a, const struct hg_gpu_pipeline_params *b)
+{
+    return same_name(a->compute, b->compute) && same_name(a->vertex, b->vertex) &&
+           same_name(a->fragment, b->fragment) && a->spec_count == b->spec_count &&
+           memcmp(a->spec, b->spec, sizeof a->spec) == 0 && a->color_count == b->color_count &&
+           memcmp(a->colors, b->colors, sizeof a->colors) == 0 && a->depth == b->depth &&
+           a->depth_compare == b->depth_compare && a->depth_write == b->depth_write &&
+           a->depth_bias == b->depth_bias && a->depth_clamp == b->depth_clamp &&
+           a->topology == b->topology && a->blend == b->blend;
+}
+
+enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params,
+    VkPipeline *out, struct hg_error *err)
+{
+    *out = VK_NULL_HANDLE;
+    for (uint32_t i = 0; i < gpu->pipeline_count; i++) {
+        if (same_params(&gpu->pipelines[i].params, params)) {
+            *out = gpu->pipelines[i].handle;
+            return HG_OK;
+        }
+    }
+    if (hg_grow(&gpu->pipelines, &gpu->pipeline_capacity, gpu->pipeline_count + 1,
+            sizeof *gpu->pipelines) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "pipeline", NULL, "out of host memory");
+    enum hg_status status = create_pipeline(gpu, params, out, err);
+    if (status != HG_OK) {
+        *out = VK_NULL_HANDLE;
+        return status;
+    }
+    gpu->pipelines[gpu->pipeline_count++] = (struct hg_gpu_pipeline){*params, *out};
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_PIPELINE, (uint64_t)*out,
+        params->compute != NULL    ? params->compute
+        : params->fragment != NULL ? params->fragment
+                                   : params->vertex);
+    return HG_OK;
+}
+
+enum hg_status hg_gpu_cmd_pipeline(
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_pipeline_params *params, struct hg_error *err)
+{
+    VkPipeline pipeline;
+    enum hg_status status = hg_gpu_pipeline_get(cmd->gpu, params, &pipeline, err);
+    if (status == HG_OK) {
+        vkCmdBindPipeline(cmd->handle,
+            params->compute != NULL ? VK_PIPELINE_BIND_POINT_COMPUTE
+                                    : VK_PIPELINE_BIND_POINT_GRAPHICS,
+            pipeline);
+    }
+    return status;
+}
+
+VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu)
+{
+    return gpu->pipeline_layout;
+}
+
+uint32_t hg_gpu_pipeline_count(const struct hg_gpu *gpu)
+{
+    return gpu->pipeline_count;
+}
+
+// --- all of it -----------------------------------------------------------------------------------
+
+enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT && status == HG_OK; i++) {
+        status = create_sampler(gpu, i, err);
+        if (status == HG_OK)
+            status = create_dummy(gpu, i, err);
+    }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_create(
+            gpu, HG_GPU_BUFFER_UPLOAD, 65536, "no frame", &gpu->dummy_frame, err);
+    }
+    if (status == HG_OK)
+        status = create_set_layout(gpu, err);
+    if (status == HG_OK)
+        status = create_pipeline_layout(gpu, err);
+    return status == HG_OK ? create_cache(gpu, err) : status;
+}
+
+void hg_gpu_pipelines_finish(struct hg_gpu *gpu)
+{
+    for (uint32_t i = 0; i < gpu->pipeline_count; i++)
+        vkDestroyPipeline(gpu->device, gpu->pipelines[i].handle, NULL);
+    for (uint32_t i = 0; i < gpu->module_count; i++)
+        vkDestroyShaderModule(gpu->device, gpu->modules[i].handle, NULL);
+    hg_free(gpu->pipelines);
+    hg_free(gpu->modules);
+    vkDestroyPipelineCache(gpu->device, gpu->pipeline_cache, NULL);
+    vkDestroyPipelineLayout(gpu->device, gpu->pipeline_layout, NULL);
+    vkDestroyDescriptorSetLayout(gpu->device, gpu->set_layout, NULL);
+    hg_gpu_buffer_destroy(gpu, &gpu->dummy_frame);
+    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
+        hg_gpu_image_destroy(gpu, &gpu->dummies[i]);
+        vkDestroySampler(gpu->device, gpu->samplers[i], NULL);
+    }
+}

@@ -1,0 +1,224 @@
+// resource.c - buffers and images.
+#include "base/alloc.h"
+#include "renderer/gpu/internal.h"
+
+static void retire_buffer(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
+{
+    const struct hg_gpu_retired object = {.buffer = buffer->handle, .memory = buffer->memory};
+    hg_gpu_retire(gpu, &object);
+}
+
+static enum hg_status bind_buffer(struct hg_gpu *gpu, enum hg_gpu_buffer_kind kind,
+    struct hg_gpu_buffer *out, struct hg_error *err)
+{
+    VkMemoryRequirements need;
+    vkGetBufferMemoryRequirements(gpu->device, out->handle, &need);
+    enum hg_status status =
+        hg_gpu_memory_take(gpu, (enum hg_gpu_memory_kind)kind, &need, &out->memory, err);
+    if (status != HG_OK)
+        return status;
+    struct hg_gpu_block *block = out->memory.block;
+    status = HG_VK(
+        gpu, err, vkBindBufferMemory, gpu->device, out->handle, block->memory, out->memory.offset);
+    if (status != HG_OK)
+        return status;
+    const VkBufferDeviceAddressInfo info = {
+        .sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, .buffer = out->handle};
+    out->address = vkGetBufferDeviceAddress(gpu->device, &info);
+    const bool hidden = kind == HG_GPU_BUFFER_DEVICE && !gpu->caps.mapped;
+    if (block->mapped != NULL && !hidden)
+        out->mapped = (uint8_t *)block->mapped + out->memory.offset;
+    return HG_OK;
+}
+
+enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind kind,
+    uint64_t size_bytes, const char *name, struct hg_gpu_buffer *out, struct hg_error *err)
+{
+    *out = (struct hg_gpu_buffer){0};
+    size_bytes = size_bytes == 0 ? 4 : size_bytes;
+    if (size_bytes > gpu->caps.max_buffer_bytes) {
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%llu bytes, the device allows %llu",
+            (unsigned long long)size_bytes, (unsigned long long)gpu->caps.max_buffer_bytes);
+    }
+    const VkBufferCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
+        .size = size_bytes,
+        .usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT |
+                 VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
+                 VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+    };
+    enum hg_status status = HG_VK(gpu, err, vkCreateBuffer, gpu->device, &info, NULL, &out->handle);
+    if (status != HG_OK)
+        return status;
+    out->size_bytes = size_bytes;
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_BUFFER, (uint64_t)out->handle, name);
+    status = bind_buffer(gpu, kind, out, err);
+    if (status != HG_OK) {
+        retire_buffer(gpu, out);
+        *out = (struct hg_gpu_buffer){0};
+    }
+    return status;
+}
+
+void hg_gpu_buffer_destroy(struct hg_gpu *gpu, struct hg_gpu_buffer *buffer)
+{
+    if (buffer->handle != VK_NULL_HANDLE)
+        retire_buffer(gpu, buffer);
+    *buffer = (struct hg_gpu_buffer){0};
+}
+
+enum hg_status hg_gpu_buffer_reserve(struct hg_gpu *gpu, enum hg_gpu_buffer_kind kind,
+    uint64_t size_bytes, const char *name, struct hg_gpu_buffer *buffer, struct hg_error *err)
+{
+    if (buffer->handle != VK_NULL_HANDLE && buffer->size_bytes >= size_bytes)
+        return HG_OK;
+    uint64_t grown = buffer->size_bytes + buffer->size_bytes / 2;
+    if (grown < size_bytes || grown > gpu->caps.max_buffer_bytes)
+        grown = size_bytes;
+    hg_gpu_buffer_destroy(gpu, buffer);
+    return hg_gpu_buffer_create(gpu, kind, grown, name, buffer, err);
+}
+
+// --- images --------------------------------------------------------------------------------------
+
+static VkImageAspectFlags aspect_of(VkFormat format)
+{
+    if (format == VK_FORMAT_D32_SFLOAT || format == VK_FORMAT_D16_UNORM)
+        return VK_IMAGE_ASPECT_DEPTH_BIT;
+    return VK_IMAGE_ASPECT_COLOR_BIT;
+}
+
+static VkImageUsageFlags usage_of(const struct hg_gpu_image_params *params)
+{
+    VkImageUsageFlags usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT |
+                              VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+    if (params->attachment) {
+        usage |= aspect_of(params->format) == VK_IMAGE_ASPECT_DEPTH_BIT
+                     ? VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT
+                     : VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+    }
+    return usage;
+}
+
+static enum hg_status check_limits(
+    struct hg_gpu *gpu, const VkImageCreateInfo *info, const char *name, struct hg_error *err)
+{
+    VkImageFormatProperties props;
+    const VkResult result = vkGetPhysicalDeviceImageFormatProperties(gpu->physical, info->format,
+        info->imageType, info->tiling, info->usage, info->flags, &props);
+    if (result != VK_SUCCESS)
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "format %d not supported", info->format);
+    if (info->extent.width > props.maxExtent.width ||
+        info->extent.height > props.maxExtent.height || info->arrayLayers > props.maxArrayLayers) {
+        return hg_error_set(err, HG_E_LIMIT, name, NULL,
+            "%ux%u px with %u layers, the device allows %ux%u with %u", info->extent.width,
+            info->extent.height, info->arrayLayers, props.maxExtent.width, props.maxExtent.height,
+            props.maxArrayLayers);
+    }
+    return HG_OK;
+}
+
+static enum hg_status create_view(struct hg_gpu *gpu, const struct hg_gpu_image *image,
+    VkImageViewType type, const VkImageSubresourceRange *range, VkImageView *out,
+    struct hg_error *err)
+{
+    const VkImageViewCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO,
+        .image = image->handle,
+        .viewType = type,
+        .format = image->format,
+        .subresourceRange = *range,
+    };
+    return HG_VK(gpu, err, vkCreateImageView, gpu->device, &info, NULL, out);
+}
+
+static enum hg_status create_views(
+    struct hg_gpu *gpu, struct hg_gpu_image *image, bool attachment, struct hg_error *err)
+{
+    static const VkImageViewType types[] = {[HG_GPU_IMAGE_2D] = VK_IMAGE_VIEW_TYPE_2D,
+        [HG_GPU_IMAGE_2D_ARRAY] = VK_IMAGE_VIEW_TYPE_2D_ARRAY,
+        [HG_GPU_IMAGE_CUBE] = VK_IMAGE_VIEW_TYPE_CUBE};
+    VkImageSubresourceRange range = {image->aspect, 0, image->mips, 0, image->layers};
+    enum hg_status status = create_view(gpu, image, types[image->kind], &range, &image->view, err);
+    const uint32_t count = image->mips * image->layers;
+    if (status != HG_OK || !attachment || count == 1)
+        return status;
+    image->layer_views = hg_calloc(count, sizeof *image->layer_views);
+    if (image->layer_views == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "image", NULL, "out of host memory");
+    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
+        range =
+            (VkImageSubresourceRange){image->aspect, i / image->layers, 1, i % image->layers, 1};
+        status =
+            create_view(gpu, image, VK_IMAGE_VIEW_TYPE_2D, &range, &image->layer_views[i], err);
+    }
+    return status;
+}
+
+static enum hg_status bind_image(
+    struct hg_gpu *gpu, struct hg_gpu_image *image, struct hg_error *err)
+{
+    VkMemoryRequirements need;
+    vkGetImageMemoryRequirements(gpu->device, image->handle, &need);
+    enum hg_status status =
+        hg_gpu_memory_take(gpu, HG_GPU_MEMORY_DEVICE, &need, &image->memory, err);
+    if (status != HG_OK)
+        return status;
+    return HG_VK(gpu, err, vkBindImageMemory, gpu->device, image->handle,
+        image->memory.block->memory, image->memory.offset);
+}
+
+enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image_params *params,
+    struct hg_gpu_image *out, struct hg_error *err)
+{
+    const bool cube = params->kind == HG_GPU_IMAGE_CUBE;
+    *out = (struct hg_gpu_image){.format = params->format,
+        .aspect = aspect_of(params->format),
+        .width = params->width,
+        .height = params->height,
+        .layers = params->layers != 0 ? params->layers : (cube ? 6 : 1),
+        .mips = params->mips != 0 ? params->mips : 1,
+        .kind = params->kind};
+    const VkImageCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO,
+        .flags = cube ? VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT : 0,
+        .imageType = VK_IMAGE_TYPE_2D,
+        .format = params->format,
+        .extent = {params->width, params->height, 1},
+        .mipLevels = out->mips,
+        .arrayLayers = out->layers,
+        .samples = VK_SAMPLE_COUNT_1_BIT,
+        .tiling = VK_IMAGE_TILING_OPTIMAL,
+        .usage = usage_of(params),
+    };
+    enum hg_status status = check_limits(gpu, &info, params->name, err);
+    if (status == HG_OK)
+        status = HG_VK(gpu, err, vkCreateImage, gpu->device, &info, NULL, &out->handle);
+    if (status == HG_OK)
+        status = bind_image(gpu, out, err);
+    if (status == HG_OK)
+        status = create_views(gpu, out, params->attachment, err);
+    if (status != HG_OK) {
+        hg_gpu_image_destroy(gpu, out);
+        return status;
+    }
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_IMAGE, (uint64_t)out->handle, params->name);
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_IMAGE_VIEW, (uint64_t)out->view, params->name);
+    return HG_OK;
+}
+
+void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image)
+{
+    if (image->handle != VK_NULL_HANDLE) {
+        const struct hg_gpu_retired object = {
+            .image = image->handle,
+            .view = image->view,
+            .layer_views = image->layer_views,
+            .layer_view_count = image->layer_views != NULL ? image->mips * image->layers : 0,
+            .memory = image->memory,
+        };
+        hg_gpu_retire(gpu, &object);
+    }
+    *image = (struct hg_gpu_image){0};
+}

@@ -1,0 +1,161 @@
+// upload.c - copies through staging memory, recorded in front of the next batch.
+#include <string.h>
+
+#include "base/checked.h"
+#include "renderer/gpu/internal.h"
+
+void hg_gpu_upload_finish(struct hg_gpu *gpu)
+{
+    hg_gpu_buffer_destroy(gpu, &gpu->staging);
+    if (gpu->upload_pool != VK_NULL_HANDLE)
+        vkDestroyCommandPool(gpu->device, gpu->upload_pool, NULL);
+    gpu->upload_pool = VK_NULL_HANDLE;
+}
+
+// Opens the upload command buffer; its previous submission must be over.
+static enum hg_status open_upload(struct hg_gpu *gpu, struct hg_error *err)
+{
+    if (gpu->upload_open)
+        return HG_OK;
+    enum hg_status status = hg_gpu_wait(gpu, gpu->upload_value, err);
+    if (status == HG_OK && gpu->staging.handle == VK_NULL_HANDLE) {
+        status = hg_gpu_buffer_create(
+            gpu, HG_GPU_BUFFER_UPLOAD, HG_GPU_STAGING_BYTES, "staging", &gpu->staging, err);
+    }
+    if (status == HG_OK)
+        status = HG_VK(gpu, err, vkResetCommandPool, gpu->device, gpu->upload_pool, 0);
+    const VkCommandBufferBeginInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
+        .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
+    if (status == HG_OK)
+        status = HG_VK(gpu, err, vkBeginCommandBuffer, gpu->upload, &info);
+    gpu->staging_used = 0;
+    gpu->upload_open = status == HG_OK;
+    return status;
+}
+
+// Staging room for at least `least` and at most `most` bytes; flushes when it is full.
+static enum hg_status take_staging(struct hg_gpu *gpu, uint64_t least, uint64_t most,
+    uint64_t *offset, uint64_t *size, struct hg_error *err)
+{
+    *offset = *size = 0;
+    if (least > HG_GPU_STAGING_BYTES)
+        return hg_error_set(err, HG_E_LIMIT, "upload", NULL, "one row is larger than staging");
+    enum hg_status status = open_upload(gpu, err);
+    if (status == HG_OK && gpu->staging_used + least > HG_GPU_STAGING_BYTES) {
+        status = hg_gpu_submit_uploads(gpu, err);
+        if (status == HG_OK)
+            status = open_upload(gpu, err);
+    }
+    if (status != HG_OK)
+        return status;
+    const uint64_t room = HG_GPU_STAGING_BYTES - gpu->staging_used;
+    *offset = gpu->staging_used;
+    *size = most < room ? most : room;
+    gpu->staging_used = (gpu->staging_used + *size + 255) & ~255ull;
+    if (gpu->staging_used > HG_GPU_STAGING_BYTES)
+        gpu->staging_used = HG_GPU_STAGING_BYTES;
+    return HG_OK;
+}
+
+enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer,
+    uint64_t offset, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    if (!hg_range_ok(offset, size_bytes, buffer->size_bytes))
+        return hg_error_set(err, HG_E_INVAL, "upload", NULL, "outside the buffer");
+    if (buffer->mapped != NULL) {
+        memcpy((uint8_t *)buffer->mapped + offset, data, size_bytes);
+        return HG_OK;
+    }
+    const uint8_t *bytes = data;
+    while (size_bytes > 0) {
+        uint64_t from, size;
+        enum hg_status status = take_staging(gpu, 1, size_bytes, &from, &size, err);
+        if (status != HG_OK)
+            return status;
+        memcpy((uint8_t *)gpu->staging.mapped + from, bytes, size);
+        const VkBufferCopy copy = {from, offset, size};
+        vkCmdCopyBuffer(gpu->upload, gpu->staging.handle, buffer->handle, 1, &copy);
+        bytes += size;
+        offset += size;
+        size_bytes -= size;
+    }
+    return HG_OK;
+}
+
+static uint32_t texel_bytes(VkFormat format)
+{
+    switch (format) {
+    case VK_FORMAT_R8_UNORM:
+        return 1;
+    case VK_FORMAT_R8G8_UNORM:
+    case VK_FORMAT_R16_SFLOAT:
+    case VK_FORMAT_R16_UNORM:
+    case VK_FORMAT_D16_UNORM:
+        return 2;
+    case VK_FORMAT_R16G16B16A16_SFLOAT:
+    case VK_FORMAT_R16G16B16A16_UNORM:
+    case VK_FORMAT_R32G32_SFLOAT:
+    case VK_FORMAT_R32G32_UINT:
+        return 8;
+    case VK_FORMAT_R32G32B32A32_SFLOAT:
+    case VK_FORMAT_R32G32B32A32_UINT:
+        return 16;
+    default: // RGBA8, R32, RG16, D32, B10G11R11, E5B9G9R9
+        return 4;
+    }
+}
+
+static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
+    const struct hg_gpu_region *r, uint32_t y, uint32_t rows, uint64_t from)
+{
+    hg_gpu_image_barrier(gpu->upload, image, HG_GPU_USE_COPY_WRITE);
+    const VkBufferImageCopy copy = {
+        .bufferOffset = from,
+        .imageSubresource = {image->aspect, r->mip, r->layer, 1},
+        .imageOffset = {(int32_t)r->x, (int32_t)(r->y + y), 0},
+        .imageExtent = {r->width, rows, 1},
+    };
+    vkCmdCopyBufferToImage(gpu->upload, gpu->staging.handle, image->handle,
+        VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
+}
+
+enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *image,
+    const struct hg_gpu_region *r, const void *data, uint64_t row_bytes, struct hg_error *err)
+{
+    const uint64_t tight = (uint64_t)r->width * texel_bytes(image->format);
+    const uint32_t mip_width = image->width >> r->mip > 0 ? image->width >> r->mip : 1;
+    const uint32_t mip_height = image->height >> r->mip > 0 ? image->height >> r->mip : 1;
+    if (r->mip >= image->mips || r->layer >= image->layers ||
+        !hg_range_ok(r->x, r->width, mip_width) || !hg_range_ok(r->y, r->height, mip_height))
+        return hg_error_set(err, HG_E_INVAL, "upload", NULL, "outside the image");
+    row_bytes = row_bytes != 0 ? row_bytes : tight;
+    for (uint32_t y = 0; y < r->height;) {
+        uint64_t from, size;
+        enum hg_status status =
+            take_staging(gpu, tight, tight * (r->height - y), &from, &size, err);
+        if (status != HG_OK)
+            return status;
+        const uint32_t rows = (uint32_t)(size / tight);
+        uint8_t *dst = (uint8_t *)gpu->staging.mapped + from;
+        for (uint32_t i = 0; i < rows; i++)
+            memcpy(dst + i * tight, (const uint8_t *)data + (y + i) * row_bytes, tight);
+        copy_to_image(gpu, image, r, y, rows, from);
+        y += rows;
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_gpu_image_upload_layers(struct hg_gpu *gpu, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, uint32_t layers, const void *data, struct hg_error *err)
+{
+    const uint64_t stride = (uint64_t)region->width * region->height * texel_bytes(image->format);
+    for (uint32_t i = 0; i < layers; i++) {
+        struct hg_gpu_region r = *region;
+        r.layer += i;
+        enum hg_status status =
+            hg_gpu_image_upload(gpu, image, &r, (const uint8_t *)data + i * stride, 0, err);
+        if (status != HG_OK)
+            return status;
+    }
+    return HG_OK;
+}
