@@ -5,7 +5,9 @@
 #ifndef HG_SHADERS_SHARED_FRAME_H
 #define HG_SHADERS_SHARED_FRAME_H
 
+#include "shared/geometry.h"
 #include "shared/light.h"
+#include "shared/texture.h"
 #include "shared/types.h"
 
 #define HG_BACKGROUND_MODE_ENV   0
@@ -53,7 +55,9 @@ struct hg_gpu_frame {
     HG_UINT flags;            // reserved, 0
     HG_VEC2 inv_size;         // 1 / width, 1 / height
     HG_STRUCT(hg_gpu_lighting) lighting;
+    HG_STRUCT(hg_gpu_textures) textures;
+    HG_STRUCT(hg_gpu_geometry) geometry;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 600);
+HG_SHARED_SIZE(hg_gpu_frame, 680);
 
 #endif

@@ -1,0 +1,184 @@
+// texture.glsl - sampling textures through the page table. See shared/texture.h for the layout.
+//
+// Include lib/frame.glsl first, or define HG_TEXTURES as an expression of type hg_gpu_textures.
+// The rules are those of a VkSampler (Vulkan 1.3, chapter 16): level of detail from derivatives,
+// magnification at or below 0, linear or nearest within and between mips, wrap modes per axis.
+//
+// Compile-time options of the including pass (constants or specialisation constants):
+//   HG_TEXTURE_ANISOTROPY  most taps along the major axis, 1..16; default 1
+//   HG_TEXTURE_STOCHASTIC  true: one bilinear tap per lookup, whose mip and place along the major
+//                          axis are chosen by hg_texture_xi, so that accumulated samples converge
+//                          to trilinear filtering with up to 16 taps of anisotropy. Half the price
+//                          of a trilinear lookup. Source: Pharr, Wronski, Salvi and Fajardo 2024,
+//                          "Filtering After Shading with Stochastic Texture Filtering".
+#ifndef HG_LIB_TEXTURE_GLSL
+#define HG_LIB_TEXTURE_GLSL
+
+#include "shared/bindings.h"
+#include "shared/texture.h"
+
+#ifndef HG_TEXTURES
+#define HG_TEXTURES hg_frame.textures
+#endif
+#ifndef HG_TEXTURE_ANISOTROPY
+#define HG_TEXTURE_ANISOTROPY 1u
+#endif
+#ifndef HG_TEXTURE_STOCHASTIC
+#define HG_TEXTURE_STOCHASTIC false
+#endif
+
+layout(set = 0, binding = HG_BIND_PAGES_SRGB) uniform sampler2DArray hg_pages_srgb;
+layout(set = 0, binding = HG_BIND_PAGES_LINEAR) uniform sampler2DArray hg_pages_linear;
+layout(set = 0, binding = HG_BIND_PAGES_FLOAT) uniform sampler2DArray hg_pages_float;
+
+// Random numbers in [0, 1) of stochastic lookups: x chooses the mip, y the place along the major
+// axis. Set by the pass before it samples.
+vec2 hg_texture_xi = vec2(0.5);
+
+// Where to sample: everything that does not depend on which texture of the same shape it is.
+struct hg_texture_place {
+    vec2 uv;      // wrapped, 0..1
+    vec2 size;    // texels of mip 0
+    float level;  // lower mip; the next one counts by `blend`
+    float blend;  // 0..1
+    bool nearest; // within a mip
+};
+
+vec2 hg_texture_wrap(vec2 uv, uint bits)
+{
+    uvec2 wrap = uvec2(bits >> HG_TEX_WRAP_S_SHIFT, bits >> HG_TEX_WRAP_T_SHIFT) & 3u;
+    vec2 repeated = fract(uv);
+    vec2 mirrored = 1.0 - abs(2.0 * fract(uv * 0.5) - 1.0);
+    vec2 clamped = clamp(uv, 0.0, 1.0);
+    return mix(mix(repeated, clamped, equal(wrap, uvec2(HG_TEX_WRAP_CLAMP))), mirrored,
+        equal(wrap, uvec2(HG_TEX_WRAP_MIRROR)));
+}
+
+vec2 hg_texture_size(hg_gpu_texture t)
+{
+    return vec2(t.size & 0xffffu, t.size >> 16u) + 1.0;
+}
+
+// Level of detail to mips and weights, by the sampler's filters.
+hg_texture_place hg_texture_place_at(hg_gpu_texture t, vec2 uv, float lod)
+{
+    hg_texture_place p;
+    p.size = hg_texture_size(t);
+    p.uv = hg_texture_wrap(uv, t.bits);
+    bool magnified = lod <= 0.0;
+    p.nearest = (t.bits & (magnified ? HG_TEX_MAG_NEAREST : HG_TEX_MIN_NEAREST)) != 0u;
+    float last = float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)) - 1.0;
+    lod = (t.bits & HG_TEX_MIP_NONE) != 0u ? 0.0 : clamp(lod, 0.0, last);
+    if (HG_TEXTURE_STOCHASTIC && (t.bits & HG_TEX_MIP_NEAREST) == 0u)
+        lod = min(floor(lod + hg_texture_xi.x), last);
+    if ((t.bits & HG_TEX_MIP_NEAREST) != 0u)
+        lod = ceil(lod + 0.5) - 1.0;
+    p.level = floor(lod);
+    p.blend = lod - p.level;
+    return p;
+}
+
+// Level of detail of an isotropic footprint, Vulkan 1.3 eq. 16.5 (rho is the longer side).
+float hg_texture_lod(vec2 size, vec2 ddx, vec2 ddy)
+{
+    vec2 x = ddx * size, y = ddy * size;
+    return 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-20));
+}
+
+// Coordinates in the pool of a place in one mip: x, y of the layer (0..1) and the layer.
+vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, int mip)
+{
+    int k = int(bitfieldExtract(t.bits, HG_TEX_GRID_SHIFT, 4));
+    int tail = int(bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4));
+    int level = min(mip, tail);
+    vec2 size = max(floor(ldexp(p.size, ivec2(-mip))), 1.0);
+    vec2 texel = p.uv * size;
+    if (p.nearest)
+        texel = min(floor(texel), size - 1.0) + 0.5;
+    ivec2 page = ivec2(min(floor(texel), size - 1.0)) / HG_PAGE_TEXELS;
+    int rest = k - level + 1; // log2 of the side of the grid, plus 1; 0 below the last grid
+    uint entry = t.table + uint((4 << (2 * k)) - (1 << (2 * rest))) / 3u;
+    entry += uint((page.y << max(rest - 1, 0)) + page.x);
+    uint slot = HG_TEXTURES.table.v[entry] & HG_PAGE_SLOT_MASK;
+    int j = mip - tail;
+    vec2 corner = vec2(HG_PAGE_BORDER) - vec2(page * HG_PAGE_TEXELS);
+    if (j >= 0)
+        corner += vec2(HG_TAIL_X(j), HG_TAIL_Y(j));
+    uvec2 cell = uvec2(slot, slot / HG_POOL_SLOTS) % HG_POOL_SLOTS;
+    vec2 at = vec2(cell * HG_PAGE_PITCH) + corner + texel;
+    return vec3(at / HG_POOL_SIDE, slot / (HG_POOL_SLOTS * HG_POOL_SLOTS));
+}
+
+// Both mips of a place from one pool. The second tap is skipped where it does not count.
+vec4 hg_texture_fetch(sampler2DArray pool, hg_gpu_texture t, hg_texture_place p)
+{
+    int mip = int(p.level);
+    vec4 texel = textureLod(pool, hg_texture_address(t, p, mip), 0.0);
+    if (!HG_TEXTURE_STOCHASTIC) {
+        int next = min(mip + 1, int(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)) - 1);
+        texel = mix(texel, textureLod(pool, hg_texture_address(t, p, next), 0.0), p.blend);
+    }
+    return texel;
+}
+
+vec4 hg_texture_fetch_any(hg_gpu_texture t, hg_texture_place p)
+{
+    uint pool = bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2);
+    if (pool == HG_POOL_SRGB)
+        return hg_texture_fetch(hg_pages_srgb, t, p);
+    if (pool == HG_POOL_LINEAR)
+        return hg_texture_fetch(hg_pages_linear, t, p);
+    return hg_texture_fetch(hg_pages_float, t, p);
+}
+
+// Footprint for anisotropic lookups: level of detail, and the major axis that the taps cover.
+// Source: Vulkan 1.3 section 16.5.7 (eta, N, lambda).
+float hg_texture_footprint(vec2 size, vec2 ddx, vec2 ddy, float most, out vec2 axis, out float taps)
+{
+    vec2 x = ddx * size, y = ddy * size;
+    float xx = max(dot(x, x), 1e-20), yy = max(dot(y, y), 1e-20);
+    float major = sqrt(max(xx, yy)), minor = sqrt(min(xx, yy));
+    float eta = min(major / minor, most);
+    taps = ceil(eta - 1e-3);
+    axis = xx >= yy ? ddx : ddy;
+    return log2(major / eta);
+}
+
+hg_texture_place hg_texture_find(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
+{
+    vec2 size = hg_texture_size(t);
+    if (HG_TEXTURE_STOCHASTIC) {
+        vec2 axis;
+        float taps;
+        float lod = hg_texture_footprint(size, ddx, ddy, 16.0, axis, taps);
+        return hg_texture_place_at(t, uv + axis * (taps > 1.0 ? hg_texture_xi.y - 0.5 : 0.0), lod);
+    }
+    return hg_texture_place_at(t, uv, hg_texture_lod(size, ddx, ddy));
+}
+
+// Samples a resolved record (of a material slot). Colour slots return linear light.
+vec4 hg_texture_sample_record(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
+{
+    if (HG_TEXTURE_ANISOTROPY == 1u || HG_TEXTURE_STOCHASTIC)
+        return hg_texture_fetch_any(t, hg_texture_find(t, uv, ddx, ddy));
+    vec2 axis;
+    float taps;
+    float lod = hg_texture_footprint(
+        hg_texture_size(t), ddx, ddy, float(HG_TEXTURE_ANISOTROPY), axis, taps);
+    vec4 sum = vec4(0.0);
+    for (uint i = 0u; i < min(uint(taps), HG_TEXTURE_ANISOTROPY); i++) {
+        vec2 at = uv + axis * ((float(i) + 0.5) / taps - 0.5);
+        sum += hg_texture_fetch_any(t, hg_texture_place_at(t, at, lod));
+    }
+    return sum / taps;
+}
+
+// texture: index of hg_textures_find; HG_TEXTURE_NONE is white. ddx, ddy: change of uv per pixel.
+vec4 hg_texture_sample(uint texture, vec2 uv, vec2 ddx, vec2 ddy)
+{
+    if (texture == HG_TEXTURE_NONE)
+        return vec4(1.0);
+    return hg_texture_sample_record(HG_TEXTURES.list.v[texture], uv, ddx, ddy);
+}
+
+#endif
