@@ -139,21 +139,28 @@ async function startThree(backend, port) {
   };
 }
 
-// One walk of ours: `helio bench realtime` along the same path; milliseconds of each frame.
+// One walk of ours along the same path, in a worker of its own; milliseconds of each frame.
 function walkOurs(options, scene, job, folder) {
-  const out = path.join(folder, 'helio.json'), poses = path.join(folder, 'path.json');
-  fs.writeFileSync(poses, JSON.stringify(job.path));
-  execFileSync(options.helio, ['bench', 'realtime', '--scene', scene, '--env', options.env,
-    '--size', options.size, '--fov', String(job.fov), '--path', poses, '--json', out],
+  const out = path.join(folder, 'helio.json');
+  const request = { scene, environment: path.resolve(options.env), width: job.width,
+    height: job.height, vfov_deg: job.fov, rounds: 1, path: job.path };
+  execFileSync(options.helio, ['bench', 'realtime', '--options', JSON.stringify(request),
+    ...assetRoots(options, folder), '--json', out, '--progress', 'none'],
   { stdio: ['ignore', 'ignore', 'inherit'] });
   return JSON.parse(fs.readFileSync(out, 'utf8'));
+}
+
+function assetRoots(options, folder) {
+  const folders = [folder, ...[options.scene, options.env].map((f) => path.dirname(path.resolve(f)))];
+  return folders.flatMap((f) => ['--asset-root', fs.realpathSync(f)]);
 }
 
 function firstPictureOurs(options, scene, job, folder, cache) {
   const started = performance.now(), pose = job.path[0];
   execFileSync(options.helio, ['render', scene, '-o', path.join(folder, 'first.png'),
     '--size', options.size, '--env', options.env, '--fov', String(job.fov), '--spp', '1',
-    `--eye=${pose.eye}`, `--target=${pose.target}`, '--progress', 'none'],
+    `--eye=${pose.eye}`, `--target=${pose.target}`, '--progress', 'none',
+    ...assetRoots(options, folder)],
   { stdio: ['ignore', 'ignore', 'inherit'], env: { ...process.env, XDG_CACHE_HOME: cache } });
   return (performance.now() - started) / 1000;
 }

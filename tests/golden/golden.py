@@ -1,0 +1,106 @@
+#!/usr/bin/env python3
+"""Renders the rows of golden.toml and compares them with the stored pictures.
+
+usage: golden.py --helio PROGRAM --data DIR --out DIR [--only NAME]... [--update]
+
+A row that differs leaves OUT/NAME.png and OUT/NAME.diff.png and fails the test; so does a missing
+reference. Rows with `wrong = true` hold a picture that is wrong on purpose: they must be refused,
+which shows that the tolerances bite. --update writes the references anew (never the wrong ones):
+look at them before you commit them.
+"""
+import argparse
+import concurrent.futures
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+SIZE = "256x256"
+SECONDS_PER_ROW = 240
+# Smaller is better for these; for the others larger is.
+SMALL_IS_GOOD = ("flip", "rmse", "max")
+
+
+def run(command):
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              errors="replace", timeout=SECONDS_PER_ROW)
+    except subprocess.TimeoutExpired:
+        return -1, "took more than %d s" % SECONDS_PER_ROW
+    return done.returncode, done.stdout.strip()
+
+
+def render(options, row, out):
+    scene = row["scene"]
+    if scene != "demo":
+        scene = os.path.join(options.data, scene)
+        if not os.path.exists(scene):
+            return "%s is missing: the golden test needs the test data" % scene
+    command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
+               "--device", "llvmpipe", "--progress", "none"]
+    for argument in row["arguments"]:
+        command.append(argument.replace("DATA/", options.data + "/"))
+    code, text = run(command)
+    return None if code == 0 else "rendering failed with %d: %s" % (code, text)
+
+
+def compare(options, row, picture, reference, diff):
+    """(exit code, what the program printed)."""
+    metric = row["metric"]
+    side = "--fail-above" if metric in SMALL_IS_GOOD else "--fail-below"
+    return run([options.helio, "compare", picture, reference, "--metric", metric, side,
+                str(row["limit"]), "--diff", diff])
+
+
+def check(options, row):
+    """None, or what is wrong with this row."""
+    name = row["name"]
+    picture = os.path.join(options.out, name + ".png")
+    reference = os.path.join(HERE, "references", row.get("reference", name) + ".png")
+    diff = os.path.join(options.out, name + ".diff.png")
+    failure = render(options, row, picture)
+    if failure:
+        return failure
+    if options.update and not row.get("wrong"):
+        shutil.copyfile(picture, reference)
+        return None
+    if not os.path.exists(reference):
+        return "%s is missing" % reference
+    code, text = compare(options, row, picture, reference, diff)
+    if row.get("wrong"):
+        return None if code == 1 else "a wrong picture was not refused (%d: %s)" % (code, text)
+    if code == 0:
+        os.remove(diff)
+        return None
+    return "%s: %s; tolerance %g because %s; see %s and %s" % (
+        row["metric"], text, row["limit"], row["reason"], picture, diff)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for name in ("--helio", "--data", "--out"):
+        parser.add_argument(name, required=True)
+    parser.add_argument("--only", action="append", default=[])
+    parser.add_argument("--update", action="store_true")
+    options = parser.parse_args()
+    os.makedirs(options.out, exist_ok=True)
+    os.makedirs(os.path.join(HERE, "references"), exist_ok=True)
+    with open(os.path.join(HERE, "golden.toml"), "rb") as file:
+        table = tomllib.load(file)
+    rows = [dict(table["default"], **row) for row in table["row"]]
+    rows = [r for r in rows if not options.only or r["name"] in options.only]
+    for row in rows:
+        if not row["reason"]:
+            sys.exit("%s: a tolerance needs its reason" % row["name"])
+    if not any(r.get("wrong") for r in rows) and not options.only:
+        sys.exit("golden.toml: no wrong picture is left")
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        failures = list(pool.map(lambda r: check(options, r), rows))
+    for row, failure in zip(rows, failures):
+        print("%-24s %s" % (row["name"], failure or "ok"))
+    sys.exit(1 if any(failures) else 0)
+
+
+main()
