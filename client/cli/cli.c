@@ -13,6 +13,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/log.h"
 
 static struct helio *volatile interrupt_target;
 static volatile sig_atomic_t stopped;
@@ -112,7 +113,7 @@ enum hg_cli_exit hg_cli_report(
             doing = HG_CLI_DOING_CONNECT;
     }
     if (cli && cli->embedded && doing == HG_CLI_DOING_CONNECT)
-        doing = HG_CLI_DOING_RENDER;
+        doing = err->status == HG_E_INVAL ? HG_CLI_DOING_ARGUMENTS : HG_CLI_DOING_RENDER;
     return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : err->status);
 }
 
@@ -182,8 +183,8 @@ static enum hg_status add_options(struct worker_args *args, const struct hg_cli_
     enum hg_status status = add_cache_dir(args, o->cache_dir);
     for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {
         char full[PATH_MAX];
-        status = add_arg(args, "--asset-root",
-            realpath(o->asset_root.items[i], full) ? full : o->asset_root.items[i]);
+        if (realpath(o->asset_root.items[i], full)) // checked before
+            status = add_arg(args, "--asset-root", full);
     }
     if (!status && o->has_texture_budget) {
         snprintf(number, sizeof number, "%u", o->texture_budget);
@@ -223,6 +224,21 @@ static enum hg_status refuse_worker_options(const struct hg_cli_options *o, stru
         return HG_OK;
     return hg_error_set(err, HG_E_INVAL, name, NULL,
         "is for the private worker; with --connect the daemon decides");
+}
+
+// What the worker would refuse without saying so to the client.
+static enum hg_status check_worker_options(const struct hg_cli_options *o, struct hg_error *err)
+{
+    struct hg_error inner = {0};
+    for (uint32_t i = 0; i < o->asset_root.count; i++) {
+        struct stat st;
+        if (stat(o->asset_root.items[i], &st) || !S_ISDIR(st.st_mode))
+            return hg_error_set(err, HG_E_INVAL, "--asset-root", NULL, "'%s' is not a folder",
+                o->asset_root.items[i]);
+    }
+    if (o->log && hg_log_configure(o->log, &inner))
+        return hg_error_set(err, HG_E_INVAL, "--log", NULL, "%s", inner.reason);
+    return HG_OK;
 }
 
 static enum hg_status find_token(
@@ -285,9 +301,7 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
     bool has_token = false;
     struct worker_args args = {0};
     cli->embedded = !url;
-    enum hg_status status = HG_OK;
-    if (url)
-        status = refuse_worker_options(o, err);
+    enum hg_status status = url ? refuse_worker_options(o, err) : check_worker_options(o, err);
     if (!status && url)
         status = find_token(o, token, sizeof token, &has_token, err);
     if (!status && !url && build_args(&args, cli, files))

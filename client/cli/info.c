@@ -116,6 +116,13 @@ static enum hg_status print_info(struct hg_cli *cli, struct hg_error *err)
         json_decref(info);
         return hg_error_set(err, HG_E_FORMAT, "info", NULL, "the worker's JSON is not an object");
     }
+    // The scene of this command holds the one asset that it loaded.
+    json_t *asset = json_array_get(json_object_get(info, "assets"), 0);
+    if (json_is_object(asset)) {
+        json_incref(asset);
+        json_decref(info);
+        info = asset;
+    }
     hg_cli_progress_clear(&cli->progress);
     if (cli->options->json) {
         json_dumpf(info, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));

@@ -429,7 +429,6 @@ static enum hg_status write_stats(struct render *r, struct hg_error *err)
         frame = json_object();
         json_object_set_new(stats, "frame", frame);
     }
-    json_object_set(frame, "total_ms", json_object_get(r->last, "total_ms"));
     json_object_update_missing(frame, r->last);
     json_t *client = json_object();
     set_ms(client, "connect_ms", r->cli.connect_ns);
@@ -461,11 +460,12 @@ static enum hg_status check_files(struct render *r, struct hg_error *err)
     enum hg_status status = hg_cli_check_output(r->o->output, err);
     if (!status && r->o->stats_file)
         status = hg_cli_check_output(r->o->stats_file, err);
+    if (status)
+        return status;
     r->doing = HG_CLI_DOING_INPUT;
     char *path = NULL; // a private worker is not started for a file that does not exist
     r->cli.embedded = !r->o->connect;
-    if (!status)
-        status = hg_cli_server_path(&r->cli, r->o->args[0], &path, err);
+    status = hg_cli_server_path(&r->cli, r->o->args[0], &path, err);
     hg_free(path);
     path = NULL;
     if (!status && is_env_file(r->o))

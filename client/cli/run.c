@@ -175,26 +175,28 @@ static enum hg_status do_view(struct run *r, const struct hg_cli_step *s, struct
 static enum hg_status find_material(
     struct run *r, const char *name, uint64_t *id, struct hg_error *err)
 {
-    uint32_t asset, index;
+    uint32_t number, index;
     char tail, *text;
     json_error_t wrong;
-    if (sscanf(name, "%9u:%9u%c", &asset, &index, &tail) == 2 && asset > 0) {
-        *id = helio_object_id(wire_asset(r, asset), index);
+    if (sscanf(name, "%9u:%9u%c", &number, &index, &tail) == 2 && number > 0) {
+        *id = helio_object_id(wire_asset(r, number), index);
         return HG_OK;
     }
     *id = 0;
     enum hg_status status = helio_query_json(r->cli.h, HGP_T_info_query, 0, &text, err);
     if (status)
         return status;
-    json_t *info = json_loads(text, 0, &wrong), *entry;
+    json_t *info = json_loads(text, 0, &wrong), *asset, *entry;
     helio_text_free(text);
-    size_t i;
-    json_array_foreach(json_object_get(info, "materials"), i, entry)
+    size_t a, i;
+    json_array_foreach(json_object_get(info, "assets"), a, asset)
     {
-        const char *known = json_string_value(json_object_get(entry, "name"));
-        json_int_t found = json_integer_value(json_object_get(entry, "id"));
-        if (known && strcmp(known, name) == 0 && !*id)
-            *id = found > 0 ? (uint64_t)found : helio_object_id(r->cli.scene.first_id, (uint32_t)i);
+        json_array_foreach(json_object_get(asset, "materials"), i, entry)
+        {
+            const char *known = json_string_value(json_object_get(entry, "name"));
+            if (known && strcmp(known, name) == 0 && !*id && a < r->asset_count)
+                *id = helio_object_id(r->assets[a], (uint32_t)i);
+        }
     }
     json_decref(info);
     return *id ? HG_OK

@@ -78,7 +78,7 @@ static enum hg_status read_header(struct helio *h)
     enum hg_status status =
         hgp_header_decode(in->header_bytes, HGP_HEADER_BYTES, payload_limit(h), &in->header);
     if (status)
-        return hg_client_fail(h, status, "header", "the server sent %s",
+        return hg_client_fail(h, HG_E_FORMAT, "header", "the server sent %s",
             status == HG_E_LIMIT ? "a message above the size limit" : "a malformed header");
     return HG_OK;
 }

@@ -1,0 +1,400 @@
+// fake_peer - stands in for a worker (--fd 3) or a daemon (--listen PATH) in tests of the client.
+//
+// Answers every message plausibly. The environment variable FAKE holds words that make it
+// misbehave:
+//   fail=MESSAGE:CODE   answer MESSAGE with the error CODE
+//   die=MESSAGE         kill itself (worker) or close (daemon) when MESSAGE comes
+//   half=MESSAGE        send half of the answer, then as die
+//   silent=MESSAGE      never answer MESSAGE
+//   token=T             ask for the token T
+//   version=N           choose protocol version N
+//   raw=HEX             send these bytes instead of the greeting
+//   file=PATH           send the bytes of this file instead of the greeting, then close
+//   dribble=1           send one byte at a time
+//   have=1              claim to have every uploaded content
+//   stray=1             send unrelated messages between the answers
+//   log=PATH            append "MESSAGE detail" for everything received
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "protocol/hgp.h"
+
+static int peer_fd;
+static bool is_worker;
+
+// The value of a word of FAKE, or NULL; lives until the next call.
+static const char *word(const char *key)
+{
+    static char value[4096];
+    const char *at = getenv("FAKE");
+    size_t n = strlen(key);
+    while (at && *at) {
+        size_t length = strcspn(at, " ");
+        if (length > n && memcmp(at, key, n) == 0 && at[n] == '=') {
+            snprintf(value, sizeof value, "%.*s", (int)(length - n - 1), at + n + 1);
+            return value;
+        }
+        at += length + strspn(at + length, " ");
+    }
+    return NULL;
+}
+
+static void end(void)
+{
+    if (is_worker)
+        kill(getpid(), SIGKILL);
+    _exit(0);
+}
+
+static void send_bytes(const uint8_t *data, size_t size)
+{
+    bool dribble = word("dribble") != NULL;
+    while (size) {
+        ssize_t n = send(peer_fd, data, dribble ? 1 : size, MSG_NOSIGNAL);
+        if (n <= 0)
+            _exit(0);
+        data += n;
+        size -= (size_t)n;
+    }
+}
+
+static void answer(const struct hgp_header *to, enum hgp_type type, const void *message)
+{
+    struct hg_writer w = {0};
+    uint32_t channel = to ? to->channel : 0, request = to ? to->request : 0;
+    if (hgp_encode(&w, 1, type, request, channel, message, NULL))
+        abort();
+    const char *half = to ? word("half") : NULL;
+    const struct hgp_message_info *info = to ? hgp_find(to->type) : NULL;
+    if (half && info && strcmp(half, info->name) == 0) {
+        send_bytes(w.data, w.size / 2);
+        end();
+    }
+    send_bytes(w.data, w.size);
+    hg_writer_finish(&w);
+}
+
+static bool receive(uint8_t *data, size_t size)
+{
+    while (size) {
+        ssize_t n = recv(peer_fd, data, size, 0);
+        if (n <= 0)
+            return false;
+        data += n;
+        size -= (size_t)n;
+    }
+    return true;
+}
+
+static void send_frame(const struct hgp_header *h, const struct hgp_frame_request *request)
+{
+    char data[64];
+    static uint64_t number;
+    snprintf(data, sizeof data, "frame %llu as %s\n", (unsigned long long)++number,
+        hgp_enum_name("encoding", request->encoding));
+    struct hgp_stage_time stage = {.name = hgp_str_make("shade"), .ns = 1000000};
+    struct hgp_frame frame = {
+        .view = request->view,
+        .number = number,
+        .width = 1280,
+        .height = 720,
+        .encoding = request->encoding,
+        .samples = 32,
+        .settled = true,
+        .lossless = true,
+        .has_hash = true,
+        .hash = {0xab, 0xcd},
+        .stages = {&stage, 1},
+        .data = {(const uint8_t *)data, (uint32_t)strlen(data)},
+    };
+    struct hgp_progress progress = {.stage = hgp_str_make("samples"), .done = 16, .total = 32};
+    answer(h, HGP_T_progress, &progress);
+    answer(h, HGP_T_frame, &frame);
+}
+
+static void send_have(const struct hgp_header *h, const struct hgp_upload_query *query)
+{
+    static struct hgp_flag flags[1024];
+    for (uint32_t i = 0; i < query->contents.count; i++)
+        flags[i].value = word("have") != NULL;
+    answer(h, HGP_T_upload_have, &(struct hgp_upload_have){.have = {flags, query->contents.count}});
+}
+
+static void send_loaded(const struct hgp_header *h, const struct hgp_asset_load *load)
+{
+    struct hgp_notice notice = {.what = hgp_str_make("fake.gltf"),
+        .where = hgp_str_make("/extensionsUsed/0"),
+        .reason = hgp_str_make("unknown \033[31mextension")};
+    answer(h, HGP_T_notice, &notice);
+    struct hgp_asset_loaded loaded = {.asset = load->asset, .nodes = 2, .triangles = 12};
+    answer(h, HGP_T_asset_loaded, &loaded);
+}
+
+static void send_nodes(const struct hgp_header *h)
+{
+    struct hgp_node_entry nodes[] = {
+        {.node = 1ull << 32, .name = hgp_str_make("box")},
+        {.node = (1ull << 32) + 1, .camera = 1ull << 32, .name = hgp_str_make("eye")},
+    };
+    answer(h, HGP_T_nodes, &(struct hgp_nodes){.total = 2, .nodes = {nodes, 2}});
+}
+
+static void send_compared(const struct hgp_header *h, const struct hgp_compare *c)
+{
+    bool same = c->a.size == c->b.size && memcmp(c->a.data, c->b.data, c->a.size) == 0;
+    struct hgp_compared out = {.value = same ? 999 : 20, .width = 1, .height = 1};
+    out.diff = c->want_diff ? (struct hgp_bytes){(const uint8_t *)"diff", 4} : out.diff;
+    answer(h, HGP_T_compared, &out);
+}
+
+static void log_message(const char *name, uint16_t type, const union hgp_any *m)
+{
+    const char *path = word("log");
+    FILE *out = path ? fopen(path, "a") : NULL;
+    if (!out)
+        return;
+    fprintf(out, "%s", name);
+    if (type == HGP_T_asset_load)
+        fprintf(out, " path=%.*s files=%u", (int)m->asset_load.path.size, m->asset_load.path.data,
+            m->asset_load.files.count);
+    if (type == HGP_T_upload)
+        fprintf(out, " total=%llu", (unsigned long long)m->upload.total);
+    if (type == HGP_T_animation_set)
+        fprintf(out, " time=%g", m->animation_set.time_s);
+    if (type == HGP_T_environment_set)
+        fprintf(out, " kind=%s", hgp_enum_name("environment_kind", m->environment_set.kind));
+    if (type == HGP_T_view_camera)
+        fprintf(out, " eye=%.6g,%.6g,%.6g camera=%llu", (double)m->view_camera.eye[0],
+            (double)m->view_camera.eye[1], (double)m->view_camera.eye[2],
+            (unsigned long long)m->view_camera.camera);
+    if (type == HGP_T_view_set)
+        fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
+            m->view_set.samples);
+    fprintf(out, "\n");
+    fclose(out);
+}
+
+static void answer_query(const struct hgp_header *h, const union hgp_any *m)
+{
+    static const char stats[] = "{\"device\":{\"name\":\"fake\"},\"frame\":{\"render_ms\":1.5}}";
+    static const char info[] = "{\"assets\":[{\"counts\":{\"nodes\":2},\"extensions\":[\"A\"]}]}";
+    static const char sessions[] = "{\"sessions\":[{\"id\":1,\"name\":\"a\"}]}";
+    switch ((enum hgp_type)h->type) {
+    case HGP_T_bounds_query:
+        answer(h, HGP_T_bounds, &(struct hgp_bounds){.min = {-1, -1, -1}, .max = {1, 1, 1}});
+        break;
+    case HGP_T_pick:
+        answer(h, HGP_T_picked, &(struct hgp_picked){.hit = m->pick.x < 10, .node = 1ull << 32});
+        break;
+    case HGP_T_stats_query:
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(stats)});
+        break;
+    case HGP_T_info_query:
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(info)});
+        break;
+    case HGP_T_sessions_query:
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(sessions)});
+        break;
+    case HGP_T_bench:
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"ok\":1}")});
+        break;
+    case HGP_T_compare:
+        send_compared(h, &m->compare);
+        break;
+    default:
+        answer(h, HGP_T_ok, &(struct hgp_ok){.revision = 1});
+    }
+}
+
+static void greet(const struct hgp_header *h)
+{
+    const char *version = word("version");
+    struct hgp_welcome welcome = {
+        .version = (uint16_t)(version ? atoi(version) : 1),
+        .server = hgp_str_make("fake/1"),
+        .session = 7,
+        .auth_required = word("token") != NULL,
+        .role = HGP_role_ADMIN,
+        .max_message_bytes = 1 << 20,
+    };
+    answer(h, HGP_T_welcome, &welcome);
+}
+
+static void check_token(const struct hgp_header *h, const struct hgp_auth *auth)
+{
+    const char *token = word("token");
+    if (token && strlen(token) == auth->token.size &&
+        memcmp(token, auth->token.data, auth->token.size) == 0) {
+        answer(h, HGP_T_auth_ok, &(struct hgp_auth_ok){.role = HGP_role_EDIT});
+        return;
+    }
+    struct hgp_error error = {.code = HG_E_AUTH, .reason = hgp_str_make("unknown token")};
+    answer(h, HGP_T_error, &error);
+    end();
+}
+
+static void respond(const struct hgp_header *h, const union hgp_any *m)
+{
+    switch ((enum hgp_type)h->type) {
+    case HGP_T_hello:
+        greet(h);
+        return;
+    case HGP_T_auth:
+        check_token(h, &m->auth);
+        return;
+    case HGP_T_ping:
+        answer(h, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        return;
+    case HGP_T_scene_open:
+        answer(h, HGP_T_scene_opened, &(struct hgp_scene_opened){.first_id = 1, .id_count = 1000});
+        return;
+    case HGP_T_asset_load:
+        send_loaded(h, &m->asset_load);
+        return;
+    case HGP_T_nodes_query:
+        send_nodes(h);
+        return;
+    case HGP_T_frame_request:
+        send_frame(h, &m->frame_request);
+        return;
+    case HGP_T_upload_query:
+        send_have(h, &m->upload_query);
+        return;
+    case HGP_T_session_attach:
+    case HGP_T_view_camera:
+    case HGP_T_pong:
+        return;
+    default:
+        if (h->request)
+            answer_query(h, m);
+    }
+}
+
+// True when FAKE says something about this message instead of an answer.
+static bool misbehave(const struct hgp_header *h, const char *name)
+{
+    const char *value = word("die");
+    if (value && strcmp(value, name) == 0)
+        end();
+    value = word("silent");
+    if (value && strcmp(value, name) == 0)
+        return true;
+    value = word("fail");
+    size_t n = strlen(name);
+    if (value && strncmp(value, name, n) == 0 && value[n] == ':') {
+        struct hgp_error error = {.code = (uint16_t)atoi(value + n + 1),
+            .what = hgp_str_make("fake.gltf"),
+            .where = hgp_str_make("/meshes/0"),
+            .reason = hgp_str_make("as the test wants")};
+        answer(h, HGP_T_error, &error);
+        return true;
+    }
+    return false;
+}
+
+static void send_stray(uint32_t channel)
+{
+    struct hgp_header nobody = {.request = 0, .channel = channel};
+    struct hgp_notice notice = {.reason = hgp_str_make("stray")};
+    answer(&nobody, HGP_T_notice, &notice);
+    answer(&nobody, HGP_T_ping, &(struct hgp_ping){.nonce = 5});
+}
+
+static bool serve_one(void)
+{
+    uint8_t bytes[HGP_HEADER_BYTES];
+    struct hgp_header h;
+    if (!receive(bytes, sizeof bytes))
+        return false;
+    if (hgp_header_decode(bytes, sizeof bytes, HGP_LIMIT_OPEN_DEFAULT, &h))
+        abort();
+    uint8_t *payload = malloc(h.length + 1);
+    struct hg_arena arena = {0};
+    union hgp_any m;
+    if (!payload || !receive(payload, h.length))
+        return false;
+    if (hgp_decode(1, h.type, payload, h.length, &arena, &m, NULL))
+        abort();
+    const char *name = hgp_find(h.type)->name;
+    log_message(name, h.type, &m);
+    if (word("stray") && h.type != HGP_T_hello && h.type != HGP_T_pong)
+        send_stray(h.channel);
+    if (!misbehave(&h, name))
+        respond(&h, &m);
+    hg_arena_finish(&arena);
+    free(payload);
+    return true;
+}
+
+static void send_file(const char *path)
+{
+    uint8_t bytes[65536];
+    FILE *in = fopen(path, "rb");
+    size_t n = in ? fread(bytes, 1, sizeof bytes, in) : 0;
+    send_bytes(bytes, n);
+    shutdown(peer_fd, SHUT_WR);
+    while (recv(peer_fd, bytes, sizeof bytes, 0) > 0)
+        ;
+    _exit(0);
+}
+
+static void send_raw(const char *hex)
+{
+    for (; hex[0] && hex[1]; hex += 2) {
+        unsigned byte;
+        sscanf(hex, "%2x", &byte);
+        send_bytes(&(uint8_t){(uint8_t)byte}, 1);
+    }
+}
+
+static void serve(int fd)
+{
+    peer_fd = fd;
+    uint8_t preface[HGP_PREFACE_BYTES];
+    if (!is_worker && !receive(preface, sizeof preface))
+        _exit(0);
+    if (word("file"))
+        send_file(word("file"));
+    if (word("raw"))
+        send_raw(word("raw"));
+    if (is_worker && !word("raw")) {
+        struct hgp_worker_ready ready = {.pid = (uint32_t)getpid(), .device = hgp_str_make("{}")};
+        answer(NULL, HGP_T_worker_ready, &ready);
+    }
+    while (serve_one())
+        ;
+    _exit(0);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc < 3)
+        return 2;
+    if (strcmp(argv[1], "--fd") == 0) {
+        is_worker = true;
+        serve(atoi(argv[2]));
+    }
+    struct sockaddr_un sa = {.sun_family = AF_UNIX};
+    snprintf(sa.sun_path, sizeof sa.sun_path, "%s", argv[2]);
+    int listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    unlink(argv[2]);
+    if (listener < 0 || bind(listener, (struct sockaddr *)&sa, sizeof sa) || listen(listener, 16))
+        return 1;
+    signal(SIGCHLD, SIG_IGN);
+    puts("ready");
+    fflush(stdout);
+    for (;;) {
+        int fd = accept(listener, NULL, NULL);
+        if (fd >= 0 && fork() == 0)
+            serve(fd);
+        if (fd >= 0)
+            close(fd);
+    }
+}

@@ -1,0 +1,371 @@
+// The program helio against a fake worker and a fake daemon: exit codes, messages, outputs.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/unit/client/harness.h"
+
+static struct harness h;
+
+static void expect_run(int code, const char *text, const char *fake, const char *command)
+{
+    int got = harness_run(&h, "FAKE='%s'; export FAKE; %s", fake, command);
+    if (got != code)
+        fail_msg("%s: exit %d instead of %d: %s", command, got, code, h.output);
+    if (text && !strstr(h.output, text))
+        fail_msg("%s: '%s' is not in: %s", command, text, h.output);
+}
+
+static void expect_file(const char *name, const char *text)
+{
+    if (!harness_read(&h, name))
+        fail_msg("%s is missing", name);
+    if (!strstr(h.output, text))
+        fail_msg("%s: '%s' is not in: %s", name, text, h.output);
+}
+
+static void expect_no_file(const char *name)
+{
+    if (harness_read(&h, name))
+        fail_msg("%s was written", name);
+}
+
+static void test_render(void **state)
+{
+    (void)state;
+    expect_run(0, "warning: fake.gltf: /extensionsUsed/0: unknown ?[31mextension", "log=log",
+        "$HELIO render s.gltf -o a.png --size 64x32 --samples 8 --orbit 30,60,5 --env none");
+    expect_file("a.png", "frame 1 as PNG8");
+    expect_file("log", "view_set size=64x32 samples=8\n");
+    expect_file("log", "eye=2.16506,2.5,3.75 camera=0\n");
+    expect_file("log", "environment_set kind=NONE\n");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.png --bit-depth 16");
+    expect_file("a.png", "as PNG16");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.JPG --quality 50");
+    expect_file("a.JPG", "as JPEG");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.exr");
+    expect_file("a.exr", "as EXR_HALF");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.exr --exr float");
+    expect_file("a.exr", "as EXR_FLOAT");
+}
+
+static void test_default_camera_and_light(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=log1", "$HELIO render s.gltf -o a.png");
+    expect_file("log1", "environment_set kind=SKY\n"); // the scene has no lights
+    expect_file("log1", "camera=4294967297\n");        // its first camera
+    expect_run(0, NULL, "log=log2", "$HELIO render s.gltf -o a.png --camera eye");
+    expect_file("log2", "camera=4294967297\n");
+    expect_run(0, NULL, "log=log3", "$HELIO render s.gltf -o a.png --camera 0");
+    expect_file("log3", "camera=4294967297\n");
+    expect_run(0, NULL, "log=log4", "$HELIO render s.gltf -o a.png --fov 30");
+    expect_file("log4", "bounds_query");
+    expect_run(2, "--camera: no camera 'nose'; the scene has 0 'eye'", "",
+        "$HELIO render s.gltf -o a.png --camera nose");
+    expect_run(0, NULL, "log=log5", "$HELIO render demo: -o a.png");
+    expect_file("log5", "asset_load path=demo: files=0");
+}
+
+static void test_frames(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logf",
+        "$HELIO render s.gltf -o f-####.png --frames 10-20:5 --fps 10 --stats st.json");
+    expect_file("f-0010.png", "frame 1 ");
+    expect_file("f-0015.png", "frame 2 ");
+    expect_file("f-0020.png", "frame 3 ");
+    expect_file("logf", "animation_set time=1\n");
+    expect_file("logf", "animation_set time=1.5\n");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o g%03d.png --frames 7-7");
+    expect_file("g007.png", "frame 1 ");
+    expect_run(2, "--output", "", "$HELIO render s.gltf -o g.png --frames 1-2");
+    expect_run(0, NULL, "log=logt", "$HELIO render s.gltf -o a.png --time 2.5");
+    expect_file("logt", "animation_set time=2.5\n");
+}
+
+static void test_stats(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.png --stats st.json");
+    assert_true(harness_read(&h, "st.json"));
+    json_t *stats = json_loads(h.output, 0, NULL);
+    assert_non_null(stats);
+    json_t *frame = json_object_get(stats, "frame"), *client = json_object_get(stats, "client");
+    assert_string_equal(
+        json_string_value(json_object_get(json_object_get(stats, "device"), "name")), "fake");
+    assert_true(json_real_value(json_object_get(frame, "render_ms")) == 1.5);
+    assert_int_equal(json_integer_value(json_object_get(frame, "samples")), 32);
+    assert_true(json_is_number(json_object_get(client, "total_ms")));
+    assert_true(json_is_number(json_object_get(client, "load_ms")));
+    assert_int_equal(json_array_size(json_object_get(stats, "frames")), 1);
+    json_decref(stats);
+}
+
+static void test_usage(void **state)
+{
+    (void)state;
+    static const char *const bad[][2] = {{"", "needs a command"}, {"fly", "unknown command"},
+        {"view s.gltf", "unknown command"}, {"render", "SCENE"}, {"render s.gltf", "--output"},
+        {"render s.gltf -o a.bmp", ".png"}, {"render s.gltf -o a.png --aov depth", "--aov"},
+        {"render s.gltf -o a.png --noise 0.1", "--noise"},
+        {"render s.gltf -o a.png --trace embree", "--trace"},
+        {"render s.gltf -o a.png --orbit 1,2,3 --eye 1,2,3", "--orbit"},
+        {"render s.gltf -o a.png --camera x --fov 30", "--camera"},
+        {"render s.gltf -o a.png --target 1,2,3", "--target"},
+        {"render s.gltf -o a.png --eye 1,2,3 --target 1,2,3", "--eye"},
+        {"render s.gltf -o a.png --fps 3", "--fps"},
+        {"render s.gltf -o a.png --upload", "--upload"},
+        {"render s.gltf -o a.png --exr half", "--exr"},
+        {"render s.gltf -o a.png --quality 3", "--quality"},
+        {"render s.gltf -o nowhere/a.png", "nowhere"}, {"render s.gltf -o .", "-o"},
+        {"render s.gltf -o a.png --samples 3 --spp 4", "--spp"},
+        {"render s.gltf -o a.png --frames 1-2 --time 3", "--time"},
+        {"render s.gltf -o a.png --connect ftp:x", "unix:PATH"},
+        {"render s.gltf -o a.png --connect tcp:x", "tcp:HOST:PORT"},
+        {"render s.gltf -o a.png --connect unix:sock --device 0", "--device"},
+        {"render s.gltf -o a.png --connect unix:sock --texture-budget 10", "--texture-budget"},
+        {"render s.gltf -o a.png --asset-root nowhere", "nowhere"},
+        {"compare s.gltf s.gltf --fail-below 1 --fail-above 2", "--fail-below"},
+        {"ping", "--connect"}, {"bench realtime --options x", "--options"},
+        {"run s.hs --define =x", "--define"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        char command[256];
+        snprintf(command, sizeof command, "$HELIO %s", bad[i][0]);
+        expect_run(2, strcmp(bad[i][1], "-o") == 0 ? NULL : bad[i][1], "", command);
+    }
+    expect_no_file("a.bmp");
+}
+
+static void test_exit_codes_worker(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *fake;
+        int code;
+        const char *text;
+    } rows[] = {
+        {"fail=asset_load:6", 3, "fake.gltf: /meshes/0: as the test wants"},
+        {"fail=asset_load:7", 3, NULL},
+        {"fail=asset_load:8", 3, NULL},
+        {"fail=asset_load:10", 5, NULL},
+        {"fail=asset_load:3", 6, NULL},
+        {"fail=asset_load:2", 6, NULL},
+        {"fail=environment_set:6", 3, NULL},
+        {"fail=view_set:1", 2, NULL},
+        {"fail=view_set:7", 2, NULL},
+        {"fail=view_set:3", 6, NULL},
+        {"fail=frame_request:19", 7, NULL},
+        {"fail=frame_request:24", 7, NULL},
+        {"fail=frame_request:5", 6, NULL},
+        {"die=asset_load", 7, "the private worker was killed by signal 9"},
+        {"die=frame_request", 7, "the private worker was killed by signal 9"},
+        {"half=frame_request", 7, "the private worker was killed by signal 9"},
+        {"half=asset_load", 7, "the private worker"},
+        {"raw=00", 7, NULL},
+        {"raw=ffffffff050500000000000001000000", 7, "size limit"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        harness_write(&h, "b.png", "before", 6);
+        expect_run(rows[i].code, rows[i].text, rows[i].fake,
+            "$HELIO render s.gltf -o b.png --env none --timeout 5");
+        expect_file("b.png", "before"); // an older output is untouched
+    }
+    expect_run(3, "gone.gltf", "", "$HELIO render gone.gltf -o c.png");
+    expect_run(3, "gone.hdr", "", "$HELIO render s.gltf -o c.png --env gone.hdr");
+    expect_run(7, "cannot start", "", "HELIO_WORKER=/nonexistent $HELIO render s.gltf -o c.png");
+    expect_run(7, "exit code 0", "", "HELIO_WORKER=/bin/true $HELIO render s.gltf -o c.png");
+    expect_no_file("c.png");
+}
+
+static void test_exit_codes_daemon(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *fake;
+        int code;
+        const char *text;
+    } rows[] = {
+        {"", 0, NULL},
+        {"dribble=1", 0, NULL},
+        {"stray=1", 0, NULL},
+        {"dribble=1 stray=1", 0, NULL},
+        {"token=secret", 5, "token"},
+        {"version=77", 4, "version 77"},
+        {"die=hello", 4, NULL},
+        {"die=frame_request", 4, "closed the connection"},
+        {"half=frame_request", 4, "in the middle of a message"},
+        {"fail=scene_open:23", 6, NULL},
+        {"fail=asset_load:10", 5, NULL},
+        {"fail=frame_request:21", 7, NULL},
+        {"silent=hello", 4, NULL},
+        {"raw=ffffffff010100000000000000000000", 4, "size limit"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        harness_serve(&h, rows[i].fake);
+        expect_run(rows[i].code, rows[i].text, "",
+            "$HELIO render any.gltf -o d.png --connect unix:sock --timeout 1");
+    }
+    harness_serve(&h, "token=secret");
+    expect_run(5, "unknown token", "", "$HELIO ping --connect unix:sock --token wrong");
+    expect_run(0, "fake/1", "", "$HELIO ping --count 2 --connect unix:sock --token secret");
+    expect_run(0, NULL, "", "HELIO_TOKEN=secret $HELIO ping --count 1 --connect unix:sock");
+    harness_write(&h, "token", "secret\n", 7);
+    expect_run(0, NULL, "", "$HELIO ping --count 1 --connect unix:sock --token-file token");
+    expect_run(2, "gone", "", "$HELIO ping --connect unix:sock --token-file gone");
+    expect_run(4, "cannot connect", "", "$HELIO ping --connect unix:nobody");
+    expect_run(4, "cannot connect", "", "$HELIO ping --connect tcp:127.0.0.1:1");
+    expect_run(4, "cannot find the host", "", "$HELIO ping --connect tcp:no.such.host.invalid:1");
+}
+
+static void test_other_commands(void **state)
+{
+    (void)state;
+    harness_serve(&h, "");
+    expect_run(0, "\"name\": \"fake\"", "", "$HELIO stats --connect unix:sock");
+    expect_run(0, "id  name", "", "$HELIO sessions --connect unix:sock");
+    expect_run(0, "\"sessions\"", "", "$HELIO sessions --json --connect unix:sock");
+    expect_run(0, "nodes", "", "$HELIO info s.gltf");
+    expect_run(0, "\"counts\"", "", "$HELIO info s.gltf --json");
+    expect_run(3, "gone.gltf", "", "$HELIO info gone.gltf");
+    expect_run(3, "/meshes/0", "fail=asset_load:6", "$HELIO info s.gltf");
+    expect_run(0, "psnr 999", "", "$HELIO compare s.gltf s.gltf --fail-below 40");
+    expect_run(1, "20 is below 40", "", "$HELIO compare s.gltf t.txt --fail-below 40 --diff x.png");
+    expect_file("x.png", "diff");
+    expect_run(1, "ssim 20", "", "$HELIO compare s.gltf t.txt --metric ssim --fail-above 1");
+    expect_run(3, "gone.png", "", "$HELIO compare s.gltf gone.png");
+    expect_run(3, NULL, "fail=compare:6", "$HELIO compare s.gltf t.txt");
+    expect_run(0, "{\"ok\":1}", "", "$HELIO bench realtime");
+    expect_run(0, NULL, "", "$HELIO bench realtime --json bench.json");
+    expect_file("bench.json", "{\"ok\":1}");
+    expect_run(2, "as the test wants", "fail=bench:7", "$HELIO bench nothing");
+    expect_run(0, "usage: helio render", "", "$HELIO render --help");
+    expect_run(0, "exit codes:", "", "$HELIO --help");
+    expect_run(0, "helio ", "", "$HELIO --version");
+    expect_run(0, "{\"stage\":\"samples\"", "", "$HELIO render s.gltf -o a.png --progress json");
+}
+
+static void test_upload(void **state)
+{
+    (void)state;
+    static const char gltf[] =
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"a%20b.bin\"}],"
+        "\"images\":[{\"uri\":\"sub/t.png\"},{\"uri\":\"data:,x\"}]}";
+    harness_write(&h, "u.gltf", gltf, sizeof gltf - 1);
+    harness_write(&h, "a b.bin", "binary", 6);
+    assert_int_equal(harness_run(&h, "mkdir -p sub && head -c 3000000 /dev/zero > sub/t.png"), 0);
+    harness_serve(&h, "log=logu");
+    expect_run(0, NULL, "", "$HELIO render u.gltf --upload --connect unix:sock -o a.png");
+    expect_file("logu", "upload total=6\n");
+    expect_file("logu", "upload total=3000000\nupload total=3000000\nupload total=3000000\n");
+    expect_file("logu", "asset_load path= files=3\n");
+    harness_serve(&h, "have=1 log=logv");
+    expect_run(0, NULL, "", "$HELIO render u.gltf --upload --connect unix:sock -o a.png");
+    expect_file("logv", "asset_load path= files=3\n");
+    assert_null(strstr(h.output, "upload total"));
+    assert_int_equal(harness_run(&h, "rm sub/t.png"), 0);
+    expect_run(3, "sub/t.png", "", "$HELIO render u.gltf --upload --connect unix:sock -o a.png");
+}
+
+static void write_script(const char *text)
+{
+    harness_write(&h, "t.hs", text, strlen(text));
+}
+
+static void test_run(void **state)
+{
+    (void)state;
+    write_script("load s.gltf\nset size 64x64\ncamera orbit 0,90,2\nframe one.png\n"
+                 "expect psnr one.png >= 40\nexpect stat frame.render_ms == 1.5\n"
+                 "expect pick 1 1 node box\nexpect pick 20 1 nothing\n"
+                 "expect pick 1 1 node eye\n");
+    expect_run(1, "t.hs:9: expected: expect pick 1 1 node eye; seen: node #4294967296", "",
+        "$HELIO run t.hs --junit r.xml");
+    expect_file("one.png", "frame 1 as PNG8");
+    expect_file("r.xml", "tests=\"5\" failures=\"1\" errors=\"0\"");
+    write_script("load ${SCENE}\nwait settled\nexpect stat frame.nothing > 1\n"
+                 "expect psnr gone.png > 1\n"
+                 "expect hash abcd000000000000000000000000000000000000000000000000000000000000\n");
+    expect_run(1, "t.hs:3: expected: expect stat frame.nothing > 1; seen: no such key", "",
+        "$HELIO run t.hs -D SCENE=s.gltf");
+    assert_non_null(strstr(h.output, "3 expectations, 2 failed"));
+    expect_run(
+        2, "t.hs:1: the variable 'SCENE' is not defined", "", "$HELIO run t.hs --junit q.xml");
+    expect_file("q.xml", "errors=\"1\"");
+    write_script("load s.gltf\nframe b.bmp\n");
+    expect_run(2, "t.hs:2: frame b.bmp", "", "$HELIO run t.hs");
+    write_script("load gone.gltf\n");
+    expect_run(3, "t.hs:1: load gone.gltf", "", "$HELIO run t.hs --junit p.xml");
+    expect_file("p.xml", "<error message=");
+    write_script("load s.gltf\nwait settled\nexpect stat a == 1\n");
+    expect_run(7, "was killed by signal 9", "die=frame_request", "$HELIO run t.hs");
+    expect_run(3, "gone.hs", "", "$HELIO run gone.hs");
+    harness_serve(&h, "log=logr");
+    write_script("load any.gltf as 3\nset variant red as 3\ntime 2\nwait settled\n");
+    expect_run(0, "0 expectations, 0 failed", "", "$HELIO run t.hs --connect unix:sock");
+    expect_file("logr", "variant_set\nanimation_set time=2\n");
+    write_script("connect unix:sock\nload any.gltf\nexpect hash "
+                 "abcd000000000000000000000000000000000000000000000000000000000000\n");
+    expect_run(0, "1 expectation, 0 failed", "", "$HELIO run t.hs");
+}
+
+static void test_interrupt(void **state)
+{
+    (void)state;
+    expect_run(8, "interrupted", "silent=frame_request",
+        "$HELIO render s.gltf -o i.png & p=$!; sleep 0.5; kill -INT $p; wait $p");
+    expect_run(8, "interrupted", "silent=frame_request",
+        "$HELIO render s.gltf -o i.png & p=$!; sleep 0.5; kill -TERM $p; wait $p");
+    expect_no_file("i.png");
+}
+
+static void test_output_failures(void **state)
+{
+    (void)state;
+    if (harness_run(&h, "test -w /dev/full") == 0)
+        expect_run(6, NULL, "",
+            "mkdir -p ro; ulimit -f 0; trap '' XFSZ; $HELIO render s.gltf -o full.png");
+    expect_no_file("full.png");
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    harness_begin(&h);
+    harness_write(&h, "s.gltf", "{}", 2);
+    harness_write(&h, "t.txt", "other", 5);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    harness_end(&h);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_render),
+        cmocka_unit_test(test_default_camera_and_light),
+        cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_stats),
+        cmocka_unit_test(test_usage),
+        cmocka_unit_test(test_exit_codes_worker),
+        cmocka_unit_test(test_exit_codes_daemon),
+        cmocka_unit_test(test_other_commands),
+        cmocka_unit_test(test_upload),
+        cmocka_unit_test(test_run),
+        cmocka_unit_test(test_interrupt),
+        cmocka_unit_test(test_output_failures),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

@@ -1,0 +1,183 @@
+// The script language: what parses into what, and what is refused where.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "client/cli/script.h"
+
+static const char *variable(void *user, const char *name, size_t length)
+{
+    (void)user;
+    if (length == 3 && memcmp(name, "DIR", 3) == 0)
+        return "a b";
+    return NULL;
+}
+
+static void parse_good(const char *text, struct hg_cli_script *script)
+{
+    struct hg_error err = {0};
+    if (hg_cli_script_parse("t.hs", text, variable, NULL, script, &err))
+        fail_msg("%s: %s", err.what, err.reason);
+}
+
+static void test_good(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    parse_good("# a comment\n"
+               "\n"
+               "connect unix:/run/x\n"
+               "load \"${DIR}/x y.glb\" as 3   # more\n"
+               "load 'it''s ${DIR}'\n"
+               "set size 640x480\r\n"
+               "set env sky turbidity 3 rotation 90\n"
+               "set background 0.1,0.2,0.3\n"
+               "set tonemap pbr-neutral\n"
+               "set node box translation 1 2 3 visible no\n"
+               "set material 1:4 base_color 1,0,0,1 roughness 0.5\n"
+               "camera orbit 0,90,2 target 0 1 0 fov 30\n"
+               "camera eye 1 2 3\n"
+               "camera node eye\n"
+               "camera fit\n"
+               "time 1.5 as 2\n"
+               "wait settled\n"
+               "frame out.png now\n"
+               "expect psnr ref.png >= 40\n"
+               "expect stat frame.samples == 32\n"
+               "expect pick 10 20 node \"a box\"\n"
+               "expect pick 10 20 nothing\n"
+               "expect hash 00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff",
+        &s);
+    assert_int_equal(s.count, 21);
+    assert_int_equal(s.steps[0].kind, HG_CLI_STEP_CONNECT);
+    assert_int_equal(s.steps[0].line, 3);
+    assert_string_equal(s.steps[1].path, "a b/x y.glb");
+    assert_int_equal(s.steps[1].asset, 3);
+    assert_string_equal(s.steps[2].path, "its ${DIR}");
+    assert_int_equal(s.steps[3].view.height, 480);
+    assert_true(s.steps[4].environment.has_turbidity);
+    assert_true(fabs(s.steps[4].environment.rotation_rad - 1.5707963f) < 1e-6);
+    assert_int_equal(s.steps[5].view.background, HGP_background_COLOR);
+    assert_int_equal(s.steps[6].view.tonemap, HGP_tonemap_PBR_NEUTRAL);
+    assert_true(s.steps[7].node.has_visible && !s.steps[7].node.visible);
+    assert_true(s.steps[7].node.translation[2] == 3);
+    assert_true(s.steps[8].material.has_roughness && s.steps[8].material.base_color[0] == 1);
+    assert_true(fabs(s.steps[9].camera.eye[2] - 2) < 1e-6 && s.steps[9].camera.eye[1] == 1);
+    assert_true(s.steps[10].camera.eye[1] == 2);
+    assert_int_equal(s.steps[11].kind, HG_CLI_STEP_CAMERA_NODE);
+    assert_int_equal(s.steps[12].kind, HG_CLI_STEP_CAMERA_FIT);
+    assert_int_equal(s.steps[13].asset, 2);
+    assert_true(s.steps[14].kind == HG_CLI_STEP_FRAME && !s.steps[14].path);
+    assert_true(s.steps[15].now);
+    assert_true(s.steps[16].op == HG_CLI_OP_GE && s.steps[16].number == 40);
+    assert_string_equal(s.steps[16].text, "expect psnr ref.png >= 40");
+    assert_string_equal(s.steps[18].name, "a box");
+    assert_null(s.steps[19].name);
+    hg_cli_script_finish(&s);
+}
+
+static void test_bad(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *line, *reason;
+    } bad[] = {
+        {"fly", "unknown command 'fly'"},
+        {"load", "path is missing"},
+        {"load a b", "'b' is one word too many"},
+        {"load a as 0", "asset"},
+        {"load \"a", "quotation mark"},
+        {"load ${NOPE}", "'NOPE' is not defined"},
+        {"load ${", "without a name"},
+        {"load ${}", "without a name"},
+        {"set", "what to set is missing"},
+        {"set colour red", "'colour' cannot be set"},
+        {"set size 640", "not a size"},
+        {"set env x.hdr brightness 3", "'brightness'"},
+        {"set samples 0", "outside"},
+        {"set node x", "is missing"},
+        {"set node x translation 1 2", "is missing"},
+        {"set material m metallic 2", "outside"},
+        {"set material m alpha_mode glass", "not a alpha_mode"},
+        {"camera", "is missing"},
+        {"camera orbit 1 2", "is missing"},
+        {"camera orbit 0,90,-1", "negative"},
+        {"camera eye 1 2 3 target 1 2 3", "same point"},
+        {"camera eye 1 2 3 fov 0", "outside"},
+        {"time -1", "outside"},
+        {"frame", "file to write is missing"},
+        {"wait", "'settled' is missing"},
+        {"expect", "is missing"},
+        {"expect beauty x >= 1", "none of psnr"},
+        {"expect psnr ref.png", "is missing"},
+        {"expect psnr ref.png => 3", "'=>' is none of"},
+        {"expect psnr ref.png >= abc", "not a number"},
+        {"expect pick 1 2", "is missing"},
+        {"expect hash 12", "hexadecimal"},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        char text[256];
+        struct hg_cli_script s;
+        struct hg_error err = {0};
+        snprintf(text, sizeof text, "# first\n%s\nwait settled\n", bad[i].line);
+        if (hg_cli_script_parse("dir/t.hs", text, variable, NULL, &s, &err) != HG_E_INVAL)
+            fail_msg("taken: %s", bad[i].line);
+        assert_string_equal(err.what, "dir/t.hs:2");
+        if (!strstr(err.reason, bad[i].reason))
+            fail_msg("%s: says '%s'", bad[i].line, err.reason);
+        assert_null(s.steps);
+    }
+}
+
+// Every prefix of a valid script parses or is refused, and fails cleanly at every allocation.
+static void test_robust(void **state)
+{
+    (void)state;
+    static const char text[] = "load \"x y\" as 2\nset node a translation 1 2 3\n"
+                               "camera orbit 1,2,3 target 0,0,0\nexpect ssim r.png > 0.9\n";
+    for (size_t n = 0; n < sizeof text; n++) {
+        char part[sizeof text];
+        struct hg_cli_script s;
+        struct hg_error err;
+        snprintf(part, sizeof part, "%.*s", (int)n, text);
+        if (hg_cli_script_parse("t", part, variable, NULL, &s, &err) == HG_OK)
+            hg_cli_script_finish(&s);
+    }
+    bool failed = true;
+    for (uint64_t n = 1; failed; n++) {
+        struct hg_cli_script s;
+        hg_alloc_fail_at(n);
+        failed = hg_cli_script_parse("t", text, variable, NULL, &s, NULL) != HG_OK;
+        hg_alloc_fail_at(0);
+        if (!failed)
+            hg_cli_script_finish(&s);
+        assert_true(n < 1000);
+    }
+}
+
+static void test_ops(void **state)
+{
+    (void)state;
+    assert_true(hg_cli_op_holds(HG_CLI_OP_GE, 2, 2) && !hg_cli_op_holds(HG_CLI_OP_GT, 2, 2));
+    assert_true(hg_cli_op_holds(HG_CLI_OP_LE, 2, 2) && !hg_cli_op_holds(HG_CLI_OP_LT, 2, 2));
+    assert_true(hg_cli_op_holds(HG_CLI_OP_EQ, 2, 2) && !hg_cli_op_holds(HG_CLI_OP_NE, 2, 2));
+    assert_false(hg_cli_op_holds(HG_CLI_OP_GE, NAN, 2));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_good),
+        cmocka_unit_test(test_bad),
+        cmocka_unit_test(test_robust),
+        cmocka_unit_test(test_ops),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
