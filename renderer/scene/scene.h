@@ -50,25 +50,25 @@ struct hg_texture {
     bool mag_nearest, min_nearest, mip_nearest, mip_none;
 };
 
-enum hg_texture_slot { // colour slots hold sRGB files, the rest linear data
-    HG_SLOT_BASE_COLOR,         // rgb sRGB, a
-    HG_SLOT_METALLIC_ROUGHNESS, // g roughness, b metallic
-    HG_SLOT_NORMAL,             // tangent space, rg(b)
-    HG_SLOT_OCCLUSION,          // r
-    HG_SLOT_EMISSIVE,           // rgb sRGB
-    HG_SLOT_CLEARCOAT,          // r
-    HG_SLOT_CLEARCOAT_ROUGHNESS,// g
+enum hg_texture_slot {           // colour slots hold sRGB files, the rest linear data
+    HG_SLOT_BASE_COLOR,          // rgb sRGB, a
+    HG_SLOT_METALLIC_ROUGHNESS,  // g roughness, b metallic
+    HG_SLOT_NORMAL,              // tangent space, rg(b)
+    HG_SLOT_OCCLUSION,           // r
+    HG_SLOT_EMISSIVE,            // rgb sRGB
+    HG_SLOT_CLEARCOAT,           // r
+    HG_SLOT_CLEARCOAT_ROUGHNESS, // g
     HG_SLOT_CLEARCOAT_NORMAL,
-    HG_SLOT_SHEEN_COLOR,        // rgb sRGB
-    HG_SLOT_SHEEN_ROUGHNESS,    // a
-    HG_SLOT_TRANSMISSION,       // r
-    HG_SLOT_THICKNESS,          // g
-    HG_SLOT_SPECULAR,           // a
-    HG_SLOT_SPECULAR_COLOR,     // rgb sRGB
-    HG_SLOT_IRIDESCENCE,        // r
-    HG_SLOT_IRIDESCENCE_THICKNESS, // g
-    HG_SLOT_ANISOTROPY,         // rg direction, b strength
-    HG_SLOT_DIFFUSE_TRANSMISSION, // a
+    HG_SLOT_SHEEN_COLOR,                // rgb sRGB
+    HG_SLOT_SHEEN_ROUGHNESS,            // a
+    HG_SLOT_TRANSMISSION,               // r
+    HG_SLOT_THICKNESS,                  // g
+    HG_SLOT_SPECULAR,                   // a
+    HG_SLOT_SPECULAR_COLOR,             // rgb sRGB
+    HG_SLOT_IRIDESCENCE,                // r
+    HG_SLOT_IRIDESCENCE_THICKNESS,      // g
+    HG_SLOT_ANISOTROPY,                 // rg direction, b strength
+    HG_SLOT_DIFFUSE_TRANSMISSION,       // a
     HG_SLOT_DIFFUSE_TRANSMISSION_COLOR, // rgb sRGB
     HG_SLOT_COUNT
 };
@@ -84,9 +84,9 @@ struct hg_texture_ref {
 
 struct hg_material {
     struct hg_object head;
-    float base_color[4]; // linear; default 1 1 1 1
-    float metallic, roughness; // perceptual roughness; defaults 1, 1
-    float emissive[3];         // linear, already times emissive_strength
+    float base_color[4];                    // linear; default 1 1 1 1
+    float metallic, roughness;              // perceptual roughness; defaults 1, 1
+    float emissive[3];                      // linear, already times emissive_strength
     float normal_scale, occlusion_strength; // defaults 1, 1
     enum hg_alpha_mode alpha_mode;
     float alpha_cutoff; // default 0.5
@@ -117,19 +117,19 @@ struct hg_morph_target {
 struct hg_mesh_part {
     enum hg_topology topology;
     uint32_t vertex_count, index_count; // index_count is a multiple of 3, 2 or 1
-    uint32_t *indices;   // [index_count], each < vertex_count
-    float *positions;    // [vertex_count * 3] metres, finite
-    float *normals;      // [vertex_count * 3] unit; never NULL for triangles
-    float *tangents;     // [vertex_count * 4] unit xyz, w = +-1; NULL: none needed
-    float *uv[2];        // [vertex_count * 2]; NULL: 0,0
-    float *colors;       // [vertex_count * 4] linear; NULL: white
-    uint16_t *joints;    // [vertex_count * 4 * joint_sets]; NULL: not skinned
-    float *weights;      // [vertex_count * 4 * joint_sets], sums 1
-    uint32_t joint_sets; // 0, 1 or 2
-    struct hg_morph_target *targets; // [mesh.target_count]
-    struct hg_material *material;    // NULL: default material
-    struct hg_material **variants;   // [asset.variant_count] replacement per variant, entries may
-                                     // be NULL (no change); NULL: no mapping
+    uint32_t *indices;                  // [index_count], each < vertex_count
+    float *positions;                   // [vertex_count * 3] metres, finite
+    float *normals;                     // [vertex_count * 3] unit; never NULL for triangles
+    float *tangents;                    // [vertex_count * 4] unit xyz, w = +-1; NULL: none needed
+    float *uv[2];                       // [vertex_count * 2]; NULL: 0,0
+    float *colors;                      // [vertex_count * 4] linear; NULL: white
+    uint16_t *joints;                   // [vertex_count * 4 * joint_sets]; NULL: not skinned
+    float *weights;                     // [vertex_count * 4 * joint_sets], sums 1
+    uint32_t joint_sets;                // 0, 1 or 2
+    struct hg_morph_target *targets;    // [mesh.target_count]
+    struct hg_material *material;       // NULL: default material
+    struct hg_material **variants; // [asset.variant_count] replacement per variant, entries may
+                                   // be NULL (no change); NULL: no mapping
     float bounds_min[3], bounds_max[3]; // of positions, morph targets at full weight included
 };
 
@@ -211,21 +211,33 @@ struct hg_warning { // about an asset, kept for `helio info` and sent as notices
 // Everything one file brought. Owned by the scene after hg_scene_add_asset.
 struct hg_asset {
     uint32_t number;
-    char *label;                  // file name
+    char *label; // file name
     char generator[128], version[16], copyright[256], file_format[16];
-    struct hg_node **nodes;       uint32_t node_count; // ids number << 32 | index
-    struct hg_mesh **meshes;      uint32_t mesh_count;
-    struct hg_material **materials; uint32_t material_count;
-    struct hg_texture **textures; uint32_t texture_count;
-    struct hg_light **lights;     uint32_t light_count;
-    struct hg_camera **cameras;   uint32_t camera_count;
-    struct hg_skin **skins;       uint32_t skin_count;
-    struct hg_animation *animations; uint32_t animation_count;
-    char **variants;              uint32_t variant_count;
-    char **extensions_used;       uint32_t extension_count;
-    struct hg_warning *warnings;  uint32_t warning_count;
-    struct hg_node **roots;       uint32_t root_count; // of the chosen scene of the file
-    int32_t variant;              // chosen variant, -1 = none
+    struct hg_node **nodes;
+    uint32_t node_count; // ids number << 32 | index
+    struct hg_mesh **meshes;
+    uint32_t mesh_count;
+    struct hg_material **materials;
+    uint32_t material_count;
+    struct hg_texture **textures;
+    uint32_t texture_count;
+    struct hg_light **lights;
+    uint32_t light_count;
+    struct hg_camera **cameras;
+    uint32_t camera_count;
+    struct hg_skin **skins;
+    uint32_t skin_count;
+    struct hg_animation *animations;
+    uint32_t animation_count;
+    char **variants;
+    uint32_t variant_count;
+    char **extensions_used;
+    uint32_t extension_count;
+    struct hg_warning *warnings;
+    uint32_t warning_count;
+    struct hg_node **roots;
+    uint32_t root_count; // of the chosen scene of the file
+    int32_t variant;     // chosen variant, -1 = none
 };
 
 enum hg_environment_kind { HG_ENV_NONE, HG_ENV_COLOR, HG_ENV_IMAGE, HG_ENV_SKY };
@@ -265,8 +277,8 @@ enum hg_status hg_scene_create(struct hg_scene **out) HG_MUST_CHECK;
 void hg_scene_destroy(struct hg_scene *scene); // accepts NULL
 
 // NULL when there is none. The _node, _mesh, ... forms cast.
-struct hg_object *hg_scene_find(const struct hg_scene *scene, enum hg_object_kind kind,
-    uint64_t id);
+struct hg_object *hg_scene_find(
+    const struct hg_scene *scene, enum hg_object_kind kind, uint64_t id);
 
 // Adds a zeroed object (with its kind's defaults) under a new id. HG_E_EXISTS, HG_E_NOMEM.
 enum hg_status hg_scene_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id,
@@ -276,33 +288,33 @@ enum hg_status hg_scene_add(struct hg_scene *scene, enum hg_object_kind kind, ui
 enum hg_status hg_scene_remove(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id,
     struct hg_error *err) HG_MUST_CHECK;
 // Re-parents; HG_E_INVAL when it would make a cycle. parent NULL = root.
-enum hg_status hg_scene_set_parent(struct hg_scene *scene, struct hg_node *node,
-    struct hg_node *parent) HG_MUST_CHECK;
+enum hg_status hg_scene_set_parent(
+    struct hg_scene *scene, struct hg_node *node, struct hg_node *parent) HG_MUST_CHECK;
 // Marks an object changed at the scene's next revision.
 void hg_scene_touch(struct hg_scene *scene, struct hg_object *object);
 // One published change: revision + 1.
 void hg_scene_publish(struct hg_scene *scene);
 
 // Takes ownership of the asset on success and registers its objects. HG_E_EXISTS, HG_E_NOMEM.
-enum hg_status hg_scene_add_asset(struct hg_scene *scene, struct hg_asset *asset,
-    struct hg_node *parent) HG_MUST_CHECK;
+enum hg_status hg_scene_add_asset(
+    struct hg_scene *scene, struct hg_asset *asset, struct hg_node *parent) HG_MUST_CHECK;
 enum hg_status hg_scene_remove_asset(struct hg_scene *scene, uint32_t number) HG_MUST_CHECK;
 struct hg_asset *hg_scene_find_asset(const struct hg_scene *scene, uint32_t number);
 void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; accepts NULL
 
 // Poses the nodes of an asset. animation -1 = all; time is clamped to each channel's range.
 // HG_E_NOTFOUND for an unknown animation.
-enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
-    HG_MUST_CHECK;
+enum hg_status hg_asset_pose(
+    struct hg_asset *asset, int32_t animation, double time_s) HG_MUST_CHECK;
 // Material that a part shows under the asset's chosen variant; NULL = default material.
-struct hg_material *hg_asset_part_material(const struct hg_asset *asset,
-    const struct hg_mesh_part *part);
+struct hg_material *hg_asset_part_material(
+    const struct hg_asset *asset, const struct hg_mesh_part *part);
 
 // Recomputes world matrices and visibility of all nodes.
 void hg_scene_update(struct hg_scene *scene);
 // World bounds of a node's subtree (NULL = all), skins and morphs included conservatively.
 // False when there is no geometry. Call after hg_scene_update.
-bool hg_scene_bounds(const struct hg_scene *scene, const struct hg_node *node, float min[3],
-    float max[3]);
+bool hg_scene_bounds(
+    const struct hg_scene *scene, const struct hg_node *node, float min[3], float max[3]);
 
 #endif

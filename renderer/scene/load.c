@@ -1,0 +1,70 @@
+#include "renderer/scene/load.h"
+
+#include <string.h>
+#include <strings.h>
+
+#include "base/alloc.h"
+#include "renderer/scene/asset.h"
+#include "renderer/scene/fetch.h"
+#include "renderer/scene/gltf.h"
+
+static const char *base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+static bool has_suffix(const char *path, const char *suffix)
+{
+    size_t n = strlen(path), k = strlen(suffix);
+    return n >= k && strcasecmp(path + n - k, suffix) == 0;
+}
+
+// Content decides; the name only where a text could be anything.
+static bool is_gltf(const char *path, const struct hg_refbuf *data)
+{
+    if (data->size >= 4 && memcmp(data->data, "glTF", 4) == 0)
+        return true;
+    return has_suffix(path, ".gltf") || has_suffix(path, ".glb");
+}
+
+static enum hg_status load_main(
+    const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
+{
+    uint64_t limit = params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30;
+    struct hg_refbuf *data = NULL;
+    enum hg_status status =
+        params->fetch == hg_fetch_file
+            ? hg_fetch_read(params->path, limit, &data, err)
+            : params->fetch(params->fetch_user, params->path, limit, &data, err);
+    if (status)
+        return status;
+    if (is_gltf(params->path, data))
+        status = hg_gltf_load(params, data, base_name(params->path), out, err);
+    else
+        status = hg_error_set(err, HG_E_UNSUPPORTED, params->path, NULL, "unknown file format");
+    hg_refbuf_unref(data);
+    return status;
+}
+
+enum hg_status hg_load_asset(
+    const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
+{
+    struct hg_error local = {0};
+    err = err ? err : &local;
+    *out = NULL;
+    if (params->asset_number == 0 || !params->path)
+        return hg_error_set(err, HG_E_INVAL, "asset", NULL, "a number >= 1 and a path are needed");
+    if (params->fetch)
+        return load_main(params, out, err);
+    struct hg_fetch fetch;
+    enum hg_status status = hg_fetch_init(&fetch, params, err);
+    if (status)
+        return status;
+    struct hg_load_params with_files = *params;
+    with_files.fetch = hg_fetch_file;
+    with_files.fetch_user = &fetch;
+    status = load_main(&with_files, out, err);
+    hg_fetch_finish(&fetch);
+    return status;
+}

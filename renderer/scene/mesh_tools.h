@@ -1,0 +1,36 @@
+// mesh_tools.h - what loaders do to vertex arrays: lists from strips, normals, tangents.
+// Floor 2, private to scene/. Any thread; each call works on its own part.
+#ifndef HG_RENDERER_SCENE_MESH_TOOLS_H
+#define HG_RENDERER_SCENE_MESH_TOOLS_H
+
+#include "renderer/scene/scene.h"
+
+// Primitive modes by their glTF numbers.
+enum hg_primitive_mode {
+    HG_MODE_POINTS,
+    HG_MODE_LINES,
+    HG_MODE_LINE_LOOP,
+    HG_MODE_LINE_STRIP,
+    HG_MODE_TRIANGLES,
+    HG_MODE_TRIANGLE_STRIP,
+    HG_MODE_TRIANGLE_FAN
+};
+
+enum hg_topology hg_mode_topology(enum hg_primitive_mode mode);
+// Number of list indices that `count` indices of a mode expand to (incomplete ends are dropped).
+uint64_t hg_mode_list_count(enum hg_primitive_mode mode, uint32_t count);
+// Writes them; in NULL = 0, 1, 2, ... Strips keep the winding of their first triangle.
+void hg_mode_expand(enum hg_primitive_mode mode, const uint32_t *in, uint32_t count, uint32_t *out);
+
+// Flat normals for a triangle part without normals: every corner becomes its own vertex; morph
+// targets get the change of the face normal. HG_E_NOMEM.
+enum hg_status hg_part_make_flat_normals(
+    struct hg_mesh_part *part, uint32_t target_count) HG_MUST_CHECK;
+
+// Tangents as MikkTSpace makes them (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited"),
+// from the positions, normals and uv[uv_set] of a triangle part; vertices are split where corners
+// disagree. Needs that UV set. HG_E_NOMEM. Cost O(n).
+enum hg_status hg_part_make_tangents(
+    struct hg_mesh_part *part, uint32_t target_count, uint32_t uv_set) HG_MUST_CHECK;
+
+#endif
