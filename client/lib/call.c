@@ -54,6 +54,8 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             return status;
         if (n > 0 && p[0].revents)
             return HG_OK;
+        if (n == 0 && h->handlers.tick)
+            h->handlers.tick(h->handlers.user);
         if (hg_clock_now_ns() >= deadline_ns)
             return hg_error_set(err, HG_E_TIMEOUT, h->url, NULL, "no answer in time");
     }
