@@ -150,11 +150,31 @@ enum hg_status hg_cube_create(
     uint32_t grid = (image->width + 2 * size - 1) / (2 * size);
     struct cube_fill fill = {cube, image, 0, grid < 1 ? 1 : grid > 8 ? 8 : grid};
     hg_jobs_for(jobs, (size_t)6 * (cube->size + 2), fill_row, &fill);
-    for (fill.level = 1; fill.level < cube->levels; fill.level++) {
+    hg_cube_shrink_from(cube, 0, jobs);
+    return HG_OK;
+}
+
+void hg_cube_shrink_from(struct hg_cube *cube, uint32_t level, struct hg_jobs *jobs)
+{
+    struct cube_fill fill = {cube, NULL, level + 1, 0};
+    fill_border(cube, level);
+    for (; fill.level < cube->levels; fill.level++) {
         hg_jobs_for(jobs, 6, shrink_face, &fill);
         fill_border(cube, fill.level);
     }
-    return HG_OK;
+}
+
+hg_v4 *hg_cube_texel(
+    const struct hg_cube *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y)
+{
+    return texel(cube, level, face, (int)x, (int)y);
+}
+
+float hg_cube_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y)
+{
+    float u = (2 * (float)x + 1) / (float)s - 1, v = (2 * (float)y + 1) / (float)s - 1;
+    float d2 = 1 + u * u + v * v;
+    return 4 / ((float)s * (float)s * d2 * sqrtf(d2));
 }
 
 void hg_cube_finish(struct hg_cube *cube)

@@ -27,6 +27,15 @@ enum hg_status hg_cube_create(struct hg_cube *cube, const struct hg_image *image
     struct hg_jobs *jobs) HG_MUST_CHECK;
 void hg_cube_finish(struct hg_cube *cube); // accepts a zeroed one
 
+// Levels above `level` from it once more, after it was changed in place (border included).
+void hg_cube_shrink_from(struct hg_cube *cube, uint32_t level, struct hg_jobs *jobs);
+// Inner texel of a face.
+hg_v4 *hg_cube_texel(
+    const struct hg_cube *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y);
+// Solid angle of a texel of a face with s x s texels, steradians (Jacobian of the gnomonic
+// projection at its centre).
+float hg_cube_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y);
+
 // Trilinear radiance along a direction (any length > 0), lod clamped to the levels.
 hg_v4 hg_cube_sample(const struct hg_cube *cube, const float dir[3], float lod);
 

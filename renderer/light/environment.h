@@ -36,7 +36,8 @@ void hg_environment_map_finish(struct hg_environment_map *map); // accepts a zer
 
 // The same through a file in cache_dir (NULL = no cache) named by `key`, the content's SHA-256. A
 // missing, damaged or older file is made anew; a cache that cannot be written is only a warning.
+// *cached (may be NULL): it came from the file.
 enum hg_status hg_environment_map_load(struct hg_environment_map *map, const struct hg_image *image,
-    const uint8_t key[32], const char *cache_dir, struct hg_jobs *jobs) HG_MUST_CHECK;
+    const uint8_t key[32], const char *cache_dir, struct hg_jobs *jobs, bool *cached) HG_MUST_CHECK;
 
 #endif

@@ -34,7 +34,8 @@ struct hg_lighting_view {
     const struct hg_gpu_camera *camera; // relative to origin; jitter does not matter
     uint32_t width, height;             // px
     double origin[3];                   // hg_geometry_origin
-    uint64_t shape_revision;            // hg_geometry_shape_revision
+    uint64_t shape_revision;            // hg_geometry_shape_revision, or hg_geometry_revision when
+                                        // textures of masked materials may have changed
     bool has_bounds;                    // hg_geometry_bounds returned true
     float bounds_min[3], bounds_max[3]; // relative to origin
 };

@@ -148,6 +148,14 @@ hg_brdf hg_brdf_make(
     return b;
 }
 
+#ifdef HG_LIB_MATERIAL_GLSL
+// Of an evaluated material (include lib/material.glsl first); view_ws leads to the eye.
+hg_brdf hg_surface_brdf(hg_surface s, vec3 view_ws)
+{
+    return hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view_ws);
+}
+#endif
+
 // f(v, l) n.l for a light direction; 0 below the horizon.
 vec3 hg_brdf_evaluate(hg_brdf b, vec3 l)
 {

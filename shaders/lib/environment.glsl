@@ -107,4 +107,12 @@ vec3 hg_environment_brdf(hg_brdf b, vec3 n_geometric, float occlusion)
     return single * radiance + (b.f_ms * miss + b.diffuse * (1.0 - e_dielectric)) * irradiance;
 }
 
+#ifdef HG_LIB_MATERIAL_GLSL
+// The same for an evaluated material (include lib/material.glsl first).
+vec3 hg_environment_light(hg_surface s, vec3 view_ws)
+{
+    return hg_environment_brdf(hg_surface_brdf(s, view_ws), s.geometric_normal, s.occlusion);
+}
+#endif
+
 #endif

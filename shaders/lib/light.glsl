@@ -89,7 +89,7 @@ float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
 float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
 {
     uint first = light.shadow, last = light.shadow + light.shadow_count - 1u;
-    if (light.kind == HG_LIGHT_KIND_POINT) {
+    if (light.shadow_count == 6u) { // faces of a cube: +x -x +y -y +z -z
         vec3 a = abs(l);
         uint face = a.x >= a.y && a.x >= a.z ? (l.x > 0.0 ? 1u : 0u)
             : a.y >= a.z                     ? (l.y > 0.0 ? 3u : 2u)
@@ -182,5 +182,14 @@ vec3 hg_light_brdf(hg_brdf b, vec3 pos_ws, vec3 n_geometric, vec2 pixel, float v
         sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
     return sum;
 }
+
+#ifdef HG_LIB_MATERIAL_GLSL
+// The same for an evaluated material (include lib/material.glsl first).
+vec3 hg_light_direct(hg_surface s, vec3 pos_ws, vec3 view_ws, vec2 pixel, float view_depth)
+{
+    return hg_light_brdf(
+        hg_surface_brdf(s, view_ws), pos_ws, s.geometric_normal, pixel, view_depth);
+}
+#endif
 
 #endif

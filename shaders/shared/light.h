@@ -31,7 +31,7 @@ struct hg_gpu_light {
     HG_UINT shadow;       // first of its shadow maps, HG_SHADOW_NONE
     float spot_scale;     // cone: saturate(cos * scale + offset)^2
     float spot_offset;
-    HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point 6
+    HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point and wide spot 6
     HG_UINT id;           // index of the light in its scene, for statistics
 };
 HG_SHARED_SIZE(hg_gpu_light, 64);

@@ -1,0 +1,155 @@
+#include "renderer/light/cluster.h"
+
+#include "base/alloc.h"
+#include "renderer/light/vec.h"
+
+// A light's sphere as the camera sees it.
+struct sphere {
+    float x, y, depth, radius; // x right, y down, metres
+};
+
+struct cluster_view {
+    const struct hg_gpu_camera *camera;
+    float scale_x, scale_y;   // view x / depth (or x) to -1..1
+    float margin_x, margin_y; // one pixel and a half
+    float z_scale, z_bias;
+};
+
+struct cell_range {
+    int x0, x1, y0, y1; // inclusive; empty when x1 < x0
+};
+
+static struct sphere view_sphere(
+    const struct hg_gpu_camera *camera, const struct hg_gpu_light *light)
+{
+    const float *m = camera->view.m, *p = (const float *)&light->position_ws;
+    float y = m[1] * p[0] + m[5] * p[1] + m[9] * p[2] + m[13];
+    return (struct sphere){m[0] * p[0] + m[4] * p[1] + m[8] * p[2] + m[12],
+        camera->proj.m[5] < 0 ? -y : y, -(m[2] * p[0] + m[6] * p[1] + m[10] * p[2] + m[14]),
+        hg_gpu_light_range(light)};
+}
+
+// Depth at which slice k begins. The first begins at the eye, the last never ends.
+static float slice_depth(const struct cluster_view *view, int k)
+{
+    if (k <= 0)
+        return view->camera->orthographic ? -INFINITY : 0;
+    return k >= HG_CLUSTER_Z ? INFINITY : exp2f(((float)k - view->z_bias) / view->z_scale);
+}
+
+// Tiles of [low, high] seen at depths [z0, z1], on one axis.
+static void tile_range(const struct cluster_view *view, float low, float high, float z0, float z1,
+    float scale, float margin, int tiles, int out[2])
+{
+    if (!view->camera->orthographic) {
+        if (z0 <= 1e-6f) {
+            out[0] = 0;
+            out[1] = tiles - 1;
+            return;
+        }
+        low /= low < 0 ? z0 : z1;
+        high /= high < 0 ? z1 : z0;
+    }
+    float a = ((low * scale - margin) * 0.5f + 0.5f) * (float)tiles;
+    float b = ((high * scale + margin) * 0.5f + 0.5f) * (float)tiles;
+    out[0] = (int)hg_clampf(floorf(a), 0, (float)tiles);
+    out[1] = (int)hg_clampf(floorf(b), -1, (float)tiles - 1);
+}
+
+static struct cell_range slice_cells(const struct cluster_view *view, const struct sphere *s, int k)
+{
+    // A hair of slack: the shader's log2 may round a depth into the neighbouring slice.
+    float z0 = fmaxf(slice_depth(view, k) * 0.9999f, s->depth - s->radius);
+    float z1 = fminf(slice_depth(view, k + 1) * 1.0001f, s->depth + s->radius);
+    float dz = fmaxf(0, fmaxf(z0 - s->depth, s->depth - z1));
+    if (z1 < z0 || dz > s->radius || (z1 <= 0 && !view->camera->orthographic))
+        return (struct cell_range){0, -1, 0, -1};
+    float r = sqrtf(fmaxf(0, s->radius * s->radius - dz * dz)) * 1.0001f;
+    int x[2], y[2];
+    tile_range(view, s->x - r, s->x + r, z0, z1, view->scale_x, view->margin_x, HG_CLUSTER_X, x);
+    tile_range(view, s->y - r, s->y + r, z0, z1, view->scale_y, view->margin_y, HG_CLUSTER_Y, y);
+    return (struct cell_range){x[0], x[1], y[0], y[1]};
+}
+
+// Calls for every cell of one light: counts when `entries` is NULL, else writes at `next`.
+static void visit_cells(const struct cluster_view *view, const struct sphere *s, uint32_t number,
+    uint32_t *next, uint32_t *entries)
+{
+    for (int k = 0; k < HG_CLUSTER_Z; k++) {
+        struct cell_range c = slice_cells(view, s, k);
+        for (int y = c.y0; c.x1 >= c.x0 && y <= c.y1; y++)
+            for (int x = c.x0; x <= c.x1; x++) {
+                uint32_t *cell = &next[(k * HG_CLUSTER_Y + y) * HG_CLUSTER_X + x];
+                if (entries)
+                    entries[*cell] = number;
+                ++*cell;
+            }
+    }
+}
+
+// Slices from a thousandth of the farthest reach to all of it.
+static struct cluster_view make_view(const struct hg_light_set *lights,
+    const struct hg_gpu_camera *camera, uint32_t width, uint32_t height)
+{
+    float far = 0;
+    for (uint32_t i = lights->global_count; i < lights->count; i++) {
+        struct sphere s = view_sphere(camera, &lights->items[i]);
+        far = fmaxf(far, s.depth + s.radius);
+    }
+    far = fmaxf(far, camera->near * 2);
+    far = far > 0 ? far : 1;
+    float near = fmaxf(camera->near, far * 0.001f);
+    struct cluster_view view = {.camera = camera,
+        .scale_x = fabsf(camera->proj.m[0]),
+        .scale_y = fabsf(camera->proj.m[5]),
+        .margin_x = 3.0f / (float)width,
+        .margin_y = 3.0f / (float)height};
+    view.z_scale = HG_CLUSTER_Z / log2f(far / fminf(near, far * 0.5f));
+    view.z_bias = HG_CLUSTER_Z - log2f(far) * view.z_scale;
+    return view;
+}
+
+enum hg_status hg_clusters_build(struct hg_clusters *clusters, const struct hg_light_set *lights,
+    const struct hg_gpu_camera *camera, uint32_t width, uint32_t height)
+{
+    static const uint32_t empty[HG_CLUSTER_COUNT + 1];
+    uint32_t next[HG_CLUSTER_COUNT + 1];
+    clusters->used = clusters->overflow = false;
+    clusters->entry_count = 0;
+    if (lights->count - lights->global_count < HG_CLUSTER_MIN_LIGHTS)
+        return HG_OK;
+    struct cluster_view view = make_view(lights, camera, width, height);
+    memcpy(next, empty, sizeof next);
+    for (uint32_t i = lights->global_count; i < lights->count; i++) {
+        struct sphere s = view_sphere(camera, &lights->items[i]);
+        visit_cells(&view, &s, i, next, NULL);
+    }
+    uint64_t total = 0;
+    for (uint32_t c = 0; c < HG_CLUSTER_COUNT; c++) {
+        clusters->first[c] = (uint32_t)total;
+        total += next[c];
+        if (total > HG_CLUSTER_MAX_ENTRIES) {
+            clusters->overflow = true;
+            return HG_OK;
+        }
+    }
+    clusters->first[HG_CLUSTER_COUNT] = (uint32_t)total;
+    if (hg_grow(&clusters->entries, &clusters->capacity, total + 1, sizeof *clusters->entries))
+        return HG_E_NOMEM;
+    memcpy(next, clusters->first, sizeof next);
+    for (uint32_t i = lights->global_count; i < lights->count; i++) {
+        struct sphere s = view_sphere(camera, &lights->items[i]);
+        visit_cells(&view, &s, i, next, clusters->entries);
+    }
+    clusters->entry_count = (uint32_t)total;
+    clusters->z_scale = view.z_scale;
+    clusters->z_bias = view.z_bias;
+    clusters->used = true;
+    return HG_OK;
+}
+
+void hg_clusters_finish(struct hg_clusters *clusters)
+{
+    hg_free(clusters->entries);
+    *clusters = (struct hg_clusters){0};
+}

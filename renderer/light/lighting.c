@@ -1,0 +1,313 @@
+#include "renderer/light/lighting.h"
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "renderer/light/cluster.h"
+#include "renderer/light/dfg.h"
+#include "renderer/light/env_device.h"
+#include "renderer/light/shadow_plan.h"
+#include "renderer/light/vec.h"
+
+#define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
+#define SHADOW_TAPS   4
+
+struct hg_lighting {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    struct hg_lighting_params params;
+    char *cache_dir;
+    struct hg_env_device env;
+    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
+    struct hg_gpu_image atlas;
+    struct hg_light_set set;
+    struct hg_clusters cells;
+    struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
+    uint64_t drawn_shape_revision;
+    bool overflow_told, unshadowed_told;
+    struct hg_gpu_lighting block; // without what changes from sample to sample
+};
+
+// --- life ----------------------------------------------------------------------------------------
+
+static enum hg_status create_atlas(
+    struct hg_lighting *l, uint32_t side, struct hg_gpu_image *out, struct hg_error *err)
+{
+    struct hg_gpu_image_params params = {.kind = HG_GPU_IMAGE_2D,
+        .format = SHADOW_FORMAT,
+        .width = side,
+        .height = side,
+        .attachment = true,
+        .name = "shadow atlas"};
+    return hg_gpu_image_create(l->gpu, &params, out, err);
+}
+
+static enum hg_status create_dfg(struct hg_lighting *l, struct hg_error *err)
+{
+    struct hg_vec2 *table = hg_calloc(HG_DFG_ENTRIES, sizeof *table);
+    if (!table)
+        return hg_error_set(err, HG_E_NOMEM, "lighting", NULL, "no memory for its tables");
+    hg_dfg_fill(l->jobs, table);
+    const uint64_t bytes = HG_DFG_ENTRIES * sizeof *table;
+    enum hg_status status =
+        hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes, "dfg", &l->dfg, err);
+    if (!status)
+        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, 0, table, bytes, err);
+    hg_free(table);
+    return status;
+}
+
+enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
+    const struct hg_lighting_params *params, struct hg_lighting **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_lighting *l = hg_calloc(1, sizeof *l);
+    if (!l)
+        return hg_error_set(err, HG_E_NOMEM, "lighting", NULL, "no memory");
+    l->gpu = gpu;
+    l->jobs = jobs;
+    if (params)
+        l->params = *params;
+    if (!l->params.shadow_atlas_px)
+        l->params.shadow_atlas_px = 4096;
+    uint32_t limit = hg_gpu_get_caps(gpu)->max_image_side_px;
+    while (l->params.shadow_atlas_px > limit)
+        l->params.shadow_atlas_px /= 2;
+    enum hg_status status = HG_OK;
+    if (l->params.cache_dir) {
+        l->cache_dir = hg_strdup(l->params.cache_dir);
+        status = l->cache_dir ? HG_OK : HG_E_NOMEM;
+    }
+    if (!status)
+        status = hg_env_device_init(&l->env, gpu, err);
+    if (!status)
+        status = create_dfg(l, err);
+    if (!status)
+        status = create_atlas(l, 1, &l->atlas, err);
+    if (status)
+        hg_lighting_destroy(l);
+    else
+        *out = l;
+    return status;
+}
+
+void hg_lighting_destroy(struct hg_lighting *l)
+{
+    if (!l)
+        return;
+    hg_env_device_finish(&l->env, l->gpu);
+    hg_gpu_image_destroy(l->gpu, &l->atlas);
+    struct hg_gpu_buffer *buffers[] = {&l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries};
+    for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
+        hg_gpu_buffer_destroy(l->gpu, buffers[i]);
+    hg_light_set_finish(&l->set);
+    hg_clusters_finish(&l->cells);
+    hg_shadow_plan_finish(&l->plan);
+    hg_shadow_plan_finish(&l->drawn);
+    hg_free(l->cache_dir);
+    hg_free(l);
+}
+
+// --- shadow maps ---------------------------------------------------------------------------------
+
+static bool same_map(const struct hg_shadow_map *a, const struct hg_shadow_map *b)
+{
+    return !memcmp(&a->gpu, &b->gpu, sizeof a->gpu);
+}
+
+// A map is kept when the atlas holds the same projection in the same place and nothing moved.
+static enum hg_status mark_stale(
+    struct hg_lighting *l, uint64_t shape_revision, struct hg_error *err)
+{
+    bool moved = l->drawn_shape_revision != shape_revision;
+    if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
+        struct hg_gpu_image next = {0};
+        enum hg_status status = create_atlas(l, l->plan.atlas_px, &next, err);
+        if (status)
+            return status;
+        hg_gpu_image_destroy(l->gpu, &l->atlas);
+        l->atlas = next;
+        moved = true;
+    }
+    for (uint32_t i = 0; i < l->plan.count; i++) {
+        struct hg_shadow_map *map = &l->plan.maps[i];
+        map->stale = true;
+        for (uint32_t k = 0; k < l->drawn.count && !moved && map->stale; k++)
+            map->stale = l->drawn.maps[k].stale || !same_map(map, &l->drawn.maps[k]);
+    }
+    l->drawn_shape_revision = shape_revision;
+    return HG_OK;
+}
+
+struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *l, uint32_t *count)
+{
+    *count = l->plan.count;
+    return l->plan.maps;
+}
+
+// --- sync ----------------------------------------------------------------------------------------
+
+static enum hg_status put(struct hg_lighting *l, struct hg_gpu_buffer *buffer, const char *name,
+    const void *data, uint64_t bytes, struct hg_error *err)
+{
+    if (!bytes)
+        return HG_OK;
+    enum hg_status status =
+        hg_gpu_buffer_reserve(l->gpu, HG_GPU_BUFFER_DEVICE, bytes, name, buffer, err);
+    return status ? status : hg_gpu_buffer_upload(l->gpu, buffer, 0, data, bytes, err);
+}
+
+static enum hg_status upload_shadows(struct hg_lighting *l, struct hg_error *err)
+{
+    struct hg_gpu_shadow *shadows = hg_calloc(l->plan.count + 1, sizeof *shadows);
+    if (!shadows)
+        return hg_error_set(err, HG_E_NOMEM, "shadow maps", NULL, "no memory");
+    for (uint32_t i = 0; i < l->plan.count; i++)
+        shadows[i] = l->plan.maps[i].gpu;
+    enum hg_status status =
+        put(l, &l->shadows, "shadow maps", shadows, l->plan.count * sizeof *shadows, err);
+    hg_free(shadows);
+    return status;
+}
+
+static enum hg_status upload_lists(struct hg_lighting *l, struct hg_error *err)
+{
+    enum hg_status status =
+        put(l, &l->lights, "lights", l->set.items, l->set.count * sizeof *l->set.items, err);
+    if (!status)
+        status = upload_shadows(l, err);
+    if (!status && l->cells.used)
+        status = put(l, &l->clusters, "light clusters", l->cells.first, sizeof l->cells.first, err);
+    if (!status && l->cells.used)
+        status = put(l, &l->entries, "light lists", l->cells.entries,
+            (uint64_t)l->cells.entry_count * sizeof *l->cells.entries, err);
+    return status;
+}
+
+// Says once when something could not be done as asked.
+static void report(struct hg_lighting *l)
+{
+    if (l->plan.unshadowed_lights && !l->unshadowed_told)
+        hg_warn(LIGHT, "%u of %u shadow-casting lights have no room in the shadow atlas",
+            l->plan.unshadowed_lights, l->plan.unshadowed_lights + l->plan.shadowed_lights);
+    if (l->cells.overflow && !l->overflow_told)
+        hg_warn(LIGHT, "light lists would take more than %u entries: every pixel loops over all",
+            HG_CLUSTER_MAX_ENTRIES);
+    l->unshadowed_told = l->plan.unshadowed_lights != 0;
+    l->overflow_told = l->cells.overflow;
+}
+
+static void fill_environment(struct hg_lighting *l, const struct hg_environment *env)
+{
+    struct hg_gpu_lighting *b = &l->block;
+    const float white[3] = {1, 1, 1}, black[3] = {0, 0, 0};
+    const float *color = l->env.kind == HG_ENV_KIND_COLOR   ? env->color
+                         : l->env.kind == HG_ENV_KIND_IMAGE ? white
+                                                            : black;
+    b->env_kind = l->env.kind;
+    b->env_specular_lods = (float)l->env.specular_lods;
+    b->env_color = (struct hg_vec3){
+        color[0] * env->intensity, color[1] * env->intensity, color[2] * env->intensity};
+    // A sky is fixed to its sun, which is given in world space.
+    float turn = env->kind == HG_ENV_IMAGE ? env->rotation_rad : 0;
+    b->env_rotation_cos = cosf(turn);
+    b->env_rotation_sin = sinf(turn);
+}
+
+static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *view)
+{
+    struct hg_gpu_lighting *b = &l->block;
+    *b = (struct hg_gpu_lighting){.lights = l->lights.address,
+        .shadows = l->shadows.address,
+        .clusters = l->clusters.address,
+        .cluster_lights = l->entries.address,
+        .irradiance = l->env.irradiance.address,
+        .dfg = l->dfg.address,
+        .light_count = l->set.count,
+        .global_count = l->set.global_count,
+        .clustered = l->cells.used,
+        .cluster_x = HG_CLUSTER_X,
+        .cluster_y = HG_CLUSTER_Y,
+        .cluster_z = HG_CLUSTER_Z,
+        .cluster_scale_x = (float)HG_CLUSTER_X / (float)view->width,
+        .cluster_scale_y = (float)HG_CLUSTER_Y / (float)view->height,
+        .cluster_z_scale = l->cells.z_scale,
+        .cluster_z_bias = l->cells.z_bias,
+        .shadow_inv_size = 1 / (float)l->atlas.width,
+        .shadow_radius_px = HG_SHADOW_RADIUS_PX,
+        .shadow_taps = SHADOW_TAPS};
+    fill_environment(l, &view->scene->environment);
+}
+
+enum hg_status hg_lighting_sync(
+    struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
+{
+    enum hg_status status = hg_light_set_collect(&l->set, view->scene, view->origin);
+    if (!status)
+        status = hg_clusters_build(&l->cells, &l->set, view->camera, view->width, view->height);
+    if (status)
+        return hg_error_set(err, status, "lights", NULL, "no memory for their lists");
+    // The plan before becomes what the atlas holds.
+    struct hg_shadow_plan before = l->drawn;
+    l->drawn = l->plan;
+    l->plan = before;
+    status = hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
+    if (status)
+        return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
+    status = mark_stale(l, view->shape_revision, err);
+    if (!status)
+        status = hg_env_device_sync(&l->env, l->gpu, &view->scene->environment,
+            l->set.directional_count > 0, l->jobs, l->cache_dir, err);
+    if (!status)
+        status = upload_lists(l, err);
+    if (status)
+        return status;
+    fill_block(l, view);
+    report(l);
+    return HG_OK;
+}
+
+void hg_lighting_fill(
+    const struct hg_lighting *l, uint32_t sample_index, struct hg_gpu_lighting *out)
+{
+    // Weyl sequences: evenly spread over any number of samples; sample 0 blends half way.
+    double turn = fmod(0.6180339887498949 * sample_index, 1);
+    double hand_over = fmod(0.5 + 0.7548776662466927 * sample_index, 1);
+    *out = l->block;
+    out->shadow_rotation = (float)(turn * 2 * HG_PI);
+    out->shadow_dither = (float)hand_over;
+}
+
+struct hg_gpu_image *hg_lighting_image_specular(struct hg_lighting *l)
+{
+    return &l->env.specular;
+}
+
+struct hg_gpu_image *hg_lighting_image_radiance(struct hg_lighting *l)
+{
+    return &l->env.radiance;
+}
+
+struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
+{
+    return &l->atlas;
+}
+
+void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *out)
+{
+    *out = (struct hg_lighting_stats){.lights = l->set.count,
+        .shadowed_lights = l->plan.shadowed_lights,
+        .unshadowed_lights = l->plan.unshadowed_lights,
+        .shadow_maps = l->plan.count,
+        .clusters = l->cells.used ? HG_CLUSTER_COUNT : 0,
+        .cluster_entries = l->cells.entry_count,
+        .cluster_overflow = l->cells.overflow,
+        .environment_ns = l->env.prefilter_ns,
+        .environment_cached = l->env.from_cache};
+    for (uint32_t i = 0; i < l->plan.count; i++)
+        out->shadow_maps_stale += l->plan.maps[i].stale;
+    out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +
+                        l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
+                        l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
+                        l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
+                        l->entries.memory.size_bytes;
+}

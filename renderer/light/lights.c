@@ -1,0 +1,101 @@
+#include "renderer/light/lights.h"
+
+#include "base/alloc.h"
+#include "renderer/light/vec.h"
+
+static enum {
+    GROUP_DIRECTIONAL,
+    GROUP_INFINITE,
+    GROUP_RANGED,
+    GROUP_COUNT
+} light_group(const struct hg_light *light)
+{
+    if (light->kind == HG_LIGHT_DIRECTIONAL)
+        return GROUP_DIRECTIONAL;
+    return light->range > 0 ? GROUP_RANGED : GROUP_INFINITE;
+}
+
+static bool is_dark(const struct hg_light *light)
+{
+    float peak = fmaxf(light->color[0], fmaxf(light->color[1], light->color[2]));
+    return !(peak * light->intensity > 0);
+}
+
+// Cone terms of KHR_lights_punctual, "Inner and Outer Cone Angles".
+static void set_cone(struct hg_gpu_light *out, const struct hg_light *light)
+{
+    float outer = cosf(light->outer_cone_rad), inner = cosf(light->inner_cone_rad);
+    out->spot_scale = 1 / fmaxf(0.001f, inner - outer);
+    out->spot_offset = -outer * out->spot_scale;
+}
+
+static struct hg_gpu_light make_light(const struct hg_node *node, const double origin[3])
+{
+    const struct hg_light *light = node->light;
+    const float *m = node->world;
+    float travel[3] = {-m[8], -m[9], -m[10]};
+    hg_normalize3(travel);
+    struct hg_gpu_light out = {
+        .position_ws = {(float)((double)m[12] - origin[0]), (float)((double)m[13] - origin[1]),
+            (float)((double)m[14] - origin[2])},
+        .direction_ws = {travel[0], travel[1], travel[2]},
+        .color = {light->color[0] * light->intensity, light->color[1] * light->intensity,
+            light->color[2] * light->intensity},
+        .inv_range_sq = light->range > 0 ? 1 / (light->range * light->range) : 0,
+        .shadow = HG_SHADOW_NONE,
+    };
+    out.kind = light->kind == HG_LIGHT_DIRECTIONAL ? HG_LIGHT_KIND_DIRECTIONAL
+               : light->kind == HG_LIGHT_POINT     ? HG_LIGHT_KIND_POINT
+                                                   : HG_LIGHT_KIND_SPOT;
+    if (out.kind == HG_LIGHT_KIND_SPOT)
+        set_cone(&out, light);
+    return out;
+}
+
+static enum hg_status append(
+    struct hg_light_set *set, const struct hg_node *node, const double origin[3])
+{
+    size_t need = (size_t)set->count + 1;
+    if (hg_grow(&set->items, &set->capacity, need, sizeof *set->items) ||
+        hg_grow(&set->casts, &set->casts_capacity, need, sizeof *set->casts))
+        return HG_E_NOMEM;
+    set->items[set->count] = make_light(node, origin);
+    set->items[set->count].id = set->count;
+    set->casts[set->count++] = node->light->casts_shadow;
+    return HG_OK;
+}
+
+enum hg_status hg_light_set_collect(
+    struct hg_light_set *set, const struct hg_scene *scene, const double origin[3])
+{
+    const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
+    set->count = 0;
+    for (int group = 0; group < GROUP_COUNT; group++) {
+        for (uint32_t i = 0; i < nodes->count; i++) {
+            const struct hg_node *node = (const struct hg_node *)nodes->items[i];
+            if (!node->light || !node->world_visible || is_dark(node->light) ||
+                (int)light_group(node->light) != group)
+                continue;
+            enum hg_status status = append(set, node, origin);
+            if (status)
+                return status;
+        }
+        if (group == GROUP_DIRECTIONAL)
+            set->directional_count = set->count;
+        if (group == GROUP_INFINITE)
+            set->global_count = set->count;
+    }
+    return HG_OK;
+}
+
+void hg_light_set_finish(struct hg_light_set *set)
+{
+    hg_free(set->items);
+    hg_free(set->casts);
+    *set = (struct hg_light_set){0};
+}
+
+float hg_gpu_light_range(const struct hg_gpu_light *light)
+{
+    return light->inv_range_sq > 0 ? 1 / sqrtf(light->inv_range_sq) : 0;
+}

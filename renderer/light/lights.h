@@ -1,0 +1,27 @@
+// lights.h - the punctual lights of a scene in the shader's form.
+// Floor 2 (light). Thread: the render thread.
+#ifndef HG_RENDERER_LIGHT_LIGHTS_H
+#define HG_RENDERER_LIGHT_LIGHTS_H
+
+#include "renderer/scene/scene.h"
+#include "shaders/shared/light.h"
+
+// Zero-initialise. Order: directional lights, lights of infinite range, lights with a range; each
+// group in the order of the scene's nodes.
+struct hg_light_set {
+    struct hg_gpu_light *items;
+    bool *casts; // asks for shadows
+    size_t capacity, casts_capacity;
+    uint32_t count, global_count, directional_count;
+};
+
+// Visible lights with positions relative to origin; black lights are left out. shadow is
+// HG_SHADOW_NONE. Source: KHR_lights_punctual (units, cone, range). HG_E_NOMEM.
+enum hg_status hg_light_set_collect(
+    struct hg_light_set *set, const struct hg_scene *scene, const double origin[3]) HG_MUST_CHECK;
+void hg_light_set_finish(struct hg_light_set *set); // accepts a zeroed one
+
+// Reach of a light in metres; 0 = infinite.
+float hg_gpu_light_range(const struct hg_gpu_light *light);
+
+#endif
