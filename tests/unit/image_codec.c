@@ -210,25 +210,6 @@ static void jpeg_is_close_and_stable(void **state)
     hg_writer_finish(&again);
 }
 
-// RGBA8 comes from libjpeg-turbo's own interface, the other formats through OpenImageIO.
-static void both_jpeg_decoders_agree(void **state)
-{
-    (void)state;
-    struct hg_image a = make_image(HG_PIXEL_RGBA8);
-    for (int quality = 50; quality <= 100; quality += 25) {
-        struct hg_image_encode params = {.file = HG_IMAGE_JPEG, .quality = quality};
-        struct hg_writer w = encode(&a, &params);
-        struct hg_image b = decode(&w, HG_PIXEL_RGBA8), c = decode(&w, HG_PIXEL_RGBA16);
-        assert_false(b.has_alpha);
-        for (size_t i = 0; i < b.size_bytes; i++)
-            assert_int_equal(((uint8_t *)b.pixels)[i] * 257, ((uint16_t *)c.pixels)[i]);
-        hg_image_finish(&b);
-        hg_image_finish(&c);
-        hg_writer_finish(&w);
-    }
-    hg_image_finish(&a);
-}
-
 static void wrong_parameters_are_refused(void **state)
 {
     (void)state;
@@ -344,7 +325,6 @@ int main(void)
         cmocka_unit_test(eight_bits_widen_by_257),
         cmocka_unit_test(exr_keeps_values_and_attributes),
         cmocka_unit_test(jpeg_is_close_and_stable),
-        cmocka_unit_test(both_jpeg_decoders_agree),
         cmocka_unit_test(wrong_parameters_are_refused),
         cmocka_unit_test(limits_are_kept),
         cmocka_unit_test(every_prefix_is_an_error),

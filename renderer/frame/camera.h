@@ -1,0 +1,38 @@
+// camera.h - camera parameters to the matrices and rays of shaders/shared/frame.h; the pattern of
+// samples inside a pixel.
+// Floor 4. Pure functions, any thread.
+#ifndef HG_RENDERER_FRAME_CAMERA_H
+#define HG_RENDERER_FRAME_CAMERA_H
+
+#include <stdbool.h>
+
+#include "base/status.h"
+#include "shaders/shared/frame.h"
+
+#define HG_CAMERA_DEFAULT_VFOV_RAD 0.7853981633974483f
+
+struct hg_camera_setup {
+    double eye[3], target[3], up[3]; // relative to the origin of the geometry room, metres
+    bool orthographic;
+    float vfov_rad, half_height; // vertical
+    float near, far;             // metres; far 0 = infinite (orthographic: must be > near)
+    uint32_t width, height;      // px
+    float jitter_px[2];          // sample position less the pixel centre
+};
+
+// Right-handed look-at, reversed depth. All of *out is written.
+void hg_camera_fill(const struct hg_camera_setup *setup, struct hg_gpu_camera *out);
+
+// near and far where the caller gave none (0), so that everything in the bounds is in front of the
+// camera and behind near. Perspective: near is a small part of the scene (reversed floating-point
+// depth has the same relative precision everywhere); orthographic: the slab that holds the bounds.
+void hg_camera_fit_depth(
+    struct hg_camera_setup *setup, bool has_bounds, const float min[3], const float max[3]);
+
+// Offset of sample `index` from the pixel centre in px. Sample 0 is the centre; the others follow
+// the R2 sequence (Roberts 2018), shaped by importance sampling of a Blackman-Harris window of
+// radius 1.5 px, so that all samples have the same weight ("filter importance sampling", Ernst et
+// al. 2006; the window as in Cycles). A seed shifts the sequence.
+void hg_camera_jitter(uint32_t index, uint32_t seed, float out_px[2]);
+
+#endif

@@ -1,0 +1,207 @@
+// frame.c - the order of one batch: bring the device in line, then draw samples.
+#include <math.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "renderer/frame/view.h"
+#include "renderer/passes/shade.h"
+#include "renderer/passes/visibility.h"
+
+_Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
+
+static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
+{
+    const struct hg_view_camera_state *c = &view->camera;
+    struct hg_camera_setup setup = {.orthographic = c->orthographic,
+        .vfov_rad = c->vfov_rad,
+        .half_height = c->half_height,
+        .near = c->near,
+        .far = c->far,
+        .width = view->settings.width,
+        .height = view->settings.height};
+    double origin[3];
+    float min[3] = {0}, max[3] = {0};
+    hg_geometry_origin(view->rooms->geometry, origin);
+    for (int i = 0; i < 3; i++) {
+        setup.eye[i] = c->eye[i] - origin[i];
+        setup.target[i] = c->target[i] - origin[i];
+        setup.up[i] = c->up[i];
+    }
+    const bool has_bounds = hg_geometry_bounds(view->rooms->geometry, min, max);
+    hg_camera_fit_depth(&setup, has_bounds, min, max);
+    return setup;
+}
+
+void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot)
+{
+    struct hg_gpu_frame *f = &view->frame;
+    const struct hg_view_settings *s = &view->settings;
+    struct hg_camera_setup setup = camera_setup(view);
+    memset(f, 0, sizeof *f);
+    if (jitter)
+        hg_camera_jitter(sample, s->seed, setup.jitter_px);
+    hg_camera_fill(&setup, &f->camera);
+    f->width = s->width;
+    f->height = s->height;
+    f->inv_size = (struct hg_vec2){1.0f / (float)s->width, 1.0f / (float)s->height};
+    f->jitter_px = (struct hg_vec2){setup.jitter_px[0], setup.jitter_px[1]};
+    f->sample_index = sample;
+    f->sample_count = s->samples;
+    f->seed = s->seed;
+    f->background_mode = s->background;
+    f->background_color =
+        (struct hg_vec3){s->background_color[0], s->background_color[1], s->background_color[2]};
+    f->exposure = s->exposure;
+    f->tonemap = s->tonemap;
+    hg_lighting_fill(view->lighting, sample, &f->lighting);
+    hg_textures_fill(view->rooms->textures, &f->textures);
+    hg_geometry_fill(view->rooms->geometry, &f->geometry);
+    memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
+}
+
+struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
+{
+    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
+    struct hg_gpu_image **images = pass.bindings.images;
+    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->rooms->textures, HG_POOL_SRGB);
+    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->rooms->textures, HG_POOL_LINEAR);
+    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(view->rooms->textures, HG_POOL_FLOAT);
+    images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(view->lighting);
+    images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
+    images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
+    pass.bindings.frame = &view->blocks;
+    pass.bindings.frame_offset = (uint64_t)slot * HG_FRAME_BLOCK_BYTES;
+    return pass;
+}
+
+// --- sync ----------------------------------------------------------------------------------------
+
+static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_lighting_view look = {.scene = view->rooms->scene,
+        .camera = &view->frame.camera,
+        .width = view->settings.width,
+        .height = view->settings.height,
+        .shape_revision = hg_geometry_shape_revision(view->rooms->geometry)};
+    hg_geometry_origin(view->rooms->geometry, look.origin);
+    look.has_bounds = hg_geometry_bounds(view->rooms->geometry, look.bounds_min, look.bounds_max);
+    return hg_lighting_sync(view->lighting, &look, err);
+}
+
+enum hg_status hg_frame_sync(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, cmd, err);
+    if (status != HG_OK)
+        return status;
+    const uint64_t middle = hg_clock_now_ns();
+    hg_view_add_stage(view, "scene sync", middle - start);
+    const struct hg_camera_setup setup = camera_setup(view);
+    hg_camera_fill(&setup, &view->frame.camera);
+    status = sync_lighting(view, err);
+    hg_view_add_stage(view, "light sync", hg_clock_now_ns() - middle);
+    return status;
+}
+
+// --- draw ----------------------------------------------------------------------------------------
+
+// The frustum is a few pixels wider than the image, so that it holds every jittered sample.
+static enum hg_status cull(struct hg_view_state *view, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_gpu_camera *camera = &view->frame.camera;
+    struct hg_cull cull = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
+        .orthographic = camera->orthographic != 0};
+    float m[16];
+    memcpy(m, camera->view_proj.m, sizeof m);
+    for (int c = 0; c < 4; c++) {
+        m[c * 4] *= (float)view->settings.width / (float)(view->settings.width + 4);
+        m[c * 4 + 1] *= (float)view->settings.height / (float)(view->settings.height + 4);
+    }
+    if (!view->context->no_culling)
+        cull.plane_count = hg_cull_planes(m, cull.planes);
+    if (hg_geometry_cull(view->rooms->geometry, &cull, &view->ranges) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "culling", NULL, "out of host memory");
+    view->draws_drawn = view->ranges.draws;
+    view->triangles_drawn = view->ranges.triangles;
+    hg_view_add_stage(view, "cull", hg_clock_now_ns() - start);
+    return HG_OK;
+}
+
+static bool has_blend(const struct hg_draw_ranges *ranges)
+{
+    return ranges->class_first[HG_DRAW_CLASS_BLEND + 1] > ranges->class_first[HG_DRAW_CLASS_BLEND];
+}
+
+static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
+    struct hg_gpu_image *image, struct hg_error *err)
+{
+    const struct hg_gpu_image_params params = {.format = format,
+        .width = view->settings.width,
+        .height = view->settings.height,
+        .attachment = true,
+        .name = name};
+    return image->handle != VK_NULL_HANDLE
+               ? HG_OK
+               : hg_gpu_image_create(view->context->gpu, &params, image, err);
+}
+
+static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *err)
+{
+    enum hg_status status =
+        make(view, HG_VISIBILITY_FORMAT, "layer visibility", &view->layer_visibility, err);
+    if (status == HG_OK)
+        status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+    for (int i = 0; i < 2 && status == HG_OK; i++)
+        status = make(view, HG_DEPTH_FORMAT, "layer depth", &view->layers[i], err);
+    return status;
+}
+
+static enum hg_status record_layers(
+    struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < HG_VIEW_MAX_LAYERS && status == HG_OK; i++) {
+        const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
+        status = hg_visibility_record_layer(pass, &view->ranges, &target, &view->depth,
+            i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
+        const struct hg_shade shade = {.visibility = &view->layer_visibility,
+            .depth = target.depth,
+            .target = &view->layer_color,
+            .clear = i == 0,
+            .layer = true};
+        if (status == HG_OK)
+            status = hg_shade_record(pass, &shade, err);
+    }
+    return status;
+}
+
+static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
+    uint32_t sample, uint32_t slot, struct hg_error *err)
+{
+    hg_frame_fill(view, sample, true, slot);
+    struct hg_pass pass = hg_frame_pass(view, cmd, slot);
+    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const bool blend = has_blend(&view->ranges);
+    enum hg_status status = hg_visibility_record(&pass, &view->ranges, &target, err);
+    if (status == HG_OK && blend)
+        status = make_layers(view, err);
+    if (status == HG_OK && blend)
+        status = record_layers(view, &pass, err);
+    const struct hg_shade shade = {.visibility = &view->visibility,
+        .depth = &view->depth,
+        .target = &view->accumulated,
+        .clear = sample == 0,
+        .front = blend ? &view->layer_color : NULL};
+    return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
+}
+
+enum hg_status hg_frame_record(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
+{
+    enum hg_status status = cull(view, err);
+    for (uint32_t i = 0; i < samples && status == HG_OK; i++)
+        status = record_sample(view, cmd, view->samples + i, i, err);
+    return status;
+}

@@ -1,0 +1,41 @@
+// rooms.h - what the device holds of one scene: textures and geometry, shared by its views.
+// Floor 4. Thread: the render thread.
+#ifndef HG_RENDERER_FRAME_ROOMS_H
+#define HG_RENDERER_FRAME_ROOMS_H
+
+#include "base/jobs.h"
+#include "renderer/geometry/geometry.h"
+#include "renderer/gpu/gpu.h"
+#include "renderer/scene/scene.h"
+#include "renderer/texture/textures.h"
+
+// What views need of their renderer.
+struct hg_frame_context {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    const char *cache_dir; // NULL = none
+    uint64_t texture_budget_bytes, geometry_budget_bytes;
+    struct hg_rooms *rooms; // list of all scenes in use
+    bool no_culling;        // draw everything, for tests
+};
+
+struct hg_rooms {
+    struct hg_rooms *next;
+    struct hg_scene *scene;
+    uint32_t refs;
+    uint64_t scene_revision; // brought to the device, UINT64_MAX = none
+    struct hg_textures *textures;
+    struct hg_geometry *geometry;
+};
+
+// The scene's rooms, made on first use; one reference.
+enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *scene,
+    struct hg_rooms **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms); // accepts NULL
+
+// Brings textures and geometry in line with the scene; records into cmd. Nothing happens when the
+// scene's revision is known already. eye_ws: scene space.
+enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+    const double eye_ws[3], struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

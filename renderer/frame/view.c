@@ -1,0 +1,311 @@
+#include "renderer/frame/view.h"
+
+#include <string.h>
+
+#include "base/clock.h"
+#include "renderer/passes/pick.h"
+#include "renderer/passes/resolve.h"
+#include "renderer/passes/shade.h"
+#include "renderer/passes/visibility.h"
+
+static const struct {
+    VkFormat format;
+    uint32_t bytes;
+    const char *name;
+} formats[3] = {{VK_FORMAT_R8G8B8A8_UNORM, 4, "pixels 8"},
+    {VK_FORMAT_R16G16B16A16_UNORM, 8, "pixels 16"},
+    {VK_FORMAT_R32G32B32A32_SFLOAT, 16, "pixels 32"}};
+
+void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns)
+{
+    if (view->stage_count < HG_VIEW_MAX_STAGES)
+        view->stages[view->stage_count++] = (struct hg_view_stage){name, ns};
+}
+
+// --- images --------------------------------------------------------------------------------------
+
+static void destroy_extras(struct hg_view_state *view)
+{
+    struct hg_gpu *gpu = view->context->gpu;
+    for (int i = 0; i < 2; i++)
+        hg_gpu_image_destroy(gpu, &view->layers[i]);
+    hg_gpu_image_destroy(gpu, &view->layer_visibility);
+    hg_gpu_image_destroy(gpu, &view->layer_color);
+    for (int i = 0; i < 3; i++)
+        hg_gpu_image_destroy(gpu, &view->pixels[i]);
+    hg_gpu_buffer_destroy(gpu, &view->readback);
+}
+
+static enum hg_status create_image(struct hg_view_state *view, uint32_t width, uint32_t height,
+    VkFormat format, const char *name, struct hg_gpu_image *out, struct hg_error *err)
+{
+    const struct hg_gpu_image_params params = {
+        .format = format, .width = width, .height = height, .attachment = true, .name = name};
+    return hg_gpu_image_create(view->context->gpu, &params, out, err);
+}
+
+// New images first, so that a refusal leaves the old ones.
+static enum hg_status resize(
+    struct hg_view_state *view, uint32_t width, uint32_t height, struct hg_error *err)
+{
+    struct hg_gpu *gpu = view->context->gpu;
+    if (view->visibility.width == width && view->visibility.height == height)
+        return HG_OK;
+    struct hg_gpu_image images[3] = {0};
+    enum hg_status status =
+        create_image(view, width, height, HG_VISIBILITY_FORMAT, "visibility", &images[0], err);
+    if (status == HG_OK)
+        status = create_image(view, width, height, HG_DEPTH_FORMAT, "depth", &images[1], err);
+    if (status == HG_OK) {
+        status = create_image(view, width, height, HG_COLOR_FORMAT, "accumulated", &images[2], err);
+    }
+    if (status != HG_OK) {
+        for (int i = 0; i < 3; i++)
+            hg_gpu_image_destroy(gpu, &images[i]);
+        return status == HG_E_NOMEM ? hg_error_set(err, HG_E_LIMIT, "view", "size",
+                                          "no memory for %ux%u px", width, height)
+                                    : status;
+    }
+    hg_gpu_image_destroy(gpu, &view->visibility);
+    hg_gpu_image_destroy(gpu, &view->depth);
+    hg_gpu_image_destroy(gpu, &view->accumulated);
+    destroy_extras(view);
+    view->visibility = images[0];
+    view->depth = images[1];
+    view->accumulated = images[2];
+    return HG_OK;
+}
+
+// --- life ----------------------------------------------------------------------------------------
+
+enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_context *context,
+    struct hg_scene *scene, struct hg_error *err)
+{
+    *view = (struct hg_view_state){.context = context};
+    const struct hg_lighting_params lighting = {.cache_dir = context->cache_dir};
+    enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
+    if (status == HG_OK)
+        status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
+            HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_BLOCK_BYTES, "frame blocks", &view->blocks,
+            err);
+    }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_READBACK,
+            sizeof(struct hg_gpu_pick), "pick", &view->pick, err);
+    }
+    if (status != HG_OK)
+        hg_view_state_finish(view);
+    return status;
+}
+
+void hg_view_state_finish(struct hg_view_state *view)
+{
+    if (view->context == NULL)
+        return;
+    struct hg_gpu *gpu = view->context->gpu;
+    destroy_extras(view);
+    hg_gpu_image_destroy(gpu, &view->visibility);
+    hg_gpu_image_destroy(gpu, &view->depth);
+    hg_gpu_image_destroy(gpu, &view->accumulated);
+    hg_gpu_buffer_destroy(gpu, &view->blocks);
+    hg_gpu_buffer_destroy(gpu, &view->pick);
+    hg_draw_ranges_finish(&view->ranges);
+    hg_lighting_destroy(view->lighting);
+    hg_rooms_unref(view->context, view->rooms);
+    *view = (struct hg_view_state){0};
+}
+
+enum hg_status hg_view_state_set(
+    struct hg_view_state *view, const struct hg_view_settings *settings, struct hg_error *err)
+{
+    enum hg_status status = resize(view, settings->width, settings->height, err);
+    if (status != HG_OK)
+        return status;
+    if (memcmp(&view->settings, settings, sizeof *settings) != 0)
+        view->settings_revision++;
+    view->settings = *settings;
+    return HG_OK;
+}
+
+void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera)
+{
+    struct hg_view_camera_state old = view->camera;
+    old.input_seq = camera->input_seq;
+    if (memcmp(&old, camera, sizeof old) != 0)
+        view->camera_revision++;
+    view->camera = *camera;
+}
+
+// --- step ----------------------------------------------------------------------------------------
+
+static struct hg_view_key present_key(const struct hg_view_state *view)
+{
+    return (struct hg_view_key){.scene = view->rooms->scene->revision,
+        .environment = view->rooms->scene->environment.revision,
+        .geometry = hg_geometry_revision(view->rooms->geometry),
+        .settings = view->settings_revision,
+        .camera = view->camera_revision};
+}
+
+bool hg_view_state_settled(const struct hg_view_state *view)
+{
+    const struct hg_view_key key = present_key(view);
+    return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
+           view->samples >= view->settings.samples;
+}
+
+static void collect_times(struct hg_view_state *view)
+{
+    struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
+    const uint32_t count = hg_gpu_stage_times(view->context->gpu, times);
+    for (uint32_t i = 0; i < count; i++)
+        hg_view_add_stage(view, times[i].name, times[i].ns);
+}
+
+static enum hg_status submit_and_wait(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    uint64_t value;
+    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
+    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
+}
+
+static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    status = hg_frame_sync(view, cmd, err);
+    const struct hg_view_key key = present_key(view);
+    if (view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0)
+        view->samples = 0;
+    uint32_t count = view->settings.samples - view->samples;
+    count = count < max_samples ? count : max_samples;
+    count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    if (status == HG_OK)
+        status = hg_frame_record(view, cmd, count, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(view->context->gpu, cmd);
+        return status;
+    }
+    status = submit_and_wait(view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    view->key = key;
+    view->samples += count;
+    view->number++;
+    return HG_OK;
+}
+
+enum hg_status hg_view_state_step(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    if (hg_view_state_settled(view))
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    view->stage_count = 0;
+    enum hg_status status = draw(view, max_samples > 0 ? max_samples : 1, err);
+    view->step_ns = hg_clock_now_ns() - start;
+    if (status == HG_OK)
+        collect_times(view);
+    else
+        view->samples = 0; // what was accumulated may be incomplete
+    return status;
+}
+
+// --- reading -------------------------------------------------------------------------------------
+
+static enum hg_status record_read(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
+{
+    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
+    const struct hg_resolve resolve = {.accumulated = &view->accumulated,
+        .target = &view->pixels[format],
+        .samples = view->samples,
+        .exposure = view->settings.exposure,
+        .tonemap = view->settings.tonemap};
+    enum hg_status status = hg_resolve_record(&pass, &resolve, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_region all = {
+        .width = view->accumulated.width, .height = view->accumulated.height};
+    hg_gpu_image_read(cmd, &view->pixels[format], &all, &view->readback, 0);
+    return HG_OK;
+}
+
+enum hg_status hg_view_state_read(
+    struct hg_view_state *view, uint32_t format, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_gpu *gpu = view->context->gpu;
+    if (view->samples == 0)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
+    const uint32_t width = view->accumulated.width, height = view->accumulated.height;
+    const uint64_t size = (uint64_t)width * height * formats[format].bytes;
+    enum hg_status status = HG_OK;
+    if (view->pixels[format].handle == VK_NULL_HANDLE) {
+        status = create_image(view, width, height, formats[format].format, formats[format].name,
+            &view->pixels[format], err);
+    }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_reserve(
+            gpu, HG_GPU_BUFFER_READBACK, size, "readback", &view->readback, err);
+    }
+    struct hg_gpu_cmd *cmd;
+    if (status == HG_OK)
+        status = hg_gpu_begin(gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    status = record_read(view, cmd, format, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(gpu, cmd);
+        return status;
+    }
+    status = submit_and_wait(view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    *out = hg_refbuf_create(size);
+    if (*out == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "pixels", NULL, "out of host memory");
+    memcpy((*out)->data, view->readback.mapped, size);
+    return HG_OK;
+}
+
+static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t x,
+    uint32_t y, struct hg_error *err)
+{
+    hg_frame_fill(view, 0, false, 0);
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
+    enum hg_status status = hg_visibility_record_pick(&pass, &view->ranges, &target, area, err);
+    return status == HG_OK ? hg_pick_record(&pass, &view->visibility, x, y, &view->pick, err)
+                           : status;
+}
+
+enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
+    struct hg_gpu_pick *out, struct hg_error *err)
+{
+    memset(out, 0, sizeof *out);
+    if (view->samples == 0)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
+    if (x >= view->visibility.width || y >= view->visibility.height)
+        return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    memset(view->pick.mapped, 0, sizeof *out);
+    status = record_pick(view, cmd, x, y, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(view->context->gpu, cmd);
+        return status;
+    }
+    status = submit_and_wait(view, cmd, err);
+    if (status == HG_OK)
+        memcpy(out, view->pick.mapped, sizeof *out);
+    return status;
+}

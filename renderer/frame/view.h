@@ -1,0 +1,101 @@
+// view.h - one viewer of a scene: camera, parameters, images, accumulation.
+// Floor 4. Thread: the render thread. Declared to callers in renderer/renderer.h.
+#ifndef HG_RENDERER_FRAME_VIEW_H
+#define HG_RENDERER_FRAME_VIEW_H
+
+#include "base/refbuf.h"
+#include "renderer/frame/camera.h"
+#include "renderer/frame/rooms.h"
+#include "renderer/light/lighting.h"
+#include "renderer/passes/pass.h"
+
+#define HG_VIEW_MAX_SAMPLES_PER_STEP 16
+#define HG_VIEW_MAX_SIDE_PX          16384
+#define HG_VIEW_MAX_LAYERS           8 // of blended surfaces; what lies deeper is not seen
+#define HG_FRAME_BLOCK_BYTES         1024
+#define HG_VIEW_MAX_STAGES           64
+
+struct hg_view_settings {
+    uint32_t width, height; // px
+    uint32_t tonemap;       // HG_FRAME_TONEMAP_*
+    uint32_t background;    // HG_BACKGROUND_MODE_*
+    float background_color[3];
+    float exposure;   // linear factor
+    uint32_t samples; // per pixel until settled, >= 1
+    uint32_t seed;
+};
+
+// In scene space; jitter and near and far are filled in by each step.
+struct hg_view_camera_state {
+    double eye[3], target[3], up[3];
+    bool orthographic;
+    float vfov_rad, half_height, near, far;
+    uint64_t input_seq;
+};
+
+// What the accumulated samples were made of; any difference restarts.
+struct hg_view_key {
+    uint64_t scene, environment, geometry, settings, camera;
+};
+
+struct hg_view_stage {
+    const char *name; // literal
+    uint64_t ns;
+};
+
+struct hg_view_state {
+    struct hg_frame_context *context;
+    struct hg_rooms *rooms;
+    struct hg_lighting *lighting;
+    struct hg_view_settings settings;
+    struct hg_view_camera_state camera;
+    uint64_t settings_revision, camera_revision;
+    struct hg_view_key key;
+
+    struct hg_gpu_image visibility, depth, accumulated;
+    struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
+    struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
+    struct hg_gpu_buffer blocks, readback, pick;
+    struct hg_draw_ranges ranges;
+    struct hg_gpu_frame frame; // of the newest sample
+
+    uint64_t number; // frames that changed something
+    uint32_t samples;
+    uint32_t stale_shadows;
+    uint64_t triangles_drawn, draws_drawn;
+    struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
+    uint32_t stage_count;
+    uint64_t step_ns; // of the newest step that drew something
+};
+
+enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_context *context,
+    struct hg_scene *scene, struct hg_error *err) HG_MUST_CHECK;
+void hg_view_state_finish(struct hg_view_state *view); // accepts a zeroed one
+
+// HG_E_LIMIT when images of that size are not to be had; the old settings stay.
+enum hg_status hg_view_state_set(struct hg_view_state *view,
+    const struct hg_view_settings *settings, struct hg_error *err) HG_MUST_CHECK;
+void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera);
+
+// One slice: up to max_samples samples, in one batch.
+enum hg_status hg_view_state_step(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
+bool hg_view_state_settled(const struct hg_view_state *view);
+// format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
+enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+struct hg_gpu_pick;
+enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
+    struct hg_gpu_pick *out, struct hg_error *err) HG_MUST_CHECK;
+
+// frame.c: what one batch draws.
+enum hg_status hg_frame_sync(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
+    struct hg_error *err) HG_MUST_CHECK;
+// Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
+struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot);
+void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);
+void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns);
+
+#endif

@@ -1,0 +1,20 @@
+// internal.h - what the files of the facade share. Private to renderer/*.c.
+#ifndef HG_RENDERER_INTERNAL_H
+#define HG_RENDERER_INTERNAL_H
+
+#include "renderer/frame/view.h"
+#include "renderer/renderer.h"
+
+struct hg_renderer {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    char *cache_dir;
+    struct hg_frame_context context;
+};
+
+struct hg_view {
+    struct hg_renderer *renderer;
+    struct hg_view_state state;
+};
+
+#endif

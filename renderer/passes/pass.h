@@ -1,0 +1,16 @@
+// pass.h - what all passes have in common: the batch, the images of the scene, the frame block.
+// Floor 3.
+#ifndef HG_RENDERER_PASSES_PASS_H
+#define HG_RENDERER_PASSES_PASS_H
+
+#include "renderer/gpu/gpu.h"
+
+struct hg_pass {
+    struct hg_gpu *gpu;
+    struct hg_gpu_cmd *cmd;
+    // Images of textures and lighting and the frame block are filled in; a pass adds its own inputs
+    // (HG_BIND_VISIBILITY and up) to a copy.
+    struct hg_gpu_bindings bindings;
+};
+
+#endif

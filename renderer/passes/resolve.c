@@ -1,0 +1,53 @@
+#include "renderer/passes/resolve.h"
+
+static const VkFormat formats[] = {
+    VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_R16G16B16A16_UNORM, VK_FORMAT_R32G32B32A32_SFLOAT};
+
+static struct hg_gpu_pipeline_params pipeline_of(VkFormat format)
+{
+    return (struct hg_gpu_pipeline_params){
+        .vertex = "fullscreen.vert",
+        .fragment = "resolve.frag",
+        .spec = {format == VK_FORMAT_R32G32B32A32_SFLOAT},
+        .spec_count = 1,
+        .colors = {format},
+        .color_count = 1,
+        .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
+    };
+}
+
+enum hg_status hg_resolve_record(
+    struct hg_pass *pass, const struct hg_resolve *resolve, struct hg_error *err)
+{
+    struct hg_gpu_bindings bindings = pass->bindings;
+    bindings.images[HG_BIND_COLOR_A] = resolve->accumulated;
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_rendering rendering = {
+        .colors = {{.image = resolve->target, .discard = true}}, .color_count = 1};
+    const struct hg_gpu_pipeline_params params = pipeline_of(resolve->target->format);
+    const struct {
+        float scale, exposure;
+        uint32_t tonemap;
+    } push = {1.0f / (float)resolve->samples, resolve->exposure, resolve->tonemap};
+    hg_gpu_cmd_begin_stage(pass->cmd, "resolve");
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
+    if (status == HG_OK) {
+        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
+    }
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_resolve_warm_up(
+    struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
+{
+    *count = 3;
+    const struct hg_gpu_pipeline_params params = pipeline_of(formats[index % 3]);
+    VkPipeline pipeline;
+    return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
+}

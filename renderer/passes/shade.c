@@ -1,0 +1,52 @@
+#include "renderer/passes/shade.h"
+
+// Values of the specialisation constant of shade.frag.
+enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
+
+static struct hg_gpu_pipeline_params pipeline_of(enum variant variant)
+{
+    return (struct hg_gpu_pipeline_params){
+        .vertex = "fullscreen.vert",
+        .fragment = "shade.frag",
+        .spec = {variant},
+        .spec_count = 1,
+        .colors = {HG_COLOR_FORMAT},
+        .color_count = 1,
+        .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
+        .blend = variant == LAYER ? HG_GPU_BLEND_UNDER : HG_GPU_BLEND_ADD,
+    };
+}
+
+enum hg_status hg_shade_record(
+    struct hg_pass *pass, const struct hg_shade *shade, struct hg_error *err)
+{
+    struct hg_gpu_bindings bindings = pass->bindings;
+    bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
+    bindings.images[HG_BIND_DEPTH] = shade->depth;
+    bindings.images[HG_BIND_COLOR_A] = shade->front;
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_rendering rendering = {
+        .colors = {{.image = shade->target, .clear = shade->clear}}, .color_count = 1};
+    const struct hg_gpu_pipeline_params params = pipeline_of(shade->layer           ? LAYER
+                                                             : shade->front != NULL ? OPAQUE_BEHIND
+                                                                                    : OPAQUE);
+    hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
+    if (status == HG_OK)
+        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_shade_warm_up(
+    struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
+{
+    *count = VARIANTS;
+    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS));
+    VkPipeline pipeline;
+    return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
+}

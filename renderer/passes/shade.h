@@ -1,0 +1,24 @@
+// shade.h - material shading of what a visibility buffer holds, as a full-screen pass.
+// Floor 3. Colours are linear radiance, premultiplied by alpha, RGBA32F.
+#ifndef HG_RENDERER_PASSES_SHADE_H
+#define HG_RENDERER_PASSES_SHADE_H
+
+#include "renderer/passes/pass.h"
+
+#define HG_COLOR_FORMAT VK_FORMAT_R32G32B32A32_SFLOAT
+
+struct hg_shade {
+    struct hg_gpu_image *visibility, *depth;
+    struct hg_gpu_image *target; // written at its size
+    bool clear;                  // target starts at zero, else it is added or blended to
+    bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
+                // background, seen through `front` and added to the target
+    struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
+};
+
+enum hg_status hg_shade_record(
+    struct hg_pass *pass, const struct hg_shade *shade, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_shade_warm_up(
+    struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,35 @@
+// visibility.h - which draw and which primitive each pixel shows, and their depth.
+// Floor 3. RG32_UINT: x = draw + 1 (0 = nothing), y = primitive of the draw. D32, reversed.
+//
+// Blended surfaces are peeled front to back: each layer is a visibility buffer of its own that
+// holds the nearest blended surface behind the layer before it and in front of the opaque scene.
+// Source: Everitt 2001, "Interactive Order-Independent Transparency".
+#ifndef HG_RENDERER_PASSES_VISIBILITY_H
+#define HG_RENDERER_PASSES_VISIBILITY_H
+
+#include "renderer/geometry/geometry.h"
+#include "renderer/passes/pass.h"
+
+#define HG_VISIBILITY_FORMAT VK_FORMAT_R32G32_UINT
+#define HG_DEPTH_FORMAT      VK_FORMAT_D32_SFLOAT
+
+struct hg_visibility_target {
+    struct hg_gpu_image *visibility, *depth;
+};
+
+// Opaque and masked draws; clears the target first.
+enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
+    const struct hg_visibility_target *target, struct hg_error *err) HG_MUST_CHECK;
+// One layer of blended draws. opaque_depth: of hg_visibility_record; previous: depth of the layer
+// in front, NULL for the first.
+enum hg_status hg_visibility_record_layer(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
+    const struct hg_visibility_target *target, struct hg_gpu_image *opaque_depth,
+    struct hg_gpu_image *previous, struct hg_error *err) HG_MUST_CHECK;
+// Everything that can be seen, blended surfaces as if opaque, inside `area` only: for picking.
+enum hg_status hg_visibility_record_pick(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
+    const struct hg_visibility_target *target, VkRect2D area, struct hg_error *err) HG_MUST_CHECK;
+// All pipelines of this pass. *count = how many.
+enum hg_status hg_visibility_warm_up(
+    struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

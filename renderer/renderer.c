@@ -1,0 +1,315 @@
+// renderer.c - the facade: renderers and views.
+#include "renderer/renderer.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "renderer/internal.h"
+#include "renderer/passes/resolve.h"
+#include "renderer/passes/shade.h"
+#include "renderer/passes/visibility.h"
+#include "shaders/shared/pick.h"
+
+#define DEFAULT_WIDTH   1280
+#define DEFAULT_HEIGHT  720
+#define DEFAULT_SAMPLES 32
+#define MAX_SAMPLES     65536
+
+// --- renderer ------------------------------------------------------------------------------------
+
+static enum hg_status init(
+    struct hg_renderer *r, const struct hg_renderer_params *params, struct hg_error *err)
+{
+#ifdef HELIO_VALIDATION
+    const bool validation_try = true;
+#else
+    const bool validation_try = false;
+#endif
+    const struct hg_gpu_params gpu = {.device = params->device,
+        .cache_dir = params->cache_dir,
+        .shader_dir = params->shader_dir,
+        .validation = params->validation,
+        .validation_try = validation_try};
+    if (params->cache_dir != NULL) {
+        r->cache_dir = hg_strdup(params->cache_dir);
+        if (r->cache_dir == NULL)
+            return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "out of host memory");
+    }
+    r->jobs = hg_jobs_create(params->threads);
+    if (r->jobs == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "no threads or no memory");
+    enum hg_status status = hg_gpu_create(&gpu, &r->gpu, err);
+    const char *culling = getenv("HELIO_CULLING");
+    r->context = (struct hg_frame_context){.gpu = r->gpu,
+        .jobs = r->jobs,
+        .cache_dir = r->cache_dir,
+        .texture_budget_bytes = params->texture_budget_bytes,
+        .geometry_budget_bytes = params->geometry_budget_bytes,
+        .no_culling = culling != NULL && strcmp(culling, "off") == 0};
+    return status;
+}
+
+enum hg_status hg_renderer_create(
+    const struct hg_renderer_params *params, struct hg_renderer **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_renderer *renderer = hg_calloc(1, sizeof *renderer);
+    if (renderer == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "out of host memory");
+    enum hg_status status = init(renderer, params, err);
+    if (status != HG_OK) {
+        hg_renderer_destroy(renderer);
+        return status;
+    }
+    *out = renderer;
+    return HG_OK;
+}
+
+void hg_renderer_destroy(struct hg_renderer *renderer)
+{
+    if (renderer == NULL)
+        return;
+    hg_gpu_destroy(renderer->gpu);
+    hg_jobs_destroy(renderer->jobs);
+    hg_free(renderer->cache_dir);
+    hg_free(renderer);
+}
+
+enum hg_status hg_renderer_device_json(struct hg_renderer *renderer, char **text)
+{
+    return hg_gpu_device_json(renderer->gpu, text);
+}
+
+struct hg_jobs *hg_renderer_jobs(struct hg_renderer *renderer)
+{
+    return renderer->jobs;
+}
+
+uint32_t hg_renderer_validation_messages(const struct hg_renderer *renderer)
+{
+    return hg_gpu_validation_messages(renderer->gpu);
+}
+
+// --- views ---------------------------------------------------------------------------------------
+
+enum hg_status hg_view_create(struct hg_renderer *renderer, struct hg_scene *scene,
+    struct hg_view **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_view *view = hg_calloc(1, sizeof *view);
+    if (view == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "view", NULL, "out of host memory");
+    view->renderer = renderer;
+    const struct hg_view_params params = {0};
+    const struct hg_view_camera camera = {.eye = {0, 0, 3}};
+    enum hg_status status = hg_view_state_init(&view->state, &renderer->context, scene, err);
+    if (status == HG_OK)
+        status = hg_view_set_params(view, &params, err);
+    if (status == HG_OK)
+        status = hg_view_set_camera(view, &camera, err);
+    if (status != HG_OK) {
+        hg_view_destroy(view);
+        return status;
+    }
+    *out = view;
+    return HG_OK;
+}
+
+void hg_view_destroy(struct hg_view *view)
+{
+    if (view == NULL)
+        return;
+    hg_view_state_finish(&view->state);
+    hg_free(view);
+}
+
+static enum hg_status bad(struct hg_error *err, const char *what, const char *field)
+{
+    return hg_error_set(err, HG_E_INVAL, what, field, "outside its range");
+}
+
+static enum hg_status check_params(const struct hg_view_params *p, struct hg_error *err)
+{
+    if (p->width > HG_VIEW_MAX_SIDE_PX)
+        return bad(err, "view", "width");
+    if (p->height > HG_VIEW_MAX_SIDE_PX)
+        return bad(err, "view", "height");
+    if ((unsigned)p->tonemap > HG_TONEMAP_LINEAR)
+        return bad(err, "view", "tonemap");
+    if ((unsigned)p->background > HG_BACKGROUND_COLOR)
+        return bad(err, "view", "background");
+    if (!(fabsf(p->exposure_ev) <= 64.0f))
+        return bad(err, "view", "exposure_ev");
+    for (int i = 0; i < 3; i++) {
+        if (!(p->background_color[i] >= 0.0f && p->background_color[i] <= 65504.0f))
+            return bad(err, "view", "background_color");
+    }
+    return p->samples <= MAX_SAMPLES ? HG_OK : bad(err, "view", "samples");
+}
+
+enum hg_status hg_view_set_params(
+    struct hg_view *view, const struct hg_view_params *p, struct hg_error *err)
+{
+    enum hg_status status = check_params(p, err);
+    if (status != HG_OK)
+        return status;
+    struct hg_view_settings s;
+    memset(&s, 0, sizeof s); // compared as bytes
+    s.width = p->width > 0 ? p->width : DEFAULT_WIDTH;
+    s.height = p->height > 0 ? p->height : DEFAULT_HEIGHT;
+    s.tonemap = (uint32_t)p->tonemap;       // same values as HG_FRAME_TONEMAP_*
+    s.background = (uint32_t)p->background; // same values as HG_BACKGROUND_MODE_*
+    memcpy(s.background_color, p->background_color, sizeof s.background_color);
+    s.exposure = exp2f(p->exposure_ev);
+    s.samples = p->samples > 0 ? p->samples : DEFAULT_SAMPLES;
+    s.seed = p->seed;
+    return hg_view_state_set(&view->state, &s, err);
+}
+
+static bool is_finite3(const float v[3])
+{
+    return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]);
+}
+
+static enum hg_status check_camera(const struct hg_view_camera *c, struct hg_error *err)
+{
+    if (!is_finite3(c->eye))
+        return bad(err, "camera", "eye");
+    if (!is_finite3(c->target) || memcmp(c->eye, c->target, sizeof c->eye) == 0)
+        return bad(err, "camera", "target");
+    if (!is_finite3(c->up))
+        return bad(err, "camera", "up");
+    if (!(c->vfov_rad >= 0.0f && c->vfov_rad < (float)M_PI))
+        return bad(err, "camera", "vfov_rad");
+    if (!(c->half_height >= 0.0f) || !isfinite(c->half_height))
+        return bad(err, "camera", "half_height");
+    if (!isfinite(c->near) || (!c->orthographic && c->near < 0.0f))
+        return bad(err, "camera", "near");
+    if (!isfinite(c->far) || c->far < 0.0f || (c->far > 0.0f && c->far <= c->near))
+        return bad(err, "camera", "far");
+    return HG_OK;
+}
+
+enum hg_status hg_view_set_camera(
+    struct hg_view *view, const struct hg_view_camera *c, struct hg_error *err)
+{
+    enum hg_status status = check_camera(c, err);
+    if (status != HG_OK)
+        return status;
+    struct hg_view_camera_state s;
+    memset(&s, 0, sizeof s); // compared as bytes
+    const bool has_up = c->up[0] != 0 || c->up[1] != 0 || c->up[2] != 0;
+    for (int i = 0; i < 3; i++) {
+        s.eye[i] = c->eye[i];
+        s.target[i] = c->target[i];
+        s.up[i] = has_up ? c->up[i] : i == 1;
+    }
+    s.orthographic = c->orthographic;
+    s.vfov_rad = c->vfov_rad > 0 ? c->vfov_rad : HG_CAMERA_DEFAULT_VFOV_RAD;
+    s.half_height = c->half_height > 0 ? c->half_height : 1.0f;
+    s.near = c->near;
+    s.far = c->far;
+    s.input_seq = c->input_seq;
+    hg_view_state_look(&view->state, &s);
+    return HG_OK;
+}
+
+enum hg_status hg_view_set_camera_node(
+    struct hg_view *view, uint64_t node_id, uint64_t input_seq, struct hg_error *err)
+{
+    struct hg_scene *scene = view->state.rooms->scene;
+    const struct hg_node *node =
+        (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
+    if (node == NULL || node->camera == NULL)
+        return hg_error_set(err, HG_E_NOTFOUND, "camera", "node", "no such node with a camera");
+    hg_scene_update(scene);
+    const struct hg_camera *camera = node->camera;
+    struct hg_view_camera c = {.orthographic = camera->kind == HG_CAMERA_ORTHOGRAPHIC,
+        .vfov_rad = camera->vfov_rad,
+        .half_height = camera->half_height,
+        .near = camera->near,
+        .far = camera->far,
+        .input_seq = input_seq};
+    for (int i = 0; i < 3; i++) {
+        c.eye[i] = node->world[12 + i];
+        c.target[i] = node->world[12 + i] - node->world[8 + i]; // along the node's -z
+        c.up[i] = node->world[4 + i];
+    }
+    return hg_view_set_camera(view, &c, err);
+}
+
+// --- frames --------------------------------------------------------------------------------------
+
+static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
+{
+    const struct hg_view_state *s = &view->state;
+    struct hg_geometry_stats geometry;
+    hg_geometry_stats(s->rooms->geometry, &geometry);
+    *info = (struct hg_frame_info){.number = s->number,
+        .scene_revision = s->rooms->scene->revision,
+        .input_seq = s->camera.input_seq,
+        .width = s->settings.width,
+        .height = s->settings.height,
+        .samples = s->samples,
+        .settled = hg_view_state_settled(s),
+        .triangles_total = geometry.triangles_total,
+        .triangles_drawn = s->triangles_drawn};
+    for (uint32_t i = 0; i < s->stage_count && i < 64; i++) {
+        struct hg_stage_time *stage = &info->stages[info->stage_count++];
+        snprintf(stage->name, sizeof stage->name, "%s", s->stages[i].name);
+        stage->ns = s->stages[i].ns;
+    }
+}
+
+enum hg_status hg_view_step(
+    struct hg_view *view, uint32_t max_samples, struct hg_frame_info *info, struct hg_error *err)
+{
+    *info = (struct hg_frame_info){0};
+    enum hg_status status = hg_view_state_step(&view->state, max_samples, err);
+    if (status == HG_OK)
+        fill_info(view, info);
+    return status;
+}
+
+enum hg_status hg_view_read_pixels(
+    struct hg_view *view, enum hg_pixel_format format, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    if ((unsigned)format > HG_PIXEL_RGBA32F)
+        return bad(err, "pixels", "format");
+    return hg_view_state_read(&view->state, (uint32_t)format, out, err);
+}
+
+enum hg_status hg_view_pick(
+    struct hg_view *view, uint32_t x, uint32_t y, struct hg_pick *out, struct hg_error *err)
+{
+    *out = (struct hg_pick){0};
+    struct hg_gpu_pick hit;
+    const struct hg_geometry *geometry = view->state.rooms->geometry;
+    enum hg_status status = hg_view_state_pick(&view->state, x, y, &hit, err);
+    if (status != HG_OK)
+        return status;
+    struct hg_draw_info draw;
+    double origin[3];
+    out->revision = view->state.key.scene;
+    if (hit.draw_plus_one == 0 || !hg_geometry_draw_info(geometry, hit.draw_plus_one - 1, &draw))
+        return HG_OK;
+    hg_geometry_origin(geometry, origin);
+    out->hit = true;
+    out->node = draw.node->head.id;
+    out->mesh = draw.mesh->head.id;
+    out->material = draw.material != NULL ? draw.material->head.id : 0;
+    out->part = draw.part;
+    out->triangle = hit.triangle;
+    out->position[0] = (float)(hit.position_ws.x + origin[0]);
+    out->position[1] = (float)(hit.position_ws.y + origin[1]);
+    out->position[2] = (float)(hit.position_ws.z + origin[2]);
+    memcpy(out->normal, &hit.normal_ws, sizeof out->normal);
+    memcpy(out->uv, &hit.uv, sizeof out->uv);
+    out->distance = hit.distance;
+    return HG_OK;
+}

@@ -1,0 +1,65 @@
+// Radiance of the surface that the visibility buffer holds at each pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
+
+#include "lib/frame.glsl"
+#include "lib/vertex.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
+#include "lib/brdf.glsl"
+#include "lib/light.glsl"
+#include "lib/environment.glsl"
+
+layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
+layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
+
+layout(location = 0) out vec4 out_color;
+
+vec4 background()
+{
+    if (hg_variant == 2u || hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
+        return vec4(0.0);
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
+        return vec4(hg_frame.background_color, 1.0);
+    vec3 ray = hg_frame.camera.forward_ws;
+    if (hg_frame.camera.orthographic == 0u)
+        ray = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
+            gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+    return vec4(hg_environment_radiance(normalize(ray)), 1.0);
+}
+
+vec4 surface(uvec2 id)
+{
+    hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
+    hg_surface s = hg_material_evaluate(v);
+    float alpha = hg_variant == 2u ? s.alpha : 1.0;
+    if (s.unlit)
+        return vec4(s.base_color + s.emissive, 1.0) * alpha;
+    vec3 view = -hg_frame.camera.forward_ws;
+    if (hg_frame.camera.orthographic == 0u)
+        view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
+    vec3 radiance = s.emissive + hg_environment_brdf(b, s.geometric_normal, s.occlusion);
+    radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
+    return vec4(radiance, 1.0) * alpha;
+}
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
+    vec4 color = id.x == 0u ? background() : surface(id);
+    // One broken or boundless sample must not spoil the mean.
+    color = clamp(color, 0.0, 65504.0);
+    if (any(isnan(color)))
+        color = vec4(0.0, 0.0, 0.0, 1.0);
+    if (hg_variant == 1u) {
+        vec4 front = texelFetch(hg_front, pixel, 0);
+        color = front + (1.0 - front.a) * color;
+    }
+    out_color = color;
+}
