@@ -294,6 +294,71 @@ static void test_encoder_refuses_bad_values(void **state)
     hg_writer_finish(&w);
 }
 
+// ---- lengths at their greatest -----------------------------------------------------------------
+
+enum { MAX_TRIED_BYTES = 16 << 20 }; // longer fields differ in nothing but the number
+
+// Gives the member its greatest length plus `more`; false when that is not tried.
+static bool fill_to_limit(
+    const struct hgp_field *field, void *member, uint32_t more, struct hg_arena *memory)
+{
+    if (field->kind == HGP_K_LIST) {
+        const struct hgp_layout *layout = field->limit.list.items();
+        struct hgp_any_list list = {NULL, field->limit.list.max_count + more};
+        char *items = hg_arena_alloc(memory, list.count, layout->struct_size);
+        assert_non_null(items);
+        for (uint32_t i = 0; i < list.count; i++)
+            sample_fill(layout, SAMPLE_BARE, memory, items + i * layout->struct_size);
+        list.items = items;
+        memcpy(member, &list, sizeof list);
+        return true;
+    }
+    if ((field->kind != HGP_K_STR && field->kind != HGP_K_BYTES) ||
+        field->limit.max_bytes > MAX_TRIED_BYTES)
+        return false;
+    struct hgp_bytes view = {NULL, field->limit.max_bytes + more};
+    uint8_t *bytes = hg_arena_alloc(memory, view.size, 1);
+    assert_non_null(bytes);
+    memset(bytes, 'x', view.size);
+    if (field->kind == HGP_K_STR)
+        *(struct hgp_str *)member = (struct hgp_str){(const char *)bytes, view.size};
+    else
+        *(struct hgp_bytes *)member = (struct hgp_bytes){bytes, view.size};
+    return true;
+}
+
+static void try_limit(const struct hgp_message_info *info, const struct hgp_field *field)
+{
+    const struct hgp_layout *layout = hgp_layout_find((uint16_t)info->type);
+    struct hg_arena memory = {0};
+    struct hgp_fault fault = {0};
+    struct hg_writer w = {0};
+    sample_fill(layout, SAMPLE_FULL, &memory, &message);
+    void *member = (char *)&message + field->offset;
+    if (fill_to_limit(field, member, 0, &memory)) {
+        assert_int_equal(hgp_encode(&w, 1, info->type, 0, 0, &message, &fault), HG_OK);
+        assert_int_equal(hgp_decode(1, (uint16_t)info->type, w.data + HGP_HEADER_BYTES,
+                             w.size - HGP_HEADER_BYTES, &memory, &other, &fault),
+            HG_OK);
+        assert_true(fill_to_limit(field, member, 1, &memory));
+        assert_int_equal(hgp_encode(&w, 1, info->type, 0, 0, &message, &fault), HG_E_INVAL);
+        assert_string_equal(fault.field, field->name);
+    }
+    hg_writer_finish(&w);
+    hg_arena_finish(&memory);
+}
+
+static void test_lengths_at_their_limit(void **state)
+{
+    (void)state;
+    const struct hgp_message_info *info;
+    for (size_t n = 0; (info = hgp_message_at(n)); n++) {
+        const struct hgp_layout *layout = hgp_layout_find((uint16_t)info->type);
+        for (size_t i = 0; i < layout->field_count; i++)
+            try_limit(info, &layout->fields[i]);
+    }
+}
+
 static void test_writer_limits(void **state)
 {
     (void)state;
@@ -548,6 +613,7 @@ int main(void)
         cmocka_unit_test(test_unknown_type),
         cmocka_unit_test(test_fields_of_later_versions),
         cmocka_unit_test(test_encoder_refuses_bad_values),
+        cmocka_unit_test(test_lengths_at_their_limit),
         cmocka_unit_test(test_writer_limits),
         cmocka_unit_test(test_no_memory_for_absent_items),
         cmocka_unit_test(test_allocation_torture),
