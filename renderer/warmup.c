@@ -8,6 +8,7 @@
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
+#include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
 
 #define SIDE_PX 16
@@ -15,7 +16,8 @@
 typedef enum hg_status warm_up_fn(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err);
 
-static warm_up_fn *const passes[] = {hg_visibility_warm_up, hg_shade_warm_up, hg_resolve_warm_up};
+static warm_up_fn *const passes[] = {
+    hg_visibility_warm_up, hg_shadow_warm_up, hg_shade_warm_up, hg_resolve_warm_up};
 
 // --- the scene -----------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/shade.h"
+#include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
@@ -197,10 +198,24 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }
 
+static enum hg_status record_shadows(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(view->lighting, &stats);
+    view->stale_shadows = stats.shadow_maps_stale;
+    hg_frame_fill(view, view->samples, true, 0); // where the geometry is
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    return hg_shadow_record(
+        &pass, view->rooms->geometry, view->lighting, &view->shadow_ranges, err);
+}
+
 enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
     enum hg_status status = cull(view, err);
+    if (status == HG_OK)
+        status = record_shadows(view, cmd, err);
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)
         status = record_sample(view, cmd, view->samples + i, i, err);
     return status;

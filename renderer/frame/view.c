@@ -112,6 +112,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
     hg_draw_ranges_finish(&view->ranges);
+    hg_draw_ranges_finish(&view->shadow_ranges);
     hg_lighting_destroy(view->lighting);
     hg_rooms_unref(view->context, view->rooms);
     *view = (struct hg_view_state){0};

@@ -56,7 +56,7 @@ struct hg_view_state {
     struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
-    struct hg_draw_ranges ranges;
+    struct hg_draw_ranges ranges, shadow_ranges;
     struct hg_gpu_frame frame; // of the newest sample
 
     uint64_t number; // frames that changed something
