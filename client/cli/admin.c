@@ -229,6 +229,7 @@ enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options)
         .options = hgp_str_make(options->bench_options ? options->bench_options : "{}"),
     };
     if (!status) {
+        hg_cli_progress_stage(&cli.progress, "measuring");
         doing = HG_CLI_DOING_ARGUMENTS; // an unknown name or option
         status = helio_call_for(cli.h, HGP_T_bench, &bench, HGP_T_json, &answer, &err);
     }

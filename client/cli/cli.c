@@ -106,6 +106,8 @@ enum hg_cli_exit hg_cli_report(
     if (cli)
         hg_cli_progress_clear(&cli->progress);
     fprintf(stderr, "helio: %s\n", clean);
+    if (cli && cli->embedded && doing == HG_CLI_DOING_INPUT && err->status == HG_E_PERM)
+        fprintf(stderr, "helio: --asset-root DIR lets the private worker read further folders\n");
     if (cli && cli->h) { // a connection that broke is not the input's fault
         struct helio_info info;
         helio_get_info(cli->h, &info);
@@ -114,7 +116,9 @@ enum hg_cli_exit hg_cli_report(
     }
     if (cli && cli->embedded && doing == HG_CLI_DOING_CONNECT)
         doing = err->status == HG_E_INVAL ? HG_CLI_DOING_ARGUMENTS : HG_CLI_DOING_RENDER;
-    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : err->status);
+    // A limit that a place in a file breaks is the file's fault, not the installation's.
+    bool in_file = doing == HG_CLI_DOING_INPUT && err->status == HG_E_LIMIT && err->where[0];
+    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : in_file ? HG_E_FORMAT : err->status);
 }
 
 // ---- the private worker's arguments ------------------------------------------------------------
@@ -325,8 +329,8 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         return status;
     cli->connect_ns = hg_clock_now_ns() - begin;
     helio_set_timeout(cli->h, timeout ? timeout : HELIO_NO_TIMEOUT);
-    helio_set_handlers(
-        cli->h, &(struct helio_handlers){&cli->progress, hg_cli_on_progress, hg_cli_on_notice});
+    helio_set_handlers(cli->h, &(struct helio_handlers){&cli->progress, hg_cli_on_tick,
+                                   hg_cli_on_progress, hg_cli_on_notice});
     return with_scene ? helio_scene_open(cli->h, "", &cli->scene, err) : HG_OK;
 }
 

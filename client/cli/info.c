@@ -155,6 +155,7 @@ static enum hg_status info_all(struct hg_cli *cli, enum hg_cli_doing *doing, str
     };
     if (!status) {
         *doing = HG_CLI_DOING_INPUT;
+        hg_cli_progress_stage(&cli->progress, "loading");
         status = helio_call_for(cli->h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
     }
     hg_free(path);

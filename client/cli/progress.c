@@ -33,31 +33,52 @@ static void print_json(
     json_decref(o);
 }
 
+static void print_line(struct hg_cli_progress *p, uint64_t now)
+{
+    if (now - p->begin_ns < second_ns)
+        return;
+    p->line_open = true;
+    fprintf(stderr, "\r\033[K%s%s%s", p->prefix, p->prefix[0] ? ": " : "", p->stage);
+    if (p->total)
+        fprintf(stderr, " %3u %%", (unsigned)(100.0 * (double)p->done / (double)p->total));
+    else if (p->done)
+        fprintf(stderr, " %llu", (unsigned long long)p->done);
+    fprintf(stderr, "  %.0f s", (double)(now - p->begin_ns) / 1e9);
+    fflush(stderr);
+}
+
+static void show(struct hg_cli_progress *p, bool important)
+{
+    uint64_t now = hg_clock_now_ns();
+    if (p->mode == HG_CLI_PROGRESS_NONE || !p->stage[0])
+        return;
+    if (p->shown_ns && !important && now - p->shown_ns < second_ns / 10)
+        return;
+    p->shown_ns = now;
+    if (p->mode == HG_CLI_PROGRESS_JSON)
+        print_json(p, p->stage, p->done, p->total, now);
+    else
+        print_line(p, now);
+}
+
 void hg_cli_progress_update(
     struct hg_cli_progress *p, const char *stage, uint64_t done, uint64_t total)
 {
-    uint64_t now = hg_clock_now_ns();
-    bool last = total && done >= total;
-    if (p->mode == HG_CLI_PROGRESS_NONE)
-        return;
-    if (p->shown_ns && !last && now - p->shown_ns < second_ns / 10)
-        return;
-    if (p->mode == HG_CLI_PROGRESS_JSON) {
-        p->shown_ns = now;
-        print_json(p, stage, done, total, now);
-        return;
-    }
-    if (now - p->begin_ns < second_ns)
-        return;
-    p->shown_ns = now;
-    p->line_open = true;
-    fprintf(stderr, "\r\033[K%s%s%s", p->prefix, p->prefix[0] ? ": " : "", stage);
-    if (total)
-        fprintf(stderr, " %3u %%", (unsigned)(100.0 * (double)done / (double)total));
-    else if (done)
-        fprintf(stderr, " %llu", (unsigned long long)done);
-    fprintf(stderr, "  %.0f s", (double)(now - p->begin_ns) / 1e9);
-    fflush(stderr);
+    bool changed = strcmp(p->stage, stage) != 0;
+    snprintf(p->stage, sizeof p->stage, "%s", stage);
+    p->done = done;
+    p->total = total;
+    show(p, changed || (total && done >= total));
+}
+
+void hg_cli_progress_stage(struct hg_cli_progress *p, const char *stage)
+{
+    hg_cli_progress_update(p, stage, 0, 0);
+}
+
+void hg_cli_on_tick(void *user)
+{
+    show(user, false);
 }
 
 void hg_cli_progress_clear(struct hg_cli_progress *p)

@@ -181,6 +181,7 @@ static enum hg_status load_scene(struct render *r, struct hg_error *err)
     if (o->has_variant)
         load.variant = hgp_str_make(o->variant);
     r->doing = HG_CLI_DOING_INPUT;
+    hg_cli_progress_stage(&r->cli.progress, o->upload ? "uploading" : "loading");
     enum hg_status status;
     if (o->upload)
         status = upload_asset(r, &load, &list, err);
@@ -353,6 +354,7 @@ static enum hg_status render_frame(struct render *r, const char *name, struct hg
     struct helio_message *answer;
     uint64_t begin = hg_clock_now_ns();
     r->doing = HG_CLI_DOING_RENDER;
+    hg_cli_progress_stage(&r->cli.progress, "rendering");
     enum hg_status status = helio_frame(r->cli.h, &request, &answer, err);
     if (!status)
         status = hg_cli_drain_queue(&r->cli, err);

@@ -124,6 +124,7 @@ static enum hg_status do_load(struct run *r, const struct hg_cli_step *s, struct
     struct hgp_asset_loaded loaded;
     uint32_t number = s->asset ? s->asset : r->asset_count + 1;
     r->doing = HG_CLI_DOING_INPUT;
+    hg_cli_progress_stage(&r->cli.progress, "loading");
     if (number > r->cli.scene.id_count || r->asset_count == ASSETS_MAX)
         return hg_error_set(err, HG_E_LIMIT, "load", NULL, "too many assets");
     enum hg_status status = hg_cli_server_path(&r->cli, s->path, &path, err);
@@ -290,6 +291,7 @@ static enum hg_status take_frame(
     helio_message_free(r->frame);
     r->frame = NULL;
     r->doing = HG_CLI_DOING_RENDER;
+    hg_cli_progress_stage(&r->cli.progress, "rendering");
     enum hg_status status = complete_scene(r, err);
     if (!status)
         status = helio_frame(r->cli.h, &request, &r->frame, err);

@@ -54,6 +54,8 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             return status;
         if (n > 0 && p[0].revents)
             return HG_OK;
+        if (n == 0 && h->handlers.tick)
+            h->handlers.tick(h->handlers.user);
         if (hg_clock_now_ns() >= deadline_ns)
             return hg_error_set(err, HG_E_TIMEOUT, h->url, NULL, "no answer in time");
     }
@@ -92,12 +94,19 @@ enum hg_status helio_flush(struct helio *h, struct hg_error *err)
     return hg_client_failed(h, err);
 }
 
+// Notices about the scene as a whole go to the handler as well, when there is one.
+static bool belongs_to(const struct helio *h, const struct hg_client_message *m, uint32_t request)
+{
+    return m->pub.request == request ||
+           (m->pub.request == 0 && m->pub.type == HGP_T_notice && h->handlers.notice);
+}
+
 // Removes and returns the oldest queued message of a request.
 static struct hg_client_message *take_answer(struct helio *h, uint32_t request)
 {
     struct hg_client_message *before = NULL;
     for (struct hg_client_message *m = h->first; m; before = m, m = m->next) {
-        if (m->pub.request != request)
+        if (!belongs_to(h, m, request))
             continue;
         if (before)
             before->next = m->next;
@@ -141,41 +150,42 @@ static enum hg_status status_of_answer(const struct hg_client_message *m, struct
         e->reason.data ? e->reason.data : "");
 }
 
+// Handles queued companions of a request; true when its answer is in *answer or *status failed.
+static bool find_answer(struct helio *h, uint32_t request, struct hg_client_message **answer,
+    enum hg_status *status, struct hg_error *err)
+{
+    struct hg_client_message *m;
+    while ((m = take_answer(h, request))) {
+        if (!handle_companion(h, m)) {
+            *status = status_of_answer(m, err);
+            if (*status)
+                hg_client_message_destroy(m);
+            else
+                *answer = m;
+            return true;
+        }
+        hg_client_message_destroy(m);
+    }
+    return false;
+}
+
 static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t deadline,
     struct hg_client_message **answer, struct hg_error *err)
 {
+    enum hg_status status = HG_OK;
     *answer = NULL;
     for (;;) {
-        struct hg_client_message *m = take_answer(h, request);
-        if (!m && h->queued >= HG_CLIENT_QUEUE_MESSAGES)
+        enum hg_status found;
+        // An answer that came before the connection ended still counts.
+        if (find_answer(h, request, answer, &found, err))
+            return found;
+        if (status)
+            return status;
+        if (h->queued >= HG_CLIENT_QUEUE_MESSAGES)
             return hg_error_set(err, HG_E_STATE, h->url, NULL,
                 "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
-        if (m && handle_companion(h, m)) {
-            hg_client_message_destroy(m);
-            continue;
-        }
-        if (m) {
-            enum hg_status status = status_of_answer(m, err);
-            if (status)
-                hg_client_message_destroy(m);
-            else
-                *answer = m;
-            return status;
-        }
-        enum hg_status status = wait_until(h, deadline, err);
-        // An answer that came before the connection ended still counts.
-        if (status && !(h->error.status && h->first))
-            return status;
-        if (status && (m = take_answer(h, request)) && !handle_companion(h, m)) {
-            status = status_of_answer(m, err);
-            if (!status)
-                *answer = m;
-            else
-                hg_client_message_destroy(m);
-            return status;
-        }
-        hg_client_message_destroy(status ? m : NULL);
-        if (status && !m)
+        status = wait_until(h, deadline, err);
+        if (status && !h->error.status)
             return status;
     }
 }

@@ -32,12 +32,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/status.h"
-#include "protocol/hgp.h"
-
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+#include "base/status.h"
+#include "protocol/hgp.h"
 
 #define HELIO_API __attribute__((visibility("default")))
 
@@ -130,9 +130,11 @@ HELIO_API void helio_message_free(struct helio_message *message); // accepts NUL
 
 // ---- blocking use ------------------------------------------------------------------------------
 
-// Called inside blocking calls for messages that accompany a request. Either may be NULL.
+// Called inside blocking calls: for messages that accompany a request, and `tick` at least once a
+// second while an answer is awaited. Each may be NULL.
 struct helio_handlers {
     void *user;
+    void (*tick)(void *user);
     void (*progress)(void *user, const struct hgp_progress *progress);
     void (*notice)(void *user, const struct hgp_notice *notice);
 };
