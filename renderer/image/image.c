@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/checked.h"
 #include "base/file.h"
+#include "renderer/image/encode.h"
 #include "renderer/image/oiio.h"
 
 static const struct hg_image_limits default_limits = {
@@ -152,7 +153,10 @@ enum hg_status hg_image_read_memory(const void *data, size_t size, const char *n
     struct hg_image_limits l = complete_limits(limits);
     memset(out, 0, sizeof *out);
     enum hg_status st = choose_reader(data, size, name, &reader, err);
-    return st ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
+    bool decoded = false;
+    if (!st && format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
+        st = hg_jpeg_decode(data, size, name, &l, out, &decoded, err);
+    return st || decoded ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
 }
 
 enum hg_status hg_image_probe_file(

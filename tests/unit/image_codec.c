@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/image/image.h"
+#include "renderer/image/metrics.h"
 #include "renderer/image/zstd.h"
 
 enum { test_width = 37, test_height = 23 };
@@ -210,6 +210,25 @@ static void jpeg_is_close_and_stable(void **state)
     hg_writer_finish(&again);
 }
 
+// RGBA8 comes from libjpeg-turbo's own interface, the other formats through OpenImageIO.
+static void both_jpeg_decoders_agree(void **state)
+{
+    (void)state;
+    struct hg_image a = make_image(HG_PIXEL_RGBA8);
+    for (int quality = 50; quality <= 100; quality += 25) {
+        struct hg_image_encode params = {.file = HG_IMAGE_JPEG, .quality = quality};
+        struct hg_writer w = encode(&a, &params);
+        struct hg_image b = decode(&w, HG_PIXEL_RGBA8), c = decode(&w, HG_PIXEL_RGBA16);
+        assert_false(b.has_alpha);
+        for (size_t i = 0; i < b.size_bytes; i++)
+            assert_int_equal(((uint8_t *)b.pixels)[i] * 257, ((uint16_t *)c.pixels)[i]);
+        hg_image_finish(&b);
+        hg_image_finish(&c);
+        hg_writer_finish(&w);
+    }
+    hg_image_finish(&a);
+}
+
 static void wrong_parameters_are_refused(void **state)
 {
     (void)state;
@@ -316,6 +335,43 @@ static void zstd_comes_back_or_is_refused(void **state)
     hg_writer_finish(&w);
 }
 
+// Every allocation of ours fails once: a status, empty outputs, nothing leaked (asan), then
+// success.
+static void every_allocation_may_fail(void **state)
+{
+    (void)state;
+    struct hg_image a = make_image(HG_PIXEL_RGBA8), back = {0}, diff;
+    static const enum hg_metric metrics[] = {HG_METRIC_SSIM, HG_METRIC_FLIP, HG_METRIC_MAX};
+    static const enum hg_image_file files[] = {HG_IMAGE_PNG8, HG_IMAGE_JPEG};
+    bool failed = true;
+    for (uint64_t n = 1; failed; n++) {
+        struct hg_writer w = {0};
+        struct hg_error err = {0};
+        double value;
+        enum hg_status st = HG_OK;
+        assert_true(n < 100);
+        hg_alloc_fail_at(n);
+        for (size_t i = 0; i < 2 && !st; i++) {
+            w.size = 0;
+            st = hg_image_encode(&a, &(struct hg_image_encode){.file = files[i]}, &w, &err);
+        }
+        if (!st)
+            st = hg_image_read_memory(w.data, w.size, "x.jpg", HG_PIXEL_RGBA8, NULL, &back, &err);
+        for (size_t i = 0; i < 3 && !st; i++) {
+            st = hg_image_compare(&a, &back, metrics[i], &value, &diff, &err);
+            if (!st)
+                hg_image_finish(&diff);
+        }
+        hg_image_finish(&back);
+        hg_writer_finish(&w);
+        failed = hg_alloc_count() >= n;
+        hg_alloc_fail_at(0);
+        assert_int_equal(st, failed ? HG_E_NOMEM : HG_OK);
+        assert_true(!failed || err.status == HG_E_NOMEM);
+    }
+    hg_image_finish(&a);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -325,10 +381,12 @@ int main(void)
         cmocka_unit_test(eight_bits_widen_by_257),
         cmocka_unit_test(exr_keeps_values_and_attributes),
         cmocka_unit_test(jpeg_is_close_and_stable),
+        cmocka_unit_test(both_jpeg_decoders_agree),
         cmocka_unit_test(wrong_parameters_are_refused),
         cmocka_unit_test(limits_are_kept),
         cmocka_unit_test(every_prefix_is_an_error),
         cmocka_unit_test(probe_says_what_a_file_is),
+        cmocka_unit_test(every_allocation_may_fail),
         cmocka_unit_test(zstd_comes_back_or_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
