@@ -1,12 +1,12 @@
 #include "renderer/image/image.h"
 
-#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/alloc.h"
 #include "base/checked.h"
 #include "base/file.h"
+#include "renderer/image/check.h"
 #include "renderer/image/encode.h"
 #include "renderer/image/oiio.h"
 
@@ -90,40 +90,15 @@ static enum hg_status sniff(
     return hg_error_set(err, HG_E_FORMAT, name, "byte 0", "not an image format that is read here");
 }
 
-static uint32_t read_be32(const uint8_t *p)
-{
-    return (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3];
-}
-
-// A PNG's chunks lie inside the file. The decoder would notice too, but without the place, and
-// OpenImageIO 2.4 leaks a string when a PNG ends early.
-static enum hg_status check_png(
-    const uint8_t *data, size_t size, const char *name, struct hg_error *err)
-{
-    char where[32];
-    for (size_t at = 8; at < size;) {
-        snprintf(where, sizeof where, "byte %zu", at);
-        if (size - at < 12)
-            return hg_error_set(err, HG_E_FORMAT, name, where, "the PNG ends inside a chunk");
-        uint32_t length = read_be32(data + at);
-        if (length > size - at - 12)
-            return hg_error_set(err, HG_E_FORMAT, name, where,
-                "a PNG chunk of %u bytes runs past the end of the file", length);
-        if (memcmp(data + at + 4, "IEND", 4) == 0)
-            return HG_OK;
-        at += 12 + (size_t)length;
-    }
-    snprintf(where, sizeof where, "byte %zu", size);
-    return hg_error_set(err, HG_E_FORMAT, name, where, "the PNG has no end chunk");
-}
-
 // The reader for these bytes, after what is checked before a library sees them.
 static enum hg_status choose_reader(
     const void *data, size_t size, const char *name, const char **format, struct hg_error *err)
 {
     enum hg_status st = sniff(data, size, name, format, err);
     if (!st && strcmp(*format, "png") == 0)
-        st = check_png(data, size, name, err);
+        st = hg_check_png(data, size, name, err);
+    else if (!st && strcmp(*format, "openexr") == 0)
+        st = hg_check_exr(data, size, name, err);
     return st;
 }
 

@@ -298,6 +298,28 @@ static void every_prefix_is_an_error(void **state)
     hg_writer_finish(&w);
 }
 
+// An EXR header that claims 2 GiB for an attribute is refused before a library takes them.
+static void exr_attributes_lie_inside_the_file(void **state)
+{
+    (void)state;
+    struct hg_image a = make_image(HG_PIXEL_RGBA32F), b;
+    struct hg_writer w = encode(&a, &(struct hg_image_encode){.file = HG_IMAGE_EXR_HALF});
+    uint8_t *type = memmem(w.data, w.size, "chlist", 7);
+    assert_non_null(type);
+    memcpy(type + 7, "\xff\xff\xff\x7f", 4);
+    struct hg_error err = {0};
+    assert_int_equal(
+        hg_image_read_memory(w.data, w.size, "big.exr", HG_PIXEL_RGBA32F, NULL, &b, &err),
+        HG_E_FORMAT);
+    assert_memory_equal(err.where, "byte ", 5);
+    for (size_t n = 4; n < 200; n++)
+        assert_int_equal(
+            hg_image_read_memory(w.data, n, "cut.exr", HG_PIXEL_RGBA32F, NULL, &b, &err),
+            HG_E_FORMAT);
+    hg_image_finish(&a);
+    hg_writer_finish(&w);
+}
+
 static void probe_says_what_a_file_is(void **state)
 {
     (void)state;
@@ -385,6 +407,7 @@ int main(void)
         cmocka_unit_test(wrong_parameters_are_refused),
         cmocka_unit_test(limits_are_kept),
         cmocka_unit_test(every_prefix_is_an_error),
+        cmocka_unit_test(exr_attributes_lie_inside_the_file),
         cmocka_unit_test(probe_says_what_a_file_is),
         cmocka_unit_test(every_allocation_may_fail),
         cmocka_unit_test(zstd_comes_back_or_is_refused),

@@ -1,0 +1,20 @@
+// check.h - the structure of files whose decoders trust it too much.
+// Floor 1, private to renderer/image. Pure; any thread.
+#ifndef HG_RENDERER_IMAGE_CHECK_H
+#define HG_RENDERER_IMAGE_CHECK_H
+
+#include "base/status.h"
+
+// The chunks of a PNG lie inside the file and end with IEND. The decoder would notice too, but
+// without the place, and OpenImageIO 2.4 leaks a string when a PNG ends early.
+// HG_E_FORMAT with the byte offset. The first 8 bytes are known to be PNG's.
+enum hg_status hg_check_png(
+    const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
+
+// The attributes of all headers of an EXR lie inside the file. OpenEXR 3.1 takes memory for the
+// length an attribute claims (up to 2 GiB) before it looks whether there are as many bytes.
+// HG_E_FORMAT with the byte offset. The first 4 bytes are known to be EXR's.
+enum hg_status hg_check_exr(
+    const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
+
+#endif
