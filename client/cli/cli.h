@@ -86,7 +86,9 @@ enum hg_status hg_cli_format_of(const char *path, const char *bit_depth, const c
 // when there is none).
 enum hg_status hg_cli_find_camera(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
-// A node by name (exact), or "#ID". HG_E_NOTFOUND.
+// Object "ASSET:INDEX", assets counted from 1; 0 when `name` is not of that form.
+uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name);
+// A node by name (exact), or else "ASSET:INDEX". HG_E_NOTFOUND.
 enum hg_status hg_cli_find_node(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
 // Brings the whole scene into view.

@@ -176,14 +176,11 @@ static enum hg_status do_view(struct run *r, const struct hg_cli_step *s, struct
 static enum hg_status find_material(
     struct run *r, const char *name, uint64_t *id, struct hg_error *err)
 {
-    uint32_t number, index;
-    char tail, *text;
+    char *text;
     json_error_t wrong;
-    if (sscanf(name, "%9u:%9u%c", &number, &index, &tail) == 2 && number > 0) {
-        *id = helio_object_id(wire_asset(r, number), index);
+    *id = hg_cli_parse_object(&r->cli, name);
+    if (*id)
         return HG_OK;
-    }
-    *id = 0;
     enum hg_status status = helio_query_json(r->cli.h, HGP_T_info_query, 0, &text, err);
     if (status)
         return status;
@@ -394,7 +391,8 @@ static enum hg_status see_pick(struct run *r, const struct hg_cli_step *s, bool 
     const struct hgp_picked *got = &answer->body->picked;
     *holds = s->name ? got->hit && got->node == wanted : !got->hit;
     if (got->hit)
-        snprintf(seen, size, "node #%llu", (unsigned long long)got->node);
+        snprintf(seen, size, "node %u:%u", (unsigned)(got->node >> 32) - r->cli.scene.first_id + 1,
+            (unsigned)got->node);
     else
         snprintf(seen, size, "nothing");
     helio_message_free(answer);

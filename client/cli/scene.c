@@ -96,17 +96,23 @@ static bool visit_node(void *user, const struct hgp_node_entry *node)
 enum hg_status hg_cli_find_node(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
 {
-    *node = 0;
-    if (name[0] == '#' && name[1] && strspn(name + 1, "0123456789") == strlen(name + 1)) {
-        *node = strtoull(name + 1, NULL, 10);
-        return HG_OK;
-    }
     struct node_search search = {.name = name, .number = -1};
+    *node = 0;
     enum hg_status status = walk_nodes(cli, visit_node, &search, err);
     if (status)
         return status;
-    *node = search.by_name;
+    *node = search.by_name ? search.by_name : hg_cli_parse_object(cli, name);
     return *node ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, "node", name, "no node of that name");
+}
+
+uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name)
+{
+    uint32_t asset, index;
+    char tail;
+    if (strspn(name, "0123456789:") != strlen(name) ||
+        sscanf(name, "%9u:%9u%c", &asset, &index, &tail) != 2 || asset == 0)
+        return 0;
+    return helio_object_id(cli->scene.first_id + asset - 1, index);
 }
 
 enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double aspect,
