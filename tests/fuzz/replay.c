@@ -16,6 +16,7 @@
 #include "base/file.h"
 #include "base/alloc.h"
 #include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/mutate.h"
 
 enum { MAX_INPUTS = 4096, MAX_INPUT_BYTES = 1 << 20, MAX_MUTATIONS = 400000, SLOW_SECONDS = 10 };
 
@@ -80,91 +81,24 @@ static void run(const char *name, unsigned long number, const uint8_t *data, siz
 
 // ---- mutations ---------------------------------------------------------------------------------
 
-// xorshift64* (Vigna 2016): small, and the same everywhere.
-static uint64_t random_state = 0x9e3779b97f4a7c15u;
-
-static uint64_t random_u64(void)
+// Edits a copy of the n-th input, sometimes with a piece of another.
+static size_t mutate(struct fuzz_random *random, size_t n, uint8_t *buffer)
 {
-    random_state ^= random_state >> 12;
-    random_state ^= random_state << 25;
-    random_state ^= random_state >> 27;
-    return random_state * 0x2545f4914f6cdd1du;
-}
-
-static size_t random_below(size_t n)
-{
-    return n ? (size_t)(random_u64() % n) : 0;
-}
-
-static void put_number(uint8_t *data, size_t size)
-{
-    static const uint64_t numbers[] = {0, 1, 2, 0x7f, 0x80, 0xff, 0x100, 0x7fff, 0x8000, 0xffff,
-        0x10000, 0x7fffffff, 0x80000000, 0xffffffff, 0x7fc00000, 0x7f800000, UINT64_MAX};
-    static const size_t widths[] = {1, 2, 4, 8};
-    uint64_t value = numbers[random_below(sizeof numbers / sizeof *numbers)];
-    size_t width = widths[random_below(4)];
-    size_t at = random_below(size);
-    for (size_t i = 0; i < width && at + i < size; i++)
-        data[at + i] = (uint8_t)(value >> (8 * i));
-}
-
-// Takes a piece of another input in between.
-static size_t insert_piece(uint8_t *data, size_t size)
-{
-    const struct input *other = &inputs[random_below(input_count)];
-    size_t from = random_below(other->size), count = 1 + random_below(other->size - from);
-    size_t at = random_below(size + 1);
-    if (!other->size || count > MAX_INPUT_BYTES - size)
-        return size;
-    memmove(data + at + count, data + at, size - at);
-    memcpy(data + at, other->data + from, count);
-    return size + count;
-}
-
-static size_t cut(uint8_t *data, size_t size)
-{
-    size_t at = random_below(size), count = 1 + random_below(size - at < 64 ? size - at : 64);
-    if (at + count > size)
-        return at;
-    memmove(data + at, data + at + count, size - at - count);
-    return size - count;
-}
-
-static size_t mutate(uint8_t *data, size_t size)
-{
-    for (size_t steps = 1 + random_below(4); steps && size; steps--) {
-        switch (random_below(6)) {
-        case 0:
-            data[random_below(size)] ^= (uint8_t)(1u << random_below(8));
-            break;
-        case 1:
-            data[random_below(size)] = (uint8_t)random_u64();
-            break;
-        case 2:
-        case 3:
-            put_number(data, size);
-            break;
-        case 4:
-            size = insert_piece(data, size);
-            break;
-        default:
-            size = cut(data, size);
-        }
-    }
-    return size;
+    const struct input *in = &inputs[n], *other = &inputs[fuzz_below(random, input_count)];
+    if (in->size)
+        memcpy(buffer, in->data, in->size);
+    struct fuzz_piece piece = {other->data, other->size};
+    return fuzz_mutate(random, buffer, in->size, MAX_INPUT_BYTES, &piece);
 }
 
 static unsigned long run_mutations(double seconds)
 {
     static uint8_t buffer[MAX_INPUT_BYTES];
     uint64_t end = hg_clock_now_ns() + (uint64_t)(seconds * 1e9);
+    struct fuzz_random random = FUZZ_RANDOM_START;
     unsigned long n = 0;
-    for (; n < MAX_MUTATIONS && hg_clock_now_ns() < end; n++) {
-        const struct input *in = &inputs[n % input_count];
-        if (in->size)
-            memcpy(buffer, in->data, in->size);
-        run(in->name, n + 1, buffer, mutate(buffer, in->size));
-    }
+    for (; n < MAX_MUTATIONS && hg_clock_now_ns() < end; n++)
+        run(inputs[n % input_count].name, n + 1, buffer, mutate(&random, n % input_count, buffer));
     return n;
 }
 
