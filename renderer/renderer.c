@@ -43,13 +43,14 @@ static enum hg_status init(
     if (r->jobs == NULL)
         return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "no threads or no memory");
     enum hg_status status = hg_gpu_create(&gpu, &r->gpu, err);
-    const char *culling = getenv("HELIO_CULLING");
+    const char *culling = getenv("HELIO_CULLING"), *tables = getenv("HELIO_GPU_TABLES");
     r->context = (struct hg_frame_context){.gpu = r->gpu,
         .jobs = r->jobs,
         .cache_dir = r->cache_dir,
         .texture_budget_bytes = params->texture_budget_bytes,
         .geometry_budget_bytes = params->geometry_budget_bytes,
-        .no_culling = culling != NULL && strcmp(culling, "off") == 0};
+        .no_culling = culling != NULL && strcmp(culling, "off") == 0,
+        .no_tables = tables != NULL && strcmp(tables, "off") == 0};
     return status;
 }
 

@@ -60,6 +60,44 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
 }
 
+static void bind_table(struct hg_pass *pass, uint32_t binding, VkDeviceAddress address,
+    uint64_t count, uint64_t element_bytes)
+{
+    const struct hg_gpu_uniform table = {address, count * element_bytes};
+    if (!hg_gpu_can_bind_uniform(pass->gpu, &table))
+        return;
+    pass->bindings.uniforms[binding - HG_BIND_UNIFORM_FIRST] = table;
+    pass->tables |= HG_TABLE_BIT(binding);
+}
+
+// The frame block, and on CPU devices every table that fits a uniform block.
+static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pass *pass)
+{
+    const struct hg_gpu_frame *f = &view->frame;
+    pass->bindings.uniforms[0] = (struct hg_gpu_uniform){
+        view->blocks.address + (uint64_t)slot * HG_FRAME_BLOCK_BYTES, HG_FRAME_BLOCK_BYTES};
+    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->no_tables)
+        return;
+    struct hg_textures_stats textures;
+    uint32_t shadows;
+    hg_textures_stats(view->rooms->textures, &textures);
+    hg_lighting_shadow_maps(view->lighting, &shadows);
+    const struct hg_gpu_geometry *g = &f->geometry;
+    const struct hg_gpu_lighting *l = &f->lighting;
+    const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
+    bind_table(pass, HG_BIND_DRAWS, g->draws, g->draw_count, sizeof(struct hg_gpu_draw));
+    bind_table(
+        pass, HG_BIND_INSTANCES, g->instances, g->instance_count, sizeof(struct hg_gpu_instance));
+    bind_table(pass, HG_BIND_PARTS, g->parts, g->part_count, sizeof(struct hg_gpu_part));
+    bind_table(
+        pass, HG_BIND_MATERIALS, g->materials, g->material_count, sizeof(struct hg_gpu_material));
+    bind_table(pass, HG_BIND_PAGE_TABLE, f->textures.table, textures.table_bytes, 1);
+    bind_table(pass, HG_BIND_LIGHTS, l->lights, l->light_count, sizeof(struct hg_gpu_light));
+    bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
+    bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_SIZE * (HG_DFG_SIZE + 1), 8);
+    bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
+}
+
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
@@ -70,8 +108,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(view->lighting);
     images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
-    pass.bindings.frame = &view->blocks;
-    pass.bindings.frame_offset = (uint64_t)slot * HG_FRAME_BLOCK_BYTES;
+    bind_tables(view, slot, &pass);
     return pass;
 }
 

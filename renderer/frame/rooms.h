@@ -17,6 +17,7 @@ struct hg_frame_context {
     uint64_t texture_budget_bytes, geometry_budget_bytes;
     struct hg_rooms *rooms; // list of all scenes in use
     bool no_culling;        // draw everything, for tests
+    bool no_tables;         // reach every table by address, as GPUs do, for tests
 };
 
 struct hg_rooms {

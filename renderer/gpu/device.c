@@ -487,6 +487,7 @@ static void destroy_device(struct hg_gpu *gpu)
     hg_gpu_pipelines_finish(gpu);
     hg_gpu_commands_finish(gpu);
     hg_gpu_memory_finish(gpu);
+    hg_free(gpu->live);
     vkDestroyDevice(gpu->device, NULL);
 }
 

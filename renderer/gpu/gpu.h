@@ -182,12 +182,18 @@ void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd);
 void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
     const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset);
 
+// A piece of a live buffer, by address (a multiple of 256). Zeroed = a dummy.
+struct hg_gpu_uniform {
+    VkDeviceAddress address;
+    uint64_t size_bytes; // <= HG_TABLE_BYTES
+};
 struct hg_gpu_bindings {
     // The images are brought to HG_GPU_USE_SAMPLED by hg_gpu_cmd_bind; NULL = a 1x1 dummy.
     struct hg_gpu_image *images[HG_BIND_IMAGE_COUNT];
-    const struct hg_gpu_buffer *frame; // struct hg_gpu_frame at frame_offset, a multiple of 256
-    uint64_t frame_offset;
+    struct hg_gpu_uniform uniforms[HG_BIND_UNIFORM_COUNT]; // of binding HG_BIND_UNIFORM_FIRST + i
 };
+// True when a table can be bound as a uniform block: size, alignment, and it lies in a live buffer.
+bool hg_gpu_can_bind_uniform(const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform);
 // Binds the set for graphics and compute. Call outside rendering.
 enum hg_status hg_gpu_cmd_bind(struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *bindings,
     struct hg_error *err) HG_MUST_CHECK;

@@ -90,6 +90,14 @@ struct hg_gpu {
     struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
     uint32_t time_count;
 
+    struct hg_gpu_live { // buffers by ascending address
+        VkDeviceAddress address;
+        uint64_t size_bytes;
+        VkBuffer handle;
+    } *live;
+    size_t live_capacity;
+    uint32_t live_count;
+
     VkCommandPool upload_pool;
     VkCommandBuffer upload; // recording when upload_open
     bool upload_open;
@@ -137,6 +145,9 @@ void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum hg_gpu_use use);
+
+// resource.c: the live buffer that holds an address, NULL when none does.
+const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAddress address);
 
 // upload.c
 void hg_gpu_upload_finish(struct hg_gpu *gpu);

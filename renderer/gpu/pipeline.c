@@ -76,8 +76,10 @@ static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err
         slots[i] = (VkDescriptorSetLayoutBinding){i, VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 1,
             VK_SHADER_STAGE_ALL, &gpu->samplers[i]};
     }
-    slots[HG_BIND_FRAME] = (VkDescriptorSetLayoutBinding){
-        HG_BIND_FRAME, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1, VK_SHADER_STAGE_ALL, NULL};
+    for (uint32_t i = HG_BIND_UNIFORM_FIRST; i < HG_BIND_COUNT; i++) {
+        slots[i] = (VkDescriptorSetLayoutBinding){
+            i, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1, VK_SHADER_STAGE_ALL, NULL};
+    }
     const VkDescriptorSetLayoutCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
         .bindingCount = HG_BIND_COUNT,
@@ -104,7 +106,7 @@ static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
         return hg_error_set(err, HG_E_NOMEM, "descriptor pool", NULL, "out of host memory");
     const VkDescriptorPoolSize sizes[] = {
         {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, HG_BIND_IMAGE_COUNT * HG_GPU_SETS_PER_POOL},
-        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_GPU_SETS_PER_POOL}};
+        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_BIND_UNIFORM_COUNT * HG_GPU_SETS_PER_POOL}};
     const VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
         .maxSets = HG_GPU_SETS_PER_POOL,
         .poolSizeCount = 2,
@@ -135,53 +137,82 @@ static enum hg_status take_set(struct hg_gpu_cmd *cmd, VkDescriptorSet *out, str
     return status;
 }
 
-enum hg_status hg_gpu_cmd_bind(
-    struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *set, struct hg_error *err)
+bool hg_gpu_can_bind_uniform(const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform)
+{
+    if (uniform->address == 0 || uniform->size_bytes == 0 || uniform->size_bytes > HG_TABLE_BYTES ||
+        gpu->properties.limits.maxUniformBufferRange < HG_TABLE_BYTES)
+        return false;
+    const struct hg_gpu_live *live = hg_gpu_find_live(gpu, uniform->address);
+    return live != NULL &&
+           (uniform->address - live->address) %
+                   gpu->properties.limits.minUniformBufferOffsetAlignment ==
+               0 &&
+           uniform->size_bytes <= live->size_bytes - (uniform->address - live->address);
+}
+
+static VkDescriptorBufferInfo uniform_info(
+    const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform)
+{
+    const uint64_t most = gpu->properties.limits.maxUniformBufferRange;
+    if (!hg_gpu_can_bind_uniform(gpu, uniform))
+        return (VkDescriptorBufferInfo){gpu->dummy_frame.handle, 0,
+            gpu->dummy_frame.size_bytes < most ? gpu->dummy_frame.size_bytes : most};
+    const struct hg_gpu_live *live = hg_gpu_find_live(gpu, uniform->address);
+    return (VkDescriptorBufferInfo){
+        live->handle, uniform->address - live->address, uniform->size_bytes};
+}
+
+// What the writes of one set point to.
+struct set_infos {
+    VkDescriptorImageInfo images[HG_BIND_IMAGE_COUNT];
+    VkDescriptorBufferInfo uniforms[HG_BIND_UNIFORM_COUNT];
+};
+
+static void fill_infos(
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *bound, struct set_infos *infos)
 {
     struct hg_gpu *gpu = cmd->gpu;
-    VkDescriptorSet handle;
-    enum hg_status status = take_set(cmd, &handle, err);
-    if (status != HG_OK)
-        return status;
-    VkDescriptorImageInfo images[HG_BIND_IMAGE_COUNT];
     for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
-        struct hg_gpu_image *image = set->images[i] != NULL ? set->images[i] : &gpu->dummies[i];
+        struct hg_gpu_image *image = bound->images[i] != NULL ? bound->images[i] : &gpu->dummies[i];
         hg_gpu_image_use(cmd, image, HG_GPU_USE_SAMPLED);
-        images[i] = (VkDescriptorImageInfo){
+        infos->images[i] = (VkDescriptorImageInfo){
             VK_NULL_HANDLE, image->view, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL};
     }
-    const struct hg_gpu_buffer *frame = set->frame != NULL ? set->frame : &gpu->dummy_frame;
-    const uint64_t offset = set->frame != NULL ? set->frame_offset : 0;
-    const uint64_t rest = frame->size_bytes - offset;
-    const uint64_t most = gpu->properties.limits.maxUniformBufferRange;
-    const VkDescriptorBufferInfo uniform = {frame->handle, offset, rest < most ? rest : most};
-    const VkWriteDescriptorSet writes[2] = {
-        {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
-            .dstSet = handle,
-            .descriptorCount = HG_BIND_IMAGE_COUNT,
-            .descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
-            .pImageInfo = images},
-        {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
-            .dstSet = handle,
-            .dstBinding = HG_BIND_FRAME,
+    for (uint32_t i = 0; i < HG_BIND_UNIFORM_COUNT; i++)
+        infos->uniforms[i] = uniform_info(gpu, &bound->uniforms[i]);
+}
+
+static void write_set(struct hg_gpu *gpu, VkDescriptorSet set, const struct set_infos *infos)
+{
+    // Immutable samplers differ, so one write cannot run over all images.
+    VkWriteDescriptorSet writes[HG_BIND_COUNT];
+    for (uint32_t i = 0; i < HG_BIND_COUNT; i++) {
+        const bool image = i < HG_BIND_IMAGE_COUNT;
+        writes[i] = (VkWriteDescriptorSet){.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+            .dstSet = set,
+            .dstBinding = i,
             .descriptorCount = 1,
-            .descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
-            .pBufferInfo = &uniform},
-    };
-    // Bindings with immutable samplers differ, so one write cannot run over all of them.
-    VkWriteDescriptorSet all[HG_BIND_COUNT];
-    for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
-        all[i] = writes[0];
-        all[i].dstBinding = i;
-        all[i].descriptorCount = 1;
-        all[i].pImageInfo = &images[i];
+            .descriptorType = image ? VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER
+                                    : VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
+            .pImageInfo = image ? &infos->images[i] : NULL,
+            .pBufferInfo = image ? NULL : &infos->uniforms[i - HG_BIND_UNIFORM_FIRST]};
     }
-    all[HG_BIND_FRAME] = writes[1];
-    vkUpdateDescriptorSets(gpu->device, HG_BIND_COUNT, all, 0, NULL);
-    vkCmdBindDescriptorSets(
-        cmd->handle, VK_PIPELINE_BIND_POINT_GRAPHICS, gpu->pipeline_layout, 0, 1, &handle, 0, NULL);
-    vkCmdBindDescriptorSets(
-        cmd->handle, VK_PIPELINE_BIND_POINT_COMPUTE, gpu->pipeline_layout, 0, 1, &handle, 0, NULL);
+    vkUpdateDescriptorSets(gpu->device, HG_BIND_COUNT, writes, 0, NULL);
+}
+
+enum hg_status hg_gpu_cmd_bind(
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *bound, struct hg_error *err)
+{
+    VkDescriptorSet set;
+    enum hg_status status = take_set(cmd, &set, err);
+    if (status != HG_OK)
+        return status;
+    struct set_infos infos;
+    fill_infos(cmd, bound, &infos);
+    write_set(cmd->gpu, set, &infos);
+    for (VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_GRAPHICS;
+         point <= VK_PIPELINE_BIND_POINT_COMPUTE; point++)
+        vkCmdBindDescriptorSets(cmd->handle, point, cmd->gpu->pipeline_layout, 0, 1, &set, 0, NULL);
     return HG_OK;
 }
 
@@ -542,7 +573,7 @@ enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err)
     }
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(
-            gpu, HG_GPU_BUFFER_UPLOAD, 65536, "no frame", &gpu->dummy_frame, err);
+            gpu, HG_GPU_BUFFER_UPLOAD, HG_TABLE_BYTES, "no table", &gpu->dummy_frame, err);
     }
     if (status == HG_OK)
         status = create_set_layout(gpu, err);

@@ -1,6 +1,55 @@
 // resource.c - buffers and images.
+#include <string.h>
+
 #include "base/alloc.h"
 #include "renderer/gpu/internal.h"
+
+// --- buffers by address --------------------------------------------------------------------------
+
+// Index of the first live buffer above an address.
+static uint32_t above(const struct hg_gpu *gpu, VkDeviceAddress address)
+{
+    uint32_t low = 0, high = gpu->live_count;
+    while (low < high) {
+        const uint32_t middle = (low + high) / 2;
+        if (gpu->live[middle].address <= address)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAddress address)
+{
+    const uint32_t i = above(gpu, address);
+    if (i == 0)
+        return NULL;
+    const struct hg_gpu_live *live = &gpu->live[i - 1];
+    return address - live->address < live->size_bytes ? live : NULL;
+}
+
+static bool remember(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
+{
+    if (hg_grow(&gpu->live, &gpu->live_capacity, gpu->live_count + 1, sizeof *gpu->live) != HG_OK)
+        return false;
+    const uint32_t i = above(gpu, buffer->address);
+    memmove(gpu->live + i + 1, gpu->live + i, (gpu->live_count - i) * sizeof *gpu->live);
+    gpu->live[i] = (struct hg_gpu_live){buffer->address, buffer->size_bytes, buffer->handle};
+    gpu->live_count++;
+    return true;
+}
+
+static void forget(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
+{
+    const uint32_t i = above(gpu, buffer->address);
+    if (i == 0 || gpu->live[i - 1].handle != buffer->handle)
+        return;
+    gpu->live_count--;
+    memmove(gpu->live + i - 1, gpu->live + i, (gpu->live_count - (i - 1)) * sizeof *gpu->live);
+}
+
+// --- buffers -------------------------------------------------------------------------------------
 
 static void retire_buffer(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
 {
@@ -54,6 +103,8 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
     out->size_bytes = size_bytes;
     hg_gpu_name(gpu, VK_OBJECT_TYPE_BUFFER, (uint64_t)out->handle, name);
     status = bind_buffer(gpu, kind, out, err);
+    if (status == HG_OK && !remember(gpu, out))
+        status = hg_error_set(err, HG_E_NOMEM, name, NULL, "out of host memory");
     if (status != HG_OK) {
         retire_buffer(gpu, out);
         *out = (struct hg_gpu_buffer){0};
@@ -63,8 +114,10 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
 
 void hg_gpu_buffer_destroy(struct hg_gpu *gpu, struct hg_gpu_buffer *buffer)
 {
-    if (buffer->handle != VK_NULL_HANDLE)
+    if (buffer->handle != VK_NULL_HANDLE) {
+        forget(gpu, buffer);
         retire_buffer(gpu, buffer);
+    }
     *buffer = (struct hg_gpu_buffer){0};
 }
 

@@ -3,13 +3,13 @@
 // Values of the specialisation constant of shade.frag.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
-static struct hg_gpu_pipeline_params pipeline_of(enum variant variant)
+static struct hg_gpu_pipeline_params pipeline_of(enum variant variant, uint32_t tables)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
         .fragment = "shade.frag",
-        .spec = {variant},
-        .spec_count = 1,
+        .spec = {variant, tables},
+        .spec_count = 2,
         .colors = {HG_COLOR_FORMAT},
         .color_count = 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
@@ -31,7 +31,8 @@ enum hg_status hg_shade_record(
         .colors = {{.image = shade->target, .clear = shade->clear}}, .color_count = 1};
     const struct hg_gpu_pipeline_params params = pipeline_of(shade->layer           ? LAYER
                                                              : shade->front != NULL ? OPAQUE_BEHIND
-                                                                                    : OPAQUE);
+                                                                                    : OPAQUE,
+        pass->tables);
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
@@ -46,7 +47,7 @@ enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = VARIANTS;
-    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS));
+    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS), 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

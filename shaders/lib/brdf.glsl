@@ -21,6 +21,7 @@
 #define HG_LIB_BRDF_GLSL
 
 #include "lib/sampling.glsl"
+#include "lib/tables.glsl"
 
 #define HG_DIELECTRIC_F0 0.04 // index of refraction 1.5; glTF 2.0 appendix B.3.5
 // Perceptual roughness below which a highlight of a punctual light is narrower than any pixel, and
@@ -90,9 +91,9 @@ vec2 hg_dfg(float cos_theta, float roughness)
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
     vec2 f = p - vec2(i);
     uint k = i.y * HG_DFG_SIZE + i.x;
-    vec2 low = mix(hg_frame.lighting.dfg.v[k], hg_frame.lighting.dfg.v[k + 1u], f.x);
-    vec2 high = mix(hg_frame.lighting.dfg.v[k + HG_DFG_SIZE],
-        hg_frame.lighting.dfg.v[k + HG_DFG_SIZE + 1u], f.x);
+    vec2 low = mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x);
+    vec2 high = mix(hg_dfg_at(k + HG_DFG_SIZE),
+        hg_dfg_at(k + HG_DFG_SIZE + 1u), f.x);
     return mix(low, high, f.y);
 }
 
@@ -103,7 +104,7 @@ vec2 hg_dfg_average(float roughness)
     float p = clamp(roughness, 0.0, 1.0) * last;
     uint i = uint(min(p, last - 1.0));
     uint k = HG_DFG_SIZE * HG_DFG_SIZE + i;
-    return mix(hg_frame.lighting.dfg.v[k], hg_frame.lighting.dfg.v[k + 1u], p - float(i));
+    return mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i));
 }
 
 // Colour of light that was reflected twice or more: F_avg^2 E_avg / (1 - F_avg (1 - E_avg)), with

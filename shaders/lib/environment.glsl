@@ -41,10 +41,10 @@ vec3 hg_environment_irradiance(vec3 n)
     uvec2 i = uvec2(clamp(p, vec2(0.0), vec2(float(HG_IRRADIANCE_SIZE))));
     vec2 f = p - vec2(i);
     uint k = i.y * pitch + i.x;
-    vec3 low = mix(hg_frame.lighting.irradiance.v[k].rgb,
-        hg_frame.lighting.irradiance.v[k + 1u].rgb, f.x);
-    vec3 high = mix(hg_frame.lighting.irradiance.v[k + pitch].rgb,
-        hg_frame.lighting.irradiance.v[k + pitch + 1u].rgb, f.x);
+    vec3 low = mix(hg_irradiance_at(k),
+        hg_irradiance_at(k + 1u), f.x);
+    vec3 high = mix(hg_irradiance_at(k + pitch),
+        hg_irradiance_at(k + pitch + 1u), f.x);
     return mix(low, high, f.y) * hg_frame.lighting.env_color;
 }
 

@@ -100,7 +100,7 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
     float cos_l = dot(n_geometric, l);
     for (uint i = first; i <= last; i++) {
-        hg_gpu_shadow s = hg_frame.lighting.shadows.v[i];
+        hg_gpu_shadow s = hg_shadow_at(i);
         // Off the surface by part of a texel along the normal, for curvature and rounding.
         float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
         float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
@@ -138,7 +138,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 
 vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
 {
-    hg_gpu_light light = hg_frame.lighting.lights.v[index];
+    hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
     if (dot(b.n, l) <= 0.0 || max(e.r, max(e.g, e.b)) <= 0.0)

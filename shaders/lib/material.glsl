@@ -25,18 +25,20 @@ struct hg_surface {
 };
 
 // A slot's texture at a surface point, from the pool that its group of slots uses.
-vec4 hg_material_sample(hg_material_list list, uint material, uint slot, hg_vertex v)
+vec4 hg_material_sample(uint material, uint slot, hg_vertex v)
 {
-    hg_gpu_texture t = list.v[material].slots[slot];
+    hg_gpu_texture t = hg_material_texture_at(material, slot);
     bool second = (t.bits & HG_TEX_UV1) != 0u;
     vec2 uv = second ? v.uv1 : v.uv0;
     vec2 dx = second ? v.uv1_dx : v.uv0_dx, dy = second ? v.uv1_dy : v.uv0_dy;
     if ((t.bits & HG_TEX_TRANSFORM) != 0u) {
         uint at = slot * 6u;
-        vec3 r0 = vec3(list.v[material].transforms[at], list.v[material].transforms[at + 1u],
-            list.v[material].transforms[at + 2u]);
-        vec3 r1 = vec3(list.v[material].transforms[at + 3u], list.v[material].transforms[at + 4u],
-            list.v[material].transforms[at + 5u]);
+        vec3 r0 = vec3(HG_MATERIAL_AT(material, transforms[at]),
+            HG_MATERIAL_AT(material, transforms[at + 1u]),
+            HG_MATERIAL_AT(material, transforms[at + 2u]));
+        vec3 r1 = vec3(HG_MATERIAL_AT(material, transforms[at + 3u]),
+            HG_MATERIAL_AT(material, transforms[at + 4u]),
+            HG_MATERIAL_AT(material, transforms[at + 5u]));
         uv = vec2(dot(r0, vec3(uv, 1.0)), dot(r1, vec3(uv, 1.0)));
         dx = vec2(dot(r0.xy, dx), dot(r1.xy, dx));
         dy = vec2(dot(r0.xy, dy), dot(r1.xy, dy));
@@ -47,10 +49,9 @@ vec4 hg_material_sample(hg_material_list list, uint material, uint slot, hg_vert
 // Base colour alone, for alpha tests of depth-only passes.
 float hg_material_alpha(uint material, hg_vertex v)
 {
-    hg_material_list list = HG_GEOMETRY.materials;
-    float alpha = list.v[material].base_color.w * v.color.w;
-    if ((list.v[material].flags & HG_MATERIAL_HAS(HG_MATERIAL_BASE_COLOR)) != 0u)
-        alpha *= hg_material_sample(list, material, HG_MATERIAL_BASE_COLOR, v).w;
+    float alpha = HG_MATERIAL_AT(material, base_color.w) * v.color.w;
+    if ((HG_MATERIAL_AT(material, flags) & HG_MATERIAL_HAS(HG_MATERIAL_BASE_COLOR)) != 0u)
+        alpha *= hg_material_sample(material, HG_MATERIAL_BASE_COLOR, v).w;
     return alpha;
 }
 
@@ -58,8 +59,7 @@ float hg_material_alpha(uint material, hg_vertex v)
 // it: slots are loops over the bits of the textures that are there.
 hg_surface hg_material_evaluate(hg_vertex v)
 {
-    hg_material_list list = HG_GEOMETRY.materials;
-    uint flags = list.v[v.material].flags;
+    uint flags = HG_MATERIAL_AT(v.material, flags);
     vec4 texels[HG_MATERIAL_SLOTS];
     for (int i = 0; i < HG_MATERIAL_SLOTS; i++)
         texels[i] = vec4(1.0);
@@ -67,25 +67,25 @@ hg_surface hg_material_evaluate(hg_vertex v)
     for (int i = 0; i < HG_MATERIAL_SLOTS && left != 0u; i++) {
         int slot = findLSB(left);
         left &= left - 1u;
-        vec4 texel = hg_material_sample(list, v.material, uint(slot), v);
+        vec4 texel = hg_material_sample(v.material, uint(slot), v);
         for (int j = 0; j < HG_MATERIAL_SLOTS; j++)
             texels[j] = j == slot ? texel : texels[j];
     }
 
     hg_surface s;
     float side = v.front ? 1.0 : -1.0;
-    vec4 base = list.v[v.material].base_color * v.color * texels[HG_MATERIAL_BASE_COLOR];
+    vec4 base = HG_MATERIAL_AT(v.material, base_color) * v.color * texels[HG_MATERIAL_BASE_COLOR];
     s.base_color = base.rgb;
     s.alpha = (flags & HG_MATERIAL_BLEND) != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
     if ((flags & HG_MATERIAL_MASK) != 0u)
-        s.alpha = base.a >= list.v[v.material].alpha_cutoff ? 1.0 : 0.0;
-    s.metallic = list.v[v.material].metallic * texels[HG_MATERIAL_MR].b;
-    s.roughness = list.v[v.material].roughness * texels[HG_MATERIAL_MR].g;
-    s.f0 = list.v[v.material].f0;
-    s.emissive = list.v[v.material].emissive * texels[HG_MATERIAL_EMISSIVE].rgb;
+        s.alpha = base.a >= HG_MATERIAL_AT(v.material, alpha_cutoff) ? 1.0 : 0.0;
+    s.metallic = HG_MATERIAL_AT(v.material, metallic) * texels[HG_MATERIAL_MR].b;
+    s.roughness = HG_MATERIAL_AT(v.material, roughness) * texels[HG_MATERIAL_MR].g;
+    s.f0 = HG_MATERIAL_AT(v.material, f0);
+    s.emissive = HG_MATERIAL_AT(v.material, emissive) * texels[HG_MATERIAL_EMISSIVE].rgb;
     float occlusion = (flags & HG_MATERIAL_PACKED_ORM) != 0u ? texels[HG_MATERIAL_MR].r
                                                              : texels[HG_MATERIAL_OCCLUSION].r;
-    s.occlusion = 1.0 + list.v[v.material].occlusion_strength * (occlusion - 1.0);
+    s.occlusion = 1.0 + HG_MATERIAL_AT(v.material, occlusion_strength) * (occlusion - 1.0);
     bool no_normals = (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES)) != 0u &&
         (v.flags & HG_DRAW_NORMALS) == 0u;
     s.unlit = (flags & HG_MATERIAL_UNLIT) != 0u || no_normals; // glTF 2.0 section 3.7.2.1
@@ -93,7 +93,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
     s.normal = v.normal_ws;
     if ((flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
         vec3 n = texels[HG_MATERIAL_NORMAL].xyz * 2.0 - 1.0;
-        n.xy *= list.v[v.material].normal_scale;
+        n.xy *= HG_MATERIAL_AT(v.material, normal_scale);
         vec3 bitangent = cross(v.normal_ws, v.tangent_ws.xyz) * v.tangent_ws.w;
         n = v.tangent_ws.xyz * n.x + bitangent * n.y + v.normal_ws * n.z;
         s.normal = n * inversesqrt(max(dot(n, n), 1e-20));

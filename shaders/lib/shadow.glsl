@@ -9,9 +9,9 @@ layout(push_constant, scalar) uniform hg_shadow_push
 
 vec4 hg_shadow_position(uint draw, uint vertex)
 {
-    hg_gpu_draw d = HG_GEOMETRY.draws.v[draw];
-    vec3 p = HG_GEOMETRY.parts.v[d.part].positions.v[vertex];
-    vec3 world = HG_GEOMETRY.instances.v[d.instance].world * vec4(p, 1.0);
+    hg_gpu_draw d = hg_draw_at(draw);
+    vec3 p = hg_part_at(d.part).positions.v[vertex];
+    vec3 world = hg_world_at(d.instance) * vec4(p, 1.0);
     return hg_push.view_proj * vec4(world, 1.0);
 }
 

@@ -14,6 +14,7 @@
 #ifndef HG_LIB_TEXTURE_GLSL
 #define HG_LIB_TEXTURE_GLSL
 
+#include "lib/tables.glsl"
 #include "shared/bindings.h"
 #include "shared/texture.h"
 
@@ -99,7 +100,7 @@ vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, int mip)
     int rest = k - level + 1; // log2 of the side of the grid, plus 1; 0 below the last grid
     uint entry = t.table + uint((4 << (2 * k)) - (1 << (2 * rest))) / 3u;
     entry += uint((page.y << max(rest - 1, 0)) + page.x);
-    uint slot = HG_TEXTURES.table.v[entry] & HG_PAGE_SLOT_MASK;
+    uint slot = hg_page_at(entry) & HG_PAGE_SLOT_MASK;
     int j = mip - tail;
     vec2 corner = vec2(HG_PAGE_BORDER) - vec2(page * HG_PAGE_TEXELS);
     if (j >= 0)

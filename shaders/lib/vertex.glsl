@@ -4,11 +4,8 @@
 #ifndef HG_LIB_VERTEX_GLSL
 #define HG_LIB_VERTEX_GLSL
 
+#include "lib/tables.glsl"
 #include "shared/geometry.h"
-
-#ifndef HG_GEOMETRY
-#define HG_GEOMETRY hg_frame.geometry
-#endif
 
 // Unit vector of octahedral coordinates in -1..1.
 // Source: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors".
@@ -49,14 +46,14 @@ vec4 hg_clip_position(vec3 relative)
 // For vertex shaders: draw = gl_InstanceIndex, vertex = gl_VertexIndex.
 vec4 hg_fetch_position(uint draw, uint vertex)
 {
-    hg_gpu_draw d = HG_GEOMETRY.draws.v[draw];
-    vec3 p = HG_GEOMETRY.parts.v[d.part].positions.v[vertex];
-    return hg_clip_position(hg_relative_position(HG_GEOMETRY.instances.v[d.instance].world, p));
+    hg_gpu_draw d = hg_draw_at(draw);
+    vec3 p = hg_part_at(d.part).positions.v[vertex];
+    return hg_clip_position(hg_relative_position(hg_world_at(d.instance), p));
 }
 
 vec2 hg_fetch_uv(uint draw, uint vertex)
 {
-    return HG_GEOMETRY.parts.v[HG_GEOMETRY.draws.v[draw].part].vertices.v[vertex].uv;
+    return hg_part_at(hg_draw_at(draw).part).vertices.v[vertex].uv;
 }
 
 uint hg_extra_words(uint flags)
@@ -145,9 +142,9 @@ vec4 hg_tangent_from_uv(vec3 e1, vec3 e2, vec2 d1, vec2 d2, vec3 n)
 // Surface point of primitive `triangle` of a draw at pixel (gl_FragCoord.xy: centres at .5).
 hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
 {
-    hg_gpu_draw d = HG_GEOMETRY.draws.v[draw];
-    hg_gpu_part part = HG_GEOMETRY.parts.v[d.part];
-    mat4x3 world = HG_GEOMETRY.instances.v[d.instance].world;
+    hg_gpu_draw d = hg_draw_at(draw);
+    hg_gpu_part part = hg_part_at(d.part);
+    mat4x3 world = hg_world_at(d.instance);
     uint corners = (d.flags & HG_DRAW_POINTS) != 0u ? 1u : (d.flags & HG_DRAW_LINES) != 0u ? 2u : 3u;
     uint first = triangle * corners;
     uint i0 = part.indices.v[first];

@@ -23,6 +23,6 @@ void main()
     v.uv1_dx = dFdx(in_uv.zw);
     v.uv1_dy = dFdy(in_uv.zw);
     v.color = vec4(1.0, 1.0, 1.0, in_alpha);
-    if (hg_material_alpha(in_material, v) < HG_GEOMETRY.materials.v[in_material].alpha_cutoff)
+    if (hg_material_alpha(in_material, v) < HG_MATERIAL_AT(in_material, alpha_cutoff))
         discard;
 }

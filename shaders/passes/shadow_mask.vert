@@ -14,8 +14,8 @@ layout(location = 2) flat out uint out_material;
 
 void main()
 {
-    hg_gpu_draw d = HG_GEOMETRY.draws.v[gl_InstanceIndex];
-    hg_gpu_part part = HG_GEOMETRY.parts.v[d.part];
+    hg_gpu_draw d = hg_draw_at(gl_InstanceIndex);
+    hg_gpu_part part = hg_part_at(d.part);
     out_uv.xy = hg_fetch_uv(gl_InstanceIndex, gl_VertexIndex);
     out_uv.zw = (d.flags & HG_DRAW_UV1) != 0u ? hg_fetch_uv1(part, d.flags, gl_VertexIndex)
                                               : vec2(0.0);

@@ -30,7 +30,7 @@ void main()
     hg_vertex v = hg_fetch_triangle(in_draw, gl_PrimitiveID, gl_FragCoord.xy);
     float alpha = hg_material_alpha(v.material, v);
     // A blended surface that an 8-bit image cannot show takes no layer.
-    float least = hg_variant == 1u ? HG_GEOMETRY.materials.v[v.material].alpha_cutoff : 0.5 / 255.0;
+    float least = hg_variant == 1u ? HG_MATERIAL_AT(v.material, alpha_cutoff) : 0.5 / 255.0;
     if (alpha < least)
         discard;
     out_visibility = uvec2(in_draw + 1u, gl_PrimitiveID);

@@ -19,6 +19,23 @@
 #define HG_BIND_COLOR_B      11 // sampler2D, pass input (passes/)
 #define HG_BIND_IMAGE_COUNT  12
 #define HG_BIND_FRAME        12 // uniform block: struct hg_gpu_frame (frame.h)
-#define HG_BIND_COUNT        13
+
+// Tables that small scenes have in uniform blocks as well as by address (lib/tables.glsl). A device
+// without caches for gathers by address (CPU devices) reads them several times faster this way.
+#define HG_BIND_DRAWS      13 // struct hg_gpu_draw[]
+#define HG_BIND_INSTANCES  14 // struct hg_gpu_instance[]
+#define HG_BIND_PARTS      15 // struct hg_gpu_part[]
+#define HG_BIND_MATERIALS  16 // struct hg_gpu_material[]
+#define HG_BIND_PAGE_TABLE 17 // uint[]
+#define HG_BIND_LIGHTS     18 // struct hg_gpu_light[]
+#define HG_BIND_SHADOWS    19 // struct hg_gpu_shadow[]
+#define HG_BIND_DFG_TABLE  20 // vec2[]
+#define HG_BIND_IRRADIANCE 21 // vec4[]
+#define HG_BIND_COUNT      22
+
+#define HG_BIND_UNIFORM_FIRST 12
+#define HG_BIND_UNIFORM_COUNT 10
+#define HG_TABLE_BYTES        65536 // largest table of a uniform block
+#define HG_TABLE_BIT(binding) (1u << ((binding)-HG_BIND_UNIFORM_FIRST))
 
 #endif

@@ -19,7 +19,7 @@
 #define HG_ENV_KIND_IMAGE 2
 
 #define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
-#define HG_IRRADIANCE_SIZE 64 // side of the octahedral irradiance map, without its border of one
+#define HG_IRRADIANCE_SIZE 60 // side of the octahedral irradiance map, without its border of one
 
 // One punctual light (KHR_lights_punctual).
 struct hg_gpu_light {

@@ -1,0 +1,97 @@
+// tables.glsl - the tables of a scene, from uniform blocks where they fit, else by address.
+//
+// Which ones fit is a specialisation constant, so that the other way costs nothing: software
+// rasterisers run both sides of a branch.
+#ifndef HG_LIB_TABLES_GLSL
+#define HG_LIB_TABLES_GLSL
+
+#include "lib/frame.glsl"
+
+layout(constant_id = 1) const uint hg_tables = 0u; // HG_TABLE_BIT of each table that fits
+
+#define HG_TABLE(slot, type, bytes, name) \
+    layout(set = 0, binding = slot, scalar) uniform hg_block_##name \
+    { \
+        type hg_table_##name[HG_TABLE_BYTES / bytes]; \
+    };
+HG_TABLE(HG_BIND_DRAWS, hg_gpu_draw, 16, draws)
+HG_TABLE(HG_BIND_INSTANCES, hg_gpu_instance, 112, instances)
+HG_TABLE(HG_BIND_PARTS, hg_gpu_part, 32, parts)
+HG_TABLE(HG_BIND_MATERIALS, hg_gpu_material, 240, materials)
+HG_TABLE(HG_BIND_PAGE_TABLE, uint, 4, pages)
+HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
+HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
+HG_TABLE(HG_BIND_DFG_TABLE, vec2, 8, dfg)
+HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
+
+#define HG_IN_UNIFORM(binding) ((hg_tables & HG_TABLE_BIT(binding)) != 0u)
+
+hg_gpu_draw hg_draw_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_DRAWS))
+        return hg_table_draws[i];
+    return hg_frame.geometry.draws.v[i];
+}
+
+mat4x3 hg_world_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_INSTANCES))
+        return hg_table_instances[i].world;
+    return hg_frame.geometry.instances.v[i].world;
+}
+
+hg_gpu_part hg_part_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_PARTS))
+        return hg_table_parts[i];
+    return hg_frame.geometry.parts.v[i];
+}
+
+// One field of a material, so that only what is used is read.
+#define HG_MATERIAL_AT(i, field) \
+    (HG_IN_UNIFORM(HG_BIND_MATERIALS) ? hg_table_materials[i].field \
+                                      : hg_frame.geometry.materials.v[i].field)
+
+hg_gpu_texture hg_material_texture_at(uint i, uint slot)
+{
+    if (HG_IN_UNIFORM(HG_BIND_MATERIALS))
+        return hg_table_materials[i].slots[slot];
+    return hg_frame.geometry.materials.v[i].slots[slot];
+}
+
+uint hg_page_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_PAGE_TABLE))
+        return hg_table_pages[i];
+    return hg_frame.textures.table.v[i];
+}
+
+hg_gpu_light hg_light_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_LIGHTS))
+        return hg_table_lights[i];
+    return hg_frame.lighting.lights.v[i];
+}
+
+hg_gpu_shadow hg_shadow_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_SHADOWS))
+        return hg_table_shadows[i];
+    return hg_frame.lighting.shadows.v[i];
+}
+
+vec2 hg_dfg_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_DFG_TABLE))
+        return hg_table_dfg[i];
+    return hg_frame.lighting.dfg.v[i];
+}
+
+vec3 hg_irradiance_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_IRRADIANCE))
+        return hg_table_irradiance[i].rgb;
+    return hg_frame.lighting.irradiance.v[i].rgb;
+}
+
+#endif
