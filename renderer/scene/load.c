@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/demo.h"
 #include "renderer/scene/fetch.h"
 #include "renderer/scene/gltf.h"
 
@@ -55,6 +56,8 @@ enum hg_status hg_load_asset(
     *out = NULL;
     if (params->asset_number == 0 || !params->path)
         return hg_error_set(err, HG_E_INVAL, "asset", NULL, "a number >= 1 and a path are needed");
+    if (strcmp(params->path, "demo:") == 0)
+        return hg_demo_create(params->asset_number, params->jobs, out, err);
     if (params->fetch)
         return load_main(params, out, err);
     struct hg_fetch fetch;

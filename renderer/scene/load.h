@@ -33,6 +33,10 @@ struct hg_load_params {
 enum hg_status hg_load_asset(
     const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
 
+// The environment that belongs to the demo scene: a sky whose sun stands where the scene's
+// directional light does. Fields other than kind, sun, turbidity and intensity are untouched.
+void hg_demo_environment(struct hg_environment *environment);
+
 // One JSON object describing an asset (helio info --json): see docs/client.md for the keys.
 enum hg_status hg_asset_describe(const struct hg_asset *asset, char **json_text) HG_MUST_CHECK;
 
