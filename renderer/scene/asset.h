@@ -27,6 +27,9 @@ struct hg_skin *hg_asset_add_skin(struct hg_asset *asset) HG_MUST_CHECK;
 
 // Links child as the last child of parent. The caller has ruled out cycles.
 void hg_node_append_child(struct hg_node *parent, struct hg_node *child);
+// Bounds of the chosen scene of an asset that need not be in a hg_scene; skins as modelled.
+// False when there is no geometry.
+bool hg_asset_bounds(const struct hg_asset *asset, float min[3], float max[3]);
 // Defaults of a zeroed object.
 void hg_node_set_defaults(struct hg_node *node);
 void hg_light_set_defaults(struct hg_light *light);

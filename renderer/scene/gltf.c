@@ -142,8 +142,8 @@ static const struct {
     const char *name;
     stage_fn *run;
 } stages[] = {{"parse", hg_gltf_parse_container}, {"asset", read_asset},
-    {"extensions", check_required}, {"extensions", read_used}, {"buffers", hg_gltf_load_buffers},
-    {"buffers", prepare_views}, {"images", hg_gltf_load_images},
+    {"extensions", check_required}, {"extensions", read_used}, {"schema", hg_gltf_check_schema},
+    {"buffers", hg_gltf_load_buffers}, {"buffers", prepare_views}, {"images", hg_gltf_load_images},
     {"textures", hg_gltf_load_textures}, {"materials", read_variants},
     {"materials", hg_gltf_load_materials}, {"cameras", hg_gltf_load_cameras},
     {"lights", hg_gltf_load_lights}, {"meshes", hg_gltf_load_meshes}, {"nodes", hg_gltf_load_nodes},
@@ -160,6 +160,7 @@ static enum hg_status run_stages(struct hg_gltf *g)
         if (status)
             return status;
     }
+    hg_gltf_check_rules(g);
     return HG_OK;
 }
 

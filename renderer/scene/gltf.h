@@ -116,6 +116,9 @@ enum hg_status hg_gltf_view_get(
     struct hg_gltf *g, uint64_t index, const struct hg_gltf_view **out) HG_MUST_CHECK;
 enum hg_status hg_gltf_accessor_open(
     struct hg_gltf *g, uint64_t index, struct hg_gltf_accessor *out) HG_MUST_CHECK;
+// The declared shape of an accessor alone: count, types, element_bytes, tight stride.
+enum hg_status hg_gltf_accessor_shape(
+    struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_gltf_accessor *out) HG_MUST_CHECK;
 uint32_t hg_gltf_component_bytes(uint32_t component_type); // 0: unknown type
 // Writes count x components floats; components beyond the accessor's become `fill`, normalised
 // integers become -1..1 or 0..1.

@@ -169,7 +169,7 @@ static enum hg_status open_sparse(
     return HG_OK;
 }
 
-static enum hg_status open_shape(
+enum hg_status hg_gltf_accessor_shape(
     struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_gltf_accessor *a)
 {
     uint64_t count = hg_gltf_uint(at, "count", 0);
@@ -205,7 +205,7 @@ enum hg_status hg_gltf_accessor_open(
         return hg_gltf_fail(g, &list, HG_E_FORMAT, "UNRESOLVED_REFERENCE: no accessor %llu",
             (unsigned long long)index);
     struct hg_gltf_accessor a = {0};
-    enum hg_status status = open_shape(g, &at, &a);
+    enum hg_status status = hg_gltf_accessor_shape(g, &at, &a);
     if (!status && hg_gltf_index(&at, "bufferView") >= 0)
         status = locate(g, &at, hg_gltf_uint(&at, "byteOffset", 0), a.count, a.element_bytes,
             &a.stride, &a.data);

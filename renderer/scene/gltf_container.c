@@ -166,6 +166,8 @@ static enum hg_status decode_data_uri(struct hg_gltf *g, const struct hg_gltf_at
         snprintf(mime, 64, "%.*s", (int)((semicolon ? semicolon : comma) - uri - 5), uri + 5);
     if (head < 7 || strncmp(comma - 7, ";base64", 7) != 0)
         return hg_gltf_fail(g, at, HG_E_FORMAT, "INVALID_URI: a data URI that is not base64");
+    if (memmem(uri, head, ";;", 2))
+        return hg_gltf_fail(g, at, HG_E_FORMAT, "INVALID_URI: an empty media type parameter");
     uint64_t need = length / 4 * 3 + 3;
     if (need > g->memory_limit - g->memory_used)
         return hg_gltf_fail(g, at, HG_E_LIMIT, "the data URI passes the memory limit");

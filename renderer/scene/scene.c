@@ -513,3 +513,39 @@ bool hg_scene_bounds(
             min[i] = max[i] = 0;
     return any;
 }
+
+// ---- an asset by itself ------------------------------------------------------------------------
+
+// World matrices of an asset's nodes, by index, without touching the nodes.
+static void asset_worlds(const struct hg_asset *asset, float (*worlds)[16])
+{
+    for (uint32_t i = 0; i < asset->root_count; i++)
+        for (struct hg_node *n = asset->roots[i]; n; n = next_node(n, asset->roots[i])) {
+            float *world = worlds[(uint32_t)n->head.id];
+            if (n->has_matrix)
+                memcpy(world, n->matrix, sizeof n->matrix);
+            else
+                hg_mat4_from_trs(n->translation, n->rotation, n->scale, world);
+            if (n != asset->roots[i])
+                hg_mat4_mul(worlds[(uint32_t)n->parent->head.id], world, world);
+        }
+}
+
+bool hg_asset_bounds(const struct hg_asset *asset, float min[3], float max[3])
+{
+    hg_bounds_clear(min, max);
+    bool any = false;
+    float(*worlds)[16] = hg_calloc(asset->node_count, sizeof *worlds);
+    if (!worlds)
+        return false;
+    asset_worlds(asset, worlds);
+    for (uint32_t i = 0; i < asset->node_count; i++) {
+        struct hg_node copy = *asset->nodes[i];
+        memcpy(copy.world, worlds[i], sizeof copy.world);
+        copy.world_visible = copy.world[15] != 0 && copy.visible;
+        copy.skin = NULL; // the bind pose stands for the skinned mesh
+        any |= add_node_bounds(&copy, min, max);
+    }
+    hg_free(worlds);
+    return any;
+}
