@@ -394,30 +394,30 @@ enum hg_status hg_cli_check_output(const char *path, struct hg_error *err)
     return HG_OK;
 }
 
-enum hg_status hg_cli_format_of(const char *path, const char *bit_depth, const char *exr,
-    uint32_t quality, struct hg_cli_format *out, struct hg_error *err)
+enum hg_status hg_cli_format_of(const char *path, const struct hg_cli_options *o,
+    struct hg_cli_format *out, struct hg_error *err)
 {
+    static const struct hg_cli_options none;
     const char *dot = strrchr(path, '.');
-    *out = (struct hg_cli_format){.quality = (uint8_t)(quality ? quality : 90)};
+    o = o ? o : &none;
+    *out = (struct hg_cli_format){.quality = (uint8_t)(o->has_quality ? o->quality : 90)};
     bool png = dot && strcasecmp(dot, ".png") == 0;
     bool jpeg = dot && (strcasecmp(dot, ".jpg") == 0 || strcasecmp(dot, ".jpeg") == 0);
-    bool is_exr = dot && strcasecmp(dot, ".exr") == 0;
-    if (!png && !jpeg && !is_exr)
+    bool exr = dot && strcasecmp(dot, ".exr") == 0;
+    if (!png && !jpeg && !exr)
         return hg_error_set(
             err, HG_E_INVAL, path, NULL, "the name ends in none of .png .jpg .jpeg .exr");
-    if (bit_depth && !png)
+    if (o->bit_depth && !png)
         return hg_error_set(err, HG_E_INVAL, "--bit-depth", NULL, "is for PNG files");
-    if (exr && !is_exr)
+    if (o->exr && !exr)
         return hg_error_set(err, HG_E_INVAL, "--exr", NULL, "is for EXR files");
-    if (quality && !jpeg)
+    if (o->has_quality && !jpeg)
         return hg_error_set(err, HG_E_INVAL, "--quality", NULL, "is for JPEG files");
-    if (png)
-        out->encoding =
-            bit_depth && strcmp(bit_depth, "16") == 0 ? HGP_encoding_PNG16 : HGP_encoding_PNG8;
-    else if (jpeg)
-        out->encoding = HGP_encoding_JPEG;
-    else
-        out->encoding =
-            exr && strcmp(exr, "float") == 0 ? HGP_encoding_EXR_FLOAT : HGP_encoding_EXR_HALF;
+    bool deep = o->bit_depth && strcmp(o->bit_depth, "16") == 0;
+    bool full = o->exr && strcmp(o->exr, "float") == 0;
+    out->encoding = png    ? deep ? HGP_encoding_PNG16 : HGP_encoding_PNG8
+                    : jpeg ? HGP_encoding_JPEG
+                    : full ? HGP_encoding_EXR_FLOAT
+                           : HGP_encoding_EXR_HALF;
     return HG_OK;
 }

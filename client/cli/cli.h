@@ -74,13 +74,13 @@ enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_M
 // Checks that `path` can be made: its folder exists and is writable.
 enum hg_status hg_cli_check_output(const char *path, struct hg_error *err) HG_MUST_CHECK;
 
-// The encoding that a file name and options ask for; HG_E_INVAL for unknown endings.
+// The encoding that a file name and options (may be NULL) ask for; HG_E_INVAL for unknown endings.
 struct hg_cli_format {
     enum hgp_encoding encoding;
     uint8_t quality;
 };
-enum hg_status hg_cli_format_of(const char *path, const char *bit_depth, const char *exr,
-    uint32_t quality, struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_format_of(const char *path, const struct hg_cli_options *options,
+    struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
 
 // Camera by name or number among the scene's camera nodes, or its first one (name NULL: *node 0
 // when there is none).
@@ -98,14 +98,21 @@ enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double asp
 enum hg_status hg_cli_send_camera(
     struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
 
-// Two image files through the server's metric. diff_png (may be NULL) is freed with hg_free.
 struct hg_cli_bytes {
     uint8_t *data;
     size_t size;
 };
-enum hg_status hg_cli_compare(struct hg_cli *cli, enum hgp_metric metric,
-    const struct hg_cli_bytes *a, const struct hg_cli_bytes *b, double *value,
-    struct hg_cli_bytes *diff_png, struct hg_error *err) HG_MUST_CHECK;
+
+// Two image files and what the server's metric says about them.
+struct hg_cli_comparison {
+    enum hgp_metric metric;
+    struct hg_cli_bytes a, b; // borrowed
+    bool want_diff;
+    double value;             // out
+    struct hg_cli_bytes diff; // out: a PNG file, freed with hg_free; empty unless wanted
+};
+enum hg_status hg_cli_compare(
+    struct hg_cli *cli, struct hg_cli_comparison *comparison, struct hg_error *err) HG_MUST_CHECK;
 
 // Sends every file that an asset needs; *files is an array of *count, freed with hg_cli_files_free.
 struct hg_cli_files {

@@ -18,15 +18,18 @@ static enum hg_status compare_all(
     struct hg_cli *cli, enum hg_cli_doing *doing, double *value, struct hg_error *err)
 {
     const struct hg_cli_options *o = cli->options;
-    struct hg_cli_bytes files[2] = {{0}}, diff = {0};
+    struct hg_cli_comparison c = {.want_diff = o->has_diff};
+    struct hg_cli_bytes *files[2] = {&c.a, &c.b};
     uint32_t metric = HGP_metric_PSNR;
     if (o->has_metric)
         hgp_enum_value("metric", o->metric, &metric);
+    c.metric = (enum hgp_metric)metric;
     *doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = check(o, err);
     for (int i = 0; !status && i < 2; i++) {
         *doing = HG_CLI_DOING_INPUT;
-        status = hg_file_read(o->args[i], HG_CLI_IMAGE_BYTES, &files[i].data, &files[i].size, err);
+        status =
+            hg_file_read(o->args[i], HG_CLI_IMAGE_BYTES, &files[i]->data, &files[i]->size, err);
     }
     if (!status) {
         *doing = HG_CLI_DOING_CONNECT;
@@ -34,16 +37,16 @@ static enum hg_status compare_all(
     }
     if (!status) {
         *doing = HG_CLI_DOING_INPUT;
-        status = hg_cli_compare(
-            cli, (enum hgp_metric)metric, &files[0], &files[1], value, o->diff ? &diff : NULL, err);
+        status = hg_cli_compare(cli, &c, err);
     }
     if (!status && o->diff) {
         *doing = HG_CLI_DOING_OUTPUT;
-        status = hg_file_write_atomic(o->diff, diff.data, diff.size, err);
+        status = hg_file_write_atomic(o->diff, c.diff.data, c.diff.size, err);
     }
-    hg_free(files[0].data);
-    hg_free(files[1].data);
-    hg_free(diff.data);
+    *value = c.value;
+    hg_free(c.a.data);
+    hg_free(c.b.data);
+    hg_free(c.diff.data);
     return status;
 }
 

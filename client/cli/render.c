@@ -105,8 +105,7 @@ static enum hg_status check_output(struct render *r, struct hg_error *err)
     bool numbered = frame_name(o->output, 0, name, sizeof name);
     if (o->has_frames && !numbered && o->frames.first != o->frames.last)
         return usage(err, "--output", "needs #### or %04d for the number of the frame");
-    enum hg_status status =
-        hg_cli_format_of(o->output, o->bit_depth, o->exr, o->quality, &r->format, err);
+    enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
     return status;
 }
 
@@ -138,7 +137,7 @@ static enum hg_status upload_asset(struct render *r, struct hgp_asset_load *load
     enum hg_status status = hg_cli_files_of_asset(r->o->args[0], &files, err);
     if (status)
         return status;
-    status = helio_upload(r->cli.h, files.items, files.count, UINT64_C(1) << 32, &sent, err);
+    status = helio_upload(r->cli.h, files.items, files.count, &sent, err);
     r->upload_bytes += sent;
     if (!status && !(*list = hg_calloc(files.count, sizeof **list)))
         status = hg_error_set(err, HG_E_NOMEM, r->o->args[0], NULL, "no memory for its files");
@@ -215,7 +214,7 @@ static enum hg_status set_environment(struct render *r, struct hg_error *err)
         if (o->upload) {
             struct helio_file file = {.path = o->env, .uri = o->env};
             uint64_t sent = 0;
-            status = helio_upload(r->cli.h, &file, 1, UINT64_C(1) << 32, &sent, err);
+            status = helio_upload(r->cli.h, &file, 1, &sent, err);
             r->upload_bytes += sent;
             env.has_hash = true;
             memcpy(env.hash, file.hash, sizeof env.hash);

@@ -306,7 +306,7 @@ static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struc
     enum hg_status status = HG_OK;
     r->doing = HG_CLI_DOING_ARGUMENTS;
     if (s->path)
-        status = hg_cli_format_of(s->path, NULL, NULL, 0, &format, err);
+        status = hg_cli_format_of(s->path, NULL, &format, err);
     if (!status && s->path)
         status = hg_cli_check_output(s->path, err);
     if (!status)
@@ -320,24 +320,32 @@ static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struc
 
 // ---- expectations ------------------------------------------------------------------------------
 
-// Each fills `seen` with what was found; the result says whether it could be found at all.
-static enum hg_status see_image(struct run *r, const struct hg_cli_step *s, bool *holds, char *seen,
-    size_t size, struct hg_error *err)
+// What an expectation found; not finding it at all is a status.
+struct sight {
+    bool holds;
+    char seen[256];
+};
+
+static enum hg_status see_image(
+    struct run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
     struct hg_cli_bytes reference = {0};
-    double value;
     enum hg_status status =
         hg_file_read(s->path, HG_CLI_IMAGE_BYTES, &reference.data, &reference.size, err);
     if (status)
         return status;
     const struct hgp_frame *frame = &r->frame->body->frame;
-    struct hg_cli_bytes mine = {(uint8_t *)(uintptr_t)frame->data.data, frame->data.size};
-    status = hg_cli_compare(&r->cli, s->metric, &mine, &reference, &value, NULL, err);
+    struct hg_cli_comparison result = {
+        .metric = s->metric,
+        .a = {(uint8_t *)(uintptr_t)frame->data.data, frame->data.size},
+        .b = reference,
+    };
+    status = hg_cli_compare(&r->cli, &result, err);
     hg_free(reference.data);
     if (status)
         return status;
-    *holds = hg_cli_op_holds(s->op, value, s->number);
-    snprintf(seen, size, "%.6g", value);
+    sight->holds = hg_cli_op_holds(s->op, result.value, s->number);
+    snprintf(sight->seen, sizeof sight->seen, "%.6g", result.value);
     return HG_OK;
 }
 
@@ -357,8 +365,8 @@ static json_t *find_key(json_t *object, const char *key)
     return key[n] ? find_key(child, key + n + 1) : child;
 }
 
-static enum hg_status see_stat(struct run *r, const struct hg_cli_step *s, bool *holds, char *seen,
-    size_t size, struct hg_error *err)
+static enum hg_status see_stat(
+    struct run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
     json_t *stats;
     enum hg_status status = hg_cli_stats(&r->cli, &stats, err);
@@ -367,18 +375,18 @@ static enum hg_status see_stat(struct run *r, const struct hg_cli_step *s, bool 
     json_t *value = find_key(stats, s->name);
     if (json_is_number(value) || json_is_boolean(value)) {
         double v = json_is_number(value) ? json_number_value(value) : json_is_true(value);
-        *holds = hg_cli_op_holds(s->op, v, s->number);
-        snprintf(seen, size, "%.9g", v);
+        sight->holds = hg_cli_op_holds(s->op, v, s->number);
+        snprintf(sight->seen, sizeof sight->seen, "%.9g", v);
     } else {
-        *holds = false;
-        snprintf(seen, size, "%s", value ? "not a number" : "no such key");
+        sight->holds = false;
+        snprintf(sight->seen, sizeof sight->seen, "%s", value ? "not a number" : "no such key");
     }
     json_decref(stats);
     return HG_OK;
 }
 
-static enum hg_status see_pick(struct run *r, const struct hg_cli_step *s, bool *holds, char *seen,
-    size_t size, struct hg_error *err)
+static enum hg_status see_pick(
+    struct run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
     struct hgp_pick pick = {.view = HG_CLI_VIEW, .x = s->x, .y = s->y};
     struct helio_message *answer;
@@ -389,30 +397,29 @@ static enum hg_status see_pick(struct run *r, const struct hg_cli_step *s, bool 
     if (status)
         return status;
     const struct hgp_picked *got = &answer->body->picked;
-    *holds = s->name ? got->hit && got->node == wanted : !got->hit;
+    sight->holds = s->name ? got->hit && got->node == wanted : !got->hit;
     if (got->hit)
-        snprintf(seen, size, "node %u:%u", (unsigned)(got->node >> 32) - r->cli.scene.first_id + 1,
-            (unsigned)got->node);
+        snprintf(sight->seen, sizeof sight->seen, "node %u:%u",
+            (unsigned)(got->node >> 32) - r->cli.scene.first_id + 1, (unsigned)got->node);
     else
-        snprintf(seen, size, "nothing");
+        snprintf(sight->seen, sizeof sight->seen, "nothing");
     helio_message_free(answer);
     return HG_OK;
 }
 
-static enum hg_status see_hash(
-    struct run *r, const struct hg_cli_step *s, bool *holds, char *seen, size_t size)
+static enum hg_status see_hash(struct run *r, const struct hg_cli_step *s, struct sight *sight)
 {
     const struct hgp_frame *frame = &r->frame->body->frame;
     char hex[65] = "no hash: the frame is not settled and lossless";
     for (int i = 0; frame->has_hash && i < 32; i++)
         snprintf(hex + 2 * i, 3, "%02x", frame->hash[i]);
-    *holds = strcmp(hex, s->name) == 0;
-    snprintf(seen, size, "%s", hex);
+    sight->holds = strcmp(hex, s->name) == 0;
+    snprintf(sight->seen, sizeof sight->seen, "%s", hex);
     return HG_OK;
 }
 
-static enum hg_status see(struct run *r, const struct hg_cli_step *s, bool *holds, char *seen,
-    size_t size, struct hg_error *err)
+static enum hg_status see(
+    struct run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_RENDER;
     if (r->dirty || !r->frame) {
@@ -422,13 +429,13 @@ static enum hg_status see(struct run *r, const struct hg_cli_step *s, bool *hold
     }
     switch (s->kind) {
     case HG_CLI_STEP_EXPECT_IMAGE:
-        return see_image(r, s, holds, seen, size, err);
+        return see_image(r, s, sight, err);
     case HG_CLI_STEP_EXPECT_STAT:
-        return see_stat(r, s, holds, seen, size, err);
+        return see_stat(r, s, sight, err);
     case HG_CLI_STEP_EXPECT_PICK:
-        return see_pick(r, s, holds, seen, size, err);
+        return see_pick(r, s, sight, err);
     default:
-        return see_hash(r, s, holds, seen, size);
+        return see_hash(r, s, sight);
     }
 }
 
@@ -443,10 +450,10 @@ static bool is_connection_lost(struct run *r)
 // A failed expectation is noted and the script goes on; HG_OK unless the connection is gone.
 static enum hg_status do_expect(struct run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
-    char seen[256] = "", name[256], message[1024], reason[400];
-    bool holds = false;
+    char name[256], message[1024], reason[400];
+    struct sight sight = {0};
     uint64_t begin = hg_clock_now_ns();
-    enum hg_status status = see(r, s, &holds, seen, sizeof seen, err);
+    enum hg_status status = see(r, s, &sight, err);
     if (status && is_connection_lost(r))
         return status;
     snprintf(name, sizeof name, "line %u: %s", s->line, s->text);
@@ -456,15 +463,15 @@ static enum hg_status do_expect(struct run *r, const struct hg_cli_step *s, stru
             s->line, s->text, reason);
     } else {
         snprintf(message, sizeof message, "%.200s:%u: expected: %.200s; seen: %s", r->o->args[0],
-            s->line, s->text, seen);
+            s->line, s->text, sight.seen);
     }
-    if (!holds) {
+    if (!sight.holds) {
         char clean[1024];
         hg_cli_progress_clear(&r->cli.progress);
         hg_cli_clean(clean, sizeof clean, message, strlen(message));
         fprintf(stderr, "%s\n", clean);
     }
-    if (hg_cli_junit_add(&r->junit, name, holds ? HG_CLI_PASSED : HG_CLI_DIFFERS, message,
+    if (hg_cli_junit_add(&r->junit, name, sight.holds ? HG_CLI_PASSED : HG_CLI_DIFFERS, message,
             hg_clock_now_ns() - begin))
         return hg_error_set(err, HG_E_NOMEM, "report", NULL, "no memory");
     return HG_OK;

@@ -140,33 +140,30 @@ enum hg_status hg_cli_send_camera(
     return helio_send(cli->h, HGP_T_view_camera, camera, &request, err);
 }
 
-enum hg_status hg_cli_compare(struct hg_cli *cli, enum hgp_metric metric,
-    const struct hg_cli_bytes *a, const struct hg_cli_bytes *b, double *value,
-    struct hg_cli_bytes *diff_png, struct hg_error *err)
+enum hg_status hg_cli_compare(struct hg_cli *cli, struct hg_cli_comparison *c, struct hg_error *err)
 {
     struct helio_message *answer;
     struct hgp_compare compare = {
-        .metric = metric,
-        .a = {a->data, (uint32_t)a->size},
-        .b = {b->data, (uint32_t)b->size},
-        .want_diff = diff_png != NULL,
+        .metric = c->metric,
+        .a = {c->a.data, (uint32_t)c->a.size},
+        .b = {c->b.data, (uint32_t)c->b.size},
+        .want_diff = c->want_diff,
     };
-    *value = 0;
-    if (diff_png)
-        *diff_png = (struct hg_cli_bytes){0};
+    c->value = 0;
+    c->diff = (struct hg_cli_bytes){0};
     enum hg_status status =
         helio_call_for(cli->h, HGP_T_compare, &compare, HGP_T_compared, &answer, err);
     if (status)
         return status;
     const struct hgp_compared *got = &answer->body->compared;
-    *value = got->value;
-    if (diff_png) {
-        diff_png->data = hg_calloc(got->diff.size, 1);
-        if (!diff_png->data)
+    c->value = got->value;
+    if (c->want_diff) {
+        c->diff.data = hg_calloc(got->diff.size, 1);
+        if (!c->diff.data)
             status = hg_error_set(err, HG_E_NOMEM, "compared", "diff", "no memory");
         else if (got->diff.size)
-            memcpy(diff_png->data, got->diff.data, got->diff.size);
-        diff_png->size = status ? 0 : got->diff.size;
+            memcpy(c->diff.data, got->diff.data, got->diff.size);
+        c->diff.size = status ? 0 : got->diff.size;
     }
     helio_message_free(answer);
     return status;

@@ -6,13 +6,15 @@
 #include "base/sha256.h"
 #include "client/lib/conn.h"
 
+#define FILE_BYTES_MAX (UINT64_C(1) << 32)
+
 enum { PIECE_BYTES = 1024 * 1024, QUERY_CONTENTS = 1024 };
 
-static enum hg_status hash_file(struct helio_file *file, uint64_t max_bytes, struct hg_error *err)
+static enum hg_status hash_file(struct helio_file *file, struct hg_error *err)
 {
     uint8_t *data;
     size_t size;
-    enum hg_status status = hg_file_read(file->path, max_bytes, &data, &size, err);
+    enum hg_status status = hg_file_read(file->path, FILE_BYTES_MAX, &data, &size, err);
     if (status)
         return status;
     status = hg_sha256(data, size, file->hash);
@@ -61,12 +63,12 @@ static enum hg_status send_piece(
     return status;
 }
 
-static enum hg_status send_file(struct helio *h, const struct helio_file *file, uint64_t max_bytes,
-    uint64_t *sent, struct hg_error *err)
+static enum hg_status send_file(
+    struct helio *h, const struct helio_file *file, uint64_t *sent, struct hg_error *err)
 {
     uint8_t *data, digest[HG_SHA256_BYTES];
     size_t size;
-    enum hg_status status = hg_file_read(file->path, max_bytes, &data, &size, err);
+    enum hg_status status = hg_file_read(file->path, FILE_BYTES_MAX, &data, &size, err);
     if (status)
         return status;
     status = hg_sha256(data, size, digest);
@@ -91,7 +93,7 @@ static enum hg_status send_file(struct helio *h, const struct helio_file *file, 
 }
 
 enum hg_status helio_upload(struct helio *h, struct helio_file *files, uint32_t count,
-    uint64_t max_bytes, uint64_t *sent_bytes, struct hg_error *err)
+    uint64_t *sent_bytes, struct hg_error *err)
 {
     uint64_t sent = 0;
     enum hg_status status = HG_OK;
@@ -101,7 +103,7 @@ enum hg_status helio_upload(struct helio *h, struct helio_file *files, uint32_t 
     if (!have)
         return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory for the list of files");
     for (uint32_t i = 0; !status && i < count; i++)
-        status = hash_file(&files[i], max_bytes, err);
+        status = hash_file(&files[i], err);
     for (uint32_t i = 0; !status && i < count; i += QUERY_CONTENTS)
         status = query(
             h, files + i, count - i < QUERY_CONTENTS ? count - i : QUERY_CONTENTS, have + i, err);
@@ -110,7 +112,7 @@ enum hg_status helio_upload(struct helio *h, struct helio_file *files, uint32_t 
         for (uint32_t k = 0; k < i && !again; k++) // two names for one content
             again = memcmp(files[k].hash, files[i].hash, sizeof files[i].hash) == 0;
         if (!again)
-            status = send_file(h, &files[i], max_bytes, &sent, err);
+            status = send_file(h, &files[i], &sent, err);
     }
     if (sent_bytes)
         *sent_bytes = sent;

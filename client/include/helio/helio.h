@@ -185,9 +185,9 @@ struct helio_file {
 };
 
 // Sends the contents that the server does not have yet, in pieces; fills the hashes.
-// *sent_bytes (may be NULL) counts what went over the wire. HG_E_LIMIT above max_bytes per file.
+// *sent_bytes (may be NULL) counts what went over the wire. HG_E_LIMIT: a file above 4 GiB.
 HELIO_API enum hg_status helio_upload(struct helio *h, struct helio_file *files, uint32_t count,
-    uint64_t max_bytes, uint64_t *sent_bytes, struct hg_error *err) HG_MUST_CHECK;
+    uint64_t *sent_bytes, struct hg_error *err) HG_MUST_CHECK;
 
 // One frame of a view; body->frame of *out.
 HELIO_API enum hg_status helio_frame(struct helio *h, const struct hgp_frame_request *request,
