@@ -1,0 +1,501 @@
+// broker.c - the daemon: start, signals, reload, the janitor, drain.
+#include "server/broker/broker.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "server/broker/notify.h"
+
+enum { EXIT_CONFIG = 2, EXIT_START = 4 };
+enum { TICK_NS = 50000000, THROTTLE_NS = 5000000 };
+enum { LOGS_PER_SECOND = 20 };
+
+bool hg_broker_may_log(struct hg_broker *b)
+{
+    b->log_allowance += (double)(b->loop.now_ns - b->log_allowance_ns) * 1e-9 * LOGS_PER_SECOND;
+    b->log_allowance_ns = b->loop.now_ns;
+    if (b->log_allowance > LOGS_PER_SECOND)
+        b->log_allowance = LOGS_PER_SECOND;
+    if (b->log_allowance < 1) {
+        b->log_dropped++;
+        return false;
+    }
+    b->log_allowance -= 1;
+    if (b->log_dropped)
+        hg_warn(
+            NET, "%llu records about clients were left out", (unsigned long long)b->log_dropped);
+    b->log_dropped = 0;
+    return true;
+}
+
+bool hg_broker_worker_path(const struct hg_options *options, char *path, size_t size)
+{
+    const char *given = options->worker ? options->worker : getenv("HELIO_WORKER");
+    if (given && *given) {
+        snprintf(path, size, "%s", given);
+    } else {
+        ssize_t n = readlink("/proc/self/exe", path, size - 1);
+        path[n > 0 ? n : 0] = 0;
+        for (int up = 0; up < 2; up++) { // program, folder
+            char *slash = strrchr(path, '/');
+            if (slash)
+                *slash = 0;
+        }
+        size_t length = strlen(path);
+        snprintf(path + length, size - length, "/libexec/helio-worker");
+    }
+    return access(path, X_OK) == 0;
+}
+
+// ---- checks -------------------------------------------------------------------------------------
+
+static enum hg_status read_tokens(
+    const struct hg_options *o, struct hg_tokens *out, struct hg_error *err)
+{
+    *out = (struct hg_tokens){0};
+    return o->tokens ? hg_tokens_read(o->tokens, out, err) : HG_OK;
+}
+
+static enum hg_status check_listen(
+    const struct hg_options *o, const struct hg_tokens *tokens, struct hg_error *err)
+{
+    for (size_t i = 0; i < o->listen.count; i++) {
+        bool is_tcp;
+        enum hg_status status = hg_listener_check(o->listen.items[i], &is_tcp, err);
+        if (!status && is_tcp && !tokens->count)
+            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
+                "tcp clients need tokens; name a file with --tokens");
+        if (status)
+            return status;
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
+{
+    struct hg_tokens tokens;
+    enum hg_status status = read_tokens(o, &tokens, err);
+    if (!status)
+        status = check_listen(o, &tokens, err);
+    if (!status && o->log)
+        status = hg_log_configure(o->log, err);
+    hg_tokens_finish(&tokens);
+    return status;
+}
+
+// ---- start --------------------------------------------------------------------------------------
+
+static char *join(const char *folder, const char *name)
+{
+    size_t size = strlen(folder) + strlen(name) + 2;
+    char *path = hg_calloc(size, 1);
+    if (path)
+        snprintf(path, size, "%s/%s", folder, name);
+    return path;
+}
+
+static enum hg_status choose_cache_dir(struct hg_options *o, struct hg_error *err)
+{
+    const char *given = getenv("CACHE_DIRECTORY"), *xdg = getenv("XDG_CACHE_HOME"),
+               *home = getenv("HOME");
+    if (o->cache_dir)
+        return HG_OK;
+    if (given && *given)
+        o->cache_dir = hg_strdup(given);
+    else if (xdg && *xdg)
+        o->cache_dir = join(xdg, "heliograph");
+    else if (home && *home)
+        o->cache_dir = join(home, ".cache/heliograph");
+    else
+        return hg_error_set(
+            err, HG_E_INVAL, "--cache-dir", NULL, "name a folder: the environment gives none");
+    return o->cache_dir ? HG_OK : hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
+}
+
+static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
+{
+    enum hg_status status = choose_cache_dir(&b->options, err);
+    char *folder = status ? NULL : join(b->options.cache_dir, "uploads");
+    if (!status && !folder)
+        status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
+    if (!status)
+        status = hg_store_create(folder, b->options.upload_store_bytes, &b->store, err);
+    hg_free(folder);
+    return status;
+}
+
+static enum hg_status open_default(struct hg_broker *b, struct hg_error *err)
+{
+    const char *runtime = getenv("XDG_RUNTIME_DIR");
+    char address[256];
+    snprintf(
+        address, sizeof address, "unix:%s/heliod.sock", runtime && *runtime ? runtime : "/run");
+    return hg_listener_open(address, &b->listeners, err);
+}
+
+static void accept_ready(struct hg_source *source, uint32_t events)
+{
+    struct hg_broker *b = source->owner;
+    (void)events;
+    for (struct hg_listener *it = b->listeners; it; it = it->next)
+        if (&it->source == source)
+            hg_conn_accept(b, it);
+}
+
+static enum hg_status watch_listeners(struct hg_broker *b, struct hg_error *err)
+{
+    for (struct hg_listener *it = b->listeners; it; it = it->next) {
+        if (!it->is_unix && !b->tokens.count)
+            return hg_error_set(err, HG_E_INVAL, it->name, NULL,
+                "tcp clients need tokens; name a file with --tokens");
+        it->source.ready = accept_ready;
+        it->source.owner = b;
+        if (hg_loop_add(&b->loop, &it->source))
+            return hg_error_set(err, HG_E_LIMIT, it->name, NULL, "cannot watch the socket");
+        hg_info(NET, "listening on %s", it->name);
+    }
+    return HG_OK;
+}
+
+static enum hg_status write_port_file(struct hg_broker *b, struct hg_error *err)
+{
+    struct hg_writer w = {0};
+    for (struct hg_listener *it = b->listeners; it; it = it->next) {
+        char line[16];
+        int n = snprintf(line, sizeof line, "%u\n", it->port);
+        if (!it->is_unix)
+            hg_write_bytes(&w, line, (size_t)n);
+    }
+    enum hg_status status = hg_file_write_atomic(b->options.port_file, w.data, w.size, err);
+    hg_writer_finish(&w);
+    return status;
+}
+
+static enum hg_status open_listeners(struct hg_broker *b, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    int passed = hg_notify_take_sockets();
+    for (int i = 0; i < passed && !status; i++)
+        status = hg_listener_adopt(3 + i, &b->listeners, err);
+    for (size_t i = 0; i < b->options.listen.count && !status; i++)
+        status = hg_listener_open(b->options.listen.items[i], &b->listeners, err);
+    if (!status && !b->listeners)
+        status = open_default(b, err);
+    if (!status)
+        status = watch_listeners(b, err);
+    if (!status && b->options.port_file)
+        status = write_port_file(b, err);
+    return status;
+}
+
+// ---- reload -------------------------------------------------------------------------------------
+
+static void apply_log(const struct hg_options *o)
+{
+    struct hg_error err = {0};
+    hg_log_set_level(HG_LOG_INFO);
+    if (o->log && hg_log_configure(o->log, &err))
+        hg_warn(MAIN, "%s", err.reason);
+}
+
+static void warn_exposed(const struct hg_broker *b)
+{
+    if (b->tokens.exposed)
+        hg_warn(AUTH, "the token file %s can be read by others than its owner", b->options.tokens);
+}
+
+static void reload(struct hg_broker *b)
+{
+    struct hg_options options;
+    struct hg_tokens tokens = {0};
+    struct hg_error err = {0};
+    char text[700], names[400];
+    hg_notify_send(
+        "RELOADING=1\nMONOTONIC_USEC=%llu", (unsigned long long)(hg_clock_now_ns() / 1000));
+    enum hg_status status = hg_options_parse(b->argc, b->argv, &options, &err);
+    if (!status)
+        status = choose_cache_dir(&options, &err); // so that it compares equal
+    if (!status)
+        status = hg_broker_check(&options, &err);
+    if (!status)
+        status = read_tokens(&options, &tokens, &err);
+    if (status) {
+        hg_error_format(&err, text, sizeof text);
+        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0,
+            "reload refused, everything stays as it was: %s", text);
+        hg_options_finish(&options);
+        apply_log(&b->options);
+    } else {
+        size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
+        hg_tokens_finish(&b->tokens);
+        b->tokens = tokens;
+        apply_log(&b->options);
+        hg_store_set_limit(b->store, b->options.upload_store_bytes);
+        hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
+            differ ? "; a restart is needed for: " : "", differ ? names : "");
+        warn_exposed(b);
+    }
+    hg_notify_send("READY=1");
+}
+
+// ---- drain --------------------------------------------------------------------------------------
+
+static void begin_drain(struct hg_broker *b)
+{
+    uint64_t timeout_ns = b->options.drain_timeout_ns;
+    hg_info(
+        MAIN, "draining: %u sessions, at most %.1f s", b->session_count, (double)timeout_ns * 1e-9);
+    hg_notify_send("STOPPING=1\nSTATUS=draining");
+    b->draining = true;
+    b->drain_deadline_ns = b->loop.now_ns + timeout_ns;
+    for (struct hg_conn *it = b->conns, *next; it; it = next) {
+        next = it->next;
+        if (it->state < HG_CONN_OPEN)
+            hg_conn_kill(it, "the daemon is shutting down");
+        else if (it->state == HG_CONN_OPEN)
+            hg_conn_send(it, 0, HGP_T_drain,
+                &(struct hgp_drain){.deadline_ms = (uint32_t)(timeout_ns / 1000000),
+                    .reason = hgp_str_make("the daemon is shutting down")});
+    }
+}
+
+static bool has_work(const struct hg_conn *conn)
+{
+    return conn->out.head || (conn->session && conn->session->request_count);
+}
+
+static void drain_step(struct hg_broker *b)
+{
+    bool late = b->loop.now_ns >= b->drain_deadline_ns;
+    hg_listeners_destroy(&b->loop, &b->listeners);
+    for (struct hg_conn *it = b->conns, *next; it; it = next) {
+        next = it->next;
+        if (it->state != HG_CONN_OPEN || (has_work(it) && !late))
+            continue;
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_CANCELLED, "request", NULL,
+            "the daemon shut down before it was done (drain-timeout)");
+        if (it->session)
+            hg_session_fail_all(it->session, &err);
+        hg_conn_close(it, NULL, "the daemon is shutting down");
+    }
+    if (!b->conns)
+        b->loop.stop = true;
+}
+
+// ---- signals ------------------------------------------------------------------------------------
+
+static void take_signal(struct hg_broker *b, uint32_t number)
+{
+    switch (number) {
+    case SIGCHLD:
+        hg_link_reap(b);
+        return;
+    case SIGHUP:
+        reload(b);
+        return;
+    default:
+        if (b->draining) {
+            hg_warn(MAIN, "second signal: exiting at once");
+            b->loop.stop = true;
+        } else {
+            begin_drain(b);
+        }
+    }
+}
+
+static void signals_ready(struct hg_source *source, uint32_t events)
+{
+    struct signalfd_siginfo info;
+    (void)events;
+    while (read(source->fd, &info, sizeof info) == (ssize_t)sizeof info)
+        take_signal(source->owner, info.ssi_signo);
+}
+
+static enum hg_status watch_signals(struct hg_broker *b, struct hg_error *err)
+{
+    sigset_t set;
+    sigemptyset(&set);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGHUP);
+    sigaddset(&set, SIGCHLD);
+    sigprocmask(SIG_BLOCK, &set, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    b->signals = (struct hg_source){
+        .fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC),
+        .events = EPOLLIN,
+        .ready = signals_ready,
+        .owner = b,
+    };
+    if (b->signals.fd < 0 || hg_loop_add(&b->loop, &b->signals))
+        return hg_error_set(err, HG_E_LIMIT, "signals", NULL, "cannot watch signals");
+    return HG_OK;
+}
+
+// ---- the round ----------------------------------------------------------------------------------
+
+static void bury(struct hg_broker *b)
+{
+    if (b->closing) {
+        b->closing = false;
+        for (struct hg_conn *it = b->conns; it; it = it->next)
+            if (it->state == HG_CONN_CLOSING)
+                hg_conn_end_session(it);
+    }
+    while (b->dead) {
+        struct hg_conn *conn = b->dead;
+        b->dead = conn->next;
+        hg_conn_end_session(conn);
+        hg_conn_destroy(conn);
+    }
+}
+
+static void resume_paused(struct hg_broker *b)
+{
+    for (struct hg_conn *it = b->conns, *next; it && b->paused_count; it = next) {
+        next = it->next;
+        if (it->paused)
+            hg_conn_resume(it);
+    }
+}
+
+static void tick(struct hg_broker *b)
+{
+    uint64_t now_ns = b->loop.now_ns;
+    for (struct hg_conn *it = b->conns, *next; it; it = next) {
+        next = it->next;
+        hg_conn_check_time(it, now_ns);
+    }
+    hg_link_check_time(b, now_ns);
+    b->link.pump |= b->link.suspect_session != NULL;
+    if (b->accept_pause_ns && now_ns >= b->accept_pause_ns)
+        b->accept_pause_ns = 0;
+    for (struct hg_listener *it = b->listeners; it; it = it->next)
+        hg_loop_set_events(&b->loop, &it->source, b->accept_pause_ns ? 0 : EPOLLIN);
+    if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
+        b->watchdog_sent_ns = now_ns;
+        hg_notify_send("WATCHDOG=1");
+    }
+}
+
+static uint64_t sooner(uint64_t a, uint64_t b)
+{
+    return a < b ? a : b;
+}
+
+// Periodic work and what could not be done in the middle of an event; returns the next deadline.
+static uint64_t round_end(void *user)
+{
+    struct hg_broker *b = user;
+    uint64_t now_ns = b->loop.now_ns;
+    if (b->link.broken) {
+        b->link.broken = false;
+        hg_link_fail(b, "no memory to send to it");
+    }
+    if (now_ns >= b->tick_ns) {
+        tick(b);
+        b->tick_ns = now_ns + TICK_NS;
+    } else if (b->link.state == HG_LINK_DOWN) {
+        hg_link_check_time(b, now_ns);
+    }
+    resume_paused(b);
+    bury(b);
+    hg_recovery_continue(b);
+    if (b->draining)
+        drain_step(b);
+    bury(b);
+    uint64_t deadline_ns = b->tick_ns;
+    if (b->link.state == HG_LINK_DOWN)
+        deadline_ns = sooner(deadline_ns, b->link.restart_ns);
+    if (b->paused_count)
+        deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
+    return deadline_ns;
+}
+
+// ---- life ---------------------------------------------------------------------------------------
+
+static enum hg_status start(struct hg_broker *b, struct hg_error *err)
+{
+    char path[4096];
+    enum hg_status status = hg_loop_init(&b->loop, err);
+    if (!status)
+        status = watch_signals(b, err);
+    if (!status)
+        status = open_store(b, err);
+    if (!status && !hg_broker_worker_path(&b->options, path, sizeof path))
+        status = hg_error_set(
+            err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
+    if (!status)
+        status = open_listeners(b, err);
+    return status;
+}
+
+static void stop(struct hg_broker *b)
+{
+    while (b->conns)
+        hg_conn_kill(b->conns, "the daemon ends");
+    bury(b);
+    while (b->sessions) // those that waited for their last edits
+        hg_session_destroy(b->sessions);
+    hg_listeners_destroy(&b->loop, &b->listeners);
+    hg_link_stop(b);
+    hg_store_destroy(b->store);
+    hg_tokens_finish(&b->tokens);
+    hg_loop_close(&b->loop, &b->signals);
+    hg_loop_finish(&b->loop);
+    hg_options_finish(&b->options);
+}
+
+static void raise_file_limit(void)
+{
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < limit.rlim_max) {
+        limit.rlim_cur = limit.rlim_max < 65536 ? limit.rlim_max : 65536;
+        setrlimit(RLIMIT_NOFILE, &limit);
+    }
+}
+
+int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
+{
+    static struct hg_broker broker; // large, one per process
+    struct hg_broker *b = &broker;
+    struct hg_error err = {0};
+    *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
+    *options = (struct hg_options){0};
+    b->signals.fd = b->link.source.fd = -1;
+    enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
+    if (!status)
+        status = check_listen(&b->options, &b->tokens, &err);
+    int exit_code = status ? EXIT_CONFIG : EXIT_START;
+    raise_file_limit();
+    if (!status)
+        status = start(b, &err);
+    if (!status) {
+        b->started_ns = b->loop.now_ns;
+        b->watchdog_ns = hg_notify_watchdog_ns();
+        warn_exposed(b);
+        hg_link_start(b);
+        hg_notify_send("READY=1\nSTATUS=accepting clients");
+        hg_loop_run(&b->loop, round_end, b);
+        exit_code = 0;
+        hg_info(MAIN, "done");
+    } else {
+        char text[700];
+        hg_error_format(&err, text, sizeof text);
+        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0, "cannot start: %s", text);
+        if (err.status == HG_E_INVAL)
+            exit_code = EXIT_CONFIG;
+    }
+    stop(b);
+    return exit_code;
+}

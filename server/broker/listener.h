@@ -1,0 +1,32 @@
+// listener.h - where clients come in: unix and tcp addresses, sockets from the service manager.
+// Floor 6 (broker). Thread: the loop (names are looked up at start only).
+#ifndef HG_BROKER_LISTENER_H
+#define HG_BROKER_LISTENER_H
+
+#include "server/broker/loop.h"
+
+struct hg_listener {
+    struct hg_listener *next;
+    struct hg_source source;
+    bool is_unix;
+    uint16_t port;   // of a tcp listener, as bound
+    char *unix_path; // removed at the end; NULL for tcp and passed sockets
+    char name[160];  // for logs
+};
+
+// Checks the form of an address without touching the network. HG_E_INVAL.
+enum hg_status hg_listener_check(
+    const char *address, bool *is_tcp, struct hg_error *err) HG_MUST_CHECK;
+// Opens `address` (unix:PATH, tcp:HOST:PORT); a name may give several sockets (both families).
+// They are put in front of *list. A unix socket file that nobody serves is replaced; one that
+// somebody serves, or any other file, is HG_E_EXISTS. HG_E_INVAL, HG_E_NOTFOUND (host), HG_E_PERM,
+// HG_E_EXISTS (port in use), HG_E_IO, HG_E_NOMEM. On failure *list is as before.
+enum hg_status hg_listener_open(
+    const char *address, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
+// Takes over a listening socket.
+enum hg_status hg_listener_adopt(
+    int fd, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
+// Closes all and removes socket files. The objects are freed: not inside a round of events.
+void hg_listeners_destroy(struct hg_loop *loop, struct hg_listener **list);
+
+#endif

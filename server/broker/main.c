@@ -1,0 +1,81 @@
+// main.c - heliod: serves scenes to clients. See options.def for everything it can be told.
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "server/broker/broker.h"
+
+enum { EXIT_CONFIG = 2, EXIT_START = 4 };
+
+static int complain(const struct hg_error *err)
+{
+    char text[700];
+    hg_error_format(err, text, sizeof text);
+    fprintf(stderr, "heliod: %s\n", text);
+    return EXIT_CONFIG;
+}
+
+static int check(const struct hg_options *options)
+{
+    struct hg_error err = {0};
+    if (hg_broker_check(options, &err))
+        return complain(&err);
+    puts("the configuration is good");
+    return 0;
+}
+
+// The worker describes its device; its output and exit code are ours.
+static int device_info(const struct hg_options *options)
+{
+    char path[4096];
+    if (!hg_broker_worker_path(options, path, sizeof path)) {
+        fprintf(stderr, "heliod: %s: the worker's program is not there\n", path);
+        return EXIT_START;
+    }
+    char *arguments[] = {path, (char *)"--device-info", options->device ? (char *)"--device" : NULL,
+        options->device, NULL};
+    execv(path, arguments);
+    fprintf(stderr, "heliod: %s: %s\n", path, strerror(errno));
+    return EXIT_START;
+}
+
+static int act(struct hg_options *options, int argc, char *const *argv)
+{
+    switch (options->action) {
+    case HG_OPTIONS_HELP:
+        hg_options_print_help(stdout);
+        return 0;
+    case HG_OPTIONS_VERSION:
+        puts("heliod " HELIO_VERSION);
+        return 0;
+    case HG_OPTIONS_DOCS:
+        if (strcmp(options->docs, "man") == 0)
+            hg_options_print_man(stdout);
+        else
+            hg_options_print_markdown(stdout);
+        return 0;
+    case HG_OPTIONS_CHECK:
+        return check(options);
+    case HG_OPTIONS_DEVICE_INFO:
+        return device_info(options);
+    default:
+        return hg_broker_run(options, argc, argv);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    struct hg_options options;
+    struct hg_error err = {0};
+    hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
+    if (hg_options_parse(argc, argv, &options, &err))
+        return complain(&err);
+    if (options.log && hg_log_configure(options.log, &err)) {
+        hg_options_finish(&options);
+        return complain(&err);
+    }
+    int code = act(&options, argc, argv);
+    hg_options_finish(&options);
+    return code;
+}

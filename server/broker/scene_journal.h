@@ -1,0 +1,44 @@
+// scene_journal.h - what it takes to build a scene again: its accepted edits, compacted.
+// Floor 6 (broker). Thread: the loop.
+//
+// The journal is a log in the order in which the worker accepted the edits. A field that a later
+// edit of the same object overwrites is removed from the earlier entry, and an entry without
+// fields goes, unless it made the object. So each field of each object stands in the log exactly
+// once, at the place of its last write: the log does not grow with the number of edits, and playing
+// it gives the same scene, because every reference was valid at its place and the parents seen on
+// the way are a subset of the final (acyclic) ones. Messages without optional fields (mesh_set,
+// texture_set) replace the old entry in its place where what they refer to was made before it.
+//
+// References to objects that were removed later are dropped while playing, as the scene did.
+#ifndef HG_BROKER_SCENE_JOURNAL_H
+#define HG_BROKER_SCENE_JOURNAL_H
+
+#include "server/broker/packet.h"
+#include "server/broker/upload_store.h"
+
+struct hg_journal;
+
+struct hg_journal_stats {
+    uint64_t entries, bytes;
+};
+
+// `store` (may be NULL) keeps the uploads that entries name; it outlives the journal.
+struct hg_journal *hg_journal_create(struct hg_store *store) HG_MUST_CHECK; // NULL: no memory
+void hg_journal_destroy(struct hg_journal *journal);                        // accepts NULL
+
+// True for the messages that change a scene and belong into its journal.
+bool hg_journal_wants(uint16_t type);
+
+// Takes note of an edit that the worker accepted (keeps a reference to the packet). HG_E_NOMEM;
+// HG_E_FORMAT when the packet does not decode.
+enum hg_status hg_journal_accept(
+    struct hg_journal *journal, struct hg_packet *packet) HG_MUST_CHECK;
+
+// Calls emit for every entry in order with a reference that emit takes over. Stops at the first
+// failure, of emit or of memory, and returns it.
+enum hg_status hg_journal_play(struct hg_journal *journal,
+    enum hg_status (*emit)(void *user, struct hg_packet *packet), void *user) HG_MUST_CHECK;
+
+struct hg_journal_stats hg_journal_get_stats(const struct hg_journal *journal);
+
+#endif

@@ -1,0 +1,103 @@
+// session_upload.c - contents that come in pieces.
+#include <string.h>
+
+#include "server/broker/broker.h"
+
+static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
+{
+    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+        if (s->uploads[i] && memcmp(hg_upload_hash(s->uploads[i]), hash, 32) == 0)
+            return &s->uploads[i];
+    return NULL;
+}
+
+static struct hg_upload **free_slot(struct hg_session *s)
+{
+    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+        if (!s->uploads[i])
+            return &s->uploads[i];
+    return NULL;
+}
+
+static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
+    struct hg_upload ***slot, struct hg_error *err)
+{
+    const struct hg_options *o = &s->broker->options;
+    if (m->offset)
+        return hg_error_set(err, HG_E_STATE, "upload", "offset",
+            "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
+    if (m->total > o->max_upload_bytes - s->uploaded_bytes)
+        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+            "this session has uploaded %llu of the %llu MiB of its quota (max-upload)",
+            (unsigned long long)(s->uploaded_bytes >> 20),
+            (unsigned long long)(o->max_upload_bytes >> 20));
+    *slot = free_slot(s);
+    if (!*slot)
+        return hg_error_set(err, HG_E_LIMIT, "upload", NULL,
+            "%d contents of this session are under way already", HG_UPLOADS_AT_ONCE);
+    enum hg_status status = hg_upload_begin(s->broker->store, m->hash, m->total, *slot, err);
+    if (!status)
+        s->uploaded_bytes += m->total;
+    return status;
+}
+
+static enum hg_status take_piece(
+    struct hg_session *s, const struct hgp_upload *m, bool *done, struct hg_error *err)
+{
+    struct hg_upload **slot = find_slot(s, m->hash);
+    enum hg_status status = slot ? HG_OK : begin(s, m, &slot, err);
+    if (status)
+        return status;
+    if (m->offset != hg_upload_offset(*slot) || m->total != hg_upload_total(*slot))
+        status = hg_error_set(err, HG_E_STATE, "upload", "offset",
+            "the next piece of this content starts at %llu of %llu",
+            (unsigned long long)hg_upload_offset(*slot),
+            (unsigned long long)hg_upload_total(*slot));
+    else
+        status = hg_upload_append(*slot, m->data.data, m->data.size, err);
+    struct hg_upload *upload = *slot;
+    *done = !status && hg_upload_offset(upload) == hg_upload_total(upload);
+    if (*done || status)
+        *slot = NULL;
+    if (*done)
+        status = hg_upload_commit(upload, err);
+    else if (status)
+        hg_upload_abort(upload);
+    return status;
+}
+
+void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_upload *m)
+{
+    struct hg_error err = {0};
+    bool done = false;
+    enum hg_status status = HG_OK;
+    // Somebody sent it meanwhile: nothing is stored twice.
+    if (!find_slot(s, m->hash) && hg_store_has(s->broker->store, m->hash))
+        done = m->offset + m->data.size >= m->total;
+    else
+        status = take_piece(s, m, &done, &err);
+    if (status)
+        hg_conn_fail(s->conn, request, &err);
+    else if (done && request)
+        hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+}
+
+void hg_session_upload_query(
+    struct hg_session *s, uint32_t request, const struct hgp_upload_query *m)
+{
+    struct hgp_flag flags[1024];
+    for (uint32_t i = 0; i < m->contents.count; i++)
+        flags[i] =
+            (struct hgp_flag){.value = hg_store_has(s->broker->store, m->contents.items[i].hash)};
+    if (request)
+        hg_conn_send(s->conn, request, HGP_T_upload_have,
+            &(struct hgp_upload_have){.have = {flags, m->contents.count}});
+}
+
+void hg_session_abort_uploads(struct hg_session *s)
+{
+    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++) {
+        hg_upload_abort(s->uploads[i]);
+        s->uploads[i] = NULL;
+    }
+}

@@ -1,0 +1,149 @@
+// session_view.c - what the broker keeps of a session's views: quotas, state for a new worker,
+// credit.
+#include "base/alloc.h"
+#include "server/broker/broker.h"
+
+enum { DEFAULT_WIDTH = 1280, DEFAULT_HEIGHT = 720 };
+
+struct hg_view_state *hg_view_find(struct hg_session *s, uint32_t number)
+{
+    for (struct hg_view_state *it = s->views; it; it = it->next)
+        if (it->number == number)
+            return it;
+    return NULL;
+}
+
+uint64_t hg_session_pixels(const struct hg_session *s)
+{
+    uint64_t pixels = 0;
+    for (const struct hg_view_state *it = s->views; it; it = it->next)
+        pixels += (uint64_t)it->width * it->height;
+    return pixels;
+}
+
+static struct hg_view_state *add_view(struct hg_session *s, uint32_t number)
+{
+    struct hg_view_state *view = hg_calloc(1, sizeof *view);
+    if (!view)
+        return NULL;
+    view->number = number;
+    view->next = s->views;
+    s->views = view;
+    return view;
+}
+
+static uint32_t count_views(const struct hg_session *s)
+{
+    uint32_t count = 0;
+    for (const struct hg_view_state *it = s->views; it; it = it->next)
+        count++;
+    return count;
+}
+
+static enum hg_status check_pixels(const struct hg_session *s, const struct hg_view_state *view,
+    uint32_t width, uint32_t height, struct hg_error *err)
+{
+    uint64_t old = view ? (uint64_t)view->width * view->height : 0;
+    uint64_t total = hg_session_pixels(s) - old + (uint64_t)width * height;
+    if (total <= s->broker->options.max_pixels)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
+        "%llu pixels in all views of this session are more than its quota of %u (max-pixels)",
+        (unsigned long long)total, s->broker->options.max_pixels);
+}
+
+enum hg_status hg_view_ask(struct hg_session *s, const struct hgp_view_set *m, struct hg_error *err)
+{
+    struct hg_view_state *view = hg_view_find(s, m->view);
+    uint32_t width = m->has_width ? m->width : view ? view->width : DEFAULT_WIDTH;
+    uint32_t height = m->has_height ? m->height : view ? view->height : DEFAULT_HEIGHT;
+    if (!view && s->broker->draining)
+        return hg_error_set(err, HG_E_STATE, "view_set", NULL, "the daemon is shutting down");
+    if (!view && count_views(s) >= s->broker->options.max_views)
+        return hg_error_set(err, HG_E_LIMIT, "view_set", "view",
+            "this session has %u views, as many as its quota allows (max-views)", count_views(s));
+    enum hg_status status = check_pixels(s, view, width, height, err);
+    if (!status && !view && !(view = add_view(s, m->view)))
+        status = hg_error_set(err, HG_E_NOMEM, "view_set", NULL, "no memory for a view");
+    if (status)
+        return status;
+    view->width = width;
+    view->height = height;
+    return HG_OK;
+}
+
+// Newer fields over older ones. `camera` of view_camera counts only in the message that has it.
+enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from)
+{
+    if (!*into) {
+        *into = hg_packet_ref(from);
+        return HG_OK;
+    }
+    enum hgp_type type = (enum hgp_type)from->header.type;
+    union hgp_any older, newer;
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type, (*into)->payload,
+        (*into)->header.length, NULL, &older, NULL);
+    if (!status)
+        status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type, from->payload, from->header.length,
+            NULL, &newer, NULL);
+    if (status)
+        return status;
+    if (type == HGP_T_view_camera)
+        older.view_camera.has_camera = false;
+    hgp_merge(type, &older, &newer);
+    struct hg_packet *merged = hg_packet_encode(type, &older);
+    if (!merged)
+        return HG_E_NOMEM;
+    hg_packet_unref(*into);
+    *into = merged;
+    return HG_OK;
+}
+
+void hg_view_remove(struct hg_session *s, struct hg_view_state *view)
+{
+    struct hg_view_state **link = &s->views;
+    while (*link != view)
+        link = &(*link)->next;
+    *link = view->next;
+    hg_packet_unref(view->params);
+    hg_packet_unref(view->camera);
+    hg_free(view);
+}
+
+// ---- credit -------------------------------------------------------------------------------------
+
+uint32_t hg_view_take_window(const struct hg_session *s, struct hg_view_state *view)
+{
+    uint32_t window = s->broker->options.frame_window;
+    view->granted = view->credit < window ? view->credit : window;
+    return view->granted;
+}
+
+static bool is_slow(const struct hg_session *s)
+{
+    return !s->conn || s->conn->out.bytes > s->broker->options.output_limit_bytes;
+}
+
+void hg_view_grant(struct hg_session *s, struct hg_view_state *view)
+{
+    uint32_t window = s->broker->options.frame_window;
+    uint32_t allowed = view->credit < window ? view->credit : window;
+    if (!s->attached || !view->accepted || is_slow(s) || view->granted >= allowed)
+        return;
+    if (view->resubscribe) { // frames were dropped: the worker shows the present state again
+        view->resubscribe = false;
+        hg_link_send(s->broker, s->number, 0, HGP_T_subscribe,
+            &(struct hgp_subscribe){
+                .view = view->number, .credit_frames = hg_view_take_window(s, view)});
+        return;
+    }
+    hg_link_send(s->broker, s->number, 0, HGP_T_credit,
+        &(struct hgp_credit){.view = view->number, .frames = allowed - view->granted});
+    view->granted = allowed;
+}
+
+void hg_session_grant(struct hg_session *s)
+{
+    for (struct hg_view_state *it = s->views; it; it = it->next)
+        hg_view_grant(s, it);
+}

@@ -1,0 +1,45 @@
+// upload_store.h - contents that clients sent, as files named by their SHA-256.
+// Floor 6 (broker). Thread: the loop. The broker looks into none of them; the worker reads
+// <folder>/<hex> and verifies the hash again, so the files are not synced to the disk: what a
+// power failure tears is refused and sent again.
+#ifndef HG_BROKER_UPLOAD_STORE_H
+#define HG_BROKER_UPLOAD_STORE_H
+
+#include <stdbool.h>
+
+#include "base/status.h"
+
+struct hg_store;
+struct hg_upload; // a content that is still arriving, of one session
+
+// Makes the folder (and its parents), removes leftovers of an earlier run and indexes what is
+// there. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
+enum hg_status hg_store_create(const char *folder, uint64_t limit_bytes, struct hg_store **out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_store_destroy(struct hg_store *store); // accepts NULL; uploads must be gone
+void hg_store_set_limit(struct hg_store *store, uint64_t limit_bytes);
+uint64_t hg_store_bytes(const struct hg_store *store);
+
+// Whether the content is there; counts as use.
+bool hg_store_has(struct hg_store *store, const uint8_t hash[32]);
+// A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
+enum hg_status hg_store_pin(struct hg_store *store, const uint8_t hash[32]) HG_MUST_CHECK;
+void hg_store_unpin(struct hg_store *store, const uint8_t hash[32]);
+// Drops a content that turned out to be damaged.
+void hg_store_forget(struct hg_store *store, const uint8_t hash[32]);
+
+// Begins a content of total_bytes, making room. HG_E_LIMIT, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
+enum hg_status hg_upload_begin(struct hg_store *store, const uint8_t hash[32], uint64_t total_bytes,
+    struct hg_upload **out, struct hg_error *err) HG_MUST_CHECK;
+const uint8_t *hg_upload_hash(const struct hg_upload *upload);
+uint64_t hg_upload_offset(const struct hg_upload *upload); // bytes that came so far
+uint64_t hg_upload_total(const struct hg_upload *upload);
+// Appends the next piece. HG_E_LIMIT (more than announced), HG_E_NOSPACE, HG_E_IO.
+enum hg_status hg_upload_append(
+    struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+// All bytes came: verifies the hash and takes the content into the store. Destroys the upload
+// either way. HG_E_HASH, HG_E_IO, HG_E_NOMEM.
+enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err) HG_MUST_CHECK;
+void hg_upload_abort(struct hg_upload *upload); // accepts NULL
+
+#endif

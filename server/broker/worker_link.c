@@ -1,0 +1,382 @@
+// worker_link.c - the worker process and the socketpair to it: start, watch, talk, replace.
+#include <errno.h>
+#include <fcntl.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "server/broker/broker.h"
+
+enum {
+    WORKER_FD = 3,
+    PAYLOAD_LIMIT = 640 << 20, // above every message of the table
+    MAX_ARGS = 1024,
+    CRASH_WINDOW_S = 60,
+};
+static const uint64_t longest_restart_ns = 10000000000u;
+
+extern char **environ;
+
+// ---- starting -----------------------------------------------------------------------------------
+
+struct arguments {
+    char *items[MAX_ARGS];
+    char text[8][32]; // numbers in words
+    int count, texts;
+};
+
+static void add(struct arguments *a, const char *text)
+{
+    if (a->count + 1 < MAX_ARGS)
+        a->items[a->count++] = (char *)text;
+}
+
+static void add_mib(struct arguments *a, const char *flag, uint64_t bytes)
+{
+    if (!bytes)
+        return;
+    char *text = a->text[a->texts++];
+    snprintf(text, sizeof a->text[0], "%llu", (unsigned long long)(bytes >> 20));
+    add(a, flag);
+    add(a, text);
+}
+
+static void add_text(struct arguments *a, const char *flag, const char *text)
+{
+    if (!text)
+        return;
+    add(a, flag);
+    add(a, text);
+}
+
+static void make_arguments(struct arguments *a, const struct hg_options *o, const char *path)
+{
+    *a = (struct arguments){0};
+    add(a, path);
+    add_text(a, "--fd", "3");
+    for (size_t i = 0; i < o->asset_root.count; i++)
+        add_text(a, "--asset-root", o->asset_root.items[i]);
+    add_text(a, "--cache-dir", o->cache_dir);
+    add_mib(a, "--memory-limit", o->memory_limit_bytes);
+    add_mib(a, "--texture-budget", o->texture_budget_bytes);
+    add_mib(a, "--geometry-budget", o->geometry_budget_bytes);
+    add_text(a, "--device", o->device);
+    add_text(a, "--log", o->log);
+    if (!o->sandbox)
+        add(a, "--no-sandbox");
+}
+
+// The child gets the socket as 3, nothing to read, our stderr, and no blocked signals.
+static int spawn_worker(struct hg_broker *b, const char *path, int fd)
+{
+    struct arguments arguments;
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t none, standard;
+    make_arguments(&arguments, &b->options, path);
+    sigemptyset(&none);
+    sigfillset(&standard);
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_adddup2(&actions, fd, WORKER_FD);
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &standard);
+    posix_spawnattr_setpgroup(&attributes, 0); // a ^C is for the broker, which drains
+    posix_spawnattr_setflags(
+        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+    int rc = posix_spawn(&b->link.pid, path, &actions, &attributes, arguments.items, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    if (rc)
+        b->link.pid = 0;
+    return rc;
+}
+
+static void ready(struct hg_source *source, uint32_t events);
+
+static uint64_t restart_delay_ns(const struct hg_broker *b);
+
+static void postpone(struct hg_broker *b, const char *action, int error_number)
+{
+    struct hg_link *link = &b->link;
+    link->death_ns[link->deaths++ % HG_DEATHS_KEPT] = b->loop.now_ns;
+    link->restart_ns = b->loop.now_ns + restart_delay_ns(b);
+    hg_fault(WORKER, HG_E_WORKER, "cannot %s: %s", action, strerror(error_number));
+}
+
+void hg_link_start(struct hg_broker *b)
+{
+    struct hg_link *link = &b->link;
+    char path[4096];
+    int pair[2];
+    if (!hg_broker_worker_path(&b->options, path, sizeof path)) {
+        postpone(b, "find the worker's program", ENOENT);
+        return;
+    }
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) {
+        postpone(b, "make a socketpair", errno);
+        return;
+    }
+    int rc = spawn_worker(b, path, pair[1]);
+    close(pair[1]);
+    if (rc) {
+        close(pair[0]);
+        postpone(b, "start the worker", rc);
+        return;
+    }
+    link->source = (struct hg_source){.fd = pair[0], .events = EPOLLIN, .ready = ready, .owner = b};
+    if (hg_loop_add(&b->loop, &link->source)) {
+        hg_link_fail(b, "cannot watch the link");
+        return;
+    }
+    link->state = HG_LINK_STARTING;
+    link->started_ns = link->pulse_ns = b->loop.now_ns;
+    link->busy_ns = 0;
+    hg_info(WORKER, "worker %d started", (int)link->pid);
+}
+
+// ---- dying --------------------------------------------------------------------------------------
+
+static uint32_t deaths_in_window(const struct hg_broker *b)
+{
+    const struct hg_link *link = &b->link;
+    uint32_t kept = link->deaths < HG_DEATHS_KEPT ? link->deaths : HG_DEATHS_KEPT, count = 0;
+    for (uint32_t i = 0; i < kept; i++)
+        count += b->loop.now_ns - link->death_ns[i] < CRASH_WINDOW_S * 1000000000ull;
+    return count;
+}
+
+static uint64_t restart_delay_ns(const struct hg_broker *b)
+{
+    uint32_t deaths = deaths_in_window(b);
+    uint64_t delay_ns = b->options.restart_delay_ns;
+    for (uint32_t i = 1; i < deaths && delay_ns < longest_restart_ns; i++)
+        delay_ns *= 2;
+    return delay_ns < longest_restart_ns ? delay_ns : longest_restart_ns;
+}
+
+static void end_all_sessions(struct hg_broker *b)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_WORKER, "worker", NULL,
+        "the worker died %u times within a minute (crash-limit); all scenes were given up",
+        deaths_in_window(b));
+    hg_fault(WORKER, HG_E_WORKER, "%s", err.reason);
+    for (struct hg_session *it = b->sessions; it; it = it->next) {
+        if (!it->scene)
+            continue;
+        hg_session_fail_all(it, &err);
+        if (it->conn)
+            hg_conn_close(it->conn, &err, "the worker keeps dying");
+    }
+}
+
+void hg_link_fail(struct hg_broker *b, const char *reason)
+{
+    struct hg_link *link = &b->link;
+    if (link->state == HG_LINK_DOWN)
+        return;
+    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
+    if (link->pid)
+        kill(link->pid, SIGKILL); // reaped on SIGCHLD
+    link->pid = 0;
+    hg_loop_close(&b->loop, &link->source);
+    hg_framer_finish(&link->in);
+    hg_outq_finish(&link->out);
+    link->state = HG_LINK_DOWN;
+    link->death_ns[link->deaths++ % HG_DEATHS_KEPT] = b->loop.now_ns;
+    link->restart_ns = b->loop.now_ns + restart_delay_ns(b);
+    hg_recovery_worker_died(b);
+    if (deaths_in_window(b) > b->options.crash_limit)
+        end_all_sessions(b);
+}
+
+void hg_link_reap(struct hg_broker *b)
+{
+    int status;
+    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
+        if (pid != b->link.pid)
+            continue;
+        b->link.pid = 0; // the end of the stream follows and does the rest
+        if (WIFSIGNALED(status))
+            hg_warn(WORKER, "worker %d was killed by signal %d (%s)", (int)pid, WTERMSIG(status),
+                strsignal(WTERMSIG(status)));
+        else
+            hg_warn(WORKER, "worker %d exited with %d", (int)pid, WEXITSTATUS(status));
+    }
+}
+
+void hg_link_stop(struct hg_broker *b)
+{
+    struct hg_link *link = &b->link;
+    hg_loop_close(&b->loop, &link->source); // the worker ends when its link closes
+    hg_framer_finish(&link->in);
+    hg_outq_finish(&link->out);
+    if (link->pid) {
+        kill(link->pid, SIGKILL);
+        waitpid(link->pid, NULL, 0);
+    }
+    link->pid = 0;
+    link->state = HG_LINK_DOWN;
+    hg_free(link->device);
+    link->device = NULL;
+}
+
+// ---- time ---------------------------------------------------------------------------------------
+
+void hg_link_check_time(struct hg_broker *b, uint64_t now_ns)
+{
+    struct hg_link *link = &b->link;
+    const struct hg_options *o = &b->options;
+    if (link->state == HG_LINK_DOWN) {
+        if (now_ns >= link->restart_ns && !b->loop.stop)
+            hg_link_start(b);
+    } else if (link->state == HG_LINK_STARTING) {
+        if (now_ns - link->started_ns > o->start_timeout_ns)
+            hg_link_fail(b, "was not ready in time (start-timeout)");
+    } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
+        hg_link_fail(b, "gives no sign of life (worker-timeout)");
+    } else if (link->busy_ns > o->hang_timeout_ns) {
+        hg_link_fail(b, "hangs in one step of rendering (hang-timeout)");
+    }
+}
+
+// ---- talking ------------------------------------------------------------------------------------
+
+uint32_t hg_link_next_id(struct hg_broker *b)
+{
+    b->link.last_id += b->link.last_id == UINT32_MAX ? 2 : 1; // never 0
+    return b->link.last_id;
+}
+
+void hg_link_send_packet(
+    struct hg_broker *b, uint32_t channel, uint32_t id, struct hg_packet *packet)
+{
+    if (b->link.state != HG_LINK_UP) {
+        hg_packet_unref(packet);
+        return;
+    }
+    if (hg_outq_push(&b->link.out, packet, id, channel))
+        b->link.broken = true; // noticed at the end of the round, not in the middle of a walk
+    hg_link_update(b);
+}
+
+void hg_link_send(
+    struct hg_broker *b, uint32_t channel, uint32_t id, enum hgp_type type, const void *message)
+{
+    hg_link_send_packet(b, channel, id, hg_packet_encode(type, message));
+}
+
+void hg_link_update(struct hg_broker *b)
+{
+    hg_loop_set_events(
+        &b->loop, &b->link.source, EPOLLIN | (b->link.out.head ? (uint32_t)EPOLLOUT : 0u));
+}
+
+// ---- listening ----------------------------------------------------------------------------------
+
+static void take_ready(struct hg_broker *b, const struct hgp_worker_ready *m)
+{
+    struct hg_link *link = &b->link;
+    if (link->state != HG_LINK_STARTING)
+        return;
+    hg_free(link->device);
+    link->device = hg_strndup(m->device.data ? m->device.data : "", m->device.size);
+    link->state = HG_LINK_UP;
+    link->pulse_ns = b->loop.now_ns;
+    hg_info(WORKER, "worker %d ready after %.0f ms", (int)link->pid,
+        (double)(b->loop.now_ns - link->started_ns) * 1e-6);
+    hg_recovery_continue(b);
+}
+
+static void take_own(struct hg_broker *b, uint16_t type, const union hgp_any *m)
+{
+    switch (type) {
+    case HGP_T_worker_ready:
+        take_ready(b, &m->worker_ready);
+        return;
+    case HGP_T_pulse:
+        b->link.pulse_ns = b->loop.now_ns;
+        b->link.busy_ns = m->pulse.busy_ns;
+        b->link.rss_bytes = m->pulse.rss_bytes;
+        return;
+    case HGP_T_error:
+        hg_warn(WORKER, "worker: %.*s: %.*s", (int)m->error.what.size, m->error.what.data,
+            (int)m->error.reason.size, m->error.reason.data);
+        return;
+    default:
+        return;
+    }
+}
+
+static void dispatch(struct hg_broker *b, struct hg_packet *packet, union hgp_any *m)
+{
+    uint32_t channel = packet->header.channel;
+    if (channel == 0) {
+        take_own(b, packet->header.type, m);
+    } else if (channel & HG_REPLAY_CHANNEL) {
+        hg_recovery_answer(b, packet, m);
+    } else {
+        struct hg_session *session = hg_session_find(b, channel);
+        if (session && session->attached)
+            hg_session_answer(session, packet, m);
+    }
+}
+
+// The worker handles untrusted files: what it says is checked like a client's words.
+static bool handle(struct hg_broker *b, struct hg_packet *packet)
+{
+    const struct hgp_message_info *info = hgp_find(packet->header.type);
+    struct hg_arena arena = {0};
+    union hgp_any any;
+    if (!info || info->direction == HGP_C2S || info->direction == HGP_B2W)
+        return false;
+    if (hgp_decode(HGP_VERSION_MAX, packet->header.type, packet->payload, packet->header.length,
+            &arena, &any, NULL)) {
+        hg_arena_finish(&arena);
+        return false;
+    }
+    dispatch(b, packet, &any);
+    hg_arena_finish(&arena);
+    return true;
+}
+
+static void receive(struct hg_broker *b)
+{
+    struct hg_link *link = &b->link;
+    enum hg_status status = hg_framer_read(&link->in, link->source.fd);
+    struct hg_packet *packet = NULL;
+    enum hg_status framing = HG_OK;
+    while (link->state != HG_LINK_DOWN &&
+           (framing = hg_framer_next(&link->in, PAYLOAD_LIMIT, &packet)) == HG_OK && packet) {
+        bool good = handle(b, packet);
+        hg_packet_unref(packet);
+        if (!good)
+            hg_link_fail(b, "sent a message that makes no sense");
+    }
+    if (framing)
+        hg_link_fail(b, "sent bytes that make no sense");
+    else if (status == HG_E_CLOSED || status == HG_E_IO)
+        hg_link_fail(b, "closed its link");
+    else if (status == HG_E_NOMEM)
+        hg_link_fail(b, "no memory to read from it");
+}
+
+static void ready(struct hg_source *source, uint32_t events)
+{
+    struct hg_broker *b = source->owner;
+    if (events & EPOLLOUT) {
+        if (hg_outq_flush(&b->link.out, source->fd) == HG_OK)
+            hg_link_update(b);
+        // A broken stream shows in reading, after the last answers.
+    }
+    if (events & (EPOLLIN | EPOLLHUP | EPOLLERR))
+        receive(b);
+}

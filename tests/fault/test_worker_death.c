@@ -1,0 +1,401 @@
+// test_worker_death.c - the worker dies, hangs, or is poisoned: the client sees a pause, nothing
+// else, or is told which request was to blame.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include <cmocka.h>
+
+#include "base/sha256.h"
+#include "tests/system/daemon.h"
+
+static void start(struct daemon *d)
+{
+    daemon_init(d);
+    daemon_option(d, "restart-delay", "0.01");
+    daemon_start(d);
+}
+
+// A scene with every kind of edit, in an order in which compaction by kind would fail: parents
+// that are younger than their children, meshes and materials replaced, objects removed and made
+// again, poses between moves.
+static void build_scene(struct peer *p)
+{
+    uint32_t n = p->first_id;
+    float triangle[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .positions = {(const uint8_t *)triangle, sizeof triangle}};
+    struct hgp_mesh_set mesh = {.mesh = n, .parts = {&part, 1}};
+    peer_call(p, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
+        HGP_T_ok);
+    peer_call(p, HGP_T_material_set,
+        &(struct hgp_material_set){.material = n, .has_roughness = true, .roughness = 0.25f},
+        HGP_T_ok);
+    part.material = n; // younger than the mesh's first version
+    peer_call(p, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = n + 1, .has_name = true, .name = hgp_str_make("parent")},
+        HGP_T_ok);
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = n, .has_parent = true, .parent = n + 1}, HGP_T_ok);
+    peer_call(p, HGP_T_asset_load,
+        &(struct hgp_asset_load){
+            .asset = n, .path = hgp_str_make("a"), .has_parent = true, .parent = n + 1},
+        HGP_T_asset_loaded);
+    uint64_t of_asset = (uint64_t)n << 32;
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = of_asset, .has_translation = true, .translation = {1, 2, 3}},
+        HGP_T_ok);
+    peer_call(p, HGP_T_animation_set,
+        &(struct hgp_animation_set){.asset = n, .animation = 0, .time_s = 1}, HGP_T_ok);
+    peer_call(p, HGP_T_animation_set,
+        &(struct hgp_animation_set){.asset = n, .animation = 0, .time_s = 2.5}, HGP_T_ok);
+    for (int i = 0; i < 40; i++)
+        peer_call(p, HGP_T_node_set,
+            &(struct hgp_node_set){
+                .node = n, .has_translation = true, .translation = {(float)i, 0, 0}},
+            HGP_T_ok);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n + 2}, HGP_T_ok);
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = n + 3, .has_parent = true, .parent = n + 2}, HGP_T_ok);
+    peer_call(p, HGP_T_object_remove,
+        &(struct hgp_object_remove){.kind = HGP_object_kind_NODE, .object = n + 2}, HGP_T_ok);
+    peer_call(
+        p, HGP_T_node_set, &(struct hgp_node_set){.node = n + 2, .has_visible = true}, HGP_T_ok);
+    peer_call(p, HGP_T_environment_set,
+        &(struct hgp_environment_set){.has_kind = true,
+            .kind = HGP_environment_kind_SKY,
+            .has_turbidity = true,
+            .turbidity = 3},
+        HGP_T_ok);
+    peer_call(p, HGP_T_environment_set,
+        &(struct hgp_environment_set){.has_intensity = true, .intensity = 2}, HGP_T_ok);
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1,
+            .has_width = true,
+            .width = 32,
+            .has_height = true,
+            .height = 32,
+            .has_samples = true,
+            .samples = 4},
+        HGP_T_ok);
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_exposure_ev = true, .exposure_ev = 1}, HGP_T_ok);
+    peer_tell(p, HGP_T_view_camera,
+        &(struct hgp_view_camera){.view = 1, .input_seq = 1, .has_eye = true, .eye = {0, 0, 5}});
+    peer_tell(p, HGP_T_view_camera,
+        &(struct hgp_view_camera){
+            .view = 1, .input_seq = 2, .has_target = true, .target = {0, 1, 0}});
+}
+
+static void take_frame(struct peer *p, struct hgp_frame *out, uint8_t digest[32])
+{
+    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1, .settled = true},
+        HGP_T_frame);
+    *out = p->m.frame;
+    memcpy(digest, p->m.frame.data.data, 32);
+}
+
+static void same_frame_after(struct daemon *d, struct peer *p, const char *wire)
+{
+    struct hgp_frame before, after;
+    uint8_t digest_before[32], digest_after[32];
+    pid_t worker = daemon_worker(d, 0);
+    take_frame(p, &before, digest_before);
+    daemon_write(d, wire, "");
+    take_frame(p, &after, digest_after);
+    assert_true(daemon_worker(d, worker) != worker);
+    assert_memory_equal(digest_before, digest_after, 32);
+    assert_int_equal(before.scene_revision, after.scene_revision);
+    assert_int_equal(before.input_seq, after.input_seq);
+    assert_true(after.number > before.number);
+}
+
+static void killed_in_a_frame(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    build_scene(&p);
+    same_frame_after(&d, &p, "die.frame_request");
+    char *log = daemon_read(&d, "log");
+    assert_null(strstr(log, "an edit is refused now"));
+    free(log);
+    // The journal is compacted: 40 moves are one entry.
+    peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    const char *entries = memmem(p.m.json.text.data, p.m.json.text.size, "journal_entries\":", 17);
+    assert_non_null(entries);
+    assert_true(atoi(entries + 17) < 20);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void killed_from_outside_with_subscription(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "shared");
+    build_scene(&p);
+    pid_t worker = daemon_worker(&d, 0);
+    peer_call(
+        &p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 8}, HGP_T_ok);
+    uint64_t number = 0;
+    uint8_t digest[32] = {0};
+    bool killed = false;
+    for (int i = 0; i < 60; i++) {
+        assert_true(peer_next(&p));
+        assert_int_equal(p.header.type, HGP_T_frame);
+        assert_true(p.m.frame.number > number); // increases across workers
+        number = p.m.frame.number;
+        if (i)
+            assert_memory_equal(digest, p.m.frame.data.data, 32);
+        memcpy(digest, p.m.frame.data.data, 32);
+        peer_tell(&p, HGP_T_credit, &(struct hgp_credit){.view = 1, .frames = 1});
+        if (i == 20) {
+            kill(worker, SIGKILL);
+            killed = true;
+        }
+    }
+    assert_true(killed && daemon_worker(&d, worker) != worker);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void hung_loop_is_replaced(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "worker-timeout", "0.6");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    build_scene(&p);
+    same_frame_after(&d, &p, "hang.frame_request");
+    daemon_wait_log(&d, "worker-timeout");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void endless_step_is_replaced(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "hang-timeout", "0.5");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    build_scene(&p);
+    // Its pulses go on, but say that one step does not end. The frame came; the next one does too.
+    pid_t worker = daemon_worker(&d, 0);
+    struct hgp_frame before, after;
+    uint8_t digest_before[32], digest_after[32];
+    daemon_write(&d, "busy.frame_request", "");
+    take_frame(&p, &before, digest_before);
+    daemon_worker(&d, worker);
+    take_frame(&p, &after, digest_after);
+    assert_memory_equal(digest_before, digest_after, 32);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void edits_under_way_happen_once(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    // 200 edits in one go; the worker dies at the 3rd light, of which there is one in ten.
+    uint32_t first = p.next_request;
+    daemon_write(&d, "die.light_set", "");
+    for (uint32_t i = 0; i < 200; i++) {
+        if (i % 10 == 9)
+            peer_send(&p, HGP_T_light_set, &(struct hgp_light_set){.light = p.first_id + i});
+        else
+            peer_send(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id + i});
+    }
+    for (uint32_t i = 0; i < 200; i++) {
+        peer_answer(&p, first + i, HGP_T_ok);
+        assert_int_equal(p.m.ok.revision, i + 1); // none lost, none twice
+    }
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void poison_is_given_up(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer bad, good;
+    start(&d);
+    peer_open(&good, &d);
+    peer_scene(&good, "");
+    build_scene(&good);
+    struct hgp_frame frame;
+    uint8_t digest_before[32], digest_after[32];
+    take_frame(&good, &frame, digest_before);
+    peer_call(&good, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 100}, HGP_T_ok);
+    take_frame(&good, &frame, digest_before);
+    daemon_write(&d, "kill.variant_set", "");
+    peer_open(&bad, &d);
+    peer_scene(&bad, "");
+    uint32_t waiting =
+        peer_send(&good, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    uint32_t poison =
+        peer_send(&bad, HGP_T_variant_set, &(struct hgp_variant_set){.asset = bad.first_id});
+    uint32_t after = peer_send(&bad, HGP_T_node_set, &(struct hgp_node_set){.node = bad.first_id});
+    peer_error(&bad, poison, HG_E_WORKER);
+    peer_answer(&bad, after, HGP_T_ok); // what came behind it is not lost
+    peer_answer(&good, waiting, HGP_T_frame);
+    memcpy(digest_after, good.m.frame.data.data, 32);
+    assert_memory_equal(digest_before, digest_after, 32);
+    assert_int_equal(daemon_file_size(&d, "count.variant_set"), 2); // twice, never a third time
+    peer_close(&bad);
+    peer_close(&good);
+    daemon_finish(&d);
+}
+
+static void crash_loop_ends_sessions_not_the_daemon(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_option(&d, "crash-limit", "3");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    peer_call(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id}, HGP_T_ok);
+    daemon_write(&d, "kill.start", "");
+    kill(daemon_worker(&d, 0), SIGKILL);
+    bool told = false;
+    while (peer_next(&p))
+        told |= p.header.type == HGP_T_error && p.m.error.code == HG_E_WORKER;
+    assert_true(told);
+    peer_close(&p);
+    peer_open(&p, &d); // the daemon lives
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void lethal_scene_is_given_up_alone(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer bad, good;
+    start(&d);
+    peer_open(&good, &d);
+    peer_scene(&good, "");
+    peer_call(&good, HGP_T_node_set, &(struct hgp_node_set){.node = good.first_id}, HGP_T_ok);
+    peer_open(&bad, &d);
+    peer_scene(&bad, "");
+    peer_call(&bad, HGP_T_light_set, &(struct hgp_light_set){.light = bad.first_id}, HGP_T_ok);
+    daemon_write(&d, "kill.light_set", ""); // from now on this scene cannot be built
+    kill(daemon_worker(&d, 0), SIGKILL);
+    peer_end(&bad);
+    peer_call(&good, HGP_T_node_set, &(struct hgp_node_set){.node = good.first_id + 1}, HGP_T_ok);
+    assert_int_equal(good.m.ok.revision, 2);
+    peer_close(&bad);
+    peer_close(&good);
+    daemon_finish(&d);
+}
+
+static void two_sessions_keep_their_scene(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b;
+    struct hgp_frame frame;
+    uint8_t digest_a[32], digest_b[32];
+    start(&d);
+    peer_open(&a, &d);
+    peer_scene(&a, "hall");
+    peer_open(&b, &d);
+    peer_scene(&b, "hall");
+    build_scene(&a);
+    build_scene(&b);
+    uint64_t revision = b.m.ok.revision; // of its last view_set: all edits of both
+    pid_t worker = daemon_worker(&d, 0);
+    kill(worker, SIGKILL);
+    take_frame(&a, &frame, digest_a);
+    take_frame(&b, &frame, digest_b);
+    assert_int_equal(frame.scene_revision, revision);
+    worker = daemon_worker(&d, worker);
+    uint8_t again[32];
+    kill(worker, SIGKILL);
+    take_frame(&b, &frame, again);
+    assert_memory_equal(digest_b, again, 32);
+    // A batch that was open stays open: its end is no error.
+    peer_call(&a, HGP_T_batch_begin, &(struct hgp_batch_begin){0}, HGP_T_ok);
+    kill(daemon_worker(&d, worker), SIGKILL);
+    peer_call(&a, HGP_T_batch_end, &(struct hgp_batch_end){0}, HGP_T_ok);
+    peer_close(&a);
+    peer_close(&b);
+    daemon_finish(&d);
+}
+
+static void killed_while_loading(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    uint32_t load = peer_send(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id, .path = hgp_str_make("slow=300")});
+    // Everything behind it waits, views and cameras included.
+    uint32_t view = peer_send(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8});
+    for (uint32_t i = 1; i <= 1000; i++)
+        peer_tell(&p, HGP_T_view_camera, &(struct hgp_view_camera){.view = 1, .input_seq = i});
+    uint32_t frame = peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    assert_true(peer_next(&p)); // progress of the load
+    assert_int_equal(p.header.type, HGP_T_progress);
+    kill(daemon_worker(&d, 0), SIGKILL);
+    peer_answer(&p, load, HGP_T_asset_loaded);
+    peer_answer(&p, view, HGP_T_ok);
+    peer_answer(&p, frame, HGP_T_frame);
+    assert_int_equal(p.m.frame.input_seq, 1000);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(killed_in_a_frame),
+        cmocka_unit_test(killed_from_outside_with_subscription),
+        cmocka_unit_test(hung_loop_is_replaced),
+        cmocka_unit_test(endless_step_is_replaced),
+        cmocka_unit_test(edits_under_way_happen_once),
+        cmocka_unit_test(poison_is_given_up),
+        cmocka_unit_test(crash_loop_ends_sessions_not_the_daemon),
+        cmocka_unit_test(lethal_scene_is_given_up_alone),
+        cmocka_unit_test(two_sessions_keep_their_scene),
+        cmocka_unit_test(killed_while_loading),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

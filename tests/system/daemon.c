@@ -1,0 +1,431 @@
+#include "tests/system/daemon.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+
+enum { PATIENCE_MS = 20000, STEP_NS = 5000000 };
+
+extern char **environ;
+
+static uint64_t deadline_after(int ms)
+{
+    return hg_clock_now_ns() + (uint64_t)ms * 1000000u;
+}
+
+static void path_in(const struct daemon *d, const char *name, char *path, size_t size)
+{
+    snprintf(path, size, "%s/%s", d->folder, name);
+}
+
+// ---- the daemon ---------------------------------------------------------------------------------
+
+void daemon_init(struct daemon *d)
+{
+    *d = (struct daemon){0};
+    snprintf(d->folder, sizeof d->folder, "/tmp/heliod-test.XXXXXX");
+    assert_non_null(mkdtemp(d->folder));
+    const char *build = getenv("HELIO_BUILD_DIR");
+    assert_non_null(build);
+    char text[512];
+    snprintf(text, sizeof text, "%s/bin/heliod", build);
+    d->args[d->arg_count++] = strdup(text);
+    snprintf(text, sizeof text, "unix:%s/sock", d->folder);
+    daemon_option(d, "listen", text);
+    snprintf(text, sizeof text, "%s/cache", d->folder);
+    daemon_option(d, "cache-dir", text);
+    const char *worker = getenv("HELIO_TEST_WORKER");
+    snprintf(text, sizeof text, "%s/tests/fake_worker", build);
+    daemon_option(d, "worker", worker ? worker : text);
+    daemon_option(d, "log", "debug");
+}
+
+void daemon_option(struct daemon *d, const char *name, const char *value)
+{
+    char text[640];
+    if (value)
+        snprintf(text, sizeof text, "--%s=%s", name, value);
+    else
+        snprintf(text, sizeof text, "--%s", name);
+    assert_true(d->arg_count < 63);
+    d->args[d->arg_count++] = strdup(text);
+}
+
+static void spawn_daemon(struct daemon *d)
+{
+    posix_spawn_file_actions_t actions;
+    char log[128], out[128];
+    path_in(d, "log", log, sizeof log);
+    path_in(d, "out", out, sizeof out);
+    setenv("HELIO_FAKE_DIR", d->folder, 1);
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 1, out, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    posix_spawn_file_actions_addopen(&actions, 2, log, O_WRONLY | O_CREAT | O_APPEND, 0600);
+    assert_int_equal(posix_spawn(&d->pid, d->args[0], &actions, NULL, d->args, environ), 0);
+    posix_spawn_file_actions_destroy(&actions);
+}
+
+void daemon_start(struct daemon *d)
+{
+    char port_file[128];
+    path_in(d, "port", port_file, sizeof port_file);
+    daemon_option(d, "port-file", port_file);
+    spawn_daemon(d);
+    uint64_t deadline_ns = deadline_after(PATIENCE_MS);
+    while (!daemon_has_file(d, "port")) { // written when it listens
+        int status;
+        if (waitpid(d->pid, &status, WNOHANG) == d->pid) {
+            d->pid = 0;
+            fail_msg("heliod ended at start:\n%s", daemon_read(d, "log"));
+        }
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        hg_clock_sleep_ns(STEP_NS);
+    }
+    char *text = daemon_read(d, "port");
+    d->port = atoi(text);
+    free(text);
+}
+
+int daemon_run(struct daemon *d)
+{
+    spawn_daemon(d);
+    return daemon_wait(d);
+}
+
+void daemon_signal(struct daemon *d, int number)
+{
+    assert_int_equal(kill(d->pid, number), 0);
+}
+
+int daemon_wait(struct daemon *d)
+{
+    uint64_t deadline_ns = deadline_after(PATIENCE_MS);
+    int status;
+    while (waitpid(d->pid, &status, WNOHANG) != d->pid) {
+        if (hg_clock_now_ns() > deadline_ns)
+            fail_msg("heliod does not end:\n%s", daemon_read(d, "log"));
+        hg_clock_sleep_ns(STEP_NS);
+    }
+    d->pid = 0;
+    if (!WIFEXITED(status))
+        fail_msg("heliod crashed (signal %d):\n%s", WTERMSIG(status), daemon_read(d, "log"));
+    return WEXITSTATUS(status);
+}
+
+void daemon_reap(struct daemon *d)
+{
+    assert_int_equal(waitpid(d->pid, NULL, 0), d->pid);
+    d->pid = 0;
+    char path[160];
+    path_in(d, "port", path, sizeof path);
+    unlink(path);
+}
+
+void daemon_finish(struct daemon *d)
+{
+    char command[128];
+    bool crashed = false;
+    if (d->pid) {
+        int status;
+        crashed = waitpid(d->pid, &status, WNOHANG) == d->pid;
+        kill(d->pid, SIGKILL);
+        waitpid(d->pid, NULL, 0);
+    }
+    if (crashed)
+        fprintf(stderr, "%s\n", daemon_read(d, "log"));
+    for (int i = 0; i < d->arg_count; i++)
+        free(d->args[i]);
+    snprintf(command, sizeof command, "rm -rf %s", d->folder);
+    if (system(command) != 0)
+        fprintf(stderr, "cannot remove %s\n", d->folder);
+    assert_false(crashed);
+}
+
+void daemon_write(struct daemon *d, const char *name, const char *text)
+{
+    char path[160];
+    path_in(d, name, path, sizeof path);
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), strlen(text));
+    close(fd);
+}
+
+size_t daemon_file_size(struct daemon *d, const char *name)
+{
+    char path[160];
+    struct stat st;
+    path_in(d, name, path, sizeof path);
+    return stat(path, &st) == 0 ? (size_t)st.st_size : 0;
+}
+
+bool daemon_has_file(struct daemon *d, const char *name)
+{
+    char path[160];
+    path_in(d, name, path, sizeof path);
+    return access(path, F_OK) == 0;
+}
+
+char *daemon_read(struct daemon *d, const char *name)
+{
+    char path[160];
+    path_in(d, name, path, sizeof path);
+    size_t size = daemon_file_size(d, name);
+    char *text = calloc(size + 1, 1);
+    int fd = open(path, O_RDONLY);
+    if (fd >= 0) {
+        ssize_t n = read(fd, text, size);
+        text[n > 0 ? n : 0] = 0;
+        close(fd);
+    }
+    return text;
+}
+
+void daemon_wait_log(struct daemon *d, const char *wanted)
+{
+    uint64_t deadline_ns = deadline_after(PATIENCE_MS);
+    for (;;) {
+        char *text = daemon_read(d, "log");
+        bool found = strstr(text, wanted) != NULL;
+        if (!found && hg_clock_now_ns() > deadline_ns)
+            fail_msg("the log never says '%s':\n%s", wanted, text);
+        free(text);
+        if (found)
+            return;
+        hg_clock_sleep_ns(STEP_NS);
+    }
+}
+
+// "worker PID ready" of the newest worker in the log.
+pid_t daemon_worker(struct daemon *d, pid_t other_than)
+{
+    uint64_t deadline_ns = deadline_after(PATIENCE_MS);
+    for (;;) {
+        char *text = daemon_read(d, "log");
+        pid_t pid = 0;
+        for (char *at = text; (at = strstr(at, "msg=\"worker ")); at++) {
+            int value, end = 0;
+            if (sscanf(at, "msg=\"worker %d ready%n", &value, &end) == 1 && end)
+                pid = value;
+        }
+        if (!pid || pid == other_than) {
+            if (hg_clock_now_ns() > deadline_ns)
+                fail_msg("no (new) worker:\n%s", text);
+            pid = 0;
+        }
+        free(text);
+        if (pid)
+            return pid;
+        hg_clock_sleep_ns(STEP_NS);
+    }
+}
+
+uint64_t daemon_rss_bytes(struct daemon *d)
+{
+    char path[64];
+    unsigned long long size, resident = 0;
+    snprintf(path, sizeof path, "/proc/%d/statm", (int)d->pid);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    assert_int_equal(fscanf(file, "%llu %llu", &size, &resident), 2);
+    fclose(file);
+    return resident * (uint64_t)sysconf(_SC_PAGESIZE);
+}
+
+// ---- connections --------------------------------------------------------------------------------
+
+void peer_connect(struct peer *p, struct daemon *d, bool tcp)
+{
+    struct sockaddr_un sun = {.sun_family = AF_UNIX};
+    struct sockaddr_in sin = {.sin_family = AF_INET,
+        .sin_port = htons((uint16_t)d->port),
+        .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    *p = (struct peer){.next_request = 1};
+    path_in(d, "sock", sun.sun_path, sizeof sun.sun_path);
+    p->fd = socket(tcp ? AF_INET : AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_true(p->fd >= 0);
+    const struct sockaddr *name = tcp ? (void *)&sin : (void *)&sun;
+    if (connect(p->fd, name, tcp ? sizeof sin : sizeof sun) != 0)
+        fail_msg("cannot connect: %s", strerror(errno));
+}
+
+void peer_raw(struct peer *p, const void *data, size_t size)
+{
+    for (size_t done = 0; done < size;) {
+        ssize_t n = send(p->fd, (const char *)data + done, size - done, MSG_NOSIGNAL);
+        if (n <= 0)
+            return; // the daemon may have closed already; the answer tells
+        done += (size_t)n;
+    }
+}
+
+static void send_message(struct peer *p, enum hgp_type type, uint32_t request, const void *message)
+{
+    struct hg_writer w = {0};
+    struct hgp_fault fault = {0};
+    if (hgp_encode(&w, 1, type, request, 0, message, &fault))
+        fail_msg("cannot encode: %s %s", fault.field, fault.reason);
+    peer_raw(p, w.data, w.size);
+    hg_writer_finish(&w);
+}
+
+uint32_t peer_send(struct peer *p, enum hgp_type type, const void *message)
+{
+    uint32_t request = p->next_request++;
+    send_message(p, type, request, message);
+    return request;
+}
+
+void peer_tell(struct peer *p, enum hgp_type type, const void *message)
+{
+    send_message(p, type, 0, message);
+}
+
+// False: closed, or nothing within the time.
+static bool read_all(struct peer *p, void *data, size_t size, int timeout_ms)
+{
+    uint64_t deadline_ns = deadline_after(timeout_ms);
+    for (size_t done = 0; done < size;) {
+        struct pollfd poll_fd = {p->fd, POLLIN, 0};
+        uint64_t now_ns = hg_clock_now_ns();
+        int left = now_ns < deadline_ns ? (int)((deadline_ns - now_ns) / 1000000) : 0;
+        if (poll(&poll_fd, 1, left) <= 0)
+            return false;
+        ssize_t n = recv(p->fd, (char *)data + done, size - done, 0);
+        if (n <= 0)
+            return false;
+        done += (size_t)n;
+    }
+    return true;
+}
+
+bool peer_next_within(struct peer *p, int timeout_ms)
+{
+    uint8_t header[HGP_HEADER_BYTES];
+    struct hgp_fault fault = {0};
+    free(p->payload);
+    p->payload = NULL;
+    hg_arena_finish(&p->arena);
+    if (!read_all(p, header, sizeof header, timeout_ms))
+        return false;
+    assert_int_equal(hgp_header_decode(header, sizeof header, UINT32_MAX, &p->header), HG_OK);
+    assert_int_equal(p->header.channel, 0);
+    p->payload = malloc(p->header.length + 1u);
+    assert_non_null(p->payload);
+    if (!read_all(p, p->payload, p->header.length, PATIENCE_MS))
+        fail_msg("the stream ends inside a message");
+    if (hgp_decode(1, p->header.type, p->payload, p->header.length, &p->arena, &p->m, &fault))
+        fail_msg("the daemon sent nonsense: %s %s", fault.field, fault.reason);
+    return true;
+}
+
+bool peer_next(struct peer *p)
+{
+    struct pollfd poll_fd = {p->fd, POLLIN, 0};
+    if (poll(&poll_fd, 1, PATIENCE_MS) == 0)
+        fail_msg("the daemon is silent");
+    return peer_next_within(p, PATIENCE_MS);
+}
+
+static void next_final(struct peer *p, uint32_t request)
+{
+    do
+        if (!peer_next(p))
+            fail_msg("the daemon closed the connection instead of answering");
+    while (p->header.request != request || p->header.type == HGP_T_progress ||
+           (p->header.type == HGP_T_notice && request));
+}
+
+void peer_answer(struct peer *p, uint32_t request, enum hgp_type type)
+{
+    next_final(p, request);
+    if (p->header.type == HGP_T_error && type != HGP_T_error)
+        fail_msg("refused: %.*s %.*s: %.*s", (int)p->m.error.what.size, p->m.error.what.data,
+            (int)p->m.error.where.size, p->m.error.where.data, (int)p->m.error.reason.size,
+            p->m.error.reason.data);
+    assert_int_equal(p->header.type, type);
+}
+
+void peer_error(struct peer *p, uint32_t request, enum hg_status status)
+{
+    next_final(p, request);
+    assert_int_equal(p->header.type, HGP_T_error);
+    if (p->m.error.code != status)
+        fail_msg("error %u, not %u: %.*s", p->m.error.code, status, (int)p->m.error.reason.size,
+            p->m.error.reason.data);
+}
+
+void peer_call(struct peer *p, enum hgp_type type, const void *message, enum hgp_type answer)
+{
+    peer_answer(p, peer_send(p, type, message), answer);
+}
+
+void peer_refused(struct peer *p, enum hgp_type type, const void *message, enum hg_status status)
+{
+    peer_error(p, peer_send(p, type, message), status);
+}
+
+void peer_hello(struct peer *p)
+{
+    peer_raw(p, HGP_PREFACE, HGP_PREFACE_BYTES);
+    peer_tell(p, HGP_T_hello,
+        &(struct hgp_hello){
+            .version_min = 1, .version_max = 1, .client = hgp_str_make("system test")});
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_welcome);
+    p->session = p->m.welcome.session;
+}
+
+void peer_auth(struct peer *p, const char *token)
+{
+    peer_tell(p, HGP_T_auth, &(struct hgp_auth){.token = hgp_str_make(token)});
+}
+
+void peer_open(struct peer *p, struct daemon *d)
+{
+    peer_connect(p, d, false);
+    peer_hello(p);
+    assert_false(p->m.welcome.auth_required);
+}
+
+void peer_scene(struct peer *p, const char *name)
+{
+    peer_call(p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make(name)},
+        HGP_T_scene_opened);
+    p->first_id = p->m.scene_opened.first_id;
+}
+
+void peer_close(struct peer *p)
+{
+    if (p->fd >= 0)
+        close(p->fd);
+    p->fd = -1;
+    free(p->payload);
+    p->payload = NULL;
+    hg_arena_finish(&p->arena);
+}
+
+void peer_end(struct peer *p)
+{
+    while (peer_next(p))
+        ;
+    char byte;
+    assert_true(recv(p->fd, &byte, 1, MSG_DONTWAIT) <= 0 && errno != EAGAIN);
+}

@@ -1,0 +1,68 @@
+// daemon.h - for system tests: a heliod of one's own, and raw connections to it.
+// Everything waits for something, with a deadline; failures end the test with what was missing.
+#ifndef HG_TESTS_SYSTEM_DAEMON_H
+#define HG_TESTS_SYSTEM_DAEMON_H
+
+#include <stdbool.h>
+#include <sys/types.h>
+
+#include "protocol/hgp.h"
+
+struct daemon {
+    char folder[64]; // temporary: socket, cache, tripwires, log
+    pid_t pid;
+    int port; // of the first tcp listener, 0 = none
+    char *args[64];
+    int arg_count;
+};
+
+// Makes the folder. Add options before daemon_start; unix:FOLDER/sock is always listened to.
+void daemon_init(struct daemon *d);
+void daemon_option(struct daemon *d, const char *name, const char *value); // value NULL: a switch
+// Uses the worker of $HELIO_TEST_WORKER, else the fake one. Waits until it listens.
+void daemon_start(struct daemon *d);
+// Runs heliod to its end (bad configurations); returns its exit code. stderr goes to FOLDER/log.
+int daemon_run(struct daemon *d);
+void daemon_signal(struct daemon *d, int number);
+int daemon_wait(struct daemon *d);    // for its end; returns the exit code
+void daemon_reap(struct daemon *d);   // after a SIGKILL
+void daemon_finish(struct daemon *d); // SIGKILL if it still runs; removes the folder
+void daemon_write(struct daemon *d, const char *name, const char *text); // a file in the folder
+bool daemon_has_file(struct daemon *d, const char *name);
+size_t daemon_file_size(struct daemon *d, const char *name); // 0 = not there
+char *daemon_read(struct daemon *d, const char *name);       // caller frees
+void daemon_wait_log(struct daemon *d, const char *text);    // until the log contains it
+pid_t daemon_worker(struct daemon *d, pid_t other_than);     // newest worker, once it is another
+uint64_t daemon_rss_bytes(struct daemon *d);
+
+struct peer {
+    int fd;
+    uint32_t next_request, first_id;
+    uint64_t session;
+    uint8_t *payload; // of the newest message
+    struct hg_arena arena;
+    struct hgp_header header;
+    union hgp_any m; // decoded
+};
+
+void peer_connect(struct peer *p, struct daemon *d, bool tcp); // only the socket
+void peer_hello(struct peer *p);                               // preface, hello, welcome
+void peer_auth(struct peer *p, const char *token);             // auth, no answer awaited
+void peer_open(struct peer *p, struct daemon *d);              // unix, open session
+void peer_scene(struct peer *p, const char *name);
+void peer_close(struct peer *p);
+void peer_raw(struct peer *p, const void *data, size_t size);
+uint32_t peer_send(struct peer *p, enum hgp_type type, const void *message); // returns request id
+void peer_tell(struct peer *p, enum hgp_type type, const void *message);     // request 0
+// Reads the next message into p->header and p->m. False: the peer closed.
+bool peer_next(struct peer *p);
+bool peer_next_within(struct peer *p, int timeout_ms); // false also on timeout
+// Reads until the final answer of the request.
+void peer_answer(struct peer *p, uint32_t request, enum hgp_type type);
+void peer_error(struct peer *p, uint32_t request, enum hg_status status);
+// peer_send + peer_answer.
+void peer_call(struct peer *p, enum hgp_type type, const void *message, enum hgp_type answer);
+void peer_refused(struct peer *p, enum hgp_type type, const void *message, enum hg_status status);
+void peer_end(struct peer *p); // the daemon closes the connection
+
+#endif

@@ -1,0 +1,779 @@
+// fake_worker.c - a worker without a renderer: keeps scenes as merged messages, answers as the real
+// one does, and falls over on request. For tests of the broker.
+//
+// A frame's data begins with the SHA-256 of everything that the frame shows (scene, view, camera),
+// so that equal frames mean equal states. The rest is filled up to width x height x 4 bytes.
+// A view's `seed` delays its frames by so many ms; asset paths "slow=MS" delay their load.
+//
+// Tripwires are files in the folder $HELIO_FAKE_DIR, looked at whenever a message NAME comes:
+//   die.NAME   removed, then the process kills itself      kill.NAME   the same, but stays
+//   hang.NAME  removed, then nothing happens any more      busy.NAME   removed, then pulses report
+//                                                                      a step that does not end
+//   die.start  removed at start, then exit before worker_ready
+// The folder also gets: pid, and count.NAME, one byte per message of that name.
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/sha256.h"
+#include "server/broker/packet.h"
+
+enum { LINK_FD = 3, MAX_CHANNELS = 256, MAX_VIEWS = 16, MAX_DELAYED = 256, PULSE_MS = 100 };
+
+struct object {
+    struct object *next;
+    uint16_t type;
+    uint64_t id, extra;
+    struct hg_packet *packet;
+};
+
+struct scene {
+    struct scene *next;
+    char key[256];
+    uint32_t users;
+    uint64_t revision;
+    struct object *objects;
+};
+
+struct view {
+    uint32_t number, credit;
+    struct hg_packet *params, *camera;
+    uint64_t frames, sent_ns;
+};
+
+struct channel {
+    uint32_t number; // 0 = free
+    struct scene *scene;
+    uint32_t first_id, id_count;
+    bool in_batch;
+    struct view views[MAX_VIEWS];
+    uint64_t blocked_until_ns; // a slow load runs; later messages wait
+    struct hg_packet *waiting[1024];
+    uint32_t waiting_count;
+};
+
+struct delayed {
+    struct hg_packet *packet; // NULL = free
+    uint64_t due_ns;
+};
+
+static struct channel channels[MAX_CHANNELS];
+static struct scene *scenes;
+static struct delayed delayed[MAX_DELAYED];
+static struct hg_outq out;
+static uint64_t busy_since_ns;
+static bool hung;
+
+// ---- tripwires ----------------------------------------------------------------------------------
+
+static bool trip(const char *kind, const char *name, bool stays)
+{
+    const char *folder = getenv("HELIO_FAKE_DIR");
+    char path[1024];
+    if (!folder)
+        return false;
+    snprintf(path, sizeof path, "%s/%s.%s", folder, kind, name);
+    return stays ? access(path, F_OK) == 0 : unlink(path) == 0;
+}
+
+static void note(const char *name, const void *text, size_t size)
+{
+    const char *folder = getenv("HELIO_FAKE_DIR");
+    char path[1024];
+    if (!folder)
+        return;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    int fd = open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return;
+    if (write(fd, text, size) != (ssize_t)size)
+        fprintf(stderr, "fake_worker: cannot write %s\n", path);
+    close(fd);
+}
+
+static void check_tripwires(const char *name)
+{
+    char count[128];
+    snprintf(count, sizeof count, "count.%s", name);
+    note(count, ".", 1);
+    if (trip("die", name, false) || trip("kill", name, true))
+        kill(getpid(), SIGKILL);
+    if (trip("hang", name, false))
+        hung = true;
+    if (trip("busy", name, false))
+        busy_since_ns = hg_clock_now_ns();
+}
+
+// ---- answers ------------------------------------------------------------------------------------
+
+static void push(uint32_t channel, uint32_t request, struct hg_packet *packet)
+{
+    if (!packet || hg_outq_push(&out, packet, request, channel))
+        abort();
+}
+
+static void answer(const struct hgp_header *to, enum hgp_type type, const void *message)
+{
+    push(to->channel, to->request, hg_packet_encode(type, message));
+}
+
+static void refuse(const struct hgp_header *to, enum hg_status status, const char *reason)
+{
+    answer(to, HGP_T_error,
+        &(struct hgp_error){.code = (uint16_t)status,
+            .what = hgp_str_make(hgp_find(to->type)->name),
+            .reason = hgp_str_make(reason)});
+}
+
+static void accept_edit(struct channel *c, const struct hgp_header *to)
+{
+    c->scene->revision += !c->in_batch;
+    if (to->request)
+        answer(to, HGP_T_ok, &(struct hgp_ok){.revision = c->scene->revision});
+}
+
+// ---- scenes -------------------------------------------------------------------------------------
+
+static struct object *find(struct scene *scene, uint16_t type, uint64_t id, uint64_t extra)
+{
+    for (struct object *it = scene->objects; it; it = it->next)
+        if (it->type == type && it->id == id && it->extra == extra)
+            return it;
+    return NULL;
+}
+
+static bool exists(struct scene *scene, uint16_t type, uint64_t id)
+{
+    return !id || (id >> 32 ? find(scene, HGP_T_asset_load, id >> 32, 0)
+                            : find(scene, type, id, 0)) != NULL;
+}
+
+static void remove_if(
+    struct scene *scene, bool (*matches)(const struct object *, uint64_t), uint64_t value)
+{
+    for (struct object **link = &scene->objects; *link;) {
+        struct object *object = *link;
+        if (!matches(object, value)) {
+            link = &object->next;
+            continue;
+        }
+        *link = object->next;
+        hg_packet_unref(object->packet);
+        hg_free(object);
+    }
+}
+
+static bool is_any(const struct object *object, uint64_t value)
+{
+    (void)object;
+    (void)value;
+    return true;
+}
+
+static bool is_of_asset(const struct object *object, uint64_t asset)
+{
+    switch (object->type) {
+    case HGP_T_asset_load:
+    case HGP_T_variant_set:
+    case HGP_T_animation_set:
+        return object->id == asset;
+    case HGP_T_environment_set:
+        return false;
+    default:
+        return object->id >> 32 == asset;
+    }
+}
+
+static struct hg_packet *merged(struct hg_packet *old, struct hg_packet *new)
+{
+    struct hg_arena arena = {0};
+    union hgp_any a, b;
+    uint16_t type = new->header.type;
+    if (hgp_decode(1, type, old->payload, old->header.length, &arena, &a, NULL) ||
+        hgp_decode(1, type, new->payload, new->header.length, &arena, &b, NULL))
+        abort();
+    if (type == HGP_T_view_camera)
+        a.view_camera.has_camera = false;
+    hgp_merge((enum hgp_type)type, &a, &b);
+    struct hg_packet *packet = hg_packet_encode((enum hgp_type)type, &a);
+    hg_arena_finish(&arena);
+    return packet;
+}
+
+static void store(struct hg_packet **slot, struct hg_packet *packet)
+{
+    struct hg_packet *result = *slot ? merged(*slot, packet) : hg_packet_ref(packet);
+    hg_packet_unref(*slot);
+    *slot = result;
+}
+
+static void put(struct scene *scene, uint64_t id, uint64_t extra, struct hg_packet *packet)
+{
+    struct object *object = find(scene, packet->header.type, id, extra);
+    if (!object) {
+        object = hg_calloc(1, sizeof *object);
+        if (!object)
+            abort();
+        *object = (struct object){
+            .next = scene->objects, .type = packet->header.type, .id = id, .extra = extra};
+        scene->objects = object;
+    }
+    store(&object->packet, packet);
+}
+
+// What the renderer does when an object goes: references to it become none.
+static void forget_references(struct scene *scene, uint16_t type, uint64_t id)
+{
+    for (struct object *it = scene->objects; it; it = it->next) {
+        union hgp_any any;
+        if (it->type != HGP_T_node_set || hgp_decode(1, it->type, it->packet->payload,
+                                              it->packet->header.length, NULL, &any, NULL))
+            continue;
+        struct hgp_node_set *n = &any.node_set;
+        if (type == HGP_T_node_set && n->parent == id)
+            n->has_parent = false;
+        if (type == HGP_T_mesh_set && n->mesh == id)
+            n->has_mesh = false;
+        struct hg_packet *packet = hg_packet_encode(HGP_T_node_set, n);
+        hg_packet_unref(it->packet);
+        it->packet = packet;
+    }
+}
+
+static void object_remove(
+    struct channel *c, const struct hgp_header *to, const struct hgp_object_remove *m)
+{
+    static const uint16_t types[] = {HGP_T_node_set, HGP_T_mesh_set, HGP_T_material_set,
+        HGP_T_texture_set, HGP_T_light_set, HGP_T_camera_set};
+    uint16_t type = types[m->kind];
+    for (struct object **link = &c->scene->objects; *link; link = &(*link)->next) {
+        struct object *object = *link;
+        if (object->type != type || object->id != m->object)
+            continue;
+        *link = object->next;
+        hg_packet_unref(object->packet);
+        hg_free(object);
+        forget_references(c->scene, type, m->object);
+        accept_edit(c, to);
+        return;
+    }
+    refuse(to, HG_E_NOTFOUND, "no such object");
+}
+
+static bool in_range(const struct channel *c, uint64_t id)
+{
+    return id >> 32 || (id >= c->first_id && id - c->first_id < c->id_count);
+}
+
+static void object_set(struct channel *c, struct hg_packet *packet, uint64_t id)
+{
+    const struct hgp_header *to = &packet->header;
+    if (!in_range(c, id) && !find(c->scene, to->type, id, 0)) {
+        refuse(to, HG_E_NOTFOUND, "outside the session's ids");
+        return;
+    }
+    put(c->scene, id, 0, packet);
+    accept_edit(c, to);
+}
+
+static void node_set(struct channel *c, struct hg_packet *packet, const struct hgp_node_set *m)
+{
+    if ((m->has_parent && !exists(c->scene, HGP_T_node_set, m->parent)) ||
+        (m->has_mesh && !exists(c->scene, HGP_T_mesh_set, m->mesh)))
+        refuse(&packet->header, HG_E_NOTFOUND, "a reference leads nowhere");
+    else
+        object_set(c, packet, m->node);
+}
+
+static void mesh_set(struct channel *c, struct hg_packet *packet, const struct hgp_mesh_set *m)
+{
+    for (uint32_t i = 0; i < m->parts.count; i++)
+        if (!exists(c->scene, HGP_T_material_set, m->parts.items[i].material)) {
+            refuse(&packet->header, HG_E_NOTFOUND, "a material does not exist");
+            return;
+        }
+    object_set(c, packet, m->mesh);
+}
+
+static void finish_load(struct channel *c, struct hg_packet *packet, uint32_t asset)
+{
+    put(c->scene, asset, 0, packet);
+    c->scene->revision += !c->in_batch;
+    answer(&packet->header, HGP_T_asset_loaded,
+        &(struct hgp_asset_loaded){
+            .asset = asset, .revision = c->scene->revision, .nodes = 1, .triangles = 12});
+}
+
+static void asset_load(struct channel *c, struct hg_packet *packet, const struct hgp_asset_load *m)
+{
+    char path[64];
+    snprintf(path, sizeof path, "%.*s", (int)m->path.size, m->path.data ? m->path.data : "");
+    if (find(c->scene, HGP_T_asset_load, m->asset, 0))
+        refuse(&packet->header, HG_E_EXISTS, "the asset is loaded already");
+    else if (m->has_parent && !exists(c->scene, HGP_T_node_set, m->parent))
+        refuse(&packet->header, HG_E_NOTFOUND, "no such parent");
+    else if (strcmp(path, "fail") == 0)
+        refuse(&packet->header, HG_E_FORMAT, "a broken file");
+    else if (strncmp(path, "slow=", 5) == 0 && !c->blocked_until_ns) {
+        c->blocked_until_ns = hg_clock_now_ns() + strtoull(path + 5, NULL, 10) * 1000000;
+        c->waiting[c->waiting_count++] = hg_packet_ref(packet);
+        answer(&packet->header, HGP_T_progress,
+            &(struct hgp_progress){.stage = hgp_str_make("load"), .total = 1});
+    } else
+        finish_load(c, packet, m->asset);
+}
+
+// ---- views --------------------------------------------------------------------------------------
+
+static struct view *find_view(struct channel *c, uint32_t number)
+{
+    for (int i = 0; i < MAX_VIEWS; i++)
+        if (c->views[i].number == number)
+            return &c->views[i];
+    return NULL;
+}
+
+static void hash_packet(struct hg_sha256 *h, const struct hg_packet *packet)
+{
+    if (packet)
+        hg_sha256_update(h, packet->payload, packet->header.length);
+}
+
+static int compare(const void *a, const void *b)
+{
+    const struct object *x = *(struct object *const *)a, *y = *(struct object *const *)b;
+    if (x->type != y->type)
+        return x->type < y->type ? -1 : 1;
+    if (x->id != y->id)
+        return x->id < y->id ? -1 : 1;
+    return x->extra < y->extra ? -1 : x->extra > y->extra;
+}
+
+// The state that a frame shows, whatever the order in which it came about.
+static void digest(struct channel *c, struct view *view, uint8_t hash[32])
+{
+    struct hg_sha256 *h = hg_sha256_create();
+    struct object *sorted[4096];
+    size_t count = 0;
+    if (!h)
+        abort();
+    for (struct object *it = c->scene->objects; it && count < 4096; it = it->next)
+        sorted[count++] = it;
+    qsort(sorted, count, sizeof *sorted, compare);
+    for (size_t i = 0; i < count; i++) {
+        hg_sha256_update(h, &sorted[i]->type, sizeof sorted[i]->type);
+        hash_packet(h, sorted[i]->packet);
+    }
+    hash_packet(h, view->params);
+    hash_packet(h, view->camera);
+    hg_sha256_end(h, hash);
+}
+
+static struct hgp_view_set params_of(const struct view *view)
+{
+    struct hgp_view_set m = {0};
+    if (hgp_decode(
+            1, HGP_T_view_set, view->params->payload, view->params->header.length, NULL, &m, NULL))
+        abort();
+    return m;
+}
+
+static struct hg_packet *make_frame(struct channel *c, struct view *view)
+{
+    struct hgp_view_set params = params_of(view);
+    uint32_t width = params.has_width ? params.width : 1280;
+    uint32_t height = params.has_height ? params.height : 720;
+    uint64_t input_seq = 0;
+    if (view->camera) {
+        struct hgp_view_camera camera;
+        if (hgp_decode(1, HGP_T_view_camera, view->camera->payload, view->camera->header.length,
+                NULL, &camera, NULL))
+            abort();
+        input_seq = camera.input_seq;
+    }
+    size_t size = (size_t)width * height * 4;
+    uint8_t *data = hg_calloc(size < 32 ? 32 : size, 1);
+    if (!data)
+        abort();
+    digest(c, view, data);
+    struct hg_packet *packet =
+        hg_packet_encode(HGP_T_frame, &(struct hgp_frame){.view = view->number,
+                                          .number = ++view->frames,
+                                          .scene_revision = c->scene->revision,
+                                          .input_seq = input_seq,
+                                          .width = width,
+                                          .height = height,
+                                          .samples = 1,
+                                          .settled = true,
+                                          .lossless = true,
+                                          .data = {data, (uint32_t)(size < 32 ? 32 : size)}});
+    hg_free(data);
+    return packet;
+}
+
+static void delay(struct hg_packet *packet, uint64_t due_ns)
+{
+    for (int i = 0; i < MAX_DELAYED; i++)
+        if (!delayed[i].packet) {
+            delayed[i] = (struct delayed){hg_packet_ref(packet), due_ns};
+            return;
+        }
+    abort();
+}
+
+static void frame_request(
+    struct channel *c, struct hg_packet *packet, const struct hgp_frame_request *m)
+{
+    struct view *view = find_view(c, m->view);
+    if (!view || !m->view) {
+        refuse(&packet->header, HG_E_NOTFOUND, "no such view");
+        return;
+    }
+    struct hgp_view_set params = params_of(view);
+    if (params.has_seed && params.seed && !(packet->header.flags & 0x8000)) {
+        packet->header.flags |= 0x8000; // answered when it comes back
+        delay(packet, hg_clock_now_ns() + params.seed * 1000000ull);
+        return;
+    }
+    push(packet->header.channel, packet->header.request, make_frame(c, view));
+}
+
+static void view_set(struct channel *c, struct hg_packet *packet, uint32_t number)
+{
+    struct view *view = find_view(c, number);
+    if (!view)
+        view = find_view(c, 0);
+    if (!view) {
+        refuse(&packet->header, HG_E_LIMIT, "too many views");
+        return;
+    }
+    view->number = number;
+    store(&view->params, packet);
+    if (packet->header.request)
+        answer(&packet->header, HGP_T_ok, &(struct hgp_ok){.revision = c->scene->revision});
+}
+
+static void drop_view(struct view *view)
+{
+    hg_packet_unref(view->params);
+    hg_packet_unref(view->camera);
+    *view = (struct view){0};
+}
+
+static void view_message(struct channel *c, struct hg_packet *packet, const union hgp_any *m)
+{
+    struct hg_reader r = hg_reader_make(packet->payload, packet->header.length);
+    if (packet->header.type == HGP_T_view_camera)
+        hg_read_u32(&r);
+    uint32_t number = hg_read_u32(&r);
+    struct view *view = number ? find_view(c, number) : NULL;
+    if (!view) {
+        refuse(&packet->header, HG_E_NOTFOUND, "no such view");
+        return;
+    }
+    switch (packet->header.type) {
+    case HGP_T_view_camera:
+        store(&view->camera, packet);
+        return; // never answered
+    case HGP_T_credit:
+        view->credit += m->credit.frames;
+        return;
+    case HGP_T_subscribe:
+        view->credit = m->subscribe.credit_frames;
+        break;
+    default:
+        drop_view(view);
+    }
+    if (packet->header.request)
+        answer(&packet->header, HGP_T_ok, &(struct hgp_ok){.revision = c->scene->revision});
+}
+
+// ---- sessions -----------------------------------------------------------------------------------
+
+static struct channel *find_channel(uint32_t number)
+{
+    for (int i = 0; i < MAX_CHANNELS; i++)
+        if (channels[i].number == number)
+            return &channels[i];
+    return NULL;
+}
+
+static struct scene *hold_scene(struct hgp_str key)
+{
+    for (struct scene *it = scenes; it; it = it->next)
+        if (strlen(it->key) == key.size && memcmp(it->key, key.data, key.size) == 0) {
+            it->users++;
+            return it;
+        }
+    struct scene *scene = hg_calloc(1, sizeof *scene);
+    if (!scene)
+        abort();
+    snprintf(scene->key, sizeof scene->key, "%.*s", (int)key.size, key.data);
+    scene->users = 1;
+    scene->next = scenes;
+    scenes = scene;
+    return scene;
+}
+
+static void attach(uint32_t number, const struct hgp_session_attach *m)
+{
+    struct channel *c = find_channel(number) ? NULL : find_channel(0);
+    if (!c)
+        abort(); // attached twice, or too many
+    c->number = number;
+    c->scene = hold_scene(m->scene);
+    c->first_id = m->first_id;
+    c->id_count = m->id_count;
+}
+
+static void detach(struct channel *c)
+{
+    for (int i = 0; i < MAX_VIEWS; i++)
+        drop_view(&c->views[i]);
+    for (uint32_t i = 0; i < c->waiting_count; i++)
+        hg_packet_unref(c->waiting[i]);
+    if (--c->scene->users == 0) {
+        struct scene **link = &scenes;
+        while (*link != c->scene)
+            link = &(*link)->next;
+        *link = c->scene->next;
+        remove_if(c->scene, is_any, 0);
+        hg_free(c->scene);
+    }
+    *c = (struct channel){0};
+}
+
+// ---- dispatch -----------------------------------------------------------------------------------
+
+static void serve(struct channel *c, struct hg_packet *packet, const union hgp_any *m)
+{
+    const struct hgp_header *to = &packet->header;
+    switch (to->type) {
+    case HGP_T_session_detach:
+        detach(c);
+        return;
+    case HGP_T_replay_end:
+        if (c->scene->revision < m->replay_end.revision)
+            c->scene->revision = m->replay_end.revision;
+        return;
+    case HGP_T_asset_load:
+        asset_load(c, packet, &m->asset_load);
+        return;
+    case HGP_T_asset_unload:
+        if (find(c->scene, HGP_T_asset_load, m->asset_unload.asset, 0)) {
+            remove_if(c->scene, is_of_asset, m->asset_unload.asset);
+            accept_edit(c, to);
+        } else {
+            refuse(to, HG_E_NOTFOUND, "no such asset");
+        }
+        return;
+    case HGP_T_mesh_set:
+        mesh_set(c, packet, &m->mesh_set);
+        return;
+    case HGP_T_node_set:
+        node_set(c, packet, &m->node_set);
+        return;
+    case HGP_T_texture_set:
+        object_set(c, packet, m->texture_set.texture);
+        return;
+    case HGP_T_material_set:
+        object_set(c, packet, m->material_set.material);
+        return;
+    case HGP_T_light_set:
+        object_set(c, packet, m->light_set.light);
+        return;
+    case HGP_T_camera_set:
+        object_set(c, packet, m->camera_set.camera);
+        return;
+    case HGP_T_environment_set:
+        put(c->scene, 0, 0, packet);
+        accept_edit(c, to);
+        return;
+    case HGP_T_animation_set:
+        put(c->scene, m->animation_set.asset, (uint32_t)m->animation_set.animation, packet);
+        accept_edit(c, to);
+        return;
+    case HGP_T_variant_set:
+        put(c->scene, m->variant_set.asset, 0, packet);
+        accept_edit(c, to);
+        return;
+    case HGP_T_object_remove:
+        object_remove(c, to, &m->object_remove);
+        return;
+    case HGP_T_batch_begin:
+    case HGP_T_batch_end:
+        if (c->in_batch == (to->type == HGP_T_batch_begin)) {
+            refuse(to, HG_E_STATE, "batch");
+            return;
+        }
+        c->in_batch = to->type == HGP_T_batch_begin;
+        accept_edit(c, to);
+        return;
+    case HGP_T_view_set:
+        view_set(c, packet, m->view_set.view);
+        return;
+    case HGP_T_frame_request:
+        frame_request(c, packet, &m->frame_request);
+        return;
+    case HGP_T_view_close:
+    case HGP_T_view_camera:
+    case HGP_T_subscribe:
+    case HGP_T_credit:
+        view_message(c, packet, m);
+        return;
+    case HGP_T_stats_query:
+    case HGP_T_info_query:
+        answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"fake\":true}")});
+        return;
+    default:
+        refuse(to, HG_E_UNSUPPORTED, "the fake worker does not know it");
+    }
+}
+
+static void handle(struct hg_packet *packet)
+{
+    const struct hgp_header *to = &packet->header;
+    struct hg_arena arena = {0};
+    union hgp_any any;
+    struct hgp_fault fault;
+    if (hgp_decode(1, to->type, packet->payload, to->length, &arena, &any, &fault)) {
+        fprintf(
+            stderr, "fake_worker: message 0x%04x does not decode: %s\n", to->type, fault.reason);
+        abort(); // the broker lets nothing bad through
+    }
+    struct channel *c = to->channel ? find_channel(to->channel) : NULL;
+    if (!(to->flags & 0x8000))
+        check_tripwires(hgp_find(to->type)->name);
+    if (hung) {
+    } else if (to->type == HGP_T_session_attach) {
+        attach(to->channel, &any.session_attach);
+    } else if (!c) {
+        refuse(to, HG_E_STATE, "no session on this channel");
+    } else if (c->blocked_until_ns && to->type != HGP_T_session_detach && !(to->flags & 0x8000)) {
+        if (c->waiting_count == 1024)
+            abort();
+        c->waiting[c->waiting_count++] = hg_packet_ref(packet);
+    } else {
+        serve(c, packet, &any);
+    }
+    hg_arena_finish(&arena);
+}
+
+// ---- time ---------------------------------------------------------------------------------------
+
+static void run_waiting(struct channel *c)
+{
+    struct hg_packet *waiting[1024];
+    uint32_t count = c->waiting_count;
+    memcpy(waiting, c->waiting, sizeof waiting);
+    c->waiting_count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        if (i == 0) { // the load that was slow
+            struct hg_arena arena = {0};
+            union hgp_any any;
+            if (hgp_decode(1, HGP_T_asset_load, waiting[0]->payload, waiting[0]->header.length,
+                    &arena, &any, NULL))
+                abort();
+            finish_load(c, waiting[0], any.asset_load.asset);
+            hg_arena_finish(&arena);
+            c->blocked_until_ns = 0;
+        } else {
+            handle(waiting[i]);
+        }
+        hg_packet_unref(waiting[i]);
+    }
+}
+
+static void run_delayed(uint64_t now_ns)
+{
+    for (int i = 0; i < MAX_DELAYED; i++)
+        if (delayed[i].packet && now_ns >= delayed[i].due_ns) {
+            struct hg_packet *packet = delayed[i].packet;
+            delayed[i].packet = NULL;
+            if (find_channel(packet->header.channel))
+                handle(packet);
+            hg_packet_unref(packet);
+        }
+    for (int i = 0; i < MAX_CHANNELS; i++)
+        if (channels[i].number && channels[i].blocked_until_ns &&
+            now_ns >= channels[i].blocked_until_ns)
+            run_waiting(&channels[i]);
+}
+
+// Subscribed views show a frame every few ms while they have credit.
+static void run_subscriptions(uint64_t now_ns)
+{
+    for (int i = 0; i < MAX_CHANNELS; i++)
+        for (int k = 0; k < MAX_VIEWS && channels[i].number; k++) {
+            struct view *view = &channels[i].views[k];
+            if (!view->credit || now_ns - view->sent_ns < 3000000)
+                continue;
+            view->credit--;
+            view->sent_ns = now_ns;
+            push(channels[i].number, 0, make_frame(&channels[i], view));
+        }
+}
+
+static void send_pulse(uint64_t now_ns)
+{
+    static uint64_t sent_ns;
+    if (now_ns - sent_ns < PULSE_MS * 1000000ull)
+        return;
+    sent_ns = now_ns;
+    push(0, 0,
+        hg_packet_encode(
+            HGP_T_pulse, &(struct hgp_pulse){.busy_ns = busy_since_ns ? now_ns - busy_since_ns : 0,
+                             .rss_bytes = 4096}));
+}
+
+static void run(void)
+{
+    struct hg_framer in = {0};
+    for (;;) {
+        struct pollfd p = {LINK_FD, (short)(POLLIN | (out.head ? POLLOUT : 0)), 0};
+        poll(&p, 1, hung ? -1 : 2);
+        while (hung)
+            pause();
+        uint64_t now_ns = hg_clock_now_ns();
+        if (p.revents & (POLLIN | POLLHUP)) {
+            enum hg_status status = hg_framer_read(&in, LINK_FD);
+            struct hg_packet *packet;
+            while (hg_framer_next(&in, UINT32_MAX, &packet) == HG_OK && packet) {
+                handle(packet);
+                hg_packet_unref(packet);
+            }
+            if (status == HG_E_CLOSED)
+                exit(0);
+        }
+        run_delayed(now_ns);
+        run_subscriptions(now_ns);
+        send_pulse(now_ns);
+        if (hg_outq_flush(&out, LINK_FD))
+            exit(0);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    for (int i = 1; i < argc; i++)
+        if (strcmp(argv[i], "--device-info") == 0) {
+            puts("{\"name\":\"fake\"}");
+            return 7; // whatever it is, the daemon passes it on
+        }
+    char pid[32];
+    int n = snprintf(pid, sizeof pid, "%d\n", (int)getpid());
+    note("pid", pid, (size_t)n);
+    if (trip("die", "start", false) || trip("kill", "start", true))
+        return 1;
+    push(0, 0,
+        hg_packet_encode(HGP_T_worker_ready, &(struct hgp_worker_ready){.pid = (uint32_t)getpid(),
+                                                 .device = hgp_str_make("{\"name\":\"fake\"}")}));
+    run();
+}

@@ -1,0 +1,10 @@
+# same_output.cmake - fails when FILE is not what PROGRAM ARGS prints.
+separate_arguments(ARGS)
+execute_process(COMMAND ${PROGRAM} ${ARGS} OUTPUT_FILE ${OUT} RESULT_VARIABLE rc)
+if(rc)
+  message(FATAL_ERROR "${PROGRAM} ${ARGS} failed: ${rc}")
+endif()
+execute_process(COMMAND ${CMAKE_COMMAND} -E compare_files ${OUT} ${FILE} RESULT_VARIABLE rc)
+if(rc)
+  message(FATAL_ERROR "${FILE} is out of date; make it again: ${PROGRAM} ${ARGS} > ${FILE}")
+endif()

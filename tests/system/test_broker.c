@@ -1,0 +1,753 @@
+// test_broker.c - heliod with a fake worker: handshake, rules, limits, flow control, drain, reload.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/sha256.h"
+#include "tests/system/daemon.h"
+
+static const char tokens[] = "# who may do what\n"
+                             "view-token-1 view anna\n"
+                             "edit-token-1 edit bert\n"
+                             "admin-token-1 admin\n";
+
+static void start_with_tokens(struct daemon *d)
+{
+    char path[160];
+    daemon_init(d);
+    daemon_write(d, "tokens", tokens);
+    snprintf(path, sizeof path, "%s/tokens", d->folder);
+    daemon_option(d, "tokens", path);
+    daemon_option(d, "listen", "tcp:127.0.0.1:0");
+}
+
+static void make_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
+{
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = view, .has_width = true, .width = width, .has_height = true, .height = height},
+        HGP_T_ok);
+}
+
+// ---- handshake ----------------------------------------------------------------------------------
+
+static void opens_for_own_user(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&p, &d);
+    assert_int_equal(p.m.welcome.role, HGP_role_ADMIN);
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 42}, HGP_T_pong);
+    assert_int_equal(p.m.pong.nonce, 42);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void half_handshakes_end(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer silent, half, slow, other;
+    daemon_init(&d);
+    daemon_option(&d, "handshake-timeout", "0.3");
+    daemon_start(&d);
+    peer_connect(&silent, &d, false);
+    peer_connect(&half, &d, false);
+    peer_raw(&half, HGP_PREFACE, 4);
+    peer_connect(&slow, &d, false);
+    peer_raw(&slow, HGP_PREFACE "\x10", HGP_PREFACE_BYTES + 1);
+    peer_open(&other, &d);
+    peer_end(&silent);
+    peer_end(&half);
+    assert_true(peer_next(&slow)); // it spoke HGP, so it is told
+    assert_int_equal(slow.header.type, HGP_T_error);
+    assert_int_equal(slow.m.error.code, HG_E_TIMEOUT);
+    peer_end(&slow);
+    peer_call(&other, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    peer_close(&silent);
+    peer_close(&half);
+    peer_close(&slow);
+    peer_close(&other);
+    daemon_finish(&d);
+}
+
+static void wrong_preface_and_version(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_connect(&p, &d, false);
+    peer_raw(&p, "GET / HTTP/1.1\r\n\r\n", 18);
+    assert_false(peer_next(&p)); // closed without an answer
+    peer_close(&p);
+    peer_connect(&p, &d, false);
+    peer_raw(&p, HGP_PREFACE, HGP_PREFACE_BYTES);
+    peer_tell(&p, HGP_T_hello, &(struct hgp_hello){.version_min = 7, .version_max = 9});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_VERSION);
+    peer_end(&p);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void tokens_decide(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start_with_tokens(&d);
+    daemon_option(&d, "auth-failures", "3");
+    daemon_start(&d);
+    assert_true(d.port > 0);
+    peer_connect(&p, &d, true);
+    peer_hello(&p);
+    assert_true(p.m.welcome.auth_required);
+    peer_auth(&p, "view-token-1");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    assert_int_equal(p.m.auth_ok.role, HGP_role_VIEW);
+    assert_memory_equal(p.m.auth_ok.name.data, "anna", 4);
+    // The role: a viewer may open a scene, not change it, not list sessions.
+    peer_scene(&p, "shared");
+    peer_refused(&p, HGP_T_node_set, &(struct hgp_node_set){.node = 1}, HG_E_PERM);
+    peer_refused(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HG_E_PERM);
+    peer_close(&p);
+    for (int i = 0; i < 4; i++) {
+        peer_connect(&p, &d, true);
+        peer_raw(&p, HGP_PREFACE, HGP_PREFACE_BYTES);
+        peer_tell(&p, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+        assert_true(peer_next(&p));
+        // After three wrong tokens the address has to wait, even for the right one.
+        if (i < 3) {
+            assert_int_equal(p.header.type, HGP_T_welcome);
+            peer_auth(&p, i == 1 ? "view-token-" : "view-token-2");
+            assert_true(peer_next(&p));
+        }
+        assert_int_equal(p.header.type, HGP_T_error);
+        assert_int_equal(p.m.error.code, HG_E_AUTH);
+        peer_end(&p);
+        peer_close(&p);
+    }
+    daemon_finish(&d);
+}
+
+static void unix_can_require_tokens(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    start_with_tokens(&d);
+    daemon_option(&d, "require-token", NULL);
+    daemon_start(&d);
+    peer_connect(&p, &d, false);
+    peer_hello(&p);
+    assert_true(p.m.welcome.auth_required);
+    // Nothing but auth is understood now.
+    peer_send(&p, HGP_T_scene_open, &(struct hgp_scene_open){0});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_STATE);
+    peer_end(&p);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// ---- rules of the wire --------------------------------------------------------------------------
+
+static void oversized_messages(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    uint8_t header[HGP_HEADER_BYTES];
+    start_with_tokens(&d);
+    daemon_option(&d, "max-message", "2");
+    daemon_start(&d);
+    peer_connect(&p, &d, true);
+    peer_hello(&p);
+    hgp_header_encode(
+        &(struct hgp_header){.length = HGP_LIMIT_BEFORE_AUTH + 1, .type = HGP_T_auth}, header);
+    peer_raw(&p, header, sizeof header);
+    assert_true(peer_next(&p)); // at once, before any payload
+    assert_int_equal(p.m.error.code, HG_E_LIMIT);
+    peer_end(&p);
+    peer_close(&p);
+    peer_open(&p, &d);
+    assert_int_equal(p.m.welcome.max_message_bytes, 2 << 20);
+    hgp_header_encode(
+        &(struct hgp_header){.length = (2 << 20) + 1, .type = HGP_T_upload, .request = 5}, header);
+    peer_raw(&p, header, sizeof header);
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_LIMIT);
+    peer_end(&p);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void send_header(struct peer *p, struct hgp_header h, const void *payload)
+{
+    uint8_t header[HGP_HEADER_BYTES];
+    hgp_header_encode(&h, header);
+    peer_raw(p, header, sizeof header);
+    peer_raw(p, payload, h.length);
+}
+
+static void unknown_and_broken_messages(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&p, &d);
+    send_header(&p, (struct hgp_header){.type = 0x7777, .request = 8, .length = 3}, "abc");
+    peer_error(&p, 8, HG_E_UNSUPPORTED);
+    send_header(&p,
+        (struct hgp_header){.type = 0x7777, .flags = HGP_FLAG_OPTIONAL, .request = 9, .length = 3},
+        "abc");
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 2}, HGP_T_pong); // 9 was skipped
+    // A payload that ends early: the request fails with the place, the connection stays.
+    send_header(&p, (struct hgp_header){.type = HGP_T_ping, .request = 10, .length = 3}, "abc");
+    peer_error(&p, 10, HG_E_TRUNCATED);
+    assert_memory_equal(p.m.error.what.data, "ping", 4);
+    assert_true(p.m.error.where.size > 0);
+    // Wrong direction ends the connection.
+    peer_send(&p, HGP_T_ok, &(struct hgp_ok){.revision = 1});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_STATE);
+    peer_end(&p);
+    peer_close(&p);
+    // So does a header that cannot be believed, and a message of the inner link.
+    peer_open(&p, &d);
+    send_header(&p, (struct hgp_header){.type = HGP_T_ping, .flags = 0x10}, "");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_FORMAT);
+    peer_end(&p);
+    peer_close(&p);
+    peer_open(&p, &d);
+    peer_send(&p, HGP_T_session_detach, &(struct hgp_session_detach){0});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.m.error.code, HG_E_STATE);
+    peer_end(&p);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// ---- scenes and frames --------------------------------------------------------------------------
+
+static void relays_edits_and_frames(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_refused(&p, HGP_T_node_set, &(struct hgp_node_set){.node = 1}, HG_E_STATE); // no scene
+    peer_scene(&p, "");
+    assert_false(p.m.scene_opened.existed);
+    peer_call(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id}, HGP_T_ok);
+    assert_int_equal(p.m.ok.revision, 1);
+    peer_refused(&p, HGP_T_asset_load, &(struct hgp_asset_load){.asset = 4000000000u}, HG_E_INVAL);
+    peer_call(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id, .path = hgp_str_make("demo:")},
+        HGP_T_asset_loaded);
+    peer_refused(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 3}, HG_E_NOTFOUND);
+    make_view(&p, 3, 64, 32);
+    peer_tell(&p, HGP_T_view_camera, &(struct hgp_view_camera){.view = 3, .input_seq = 77});
+    peer_call(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 3, .settled = true},
+        HGP_T_frame);
+    assert_int_equal(p.m.frame.input_seq, 77);
+    assert_int_equal(p.m.frame.data.size, 64 * 32 * 4);
+    peer_refused(
+        &p, HGP_T_bench, &(struct hgp_bench){.name = hgp_str_make("realtime")}, HG_E_UNSUPPORTED);
+    // A request without an id that fails is told as a notice.
+    peer_tell(&p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = p.first_id, .has_parent = true, .parent = 999});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_notice);
+    assert_int_equal(p.m.notice.code, HG_E_NOTFOUND);
+    peer_call(&p, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+    peer_scene(&p, "other");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void shares_scenes(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b;
+    uint8_t seen[32];
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&a, &d);
+    peer_scene(&a, "hall");
+    peer_call(&a, HGP_T_node_set, &(struct hgp_node_set){.node = a.first_id}, HGP_T_ok);
+    peer_open(&b, &d);
+    peer_scene(&b, "hall");
+    assert_true(b.m.scene_opened.existed);
+    assert_int_equal(b.m.scene_opened.revision, 1);
+    assert_true(b.first_id != a.first_id);
+    make_view(&a, 1, 8, 8);
+    make_view(&b, 1, 8, 8);
+    peer_call(&a, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    memcpy(seen, a.m.frame.data.data, 32);
+    peer_call(&b, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    assert_memory_equal(seen, b.m.frame.data.data, 32);
+    // An edit of one, sent without waiting, is in the scene although its session ends at once.
+    peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id});
+    peer_close(&b);
+    uint64_t deadline_ns = hg_clock_now_ns() + 10000000000u;
+    do {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        peer_call(&a, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    } while (memcmp(seen, a.m.frame.data.data, 32) == 0);
+    peer_call(&a, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    assert_non_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"name\":\"hall\"", 13));
+    peer_close(&a);
+    daemon_finish(&d);
+}
+
+// ---- quotas -------------------------------------------------------------------------------------
+
+static void quotas_are_explained(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, q, r;
+    daemon_init(&d);
+    daemon_option(&d, "max-views", "2");
+    daemon_option(&d, "max-pixels", "10000");
+    daemon_option(&d, "max-sessions", "2");
+    daemon_option(&d, "max-connections", "3");
+    daemon_option(&d, "max-upload", "1");
+    daemon_option(&d, "max-frame-requests", "2");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    make_view(&p, 1, 50, 100);
+    peer_refused(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 2, .has_width = true, .width = 100, .has_height = true, .height = 51},
+        HG_E_LIMIT);
+    assert_non_null(memmem(p.m.error.reason.data, p.m.error.reason.size, "max-pixels", 10));
+    make_view(&p, 2, 100, 50);
+    peer_refused(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 3, .has_width = true, .width = 1, .has_height = true, .height = 1},
+        HG_E_LIMIT);
+    peer_call(&p, HGP_T_view_close, &(struct hgp_view_close){.view = 1}, HGP_T_ok);
+    make_view(&p, 3, 1, 1);
+    // Uploads: 1 MiB in all.
+    peer_refused(&p, HGP_T_upload, &(struct hgp_upload){.total = (1 << 20) + 1}, HG_E_LIMIT);
+    // Frame requests under way.
+    peer_call(&p, HGP_T_view_set, &(struct hgp_view_set){.view = 3, .has_seed = true, .seed = 300},
+        HGP_T_ok);
+    uint32_t first = peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 3});
+    uint32_t second = peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 3});
+    peer_refused(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 3}, HG_E_BUSY);
+    peer_answer(&p, first, HGP_T_frame);
+    peer_answer(&p, second, HGP_T_frame);
+    // Sessions and connections.
+    peer_open(&q, &d);
+    peer_connect(&r, &d, false);
+    peer_raw(&r, HGP_PREFACE, HGP_PREFACE_BYTES);
+    peer_tell(&r, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+    assert_true(peer_next(&r));
+    assert_int_equal(r.m.error.code, HG_E_LIMIT);
+    peer_end(&r);
+    peer_close(&r);
+    peer_close(&q);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// ---- uploads ------------------------------------------------------------------------------------
+
+static struct hgp_upload piece(const uint8_t *data, size_t total, size_t offset, size_t size)
+{
+    struct hgp_upload m = {
+        .total = total, .offset = offset, .data = {data + offset, (uint32_t)size}};
+    assert_int_equal(hg_sha256(data, total, m.hash), HG_OK);
+    return m;
+}
+
+static bool is_there(struct peer *p, const uint8_t hash[32])
+{
+    struct hgp_content content;
+    memcpy(content.hash, hash, 32);
+    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
+        HGP_T_upload_have);
+    return p->m.upload_have.have.items[0].value;
+}
+
+static void uploads_are_kept_once(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, q;
+    enum { SIZE = 300000, PIECE = 100000 };
+    uint8_t *data = calloc(SIZE, 1);
+    data[SIZE - 1] = 7;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&p, &d);
+    struct hgp_upload m = piece(data, SIZE, 0, PIECE);
+    assert_false(is_there(&p, m.hash));
+    peer_tell(&p, HGP_T_upload, &m);
+    m = piece(data, SIZE, PIECE, PIECE);
+    peer_tell(&p, HGP_T_upload, &m);
+    m = piece(data, SIZE, 2 * PIECE, PIECE);
+    peer_call(&p, HGP_T_upload, &m, HGP_T_ok);
+    peer_open(&q, &d);
+    assert_true(is_there(&q, m.hash)); // for every session
+    char hex[HG_SHA256_HEX], name[128];
+    hg_sha256_hex(m.hash, hex);
+    snprintf(name, sizeof name, "cache/uploads/%s", hex);
+    assert_int_equal(daemon_file_size(&d, name), SIZE);
+    // Sending it again is harmless.
+    m = piece(data, SIZE, 0, SIZE);
+    peer_call(&q, HGP_T_upload, &m, HGP_T_ok);
+    // A load names it; an unknown one is refused by place.
+    peer_scene(&q, "");
+    struct hgp_asset_file file = {.uri = hgp_str_make("a.glb")};
+    memcpy(file.hash, m.hash, 32);
+    peer_call(&q, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = q.first_id, .files = {&file, 1}}, HGP_T_asset_loaded);
+    file.hash[0] ^= 1;
+    peer_refused(&q, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = q.first_id + 1, .files = {&file, 1}}, HG_E_NOTFOUND);
+    // Wrong hash, wrong order: refused, and nothing is left behind.
+    data[0] = 1;
+    m = piece(data, SIZE, 0, SIZE);
+    m.hash[5] ^= 1;
+    peer_refused(&p, HGP_T_upload, &m, HG_E_HASH);
+    assert_false(is_there(&p, m.hash));
+    m = piece(data, SIZE, PIECE, PIECE);
+    peer_refused(&p, HGP_T_upload, &m, HG_E_STATE);
+    assert_false(is_there(&p, m.hash));
+    assert_false(daemon_has_file(&d, "cache/uploads/.incoming.2"));
+    // Nothing at all is a content, too.
+    struct hgp_upload empty = {0};
+    assert_int_equal(hg_sha256("", 0, empty.hash), HG_OK);
+    peer_call(&p, HGP_T_upload, &empty, HGP_T_ok);
+    assert_true(is_there(&p, empty.hash));
+    free(data);
+    peer_close(&p);
+    peer_close(&q);
+    daemon_finish(&d);
+}
+
+// ---- flow control -------------------------------------------------------------------------------
+
+static void slow_reader_harms_nobody(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer slow, fast;
+    daemon_init(&d);
+    daemon_option(&d, "output-limit", "4");
+    daemon_option(&d, "peer-timeout", "2");
+    daemon_start(&d);
+    peer_open(&slow, &d);
+    peer_scene(&slow, "");
+    make_view(&slow, 1, 1024, 1024); // 4 MiB a frame
+    uint64_t before = daemon_rss_bytes(&d);
+    // All the credit of the world, and it never reads.
+    peer_send(&slow, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 1024});
+    peer_open(&fast, &d);
+    peer_scene(&fast, "");
+    make_view(&fast, 1, 64, 64);
+    uint64_t worst_ns = 0, most = 0;
+    uint64_t start_ns = hg_clock_now_ns();
+    for (int i = 0; i < 200; i++) {
+        uint64_t sent_ns = hg_clock_now_ns();
+        peer_call(&fast, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+        uint64_t took_ns = hg_clock_now_ns() - sent_ns, rss = daemon_rss_bytes(&d);
+        worst_ns = took_ns > worst_ns ? took_ns : worst_ns;
+        most = rss > most ? rss : most;
+    }
+    print_message("200 frames beside a slow reader: %.0f ms, worst %.1f ms, memory +%.1f MiB\n",
+        (double)(hg_clock_now_ns() - start_ns) * 1e-6, (double)worst_ns * 1e-6,
+        (double)(most - before) / 1048576.0);
+    // output-limit + the window of frames (3 of 4 MiB) + what was being received.
+    assert_true(most < before + (4 + 3 * 4 + 8) * 1048576ull);
+    // It is closed in the end; the fast one goes on.
+    daemon_wait_log(&d, "peer-timeout");
+    peer_call(&fast, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_close(&slow);
+    peer_close(&fast);
+    daemon_finish(&d);
+}
+
+static void credit_is_kept(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "frame-window", "2");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    make_view(&p, 1, 16, 16);
+    peer_tell(&p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 5});
+    for (int i = 0; i < 5; i++) {
+        assert_true(peer_next(&p));
+        assert_int_equal(p.header.type, HGP_T_frame);
+        assert_int_equal(p.header.request, 0);
+    }
+    assert_false(peer_next_within(&p, 150)); // no sixth
+    peer_tell(&p, HGP_T_credit, &(struct hgp_credit){.view = 1, .frames = 2});
+    for (int i = 0; i < 2; i++) {
+        assert_true(peer_next(&p));
+        assert_int_equal(p.header.type, HGP_T_frame);
+    }
+    assert_false(peer_next_within(&p, 150));
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void fast_writer_is_slowed(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "max-requests", "8");
+    daemon_option(&d, "max-rate", "2000");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    uint32_t first = 0, last = 0;
+    for (uint32_t i = 0; i < 1000; i++) {
+        last = peer_send(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id + i});
+        first = first ? first : last;
+    }
+    for (uint32_t request = first; request <= last; request++)
+        peer_answer(&p, request, HGP_T_ok); // all answered, in order, none refused
+    assert_int_equal(p.m.ok.revision, 1000);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// ---- drain and reload ---------------------------------------------------------------------------
+
+static void drains_under_load(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer busy, idle;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&busy, &d);
+    peer_scene(&busy, "");
+    make_view(&busy, 1, 64, 64);
+    peer_call(&busy, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 500}, HGP_T_ok);
+    peer_open(&idle, &d);
+    peer_call(&idle, HGP_T_ping, &(struct hgp_ping){.nonce = 3}, HGP_T_pong);
+    uint32_t request =
+        peer_send(&busy, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    peer_call(&busy, HGP_T_ping, &(struct hgp_ping){.nonce = 4}, HGP_T_pong); // it is under way
+    daemon_signal(&d, SIGTERM);
+    assert_true(peer_next(&idle));
+    assert_int_equal(idle.header.type, HGP_T_drain);
+    assert_true(peer_next(&idle));
+    assert_int_equal(idle.header.type, HGP_T_bye);
+    peer_end(&idle);
+    assert_true(peer_next(&busy));
+    assert_int_equal(busy.header.type, HGP_T_drain);
+    peer_refused(&busy, HGP_T_view_set, &(struct hgp_view_set){.view = 2}, HG_E_STATE);
+    peer_answer(&busy, request, HGP_T_frame); // finished, not cut off
+    assert_true(peer_next(&busy));
+    assert_int_equal(busy.header.type, HGP_T_bye);
+    peer_close(&busy);
+    peer_close(&idle);
+    assert_int_equal(daemon_wait(&d), 0);
+    assert_false(daemon_has_file(&d, "sock"));
+    daemon_finish(&d);
+}
+
+static void drain_has_a_deadline(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "drain-timeout", "0.2");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    make_view(&p, 1, 64, 64);
+    peer_call(&p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 60000}, HGP_T_ok);
+    uint32_t request = peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 4}, HGP_T_pong);
+    daemon_signal(&d, SIGTERM);
+    peer_error(&p, request, HG_E_CANCELLED);
+    peer_end(&p);
+    peer_close(&p);
+    assert_int_equal(daemon_wait(&d), 0);
+    daemon_finish(&d);
+}
+
+static void second_signal_ends_at_once(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    make_view(&p, 1, 64, 64);
+    peer_call(&p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 60000}, HGP_T_ok);
+    peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 4}, HGP_T_pong);
+    daemon_signal(&d, SIGTERM);
+    daemon_wait_log(&d, "draining");
+    daemon_signal(&d, SIGTERM);
+    assert_int_equal(daemon_wait(&d), 0);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void reloads_tokens_and_options(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, old;
+    char path[160];
+    start_with_tokens(&d);
+    daemon_write(&d, "config", "max-views = 3\n");
+    snprintf(path, sizeof path, "%s/config", d.folder);
+    daemon_option(&d, "config", path);
+    daemon_start(&d);
+    peer_open(&old, &d);
+    peer_scene(&old, "");
+    daemon_write(&d, "tokens", "new-token-22 edit carl\n");
+    daemon_write(&d, "config", "max-views = 1\n");
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "reloaded: 1 tokens");
+    peer_connect(&p, &d, true);
+    peer_hello(&p);
+    peer_auth(&p, "new-token-22");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    peer_close(&p);
+    make_view(&old, 1, 8, 8);
+    peer_refused(&old, HGP_T_view_set, &(struct hgp_view_set){.view = 2}, HG_E_LIMIT);
+    // A bad file changes nothing and says where it is bad.
+    daemon_write(&d, "tokens", "other-token edit\nshort admin\n");
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "reload refused");
+    daemon_wait_log(&d, "line 2");
+    peer_connect(&p, &d, true);
+    peer_hello(&p);
+    peer_auth(&p, "new-token-22");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    peer_close(&p);
+    peer_close(&old);
+    daemon_finish(&d);
+}
+
+// ---- start --------------------------------------------------------------------------------------
+
+static void refuses_bad_starts(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "listen", "tcp:127.0.0.1:0");
+    assert_int_equal(daemon_run(&d), 2); // tcp without tokens
+    daemon_finish(&d);
+    daemon_init(&d);
+    daemon_write(&d, "config", "# fine\nmax-views = many\n");
+    char path[160];
+    snprintf(path, sizeof path, "%s/config", d.folder);
+    daemon_option(&d, "config", path);
+    daemon_option(&d, "check-config", NULL);
+    assert_int_equal(daemon_run(&d), 2);
+    char *text = daemon_read(&d, "log");
+    assert_non_null(strstr(text, "line 2"));
+    free(text);
+    daemon_write(&d, "config", "# fine\nmax-views = 5\n");
+    assert_int_equal(daemon_run(&d), 0);
+    daemon_finish(&d);
+    daemon_init(&d);
+    daemon_option(&d, "worker", "/nonexistent/worker");
+    assert_int_equal(daemon_run(&d), 4);
+    daemon_finish(&d);
+    // A socket that somebody serves is left alone; one of a dead daemon is replaced.
+    daemon_init(&d);
+    daemon_start(&d);
+    struct daemon second = d;
+    second.pid = 0;
+    assert_int_equal(daemon_run(&second), 4);
+    peer_open(&p, &d);
+    peer_close(&p);
+    daemon_signal(&d, SIGKILL);
+    daemon_reap(&d);
+    assert_true(daemon_has_file(&d, "sock"));
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void passes_device_info_on(void **state)
+{
+    (void)state;
+    struct daemon d;
+    daemon_init(&d);
+    daemon_option(&d, "device-info", NULL);
+    assert_int_equal(daemon_run(&d), 7);
+    char *text = daemon_read(&d, "out");
+    assert_string_equal(text, "{\"name\":\"fake\"}\n");
+    free(text);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(opens_for_own_user),
+        cmocka_unit_test(half_handshakes_end),
+        cmocka_unit_test(wrong_preface_and_version),
+        cmocka_unit_test(tokens_decide),
+        cmocka_unit_test(unix_can_require_tokens),
+        cmocka_unit_test(oversized_messages),
+        cmocka_unit_test(unknown_and_broken_messages),
+        cmocka_unit_test(relays_edits_and_frames),
+        cmocka_unit_test(shares_scenes),
+        cmocka_unit_test(quotas_are_explained),
+        cmocka_unit_test(uploads_are_kept_once),
+        cmocka_unit_test(slow_reader_harms_nobody),
+        cmocka_unit_test(credit_is_kept),
+        cmocka_unit_test(fast_writer_is_slowed),
+        cmocka_unit_test(drains_under_load),
+        cmocka_unit_test(drain_has_a_deadline),
+        cmocka_unit_test(second_signal_ends_at_once),
+        cmocka_unit_test(reloads_tokens_and_options),
+        cmocka_unit_test(refuses_bad_starts),
+        cmocka_unit_test(passes_device_info_on),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
