@@ -7,7 +7,7 @@
 // reported once through the log and sampled as white.
 //
 // All pages are resident. Budget: the bytes of the pools stay <= budget_bytes; while a pool grows,
-// its old images live until the copy is done (one batch). Host memory: one decoded image with its
+// its old image lives until the copy is done (stats: peak_bytes). Host memory: one decoded image with its
 // mips per thread, at most about 8 bytes per texel of the images decoded at once.
 #ifndef HG_RENDERER_TEXTURE_TEXTURES_H
 #define HG_RENDERER_TEXTURE_TEXTURES_H
@@ -48,11 +48,12 @@ enum hg_status hg_textures_create(struct hg_gpu *gpu, const struct hg_textures_p
     struct hg_textures **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_textures_destroy(struct hg_textures *textures); // accepts NULL
 
-// Loads what the scene's materials use and frees what they no longer use. Recorded uploads and pool
-// copies run in front of `cmd`. Cheap when nothing changed. jobs NULL = this thread alone.
+// Loads what the scene's materials use and frees what they no longer use. No batch may be open: a
+// pool that grows is copied by a batch of its own; page uploads run in front of the next batch.
+// Cheap when nothing changed. jobs NULL = this thread alone.
 // HG_E_LIMIT (budget, naming it; nothing changed), HG_E_NOMEM, device errors.
 enum hg_status hg_textures_sync(struct hg_textures *textures, const struct hg_scene *scene,
-    struct hg_jobs *jobs, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
 // Grows whenever the records of textures moved: materials must be written again.
 uint64_t hg_textures_revision(const struct hg_textures *textures);
 
