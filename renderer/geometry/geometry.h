@@ -29,8 +29,8 @@ struct hg_geometry_params {
 
 struct hg_geometry_stats {
     uint64_t budget_bytes, used_bytes, peak_bytes;
-    uint64_t uploaded_bytes;   // by the newest sync
-    uint64_t triangles_total;  // of all visible instances
+    uint64_t uploaded_bytes;  // by the newest sync
+    uint64_t triangles_total; // of all visible instances
     uint32_t draws, instances, parts, materials, deforms;
     uint32_t parts_uploaded, deforms_changed; // by the newest sync
 };
@@ -69,7 +69,7 @@ enum hg_draw_class { HG_DRAW_CLASS_OPAQUE, HG_DRAW_CLASS_MASK, HG_DRAW_CLASS_BLE
 struct hg_draw_range {
     uint32_t first_draw, draw_count;
     uint32_t index_count, primitive_count; // primitives: per draw
-    uint32_t flags;                        // HG_DRAW_* of all its draws
+    uint32_t flags, part;                  // HG_DRAW_* and part of all its draws
     VkBuffer index_buffer;
     uint64_t index_offset; // bytes
 };

@@ -31,8 +31,8 @@ static inline float hg_half_to_float(uint16_t half)
     float value = exponent == 0 ? (float)mantissa * 0x1p-24f : 0.0f;
     uint32_t bits;
     if (exponent != 0) {
-        bits = exponent == 31 ? 0x7f800000u | mantissa << 13
-                              : (exponent + 112) << 23 | mantissa << 13;
+        bits =
+            exponent == 31 ? 0x7f800000u | mantissa << 13 : (exponent + 112) << 23 | mantissa << 13;
         memcpy(&value, &bits, sizeof value);
     }
     return half & 0x8000u ? -value : value;

@@ -9,11 +9,11 @@
 #include "renderer/texture/mips.h"
 
 // Weight of colour where alpha is 0, so that hidden texels still have a colour.
-#define ALPHA_FLOOR (1.0f / 1024.0f)
+#define ALPHA_FLOOR  (1.0f / 1024.0f)
 #define ENCODE_STEPS 4096
 
-static float decode_table[256];        // sRGB code to linear
-static float encode_limit[257];        // smallest linear value of a code; [256] = infinity
+static float decode_table[256];                // sRGB code to linear
+static float encode_limit[257];                // smallest linear value of a code; [256] = infinity
 static uint8_t encode_guess[ENCODE_STEPS + 1]; // code at the low end of a step
 static pthread_once_t tables_once = PTHREAD_ONCE_INIT;
 
@@ -76,7 +76,7 @@ struct plane {
     uint32_t width, height;
 };
 
-static float finite(float v)
+static float to_finite(float v)
 {
     return v != v ? 0.0f : v > 65504.0f ? 65504.0f : v < -65504.0f ? -65504.0f : v;
 }
@@ -110,7 +110,7 @@ static void load_row(const struct hg_image *image, uint32_t y, const struct filt
     } else {
         const float *src = (const float *)image->pixels + first;
         for (size_t i = 0; i < (size_t)w * 4; i++)
-            dst[i] = finite(src[i]);
+            dst[i] = to_finite(src[i]);
     }
     if (f->normal) {
         for (size_t i = 0; i < (size_t)w * 4; i++)
@@ -264,8 +264,7 @@ static enum hg_status allocate(struct hg_mips *m)
 {
     size_t total = 0;
     for (uint32_t i = 0; i < m->count; i++) {
-        const size_t texels =
-            (size_t)hg_mips_side(m->width, i) * hg_mips_side(m->height, i);
+        const size_t texels = (size_t)hg_mips_side(m->width, i) * hg_mips_side(m->height, i);
         if (!hg_add_size(total, texels * m->texel_bytes, &total))
             return HG_E_NOMEM;
     }
@@ -280,8 +279,8 @@ static enum hg_status allocate(struct hg_mips *m)
     return HG_OK;
 }
 
-static void store_mip0(const struct hg_image *image, const struct filter *f, struct hg_mips *m,
-    float *row)
+static void store_mip0(
+    const struct hg_image *image, const struct filter *f, struct hg_mips *m, float *row)
 {
     if (m->texel_bytes == 4) {
         memcpy(m->levels[0], image->pixels, (size_t)m->width * m->height * 4);
@@ -307,8 +306,7 @@ static void build_levels(const struct hg_image *image, struct filter *f, struct 
         f->coverage = coverage_of(m->levels[0], texels, f->cutoff);
     struct plane src = {NULL, m->width, m->height};
     for (uint32_t i = 1; i < m->count; i++) {
-        struct plane dst = {
-            planes[i & 1], hg_mips_side(m->width, i), hg_mips_side(m->height, i)};
+        struct plane dst = {planes[i & 1], hg_mips_side(m->width, i), hg_mips_side(m->height, i)};
         filter_level(i == 1 ? image : NULL, &src, f, rows, &dst);
         store_level(&dst, f, m->texel_bytes, m->levels[i]);
         if (f->scale_alpha)

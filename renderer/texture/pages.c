@@ -81,8 +81,8 @@ struct cut {
 };
 
 // Copies columns x0.. x0 + columns and rows y0.. of the mip, wrapped, to (x, y) of the page.
-static void cut_rectangle(const struct cut *c, int64_t x0, int64_t y0, uint32_t columns,
-    uint32_t rows, uint8_t *dst)
+static void cut_rectangle(
+    const struct cut *c, int64_t x0, int64_t y0, uint32_t columns, uint32_t rows, uint8_t *dst)
 {
     const size_t bytes = c->texel_bytes, pitch = HG_PAGE_PITCH * bytes;
     uint32_t from[HG_PAGE_PITCH];

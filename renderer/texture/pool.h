@@ -33,7 +33,7 @@ enum hg_status hg_pool_grow(
 uint32_t hg_pool_take(struct hg_pool *pool);
 void hg_pool_give(struct hg_pool *pool, uint32_t slot);
 // Texels of a slot, HG_PAGE_PITCH^2.
-enum hg_status hg_pool_write(struct hg_pool *pool, uint32_t slot, const void *texels,
-    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_pool_write(
+    struct hg_pool *pool, uint32_t slot, const void *texels, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -53,8 +53,8 @@ enum hg_status hg_source_identify(
     memset(out, 0, sizeof *out);
     enum hg_status status;
     if (source->encoded != NULL) {
-        status = identify_bytes(
-            source->encoded->data, source->encoded->size, source->label, out, err);
+        status =
+            identify_bytes(source->encoded->data, source->encoded->size, source->label, out, err);
     } else if (source->path != NULL) {
         uint8_t *data;
         size_t size;
@@ -95,5 +95,6 @@ enum hg_status hg_source_decode(const struct hg_image_source *source,
         return HG_OK;
     *view = NULL;
     hg_image_finish(owned);
-    return hg_error_set(err, HG_E_FORMAT, source->label, NULL, "the image changed while it was read");
+    return hg_error_set(
+        err, HG_E_FORMAT, source->label, NULL, "the image changed while it was read");
 }

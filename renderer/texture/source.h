@@ -13,8 +13,8 @@ struct hg_source_info {
 };
 
 // Statuses of image.h and base/file.h, HG_E_LIMIT for sides above 65536.
-enum hg_status hg_source_identify(const struct hg_image_source *source,
-    struct hg_source_info *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_source_identify(const struct hg_image_source *source, struct hg_source_info *out,
+    struct hg_error *err) HG_MUST_CHECK;
 // RGBA8, or what `pixels` holds, or RGBA32F for float files. *view borrows the pixels of a source
 // that has them, else *owned holds them (hg_image_finish in both cases).
 enum hg_status hg_source_decode(const struct hg_image_source *source,

@@ -285,9 +285,8 @@ static struct set_key key_of(const struct want *w, const struct source_job *sour
     key.cutoff = (uint8_t)w->cutoff;
     key.wrap_s = (uint8_t)w->texture->wrap_s;
     key.wrap_t = (uint8_t)w->texture->wrap_t;
-    const bool srgb = w->texture->image->pixels.pixels != NULL
-                          ? w->texture->image->pixels_srgb
-                          : w->use <= HG_TEXTURE_MASK;
+    const bool srgb = w->texture->image->pixels.pixels != NULL ? w->texture->image->pixels_srgb
+                                                               : w->use <= HG_TEXTURE_MASK;
     key.pool = source->info.is_float ? HG_POOL_FLOAT : srgb ? HG_POOL_SRGB : HG_POOL_LINEAR;
     return key;
 }
@@ -325,8 +324,8 @@ static enum hg_status add_set(struct sync *s, const struct want *w, const struct
         return HG_OK;
     }
     set->layout = hg_page_layout_of(source->info.width, source->info.height);
-    s->loads[s->load_count++] = (struct load_job){
-        .textures = t, .source = source->source, .info = source->info};
+    s->loads[s->load_count++] =
+        (struct load_job){.textures = t, .source = source->source, .info = source->info};
     return HG_OK;
 }
 
@@ -357,15 +356,15 @@ static void load_job_run(void *user, size_t index)
     const struct hg_image *image;
     struct hg_image owned;
     const uint64_t start = hg_clock_now_ns();
-    job->status = hg_source_decode(job->source, &job->info, limits->max_pixels > 0 ? limits : NULL,
-        &image, &owned, &job->err);
+    job->status = hg_source_decode(
+        job->source, &job->info, limits->max_pixels > 0 ? limits : NULL, &image, &owned, &job->err);
     const uint64_t decoded = hg_clock_now_ns();
     job->decode_ns = decoded - start;
     if (job->status != HG_OK)
         return;
     struct hg_mips mips;
-    job->status = hg_mips_build(image, set->key.pool == HG_POOL_SRGB, set->key.use,
-        (float)set->key.cutoff / 255.0f, &mips);
+    job->status = hg_mips_build(
+        image, set->key.pool == HG_POOL_SRGB, set->key.use, (float)set->key.cutoff / 255.0f, &mips);
     hg_image_finish(&owned);
     const size_t page_bytes = (size_t)HG_PAGE_PITCH * HG_PAGE_PITCH * mips.texel_bytes;
     if (job->status == HG_OK) {
@@ -373,8 +372,8 @@ static void load_job_run(void *user, size_t index)
         job->status = job->pages != NULL ? HG_OK : HG_E_NOMEM;
     }
     for (uint32_t i = 0; job->status == HG_OK && i < set->layout.pages; i++)
-        hg_page_cut(&set->layout, &mips, i, set->key.wrap_s, set->key.wrap_t,
-            job->pages + i * page_bytes);
+        hg_page_cut(
+            &set->layout, &mips, i, set->key.wrap_s, set->key.wrap_t, job->pages + i * page_bytes);
     hg_mips_finish(&mips);
     job->cut_ns = hg_clock_now_ns() - decoded;
     if (job->status != HG_OK)
@@ -733,8 +732,8 @@ static enum hg_status sync_changed(struct sync *s, struct hg_error *err)
     return status;
 }
 
-enum hg_status hg_textures_sync(struct hg_textures *t, const struct hg_scene *scene,
-    struct hg_jobs *jobs, struct hg_error *err)
+enum hg_status hg_textures_sync(
+    struct hg_textures *t, const struct hg_scene *scene, struct hg_jobs *jobs, struct hg_error *err)
 {
     struct sync s = {.t = t, .jobs = jobs};
     enum hg_status status = collect_wants(&s, scene);
@@ -771,9 +770,8 @@ struct hg_gpu_texture hg_textures_record(const struct hg_textures *t, uint32_t i
 
 void hg_textures_fill(const struct hg_textures *t, struct hg_gpu_textures *out)
 {
-    *out = (struct hg_gpu_textures){.list = t->list_buffer.address,
-        .table = t->table_buffer.address,
-        .count = t->record_count};
+    *out = (struct hg_gpu_textures){
+        .list = t->list_buffer.address, .table = t->table_buffer.address, .count = t->record_count};
     for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
         out->layers[i] = t->pools[i].layers;
 }

@@ -7,8 +7,8 @@
 // reported once through the log and sampled as white.
 //
 // All pages are resident. Budget: the bytes of the pools stay <= budget_bytes; while a pool grows,
-// its old image lives until the copy is done (stats: peak_bytes). Host memory: one decoded image with its
-// mips per thread, at most about 8 bytes per texel of the images decoded at once.
+// its old image lives until the copy is done (stats: peak_bytes). Host memory: one decoded image
+// with its mips per thread, at most about 8 bytes per texel of the images decoded at once.
 #ifndef HG_RENDERER_TEXTURE_TEXTURES_H
 #define HG_RENDERER_TEXTURE_TEXTURES_H
 
@@ -30,8 +30,8 @@ enum hg_texture_use {
 };
 
 struct hg_textures_params {
-    uint64_t budget_bytes;          // of the page pools; 0 = unlimited
-    struct hg_image_limits limits;  // of decoded images; zero = defaults of image.h
+    uint64_t budget_bytes;         // of the page pools; 0 = unlimited
+    struct hg_image_limits limits; // of decoded images; zero = defaults of image.h
 };
 
 struct hg_textures_stats {

@@ -4,31 +4,9 @@
 #ifndef HG_LIB_VERTEX_GLSL
 #define HG_LIB_VERTEX_GLSL
 
+#include "lib/octahedral.glsl"
 #include "lib/tables.glsl"
 #include "shared/geometry.h"
-
-// Unit vector of octahedral coordinates in -1..1.
-// Source: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors".
-vec3 hg_octahedral_decode(vec2 e)
-{
-    vec3 v = vec3(e, 1.0 - abs(e.x) - abs(e.y));
-    float fold = max(-v.z, 0.0);
-    v.xy += mix(vec2(fold), vec2(-fold), greaterThanEqual(v.xy, vec2(0.0)));
-    return normalize(v);
-}
-
-vec3 hg_decode_normal(uint word)
-{
-    return hg_octahedral_decode(unpackSnorm2x16(word));
-}
-
-// xyz and the sign of the bitangent.
-vec4 hg_decode_tangent(uint word)
-{
-    vec2 e = vec2(float(bitfieldExtract(int(word), 0, 16)) / 32767.0,
-        float(bitfieldExtract(int(word), 16, 15)) / 16383.0);
-    return vec4(hg_octahedral_decode(max(e, -1.0)), (word >> 31) != 0u ? -1.0 : 1.0);
-}
 
 // Position of a vertex relative to the eye; hg_clip_position takes it to clip space. Precision
 // follows the distance to the eye.

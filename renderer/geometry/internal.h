@@ -1,0 +1,131 @@
+// internal.h - what the files of renderer/geometry/ share. Private to this room.
+#ifndef HG_RENDERER_GEOMETRY_INTERNAL_H
+#define HG_RENDERER_GEOMETRY_INTERNAL_H
+
+#include "renderer/geometry/geometry.h"
+#include "renderer/geometry/pack.h"
+
+struct hg_box {
+    float min[3], max[3]; // empty: min > max
+};
+
+// --- box.c ---
+struct hg_box hg_box_empty(void);
+bool hg_box_is_empty(const struct hg_box *box);
+void hg_box_add_point(struct hg_box *box, const float p[3]);
+void hg_box_add(struct hg_box *box, const struct hg_box *other);
+// Box of the box under a column-major affine matrix (double), a little larger than exact.
+struct hg_box hg_box_transform(const struct hg_box *box, const double matrix[16]);
+// c = a * b, column-major; c may be a.
+void hg_matrix_multiply(const double a[16], const double b[16], double c[16]);
+void hg_matrix_from_float(const float m[16], double out[16]);
+double hg_matrix_determinant3(const double m[16]);
+void hg_matrix_store4x3(const double m[16], struct hg_mat4x3 *out);
+
+// --- table.c: an array on the device, of which only what differs is written ---
+struct hg_table {
+    const char *name;
+    struct hg_gpu_buffer buffer;
+    uint8_t *shadow; // what the device has
+    size_t capacity; // bytes of shadow
+    uint64_t size_bytes;
+};
+void hg_table_finish(struct hg_gpu *gpu, struct hg_table *table);
+// Adds the bytes written to *written. On failure the table is empty, so that all is written next.
+enum hg_status hg_table_write(struct hg_gpu *gpu, struct hg_table *table, const void *data,
+    uint64_t size_bytes, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
+
+// --- meshes.c: parts that do not change ---
+struct hg_part_entry {
+    struct hg_pack_layout layout;
+    struct hg_gpu_buffer buffer;
+    uint32_t vertex_count, index_count, primitive_count, joint_sets;
+    struct hg_box bounds;       // rest pose
+    struct hg_box *joint_boxes; // [joint_box_count] of the vertices that a joint moves
+    struct hg_box *morph_boxes; // [target_count] of the deltas
+    uint32_t joint_box_count;
+    struct hg_gpu_morph *morphs; // [target_count], weight 0
+    uint32_t index;              // in the part list of the device
+};
+
+struct hg_mesh_entry {
+    uint64_t id, revision;
+    struct hg_part_entry *parts;
+    uint32_t part_count, target_count;
+    uint64_t bytes;             // of all parts
+    const struct hg_mesh *mesh; // set by every sync
+    bool is_new;                // not part of the lists before this sync
+};
+// Sizes and bounds, nothing on the device yet.
+enum hg_status hg_mesh_entry_init(
+    struct hg_mesh_entry *entry, const struct hg_mesh *mesh, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
+    const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
+void hg_mesh_entry_finish(struct hg_gpu *gpu, struct hg_mesh_entry *entry);
+
+// --- deform.c: one part of one skinned or morphed node ---
+struct hg_deform_entry {
+    uint64_t node, mesh, mesh_revision;
+    uint32_t part;
+    uint32_t joint_count, target_count, vertex_count;
+    const struct hg_part_entry *source; // set by every sync
+    struct hg_gpu_buffer output;        // positions, then vertices
+    struct hg_gpu_buffer params;        // hg_gpu_deform, matrices, morph list
+    uint64_t vertices_offset, matrices_offset, morphs_offset, params_bytes, output_bytes;
+    uint8_t *pose;        // what params holds, params_bytes
+    double anchor[3];     // world position that the output is relative to (skinned), else 0
+    struct hg_box bounds; // of the output, relative to the anchor or in object space
+    bool changed;         // the device has not run it for this pose
+    uint32_t index;       // in the part list of the device
+    const struct hg_node *node_object; // set by every sync
+    bool is_new;
+};
+bool hg_deform_is_needed(const struct hg_node *node);
+void hg_deform_init(struct hg_deform_entry *entry, const struct hg_node *node, uint32_t part,
+    const struct hg_mesh_entry *mesh);
+uint64_t hg_deform_bytes(const struct hg_deform_entry *entry);
+// Allocates on first use, and writes the pose where it differs.
+enum hg_status hg_deform_update(struct hg_gpu *gpu, struct hg_deform_entry *entry,
+    const struct hg_node *node, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
+void hg_deform_finish(struct hg_gpu *gpu, struct hg_deform_entry *entry);
+
+// --- materials.c ---
+void hg_material_pack(const struct hg_material *material, const struct hg_textures *textures,
+    struct hg_gpu_material *out);
+
+// --- geometry.c ---
+struct hg_draw_entry {
+    uint64_t order; // sort key
+    struct hg_gpu_draw gpu;
+    struct hg_box bounds; // relative to the origin
+    const struct hg_part_entry *part;
+    const struct hg_node *node;
+    const struct hg_material *material;
+    uint32_t mesh_part, instance; // of the node
+    bool skinned;
+};
+
+struct hg_geometry {
+    struct hg_gpu *gpu;
+    struct hg_geometry_params params;
+    double origin[3];
+    struct hg_mesh_entry *meshes; // by id
+    uint32_t mesh_count;
+    struct hg_deform_entry *deforms; // by node id, part
+    size_t deform_capacity;
+    uint32_t deform_count;
+    uint32_t *changed; // indices of deforms to run
+    size_t changed_capacity;
+    uint32_t changed_count;
+    struct hg_draw_entry *draws; // in draw order
+    uint32_t draw_count;
+    struct hg_table draw_table, instance_table, part_table, material_table;
+    uint32_t instance_count, part_count, material_count;
+    uint64_t signature; // of the scene at the last sync, 0 = none
+    uint64_t shape_signature;
+    uint64_t revision, shape_revision;
+    struct hg_box bounds;
+    struct hg_geometry_stats stats;
+};
+
+#endif

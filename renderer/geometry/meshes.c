@@ -1,0 +1,141 @@
+// meshes.c - parts of meshes on the device. See internal.h.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/geometry/internal.h"
+
+static struct hg_box bounds_of(const float *positions, uint32_t count)
+{
+    struct hg_box box = hg_box_empty();
+    for (size_t i = 0; i < count; i++)
+        hg_box_add_point(&box, positions + i * 3);
+    return box;
+}
+
+// Box of the rest positions that each joint moves: a skinned vertex is a mean of its positions
+// under its joints, so it lies in the union of the boxes under theirs.
+static enum hg_status init_joint_boxes(struct hg_part_entry *e, const struct hg_mesh_part *part)
+{
+    const size_t per_vertex = (size_t)part->joint_sets * 4;
+    uint32_t count = 0;
+    for (size_t i = 0; i < part->vertex_count * per_vertex; i++)
+        if (part->weights[i] != 0.0f && part->joints[i] >= count)
+            count = part->joints[i] + 1u;
+    e->joint_boxes = hg_calloc(count, sizeof *e->joint_boxes);
+    if (e->joint_boxes == NULL)
+        return HG_E_NOMEM;
+    e->joint_box_count = count;
+    for (uint32_t i = 0; i < count; i++)
+        e->joint_boxes[i] = hg_box_empty();
+    for (size_t v = 0; v < part->vertex_count; v++)
+        for (size_t k = v * per_vertex; k < (v + 1) * per_vertex; k++)
+            if (part->weights[k] != 0.0f)
+                hg_box_add_point(&e->joint_boxes[part->joints[k]], part->positions + v * 3);
+    return HG_OK;
+}
+
+static enum hg_status init_morphs(
+    struct hg_part_entry *e, const struct hg_mesh_part *part, uint32_t target_count)
+{
+    e->morphs = hg_calloc(target_count, sizeof *e->morphs);
+    e->morph_boxes = hg_calloc(target_count, sizeof *e->morph_boxes);
+    if (e->morphs == NULL || e->morph_boxes == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < target_count; i++) {
+        e->morphs[i] = hg_pack_morph(part, i);
+        if (part->targets[i].positions != NULL)
+            e->morph_boxes[i] = bounds_of(part->targets[i].positions, part->vertex_count);
+    }
+    return HG_OK;
+}
+
+static enum hg_status init_part(
+    struct hg_part_entry *e, const struct hg_mesh_part *part, uint32_t target_count)
+{
+    static const uint32_t corners[] = {
+        [HG_TOPOLOGY_TRIANGLES] = 3, [HG_TOPOLOGY_LINES] = 2, [HG_TOPOLOGY_POINTS] = 1};
+    enum hg_status status = hg_pack_layout_of(part, target_count, &e->layout);
+    if (status != HG_OK)
+        return status;
+    e->vertex_count = part->vertex_count;
+    e->index_count = part->index_count;
+    e->primitive_count = part->index_count / corners[part->topology];
+    e->joint_sets = part->joints != NULL ? part->joint_sets : 0;
+    e->bounds = bounds_of(part->positions, part->vertex_count);
+    if (e->joint_sets > 0)
+        status = init_joint_boxes(e, part);
+    if (status == HG_OK && part->targets != NULL && target_count > 0)
+        status = init_morphs(e, part, target_count);
+    return status;
+}
+
+enum hg_status hg_mesh_entry_init(
+    struct hg_mesh_entry *entry, const struct hg_mesh *mesh, struct hg_error *err)
+{
+    memset(entry, 0, sizeof *entry);
+    entry->id = mesh->head.id;
+    entry->revision = mesh->head.revision;
+    entry->target_count = mesh->target_count;
+    entry->parts = hg_calloc(mesh->part_count, sizeof *entry->parts);
+    enum hg_status status = entry->parts != NULL ? HG_OK : HG_E_NOMEM;
+    entry->part_count = entry->parts != NULL ? mesh->part_count : 0;
+    for (uint32_t i = 0; i < entry->part_count && status == HG_OK; i++) {
+        status = init_part(&entry->parts[i], &mesh->parts[i], mesh->target_count);
+        entry->bytes += entry->parts[i].layout.total_bytes;
+    }
+    if (status == HG_OK)
+        return HG_OK;
+    hg_mesh_entry_finish(NULL, entry);
+    return hg_error_set(err, status, "mesh", mesh->head.name,
+        status == HG_E_NOMEM ? "no memory" : "too many vertices or morph targets");
+}
+
+static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
+    const struct hg_mesh_part *part, uint32_t target_count, struct hg_error *err)
+{
+    const uint64_t bytes = e->layout.total_bytes;
+    if (bytes == 0)
+        return HG_OK;
+    enum hg_status status =
+        hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, bytes, "mesh", &e->buffer, err);
+    if (status != HG_OK)
+        return status;
+    if (e->buffer.mapped != NULL) {
+        hg_pack_part(part, target_count, &e->layout, e->buffer.mapped);
+        return HG_OK;
+    }
+    uint8_t *packed = hg_calloc(bytes, 1);
+    if (packed == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
+    hg_pack_part(part, target_count, &e->layout, packed);
+    status = hg_gpu_buffer_upload(gpu, &e->buffer, 0, packed, bytes, err);
+    hg_free(packed);
+    return status;
+}
+
+enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
+    const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err)
+{
+    for (uint32_t i = 0; i < entry->part_count; i++) {
+        const enum hg_status status =
+            upload_part(gpu, &entry->parts[i], &mesh->parts[i], mesh->target_count, err);
+        if (status != HG_OK)
+            return status;
+    }
+    *written += entry->bytes;
+    return HG_OK;
+}
+
+void hg_mesh_entry_finish(struct hg_gpu *gpu, struct hg_mesh_entry *entry)
+{
+    for (uint32_t i = 0; i < entry->part_count; i++) {
+        struct hg_part_entry *e = &entry->parts[i];
+        if (gpu != NULL)
+            hg_gpu_buffer_destroy(gpu, &e->buffer);
+        hg_free(e->joint_boxes);
+        hg_free(e->morph_boxes);
+        hg_free(e->morphs);
+    }
+    hg_free(entry->parts);
+    memset(entry, 0, sizeof *entry);
+}
