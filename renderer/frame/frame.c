@@ -6,6 +6,7 @@
 #include "renderer/frame/view.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/shadow.h"
+#include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
@@ -126,11 +127,10 @@ static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error 
     return hg_lighting_sync(view->lighting, &look, err);
 }
 
-enum hg_status hg_frame_sync(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, cmd, err);
+    enum hg_status status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, err);
     if (status != HG_OK)
         return status;
     const uint64_t middle = hg_clock_now_ns();
@@ -251,6 +251,8 @@ enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
     enum hg_status status = cull(view, err);
+    if (status == HG_OK)
+        status = hg_skin_record(cmd, view->rooms->geometry, err);
     if (status == HG_OK)
         status = record_shadows(view, cmd, err);
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)

@@ -57,7 +57,7 @@ void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms)
 }
 
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], struct hg_gpu_cmd *cmd, struct hg_error *err)
+    const double eye_ws[3], struct hg_error *err)
 {
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
     if (rooms->scene_revision == rooms->scene->revision && !moved)
@@ -65,7 +65,7 @@ enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *
     rooms->scene_revision = UINT64_MAX; // a failure is tried again
     hg_scene_update(rooms->scene);
     enum hg_status status =
-        hg_textures_sync(rooms->textures, rooms->scene, context->jobs, cmd, err);
+        hg_textures_sync(rooms->textures, rooms->scene, context->jobs, err);
     if (status == HG_OK)
         status = hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
     if (status == HG_OK)

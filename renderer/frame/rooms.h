@@ -34,9 +34,9 @@ enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *s
     struct hg_rooms **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms); // accepts NULL
 
-// Brings textures and geometry in line with the scene; records into cmd. Nothing happens when the
-// scene's revision is known already. eye_ws: scene space.
+// Brings textures and geometry in line with the scene; no batch may be open. Nothing happens when
+// the scene's revision is known already. eye_ws: scene space.
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+    const double eye_ws[3], struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -175,19 +175,20 @@ static enum hg_status submit_and_wait(
 
 static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
-    struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    enum hg_status status = hg_frame_sync(view, err);
     if (status != HG_OK)
         return status;
-    status = hg_frame_sync(view, cmd, err);
+    struct hg_gpu_cmd *cmd;
+    status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
     const struct hg_view_key key = present_key(view);
     if (view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0)
         view->samples = 0;
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
-    if (status == HG_OK)
-        status = hg_frame_record(view, cmd, count, err);
+    status = hg_frame_record(view, cmd, count, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
@@ -195,6 +196,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     status = submit_and_wait(view, cmd, err);
     if (status != HG_OK)
         return status;
+    hg_geometry_deforms_done(view->rooms->geometry);
     view->key = key;
     view->samples += count;
     view->number++;

@@ -88,9 +88,8 @@ struct hg_gpu_pick;
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
     struct hg_gpu_pick *out, struct hg_error *err) HG_MUST_CHECK;
 
-// frame.c: what one batch draws.
-enum hg_status hg_frame_sync(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+// frame.c: what one batch draws. Sync before the batch is begun: it may submit copies of its own.
+enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.

@@ -7,8 +7,8 @@
 #include "renderer/gpu/gpu.h"
 
 // Records one dispatch per changed part and makes the streams visible to what follows; nothing when
-// no pose changed. Record after hg_geometry_sync and before anything that draws, outside rendering,
-// after hg_gpu_cmd_bind. Call hg_geometry_deforms_done once the batch is submitted. Device errors.
+// no pose changed. Record after hg_geometry_sync and before anything that draws, outside rendering.
+// Call hg_geometry_deforms_done once the batch is submitted. Device errors.
 enum hg_status hg_skin_record(
     struct hg_gpu_cmd *cmd, const struct hg_geometry *geometry, struct hg_error *err) HG_MUST_CHECK;
 
