@@ -120,4 +120,25 @@ enum hg_status hg_view_pick(struct hg_view *view, uint32_t x, uint32_t y, struct
 enum hg_status hg_renderer_stats_json(
     struct hg_renderer *renderer, struct hg_view *view, char **text) HG_MUST_CHECK;
 
+struct hg_bench_pose {
+    float eye[3], target[3]; // metres
+};
+
+struct hg_bench_realtime { // zero of each field = default
+    uint32_t width, height; // px; 1280 x 720
+    float vfov_rad;         // 45 degrees
+    uint32_t rounds;        // walks along the path that are measured; 3. One more warms up
+    const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
+    uint32_t path_count;
+    // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
+    bool (*progress)(void *user, uint32_t done, uint32_t total);
+    void *progress_user;
+};
+
+// Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
+// object: frames_ms, frame_ms (median), passes[] (name, ms: medians over the frames in which they
+// ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
+enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
 #endif
