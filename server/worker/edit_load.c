@@ -1,0 +1,303 @@
+// edit_load.c - assets, environments, poses and variants.
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "server/worker/serve.h"
+
+enum { NOTICE_LIMIT = 64 };
+
+// An asset number is chosen in the session's range; replayed assets keep the number they had.
+void edit_asset_load(const struct request *r)
+{
+    const struct hgp_asset_load *m = &r->message->asset_load;
+    struct hg_error err = {0};
+    if (hg_scene_find_asset(r->session->scene->scene, m->asset))
+        hg_error_set(
+            &err, HG_E_EXISTS, "asset_load", "asset", "asset %u is loaded already", m->asset);
+    else if (m->has_parent && m->parent &&
+             !hg_scene_find(r->session->scene->scene, HG_OBJECT_NODE, m->parent))
+        hg_error_set(&err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
+    if (err.status)
+        serve_fail(r, &err);
+    else
+        serve_start_task(r, TASK_ASSET, HGP_T_asset_load);
+}
+
+static void send_notices(const struct request *r, const struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->warning_count && i < NOTICE_LIMIT; i++) {
+        const struct hg_warning *warning = &asset->warnings[i];
+        serve_answer(r, HGP_T_notice,
+            &(struct hgp_notice){.what = hgp_str_make(warning->what),
+                .where = hgp_str_make(warning->where),
+                .reason = hgp_str_make(warning->reason)});
+    }
+    if (asset->warning_count > NOTICE_LIMIT) {
+        char text[64];
+        snprintf(text, sizeof text, "%u more warnings", asset->warning_count - NOTICE_LIMIT);
+        serve_answer(r, HGP_T_notice,
+            &(struct hgp_notice){.what = hgp_str_make(asset->label), .reason = hgp_str_make(text)});
+    }
+}
+
+static uint64_t count_triangles(const struct hg_asset *asset)
+{
+    uint64_t total = 0;
+    for (uint32_t n = 0; n < asset->node_count; n++) {
+        const struct hg_node *node = asset->nodes[n];
+        uint64_t copies = node->instance_count ? node->instance_count : 1;
+        for (uint32_t p = 0; node->mesh && p < node->mesh->part_count; p++)
+            if (node->mesh->parts[p].topology == HG_TOPOLOGY_TRIANGLES)
+                total += copies * (node->mesh->parts[p].index_count / 3);
+    }
+    return total;
+}
+
+static void answer_loaded(const struct request *r, const struct hg_asset *asset)
+{
+    struct hg_scene *scene = r->session->scene->scene;
+    struct hgp_asset_loaded answer = {
+        .asset = asset->number,
+        .revision = scene->revision,
+        .nodes = asset->node_count,
+        .meshes = asset->mesh_count,
+        .materials = asset->material_count,
+        .textures = asset->texture_count,
+        .lights = asset->light_count,
+        .cameras = asset->camera_count,
+        .animations = asset->animation_count,
+        .triangles = count_triangles(asset),
+    };
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        if (asset->animations[i].duration_s > answer.duration_s)
+            answer.duration_s = asset->animations[i].duration_s;
+    hg_scene_update(scene);
+    hg_scene_bounds(scene, NULL, answer.bounds_min, answer.bounds_max);
+    serve_answer(r, HGP_T_asset_loaded, &answer);
+}
+
+static enum hg_status choose_variant(
+    struct hg_asset *asset, struct hgp_str name, struct hg_error *err)
+{
+    asset->variant = -1;
+    if (!name.size)
+        return HG_OK;
+    for (uint32_t i = 0; i < asset->variant_count; i++)
+        if (strlen(asset->variants[i]) == name.size &&
+            memcmp(asset->variants[i], name.data, name.size) == 0) {
+            asset->variant = (int32_t)i;
+            return HG_OK;
+        }
+    return hg_error_set(err, HG_E_NOTFOUND, asset->label, "variant", "no variant '%.*s'",
+        (int)name.size, name.data);
+}
+
+static void publish_or_mark(struct session *session)
+{
+    if (session->batch_depth)
+        session->scene->dirty = true;
+    else
+        hg_scene_publish(session->scene->scene);
+}
+
+// The node that carries an asset's transform: made by the worker, last index of the asset's range.
+static uint64_t transform_node_id(uint32_t asset)
+{
+    return (uint64_t)asset << 32 | UINT32_MAX;
+}
+
+static enum hg_status transform_roots(
+    struct hg_scene *scene, struct hg_asset *asset, struct hg_node *parent, const float matrix[16])
+{
+    struct hg_object *object;
+    enum hg_status status =
+        hg_scene_add(scene, HG_OBJECT_NODE, transform_node_id(asset->number), &object);
+    if (status)
+        return status;
+    struct hg_node *node = (struct hg_node *)object;
+    node->has_matrix = true;
+    memcpy(node->matrix, matrix, sizeof node->matrix);
+    if (parent)
+        status = hg_scene_set_parent(scene, node, parent);
+    for (uint32_t i = 0; i < asset->root_count && !status; i++)
+        status = hg_scene_set_parent(scene, asset->roots[i], node);
+    return status;
+}
+
+static enum hg_status remove_asset(struct hg_scene *scene, uint32_t number)
+{
+    enum hg_status status = hg_scene_remove_asset(scene, number);
+    if (!status && hg_scene_find(scene, HG_OBJECT_NODE, transform_node_id(number)))
+        status = hg_scene_remove(scene, HG_OBJECT_NODE, transform_node_id(number), NULL);
+    return status;
+}
+
+static void finish_asset(const struct request *r, struct task *task)
+{
+    const struct hgp_asset_load *m = &r->message->asset_load;
+    struct hg_scene *scene = r->session->scene->scene;
+    struct hg_asset *asset = task->asset;
+    struct hg_error err = task->err;
+    enum hg_status status = task->status;
+    struct hg_object *parent =
+        m->has_parent && m->parent ? hg_scene_find(scene, HG_OBJECT_NODE, m->parent) : NULL;
+    if (!status && m->has_variant)
+        status = choose_variant(asset, m->variant, &err);
+    if (!status) {
+        status = hg_scene_add_asset(scene, asset, (struct hg_node *)parent);
+        if (!status)
+            task->asset = NULL; // the scene's now
+        if (!status && m->has_transform)
+            status = transform_roots(scene, asset, (struct hg_node *)parent, m->transform);
+        if (status)
+            hg_error_set(&err, status, "asset_load", NULL, "cannot join the scene: %s",
+                hg_status_text(status));
+        if (status && !task->asset)
+            (void)!remove_asset(scene, m->asset);
+    }
+    if (status) {
+        serve_fail(r, &err);
+        return;
+    }
+    publish_or_mark(r->session);
+    send_notices(r, asset);
+    answer_loaded(r, asset);
+}
+
+void edit_asset_unload(const struct request *r)
+{
+    struct hg_error err = {0};
+    enum hg_status status = remove_asset(r->session->scene->scene, r->message->asset_unload.asset);
+    if (status) {
+        hg_error_set(
+            &err, status, "asset_unload", "asset", "no asset %u", r->message->asset_unload.asset);
+        serve_fail(r, &err);
+        return;
+    }
+    serve_edited(r);
+}
+
+// ---- environment --------------------------------------------------------------------------------
+
+static void apply_environment(
+    const struct request *r, struct hg_image *image, const uint8_t image_hash[32])
+{
+    const struct hgp_environment_set *m = &r->message->environment_set;
+    struct hg_environment *env = &r->session->scene->scene->environment;
+    static const enum hg_environment_kind kinds[] = {
+        [HGP_environment_kind_NONE] = HG_ENV_NONE,
+        [HGP_environment_kind_COLOR] = HG_ENV_COLOR,
+        [HGP_environment_kind_FILE] = HG_ENV_IMAGE,
+        [HGP_environment_kind_SKY] = HG_ENV_SKY,
+    };
+    if (m->has_kind)
+        env->kind = kinds[m->kind];
+    if (m->has_color)
+        memcpy(env->color, m->color, sizeof env->color);
+    if (m->has_intensity)
+        env->intensity = m->intensity;
+    if (m->has_rotation_rad)
+        env->rotation_rad = m->rotation_rad;
+    if (m->has_sun_direction)
+        memcpy(env->sun_direction, m->sun_direction, sizeof env->sun_direction);
+    if (m->has_turbidity)
+        env->turbidity = m->turbidity;
+    if (image) {
+        hg_image_finish(&env->image);
+        env->image = *image;
+        *image = (struct hg_image){0};
+        memcpy(env->image_hash, image_hash, 32);
+        env->kind = HG_ENV_IMAGE;
+    }
+    env->revision = r->session->scene->scene->revision + 1;
+    serve_edited(r);
+}
+
+void edit_environment_set(const struct request *r)
+{
+    const struct hgp_environment_set *m = &r->message->environment_set;
+    const struct hg_environment *env = &r->session->scene->scene->environment;
+    struct hg_error err = {0};
+    bool file = m->has_hash || (m->has_path && m->path.size);
+    if (m->has_kind && m->kind == HGP_environment_kind_FILE && !file && !env->image.pixels)
+        hg_error_set(&err, HG_E_INVAL, "environment_set", "path",
+            "a FILE environment needs a path or a hash");
+    else if (m->has_sun_direction && m->sun_direction[0] == 0 && m->sun_direction[1] == 0 &&
+             m->sun_direction[2] == 0)
+        hg_error_set(&err, HG_E_INVAL, "environment_set", "sun_direction", "must not be zero");
+    if (err.status)
+        serve_fail(r, &err);
+    else if (file)
+        serve_start_task(r, TASK_ENVIRONMENT, HGP_T_environment_set);
+    else
+        apply_environment(r, NULL, NULL);
+}
+
+// ---- poses and variants -------------------------------------------------------------------------
+
+static struct hg_asset *need_asset(const struct request *r, const char *message, uint32_t number)
+{
+    struct hg_asset *asset = hg_scene_find_asset(r->session->scene->scene, number);
+    struct hg_error err = {0};
+    if (!asset) {
+        hg_error_set(&err, HG_E_NOTFOUND, message, "asset", "no asset %u", number);
+        serve_fail(r, &err);
+    }
+    return asset;
+}
+
+void edit_animation_set(const struct request *r)
+{
+    const struct hgp_animation_set *m = &r->message->animation_set;
+    struct hg_asset *asset = need_asset(r, "animation_set", m->asset);
+    if (!asset)
+        return;
+    struct hg_error err = {0};
+    enum hg_status status = hg_asset_pose(asset, m->animation, m->time_s);
+    if (status) {
+        hg_error_set(&err, status, asset->label, "animation", "no animation %d", m->animation);
+        serve_fail(r, &err);
+        return;
+    }
+    for (uint32_t i = 0; i < asset->node_count; i++)
+        hg_scene_touch(r->session->scene->scene, &asset->nodes[i]->head);
+    serve_edited(r);
+}
+
+void edit_variant_set(const struct request *r)
+{
+    const struct hgp_variant_set *m = &r->message->variant_set;
+    struct hg_asset *asset = need_asset(r, "variant_set", m->asset);
+    if (!asset)
+        return;
+    struct hg_error err = {0};
+    int32_t before = asset->variant;
+    if (choose_variant(asset, m->variant, &err)) {
+        asset->variant = before;
+        serve_fail(r, &err);
+        return;
+    }
+    for (uint32_t i = 0; i < asset->mesh_count; i++)
+        hg_scene_touch(r->session->scene->scene, &asset->meshes[i]->head);
+    serve_edited(r);
+}
+
+// ---- results of tasks ---------------------------------------------------------------------------
+
+void task_finish(const struct request *r, struct task *task)
+{
+    if (task->kind == TASK_ASSET) {
+        finish_asset(r, task);
+    } else if (task->status) {
+        serve_fail(r, &task->err);
+    } else if (task->kind == TASK_ENVIRONMENT) {
+        apply_environment(r, &task->image, task->image_hash);
+    } else {
+        serve_answer(r, HGP_T_compared,
+            &(struct hgp_compared){.value = task->value,
+                .width = task->width,
+                .height = task->height,
+                .diff = {task->diff.data, (uint32_t)task->diff.size}});
+    }
+}

@@ -1,0 +1,382 @@
+// edit_object.c - objects that clients make or change: textures, materials, nodes, lights, cameras.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/checked.h"
+#include "base/clock.h"
+#include "renderer/scene/asset.h"
+#include "server/worker/serve.h"
+
+static struct hg_scene *scene_of(const struct request *r)
+{
+    return r->session->scene->scene;
+}
+
+// Finds the object, or makes it when its id lies in the session's range. NULL after failing.
+static struct hg_object *find_or_make(
+    const struct request *r, enum hg_object_kind kind, uint64_t id, const char *message)
+{
+    struct hg_object *object = hg_scene_find(scene_of(r), kind, id);
+    if (object)
+        return object;
+    struct hg_error err = {0};
+    enum hg_status status = HG_OK;
+    uint64_t first = r->session->first_id;
+    if (id < first || id - first >= r->session->id_count)
+        status = hg_error_set(&err, HG_E_NOTFOUND, message, NULL,
+            "no object %llu, and new ones take ids %llu to %llu", (unsigned long long)id,
+            (unsigned long long)first, (unsigned long long)(first + r->session->id_count - 1));
+    if (!status) {
+        status = hg_scene_add(scene_of(r), kind, id, &object);
+        if (status)
+            hg_error_set(
+                &err, status, message, NULL, "cannot make the object: %s", hg_status_text(status));
+    }
+    if (status)
+        serve_fail(r, &err);
+    return status ? NULL : object;
+}
+
+static bool rename_object(const struct request *r, struct hg_object *object, struct hgp_str name)
+{
+    char *copy = hg_strndup(name.data ? name.data : "", name.size);
+    struct hg_error err = {0};
+    if (!copy) {
+        hg_error_set(&err, HG_E_NOMEM, "name", NULL, "no memory");
+        serve_fail(r, &err);
+        return false;
+    }
+    hg_free(object->name);
+    object->name = copy;
+    return true;
+}
+
+// Looks up a referenced object; id 0 is none. False after failing.
+static bool resolve(const struct request *r, enum hg_object_kind kind, uint64_t id,
+    const char *field, struct hg_object **out)
+{
+    *out = id ? hg_scene_find(scene_of(r), kind, id) : NULL;
+    if (!id || *out)
+        return true;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_NOTFOUND, "edit", field, "no object %llu", (unsigned long long)id);
+    serve_fail(r, &err);
+    return false;
+}
+
+static void finish_edit(const struct request *r, struct hg_object *object)
+{
+    hg_scene_touch(scene_of(r), object);
+    serve_edited(r);
+}
+
+// ---- textures -----------------------------------------------------------------------------------
+
+static enum hg_status fill_pixels(
+    const struct hgp_texture_set *m, struct hg_image_source *source, struct hg_error *err)
+{
+    if (m->format == HGP_pixel_format_FILE) {
+        struct hg_image_info info;
+        enum hg_status status =
+            hg_image_probe_memory(m->pixels.data, m->pixels.size, "texture_set", &info, err);
+        source->encoded = status ? NULL : hg_refbuf_create(m->pixels.size);
+        if (!status && !source->encoded)
+            status = hg_error_set(err, HG_E_NOMEM, "texture_set", "pixels", "no memory");
+        if (!status)
+            memcpy(source->encoded->data, m->pixels.data, m->pixels.size);
+        return status;
+    }
+    bool is_float = m->format == HGP_pixel_format_RGBA32F;
+    enum hg_status status = hg_image_create(
+        m->width, m->height, is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, &source->pixels);
+    if (status)
+        return hg_error_set(
+            err, status, "texture_set", "width", "%u x %u px cannot be held", m->width, m->height);
+    if (source->pixels.size_bytes != m->pixels.size)
+        return hg_error_set(err, HG_E_INVAL, "texture_set", "pixels", "%u bytes where %zu belong",
+            m->pixels.size, source->pixels.size_bytes);
+    memcpy(source->pixels.pixels, m->pixels.data, m->pixels.size);
+    source->pixels.has_alpha = true;
+    source->pixels_srgb = m->format == HGP_pixel_format_RGBA8_SRGB;
+    return HG_OK;
+}
+
+void edit_texture_set(const struct request *r)
+{
+    const struct hgp_texture_set *m = &r->message->texture_set;
+    struct hg_error err = {0};
+    struct hg_image_source *source = hg_image_source_create("texture_set");
+    enum hg_status status = source
+                                ? fill_pixels(m, source, &err)
+                                : hg_error_set(&err, HG_E_NOMEM, "texture_set", NULL, "no memory");
+    struct hg_object *object = NULL;
+    if (status)
+        serve_fail(r, &err);
+    else
+        object = find_or_make(r, HG_OBJECT_TEXTURE, m->texture, "texture_set");
+    if (!object) {
+        hg_image_source_unref(source);
+        return;
+    }
+    struct hg_texture *texture = (struct hg_texture *)object;
+    hg_image_source_unref(texture->image);
+    texture->image = source;
+    texture->wrap_s = (enum hg_wrap)m->wrap_s;
+    texture->wrap_t = (enum hg_wrap)m->wrap_t;
+    texture->mag_nearest = texture->min_nearest = m->nearest;
+    finish_edit(r, object);
+}
+
+// ---- materials ----------------------------------------------------------------------------------
+
+static bool set_slot(const struct request *r, struct hg_material *material,
+    enum hg_texture_slot slot, bool has, uint64_t id)
+{
+    struct hg_object *texture = NULL;
+    if (!has)
+        return true;
+    if (!resolve(r, HG_OBJECT_TEXTURE, id, "texture", &texture))
+        return false;
+    material->slots[slot].texture = (struct hg_texture *)texture;
+    return true;
+}
+
+static bool set_slots(const struct request *r, struct hg_material *material)
+{
+    const struct hgp_material_set *m = &r->message->material_set;
+    return set_slot(
+               r, material, HG_SLOT_BASE_COLOR, m->has_base_color_texture, m->base_color_texture) &&
+           set_slot(r, material, HG_SLOT_METALLIC_ROUGHNESS, m->has_metallic_roughness_texture,
+               m->metallic_roughness_texture) &&
+           set_slot(r, material, HG_SLOT_NORMAL, m->has_normal_texture, m->normal_texture) &&
+           set_slot(
+               r, material, HG_SLOT_OCCLUSION, m->has_occlusion_texture, m->occlusion_texture) &&
+           set_slot(r, material, HG_SLOT_EMISSIVE, m->has_emissive_texture, m->emissive_texture);
+}
+
+static void set_factors(struct hg_material *material, const struct hgp_material_set *m)
+{
+    if (m->has_base_color)
+        memcpy(material->base_color, m->base_color, sizeof material->base_color);
+    if (m->has_metallic)
+        material->metallic = m->metallic;
+    if (m->has_roughness)
+        material->roughness = m->roughness;
+    float strength = m->has_emissive_strength ? m->emissive_strength : 1;
+    for (int i = 0; i < 3 && m->has_emissive; i++)
+        material->emissive[i] = m->emissive[i] * strength;
+    if (m->has_normal_scale)
+        material->normal_scale = m->normal_scale;
+    if (m->has_occlusion_strength)
+        material->occlusion_strength = m->occlusion_strength;
+    if (m->has_alpha_mode)
+        material->alpha_mode = (enum hg_alpha_mode)m->alpha_mode;
+    if (m->has_alpha_cutoff)
+        material->alpha_cutoff = m->alpha_cutoff;
+    if (m->has_double_sided)
+        material->double_sided = m->double_sided;
+    if (m->has_unlit)
+        material->unlit = m->unlit;
+}
+
+void edit_material_set(const struct request *r)
+{
+    const struct hgp_material_set *m = &r->message->material_set;
+    if (m->has_emissive_strength && !m->has_emissive) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_INVAL, "material_set", "emissive_strength", "goes with emissive");
+        serve_fail(r, &err);
+        return;
+    }
+    struct hg_object *object = find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
+    if (!object)
+        return;
+    struct hg_material changed = *(struct hg_material *)object;
+    if (!set_slots(r, &changed))
+        return;
+    set_factors(&changed, m);
+    *(struct hg_material *)object = changed;
+    if (!m->has_name || rename_object(r, object, m->name))
+        finish_edit(r, object);
+}
+
+// ---- nodes --------------------------------------------------------------------------------------
+
+// Everything that can be refused is looked up before anything is changed.
+struct node_refs {
+    struct hg_object *parent, *mesh, *light, *camera;
+};
+
+static bool resolve_node(
+    const struct request *r, const struct hgp_node_set *m, struct node_refs *refs)
+{
+    return resolve(r, HG_OBJECT_NODE, m->has_parent ? m->parent : 0, "parent", &refs->parent) &&
+           resolve(r, HG_OBJECT_MESH, m->has_mesh ? m->mesh : 0, "mesh", &refs->mesh) &&
+           resolve(r, HG_OBJECT_LIGHT, m->has_light ? m->light : 0, "light", &refs->light) &&
+           resolve(r, HG_OBJECT_CAMERA, m->has_camera ? m->camera : 0, "camera", &refs->camera);
+}
+
+static void set_transform(struct hg_node *node, const struct hgp_node_set *m)
+{
+    if (m->has_translation)
+        memcpy(node->translation, m->translation, sizeof node->translation);
+    if (m->has_scale)
+        memcpy(node->scale, m->scale, sizeof node->scale);
+    if (m->has_rotation) {
+        float length = sqrtf(m->rotation[0] * m->rotation[0] + m->rotation[1] * m->rotation[1] +
+                             m->rotation[2] * m->rotation[2] + m->rotation[3] * m->rotation[3]);
+        for (int i = 0; i < 4; i++)
+            node->rotation[i] = m->rotation[i] / length;
+    }
+    if (m->has_translation || m->has_scale || m->has_rotation)
+        node->has_matrix = false;
+}
+
+static void set_contents(
+    struct hg_node *node, const struct hgp_node_set *m, const struct node_refs *refs)
+{
+    if (m->has_visible)
+        node->visible = m->visible;
+    if (m->has_mesh && node->mesh != (struct hg_mesh *)refs->mesh) {
+        node->mesh = (struct hg_mesh *)refs->mesh;
+        hg_free(node->weights); // they belonged to the old mesh
+        node->weights = NULL;
+    }
+    if (m->has_light)
+        node->light = (struct hg_light *)refs->light;
+    if (m->has_camera)
+        node->camera = (struct hg_camera *)refs->camera;
+}
+
+static bool rotation_is_valid(const struct request *r, const struct hgp_node_set *m)
+{
+    float sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += m->rotation[i] * m->rotation[i];
+    if (!m->has_rotation || (sum > 1e-12f && isfinite(sum)))
+        return true;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_INVAL, "node_set", "rotation", "a quaternion must not be zero");
+    serve_fail(r, &err);
+    return false;
+}
+
+void edit_node_set(const struct request *r)
+{
+    const struct hgp_node_set *m = &r->message->node_set;
+    struct node_refs refs;
+    if (!rotation_is_valid(r, m) || !resolve_node(r, m, &refs))
+        return;
+    struct hg_object *object = find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
+    if (!object)
+        return;
+    struct hg_node *node = (struct hg_node *)object;
+    struct hg_error err = {0};
+    if (m->has_parent && hg_scene_set_parent(scene_of(r), node, (struct hg_node *)refs.parent)) {
+        hg_error_set(&err, HG_E_INVAL, "node_set", "parent", "would make a cycle");
+        serve_fail(r, &err);
+        return;
+    }
+    set_transform(node, m);
+    set_contents(node, m, &refs);
+    if (!m->has_name || rename_object(r, object, m->name))
+        finish_edit(r, object);
+}
+
+// ---- lights and cameras -------------------------------------------------------------------------
+
+void edit_light_set(const struct request *r)
+{
+    const struct hgp_light_set *m = &r->message->light_set;
+    struct hg_object *object = find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
+    if (!object)
+        return;
+    struct hg_light *light = (struct hg_light *)object;
+    float inner = m->has_inner_cone_rad ? m->inner_cone_rad : light->inner_cone_rad;
+    float outer = m->has_outer_cone_rad ? m->outer_cone_rad : light->outer_cone_rad;
+    if ((m->has_inner_cone_rad || m->has_outer_cone_rad) && inner >= outer) {
+        struct hg_error err = {0};
+        hg_error_set(
+            &err, HG_E_INVAL, "light_set", "inner_cone_rad", "must be less than outer_cone_rad");
+        serve_fail(r, &err);
+        return;
+    }
+    static const int kinds[] = {
+        [HGP_light_kind_DIRECTIONAL] = HG_LIGHT_DIRECTIONAL,
+        [HGP_light_kind_POINT] = HG_LIGHT_POINT,
+        [HGP_light_kind_SPOT] = HG_LIGHT_SPOT,
+    };
+    if (m->has_kind)
+        light->kind = kinds[m->kind];
+    if (m->has_color)
+        memcpy(light->color, m->color, sizeof light->color);
+    if (m->has_intensity)
+        light->intensity = m->intensity;
+    if (m->has_range)
+        light->range = m->range;
+    if (m->has_casts_shadow)
+        light->casts_shadow = m->casts_shadow;
+    light->inner_cone_rad = inner;
+    light->outer_cone_rad = outer;
+    finish_edit(r, object);
+}
+
+void edit_camera_set(const struct request *r)
+{
+    const struct hgp_camera_set *m = &r->message->camera_set;
+    struct hg_object *object = find_or_make(r, HG_OBJECT_CAMERA, m->camera, "camera_set");
+    if (!object)
+        return;
+    struct hg_camera *camera = (struct hg_camera *)object;
+    if (m->has_kind)
+        camera->kind = m->kind == HGP_camera_kind_ORTHOGRAPHIC ? HG_CAMERA_ORTHOGRAPHIC
+                                                               : HG_CAMERA_PERSPECTIVE;
+    if (m->has_vfov_rad)
+        camera->vfov_rad = m->vfov_rad;
+    if (m->has_half_height)
+        camera->half_height = m->half_height;
+    if (m->has_near)
+        camera->near = m->near;
+    if (m->has_far)
+        camera->far = m->far;
+    finish_edit(r, object);
+}
+
+void edit_object_remove(const struct request *r)
+{
+    const struct hgp_object_remove *m = &r->message->object_remove;
+    struct hg_error err = {0};
+    if (hg_scene_remove(scene_of(r), (enum hg_object_kind)m->kind, m->object, &err))
+        serve_fail(r, &err);
+    else
+        serve_edited(r);
+}
+
+// ---- batches ------------------------------------------------------------------------------------
+
+void edit_batch_begin(const struct request *r)
+{
+    struct hg_error err = {0};
+    if (r->session->batch_depth) {
+        hg_error_set(&err, HG_E_STATE, "batch_begin", NULL, "a batch is open already");
+        serve_fail(r, &err);
+        return;
+    }
+    r->session->batch_depth = 1;
+    if (r->session->scene->open_batches++ == 0)
+        r->session->scene->batch_started_ns = hg_clock_now_ns();
+    serve_ok(r);
+}
+
+void edit_batch_end(const struct request *r)
+{
+    struct hg_error err = {0};
+    if (!r->session->batch_depth) {
+        hg_error_set(&err, HG_E_STATE, "batch_end", NULL, "no batch is open");
+        serve_fail(r, &err);
+        return;
+    }
+    session_close_batch(r->session);
+    serve_ok(r);
+}

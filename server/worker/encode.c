@@ -1,0 +1,145 @@
+// encode.c - the encoder thread: pixels of a step to the data of a frame message.
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/sha256.h"
+#include "renderer/image/zstd.h"
+#include "server/worker/task.h"
+
+enum hg_pixel_format encode_pixel_format(enum hgp_encoding encoding)
+{
+    switch (encoding) {
+    case HGP_encoding_RAW_RGBA32F:
+    case HGP_encoding_EXR_HALF:
+    case HGP_encoding_EXR_FLOAT:
+        return HG_PIXEL_RGBA32F;
+    case HGP_encoding_PNG16:
+        return HG_PIXEL_RGBA16;
+    default:
+        return HG_PIXEL_RGBA8;
+    }
+}
+
+static bool is_lossless(enum hgp_encoding encoding)
+{
+    return encoding != HGP_encoding_JPEG && encoding != HGP_encoding_EXR_HALF;
+}
+
+static enum hg_image_file file_kind(enum hgp_encoding encoding)
+{
+    switch (encoding) {
+    case HGP_encoding_PNG16:
+        return HG_IMAGE_PNG16;
+    case HGP_encoding_JPEG:
+        return HG_IMAGE_JPEG;
+    case HGP_encoding_EXR_HALF:
+        return HG_IMAGE_EXR_HALF;
+    case HGP_encoding_EXR_FLOAT:
+        return HG_IMAGE_EXR_FLOAT;
+    default:
+        return HG_IMAGE_PNG8;
+    }
+}
+
+static enum hg_status encode_file(
+    const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
+{
+    const struct hgp_frame *f = &job->frame;
+    char revision[32];
+    snprintf(revision, sizeof revision, "%llu", (unsigned long long)f->scene_revision);
+    struct hg_image_attribute attributes[] = {
+        {.name = "heliograph:version", .type = HG_ATTR_STRING, .string = HELIO_VERSION},
+        {.name = "heliograph:sceneRevision", .type = HG_ATTR_STRING, .string = revision},
+        {.name = "heliograph:samples", .type = HG_ATTR_INT, .integer = (int)f->samples},
+    };
+    bool is_exr = f->encoding == HGP_encoding_EXR_HALF || f->encoding == HGP_encoding_EXR_FLOAT;
+    struct hg_image image = {
+        .width = f->width,
+        .height = f->height,
+        .format = encode_pixel_format(f->encoding),
+        .has_alpha = !job->opaque,
+        .size_bytes = job->pixels->size,
+        .pixels = job->pixels->data,
+    };
+    return hg_image_encode(&image,
+        &(struct hg_image_encode){.file = file_kind(f->encoding),
+            .quality = job->quality,
+            .opaque = job->opaque,
+            .attributes = attributes,
+            .attribute_count = is_exr ? sizeof attributes / sizeof *attributes : 0},
+        out, err);
+}
+
+static enum hg_status encode_pixels(
+    const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
+{
+    switch (job->frame.encoding) {
+    case HGP_encoding_RAW_RGBA8:
+    case HGP_encoding_RAW_RGBA32F:
+        return HG_OK; // sent as they are
+    case HGP_encoding_ZSTD_RGBA8:
+        return hg_zstd_compress(job->pixels->data, job->pixels->size, 1, out);
+    default:
+        return encode_file(job, out, err);
+    }
+}
+
+static uint32_t list_stages(
+    const struct encode_job *job, uint64_t encode_ns, struct hgp_stage_time stages[64])
+{
+    uint32_t n = 0;
+    for (; n < job->info.stage_count && n < 62; n++)
+        stages[n] =
+            (struct hgp_stage_time){hgp_str_make(job->info.stages[n].name), job->info.stages[n].ns};
+    stages[n++] = (struct hgp_stage_time){hgp_str_make("read"), job->read_ns};
+    stages[n++] = (struct hgp_stage_time){hgp_str_make("encode"), encode_ns};
+    return n;
+}
+
+static void run_job(struct worker *w, struct encode_job *job)
+{
+    struct hg_writer data = {0};
+    struct hg_error err = {0};
+    uint64_t start = hg_clock_now_ns();
+    struct hgp_frame frame = job->frame;
+    frame.lossless = is_lossless(frame.encoding);
+    enum hg_status status = encode_pixels(job, &data, &err);
+    if (!status && frame.settled && frame.lossless) {
+        status = hg_sha256(job->pixels->data, job->pixels->size, frame.hash);
+        frame.has_hash = true;
+    }
+    if (status) {
+        if (!err.status)
+            hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        link_send_error(w, job->channel, job->request, &err);
+    } else {
+        struct hgp_stage_time stages[64];
+        frame.stages.items = stages;
+        frame.stages.count = list_stages(job, hg_clock_now_ns() - start, stages);
+        frame.data = data.size ? (struct hgp_bytes){data.data, (uint32_t)data.size}
+                               : (struct hgp_bytes){job->pixels->data, (uint32_t)job->pixels->size};
+        link_send(w, job->channel, job->request, HGP_T_frame, &frame);
+        atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
+    }
+    hg_writer_finish(&data);
+}
+
+void encode_job_destroy(struct encode_job *job)
+{
+    if (job)
+        hg_refbuf_unref(job->pixels);
+    hg_free(job);
+}
+
+void *encode_main(void *arg)
+{
+    struct worker *w = arg;
+    for (struct encode_job *job; (job = hg_queue_pop(&w->encode, UINT64_MAX));) {
+        run_job(w, job);
+        encode_job_destroy(job);
+    }
+    return NULL;
+}

@@ -1,0 +1,241 @@
+// link.c - the loop thread: bytes of the socketpair to commands, messages to bytes, pulses.
+#include <errno.h>
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "server/worker/worker.h"
+
+enum { PULSE_MS = 500 };
+
+struct link {
+    struct worker *w;
+    int fd, timer_fd;
+    // Incoming: the header, then its payload straight into the buffer that the command keeps.
+    uint8_t header_bytes[HGP_HEADER_BYTES];
+    size_t header_fill, payload_fill;
+    struct hgp_header header;
+    struct hg_refbuf *payload;
+    struct command *blocked; // the inbox was full: nothing is read until it is taken
+    // Outgoing.
+    struct hg_refbuf *out;
+    size_t out_pos;
+};
+
+// ---- sending ------------------------------------------------------------------------------------
+
+static struct hg_refbuf *encode_message(
+    uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
+{
+    struct hg_writer writer = {0};
+    struct hgp_fault fault = {0};
+    enum hg_status status =
+        hgp_encode(&writer, HGP_VERSION_MAX, type, request, channel, message, &fault);
+    struct hg_refbuf *buf = status ? NULL : hg_refbuf_create(writer.size);
+    if (buf)
+        memcpy(buf->data, writer.data, writer.size);
+    else
+        hg_fault(WORKER, status ? status : HG_E_NOMEM,
+            "cannot encode message 0x%04x: field '%s': %s", type, fault.field,
+            fault.reason ? fault.reason : "no memory");
+    hg_writer_finish(&writer);
+    return buf;
+}
+
+static void send_message(struct worker *w, bool lossy, uint32_t channel, uint32_t request,
+    enum hgp_type type, const void *message)
+{
+    struct hg_refbuf *buf = encode_message(channel, request, type, message);
+    enum hg_status status = buf ? HG_E_AGAIN : HG_OK;
+    while (status == HG_E_AGAIN) {
+        status = hg_queue_push(&w->outbox, buf);
+        if (status == HG_E_AGAIN && (lossy || atomic_load(&w->stop)))
+            break;
+        if (status == HG_E_AGAIN)
+            hg_clock_sleep_ns(
+                1000000); // the peer is slow: the render thread waits, the loop does not
+    }
+    if (status)
+        hg_refbuf_unref(buf);
+}
+
+void link_send(
+    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
+{
+    send_message(w, false, channel, request, type, message);
+}
+
+void link_send_lossy(
+    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
+{
+    send_message(w, true, channel, request, type, message);
+}
+
+void link_send_error(
+    struct worker *w, uint32_t channel, uint32_t request, const struct hg_error *err)
+{
+    struct hgp_error message = {
+        .code = (uint16_t)(err->status ? err->status : HG_E_INTERNAL),
+        .what = hgp_str_make(err->what),
+        .where = hgp_str_make(err->where),
+        .reason = hgp_str_make(err->reason[0] ? err->reason : hg_status_text(err->status)),
+    };
+    link_send(w, channel, request, HGP_T_error, &message);
+}
+
+static void send_pulse(struct link *l)
+{
+    uint64_t expirations, started = atomic_load(&l->w->step_started_ns);
+    if (read(l->timer_fd, &expirations, sizeof expirations) < 0)
+        return;
+    uint64_t now = hg_clock_now_ns();
+    unsigned long pages = 0;
+    FILE *statm = fopen("/proc/self/statm", "re");
+    if (statm) {
+        if (fscanf(statm, "%*u %lu", &pages) != 1)
+            pages = 0;
+        fclose(statm);
+    }
+    struct hgp_pulse pulse = {
+        .busy_ns = started && now > started ? now - started : 0,
+        .rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE),
+        .views = atomic_load(&l->w->view_count),
+    };
+    link_send_lossy(l->w, 0, 0, HGP_T_pulse, &pulse);
+}
+
+static enum hg_status write_some(struct link *l)
+{
+    for (;;) {
+        if (!l->out)
+            l->out = hg_queue_try_pop(&l->w->outbox);
+        if (!l->out)
+            return HG_OK;
+        ssize_t n = send(l->fd, l->out->data + l->out_pos, l->out->size - l->out_pos, MSG_NOSIGNAL);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return errno == EAGAIN ? HG_E_AGAIN : errno == EPIPE ? HG_E_CLOSED : HG_E_IO;
+        l->out_pos += (size_t)n;
+        if (l->out_pos == l->out->size) {
+            hg_refbuf_unref(l->out);
+            l->out = NULL;
+            l->out_pos = 0;
+        }
+    }
+}
+
+// ---- receiving ----------------------------------------------------------------------------------
+
+// Hands the finished message to the render thread; HG_E_AGAIN leaves it blocked.
+static enum hg_status deliver(struct link *l)
+{
+    if (!l->blocked) {
+        l->blocked = hg_calloc(1, sizeof *l->blocked);
+        if (!l->blocked)
+            return HG_E_NOMEM;
+        l->blocked->header = l->header;
+        l->blocked->payload = l->payload;
+        l->payload = NULL;
+        l->header_fill = l->payload_fill = 0;
+    }
+    enum hg_status status = hg_queue_push(&l->w->inbox, l->blocked);
+    if (!status)
+        l->blocked = NULL;
+    return status;
+}
+
+static enum hg_status begin_payload(struct link *l)
+{
+    enum hg_status status = hgp_header_decode(
+        l->header_bytes, sizeof l->header_bytes, HGP_LIMIT_OPEN_DEFAULT, &l->header);
+    if (status)
+        return status;
+    l->payload = hg_refbuf_create(l->header.length);
+    return l->payload ? HG_OK : HG_E_NOMEM;
+}
+
+static enum hg_status read_some(struct link *l)
+{
+    while (!l->blocked) {
+        bool in_header = l->header_fill < HGP_HEADER_BYTES;
+        uint8_t *dst =
+            in_header ? l->header_bytes + l->header_fill : l->payload->data + l->payload_fill;
+        size_t want =
+            in_header ? HGP_HEADER_BYTES - l->header_fill : l->payload->size - l->payload_fill;
+        ssize_t n = want ? recv(l->fd, dst, want, 0) : 0;
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return errno == EAGAIN ? HG_OK : HG_E_IO;
+        if (n == 0 && want)
+            return HG_E_CLOSED;
+        enum hg_status status = HG_OK;
+        if (in_header) {
+            l->header_fill += (size_t)n;
+            if (l->header_fill == HGP_HEADER_BYTES)
+                status = begin_payload(l);
+        } else {
+            l->payload_fill += (size_t)n;
+        }
+        if (!status && l->payload && l->payload_fill == l->payload->size &&
+            l->header_fill == HGP_HEADER_BYTES)
+            status = deliver(l);
+        if (status && status != HG_E_AGAIN)
+            return status;
+    }
+    return HG_OK;
+}
+
+// ---- the loop -----------------------------------------------------------------------------------
+
+static enum hg_status run_once(struct link *l)
+{
+    struct pollfd fds[] = {
+        {.fd = l->fd, .events = (short)((l->blocked ? 0 : POLLIN) | (l->out ? POLLOUT : 0))},
+        {.fd = l->out ? -1 : l->w->outbox.event_fd, .events = POLLIN},
+        {.fd = l->timer_fd, .events = POLLIN},
+    };
+    // A full inbox has no event of its own: look again soon.
+    if (poll(fds, 3, l->blocked ? 2 : -1) < 0 && errno != EINTR)
+        return HG_E_IO;
+    enum hg_status status = HG_OK;
+    if (l->blocked)
+        status = deliver(l);
+    if (fds[2].revents)
+        send_pulse(l);
+    if (!status || status == HG_E_AGAIN)
+        status = write_some(l);
+    if ((!status || status == HG_E_AGAIN) && (fds[0].revents & (POLLIN | POLLHUP | POLLERR)))
+        status = read_some(l);
+    return status == HG_E_AGAIN ? HG_OK : status;
+}
+
+enum hg_status link_run(struct worker *w)
+{
+    struct link l = {.w = w, .fd = w->options.fd, .timer_fd = -1};
+    l.timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    if (l.timer_fd < 0)
+        return HG_E_LIMIT;
+    struct timespec period = {.tv_nsec = PULSE_MS * 1000000L};
+    timerfd_settime(l.timer_fd, 0, &(struct itimerspec){period, period}, NULL);
+    enum hg_status status = HG_OK;
+    while (!status && !atomic_load(&w->device_lost))
+        status = run_once(&l);
+    if (!status)
+        status = HG_E_DEVICE_LOST;
+    close(l.timer_fd);
+    hg_refbuf_unref(l.payload);
+    hg_refbuf_unref(l.out);
+    if (l.blocked) {
+        hg_refbuf_unref(l.blocked->payload);
+        hg_free(l.blocked);
+    }
+    return status;
+}

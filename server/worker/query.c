@@ -1,0 +1,210 @@
+// query.c - questions about views, scenes and images.
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "server/worker/serve.h"
+
+enum { NAME_LIMIT = 256 }; // of node_entry.name
+
+static void fail_nomem(const struct request *r)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_NOMEM, "query", NULL, "no memory for the answer");
+    serve_fail(r, &err);
+}
+
+static void answer_json(const struct request *r, json_t *root)
+{
+    char *text = root ? json_dumps(root, JSON_COMPACT) : NULL;
+    json_decref(root);
+    if (text)
+        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+    else
+        fail_nomem(r);
+    free(text);
+}
+
+static struct view_slot *find_view(const struct request *r, uint32_t number)
+{
+    struct view_slot *view = session_find_view(r->session, number);
+    struct hg_error err = {0};
+    if (!view) {
+        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
+        serve_fail(r, &err);
+    }
+    return view;
+}
+
+void query_pick(const struct request *r)
+{
+    const struct hgp_pick *m = &r->message->pick;
+    struct view_slot *view = find_view(r, m->view);
+    if (!view)
+        return;
+    struct hg_error err = {0};
+    struct hg_pick hit;
+    enum hg_status status = view_refresh(r->s, r->session, view, &err);
+    if (!status)
+        status = hg_view_pick(view->view, m->x, m->y, &hit, &err);
+    if (status) {
+        serve_fail(r, &err);
+        return;
+    }
+    struct hgp_picked answer = {
+        .revision = hit.revision,
+        .hit = hit.hit,
+        .node = hit.node,
+        .mesh = hit.mesh,
+        .material = hit.material,
+        .part = hit.part,
+        .triangle = hit.triangle,
+        .distance = hit.distance,
+    };
+    memcpy(answer.position, hit.position, sizeof answer.position);
+    memcpy(answer.normal, hit.normal, sizeof answer.normal);
+    memcpy(answer.uv, hit.uv, sizeof answer.uv);
+    serve_answer(r, HGP_T_picked, &answer);
+}
+
+void query_bounds(const struct request *r)
+{
+    struct hg_scene *scene = r->session->scene->scene;
+    uint64_t id = r->message->bounds_query.node;
+    struct hg_object *node = id ? hg_scene_find(scene, HG_OBJECT_NODE, id) : NULL;
+    if (id && !node) {
+        struct hg_error err = {0};
+        hg_error_set(
+            &err, HG_E_NOTFOUND, "bounds_query", "node", "no node %llu", (unsigned long long)id);
+        serve_fail(r, &err);
+        return;
+    }
+    hg_scene_update(scene);
+    struct hgp_bounds answer = {.revision = scene->revision};
+    answer.empty = !hg_scene_bounds(scene, (struct hg_node *)node, answer.min, answer.max);
+    serve_answer(r, HGP_T_bounds, &answer);
+}
+
+static uint64_t id_of(const struct hg_object *object)
+{
+    return object ? object->id : 0;
+}
+
+static struct hgp_node_entry describe_node(const struct hg_node *node)
+{
+    size_t length = strnlen(node->head.name, NAME_LIMIT);
+    // Cut long names between characters, never inside one.
+    if (length == NAME_LIMIT)
+        while (length && (node->head.name[length] & 0xc0) == 0x80)
+            length--;
+    return (struct hgp_node_entry){
+        .node = node->head.id,
+        .parent = node->parent ? node->parent->head.id : 0,
+        .mesh = id_of((const struct hg_object *)node->mesh),
+        .light = id_of((const struct hg_object *)node->light),
+        .camera = id_of((const struct hg_object *)node->camera),
+        .visible = node->visible,
+        .name = {node->head.name, (uint32_t)length},
+    };
+}
+
+void query_nodes(const struct request *r)
+{
+    const struct hgp_nodes_query *m = &r->message->nodes_query;
+    const struct hg_scene *scene = r->session->scene->scene;
+    const struct hg_object_list *list = &scene->objects[HG_OBJECT_NODE];
+    uint32_t first = m->first < list->count ? m->first : list->count;
+    uint32_t count = list->count - first < m->count ? list->count - first : m->count;
+    struct hgp_node_entry *entries = hg_calloc(count, sizeof *entries);
+    if (!entries) {
+        fail_nomem(r);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        entries[i] = describe_node((const struct hg_node *)list->items[first + i]);
+    struct hgp_nodes answer = {.revision = scene->revision, .total = list->count};
+    answer.nodes.items = entries;
+    answer.nodes.count = count;
+    serve_answer(r, HGP_T_nodes, &answer);
+    hg_free(entries);
+}
+
+static json_t *child_object(json_t *root, const char *key)
+{
+    json_t *child = json_object_get(root, key);
+    if (!child) {
+        child = json_object();
+        json_object_set_new(root, key, child);
+    }
+    return child;
+}
+
+void query_stats(const struct request *r)
+{
+    uint32_t number = r->message->stats_query.view;
+    struct view_slot *view = number ? find_view(r, number) : NULL;
+    if (number && !view)
+        return;
+    char *text = NULL;
+    enum hg_status status = HG_OK;
+    if (r->s->renderer)
+        status = hg_renderer_stats_json(r->s->renderer, view ? view->view : NULL, &text);
+    json_t *root = text ? json_loads(text, 0, NULL) : json_object();
+    hg_free(text);
+    if (status || !root) {
+        json_decref(root);
+        fail_nomem(r);
+        return;
+    }
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    json_object_set_new(child_object(root, "process"), "peak_rss_bytes",
+        json_integer((json_int_t)usage.ru_maxrss * 1024));
+    if (view) {
+        json_t *frame = child_object(root, "frame");
+        double encode_ms = (double)atomic_load(&r->s->w->encode_ns) * 1e-6;
+        double render_ms = json_number_value(json_object_get(frame, "render_ms"));
+        json_object_set_new(frame, "encode_ms", json_real(encode_ms));
+        json_object_set_new(frame, "total_ms", json_real(render_ms + encode_ms));
+    }
+    answer_json(r, root);
+}
+
+void query_info(const struct request *r)
+{
+    struct hg_scene *scene = r->session->scene->scene;
+    json_t *root = json_object(), *assets = json_array();
+    json_object_set_new(root, "revision", json_integer((json_int_t)scene->revision));
+    json_object_set_new(root, "assets", assets);
+    for (uint32_t i = 0; i < scene->asset_count; i++) {
+        char *text = NULL;
+        json_t *asset = NULL;
+        if (hg_asset_describe(scene->assets[i], &text) == HG_OK)
+            asset = json_loads(text, 0, NULL);
+        hg_free(text);
+        if (!asset) {
+            json_decref(root);
+            fail_nomem(r);
+            return;
+        }
+        json_array_append_new(assets, asset);
+    }
+    answer_json(r, root);
+}
+
+void query_compare(const struct request *r)
+{
+    serve_start_task(r, TASK_COMPARE, HGP_T_compare);
+}
+
+void query_bench(const struct request *r)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%.*s'",
+        (int)r->message->bench.name.size, r->message->bench.name.data);
+    serve_fail(r, &err);
+}

@@ -1,0 +1,168 @@
+// sandbox.c - what a worker can no longer do once it may meet hostile files: gain privileges, start
+// programs, open sockets, read outside its folders, write outside its cache, take all the memory.
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/landlock.h>
+#include <seccomp.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "server/worker/worker.h"
+
+// ---- Landlock -----------------------------------------------------------------------------------
+
+// Access rights by ABI version; newer kernels know more (Documentation/userspace-api/landlock.rst).
+static const uint64_t read_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
+static const uint64_t library_access =
+    LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_EXECUTE;
+static const uint64_t cache_access =
+    LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_WRITE_FILE |
+    LANDLOCK_ACCESS_FS_REMOVE_FILE | LANDLOCK_ACCESS_FS_REMOVE_DIR | LANDLOCK_ACCESS_FS_MAKE_REG |
+    LANDLOCK_ACCESS_FS_MAKE_DIR;
+static const uint64_t device_access =
+    LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
+enum { HANDLED_ABI1 = (1 << 13) - 1 }; // the thirteen rights of the first version
+
+static void allow(int ruleset, const char *path, uint64_t access)
+{
+    struct landlock_path_beneath_attr rule = {.allowed_access = access};
+    rule.parent_fd = open(path, O_PATH | O_CLOEXEC);
+    if (rule.parent_fd < 0)
+        return; // what does not exist needs no permission
+    struct stat st;
+    if (fstat(rule.parent_fd, &st) == 0 && !S_ISDIR(st.st_mode))
+        rule.allowed_access &= LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE |
+                               LANDLOCK_ACCESS_FS_EXECUTE;
+    if (syscall(SYS_landlock_add_rule, ruleset, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) != 0)
+        hg_warn(WORKER, "landlock: %s: %s", path, strerror(errno));
+    close(rule.parent_fd);
+}
+
+static void allow_folders(int ruleset, const struct worker_options *o)
+{
+    static const char *const libraries[] = {"/usr", "/lib", "/lib64", "/etc", "/opt"};
+    static const char *const readable[] = {"/proc", "/sys", "/run/nvidia-persistenced"};
+    static const char *const devices[] = {"/dev/dri", "/dev/null", "/dev/zero", "/dev/urandom",
+        "/dev/shm", "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
+        "/dev/nvidia-uvm-tools", "/dev/kfd"};
+    for (size_t i = 0; i < sizeof libraries / sizeof *libraries; i++)
+        allow(ruleset, libraries[i], library_access);
+    for (size_t i = 0; i < sizeof readable / sizeof *readable; i++)
+        allow(ruleset, readable[i], read_access);
+    for (size_t i = 0; i < sizeof devices / sizeof *devices; i++)
+        allow(ruleset, devices[i], device_access);
+    for (uint32_t i = 0; i < o->asset_root_count; i++)
+        allow(ruleset, o->asset_roots[i], read_access);
+    if (o->shader_dir)
+        allow(ruleset, o->shader_dir, read_access);
+    if (o->cache_dir)
+        allow(ruleset, o->cache_dir, cache_access);
+}
+
+static bool enter_landlock(const struct worker_options *o)
+{
+    struct landlock_ruleset_attr attr = {.handled_access_fs = HANDLED_ABI1};
+    long ruleset = syscall(SYS_landlock_create_ruleset, &attr, sizeof attr, 0);
+    if (ruleset < 0)
+        return false;
+    allow_folders((int)ruleset, o);
+    bool entered = syscall(SYS_landlock_restrict_self, (int)ruleset, 0) == 0;
+    close((int)ruleset);
+    return entered;
+}
+
+// ---- seccomp ------------------------------------------------------------------------------------
+
+// Refused with EPERM rather than killed: drivers probe, and a refused probe is a fallback.
+static const int refused_calls[] = {
+    SCMP_SYS(execve),
+    SCMP_SYS(execveat),
+    SCMP_SYS(fork),
+    SCMP_SYS(vfork),
+    SCMP_SYS(socket),
+    SCMP_SYS(connect),
+    SCMP_SYS(bind),
+    SCMP_SYS(listen),
+    SCMP_SYS(accept),
+    SCMP_SYS(accept4),
+    SCMP_SYS(ptrace),
+    SCMP_SYS(process_vm_readv),
+    SCMP_SYS(process_vm_writev),
+    SCMP_SYS(mount),
+    SCMP_SYS(umount2),
+    SCMP_SYS(pivot_root),
+    SCMP_SYS(chroot),
+    SCMP_SYS(unshare),
+    SCMP_SYS(setns),
+    SCMP_SYS(bpf),
+    SCMP_SYS(perf_event_open),
+    SCMP_SYS(keyctl),
+    SCMP_SYS(add_key),
+    SCMP_SYS(request_key),
+    SCMP_SYS(kexec_load),
+    SCMP_SYS(init_module),
+    SCMP_SYS(finit_module),
+    SCMP_SYS(delete_module),
+    SCMP_SYS(reboot),
+    SCMP_SYS(swapon),
+    SCMP_SYS(swapoff),
+    SCMP_SYS(open_by_handle_at),
+    SCMP_SYS(userfaultfd),
+    SCMP_SYS(io_uring_setup),
+    SCMP_SYS(personality),
+    SCMP_SYS(setuid),
+    SCMP_SYS(setgid),
+    SCMP_SYS(setreuid),
+    SCMP_SYS(setregid),
+    SCMP_SYS(setresuid),
+    SCMP_SYS(setresgid),
+    SCMP_SYS(chown),
+    SCMP_SYS(fchown),
+    SCMP_SYS(lchown),
+    SCMP_SYS(fchownat),
+    SCMP_SYS(mknod),
+    SCMP_SYS(mknodat),
+};
+
+static bool enter_seccomp(void)
+{
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    if (!filter)
+        return false;
+    bool ok = true;
+    for (size_t i = 0; i < sizeof refused_calls / sizeof *refused_calls; i++)
+        ok &= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), refused_calls[i], 0) == 0;
+    ok = ok && seccomp_load(filter) == 0;
+    seccomp_release(filter);
+    return ok;
+}
+
+// ---- together -----------------------------------------------------------------------------------
+
+enum hg_status sandbox_enter(const struct worker_options *o, struct hg_error *err)
+{
+    if (o->memory_limit_bytes) {
+        // Private writable memory; address space as such is free (drivers map a lot of it).
+        struct rlimit limit = {o->memory_limit_bytes, o->memory_limit_bytes};
+        if (setrlimit(RLIMIT_DATA, &limit) != 0)
+            return hg_error_set(err, HG_E_INVAL, "--memory-limit", NULL, "%s", strerror(errno));
+    }
+    struct rlimit no_core = {0, 0};
+    setrlimit(RLIMIT_CORE, &no_core);
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
+        return hg_error_set(
+            err, HG_E_INTERNAL, "sandbox", NULL, "no_new_privs: %s", strerror(errno));
+    if (o->no_sandbox) {
+        hg_warn(WORKER, "sandbox switched off");
+        return HG_OK;
+    }
+    bool landlock = enter_landlock(o), seccomp = enter_seccomp();
+    hg_info(WORKER, "sandbox: landlock %s, seccomp %s", landlock ? "on" : "not in this kernel",
+        seccomp ? "on" : "not in this kernel");
+    return HG_OK;
+}

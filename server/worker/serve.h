@@ -1,0 +1,155 @@
+// serve.h - what the render thread owns: scenes, sessions, views; and the handlers of messages.
+// Floor 6, private to server/worker. Everything here runs on the render thread.
+#ifndef HG_SERVER_WORKER_SERVE_H
+#define HG_SERVER_WORKER_SERVE_H
+
+#include "server/worker/task.h"
+#include "server/worker/worker.h"
+
+// A scene shared by the sessions that name its key.
+struct scene_slot {
+    struct scene_slot *next;
+    char *key;
+    struct hg_scene *scene;
+    uint32_t sessions;
+    bool dirty; // edits since the last publish, inside somebody's batch
+    uint32_t open_batches;
+    uint64_t batch_started_ns;
+};
+
+// A client waiting for one frame of a view.
+struct frame_wait {
+    struct frame_wait *next;
+    uint32_t request;
+    bool settled;
+    enum hgp_encoding encoding;
+    uint8_t quality;
+    uint64_t progress_sent_ns;
+};
+
+struct view_slot {
+    struct view_slot *next;
+    uint32_t number;
+    struct hg_view *view;
+    struct hg_view_params params;
+    enum hgp_encoding encoding, still_encoding;
+    uint8_t quality;
+    float max_fps;
+    struct hg_view_camera camera;
+    uint64_t camera_node; // 0: `camera` counts
+    uint64_t camera_node_revision;
+    struct frame_wait *waits;
+    uint32_t credit; // frames the subscription may still send
+    uint64_t sent_ns, sent_number, sent_samples;
+    bool sent_settled;
+    bool changed;              // camera or parameters since the newest step
+    bool failed;               // the newest step failed; rests until something changes
+    struct hg_frame_info info; // of the newest step
+    bool stepped;
+    uint64_t step_ns; // per sample, of the newest step
+};
+
+struct session {
+    struct session *next;
+    uint32_t channel;
+    uint64_t number;
+    enum hgp_role role;
+    struct scene_slot *scene;
+    uint32_t first_id, id_count;
+    uint64_t max_pixels;
+    uint32_t batch_depth;
+    struct view_slot *views;
+    struct task *task; // running; later messages wait in `waiting`
+    struct command *waiting, **waiting_end;
+    uint32_t waiting_count;
+};
+
+struct serve {
+    struct worker *w;
+    struct hg_renderer *renderer; // created when the first view needs it
+    struct hg_jobs *jobs;         // for loads before there is a renderer
+    struct session *sessions;
+    struct scene_slot *scenes;
+    struct view_slot *turn; // view that was stepped last
+    uint32_t tasks;         // running
+};
+
+// A decoded message and where its answer goes.
+struct request {
+    struct serve *s;
+    struct session *session;
+    uint32_t channel, id;
+    struct hg_refbuf *payload; // keeps the views of *message alive
+    const union hgp_any *message;
+};
+
+// ---- render.c -----------------------------------------------------------------------------------
+
+void serve_answer(const struct request *r, enum hgp_type type, const void *message);
+void serve_ok(const struct request *r);
+void serve_fail(const struct request *r, const struct hg_error *err);
+// Publishes an edit (unless a batch is open) and answers ok.
+void serve_edited(const struct request *r);
+// Creates the renderer when there is none yet.
+enum hg_status serve_need_renderer(struct serve *s, struct hg_error *err) HG_MUST_CHECK;
+
+// ---- session.c ----------------------------------------------------------------------------------
+
+struct session *session_find(struct serve *s, uint32_t channel);
+void session_attach(
+    struct serve *s, uint32_t channel, uint32_t request, const struct hgp_session_attach *m);
+void session_detach(struct serve *s, struct session *session);
+// Publishes what the session's open batch changed, if there is one.
+void session_close_batch(struct session *session);
+struct view_slot *session_find_view(struct session *session, uint32_t number);
+void view_slot_destroy(struct serve *s, struct session *session, struct view_slot *view);
+
+// ---- handlers: each answers the request ---------------------------------------------------------
+
+// edit_load.c
+void edit_asset_load(const struct request *r);
+void edit_asset_unload(const struct request *r);
+void edit_environment_set(const struct request *r);
+void edit_animation_set(const struct request *r);
+void edit_variant_set(const struct request *r);
+// edit_object.c
+void edit_mesh_set(const struct request *r);
+void edit_texture_set(const struct request *r);
+void edit_material_set(const struct request *r);
+void edit_node_set(const struct request *r);
+void edit_light_set(const struct request *r);
+void edit_camera_set(const struct request *r);
+void edit_object_remove(const struct request *r);
+void edit_batch_begin(const struct request *r);
+void edit_batch_end(const struct request *r);
+// view.c
+void view_set(const struct request *r);
+void view_close(const struct request *r);
+void view_camera(const struct request *r);
+void view_frame_request(const struct request *r);
+void view_subscribe(const struct request *r);
+void view_credit(const struct request *r);
+// query.c
+void query_pick(const struct request *r);
+void query_bounds(const struct request *r);
+void query_nodes(const struct request *r);
+void query_stats(const struct request *r);
+void query_info(const struct request *r);
+void query_compare(const struct request *r);
+void query_bench(const struct request *r);
+
+// Applies and answers a finished task (edit_load.c, query.c).
+void task_finish(const struct request *r, struct task *task);
+// Starts a task for the request; the message is decoded again so that it outlives the request.
+void serve_start_task(const struct request *r, enum task_kind kind, enum hgp_type type);
+
+// ---- view.c: the schedule -----------------------------------------------------------------------
+
+// Steps one view that has work, in turn, and sends what became due. False: nothing to do; then
+// *wait_ns is how long until a view may have work (UINT64_MAX: only after a message).
+bool view_step_next(struct serve *s, uint64_t *wait_ns);
+// Pose, lens and parameters of a view are up to date with its scene; steps once if it never did.
+enum hg_status view_refresh(struct serve *s, struct session *session, struct view_slot *view,
+    struct hg_error *err) HG_MUST_CHECK;
+
+#endif

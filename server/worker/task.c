@@ -1,0 +1,287 @@
+// task.c - loads and comparisons on threads of their own.
+#include "server/worker/task.h"
+
+#include <limits.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/sha256.h"
+#include "renderer/image/metrics.h"
+
+enum { PROGRESS_NS = 100 * 1000 * 1000 };
+static const uint64_t environment_file_limit_bytes = (uint64_t)1 << 30;
+
+// ---- paths --------------------------------------------------------------------------------------
+
+static bool lies_under(const char *path, const char *root)
+{
+    size_t n = strlen(root);
+    return strncmp(path, root, n) == 0 &&
+           (path[n] == '/' || path[n] == 0 || (n && root[n - 1] == '/'));
+}
+
+// Real path of `path` under `root`; when the file is missing, that of its folder (*missing).
+static char *resolve_under(const char *root, struct hgp_str path, bool *missing)
+{
+    char joined[PATH_MAX];
+    int n = path.data[0] == '/'
+                ? snprintf(joined, sizeof joined, "%.*s", (int)path.size, path.data)
+                : snprintf(joined, sizeof joined, "%s/%.*s", root, (int)path.size, path.data);
+    if (n < 0 || n >= (int)sizeof joined)
+        return NULL;
+    char *real = realpath(joined, NULL);
+    *missing = !real;
+    char *slash = strrchr(joined, '/');
+    if (real || !slash)
+        return real;
+    slash[slash == joined] = 0;
+    return realpath(joined, NULL);
+}
+
+static bool in_roots(const struct worker_options *options, const char *real)
+{
+    for (uint32_t i = 0; i < options->asset_root_count; i++)
+        if (lies_under(real, options->asset_roots[i]))
+            return true;
+    return false;
+}
+
+// Whether a file outside the roots exists is not told: there everything is "not allowed".
+enum hg_status path_resolve(
+    const struct worker_options *options, struct hgp_str path, char **out, struct hg_error *err)
+{
+    char name[256];
+    snprintf(name, sizeof name, "%.*s", (int)path.size, path.data);
+    *out = NULL;
+    bool inside = false;
+    for (uint32_t i = 0; i < options->asset_root_count && path.size; i++) {
+        bool missing;
+        char *real = resolve_under(options->asset_roots[i], path, &missing);
+        bool allowed = real && in_roots(options, real);
+        if (allowed && !missing) {
+            *out = real;
+            return HG_OK;
+        }
+        inside |= allowed;
+        free(real);
+    }
+    if (inside)
+        return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such file");
+    return hg_error_set(err, HG_E_PERM, name, NULL, "does not lie under an asset root");
+}
+
+enum hg_status path_upload(
+    const struct worker_options *options, const uint8_t hash[32], char **out, struct hg_error *err)
+{
+    char hex[HG_SHA256_HEX], path[PATH_MAX];
+    *out = NULL;
+    hg_sha256_hex(hash, hex);
+    if (!options->cache_dir)
+        return hg_error_set(err, HG_E_STATE, hex, NULL, "this worker has no cache folder");
+    snprintf(path, sizeof path, "%s/uploads/%s", options->cache_dir, hex);
+    *out = hg_strdup(path);
+    return *out ? HG_OK : hg_error_set(err, HG_E_NOMEM, hex, NULL, "no memory for a path");
+}
+
+// ---- assets -------------------------------------------------------------------------------------
+
+static bool report_progress(void *user, const char *stage, uint64_t done, uint64_t total)
+{
+    struct task *task = user;
+    uint64_t now = hg_clock_now_ns();
+    if (now - task->progress_sent_ns >= PROGRESS_NS) {
+        task->progress_sent_ns = now;
+        link_send_lossy(task->w, task->channel, task->request, HGP_T_progress,
+            &(struct hgp_progress){.stage = hgp_str_make(stage), .done = done, .total = total});
+    }
+    return !atomic_load(&task->cancel);
+}
+
+static enum hg_status read_upload(const struct worker_options *options, const uint8_t hash[32],
+    uint64_t limit_bytes, struct hg_refbuf **out, struct hg_error *err)
+{
+    char *path = NULL;
+    uint8_t *data = NULL, digest[32];
+    size_t size = 0;
+    *out = NULL;
+    enum hg_status status = path_upload(options, hash, &path, err);
+    if (!status)
+        status = hg_file_read(path, limit_bytes, &data, &size, err);
+    if (!status)
+        status = hg_sha256(data, size, digest);
+    if (!status && memcmp(digest, hash, 32) != 0)
+        status =
+            hg_error_set(err, HG_E_HASH, path, NULL, "the stored upload is damaged; send it again");
+    if (!status && !(*out = hg_refbuf_create(size)))
+        status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for %zu bytes", size);
+    if (!status)
+        memcpy((*out)->data, data, size);
+    hg_free(data);
+    hg_free(path);
+    return status;
+}
+
+static enum hg_status fetch_upload(
+    void *user, const char *uri, uint64_t limit_bytes, struct hg_refbuf **out, struct hg_error *err)
+{
+    struct task *task = user;
+    const struct hgp_asset_load *m = &task->message.asset_load;
+    *out = NULL;
+    for (uint32_t i = 0; i < m->files.count; i++) {
+        const struct hgp_asset_file *file = &m->files.items[i];
+        if (file->uri.size == strlen(uri) && memcmp(file->uri.data, uri, file->uri.size) == 0)
+            return read_upload(&task->w->options, file->hash, limit_bytes, out, err);
+    }
+    return hg_error_set(err, HG_E_NOTFOUND, uri, NULL, "was not uploaded with the asset");
+}
+
+static enum hg_status load_asset(struct task *task)
+{
+    const struct hgp_asset_load *m = &task->message.asset_load;
+    const struct worker_options *options = &task->w->options;
+    struct hg_load_params params = {
+        .roots = (const char *const *)options->asset_roots,
+        .root_count = options->asset_root_count,
+        .asset_number = m->asset,
+        .scene_index = m->has_scene_index ? m->scene_index : -1,
+        .jobs = task->jobs,
+        .progress = report_progress,
+        .progress_user = task,
+    };
+    static const char demo[] = "demo:";
+    char *path = NULL;
+    enum hg_status status = HG_OK;
+    if (m->files.count) {
+        path = hg_strndup(m->files.items[0].uri.data, m->files.items[0].uri.size);
+        params.fetch = fetch_upload;
+        params.fetch_user = task;
+        if (!path)
+            status =
+                hg_error_set(&task->err, HG_E_NOMEM, "asset_load", NULL, "no memory for a name");
+    } else if (m->path.size == sizeof demo - 1 &&
+               memcmp(m->path.data, demo, sizeof demo - 1) == 0) {
+        path = hg_strdup(demo);
+    } else {
+        status = path_resolve(options, m->path, &path, &task->err);
+    }
+    params.path = path;
+    if (!status)
+        status = hg_load_asset(&params, &task->asset, &task->err);
+    hg_free(path);
+    return status;
+}
+
+// ---- environment and comparison -----------------------------------------------------------------
+
+static enum hg_status load_environment(struct task *task)
+{
+    const struct hgp_environment_set *m = &task->message.environment_set;
+    char *path = NULL;
+    uint8_t *data = NULL;
+    size_t size = 0;
+    enum hg_status status = m->has_hash
+                                ? path_upload(&task->w->options, m->hash, &path, &task->err)
+                                : path_resolve(&task->w->options, m->path, &path, &task->err);
+    if (!status)
+        status = hg_file_read(path, environment_file_limit_bytes, &data, &size, &task->err);
+    if (!status)
+        status = hg_sha256(data, size, task->image_hash);
+    if (!status)
+        status = hg_image_read_memory(
+            data, size, path, HG_PIXEL_RGBA32F, NULL, &task->image, &task->err);
+    hg_free(data);
+    hg_free(path);
+    return status;
+}
+
+static enum hg_status read_side(struct hgp_bytes bytes, const char *name, bool as_float,
+    struct hg_image *out, struct hg_error *err)
+{
+    return hg_image_read_memory(
+        bytes.data, bytes.size, name, as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
+}
+
+static enum hg_status compare_images(struct task *task)
+{
+    const struct hgp_compare *m = &task->message.compare;
+    struct hg_image_info info_a, info_b;
+    struct hg_image a = {0}, b = {0}, diff = {0};
+    struct hg_error *err = &task->err;
+    enum hg_status status =
+        hg_image_probe_memory(m->a.data, m->a.size, "first image", &info_a, err);
+    if (!status)
+        status = hg_image_probe_memory(m->b.data, m->b.size, "second image", &info_b, err);
+    // 8-bit pictures are compared as they are; anything deeper in float.
+    bool as_float =
+        !status && (info_a.is_float || info_b.is_float || info_a.is_16bit || info_b.is_16bit);
+    if (!status)
+        status = read_side(m->a, "first image", as_float, &a, err);
+    if (!status)
+        status = read_side(m->b, "second image", as_float, &b, err);
+    if (!status)
+        status = hg_image_compare(
+            &a, &b, (enum hg_metric)m->metric, &task->value, m->want_diff ? &diff : NULL, err);
+    if (!status && m->want_diff)
+        status = hg_image_encode(&diff,
+            &(struct hg_image_encode){.file = HG_IMAGE_PNG8, .opaque = true}, &task->diff, err);
+    task->width = a.width;
+    task->height = a.height;
+    hg_image_finish(&a);
+    hg_image_finish(&b);
+    hg_image_finish(&diff);
+    return status;
+}
+
+// ---- threads ------------------------------------------------------------------------------------
+
+static void *task_main(void *arg)
+{
+    struct task *task = arg;
+    switch (task->kind) {
+    case TASK_ASSET:
+        task->status = load_asset(task);
+        break;
+    case TASK_ENVIRONMENT:
+        task->status = load_environment(task);
+        break;
+    case TASK_COMPARE:
+        task->status = compare_images(task);
+        break;
+    }
+    if (task->status && !task->err.status)
+        hg_error_set(&task->err, task->status, NULL, NULL, "%s", hg_status_text(task->status));
+    struct command *command = NULL;
+    while (!command && !(command = hg_calloc(1, sizeof *command)))
+        hg_clock_sleep_ns(PROGRESS_NS); // the result must come back; wait for memory
+    command->task = task;
+    while (hg_queue_push(&task->w->inbox, command) == HG_E_AGAIN)
+        hg_clock_sleep_ns(1000000);
+    return NULL;
+}
+
+enum hg_status task_start(struct task *task)
+{
+    pthread_t thread;
+    if (pthread_create(&thread, NULL, task_main, task) != 0)
+        return HG_E_LIMIT;
+    pthread_detach(thread);
+    return HG_OK;
+}
+
+void task_destroy(struct task *task)
+{
+    if (!task)
+        return;
+    hg_asset_destroy(task->asset);
+    hg_image_finish(&task->image);
+    hg_writer_finish(&task->diff);
+    hg_arena_finish(&task->arena);
+    hg_refbuf_unref(task->payload);
+    hg_free(task);
+}

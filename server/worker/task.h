@@ -1,0 +1,62 @@
+// task.h - slow work off the render thread: loading files, comparing images, encoding frames.
+// Floor 6, private to server/worker.
+#ifndef HG_SERVER_WORKER_TASK_H
+#define HG_SERVER_WORKER_TASK_H
+
+#include "server/worker/worker.h"
+
+enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE };
+
+// One job with its own thread. While it runs its session's later messages wait, so that every
+// session sees its messages take effect in order.
+struct task {
+    enum task_kind kind;
+    struct worker *w;
+    uint32_t channel, request;
+    uint64_t session;
+    struct hg_refbuf *payload; // keeps message alive
+    struct hg_arena arena;     // lists of message
+    union hgp_any message;
+    struct hg_jobs *jobs;
+    _Atomic bool cancel;
+    uint64_t progress_sent_ns;
+    // Results:
+    enum hg_status status;
+    struct hg_error err;
+    struct hg_asset *asset;
+    struct hg_image image;
+    uint8_t image_hash[32];
+    double value;
+    struct hg_writer diff;
+    uint32_t width, height;
+};
+
+// Starts `task` (owned by its thread until it comes back through the inbox). HG_E_LIMIT.
+enum hg_status task_start(struct task *task) HG_MUST_CHECK;
+void task_destroy(struct task *task); // accepts NULL
+
+// Pixels of a frame on their way to the encoder thread.
+struct encode_job {
+    uint32_t channel, request;
+    struct hgp_frame frame; // without data, hash and stages
+    uint8_t quality;
+    bool opaque;
+    struct hg_refbuf *pixels;
+    struct hg_frame_info info;
+    uint64_t read_ns;
+};
+
+// Pixel format that an encoding starts from.
+enum hg_pixel_format encode_pixel_format(enum hgp_encoding encoding);
+void *encode_main(void *worker); // the encoder thread
+void encode_job_destroy(struct encode_job *job);
+
+// Real path of a file that lies under the asset roots: absolute, or relative to one of them.
+// *out is freed with hg_free. HG_E_NOTFOUND, HG_E_PERM.
+enum hg_status path_resolve(const struct worker_options *options, struct hgp_str path, char **out,
+    struct hg_error *err) HG_MUST_CHECK;
+// `<cache>/uploads/<hex>`; HG_E_STATE without a cache folder.
+enum hg_status path_upload(const struct worker_options *options, const uint8_t hash[32], char **out,
+    struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,478 @@
+// view.c - views: their parameters, the frames they owe, and whose turn it is to render.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "server/worker/serve.h"
+
+enum {
+    STEP_TARGET_NS = 50 * 1000 * 1000,
+    MAX_SAMPLES_PER_STEP = 16,
+    PROGRESS_NS = 200 * 1000 * 1000
+};
+// A batch left open does not stop other people's frames for longer than this.
+static const uint64_t batch_patience_ns = 2000000000u;
+
+// ---- messages -----------------------------------------------------------------------------------
+
+static struct view_slot *need_view(const struct request *r, uint32_t number)
+{
+    struct view_slot *view = session_find_view(r->session, number);
+    if (!view) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
+        serve_fail(r, &err);
+    }
+    return view;
+}
+
+static uint64_t pixels_of(const struct hg_view_params *p)
+{
+    return (uint64_t)(p->width ? p->width : 1280) * (p->height ? p->height : 720);
+}
+
+static enum hg_status check_quota(const struct request *r, const struct view_slot *changed,
+    const struct hg_view_params *params, struct hg_error *err)
+{
+    uint64_t total = pixels_of(params);
+    for (const struct view_slot *it = r->session->views; it; it = it->next)
+        if (it != changed)
+            total += pixels_of(&it->params);
+    if (total > r->session->max_pixels)
+        return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
+            "%llu pixels are more than this session's %llu", (unsigned long long)total,
+            (unsigned long long)r->session->max_pixels);
+    return HG_OK;
+}
+
+static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *m)
+{
+    if (m->has_width)
+        p->width = m->width;
+    if (m->has_height)
+        p->height = m->height;
+    if (m->has_tonemap)
+        p->tonemap = (enum hg_tonemap)m->tonemap;
+    if (m->has_exposure_ev)
+        p->exposure_ev = m->exposure_ev;
+    if (m->has_background)
+        p->background = (enum hg_background)m->background;
+    if (m->has_background_color)
+        memcpy(p->background_color, m->background_color, sizeof p->background_color);
+    if (m->has_samples)
+        p->samples = m->samples;
+    if (m->has_seed)
+        p->seed = m->seed;
+}
+
+static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
+{
+    if (m->has_encoding)
+        view->encoding = m->encoding;
+    if (m->has_still_encoding)
+        view->still_encoding = m->still_encoding;
+    if (m->has_quality)
+        view->quality = m->quality;
+    if (m->has_max_fps)
+        view->max_fps = m->max_fps;
+}
+
+static enum hg_status create_view(
+    const struct request *r, uint32_t number, struct view_slot **out, struct hg_error *err)
+{
+    enum hg_status status = serve_need_renderer(r->s, err);
+    if (status)
+        return status;
+    struct view_slot *view = hg_calloc(1, sizeof *view);
+    if (!view)
+        return hg_error_set(err, HG_E_NOMEM, "view_set", NULL, "no memory for a view");
+    status = hg_view_create(r->s->renderer, r->session->scene->scene, &view->view, err);
+    if (status) {
+        hg_free(view);
+        return status;
+    }
+    view->number = number;
+    view->encoding = HGP_encoding_JPEG;
+    view->still_encoding = HGP_encoding_ZSTD_RGBA8;
+    view->quality = 80;
+    view->max_fps = 60;
+    view->next = r->session->views;
+    r->session->views = view;
+    atomic_fetch_add(&r->s->w->view_count, 1);
+    *out = view;
+    return HG_OK;
+}
+
+void view_set(const struct request *r)
+{
+    const struct hgp_view_set *m = &r->message->view_set;
+    struct hg_error err = {0};
+    struct view_slot *view = session_find_view(r->session, m->view), *made = NULL;
+    struct hg_view_params params = view ? view->params : (struct hg_view_params){0};
+    enum hg_status status = HG_OK;
+    overlay_params(&params, m);
+    if (m->has_mode && m->mode != HGP_render_mode_REALTIME)
+        status = hg_error_set(
+            &err, HG_E_UNSUPPORTED, "view_set", "mode", "this daemon renders realtime only");
+    if (!status)
+        status = check_quota(r, view, &params, &err);
+    if (!status && !view)
+        status = create_view(r, m->view, &made, &err);
+    if (made)
+        view = made;
+    if (!status)
+        status = hg_view_set_params(view->view, &params, &err);
+    if (status) {
+        if (made)
+            view_slot_destroy(r->s, r->session, made);
+        serve_fail(r, &err);
+        return;
+    }
+    view->params = params;
+    view->changed = true;
+    overlay_delivery(view, m);
+    serve_ok(r);
+}
+
+void view_close(const struct request *r)
+{
+    struct view_slot *view = need_view(r, r->message->view_close.view);
+    if (!view)
+        return;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_CANCELLED, "view", NULL, "the view was closed");
+    for (struct frame_wait *wait = view->waits; wait; wait = wait->next)
+        link_send_error(r->s->w, r->channel, wait->request, &err);
+    view_slot_destroy(r->s, r->session, view);
+    serve_ok(r);
+}
+
+static void overlay_camera(struct hg_view_camera *c, const struct hgp_view_camera *m)
+{
+    c->input_seq = m->input_seq;
+    if (m->has_eye)
+        memcpy(c->eye, m->eye, sizeof c->eye);
+    if (m->has_target)
+        memcpy(c->target, m->target, sizeof c->target);
+    if (m->has_up)
+        memcpy(c->up, m->up, sizeof c->up);
+    if (m->has_kind)
+        c->orthographic = m->kind == HGP_camera_kind_ORTHOGRAPHIC;
+    if (m->has_vfov_rad)
+        c->vfov_rad = m->vfov_rad;
+    if (m->has_half_height)
+        c->half_height = m->half_height;
+    if (m->has_near)
+        c->near = m->near;
+    if (m->has_far)
+        c->far = m->far;
+}
+
+void view_camera(const struct request *r)
+{
+    const struct hgp_view_camera *m = &r->message->view_camera;
+    struct view_slot *view = need_view(r, m->view);
+    if (!view)
+        return;
+    struct hg_error err = {0};
+    struct hg_view_camera camera = view->camera;
+    uint64_t node = m->has_camera ? m->camera : 0;
+    overlay_camera(&camera, m);
+    if (node)
+        hg_scene_update(r->session->scene->scene);
+    enum hg_status status = node ? hg_view_set_camera_node(view->view, node, m->input_seq, &err)
+                                 : hg_view_set_camera(view->view, &camera, &err);
+    if (status) {
+        serve_fail(r, &err);
+        return;
+    }
+    view->camera = camera;
+    view->camera_node = node;
+    view->camera_node_revision = r->session->scene->scene->revision;
+    view->changed = true;
+    serve_ok(r);
+}
+
+void view_frame_request(const struct request *r)
+{
+    const struct hgp_frame_request *m = &r->message->frame_request;
+    struct view_slot *view = need_view(r, m->view);
+    if (!view)
+        return;
+    struct frame_wait *wait = hg_calloc(1, sizeof *wait);
+    if (!wait) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOMEM, "frame_request", NULL, "no memory");
+        serve_fail(r, &err);
+        return;
+    }
+    wait->request = r->id;
+    wait->settled = m->settled;
+    wait->encoding = m->has_encoding ? m->encoding
+                     : m->settled    ? view->still_encoding
+                                     : view->encoding;
+    wait->quality = m->has_quality ? m->quality : view->quality;
+    struct frame_wait **end = &view->waits;
+    while (*end)
+        end = &(*end)->next;
+    *end = wait;
+    view->failed = false;
+}
+
+void view_subscribe(const struct request *r)
+{
+    struct view_slot *view = need_view(r, r->message->subscribe.view);
+    if (!view)
+        return;
+    view->credit = r->message->subscribe.credit_frames;
+    view->sent_number = 0;
+    view->sent_settled = false;
+    view->failed = false;
+    serve_ok(r);
+}
+
+void view_credit(const struct request *r)
+{
+    struct view_slot *view = need_view(r, r->message->credit.view);
+    if (view && view->credit < UINT32_MAX - 1024)
+        view->credit += r->message->credit.frames;
+}
+
+// ---- frames -------------------------------------------------------------------------------------
+
+static enum hg_status queue_frame(struct serve *s, struct session *session, struct view_slot *view,
+    const struct frame_wait *what, struct hg_error *err)
+{
+    struct encode_job *job = hg_calloc(1, sizeof *job);
+    if (!job)
+        return hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory");
+    uint64_t start = hg_clock_now_ns();
+    enum hg_status status =
+        hg_view_read_pixels(view->view, encode_pixel_format(what->encoding), &job->pixels, err);
+    if (status) {
+        encode_job_destroy(job);
+        return status;
+    }
+    const struct hg_frame_info *info = &view->info;
+    job->channel = session->channel;
+    job->request = what->request;
+    job->quality = what->quality;
+    job->opaque = view->params.background != HG_BACKGROUND_NONE;
+    job->info = *info;
+    job->read_ns = hg_clock_now_ns() - start;
+    job->frame = (struct hgp_frame){
+        .view = view->number,
+        .number = info->number,
+        .scene_revision = info->scene_revision,
+        .input_seq = info->input_seq,
+        .width = info->width,
+        .height = info->height,
+        .encoding = what->encoding,
+        .samples = info->samples,
+        .missing_pages = info->missing_pages,
+        .missing_clusters = info->missing_clusters,
+        .settled = info->settled,
+    };
+    while ((status = hg_queue_push(&s->w->encode, job)) == HG_E_AGAIN)
+        hg_clock_sleep_ns(500000); // at most a few frames are under way; the encoder is catching up
+    if (status)
+        encode_job_destroy(job);
+    return HG_OK;
+}
+
+static void send_progress(
+    struct serve *s, struct session *session, struct view_slot *view, struct frame_wait *wait)
+{
+    uint64_t now = hg_clock_now_ns();
+    if (now - wait->progress_sent_ns < PROGRESS_NS)
+        return;
+    wait->progress_sent_ns = now;
+    link_send_lossy(s->w, session->channel, wait->request, HGP_T_progress,
+        &(struct hgp_progress){.stage = hgp_str_make("samples"),
+            .done = view->info.samples,
+            .total = view->params.samples ? view->params.samples : 32});
+}
+
+static void answer_waits(struct serve *s, struct session *session, struct view_slot *view)
+{
+    for (struct frame_wait **link = &view->waits; *link;) {
+        struct frame_wait *wait = *link;
+        if (wait->settled && !view->info.settled) {
+            send_progress(s, session, view, wait);
+            link = &wait->next;
+            continue;
+        }
+        struct hg_error err = {0};
+        if (queue_frame(s, session, view, wait, &err))
+            link_send_error(s->w, session->channel, wait->request, &err);
+        *link = wait->next;
+        hg_free(wait);
+    }
+}
+
+static void fail_waits(
+    struct serve *s, struct session *session, struct view_slot *view, const struct hg_error *err)
+{
+    if (!view->waits) // a subscription: tell once, then rest until something changes
+        link_send_error(s->w, session->channel, 0, err);
+    while (view->waits) {
+        struct frame_wait *wait = view->waits;
+        link_send_error(s->w, session->channel, wait->request, err);
+        view->waits = wait->next;
+        hg_free(wait);
+    }
+    view->failed = true;
+}
+
+// First frame of a new state at once, then at doubling sample counts, then the settled one.
+static bool subscription_wants(const struct view_slot *view)
+{
+    const struct hg_frame_info *info = &view->info;
+    if (!view->credit || !view->stepped || view->sent_number == info->number)
+        return false;
+    return view->sent_number == 0 || info->samples <= view->sent_samples ||
+           info->samples >= 2 * view->sent_samples || info->settled;
+}
+
+static uint64_t subscription_due_ns(const struct view_slot *view)
+{
+    return view->sent_ns + (uint64_t)(1e9 / (double)view->max_fps);
+}
+
+static void serve_subscription(struct serve *s, struct session *session, struct view_slot *view)
+{
+    if (!subscription_wants(view) || hg_clock_now_ns() < subscription_due_ns(view))
+        return;
+    struct hg_error err = {0};
+    struct frame_wait what = {
+        .encoding = view->info.settled ? view->still_encoding : view->encoding,
+        .quality = view->quality,
+    };
+    if (queue_frame(s, session, view, &what, &err)) {
+        fail_waits(s, session, view, &err);
+        return;
+    }
+    view->credit--;
+    view->sent_ns = hg_clock_now_ns();
+    view->sent_number = view->info.number;
+    view->sent_samples = view->info.samples;
+    view->sent_settled = view->info.settled;
+}
+
+// ---- stepping -----------------------------------------------------------------------------------
+
+static bool is_stale(const struct session *session, const struct view_slot *view)
+{
+    return !view->stepped || view->changed ||
+           view->info.scene_revision != session->scene->scene->revision;
+}
+
+static uint32_t samples_per_step(const struct view_slot *view)
+{
+    uint64_t n = view->step_ns ? STEP_TARGET_NS / view->step_ns : 1;
+    return n < 1 ? 1 : n > MAX_SAMPLES_PER_STEP ? MAX_SAMPLES_PER_STEP : (uint32_t)n;
+}
+
+static enum hg_status step(
+    struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
+{
+    struct hg_scene *scene = session->scene->scene;
+    enum hg_status status = HG_OK;
+    if (view->camera_node && view->camera_node_revision != scene->revision) {
+        hg_scene_update(scene);
+        status =
+            hg_view_set_camera_node(view->view, view->camera_node, view->camera.input_seq, err);
+        view->camera_node_revision = scene->revision;
+    }
+    uint64_t start = hg_clock_now_ns();
+    if (!status)
+        status = hg_view_step(view->view, samples, &view->info, err);
+    view->changed = false;
+    if (status)
+        return status;
+    view->step_ns = (hg_clock_now_ns() - start) / samples;
+    view->stepped = true;
+    return HG_OK;
+}
+
+enum hg_status view_refresh(
+    struct serve *s, struct session *session, struct view_slot *view, struct hg_error *err)
+{
+    (void)s;
+    return is_stale(session, view) ? step(session, view, 1, err) : HG_OK;
+}
+
+static bool batch_holds(const struct session *session)
+{
+    const struct scene_slot *scene = session->scene;
+    return scene->open_batches && hg_clock_now_ns() - scene->batch_started_ns < batch_patience_ns;
+}
+
+// Must the view render now? A view that only waits for its frame rate says until when.
+static bool has_work(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
+{
+    if (view->failed && !is_stale(session, view))
+        return false;
+    if (!view->waits && !view->credit)
+        return false;
+    if (batch_holds(session)) {
+        *wait_ns = *wait_ns < batch_patience_ns ? *wait_ns : batch_patience_ns;
+        return false;
+    }
+    if (view->waits || is_stale(session, view) || !view->info.settled)
+        return true;
+    if (!subscription_wants(view))
+        return false;
+    uint64_t now = hg_clock_now_ns(), due = subscription_due_ns(view);
+    if (now >= due)
+        return true;
+    *wait_ns = *wait_ns < due - now ? *wait_ns : due - now;
+    return false;
+}
+
+static void work(struct serve *s, struct session *session, struct view_slot *view)
+{
+    struct hg_error err = {0};
+    enum hg_status status = HG_OK;
+    view->failed = false;
+    if (is_stale(session, view) || !view->info.settled)
+        status = step(session, view, samples_per_step(view), &err);
+    if (status == HG_E_DEVICE_LOST) {
+        // Only a new process gets a clean device; the broker replays the journal into it.
+        hg_fault(WORKER, status, "%s: %s", err.what, err.reason);
+        atomic_store(&s->w->device_lost, true);
+        return;
+    }
+    if (status) {
+        hg_fault(FRAME, status, "%s: %s", err.what, err.reason);
+        fail_waits(s, session, view, &err);
+        return;
+    }
+    answer_waits(s, session, view);
+    serve_subscription(s, session, view);
+}
+
+bool view_step_next(struct serve *s, uint64_t *wait_ns)
+{
+    struct session *chosen_session = NULL;
+    struct view_slot *chosen = NULL;
+    bool passed_turn = s->turn == NULL, chosen_after_turn = false;
+    *wait_ns = UINT64_MAX;
+    // The first view with work after the one that went last, else the first of all.
+    for (struct session *session = s->sessions; session; session = session->next)
+        for (struct view_slot *view = session->views; view; view = view->next) {
+            bool candidate = !chosen || (passed_turn && !chosen_after_turn);
+            if (candidate && has_work(session, view, wait_ns)) {
+                chosen = view;
+                chosen_session = session;
+                chosen_after_turn = passed_turn;
+            }
+            passed_turn |= view == s->turn;
+        }
+    if (!chosen)
+        return false;
+    s->turn = chosen;
+    work(s, chosen_session, chosen);
+    return true;
+}
