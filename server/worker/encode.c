@@ -81,7 +81,7 @@ static enum hg_status encode_pixels(
     case HGP_encoding_RAW_RGBA32F:
         return HG_OK; // sent as they are
     case HGP_encoding_ZSTD_RGBA8:
-        return hg_zstd_compress(job->pixels->data, job->pixels->size, 1, out);
+        return hg_zstd_encode(job->pixels->data, job->pixels->size, 1, out, err);
     default:
         return encode_file(job, out, err);
     }
