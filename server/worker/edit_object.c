@@ -14,7 +14,7 @@ static struct hg_scene *scene_of(const struct request *r)
 }
 
 // Finds the object, or makes it when its id lies in the session's range. NULL after failing.
-static struct hg_object *find_or_make(
+struct hg_object *serve_find_or_make(
     const struct request *r, enum hg_object_kind kind, uint64_t id, const char *message)
 {
     struct hg_object *object = hg_scene_find(scene_of(r), kind, id);
@@ -114,7 +114,7 @@ void edit_texture_set(const struct request *r)
     if (status)
         serve_fail(r, &err);
     else
-        object = find_or_make(r, HG_OBJECT_TEXTURE, m->texture, "texture_set");
+        object = serve_find_or_make(r, HG_OBJECT_TEXTURE, m->texture, "texture_set");
     if (!object) {
         hg_image_source_unref(source);
         return;
@@ -189,7 +189,8 @@ void edit_material_set(const struct request *r)
         serve_fail(r, &err);
         return;
     }
-    struct hg_object *object = find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
+    struct hg_object *object =
+        serve_find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
     if (!object)
         return;
     struct hg_material changed = *(struct hg_material *)object;
@@ -268,7 +269,7 @@ void edit_node_set(const struct request *r)
     struct node_refs refs;
     if (!rotation_is_valid(r, m) || !resolve_node(r, m, &refs))
         return;
-    struct hg_object *object = find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
+    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
     if (!object)
         return;
     struct hg_node *node = (struct hg_node *)object;
@@ -289,7 +290,7 @@ void edit_node_set(const struct request *r)
 void edit_light_set(const struct request *r)
 {
     const struct hgp_light_set *m = &r->message->light_set;
-    struct hg_object *object = find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
+    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
     if (!object)
         return;
     struct hg_light *light = (struct hg_light *)object;
@@ -325,7 +326,7 @@ void edit_light_set(const struct request *r)
 void edit_camera_set(const struct request *r)
 {
     const struct hgp_camera_set *m = &r->message->camera_set;
-    struct hg_object *object = find_or_make(r, HG_OBJECT_CAMERA, m->camera, "camera_set");
+    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_CAMERA, m->camera, "camera_set");
     if (!object)
         return;
     struct hg_camera *camera = (struct hg_camera *)object;

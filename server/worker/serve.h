@@ -112,8 +112,13 @@ void edit_asset_unload(const struct request *r);
 void edit_environment_set(const struct request *r);
 void edit_animation_set(const struct request *r);
 void edit_variant_set(const struct request *r);
-// edit_object.c
+// edit_mesh.c
 void edit_mesh_set(const struct request *r);
+// edit_object.c
+// The object with this id; made when the id is new and lies in the session's range. NULL: the
+// request has been answered with the error.
+struct hg_object *serve_find_or_make(
+    const struct request *r, enum hg_object_kind kind, uint64_t id, const char *message);
 void edit_texture_set(const struct request *r);
 void edit_material_set(const struct request *r);
 void edit_node_set(const struct request *r);

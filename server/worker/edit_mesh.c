@@ -1,0 +1,136 @@
+// edit_mesh.c - meshes that clients make from their own arrays.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/scene/asset.h"
+#include "server/worker/serve.h"
+
+// Copies an array of n x width floats; `bytes` may be empty (then *out is NULL) unless required.
+static enum hg_status copy_floats(struct hgp_bytes bytes, size_t n, size_t width, const char *field,
+    float **out, struct hg_error *err)
+{
+    if (!bytes.size)
+        return HG_OK;
+    if (bytes.size != n * width * sizeof(float))
+        return hg_error_set(err, HG_E_INVAL, "mesh_set", field, "%u bytes where %zu belong",
+            bytes.size, n * width * sizeof(float));
+    *out = hg_calloc(n * width, sizeof(float));
+    if (!*out)
+        return hg_error_set(err, HG_E_NOMEM, "mesh_set", field, "no memory");
+    memcpy(*out, bytes.data, bytes.size);
+    for (size_t i = 0; i < n * width; i++)
+        if (!isfinite((*out)[i]))
+            return hg_error_set(err, HG_E_INVAL, "mesh_set", field, "value %zu is not finite", i);
+    return HG_OK;
+}
+
+static enum hg_status copy_arrays(
+    const struct hgp_mesh_part *m, struct hg_mesh_part *part, struct hg_error *err)
+{
+    size_t n = m->positions.size / (3 * sizeof(float));
+    if (n == 0)
+        return hg_error_set(err, HG_E_INVAL, "mesh_set", "positions", "a part needs vertices");
+    part->vertex_count = (uint32_t)n;
+    enum hg_status status = copy_floats(m->positions, n, 3, "positions", &part->positions, err);
+    if (!status)
+        status = copy_floats(m->normals, n, 3, "normals", &part->normals, err);
+    if (!status)
+        status = copy_floats(m->tangents, n, 4, "tangents", &part->tangents, err);
+    if (!status)
+        status = copy_floats(m->uv0, n, 2, "uv0", &part->uv[0], err);
+    if (!status)
+        status = copy_floats(m->uv1, n, 2, "uv1", &part->uv[1], err);
+    if (!status)
+        status = copy_floats(m->colors, n, 4, "colors", &part->colors, err);
+    return status;
+}
+
+static enum hg_status copy_indices(
+    const struct hgp_mesh_part *m, struct hg_mesh_part *part, struct hg_error *err)
+{
+    uint32_t count = m->indices.size / (uint32_t)sizeof(uint32_t), bad = 0;
+    uint32_t *indices = hg_calloc(count, sizeof *indices);
+    if (!indices)
+        return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
+    enum hg_status status = HG_OK;
+    if (m->indices.size % sizeof(uint32_t))
+        status = hg_error_set(err, HG_E_INVAL, "mesh_set", "indices", "not a whole number of u32");
+    if (!status && m->indices.size)
+        memcpy(indices, m->indices.data, m->indices.size);
+    if (!status) {
+        status = hg_mesh_part_set_indices(part, m->mode, count ? indices : NULL, count, &bad);
+        if (status == HG_E_INVAL)
+            hg_error_set(err, status, "mesh_set", "indices", "index %u is not below %u", bad,
+                part->vertex_count);
+        else if (status)
+            hg_error_set(err, status, "mesh_set", "indices", "%s", hg_status_text(status));
+    }
+    hg_free(indices);
+    return status;
+}
+
+static enum hg_status make_part(const struct request *r, const struct hgp_mesh_part *m,
+    struct hg_mesh_part *part, struct hg_error *err)
+{
+    struct hg_object *material = NULL;
+    enum hg_status status = copy_arrays(m, part, err);
+    if (!status)
+        status = copy_indices(m, part, err);
+    if (!status && m->material) {
+        material = hg_scene_find(r->session->scene->scene, HG_OBJECT_MATERIAL, m->material);
+        if (!material)
+            status = hg_error_set(err, HG_E_NOTFOUND, "mesh_set", "material", "no material %llu",
+                (unsigned long long)m->material);
+    }
+    part->material = (struct hg_material *)material;
+    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->normals)
+        status = hg_mesh_part_make_normals(part, 0);
+    // Client-made materials may get a normal map at any time, so tangents are made ahead.
+    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->tangents && part->uv[0])
+        status = hg_mesh_part_make_tangents(part, 0, 0);
+    if (status && !err->status)
+        hg_error_set(err, status, "mesh_set", NULL, "%s", hg_status_text(status));
+    if (!status)
+        hg_mesh_part_update_bounds(part, 0);
+    return status;
+}
+
+static void free_parts(struct hg_mesh_part *parts, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        hg_mesh_part_finish(&parts[i], 0);
+    hg_free(parts);
+}
+
+void edit_mesh_set(const struct request *r)
+{
+    const struct hgp_mesh_set *m = &r->message->mesh_set;
+    struct hg_error err = {0};
+    uint32_t count = m->parts.count;
+    struct hg_mesh_part *parts = hg_calloc(count, sizeof *parts);
+    enum hg_status status =
+        parts ? HG_OK : hg_error_set(&err, HG_E_NOMEM, "mesh_set", NULL, "no memory");
+    for (uint32_t i = 0; i < count && !status; i++)
+        status = make_part(r, &m->parts.items[i], &parts[i], &err);
+    if (status)
+        serve_fail(r, &err);
+    struct hg_mesh *mesh =
+        status ? NULL
+               : (struct hg_mesh *)serve_find_or_make(r, HG_OBJECT_MESH, m->mesh, "mesh_set");
+    if (!mesh) {
+        if (parts)
+            free_parts(parts, count);
+        return;
+    }
+    for (uint32_t i = 0; i < mesh->part_count; i++)
+        hg_mesh_part_finish(&mesh->parts[i], mesh->target_count);
+    hg_free(mesh->parts);
+    hg_free(mesh->weights);
+    mesh->weights = NULL;
+    mesh->target_count = 0;
+    mesh->parts = parts;
+    mesh->part_count = count;
+    hg_scene_touch(r->session->scene->scene, &mesh->head);
+    serve_edited(r);
+}
