@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/mesh_tools.h"
 #include "server/worker/serve.h"
 
 // Copies an array of n x width floats; `bytes` may be empty (then *out is NULL) unless required.
@@ -46,26 +47,39 @@ static enum hg_status copy_arrays(
     return status;
 }
 
+static enum hg_status expand_indices(const uint32_t *in, uint32_t count,
+    enum hg_primitive_mode mode, struct hg_mesh_part *part, struct hg_error *err)
+{
+    for (uint32_t i = 0; in && i < count; i++)
+        if (in[i] >= part->vertex_count)
+            return hg_error_set(err, HG_E_INVAL, "mesh_set", "indices", "index %u is not below %u",
+                in[i], part->vertex_count);
+    uint64_t total = hg_mode_list_count(mode, count);
+    if (total > UINT32_MAX)
+        return hg_error_set(err, HG_E_LIMIT, "mesh_set", "indices", "too many");
+    part->indices = hg_calloc((size_t)total, sizeof *part->indices);
+    if (!part->indices)
+        return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
+    part->topology = hg_mode_topology(mode);
+    part->index_count = (uint32_t)total;
+    hg_mode_expand(mode, in, count, part->indices);
+    return HG_OK;
+}
+
 static enum hg_status copy_indices(
     const struct hgp_mesh_part *m, struct hg_mesh_part *part, struct hg_error *err)
 {
-    uint32_t count = m->indices.size / (uint32_t)sizeof(uint32_t), bad = 0;
-    uint32_t *indices = hg_calloc(count, sizeof *indices);
+    enum hg_primitive_mode mode = (enum hg_primitive_mode)m->mode;
+    uint32_t count = m->indices.size / (uint32_t)sizeof(uint32_t);
+    if (m->indices.size % sizeof(uint32_t))
+        return hg_error_set(err, HG_E_INVAL, "mesh_set", "indices", "not a whole number of u32");
+    if (!count)
+        return expand_indices(NULL, part->vertex_count, mode, part, err);
+    uint32_t *indices = hg_calloc(count, sizeof *indices); // the message's bytes are not aligned
     if (!indices)
         return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
-    enum hg_status status = HG_OK;
-    if (m->indices.size % sizeof(uint32_t))
-        status = hg_error_set(err, HG_E_INVAL, "mesh_set", "indices", "not a whole number of u32");
-    if (!status && m->indices.size)
-        memcpy(indices, m->indices.data, m->indices.size);
-    if (!status) {
-        status = hg_mesh_part_set_indices(part, m->mode, count ? indices : NULL, count, &bad);
-        if (status == HG_E_INVAL)
-            hg_error_set(err, status, "mesh_set", "indices", "index %u is not below %u", bad,
-                part->vertex_count);
-        else if (status)
-            hg_error_set(err, status, "mesh_set", "indices", "%s", hg_status_text(status));
-    }
+    memcpy(indices, m->indices.data, m->indices.size);
+    enum hg_status status = expand_indices(indices, count, mode, part, err);
     hg_free(indices);
     return status;
 }
@@ -85,10 +99,10 @@ static enum hg_status make_part(const struct request *r, const struct hgp_mesh_p
     }
     part->material = (struct hg_material *)material;
     if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->normals)
-        status = hg_mesh_part_make_normals(part, 0);
+        status = hg_part_make_flat_normals(part, 0);
     // Client-made materials may get a normal map at any time, so tangents are made ahead.
     if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->tangents && part->uv[0])
-        status = hg_mesh_part_make_tangents(part, 0, 0);
+        status = hg_part_make_tangents(part, 0, 0);
     if (status && !err->status)
         hg_error_set(err, status, "mesh_set", NULL, "%s", hg_status_text(status));
     if (!status)
