@@ -1,0 +1,375 @@
+// worker_link.c - a real helio-worker on a socketpair, spoken to message by message.
+// Needs no device: everything here is answered before the first view.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "protocol/hgp.h"
+
+extern char **environ;
+
+enum { ANSWER_TIMEOUT_MS = 60000, FIRST_ID = 1000, ID_COUNT = 100 };
+
+struct rig {
+    int fd;
+    pid_t pid;
+    char root[64], path[4200];
+    uint32_t next_request;
+    // The newest answer:
+    struct hgp_header header;
+    uint8_t *payload;
+    struct hg_arena arena;
+    union hgp_any message;
+};
+
+// ---- the rig ------------------------------------------------------------------------------------
+
+static void write_file(const char *folder, const char *name, const char *text)
+{
+    char path[256];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+static int start(void **state)
+{
+    struct rig *rig = calloc(1, sizeof *rig);
+    int pair[2];
+    const char *build = getenv("HELIO_BUILD_DIR");
+    assert_non_null(build);
+    snprintf(rig->path, sizeof rig->path, "%s/libexec/helio-worker", build);
+    strcpy(rig->root, "/tmp/helio-worker-XXXXXX");
+    assert_non_null(mkdtemp(rig->root));
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair), 0);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, pair[1], 3);
+    char *argv[] = {rig->path, "--fd", "3", "--asset-root", rig->root, "--log", "warn", NULL};
+    assert_int_equal(posix_spawn(&rig->pid, rig->path, &actions, NULL, argv, environ), 0);
+    posix_spawn_file_actions_destroy(&actions);
+    close(pair[1]);
+    rig->fd = pair[0];
+    *state = rig;
+    return 0;
+}
+
+static void forget_answer(struct rig *rig)
+{
+    free(rig->payload);
+    rig->payload = NULL;
+    hg_arena_finish(&rig->arena);
+}
+
+static int stop(void **state)
+{
+    struct rig *rig = *state;
+    int how;
+    forget_answer(rig);
+    close(rig->fd);
+    // Closing the link is the order to end; the worker leaves cleanly.
+    assert_int_equal(waitpid(rig->pid, &how, 0), rig->pid);
+    assert_true(WIFEXITED(how));
+    assert_int_equal(WEXITSTATUS(how), 0);
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", rig->root);
+    assert_int_equal(system(command), 0);
+    free(rig);
+    return 0;
+}
+
+static void write_all(int fd, const void *data, size_t size)
+{
+    for (size_t done = 0; done < size;) {
+        ssize_t n = send(fd, (const uint8_t *)data + done, size - done, MSG_NOSIGNAL);
+        assert_true(n > 0 || errno == EINTR);
+        done += n > 0 ? (size_t)n : 0;
+    }
+}
+
+static void read_all(int fd, void *data, size_t size)
+{
+    for (size_t done = 0; done < size;) {
+        struct pollfd p = {.fd = fd, .events = POLLIN};
+        assert_int_equal(poll(&p, 1, ANSWER_TIMEOUT_MS), 1);
+        ssize_t n = recv(fd, (uint8_t *)data + done, size - done, 0);
+        assert_true(n > 0);
+        done += (size_t)n;
+    }
+}
+
+static uint32_t ask(struct rig *rig, uint32_t channel, enum hgp_type type, const void *message)
+{
+    struct hg_writer w = {0};
+    uint32_t request = ++rig->next_request;
+    assert_int_equal(hgp_encode(&w, HGP_VERSION_MAX, type, request, channel, message, NULL), HG_OK);
+    write_all(rig->fd, w.data, w.size);
+    hg_writer_finish(&w);
+    return request;
+}
+
+// Reads until the final answer of `request`; pulses, progress and notices pass by.
+static void expect(struct rig *rig, uint32_t request, enum hgp_type type)
+{
+    for (;;) {
+        uint8_t bytes[HGP_HEADER_BYTES];
+        forget_answer(rig);
+        read_all(rig->fd, bytes, sizeof bytes);
+        assert_int_equal(hgp_header_decode(bytes, sizeof bytes, 1 << 28, &rig->header), HG_OK);
+        rig->payload = malloc(rig->header.length + 1);
+        read_all(rig->fd, rig->payload, rig->header.length);
+        assert_int_equal(hgp_decode(HGP_VERSION_MAX, rig->header.type, rig->payload,
+                             rig->header.length, &rig->arena, &rig->message, NULL),
+            HG_OK);
+        if (rig->header.request == request && rig->header.type != HGP_T_progress &&
+            rig->header.type != HGP_T_notice)
+            break;
+    }
+    if (rig->header.type != type)
+        fail_msg("message 0x%04x instead of 0x%04x: %.*s", rig->header.type, type,
+            rig->header.type == HGP_T_error ? (int)rig->message.error.reason.size : 0,
+            rig->message.error.reason.data);
+}
+
+static void expect_error(struct rig *rig, uint32_t request, enum hg_status code, const char *where)
+{
+    expect(rig, request, HGP_T_error);
+    assert_int_equal(rig->message.error.code, code);
+    if (where) {
+        assert_int_equal(rig->message.error.where.size, strlen(where));
+        assert_memory_equal(rig->message.error.where.data, where, strlen(where));
+    }
+}
+
+static void attach(struct rig *rig, uint32_t channel, const char *scene)
+{
+    expect(rig,
+        ask(rig, channel, HGP_T_session_attach,
+            &(struct hgp_session_attach){.session = channel,
+                .role = HGP_role_EDIT,
+                .scene = hgp_str_make(scene),
+                .first_id = FIRST_ID * channel,
+                .id_count = ID_COUNT,
+                .max_pixels = 1 << 24}),
+        HGP_T_ok);
+}
+
+// ---- tests --------------------------------------------------------------------------------------
+
+static void test_channels_without_a_session_are_refused(void **state)
+{
+    struct rig *rig = *state;
+    expect_error(
+        rig, ask(rig, 7, HGP_T_batch_begin, &(struct hgp_batch_begin){0}), HG_E_STATE, NULL);
+}
+
+static void test_malformed_payload_names_the_field(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    // light_set whose `kind` is no light: u64 id, u32 presence bits come first in some order, so
+    // the bytes are made by the codec and then broken at the end, where the enum value stands.
+    struct hg_writer w = {0};
+    struct hgp_light_set m = {.light = FIRST_ID, .has_kind = true, .kind = HGP_light_kind_SPOT};
+    assert_int_equal(hgp_encode(&w, HGP_VERSION_MAX, HGP_T_light_set, 99, 1, &m, NULL), HG_OK);
+    w.data[w.size - 1] = 0x7f;
+    write_all(rig->fd, w.data, w.size);
+    hg_writer_finish(&w);
+    expect_error(rig, 99, HG_E_INVAL, "kind");
+}
+
+static void test_ids_stay_in_the_sessions_range(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    struct hgp_light_set inside = {.light = FIRST_ID + ID_COUNT - 1};
+    struct hgp_light_set outside = {.light = FIRST_ID + ID_COUNT};
+    expect(rig, ask(rig, 1, HGP_T_light_set, &inside), HGP_T_ok);
+    expect_error(rig, ask(rig, 1, HGP_T_light_set, &outside), HG_E_NOTFOUND, NULL);
+}
+
+static void test_sessions_with_one_key_share_the_scene(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "shared");
+    attach(rig, 2, "shared");
+    attach(rig, 3, "other");
+    struct hgp_node_set make = {.node = FIRST_ID, .has_name = true, .name = hgp_str_make("lamp")};
+    expect(rig, ask(rig, 1, HGP_T_node_set, &make), HGP_T_ok);
+    uint64_t revision = rig->message.ok.revision;
+    struct hgp_nodes_query all = {.count = 10};
+    expect(rig, ask(rig, 2, HGP_T_nodes_query, &all), HGP_T_nodes);
+    assert_int_equal(rig->message.nodes.revision, revision);
+    assert_int_equal(rig->message.nodes.total, 1);
+    assert_memory_equal(rig->message.nodes.nodes.items[0].name.data, "lamp", 4);
+    expect(rig, ask(rig, 3, HGP_T_nodes_query, &all), HGP_T_nodes);
+    assert_int_equal(rig->message.nodes.total, 0);
+}
+
+static void test_a_batch_is_one_revision(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    expect(rig, ask(rig, 1, HGP_T_batch_begin, &(struct hgp_batch_begin){0}), HGP_T_ok);
+    uint64_t before = rig->message.ok.revision;
+    for (uint64_t i = 0; i < 5; i++)
+        expect(rig, ask(rig, 1, HGP_T_node_set, &(struct hgp_node_set){.node = FIRST_ID + i}),
+            HGP_T_ok);
+    assert_int_equal(rig->message.ok.revision, before);
+    expect(rig, ask(rig, 1, HGP_T_batch_end, &(struct hgp_batch_end){0}), HGP_T_ok);
+    assert_int_equal(rig->message.ok.revision, before + 1);
+    expect_error(rig, ask(rig, 1, HGP_T_batch_end, &(struct hgp_batch_end){0}), HG_E_STATE, NULL);
+}
+
+static void test_refused_edits_change_nothing(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    struct hgp_node_set parent = {.node = FIRST_ID},
+                        child = {.node = FIRST_ID + 1, .has_parent = true, .parent = FIRST_ID};
+    expect(rig, ask(rig, 1, HGP_T_node_set, &parent), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_node_set, &child), HGP_T_ok);
+    uint64_t revision = rig->message.ok.revision;
+    struct hgp_node_set cycle = {.node = FIRST_ID, .has_parent = true, .parent = FIRST_ID + 1};
+    struct hgp_node_set no_mesh = {.node = FIRST_ID, .has_mesh = true, .mesh = 5};
+    struct hgp_node_set no_turn = {.node = FIRST_ID, .has_rotation = true};
+    expect_error(rig, ask(rig, 1, HGP_T_node_set, &cycle), HG_E_INVAL, "parent");
+    expect_error(rig, ask(rig, 1, HGP_T_node_set, &no_mesh), HG_E_NOTFOUND, "mesh");
+    expect_error(rig, ask(rig, 1, HGP_T_node_set, &no_turn), HG_E_INVAL, "rotation");
+    expect(rig, ask(rig, 1, HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 9}), HGP_T_nodes);
+    assert_int_equal(rig->message.nodes.revision, revision);
+}
+
+static void test_client_meshes_are_checked_and_bounded(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    float corners[] = {0, 0, 0, 2, 0, 0, 0, 3, 0};
+    uint32_t good[] = {0, 1, 2}, bad[] = {0, 1, 3};
+    struct hgp_mesh_part part = {
+        .mode = HGP_primitive_mode_TRIANGLES,
+        .positions = {(const uint8_t *)corners, sizeof corners},
+        .indices = {(const uint8_t *)bad, sizeof bad},
+    };
+    struct hgp_mesh_set m = {.mesh = FIRST_ID};
+    m.parts.items = &part;
+    m.parts.count = 1;
+    expect_error(rig, ask(rig, 1, HGP_T_mesh_set, &m), HG_E_INVAL, "indices");
+    part.indices.data = (const uint8_t *)good;
+    expect(rig, ask(rig, 1, HGP_T_mesh_set, &m), HGP_T_ok);
+    struct hgp_node_set node = {.node = FIRST_ID,
+        .has_mesh = true,
+        .mesh = FIRST_ID,
+        .has_translation = true,
+        .translation = {10, 0, 0}};
+    expect(rig, ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_bounds_query, &(struct hgp_bounds_query){0}), HGP_T_bounds);
+    assert_false(rig->message.bounds.empty);
+    assert_float_equal(rig->message.bounds.min[0], 10, 1e-6);
+    assert_float_equal(rig->message.bounds.max[0], 12, 1e-6);
+    assert_float_equal(rig->message.bounds.max[1], 3, 1e-6);
+}
+
+static void test_files_outside_the_roots_are_not_told_apart(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    struct hgp_asset_load there = {.asset = FIRST_ID, .path = hgp_str_make("/etc/passwd")};
+    struct hgp_asset_load absent = {
+        .asset = FIRST_ID, .path = hgp_str_make("/etc/no-such-file.glb")};
+    struct hgp_asset_load above = {.asset = FIRST_ID, .path = hgp_str_make("../../etc/passwd")};
+    struct hgp_asset_load missing = {.asset = FIRST_ID, .path = hgp_str_make("missing.glb")};
+    expect_error(rig, ask(rig, 1, HGP_T_asset_load, &there), HG_E_PERM, NULL);
+    expect_error(rig, ask(rig, 1, HGP_T_asset_load, &absent), HG_E_PERM, NULL);
+    expect_error(rig, ask(rig, 1, HGP_T_asset_load, &above), HG_E_PERM, NULL);
+    expect_error(rig, ask(rig, 1, HGP_T_asset_load, &missing), HG_E_NOTFOUND, NULL);
+}
+
+static void test_messages_behind_a_load_keep_their_order(void **state)
+{
+    struct rig *rig = *state;
+    write_file(rig->root, "one.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{\"name\":\"from the file\"}]}");
+    attach(rig, 1, "a");
+    // The rename and the query leave before the load has answered, and must see its node.
+    uint64_t node = (uint64_t)FIRST_ID << 32;
+    uint32_t load = ask(rig, 1, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = FIRST_ID, .path = hgp_str_make("one.gltf")});
+    uint32_t rename = ask(rig, 1, HGP_T_node_set,
+        &(struct hgp_node_set){.node = node, .has_name = true, .name = hgp_str_make("renamed")});
+    uint32_t list = ask(rig, 1, HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 9});
+    expect(rig, load, HGP_T_asset_loaded);
+    assert_int_equal(rig->message.asset_loaded.nodes, 1);
+    expect(rig, rename, HGP_T_ok);
+    expect(rig, list, HGP_T_nodes);
+    assert_int_equal(rig->message.nodes.nodes.items[0].name.size, strlen("renamed"));
+}
+
+static void test_an_assets_transform_moves_it_and_goes_with_it(void **state)
+{
+    struct rig *rig = *state;
+    write_file(rig->root, "one.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}]"
+        "}");
+    attach(rig, 1, "a");
+    struct hgp_asset_load m = {.asset = FIRST_ID,
+        .path = hgp_str_make("one.gltf"),
+        .has_transform = true,
+        .transform = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 4, 5, 6, 1}};
+    for (int round = 0; round < 2; round++) { // twice: nothing of the first may be left
+        expect(rig, ask(rig, 1, HGP_T_asset_load, &m), HGP_T_asset_loaded);
+        expect(rig, ask(rig, 1, HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 9}),
+            HGP_T_nodes);
+        assert_int_equal(rig->message.nodes.total, 2);
+        expect(rig, ask(rig, 1, HGP_T_asset_unload, &(struct hgp_asset_unload){.asset = FIRST_ID}),
+            HGP_T_ok);
+        expect(rig, ask(rig, 1, HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 9}),
+            HGP_T_nodes);
+        assert_int_equal(rig->message.nodes.total, 0);
+    }
+}
+
+static void test_comparison_of_bytes_that_are_no_image(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    struct hgp_compare m = {.metric = HGP_metric_PSNR,
+        .a = {(const uint8_t *)"no", 2},
+        .b = {(const uint8_t *)"no", 2}};
+    expect_error(rig, ask(rig, 1, HGP_T_compare, &m), HG_E_FORMAT, NULL);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
+    const struct CMUnitTest tests[] = {
+        TEST(test_channels_without_a_session_are_refused),
+        TEST(test_malformed_payload_names_the_field),
+        TEST(test_ids_stay_in_the_sessions_range),
+        TEST(test_sessions_with_one_key_share_the_scene),
+        TEST(test_a_batch_is_one_revision),
+        TEST(test_refused_edits_change_nothing),
+        TEST(test_client_meshes_are_checked_and_bounded),
+        TEST(test_files_outside_the_roots_are_not_told_apart),
+        TEST(test_messages_behind_a_load_keep_their_order),
+        TEST(test_an_assets_transform_moves_it_and_goes_with_it),
+        TEST(test_comparison_of_bytes_that_are_no_image),
+    };
+    return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
+}
