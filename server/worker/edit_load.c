@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/scene/asset.h"
 #include "server/worker/serve.h"
 
 enum { NOTICE_LIMIT = 64 };
@@ -101,36 +102,21 @@ static void publish_or_mark(struct session *session)
         hg_scene_publish(session->scene->scene);
 }
 
-// The node that carries an asset's transform: made by the worker, last index of the asset's range.
-static uint64_t transform_node_id(uint32_t asset)
+// A transform of the asset is one more node of it, behind those of the file, above its roots.
+static enum hg_status transform_roots(struct hg_asset *asset, const float matrix[16])
 {
-    return (uint64_t)asset << 32 | UINT32_MAX;
-}
-
-static enum hg_status transform_roots(
-    struct hg_scene *scene, struct hg_asset *asset, struct hg_node *parent, const float matrix[16])
-{
-    struct hg_object *object;
-    enum hg_status status =
-        hg_scene_add(scene, HG_OBJECT_NODE, transform_node_id(asset->number), &object);
-    if (status)
-        return status;
-    struct hg_node *node = (struct hg_node *)object;
-    node->has_matrix = true;
-    memcpy(node->matrix, matrix, sizeof node->matrix);
-    if (parent)
-        status = hg_scene_set_parent(scene, node, parent);
-    for (uint32_t i = 0; i < asset->root_count && !status; i++)
-        status = hg_scene_set_parent(scene, asset->roots[i], node);
-    return status;
-}
-
-static enum hg_status remove_asset(struct hg_scene *scene, uint32_t number)
-{
-    enum hg_status status = hg_scene_remove_asset(scene, number);
-    if (!status && hg_scene_find(scene, HG_OBJECT_NODE, transform_node_id(number)))
-        status = hg_scene_remove(scene, HG_OBJECT_NODE, transform_node_id(number), NULL);
-    return status;
+    struct hg_node *top = asset->root_count ? hg_asset_add_node(asset, "") : NULL;
+    if (!asset->root_count)
+        return HG_OK;
+    if (!top)
+        return HG_E_NOMEM;
+    top->has_matrix = true;
+    memcpy(top->matrix, matrix, sizeof top->matrix);
+    for (uint32_t i = 0; i < asset->root_count; i++)
+        hg_node_append_child(top, asset->roots[i]);
+    asset->roots[0] = top;
+    asset->root_count = 1;
+    return HG_OK;
 }
 
 static void finish_asset(const struct request *r, struct task *task)
@@ -145,21 +131,19 @@ static void finish_asset(const struct request *r, struct task *task)
     if (!status && m->has_variant)
         status = choose_variant(asset, m->variant, &err);
     if (!status) {
-        status = hg_scene_add_asset(scene, asset, (struct hg_node *)parent);
+        if (m->has_transform)
+            status = transform_roots(asset, m->transform);
         if (!status)
-            task->asset = NULL; // the scene's now
-        if (!status && m->has_transform)
-            status = transform_roots(scene, asset, (struct hg_node *)parent, m->transform);
+            status = hg_scene_add_asset(scene, asset, (struct hg_node *)parent);
         if (status)
             hg_error_set(&err, status, "asset_load", NULL, "cannot join the scene: %s",
                 hg_status_text(status));
-        if (status && !task->asset)
-            (void)!remove_asset(scene, m->asset);
     }
     if (status) {
         serve_fail(r, &err);
         return;
     }
+    task->asset = NULL; // the scene's now
     publish_or_mark(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);
@@ -168,7 +152,8 @@ static void finish_asset(const struct request *r, struct task *task)
 void edit_asset_unload(const struct request *r)
 {
     struct hg_error err = {0};
-    enum hg_status status = remove_asset(r->session->scene->scene, r->message->asset_unload.asset);
+    enum hg_status status =
+        hg_scene_remove_asset(r->session->scene->scene, r->message->asset_unload.asset);
     if (status) {
         hg_error_set(
             &err, status, "asset_unload", "asset", "no asset %u", r->message->asset_unload.asset);
