@@ -200,7 +200,7 @@ enum hg_status hg_gltf_fetch(struct hg_gltf *g, const struct hg_gltf_at *at, con
         return decode_data_uri(g, at, uri, out, mime);
     if (has_scheme(uri) || uri[0] == '/')
         return hg_gltf_fail(
-            g, at, HG_E_PERM, "NON_RELATIVE_URI: only files beside the asset are read");
+            g, at, HG_E_UNSUPPORTED, "NON_RELATIVE_URI: only files beside the asset are read");
     char *path = NULL;
     enum hg_status status = hg_gltf_decode_uri(uri, &path);
     if (status)
