@@ -119,6 +119,15 @@ static enum hg_status transform_roots(struct hg_asset *asset, const float matrix
     return HG_OK;
 }
 
+// The built-in scene comes with its sky, unless the client has already chosen an environment.
+static void light_demo(struct hg_scene *scene, const struct hg_asset *asset)
+{
+    if (strcmp(asset->label, "demo:") != 0 || scene->environment.revision)
+        return;
+    hg_demo_environment(&scene->environment);
+    scene->environment.revision = scene->revision + 1;
+}
+
 static void finish_asset(const struct request *r, struct task *task)
 {
     const struct hgp_asset_load *m = &r->message->asset_load;
@@ -144,6 +153,7 @@ static void finish_asset(const struct request *r, struct task *task)
         return;
     }
     task->asset = NULL; // the scene's now
+    light_demo(scene, asset);
     publish_or_mark(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);
