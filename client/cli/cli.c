@@ -44,7 +44,7 @@ void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
 
 void hg_cli_finish(struct hg_cli *cli)
 {
-    hg_cli_progress_clear(&cli->progress);
+    hg_cli_progress_finish(&cli->progress);
     interrupt_target = NULL;
     helio_destroy(cli->h);
     cli->h = NULL;

@@ -8,6 +8,8 @@
 #include "base/clock.h"
 #include "client/cli/cli.h"
 
+enum { WARNINGS_SHOWN = 10 };
+
 static const uint64_t second_ns = 1000000000;
 
 void hg_cli_progress_init(struct hg_cli_progress *p, const char *mode)
@@ -88,6 +90,15 @@ void hg_cli_progress_clear(struct hg_cli_progress *p)
     p->line_open = false;
 }
 
+void hg_cli_progress_finish(struct hg_cli_progress *p)
+{
+    hg_cli_progress_clear(p);
+    if (p->warnings > WARNINGS_SHOWN)
+        fprintf(stderr, "warning: %u more; helio info --json lists them\n",
+            p->warnings - WARNINGS_SHOWN);
+    p->warnings = 0;
+}
+
 void hg_cli_on_progress(void *user, const struct hgp_progress *progress)
 {
     char stage[72];
@@ -101,7 +112,10 @@ void hg_cli_on_notice(void *user, const struct hgp_notice *notice)
     hg_cli_clean(what, sizeof what, notice->what.data, notice->what.size);
     hg_cli_clean(where, sizeof where, notice->where.data, notice->where.size);
     hg_cli_clean(reason, sizeof reason, notice->reason.data, notice->reason.size);
-    hg_cli_progress_clear(user);
+    struct hg_cli_progress *p = user;
+    if (p->warnings++ >= WARNINGS_SHOWN)
+        return;
+    hg_cli_progress_clear(p);
     fprintf(stderr, "warning: %s%s%s%s%s\n", what, what[0] ? ": " : "", where, where[0] ? ": " : "",
         reason);
 }

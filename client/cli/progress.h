@@ -17,6 +17,7 @@ struct hg_cli_progress {
     char prefix[64];             // "frame 3 of 10"; may be empty
     char stage[72];              // the newest stage and how far it is
     uint64_t done, total;
+    uint32_t warnings; // printed and not printed
 };
 
 // "auto" (NULL too), "json" or "none".
@@ -25,6 +26,8 @@ void hg_cli_progress_update(
     struct hg_cli_progress *p, const char *stage, uint64_t done, uint64_t total);
 // A step of the command begins; shown until the server names a stage itself.
 void hg_cli_progress_stage(struct hg_cli_progress *p, const char *stage);
+// Says how many warnings were left out. Call once, at the end.
+void hg_cli_progress_finish(struct hg_cli_progress *p);
 // Removes an open progress line, before anything else is printed.
 void hg_cli_progress_clear(struct hg_cli_progress *p);
 

@@ -191,6 +191,8 @@ static enum hg_status load_scene(struct render *r, struct hg_error *err)
             helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, &answer, err);
     if (!status)
         r->loaded = answer->body->asset_loaded;
+    else if (o->has_variant && strcmp(err->where, "variant") == 0)
+        r->doing = HG_CLI_DOING_ARGUMENTS; // the file is good, the option is not
     helio_message_free(answer);
     hg_free(path);
     hg_free(list);

@@ -80,6 +80,7 @@ static enum hg_status connect_to(struct run *r, const char *url, struct hg_error
     struct hg_cli_progress progress = r->cli.progress;
     hg_cli_finish(&r->cli);
     r->cli.progress = progress;
+    r->cli.progress.warnings = 0; // said
     struct hgp_view_set view = {.view = HG_CLI_VIEW};
     enum hg_status status = hg_cli_connect(&r->cli, url, &r->files, true, err);
     if (!status)

@@ -286,7 +286,7 @@ static enum hg_status set_exposure(struct words *w, struct hg_cli_step *s, struc
 static enum hg_status set_samples(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     s->view.has_samples = true;
-    return take_u32(w, "samples", 1, 1048576, &s->view.samples, err);
+    return take_u32(w, "samples", 1, 65536, &s->view.samples, err);
 }
 
 static enum hg_status set_seed(struct words *w, struct hg_cli_step *s, struct hg_error *err)
