@@ -331,6 +331,7 @@ static enum hg_status watch_signals(struct hg_broker *b, struct hg_error *err)
     sigaddset(&set, SIGCHLD);
     sigprocmask(SIG_BLOCK, &set, NULL);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); // a full quota is an error of write
     b->signals = (struct hg_source){
         .fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC),
         .events = EPOLLIN,

@@ -140,6 +140,8 @@ struct hg_session {
     struct hg_view_state *views;
     struct hg_upload *uploads[HG_UPLOADS_AT_ONCE];
     uint64_t uploaded_bytes;
+    uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
+    struct hg_error failed_upload; // and fail the same way
     uint32_t poisons;
 };
 

@@ -66,18 +66,38 @@ static enum hg_status take_piece(
     return status;
 }
 
+// A piece behind one that failed: its sender learns the first reason, once.
+static bool follows_failure(const struct hg_session *s, const struct hgp_upload *m)
+{
+    return s->failed_upload.status && m->offset && memcmp(s->failed_hash, m->hash, 32) == 0;
+}
+
+static void refuse(
+    struct hg_session *s, uint32_t request, const struct hgp_upload *m, const struct hg_error *err)
+{
+    memcpy(s->failed_hash, m->hash, 32);
+    s->failed_upload = *err;
+    hg_conn_fail(s->conn, request, err);
+}
+
 void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_upload *m)
 {
     struct hg_error err = {0};
     bool done = false;
     enum hg_status status = HG_OK;
+    bool running = find_slot(s, m->hash) != NULL;
+    if (!running && follows_failure(s, m)) {
+        if (request)
+            hg_conn_fail(s->conn, request, &s->failed_upload);
+        return;
+    }
     // Somebody sent it meanwhile: nothing is stored twice.
-    if (!find_slot(s, m->hash) && hg_store_has(s->broker->store, m->hash))
+    if (!running && hg_store_has(s->broker->store, m->hash))
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
     if (status)
-        hg_conn_fail(s->conn, request, &err);
+        refuse(s, request, m, &err);
     else if (done && request)
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
 }

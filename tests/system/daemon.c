@@ -78,8 +78,16 @@ static void spawn_daemon(struct daemon *d)
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, 1, out, O_WRONLY | O_CREAT | O_TRUNC, 0600);
     posix_spawn_file_actions_addopen(&actions, 2, log, O_WRONLY | O_CREAT | O_APPEND, 0600);
-    assert_int_equal(posix_spawn(&d->pid, d->args[0], &actions, NULL, d->args, environ), 0);
+    if (d->passed_fd) {
+        posix_spawn_file_actions_adddup2(&actions, d->passed_fd, 3);
+        setenv("LISTEN_FDS", "1", 1);
+    }
+    // LISTEN_PID must be the daemon's own number, which only the child knows.
+    char *args[70] = {"/bin/sh", "-c", "export LISTEN_PID=$$; exec \"$@\"", "sh"};
+    memcpy(args + 4, d->args, sizeof d->args[0] * (size_t)d->arg_count);
+    assert_int_equal(posix_spawn(&d->pid, args[0], &actions, NULL, args, environ), 0);
     posix_spawn_file_actions_destroy(&actions);
+    unsetenv("LISTEN_FDS");
 }
 
 void daemon_start(struct daemon *d)
@@ -152,9 +160,10 @@ void daemon_finish(struct daemon *d)
         fprintf(stderr, "%s\n", daemon_read(d, "log"));
     for (int i = 0; i < d->arg_count; i++)
         free(d->args[i]);
-    snprintf(command, sizeof command, "rm -rf %s", d->folder);
-    if (system(command) != 0)
-        fprintf(stderr, "cannot remove %s\n", d->folder);
+    // A worker whose daemon was killed may still be writing its last file.
+    snprintf(command, sizeof command, "rm -rf %s 2>/dev/null", d->folder);
+    for (int tries = 0; system(command) != 0 && tries < 100; tries++)
+        hg_clock_sleep_ns(STEP_NS);
     assert_false(crashed);
 }
 

@@ -11,7 +11,8 @@
 struct daemon {
     char folder[64]; // temporary: socket, cache, tripwires, log
     pid_t pid;
-    int port; // of the first tcp listener, 0 = none
+    int port;      // of the first tcp listener, 0 = none
+    int passed_fd; // listening socket handed over as a service manager does; 0 = none
     char *args[64];
     int arg_count;
 };

@@ -23,23 +23,16 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/sha256.h"
-#include "server/broker/packet.h"
+#include "tests/system/fake_scene.h"
 
 enum { LINK_FD = 3, MAX_CHANNELS = 256, MAX_VIEWS = 16, MAX_DELAYED = 256, PULSE_MS = 100 };
-
-struct object {
-    struct object *next;
-    uint16_t type;
-    uint64_t id, extra;
-    struct hg_packet *packet;
-};
 
 struct scene {
     struct scene *next;
     char key[256];
     uint32_t users;
     uint64_t revision;
-    struct object *objects;
+    struct fake_scene state;
 };
 
 struct view {
@@ -141,170 +134,22 @@ static void accept_edit(struct channel *c, const struct hgp_header *to)
 
 // ---- scenes -------------------------------------------------------------------------------------
 
-static struct object *find(struct scene *scene, uint16_t type, uint64_t id, uint64_t extra)
+static void edit(struct channel *c, struct hg_packet *packet)
 {
-    for (struct object *it = scene->objects; it; it = it->next)
-        if (it->type == type && it->id == id && it->extra == extra)
-            return it;
-    return NULL;
-}
-
-static bool exists(struct scene *scene, uint16_t type, uint64_t id)
-{
-    return !id || (id >> 32 ? find(scene, HGP_T_asset_load, id >> 32, 0)
-                            : find(scene, type, id, 0)) != NULL;
-}
-
-static void remove_if(
-    struct scene *scene, bool (*matches)(const struct object *, uint64_t), uint64_t value)
-{
-    for (struct object **link = &scene->objects; *link;) {
-        struct object *object = *link;
-        if (!matches(object, value)) {
-            link = &object->next;
-            continue;
-        }
-        *link = object->next;
-        hg_packet_unref(object->packet);
-        hg_free(object);
-    }
-}
-
-static bool is_any(const struct object *object, uint64_t value)
-{
-    (void)object;
-    (void)value;
-    return true;
-}
-
-static bool is_of_asset(const struct object *object, uint64_t asset)
-{
-    switch (object->type) {
-    case HGP_T_asset_load:
-    case HGP_T_variant_set:
-    case HGP_T_animation_set:
-        return object->id == asset;
-    case HGP_T_environment_set:
-        return false;
-    default:
-        return object->id >> 32 == asset;
-    }
-}
-
-static struct hg_packet *merged(struct hg_packet *old, struct hg_packet *new)
-{
-    struct hg_arena arena = {0};
-    union hgp_any a, b;
-    uint16_t type = new->header.type;
-    if (hgp_decode(1, type, old->payload, old->header.length, &arena, &a, NULL) ||
-        hgp_decode(1, type, new->payload, new->header.length, &arena, &b, NULL))
-        abort();
-    if (type == HGP_T_view_camera)
-        a.view_camera.has_camera = false;
-    hgp_merge((enum hgp_type)type, &a, &b);
-    struct hg_packet *packet = hg_packet_encode((enum hgp_type)type, &a);
-    hg_arena_finish(&arena);
-    return packet;
-}
-
-static void store(struct hg_packet **slot, struct hg_packet *packet)
-{
-    struct hg_packet *result = *slot ? merged(*slot, packet) : hg_packet_ref(packet);
-    hg_packet_unref(*slot);
-    *slot = result;
-}
-
-static void put(struct scene *scene, uint64_t id, uint64_t extra, struct hg_packet *packet)
-{
-    struct object *object = find(scene, packet->header.type, id, extra);
-    if (!object) {
-        object = hg_calloc(1, sizeof *object);
-        if (!object)
-            abort();
-        *object = (struct object){
-            .next = scene->objects, .type = packet->header.type, .id = id, .extra = extra};
-        scene->objects = object;
-    }
-    store(&object->packet, packet);
-}
-
-// What the renderer does when an object goes: references to it become none.
-static void forget_references(struct scene *scene, uint16_t type, uint64_t id)
-{
-    for (struct object *it = scene->objects; it; it = it->next) {
-        union hgp_any any;
-        if (it->type != HGP_T_node_set || hgp_decode(1, it->type, it->packet->payload,
-                                              it->packet->header.length, NULL, &any, NULL))
-            continue;
-        struct hgp_node_set *n = &any.node_set;
-        if (type == HGP_T_node_set && n->parent == id)
-            n->has_parent = false;
-        if (type == HGP_T_mesh_set && n->mesh == id)
-            n->has_mesh = false;
-        struct hg_packet *packet = hg_packet_encode(HGP_T_node_set, n);
-        hg_packet_unref(it->packet);
-        it->packet = packet;
-    }
-}
-
-static void object_remove(
-    struct channel *c, const struct hgp_header *to, const struct hgp_object_remove *m)
-{
-    static const uint16_t types[] = {HGP_T_node_set, HGP_T_mesh_set, HGP_T_material_set,
-        HGP_T_texture_set, HGP_T_light_set, HGP_T_camera_set};
-    uint16_t type = types[m->kind];
-    for (struct object **link = &c->scene->objects; *link; link = &(*link)->next) {
-        struct object *object = *link;
-        if (object->type != type || object->id != m->object)
-            continue;
-        *link = object->next;
-        hg_packet_unref(object->packet);
-        hg_free(object);
-        forget_references(c->scene, type, m->object);
-        accept_edit(c, to);
-        return;
-    }
-    refuse(to, HG_E_NOTFOUND, "no such object");
-}
-
-static bool in_range(const struct channel *c, uint64_t id)
-{
-    return id >> 32 || (id >= c->first_id && id - c->first_id < c->id_count);
-}
-
-static void object_set(struct channel *c, struct hg_packet *packet, uint64_t id)
-{
-    const struct hgp_header *to = &packet->header;
-    if (!in_range(c, id) && !find(c->scene, to->type, id, 0)) {
-        refuse(to, HG_E_NOTFOUND, "outside the session's ids");
-        return;
-    }
-    put(c->scene, id, 0, packet);
-    accept_edit(c, to);
-}
-
-static void node_set(struct channel *c, struct hg_packet *packet, const struct hgp_node_set *m)
-{
-    if ((m->has_parent && !exists(c->scene, HGP_T_node_set, m->parent)) ||
-        (m->has_mesh && !exists(c->scene, HGP_T_mesh_set, m->mesh)))
-        refuse(&packet->header, HG_E_NOTFOUND, "a reference leads nowhere");
+    enum hg_status status = fake_scene_apply(&c->scene->state, packet, c->first_id, c->id_count);
+    if (status)
+        refuse(&packet->header, status, hg_status_text(status));
     else
-        object_set(c, packet, m->node);
-}
-
-static void mesh_set(struct channel *c, struct hg_packet *packet, const struct hgp_mesh_set *m)
-{
-    for (uint32_t i = 0; i < m->parts.count; i++)
-        if (!exists(c->scene, HGP_T_material_set, m->parts.items[i].material)) {
-            refuse(&packet->header, HG_E_NOTFOUND, "a material does not exist");
-            return;
-        }
-    object_set(c, packet, m->mesh);
+        accept_edit(c, &packet->header);
 }
 
 static void finish_load(struct channel *c, struct hg_packet *packet, uint32_t asset)
 {
-    put(c->scene, asset, 0, packet);
+    enum hg_status status = fake_scene_apply(&c->scene->state, packet, 1, UINT32_MAX);
+    if (status) {
+        refuse(&packet->header, status, hg_status_text(status));
+        return;
+    }
     c->scene->revision += !c->in_batch;
     answer(&packet->header, HGP_T_asset_loaded,
         &(struct hgp_asset_loaded){
@@ -315,11 +160,7 @@ static void asset_load(struct channel *c, struct hg_packet *packet, const struct
 {
     char path[64];
     snprintf(path, sizeof path, "%.*s", (int)m->path.size, m->path.data ? m->path.data : "");
-    if (find(c->scene, HGP_T_asset_load, m->asset, 0))
-        refuse(&packet->header, HG_E_EXISTS, "the asset is loaded already");
-    else if (m->has_parent && !exists(c->scene, HGP_T_node_set, m->parent))
-        refuse(&packet->header, HG_E_NOTFOUND, "no such parent");
-    else if (strcmp(path, "fail") == 0)
+    if (strcmp(path, "fail") == 0)
         refuse(&packet->header, HG_E_FORMAT, "a broken file");
     else if (strncmp(path, "slow=", 5) == 0 && !c->blocked_until_ns) {
         c->blocked_until_ns = hg_clock_now_ns() + strtoull(path + 5, NULL, 10) * 1000000;
@@ -340,39 +181,16 @@ static struct view *find_view(struct channel *c, uint32_t number)
     return NULL;
 }
 
-static void hash_packet(struct hg_sha256 *h, const struct hg_packet *packet)
-{
-    if (packet)
-        hg_sha256_update(h, packet->payload, packet->header.length);
-}
-
-static int compare(const void *a, const void *b)
-{
-    const struct object *x = *(struct object *const *)a, *y = *(struct object *const *)b;
-    if (x->type != y->type)
-        return x->type < y->type ? -1 : 1;
-    if (x->id != y->id)
-        return x->id < y->id ? -1 : 1;
-    return x->extra < y->extra ? -1 : x->extra > y->extra;
-}
-
 // The state that a frame shows, whatever the order in which it came about.
 static void digest(struct channel *c, struct view *view, uint8_t hash[32])
 {
     struct hg_sha256 *h = hg_sha256_create();
-    struct object *sorted[4096];
-    size_t count = 0;
     if (!h)
         abort();
-    for (struct object *it = c->scene->objects; it && count < 4096; it = it->next)
-        sorted[count++] = it;
-    qsort(sorted, count, sizeof *sorted, compare);
-    for (size_t i = 0; i < count; i++) {
-        hg_sha256_update(h, &sorted[i]->type, sizeof sorted[i]->type);
-        hash_packet(h, sorted[i]->packet);
-    }
-    hash_packet(h, view->params);
-    hash_packet(h, view->camera);
+    fake_scene_hash(&c->scene->state, h);
+    hg_sha256_update(h, view->params->payload, view->params->header.length);
+    if (view->camera)
+        hg_sha256_update(h, view->camera->payload, view->camera->header.length);
     hg_sha256_end(h, hash);
 }
 
@@ -455,7 +273,7 @@ static void view_set(struct channel *c, struct hg_packet *packet, uint32_t numbe
         return;
     }
     view->number = number;
-    store(&view->params, packet);
+    fake_merge(&view->params, packet);
     if (packet->header.request)
         answer(&packet->header, HGP_T_ok, &(struct hgp_ok){.revision = c->scene->revision});
 }
@@ -480,7 +298,7 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
     }
     switch (packet->header.type) {
     case HGP_T_view_camera:
-        store(&view->camera, packet);
+        fake_merge(&view->camera, packet);
         return; // never answered
     case HGP_T_credit:
         view->credit += m->credit.frames;
@@ -544,7 +362,7 @@ static void detach(struct channel *c)
         while (*link != c->scene)
             link = &(*link)->next;
         *link = c->scene->next;
-        remove_if(c->scene, is_any, 0);
+        fake_scene_finish(&c->scene->state);
         hg_free(c->scene);
     }
     *c = (struct channel){0};
@@ -565,47 +383,6 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         return;
     case HGP_T_asset_load:
         asset_load(c, packet, &m->asset_load);
-        return;
-    case HGP_T_asset_unload:
-        if (find(c->scene, HGP_T_asset_load, m->asset_unload.asset, 0)) {
-            remove_if(c->scene, is_of_asset, m->asset_unload.asset);
-            accept_edit(c, to);
-        } else {
-            refuse(to, HG_E_NOTFOUND, "no such asset");
-        }
-        return;
-    case HGP_T_mesh_set:
-        mesh_set(c, packet, &m->mesh_set);
-        return;
-    case HGP_T_node_set:
-        node_set(c, packet, &m->node_set);
-        return;
-    case HGP_T_texture_set:
-        object_set(c, packet, m->texture_set.texture);
-        return;
-    case HGP_T_material_set:
-        object_set(c, packet, m->material_set.material);
-        return;
-    case HGP_T_light_set:
-        object_set(c, packet, m->light_set.light);
-        return;
-    case HGP_T_camera_set:
-        object_set(c, packet, m->camera_set.camera);
-        return;
-    case HGP_T_environment_set:
-        put(c->scene, 0, 0, packet);
-        accept_edit(c, to);
-        return;
-    case HGP_T_animation_set:
-        put(c->scene, m->animation_set.asset, (uint32_t)m->animation_set.animation, packet);
-        accept_edit(c, to);
-        return;
-    case HGP_T_variant_set:
-        put(c->scene, m->variant_set.asset, 0, packet);
-        accept_edit(c, to);
-        return;
-    case HGP_T_object_remove:
-        object_remove(c, to, &m->object_remove);
         return;
     case HGP_T_batch_begin:
     case HGP_T_batch_end:
@@ -633,7 +410,7 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"fake\":true}")});
         return;
     default:
-        refuse(to, HG_E_UNSUPPORTED, "the fake worker does not know it");
+        edit(c, packet);
     }
 }
 

@@ -1,11 +1,14 @@
 // test_broker.c - heliod with a fake worker: handshake, rules, limits, flow control, drain, reload.
+#include <netinet/in.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -725,6 +728,117 @@ static void passes_device_info_on(void **state)
     daemon_finish(&d);
 }
 
+// ---- the service manager
+// --------------------------------------------------------------------------
+
+static int datagram_socket(struct daemon *d, char *path, size_t size)
+{
+    struct sockaddr_un sun = {.sun_family = AF_UNIX};
+    struct timeval patience = {.tv_sec = 20};
+    snprintf(path, size, "%s/notify", d->folder);
+    snprintf(sun.sun_path, sizeof sun.sun_path, "%s", path);
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    assert_true(fd >= 0);
+    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    assert_int_equal(bind(fd, (struct sockaddr *)&sun, sizeof sun), 0);
+    return fd;
+}
+
+static void expect_notice(int fd, const char *wanted)
+{
+    char text[600];
+    do {
+        ssize_t n = recv(fd, text, sizeof text - 1, 0);
+        if (n < 0)
+            fail_msg("the service manager is never told %s", wanted);
+        text[n] = 0;
+    } while (!strstr(text, wanted));
+}
+
+static void talks_to_the_service_manager(void **state)
+{
+    (void)state;
+    struct daemon d;
+    char path[100];
+    daemon_init(&d);
+    int fd = datagram_socket(&d, path, sizeof path);
+    setenv("NOTIFY_SOCKET", path, 1);
+    setenv("WATCHDOG_USEC", "400000", 1);
+    daemon_start(&d);
+    expect_notice(fd, "READY=1");
+    expect_notice(fd, "WATCHDOG=1");
+    expect_notice(fd, "WATCHDOG=1");
+    daemon_signal(&d, SIGHUP);
+    expect_notice(fd, "RELOADING=1\nMONOTONIC_USEC=");
+    expect_notice(fd, "READY=1");
+    daemon_signal(&d, SIGTERM);
+    expect_notice(fd, "STOPPING=1");
+    assert_int_equal(daemon_wait(&d), 0);
+    unsetenv("NOTIFY_SOCKET");
+    unsetenv("WATCHDOG_USEC");
+    close(fd);
+    daemon_finish(&d);
+}
+
+static void takes_passed_sockets(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    struct sockaddr_in sin = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof sin;
+    start_with_tokens(&d);
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_int_equal(bind(fd, (struct sockaddr *)&sin, sizeof sin), 0);
+    assert_int_equal(listen(fd, 8), 0);
+    assert_int_equal(getsockname(fd, (struct sockaddr *)&sin, &size), 0);
+    d.passed_fd = fd;
+    daemon_start(&d);
+    d.port = ntohs(sin.sin_port);
+    peer_connect(&p, &d, true);
+    peer_hello(&p);
+    peer_auth(&p, "edit-token-1");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    peer_close(&p);
+    close(fd);
+    daemon_finish(&d);
+}
+
+// ---- a full disk
+// ----------------------------------------------------------------------------------
+
+static void full_disk_on_upload(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    enum { SIZE = 3 << 20, PIECE = 1 << 20 };
+    struct rlimit old, small = {.rlim_cur = 2 << 20};
+    uint8_t *data = calloc(SIZE, 1);
+    daemon_init(&d);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    small.rlim_max = old.rlim_max;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0); // inherited by the daemon
+    daemon_start(&d);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
+    peer_open(&p, &d);
+    for (int at = 0; at < 2; at++) {
+        struct hgp_upload m = piece(data, SIZE, (size_t)at * PIECE, PIECE);
+        peer_tell(&p, HGP_T_upload, &m);
+    }
+    struct hgp_upload m = piece(data, SIZE, 2 * PIECE, PIECE);
+    peer_refused(&p, HGP_T_upload, &m, HG_E_NOSPACE);
+    assert_false(is_there(&p, m.hash));
+    assert_false(daemon_has_file(&d, "cache/uploads/.incoming.1")); // nothing is left behind
+    // What fits is taken.
+    m = piece(data, PIECE, 0, PIECE);
+    peer_call(&p, HGP_T_upload, &m, HGP_T_ok);
+    free(data);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -748,6 +862,9 @@ int main(void)
         cmocka_unit_test(reloads_tokens_and_options),
         cmocka_unit_test(refuses_bad_starts),
         cmocka_unit_test(passes_device_info_on),
+        cmocka_unit_test(talks_to_the_service_manager),
+        cmocka_unit_test(takes_passed_sockets),
+        cmocka_unit_test(full_disk_on_upload),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

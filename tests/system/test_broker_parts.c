@@ -1,0 +1,348 @@
+// test_broker_parts.c - options, tokens, the guard, the upload store, streams.
+#include <fcntl.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/file.h"
+#include "base/sha256.h"
+#include "server/broker/auth.h"
+#include "server/broker/listener.h"
+#include "server/broker/options.h"
+#include "server/broker/packet.h"
+#include "server/broker/upload_store.h"
+
+static char folder[64];
+
+static int make_folder(void **state)
+{
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/broker-parts.XXXXXX");
+    return mkdtemp(folder) ? 0 : -1;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command);
+}
+
+static const char *path_of(const char *name)
+{
+    static char path[160];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+static void write_text(const char *name, const char *text)
+{
+    assert_int_equal(hg_file_write_atomic(path_of(name), text, strlen(text), NULL), HG_OK);
+}
+
+// ---- options ------------------------------------------------------------------------------------
+
+static enum hg_status parse(
+    struct hg_options *o, struct hg_error *err, int argc, const char *const *argv)
+{
+    *err = (struct hg_error){0};
+    return hg_options_parse(argc, (char *const *)argv, o, err);
+}
+
+static void options_from_flags_and_file(void **state)
+{
+    (void)state;
+    struct hg_options o;
+    struct hg_error err;
+    write_text("conf", "# comment\n\nmax-views=7\n  asset-root = /a b \nasset-root=/c\n"
+                       "peer-timeout = 1.5\nsandbox = off\nlog=warn,net=debug\n");
+    char config[200];
+    snprintf(config, sizeof config, "--config=%s", path_of("conf"));
+    const char *argv[] = {"heliod", "--max-pixels", "12345", config, "--texture-budget=64",
+        "--require-token", "--no-sandbox"};
+    assert_int_equal(parse(&o, &err, 7, argv), HG_OK);
+    assert_int_equal(o.max_views, 7);
+    assert_int_equal(o.max_pixels, 12345);
+    assert_int_equal(o.asset_root.count, 2);
+    assert_string_equal(o.asset_root.items[0], "/a b");
+    assert_true(o.peer_timeout_ns == 1500000000u);
+    assert_true(o.texture_budget_bytes == 64u << 20);
+    assert_true(o.require_token && !o.sandbox);
+    assert_true(o.max_message_bytes == HGP_LIMIT_OPEN_DEFAULT);
+    hg_options_finish(&o);
+    // Flags win over the file; a list is replaced as a whole.
+    const char *over[] = {"heliod", config, "--asset-root", "/x", "--max-views=9", "--sandbox"};
+    assert_int_equal(parse(&o, &err, 6, over), HG_OK);
+    assert_int_equal(o.asset_root.count, 1);
+    assert_string_equal(o.asset_root.items[0], "/x");
+    assert_int_equal(o.max_views, 9);
+    assert_true(o.sandbox);
+    hg_options_finish(&o);
+}
+
+static void bad_options_are_named(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {"--max-views=0", "--max-views=1.5", "--max-views=-1",
+        "--max-views=4097", "--max-views=9x", "--max-views=", "--max-views", "--nonsense",
+        "--no-max-views", "--peer-timeout=nan", "--peer-timeout=inf", "--sandbox=perhaps",
+        "--listen=", "stray", "--", "--print-docs=html", "--config=/nonexistent/file"};
+    struct hg_options o;
+    struct hg_error err;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        const char *argv[] = {"heliod", bad[i]};
+        if (parse(&o, &err, 2, argv) == HG_OK)
+            fail_msg("%s is taken", bad[i]);
+        assert_true(err.what[0] && err.reason[0]);
+        hg_options_finish(&o); // left empty
+    }
+    static const char *const files[] = {
+        "max-views\n", "\n\nmax-views = x\n", "color = red\n", "= 5\n", "config = other\n"};
+    char config[200];
+    snprintf(config, sizeof config, "--config=%s", path_of("bad"));
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        write_text("bad", files[i]);
+        const char *argv[] = {"heliod", config};
+        assert_int_equal(parse(&o, &err, 2, argv), HG_E_INVAL);
+        assert_string_equal(err.what, path_of("bad"));
+        assert_string_equal(err.where, i == 1 ? "line 3" : "line 1");
+    }
+}
+
+static void reload_keeps_start_options(void **state)
+{
+    (void)state;
+    struct hg_options now, next;
+    struct hg_error err;
+    char names[100];
+    const char *first[] = {"heliod", "--listen=unix:/a", "--max-views=3"};
+    const char *second[] = {"heliod", "--listen=unix:/b", "--max-views=4", "--device=1"};
+    assert_int_equal(parse(&now, &err, 3, first), HG_OK);
+    assert_int_equal(parse(&next, &err, 4, second), HG_OK);
+    assert_int_equal(hg_options_reload(&now, &next, names, sizeof names), 2);
+    assert_string_equal(names, "listen device");
+    assert_int_equal(now.max_views, 4);
+    assert_string_equal(now.listen.items[0], "unix:/a");
+    hg_options_finish(&now);
+}
+
+static void options_without_memory(void **state)
+{
+    (void)state;
+    struct hg_options o;
+    struct hg_error err;
+    const char *argv[] = {"heliod", "--listen=unix:/a", "--tokens=/t", "--asset-root=/r"};
+    for (uint64_t n = 1;; n++) {
+        hg_alloc_fail_at(n);
+        enum hg_status status = parse(&o, &err, 4, argv);
+        bool reached = hg_alloc_count() >= n;
+        hg_alloc_fail_at(0);
+        hg_options_finish(&o);
+        if (!reached)
+            break;
+        assert_int_equal(status, HG_E_NOMEM);
+    }
+}
+
+// ---- tokens -------------------------------------------------------------------------------------
+
+static void tokens_are_read(void **state)
+{
+    (void)state;
+    struct hg_tokens tokens;
+    struct hg_error err;
+    write_text("tokens", "# comment\n\n\tabcdefgh  VIEW anna\r\nijklmnop edit\nqrstuvwx admin z");
+    assert_int_equal(chmod(path_of("tokens"), 0600), 0);
+    assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
+    assert_int_equal(tokens.count, 3);
+    assert_false(tokens.exposed);
+    const struct hg_token *t = hg_tokens_find(&tokens, hgp_str_make("abcdefgh"));
+    assert_non_null(t);
+    assert_int_equal(t->role, HGP_role_VIEW);
+    assert_string_equal(t->name, "anna");
+    assert_null(hg_tokens_find(&tokens, hgp_str_make("abcdefg")));
+    assert_null(hg_tokens_find(&tokens, hgp_str_make("")));
+    assert_null(hg_tokens_find(&tokens, (struct hgp_str){0}));
+    hg_tokens_finish(&tokens);
+    assert_int_equal(chmod(path_of("tokens"), 0640), 0);
+    assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
+    assert_true(tokens.exposed);
+    hg_tokens_finish(&tokens);
+    static const char *const bad[] = {"short view\n", "longenough\n", "longenough king\n",
+        "longenough none\n", "longenough view a b\n"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        write_text("tokens", bad[i]);
+        assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_E_INVAL);
+        assert_string_equal(err.where, "line 1");
+        assert_int_equal(tokens.count, 0);
+    }
+}
+
+static void guessing_is_slowed(void **state)
+{
+    (void)state;
+    static struct hg_guard guard;
+    const uint64_t s = 1000000000u;
+    for (int i = 0; i < 3; i++) {
+        assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 100 * s));
+        hg_guard_count_failure(&guard, "10.0.0.1", 100 * s);
+    }
+    assert_true(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 159 * s));
+    assert_false(hg_guard_is_blocked(&guard, "10.0.0.2", 3, 101 * s));
+    assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 161 * s));
+    char address[32]; // a flood of addresses pushes out the oldest, not the newest
+    for (int i = 0; i < HG_GUARD_ENTRIES + 20; i++) {
+        snprintf(address, sizeof address, "10.1.0.%d", i);
+        hg_guard_count_failure(&guard, address, (200 + (uint64_t)i) * s);
+    }
+    assert_true(hg_guard_is_blocked(&guard, address, 1, 350 * s));
+}
+
+static void addresses_are_checked(void **state)
+{
+    (void)state;
+    static const char *const good[] = {
+        "unix:/a", "tcp:localhost:80", "tcp:[::1]:0", "tcp:*:65535", "tcp:127.0.0.1:1"};
+    static const char *const bad[] = {"", "unix:", "tcp:", "tcp:80", "tcp::1", "tcp:a:", "tcp:a:b",
+        "tcp:a:65536", "tcp:::1:80", "udp:a:1", "/a"};
+    bool is_tcp;
+    struct hg_error err;
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        assert_int_equal(hg_listener_check(good[i], &is_tcp, &err), HG_OK);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        if (hg_listener_check(bad[i], &is_tcp, &err) != HG_E_INVAL)
+            fail_msg("'%s' is taken", bad[i]);
+}
+
+// ---- uploads ------------------------------------------------------------------------------------
+
+static void put(struct hg_store *store, uint8_t fill, size_t size, uint8_t hash[32])
+{
+    struct hg_upload *upload;
+    struct hg_error err;
+    uint8_t data[1024];
+    assert_true(size <= sizeof data);
+    memset(data, fill, sizeof data);
+    assert_int_equal(hg_sha256(data, size, hash), HG_OK);
+    assert_int_equal(hg_upload_begin(store, hash, size, &upload, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, data, size / 2, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, data, size - size / 2, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, data, 1, &err), HG_E_LIMIT);
+    assert_int_equal(hg_upload_commit(upload, &err), HG_OK);
+}
+
+static void store_evicts_what_nobody_uses(void **state)
+{
+    (void)state;
+    struct hg_store *store;
+    struct hg_error err;
+    struct hg_upload *upload;
+    uint8_t a[32], b[32], c[32], d[32];
+    char uploads[200];
+    snprintf(uploads, sizeof uploads, "%s", path_of("cache/deep/uploads"));
+    assert_int_equal(hg_store_create(uploads, 2048, &store, &err), HG_OK);
+    put(store, 1, 1000, a);
+    put(store, 2, 1000, b);
+    assert_true(hg_store_has(store, a)); // used: b is the oldest now
+    put(store, 3, 900, c);
+    assert_true(hg_store_has(store, a) && !hg_store_has(store, b) && hg_store_has(store, c));
+    assert_int_equal(hg_store_pin(store, a), HG_OK);
+    assert_int_equal(hg_store_pin(store, c), HG_OK);
+    assert_int_equal(hg_upload_begin(store, b, 1000, &upload, &err), HG_E_LIMIT);
+    hg_store_unpin(store, a);
+    put(store, 4, 500, d);
+    assert_true(!hg_store_has(store, a) && hg_store_has(store, c) && hg_store_has(store, d));
+    assert_true(hg_store_bytes(store) == 1400);
+    // An upload under way holds its room; given up, it gives it back and leaves no file.
+    assert_int_equal(hg_upload_begin(store, b, 600, &upload, &err), HG_OK);
+    assert_true(hg_store_bytes(store) == 2000);
+    hg_upload_abort(upload);
+    assert_true(hg_store_bytes(store) == 1400);
+    hg_store_destroy(store);
+    // A later run finds what is there, and clears away what was under way.
+    write_text("cache/deep/uploads/.incoming.7", "rest");
+    assert_int_equal(hg_store_create(uploads, 2048, &store, &err), HG_OK);
+    assert_true(hg_store_has(store, c) && hg_store_has(store, d));
+    assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);
+    hg_store_forget(store, c);
+    assert_false(hg_store_has(store, c));
+    hg_store_destroy(store);
+}
+
+// ---- streams ------------------------------------------------------------------------------------
+
+// Messages of many sizes, cut at every kind of place, arrive as they were sent.
+static void streams_are_cut_into_messages(void **state)
+{
+    (void)state;
+    int pair[2];
+    struct hg_outq out = {0};
+    struct hg_framer in = {0};
+    uint32_t received = 0;
+    enum { COUNT = 60 };
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        struct hgp_header header = {.length = i * i * 97, .type = 1};
+        struct hg_packet *packet = hg_packet_create(&header);
+        assert_non_null(packet);
+        memset(packet->payload, (int)i, header.length);
+        assert_int_equal(hg_outq_push(&out, packet, i, i + 1), HG_OK);
+    }
+    while (received < COUNT) {
+        assert_int_equal(hg_outq_flush(&out, pair[0]), HG_OK);
+        enum hg_status status = hg_framer_read(&in, pair[1]);
+        assert_true(status == HG_OK || status == HG_E_AGAIN);
+        for (;;) {
+            struct hg_packet *packet;
+            assert_int_equal(hg_framer_next(&in, 1 << 20, &packet), HG_OK);
+            if (!packet)
+                break;
+            assert_int_equal(packet->header.length, received * received * 97);
+            assert_int_equal(packet->header.request, received);
+            assert_int_equal(packet->header.channel, received + 1);
+            for (uint32_t i = 0; i < packet->header.length; i++)
+                assert_int_equal(packet->payload[i], (uint8_t)received);
+            received++;
+            hg_packet_unref(packet);
+        }
+    }
+    assert_int_equal(out.bytes, 0);
+    // Too long, and flags that do not exist: refused with the header alone.
+    uint8_t header[HGP_HEADER_BYTES];
+    struct hg_packet *packet;
+    hgp_header_encode(&(struct hgp_header){.length = (1 << 20) + 1}, header);
+    assert_int_equal(send(pair[0], header, sizeof header, 0), sizeof header);
+    assert_int_equal(hg_framer_read(&in, pair[1]), HG_OK);
+    assert_int_equal(hg_framer_next(&in, 1 << 20, &packet), HG_E_LIMIT);
+    assert_null(packet);
+    close(pair[0]);
+    assert_int_equal(hg_framer_read(&in, pair[1]), HG_E_CLOSED);
+    close(pair[1]);
+    hg_framer_finish(&in);
+    hg_outq_finish(&out);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(options_from_flags_and_file),
+        cmocka_unit_test(bad_options_are_named),
+        cmocka_unit_test(reload_keeps_start_options),
+        cmocka_unit_test(options_without_memory),
+        cmocka_unit_test(tokens_are_read),
+        cmocka_unit_test(guessing_is_slowed),
+        cmocka_unit_test(addresses_are_checked),
+        cmocka_unit_test(store_evicts_what_nobody_uses),
+        cmocka_unit_test(streams_are_cut_into_messages),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
