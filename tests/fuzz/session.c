@@ -1,0 +1,225 @@
+// Whole sessions against a real daemon: valid openings, then messages in any order, some of them
+// damaged. The daemon must stay, serve the next client, and keep nothing of the bad ones.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <dirent.h>
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "tests/fuzz/mutate.h"
+#include "tests/fuzz/session_messages.h"
+#include "tests/system/daemon.h"
+
+enum { MAX_MESSAGES = 512, CAPACITY = 64 * 1024, CHECK_EVERY = 40 };
+
+// Freed memory is kept for a while by the sanitizers.
+#if defined(__SANITIZE_ADDRESS__)
+#define GROWTH_BYTES (UINT64_C(512) << 20)
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define GROWTH_BYTES (UINT64_C(512) << 20)
+#endif
+#endif
+#ifndef GROWTH_BYTES
+#define GROWTH_BYTES (UINT64_C(64) << 20)
+#endif
+
+// Messages of the corpus, each with its header; valid ones.
+static struct fuzz_piece messages[MAX_MESSAGES];
+static size_t message_count;
+static struct fuzz_random random_state = FUZZ_RANDOM_START;
+
+static void add_message(const uint8_t *data, size_t size)
+{
+    assert_true(message_count < MAX_MESSAGES);
+    uint8_t *copy = malloc(size);
+    assert_non_null(copy);
+    memcpy(copy, data, size);
+    messages[message_count++] = (struct fuzz_piece){copy, size};
+}
+
+static void add(enum hgp_type type, const void *message)
+{
+    struct hg_writer w = {0};
+    struct hgp_fault fault = {0};
+    if (hgp_encode(&w, 1, type, 9, 0, message, &fault))
+        fail_msg("%s: %s", hgp_find((uint16_t)type)->name, fault.field);
+    add_message(w.data, w.size);
+    hg_writer_finish(&w);
+}
+
+static void add_messages(const uint8_t *data, size_t size)
+{
+    for (size_t at = HGP_PREFACE_BYTES; at < size;) {
+        struct hgp_header h;
+        assert_int_equal(hgp_header_decode(data + at, size - at, UINT32_MAX, &h), HG_OK);
+        size_t total = HGP_HEADER_BYTES + (size_t)h.length;
+        assert_true(total <= size - at);
+        if (h.type != HGP_T_hello && h.type != HGP_T_auth) // would end most sessions early
+            add_message(data + at, total);
+        at += total;
+    }
+}
+
+static int load_corpus(void **state)
+{
+    (void)state;
+    char folder[1024], path[1400];
+    struct dirent **entries;
+    snprintf(folder, sizeof folder, "%s/tests/fuzz/corpus/hgp_c2s", getenv("HELIO_SOURCE_DIR"));
+    int count = scandir(folder, &entries, NULL, alphasort);
+    assert_true(count > 10);
+    for (int i = 0; i < count; i++) {
+        uint8_t *data;
+        size_t size;
+        snprintf(path, sizeof path, "%s/%s", folder, entries[i]->d_name);
+        // Streams without a preface are for workers.
+        if (entries[i]->d_name[0] != '.' &&
+            hg_file_read(path, CAPACITY, &data, &size, NULL) == HG_OK) {
+            if (size > HGP_PREFACE_BYTES && memcmp(data, HGP_PREFACE, HGP_PREFACE_BYTES) == 0)
+                add_messages(data, size);
+            hg_free(data);
+        }
+        free(entries[i]);
+    }
+    free(entries);
+    size_t from_corpus = message_count;
+    for (int i = 0; i < 2; i++) // so that most of what is sent fits together
+        session_messages(add);
+    assert_true(from_corpus > 50 && message_count > from_corpus + 50);
+    return 0;
+}
+
+static int free_corpus(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < message_count; i++)
+        free((void *)messages[i].data);
+    return 0;
+}
+
+static void put(struct hg_writer *w, enum hgp_type type, const void *message)
+{
+    uint32_t request = (uint32_t)fuzz_below(&random_state, 100);
+    assert_int_equal(hgp_encode(w, 1, type, request, 0, message, NULL), HG_OK);
+}
+
+// What makes the messages behind it reach further than the first check.
+static void put_opening(struct hg_writer *w)
+{
+    hg_write_bytes(w, HGP_PREFACE, HGP_PREFACE_BYTES);
+    put(w, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+    if (fuzz_below(&random_state, 8) == 0)
+        return;
+    put(w, HGP_T_scene_open, &(struct hgp_scene_open){0});
+    put(w, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8});
+}
+
+// One message of the corpus: as it is, with a damaged payload of the right length, or with damage
+// anywhere, header included.
+static void put_message(struct hg_writer *w)
+{
+    uint8_t buffer[CAPACITY];
+    const struct fuzz_piece *in = &messages[fuzz_below(&random_state, message_count)];
+    const struct fuzz_piece *other = &messages[fuzz_below(&random_state, message_count)];
+    size_t size = in->size, kind = fuzz_below(&random_state, 12);
+    memcpy(buffer, in->data, size);
+    if (kind == 0)
+        size = fuzz_mutate(&random_state, buffer, size, sizeof buffer, other);
+    if (kind > 0 && kind < 4 && size > HGP_HEADER_BYTES) {
+        size = HGP_HEADER_BYTES + fuzz_mutate(&random_state, buffer + HGP_HEADER_BYTES,
+                                      size - HGP_HEADER_BYTES, sizeof buffer - HGP_HEADER_BYTES,
+                                      other);
+        uint32_t length = (uint32_t)(size - HGP_HEADER_BYTES);
+        for (size_t i = 0; i < 4; i++)
+            buffer[i] = (uint8_t)(length >> (8 * i));
+    }
+    hg_write_bytes(w, buffer, size);
+}
+
+// Takes what comes until the daemon closes or has nothing to say for a moment.
+static void drain(int fd)
+{
+    static uint8_t waste[65536];
+    struct pollfd p = {.fd = fd, .events = POLLIN};
+    while (poll(&p, 1, 5) == 1)
+        if (recv(fd, waste, sizeof waste, MSG_DONTWAIT) <= 0)
+            break;
+}
+
+static void run_session(struct daemon *d)
+{
+    struct peer p;
+    struct hg_writer w = {0};
+    put_opening(&w);
+    for (size_t n = 1 + fuzz_below(&random_state, 24); n; n--)
+        put_message(&w);
+    peer_connect(&p, d, false);
+    // The daemon may close in the middle; a short write is fine, too.
+    ssize_t sent = send(p.fd, w.data, w.size, MSG_NOSIGNAL | MSG_DONTWAIT);
+    assert_true(sent > 0 || errno == EPIPE || errno == ECONNRESET);
+    if (fuzz_below(&random_state, 2))
+        drain(p.fd);
+    peer_close(&p);
+    hg_writer_finish(&w);
+}
+
+// A good client is served while and after bad ones come.
+static void check_daemon(struct daemon *d)
+{
+    struct peer p;
+    assert_int_equal(kill(d->pid, 0), 0);
+    peer_open(&p, d);
+    peer_scene(&p, "");
+    peer_call(&p, HGP_T_view_set, &(struct hgp_view_set){.view = 1}, HGP_T_ok);
+    peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 7}, HGP_T_pong);
+    assert_true(p.m.pong.nonce == 7);
+    peer_close(&p);
+}
+
+static void test_sessions(void **state)
+{
+    (void)state;
+    struct daemon d;
+    const char *seconds = getenv("HELIO_FUZZ_SECONDS");
+    daemon_init(&d);
+    daemon_option(&d, "log", "error");
+    daemon_start(&d);
+    for (int i = 0; i < 200; i++) // caches fill before memory is compared
+        run_session(&d);
+    check_daemon(&d);
+    uint64_t before = daemon_rss_bytes(&d), count = 200;
+    uint64_t end = hg_clock_now_ns() + (uint64_t)((seconds ? atof(seconds) : 4) * 1e9);
+    while (hg_clock_now_ns() < end) {
+        run_session(&d);
+        if (++count % CHECK_EVERY == 0)
+            check_daemon(&d);
+    }
+    check_daemon(&d);
+    print_message("%llu sessions, %llu KiB before, %llu KiB after\n", (unsigned long long)count,
+        (unsigned long long)before / 1024, (unsigned long long)daemon_rss_bytes(&d) / 1024);
+    assert_true(daemon_rss_bytes(&d) < before + GROWTH_BYTES);
+    daemon_signal(&d, SIGTERM);
+    assert_int_equal(daemon_wait(&d), 0);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sessions)};
+    return cmocka_run_group_tests(tests, load_corpus, free_corpus);
+}
