@@ -38,7 +38,7 @@ static void quantise(const float v[3], int x_max, int y_max, int out[2])
     float e[2];
     octahedral_encode(v, e);
     const int x0 = (int)floorf(e[0] * (float)x_max), y0 = (int)floorf(e[1] * (float)y_max);
-    float best = -2.0f;
+    float best = 8.0f; // squared distance: a cosine of floats cannot tell the candidates apart
     for (int i = 0; i < 4; i++) {
         const int x = x0 + (i & 1), y = y0 + (i >> 1);
         if (x > x_max || y > y_max)
@@ -46,9 +46,11 @@ static void quantise(const float v[3], int x_max, int y_max, int out[2])
         const float at[2] = {(float)x / (float)x_max, (float)y / (float)y_max};
         float d[3];
         octahedral_decode(at, d);
-        const float cosine = d[0] * v[0] + d[1] * v[1] + d[2] * v[2];
-        if (cosine > best) {
-            best = cosine;
+        float gap = 0.0f;
+        for (int k = 0; k < 3; k++)
+            gap += (d[k] - v[k]) * (d[k] - v[k]);
+        if (gap < best) {
+            best = gap;
             out[0] = x;
             out[1] = y;
         }
