@@ -1,0 +1,112 @@
+#!/bin/bash
+# cli.sh - the command line end to end: real scenes, embedded and through a daemon, byte for byte.
+# Uses HELIO_BUILD_DIR and HELIO_TEST_DATA; sets up and removes its own daemon and folder.
+set -u
+helio=$HELIO_BUILD_DIR/bin/helio
+heliod=$HELIO_BUILD_DIR/bin/heliod
+data=$HELIO_TEST_DATA
+temp=$(mktemp -d)
+daemon=
+trap '[ -z "$daemon" ] || { kill "$daemon"; wait "$daemon"; } 2>/dev/null; rm -rf "$temp"' EXIT
+export XDG_CACHE_HOME=$temp/cache
+failures=0
+
+fail() { echo "FAILED: $*"; failures=$((failures + 1)); }
+expect() { # code command...
+    local want=$1 got
+    shift
+    "$@" >"$temp/out" 2>&1
+    got=$?
+    [ "$got" = "$want" ] || fail "exit $got instead of $want: $* ($(tail -n 2 "$temp/out"))"
+}
+same() { cmp "$1" "$2" || fail "$1 and $2 differ"; }
+need() { [ -e "$1" ] || { echo "$1 is missing"; exit 1; }; }
+
+duck=$data/khronos/Duck/glTF/Duck.gltf
+fox=$data/khronos/Fox/glTF-Binary/Fox.glb
+env=$data/hdr/lightroom_14b_from_filament_ktx.hdr
+for file in "$helio" "$heliod" "$duck" "$fox" "$env"; do need "$file"; done
+
+url=unix:$temp/sock
+"$heliod" --listen "$url" --asset-root "$data" --log warn &
+daemon=$!
+for i in $(seq 200); do "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1 && break; sleep 0.1; done
+expect 0 "$helio" ping --connect "$url"
+
+# Embedded, embedded again, through the daemon, and uploaded: the same bytes.
+picture() { # name scene options...
+    local name=$1 scene=$2
+    shift 2
+    expect 0 "$helio" render "$scene" -o "$temp/$name" --stats "$temp/stats.json" "$@"
+}
+compare_ways() { # ending scene options...
+    local ending=$1 scene=$2
+    shift 2
+    picture "a.$ending" "$scene" "$@"
+    picture "b.$ending" "$scene" "$@"
+    picture "c.$ending" "$scene" "$@" --connect "$url"
+    same "$temp/a.$ending" "$temp/b.$ending"
+    same "$temp/a.$ending" "$temp/c.$ending"
+    [ "$scene" = demo: ] && return
+    picture "d.$ending" "$scene" "$@" --connect "$url" --upload
+    same "$temp/a.$ending" "$temp/d.$ending"
+}
+compare_ways png "$duck" --size 160x120 --samples 8
+compare_ways png "$duck" --size 160x120 --samples 8 --orbit 30,60,3 --target 0,0.8,0 --env "$env" \
+    --background none --tonemap agx --exposure 0.5 --bit-depth 16
+compare_ways exr "$fox" --size 96x96 --samples 4 --time 0.4 --exr float --env "$env"
+compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
+
+# Frames of an animation differ from each other and are the same both ways.
+picture "e-####.png" "$fox" --size 64x64 --samples 2 --frames 0-4:2 --fps 10
+picture "f-%02d.png" "$fox" --size 64x64 --samples 2 --frames 0-4:2 --fps 10 --connect "$url"
+for frame in 0 2 4; do same "$temp/e-000$frame.png" "$temp/f-0$frame.png"; done
+cmp -s "$temp/e-0000.png" "$temp/e-0004.png" && fail "the animation stands still"
+
+# Comparisons and expectations.
+expect 0 "$helio" compare "$temp/a.png" "$temp/a.png" --fail-below 100
+expect 1 "$helio" compare "$temp/e-0000.png" "$temp/e-0004.png" --fail-below 100 --diff "$temp/x.png"
+[ -s "$temp/x.png" ] || fail "no picture of the differences"
+cat >"$temp/script" <<SCRIPT
+load ${duck}
+set size 160x120
+set samples 8
+wait settled
+frame $temp/script.png
+camera orbit 30,60,3 target 0,0.8,0
+expect psnr $temp/script.png < 60
+camera node 0
+expect max $temp/script.png <= 0
+expect pick 80 60 node 1:2
+expect stat frame.samples == 8
+SCRIPT
+expect 0 "$helio" run "$temp/script" --junit "$temp/junit.xml"
+expect 0 "$helio" run "$temp/script" --connect "$url"
+grep -q 'tests="4" failures="0" errors="0"' "$temp/junit.xml" || fail "the JUnit report is wrong"
+expect 0 "$helio" info "$duck" --json
+python3 -c 'import json, sys; json.load(open(sys.argv[1]))' "$temp/out" || fail "info is not JSON"
+
+# Refusals.
+expect 3 "$helio" info "$data/malformed/gltf-validator/json/invalid_syntax.gltf"
+expect 5 "$helio" render /etc/hostname -o "$temp/g.png" --connect "$url"
+expect 3 "$helio" render "$data/khronos/gone.gltf" -o "$temp/g.png" --connect "$url"
+expect 4 "$helio" render "$duck" -o "$temp/g.png" --connect "unix:$temp/nobody"
+[ -e "$temp/g.png" ] && fail "a refused scene left a file"
+
+# A private worker that dies, and one that is stopped by Ctrl-C.
+"$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 2>"$temp/out" &
+client=$!
+sleep 2
+kill -9 $(pgrep -P "$client" -f helio-worker)
+wait "$client"
+[ $? = 7 ] || fail "a dead worker is not exit code 7: $(cat "$temp/out")"
+"$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 2>"$temp/out" &
+client=$!
+sleep 2
+kill -INT "$client"
+wait "$client"
+[ $? = 8 ] || fail "Ctrl-C is not exit code 8: $(cat "$temp/out")"
+[ -e "$temp/h.png" ] && fail "an unfinished picture was written"
+
+[ "$failures" = 0 ] && echo "all good"
+exit $((failures > 0))
