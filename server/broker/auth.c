@@ -8,6 +8,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/sha256.h"
+#include "base/utf8.h"
 
 enum { FILE_LIMIT_BYTES = 4 << 20, TOKEN_MIN = 8, TOKEN_MAX = 256, MINUTE_S = 60 };
 
@@ -45,6 +46,7 @@ static enum hg_status parse_line(char *line, struct hg_token *out, struct hg_err
         return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a name has no spaces");
     out->role = (enum hgp_role)value;
     snprintf(out->name, sizeof out->name, "%s", name ? name : role);
+    hg_utf8_clean(out->name); // it is sent to the client
     enum hg_status status = hg_sha256(token, length, out->hash);
     OPENSSL_cleanse(token, length);
     return status;

@@ -30,15 +30,15 @@ static void send_notices(const struct request *r, const struct hg_asset *asset)
     for (uint32_t i = 0; i < asset->warning_count && i < NOTICE_LIMIT; i++) {
         const struct hg_warning *warning = &asset->warnings[i];
         serve_answer(r, HGP_T_notice,
-            &(struct hgp_notice){.what = hgp_str_make(warning->what),
-                .where = hgp_str_make(warning->where),
-                .reason = hgp_str_make(warning->reason)});
+            &(struct hgp_notice){.what = hgp_str_fit(warning->what, 256),
+                .where = hgp_str_fit(warning->where, 128),
+                .reason = hgp_str_fit(warning->reason, 512)});
     }
     if (asset->warning_count > NOTICE_LIMIT) {
         char text[64];
         snprintf(text, sizeof text, "%u more warnings", asset->warning_count - NOTICE_LIMIT);
         serve_answer(r, HGP_T_notice,
-            &(struct hgp_notice){.what = hgp_str_make(asset->label), .reason = hgp_str_make(text)});
+            &(struct hgp_notice){.what = hgp_str_fit(asset->label, 256), .reason = hgp_str_make(text)});
     }
 }
 

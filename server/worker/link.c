@@ -30,6 +30,8 @@ struct link {
 
 // ---- sending ------------------------------------------------------------------------------------
 
+// An answer that breaks a rule of the protocol is our bug, but the asker must not wait for ever:
+// an error takes its place.
 static struct hg_refbuf *encode_message(
     uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
 {
@@ -45,7 +47,13 @@ static struct hg_refbuf *encode_message(
             "cannot encode message 0x%04x: field '%s': %s", type, fault.field,
             fault.reason ? fault.reason : "no memory");
     hg_writer_finish(&writer);
-    return buf;
+    if (buf || !request || type == HGP_T_error)
+        return buf;
+    struct hgp_error error = {.code = status == HG_E_INVAL ? HG_E_INTERNAL : HG_E_NOMEM,
+        .what = hgp_str_make(hgp_find((uint16_t)type)->name),
+        .where = hgp_str_make(fault.field),
+        .reason = hgp_str_make("the answer cannot be sent")};
+    return encode_message(channel, request, HGP_T_error, &error);
 }
 
 static void send_message(struct worker *w, bool lossy, uint32_t channel, uint32_t request,

@@ -97,11 +97,6 @@ static uint64_t id_of(const struct hg_object *object)
 
 static struct hgp_node_entry describe_node(const struct hg_node *node)
 {
-    size_t length = strnlen(node->head.name, NAME_LIMIT);
-    // Cut long names between characters, never inside one.
-    if (length == NAME_LIMIT)
-        while (length && (node->head.name[length] & 0xc0) == 0x80)
-            length--;
     return (struct hgp_node_entry){
         .node = node->head.id,
         .parent = node->parent ? node->parent->head.id : 0,
@@ -109,7 +104,7 @@ static struct hgp_node_entry describe_node(const struct hg_node *node)
         .light = id_of((const struct hg_object *)node->light),
         .camera = id_of((const struct hg_object *)node->camera),
         .visible = node->visible,
-        .name = {node->head.name, (uint32_t)length},
+        .name = hgp_str_fit(node->head.name, NAME_LIMIT),
     };
 }
 
