@@ -8,6 +8,7 @@
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
+#include "shaders/shared/features.h"
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 
@@ -99,6 +100,24 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
 }
 
+// What the scene and its lights make use of. Devices that branch get one pipeline for all.
+static uint32_t features_of(const struct hg_view_state *view)
+{
+    const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
+    const struct hg_gpu_lighting *l = &view->frame.lighting;
+    uint32_t features = view->rooms->features;
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(view->lighting, &stats);
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables)
+        return HG_FEATURE_ALL & ~(sampled & ~features); // a table that is not there is not read
+    features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
+    features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
+    features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
+    features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
+    features |= l->env_kind == HG_ENV_KIND_IMAGE ? HG_FEATURE_ENVIRONMENT : 0;
+    return features;
+}
+
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
@@ -110,6 +129,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
+    pass.features = features_of(view);
     return pass;
 }
 

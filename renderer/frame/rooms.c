@@ -1,6 +1,75 @@
 #include "renderer/frame/rooms.h"
 
+#include <string.h>
+
 #include "base/alloc.h"
+#include "shaders/shared/features.h"
+
+// --- features ------------------------------------------------------------------------------------
+
+static bool is_plain(const struct hg_texture_ref *ref)
+{
+    static const float identity[6] = {1, 0, 0, 0, 1, 0};
+    const struct hg_texture *t = ref->texture;
+    return ref->uv_set == 0 && memcmp(ref->uv_transform, identity, sizeof identity) == 0 &&
+           t->wrap_s == HG_WRAP_REPEAT && t->wrap_t == HG_WRAP_REPEAT && !t->mag_nearest &&
+           !t->min_nearest && !t->mip_nearest && !t->mip_none;
+}
+
+static uint32_t material_features(const struct hg_material *m)
+{
+    static const uint32_t bits[] = {[HG_SLOT_BASE_COLOR] = HG_FEATURE_TEXTURES,
+        [HG_SLOT_METALLIC_ROUGHNESS] = HG_FEATURE_TEXTURES,
+        [HG_SLOT_NORMAL] = HG_FEATURE_TEXTURES,
+        [HG_SLOT_OCCLUSION] = HG_FEATURE_OCCLUSION,
+        [HG_SLOT_EMISSIVE] = HG_FEATURE_EMISSIVE};
+    uint32_t features = 0;
+    for (int slot = HG_SLOT_BASE_COLOR; slot <= HG_SLOT_EMISSIVE; slot++) {
+        if (m->slots[slot].texture != NULL)
+            features |= bits[slot] | (is_plain(&m->slots[slot]) ? 0 : HG_FEATURE_SAMPLERS);
+    }
+    // Occlusion packed with roughness costs no lookup of its own (geometry/materials.c).
+    const struct hg_texture_ref *o = &m->slots[HG_SLOT_OCCLUSION];
+    if (o->texture != NULL && memcmp(o, &m->slots[HG_SLOT_METALLIC_ROUGHNESS], sizeof *o) == 0)
+        features &= ~HG_FEATURE_OCCLUSION;
+    return features;
+}
+
+static uint32_t part_features(const struct hg_mesh_part *part)
+{
+    uint32_t features = 0;
+    if (part->topology != HG_TOPOLOGY_TRIANGLES || part->colors != NULL || part->uv[1] != NULL)
+        features |= HG_FEATURE_VERTICES;
+    if (part->topology == HG_TOPOLOGY_TRIANGLES && part->tangents == NULL)
+        features |= HG_FEATURE_NO_TANGENTS;
+    return features;
+}
+
+static uint32_t scene_features(const struct hg_scene *scene, const struct hg_textures *textures)
+{
+    const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
+    uint32_t features = 0;
+    struct hg_textures_stats stats;
+    struct hg_gpu_textures pools;
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MATERIAL].count; i++)
+        features |= material_features(
+            (const struct hg_material *)scene->objects[HG_OBJECT_MATERIAL].items[i]);
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MESH].count; i++) {
+        const struct hg_mesh *mesh =
+            (const struct hg_mesh *)scene->objects[HG_OBJECT_MESH].items[i];
+        for (uint32_t p = 0; p < mesh->part_count; p++)
+            features |= part_features(&mesh->parts[p]);
+    }
+    hg_textures_stats(textures, &stats);
+    hg_textures_fill(textures, &pools);
+    if (stats.table_bytes == 0)
+        features &= ~sampled; // nothing to look up
+    if (pools.layers[HG_POOL_FLOAT] > 0)
+        features |= HG_FEATURE_FLOAT;
+    return features;
+}
+
+// --- rooms ---------------------------------------------------------------------------------------
 
 static void destroy(struct hg_frame_context *context, struct hg_rooms *rooms)
 {
@@ -64,11 +133,12 @@ enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *
         return HG_OK;
     rooms->scene_revision = UINT64_MAX; // a failure is tried again
     hg_scene_update(rooms->scene);
-    enum hg_status status =
-        hg_textures_sync(rooms->textures, rooms->scene, context->jobs, err);
+    enum hg_status status = hg_textures_sync(rooms->textures, rooms->scene, context->jobs, err);
     if (status == HG_OK)
         status = hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
-    if (status == HG_OK)
+    if (status == HG_OK) {
+        rooms->features = scene_features(rooms->scene, rooms->textures);
         rooms->scene_revision = rooms->scene->revision;
+    }
     return status;
 }

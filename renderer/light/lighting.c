@@ -295,6 +295,7 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
 void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *out)
 {
     *out = (struct hg_lighting_stats){.lights = l->set.count,
+        .local_lights = l->set.count - l->set.directional_count,
         .shadowed_lights = l->plan.shadowed_lights,
         .unshadowed_lights = l->plan.unshadowed_lights,
         .shadow_maps = l->plan.count,

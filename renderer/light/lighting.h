@@ -67,6 +67,7 @@ struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint
 
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
+    uint32_t local_lights; // point and spot lights
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
     uint32_t clusters, cluster_entries; // 0 when all lights are looped over

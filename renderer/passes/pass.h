@@ -11,9 +11,9 @@ struct hg_pass {
     // Images of textures and lighting and the frame block are filled in; a pass adds its own inputs
     // (HG_BIND_VISIBILITY and up) to a copy.
     struct hg_gpu_bindings bindings;
-    // Second specialisation constant of shaders that include lib/tables.glsl: which tables are bound
-    // as uniform blocks.
-    uint32_t tables;
+    // Second and third specialisation constant of shaders that include lib/tables.glsl: which tables
+    // are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
+    uint32_t tables, features;
 };
 
 #endif

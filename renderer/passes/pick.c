@@ -6,7 +6,7 @@ enum hg_status hg_pick_record(struct hg_pass *pass, struct hg_gpu_image *visibil
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = visibility;
     const struct hg_gpu_pipeline_params params = {
-        .compute = "pick.comp", .spec = {0, pass->tables}, .spec_count = 2};
+        .compute = "pick.comp", .spec = {0, pass->tables, pass->features}, .spec_count = 3};
     const struct {
         uint64_t target;
         uint32_t x, y;

@@ -3,13 +3,14 @@
 // Values of the specialisation constant of shade.frag.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
-static struct hg_gpu_pipeline_params pipeline_of(enum variant variant, uint32_t tables)
+static struct hg_gpu_pipeline_params pipeline_of(
+    enum variant variant, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
         .fragment = "shade.frag",
-        .spec = {variant, tables},
-        .spec_count = 2,
+        .spec = {variant, tables, features},
+        .spec_count = 3,
         .colors = {HG_COLOR_FORMAT},
         .color_count = 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
@@ -32,7 +33,7 @@ enum hg_status hg_shade_record(
     const struct hg_gpu_pipeline_params params = pipeline_of(shade->layer           ? LAYER
                                                              : shade->front != NULL ? OPAQUE_BEHIND
                                                                                     : OPAQUE,
-        pass->tables);
+        pass->tables, pass->features);
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
@@ -47,7 +48,8 @@ enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = VARIANTS;
-    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS), 0);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of((enum variant)(index % VARIANTS), 0, 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

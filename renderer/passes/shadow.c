@@ -7,13 +7,13 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
                                            : VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
 }
 
-static struct hg_gpu_pipeline_params pipeline_of(bool masked, VkPrimitiveTopology topology, uint32_t tables)
+static struct hg_gpu_pipeline_params pipeline_of(bool masked, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = masked ? "shadow_mask.vert" : "shadow.vert",
         .fragment = masked ? "shadow_mask.frag" : NULL,
-        .spec = {0, tables},
-        .spec_count = 2,
+        .spec = {0, tables, features},
+        .spec_count = 3,
         .depth = VK_FORMAT_D32_SFLOAT,
         .depth_compare = VK_COMPARE_OP_GREATER,
         .depth_write = true,
@@ -29,7 +29,7 @@ static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_rang
     for (uint32_t i = ranges->class_first[class]; i < ranges->class_first[class + 1]; i++) {
         const struct hg_draw_range *range = &ranges->items[i];
         const struct hg_gpu_pipeline_params params =
-            pipeline_of(class == HG_DRAW_CLASS_MASK, topology_of(range->flags), pass->tables);
+            pipeline_of(class == HG_DRAW_CLASS_MASK, topology_of(range->flags), pass->tables, pass->features);
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
@@ -104,7 +104,7 @@ enum hg_status hg_shadow_warm_up(
 {
     *count = 2;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(index % 2 == 1, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0);
+        pipeline_of(index % 2 == 1, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0, 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -12,14 +12,14 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 }
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    enum variant variant, VkPrimitiveTopology topology, uint32_t tables)
+    enum variant variant, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     const bool textured = variant != SOLID;
     return (struct hg_gpu_pipeline_params){
         .vertex = "visibility.vert",
         .fragment = textured ? "visibility_alpha.frag" : "visibility.frag",
-        .spec = {textured ? (uint32_t)variant : 0, tables},
-        .spec_count = 2,
+        .spec = {textured ? (uint32_t)variant : 0, tables, features},
+        .spec_count = 3,
         .colors = {HG_VISIBILITY_FORMAT},
         .color_count = 1,
         .depth = HG_DEPTH_FORMAT,
@@ -45,7 +45,7 @@ static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_rang
     for (uint32_t i = ranges->class_first[class]; i < ranges->class_first[class + 1]; i++) {
         const struct hg_draw_range *range = &ranges->items[i];
         const struct hg_gpu_pipeline_params params =
-            pipeline_of(variant, topology_of(range->flags), pass->tables);
+            pipeline_of(variant, topology_of(range->flags), pass->tables, pass->features);
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
@@ -128,7 +128,7 @@ enum hg_status hg_visibility_warm_up(
 {
     *count = VARIANTS;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), topologies[0], 0);
+        pipeline_of((enum variant)(index % VARIANTS), topologies[0], 0, 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -75,11 +75,14 @@ float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
 {
     vec2 px = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
     float sum = 0.0;
-    uint taps = min(hg_frame.lighting.shadow_taps, uint(HG_SHADOW_MAX_TAPS));
-    for (uint i = 0u; i < taps; i++) {
+    uint taps = clamp(hg_frame.lighting.shadow_taps, 1u, uint(HG_SHADOW_MAX_TAPS));
+    // Loops here are tested at the end: a software rasteriser runs the rest of a body that was
+    // broken out of, so a test at the top costs one more pass.
+    uint i = 0u;
+    do {
         vec2 o = hg_vogel_disk(i, taps, hg_frame.lighting.shadow_rotation);
         sum += hg_shadow_tap(s, r, px, o * hg_frame.lighting.shadow_radius_px);
-    }
+    } while (++i < taps);
     return sum / float(taps);
 }
 
@@ -99,18 +102,23 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     }
     float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
     float cos_l = dot(n_geometric, l);
-    for (uint i = first; i <= last; i++) {
-        hg_gpu_shadow s = hg_shadow_at(i);
+    // The map is chosen first and filtered once: filtering inside the loop would be done for each.
+    hg_gpu_shadow s;
+    hg_shadow_receiver r;
+    uint i = first;
+    bool inside;
+    do {
+        s = hg_shadow_at(i);
         // Off the surface by part of a texel along the normal, for curvature and rounding.
         float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
         float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
         vec3 p = pos_ws + n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine));
-        hg_shadow_receiver r = hg_shadow_project(s, p, n_geometric);
+        r = hg_shadow_project(s, p, n_geometric);
         float edge = max(abs(r.ndc.x), abs(r.ndc.y));
-        if (edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0)
-            return hg_shadow_filter(s, r);
-    }
-    return 1.0;
+        inside = edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0;
+    } while (!inside && ++i <= last);
+    float lit = hg_shadow_filter(s, r);
+    return inside ? lit : 1.0;
 }
 
 // --- lights --------------------------------------------------------------------------------------
@@ -119,7 +127,7 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
 // Distance and cone after KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
 vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 {
-    if (light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
+    if (!HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
         l = -light.direction_ws;
         return light.color;
     }
@@ -144,7 +152,7 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     if (dot(b.n, l) <= 0.0 || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_brdf_evaluate(b, l);
-    if (light.shadow != HG_SHADOW_NONE)
+    if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
         sum *= hg_shadow(light, pos_ws, n_geometric, l);
     return sum;
 }
@@ -169,17 +177,27 @@ uint hg_light_cluster(vec2 pixel, float view_depth)
 vec3 hg_light_brdf(hg_brdf b, vec3 pos_ws, vec3 n_geometric, vec2 pixel, float view_depth)
 {
     vec3 sum = vec3(0.0);
+    if (!HG_HAS(HG_FEATURE_LIGHTS))
+        return sum;
     uint everywhere = hg_frame.lighting.global_count;
-    if (hg_frame.lighting.clustered == 0u)
+    if (!HG_HAS(HG_FEATURE_CLUSTERS) || hg_frame.lighting.clustered == 0u)
         everywhere = hg_frame.lighting.light_count;
-    for (uint i = 0u; i < everywhere; i++)
-        sum += hg_light_one(b, i, pos_ws, n_geometric);
-    if (hg_frame.lighting.clustered == 0u)
+    if (everywhere > 0u) {
+        uint i = 0u;
+        do
+            sum += hg_light_one(b, i, pos_ws, n_geometric);
+        while (++i < everywhere);
+    }
+    if (!HG_HAS(HG_FEATURE_CLUSTERS))
         return sum;
     uint cluster = hg_light_cluster(pixel, view_depth);
+    uint k = hg_frame.lighting.clusters.v[cluster];
     uint end = hg_frame.lighting.clusters.v[cluster + 1u];
-    for (uint k = hg_frame.lighting.clusters.v[cluster]; k < end; k++)
-        sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
+    if (hg_frame.lighting.clustered != 0u && k < end) {
+        do
+            sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
+        while (++k < end);
+    }
     return sum;
 }
 

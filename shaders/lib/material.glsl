@@ -24,10 +24,11 @@ struct hg_surface {
     bool unlit;      // the colour is base_color + emissive
 };
 
-// A slot's texture at a surface point, from the pool that its group of slots uses.
-vec4 hg_material_sample(uint material, uint slot, hg_vertex v)
+// Coordinates of a slot at a surface point, for looking up in its texture.
+hg_texture_place hg_material_place(hg_gpu_texture t, uint material, uint slot, hg_vertex v)
 {
-    hg_gpu_texture t = hg_material_texture_at(material, slot);
+    if (!HG_HAS(HG_FEATURE_SAMPLERS))
+        return hg_texture_find(t, v.uv0, v.uv0_dx, v.uv0_dy);
     bool second = (t.bits & HG_TEX_UV1) != 0u;
     vec2 uv = second ? v.uv1 : v.uv0;
     vec2 dx = second ? v.uv1_dx : v.uv0_dx, dy = second ? v.uv1_dy : v.uv0_dy;
@@ -43,48 +44,67 @@ vec4 hg_material_sample(uint material, uint slot, hg_vertex v)
         dx = vec2(dot(r0.xy, dx), dot(r1.xy, dx));
         dy = vec2(dot(r0.xy, dy), dot(r1.xy, dy));
     }
-    return hg_texture_sample_record(t, uv, dx, dy);
+    return hg_texture_find(t, uv, dx, dy);
+}
+
+// A slot's texel, white where it has no texture. colour: the slot holds sRGB files. The pool is
+// known from that (float images aside), so that only one is sampled.
+vec4 hg_material_sample(uint material, uint slot, bool colour, hg_vertex v)
+{
+    hg_gpu_texture t = hg_material_texture_at(material, slot);
+    hg_texture_place p = hg_material_place(t, material, slot, v);
+    vec4 texel = vec4(1.0);
+    if (colour)
+        texel = hg_texture_fetch(hg_pages_srgb, t, p);
+    else
+        texel = hg_texture_fetch(hg_pages_linear, t, p);
+    if (HG_HAS(HG_FEATURE_FLOAT)) {
+        if (bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
+            texel = hg_texture_fetch(hg_pages_float, t, p);
+    }
+    return (t.bits & HG_TEX_PRESENT) != 0u ? texel : vec4(1.0);
 }
 
 // Base colour alone, for alpha tests of depth-only passes.
 float hg_material_alpha(uint material, hg_vertex v)
 {
     float alpha = HG_MATERIAL_AT(material, base_color.w) * v.color.w;
-    if ((HG_MATERIAL_AT(material, flags) & HG_MATERIAL_HAS(HG_MATERIAL_BASE_COLOR)) != 0u)
-        alpha *= hg_material_sample(material, HG_MATERIAL_BASE_COLOR, v).w;
+    if (HG_HAS(HG_FEATURE_TEXTURES))
+        alpha *= hg_material_sample(material, HG_MATERIAL_BASE_COLOR, true, v).w;
     return alpha;
 }
 
-// Software rasterisers run both sides of a branch, but a loop ends when no pixel of the group needs
-// it: slots are loops over the bits of the textures that are there.
+// Straight-line code: absent slots of a material cost a lookup that is thrown away, slots that no
+// material of the scene uses cost nothing (HG_HAS).
 hg_surface hg_material_evaluate(hg_vertex v)
 {
     uint flags = HG_MATERIAL_AT(v.material, flags);
-    vec4 texels[HG_MATERIAL_SLOTS];
-    for (int i = 0; i < HG_MATERIAL_SLOTS; i++)
-        texels[i] = vec4(1.0);
-    uint left = flags & ((1u << HG_MATERIAL_SLOTS) - 1u);
-    for (int i = 0; i < HG_MATERIAL_SLOTS && left != 0u; i++) {
-        int slot = findLSB(left);
-        left &= left - 1u;
-        vec4 texel = hg_material_sample(v.material, uint(slot), v);
-        for (int j = 0; j < HG_MATERIAL_SLOTS; j++)
-            texels[j] = j == slot ? texel : texels[j];
+    vec4 base_texel = vec4(1.0), normal_texel = vec4(1.0), mr_texel = vec4(1.0);
+    vec3 emissive_texel = vec3(1.0);
+    float occlusion = 1.0;
+    if (HG_HAS(HG_FEATURE_TEXTURES)) {
+        base_texel = hg_material_sample(v.material, HG_MATERIAL_BASE_COLOR, true, v);
+        normal_texel = hg_material_sample(v.material, HG_MATERIAL_NORMAL, false, v);
+        mr_texel = hg_material_sample(v.material, HG_MATERIAL_MR, false, v);
     }
+    if (HG_HAS(HG_FEATURE_EMISSIVE))
+        emissive_texel = hg_material_sample(v.material, HG_MATERIAL_EMISSIVE, true, v).rgb;
+    if (HG_HAS(HG_FEATURE_OCCLUSION))
+        occlusion = hg_material_sample(v.material, HG_MATERIAL_OCCLUSION, false, v).r;
+    if ((flags & HG_MATERIAL_PACKED_ORM) != 0u)
+        occlusion = mr_texel.r;
 
     hg_surface s;
     float side = v.front ? 1.0 : -1.0;
-    vec4 base = HG_MATERIAL_AT(v.material, base_color) * v.color * texels[HG_MATERIAL_BASE_COLOR];
+    vec4 base = HG_MATERIAL_AT(v.material, base_color) * v.color * base_texel;
     s.base_color = base.rgb;
     s.alpha = (flags & HG_MATERIAL_BLEND) != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
     if ((flags & HG_MATERIAL_MASK) != 0u)
         s.alpha = base.a >= HG_MATERIAL_AT(v.material, alpha_cutoff) ? 1.0 : 0.0;
-    s.metallic = HG_MATERIAL_AT(v.material, metallic) * texels[HG_MATERIAL_MR].b;
-    s.roughness = HG_MATERIAL_AT(v.material, roughness) * texels[HG_MATERIAL_MR].g;
+    s.metallic = HG_MATERIAL_AT(v.material, metallic) * mr_texel.b;
+    s.roughness = HG_MATERIAL_AT(v.material, roughness) * mr_texel.g;
     s.f0 = HG_MATERIAL_AT(v.material, f0);
-    s.emissive = HG_MATERIAL_AT(v.material, emissive) * texels[HG_MATERIAL_EMISSIVE].rgb;
-    float occlusion = (flags & HG_MATERIAL_PACKED_ORM) != 0u ? texels[HG_MATERIAL_MR].r
-                                                             : texels[HG_MATERIAL_OCCLUSION].r;
+    s.emissive = HG_MATERIAL_AT(v.material, emissive) * emissive_texel;
     s.occlusion = 1.0 + HG_MATERIAL_AT(v.material, occlusion_strength) * (occlusion - 1.0);
     bool no_normals = (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES)) != 0u &&
         (v.flags & HG_DRAW_NORMALS) == 0u;
@@ -92,7 +112,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
     s.geometric_normal = v.geometric_ws * side;
     s.normal = v.normal_ws;
     if ((flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
-        vec3 n = texels[HG_MATERIAL_NORMAL].xyz * 2.0 - 1.0;
+        vec3 n = normal_texel.xyz * 2.0 - 1.0;
         n.xy *= HG_MATERIAL_AT(v.material, normal_scale);
         vec3 bitangent = cross(v.normal_ws, v.tangent_ws.xyz) * v.tangent_ws.w;
         n = v.tangent_ws.xyz * n.x + bitangent * n.y + v.normal_ws * n.z;

@@ -6,8 +6,12 @@
 #define HG_LIB_TABLES_GLSL
 
 #include "lib/frame.glsl"
+#include "shared/features.h"
 
 layout(constant_id = 1) const uint hg_tables = 0u; // HG_TABLE_BIT of each table that fits
+layout(constant_id = 2) const uint hg_features = HG_FEATURE_ALL; // HG_FEATURE_*: what may occur
+
+#define HG_HAS(feature) ((hg_features & (feature)) != 0u)
 
 #define HG_TABLE(slot, type, bytes, name) \
     layout(set = 0, binding = slot, scalar) uniform hg_block_##name \

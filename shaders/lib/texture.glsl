@@ -35,6 +35,8 @@ layout(set = 0, binding = HG_BIND_PAGES_FLOAT) uniform sampler2DArray hg_pages_f
 // Random numbers in [0, 1) of stochastic lookups: x chooses the mip, y the place along the major
 // axis. Set by the pass before it samples.
 vec2 hg_texture_xi = vec2(0.5);
+// Most taps that a stochastic lookup stands for; 1 = isotropic.
+float hg_texture_most_taps = 16.0;
 
 // Where to sample: everything that does not depend on which texture of the same shape it is.
 struct hg_texture_place {
@@ -47,6 +49,8 @@ struct hg_texture_place {
 
 vec2 hg_texture_wrap(vec2 uv, uint bits)
 {
+    if (!HG_HAS(HG_FEATURE_SAMPLERS))
+        return fract(uv);
     uvec2 wrap = uvec2(bits >> HG_TEX_WRAP_S_SHIFT, bits >> HG_TEX_WRAP_T_SHIFT) & 3u;
     vec2 repeated = fract(uv);
     vec2 mirrored = 1.0 - abs(2.0 * fract(uv * 0.5) - 1.0);
@@ -66,9 +70,19 @@ hg_texture_place hg_texture_place_at(hg_gpu_texture t, vec2 uv, float lod)
     hg_texture_place p;
     p.size = hg_texture_size(t);
     p.uv = hg_texture_wrap(uv, t.bits);
+    if (!HG_HAS(HG_FEATURE_SAMPLERS)) { // linear, linear between mips
+        float end = max(float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)), 1.0) - 1.0;
+        lod = clamp(lod, 0.0, end);
+        if (HG_TEXTURE_STOCHASTIC)
+            lod = min(floor(lod + hg_texture_xi.x), end);
+        p.nearest = false;
+        p.level = floor(lod);
+        p.blend = lod - p.level;
+        return p;
+    }
     bool magnified = lod <= 0.0;
     p.nearest = (t.bits & (magnified ? HG_TEX_MAG_NEAREST : HG_TEX_MIN_NEAREST)) != 0u;
-    float last = float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)) - 1.0;
+    float last = max(float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)), 1.0) - 1.0;
     lod = (t.bits & HG_TEX_MIP_NONE) != 0u ? 0.0 : clamp(lod, 0.0, last);
     if (HG_TEXTURE_STOCHASTIC && (t.bits & HG_TEX_MIP_NEAREST) == 0u)
         lod = min(floor(lod + hg_texture_xi.x), last);
@@ -151,7 +165,7 @@ hg_texture_place hg_texture_find(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
     if (HG_TEXTURE_STOCHASTIC) {
         vec2 axis;
         float taps;
-        float lod = hg_texture_footprint(size, ddx, ddy, 16.0, axis, taps);
+        float lod = hg_texture_footprint(size, ddx, ddy, hg_texture_most_taps, axis, taps);
         return hg_texture_place_at(t, uv + axis * (taps > 1.0 ? hg_texture_xi.y - 0.5 : 0.0), lod);
     }
     return hg_texture_place_at(t, uv, hg_texture_lod(size, ddx, ddy));

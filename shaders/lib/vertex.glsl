@@ -123,7 +123,9 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
     hg_gpu_draw d = hg_draw_at(draw);
     hg_gpu_part part = hg_part_at(d.part);
     mat4x3 world = hg_world_at(d.instance);
-    uint corners = (d.flags & HG_DRAW_POINTS) != 0u ? 1u : (d.flags & HG_DRAW_LINES) != 0u ? 2u : 3u;
+    uint corners = 3u;
+    if (HG_HAS(HG_FEATURE_VERTICES))
+        corners = (d.flags & HG_DRAW_POINTS) != 0u ? 1u : (d.flags & HG_DRAW_LINES) != 0u ? 2u : 3u;
     uint first = triangle * corners;
     uint i0 = part.indices.v[first];
     uint i1 = corners > 1u ? part.indices.v[first + 1u] : i0;
@@ -136,11 +138,10 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
     vec2 ndc = pixel * ndc_per_px - 1.0;
     vec3 c0 = hg_clip_position(p0).xyw, c1 = hg_clip_position(p1).xyw, c2 = hg_clip_position(p2).xyw;
     hg_barycentrics b;
-    if (corners == 3u)
-        b = hg_barycentrics_triangle(c0, c1, c2, ndc, ndc_per_px);
-    else if (corners == 2u)
+    b = hg_barycentrics_triangle(c0, c1, c2, ndc, ndc_per_px);
+    if (HG_HAS(HG_FEATURE_VERTICES) && corners == 2u)
         b = hg_barycentrics_line(c0, c1, ndc);
-    else
+    if (HG_HAS(HG_FEATURE_VERTICES) && corners == 1u)
         b = hg_barycentrics(vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(0.0));
 
     hg_vertex o;
@@ -173,7 +174,7 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
     o.uv0 = a0.uv * b.at.x + a1.uv * b.at.y + a2.uv * b.at.z;
     o.uv0_dx = a0.uv * b.dx.x + a1.uv * b.dx.y + a2.uv * b.dx.z;
     o.uv0_dy = a0.uv * b.dy.x + a1.uv * b.dy.y + a2.uv * b.dy.z;
-    if ((d.flags & HG_DRAW_TANGENTS) != 0u) {
+    if (!HG_HAS(HG_FEATURE_NO_TANGENTS) || (d.flags & HG_DRAW_TANGENTS) != 0u) {
         vec4 t0 = hg_decode_tangent(a0.tangent);
         vec3 t = t0.xyz * b.at.x + hg_decode_tangent(a1.tangent).xyz * b.at.y +
             hg_decode_tangent(a2.tangent).xyz * b.at.z;
@@ -185,7 +186,7 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
     o.uv1 = o.uv0;
     o.uv1_dx = o.uv0_dx;
     o.uv1_dy = o.uv0_dy;
-    if ((d.flags & HG_DRAW_UV1) != 0u) {
+    if (HG_HAS(HG_FEATURE_VERTICES) && (d.flags & HG_DRAW_UV1) != 0u) {
         vec2 u0 = hg_fetch_uv1(part, d.flags, i0), u1 = hg_fetch_uv1(part, d.flags, i1);
         vec2 u2 = hg_fetch_uv1(part, d.flags, i2);
         o.uv1 = u0 * b.at.x + u1 * b.at.y + u2 * b.at.z;
@@ -193,7 +194,7 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
         o.uv1_dy = u0 * b.dy.x + u1 * b.dy.y + u2 * b.dy.z;
     }
     o.color = vec4(1.0);
-    if ((d.flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16)) != 0u)
+    if (HG_HAS(HG_FEATURE_VERTICES) && (d.flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16)) != 0u)
         o.color = hg_fetch_color(part, d.flags, i0) * b.at.x +
             hg_fetch_color(part, d.flags, i1) * b.at.y + hg_fetch_color(part, d.flags, i2) * b.at.z;
     return o;

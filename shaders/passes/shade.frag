@@ -6,6 +6,8 @@
 
 layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
 
+#define HG_TEXTURE_STOCHASTIC true
+
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
 #include "lib/texture.glsl"
@@ -34,6 +36,12 @@ vec4 background()
 
 vec4 surface(uvec2 id)
 {
+    // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
+    // show, chooses between mips only; later ones spread along the footprint as well, so that the
+    // accumulated image is filtered anisotropically.
+    hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
+    if (hg_frame.sample_index == 0u)
+        hg_texture_most_taps = 1.0;
     hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
