@@ -5,7 +5,7 @@
 #extension GL_EXT_buffer_reference2 : require
 
 #include "lib/frame.glsl"
-layout(constant_id = 2) const uint hg_test_anisotropy = 1u;
+layout(constant_id = 3) const uint hg_test_anisotropy = 1u;
 #define HG_TEXTURE_ANISOTROPY hg_test_anisotropy
 #include "lib/texture.glsl"
 

@@ -22,6 +22,7 @@
 #include "renderer/texture/mips.h"
 #include "renderer/texture/textures.h"
 #include "shaders/shared/frame.h"
+#include "shaders/shared/features.h"
 
 #define PLACES 8192
 
@@ -279,7 +280,7 @@ static void fill_places(struct fixture *f, const struct texture_case *c)
 }
 
 static void run(struct fixture *f, const struct hg_texture *t, const struct texture_case *c,
-    const uint32_t spec[3])
+    const uint32_t spec[4])
 {
     struct hg_gpu_image plain = create_plain_image(f, t, c);
     struct hg_gpu_frame *frame = f->frame.mapped;
@@ -290,8 +291,8 @@ static void run(struct fixture *f, const struct hg_texture *t, const struct text
         bindings.images[HG_BIND_PAGES_SRGB + i] = hg_textures_pool(f->textures, i);
     bindings.uniforms[HG_BIND_FRAME - HG_BIND_UNIFORM_FIRST] =
         (struct hg_gpu_uniform){f->frame.address, 4096};
-    struct hg_gpu_pipeline_params params = {.compute = "test_texture.comp", .spec_count = 3};
-    memcpy(params.spec, spec, 3 * sizeof *spec);
+    struct hg_gpu_pipeline_params params = {.compute = "test_texture.comp", .spec_count = 4};
+    memcpy(params.spec, spec, 4 * sizeof *spec);
     struct push push = {f->places.address, f->pages_out.address, PLACES,
         hg_textures_find(f->textures, t, use_of(c), 0.0f)};
     assert_int_not_equal(push.texture, HG_TEXTURE_NONE);
@@ -381,7 +382,7 @@ static void test_like_a_sampler(void **state)
         textures[i] = add_texture(f, i + 1, &cases[i]);
     hg_scene_publish(f->scene);
     sync_textures(f);
-    const uint32_t spec[3] = {0, 0, 1};
+    const uint32_t spec[4] = {0, 0, HG_FEATURE_ALL, 1};
     for (uint32_t i = 0; i < CASES; i++) {
         const struct texture_case *c = &cases[i];
         fill_places(f, c);
