@@ -46,7 +46,7 @@ static void make_materials(struct terrace *t)
     static const struct hg_demo_material table[MATERIALS] = {
         [FLOOR] = {"tiles", {1, 1, 1}, 0, 1, HG_DEMO_TILES, 2.4f, 1.0f},
         [MARBLE] = {"marble", {1, 1, 1}, 0, 1, HG_DEMO_MARBLE, 1.7f, 0.6f},
-        [PLASTER] = {"plaster", {1, 1, 1}, 0, 1, HG_DEMO_PLASTER, 2.6f, 0.9f},
+        [PLASTER] = {"plaster", {1, 1, 1}, 0, 1, HG_DEMO_PLASTER, 2.6f, 0.35f},
         [CLOTH] = {"cloth", {1, 1, 1}, 0, 1, HG_DEMO_CLOTH, 0.32f, 1.0f},
         [BRASS] = {"brass", {1, 1, 1}, 1, 1, HG_DEMO_BRASS, 0.4f, 0.5f},
         [WATER] = {"water", {1, 1, 1}, 0, 1, HG_DEMO_WATER, 2.0f, 1.0f},
@@ -101,7 +101,7 @@ static const float pool_radius = 1.9f, half_terrace = 6.5f;
 static void floor_surface(const void *user, float s, float t, float position[3], float uv[2])
 {
     (void)user;
-    float angle = s * 2 * (float)M_PI, c = cosf(angle), n = sinf(angle);
+    float angle = -s * 2 * (float)M_PI, c = cosf(angle), n = sinf(angle);
     float edge = half_terrace / fmaxf(fabsf(c), fabsf(n));
     float r = pool_radius + (edge - pool_radius) * t;
     position[0] = r * n;
@@ -115,7 +115,7 @@ static void floor_surface(const void *user, float s, float t, float position[3],
 static void hill_surface(const void *user, float s, float t, float position[3], float uv[2])
 {
     (void)user;
-    float angle = s * 2 * (float)M_PI, r = 14 + 900 * t * t;
+    float angle = -s * 2 * (float)M_PI, r = 14 + 900 * t * t;
     float ridge = 0.5f + 0.26f * sinf(5 * angle + 1.0f) + 0.16f * sinf(11 * angle + 2.3f) +
                   0.10f * sinf(23 * angle + 0.7f) + 0.05f * sinf(47 * angle);
     float rise = t < 0.25f ? 0 : (t - 0.25f) / 0.75f;

@@ -131,8 +131,8 @@ static void plaster(float u, float v, struct surface *s)
     float broad = fractal(u, v, 4, 4, 71), fine = fractal(u, v, 48, 3, 73);
     float trowel = fractal(u + 0.1f * broad, v * 2, 10, 3, 79);
     float gain = 0.90f + 0.16f * (broad - 0.5f) + 0.06f * (fine - 0.5f);
-    set_color(s, 0.82f, 0.62f, 0.43f, gain);
-    const float pale[3] = {0.86f, 0.74f, 0.60f};
+    set_color(s, 0.88f, 0.72f, 0.56f, gain);
+    const float pale[3] = {0.90f, 0.80f, 0.68f};
     blend_color(s, pale, step(0.55f, 0.75f, broad) * 0.5f);
     s->height = 0.004f * trowel + 0.0012f * fine;
     s->roughness = 0.86f + 0.1f * (fine - 0.5f);

@@ -100,8 +100,11 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         first += face; // l points to the light, the face looks the other way
         last = first;
     }
-    float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
+    // A surface that faces away lies in its own shadow, whatever its normal map says.
     float cos_l = dot(n_geometric, l);
+    if (cos_l <= 0.0)
+        return 0.0;
+    float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
     // The map is chosen first and filtered once: filtering inside the loop would be done for each.
     hg_gpu_shadow s;
     hg_shadow_receiver r;
