@@ -1,5 +1,6 @@
 // Whole sessions against a real daemon: valid openings, then messages in any order, some of them
-// damaged. The daemon must stay, serve the next client, and keep nothing of the bad ones.
+// damaged. The daemon must stay, serve the next client, and keep nothing of the bad ones; the
+// worker (a fake one, or $HELIO_TEST_WORKER) must not fall over.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -191,6 +192,15 @@ static void check_daemon(struct daemon *d)
     peer_close(&p);
 }
 
+// With the log at level error: the worker was neither replaced nor at fault.
+static void check_worker(struct daemon *d)
+{
+    char *log = daemon_read(d, "log");
+    if (strstr(log, "scope=worker"))
+        fail_msg("the worker fell over:\n%s", log);
+    free(log);
+}
+
 static void test_sessions(void **state)
 {
     (void)state;
@@ -210,6 +220,7 @@ static void test_sessions(void **state)
             check_daemon(&d);
     }
     check_daemon(&d);
+    check_worker(&d);
     print_message("%llu sessions, %llu KiB before, %llu KiB after\n", (unsigned long long)count,
         (unsigned long long)before / 1024, (unsigned long long)daemon_rss_bytes(&d) / 1024);
     assert_true(daemon_rss_bytes(&d) < before + GROWTH_BYTES);
