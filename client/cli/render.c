@@ -514,6 +514,11 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
+    size_t done = json_array_size(r.frames);
+    if (code == HG_CLI_EXIT_STOPPED && options->has_frames && done)
+        fprintf(stderr, "helio: %zu frames are written; --frames %u-%u:%u renders the rest\n", done,
+            options->frames.first + (uint32_t)done * options->frames.step, options->frames.last,
+            options->frames.step);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);
     return code;

@@ -1,6 +1,7 @@
 #include "client/lib/conn.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <stdio.h>
 #include <string.h>
@@ -45,7 +46,6 @@ static enum hg_status prepare(
     struct helio *h, const struct helio_options *options, struct hg_error *err)
 {
     h->fd = h->wake_fd = -1;
-    h->embedded = !options->url;
     h->next_request = 1;
     h->version = HGP_VERSION_MAX;
     h->timeout_ns = HELIO_NO_TIMEOUT;
@@ -69,25 +69,56 @@ static enum hg_status prepare(
     return HG_OK;
 }
 
-enum hg_status helio_start(
-    const struct helio_options *options, struct helio **out, struct hg_error *err)
+// Allocates the connection; `fd` -1 = the transport is still to be made.
+static enum hg_status create(
+    const struct helio_options *options, int fd, struct helio **out, struct hg_error *err)
 {
-    *out = NULL;
     struct helio *h = hg_calloc(1, sizeof *h);
+    *out = h;
     if (!h)
         return hg_error_set(err, HG_E_NOMEM, "connection", NULL, "no memory for a connection");
     enum hg_status status = prepare(h, options, err);
-    if (!status)
-        status =
-            options->url ? hg_client_dial(h, options->url, err) : hg_client_spawn(h, options, err);
+    h->fd = fd;
+    return status;
+}
+
+static enum hg_status begin(
+    struct helio *h, enum hg_status status, struct helio **out, struct hg_error *err)
+{
     if (!status && h->state == HELIO_GREETING && hg_client_greet(h))
         status = hg_client_failed(h, err);
-    if (status) {
+    if (status)
         helio_destroy(h);
-        return status;
+    *out = status ? NULL : h;
+    return status;
+}
+
+enum hg_status helio_start(
+    const struct helio_options *options, struct helio **out, struct hg_error *err)
+{
+    struct helio *h;
+    enum hg_status status = create(options, -1, &h, err);
+    if (!status) {
+        h->embedded = !options->url;
+        status =
+            options->url ? hg_client_dial(h, options->url, err) : hg_client_spawn(h, options, err);
     }
-    *out = h;
-    return HG_OK;
+    return begin(h, status, out, err);
+}
+
+enum hg_status helio_start_fd(
+    const struct helio_options *options, int fd, struct helio **out, struct hg_error *err)
+{
+    struct helio *h;
+    enum hg_status status = create(options, fd, &h, err);
+    if (!h)
+        close(fd);
+    int flags = fcntl(fd, F_GETFL);
+    if (!status && (flags < 0 || fcntl(fd, F_SETFL, flags | O_NONBLOCK)))
+        status = hg_error_set(err, HG_E_INVAL, h->url, NULL, "not an open socket");
+    if (!status)
+        h->state = HELIO_GREETING;
+    return begin(h, status, out, err);
 }
 
 void hg_client_message_destroy(struct hg_client_message *message)

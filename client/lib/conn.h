@@ -17,7 +17,8 @@ enum {
 };
 
 #define HG_CLIENT_SECOND_NS   UINT64_C(1000000000)
-#define HG_CLIENT_WORKER_LIFE (60 * HG_CLIENT_SECOND_NS) // without a pulse it counts as hung
+#define HG_CLIENT_WORKER_STEP (600 * HG_CLIENT_SECOND_NS) // in one step of rendering: hung
+#define HG_CLIENT_WORKER_LIFE (60 * HG_CLIENT_SECOND_NS)  // without a pulse it counts as hung
 
 // A received message and what its body borrows.
 struct hg_client_message {

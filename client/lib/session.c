@@ -130,6 +130,10 @@ static bool handle_own(
     *status = HG_OK;
     switch (message->pub.type) {
     case HGP_T_pulse:
+        if (h->embedded && message->body.pulse.busy_ns > HG_CLIENT_WORKER_STEP)
+            *status = hg_client_fail(h, HG_E_WORKER, NULL,
+                "the private worker hangs: it has been in one step of rendering for %u s",
+                (unsigned)(message->body.pulse.busy_ns / HG_CLIENT_SECOND_NS));
         return true;
     case HGP_T_ping:
         *status = hg_client_queue(h, HGP_T_pong, message->pub.request,

@@ -87,6 +87,11 @@ HELIO_API const char *helio_version(void);
 HELIO_API enum hg_status helio_start(
     const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;
 
+// As helio_start, on a stream socket that is connected to a daemon already (a tunnel, a pair);
+// options->url only names it in messages. Owns `fd` from here on, also on failure.
+HELIO_API enum hg_status helio_start_fd(const struct helio_options *options, int fd,
+    struct helio **out, struct hg_error *err) HG_MUST_CHECK;
+
 // helio_start, then waits until the session is open. Also HG_E_TIMEOUT, HG_E_AUTH, HG_E_VERSION,
 // HG_E_CLOSED (unreachable), HG_E_CANCELLED.
 HELIO_API enum hg_status helio_connect(
