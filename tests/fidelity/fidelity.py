@@ -145,18 +145,28 @@ class Harness:
             check=True, stdout=subprocess.PIPE, text=True).stdout
         matrix = [[float(v) for v in line.split()] for line in text.splitlines()]
         record["engines"] = order
+        record["matrix_db"] = matrix
         record["ours_db"] = dict(zip(order, matrix[0][1:]))
         for key, engines in (("rasterisers", RASTERISERS), ("path_tracers", PATH_TRACERS)):
             group = [order.index(e) + 1 for e in engines if e in order]
-            if len(group) < 2:
-                continue
-            others = {order[i - 1]: statistics.median(matrix[i][j] for j in group if j != i)
-                      for i in group}
-            record[key] = {"ours_db": statistics.median(matrix[0][j] for j in group),
-                           "typical_db": statistics.median(others.values()), "each_db": others}
+            if len(group) > 1:
+                record[key] = rank(matrix, group)
         group = record["rasterisers"]
         record["passes"] = group["ours_db"] <= group["typical_db"]
         return record
+
+
+def rank(matrix, group):
+    """Our distance to a group of engines, and theirs among themselves: each engine in turn gives
+    up its seat to us, so that it and we are measured against the same others."""
+    theirs, ours = {}, {}
+    for engine in group:
+        others = [e for e in group if e != engine]
+        theirs[engine] = statistics.median(matrix[engine][o] for o in others)
+        ours[engine] = statistics.median(matrix[0][o] for o in others)
+    return {"ours_db": statistics.median(ours.values()),
+            "typical_db": statistics.median(theirs.values()),
+            "each_db": [theirs[e] for e in group]}
 
 
 def read_explanations(path):
