@@ -10,7 +10,7 @@
 #include "base/log.h"
 #include "server/worker/serve.h"
 
-enum { NAME_LIMIT = 256 /* of node_entry.name */, PROGRESS_NS = 200 * 1000 * 1000 };
+enum { NAME_LIMIT = 256 /* of node_entry.name */ };
 
 static void fail_nomem(const struct request *r)
 {
@@ -195,71 +195,4 @@ void query_info(const struct request *r)
 void query_compare(const struct request *r)
 {
     serve_start_task(r, TASK_COMPARE, HGP_T_compare);
-}
-
-struct bench_progress {
-    const struct request *r;
-    uint64_t sent_ns;
-};
-
-static bool report_bench(void *user, uint32_t done, uint32_t total)
-{
-    struct bench_progress *p = user;
-    uint64_t now = hg_clock_now_ns();
-    if (now - p->sent_ns >= PROGRESS_NS) {
-        p->sent_ns = now;
-        link_send_lossy(p->r->s->w, p->r->channel, p->r->id, HGP_T_progress,
-            &(struct hgp_progress){.stage = hgp_str_make("frames"), .done = done, .total = total});
-    }
-    return !atomic_load(&p->r->s->w->stop);
-}
-
-static uint32_t option_u32(const json_t *options, const char *key)
-{
-    json_int_t value = json_integer_value(json_object_get(options, key));
-    return value > 0 && value <= UINT32_MAX ? (uint32_t)value : 0;
-}
-
-static enum hg_status bench_realtime(
-    const struct request *r, const json_t *options, char **text, struct hg_error *err)
-{
-    struct bench_progress progress = {.r = r};
-    enum hg_status status = serve_need_renderer(r->s, err);
-    if (status)
-        return status;
-    return hg_renderer_bench_realtime(r->s->renderer, r->session->scene->scene,
-        &(struct hg_bench_realtime){
-            .width = option_u32(options, "width"),
-            .height = option_u32(options, "height"),
-            .rounds = option_u32(options, "rounds"),
-            .progress = report_bench,
-            .progress_user = &progress,
-        },
-        text, err);
-}
-
-void query_bench(const struct request *r)
-{
-    const struct hgp_bench *m = &r->message->bench;
-    struct hg_error err = {0};
-    json_error_t fault;
-    char *text = NULL;
-    json_t *options =
-        json_loadb(m->options.data ? m->options.data : "", m->options.size, 0, &fault);
-    bool is_realtime = m->name.size == 8 && memcmp(m->name.data, "realtime", 8) == 0;
-    enum hg_status status = HG_OK;
-    if (!json_is_object(options))
-        status =
-            hg_error_set(&err, HG_E_INVAL, "bench", "options", "not a JSON object: %s", fault.text);
-    else if (!is_realtime)
-        status = hg_error_set(&err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%.*s'",
-            (int)m->name.size, m->name.data);
-    else
-        status = bench_realtime(r, options, &text, &err);
-    if (status)
-        serve_fail(r, &err);
-    else
-        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
-    hg_free(text);
-    json_decref(options);
 }

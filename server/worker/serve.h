@@ -141,6 +141,7 @@ void query_nodes(const struct request *r);
 void query_stats(const struct request *r);
 void query_info(const struct request *r);
 void query_compare(const struct request *r);
+// bench.c
 void query_bench(const struct request *r);
 
 // Applies and answers a finished task (edit_load.c, query.c).

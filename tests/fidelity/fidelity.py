@@ -4,9 +4,9 @@
 usage: fidelity.py --data DIR --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
                    [--only NAME]... [--jobs N] [--spp N] [--candidate ENGINE]
 
-Every scenario of DIR/fidelity/scenarios.json is rendered through the command line, at twice the
-size of the other engines' thumbs, and scored with the published metric (see score.h). Rasterisers
-are compared with rasterisers. A scenario counts when its materials are covered, and passes when
+Every scenario of DIR/fidelity/scenarios.json is rendered through the command line at the size the
+other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
+metric (see score.h). Rasterisers are compared with rasterisers. A scenario counts when its materials are covered, and passes when
 our median distance to the others is no larger than the typical distance among them. At least 80 %
 must pass, and explanations.txt must explain exactly the others, one line each.
 
@@ -61,6 +61,11 @@ def camera_arguments(scenario):
     return arguments + ["--eye=%r,%r,%r" % (t["x"], t["y"], t["z"]), "--target=%r,%r,%r" % tuple(at)]
 
 
+def full_size(scenario):
+    """The size the engines drew at, before their pictures were reduced to thumbs."""
+    return scenario["dimensions"]["width"] * 2, scenario["dimensions"]["height"] * 2
+
+
 class Harness:
     def __init__(self, options):
         self.options = options
@@ -89,10 +94,10 @@ class Harness:
         size = statistics.mode(near)
         return {e: f for e, f in files.items() if sizes[e] == size}, size
 
-    def render(self, scenario, size, out):
+    def render(self, scenario, out):
         options = self.options
         command = [options.helio, "render", os.path.join(options.data, scenario["modelFile"]),
-                   "-o", out, "--size", "%dx%d" % (size[0] * 2, size[1] * 2),
+                   "-o", out, "--size", "%dx%d" % full_size(scenario), "--time=0",
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
                    "--tonemap", "aces", "--spp", str(options.spp), "--progress", "none"]
@@ -130,7 +135,7 @@ class Harness:
         if not mine:
             first = os.path.join(self.options.out, name + ".full.png")
             started = time.monotonic()
-            failure = self.render(scenario, size, first)
+            failure = self.render(scenario, first)
             record["seconds"] = round(time.monotonic() - started, 2)
             if failure:
                 return dict(record, state="failed", why=failure)
@@ -259,7 +264,7 @@ def main():
     parser.add_argument("--helio")
     parser.add_argument("--only", action="append", default=[])
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--spp", type=int, default=4)
     parser.add_argument("--candidate")
     options = parser.parse_args()
     path = os.path.join(options.data, "fidelity", "scenarios.json")
