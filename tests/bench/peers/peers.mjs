@@ -161,7 +161,7 @@ function firstPictureOurs(options, scene, job, folder, cache) {
     '--size', options.size, '--env', options.env, '--fov', String(job.fov), '--spp', '1',
     `--eye=${pose.eye}`, `--target=${pose.target}`, '--progress', 'none',
     ...assetRoots(options, folder)],
-  { stdio: ['ignore', 'ignore', 'inherit'], env: { ...process.env, XDG_CACHE_HOME: cache } });
+  { stdio: ['ignore', 'ignore', 'ignore'], env: { ...process.env, XDG_CACHE_HOME: cache } });
   return (performance.now() - started) / 1000;
 }
 
