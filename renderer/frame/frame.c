@@ -56,6 +56,7 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
         (struct hg_vec3){s->background_color[0], s->background_color[1], s->background_color[2]};
     f->exposure = s->exposure;
     f->tonemap = s->tonemap;
+    f->flags = view->coarse ? HG_FRAME_COARSE_SHADOWS : 0;
     hg_lighting_fill(view->lighting, sample, &f->lighting);
     hg_textures_fill(view->rooms->textures, &f->textures);
     hg_geometry_fill(view->rooms->geometry, &f->geometry);
@@ -264,7 +265,7 @@ static enum hg_status record_shadows(
     hg_frame_fill(view, view->samples, true, 0); // where the geometry is
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     return hg_shadow_record(
-        &pass, view->rooms->geometry, view->lighting, &view->shadow_ranges, err);
+        &pass, view->rooms->geometry, view->lighting, view->coarse, &view->shadow_ranges, err);
 }
 
 enum hg_status hg_frame_record(

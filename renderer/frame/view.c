@@ -124,6 +124,8 @@ enum hg_status hg_view_state_set(
     enum hg_status status = resize(view, settings->width, settings->height, err);
     if (status != HG_OK)
         return status;
+    if (view->settings.width != settings->width || view->settings.height != settings->height)
+        view->samples = 0; // new images
     if (memcmp(&view->settings, settings, sizeof *settings) != 0)
         view->settings_revision++;
     view->settings = *settings;
@@ -154,7 +156,27 @@ bool hg_view_state_settled(const struct hg_view_state *view)
 {
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
-           view->samples >= view->settings.samples;
+           view->samples >= view->settings.samples && !view->coarse;
+}
+
+static bool needs_cascades(const struct hg_view_state *view)
+{
+    uint32_t count;
+    const struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
+    for (uint32_t i = 0; i < count; i++) {
+        if (maps[i].stale && maps[i].refines)
+            return true;
+    }
+    return false;
+}
+
+// After an error nobody knows which maps were drawn.
+static void forget_shadows(struct hg_view_state *view)
+{
+    uint32_t count;
+    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
+    for (uint32_t i = 0; i < count; i++)
+        maps[i].stale = true;
 }
 
 static void collect_times(struct hg_view_state *view)
@@ -183,8 +205,10 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK)
         return status;
     const struct hg_view_key key = present_key(view);
-    if (view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0)
+    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0;
+    if (changed || view->coarse)
         view->samples = 0;
+    view->coarse = changed && max_samples == 1 && needs_cascades(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
@@ -214,8 +238,10 @@ enum hg_status hg_view_state_step(
     view->step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
         collect_times(view);
-    else
-        view->samples = 0; // what was accumulated may be incomplete
+    if (status != HG_OK) { // what was accumulated may be incomplete
+        view->samples = 0;
+        forget_shadows(view);
+    }
     return status;
 }
 

@@ -62,6 +62,7 @@ struct hg_view_state {
     uint64_t number; // frames that changed something
     uint32_t samples;
     uint32_t stale_shadows;
+    bool coarse; // the newest sample went without finer cascades; the next one starts anew
     uint64_t triangles_drawn, draws_drawn;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
     uint32_t stage_count;
@@ -77,7 +78,9 @@ enum hg_status hg_view_state_set(struct hg_view_state *view,
     const struct hg_view_settings *settings, struct hg_error *err) HG_MUST_CHECK;
 void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera);
 
-// One slice: up to max_samples samples, in one batch.
+// One slice: up to max_samples samples, in one batch. In motion (max_samples 1 and something has
+// changed) cascades that would have to be drawn again are left out: the map of the whole scene
+// serves until the view rests, then accumulation starts with all of them.
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
 bool hg_view_state_settled(const struct hg_view_state *view);

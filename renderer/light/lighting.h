@@ -61,6 +61,7 @@ struct hg_shadow_map {
     struct hg_gpu_shadow gpu;
     float view_proj[16]; // column-major, Vulkan clip space, reversed depth; near planes kept
     bool stale;          // to be drawn in this step
+    bool refines;        // a finer cascade of a map that holds the whole scene
 };
 // Maps of the newest plan, in the order of hg_gpu_lighting.shadows. Valid until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);

@@ -329,10 +329,12 @@ static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *
         float t = (float)i / (float)splits, even = near + (far - near) * t;
         float log = near > 0 ? near * powf(far / near, t) : even;
         float end = i == splits ? far : 0.8f * log + 0.2f * even;
-        count += cascade_map(&maps[count], &f, view, (float[2]){begin, end}, side_px);
+        if (cascade_map(&maps[count], &f, view, (float[2]){begin, end}, side_px))
+            maps[count++].refines = true;
         begin = end;
     }
     float center[2] = {0.5f * (f.low[0] + f.high[0]), 0.5f * (f.low[1] + f.high[1])};
+    maps[count].refines = false;
     sun_map(&maps[count++], &f, center, whole, side_px);
     return count;
 }

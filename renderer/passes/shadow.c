@@ -7,7 +7,8 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
                                            : VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
 }
 
-static struct hg_gpu_pipeline_params pipeline_of(bool masked, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
+static struct hg_gpu_pipeline_params pipeline_of(
+    bool masked, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = masked ? "shadow_mask.vert" : "shadow.vert",
@@ -28,8 +29,8 @@ static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_rang
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = ranges->class_first[class]; i < ranges->class_first[class + 1]; i++) {
         const struct hg_draw_range *range = &ranges->items[i];
-        const struct hg_gpu_pipeline_params params =
-            pipeline_of(class == HG_DRAW_CLASS_MASK, topology_of(range->flags), pass->tables, pass->features);
+        const struct hg_gpu_pipeline_params params = pipeline_of(
+            class == HG_DRAW_CLASS_MASK, topology_of(range->flags), pass->tables, pass->features);
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
@@ -72,12 +73,12 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
 }
 
 enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *geometry,
-    struct hg_lighting *lighting, struct hg_draw_ranges *scratch, struct hg_error *err)
+    struct hg_lighting *lighting, bool coarse, struct hg_draw_ranges *scratch, struct hg_error *err)
 {
     uint32_t count, stale = 0;
     struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
     for (uint32_t i = 0; i < count; i++)
-        stale += maps[i].stale;
+        stale += maps[i].stale && !(coarse && maps[i].refines);
     if (!stale)
         return HG_OK;
     // The atlas is what is drawn to: it must not be bound as an input.
@@ -88,7 +89,7 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "shadow");
     for (uint32_t i = 0; i < count && !status; i++) {
-        if (!maps[i].stale)
+        if (!maps[i].stale || (coarse && maps[i].refines))
             continue;
         status = cull_map(geometry, &maps[i], scratch, err);
         if (!status)

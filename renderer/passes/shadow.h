@@ -11,9 +11,11 @@
 #include "renderer/passes/pass.h"
 
 // Call once per step before shading. `scratch` keeps the memory of draw lists between uses. When
-// nothing is stale nothing is recorded. HG_E_NOMEM, device errors.
+// nothing is stale nothing is recorded. coarse: leave out (and leave stale) what only refines the
+// map of the whole scene; the frame block must carry HG_FRAME_COARSE_SHADOWS then. HG_E_NOMEM,
+// device errors.
 enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *geometry,
-    struct hg_lighting *lighting, struct hg_draw_ranges *scratch,
+    struct hg_lighting *lighting, bool coarse, struct hg_draw_ranges *scratch,
     struct hg_error *err) HG_MUST_CHECK;
 // All pipelines of this pass. *count = how many.
 enum hg_status hg_shadow_warm_up(

@@ -100,6 +100,9 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         first += face; // l points to the light, the face looks the other way
         last = first;
     }
+    bool coarse = (hg_frame.flags & HG_FRAME_COARSE_SHADOWS) != 0u;
+    if (coarse && light.kind == HG_LIGHT_KIND_DIRECTIONAL)
+        first = last;
     // A surface that faces away lies in its own shadow, whatever its normal map says.
     float cos_l = dot(n_geometric, l);
     if (cos_l <= 0.0)

@@ -35,6 +35,9 @@ struct hg_gpu_camera {
 };
 HG_SHARED_SIZE(hg_gpu_camera, 400);
 
+// Only the last shadow map of a directional light, the one of the whole scene, is up to date.
+#define HG_FRAME_COARSE_SHADOWS 1u
+
 #define HG_FRAME_TONEMAP_ACES        0
 #define HG_FRAME_TONEMAP_AGX         1
 #define HG_FRAME_TONEMAP_PBR_NEUTRAL 2
@@ -52,7 +55,7 @@ struct hg_gpu_frame {
     HG_VEC3 background_color; // linear
     HG_FLOAT exposure;        // linear factor, 2^EV
     HG_UINT tonemap;          // HG_FRAME_TONEMAP_*
-    HG_UINT flags;            // reserved, 0
+    HG_UINT flags;            // HG_FRAME_*
     HG_VEC2 inv_size;         // 1 / width, 1 / height
     HG_STRUCT(hg_gpu_lighting) lighting;
     HG_STRUCT(hg_gpu_textures) textures;
