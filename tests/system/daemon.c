@@ -21,7 +21,7 @@
 
 #include "base/clock.h"
 
-enum { PATIENCE_MS = 20000, STEP_NS = 5000000 };
+enum { PATIENCE_MS = 60000, STEP_NS = 5000000 };
 
 extern char **environ;
 
@@ -68,6 +68,34 @@ void daemon_option(struct daemon *d, const char *name, const char *value)
     d->args[d->arg_count++] = strdup(text);
 }
 
+// A failed test jumps over daemon_finish: nothing may stay behind.
+static pid_t running;
+static char running_folder[64];
+
+static void kill_running(void)
+{
+    char command[128];
+    if (!running)
+        return;
+    kill(running, SIGKILL);
+    waitpid(running, NULL, 0);
+    snprintf(command, sizeof command, "rm -rf %s", running_folder);
+    if (system(command) != 0)
+        fprintf(stderr, "cannot remove %s\n", running_folder);
+    running = 0;
+}
+
+void daemon_watch(struct daemon *d)
+{
+    static bool registered;
+    if (!registered)
+        atexit(kill_running);
+    registered = true;
+    kill_running();
+    running = d->pid;
+    snprintf(running_folder, sizeof running_folder, "%s", d->folder);
+}
+
 static void spawn_daemon(struct daemon *d)
 {
     posix_spawn_file_actions_t actions;
@@ -88,6 +116,8 @@ static void spawn_daemon(struct daemon *d)
     assert_int_equal(posix_spawn(&d->pid, args[0], &actions, NULL, args, environ), 0);
     posix_spawn_file_actions_destroy(&actions);
     unsetenv("LISTEN_FDS");
+    if (!running)
+        daemon_watch(d);
 }
 
 void daemon_start(struct daemon *d)
@@ -100,6 +130,7 @@ void daemon_start(struct daemon *d)
     while (!daemon_has_file(d, "port")) { // written when it listens
         int status;
         if (waitpid(d->pid, &status, WNOHANG) == d->pid) {
+            running = running == d->pid ? 0 : running;
             d->pid = 0;
             fail_msg("heliod ended at start:\n%s", daemon_read(d, "log"));
         }
@@ -131,6 +162,7 @@ int daemon_wait(struct daemon *d)
             fail_msg("heliod does not end:\n%s", daemon_read(d, "log"));
         hg_clock_sleep_ns(STEP_NS);
     }
+    running = running == d->pid ? 0 : running;
     d->pid = 0;
     if (!WIFEXITED(status))
         fail_msg("heliod crashed (signal %d):\n%s", WTERMSIG(status), daemon_read(d, "log"));
@@ -140,6 +172,7 @@ int daemon_wait(struct daemon *d)
 void daemon_reap(struct daemon *d)
 {
     assert_int_equal(waitpid(d->pid, NULL, 0), d->pid);
+    running = running == d->pid ? 0 : running;
     d->pid = 0;
     char path[160];
     path_in(d, "port", path, sizeof path);
@@ -156,6 +189,8 @@ void daemon_finish(struct daemon *d)
         kill(d->pid, SIGKILL);
         waitpid(d->pid, NULL, 0);
     }
+    if (strcmp(running_folder, d->folder) == 0)
+        running = 0;
     if (crashed)
         fprintf(stderr, "%s\n", daemon_read(d, "log"));
     for (int i = 0; i < d->arg_count; i++)

@@ -24,6 +24,7 @@ void daemon_option(struct daemon *d, const char *name, const char *value); // va
 void daemon_start(struct daemon *d);
 // Runs heliod to its end (bad configurations); returns its exit code. stderr goes to FOLDER/log.
 int daemon_run(struct daemon *d);
+void daemon_watch(struct daemon *d); // killed when the test program ends before daemon_finish
 void daemon_signal(struct daemon *d, int number);
 int daemon_wait(struct daemon *d);    // for its end; returns the exit code
 void daemon_reap(struct daemon *d);   // after a SIGKILL

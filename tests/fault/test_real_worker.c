@@ -1,0 +1,211 @@
+// test_real_worker.c - kill -9 and SIGSTOP of the real worker: the frames that follow are, byte for
+// byte, those of an undisturbed run.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "tests/system/daemon.h"
+
+enum { WIDTH = 96, HEIGHT = 54, FRAME_BYTES = WIDTH * HEIGHT * 4, SAMPLES = 96 };
+
+struct picture {
+    uint8_t data[FRAME_BYTES], hash[32];
+    uint64_t revision, number, input_seq;
+    uint32_t samples;
+};
+
+static void start(struct daemon *d)
+{
+    char worker[512];
+    const char *build = getenv("HELIO_BUILD_DIR");
+    assert_non_null(build);
+    snprintf(worker, sizeof worker, "%s/libexec/helio-worker", build);
+    setenv("HELIO_TEST_WORKER", worker, 1);
+    daemon_init(d);
+    daemon_option(d, "worker-timeout", "2");
+    daemon_option(d, "restart-delay", "0.01");
+    daemon_start(d);
+}
+
+// The demo scene, and objects of the client's own that hang on it and were edited since.
+static void build_scene(struct peer *p)
+{
+    static const float triangle[9] = {0, 0, 0, 2, 0, 0, 0, 2, 0};
+    uint32_t n = p->first_id;
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .positions = {(const uint8_t *)triangle, sizeof triangle}};
+    peer_call(p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = n, .path = hgp_str_make("demo:")}, HGP_T_asset_loaded);
+    peer_call(p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
+        HGP_T_ok);
+    peer_call(p, HGP_T_material_set,
+        &(struct hgp_material_set){.material = n,
+            .has_base_color = true,
+            .base_color = {1, 0.1f, 0.1f, 1},
+            .has_double_sided = true,
+            .double_sided = true},
+        HGP_T_ok);
+    part.material = n;
+    peer_call(p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = n + 1, .has_translation = true, .translation = {0, 1, 0}},
+        HGP_T_ok);
+    peer_call(p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = n, .has_parent = true, .parent = n + 1}, HGP_T_ok);
+    for (int i = 0; i < 10; i++)
+        peer_call(p, HGP_T_node_set,
+            &(struct hgp_node_set){
+                .node = n + 1, .has_translation = true, .translation = {0, 1 + 0.1f * (float)i, 0}},
+            HGP_T_ok);
+    peer_call(p, HGP_T_environment_set,
+        &(struct hgp_environment_set){.has_intensity = true, .intensity = 0.8f}, HGP_T_ok);
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1,
+            .has_width = true,
+            .width = WIDTH,
+            .has_height = true,
+            .height = HEIGHT,
+            .has_samples = true,
+            .samples = SAMPLES,
+            .has_still_encoding = true,
+            .still_encoding = HGP_encoding_RAW_RGBA8},
+        HGP_T_ok);
+}
+
+static void look(struct peer *p, uint64_t input_seq, float x)
+{
+    peer_tell(p, HGP_T_view_camera,
+        &(struct hgp_view_camera){.view = 1,
+            .input_seq = input_seq,
+            .has_eye = true,
+            .eye = {x, 3, 8},
+            .has_target = true,
+            .target = {0, 1, 0}});
+}
+
+static void keep(const struct peer *p, struct picture *out)
+{
+    const struct hgp_frame *m = &p->m.frame;
+    assert_true(m->settled && m->lossless && m->has_hash);
+    assert_int_equal(m->data.size, FRAME_BYTES);
+    memcpy(out->data, m->data.data, FRAME_BYTES);
+    memcpy(out->hash, m->hash, 32);
+    out->revision = m->scene_revision;
+    out->number = m->number;
+    out->input_seq = m->input_seq;
+    out->samples = m->samples;
+}
+
+static uint32_t ask(struct peer *p)
+{
+    return peer_send(
+        p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1, .settled = true});
+}
+
+static void take(struct peer *p, struct picture *out)
+{
+    peer_answer(p, ask(p), HGP_T_frame);
+    keep(p, out);
+}
+
+static void same(const struct picture *a, const struct picture *b)
+{
+    assert_memory_equal(a->data, b->data, FRAME_BYTES);
+    assert_memory_equal(a->hash, b->hash, 32);
+    assert_int_equal(a->revision, b->revision);
+    assert_int_equal(a->samples, b->samples);
+    assert_true(b->number > a->number);
+}
+
+// Asks for a frame and sends the signal as soon as the worker reports that it is at it.
+static void disturbed_take(struct daemon *d, struct peer *p, int number, struct picture *out)
+{
+    pid_t worker = daemon_worker(d, 0);
+    uint32_t request = ask(p);
+    assert_true(peer_next(p));
+    if (p->header.type != HGP_T_progress)
+        fail_msg("the frame was too quick to be disturbed (message %u)", p->header.type);
+    uint64_t start_ns = hg_clock_now_ns();
+    assert_int_equal(kill(worker, number), 0);
+    peer_answer(p, request, HGP_T_frame);
+    keep(p, out);
+    print_message(
+        "frame %.2f s after signal %d\n", (double)(hg_clock_now_ns() - start_ns) * 1e-9, number);
+    assert_true(daemon_worker(d, worker) != worker);
+}
+
+static void frames_survive(void **state)
+{
+    (void)state;
+    static struct picture first, other, again;
+    struct daemon d;
+    struct peer p;
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    build_scene(&p);
+    look(&p, 1, 0);
+    take(&p, &first);
+    look(&p, 2, 4);
+    take(&p, &other);
+    assert_true(memcmp(first.data, other.data, FRAME_BYTES) != 0); // the camera matters
+    look(&p, 3, 0);
+    disturbed_take(&d, &p, SIGKILL, &again);
+    same(&first, &again);
+    assert_int_equal(again.input_seq, 3);
+    look(&p, 4, 4);
+    disturbed_take(&d, &p, SIGSTOP, &again); // it hangs: worker-timeout
+    same(&other, &again);
+    // The scene goes on where it was: an edit is the next revision.
+    peer_call(&p, HGP_T_node_set,
+        &(struct hgp_node_set){.node = p.first_id, .has_visible = true, .visible = false},
+        HGP_T_ok);
+    assert_int_equal(p.m.ok.revision, first.revision + 1);
+    char *log = daemon_read(&d, "log");
+    assert_null(strstr(log, "an edit is refused now"));
+    free(log);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void loads_survive(void **state)
+{
+    (void)state;
+    static struct picture calm, disturbed;
+    struct daemon d;
+    struct peer a, b;
+    start(&d);
+    peer_open(&a, &d);
+    peer_scene(&a, "");
+    build_scene(&a);
+    look(&a, 1, 1);
+    take(&a, &calm);
+    peer_open(&b, &d);
+    peer_scene(&b, "");
+    uint32_t load = peer_send(&b, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = b.first_id, .path = hgp_str_make("demo:")});
+    kill(daemon_worker(&d, 0), SIGKILL);
+    peer_answer(&b, load, HGP_T_asset_loaded);
+    take(&a, &disturbed); // the other scene came back, too
+    same(&calm, &disturbed);
+    peer_close(&a);
+    peer_close(&b);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(frames_survive),
+        cmocka_unit_test(loads_survive),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
