@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "base/utf8.h"
 #include "renderer/scene/load.h"
 #include "tests/fuzz/fuzz.h"
@@ -110,6 +111,15 @@ static void check_asset(const struct hg_asset *asset)
     }
 }
 
+// helio info: one JSON object, valid UTF-8.
+static void describe_asset(const struct hg_asset *asset)
+{
+    char *json;
+    FUZZ_CHECK(hg_asset_describe(asset, &json) == HG_OK);
+    FUZZ_CHECK(json[0] == '{' && hg_utf8_is_valid(json, strlen(json)));
+    hg_free(json);
+}
+
 // Shows the asset: posed, placed, measured. Owned by the scene from here on.
 static void use_asset(struct hg_scene *scene, struct hg_asset *asset)
 {
@@ -142,6 +152,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return 0;
     }
     check_asset(asset);
+    describe_asset(asset);
     FUZZ_CHECK(hg_scene_create(&scene) == HG_OK);
     use_asset(scene, asset);
     hg_scene_destroy(scene);
