@@ -161,8 +161,9 @@ static enum hg_status deliver(struct link *l)
 
 static enum hg_status begin_payload(struct link *l)
 {
-    enum hg_status status = hgp_header_decode(
-        l->header_bytes, sizeof l->header_bytes, HGP_LIMIT_OPEN_DEFAULT, &l->header);
+    // Lengths are policed by the broker, whose limit can be configured.
+    enum hg_status status =
+        hgp_header_decode(l->header_bytes, sizeof l->header_bytes, UINT32_MAX, &l->header);
     if (status)
         return status;
     l->payload = hg_refbuf_create(l->header.length);
