@@ -315,8 +315,8 @@ static void build_levels(const struct hg_image *image, struct filter *f, struct 
     }
 }
 
-enum hg_status hg_mips_build(const struct hg_image *image, bool srgb, enum hg_texture_use use,
-    float cutoff, struct hg_mips *out)
+enum hg_status hg_mips_build(
+    const struct hg_image *image, const struct hg_mips_params *params, struct hg_mips *out)
 {
     memset(out, 0, sizeof *out);
     if (image->width == 0 || image->height == 0 || image->width > 65536 || image->height > 65536)
@@ -325,12 +325,13 @@ enum hg_status hg_mips_build(const struct hg_image *image, bool srgb, enum hg_te
     struct hg_mips m = {.width = image->width,
         .height = image->height,
         .count = hg_mips_count(image->width, image->height),
-        .texel_bytes = image->format == HG_PIXEL_RGBA8 ? 4 : 8};
-    struct filter f = {.srgb = srgb,
+        .texel_bytes = image->format == HG_PIXEL_RGBA8 && !params->half ? 4 : 8};
+    const enum hg_texture_use use = params->use;
+    struct filter f = {.srgb = params->srgb,
         .weighted = use == HG_TEXTURE_BLEND || use == HG_TEXTURE_MASK,
         .normal = use == HG_TEXTURE_NORMAL,
-        .scale_alpha = use == HG_TEXTURE_MASK && cutoff > 0.0f,
-        .cutoff = cutoff};
+        .scale_alpha = use == HG_TEXTURE_MASK && params->cutoff > 0.0f,
+        .cutoff = params->cutoff};
     const size_t half = (size_t)hg_mips_side(m.width, 1) * hg_mips_side(m.height, 1) * 4;
     const size_t quarter = (size_t)hg_mips_side(m.width, 2) * hg_mips_side(m.height, 2) * 4;
     float *rows = hg_calloc((size_t)m.width * 8, sizeof *rows);

@@ -15,6 +15,13 @@ struct hg_mips {
     uint8_t *levels[HG_MIPS_MAX];  // rows from the top, tight; one allocation at levels[0]
 };
 
+struct hg_mips_params {
+    bool srgb; // integer pixels hold sRGB-encoded colours (alpha is linear)
+    bool half; // linear RGBA16F whatever the image has
+    enum hg_texture_use use;
+    float cutoff; // for HG_TEXTURE_MASK
+};
+
 // Number of mips down to 1x1.
 uint32_t hg_mips_count(uint32_t width, uint32_t height);
 // Side of a mip, at least 1.
@@ -22,15 +29,13 @@ uint32_t hg_mips_side(uint32_t side, uint32_t mip);
 
 // Filters with the exact overlap of each texel with the texels above it (2 or 3 per axis), in
 // linear light, from unrounded values of the mip above.
-//   srgb    RGBA8 holds sRGB-encoded colours (alpha is linear)
-//   use     see textures.h; cutoff for HG_TEXTURE_MASK
-// RGBA8 gives RGBA8 in the same transfer; RGBA16 and RGBA32F give linear RGBA16F, infinities and
-// values above 65504 are cut, NaN becomes 0.
+// RGBA8 gives RGBA8 in the same transfer unless `half`; RGBA16 and RGBA32F give linear RGBA16F,
+// infinities and values above 65504 are cut, NaN becomes 0.
 // HG_E_INVAL (empty, or a side above 65536), HG_E_NOMEM. *out is zeroed on failure.
 // Sources: area-average filter for sizes that are no powers of two: Guthe and Heckbert 2005,
 // "Non-Power-of-Two Mipmapping"; alpha coverage: Castano 2010, "Computing Alpha Mipmaps".
-enum hg_status hg_mips_build(const struct hg_image *image, bool srgb, enum hg_texture_use use,
-    float cutoff, struct hg_mips *out) HG_MUST_CHECK;
+enum hg_status hg_mips_build(const struct hg_image *image, const struct hg_mips_params *params,
+    struct hg_mips *out) HG_MUST_CHECK;
 void hg_mips_finish(struct hg_mips *mips); // accepts a zeroed chain
 
 #endif

@@ -18,7 +18,7 @@
 // Identity of texels: equal keys are equal pages.
 struct set_key {
     uint8_t hash[HG_SHA256_BYTES];
-    uint8_t use, cutoff, wrap_s, wrap_t, pool;
+    uint8_t use, cutoff, wrap_s, wrap_t, pool, srgb; // srgb: transfer of the source
 };
 
 struct page_set {
@@ -285,9 +285,16 @@ static struct set_key key_of(const struct want *w, const struct source_job *sour
     key.cutoff = (uint8_t)w->cutoff;
     key.wrap_s = (uint8_t)w->texture->wrap_s;
     key.wrap_t = (uint8_t)w->texture->wrap_t;
-    const bool srgb = w->texture->image->pixels.pixels != NULL ? w->texture->image->pixels_srgb
-                                                               : w->use <= HG_TEXTURE_MASK;
-    key.pool = source->info.is_float ? HG_POOL_FLOAT : srgb ? HG_POOL_SRGB : HG_POOL_LINEAR;
+    // Shaders know the pool from the slot, float images aside: pixels whose transfer is not that of
+    // the slot become linear floats.
+    const bool expected = w->use <= HG_TEXTURE_MASK;
+    const bool from_pixels = w->texture->image->pixels.pixels != NULL;
+    const bool srgb = from_pixels ? w->texture->image->pixels_srgb : expected;
+    key.srgb = srgb;
+    if (source->info.is_float || srgb != expected)
+        key.pool = HG_POOL_FLOAT;
+    else
+        key.pool = srgb ? HG_POOL_SRGB : HG_POOL_LINEAR;
     return key;
 }
 
@@ -363,8 +370,11 @@ static void load_job_run(void *user, size_t index)
     if (job->status != HG_OK)
         return;
     struct hg_mips mips;
-    job->status = hg_mips_build(
-        image, set->key.pool == HG_POOL_SRGB, set->key.use, (float)set->key.cutoff / 255.0f, &mips);
+    const struct hg_mips_params params = {.srgb = set->key.srgb,
+        .half = set->key.pool == HG_POOL_FLOAT,
+        .use = set->key.use,
+        .cutoff = (float)set->key.cutoff / 255.0f};
+    job->status = hg_mips_build(image, &params, &mips);
     hg_image_finish(&owned);
     const size_t page_bytes = (size_t)HG_PAGE_PITCH * HG_PAGE_PITCH * mips.texel_bytes;
     if (job->status == HG_OK) {

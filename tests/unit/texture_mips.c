@@ -57,8 +57,11 @@ static void test_constant(void **state)
             struct hg_image image = make(sizes[s][0], sizes[s][1]);
             memset(image.pixels, value, image.size_bytes);
             struct hg_mips mips;
-            assert_int_equal(
-                hg_mips_build(&image, s % 2 == 0, HG_TEXTURE_COLOR, 0.0f, &mips), HG_OK);
+            assert_int_equal(hg_mips_build(&image,
+                                 &(struct hg_mips_params){
+                                     .srgb = s % 2 == 0, .use = HG_TEXTURE_COLOR, .cutoff = 0.0f},
+                                 &mips),
+                HG_OK);
             for (size_t i = 0; i < mips.bytes; i++)
                 assert_int_equal(mips.levels[0][i], value);
             hg_mips_finish(&mips);
@@ -72,7 +75,10 @@ static void check_mip1(uint32_t width, uint32_t height, bool srgb)
 {
     struct hg_image image = noise(width, height);
     struct hg_mips mips;
-    assert_int_equal(hg_mips_build(&image, srgb, HG_TEXTURE_COLOR, 0.0f, &mips), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = srgb, .use = HG_TEXTURE_COLOR, .cutoff = 0.0f}, &mips),
+        HG_OK);
     const uint32_t w = hg_mips_side(width, 1), h = hg_mips_side(height, 1);
     const uint8_t *src = image.pixels;
     for (uint32_t y = 0; y < h; y++)
@@ -116,7 +122,10 @@ static void test_mean(void **state)
     for (size_t i = 0; i < (size_t)101 * 67; i++)
         sum += to_linear(((uint8_t *)image.pixels)[i * 4] / 255.0);
     struct hg_mips mips;
-    assert_int_equal(hg_mips_build(&image, true, HG_TEXTURE_COLOR, 0.0f, &mips), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = true, .use = HG_TEXTURE_COLOR, .cutoff = 0.0f}, &mips),
+        HG_OK);
     assert_int_equal(mips.count, 7);
     assert_true(fabs(mips.levels[6][0] - 255.0 * to_srgb(sum / (101 * 67))) <= 0.6);
     hg_mips_finish(&mips);
@@ -128,7 +137,11 @@ static void test_normals(void **state)
     (void)state;
     struct hg_image image = noise(50, 30);
     struct hg_mips mips;
-    assert_int_equal(hg_mips_build(&image, false, HG_TEXTURE_NORMAL, 0.0f, &mips), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = false, .use = HG_TEXTURE_NORMAL, .cutoff = 0.0f},
+            &mips),
+        HG_OK);
     for (uint32_t m = 1; m < mips.count; m++) {
         const size_t count = (size_t)hg_mips_side(mips.width, m) * hg_mips_side(mips.height, m);
         for (size_t i = 0; i < count; i++) {
@@ -153,8 +166,16 @@ static void test_coverage(void **state)
     for (size_t i = 0; i < (size_t)256 * 256; i++)
         texels[i * 4 + 3] = next_random() % 10 == 0 ? 255 : 0;
     struct hg_mips masked, plain;
-    assert_int_equal(hg_mips_build(&image, true, HG_TEXTURE_MASK, 0.5f, &masked), HG_OK);
-    assert_int_equal(hg_mips_build(&image, true, HG_TEXTURE_COLOR, 0.5f, &plain), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = true, .use = HG_TEXTURE_MASK, .cutoff = 0.5f},
+            &masked),
+        HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = true, .use = HG_TEXTURE_COLOR, .cutoff = 0.5f},
+            &plain),
+        HG_OK);
     for (uint32_t m = 1; m < 5; m++) {
         const size_t count = (size_t)(256 >> m) * (256 >> m);
         size_t with = 0, without = 0;
@@ -184,7 +205,10 @@ static void test_weighted(void **state)
         texels[i * 4 + 3] = red ? 255 : 0;
     }
     struct hg_mips mips;
-    assert_int_equal(hg_mips_build(&image, true, HG_TEXTURE_BLEND, 0.0f, &mips), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = true, .use = HG_TEXTURE_BLEND, .cutoff = 0.0f}, &mips),
+        HG_OK);
     assert_true(mips.levels[1][0] >= 254);
     assert_true(mips.levels[1][1] <= 10);
     assert_in_range(mips.levels[1][3], 127, 128);
@@ -218,7 +242,11 @@ static void test_float_image(void **state)
     t[0] = NAN;
     t[4] = INFINITY;
     struct hg_mips mips;
-    assert_int_equal(hg_mips_build(&image, false, HG_TEXTURE_COLOR, 0.0f, &mips), HG_OK);
+    assert_int_equal(
+        hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = false, .use = HG_TEXTURE_COLOR, .cutoff = 0.0f},
+            &mips),
+        HG_OK);
     assert_int_equal(mips.texel_bytes, 8);
     const uint16_t *mip0 = (const uint16_t *)(const void *)mips.levels[0];
     assert_true(hg_half_to_float(mip0[0]) == 0.0f);
@@ -226,6 +254,23 @@ static void test_float_image(void **state)
     assert_true(hg_half_to_float(mip0[15]) == 15.0f);
     const uint16_t *mip1 = (const uint16_t *)(const void *)mips.levels[1];
     assert_true(hg_half_to_float(mip1[1]) == 7.0f);
+    hg_mips_finish(&mips);
+    hg_image_finish(&image);
+}
+
+// Bytes kept as floats are decoded: a mid grey of a colour slot stays that grey.
+static void test_bytes_as_float(void **state)
+{
+    (void)state;
+    struct hg_image image = make(2, 2);
+    memset(image.pixels, 188, image.size_bytes);
+    const struct hg_mips_params params = {.srgb = true, .half = true, .use = HG_TEXTURE_COLOR};
+    struct hg_mips mips;
+    assert_int_equal(hg_mips_build(&image, &params, &mips), HG_OK);
+    assert_int_equal(mips.texel_bytes, 8);
+    const uint16_t *mip1 = (const uint16_t *)(const void *)(mips.levels[1]);
+    assert_true(fabs(hg_half_to_float(mip1[0]) - to_linear(188 / 255.0)) < 1e-3);
+    assert_true(fabs(hg_half_to_float(mip1[3]) - 188 / 255.0) < 1e-3);
     hg_mips_finish(&mips);
     hg_image_finish(&image);
 }
@@ -290,7 +335,11 @@ static void test_cut(void **state)
     for (size_t s = 0; s < 9; s++) {
         struct hg_image image = noise(page_sizes[s][0], page_sizes[s][1]);
         struct hg_mips mips;
-        assert_int_equal(hg_mips_build(&image, false, HG_TEXTURE_DATA, 0.0f, &mips), HG_OK);
+        assert_int_equal(
+            hg_mips_build(&image,
+                &(struct hg_mips_params){.srgb = false, .use = HG_TEXTURE_DATA, .cutoff = 0.0f},
+                &mips),
+            HG_OK);
         const struct hg_page_layout l = hg_page_layout_of(image.width, image.height);
         const enum hg_wrap ws = (enum hg_wrap)(s % 3), wt = (enum hg_wrap)((s / 3 + 1) % 3);
         uint32_t page = 0;
@@ -327,7 +376,8 @@ static void test_out_of_memory(void **state)
     for (; status != HG_OK && n < 20; n++) {
         struct hg_mips mips;
         hg_alloc_fail_at(n);
-        status = hg_mips_build(&image, true, HG_TEXTURE_COLOR, 0.0f, &mips);
+        status = hg_mips_build(&image,
+            &(struct hg_mips_params){.srgb = true, .use = HG_TEXTURE_COLOR, .cutoff = 0.0f}, &mips);
         hg_alloc_fail_at(0);
         assert_true(status == HG_OK || mips.levels[0] == NULL);
         hg_mips_finish(&mips);
@@ -343,7 +393,8 @@ int main(void)
         cmocka_unit_test(test_filter), cmocka_unit_test(test_mean), cmocka_unit_test(test_normals),
         cmocka_unit_test(test_coverage), cmocka_unit_test(test_weighted),
         cmocka_unit_test(test_half), cmocka_unit_test(test_float_image),
-        cmocka_unit_test(test_layout), cmocka_unit_test(test_tail), cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_bytes_as_float), cmocka_unit_test(test_layout),
+        cmocka_unit_test(test_tail), cmocka_unit_test(test_cut),
         cmocka_unit_test(test_out_of_memory)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -233,7 +233,9 @@ static struct hg_gpu_image create_plain_image(
     struct fixture *f, const struct hg_texture *t, const struct texture_case *c)
 {
     struct hg_mips mips;
-    check(f, hg_mips_build(&t->image->pixels, c->srgb, use_of(c), 0.0f, &mips));
+    check(
+        f, hg_mips_build(&t->image->pixels,
+               &(struct hg_mips_params){.srgb = c->srgb, .use = use_of(c), .cutoff = 0.0f}, &mips));
     const struct hg_gpu_image_params params = {.kind = HG_GPU_IMAGE_2D,
         .format = c->wide   ? VK_FORMAT_R16G16B16A16_SFLOAT
                   : c->srgb ? VK_FORMAT_R8G8B8A8_SRGB
