@@ -16,7 +16,7 @@
 #include "server/broker/notify.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
-enum { TICK_NS = 50000000, THROTTLE_NS = 5000000 };
+enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
 enum { LOGS_PER_SECOND = 20 };
 
 bool hg_broker_may_log(struct hg_broker *b)
@@ -403,9 +403,12 @@ static uint64_t round_end(void *user)
         b->link.broken = false;
         hg_link_fail(b, "no memory to send to it");
     }
+    bool idle = !b->conns && b->link.state == HG_LINK_UP && !b->draining && !b->watchdog_ns;
+    if (!idle)
+        b->tick_ns = sooner(b->tick_ns, now_ns + TICK_NS);
     if (now_ns >= b->tick_ns) {
         tick(b);
-        b->tick_ns = now_ns + TICK_NS;
+        b->tick_ns = now_ns + (idle ? IDLE_TICK_NS : TICK_NS);
     } else if (b->link.state == HG_LINK_DOWN) {
         hg_link_check_time(b, now_ns);
     }

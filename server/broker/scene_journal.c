@@ -36,6 +36,9 @@ struct target {
 
 enum { FIRST_BUCKETS = 64 };
 
+// What an entry costs besides its payload, roughly.
+enum { ENTRY_BYTES = sizeof(struct entry) + sizeof(struct object) + sizeof(struct hg_packet) + 64 };
+
 // Fields that make sense only together: writing one of `any` overwrites all of `all`.
 static const struct {
     uint16_t type;
@@ -196,7 +199,7 @@ static void remove_entry(struct hg_journal *j, struct entry *e)
 {
     unlink_entry(j, e);
     j->entries--;
-    j->bytes -= e->packet->header.length;
+    j->bytes -= ENTRY_BYTES + e->packet->header.length;
     if (hold_uploads(j, e->packet, false)) {
         // The packet decoded when it was taken; only a lack of memory leads here, and then a pin
         // too many stays, which costs disk space and nothing else.
@@ -230,7 +233,7 @@ static enum hg_status append(struct hg_journal *j, struct object *object, struct
     *(object->last ? &object->last->newer : &object->first) = e;
     object->last = e;
     j->entries++;
-    j->bytes += packet->header.length;
+    j->bytes += ENTRY_BYTES + packet->header.length;
     return HG_OK;
 }
 

@@ -19,7 +19,7 @@
 struct hg_journal;
 
 struct hg_journal_stats {
-    uint64_t entries, bytes;
+    uint64_t entries, bytes; // bytes of memory, about
 };
 
 // `store` (may be NULL) keeps the uploads that entries name; it outlives the journal.

@@ -189,7 +189,9 @@ static enum hg_status check_journal(
 {
     struct hg_journal_stats stats = hg_journal_get_stats(s->scene->journal);
     uint64_t need = stats.bytes + s->request_bytes + packet->header.length;
-    if (!hg_journal_wants(packet->header.type) || packet->header.length <= 256 ||
+    bool removes =
+        packet->header.type == HGP_T_object_remove || packet->header.type == HGP_T_asset_unload;
+    if (!hg_journal_wants(packet->header.type) || removes ||
         need <= s->broker->options.journal_limit_bytes)
         return HG_OK;
     return hg_error_set(err, HG_E_LIMIT, hgp_find(packet->header.type)->name, NULL,
@@ -229,7 +231,9 @@ static enum hg_status check_relay(struct hg_session *s, const struct hg_packet *
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
     case HGP_T_asset_load:
-        return check_load(s, &m->asset_load, err);
+        if (check_load(s, &m->asset_load, err))
+            return err->status;
+        return check_journal(s, packet, err);
     case HGP_T_environment_set:
         if (m->environment_set.has_hash && !hg_store_has(s->broker->store, m->environment_set.hash))
             return hg_error_set(
