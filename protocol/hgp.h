@@ -53,9 +53,13 @@ enum hgp_type {
 #include "protocol/messages.def"
 };
 
-#define HGP_ENUM(name, since, doc)        enum hgp_##name {
-#define HGP_VALUE(e, name, value, doc)    HGP_##e##_##name = value,
-#define HGP_ENUM_END(name)                };
+#define HGP_ENUM(name, since, doc)                                                                 \
+    enum hgp_##name                                                                                \
+    {
+#define HGP_VALUE(e, name, value, doc) HGP_##e##_##name = value,
+#define HGP_ENUM_END(name)                                                                         \
+    }                                                                                              \
+    ;
 #include "protocol/messages.def"
 
 #define HGP_C_U8(f, a, b)    uint8_t f;
@@ -87,7 +91,9 @@ enum hgp_type {
 #define HGP_STRUCT(name, doc) struct hgp_##name {
 #define HGP_F(presence, kind, field, a, b, since, doc)                                             \
     HGP_C_HAS_##presence(field) HGP_C_##kind(field, a, b)
-#define HGP_STRUCT_END(name)                                      };
+#define HGP_STRUCT_END(name)                                                                       \
+    }                                                                                              \
+    ;
 #define HGP_MESSAGE(name, id, direction, state, role, since, doc) struct hgp_##name {
 #define HGP_MESSAGE_END(name)                                                                      \
     char end_; /* not on the wire: keeps messages without fields valid C */                        \
@@ -119,14 +125,14 @@ const struct hgp_message_info *hgp_find(uint16_t type);
 
 // Reads a header. HG_OK; HG_E_TRUNCATED when fewer than 16 bytes are there;
 // HG_E_LIMIT when length > limit; HG_E_FORMAT for unknown flag bits. Does not look at the payload.
-enum hg_status hgp_header_decode(const uint8_t *data, size_t size, uint32_t limit,
-    struct hgp_header *out) HG_MUST_CHECK;
+enum hg_status hgp_header_decode(
+    const uint8_t *data, size_t size, uint32_t limit, struct hgp_header *out) HG_MUST_CHECK;
 void hgp_header_encode(const struct hgp_header *header, uint8_t out[HGP_HEADER_BYTES]);
 
 // Where a payload went wrong.
 struct hgp_fault {
-    char field[64];   // "parts[0].mode"; empty when the payload ends inside or runs over
-    uint64_t offset;  // of the byte in the payload
+    char field[64];  // "parts[0].mode"; empty when the payload ends inside or runs over
+    uint64_t offset; // of the byte in the payload
     const char *reason;
 };
 
