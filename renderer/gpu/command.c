@@ -76,12 +76,15 @@ void hg_gpu_commands_finish(struct hg_gpu *gpu)
     for (uint32_t i = 0; i < gpu->retired_count; i++)
         hg_gpu_free_retired(gpu, &gpu->retired[i]);
     hg_free(gpu->retired);
+    hg_free(gpu->states);
     gpu->retired = NULL;
     gpu->retired_count = 0;
     if (gpu->timeline != VK_NULL_HANDLE)
         vkDestroySemaphore(gpu->device, gpu->timeline, NULL);
     gpu->timeline = VK_NULL_HANDLE;
 }
+
+static void restore_states(struct hg_gpu *gpu, int kind);
 
 // --- lifetime ------------------------------------------------------------------------------------
 
@@ -282,6 +285,9 @@ enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err)
     enum hg_status status = close_uploads(gpu, err);
     if (status == HG_OK)
         status = submit(gpu, &gpu->upload, 1, &gpu->upload_value, err);
+    if (status != HG_OK)
+        restore_states(gpu, 1);
+    gpu->epoch[1]++;
     return status;
 }
 
@@ -302,12 +308,19 @@ enum hg_status hg_gpu_submit(
     handles[count++] = cmd->handle;
     if (status == HG_OK)
         status = submit(gpu, handles, count, value, err);
-    if (status == HG_OK) {
-        cmd->value = *value;
-        if (uploads)
-            gpu->upload_value = *value;
+    if (status != HG_OK) {
+        restore_states(gpu, 0);
+        if (uploads && !gpu->upload_open)
+            restore_states(gpu, 1);
+        return status;
     }
-    return status;
+    gpu->epoch[0]++;
+    cmd->value = *value;
+    if (uploads) {
+        gpu->upload_value = *value;
+        gpu->epoch[1]++;
+    }
+    return HG_OK;
 }
 
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
@@ -316,6 +329,7 @@ void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
         return;
     gpu->open = NULL;
     cmd->stage_count = 0;
+    restore_states(gpu, 0);
     if (vkEndCommandBuffer(cmd->handle) != VK_SUCCESS)
         hg_debug(GPU, "a discarded batch could not be ended");
 }
@@ -346,19 +360,65 @@ static const struct {
         VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
 };
 
-void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
+static struct hg_gpu_image_state *find_state(struct hg_gpu *gpu, VkImage image)
 {
-    // Uploads of one batch write different texels, reads do not wait for reads.
-    const bool again = image->use == use;
-    if (again && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
+    for (uint32_t i = 0; i < gpu->state_count; i++) {
+        if (gpu->states[i].handle == image)
+            return &gpu->states[i];
+    }
+    return NULL;
+}
+
+bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image)
+{
+    if (hg_grow(&gpu->states, &gpu->state_capacity, gpu->state_count + 1, sizeof *gpu->states) !=
+        HG_OK)
+        return false;
+    gpu->states[gpu->state_count++] = (struct hg_gpu_image_state){.handle = image};
+    return true;
+}
+
+void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image)
+{
+    struct hg_gpu_image_state *state = find_state(gpu, image);
+    if (state != NULL)
+        *state = gpu->states[--gpu->state_count];
+}
+
+// Images go back to what they were before the open batch or upload.
+static void restore_states(struct hg_gpu *gpu, int kind)
+{
+    for (uint32_t i = 0; i < gpu->state_count; i++) {
+        struct hg_gpu_image_state *state = &gpu->states[i];
+        if (state->epoch[kind] == gpu->epoch[kind])
+            state->use = state->saved[kind];
+    }
+    gpu->epoch[kind]++;
+}
+
+void hg_gpu_image_barrier(
+    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use)
+{
+    struct hg_gpu_image_state *state = find_state(gpu, image->handle);
+    if (state == NULL)
         return;
+    // Uploads of one batch write different texels, reads do not wait for reads.
+    const enum hg_gpu_use before = state->use;
+    if (before == use && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
+        return;
+    if (state->epoch[kind] != gpu->epoch[kind]) {
+        state->epoch[kind] = gpu->epoch[kind];
+        state->saved[kind] = before;
+    }
+    state->use = use;
+    const VkCommandBuffer cmd = kind == 0 ? gpu->open->handle : gpu->upload;
     const VkImageMemoryBarrier2 barrier = {
         .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2,
-        .srcStageMask = uses[image->use].stages,
-        .srcAccessMask = uses[image->use].write,
+        .srcStageMask = uses[before].stages,
+        .srcAccessMask = uses[before].write,
         .dstStageMask = uses[use].stages,
         .dstAccessMask = uses[use].read | uses[use].write,
-        .oldLayout = uses[image->use].layout,
+        .oldLayout = uses[before].layout,
         .newLayout = uses[use].layout,
         .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
         .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
@@ -370,12 +430,11 @@ void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum 
         .imageMemoryBarrierCount = 1,
         .pImageMemoryBarriers = &barrier};
     vkCmdPipelineBarrier2(cmd, &info);
-    image->use = use;
 }
 
 void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
 {
-    hg_gpu_image_barrier(cmd->handle, image, use);
+    hg_gpu_image_barrier(cmd->gpu, 0, image, use);
 }
 
 void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,

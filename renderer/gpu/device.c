@@ -466,6 +466,7 @@ enum hg_status hg_gpu_create(
     struct hg_gpu *gpu = hg_calloc(1, sizeof *gpu);
     if (gpu == NULL)
         return hg_error_set(err, HG_E_NOMEM, "device", NULL, "out of host memory");
+    gpu->epoch[0] = gpu->epoch[1] = 1; // 0 in image states: never touched
     enum hg_status status = init(gpu, params, err);
     if (status != HG_OK) {
         hg_gpu_destroy(gpu);

@@ -133,7 +133,6 @@ struct hg_gpu_image {
     VkImageAspectFlags aspect;
     uint32_t width, height, layers, mips;
     enum hg_gpu_image_kind kind;
-    enum hg_gpu_use use; // state after the commands recorded so far
     struct hg_gpu_memory memory;
     VkImageView
         *layer_views; // attachments of arrays and cubes: 2D views, index mip * layers + layer
@@ -165,7 +164,8 @@ enum hg_status hg_gpu_begin(
 // Submits what was recorded (and pending uploads); *value is its place on the timeline.
 enum hg_status hg_gpu_submit(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_t *value,
     struct hg_error *err) HG_MUST_CHECK;
-// Throws away what was recorded, after an error. Images used by it are left undefined.
+// Throws away what was recorded, after an error; images are as before the batch. The same happens
+// when hg_gpu_submit fails.
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd);
 // Waits until the timeline has reached value, then frees what was retired. Times out after 60 s of
 // no progress with HG_E_DEVICE_LOST.

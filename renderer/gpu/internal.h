@@ -36,6 +36,14 @@ struct hg_gpu_retired {
     struct hg_gpu_memory memory;
 };
 
+// What an image is used for after the commands recorded so far, by batches (0) and uploads (1);
+// saved: before the open one of each, to go back to when it is thrown away.
+struct hg_gpu_image_state {
+    VkImage handle;
+    enum hg_gpu_use use, saved[2];
+    uint64_t epoch[2]; // in which saved was written
+};
+
 struct hg_gpu_cmd {
     struct hg_gpu *gpu;
     VkCommandPool pool;
@@ -98,6 +106,11 @@ struct hg_gpu {
     size_t live_capacity;
     uint32_t live_count;
 
+    struct hg_gpu_image_state *states;
+    size_t state_capacity;
+    uint32_t state_count;
+    uint64_t epoch[2]; // numbers of the open batch and the open upload
+
     VkCommandPool upload_pool;
     VkCommandBuffer upload; // recording when upload_open
     bool upload_open;
@@ -144,7 +157,11 @@ void hg_gpu_commands_finish(struct hg_gpu *gpu);
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
-void hg_gpu_image_barrier(VkCommandBuffer cmd, struct hg_gpu_image *image, enum hg_gpu_use use);
+// kind: 0 a batch, 1 an upload.
+void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *image,
+    enum hg_gpu_use use);
+bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image); // false: no memory
+void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image);
 
 // resource.c: the live buffer that holds an address, NULL when none does.
 const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAddress address);

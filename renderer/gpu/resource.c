@@ -248,6 +248,8 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
     enum hg_status status = check_limits(gpu, &info, params->name, err);
     if (status == HG_OK)
         status = HG_VK(gpu, err, vkCreateImage, gpu->device, &info, NULL, &out->handle);
+    if (status == HG_OK && !hg_gpu_state_add(gpu, out->handle))
+        status = hg_error_set(err, HG_E_NOMEM, params->name, NULL, "out of host memory");
     if (status == HG_OK)
         status = bind_image(gpu, out, err);
     if (status == HG_OK)
@@ -264,6 +266,7 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
 void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image)
 {
     if (image->handle != VK_NULL_HANDLE) {
+        hg_gpu_state_remove(gpu, image->handle);
         const struct hg_gpu_retired object = {
             .image = image->handle,
             .view = image->view,

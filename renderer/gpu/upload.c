@@ -108,7 +108,7 @@ static uint32_t texel_bytes(VkFormat format)
 static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
     const struct hg_gpu_region *r, uint32_t y, uint32_t rows, uint64_t from)
 {
-    hg_gpu_image_barrier(gpu->upload, image, HG_GPU_USE_COPY_WRITE);
+    hg_gpu_image_barrier(gpu, 1, image, HG_GPU_USE_COPY_WRITE);
     const VkBufferImageCopy copy = {
         .bufferOffset = from,
         .imageSubresource = {image->aspect, r->mip, r->layer, 1},

@@ -194,15 +194,15 @@ vec3 hg_light_brdf(hg_brdf b, vec3 pos_ws, vec3 n_geometric, vec2 pixel, float v
             sum += hg_light_one(b, i, pos_ws, n_geometric);
         while (++i < everywhere);
     }
-    if (!HG_HAS(HG_FEATURE_CLUSTERS))
-        return sum;
-    uint cluster = hg_light_cluster(pixel, view_depth);
-    uint k = hg_frame.lighting.clusters.v[cluster];
-    uint end = hg_frame.lighting.clusters.v[cluster + 1u];
-    if (hg_frame.lighting.clustered != 0u && k < end) {
-        do
-            sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
-        while (++k < end);
+    if (HG_HAS(HG_FEATURE_CLUSTERS) && hg_frame.lighting.clustered != 0u) {
+        uint cluster = hg_light_cluster(pixel, view_depth);
+        uint k = hg_frame.lighting.clusters.v[cluster];
+        uint end = hg_frame.lighting.clusters.v[cluster + 1u];
+        if (k < end) {
+            do
+                sum += hg_light_one(b, hg_frame.lighting.cluster_lights.v[k], pos_ws, n_geometric);
+            while (++k < end);
+        }
     }
     return sum;
 }

@@ -1,0 +1,642 @@
+// render_frame.c - whole frames through the facade: conventions to the pixel, alpha, order of
+// blended surfaces, the same bytes from every way to them, faults, validation.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "base/sha256.h"
+#include "renderer/gpu/gpu.h"
+#include "renderer/renderer.h"
+
+static void check(enum hg_status status, const struct hg_error *err)
+{
+    if (status != HG_OK) {
+        char text[1024];
+        hg_error_format(err, text, sizeof text);
+        fail_msg("%s", text);
+    }
+}
+
+// --- scenes --------------------------------------------------------------------------------------
+
+static void *copy_of(const void *data, size_t size)
+{
+    void *copy = hg_calloc(1, size);
+    assert_non_null(copy);
+    memcpy(copy, data, size);
+    return copy;
+}
+
+static struct hg_scene *new_scene(void)
+{
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    return scene;
+}
+
+static void *add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
+{
+    struct hg_object *object;
+    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
+    return object;
+}
+
+// A quad about the origin of the xy plane, looking along +z, unlit.
+static struct hg_node *add_quad(
+    struct hg_scene *scene, uint64_t id, float half, float z, const float color[4])
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static const float normals[12] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
+    const float positions[12] = {-half, -half, 0, half, -half, 0, half, half, 0, -half, half, 0};
+    struct hg_material *material = add(scene, HG_OBJECT_MATERIAL, id);
+    memcpy(material->base_color, color, sizeof material->base_color);
+    material->unlit = true;
+    material->alpha_mode = color[3] < 1 ? HG_ALPHA_BLEND : HG_ALPHA_OPAQUE;
+    struct hg_mesh *mesh = add(scene, HG_OBJECT_MESH, id);
+    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
+    assert_non_null(part);
+    mesh->parts = part;
+    mesh->part_count = 1;
+    part->topology = HG_TOPOLOGY_TRIANGLES;
+    part->vertex_count = 4;
+    part->index_count = 6;
+    part->material = material;
+    part->indices = copy_of(indices, sizeof indices);
+    part->positions = copy_of(positions, sizeof positions);
+    part->normals = copy_of(normals, sizeof normals);
+    memcpy(part->bounds_min, (float[3]){-half, -half, 0}, sizeof part->bounds_min);
+    memcpy(part->bounds_max, (float[3]){half, half, 0}, sizeof part->bounds_max);
+    struct hg_node *node = add(scene, HG_OBJECT_NODE, id);
+    node->mesh = mesh;
+    node->translation[2] = z;
+    return node;
+}
+
+static void set_environment(struct hg_scene *scene, float radiance)
+{
+    scene->environment.kind = HG_ENV_COLOR;
+    scene->environment.intensity = 1;
+    for (int i = 0; i < 3; i++)
+        scene->environment.color[i] = radiance;
+    scene->environment.revision++;
+}
+
+static struct hg_scene *load(const char *name, struct hg_jobs *jobs)
+{
+    char path[1024];
+    const char *data = getenv("HELIO_TEST_DATA");
+    assert_non_null(data);
+    snprintf(path, sizeof path, "%s/khronos/%s/glTF/%s.gltf", data, name, name);
+    if (access(path, R_OK) != 0)
+        snprintf(path, sizeof path, "%s/khronos/%s/glTF-Binary/%s.glb", data, name, name);
+    if (access(path, R_OK) != 0)
+        snprintf(path, sizeof path, "%s/khronos/%s/%s.glb", data, name, name);
+    struct hg_error err = {0};
+    struct hg_asset *asset;
+    const struct hg_load_params params = {
+        .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
+    check(hg_load_asset(&params, &asset, &err), &err);
+    struct hg_scene *scene = new_scene();
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    set_environment(scene, 0.7f);
+    struct hg_light *light = add(scene, HG_OBJECT_LIGHT, 7);
+    light->intensity = 2;
+    light->color[0] = light->color[1] = light->color[2] = 1;
+    light->casts_shadow = true;
+    struct hg_node *node = add(scene, HG_OBJECT_NODE, 7);
+    node->light = light;
+    node->rotation[0] = -0.5f;
+    node->rotation[3] = 0.8660254f;
+    hg_scene_publish(scene);
+    return scene;
+}
+
+// --- frames --------------------------------------------------------------------------------------
+
+struct rig {
+    struct hg_renderer *renderer;
+    struct hg_scene *scene;
+    struct hg_view *view;
+    struct hg_error err;
+};
+
+static void open_rig(struct rig *rig, bool validation)
+{
+    const struct hg_renderer_params params = {.validation = validation, .threads = 2};
+    *rig = (struct rig){0};
+    check(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+}
+
+static void look_at_scene(struct rig *rig, float turn)
+{
+    float min[3], max[3], radius = 0;
+    struct hg_view_camera camera = {0};
+    hg_scene_update(rig->scene);
+    assert_true(hg_scene_bounds(rig->scene, NULL, min, max));
+    for (int i = 0; i < 3; i++) {
+        camera.target[i] = 0.5f * (min[i] + max[i]);
+        radius += (max[i] - min[i]) * (max[i] - min[i]);
+    }
+    radius = 0.9f * sqrtf(radius);
+    camera.eye[0] = camera.target[0] + radius * sinf(turn);
+    camera.eye[1] = camera.target[1] + 0.3f * radius;
+    camera.eye[2] = camera.target[2] + radius * cosf(turn);
+    check(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+}
+
+static void use_scene(struct rig *rig, struct hg_scene *scene, const struct hg_view_params *params)
+{
+    rig->scene = scene;
+    check(hg_view_create(rig->renderer, scene, &rig->view, &rig->err), &rig->err);
+    check(hg_view_set_params(rig->view, params, &rig->err), &rig->err);
+}
+
+static void close_scene(struct rig *rig)
+{
+    hg_view_destroy(rig->view);
+    hg_scene_destroy(rig->scene);
+    rig->view = NULL;
+    rig->scene = NULL;
+}
+
+static void close_rig(struct rig *rig)
+{
+    close_scene(rig);
+    hg_renderer_destroy(rig->renderer);
+}
+
+static struct hg_frame_info settle(struct rig *rig, uint32_t samples_per_step)
+{
+    struct hg_frame_info info;
+    for (int i = 0; i < 1000; i++) {
+        check(hg_view_step(rig->view, samples_per_step, &info, &rig->err), &rig->err);
+        if (info.settled)
+            return info;
+    }
+    fail_msg("the view did not settle");
+    return info;
+}
+
+static struct hg_refbuf *pixels(struct rig *rig, enum hg_pixel_format format)
+{
+    struct hg_refbuf *out;
+    check(hg_view_read_pixels(rig->view, format, &out, &rig->err), &rig->err);
+    return out;
+}
+
+static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b, int tolerance)
+{
+    assert_int_equal(a->size, b->size);
+    int worst = 0;
+    for (size_t i = 0; i < a->size; i++) {
+        const int d = abs((int)a->data[i] - (int)b->data[i]);
+        worst = d > worst ? d : worst;
+    }
+    if (worst > tolerance)
+        fail_msg("bytes differ by up to %d", worst);
+}
+
+// RGBA8 of a settled test scene, in a renderer of its own.
+static struct hg_refbuf *render(const char *name, uint32_t step, float turn)
+{
+    struct rig rig;
+    const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
+    open_rig(&rig, false);
+    use_scene(&rig, load(name, hg_renderer_jobs(rig.renderer)), &params);
+    look_at_scene(&rig, turn);
+    settle(&rig, step);
+    struct hg_refbuf *out = pixels(&rig, HG_PIXEL_RGBA8);
+    close_rig(&rig);
+    return out;
+}
+
+// --- conventions ---------------------------------------------------------------------------------
+
+// Rays of pixel centres meet a plane where geometry says: perspective and orthographic.
+static void test_projection_to_the_pixel(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float white[4] = {1, 1, 1, 1};
+    const struct hg_view_params params = {.width = 64, .height = 48, .samples = 1};
+    open_rig(&rig, false);
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 100, 0, white);
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    for (int orthographic = 0; orthographic < 2; orthographic++) {
+        const struct hg_view_camera camera = {.eye = {0.5f, -0.25f, 4},
+            .target = {0.5f, -0.25f, 0},
+            .orthographic = orthographic,
+            .vfov_rad = 1.0f,
+            .half_height = 1.5f};
+        check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+        settle(&rig, 1);
+        const double half = orthographic ? 1.5 : 4 * tan(0.5);
+        for (uint32_t i = 0; i < 12; i++) {
+            const uint32_t x = (i * 23) % 64, y = (i * 17) % 48;
+            struct hg_pick pick;
+            check(hg_view_pick(rig.view, x, y, &pick, &rig.err), &rig.err);
+            assert_true(pick.hit);
+            assert_int_equal(pick.node, 1);
+            const double want_x = 0.5 + half * (64.0 / 48.0) * (2 * (x + 0.5) / 64 - 1);
+            const double want_y = -0.25 - half * (2 * (y + 0.5) / 48 - 1);
+            assert_true(fabs(pick.position[0] - want_x) < 1e-4);
+            assert_true(fabs(pick.position[1] - want_y) < 1e-4);
+            assert_true(fabs(pick.position[2]) < 1e-4);
+            assert_true(pick.normal[2] > 0.999f);
+        }
+    }
+    close_rig(&rig);
+}
+
+// A quad that ends between pixels covers exactly those whose centres lie inside.
+static void test_coverage_to_the_pixel(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float white[4] = {1, 1, 1, 1};
+    const struct hg_view_params params = {.width = 40,
+        .height = 40,
+        .samples = 1,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .background = HG_BACKGROUND_NONE};
+    const struct hg_view_camera camera = {
+        .eye = {0, 0, 5}, .orthographic = true, .half_height = 20};
+    open_rig(&rig, false);
+    struct hg_scene *scene = new_scene();
+    struct hg_node *node = add_quad(scene, 1, 4.3f, 0, white); // 8.6 px wide
+    node->translation[0] = 10;                                 // right
+    node->translation[1] = 5;                                  // up
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+    settle(&rig, 1);
+    struct hg_refbuf *image = pixels(&rig, HG_PIXEL_RGBA8);
+    for (int y = 0; y < 40; y++) {
+        for (int x = 0; x < 40; x++) {
+            const double px = x + 0.5 - 20, py = 20 - (y + 0.5);
+            const bool inside = fabs(px - 10) < 4.3 && fabs(py - 5) < 4.3;
+            const uint8_t *p = image->data + 4 * (y * 40 + x);
+            const uint8_t want[2][4] = {{0, 0, 0, 0}, {255, 255, 255, 255}};
+            assert_memory_equal(p, want[inside], 4);
+        }
+    }
+    hg_refbuf_unref(image);
+    close_rig(&rig);
+}
+
+// --- colour and alpha ----------------------------------------------------------------------------
+
+static void read_centre(struct rig *rig, float out[4])
+{
+    struct hg_refbuf *image = pixels(rig, HG_PIXEL_RGBA32F);
+    memcpy(out, image->data + 16 * (16 * 32 + 16), 16);
+    hg_refbuf_unref(image);
+}
+
+static void test_colour_and_alpha(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float half[4] = {0.25f, 0.5f, 1, 0.5f};
+    const struct hg_view_params params = {.width = 32,
+        .height = 32,
+        .samples = 2,
+        .exposure_ev = 1,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .background = HG_BACKGROUND_NONE};
+    open_rig(&rig, true);
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 10, 0, half);
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    settle(&rig, 2);
+    float got[4];
+    read_centre(&rig, got);
+    const float want[4] = {0.5f, 1, 2, 0.5f}; // straight alpha, one stop brighter
+    for (int i = 0; i < 4; i++)
+        assert_true(fabsf(got[i] - want[i]) < 1e-5f);
+    struct hg_refbuf *image = pixels(&rig, HG_PIXEL_RGBA8);
+    const uint8_t bytes[4] = {188, 255, 255, 128}; // 0.5 encoded is 187.5
+    assert_memory_equal(image->data + 4 * (16 * 32 + 16), bytes, 4);
+    hg_refbuf_unref(image);
+    struct hg_refbuf *deep = pixels(&rig, HG_PIXEL_RGBA16);
+    uint16_t words[4];
+    memcpy(words, deep->data + 8 * (16 * 32 + 16), 8);
+    assert_in_range(words[0], 48190, 48200); // 0.735357 * 65535 = 48192
+    hg_refbuf_unref(deep);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    close_rig(&rig);
+}
+
+// Layers composite front to back whatever the order of their nodes.
+static void test_blend_order(void **state)
+{
+    (void)state;
+    const float colors[4][4] = {
+        {1, 0, 0, 0.5f}, {0, 1, 0, 0.25f}, {0, 0, 1, 0.75f}, {0.5f, 0.5f, 0.5f, 1}};
+    for (int order = 0; order < 4; order++) {
+        struct rig rig;
+        const struct hg_view_params params = {.width = 32,
+            .height = 32,
+            .samples = 1,
+            .tonemap = HG_TONEMAP_LINEAR,
+            .background = HG_BACKGROUND_NONE};
+        open_rig(&rig, false);
+        struct hg_scene *scene = new_scene();
+        for (int k = 0; k < 4; k++) { // node ids in another order each time
+            const int layer = (k * (order == 3 ? 3 : 1) + order) % 4;
+            add_quad(scene, (uint64_t)k + 1, 10, -(float)layer, colors[layer]);
+        }
+        hg_scene_publish(scene);
+        use_scene(&rig, scene, &params);
+        settle(&rig, 1);
+        float got[4], want[3] = {0, 0, 0}, through = 1;
+        read_centre(&rig, got);
+        for (int layer = 0; layer < 4; layer++) {
+            for (int c = 0; c < 3; c++)
+                want[c] += through * colors[layer][3] * colors[layer][c];
+            through *= 1 - colors[layer][3];
+        }
+        for (int c = 0; c < 3; c++)
+            assert_true(fabsf(got[c] - want[c]) < 1e-5f);
+        assert_true(fabsf(got[3] - 1) < 1e-6f);
+        close_rig(&rig);
+    }
+}
+
+// --- the same bytes ------------------------------------------------------------------------------
+
+static void test_same_bytes(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"AlphaBlendModeTest", "LightsPunctualLamp"};
+    for (int i = 0; i < 2; i++) {
+        struct hg_refbuf *a = render(names[i], 1, 0.4f);
+        struct hg_refbuf *again = render(names[i], 1, 0.4f);
+        struct hg_refbuf *steps = render(names[i], 16, 0.4f);
+        assert_same(a, again, 0);
+        assert_same(a, steps, 0);
+        hg_refbuf_unref(a);
+        hg_refbuf_unref(again);
+        hg_refbuf_unref(steps);
+    }
+}
+
+static struct hg_refbuf *render_with(const char *variable, const char *value, float turn)
+{
+    setenv(variable, value, 1);
+    struct hg_refbuf *out = render("AlphaBlendModeTest", 4, turn);
+    unsetenv(variable);
+    return out;
+}
+
+static void test_culling_changes_nothing(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        struct hg_refbuf *on = render("AlphaBlendModeTest", 4, (float)i * 2.0f);
+        struct hg_refbuf *off = render_with("HELIO_CULLING", "off", (float)i * 2.0f);
+        assert_same(on, off, 0);
+        hg_refbuf_unref(on);
+        hg_refbuf_unref(off);
+    }
+}
+
+// The paths of GPUs: no mapped memory, tables by address, one pipeline for all features. Other
+// machine code may round differently in the last bit of a byte.
+static void test_gpu_paths_agree(void **state)
+{
+    (void)state;
+    struct hg_refbuf *plain = render("AlphaBlendModeTest", 4, 0.4f);
+    struct hg_refbuf *staged = render_with("HELIO_GPU_FORCE_STAGING", "1", 0.4f);
+    struct hg_refbuf *by_address = render_with("HELIO_GPU_TABLES", "off", 0.4f);
+    assert_same(plain, staged, 0);
+    assert_same(plain, by_address, 1);
+    hg_refbuf_unref(plain);
+    hg_refbuf_unref(staged);
+    hg_refbuf_unref(by_address);
+}
+
+static const char *self;
+
+static void hash_in_child(const char *threads, char hex[65])
+{
+    char command[1200];
+    snprintf(command, sizeof command, "LP_NUM_THREADS=%s '%s' --hash", threads, self);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    assert_non_null(fgets(hex, 65, pipe));
+    assert_int_equal(pclose(pipe), 0);
+    assert_int_equal(strlen(hex), 64);
+}
+
+static void test_thread_count_changes_nothing(void **state)
+{
+    (void)state;
+    char one[65], two[65];
+    hash_in_child("1", one);
+    hash_in_child("2", two);
+    assert_string_equal(one, two);
+}
+
+static int print_hash(void)
+{
+    uint8_t hash[32];
+    struct hg_refbuf *image = render("AlphaBlendModeTest", 2, 0.4f);
+    if (hg_sha256(image->data, image->size, hash) != HG_OK)
+        return 1;
+    for (int i = 0; i < 32; i++)
+        printf("%02x", hash[i]);
+    hg_refbuf_unref(image);
+    return 0;
+}
+
+// --- life ----------------------------------------------------------------------------------------
+
+static void test_settles_and_restarts(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float white[4] = {1, 1, 1, 1};
+    const struct hg_view_params params = {.width = 32, .height = 32, .samples = 3};
+    open_rig(&rig, true);
+    struct hg_scene *scene = new_scene();
+    struct hg_node *node = add_quad(scene, 1, 1, 0, white);
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    struct hg_refbuf *none;
+    assert_int_equal(hg_view_read_pixels(rig.view, HG_PIXEL_RGBA8, &none, &rig.err), HG_E_STATE);
+    struct hg_frame_info info = settle(&rig, 1);
+    assert_int_equal(info.samples, 3);
+    assert_int_equal(info.triangles_drawn, 2);
+    const uint64_t number = info.number;
+    check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+    assert_true(info.settled && info.number == number); // nothing left to do
+    node->translation[0] = 0.5f;
+    hg_scene_touch(scene, &node->head);
+    hg_scene_publish(scene);
+    check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+    assert_true(!info.settled && info.samples == 1 && info.number == number + 1);
+    assert_int_equal(info.scene_revision, scene->revision);
+    settle(&rig, 8);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    close_rig(&rig);
+}
+
+static void test_limits(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float white[4] = {1, 1, 1, 1};
+    struct hg_view_params params = {.width = 32, .height = 32, .samples = 1};
+    open_rig(&rig, false);
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 1, 0, white);
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    params.width = 16385;
+    assert_int_equal(hg_view_set_params(rig.view, &params, &rig.err), HG_E_INVAL);
+    assert_string_equal(rig.err.where, "width");
+    params.width = params.height = 16384; // 4 GiB of sums in one piece
+    assert_int_equal(hg_view_set_params(rig.view, &params, &rig.err), HG_E_LIMIT);
+    const struct hg_frame_info info = settle(&rig, 1); // the old size still works
+    assert_int_equal(info.width, 32);
+    const struct hg_view_camera bad = {.eye = {1, 2, 3}, .target = {1, 2, 3}};
+    assert_int_equal(hg_view_set_camera(rig.view, &bad, &rig.err), HG_E_INVAL);
+    assert_int_equal(hg_view_set_camera_node(rig.view, 99, 0, &rig.err), HG_E_NOTFOUND);
+    close_rig(&rig);
+}
+
+static void test_validation_is_silent(void **state)
+{
+    static const char *const names[] = {"AlphaBlendModeTest", "CesiumMan", "MeshPrimitiveModes",
+        "LightsPunctualLamp", "TextureSettingsTest", "MorphPrimitivesTest", "SimpleInstancing"};
+    struct rig rig;
+    (void)state;
+    open_rig(&rig, true);
+    check(hg_renderer_warm_up(rig.renderer, NULL, NULL, &rig.err), &rig.err);
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        const struct hg_view_params params = {.width = 48, .height = 32, .samples = 2};
+        use_scene(&rig, load(names[i], hg_renderer_jobs(rig.renderer)), &params);
+        look_at_scene(&rig, 0.3f);
+        settle(&rig, 1);
+        look_at_scene(&rig, 1.3f);
+        settle(&rig, 2);
+        for (int format = HG_PIXEL_RGBA8; format <= HG_PIXEL_RGBA32F; format++)
+            hg_refbuf_unref(pixels(&rig, (enum hg_pixel_format)format));
+        struct hg_pick pick;
+        check(hg_view_pick(rig.view, 24, 16, &pick, &rig.err), &rig.err);
+        close_scene(&rig);
+        assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    }
+    char *text;
+    assert_int_equal(hg_renderer_stats_json(rig.renderer, NULL, &text), HG_OK);
+    hg_free(text);
+    close_rig(&rig);
+}
+
+static enum hg_status try_view(struct rig *rig, struct hg_scene *scene)
+{
+    const struct hg_view_params params = {.width = 16, .height = 16, .samples = 1};
+    struct hg_frame_info info;
+    struct hg_refbuf *image = NULL;
+    enum hg_status status = hg_view_create(rig->renderer, scene, &rig->view, &rig->err);
+    if (status == HG_OK)
+        status = hg_view_set_params(rig->view, &params, &rig->err);
+    for (int i = 0; i < 3 && status == HG_OK; i++)
+        status = hg_view_step(rig->view, 1, &info, &rig->err);
+    if (status == HG_OK)
+        status = hg_view_read_pixels(rig->view, HG_PIXEL_RGBA8, &image, &rig->err);
+    hg_refbuf_unref(image);
+    return status;
+}
+
+// Every Vulkan call of a view's life fails once: a status, no leak, and the next view works.
+static void test_failing_calls(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float glass[4] = {1, 1, 1, 0.5f};
+    open_rig(&rig, true);
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 1, 0, glass);
+    hg_scene_publish(scene);
+    for (uint64_t n = 1; n < 2000; n += n < 60 ? 1 : 7) {
+        hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+        const enum hg_status status = try_view(&rig, scene);
+        const bool failed = hg_gpu_call_count() >= n;
+        hg_gpu_fail_at(0, VK_SUCCESS);
+        hg_view_destroy(rig.view);
+        rig.view = NULL;
+        assert_true(status == HG_OK || status == HG_E_NOMEM || status == HG_E_LIMIT);
+        if (!failed)
+            break;
+        assert_int_not_equal(status, HG_OK);
+    }
+    assert_int_equal(try_view(&rig, scene), HG_OK);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    rig.scene = scene;
+    close_rig(&rig);
+}
+
+static void test_device_lost(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float white[4] = {1, 1, 1, 1};
+    struct hg_frame_info info;
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 1, 0, white);
+    hg_scene_publish(scene);
+    open_rig(&rig, false);
+    assert_int_equal(try_view(&rig, scene), HG_OK);
+    struct hg_view_camera camera = {.eye = {0, 1, 3}};
+    check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+    hg_gpu_fail_at(1, VK_ERROR_DEVICE_LOST);
+    assert_int_equal(hg_view_step(rig.view, 1, &info, &rig.err), HG_E_DEVICE_LOST);
+    hg_gpu_fail_at(0, VK_SUCCESS);
+    assert_int_equal(hg_view_step(rig.view, 1, &info, &rig.err), HG_E_DEVICE_LOST);
+    hg_view_destroy(rig.view);
+    hg_renderer_destroy(rig.renderer);
+    open_rig(&rig, false); // the scene outlives the renderer
+    assert_int_equal(try_view(&rig, scene), HG_OK);
+    rig.scene = scene;
+    close_rig(&rig);
+}
+
+int main(int argc, char **argv)
+{
+    self = argv[0];
+    if (argc > 1 && strcmp(argv[1], "--hash") == 0)
+        return print_hash();
+    hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_projection_to_the_pixel),
+        cmocka_unit_test(test_coverage_to_the_pixel),
+        cmocka_unit_test(test_colour_and_alpha),
+        cmocka_unit_test(test_blend_order),
+        cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_culling_changes_nothing),
+        cmocka_unit_test(test_gpu_paths_agree),
+        cmocka_unit_test(test_thread_count_changes_nothing),
+        cmocka_unit_test(test_settles_and_restarts),
+        cmocka_unit_test(test_limits),
+        cmocka_unit_test(test_validation_is_silent),
+        cmocka_unit_test(test_failing_calls),
+        cmocka_unit_test(test_device_lost),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
