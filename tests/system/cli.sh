@@ -93,6 +93,18 @@ expect 3 "$helio" render "$data/khronos/gone.gltf" -o "$temp/g.png" --connect "$
 expect 4 "$helio" render "$duck" -o "$temp/g.png" --connect "unix:$temp/nobody"
 [ -e "$temp/g.png" ] && fail "a refused scene left a file"
 
+# A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
+slow=(--size 256x256 --samples 400)
+expect 0 "$helio" render "$duck" -o "$temp/i.png" --connect "$url" "${slow[@]}"
+"$helio" render "$duck" -o "$temp/j.png" --connect "$url" --progress json "${slow[@]}" 2>"$temp/out" &
+client=$!
+for i in $(seq 300); do grep -q '"samples"' "$temp/out" && break; sleep 0.1; done
+kill -9 $(pgrep -P "$daemon")
+kill -0 "$client" || fail "the frame was done before the worker was killed"
+wait "$client"
+[ $? = 0 ] || fail "a worker that died was not replaced: $(tail -n 2 "$temp/out")"
+same "$temp/i.png" "$temp/j.png"
+
 # A private worker that dies, and one that is stopped by Ctrl-C.
 "$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 2>"$temp/out" &
 client=$!
