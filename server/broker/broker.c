@@ -166,15 +166,22 @@ static enum hg_status watch_listeners(struct hg_broker *b, struct hg_error *err)
     return HG_OK;
 }
 
+// The newest listener is first in the list and last in the file.
+static void write_ports(struct hg_writer *w, const struct hg_listener *it)
+{
+    char line[16];
+    if (!it)
+        return;
+    write_ports(w, it->next);
+    int n = snprintf(line, sizeof line, "%u\n", it->port);
+    if (!it->is_unix)
+        hg_write_bytes(w, line, (size_t)n);
+}
+
 static enum hg_status write_port_file(struct hg_broker *b, struct hg_error *err)
 {
     struct hg_writer w = {0};
-    for (struct hg_listener *it = b->listeners; it; it = it->next) {
-        char line[16];
-        int n = snprintf(line, sizeof line, "%u\n", it->port);
-        if (!it->is_unix)
-            hg_write_bytes(&w, line, (size_t)n);
-    }
+    write_ports(&w, b->listeners);
     enum hg_status status = hg_file_write_atomic(b->options.port_file, w.data, w.size, err);
     hg_writer_finish(&w);
     return status;
@@ -345,14 +352,24 @@ static enum hg_status watch_signals(struct hg_broker *b, struct hg_error *err)
 
 // ---- the round ----------------------------------------------------------------------------------
 
+// Ends the sessions of connections that began to close, and those that waited for their edits.
+static void end_sessions(struct hg_broker *b)
+{
+    b->closing = false;
+    for (struct hg_conn *it = b->conns; it; it = it->next)
+        if (it->state == HG_CONN_CLOSING)
+            hg_conn_end_session(it);
+    for (struct hg_session *it = b->sessions, *next; it; it = next) {
+        next = it->next;
+        if (!it->conn && !it->first)
+            hg_session_destroy(it);
+    }
+}
+
 static void bury(struct hg_broker *b)
 {
-    if (b->closing) {
-        b->closing = false;
-        for (struct hg_conn *it = b->conns; it; it = it->next)
-            if (it->state == HG_CONN_CLOSING)
-                hg_conn_end_session(it);
-    }
+    if (b->closing)
+        end_sessions(b);
     while (b->dead) {
         struct hg_conn *conn = b->dead;
         b->dead = conn->next;

@@ -185,6 +185,7 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
     if (s->conn)
         hg_conn_fail(s->conn, request->client_id, &err);
     hg_session_drop_request(s, request);
+    s->broker->closing |= !s->conn; // whose last edit this may have been
     if (++s->poisons < HG_POISON_LIMIT || !s->conn)
         return;
     hg_error_set(&err, HG_E_WORKER, "session", NULL,

@@ -575,6 +575,8 @@ void hg_session_fail_all(struct hg_session *s, const struct hg_error *err)
             hg_conn_fail(s->conn, s->first->client_id, err);
         hg_session_drop_request(s, s->first);
     }
+    if (!s->conn) // nothing is left to wait for
+        s->broker->closing = true;
 }
 
 void hg_session_destroy(struct hg_session *s)

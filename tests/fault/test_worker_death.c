@@ -20,10 +20,8 @@ static void start(struct daemon *d)
     daemon_start(d);
 }
 
-// A scene with every kind of edit, in an order in which compaction by kind would fail: parents
-// that are younger than their children, meshes and materials replaced, objects removed and made
-// again, poses between moves.
-static void build_scene(struct peer *p)
+// Parents younger than their children, a mesh and its material replaced.
+static void make_objects(struct peer *p)
 {
     uint32_t n = p->first_id;
     float triangle[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
@@ -47,6 +45,12 @@ static void build_scene(struct peer *p)
         &(struct hgp_asset_load){
             .asset = n, .path = hgp_str_make("a"), .has_parent = true, .parent = n + 1},
         HGP_T_asset_loaded);
+}
+
+// Poses between moves, objects removed and made again, an environment in two steps.
+static void change_objects(struct peer *p)
+{
+    uint32_t n = p->first_id;
     uint64_t of_asset = (uint64_t)n << 32;
     peer_call(p, HGP_T_node_set,
         &(struct hgp_node_set){.node = of_asset, .has_translation = true, .translation = {1, 2, 3}},
@@ -75,6 +79,15 @@ static void build_scene(struct peer *p)
         HGP_T_ok);
     peer_call(p, HGP_T_environment_set,
         &(struct hgp_environment_set){.has_intensity = true, .intensity = 2}, HGP_T_ok);
+}
+
+// A scene with every kind of edit, in an order in which compaction by kind would fail: parents
+// that are younger than their children, meshes and materials replaced, objects removed and made
+// again, poses between moves.
+static void build_scene(struct peer *p)
+{
+    make_objects(p);
+    change_objects(p);
     peer_call(p, HGP_T_view_set,
         &(struct hgp_view_set){.view = 1,
             .has_width = true,
@@ -383,6 +396,55 @@ static void killed_while_loading(void **state)
     daemon_finish(&d);
 }
 
+// A client that sent edits and left is represented until they are in the scene, even when the
+// worker dies over them; then nothing of its session stays.
+static void edits_of_a_client_that_left(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b;
+    struct hgp_frame frame;
+    uint8_t before[32], after[32];
+    daemon_init(&d);
+    daemon_option(&d, "worker-timeout", "0.6");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_start(&d);
+    peer_open(&a, &d);
+    peer_scene(&a, "hall");
+    peer_call(&a, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8},
+        HGP_T_ok);
+    take_frame(&a, &frame, before);
+    peer_open(&b, &d);
+    peer_scene(&b, "hall");
+    daemon_write(&d, "hang.node_set", "");
+    peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id});
+    peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id + 1});
+    peer_close(&b);
+    daemon_wait_log(&d, "worker-timeout");
+    do
+        take_frame(&a, &frame, after);
+    while (frame.scene_revision < 2);
+    assert_true(memcmp(before, after, 32) != 0);
+    peer_call(&a, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    assert_non_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"sessions\":1,", 13));
+    assert_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"peer\":\"\"", 9));
+    // One whose edit is poison goes, too.
+    peer_open(&b, &d);
+    peer_scene(&b, "hall");
+    daemon_write(&d, "kill.variant_set", "");
+    peer_tell(&b, HGP_T_variant_set, &(struct hgp_variant_set){.asset = b.first_id});
+    peer_close(&b);
+    daemon_wait_log(&d, "it is not tried again");
+    take_frame(&a, &frame, before);
+    assert_memory_equal(before, after, 32);
+    peer_call(&a, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    assert_non_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"sessions\":1,", 13));
+    peer_close(&a);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -396,6 +458,7 @@ int main(void)
         cmocka_unit_test(lethal_scene_is_given_up_alone),
         cmocka_unit_test(two_sessions_keep_their_scene),
         cmocka_unit_test(killed_while_loading),
+        cmocka_unit_test(edits_of_a_client_that_left),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
