@@ -478,6 +478,7 @@ static void make_lanterns(struct terrace *t)
     static const float warm[3] = {1.0f, 0.60f, 0.27f};
     struct hg_light *flame = add_light(t, "lantern", warm, 3.2f);
     if (flame) {
+        flame->kind = HG_LIGHT_POINT;
         flame->range = 9;
         flame->casts_shadow = false; // its own glass surrounds it
     }
