@@ -147,6 +147,10 @@ static enum hg_status info_all(struct hg_cli *cli, enum hg_cli_doing *doing, str
         return status;
     *doing = HG_CLI_DOING_CONNECT;
     status = hg_cli_connect(cli, NULL, &files, true, err);
+    if (!status) // what is printed holds the warnings
+        helio_set_handlers(cli->h,
+            &(struct helio_handlers){
+                .user = &cli->progress, .tick = hg_cli_on_tick, .progress = hg_cli_on_progress});
     struct hgp_asset_load load = {
         .asset = cli->scene.first_id,
         .path = hgp_str_make(path),
