@@ -97,7 +97,7 @@ class Harness:
     def render(self, scenario, out):
         options = self.options
         command = [options.helio, "render", os.path.join(options.data, scenario["modelFile"]),
-                   "-o", out, "--size", "%dx%d" % full_size(scenario), "--time=0",
+                   "-o", out, "--size", "%dx%d" % full_size(scenario),
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
                    "--tonemap", "aces", "--spp", str(options.spp), "--progress", "none"]
