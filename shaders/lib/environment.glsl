@@ -73,20 +73,11 @@ float hg_specular_occlusion(float n_dot_v, float occlusion, float alpha)
     return clamp(pow(n_dot_v + occlusion, exp2(-16.0 * alpha - 1.0)) - 1.0 + occlusion, 0.0, 1.0);
 }
 
-// Fades reflections that point below the true surface, which only a normal map can ask for.
-// McAuley 2013 (Far Cry 3), published by Romanov 2013, "Horizon Occlusion for Normal Mapped
-// Reflections", with a strength of 1.3.
-float hg_horizon_occlusion(vec3 r, vec3 n_geometric)
-{
-    float h = clamp(1.0 + 1.3 * dot(r, n_geometric), 0.0, 1.0);
-    return h * h;
-}
-
 // Light reflected to the eye from the whole environment; occlusion 0..1 is the material's.
 // Split sum (Karis 2013) with multiple scattering as in Fdez-Aguera 2019, "A Multiple-Scattering
 // Microfacet Model for Real-Time Image Based Lighting"; in a white furnace what leaves a white
 // surface is 1 for every roughness and metallic.
-vec3 hg_environment_brdf(hg_brdf b, vec3 n_geometric, float occlusion)
+vec3 hg_environment_brdf(hg_brdf b, float occlusion)
 {
     if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE)
         return vec3(0.0);
@@ -98,7 +89,6 @@ vec3 hg_environment_brdf(hg_brdf b, vec3 n_geometric, float occlusion)
     float specular_occlusion = 1.0;
     if (occlusion < 1.0)
         specular_occlusion = hg_specular_occlusion(b.n_dot_v, occlusion, b.alpha);
-    specular_occlusion *= hg_horizon_occlusion(r, n_geometric);
     vec3 irradiance = hg_environment_irradiance(b.n) * occlusion;
     vec3 radiance = hg_environment_prefiltered(r_lobe, b.roughness) * specular_occlusion;
     float miss = 1.0 - b.dfg_v.x - b.dfg_v.y;
@@ -111,7 +101,7 @@ vec3 hg_environment_brdf(hg_brdf b, vec3 n_geometric, float occlusion)
 // The same for an evaluated material (include lib/material.glsl first).
 vec3 hg_environment_light(hg_surface s, vec3 view_ws)
 {
-    return hg_environment_brdf(hg_surface_brdf(s, view_ws), s.geometric_normal, s.occlusion);
+    return hg_environment_brdf(hg_surface_brdf(s, view_ws), s.occlusion);
 }
 #endif
 

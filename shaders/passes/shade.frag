@@ -51,7 +51,7 @@ vec4 surface(uvec2 id)
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
-    vec3 radiance = s.emissive + hg_environment_brdf(b, s.geometric_normal, s.occlusion);
+    vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
     radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
     return vec4(radiance, 1.0) * alpha;
 }
