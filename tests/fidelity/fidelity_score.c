@@ -1,8 +1,9 @@
 // fidelity_score.c - pictures in, distances and strips out; driven by fidelity.py.
 //   fidelity_score sizes FILE...                         WIDTH HEIGHT per line, "0 0" = unreadable
-//   fidelity_score compare WxH STRIP OURS FIRST FILE...  resizes FIRST to WxH, saves it as OURS,
-//       prints the matrix of distances in dB (FIRST and all FILEs, one row per line) and draws a
-//       strip: the pictures in order, below each of them its difference from FIRST
+//   fidelity_score compare WxH STRIP OURS FIRST FILE...  makes FIRST a thumb like the others (size
+//       WxH, through WebP at quality 90), saves it as OURS, prints the matrix of distances in dB
+//       (FIRST and all FILEs, one row per line) and draws a strip: the pictures in order, below
+//       each of them its difference from FIRST
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +14,7 @@
 #include "renderer/image/image.h"
 #include "tests/fidelity/score.h"
 
-enum { max_pictures = 32, strip_cell_px = 256 };
+enum { max_pictures = 32, strip_cell_px = 256, thumb_quality = 90 };
 
 static void die(const struct hg_error *err)
 {
@@ -116,6 +117,8 @@ static void load_all(
 {
     struct hg_image first = load(paths[0]);
     score_resize(&first, width, height, &pictures[0]);
+    if (!score_as_webp(&pictures[0], thumb_quality))
+        exit(1);
     hg_image_finish(&first);
     for (int i = 1; i < count; i++) {
         pictures[i] = load(paths[i]);

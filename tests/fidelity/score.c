@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <webp/decode.h>
+#include <webp/encode.h>
 
 #include "base/alloc.h"
 
@@ -125,4 +127,14 @@ void score_resize(
     hg_free(full);
     hg_free(half);
     hg_free(small);
+}
+
+bool score_as_webp(struct hg_image *image, float quality)
+{
+    uint8_t *bytes = NULL;
+    int width = (int)image->width, height = (int)image->height;
+    size_t size = WebPEncodeRGBA(image->pixels, width, height, width * 4, quality, &bytes);
+    bool ok = size && WebPDecodeRGBAInto(bytes, size, image->pixels, image->size_bytes, width * 4);
+    WebPFree(bytes);
+    return ok;
 }

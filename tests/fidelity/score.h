@@ -22,4 +22,8 @@ double score_distance(const struct hg_image *a, const struct hg_image *b);
 void score_resize(
     const struct hg_image *image, uint32_t width, uint32_t height, struct hg_image *out);
 
+// What WebP at this quality leaves of the picture (as the published thumbs were stored): 4:2:0
+// colour and its quantisation. In place; RGBA8. False when libwebp fails.
+bool score_as_webp(struct hg_image *image, float quality);
+
 #endif
