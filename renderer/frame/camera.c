@@ -245,13 +245,17 @@ static double window_inverse(double u)
     return 0.5 * (low + high);
 }
 
+// Samples come in mirrored pairs after the first: the mean offset is 0 after every odd count and
+// close to it after even ones, so a picture of few samples is not shifted.
 void hg_camera_jitter(uint32_t index, uint32_t seed, float out_px[2])
 {
     const double g = 1.32471795724474602596; // plastic number
     const double step[2] = {1.0 / g, 1.0 / (g * g)};
-    const double n = (double)index + (index > 0 ? (double)(seed % 65536u) * 97.0 : 0.0);
+    const uint32_t pair = index / 2 + index % 2;
+    const double n = (double)pair + (pair > 0 ? (double)(seed % 65536u) * 97.0 : 0.0);
+    const double side = index % 2 ? 1.5 : -1.5;
     for (int i = 0; i < 2; i++) {
         const double u = 0.5 + n * step[i];
-        out_px[i] = index == 0 ? 0.0f : (float)(1.5 * window_inverse(u - floor(u)));
+        out_px[i] = pair == 0 ? 0.0f : (float)(side * window_inverse(u - floor(u)));
     }
 }

@@ -32,7 +32,8 @@ void hg_camera_fit_depth(
 // Offset of sample `index` from the pixel centre in px. Sample 0 is the centre; the others follow
 // the R2 sequence (Roberts 2018), shaped by importance sampling of a Blackman-Harris window of
 // radius 1.5 px, so that all samples have the same weight ("filter importance sampling", Ernst et
-// al. 2006; the window as in Cycles). A seed shifts the sequence.
+// al. 2006; the window as in Cycles). Samples 2k - 1 and 2k mirror each other, so that the picture
+// is not shifted. A seed shifts the sequence.
 void hg_camera_jitter(uint32_t index, uint32_t seed, float out_px[2]);
 
 #endif

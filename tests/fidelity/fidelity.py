@@ -35,6 +35,8 @@ NOT_SHADED_YET = {"KHR_materials_" + name for name in (
     "dispersion", "diffuse_transmission")}
 NOT_READ = {"KHR_texture_basisu"}
 AIM = 0.8
+# Scenarios this near to the line may or may not be explained: versions of Mesa move them across.
+NEAR_DB = 0.3
 SECONDS_PER_SCENARIO = 240
 
 
@@ -201,12 +203,15 @@ def judge(records, explanations, checked):
     elif len(passed) < AIM * len(covered):
         complaints.append("%d of %d covered scenarios pass, the aim is %d %%" % (
             len(passed), len(covered), AIM * 100))
-    needed = {r["name"] for r in covered} - {r["name"] for r in passed}
-    complaints += ["%s: farther off than the others, and explanations.txt does not say why" % n
-                   for n in sorted(needed - explanations.keys())]
-    complaints += ["%s: explained in explanations.txt, but needs no explanation" % n
-                   for n in sorted(explanations.keys() - needed)
-                   if any(r["name"] == n for r in records)]
+    above = {r["name"]: r["rasterisers"]["ours_db"] - r["rasterisers"]["typical_db"]
+             for r in covered}
+    for record in records:
+        name = record["name"]
+        if above.get(name, -1) > NEAR_DB and name not in explanations:
+            complaints.append("%s: farther off than the others by %.2f dB, and explanations.txt "
+                              "does not say why" % (name, above[name]))
+        if above.get(name, -1) < -NEAR_DB and name in explanations:
+            complaints.append("%s: needs no explanation in explanations.txt" % name)
     return covered, passed, complaints
 
 
@@ -264,7 +269,7 @@ def main():
     parser.add_argument("--helio")
     parser.add_argument("--only", action="append", default=[])
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--spp", type=int, default=4)
+    parser.add_argument("--spp", type=int, default=5)
     parser.add_argument("--candidate")
     options = parser.parse_args()
     path = os.path.join(options.data, "fidelity", "scenarios.json")
