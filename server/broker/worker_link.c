@@ -55,8 +55,9 @@ static void add_text(struct arguments *a, const char *flag, const char *text)
     add(a, text);
 }
 
-static void make_arguments(struct arguments *a, const struct hg_options *o, const char *path)
+static void make_arguments(struct arguments *a, const struct hg_broker *b, const char *path)
 {
+    const struct hg_options *o = &b->options;
     *a = (struct arguments){0};
     add(a, path);
     add_text(a, "--fd", "3");
@@ -68,6 +69,11 @@ static void make_arguments(struct arguments *a, const struct hg_options *o, cons
     add_mib(a, "--geometry-budget", o->geometry_budget_bytes);
     add_text(a, "--device", o->device);
     add_text(a, "--log", o->log);
+    add_text(a, "--shader-dir", o->shader_dir);
+    if (o->validation)
+        add(a, "--validation");
+    if (o->warm_up && !b->link.deaths)
+        add(a, "--warm-up");
     if (!o->sandbox)
         add(a, "--no-sandbox");
 }
@@ -79,7 +85,7 @@ static int spawn_worker(struct hg_broker *b, const char *path, int fd)
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, standard;
-    make_arguments(&arguments, &b->options, path);
+    make_arguments(&arguments, b, path);
     sigemptyset(&none);
     sigfillset(&standard);
     posix_spawn_file_actions_init(&actions);
