@@ -4,18 +4,32 @@
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    enum variant variant, uint32_t tables, uint32_t features)
+    enum variant variant, bool background, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
         .fragment = "shade.frag",
-        .spec = {variant, tables, features},
-        .spec_count = 3,
+        .spec = {variant, tables, features, background},
+        .spec_count = 4,
         .colors = {HG_COLOR_FORMAT},
         .color_count = 1,
+        // The triangle lies at infinity (0): in front of it is a surface, else nothing.
+        .depth = VK_FORMAT_D32_SFLOAT,
+        .depth_compare = background ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
         .blend = variant == LAYER ? HG_GPU_BLEND_UNDER : HG_GPU_BLEND_ADD,
     };
+}
+
+static enum hg_status draw(
+    struct hg_pass *pass, enum variant variant, bool background, struct hg_error *err)
+{
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(variant, background, pass->tables, pass->features);
+    enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
+    if (status == HG_OK)
+        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
+    return status;
 }
 
 enum hg_status hg_shade_record(
@@ -23,22 +37,22 @@ enum hg_status hg_shade_record(
 {
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
-    bindings.images[HG_BIND_DEPTH] = shade->depth;
     bindings.images[HG_BIND_COLOR_A] = shade->front;
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
-        .colors = {{.image = shade->target, .clear = shade->clear}}, .color_count = 1};
-    const struct hg_gpu_pipeline_params params = pipeline_of(shade->layer           ? LAYER
-                                                             : shade->front != NULL ? OPAQUE_BEHIND
-                                                                                    : OPAQUE,
-        pass->tables, pass->features);
+        .colors = {{.image = shade->target, .clear = shade->clear}},
+        .color_count = 1,
+        .depth = {.image = shade->depth}};
+    const enum variant variant = shade->layer           ? LAYER
+                                 : shade->front != NULL ? OPAQUE_BEHIND
+                                                        : OPAQUE;
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
-    if (status == HG_OK)
-        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
+    status = draw(pass, variant, false, err);
+    if (status == HG_OK && variant != LAYER)
+        status = draw(pass, variant, true, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
@@ -47,9 +61,9 @@ enum hg_status hg_shade_record(
 enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    *count = VARIANTS;
+    *count = 2 * VARIANTS - 1; // layers have no background
     const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), 0, 0);
+        pipeline_of((enum variant)(index % VARIANTS), index % (2 * VARIANTS - 1) >= VARIANTS, 0, 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

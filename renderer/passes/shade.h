@@ -8,7 +8,8 @@
 #define HG_COLOR_FORMAT VK_FORMAT_R32G32B32A32_SFLOAT
 
 struct hg_shade {
-    struct hg_gpu_image *visibility, *depth;
+    struct hg_gpu_image *visibility;
+    struct hg_gpu_image *depth;  // of the visibility buffer; tells surfaces from background
     struct hg_gpu_image *target; // written at its size
     bool clear;                  // target starts at zero, else it is added or blended to
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the

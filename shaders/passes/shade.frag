@@ -1,10 +1,11 @@
-// Radiance of the surface that the visibility buffer holds at each pixel.
+// Radiance of the surface that the visibility buffer holds at each pixel, or of the background.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
 layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
+layout(constant_id = 3) const bool hg_background = false; // where nothing is; the depth test chooses
 
 #define HG_TEXTURE_STOCHASTIC true
 
@@ -23,7 +24,7 @@ layout(location = 0) out vec4 out_color;
 
 vec4 background()
 {
-    if (hg_variant == 2u || hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
         return vec4(0.0);
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
         return vec4(hg_frame.background_color, 1.0);
@@ -59,8 +60,11 @@ vec4 surface(uvec2 id)
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
-    vec4 color = id.x == 0u ? background() : surface(id);
+    vec4 color;
+    if (hg_background)
+        color = background();
+    else
+        color = surface(texelFetch(hg_visibility, pixel, 0).xy);
     // One broken or boundless sample must not spoil the mean.
     color = clamp(color, 0.0, 65504.0);
     if (any(isnan(color)))
