@@ -34,7 +34,9 @@ def run(command):
 
 def render(options, row, out):
     scene = row["scene"]
-    if scene != "demo":
+    if scene == "demo":
+        scene = "demo:"
+    else:
         scene = os.path.join(options.data, scene)
         if not os.path.exists(scene):
             return "%s is missing: the golden test needs the test data" % scene
