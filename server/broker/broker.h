@@ -173,6 +173,7 @@ struct hg_view_state *hg_view_find(struct hg_session *session, uint32_t number);
 enum hg_status hg_view_ask(
     struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
+void hg_view_reset(struct hg_view_state *view); // as if the worker had never taken it
 void hg_view_remove(struct hg_session *session, struct hg_view_state *view);
 uint32_t hg_view_take_window(const struct hg_session *session, struct hg_view_state *view);
 void hg_view_grant(struct hg_session *session, struct hg_view_state *view);

@@ -332,6 +332,8 @@ static void close_scene(struct hg_session *s, uint32_t request)
 static void add_credit(struct hg_session *s, const struct hgp_credit *m)
 {
     struct hg_view_state *view = hg_view_find(s, m->view);
+    if (!view->subscribed)
+        return; // stopped
     view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
     hg_view_grant(s, view);
 }
@@ -378,6 +380,24 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
 
 // ---- from the worker ----------------------------------------------------------------------------
 
+// A view_set of the same number that is already on its way makes the view anew.
+static void close_view(
+    struct hg_session *s, struct hg_view_state *view, const struct hg_request *request)
+{
+    for (const struct hg_request *it = request->next; it; it = it->next) {
+        struct hgp_view_set m;
+        const struct hg_packet *packet = it->packet;
+        if (packet->header.type == HGP_T_view_set &&
+            hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length,
+                NULL, &m, NULL) == HG_OK &&
+            m.view == view->number) {
+            hg_view_reset(view);
+            return;
+        }
+    }
+    hg_view_remove(s, view);
+}
+
 // What an accepted request changes in the broker's picture of the session.
 static void note_accepted(struct hg_session *s, struct hg_request *request)
 {
@@ -398,7 +418,7 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         struct hg_view_state *view =
             hg_view_find(s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
         if (view && type == HGP_T_view_close)
-            hg_view_remove(s, view);
+            close_view(s, view, request);
         else if (view && hg_view_merge(&view->params, packet) == HG_OK)
             view->accepted = true;
     }
@@ -463,7 +483,7 @@ static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uin
         return;
     view->granted -= view->granted > 0;
     if (!view->credit) {
-        view->resubscribe = true; // shown again when there is credit
+        view->resubscribe = view->subscribed; // shown again when there is credit
         return;
     }
     view->credit--;

@@ -99,14 +99,22 @@ enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from)
     return HG_OK;
 }
 
+void hg_view_reset(struct hg_view_state *view)
+{
+    hg_packet_unref(view->params);
+    hg_packet_unref(view->camera);
+    view->params = view->camera = NULL;
+    view->accepted = false;
+    view->last_number = view->number_base = 0;
+}
+
 void hg_view_remove(struct hg_session *s, struct hg_view_state *view)
 {
     struct hg_view_state **link = &s->views;
     while (*link != view)
         link = &(*link)->next;
     *link = view->next;
-    hg_packet_unref(view->params);
-    hg_packet_unref(view->camera);
+    hg_view_reset(view);
     hg_free(view);
 }
 

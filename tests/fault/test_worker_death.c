@@ -396,6 +396,36 @@ static void killed_while_loading(void **state)
     daemon_finish(&d);
 }
 
+// Nothing is waited for: a view is closed and made again before the first answer comes.
+static void views_closed_and_made_again(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    struct hgp_frame frame;
+    uint8_t before[32], after[32];
+    start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    struct hgp_view_set m = {
+        .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8};
+    peer_send(&p, HGP_T_view_set, &m);
+    peer_tell(&p, HGP_T_view_camera, &(struct hgp_view_camera){.view = 1, .input_seq = 5});
+    peer_send(&p, HGP_T_view_close, &(struct hgp_view_close){.view = 1});
+    m.width = 16;
+    peer_send(&p, HGP_T_view_set, &m);
+    take_frame(&p, &frame, before);
+    assert_int_equal(frame.width, 16);
+    assert_int_equal(frame.input_seq, 0); // the camera went with the first view
+    kill(daemon_worker(&d, 0), SIGKILL);
+    take_frame(&p, &frame, after);
+    assert_memory_equal(before, after, 32);
+    peer_call(&p, HGP_T_view_close, &(struct hgp_view_close){.view = 1}, HGP_T_ok);
+    peer_refused(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HG_E_NOTFOUND);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 // A client that sent edits and left is represented until they are in the scene, even when the
 // worker dies over them; then nothing of its session stays.
 static void edits_of_a_client_that_left(void **state)
@@ -458,6 +488,7 @@ int main(void)
         cmocka_unit_test(lethal_scene_is_given_up_alone),
         cmocka_unit_test(two_sessions_keep_their_scene),
         cmocka_unit_test(killed_while_loading),
+        cmocka_unit_test(views_closed_and_made_again),
         cmocka_unit_test(edits_of_a_client_that_left),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

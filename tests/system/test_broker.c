@@ -378,6 +378,36 @@ static void quotas_are_explained(void **state)
     daemon_finish(&d);
 }
 
+static void journals_are_limited(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    enum { SIZE = 600000 };
+    uint8_t *points = calloc(SIZE, 1);
+    struct hgp_mesh_part part = {.positions = {points, SIZE}};
+    daemon_init(&d);
+    daemon_option(&d, "journal-limit", "1");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    struct hgp_mesh_set mesh = {.mesh = p.first_id, .parts = {&part, 1}};
+    peer_call(&p, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    mesh.mesh++;
+    peer_refused(&p, HGP_T_mesh_set, &mesh, HG_E_LIMIT);
+    assert_non_null(memmem(p.m.error.reason.data, p.m.error.reason.size, "journal-limit", 13));
+    // What was refused is not in the scene; removing makes room.
+    peer_refused(&p, HGP_T_object_remove,
+        &(struct hgp_object_remove){.kind = HGP_object_kind_MESH, .object = mesh.mesh},
+        HG_E_NOTFOUND);
+    peer_call(&p, HGP_T_object_remove,
+        &(struct hgp_object_remove){.kind = HGP_object_kind_MESH, .object = p.first_id}, HGP_T_ok);
+    peer_call(&p, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    free(points);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 // ---- uploads ------------------------------------------------------------------------------------
 
 static struct hgp_upload piece(const uint8_t *data, size_t total, size_t offset, size_t size)
@@ -519,6 +549,14 @@ static void credit_is_kept(void **state)
         assert_true(peer_next(&p));
         assert_int_equal(p.header.type, HGP_T_frame);
     }
+    assert_false(peer_next_within(&p, 150));
+    // Stopped is stopped, whatever credit still comes; subscribing again shows a picture again.
+    peer_call(&p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1}, HGP_T_ok);
+    peer_tell(&p, HGP_T_credit, &(struct hgp_credit){.view = 1, .frames = 2});
+    assert_false(peer_next_within(&p, 150));
+    peer_tell(&p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 1});
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_frame);
     assert_false(peer_next_within(&p, 150));
     peer_close(&p);
     daemon_finish(&d);
@@ -852,6 +890,7 @@ int main(void)
         cmocka_unit_test(relays_edits_and_frames),
         cmocka_unit_test(shares_scenes),
         cmocka_unit_test(quotas_are_explained),
+        cmocka_unit_test(journals_are_limited),
         cmocka_unit_test(uploads_are_kept_once),
         cmocka_unit_test(slow_reader_harms_nobody),
         cmocka_unit_test(credit_is_kept),
