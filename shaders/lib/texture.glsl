@@ -41,8 +41,8 @@ float hg_texture_most_taps = 16.0;
 // Where to sample: everything that does not depend on which texture of the same shape it is.
 struct hg_texture_place {
     vec2 uv;      // wrapped, 0..1
-    vec2 size;    // texels of mip 0
-    float level;  // lower mip; the next one counts by `blend`
+    uvec2 size;   // texels of mip 0
+    uint mip;     // lower mip; the next one counts by `blend`
     float blend;  // 0..1
     bool nearest; // within a mip
 };
@@ -59,9 +59,9 @@ vec2 hg_texture_wrap(vec2 uv, uint bits)
         equal(wrap, uvec2(HG_TEX_WRAP_MIRROR)));
 }
 
-vec2 hg_texture_size(hg_gpu_texture t)
+uvec2 hg_texture_size(hg_gpu_texture t)
 {
-    return vec2(t.size & 0xffffu, t.size >> 16u) + 1.0;
+    return uvec2(t.size & 0xffffu, t.size >> 16u) + 1u;
 }
 
 // Level of detail to mips and weights, by the sampler's filters.
@@ -76,8 +76,8 @@ hg_texture_place hg_texture_place_at(hg_gpu_texture t, vec2 uv, float lod)
         if (HG_TEXTURE_STOCHASTIC)
             lod = min(floor(lod + hg_texture_xi.x), end);
         p.nearest = false;
-        p.level = floor(lod);
-        p.blend = lod - p.level;
+        p.mip = uint(lod);
+        p.blend = fract(lod);
         return p;
     }
     bool magnified = lod <= 0.0;
@@ -88,8 +88,8 @@ hg_texture_place hg_texture_place_at(hg_gpu_texture t, vec2 uv, float lod)
         lod = min(floor(lod + hg_texture_xi.x), last);
     if ((t.bits & HG_TEX_MIP_NEAREST) != 0u)
         lod = ceil(lod + 0.5) - 1.0;
-    p.level = floor(lod);
-    p.blend = lod - p.level;
+    p.mip = uint(lod);
+    p.blend = fract(lod);
     return p;
 }
 
@@ -100,38 +100,40 @@ float hg_texture_lod(vec2 size, vec2 ddx, vec2 ddy)
     return 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-20));
 }
 
-// Coordinates in the pool of a place in one mip: x, y of the layer (0..1) and the layer.
-vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, int mip)
+// Coordinates in the pool of a place in one mip: x, y of the layer (0..1) and the layer. Integers,
+// shifts and masks: on software rasterisers this costs as much as the filtering itself.
+vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
 {
-    int k = int(bitfieldExtract(t.bits, HG_TEX_GRID_SHIFT, 4));
-    int tail = int(bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4));
-    int level = min(mip, tail);
-    vec2 size = max(floor(ldexp(p.size, ivec2(-mip))), 1.0);
-    vec2 texel = p.uv * size;
+    uint k = bitfieldExtract(t.bits, HG_TEX_GRID_SHIFT, 4);
+    uint level = min(mip, bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4));
+    uvec2 size = max(p.size >> mip, 1u);
+    vec2 texel = p.uv * vec2(size);
+    uvec2 whole = min(uvec2(texel), size - 1u);
     if (p.nearest)
-        texel = min(floor(texel), size - 1.0) + 0.5;
-    ivec2 page = ivec2(min(floor(texel), size - 1.0)) / HG_PAGE_TEXELS;
-    int rest = k - level + 1; // log2 of the side of the grid, plus 1; 0 below the last grid
-    uint entry = t.table + uint((4 << (2 * k)) - (1 << (2 * rest))) / 3u;
-    entry += uint((page.y << max(rest - 1, 0)) + page.x);
+        texel = vec2(whole) + 0.5;
+    uvec2 page = whole / HG_PAGE_TEXELS;
+    // Grids in front of this one have 4^rest + ... + 4^k entries: every second bit of the
+    // difference of two powers of four.
+    uint rest = k + 1u - level;
+    uint entry = t.table + (0x55555555u & ((4u << (2u * k)) - (1u << (2u * rest))));
+    entry += ((page.y << rest) >> 1) + page.x; // the grid is 2^(rest - 1) wide
     uint slot = hg_page_at(entry) & HG_PAGE_SLOT_MASK;
-    int j = mip - tail;
-    vec2 corner = vec2(HG_PAGE_BORDER) - vec2(page * HG_PAGE_TEXELS);
-    if (j >= 0)
-        corner += vec2(HG_TAIL_X(j), HG_TAIL_Y(j));
     uvec2 cell = uvec2(slot, slot / HG_POOL_SLOTS) % HG_POOL_SLOTS;
-    vec2 at = vec2(cell * HG_PAGE_PITCH) + corner + texel;
-    return vec3(at / HG_POOL_SIDE, slot / (HG_POOL_SLOTS * HG_POOL_SLOTS));
+    ivec2 corner = ivec2(cell * HG_PAGE_PITCH - page * HG_PAGE_TEXELS) + HG_PAGE_BORDER;
+    int j = int(mip - level); // place in the tail; 0 for all others
+    corner += ivec2(HG_TAIL_X(j), HG_TAIL_Y(j));
+    vec2 at = (vec2(corner) + texel) * (1.0 / float(HG_POOL_SIDE));
+    return vec3(at, slot / (HG_POOL_SLOTS * HG_POOL_SLOTS));
 }
 
-// Both mips of a place from one pool. The second tap is skipped where it does not count.
+// Both mips of a place from one pool.
 vec4 hg_texture_fetch(sampler2DArray pool, hg_gpu_texture t, hg_texture_place p)
 {
-    int mip = int(p.level);
-    vec4 texel = textureLod(pool, hg_texture_address(t, p, mip), 0.0);
+    vec4 texel = textureLod(pool, hg_texture_address(t, p, p.mip), 0.0);
     if (!HG_TEXTURE_STOCHASTIC) {
-        int next = min(mip + 1, int(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)) - 1);
-        texel = mix(texel, textureLod(pool, hg_texture_address(t, p, next), 0.0), p.blend);
+        uint last = bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5) - 1u;
+        vec3 next = hg_texture_address(t, p, min(p.mip + 1u, last));
+        texel = mix(texel, textureLod(pool, next, 0.0), p.blend);
     }
     return texel;
 }
@@ -161,12 +163,17 @@ float hg_texture_footprint(vec2 size, vec2 ddx, vec2 ddy, float most, out vec2 a
 
 hg_texture_place hg_texture_find(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
 {
-    vec2 size = hg_texture_size(t);
+    vec2 size = vec2(hg_texture_size(t));
     if (HG_TEXTURE_STOCHASTIC) {
-        vec2 axis;
-        float taps;
-        float lod = hg_texture_footprint(size, ddx, ddy, hg_texture_most_taps, axis, taps);
-        return hg_texture_place_at(t, uv + axis * (taps > 1.0 ? hg_texture_xi.y - 0.5 : 0.0), lod);
+        // The footprint of hg_texture_footprint in squares: no root, no division.
+        vec2 x = ddx * size, y = ddy * size;
+        float xx = dot(x, x), yy = dot(y, y);
+        float major = max(max(xx, yy), 1e-20), minor = min(xx, yy);
+        float width = max(minor, major / (hg_texture_most_taps * hg_texture_most_taps));
+        float along = major > 1.002 * minor ? hg_texture_xi.y - 0.5 : 0.0;
+        if (hg_texture_most_taps == 1.0)
+            along = 0.0;
+        return hg_texture_place_at(t, uv + (xx >= yy ? ddx : ddy) * along, 0.5 * log2(width));
     }
     return hg_texture_place_at(t, uv, hg_texture_lod(size, ddx, ddy));
 }
@@ -179,7 +186,7 @@ vec4 hg_texture_sample_record(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
     vec2 axis;
     float taps;
     float lod = hg_texture_footprint(
-        hg_texture_size(t), ddx, ddy, float(HG_TEXTURE_ANISOTROPY), axis, taps);
+        vec2(hg_texture_size(t)), ddx, ddy, float(HG_TEXTURE_ANISOTROPY), axis, taps);
     vec4 sum = vec4(0.0);
     for (uint i = 0u; i < min(uint(taps), HG_TEXTURE_ANISOTROPY); i++) {
         vec2 at = uv + axis * ((float(i) + 0.5) / taps - 0.5);
