@@ -763,6 +763,41 @@ static void test_budget(void **state)
     destroy_scene(&s);
 }
 
+// Every allocation and every Vulkan call fails once: a status, what was shown stays, and the next
+// sync succeeds.
+static void test_faults(void **state)
+{
+    struct fixture *f = *state;
+    struct small_scene s = make_scene(f);
+    sync(f, s.geometry, s.scene);
+    uint32_t failures = 0;
+    for (int kind = 0; kind < 2; kind++) {
+        enum hg_status status = HG_E_NOMEM;
+        for (uint64_t n = 1; status != HG_OK && n < 200; n++) {
+            s.mesh->parts[0].positions[0] += 1.0f;
+            hg_scene_touch(s.scene, &s.mesh->head);
+            hg_scene_publish(s.scene);
+            hg_scene_update(s.scene);
+            if (kind == 0)
+                hg_alloc_fail_at(n);
+            else
+                hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+            status = hg_geometry_sync(s.geometry, s.scene, NULL, &f->err);
+            hg_alloc_fail_at(0);
+            hg_gpu_fail_at(0, VK_SUCCESS);
+            failures += status != HG_OK;
+            assert_true(status == HG_OK || status == HG_E_NOMEM);
+            assert_int_equal(s.geometry->draw_count, 2);
+            struct hg_draw_info info;
+            assert_true(hg_geometry_draw_info(s.geometry, 1, &info));
+        }
+        assert_int_equal(status, HG_OK);
+        sync(f, s.geometry, s.scene);
+    }
+    assert_true(failures > 8);
+    destroy_scene(&s);
+}
+
 // --- culling -------------------------------------------------------------------------------------
 
 static bool draw_is_listed(const struct hg_draw_ranges *ranges, uint32_t draw)
@@ -833,6 +868,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_points),
         cmocka_unit_test(test_large_world), cmocka_unit_test(test_attributes),
         cmocka_unit_test(test_poses), cmocka_unit_test(test_only_what_changed),
-        cmocka_unit_test(test_budget), cmocka_unit_test(test_culling)};
+        cmocka_unit_test(test_budget), cmocka_unit_test(test_faults),
+        cmocka_unit_test(test_culling)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }

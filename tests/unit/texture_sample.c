@@ -471,11 +471,48 @@ static void test_broken(void **state)
     assert_int_equal(stats.textures, CASES);
 }
 
+// Every allocation and every Vulkan call of a first sync fails once: a status, and nothing is left
+// that keeps the next sync from succeeding.
+static void test_faults(void **state)
+{
+    struct fixture *f = *state;
+    struct hg_textures_stats whole;
+    hg_textures_stats(f->textures, &whole);
+    uint32_t failures = 0;
+    for (int kind = 0; kind < 2; kind++) {
+        struct hg_textures *t;
+        check(f, hg_textures_create(f->gpu, NULL, &t, &f->err));
+        enum hg_status status = HG_E_NOMEM;
+        // All early calls, then every seventh: pages are many.
+        for (uint64_t n = 1; status != HG_OK && n < 4000; n += n < 60 ? 1 : 7) {
+            if (kind == 0)
+                hg_alloc_fail_at(n);
+            else
+                hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+            status = hg_textures_sync(t, f->scene, NULL, &f->err);
+            hg_alloc_fail_at(0);
+            hg_gpu_fail_at(0, VK_SUCCESS);
+            struct hg_textures_stats stats;
+            hg_textures_stats(t, &stats);
+            // An image that finds no memory to be decoded is no broken image.
+            assert_true(status == HG_E_NOMEM || (status == HG_OK && stats.failed == whole.failed));
+            failures += status != HG_OK;
+            sync_textures(f); // sends what was recorded
+        }
+        assert_int_equal(status, HG_OK);
+        struct hg_textures_stats stats;
+        hg_textures_stats(t, &stats);
+        assert_int_equal(stats.pages, whole.pages);
+        hg_textures_destroy(t);
+    }
+    assert_true(failures > 20);
+}
+
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_like_a_sampler),
         cmocka_unit_test(test_sharing_and_freeing), cmocka_unit_test(test_budget),
-        cmocka_unit_test(test_broken)};
+        cmocka_unit_test(test_broken), cmocka_unit_test(test_faults)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
