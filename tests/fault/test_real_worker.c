@@ -13,7 +13,7 @@
 #include "base/clock.h"
 #include "tests/system/daemon.h"
 
-enum { WIDTH = 96, HEIGHT = 54, FRAME_BYTES = WIDTH * HEIGHT * 4, SAMPLES = 96 };
+enum { WIDTH = 96, HEIGHT = 54, FRAME_BYTES = WIDTH * HEIGHT * 4, SAMPLES = 40 };
 
 struct picture {
     uint8_t data[FRAME_BYTES], hash[32];
