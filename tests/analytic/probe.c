@@ -1,0 +1,152 @@
+#include "tests/analytic/probe.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+
+#define GROUP 32
+
+static void ok(enum hg_status status, const struct hg_error *err)
+{
+    char text[768];
+    if (!status)
+        return;
+    hg_error_format(err, text, sizeof text);
+    fail_msg("%s: %s", hg_status_name(status), text);
+}
+
+// A 90 degree camera at the origin that looks along -z, reversed infinite depth, y down in clip.
+static void set_camera(struct hg_gpu_camera *c)
+{
+    static const float identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    static const float proj[16] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, -1, 0, 0, 0.1f, 0};
+    memset(c, 0, sizeof *c);
+    memcpy(c->view.m, identity, sizeof identity);
+    memcpy(c->inv_view.m, identity, sizeof identity);
+    memcpy(c->proj.m, proj, sizeof proj);
+    memcpy(c->view_proj.m, proj, sizeof proj);
+    c->forward_ws.z = -1;
+    c->near = 0.1f;
+    c->pixel_angle = 2.0f / 512;
+}
+
+void probe_init(struct probe *probe, const char *cache_dir)
+{
+    struct hg_error err = {0};
+    memset(probe, 0, sizeof *probe);
+    struct hg_gpu_params params = {.shader_dir = HELIO_ANALYTIC_SHADERS, .validation_try = true};
+    ok(hg_gpu_create(&params, &probe->gpu, &err), &err);
+    probe->jobs = hg_jobs_create(0);
+    assert_non_null(probe->jobs);
+    ok(hg_scene_create(&probe->scene), &err);
+    struct hg_lighting_params lighting = {.cache_dir = cache_dir};
+    ok(hg_lighting_create(probe->gpu, probe->jobs, &lighting, &probe->lighting, &err), &err);
+    set_camera(&probe->camera);
+    probe->view = (struct hg_lighting_view){.scene = probe->scene,
+        .camera = &probe->camera,
+        .width = 512,
+        .height = 512,
+        .has_bounds = true,
+        .bounds_min = {-1, -1, -1},
+        .bounds_max = {1, 1, 1}};
+    probe->scene->environment.intensity = 1;
+    probe_sync(probe);
+}
+
+void probe_finish(struct probe *probe)
+{
+    uint32_t messages = hg_gpu_validation_messages(probe->gpu);
+    hg_lighting_destroy(probe->lighting);
+    hg_scene_destroy(probe->scene);
+    hg_gpu_destroy(probe->gpu);
+    hg_jobs_destroy(probe->jobs);
+    assert_int_equal(messages, 0);
+}
+
+void probe_sync(struct probe *probe)
+{
+    struct hg_error err = {0};
+    hg_scene_update(probe->scene);
+    ok(hg_lighting_sync(probe->lighting, &probe->view, &err), &err);
+    hg_lighting_fill(probe->lighting, 0, &probe->block);
+}
+
+struct push {
+    uint64_t in, out;
+    uint32_t count;
+};
+
+static void record(struct probe *probe, enum probe_op op, struct hg_gpu_cmd *cmd,
+    const struct hg_gpu_buffer *frame, const struct push *push)
+{
+    struct hg_error err = {0};
+    struct hg_gpu_bindings bindings = {.frame = frame};
+    bindings.images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(probe->lighting);
+    bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(probe->lighting);
+    bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(probe->lighting);
+    ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
+    struct hg_gpu_pipeline_params pipeline = {
+        .compute = "probe.comp", .spec = {(uint32_t)op}, .spec_count = 1};
+    ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &err), &err);
+    hg_gpu_cmd_push(cmd, push, sizeof *push);
+    vkCmdDispatch(hg_gpu_cmd_handle(cmd), (push->count + GROUP - 1) / GROUP, 1, 1);
+    hg_gpu_memory_barrier(cmd);
+}
+
+void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const struct hg_vec4 *in,
+    struct hg_vec4 *out)
+{
+    struct hg_error err = {0};
+    struct hg_gpu_buffer frame = {0}, input = {0}, output = {0};
+    struct hg_gpu_frame *block = hg_calloc(1, sizeof *block);
+    assert_non_null(block);
+    block->camera = probe->camera;
+    block->lighting = probe->block;
+    ok(hg_gpu_buffer_create(probe->gpu, HG_GPU_BUFFER_UPLOAD, sizeof *block, "frame", &frame, &err),
+        &err);
+    ok(hg_gpu_buffer_create(
+           probe->gpu, HG_GPU_BUFFER_UPLOAD, count * 2 * sizeof *in, "in", &input, &err),
+        &err);
+    ok(hg_gpu_buffer_create(
+           probe->gpu, HG_GPU_BUFFER_READBACK, count * sizeof *out, "out", &output, &err),
+        &err);
+    memcpy(frame.mapped, block, sizeof *block);
+    memcpy(input.mapped, in, count * 2 * sizeof *in);
+    struct push push = {input.address, output.address, count};
+    struct hg_gpu_cmd *cmd;
+    uint64_t value;
+    ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
+    record(probe, op, cmd, &frame, &push);
+    ok(hg_gpu_submit(probe->gpu, cmd, &value, &err), &err);
+    ok(hg_gpu_wait(probe->gpu, value, &err), &err);
+    memcpy(out, output.mapped, count * sizeof *out);
+    hg_gpu_buffer_destroy(probe->gpu, &frame);
+    hg_gpu_buffer_destroy(probe->gpu, &input);
+    hg_gpu_buffer_destroy(probe->gpu, &output);
+    hg_free(block);
+}
+
+const char *probe_data(const char *relative)
+{
+    static char path[4096];
+    const char *root = getenv("HELIO_TEST_DATA");
+    if (!root)
+        fail_msg("HELIO_TEST_DATA is not set");
+    snprintf(path, sizeof path, "%s/%s", root, relative);
+    if (access(path, R_OK))
+        fail_msg("test data is missing: %s", path);
+    return path;
+}
+
+void probe_assert_near(
+    double value, double expected, double tolerance, const char *text, const char *file, int line)
+{
+    if (fabs(value - expected) <= tolerance)
+        return;
+    print_error("%s = %.9g, expected %.9g +- %.3g\n", text, value, expected, tolerance);
+    _fail(file, line);
+}
