@@ -13,7 +13,9 @@
 
 static const float rayleigh_scattering[3] = {5.802e-3f, 13.558e-3f, 33.1e-3f};
 static const float ozone_absorption[3] = {0.650e-3f, 1.881e-3f, 0.085e-3f};
-static const float mie_scattering_clear = 3.996e-3f, mie_absorption_clear = 4.40e-3f;
+#define MIE_ALBEDO  0.9f // scattering over extinction, Bruneton 2017
+#define RAYLEIGH_KM 8.0f // scale heights
+#define MIE_KM      1.2f
 
 #define TABLE_X 64 // cosine of the sun's zenith angle
 #define TABLE_Y 32 // height
@@ -33,7 +35,7 @@ struct medium {
 static struct medium medium_at(const struct atmosphere *a, float height_km)
 {
     struct medium m;
-    float r = expf(-height_km / 8), d = expf(-height_km / 1.2f);
+    float r = expf(-height_km / RAYLEIGH_KM), d = expf(-height_km / MIE_KM);
     float ozone = fmaxf(0, 1 - fabsf(height_km - 25) / 15);
     m.mie = a->mie_scattering * d;
     for (int c = 0; c < 3; c++) {
@@ -290,11 +292,12 @@ static void set_air(struct atmosphere *a, const struct hg_sky *sky)
 {
     a->sky = *sky;
     hg_normalize3(a->sky.sun_direction);
-    // Turbidity is the extinction of hazy over that of pure air; 2 is the clear day of the table.
+    // Turbidity is the extinction of hazy over that of pure air, straight up, in green light
+    // (Preetham 1999, section 3.1).
     float turbidity = sky->turbidity > 0 ? hg_clampf(sky->turbidity, 1, 10) : 2;
-    float haze = fmaxf(turbidity - 1, 0.05f);
-    a->mie_scattering = mie_scattering_clear * haze;
-    a->mie_absorption = mie_absorption_clear * haze * 0.1f;
+    float haze = fmaxf(turbidity - 1, 0.02f) * rayleigh_scattering[1] * RAYLEIGH_KM / MIE_KM;
+    a->mie_scattering = haze * MIE_ALBEDO;
+    a->mie_absorption = haze * (1 - MIE_ALBEDO);
 }
 
 enum hg_status hg_sky_render(const struct hg_sky *sky, struct hg_jobs *jobs, struct hg_image *out)

@@ -25,7 +25,7 @@ vec3 hg_environment_radiance(vec3 dir_ws)
         return hg_frame.lighting.env_color;
     vec3 d = hg_environment_rotate(dir_ws);
     vec2 uv = vec2(atan(d.z, d.x) * (0.5 * HG_INV_PI) + 0.5,
-        0.5 - asin(clamp(d.y, -1.0, 1.0)) * HG_INV_PI);
+        0.5 - atan(d.y, length(d.xz)) * HG_INV_PI); // asin has 4 digits on some devices
     return textureLod(hg_env_radiance, uv, 0.0).rgb * hg_frame.lighting.env_color;
 }
 

@@ -1,0 +1,429 @@
+// environment.c - image-based light against sums over the image, orientation, cache, sky.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "renderer/light/env_cache.h"
+#include "renderer/light/environment.h"
+#include "renderer/light/sky.h"
+#include "tests/analytic/probe.h"
+
+#define PI 3.14159265358979
+
+static const char *const held[] = {"hdr/lightroom_14b_from_filament_ktx.hdr",
+    "hdr/narrow_moonlit_road_1k.hdr", "hdr/noon_grass_1k.hdr", "hdr/royal_esplanade_1k.hdr"};
+
+static int setup(void **state)
+{
+    static struct probe probe;
+    probe_init(&probe, NULL);
+    *state = &probe;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    probe_finish(*state);
+    return 0;
+}
+
+static void set_image(struct probe *probe, const char *relative)
+{
+    struct hg_environment *env = &probe->scene->environment;
+    struct hg_error err = {0};
+    hg_image_finish(&env->image);
+    memset(env->image_hash, 0, sizeof env->image_hash);
+    env->kind = HG_ENV_IMAGE;
+    env->intensity = 1;
+    env->rotation_rad = 0;
+    if (!relative)
+        return;
+    if (hg_image_read_file(probe_data(relative), HG_PIXEL_RGBA32F, NULL, &env->image, &err))
+        fail_msg("%s: %s", err.what, err.reason);
+    probe_sync(probe);
+}
+
+// One bright texel on black.
+static void set_texel(struct probe *probe, uint32_t w, uint32_t h, uint32_t x, uint32_t y)
+{
+    struct hg_environment *env = &probe->scene->environment;
+    set_image(probe, NULL);
+    assert_int_equal(hg_image_create(w, h, HG_PIXEL_RGBA32F, NULL, &env->image), HG_OK);
+    float *p = (float *)env->image.pixels + ((size_t)y * w + x) * 4;
+    p[0] = p[1] = p[2] = p[3] = 100;
+}
+
+static void texel_direction(double x, double y, uint32_t w, uint32_t h, struct hg_vec4 *out)
+{
+    double phi = (x / w - 0.5) * 2 * PI, theta = (0.5 - y / h) * PI;
+    *out = (struct hg_vec4){
+        (float)(cos(theta) * cos(phi)), (float)sin(theta), (float)(cos(theta) * sin(phi)), out->w};
+}
+
+static void spread(int i, int n, struct hg_vec4 *out)
+{
+    double y = 1 - 2 * (i + 0.5) / n, s = sqrt(1 - y * y), phi = i * 2.399963229728653;
+    *out = (struct hg_vec4){(float)(s * cos(phi)), (float)y, (float)(s * sin(phi)), out->w};
+}
+
+static void test_color_is_exact(void **state)
+{
+    struct probe *probe = *state;
+    struct hg_environment *env = &probe->scene->environment;
+    struct hg_vec4 in[2] = {{0.6f, 0, 0.8f, 0.37f}, {0, 0, 0, 0}}, out[1];
+    env->kind = HG_ENV_COLOR;
+    env->color[0] = 0.25f;
+    env->color[1] = 1.5f;
+    env->color[2] = 3;
+    env->intensity = 2;
+    probe_sync(probe);
+    const enum probe_op ops[] = {PROBE_RADIANCE, PROBE_IRRADIANCE, PROBE_PREFILTERED};
+    for (int k = 0; k < 3; k++) {
+        probe_run(probe, ops[k], 1, in, out);
+        probe_near(out[0].x, 0.5, 0);
+        probe_near(out[0].y, 3, 0);
+        probe_near(out[0].z, 6, 0);
+    }
+    env->intensity = 1;
+}
+
+// A texel of the image is seen in its own direction, by the background and by a mirror, and turns
+// with the rotation: counter-clockwise about +y.
+static void test_orientation(void **state)
+{
+    struct probe *probe = *state;
+    const uint32_t w = 1024, h = 512, texels[3][2] = {{597, 213}, {10, 400}, {300, 60}};
+    for (int k = 0; k < 3; k++)
+        for (int turn = 0; turn < 2; turn++) {
+            struct hg_vec4 in[8] = {{0, 0, 0, 0}}, out[4];
+            set_texel(probe, w, h, texels[k][0], texels[k][1]);
+            double angle = turn ? 0.7 : 0;
+            probe->scene->environment.rotation_rad = (float)angle;
+            probe_sync(probe);
+            const double around[4][2] = {{0.5, 0.5}, {3.5, 0.5}, {-2.5, 0.5}, {0.5, 4.5}};
+            for (int i = 0; i < 4; i++) {
+                struct hg_vec4 d = {0, 0, 0, 0};
+                texel_direction(texels[k][0] + around[i][0], texels[k][1] + around[i][1], w, h, &d);
+                double c = cos(angle), s = sin(angle);
+                in[2 * i] = (struct hg_vec4){(float)(c * (double)d.x + s * (double)d.z), d.y,
+                    (float)(c * (double)d.z - s * (double)d.x), 0};
+            }
+            probe_run(probe, PROBE_RADIANCE, 4, in, out);
+            probe_near(out[0].x, 100, 3); // samplers have 8 bits between texels
+            for (int i = 1; i < 4; i++)
+                probe_near(out[i].x, 0, 1e-3);
+            probe_run(probe, PROBE_PREFILTERED, 4, in, out);
+            assert_true(out[0].x > 10); // texels are narrow near the poles
+            for (int i = 1; i < 4; i++)
+                assert_true(out[i].x < 3);
+        }
+}
+
+// What a mirror shows is the image.
+static void test_roughness_zero_is_the_source(void **state)
+{
+    enum { COUNT = 4096 };
+    static struct hg_vec4 in[2 * COUNT], a[COUNT], b[COUNT];
+    struct probe *probe = *state;
+    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
+        set_image(probe, held[f]);
+        for (int i = 0; i < COUNT; i++) {
+            in[2 * i].w = 0;
+            spread(i, COUNT, &in[2 * i]);
+        }
+        probe_run(probe, PROBE_RADIANCE, COUNT, in, a);
+        probe_run(probe, PROBE_PREFILTERED, COUNT, in, b);
+        double error = 0, mean = 0;
+        for (int i = 0; i < COUNT; i++) {
+            double x = fmin((double)a[i].y, 4), y = fmin((double)b[i].y, 4); // display range
+            error += fabs(x - y);
+            mean += x;
+        }
+        print_message("%s: mirror against source %.4f\n", held[f], error / mean);
+        assert_true(error / mean < 0.03);
+    }
+}
+
+// All texels with their exact solid angles.
+static double brute_irradiance(const struct hg_image *image, const struct hg_vec4 *n, int channel)
+{
+    const float *p = image->pixels;
+    double sum = 0;
+    for (uint32_t y = 0; y < image->height; y++) {
+        double t = PI * (0.5 - (y + 0.5) / image->height), half = PI / 2 / image->height;
+        double area = 2 * PI / image->width * (sin(t + half) - sin(t - half));
+        for (uint32_t x = 0; x < image->width; x++) {
+            double phi = ((x + 0.5) / image->width - 0.5) * 2 * PI;
+            double c = cos(t) * (cos(phi) * (double)n->x + sin(phi) * (double)n->z) +
+                       sin(t) * (double)n->y;
+            if (c > 0)
+                sum += c * area * (double)p[((size_t)y * image->width + x) * 4 + channel];
+        }
+    }
+    return sum / PI;
+}
+
+// Irradiance of nine harmonics (Ramamoorthi and Hanrahan 2001), for comparison.
+static void harmonics(const double d[3], double out[9])
+{
+    const double v[9] = {0.282095, 0.488603 * d[1], 0.488603 * d[2], 0.488603 * d[0],
+        1.092548 * d[0] * d[1], 1.092548 * d[1] * d[2], 0.315392 * (3 * d[2] * d[2] - 1),
+        1.092548 * d[0] * d[2], 0.546274 * (d[0] * d[0] - d[1] * d[1])};
+    memcpy(out, v, sizeof v);
+}
+
+static void project(const struct hg_image *image, double sh[9])
+{
+    const float *p = image->pixels;
+    memset(sh, 0, 9 * sizeof *sh);
+    for (uint32_t y = 0; y < image->height; y++) {
+        double t = PI * (0.5 - (y + 0.5) / image->height), half = PI / 2 / image->height;
+        double area = 2 * PI / image->width * (sin(t + half) - sin(t - half));
+        for (uint32_t x = 0; x < image->width; x++) {
+            double phi = ((x + 0.5) / image->width - 0.5) * 2 * PI, b[9];
+            harmonics((double[3]){cos(t) * cos(phi), sin(t), cos(t) * sin(phi)}, b);
+            for (int i = 0; i < 9; i++)
+                sh[i] += b[i] * area * (double)p[((size_t)y * image->width + x) * 4 + 1];
+        }
+    }
+}
+
+static double sh_irradiance(const double sh[9], const struct hg_vec4 *n)
+{
+    const double band[9] = {
+        PI, 2 * PI / 3, 2 * PI / 3, 2 * PI / 3, PI / 4, PI / 4, PI / 4, PI / 4, PI / 4};
+    double b[9], sum = 0;
+    harmonics((double[3]){(double)n->x, (double)n->y, (double)n->z}, b);
+    for (int i = 0; i < 9; i++)
+        sum += band[i] * sh[i] * b[i];
+    return sum / PI;
+}
+
+static void test_irradiance(void **state)
+{
+    enum { COUNT = 40 };
+    struct hg_vec4 in[2 * COUNT] = {{0, 0, 0, 0}}, out[COUNT];
+    struct probe *probe = *state;
+    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
+        double sh[9], map_error = 0, sh_error = 0, mean = 0, worst = 0, peak = 0;
+        set_image(probe, held[f]);
+        const struct hg_image *image = &probe->scene->environment.image;
+        project(image, sh);
+        for (int i = 0; i < COUNT; i++)
+            spread(i, COUNT, &in[2 * i]);
+        probe_run(probe, PROBE_IRRADIANCE, COUNT, in, out);
+        for (int i = 0; i < COUNT; i++) {
+            double e = brute_irradiance(image, &in[2 * i], 1), d = fabs((double)out[i].y - e);
+            map_error += d;
+            worst = fmax(worst, d);
+            sh_error += fabs(sh_irradiance(sh, &in[2 * i]) - e);
+            mean += e;
+            peak = fmax(peak, e);
+        }
+        print_message("%s: irradiance map %.5f (worst %.4f of the peak), nine harmonics %.4f\n",
+            held[f], map_error / mean, worst / peak, sh_error / mean);
+        assert_true(map_error / mean < 0.005);
+        assert_true(worst / peak < 0.02);
+        assert_true(sh_error > map_error); // the reason for a map
+    }
+}
+
+static double brute_lobe(const struct hg_image *image, const struct hg_vec4 *n, double alpha)
+{
+    const float *p = image->pixels;
+    double sum = 0, weights = 0;
+    for (uint32_t y = 0; y < image->height; y++) {
+        double t = PI * (0.5 - (y + 0.5) / image->height);
+        for (uint32_t x = 0; x < image->width; x++) {
+            double phi = ((x + 0.5) / image->width - 0.5) * 2 * PI;
+            double c = cos(t) * (cos(phi) * (double)n->x + sin(phi) * (double)n->z) +
+                       sin(t) * (double)n->y;
+            if (c <= 0)
+                continue;
+            double k = 0.5 * (1 + c) * (alpha * alpha - 1) + 1, w = c / (k * k) * cos(t);
+            sum += w * (double)p[((size_t)y * image->width + x) * 4 + 1];
+            weights += w;
+        }
+    }
+    return sum / weights;
+}
+
+// Every level of the prefiltered cube against the lobe summed over all texels.
+static void test_prefilter(void **state)
+{
+    enum { COUNT = 8 };
+    struct hg_vec4 in[2 * COUNT] = {{0, 0, 0, 0}}, out[COUNT];
+    struct probe *probe = *state;
+    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
+        set_image(probe, held[f]);
+        const struct hg_image *image = &probe->scene->environment.image;
+        for (uint32_t level = 2; level < HG_ENVIRONMENT_LEVELS; level++) {
+            float r = hg_environment_roughness(level);
+            double error = 0, mean = 0;
+            for (int i = 0; i < COUNT; i++) {
+                in[2 * i].w = r;
+                spread(i, COUNT, &in[2 * i]);
+            }
+            probe_run(probe, PROBE_PREFILTERED, COUNT, in, out);
+            for (int i = 0; i < COUNT; i++) {
+                double e = brute_lobe(image, &in[2 * i], (double)(r * r));
+                error += fabs((double)out[i].y - e);
+                mean += e;
+            }
+            print_message("%s: roughness %.3f error %.4f\n", held[f], (double)r, error / mean);
+            assert_true(error / mean < 0.06);
+        }
+    }
+}
+
+// Furnace through images: a constant image must act like a constant colour.
+static void test_constant_image(void **state)
+{
+    enum { COUNT = 64 };
+    struct hg_vec4 in[2 * COUNT] = {{0, 0, 0, 0}}, out[COUNT];
+    struct probe *probe = *state;
+    struct hg_environment *env = &probe->scene->environment;
+    set_image(probe, NULL);
+    assert_int_equal(hg_image_create(256, 128, HG_PIXEL_RGBA32F, NULL, &env->image), HG_OK);
+    for (size_t i = 0; i < (size_t)256 * 128 * 4; i++)
+        ((float *)env->image.pixels)[i] = 1;
+    probe_sync(probe);
+    for (int i = 0; i < COUNT; i++)
+        in[2 * i] = (struct hg_vec4){
+            (float)(i % 8) / 7, (float)(i % 3) / 2, 0.05f + 0.95f * (float)(i / 8) / 7, 1};
+    probe_run(probe, PROBE_ENVIRONMENT, COUNT, in, out);
+    for (int i = 0; i < COUNT; i++)
+        probe_near(out[i].x, 1, 2e-3);
+}
+
+static void test_cache(void **state)
+{
+    (void)state;
+    char folder[] = "/tmp/helio-env-XXXXXX";
+    struct hg_environment_map made, read;
+    struct hg_image image;
+    struct hg_error err = {0};
+    struct hg_jobs *jobs = hg_jobs_create(2);
+    uint8_t key[32] = {7, 1, 2, 3};
+    bool cached = true;
+    assert_non_null(mkdtemp(folder));
+    assert_int_equal(
+        hg_image_read_file(probe_data(held[2]), HG_PIXEL_RGBA32F, NULL, &image, &err), HG_OK);
+    uint64_t begin = hg_clock_now_ns();
+    assert_int_equal(hg_environment_map_load(&made, &image, key, folder, jobs, &cached), HG_OK);
+    uint64_t cold = hg_clock_now_ns() - begin;
+    assert_false(cached);
+    begin = hg_clock_now_ns();
+    assert_int_equal(hg_environment_map_load(&read, &image, key, folder, jobs, &cached), HG_OK);
+    print_message("1k environment: %.0f ms cold, %.0f ms from the cache\n", (double)cold * 1e-6,
+        (double)(hg_clock_now_ns() - begin) * 1e-6);
+    assert_true(cached);
+    for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS; l++) {
+        size_t s = made.face_size >> l;
+        assert_memory_equal(made.specular[l], read.specular[l], 6 * s * s * 8);
+    }
+    assert_memory_equal(made.irradiance, read.irradiance, sizeof(struct hg_vec4) * 66 * 66);
+    hg_environment_map_finish(&read);
+
+    // Damage, truncation and another key are noticed, and the map is made anew.
+    char *path = hg_env_cache_path(folder, key);
+    uint8_t *data;
+    size_t size;
+    assert_int_equal(hg_file_read(path, 1u << 30, &data, &size, &err), HG_OK);
+    const size_t places[] = {0, 5, 20, 40, size / 2, size - 1};
+    for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
+        data[places[i]] ^= 1;
+        assert_int_equal(hg_file_write_atomic(path, data, size, &err), HG_OK);
+        assert_false(hg_env_cache_read(folder, key, image.width, &read));
+        data[places[i]] ^= 1;
+    }
+    const size_t cuts[] = {0, 31, 33, 100, size - 1};
+    for (size_t i = 0; i < sizeof cuts / sizeof cuts[0]; i++) {
+        assert_int_equal(hg_file_write_atomic(path, data, cuts[i], &err), HG_OK);
+        assert_false(hg_env_cache_read(folder, key, image.width, &read));
+    }
+    assert_int_equal(hg_environment_map_load(&read, &image, key, folder, jobs, &cached), HG_OK);
+    assert_false(cached);
+    assert_memory_equal(made.specular[3], read.specular[3], 6 * 64 * 64 * 8);
+    hg_environment_map_finish(&made);
+    hg_environment_map_finish(&read);
+    unlink(path);
+    rmdir(folder);
+    hg_free(data);
+    hg_free(path);
+    hg_image_finish(&image);
+    hg_jobs_destroy(jobs);
+}
+
+static double sky_luminance(const struct hg_image *image, double phi, double theta)
+{
+    uint32_t x = (uint32_t)((phi / (2 * PI) + 0.5) * image->width) % image->width;
+    uint32_t y = (uint32_t)((0.5 - theta / PI) * image->height);
+    const float *p = (const float *)image->pixels + ((size_t)y * image->width + x) * 4;
+    return 0.2126 * (double)p[0] + 0.7152 * (double)p[1] + 0.0722 * (double)p[2];
+}
+
+// Known properties of clear skies: blue overhead, brighter around the sun, warm where a low sun
+// stands, and about a tenth to a quarter of the sun's own illuminance by day.
+static void test_sky(void **state)
+{
+    struct probe *probe = *state;
+    struct hg_image day, dusk, again;
+    float noon[3], low[3];
+    struct hg_sky sky = {.sun_direction = {0.6f, 0.8f, 0}, .turbidity = 2};
+    assert_int_equal(hg_sky_render(&sky, probe->jobs, &day), HG_OK);
+    assert_int_equal(hg_sky_render(&sky, probe->jobs, &again), HG_OK);
+    assert_memory_equal(day.pixels, again.pixels, day.size_bytes);
+    hg_sky_sun_illuminance(&sky, noon);
+    struct hg_vec4 zenith = {0, 1, 0, 0};
+    double diffuse = brute_irradiance(&day, &zenith, 1) * PI;
+    print_message("sky: sun %.2f %.2f %.2f lux, sky %.2f lux, zenith %.3f\n", (double)noon[0],
+        (double)noon[1], (double)noon[2], diffuse, sky_luminance(&day, 2, 1.5));
+    assert_true(noon[0] > noon[1] && noon[1] > noon[2] && noon[2] > 2);
+    assert_true(diffuse > 0.1 * (double)noon[1] && diffuse < 0.3 * (double)noon[1]);
+    const float *p = (const float *)day.pixels + ((size_t)40 * day.width + 200) * 4;
+    assert_true(p[2] > 1.5f * p[0]);
+    assert_true(sky_luminance(&day, 0.05, asin(0.8)) > 2 * sky_luminance(&day, PI, 0.8));
+
+    sky.sun_direction[0] = 0.998f;
+    sky.sun_direction[1] = 0.06f;
+    assert_int_equal(hg_sky_render(&sky, probe->jobs, &dusk), HG_OK);
+    hg_sky_sun_illuminance(&sky, low);
+    assert_true(low[0] > 3 * low[2] && low[1] < 0.7f * noon[1]);
+    uint32_t x = dusk.width / 2, y = dusk.height / 2 - 6;
+    p = (const float *)dusk.pixels + ((size_t)y * dusk.width + x) * 4;
+    assert_true(p[0] > p[2]);
+    for (size_t i = 0; i < dusk.size_bytes / 4; i++)
+        assert_true(((const float *)dusk.pixels)[i] >= 0 && ((const float *)dusk.pixels)[i] < 1e4f);
+
+    // With its disc the sky holds the sun's own light too.
+    sky.sun_direction[0] = 0.6f;
+    sky.sun_direction[1] = 0.8f;
+    sky.with_disc = true;
+    hg_image_finish(&again);
+    assert_int_equal(hg_sky_render(&sky, probe->jobs, &again), HG_OK);
+    double all = brute_irradiance(&again, &zenith, 1) * PI;
+    probe_near(all - diffuse, (double)noon[1] * 0.8, 0.03 * (double)noon[1]);
+    hg_image_finish(&day);
+    hg_image_finish(&dusk);
+    hg_image_finish(&again);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_color_is_exact),
+        cmocka_unit_test(test_orientation),
+        cmocka_unit_test(test_roughness_zero_is_the_source),
+        cmocka_unit_test(test_irradiance),
+        cmocka_unit_test(test_prefilter),
+        cmocka_unit_test(test_constant_image),
+        cmocka_unit_test(test_cache),
+        cmocka_unit_test(test_sky),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
