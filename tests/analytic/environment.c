@@ -326,7 +326,8 @@ static void test_cache(void **state)
         size_t s = made.face_size >> l;
         assert_memory_equal(made.specular[l], read.specular[l], 6 * s * s * 8);
     }
-    assert_memory_equal(made.irradiance, read.irradiance, sizeof(struct hg_vec4) * 66 * 66);
+    assert_memory_equal(made.irradiance, read.irradiance,
+        sizeof(struct hg_vec4) * HG_ENVIRONMENT_PITCH * HG_ENVIRONMENT_PITCH);
     hg_environment_map_finish(&read);
 
     // Damage, truncation and another key are noticed, and the map is made anew.

@@ -84,7 +84,7 @@ static void record(struct probe *probe, enum probe_op op, struct hg_gpu_cmd *cmd
     const struct hg_gpu_buffer *frame, const struct push *push)
 {
     struct hg_error err = {0};
-    struct hg_gpu_bindings bindings = {.frame = frame};
+    struct hg_gpu_bindings bindings = {.uniforms = {{frame->address, sizeof(struct hg_gpu_frame)}}};
     bindings.images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(probe->lighting);
     bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(probe->lighting);
     bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(probe->lighting);

@@ -129,7 +129,7 @@ vec4 run(vec4 a, vec4 b)
         return vec4(hg_environment_prefiltered(a.xyz, a.w), 0.0);
     case 13u: {
         hg_brdf s = hg_brdf_make(vec3(a.w), a.y, a.x, HG_DIELECTRIC_F0, up, tilted(a.z));
-        return vec4(hg_environment_brdf(s, up, 1.0), 0.0);
+        return vec4(hg_environment_brdf(s, 1.0), 0.0);
     }
     case 14u: {
         vec3 l;

@@ -1,0 +1,212 @@
+// lights.c - punctual lights against hand-computed illuminance, clusters against plain loops, the
+// plan of shadow maps.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/light/cluster.h"
+#include "renderer/light/shadow_plan.h"
+#include "tests/analytic/probe.h"
+
+static int setup(void **state)
+{
+    static struct probe probe;
+    probe_init(&probe, NULL);
+    *state = &probe;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    probe_finish(*state);
+    return 0;
+}
+
+static struct hg_light *add_light(struct probe *probe, uint64_t id, const float at[3])
+{
+    struct hg_object *light, *node;
+    assert_int_equal(hg_scene_add(probe->scene, HG_OBJECT_LIGHT, id, &light), HG_OK);
+    assert_int_equal(hg_scene_add(probe->scene, HG_OBJECT_NODE, id, &node), HG_OK);
+    struct hg_node *n = (struct hg_node *)node;
+    n->light = (struct hg_light *)light;
+    memcpy(n->translation, at, sizeof n->translation);
+    n->light->color[0] = n->light->color[1] = n->light->color[2] = 1;
+    return n->light;
+}
+
+static void clear(struct probe *probe, uint64_t count)
+{
+    struct hg_error err = {0};
+    for (uint64_t id = 1; id <= count; id++) {
+        assert_int_equal(hg_scene_remove(probe->scene, HG_OBJECT_NODE, id, &err), HG_OK);
+        assert_int_equal(hg_scene_remove(probe->scene, HG_OBJECT_LIGHT, id, &err), HG_OK);
+    }
+}
+
+// Lights shine along -z of their node: the directional and the spot light here look from (0, 0, 2)
+// towards the origin.
+static void test_illuminance(void **state)
+{
+    struct probe *probe = *state;
+    const float at[3] = {0, 0, 2};
+    struct hg_light *sun = add_light(probe, 1, at);
+    sun->kind = HG_LIGHT_DIRECTIONAL;
+    sun->intensity = 3;
+    struct hg_light *point = add_light(probe, 2, at);
+    point->kind = HG_LIGHT_POINT;
+    point->intensity = 8;
+    struct hg_light *ranged = add_light(probe, 3, at);
+    ranged->kind = HG_LIGHT_POINT;
+    ranged->intensity = 8;
+    ranged->range = 4;
+    struct hg_light *spot = add_light(probe, 4, at);
+    spot->kind = HG_LIGHT_SPOT;
+    spot->intensity = 8;
+    spot->inner_cone_rad = 0.3f;
+    spot->outer_cone_rad = 0.6f;
+    probe_sync(probe);
+    assert_int_equal(probe->block.light_count, 4);
+    assert_int_equal(probe->block.global_count, 3); // sun, point and spot without range
+
+    struct hg_vec4 in[20] = {{0, 0, 0, 0}}, out[10];
+    // Order on the device: sun, point, spot, ranged.
+    const struct hg_vec4 at_light[10] = {{5, 3, -7, 0}, {0, 0, 0, 1}, {0, 0, -4, 1}, {3, 0, 2, 1},
+        {0, 0, 0, 3}, {0, 0, -2, 3}, {0, 0, 0, 2}, {0.4f, 0, 0, 2}, {2, 0, 0, 2}, {0, 0, 4, 2}};
+    for (int i = 0; i < 10; i++)
+        in[2 * i] = at_light[i];
+    probe_run(probe, PROBE_ILLUMINANCE, 10, in, out);
+    probe_near(out[0].x, 3, 0);          // lux, everywhere
+    probe_near(out[1].x, 8.0 / 4, 1e-5); // candela / d^2
+    probe_near(out[2].x, 8.0 / 36, 1e-6);
+    probe_near(out[3].x, 8.0 / 9, 1e-6);
+    probe_near(out[4].x, 8.0 / 4 * (1 - 1.0 / 16), 1e-5); // window 1 - (d / range)^4
+    probe_near(out[5].x, 0, 0);                           // at the range: nothing
+    probe_near(out[6].x, 8.0 / 4, 1e-5);                  // on the axis: the full intensity
+    double d2 = 4.16, c = 2 / sqrt(d2), scale = 1 / (cos(0.3) - cos(0.6));
+    probe_near(out[7].x, 8 / d2 * pow(fmin((c - cos(0.6)) * scale, 1), 2), 1e-4);
+    probe_near(out[8].x, 0, 0); // 45 degrees off the axis: outside the cone
+    probe_near(out[9].x, 0, 0); // behind
+    clear(probe, 4);
+}
+
+// Pixels come out the same, bit for bit, with lists and with a loop over all lights.
+static void test_clusters_change_nothing(void **state)
+{
+    enum { LIGHTS = 400, POINTS = 4096 };
+    static struct hg_vec4 in[2 * POINTS], with[POINTS], without[POINTS];
+    struct probe *probe = *state;
+    srand(7);
+    for (uint64_t id = 1; id <= LIGHTS; id++) {
+        const float at[3] = {(float)(rand() % 2001 - 1000) * 0.02f,
+            (float)(rand() % 2001 - 1000) * 0.02f, (float)(rand() % 1000) * -0.05f + 5};
+        struct hg_light *light = add_light(probe, id, at);
+        light->kind = id % 3 ? HG_LIGHT_POINT : HG_LIGHT_SPOT;
+        light->inner_cone_rad = 0.2f;
+        light->outer_cone_rad = 0.9f;
+        light->intensity = 1 + (float)(id % 5);
+        light->range = 1 + (float)(id % 40) * 0.2f;
+        light->casts_shadow = false;
+    }
+    probe_sync(probe);
+    assert_int_equal(probe->block.clustered, 1);
+    for (int i = 0; i < POINTS; i++) {
+        float px = (float)(rand() % 5120) * 0.1f, py = (float)(rand() % 5120) * 0.1f;
+        float depth = exp2f((float)(rand() % 800) * 0.01f - 3.5f);
+        in[2 * i] = (struct hg_vec4){(px / 256 - 1) * depth, (1 - py / 256) * depth, -depth, 0};
+        in[2 * i + 1] = (struct hg_vec4){px, py, depth, 0};
+    }
+    probe_run(probe, PROBE_LIGHTS, POINTS, in, with);
+    probe->block.clustered = 0;
+    probe_run(probe, PROBE_LIGHTS, POINTS, in, without);
+    int lit = 0;
+    for (int i = 0; i < POINTS; i++)
+        lit += without[i].x > 0;
+    print_message("clusters: %d of %d points are lit\n", lit, POINTS);
+    assert_true(lit > POINTS / 10);
+    assert_memory_equal(with, without, sizeof with);
+    clear(probe, LIGHTS);
+}
+
+static bool overlap(const struct hg_gpu_shadow *a, const struct hg_gpu_shadow *b)
+{
+    return a->rect_px.x < b->rect_px.x + b->size_px && b->rect_px.x < a->rect_px.x + a->size_px &&
+           a->rect_px.y < b->rect_px.y + b->size_px && b->rect_px.y < a->rect_px.y + a->size_px;
+}
+
+// Squares of the atlas never overlap nor leave it; what has no room is counted.
+static void test_atlas(void **state)
+{
+    struct probe *probe = *state;
+    for (uint64_t id = 1; id <= 90; id++) {
+        const float at[3] = {(float)id * 0.1f, 1, 0};
+        struct hg_light *light = add_light(probe, id, at);
+        light->kind = id == 1 ? HG_LIGHT_DIRECTIONAL : id % 2 ? HG_LIGHT_SPOT : HG_LIGHT_POINT;
+        light->outer_cone_rad = 0.7f;
+        light->intensity = 10;
+        light->casts_shadow = true;
+    }
+    uint32_t last = 0;
+    for (uint32_t limit = 8192; limit >= 512; limit /= 2) {
+        struct hg_light_set lights = {0};
+        struct hg_shadow_plan plan = {0};
+        hg_scene_update(probe->scene);
+        assert_int_equal(hg_light_set_collect(&lights, probe->scene, (double[3]){0, 0, 0}), HG_OK);
+        assert_int_equal(hg_shadow_plan_make(&plan, &lights, &probe->view, limit), HG_OK);
+        assert_int_equal(plan.shadowed_lights + plan.unshadowed_lights, 90);
+        assert_true(plan.count > 0 && plan.atlas_px <= limit);
+        assert_true(!last || plan.shadowed_lights <= last);
+        assert_true(lights.items[0].shadow != HG_SHADOW_NONE); // the sun goes first
+        last = plan.shadowed_lights;
+        for (uint32_t i = 0; i < plan.count; i++) {
+            const struct hg_gpu_shadow *s = &plan.maps[i].gpu;
+            assert_true(s->rect_px.x + s->size_px <= (float)plan.atlas_px);
+            assert_true(s->rect_px.y + s->size_px <= (float)plan.atlas_px);
+            for (uint32_t k = 0; k < i; k++)
+                assert_false(overlap(s, &plan.maps[k].gpu));
+        }
+        hg_shadow_plan_finish(&plan);
+        hg_light_set_finish(&lights);
+    }
+    clear(probe, 90);
+}
+
+// A plan follows from its inputs alone and is made again only when they change.
+static void test_maps_are_kept(void **state)
+{
+    struct probe *probe = *state;
+    const float at[3] = {0, 0, 0};
+    struct hg_light *sun = add_light(probe, 1, at);
+    struct hg_lighting_stats stats;
+    sun->kind = HG_LIGHT_DIRECTIONAL;
+    sun->intensity = 1;
+    sun->casts_shadow = true;
+    probe->view.shape_revision = 5;
+    probe_sync(probe);
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_true(stats.shadow_maps > 0);
+    assert_int_equal(stats.shadow_maps_stale, stats.shadow_maps);
+    uint32_t count;
+    struct hg_shadow_map *maps = hg_lighting_shadow_maps(probe->lighting, &count);
+    for (uint32_t i = 0; i < count; i++)
+        maps[i].stale = false; // as passes/shadow.c does
+    probe_sync(probe);
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_int_equal(stats.shadow_maps_stale, 0);
+    probe->view.shape_revision = 6;
+    probe_sync(probe);
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_int_equal(stats.shadow_maps_stale, stats.shadow_maps);
+    clear(probe, 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_illuminance),
+        cmocka_unit_test(test_clusters_change_nothing),
+        cmocka_unit_test(test_atlas),
+        cmocka_unit_test(test_maps_are_kept),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
