@@ -19,6 +19,8 @@ typedef enum hg_status warm_up_fn(
 static warm_up_fn *const passes[] = {
     hg_visibility_warm_up, hg_shadow_warm_up, hg_shade_warm_up, hg_resolve_warm_up};
 
+#define PASSES (sizeof passes / sizeof passes[0])
+
 // --- the scene -----------------------------------------------------------------------------------
 
 static enum hg_status add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id, void *out)
@@ -88,7 +90,7 @@ static enum hg_status add_mesh(
 }
 
 static enum hg_status add_surface(
-    struct hg_scene *scene, uint64_t id, enum hg_alpha_mode mode, struct hg_texture *texture)
+    struct hg_scene *scene, uint64_t id, enum hg_alpha_mode mode, struct hg_texture *textures[2])
 {
     struct hg_material *material;
     struct hg_mesh *mesh;
@@ -98,8 +100,9 @@ static enum hg_status add_surface(
         return status;
     material->alpha_mode = mode;
     material->base_color[3] = 0.7f;
-    for (int slot = HG_SLOT_BASE_COLOR; slot <= HG_SLOT_EMISSIVE; slot++)
-        material->slots[slot].texture = texture;
+    const int last = textures[1] != NULL ? HG_SLOT_EMISSIVE : HG_SLOT_NORMAL;
+    for (int slot = HG_SLOT_BASE_COLOR; slot <= last; slot++)
+        material->slots[slot].texture = textures[slot >= HG_SLOT_OCCLUSION];
     status = add_mesh(scene, id, material, &mesh);
     if (status == HG_OK)
         status = add(scene, HG_OBJECT_NODE, id, &node);
@@ -125,19 +128,23 @@ static enum hg_status add_sun(struct hg_scene *scene)
     return HG_OK;
 }
 
-static enum hg_status build(struct hg_scene *scene)
+// The common kinds of scenes (HG_FEATURE_*): with and without occlusion and emission of their own,
+// with and without a shadowed sun.
+#define SCENES 4
+
+static enum hg_status build(struct hg_scene *scene, uint32_t kind)
 {
-    struct hg_texture *texture;
-    enum hg_status status = add_texture(scene, 1, &texture);
+    struct hg_texture *textures[2] = {NULL, NULL};
+    enum hg_status status = add_texture(scene, 1, &textures[0]);
+    if (status == HG_OK && (kind & 1) != 0)
+        status = add_texture(scene, 2, &textures[1]);
     for (uint64_t id = 1; id <= 3 && status == HG_OK; id++)
-        status = add_surface(scene, id, (enum hg_alpha_mode)(id - 1), texture);
-    if (status == HG_OK)
+        status = add_surface(scene, id, (enum hg_alpha_mode)(id - 1), textures);
+    if (status == HG_OK && (kind & 2) == 0)
         status = add_sun(scene);
-    scene->environment.kind = HG_ENV_SKY;
+    scene->environment.kind = HG_ENV_COLOR;
     scene->environment.intensity = 1.0f;
-    scene->environment.turbidity = 3.0f;
-    memcpy(scene->environment.sun_direction, (float[3]){0, 1, 0},
-        sizeof scene->environment.sun_direction);
+    scene->environment.color[0] = 1.0f;
     hg_scene_publish(scene);
     return status;
 }
@@ -168,13 +175,30 @@ static enum hg_status draw_scene(
 
 // --- all of it -----------------------------------------------------------------------------------
 
+static enum hg_status warm_scene(struct hg_renderer *renderer, uint32_t kind, struct hg_error *err)
+{
+    struct hg_scene *scene = NULL;
+    enum hg_status status = hg_scene_create(&scene);
+    if (status == HG_OK)
+        status = build(scene, kind);
+    if (status == HG_OK)
+        status = draw_scene(renderer, scene, err);
+    else
+        hg_error_set(err, status, "warm-up", NULL, "out of host memory");
+    hg_scene_destroy(scene);
+    return status;
+}
+
+// Pipelines by name: what GPUs use, which compile when a pipeline is created.
 static enum hg_status count_pipelines(
     struct hg_renderer *renderer, uint32_t counts[], uint32_t *total, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    *total = 1; // the scene
-    for (size_t p = 0; p < sizeof passes / sizeof passes[0] && status == HG_OK; p++) {
-        status = passes[p](renderer->gpu, 0, &counts[p], err);
+    *total = 0;
+    for (size_t p = 0; p < PASSES && status == HG_OK; p++) {
+        counts[p] = 0;
+        if (!hg_gpu_get_caps(renderer->gpu)->is_cpu)
+            status = passes[p](renderer->gpu, 0, &counts[p], err);
         *total += counts[p];
     }
     return status;
@@ -183,26 +207,19 @@ static enum hg_status count_pipelines(
 enum hg_status hg_renderer_warm_up(struct hg_renderer *renderer,
     void (*progress)(void *user, uint32_t done, uint32_t total), void *user, struct hg_error *err)
 {
-    uint32_t counts[sizeof passes / sizeof passes[0]], total, done = 0;
-    enum hg_status status = count_pipelines(renderer, counts, &total, err);
-    for (size_t p = 0; p < sizeof passes / sizeof passes[0]; p++) {
+    uint32_t counts[PASSES] = {0}, pipelines, done = 0;
+    enum hg_status status = count_pipelines(renderer, counts, &pipelines, err);
+    for (size_t p = 0; p < PASSES; p++) {
         for (uint32_t i = 0; status == HG_OK && i < counts[p]; i++) {
             status = passes[p](renderer->gpu, i, &counts[p], err);
             if (progress != NULL)
-                progress(user, ++done, total);
+                progress(user, ++done, pipelines + SCENES);
         }
     }
-    struct hg_scene *scene = NULL;
-    if (status == HG_OK)
-        status = hg_scene_create(&scene);
-    if (status == HG_OK)
-        status = build(scene);
-    if (status == HG_OK)
-        status = draw_scene(renderer, scene, err);
-    if (status == HG_OK)
-        status = hg_gpu_save_pipeline_cache(renderer->gpu, err);
-    hg_scene_destroy(scene);
-    if (status == HG_OK && progress != NULL)
-        progress(user, total, total);
-    return status;
+    for (uint32_t kind = 0; status == HG_OK && kind < SCENES; kind++) {
+        status = warm_scene(renderer, kind, err);
+        if (progress != NULL)
+            progress(user, ++done, pipelines + SCENES);
+    }
+    return status == HG_OK ? hg_gpu_save_pipeline_cache(renderer->gpu, err) : status;
 }

@@ -115,7 +115,6 @@ static uint32_t features_of(const struct hg_view_state *view)
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
-    features |= l->env_kind == HG_ENV_KIND_IMAGE ? HG_FEATURE_ENVIRONMENT : 0;
     return features;
 }
 

@@ -1,5 +1,7 @@
 #include "renderer/passes/shade.h"
 
+#include "shaders/shared/features.h"
+
 // Values of the specialisation constant of shade.frag.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
@@ -62,8 +64,8 @@ enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = 2 * VARIANTS - 1; // layers have no background
-    const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), index % (2 * VARIANTS - 1) >= VARIANTS, 0, 0);
+    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS),
+        index % (2 * VARIANTS - 1) >= VARIANTS, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

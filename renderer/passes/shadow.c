@@ -1,5 +1,7 @@
 #include "renderer/passes/shadow.h"
 
+#include "shaders/shared/features.h"
+
 static VkPrimitiveTopology topology_of(uint32_t flags)
 {
     return (flags & HG_DRAW_LINES) != 0    ? VK_PRIMITIVE_TOPOLOGY_LINE_LIST
@@ -105,7 +107,7 @@ enum hg_status hg_shadow_warm_up(
 {
     *count = 2;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(index % 2 == 1, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0, 0);
+        pipeline_of(index % 2 == 1, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

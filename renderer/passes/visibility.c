@@ -1,5 +1,7 @@
 #include "renderer/passes/visibility.h"
 
+#include "shaders/shared/features.h"
+
 // How a range is drawn. Values are also the specialisation constant of visibility_alpha.frag.
 enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, VARIANTS };
 
@@ -128,7 +130,7 @@ enum hg_status hg_visibility_warm_up(
 {
     *count = VARIANTS;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), topologies[0], 0, 0);
+        pipeline_of((enum variant)(index % VARIANTS), topologies[0], 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

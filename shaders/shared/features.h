@@ -16,7 +16,6 @@
 #define HG_FEATURE_CLUSTERS    0x100u // lights in clusters
 #define HG_FEATURE_LOCAL       0x200u // point or spot lights
 #define HG_FEATURE_SHADOWS     0x400u // shadow maps
-#define HG_FEATURE_ENVIRONMENT 0x800u // an image or sky
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif
