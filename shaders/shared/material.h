@@ -18,7 +18,6 @@
 #define HG_MATERIAL_BLEND        0x0200u // alpha is coverage; neither: alpha is 1
 #define HG_MATERIAL_DOUBLE_SIDED 0x0400u
 #define HG_MATERIAL_UNLIT        0x0800u
-#define HG_MATERIAL_ONE_LOOKUP   0x1000u // all textures agree in size, sampler and uv
 #define HG_MATERIAL_PACKED_ORM   0x2000u // occlusion is the red of the metallic-roughness texture
 
 struct hg_gpu_material {
