@@ -12,7 +12,7 @@
 #include "base/log.h"
 #include "server/worker/worker.h"
 
-enum { PULSE_MS = 500 };
+enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20 };
 
 struct link {
     struct worker *w;
@@ -85,9 +85,19 @@ void link_send_lossy(
     send_message(w, true, channel, request, type, message);
 }
 
+void link_lose_device(struct worker *w, const struct hg_error *err)
+{
+    hg_fault(WORKER, HG_E_DEVICE_LOST, "%s: %s", err->what, err->reason);
+    atomic_store(&w->device_lost, true);
+}
+
 void link_send_error(
     struct worker *w, uint32_t channel, uint32_t request, const struct hg_error *err)
 {
+    if (err->status == HG_E_DEVICE_LOST) {
+        link_lose_device(w, err);
+        return;
+    }
     struct hgp_error message = {
         .code = (uint16_t)(err->status ? err->status : HG_E_INTERNAL),
         .what = hgp_str_make(err->what),
@@ -118,6 +128,14 @@ static void send_pulse(struct link *l)
     link_send_lossy(l->w, 0, 0, HGP_T_pulse, &pulse);
 }
 
+// A peer that closes with unread bytes of ours resets the stream: an end like any other.
+static enum hg_status socket_status(int error_number)
+{
+    return error_number == EAGAIN                                ? HG_E_AGAIN
+           : error_number == EPIPE || error_number == ECONNRESET ? HG_E_CLOSED
+                                                                 : HG_E_IO;
+}
+
 static enum hg_status write_some(struct link *l)
 {
     for (;;) {
@@ -129,7 +147,7 @@ static enum hg_status write_some(struct link *l)
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0)
-            return errno == EAGAIN ? HG_E_AGAIN : errno == EPIPE ? HG_E_CLOSED : HG_E_IO;
+            return socket_status(errno);
         l->out_pos += (size_t)n;
         if (l->out_pos == l->out->size) {
             hg_refbuf_unref(l->out);
@@ -170,9 +188,10 @@ static enum hg_status begin_payload(struct link *l)
     return l->payload ? HG_OK : HG_E_NOMEM;
 }
 
+// Reads a bounded amount, so that a long upload does not hold up pulses and answers.
 static enum hg_status read_some(struct link *l)
 {
-    while (!l->blocked) {
+    for (size_t taken = 0; !l->blocked && taken < READ_BUDGET_BYTES;) {
         bool in_header = l->header_fill < HGP_HEADER_BYTES;
         uint8_t *dst =
             in_header ? l->header_bytes + l->header_fill : l->payload->data + l->payload_fill;
@@ -182,9 +201,10 @@ static enum hg_status read_some(struct link *l)
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0)
-            return errno == EAGAIN ? HG_OK : HG_E_IO;
+            return socket_status(errno);
         if (n == 0 && want)
             return HG_E_CLOSED;
+        taken += (size_t)n;
         enum hg_status status = HG_OK;
         if (in_header) {
             l->header_fill += (size_t)n;
@@ -206,8 +226,10 @@ static enum hg_status read_some(struct link *l)
 
 static enum hg_status run_once(struct link *l)
 {
+    // With nothing to read or write the socket is left out: its end would be reported for ever.
     struct pollfd fds[] = {
-        {.fd = l->fd, .events = (short)((l->blocked ? 0 : POLLIN) | (l->out ? POLLOUT : 0))},
+        {.fd = l->blocked && !l->out ? -1 : l->fd,
+            .events = (short)((l->blocked ? 0 : POLLIN) | (l->out ? POLLOUT : 0))},
         {.fd = l->out ? -1 : l->w->outbox.event_fd, .events = POLLIN},
         {.fd = l->timer_fd, .events = POLLIN},
     };

@@ -202,7 +202,7 @@ static enum hg_status serve_link(struct worker *w)
         return HG_E_LIMIT;
     }
     enum hg_status status = link_run(w);
-    if (status == HG_E_DEVICE_LOST)
+    if (status == HG_E_DEVICE_LOST || atomic_load(&w->device_lost))
         _exit(EXIT_DEVICE); // the driver's state is not to be trusted any more
     stop_threads(w, render, encoder);
     return status;

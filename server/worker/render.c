@@ -8,6 +8,8 @@
 #include "base/log.h"
 
 enum { WAITING_LIMIT = 65536 };
+// Messages are taken for this long before views get a turn, whatever still waits.
+static const uint64_t message_slice_ns = 20000000u;
 
 // ---- answers ------------------------------------------------------------------------------------
 
@@ -145,13 +147,14 @@ static bool handle_link(const struct request *r, uint16_t type)
         serve_answer(r, HGP_T_pong, &(struct hgp_pong){.nonce = r->message->ping.nonce});
         return true;
     case HGP_T_pong:
+        return true;
     case HGP_T_scene_open: // the broker opens scenes; on a private link the session has its own
-        if (type == HGP_T_scene_open && r->session)
+        if (r->session)
             serve_answer(r, HGP_T_scene_opened,
                 &(struct hgp_scene_opened){.revision = r->session->scene->scene->revision,
                     .first_id = r->session->first_id,
                     .id_count = r->session->id_count});
-        return true;
+        return r->session != NULL;
     default:
         return false;
     }
@@ -289,17 +292,31 @@ static void handle(struct serve *s, struct command *c)
 
 // ---- the thread ---------------------------------------------------------------------------------
 
+// Messages that are still in the inbox take no effect: nobody is there to be answered.
 static void shut_down(struct serve *s)
 {
     while (s->sessions)
         session_detach(s, s->sessions);
     while (s->tasks) { // cancelled; each comes back once
         struct command *c = hg_queue_pop(&s->w->inbox, UINT64_MAX);
-        if (c)
-            handle(s, c);
+        if (c && c->task)
+            handle_finished_task(s, c);
+        else if (c)
+            free_command(c);
     }
     hg_renderer_destroy(s->renderer);
     hg_jobs_destroy(s->jobs);
+}
+
+static void take_messages(struct serve *s, struct command *first)
+{
+    uint64_t start = hg_clock_now_ns();
+    for (struct command *c = first; c; c = hg_queue_try_pop(&s->w->inbox)) {
+        handle(s, c);
+        if (atomic_load(&s->w->stop) || atomic_load(&s->w->device_lost) ||
+            hg_clock_now_ns() - start > message_slice_ns)
+            return;
+    }
 }
 
 void *render_main(void *arg)
@@ -316,8 +333,9 @@ void *render_main(void *arg)
     }
     while (!atomic_load(&s.w->stop)) {
         struct command *c = hg_queue_pop(&s.w->inbox, wait_ns);
-        for (; c; c = hg_queue_try_pop(&s.w->inbox))
-            handle(&s, c);
+        take_messages(&s, c);
+        if (atomic_load(&s.w->device_lost))
+            return NULL; // the process ends; nothing of the driver is touched any more
         atomic_store(&s.w->step_started_ns, hg_clock_now_ns());
         bool more = view_step_next(&s, &wait_ns);
         atomic_store(&s.w->step_started_ns, 0);

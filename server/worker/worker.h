@@ -58,6 +58,9 @@ void link_send_lossy(
     struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message);
 void link_send_error(
     struct worker *w, uint32_t channel, uint32_t request, const struct hg_error *err);
+// Ends the process soon: only a new one gets a clean device. link_send_error calls it for
+// HG_E_DEVICE_LOST instead of answering; the broker asks again, or says that the worker died.
+void link_lose_device(struct worker *w, const struct hg_error *err);
 
 // ---- render.c: the render thread ----------------------------------------------------------------
 
