@@ -9,6 +9,8 @@
 #include "renderer/image/zstd.h"
 #include "server/worker/task.h"
 
+enum { FRAME_DATA_LIMIT = 512 << 20 /* of frame.data */ };
+
 enum hg_pixel_format encode_pixel_format(enum hgp_encoding encoding)
 {
     switch (encoding) {
@@ -99,6 +101,18 @@ static uint32_t list_stages(
     return n;
 }
 
+// The picture must fit the data of a frame message.
+static enum hg_status check_size(
+    const struct encode_job *job, const struct hg_writer *data, struct hg_error *err)
+{
+    size_t size = data->size ? data->size : job->pixels->size;
+    if (size <= FRAME_DATA_LIMIT)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "frame", "data",
+        "%zu bytes are more than a message holds (%d); choose another encoding or size", size,
+        FRAME_DATA_LIMIT);
+}
+
 static void run_job(struct worker *w, struct encode_job *job)
 {
     struct hg_writer data = {0};
@@ -107,6 +121,8 @@ static void run_job(struct worker *w, struct encode_job *job)
     struct hgp_frame frame = job->frame;
     frame.lossless = is_lossless(frame.encoding);
     enum hg_status status = encode_pixels(job, &data, &err);
+    if (!status)
+        status = check_size(job, &data, &err);
     if (!status && frame.settled && frame.lossless) {
         status = hg_sha256(job->pixels->data, job->pixels->size, frame.hash);
         frame.has_hash = true;

@@ -41,9 +41,10 @@ struct view_slot {
     struct frame_wait *waits;
     uint32_t credit; // frames the subscription may still send
     uint64_t sent_ns, sent_number, sent_samples;
-    bool sent_settled;
+    bool fresh;                // nothing of the newest step's state has been sent yet
     bool changed;              // camera or parameters since the newest step
     bool failed;               // the newest step failed; rests until something changes
+    uint64_t failed_revision;  // of the scene then
     struct hg_frame_info info; // of the newest step
     bool stepped;
     uint64_t step_ns; // per sample, of the newest step

@@ -227,7 +227,7 @@ void view_subscribe(const struct request *r)
         return;
     view->credit = r->message->subscribe.credit_frames;
     view->sent_number = 0;
-    view->sent_settled = false;
+    view->fresh = true;
     view->failed = false;
     serve_ok(r);
 }
@@ -314,6 +314,8 @@ static void answer_waits(struct serve *s, struct session *session, struct view_s
 static void fail_waits(
     struct serve *s, struct session *session, struct view_slot *view, const struct hg_error *err)
 {
+    view->failed = true;
+    view->failed_revision = session->scene->scene->revision;
     if (!view->waits) // a subscription: tell once, then rest until something changes
         link_send_error(s->w, session->channel, 0, err);
     while (view->waits) {
@@ -322,7 +324,6 @@ static void fail_waits(
         view->waits = wait->next;
         hg_free(wait);
     }
-    view->failed = true;
 }
 
 // First frame of a new state at once, then at doubling sample counts, then the settled one.
@@ -331,7 +332,7 @@ static bool subscription_wants(const struct view_slot *view)
     const struct hg_frame_info *info = &view->info;
     if (!view->credit || !view->stepped || view->sent_number == info->number)
         return false;
-    return view->sent_number == 0 || info->samples <= view->sent_samples ||
+    return view->fresh || info->samples <= view->sent_samples ||
            info->samples >= 2 * view->sent_samples || info->settled;
 }
 
@@ -357,7 +358,7 @@ static void serve_subscription(struct serve *s, struct session *session, struct 
     view->sent_ns = hg_clock_now_ns();
     view->sent_number = view->info.number;
     view->sent_samples = view->info.samples;
-    view->sent_settled = view->info.settled;
+    view->fresh = false;
 }
 
 // ---- stepping -----------------------------------------------------------------------------------
@@ -366,6 +367,13 @@ static bool is_stale(const struct session *session, const struct view_slot *view
 {
     return !view->stepped || view->changed ||
            view->info.scene_revision != session->scene->scene->revision;
+}
+
+// A step that failed would fail again: it waits for another state or another request.
+static bool rests(const struct session *session, const struct view_slot *view)
+{
+    return view->failed && !view->changed &&
+           view->failed_revision == session->scene->scene->revision;
 }
 
 static uint32_t samples_per_step(const struct view_slot *view)
@@ -385,6 +393,8 @@ static enum hg_status step(
             hg_view_set_camera_node(view->view, view->camera_node, view->camera.input_seq, err);
         view->camera_node_revision = scene->revision;
     }
+    // A failed step leaves no info behind: what comes after it is a new state, too.
+    view->fresh |= is_stale(session, view);
     uint64_t start = hg_clock_now_ns();
     if (!status)
         status = hg_view_step(view->view, samples, &view->info, err);
@@ -412,7 +422,7 @@ static bool batch_holds(const struct session *session)
 // Must the view render now? A view that only waits for its frame rate says until when.
 static bool has_work(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
 {
-    if (view->failed && !is_stale(session, view))
+    if (rests(session, view))
         return false;
     if (!view->waits && !view->credit)
         return false;
@@ -440,8 +450,7 @@ static void work(struct serve *s, struct session *session, struct view_slot *vie
         status = step(session, view, samples_per_step(view), &err);
     if (status == HG_E_DEVICE_LOST) {
         // Only a new process gets a clean device; the broker replays the journal into it.
-        hg_fault(WORKER, status, "%s: %s", err.what, err.reason);
-        atomic_store(&s->w->device_lost, true);
+        link_lose_device(s->w, &err);
         return;
     }
     if (status) {
