@@ -38,7 +38,8 @@ static void send_notices(const struct request *r, const struct hg_asset *asset)
         char text[64];
         snprintf(text, sizeof text, "%u more warnings", asset->warning_count - NOTICE_LIMIT);
         serve_answer(r, HGP_T_notice,
-            &(struct hgp_notice){.what = hgp_str_fit(asset->label, 256), .reason = hgp_str_make(text)});
+            &(struct hgp_notice){
+                .what = hgp_str_fit(asset->label, 256), .reason = hgp_str_make(text)});
     }
 }
 
@@ -137,6 +138,8 @@ static void finish_asset(const struct request *r, struct task *task)
     enum hg_status status = task->status;
     struct hg_object *parent =
         m->has_parent && m->parent ? hg_scene_find(scene, HG_OBJECT_NODE, m->parent) : NULL;
+    if (!status && m->has_parent && m->parent && !parent) // others may remove it meanwhile
+        status = hg_error_set(&err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
     if (!status && m->has_variant)
         status = choose_variant(asset, m->variant, &err);
     if (!status) {

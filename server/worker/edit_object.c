@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "base/checked.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "renderer/scene/asset.h"
 #include "server/worker/serve.h"
 
@@ -36,6 +37,15 @@ struct hg_object *serve_find_or_make(
     if (status)
         serve_fail(r, &err);
     return status ? NULL : object;
+}
+
+// Takes back what serve_find_or_make made for an edit that is refused after all.
+static void unmake(
+    const struct request *r, enum hg_object_kind kind, struct hg_object *object, bool was_there)
+{
+    struct hg_error err = {0};
+    if (!was_there && hg_scene_remove(scene_of(r), kind, object->id, &err))
+        hg_fault(WORKER, err.status, "%s", err.reason);
 }
 
 static bool rename_object(const struct request *r, struct hg_object *object, struct hgp_str name)
@@ -189,13 +199,16 @@ void edit_material_set(const struct request *r)
         serve_fail(r, &err);
         return;
     }
+    bool was_there = hg_scene_find(scene_of(r), HG_OBJECT_MATERIAL, m->material) != NULL;
     struct hg_object *object =
         serve_find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
     if (!object)
         return;
     struct hg_material changed = *(struct hg_material *)object;
-    if (!set_slots(r, &changed))
+    if (!set_slots(r, &changed)) {
+        unmake(r, HG_OBJECT_MATERIAL, object, was_there);
         return;
+    }
     set_factors(&changed, m);
     *(struct hg_material *)object = changed;
     if (!m->has_name || rename_object(r, object, m->name))
@@ -290,6 +303,7 @@ void edit_node_set(const struct request *r)
 void edit_light_set(const struct request *r)
 {
     const struct hgp_light_set *m = &r->message->light_set;
+    bool was_there = hg_scene_find(scene_of(r), HG_OBJECT_LIGHT, m->light) != NULL;
     struct hg_object *object = serve_find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
     if (!object)
         return;
@@ -301,6 +315,7 @@ void edit_light_set(const struct request *r)
         hg_error_set(
             &err, HG_E_INVAL, "light_set", "inner_cone_rad", "must be less than outer_cone_rad");
         serve_fail(r, &err);
+        unmake(r, HG_OBJECT_LIGHT, object, was_there);
         return;
     }
     static const int kinds[] = {

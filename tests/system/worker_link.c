@@ -1,5 +1,5 @@
 // worker_link.c - a real helio-worker on a socketpair, spoken to message by message.
-// Needs no device: everything here is answered before the first view.
+// Only the test of a view needs a device; lavapipe will do.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -123,19 +123,24 @@ static uint32_t ask(struct rig *rig, uint32_t channel, enum hgp_type type, const
     return request;
 }
 
+static void read_message(struct rig *rig)
+{
+    uint8_t bytes[HGP_HEADER_BYTES];
+    forget_answer(rig);
+    read_all(rig->fd, bytes, sizeof bytes);
+    assert_int_equal(hgp_header_decode(bytes, sizeof bytes, 1 << 28, &rig->header), HG_OK);
+    rig->payload = malloc(rig->header.length + 1);
+    read_all(rig->fd, rig->payload, rig->header.length);
+    assert_int_equal(hgp_decode(HGP_VERSION_MAX, rig->header.type, rig->payload, rig->header.length,
+                         &rig->arena, &rig->message, NULL),
+        HG_OK);
+}
+
 // Reads until the final answer of `request`; pulses, progress and notices pass by.
 static void expect(struct rig *rig, uint32_t request, enum hgp_type type)
 {
     for (;;) {
-        uint8_t bytes[HGP_HEADER_BYTES];
-        forget_answer(rig);
-        read_all(rig->fd, bytes, sizeof bytes);
-        assert_int_equal(hgp_header_decode(bytes, sizeof bytes, 1 << 28, &rig->header), HG_OK);
-        rig->payload = malloc(rig->header.length + 1);
-        read_all(rig->fd, rig->payload, rig->header.length);
-        assert_int_equal(hgp_decode(HGP_VERSION_MAX, rig->header.type, rig->payload,
-                             rig->header.length, &rig->arena, &rig->message, NULL),
-            HG_OK);
+        read_message(rig);
         if (rig->header.request == request && rig->header.type != HGP_T_progress &&
             rig->header.type != HGP_T_notice)
             break;
@@ -355,6 +360,170 @@ static void test_comparison_of_bytes_that_are_no_image(void **state)
     expect_error(rig, ask(rig, 1, HGP_T_compare, &m), HG_E_FORMAT, NULL);
 }
 
+static void test_refused_edits_make_no_objects(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    struct hgp_light_set light = {.light = FIRST_ID,
+        .has_inner_cone_rad = true,
+        .inner_cone_rad = 0.7f,
+        .has_outer_cone_rad = true,
+        .outer_cone_rad = 0.5f};
+    struct hgp_material_set material = {
+        .material = FIRST_ID, .has_base_color_texture = true, .base_color_texture = FIRST_ID + 9};
+    struct hgp_object_remove remove = {.kind = HGP_object_kind_LIGHT, .object = FIRST_ID};
+    expect_error(rig, ask(rig, 1, HGP_T_light_set, &light), HG_E_INVAL, "inner_cone_rad");
+    expect_error(rig, ask(rig, 1, HGP_T_object_remove, &remove), HG_E_NOTFOUND, NULL);
+    expect_error(rig, ask(rig, 1, HGP_T_material_set, &material), HG_E_NOTFOUND, "texture");
+    remove.kind = HGP_object_kind_MATERIAL;
+    expect_error(rig, ask(rig, 1, HGP_T_object_remove, &remove), HG_E_NOTFOUND, NULL);
+}
+
+static void test_scene_open_without_a_session_is_answered(void **state)
+{
+    struct rig *rig = *state;
+    expect_error(rig, ask(rig, 5, HGP_T_scene_open, &(struct hgp_scene_open){0}), HG_E_STATE, NULL);
+}
+
+// A peer that dies leaves answers unread, which resets the stream: stop() wants exit code 0.
+static void test_a_peer_may_leave_without_reading(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    ask(rig, 1, HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 9});
+    struct pollfd p = {.fd = rig->fd, .events = POLLIN};
+    assert_int_equal(poll(&p, 1, ANSWER_TIMEOUT_MS), 1);
+}
+
+// ---- a view -------------------------------------------------------------------------------------
+
+enum { VIEW = 3, SIDE = 64, SAMPLES = 8 };
+
+static void make_scene_and_view(struct rig *rig)
+{
+    float corners[] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .positions = {(const uint8_t *)corners, sizeof corners}};
+    struct hgp_mesh_set mesh = {.mesh = FIRST_ID};
+    mesh.parts.items = &part;
+    mesh.parts.count = 1;
+    struct hgp_environment_set sky = {.has_kind = true,
+        .kind = HGP_environment_kind_COLOR,
+        .has_color = true,
+        .color = {1, 1, 1}};
+    expect(rig, ask(rig, 1, HGP_T_environment_set, &sky), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_mesh_set, &mesh), HGP_T_ok);
+    struct hgp_node_set node = {.node = FIRST_ID, .has_mesh = true, .mesh = FIRST_ID};
+    expect(rig, ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
+    struct hgp_view_set view = {.view = VIEW,
+        .has_width = true,
+        .width = SIDE,
+        .has_height = true,
+        .height = SIDE,
+        .has_samples = true,
+        .samples = SAMPLES,
+        .has_background = true,
+        .background = HGP_background_NONE,
+        .has_max_fps = true,
+        .max_fps = 1000};
+    struct hgp_view_camera camera = {
+        .view = VIEW, .input_seq = 41, .has_eye = true, .eye = {0, 0, 4}, .has_target = true};
+    expect(rig, ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_view_camera, &camera), HGP_T_ok);
+}
+
+// The next frame that nobody asked for by id; NULL when a later pulse shows that none comes.
+static const struct hgp_frame *next_subscribed(struct rig *rig, int pulses)
+{
+    while (pulses > 0) {
+        read_message(rig);
+        assert_int_not_equal(rig->header.type, HGP_T_error);
+        if (rig->header.type == HGP_T_frame && rig->header.request == 0)
+            return &rig->message.frame;
+        // A pulse while a step is under way proves nothing.
+        pulses -= rig->header.type == HGP_T_pulse && rig->message.pulse.busy_ns == 0;
+    }
+    return NULL;
+}
+
+// Takes frames until the settled one; returns how many came.
+static uint32_t take_until_settled(struct rig *rig, uint64_t revision)
+{
+    uint64_t number = 0;
+    for (uint32_t count = 1;; count++) {
+        const struct hgp_frame *frame = next_subscribed(rig, 100);
+        assert_non_null(frame);
+        assert_int_equal(frame->scene_revision, revision);
+        assert_int_equal(frame->input_seq, 41);
+        assert_true(frame->number > number);
+        number = frame->number;
+        if (frame->settled) {
+            assert_int_equal(frame->samples, SAMPLES);
+            assert_true(frame->has_hash);
+            return count;
+        }
+    }
+}
+
+static void test_a_subscription_keeps_to_its_credit_and_ends_settled(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    expect(rig,
+        ask(rig, 1, HGP_T_subscribe, &(struct hgp_subscribe){.view = VIEW, .credit_frames = 1}),
+        HGP_T_ok);
+    uint64_t revision = rig->message.ok.revision;
+    assert_non_null(next_subscribed(rig, 100));
+    assert_null(next_subscribed(rig, 2)); // the credit is used up
+    ask(rig, 1, HGP_T_credit, &(struct hgp_credit){.view = VIEW, .frames = 20});
+    uint32_t count = take_until_settled(rig, revision);
+    assert_true(count <= 5); // at most 1, 2, 4, 8 samples
+    uint8_t settled_hash[32];
+    memcpy(settled_hash, rig->message.frame.hash, sizeof settled_hash);
+    assert_null(next_subscribed(rig, 2)); // nothing is left to improve
+
+    // The same picture on request, byte for byte.
+    struct hgp_frame_request request = {
+        .view = VIEW, .settled = true, .has_encoding = true, .encoding = HGP_encoding_RAW_RGBA8};
+    expect(rig, ask(rig, 1, HGP_T_frame_request, &request), HGP_T_frame);
+    assert_int_equal(rig->message.frame.data.size, SIDE * SIDE * 4);
+    assert_memory_equal(rig->message.frame.hash, settled_hash, sizeof settled_hash);
+
+    // An edit starts a new state, shown at once and brought to its end.
+    struct hgp_node_set move = {
+        .node = FIRST_ID, .has_translation = true, .translation = {0.5f, 0, 0}};
+    expect(rig, ask(rig, 1, HGP_T_node_set, &move), HGP_T_ok);
+    take_until_settled(rig, rig->message.ok.revision);
+    assert_memory_not_equal(rig->message.frame.hash, settled_hash, sizeof settled_hash);
+}
+
+static void test_picks_and_a_view_closed_while_frames_wait(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    struct hgp_pick pick = {.view = VIEW, .x = SIDE / 2, .y = SIDE / 2};
+    expect(rig, ask(rig, 1, HGP_T_pick, &pick), HGP_T_picked);
+    assert_true(rig->message.picked.hit);
+    assert_int_equal(rig->message.picked.node, FIRST_ID);
+    // Many samples: the frame cannot be ready before the view is closed.
+    struct hgp_view_set more = {.view = VIEW, .has_samples = true, .samples = 4096};
+    expect(rig, ask(rig, 1, HGP_T_view_set, &more), HGP_T_ok);
+    struct hgp_frame_request settled = {.view = VIEW, .settled = true};
+    uint32_t frame = ask(rig, 1, HGP_T_frame_request, &settled);
+    uint32_t closing = ask(rig, 1, HGP_T_view_close, &(struct hgp_view_close){.view = VIEW});
+    expect_error(rig, frame, HG_E_CANCELLED, NULL);
+    expect(rig, closing, HGP_T_ok);
+    expect_error(rig, ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
+    // And a session that ends with a view at work takes it along.
+    make_scene_and_view(rig);
+    ask(rig, 1, HGP_T_frame_request, &settled);
+    ask(rig, 1, HGP_T_session_detach, &(struct hgp_session_detach){0});
+    attach(rig, 1, "b");
+    expect_error(rig, ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
@@ -370,6 +539,11 @@ int main(void)
         TEST(test_messages_behind_a_load_keep_their_order),
         TEST(test_an_assets_transform_moves_it_and_goes_with_it),
         TEST(test_comparison_of_bytes_that_are_no_image),
+        TEST(test_refused_edits_make_no_objects),
+        TEST(test_scene_open_without_a_session_is_answered),
+        TEST(test_a_peer_may_leave_without_reading),
+        TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
+        TEST(test_picks_and_a_view_closed_while_frames_wait),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }
