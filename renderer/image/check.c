@@ -43,17 +43,53 @@ static bool read_name(struct hg_reader *r, size_t *length)
     return !r->failed && *length < 256;
 }
 
-// Reads the attributes of one header up to its empty name; *count is how many there were.
-static bool read_exr_header(struct hg_reader *r, uint32_t *count)
+// What OpenEXR takes memory for when it opens a file: whole tiles of every channel, also larger
+// ones than the picture, and rows of the full width.
+enum { max_tile_px = 1 << 24, max_width_px = 1 << 17 };
+
+static bool tile_size_ok(const uint8_t *value, size_t size)
 {
+    struct hg_reader r = hg_reader_make(value, size);
+    uint64_t width = hg_read_u32(&r), height = hg_read_u32(&r);
+    return !r.failed && width <= max_tile_px && width * height <= max_tile_px;
+}
+
+static bool data_window_ok(const uint8_t *value, size_t size)
+{
+    struct hg_reader r = hg_reader_make(value, size);
+    int64_t left = (int32_t)hg_read_u32(&r);
+    hg_read_u32(&r);
+    int64_t right = (int32_t)hg_read_u32(&r);
+    return !r.failed && right - left < max_width_px;
+}
+
+static bool is_name(const uint8_t *start, size_t length, const char *name)
+{
+    return length == strlen(name) && memcmp(start, name, length) == 0;
+}
+
+// Reads the attributes of one header up to its empty name; *count is how many there were. NULL, or
+// what is wrong.
+static const char *read_exr_header(struct hg_reader *r, uint32_t *count)
+{
+    static const char *const outside = "an attribute of the EXR runs past the end";
     for (*count = 0;; ++*count) {
         size_t name, type;
+        const uint8_t *start = r->data + r->pos;
         if (!read_name(r, &name))
-            return false;
+            return outside;
         if (name == 0)
-            return true;
-        if (!read_name(r, &type) || !hg_read_bytes(r, hg_read_u32(r)) || r->failed)
-            return false;
+            return NULL;
+        if (!read_name(r, &type))
+            return outside;
+        uint32_t size = hg_read_u32(r);
+        const uint8_t *value = hg_read_bytes(r, size);
+        if (!value || r->failed)
+            return outside;
+        if (is_name(start, name, "tiles") && !tile_size_ok(value, size))
+            return "the tiles of the EXR are too large";
+        if (is_name(start, name, "dataWindow") && !data_window_ok(value, size))
+            return "the rows of the EXR are too long";
     }
 }
 
@@ -66,8 +102,9 @@ enum hg_status hg_check_exr(
     bool parts = (hg_read_u32(&r) & multi_part) != 0;
     uint32_t count;
     do {
-        if (r.failed || !read_exr_header(&r, &count))
-            return fail_at(err, name, r.pos, "an attribute of the EXR runs past the end");
+        const char *reason = read_exr_header(&r, &count);
+        if (reason)
+            return fail_at(err, name, r.pos, reason);
     } while (parts && count > 0); // an empty header ends a list of parts
     return HG_OK;
 }

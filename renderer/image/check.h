@@ -12,7 +12,8 @@ enum hg_status hg_check_png(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
 
 // The attributes of all headers of an EXR lie inside the file. OpenEXR 3.1 takes memory for the
-// length an attribute claims (up to 2 GiB) before it looks whether there are as many bytes.
+// length an attribute claims (up to 2 GiB) before it looks whether there are as many bytes, and for
+// whole tiles and rows, which may be no larger than 2^24 and 2^17 px here.
 // HG_E_FORMAT with the byte offset. The first 4 bytes are known to be EXR's.
 enum hg_status hg_check_exr(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;

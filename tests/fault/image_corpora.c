@@ -15,7 +15,12 @@
 #include "base/clock.h"
 #include "renderer/image/image.h"
 
-enum { seconds_per_file = 10, peak_rss_limit_mib = 1024 };
+#ifdef __SANITIZE_ADDRESS__
+enum { seconds_per_file = 30 };
+#else
+enum { seconds_per_file = 10 };
+#endif
+enum { peak_rss_limit_mib = 1024 };
 
 // 64 Mpx is far above the corpora's honest pictures; what asks for more must be refused by size.
 static const struct hg_image_limits limits = {.max_pixels = 1u << 26, .max_bytes = 1u << 28};
