@@ -9,7 +9,7 @@
 #include "renderer/light/lights.h"
 
 #define HG_SHADOW_RADIUS_PX     1.5f // of the filter
-#define HG_SHADOW_REACH_PX      3.0f // texels beside a map's edge that the filter may touch
+#define HG_SHADOW_REACH_PX      4.0f // texels past a map's edge that filter and normal offset may touch
 #define HG_SHADOW_MIN_SIDE_PX   128
 #define HG_SHADOW_SUN_SIDE_PX   2048 // wished for, per cascade
 #define HG_SHADOW_SPOT_SIDE_PX  1024

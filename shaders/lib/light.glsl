@@ -121,7 +121,10 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         vec3 p = pos_ws + n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine));
         r = hg_shadow_project(s, p, n_geometric);
         float edge = max(abs(r.ndc.x), abs(r.ndc.y));
-        inside = edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0;
+        // A face of a cube always holds what lies in its direction; the offset along the normal may
+        // take it past the edge by a texel, which the map's margin has.
+        inside = light.shadow_count == 6u ||
+            (edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0);
     } while (!inside && ++i <= last);
     float lit = hg_shadow_filter(s, r);
     return inside ? lit : 1.0;
