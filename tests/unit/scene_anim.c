@@ -1,0 +1,251 @@
+// Poses against closed forms (glTF 2.0, section 3.11 and appendix C). Every animation goes through
+// the loader.
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <cmocka.h>
+
+#include <math.h>
+
+#include "scene_memory.h"
+
+#define ROOT_HALF 0.70710678f
+
+static struct memory_gltf file;
+
+struct channel {
+    const char *path, *interpolation, *type;
+    uint32_t keys, values; // elements of the output accessor
+    const float *times, *output;
+    size_t output_bytes;
+};
+
+// One node with a mesh of two morph targets, moved by one channel.
+static struct hg_asset *load_channel(const struct channel *c)
+{
+    memset(&file, 0, sizeof file);
+    uint32_t input = memory_floats(&file, "SCALAR", c->keys, c->times, c->keys * sizeof(float));
+    uint32_t output = memory_floats(&file, c->type, c->values, c->output, c->output_bytes);
+    uint32_t zero =
+        memory_accessor(&file, -1, FLOAT, "VEC3", 3, ",\"min\":[0,0,0],\"max\":[0,0,0]");
+    char rest[1024];
+    snprintf(rest, sizeof rest,
+        "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+        "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":%u},"
+        "\"targets\":[{\"POSITION\":%u},{\"POSITION\":%u}]}]}],"
+        "\"animations\":[{\"samplers\":[{\"input\":%u,\"output\":%u%s%s%s}],"
+        "\"channels\":[{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"%s\"}}]}]",
+        zero, zero, zero, input, output, c->interpolation ? ",\"interpolation\":\"" : "",
+        c->interpolation ? c->interpolation : "", c->interpolation ? "\"" : "", c->path);
+    struct hg_asset *asset;
+    struct hg_error err;
+    if (memory_load(&file, rest, &asset, &err) != HG_OK)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    assert_int_equal(asset->animation_count, 1);
+    assert_int_equal(asset->animations[0].channel_count, 1);
+    assert_true(asset->animations[0].duration_s == (double)c->times[c->keys - 1]);
+    return asset;
+}
+
+static void expect(struct hg_asset *asset, double t, const float *pose, const float *want, int n)
+{
+    assert_int_equal(hg_asset_pose(asset, 0, t), HG_OK);
+    for (int i = 0; i < n; i++)
+        if (!(fabsf(pose[i] - want[i]) <= 2e-6f * fmaxf(1, fabsf(want[i]))))
+            fail_msg(
+                "t %g, component %d: %.8g, expected %.8g", t, i, (double)pose[i], (double)want[i]);
+}
+
+static const float times[] = {0.5f, 1, 3};
+static const float points[] = {1, -2, 4, 3, 2, 0, -5, 6, 8};
+
+static void test_step(void **state)
+{
+    (void)state;
+    const struct channel c = {"translation", "STEP", "VEC3", 3, 3, times, points, sizeof points};
+    struct hg_asset *asset = load_channel(&c);
+    const float *pose = asset->nodes[0]->translation;
+    static const struct {
+        double t;
+        int key;
+    } at[] = {{-1, 0}, {0, 0}, {0.5, 0}, {0.999, 0}, {1, 1}, {2.999, 1}, {3, 2}, {99, 2}, {0.7, 0}};
+    for (size_t i = 0; i < sizeof at / sizeof *at; i++)
+        expect(asset, at[i].t, pose, points + (size_t)at[i].key * 3, 3);
+    hg_asset_destroy(asset);
+}
+
+static void test_linear(void **state)
+{
+    (void)state;
+    static const char *const paths[] = {"translation", "scale"};
+    static const char *const names[] = {"LINEAR", NULL}; // the default is linear
+    for (int p = 0; p < 2; p++) {
+        const struct channel c = {paths[p], names[p], "VEC3", 3, 3, times, points, sizeof points};
+        struct hg_asset *asset = load_channel(&c);
+        const float *pose = p ? asset->nodes[0]->scale : asset->nodes[0]->translation;
+        for (int i = 0; i <= 40; i++) {
+            float t = -0.25f + 0.1f * (float)i, want[3];
+            float clamped = fminf(fmaxf(t, 0.5f), 3);
+            int k = clamped >= 1;
+            float s = (clamped - times[k]) / (times[k + 1] - times[k]);
+            for (int a = 0; a < 3; a++)
+                want[a] = points[k * 3 + a] * (1 - s) + points[k * 3 + 3 + a] * s;
+            expect(asset, (double)t, pose, want, 3);
+        }
+        hg_asset_destroy(asset);
+    }
+}
+
+// A turn about z by `angle` has the quaternion (0, 0, sin angle/2, cos angle/2).
+static void test_slerp(void **state)
+{
+    (void)state;
+    static const float unit[] = {0, 1, 2};
+    const float quarter = 1.57079633f;
+    // 0, 90 degrees stored with the opposite sign, 180: each quarter is the short way.
+    static const float turns[] = {0, 0, 0, 1, 0, 0, -ROOT_HALF, -ROOT_HALF, 0, 0, 1, 0};
+    const struct channel c = {"rotation", "LINEAR", "VEC4", 3, 3, unit, turns, sizeof turns};
+    struct hg_asset *asset = load_channel(&c);
+    const float *q = asset->nodes[0]->rotation;
+    for (int i = 0; i <= 20; i++) {
+        double t = i * 0.1;
+        assert_int_equal(hg_asset_pose(asset, 0, t), HG_OK);
+        float half = (float)t * quarter / 2;
+        float sign = q[2] * sinf(half) + q[3] * cosf(half) < 0 ? -1.0f : 1.0f;
+        float want[4] = {0, 0, sign * sinf(half), sign * cosf(half)};
+        expect(asset, t, q, want, 4);
+    }
+    hg_asset_destroy(asset);
+    // An arc too short for sin: still between the ends and of length 1.
+    static const float close[] = {0, 0, 0, 1, 0, 0, 1e-4f, 1, 0, 0, 2e-4f, 1};
+    const struct channel small = {"rotation", "LINEAR", "VEC4", 3, 3, unit, close, sizeof close};
+    asset = load_channel(&small);
+    expect(asset, 0.5, asset->nodes[0]->rotation, (const float[]){0, 0, 5e-5f, 1}, 4);
+    hg_asset_destroy(asset);
+}
+
+// The Hermite spline of a cubic polynomial is the polynomial itself.
+static float cubic(int axis, float t)
+{
+    static const float k[3][4] = {{1, 2, -3, 0.5f}, {0, -1, 0.25f, 0.75f}, {4, 0, 1, -1}};
+    const float *p = k[axis];
+    return p[0] + t * (p[1] + t * (p[2] + t * p[3]));
+}
+
+static float cubic_slope(int axis, float t)
+{
+    static const float k[3][3] = {{2, -6, 1.5f}, {-1, 0.5f, 2.25f}, {0, 2, -3}};
+    return k[axis][0] + t * (k[axis][1] + t * k[axis][2]);
+}
+
+static void test_cubic(void **state)
+{
+    (void)state;
+    float values[27];
+    for (int key = 0; key < 3; key++)
+        for (int a = 0; a < 3; a++) {
+            values[key * 9 + a] = cubic_slope(a, times[key]); // in-tangent
+            values[key * 9 + 3 + a] = cubic(a, times[key]);
+            values[key * 9 + 6 + a] = cubic_slope(a, times[key]); // out-tangent
+        }
+    // The first in-tangent and the last out-tangent have no meaning.
+    values[0] = values[1] = values[2] = 1e6f;
+    values[24] = values[25] = values[26] = -1e6f;
+    const struct channel c = {
+        "translation", "CUBICSPLINE", "VEC3", 3, 9, times, values, sizeof values};
+    struct hg_asset *asset = load_channel(&c);
+    for (int i = 0; i <= 40; i++) {
+        float t = -0.25f + 0.1f * (float)i, clamped = fminf(fmaxf(t, 0.5f), 3), want[3];
+        for (int a = 0; a < 3; a++)
+            want[a] = cubic(a, clamped);
+        assert_int_equal(hg_asset_pose(asset, 0, (double)t), HG_OK);
+        for (int a = 0; a < 3; a++)
+            assert_float_equal(asset->nodes[0]->translation[a], want[a], 3e-5f);
+    }
+    hg_asset_destroy(asset);
+}
+
+// Halfway with zero tangents is the mean; rotations are made unit after the spline.
+static void test_cubic_rotation(void **state)
+{
+    (void)state;
+    static const float unit[] = {0, 1};
+    static const float values[] = {0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, //
+        0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0};
+    const struct channel c = {"rotation", "CUBICSPLINE", "VEC4", 2, 6, unit, values, sizeof values};
+    struct hg_asset *asset = load_channel(&c);
+    const float *q = asset->nodes[0]->rotation;
+    expect(asset, 0.5, q, (const float[]){0, ROOT_HALF, 0, ROOT_HALF}, 4);
+    // s = 1/4: the weights are 27/32 and 5/32.
+    float n = sqrtf(27 * 27 + 5 * 5);
+    expect(asset, 0.25, q, (const float[]){0, 5 / n, 0, 27 / n}, 4);
+    expect(asset, 1, q, (const float[]){0, 1, 0, 0}, 4);
+    hg_asset_destroy(asset);
+}
+
+static void test_weights(void **state)
+{
+    (void)state;
+    static const float weights[] = {0, 1, 1, 0.5f, 0.25f, 0};
+    const struct channel c = {"weights", "LINEAR", "SCALAR", 3, 6, times, weights, sizeof weights};
+    struct hg_asset *asset = load_channel(&c);
+    const float *w = asset->nodes[0]->weights;
+    assert_non_null(w);
+    expect(asset, 0, w, weights, 2);
+    expect(asset, 0.75, w, (const float[]){0.5f, 0.75f}, 2);
+    expect(asset, 2, w, (const float[]){0.625f, 0.25f}, 2);
+    expect(asset, 7, w, weights + 4, 2);
+    hg_asset_destroy(asset);
+    // in, value, out of both targets per key
+    static const float unit[] = {0, 2};
+    static const float spline[] = {0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0};
+    const struct channel s = {
+        "weights", "CUBICSPLINE", "SCALAR", 2, 12, unit, spline, sizeof spline};
+    asset = load_channel(&s);
+    // s = 1/2: 1/2 v0 + dt/8 b0 + 1/2 v1
+    expect(asset, 1, asset->nodes[0]->weights, (const float[]){0.75f, 0.5f}, 2);
+    hg_asset_destroy(asset);
+}
+
+static void test_normalized_outputs(void **state)
+{
+    (void)state;
+    static const float unit[] = {0, 1};
+    static const int16_t turns[] = {0, 0, 0, 32767, 0, 32767, 0, 0};
+    memset(&file, 0, sizeof file);
+    memory_floats(&file, "SCALAR", 2, unit, sizeof unit);
+    uint32_t view = memory_view(&file, turns, sizeof turns, 0);
+    memory_accessor(&file, (int)view, SHORT, "VEC4", 2, ",\"normalized\":true");
+    struct hg_asset *asset;
+    struct hg_error err;
+    enum hg_status status = memory_load(&file,
+        "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}],"
+        "\"animations\":[{\"samplers\":[{\"input\":0,\"output\":1}],"
+        "\"channels\":[{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"rotation\"}}]}]",
+        &asset, &err);
+    assert_int_equal(status, HG_OK);
+    expect(asset, 0.5, asset->nodes[0]->rotation, (const float[]){0, ROOT_HALF, 0, ROOT_HALF}, 4);
+    hg_asset_destroy(asset);
+}
+
+static void test_single_key_and_numbers(void **state)
+{
+    (void)state;
+    const struct channel c = {"scale", "LINEAR", "VEC3", 1, 1, times, points, 3 * sizeof(float)};
+    struct hg_asset *asset = load_channel(&c);
+    for (int i = -1; i < 3; i++)
+        expect(asset, i, asset->nodes[0]->scale, points, 3);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    assert_int_equal(hg_asset_pose(asset, 1, 0), HG_E_NOTFOUND);
+    assert_int_equal(hg_asset_pose(asset, -2, 0), HG_E_NOTFOUND);
+    hg_asset_destroy(asset);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_step), cmocka_unit_test(test_linear),
+        cmocka_unit_test(test_slerp), cmocka_unit_test(test_cubic),
+        cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
+        cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
