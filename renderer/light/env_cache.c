@@ -10,7 +10,7 @@
 #include "base/sha256.h"
 
 #define CACHE_MAGIC   0x56454748u // "HGEV"
-#define CACHE_VERSION 1u          // raise with every change of the filters or of the layout
+#define CACHE_VERSION 2u          // raise with every change of the filters or of the layout
 #define CACHE_LIMIT   (64u << 20) // a map of the largest face size has 67 MB / 2
 
 char *hg_env_cache_path(const char *cache_dir, const uint8_t key[32])

@@ -541,7 +541,7 @@ void hg_demo_environment(struct hg_environment *environment)
     environment->kind = HG_ENV_SKY;
     memcpy(environment->sun_direction, sun_direction, sizeof sun_direction);
     hg_normalize3(environment->sun_direction);
-    environment->turbidity = 3.5f;
+    environment->turbidity = 1.2f;
     environment->intensity = 1;
 }
 

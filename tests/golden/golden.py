@@ -41,7 +41,8 @@ def render(options, row, out):
         if not os.path.exists(scene):
             return "%s is missing: the golden test needs the test data" % scene
     command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
-               "--device", "llvmpipe", "--progress", "none"]
+               "--device", "llvmpipe", "--progress", "none",
+               "--cache-dir", os.path.join(options.out, "cache")]
     for argument in row["arguments"]:
         command.append(argument.replace("DATA/", options.data + "/"))
     code, text = run(command)
@@ -88,6 +89,8 @@ def main():
     parser.add_argument("--update", action="store_true")
     options = parser.parse_args()
     os.makedirs(options.out, exist_ok=True)
+    # No cache of an older build may decide what is drawn.
+    shutil.rmtree(os.path.join(options.out, "cache"), ignore_errors=True)
     os.makedirs(os.path.join(HERE, "references"), exist_ok=True)
     with open(os.path.join(HERE, "golden.toml"), "rb") as file:
         table = tomllib.load(file)
