@@ -16,7 +16,10 @@
 
 // ---- Landlock -----------------------------------------------------------------------------------
 
-// Access rights by ABI version; newer kernels know more (Documentation/userspace-api/landlock.rst).
+// Rights of later kernels than the headers at hand may know
+// (Documentation/userspace-api/landlock.rst). The thirteen lowest bits are those of the first ABI.
+enum { HANDLED_ABI1 = (1 << 13) - 1, ACCESS_TRUNCATE = 1 << 14, TRUNCATE_ABI = 3 };
+
 static const uint64_t read_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
 static const uint64_t library_access =
     LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_EXECUTE;
@@ -24,29 +27,36 @@ static const uint64_t cache_access =
     LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_WRITE_FILE |
     LANDLOCK_ACCESS_FS_REMOVE_FILE | LANDLOCK_ACCESS_FS_REMOVE_DIR | LANDLOCK_ACCESS_FS_MAKE_REG |
     LANDLOCK_ACCESS_FS_MAKE_DIR;
-static const uint64_t device_access =
-    LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
-enum { HANDLED_ABI1 = (1 << 13) - 1 }; // the thirteen rights of the first version
+static const uint64_t device_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE |
+                                      LANDLOCK_ACCESS_FS_READ_DIR | ACCESS_TRUNCATE;
 
-static void allow(int ruleset, const char *path, uint64_t access)
+struct ruleset {
+    int fd;
+    uint64_t handled; // rights that this kernel restricts
+};
+
+static void allow(const struct ruleset *ruleset, const char *path, uint64_t access)
 {
-    struct landlock_path_beneath_attr rule = {.allowed_access = access};
+    struct landlock_path_beneath_attr rule = {.allowed_access = access & ruleset->handled};
     rule.parent_fd = open(path, O_PATH | O_CLOEXEC);
     if (rule.parent_fd < 0)
         return; // what does not exist needs no permission
     struct stat st;
     if (fstat(rule.parent_fd, &st) == 0 && !S_ISDIR(st.st_mode))
         rule.allowed_access &= LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE |
-                               LANDLOCK_ACCESS_FS_EXECUTE;
-    if (syscall(SYS_landlock_add_rule, ruleset, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) != 0)
+                               LANDLOCK_ACCESS_FS_EXECUTE | ACCESS_TRUNCATE;
+    if (syscall(SYS_landlock_add_rule, ruleset->fd, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) != 0)
         hg_warn(WORKER, "landlock: %s: %s", path, strerror(errno));
     close(rule.parent_fd);
 }
 
-static void allow_folders(int ruleset, const struct worker_options *o)
+static void allow_folders(const struct ruleset *ruleset, const struct worker_options *o)
 {
-    static const char *const libraries[] = {"/usr", "/lib", "/lib64", "/etc", "/opt"};
-    static const char *const readable[] = {"/proc", "/sys", "/run/nvidia-persistenced"};
+    static const char *const libraries[] = {"/usr", "/lib", "/lib64", "/opt"};
+    // Of /etc only what the loader and drivers read: tokens and keys of others may lie there.
+    static const char *const readable[] = {"/proc", "/sys", "/run/nvidia-persistenced",
+        "/etc/ld.so.cache", "/etc/alternatives", "/etc/vulkan", "/etc/glvnd", "/etc/xdg",
+        "/etc/drirc", "/etc/nvidia", "/etc/localtime"};
     static const char *const devices[] = {"/dev/dri", "/dev/null", "/dev/zero", "/dev/urandom",
         "/dev/shm", "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
         "/dev/nvidia-uvm-tools", "/dev/kfd"};
@@ -66,13 +76,17 @@ static void allow_folders(int ruleset, const struct worker_options *o)
 
 static bool enter_landlock(const struct worker_options *o)
 {
-    struct landlock_ruleset_attr attr = {.handled_access_fs = HANDLED_ABI1};
-    long ruleset = syscall(SYS_landlock_create_ruleset, &attr, sizeof attr, 0);
-    if (ruleset < 0)
+    long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
+    struct ruleset ruleset = {.handled = HANDLED_ABI1};
+    if (abi >= TRUNCATE_ABI)
+        ruleset.handled |= ACCESS_TRUNCATE;
+    struct landlock_ruleset_attr attr = {.handled_access_fs = ruleset.handled};
+    ruleset.fd = (int)syscall(SYS_landlock_create_ruleset, &attr, sizeof attr, 0);
+    if (ruleset.fd < 0)
         return false;
-    allow_folders((int)ruleset, o);
-    bool entered = syscall(SYS_landlock_restrict_self, (int)ruleset, 0) == 0;
-    close((int)ruleset);
+    allow_folders(&ruleset, o);
+    bool entered = syscall(SYS_landlock_restrict_self, ruleset.fd, 0) == 0;
+    close(ruleset.fd);
     return entered;
 }
 
