@@ -5,7 +5,7 @@
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
-    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++)
         if (s->uploads[i] && memcmp(hg_upload_hash(s->uploads[i]), hash, 32) == 0)
             return &s->uploads[i];
     return NULL;
@@ -13,7 +13,7 @@ static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32]
 
 static struct hg_upload **free_slot(struct hg_session *s)
 {
-    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++)
         if (!s->uploads[i])
             return &s->uploads[i];
     return NULL;
@@ -116,7 +116,7 @@ void hg_session_upload_query(
 
 void hg_session_abort_uploads(struct hg_session *s)
 {
-    for (int i = 0; i < HG_UPLOADS_AT_ONCE; i++) {
+    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++) {
         hg_upload_abort(s->uploads[i]);
         s->uploads[i] = NULL;
     }
