@@ -20,6 +20,18 @@ struct hg_image {
     void *pixels;                // owned; hg_free
 };
 
+// An image that is made on demand, for textures that no file could hold.
+struct hg_image_tiles {
+    uint32_t width, height;      // px
+    enum hg_pixel_format format; // RGBA8 or RGBA32F
+    uint8_t id[32];              // hash of what is made: equal ids give equal pixels
+    // Fills a rectangle of a mip (sides max(1, side >> mip)), rows tight. It lies inside the mip.
+    // Called by many threads at once. False: it cannot be made.
+    bool (*make)(void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
+        void *pixels);
+    void *user;
+};
+
 struct hg_image_limits {
     uint32_t max_side_px; // default 32768
     uint64_t max_pixels;  // default 2^28

@@ -40,7 +40,8 @@ struct hg_image_source {
     struct hg_refbuf *encoded; // bytes of an image file, or NULL
     char *path;                // image file on disk (already checked to lie in the roots), or NULL
     struct hg_image pixels;    // or decoded pixels (client-made, procedural)
-    bool pixels_srgb;          // transfer of `pixels`; files: decided by the slot
+    bool pixels_srgb;          // transfer of `pixels` and `tiles`; files: decided by the slot
+    const struct hg_image_tiles *tiles; // or made on demand; borrowed, outlives the scene
 };
 
 struct hg_texture {

@@ -319,7 +319,7 @@ enum hg_status hg_mips_build(
     const struct hg_image *image, const struct hg_mips_params *params, struct hg_mips *out)
 {
     memset(out, 0, sizeof *out);
-    if (image->width == 0 || image->height == 0 || image->width > 65536 || image->height > 65536)
+    if (image->width == 0 || image->height == 0 || image->width > 131072 || image->height > 131072)
         return HG_E_INVAL;
     pthread_once(&tables_once, make_tables);
     struct hg_mips m = {.width = image->width,

@@ -6,7 +6,7 @@
 #include "renderer/image/image.h"
 #include "renderer/texture/textures.h"
 
-#define HG_MIPS_MAX 17
+#define HG_MIPS_MAX 18
 
 struct hg_mips {
     uint32_t width, height, count; // of mip 0; mips down to 1x1, sides rounded down
@@ -31,7 +31,7 @@ uint32_t hg_mips_side(uint32_t side, uint32_t mip);
 // linear light, from unrounded values of the mip above.
 // RGBA8 gives RGBA8 in the same transfer unless `half`; RGBA16 and RGBA32F give linear RGBA16F,
 // infinities and values above 65504 are cut, NaN becomes 0.
-// HG_E_INVAL (empty, or a side above 65536), HG_E_NOMEM. *out is zeroed on failure.
+// HG_E_INVAL (empty, or a side above 131072), HG_E_NOMEM. *out is zeroed on failure.
 // Sources: area-average filter for sizes that are no powers of two: Guthe and Heckbert 2005,
 // "Non-Power-of-Two Mipmapping"; alpha coverage: Castano 2010, "Computing Alpha Mipmaps".
 enum hg_status hg_mips_build(const struct hg_image *image, const struct hg_mips_params *params,

@@ -15,7 +15,7 @@ struct hg_page_layout {
     uint32_t entries;   // of the page table; those without a page are never read
 };
 
-// width, height: 1..65536.
+// width, height: 1..131072.
 struct hg_page_layout hg_page_layout_of(uint32_t width, uint32_t height);
 // Place of a page in the table, relative to the texture's first entry.
 uint32_t hg_page_entry(const struct hg_page_layout *layout, uint32_t page);
