@@ -23,7 +23,8 @@ import sys
 # Rooms by the longest matching folder. Files directly in renderer/ are the facade.
 FLOORS = {
     "base": 0, "shaders/shared": 0,
-    "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "renderer/store": 1, "shaders/lib": 1,
+    "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "renderer/store": 1,
+    "renderer/residency": 1, "shaders/lib": 1,
     "renderer/scene": 2, "renderer/texture": 2, "renderer/geometry": 2, "renderer/light": 2,
     "renderer/trace": 2, "shaders/passes": 2,
     "renderer/passes": 3,
