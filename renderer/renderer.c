@@ -14,10 +14,10 @@
 #include "renderer/passes/visibility.h"
 #include "shaders/shared/pick.h"
 
-#define DEFAULT_WIDTH   1280
-#define DEFAULT_HEIGHT  720
-#define DEFAULT_SAMPLES 32
-#define MAX_SAMPLES     65536
+#define DEFAULT_WIDTH    1280
+#define DEFAULT_HEIGHT   720
+#define DEFAULT_SAMPLES  32
+#define DEFAULT_ERROR_PX 1.0f
 
 // --- renderer ------------------------------------------------------------------------------------
 
@@ -49,6 +49,8 @@ static enum hg_status init(
         .cache_dir = r->cache_dir,
         .texture_budget_bytes = params->texture_budget_bytes,
         .geometry_budget_bytes = params->geometry_budget_bytes,
+        .host_budget_bytes = params->host_budget_bytes,
+        .cache_limit_bytes = params->cache_limit_bytes,
         .no_culling = culling != NULL && strcmp(culling, "off") == 0,
         .no_tables = tables != NULL && strcmp(tables, "off") == 0};
     return status;
@@ -149,7 +151,13 @@ static enum hg_status check_params(const struct hg_view_params *p, struct hg_err
         if (!(p->background_color[i] >= 0.0f && p->background_color[i] <= 65504.0f))
             return bad(err, "view", "background_color");
     }
-    return p->samples <= MAX_SAMPLES ? HG_OK : bad(err, "view", "samples");
+    if ((unsigned)p->debug > HG_DEBUG_OVERDRAW)
+        return bad(err, "view", "debug");
+    if (p->error_px != 0.0f && !(p->error_px >= 0.01f && p->error_px <= 1024.0f))
+        return bad(err, "view", "error_px");
+    if (!(p->target_ms >= 0.0f && p->target_ms <= 1e5f))
+        return bad(err, "view", "target_ms");
+    return p->samples <= HG_VIEW_MAX_SAMPLES ? HG_OK : bad(err, "view", "samples");
 }
 
 enum hg_status hg_view_set_params(
@@ -168,6 +176,14 @@ enum hg_status hg_view_set_params(
     s.exposure = exp2f(p->exposure_ev);
     s.samples = p->samples > 0 ? p->samples : DEFAULT_SAMPLES;
     s.seed = p->seed;
+    s.debug = (uint32_t)p->debug;
+    s.error_px = p->error_px > 0 ? p->error_px : DEFAULT_ERROR_PX;
+    s.target_ms = p->target_ms;
+    if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
+        s.samples = 1;
+        s.exposure = 1.0f;
+        s.tonemap = HG_FRAME_TONEMAP_LINEAR;
+    }
     return hg_view_state_set(&view->state, &s, err);
 }
 
@@ -256,6 +272,7 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .width = s->settings.width,
         .height = s->settings.height,
         .samples = s->samples,
+        .error_px = s->settings.error_px,
         .settled = hg_view_state_settled(s),
         .triangles_total = geometry.triangles_total,
         .triangles_drawn = s->triangles_drawn};

@@ -20,11 +20,13 @@ struct hg_view;
 
 struct hg_renderer_params {
     const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
-    const char *cache_dir;  // shader and environment caches; NULL = none
+    const char *cache_dir;  // shader, environment, page and cluster caches; NULL = none
     const char *shader_dir; // recompile GLSL from here at run time; NULL = embedded SPIR-V
     uint64_t texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
-    bool validation;  // Vulkan validation layers with synchronization validation
-    unsigned threads; // CPU jobs; 0 = one per core
+    uint64_t host_budget_bytes; // decoded pages and clusters on their way; 0 = unlimited
+    uint64_t cache_limit_bytes; // page packs and cluster files under cache_dir; 0 = unlimited
+    bool validation;            // Vulkan validation layers with synchronization validation
+    unsigned threads;           // CPU jobs; 0 = one per core
 };
 
 // HG_E_DEVICE with the reason when no Vulkan 1.3 device fits. HG_E_NOMEM.
@@ -43,6 +45,17 @@ uint32_t hg_renderer_validation_messages(const struct hg_renderer *renderer);
 
 enum hg_tonemap { HG_TONEMAP_ACES, HG_TONEMAP_AGX, HG_TONEMAP_PBR_NEUTRAL, HG_TONEMAP_LINEAR };
 enum hg_background { HG_BACKGROUND_ENV, HG_BACKGROUND_NONE, HG_BACKGROUND_COLOR };
+enum hg_debug_view { // as the protocol's debug_view
+    HG_DEBUG_OFF,
+    HG_DEBUG_MIP,
+    HG_DEBUG_RESIDENCY,
+    HG_DEBUG_MISSING,
+    HG_DEBUG_CLUSTER,
+    HG_DEBUG_LOD,
+    HG_DEBUG_OVERDRAW,
+};
+
+#define HG_VIEW_MAX_SAMPLES 65536 // also the limit of the protocol
 
 struct hg_view_params {     // zero of each field = default
     uint32_t width, height; // px, 1..16384; default 1280 x 720
@@ -52,6 +65,9 @@ struct hg_view_params {     // zero of each field = default
     float background_color[3]; // linear
     uint32_t samples;          // per pixel until settled; default 32
     uint32_t seed;
+    enum hg_debug_view debug; // other than OFF: one sample per pixel, no tone curve
+    float error_px;           // greatest projected error of geometry, 0.01..1024; default 1
+    float target_ms;          // frame time in motion that quality gives way to; 0 = none
 };
 
 struct hg_view_camera {             // world space, metres
@@ -87,6 +103,8 @@ struct hg_frame_info {
     uint32_t width, height;
     uint32_t samples; // accumulated per pixel
     uint32_t missing_pages, missing_clusters;
+    float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
+    float error_px; // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     uint64_t triangles_total, triangles_drawn;
     uint32_t stage_count;
@@ -124,7 +142,7 @@ struct hg_bench_pose {
     float eye[3], target[3]; // metres
 };
 
-struct hg_bench_realtime { // zero of each field = default
+struct hg_bench_realtime {  // zero of each field = default
     uint32_t width, height; // px; 1280 x 720
     float vfov_rad;         // 45 degrees
     uint32_t rounds;        // walks along the path that are measured; 3. One more warms up

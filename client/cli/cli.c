@@ -184,6 +184,14 @@ static enum hg_status add_cache_dir(struct worker_args *args, const char *given)
 
 static enum hg_status add_options(struct worker_args *args, const struct hg_cli_options *o)
 {
+    const struct {
+        const char *option;
+        bool has;
+        uint32_t mib;
+    } sizes[] = {{"--texture-budget", o->has_texture_budget, o->texture_budget},
+        {"--geometry-budget", o->has_geometry_budget, o->geometry_budget},
+        {"--host-budget", o->has_host_budget, o->host_budget},
+        {"--cache-limit", o->has_cache_limit, o->cache_limit}};
     char number[16];
     enum hg_status status = add_cache_dir(args, o->cache_dir);
     for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {
@@ -191,13 +199,10 @@ static enum hg_status add_options(struct worker_args *args, const struct hg_cli_
         if (realpath(o->asset_root.items[i], full)) // checked before
             status = add_arg(args, "--asset-root", full);
     }
-    if (!status && o->has_texture_budget) {
-        snprintf(number, sizeof number, "%u", o->texture_budget);
-        status = add_arg(args, "--texture-budget", number);
-    }
-    if (!status && o->has_geometry_budget) {
-        snprintf(number, sizeof number, "%u", o->geometry_budget);
-        status = add_arg(args, "--geometry-budget", number);
+    for (size_t i = 0; !status && i < sizeof sizes / sizeof *sizes; i++) {
+        snprintf(number, sizeof number, "%u", sizes[i].mib);
+        if (sizes[i].has)
+            status = add_arg(args, sizes[i].option, number);
     }
     if (!status && o->device)
         status = add_arg(args, "--device", o->device);
@@ -220,6 +225,8 @@ static enum hg_status refuse_worker_options(const struct hg_cli_options *o, stru
 {
     const char *name = o->has_texture_budget    ? "--texture-budget"
                        : o->has_geometry_budget ? "--geometry-budget"
+                       : o->has_host_budget     ? "--host-budget"
+                       : o->has_cache_limit     ? "--cache-limit"
                        : o->has_device          ? "--device"
                        : o->has_asset_root      ? "--asset-root"
                        : o->has_cache_dir       ? "--cache-dir"

@@ -257,10 +257,16 @@ static enum hg_status set_view(struct render *r, struct hg_error *err)
         .samples = o->has_samples ? o->samples : o->spp,
         .has_seed = o->has_seed,
         .seed = o->seed,
+        .has_error_px = o->has_error_px,
+        .error_px = (float)o->error_px,
     };
     if (o->has_mode && hgp_enum_value("render_mode", o->mode, &value)) {
         view.has_mode = true;
         view.mode = (enum hgp_render_mode)value;
+    }
+    if (o->has_debug_view && hgp_enum_value("debug_view", o->debug_view, &value)) {
+        view.has_debug_view = true;
+        view.debug_view = (enum hgp_debug_view)value;
     }
     if (o->has_tonemap && hgp_enum_value("tonemap", o->tonemap, &value)) {
         view.has_tonemap = true;

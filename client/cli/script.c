@@ -278,6 +278,25 @@ static enum hg_status set_mode(struct words *w, struct hg_cli_step *s, struct hg
     return status;
 }
 
+static enum hg_status set_debug_view(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    uint32_t value = 0;
+    enum hg_status status = take_enum(w, "debug_view", &value, err);
+    s->view.has_debug_view = !status;
+    s->view.debug_view = (enum hgp_debug_view)value;
+    return status;
+}
+
+static enum hg_status set_error_px(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(w, "error-px", 0.01, 1024, &s->view.error_px, &s->view.has_error_px, err);
+}
+
+static enum hg_status set_target_ms(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(w, "target-ms", 0, 1e5, &s->view.target_ms, &s->view.has_target_ms, err);
+}
+
 static enum hg_status set_exposure(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     return take_f32_in(w, "exposure", -32, 32, &s->view.exposure_ev, &s->view.has_exposure_ev, err);
@@ -417,7 +436,8 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
     } keys[] = {{"size", set_size}, {"background", set_background}, {"tonemap", set_tonemap},
         {"mode", set_mode}, {"exposure", set_exposure}, {"samples", set_samples},
         {"seed", set_seed}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
-        {"material", set_material}};
+        {"material", set_material}, {"debug-view", set_debug_view}, {"error-px", set_error_px},
+        {"target-ms", set_target_ms}};
     s->kind = HG_CLI_STEP_VIEW;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (accept(w, keys[i].key))

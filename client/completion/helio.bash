@@ -13,6 +13,7 @@ _helio()
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --trace') COMPREPLY=($(compgen -W 'embree compute khr' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
+    'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'compare --metric') COMPREPLY=($(compgen -W 'psnr ssim flip rmse max' -- "$cur")); return ;;
@@ -21,11 +22,11 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --quality --frames --fps --stats --aov --camera --orbit --eye --target --fov --mode --samples --spp --noise --trace --time --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --device --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --quality --frames --fps --stats --aov --camera --orbit --eye --target --fov --mode --samples --spp --noise --trace --time --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     info) options='--scene --json --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
-    run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --device --log --progress --help' ;;
-    bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --device --log --progress --help' ;;
+    run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;
     sessions) options='--json --connect --token --token-file --timeout --help' ;;

@@ -49,6 +49,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -441,9 +442,12 @@ export const messages = {
             { name: "exposure_ev", kind: "f32", least: -32, most: 32, since: 1, optional: true },
             { name: "background", kind: "enum", values: "background", since: 1, optional: true },
             { name: "background_color", kind: "vec3", since: 1, optional: true },
-            { name: "samples", kind: "u32", least: 1, most: 1048576, since: 1, optional: true },
+            { name: "samples", kind: "u32", least: 1, most: 65536, since: 1, optional: true },
             { name: "seed", kind: "u32", least: 0, most: 4294967295, since: 1, optional: true },
             { name: "max_fps", kind: "f32", least: 0.01, most: 1e+03, since: 1, optional: true },
+            { name: "debug_view", kind: "enum", values: "debug_view", since: 1, optional: true },
+            { name: "error_px", kind: "f32", least: 0.01, most: 1024, since: 1, optional: true },
+            { name: "target_ms", kind: "f32", least: 0, most: 1e+05, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -515,6 +519,8 @@ export const messages = {
             { name: "hash", kind: "hash", since: 1, optional: true },
             { name: "stages", kind: "list", items: "stage_time", max: 64, since: 1 },
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
+            { name: "mip_bias", kind: "f32", least: 0, most: 32, since: 1, optional: true },
+            { name: "error_px", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
         ],
     },
     // what is under a pixel of the newest frame?
@@ -626,6 +632,13 @@ export const messages = {
         type: 0x040d, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
         fields: [
             { name: "name", kind: "str", max: 64, since: 1 },
+            { name: "options", kind: "str", max: 65536, since: 1 },
+        ],
+    },
+    // make the page packs and cluster files of the scene's assets in the worker's cache; progress, then json; private workers only
+    bake: {
+        type: 0x040e, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
             { name: "options", kind: "str", max: 65536, since: 1 },
         ],
     },

@@ -4,10 +4,12 @@
 
 #include "base/clock.h"
 #include "renderer/frame/view.h"
+#include "renderer/passes/debug.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
+#include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
@@ -235,6 +237,26 @@ static enum hg_status record_layers(
     return status;
 }
 
+// A debug view takes one sample through the pixels' centres and needs no light.
+static enum hg_status record_debug(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    hg_frame_fill(view, 0, false, 0);
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const bool counts = view->settings.debug == HG_DEBUG_VIEW_OVERDRAW;
+    enum hg_status status = hg_visibility_record(&pass, &view->ranges, &target, err);
+    if (status == HG_OK && counts)
+        status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+    if (status == HG_OK && counts)
+        status = hg_visibility_record_overdraw(&pass, &view->ranges, &view->layer_color, err);
+    const struct hg_debug debug = {.view = view->settings.debug,
+        .visibility = &view->visibility,
+        .counts = counts ? &view->layer_color : NULL,
+        .target = &view->accumulated};
+    return status == HG_OK ? hg_debug_record(&pass, &debug, err) : status;
+}
+
 static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     uint32_t sample, uint32_t slot, struct hg_error *err)
 {
@@ -273,6 +295,8 @@ enum hg_status hg_frame_record(
     enum hg_status status = cull(view, err);
     if (status == HG_OK)
         status = hg_skin_record(cmd, view->rooms->geometry, err);
+    if (status == HG_OK && view->settings.debug != 0)
+        return record_debug(view, cmd, err);
     if (status == HG_OK)
         status = record_shadows(view, cmd, err);
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)

@@ -14,7 +14,8 @@ struct hg_frame_context {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     const char *cache_dir; // NULL = none
-    uint64_t texture_budget_bytes, geometry_budget_bytes;
+    uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
+    uint64_t cache_limit_bytes; // of page packs and cluster files; 0 = unlimited
     struct hg_rooms *rooms; // list of all scenes in use
     bool no_culling;        // draw everything, for tests
     bool no_tables;         // reach every table by address, as GPUs do, for tests

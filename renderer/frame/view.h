@@ -23,6 +23,9 @@ struct hg_view_settings {
     float exposure;   // linear factor
     uint32_t samples; // per pixel until settled, >= 1
     uint32_t seed;
+    uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
+    float error_px;  // greatest projected error of geometry
+    float target_ms; // frame time in motion that quality gives way to; 0 = none
 };
 
 // In scene space; jitter and near and far are filled in by each step.

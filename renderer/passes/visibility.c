@@ -3,7 +3,7 @@
 #include "shaders/shared/features.h"
 
 // How a range is drawn. Values are also the specialisation constant of visibility_alpha.frag.
-enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, VARIANTS };
+enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, VARIANTS, OVERDRAW };
 
 static const VkPrimitiveTopology topologies[3] = {VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
     VK_PRIMITIVE_TOPOLOGY_LINE_LIST, VK_PRIMITIVE_TOPOLOGY_POINT_LIST};
@@ -17,6 +17,18 @@ static struct hg_gpu_pipeline_params pipeline_of(
     enum variant variant, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     const bool textured = variant != SOLID;
+    if (variant == OVERDRAW) {
+        return (struct hg_gpu_pipeline_params){
+            .vertex = "visibility.vert",
+            .fragment = "overdraw.frag",
+            .spec = {0, tables, features},
+            .spec_count = 3,
+            .colors = {VK_FORMAT_R32G32B32A32_SFLOAT},
+            .color_count = 1,
+            .topology = topology,
+            .blend = HG_GPU_BLEND_ADD,
+        };
+    }
     return (struct hg_gpu_pipeline_params){
         .vertex = "visibility.vert",
         .fragment = textured ? "visibility_alpha.frag" : "visibility.frag",
@@ -122,6 +134,23 @@ enum hg_status hg_visibility_record_pick(struct hg_pass *pass, const struct hg_d
     for (uint32_t c = HG_DRAW_CLASS_OPAQUE; c <= HG_DRAW_CLASS_BLEND && status == HG_OK; c++)
         status = draw_class(pass, ranges, (enum hg_draw_class)c, variants[c], err);
     hg_gpu_cmd_end_rendering(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
+    const struct hg_draw_ranges *ranges, struct hg_gpu_image *counts, struct hg_error *err)
+{
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_rendering rendering = {
+        .colors = {{.image = counts, .clear = true}}, .color_count = 1};
+    hg_gpu_cmd_begin_stage(pass->cmd, "overdraw");
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    for (uint32_t c = HG_DRAW_CLASS_OPAQUE; c <= HG_DRAW_CLASS_BLEND && status == HG_OK; c++)
+        status = draw_class(pass, ranges, (enum hg_draw_class)c, OVERDRAW, err);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 

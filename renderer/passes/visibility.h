@@ -28,6 +28,10 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass, const struct hg_
 // Everything that can be seen, blended surfaces as if opaque, inside `area` only: for picking.
 enum hg_status hg_visibility_record_pick(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
     const struct hg_visibility_target *target, VkRect2D area, struct hg_error *err) HG_MUST_CHECK;
+// Adds 1 to each channel of `counts` (RGBA32F, cleared first) for every surface behind a pixel.
+enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
+    const struct hg_draw_ranges *ranges, struct hg_gpu_image *counts,
+    struct hg_error *err) HG_MUST_CHECK;
 // All pipelines of this pass. *count = how many.
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;

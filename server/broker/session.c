@@ -228,6 +228,7 @@ static enum hg_status check_relay(struct hg_session *s, const struct hg_packet *
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
     switch (packet->header.type) {
     case HGP_T_bench:
+    case HGP_T_bake:
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
     case HGP_T_asset_load:

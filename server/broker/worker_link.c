@@ -67,6 +67,8 @@ static void make_arguments(struct arguments *a, const struct hg_broker *b, const
     add_mib(a, "--memory-limit", o->memory_limit_bytes);
     add_mib(a, "--texture-budget", o->texture_budget_bytes);
     add_mib(a, "--geometry-budget", o->geometry_budget_bytes);
+    add_mib(a, "--host-budget", o->host_budget_bytes);
+    add_mib(a, "--cache-limit", o->cache_limit_bytes);
     add_text(a, "--device", o->device);
     add_text(a, "--log", o->log);
     add_text(a, "--shader-dir", o->shader_dir);

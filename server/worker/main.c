@@ -29,6 +29,8 @@ static const struct option long_options[] = {
     {"memory-limit", required_argument, NULL, 'm'},
     {"texture-budget", required_argument, NULL, 't'},
     {"geometry-budget", required_argument, NULL, 'g'},
+    {"host-budget", required_argument, NULL, 'h'},
+    {"cache-limit", required_argument, NULL, 'C'},
     {"device", required_argument, NULL, 'd'},
     {"log", required_argument, NULL, 'l'},
     {"validation", no_argument, NULL, 'v'},
@@ -85,6 +87,10 @@ static bool apply_option(struct worker_options *o, int option)
         return parse_mib(optarg, &o->texture_budget_bytes);
     case 'g':
         return parse_mib(optarg, &o->geometry_budget_bytes);
+    case 'h':
+        return parse_mib(optarg, &o->host_budget_bytes);
+    case 'C':
+        return parse_mib(optarg, &o->cache_limit_bytes);
     case 'd':
         o->device = optarg;
         return true;

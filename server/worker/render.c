@@ -51,6 +51,8 @@ enum hg_status serve_need_renderer(struct serve *s, struct hg_error *err)
             .shader_dir = o->shader_dir,
             .texture_budget_bytes = o->texture_budget_bytes,
             .geometry_budget_bytes = o->geometry_budget_bytes,
+            .host_budget_bytes = o->host_budget_bytes,
+            .cache_limit_bytes = o->cache_limit_bytes,
             .validation = o->validation,
         },
         &s->renderer, err);

@@ -64,6 +64,12 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->samples = m->samples;
     if (m->has_seed)
         p->seed = m->seed;
+    if (m->has_debug_view)
+        p->debug = (enum hg_debug_view)m->debug_view;
+    if (m->has_error_px)
+        p->error_px = m->error_px;
+    if (m->has_target_ms)
+        p->target_ms = m->target_ms;
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
@@ -241,6 +247,11 @@ void view_credit(const struct request *r)
 
 // ---- frames -------------------------------------------------------------------------------------
 
+static float asked_error_px(const struct hg_view_params *p)
+{
+    return p->error_px > 0 ? p->error_px : 1;
+}
+
 static enum hg_status queue_frame(struct serve *s, struct session *session, struct view_slot *view,
     const struct frame_wait *what, struct hg_error *err)
 {
@@ -273,6 +284,10 @@ static enum hg_status queue_frame(struct serve *s, struct session *session, stru
         .missing_pages = info->missing_pages,
         .missing_clusters = info->missing_clusters,
         .settled = info->settled,
+        .has_mip_bias = info->mip_bias > 0,
+        .mip_bias = info->mip_bias,
+        .has_error_px = info->error_px > asked_error_px(&view->params),
+        .error_px = info->error_px,
     };
     while ((status = hg_queue_push(&s->w->encode, job)) == HG_E_AGAIN)
         hg_clock_sleep_ns(500000); // at most a few frames are under way; the encoder is catching up

@@ -23,6 +23,7 @@ struct worker_options {
     const char *shader_dir; // NULL: embedded shaders
     const char *device;     // NULL: best
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
+    uint64_t host_budget_bytes, cache_limit_bytes;
     bool no_sandbox, device_info, validation, warm_up;
 };
 

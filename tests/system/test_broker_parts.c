@@ -68,14 +68,16 @@ static void options_from_flags_and_file(void **state)
     char config[200];
     snprintf(config, sizeof config, "--config=%s", path_of("conf"));
     const char *argv[] = {"heliod", "--max-pixels", "12345", config, "--texture-budget=64",
-        "--require-token", "--no-sandbox"};
-    assert_int_equal(parse(&o, &err, 7, argv), HG_OK);
+        "--require-token", "--no-sandbox", "--host-budget=96"};
+    assert_int_equal(parse(&o, &err, 8, argv), HG_OK);
     assert_int_equal(o.max_views, 7);
     assert_int_equal(o.max_pixels, 12345);
     assert_int_equal(o.asset_root.count, 2);
     assert_string_equal(o.asset_root.items[0], "/a b");
     assert_true(o.peer_timeout_ns == 1500000000u);
     assert_true(o.texture_budget_bytes == 64u << 20);
+    assert_true(o.host_budget_bytes == 96u << 20);
+    assert_true(o.cache_limit_bytes == (uint64_t)32768 << 20);
     assert_true(o.require_token && !o.sandbox);
     assert_true(o.max_message_bytes == HGP_LIMIT_OPEN_DEFAULT);
     hg_options_finish(&o);

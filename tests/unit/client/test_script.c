@@ -40,6 +40,9 @@ static void test_good(void **state)
                "set env sky turbidity 3 rotation 90\n"
                "set background 0.1,0.2,0.3\n"
                "set tonemap pbr-neutral\n"
+               "set debug-view lod\n"
+               "set error-px 0.5\n"
+               "set target-ms 40\n"
                "set node box translation 1 2 3 visible no\n"
                "set material 1:4 base_color 1,0,0,1 roughness 0.5\n"
                "camera orbit 0,90,2 target 0 1 0 fov 30\n"
@@ -55,7 +58,7 @@ static void test_good(void **state)
                "expect pick 10 20 nothing\n"
                "expect hash 00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff",
         &s);
-    assert_int_equal(s.count, 21);
+    assert_int_equal(s.count, 24);
     assert_int_equal(s.steps[0].kind, HG_CLI_STEP_CONNECT);
     assert_int_equal(s.steps[0].line, 3);
     assert_string_equal(s.steps[1].path, "a b/x y.glb");
@@ -66,20 +69,23 @@ static void test_good(void **state)
     assert_true(fabs(s.steps[4].environment.rotation_rad - 1.5707963f) < 1e-6);
     assert_int_equal(s.steps[5].view.background, HGP_background_COLOR);
     assert_int_equal(s.steps[6].view.tonemap, HGP_tonemap_PBR_NEUTRAL);
-    assert_true(s.steps[7].node.has_visible && !s.steps[7].node.visible);
-    assert_true(s.steps[7].node.translation[2] == 3);
-    assert_true(s.steps[8].material.has_roughness && s.steps[8].material.base_color[0] == 1);
-    assert_true(fabs(s.steps[9].camera.eye[2] - 2) < 1e-6 && s.steps[9].camera.eye[1] == 1);
-    assert_true(s.steps[10].camera.eye[1] == 2);
-    assert_int_equal(s.steps[11].kind, HG_CLI_STEP_CAMERA_NODE);
-    assert_int_equal(s.steps[12].kind, HG_CLI_STEP_CAMERA_FIT);
-    assert_int_equal(s.steps[13].asset, 2);
-    assert_true(s.steps[14].kind == HG_CLI_STEP_FRAME && !s.steps[14].path);
-    assert_true(s.steps[15].now);
-    assert_true(s.steps[16].op == HG_CLI_OP_GE && s.steps[16].number == 40);
-    assert_string_equal(s.steps[16].text, "expect psnr ref.png >= 40");
-    assert_string_equal(s.steps[18].name, "a box");
-    assert_null(s.steps[19].name);
+    assert_true(s.steps[7].view.has_debug_view && s.steps[7].view.debug_view == HGP_debug_view_LOD);
+    assert_true(s.steps[8].view.has_error_px && s.steps[8].view.error_px == 0.5f);
+    assert_true(s.steps[9].view.has_target_ms && s.steps[9].view.target_ms == 40);
+    assert_true(s.steps[10].node.has_visible && !s.steps[10].node.visible);
+    assert_true(s.steps[10].node.translation[2] == 3);
+    assert_true(s.steps[11].material.has_roughness && s.steps[11].material.base_color[0] == 1);
+    assert_true(fabs(s.steps[12].camera.eye[2] - 2) < 1e-6 && s.steps[12].camera.eye[1] == 1);
+    assert_true(s.steps[13].camera.eye[1] == 2);
+    assert_int_equal(s.steps[14].kind, HG_CLI_STEP_CAMERA_NODE);
+    assert_int_equal(s.steps[15].kind, HG_CLI_STEP_CAMERA_FIT);
+    assert_int_equal(s.steps[16].asset, 2);
+    assert_true(s.steps[17].kind == HG_CLI_STEP_FRAME && !s.steps[17].path);
+    assert_true(s.steps[18].now);
+    assert_true(s.steps[19].op == HG_CLI_OP_GE && s.steps[19].number == 40);
+    assert_string_equal(s.steps[19].text, "expect psnr ref.png >= 40");
+    assert_string_equal(s.steps[21].name, "a box");
+    assert_null(s.steps[22].name);
     hg_cli_script_finish(&s);
 }
 
@@ -98,6 +104,8 @@ static void test_bad(void **state)
         {"load ${", "without a name"},
         {"load ${}", "without a name"},
         {"set", "what to set is missing"},
+        {"set debug-view shiny", "'shiny' is not a debug_view"},
+        {"set error-px 0", "error-px"},
         {"set colour red", "'colour' cannot be set"},
         {"set size 640", "not a size"},
         {"set env x.hdr brightness 3", "'brightness'"},

@@ -1,0 +1,21 @@
+// debug.h - pictures of what the renderer does instead of what it shows: mips, residency, clusters,
+// levels of detail, overdraw. Floor 3.
+//
+// Colours are linear and meant to be shown as they are (HG_TONEMAP_LINEAR, exposure 1). The legend
+// is in docs/client.md. Blended surfaces are left out, except by overdraw.
+#ifndef HG_RENDERER_PASSES_DEBUG_H
+#define HG_RENDERER_PASSES_DEBUG_H
+
+#include "renderer/passes/pass.h"
+
+struct hg_debug {
+    uint32_t view;                   // enum hg_debug_view of renderer.h, not OFF
+    struct hg_gpu_image *visibility; // of the opaque scene
+    struct hg_gpu_image *counts;     // overdraw: surfaces behind each pixel, RGBA32F; else NULL
+    struct hg_gpu_image *target;     // RGBA32F, written whole
+};
+
+enum hg_status hg_debug_record(
+    struct hg_pass *pass, const struct hg_debug *debug, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

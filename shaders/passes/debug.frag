@@ -1,0 +1,126 @@
+// What the renderer does, as colours (renderer/passes/debug.h).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+layout(constant_id = 0) const uint hg_view = 1u; // HG_DEBUG_VIEW_*
+
+#include "lib/frame.glsl"
+#include "lib/vertex.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
+#include "shared/debug.h"
+
+layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
+layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_counts;
+
+layout(location = 0) out vec4 out_color;
+
+const vec3 hg_grey = vec3(0.2);
+// Levels 0 .. 7: red, orange, yellow, green, turquoise, blue, indigo, violet. Linear.
+const vec3 hg_levels[8] = vec3[8](vec3(0.8, 0.02, 0.02), vec3(0.9, 0.25, 0.0), vec3(0.85, 0.75, 0.0),
+    vec3(0.05, 0.55, 0.05), vec3(0.0, 0.6, 0.55), vec3(0.02, 0.15, 0.9), vec3(0.12, 0.02, 0.4),
+    vec3(0.5, 0.05, 0.7));
+
+vec3 level_color(uint level)
+{
+    return hg_levels[min(level, 7u)];
+}
+
+// A colour for a number: well-mixed bits (Wellons 2018, "lowbias32"), never dark.
+vec3 number_color(uint n)
+{
+    n ^= n >> 16;
+    n *= 0x7feb352du;
+    n ^= n >> 15;
+    n *= 0x846ca68bu;
+    n ^= n >> 16;
+    vec3 c = vec3(n & 255u, (n >> 8) & 255u, (n >> 16) & 255u) / 255.0;
+    return 0.05 + 0.75 * c * c;
+}
+
+// Where the base colour is looked up, as a rasteriser's sampler would.
+struct lookup {
+    bool there;
+    uint wanted, resident; // mips
+    bool border;           // within a texel of the edge of a page
+};
+
+lookup base_color_lookup(hg_vertex v)
+{
+    lookup l = lookup(false, 0u, 0u, false);
+    hg_gpu_texture t = hg_material_texture_at(v.material, HG_MATERIAL_BASE_COLOR);
+    if ((t.bits & HG_TEX_PRESENT) == 0u)
+        return l;
+    hg_texture_place p = hg_material_place(t, v.material, HG_MATERIAL_BASE_COLOR, v);
+    uint last = bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5) - 1u;
+    l.there = true;
+    l.wanted = min(p.mip, last);
+    l.resident = l.wanted;
+    uint tail = bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4);
+    vec2 at = fract(p.uv * vec2(max(p.size >> l.resident, 1u)) / float(HG_PAGE_TEXELS));
+    vec2 edge = min(at, 1.0 - at) * float(HG_PAGE_TEXELS);
+    l.border = l.resident < tail && min(edge.x, edge.y) < 2.0;
+    return l;
+}
+
+vec3 missing_color(uint coarser)
+{
+    return coarser == 0u ? vec3(0.05, 0.45, 0.05)
+                         : mix(vec3(0.85, 0.75, 0.0), vec3(0.8, 0.02, 0.02),
+                               min(float(coarser) - 1.0, 3.0) / 3.0);
+}
+
+// Darker where the surface turns away, for views that would else be one flat colour.
+float facing(hg_vertex v)
+{
+    vec3 eye = -hg_frame.camera.forward_ws;
+    if (hg_frame.camera.orthographic == 0u)
+        eye = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    return 0.4 + 0.6 * abs(dot(v.geometric_ws, eye));
+}
+
+vec3 texture_color(hg_vertex v)
+{
+    lookup l = base_color_lookup(v);
+    if (!l.there)
+        return hg_grey * facing(v);
+    if (hg_view == HG_DEBUG_VIEW_MIP)
+        return level_color(l.wanted);
+    if (hg_view == HG_DEBUG_VIEW_MISSING)
+        return missing_color(l.resident - l.wanted) * facing(v);
+    return level_color(l.resident) * (l.border ? 0.3 : 1.0);
+}
+
+// 1 blue, 4 green, 16 red; between them by powers of two.
+vec3 overdraw_color(float count)
+{
+    if (count < 0.5)
+        return vec3(0.02);
+    float at = clamp(log2(count) * 0.5, 0.0, 2.0);
+    vec3 low = mix(vec3(0.02, 0.1, 0.8), vec3(0.05, 0.6, 0.05), min(at, 1.0));
+    return at <= 1.0 ? low : mix(vec3(0.05, 0.6, 0.05), vec3(0.9, 0.02, 0.02), at - 1.0);
+}
+
+vec3 surface_color(uvec2 id)
+{
+    hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
+    if (hg_view == HG_DEBUG_VIEW_CLUSTER)
+        return number_color((id.x << 16) + id.y / 128u) * facing(v);
+    if (hg_view == HG_DEBUG_VIEW_LOD)
+        return hg_grey * facing(v);
+    return texture_color(v);
+}
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
+    vec3 color = vec3(0.02);
+    if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
+        color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
+    else if (id.x != 0u)
+        color = surface_color(id);
+    out_color = vec4(color, 1.0);
+}

@@ -1,0 +1,13 @@
+// debug.h - values of the first specialisation constant of debug.frag; as enum hg_debug_view of
+// renderer/renderer.h. Floor 0, shared by C and GLSL.
+#ifndef HG_SHADERS_SHARED_DEBUG_H
+#define HG_SHADERS_SHARED_DEBUG_H
+
+#define HG_DEBUG_VIEW_MIP       1u
+#define HG_DEBUG_VIEW_RESIDENCY 2u
+#define HG_DEBUG_VIEW_MISSING   3u
+#define HG_DEBUG_VIEW_CLUSTER   4u
+#define HG_DEBUG_VIEW_LOD       5u
+#define HG_DEBUG_VIEW_OVERDRAW  6u
+
+#endif
