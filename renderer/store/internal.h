@@ -1,0 +1,49 @@
+// internal.h - what the files of this room share. Floor 1, private to renderer/store.
+//
+// A file: head | blocks | table | tail, all numbers little-endian.
+//   head   64 bytes   magic, version, key, zeroes
+//   table  20 bytes per block: u64 offset, u64 checksum, u32 size
+//   tail   32 bytes   u64 offset of the table, u32 blocks, u32 magic, u64 size of the file,
+//                     u64 checksum of head, table and the tail up to here
+#ifndef HG_RENDERER_STORE_INTERNAL_H
+#define HG_RENDERER_STORE_INTERNAL_H
+
+#include <pthread.h>
+#include <sys/stat.h>
+
+#include "renderer/store/store.h"
+
+enum {
+    HG_STORE_MAGIC = 0x54534748, // "HGST"
+    HG_STORE_VERSION = 1,
+    HG_STORE_HEAD = 64,
+    HG_STORE_ROW = 20,
+    HG_STORE_TAIL = 32,
+};
+
+struct hg_store {
+    char *dir;
+    uint64_t limit_bytes;
+    pthread_mutex_t lock; // of what follows
+    struct hg_store_stats stats;
+};
+
+struct hg_store_block {
+    uint64_t offset, checksum;
+    uint32_t size;
+};
+
+void hg_store_make_head(const struct hg_store_key *key, uint8_t head[HG_STORE_HEAD]);
+// Paths, freed with hg_free; NULL without memory.
+char *hg_store_entry_path(const struct hg_store *store, const struct hg_store_key *key);
+char *hg_store_temp_path(const struct hg_store *store, const struct hg_store_key *key);
+// Creates the folder and the one above it. False when there is none afterwards.
+bool hg_store_make_folder(const char *dir);
+// Whether `path` still names the open file.
+bool hg_store_is_same_file(const char *path, int fd);
+// Removes stale temporary files, and the entries used longest ago until `more` bytes beyond those
+// that are there fit into the limit; at least `at_least` bytes where there are as many.
+void hg_store_evict(struct hg_store *store, uint64_t more, uint64_t at_least);
+void hg_store_count(struct hg_store *store, uint64_t *counter, uint64_t amount);
+
+#endif
