@@ -402,7 +402,7 @@ void hg_gpu_image_barrier(
     struct hg_gpu_image_state *state = find_state(gpu, image->handle);
     if (state == NULL)
         return;
-    // Uploads of one batch write different texels, reads do not wait for reads.
+    // Reads do not wait for reads; uploads see to their own order (upload.c).
     const enum hg_gpu_use before = state->use;
     if (before == use && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
         return;

@@ -58,6 +58,8 @@ struct hg_gpu_cmd {
     bool stage_open;
 };
 
+#define HG_GPU_MAX_WRITTEN 64
+
 struct hg_gpu_pipeline {
     struct hg_gpu_pipeline_params params;
     VkPipeline handle;
@@ -117,6 +119,12 @@ struct hg_gpu {
     uint64_t upload_value; // timeline value of its last submission
     struct hg_gpu_buffer staging;
     uint64_t staging_used;
+    struct hg_gpu_written { // what copies since the last barrier of the open upload wrote
+        uint64_t handle;    // of a buffer or image
+        uint32_t plane;     // mip and layer of an image
+        uint64_t low[2], high[2]; // bytes, or texels across and down
+    } written[HG_GPU_MAX_WRITTEN];
+    uint32_t written_count;
 
     VkDescriptorSetLayout set_layout;
     VkPipelineLayout pipeline_layout;

@@ -29,6 +29,7 @@ static enum hg_status open_upload(struct hg_gpu *gpu, struct hg_error *err)
     if (status == HG_OK)
         status = HG_VK(gpu, err, vkBeginCommandBuffer, gpu->upload, &info);
     gpu->staging_used = 0;
+    gpu->written_count = 0;
     gpu->upload_open = status == HG_OK;
     return status;
 }
@@ -57,6 +58,34 @@ static enum hg_status take_staging(struct hg_gpu *gpu, uint64_t least, uint64_t 
     return HG_OK;
 }
 
+static bool overlaps(const struct hg_gpu_written *a, const struct hg_gpu_written *b)
+{
+    return a->handle == b->handle && a->plane == b->plane && a->low[0] < b->high[0] &&
+           b->low[0] < a->high[0] && a->low[1] < b->high[1] && b->low[1] < a->high[1];
+}
+
+// Copies of one upload may overtake each other; one that writes what an earlier one wrote waits for
+// it. So does one that finds the list full, which then begins anew.
+static void order_write(struct hg_gpu *gpu, const struct hg_gpu_written *next)
+{
+    bool wait = gpu->written_count == HG_GPU_MAX_WRITTEN;
+    for (uint32_t i = 0; i < gpu->written_count && !wait; i++)
+        wait = overlaps(&gpu->written[i], next);
+    if (wait) {
+        const VkMemoryBarrier2 barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
+            .srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+            .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+            .dstStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+            .dstAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT};
+        const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
+            .memoryBarrierCount = 1,
+            .pMemoryBarriers = &barrier};
+        vkCmdPipelineBarrier2(gpu->upload, &info);
+        gpu->written_count = 0;
+    }
+    gpu->written[gpu->written_count++] = *next;
+}
+
 enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer,
     uint64_t offset, const void *data, uint64_t size_bytes, struct hg_error *err)
 {
@@ -73,6 +102,9 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
         if (status != HG_OK)
             return status;
         memcpy((uint8_t *)gpu->staging.mapped + from, bytes, size);
+        const struct hg_gpu_written target = {
+            (uint64_t)buffer->handle, 0, {offset, 0}, {offset + size, 1}};
+        order_write(gpu, &target);
         const VkBufferCopy copy = {from, offset, size};
         vkCmdCopyBuffer(gpu->upload, gpu->staging.handle, buffer->handle, 1, &copy);
         bytes += size;
@@ -109,6 +141,9 @@ static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
     const struct hg_gpu_region *r, uint32_t y, uint32_t rows, uint64_t from)
 {
     hg_gpu_image_barrier(gpu, 1, image, HG_GPU_USE_COPY_WRITE);
+    const struct hg_gpu_written target = {(uint64_t)image->handle, r->mip << 16 | r->layer,
+        {r->x, r->y + y}, {r->x + r->width, r->y + y + rows}};
+    order_write(gpu, &target);
     const VkBufferImageCopy copy = {
         .bufferOffset = from,
         .imageSubresource = {image->aspect, r->mip, r->layer, 1},

@@ -127,6 +127,53 @@ static void test_image_round_trip(void **state)
     hg_gpu_buffer_destroy(f->gpu, &back);
 }
 
+// Uploads that meet the same place take effect in their order, by barriers and not by luck: the
+// synchronization validation of the fixture watches.
+static void test_uploads_in_order(void **state)
+{
+    struct fixture *f = *state;
+    enum { ROUNDS = 100, WORDS = 64 };
+    struct hg_gpu_buffer buffer, back;
+    struct hg_gpu_image image;
+    const struct hg_gpu_image_params params = {
+        .format = VK_FORMAT_R8G8B8A8_UNORM, .width = 8, .height = 8, .name = "rewritten"};
+    const struct hg_gpu_region all = {.width = 8, .height = 8};
+    uint32_t words[WORDS], expected[2][WORDS] = {{0}}; // of the buffer, of the image
+    check(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
+    check(hg_gpu_buffer_create(
+              f->gpu, HG_GPU_BUFFER_DEVICE, WORDS * 4, "rewritten", &buffer, &f->err),
+        &f->err);
+    check(
+        hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, 512, "back", &back, &f->err), &f->err);
+    for (uint32_t i = 0; i < ROUNDS; i++) {
+        const uint32_t first = i * 7 % (WORDS - 15), count = 16;
+        const struct hg_gpu_region part = {.x = i % 5, .y = i % 3, .width = 4, .height = 6};
+        for (uint32_t k = 0; k < WORDS; k++)
+            words[k] = i << 16 | k;
+        if (i == 0) { // everything once
+            check(hg_gpu_buffer_upload(f->gpu, &buffer, 0, words, WORDS * 4, &f->err), &f->err);
+            check(hg_gpu_image_upload(f->gpu, &image, &all, words, 0, &f->err), &f->err);
+            memcpy(expected[0], words, sizeof words);
+            memcpy(expected[1], words, sizeof words);
+        }
+        check(hg_gpu_buffer_upload(f->gpu, &buffer, first * 4, words, count * 4, &f->err), &f->err);
+        memcpy(expected[0] + first, words, count * 4);
+        check(hg_gpu_image_upload(f->gpu, &image, &part, words, 0, &f->err), &f->err);
+        for (uint32_t y = 0; y < part.height; y++)
+            memcpy(&expected[1][(part.y + y) * 8 + part.x], words + y * 4, 16);
+    }
+    struct hg_gpu_cmd *cmd;
+    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    const VkBufferCopy copy = {0, 0, WORDS * 4};
+    vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), buffer.handle, back.handle, 1, &copy);
+    hg_gpu_image_read(cmd, &image, &all, &back, 256);
+    run(f, cmd);
+    assert_memory_equal(back.mapped, expected, sizeof expected);
+    hg_gpu_image_destroy(f->gpu, &image);
+    hg_gpu_buffer_destroy(f->gpu, &buffer);
+    hg_gpu_buffer_destroy(f->gpu, &back);
+}
+
 static void test_image_limit(void **state)
 {
     struct fixture *f = *state;
@@ -356,6 +403,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         BOTH(test_buffer_round_trip),
         BOTH(test_image_round_trip),
+        BOTH(test_uploads_in_order),
         BOTH(test_image_limit),
         BOTH(test_compute),
         BOTH(test_rendering),
