@@ -77,7 +77,7 @@ static float *channel_target(const struct hg_anim_channel *channel)
     return NULL;
 }
 
-static void pose_channel(const struct hg_anim_channel *channel, float t)
+static void pose_channel(struct hg_scene *scene, const struct hg_anim_channel *channel, float t)
 {
     float *out = channel_target(channel);
     if (!out || channel->key_count == 0)
@@ -90,6 +90,8 @@ static void pose_channel(const struct hg_anim_channel *channel, float t)
         sample_linear(channel, key, s, out);
     if (channel->path == HG_ANIM_ROTATION)
         hg_quat_normalize(out);
+    if (scene)
+        hg_scene_touch(scene, &channel->node->head);
 }
 
 enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
@@ -100,6 +102,6 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
     uint32_t end = animation < 0 ? asset->animation_count : first + 1;
     for (uint32_t i = first; i < end; i++)
         for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
-            pose_channel(&asset->animations[i].channels[c], (float)time_s);
+            pose_channel(asset->scene, &asset->animations[i].channels[c], (float)time_s);
     return HG_OK;
 }

@@ -382,20 +382,36 @@ static enum hg_status read_skin(
     return read_inverse_binds(g, at, skin);
 }
 
-// Joints beyond the skin's get weight 0, so that no later room has to check.
+// Takes the weight of joints beyond the skin's away from a vertex and shares it among the others;
+// one that is left without any follows the first joint. Returns how many weights were lost.
+static uint32_t clamp_vertex(uint16_t *joints, float *weights, uint32_t width, uint32_t joint_count)
+{
+    uint32_t lost = 0;
+    float sum = 0;
+    for (uint32_t i = 0; i < width; i++) {
+        if (joints[i] >= joint_count) {
+            lost += weights[i] > 0;
+            joints[i] = 0;
+            weights[i] = 0;
+        }
+        sum += weights[i];
+    }
+    for (uint32_t i = 0; i < width && lost; i++)
+        weights[i] = sum > 0 ? weights[i] / sum : (float)(i == 0);
+    return lost;
+}
+
+// After this no later room has to check joints.
 static void clamp_joints(
     struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_mesh *mesh, uint32_t joint_count)
 {
     size_t bad = 0;
     for (uint32_t p = 0; p < mesh->part_count; p++) {
         struct hg_mesh_part *part = &mesh->parts[p];
-        size_t n = (size_t)part->vertex_count * 4 * part->joint_sets;
-        for (size_t i = 0; i < n; i++)
-            if (part->joints[i] >= joint_count) {
-                bad += part->weights[i] > 0;
-                part->joints[i] = 0;
-                part->weights[i] = 0;
-            }
+        const size_t width = (size_t)4 * part->joint_sets;
+        for (size_t v = 0; part->joints && v < part->vertex_count; v++)
+            bad += clamp_vertex(
+                part->joints + v * width, part->weights + v * width, (uint32_t)width, joint_count);
     }
     if (bad)
         hg_gltf_warn(

@@ -398,6 +398,7 @@ enum hg_status hg_scene_add_asset(
     for (uint32_t i = 0; parent && i < asset->root_count; i++)
         hg_node_append_child(parent, asset->roots[i]);
     scene->assets[scene->asset_count++] = asset;
+    asset->scene = scene;
     return HG_OK;
 }
 

@@ -211,6 +211,7 @@ struct hg_warning { // about an asset, kept for `helio info` and sent as notices
 
 // Everything one file brought. Owned by the scene after hg_scene_add_asset.
 struct hg_asset {
+    struct hg_scene *scene; // that it was added to; NULL: none
     uint32_t number;
     char *label; // file name
     char generator[128], version[16], copyright[256], file_format[16];
@@ -303,8 +304,9 @@ enum hg_status hg_scene_remove_asset(struct hg_scene *scene, uint32_t number) HG
 struct hg_asset *hg_scene_find_asset(const struct hg_scene *scene, uint32_t number);
 void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; accepts NULL
 
-// Poses the nodes of an asset. animation -1 = all; time is clamped to each channel's range.
-// HG_E_NOTFOUND for an unknown animation.
+// Poses the nodes of an asset and marks those of a scene as changed at its next revision.
+// animation -1 = all; time is clamped to each channel's range. HG_E_NOTFOUND for an unknown
+// animation.
 enum hg_status hg_asset_pose(
     struct hg_asset *asset, int32_t animation, double time_s) HG_MUST_CHECK;
 // Material that a part shows under the asset's chosen variant; NULL = default material.

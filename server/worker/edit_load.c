@@ -258,8 +258,6 @@ void edit_animation_set(const struct request *r)
         serve_fail(r, &err);
         return;
     }
-    for (uint32_t i = 0; i < asset->node_count; i++)
-        hg_scene_touch(r->session->scene->scene, &asset->nodes[i]->head);
     serve_edited(r);
 }
 

@@ -241,11 +241,70 @@ static void test_single_key_and_numbers(void **state)
     hg_asset_destroy(asset);
 }
 
+// Whoever keeps what was made from a node must see that a pose changed it.
+static void test_poses_raise_revisions(void **state)
+{
+    (void)state;
+    const struct channel c = {"translation", NULL, "VEC3", 3, 3, times, points, sizeof points};
+    struct hg_asset *asset = load_channel(&c);
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    for (int i = 0; i < 5; i++)
+        hg_scene_publish(scene);
+    const struct hg_node *node = asset->nodes[0];
+    const uint64_t before = node->head.revision;
+    assert_true(before < scene->revision);
+    assert_int_equal(hg_asset_pose(asset, 1, 1), HG_E_NOTFOUND);
+    assert_int_equal(node->head.revision, before);
+    assert_int_equal(hg_asset_pose(asset, 0, 1), HG_OK);
+    assert_int_equal(node->head.revision, scene->revision + 1);
+    hg_scene_publish(scene);
+    assert_int_equal(node->head.revision, scene->revision);
+    hg_scene_destroy(scene);
+}
+
+// Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
+static void test_joints_beyond_the_skin(void **state)
+{
+    (void)state;
+    memset(&file, 0, sizeof file);
+    static const uint8_t joints[] = {0, 7, 0, 0, 9, 200, 3, 1, 0, 0, 0, 0};
+    static const float weights[] = {0.25f, 0.75f, 0, 0, 0.5f, 0.25f, 0.25f, 0, 1, 0, 0, 0};
+    memory_floats(&file, "VEC3", 3, points, 9 * sizeof(float));
+    uint32_t view = memory_view(&file, joints, sizeof joints, 4);
+    memory_accessor(&file, (int)view, UBYTE, "VEC4", 3, "");
+    memory_floats(&file, "VEC4", 3, weights, sizeof weights);
+    struct hg_asset *asset;
+    struct hg_error err;
+    enum hg_status status = memory_load(&file,
+        "\"scene\":0,\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{}],"
+        "\"skins\":[{\"joints\":[1]}],\"meshes\":[{\"primitives\":[{\"attributes\":"
+        "{\"POSITION\":0,\"JOINTS_0\":1,\"WEIGHTS_0\":2}}]}]",
+        &asset, &err);
+    if (status)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    const struct hg_mesh_part *part = &asset->meshes[0]->parts[0];
+    assert_int_equal(part->joint_sets, 1);
+    for (int v = 0; v < 3; v++)
+        for (int i = 0; i < 4; i++) {
+            assert_int_equal(part->joints[v * 4 + i], 0);
+            assert_float_equal(part->weights[v * 4 + i], i == 0 ? 1 : 0, 1e-6f);
+        }
+    bool told = false;
+    for (uint32_t i = 0; i < asset->warning_count; i++)
+        told |= strstr(asset->warnings[i].reason, "ACCESSOR_JOINTS_INDEX_OOB: 4 joints") != NULL;
+    assert_true(told);
+    hg_asset_destroy(asset);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_step), cmocka_unit_test(test_linear),
         cmocka_unit_test(test_slerp), cmocka_unit_test(test_cubic),
         cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
-        cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers)};
+        cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
+        cmocka_unit_test(test_poses_raise_revisions),
+        cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
