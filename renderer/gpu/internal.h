@@ -176,6 +176,7 @@ const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAdd
 
 // upload.c
 void hg_gpu_upload_finish(struct hg_gpu *gpu);
+uint32_t hg_gpu_texel_bytes(VkFormat format);
 
 // pipeline.c
 enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;

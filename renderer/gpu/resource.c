@@ -169,6 +169,15 @@ static enum hg_status check_limits(
             info->extent.height, info->arrayLayers, props.maxExtent.width, props.maxExtent.height,
             props.maxArrayLayers);
     }
+    uint64_t bytes = 0;
+    for (uint32_t mip = 0; mip < info->mipLevels; mip++) {
+        const uint64_t width = info->extent.width >> mip, height = info->extent.height >> mip;
+        bytes += (width ? width : 1) * (height ? height : 1) * info->arrayLayers *
+                 hg_gpu_texel_bytes(info->format);
+    }
+    if (bytes > props.maxResourceSize)
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%llu bytes, the device allows %llu",
+            (unsigned long long)bytes, (unsigned long long)props.maxResourceSize);
     return HG_OK;
 }
 

@@ -114,7 +114,7 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
     return HG_OK;
 }
 
-static uint32_t texel_bytes(VkFormat format)
+uint32_t hg_gpu_texel_bytes(VkFormat format)
 {
     switch (format) {
     case VK_FORMAT_R8_UNORM:
@@ -157,7 +157,7 @@ static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
 enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *image,
     const struct hg_gpu_region *r, const void *data, uint64_t row_bytes, struct hg_error *err)
 {
-    const uint64_t tight = (uint64_t)r->width * texel_bytes(image->format);
+    const uint64_t tight = (uint64_t)r->width * hg_gpu_texel_bytes(image->format);
     const uint32_t mip_width = image->width >> r->mip > 0 ? image->width >> r->mip : 1;
     const uint32_t mip_height = image->height >> r->mip > 0 ? image->height >> r->mip : 1;
     if (r->mip >= image->mips || r->layer >= image->layers ||
@@ -183,7 +183,8 @@ enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *imag
 enum hg_status hg_gpu_image_upload_layers(struct hg_gpu *gpu, struct hg_gpu_image *image,
     const struct hg_gpu_region *region, uint32_t layers, const void *data, struct hg_error *err)
 {
-    const uint64_t stride = (uint64_t)region->width * region->height * texel_bytes(image->format);
+    const uint64_t stride =
+        (uint64_t)region->width * region->height * hg_gpu_texel_bytes(image->format);
     for (uint32_t i = 0; i < layers; i++) {
         struct hg_gpu_region r = *region;
         r.layer += i;

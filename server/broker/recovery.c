@@ -44,11 +44,11 @@ void hg_recovery_attach(struct hg_session *s)
             .id_count = HG_SCENE_ID_RANGE,
             .max_pixels = b->options.max_pixels,
             .replay = restore});
-    for (struct hg_view_state *it = s->views; it; it = it->next)
-        restore_view(s, it);
-    if (s->batch_open)
+    if (s->batch_open) // before there is a view that could show half of it
         hg_link_send(
             b, s->number, hg_link_next_id(b), HGP_T_batch_begin, &(struct hgp_batch_begin){0});
+    for (struct hg_view_state *it = s->views; it; it = it->next)
+        restore_view(s, it);
     if (restore)
         hg_link_send(b, s->number, 0, HGP_T_replay_end,
             &(struct hgp_replay_end){.revision = s->scene->revision});
@@ -56,12 +56,15 @@ void hg_recovery_attach(struct hg_session *s)
     hg_session_pump(s);
 }
 
+// The journal holds the edits of open batches, too: who has one open comes first, so that it is
+// open again before anybody has a view of the scene.
 static void attach_all(struct hg_broker *b, struct hg_scene_state *scene)
 {
     scene->in_worker = true;
-    for (struct hg_session *it = b->sessions; it; it = it->next)
-        if (it->scene == scene && !it->attached)
-            hg_recovery_attach(it);
+    for (int open = 1; open >= 0; open--)
+        for (struct hg_session *it = b->sessions; it; it = it->next)
+            if (it->scene == scene && !it->attached && (it->batch_open || !open))
+                hg_recovery_attach(it);
 }
 
 // ---- scenes -------------------------------------------------------------------------------------

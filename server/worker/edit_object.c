@@ -382,6 +382,8 @@ void edit_batch_begin(const struct request *r)
     r->session->batch_depth = 1;
     if (r->session->scene->open_batches++ == 0)
         r->session->scene->batch_started_ns = hg_clock_now_ns();
+    // A batch that a dead worker left open: its edits came with the replay.
+    r->session->scene->dirty |= r->session->restoring;
     serve_ok(r);
 }
 

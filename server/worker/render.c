@@ -142,6 +142,8 @@ static bool handle_link(const struct request *r, uint16_t type)
             session_detach(s, r->session);
         return true;
     case HGP_T_replay_end:
+        if (r->session)
+            r->session->restoring = false;
         if (r->session && r->session->scene->scene->revision < r->message->replay_end.revision)
             r->session->scene->scene->revision = r->message->replay_end.revision;
         return true;

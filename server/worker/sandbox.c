@@ -19,6 +19,13 @@
 // Rights of later kernels than the headers at hand may know
 // (Documentation/userspace-api/landlock.rst). The thirteen lowest bits are those of the first ABI.
 enum { HANDLED_ABI1 = (1 << 13) - 1, ACCESS_TRUNCATE = 1 << 14, TRUNCATE_ABI = 3 };
+enum { NET_BIND_TCP = 1 << 0, NET_CONNECT_TCP = 1 << 1, NET_ABI = 4 };
+enum { SCOPE_ABSTRACT_UNIX_SOCKET = 1 << 0, SCOPE_SIGNAL = 1 << 1, SCOPE_ABI = 6 };
+
+// struct landlock_ruleset_attr of ABI 6; a kernel that knows less takes it while the rest is 0.
+struct ruleset_attr {
+    uint64_t handled_access_fs, handled_access_net, scoped;
+};
 
 static const uint64_t read_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
 static const uint64_t library_access =
@@ -74,20 +81,25 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, o->cache_dir, cache_access);
 }
 
-static bool enter_landlock(const struct worker_options *o)
+// Returns the kernel's Landlock ABI, 0 where there is none.
+static long enter_landlock(const struct worker_options *o)
 {
     long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
     struct ruleset ruleset = {.handled = HANDLED_ABI1};
     if (abi >= TRUNCATE_ABI)
         ruleset.handled |= ACCESS_TRUNCATE;
-    struct landlock_ruleset_attr attr = {.handled_access_fs = ruleset.handled};
+    struct ruleset_attr attr = {.handled_access_fs = ruleset.handled};
+    if (abi >= NET_ABI)
+        attr.handled_access_net = NET_BIND_TCP | NET_CONNECT_TCP;
+    if (abi >= SCOPE_ABI) // no signals to, and no abstract sockets of, processes outside
+        attr.scoped = SCOPE_ABSTRACT_UNIX_SOCKET | SCOPE_SIGNAL;
     ruleset.fd = (int)syscall(SYS_landlock_create_ruleset, &attr, sizeof attr, 0);
     if (ruleset.fd < 0)
-        return false;
+        return 0;
     allow_folders(&ruleset, o);
     bool entered = syscall(SYS_landlock_restrict_self, ruleset.fd, 0) == 0;
     close(ruleset.fd);
-    return entered;
+    return entered ? abi : 0;
 }
 
 // ---- seccomp ------------------------------------------------------------------------------------
@@ -175,8 +187,9 @@ enum hg_status sandbox_enter(const struct worker_options *o, struct hg_error *er
         hg_warn(WORKER, "sandbox switched off");
         return HG_OK;
     }
-    bool landlock = enter_landlock(o), seccomp = enter_seccomp();
-    hg_info(WORKER, "sandbox: landlock %s, seccomp %s", landlock ? "on" : "not in this kernel",
-        seccomp ? "on" : "not in this kernel");
+    long landlock = enter_landlock(o);
+    bool seccomp = enter_seccomp();
+    hg_info(WORKER, "sandbox: landlock %s%s, seccomp %s", landlock ? "on" : "not in this kernel",
+        landlock >= SCOPE_ABI ? " with scoped signals" : "", seccomp ? "on" : "not in this kernel");
     return HG_OK;
 }

@@ -59,6 +59,7 @@ struct session {
     uint32_t first_id, id_count;
     uint64_t max_pixels;
     uint32_t batch_depth;
+    bool restoring; // until replay_end
     struct view_slot *views;
     struct task *task; // running; later messages wait in `waiting`
     struct command *waiting, **waiting_end;

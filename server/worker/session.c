@@ -84,6 +84,7 @@ void session_attach(
     session->first_id = m->first_id;
     session->id_count = m->id_count;
     session->max_pixels = m->max_pixels;
+    session->restoring = m->replay;
     session->waiting_end = &session->waiting;
     session->next = s->sessions;
     s->sessions = session;

@@ -201,11 +201,111 @@ static void loads_survive(void **state)
     daemon_finish(&d);
 }
 
+static void paint(struct peer *p, uint32_t material, float red, float green, float blue)
+{
+    peer_call(p, HGP_T_material_set,
+        &(struct hgp_material_set){.material = material,
+            .has_base_color = true,
+            .base_color = {red, green, blue, 1},
+            .has_unlit = true,
+            .unlit = true,
+            .has_double_sided = true,
+            .double_sided = true},
+        HGP_T_ok);
+}
+
+// A triangle in one colour that covers the middle of what `viewer` looks at.
+static void build_triangle(struct peer *owner, struct peer *viewer)
+{
+    static const float corners[9] = {-9, -9, 0, 9, -9, 0, 0, 9, 0};
+    uint32_t n = owner->first_id;
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .material = n,
+        .positions = {(const uint8_t *)corners, sizeof corners}};
+    paint(owner, n, 0, 1, 0);
+    peer_call(
+        owner, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
+    peer_call(owner, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
+        HGP_T_ok);
+    peer_call(viewer, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1,
+            .has_width = true,
+            .width = WIDTH,
+            .has_height = true,
+            .height = HEIGHT,
+            .has_samples = true,
+            .samples = 1,
+            .has_tonemap = true,
+            .tonemap = HGP_tonemap_LINEAR},
+        HGP_T_ok);
+    look(viewer, 1, 0);
+}
+
+// The middle of a frame: 'r', 'g' or 'b'.
+static char middle(const struct peer *p)
+{
+    assert_int_equal(p->m.frame.data.size, FRAME_BYTES);
+    const uint8_t *c = p->m.frame.data.data + ((size_t)HEIGHT / 2 * WIDTH + WIDTH / 2) * 4;
+    return c[0] > 128 ? 'r' : c[1] > 128 ? 'g' : 'b';
+}
+
+static uint32_t ask_raw(struct peer *p)
+{
+    return peer_send(p, HGP_T_frame_request,
+        &(struct hgp_frame_request){
+            .view = 1, .has_encoding = true, .encoding = HGP_encoding_RAW_RGBA8});
+}
+
+// The worker dies inside a batch: nobody sees the first half of it without the second.
+static void batches_stay_whole(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b;
+    start(&d);
+    peer_open(&a, &d);
+    peer_open(&b, &d);
+    peer_scene(&a, "shared");
+    peer_scene(&b, "shared");
+    build_triangle(&a, &b);
+    peer_answer(&b, ask_raw(&b), HGP_T_frame);
+    assert_int_equal(middle(&b), 'g');
+    const uint64_t before = b.m.frame.scene_revision;
+    for (uint32_t view = 1; view <= 8; view++) // to be restored before the edits go on
+        peer_call(&a, HGP_T_view_set,
+            &(struct hgp_view_set){
+                .view = view, .has_width = true, .width = 2048, .has_height = true, .height = 1024},
+            HGP_T_ok);
+    peer_call(&a, HGP_T_batch_begin, &(struct hgp_batch_begin){0}, HGP_T_ok);
+    paint(&a, a.first_id, 1, 0, 0);
+    pid_t worker = daemon_worker(&d, 0);
+    assert_int_equal(kill(worker, SIGKILL), 0);
+    uint32_t request = ask_raw(&b);
+    daemon_wait_log(&d, "is back after");
+    if (peer_next_within(&b, 500)) { // nothing is due before the batch ends
+        assert_int_equal(b.header.type, HGP_T_frame);
+        assert_int_not_equal(middle(&b), 'r');
+        request = ask_raw(&b);
+    }
+    paint(&a, a.first_id, 0, 0, 1);
+    peer_call(&a, HGP_T_batch_end, &(struct hgp_batch_end){0}, HGP_T_ok);
+    assert_true(a.m.ok.revision > before);
+    peer_answer(&b, request, HGP_T_frame);
+    assert_int_not_equal(middle(&b), 'r');
+    peer_answer(&b, ask_raw(&b), HGP_T_frame);
+    assert_int_equal(middle(&b), 'b');
+    assert_true(b.m.frame.scene_revision > before);
+    peer_close(&a);
+    peer_close(&b);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_survive),
         cmocka_unit_test(loads_survive),
+        cmocka_unit_test(batches_stay_whole),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

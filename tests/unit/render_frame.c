@@ -502,7 +502,7 @@ static void test_limits(void **state)
     struct rig rig;
     const float white[4] = {1, 1, 1, 1};
     struct hg_view_params params = {.width = 32, .height = 32, .samples = 1};
-    open_rig(&rig, false);
+    open_rig(&rig, true);
     struct hg_scene *scene = new_scene();
     add_quad(scene, 1, 1, 0, white);
     hg_scene_publish(scene);
@@ -517,6 +517,7 @@ static void test_limits(void **state)
     const struct hg_view_camera bad = {.eye = {1, 2, 3}, .target = {1, 2, 3}};
     assert_int_equal(hg_view_set_camera(rig.view, &bad, &rig.err), HG_E_INVAL);
     assert_int_equal(hg_view_set_camera_node(rig.view, 99, 0, &rig.err), HG_E_NOTFOUND);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
     close_rig(&rig);
 }
 

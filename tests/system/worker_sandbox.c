@@ -1,0 +1,178 @@
+// worker_sandbox.c - what a process can still do after sandbox_enter: each attempt in a child of
+// its own. What the running kernel cannot restrict is expected to be possible.
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/landlock.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "server/worker/worker.h"
+
+enum { SCOPE_ABI = 6 };
+
+static char folder[] = "/tmp/helio-sandbox-XXXXXX";
+static char cache[64], root[64], secret[64], asset[64];
+
+static long landlock_abi(void)
+{
+    long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
+    return abi < 0 ? 0 : abi;
+}
+
+static void write_text(const char *path)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    assert_true(fputs("text", file) >= 0);
+    assert_int_equal(fclose(file), 0);
+}
+
+static int make_files(void **state)
+{
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(cache, sizeof cache, "%s/cache", folder);
+    snprintf(root, sizeof root, "%s/root", folder);
+    snprintf(secret, sizeof secret, "%s/secret", folder);
+    snprintf(asset, sizeof asset, "%s/root/asset", folder);
+    assert_int_equal(mkdir(cache, 0700), 0);
+    assert_int_equal(mkdir(root, 0700), 0);
+    write_text(secret);
+    write_text(asset);
+    return 0;
+}
+
+static int remove_files(void **state)
+{
+    (void)state;
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command);
+}
+
+// errno of `attempt` inside the sandbox, 0 = it was possible.
+static int inside(int (*attempt)(void))
+{
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        char *roots[] = {root};
+        const struct worker_options options = {.asset_roots = roots,
+            .asset_root_count = 1,
+            .cache_dir = cache,
+            .memory_limit_bytes = 256u << 20};
+        struct hg_error err = {0};
+        if (sandbox_enter(&options, &err))
+            _exit(255);
+        errno = 0;
+        _exit(attempt() < 0 ? errno : 0);
+    }
+    int status = 0;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) != 255);
+    return WEXITSTATUS(status);
+}
+
+static int open_read(const char *path)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    char c;
+    return fd < 0 ? -1 : (int)read(fd, &c, 1);
+}
+
+static int read_asset(void)
+{
+    return open_read(asset);
+}
+
+static int read_secret(void)
+{
+    return open_read(secret);
+}
+
+static int write_asset(void)
+{
+    return open(asset, O_WRONLY | O_CLOEXEC);
+}
+
+static int write_cache(void)
+{
+    char path[96];
+    snprintf(path, sizeof path, "%s/entry", cache);
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    return fd < 0 ? -1 : (int)write(fd, "x", 1);
+}
+
+static int signal_parent(void)
+{
+    return kill(getppid(), 0);
+}
+
+static int signal_oneself(void)
+{
+    return kill(getpid(), 0);
+}
+
+static int make_socket(void)
+{
+    return socket(AF_UNIX, SOCK_STREAM, 0);
+}
+
+static int start_program(void)
+{
+    char *arguments[] = {"true", NULL}, *none[] = {NULL};
+    return execve("/bin/true", arguments, none);
+}
+
+static int take_memory(void)
+{
+    return mmap(NULL, 512u << 20, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) ==
+                   MAP_FAILED
+               ? -1
+               : 0;
+}
+
+static void test_files(void **state)
+{
+    (void)state;
+    int denied = landlock_abi() ? EACCES : 0;
+    assert_int_equal(inside(read_asset), 0);
+    assert_int_equal(inside(write_cache), 0);
+    assert_int_equal(inside(read_secret), denied);
+    assert_int_equal(inside(write_asset), denied);
+}
+
+static void test_signals(void **state)
+{
+    (void)state;
+    print_message("landlock ABI %ld\n", landlock_abi());
+    assert_int_equal(inside(signal_oneself), 0);
+    assert_int_equal(inside(signal_parent), landlock_abi() >= SCOPE_ABI ? EPERM : 0);
+}
+
+static void test_programs_sockets_and_memory(void **state)
+{
+    (void)state;
+    assert_int_equal(inside(make_socket), EPERM);
+    assert_int_equal(inside(start_program), EPERM);
+    assert_int_equal(inside(take_memory), ENOMEM);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_files), cmocka_unit_test(test_signals),
+        cmocka_unit_test(test_programs_sockets_and_memory)};
+    return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
+}
