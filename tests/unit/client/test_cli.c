@@ -330,7 +330,11 @@ static void test_interrupt(void **state)
 static void test_output_failures(void **state)
 {
     (void)state;
-    if (harness_run(&h, "test -w /dev/full") == 0)
+    bool limits = harness_run(&h, "test -w /dev/full") == 0;
+#ifdef __SANITIZE_THREAD__
+    limits = false; // its start-up writes a file of its own and dies of the limit
+#endif
+    if (limits)
         expect_run(6, NULL, "",
             "mkdir -p ro; ulimit -f 0; trap '' XFSZ; $HELIO render s.gltf -o full.png");
     expect_no_file("full.png");
