@@ -1,0 +1,51 @@
+// rig.h - small scenes from arrays and their pixels through the whole renderer.
+// Failures end the test with the reason.
+#ifndef HG_TESTS_ANALYTIC_RIG_H
+#define HG_TESTS_ANALYTIC_RIG_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "renderer/renderer.h"
+
+struct rig {
+    struct hg_renderer *renderer;
+    struct hg_scene *scene; // of one test
+    uint64_t next_id;
+};
+
+void rig_init(struct rig *rig);
+void rig_finish(struct rig *rig);
+void rig_scene(struct rig *rig); // a new, empty scene in place of the one before
+void rig_ok(enum hg_status status, const struct hg_error *err);
+
+// White, rough and not metallic.
+struct hg_material *rig_material(struct rig *rig);
+// A node with a mesh of one part: copies of positions and normals [vertices * 3], indices.
+struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material, uint32_t vertices,
+    const float *positions, const float *normals, uint32_t indices, const uint32_t *index);
+// Two triangles between four corners, counter-clockwise; uv 0 0, 1 0, 1 1, 0 1.
+struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const float corners[4][3]);
+// `rings` from pole to pole, twice as many segments.
+struct hg_node *rig_sphere(
+    struct rig *rig, struct hg_material *material, const float center[3], float radius, int rings);
+// At a place, shining along a direction; white, of intensity 1, no shadows.
+struct hg_light *rig_light(
+    struct rig *rig, unsigned kind, const double at[3], const double direction[3]);
+struct hg_node *rig_node_of(struct rig *rig, const struct hg_light *light);
+
+struct rig_camera {
+    double eye[3], target[3], vfov_rad;
+    uint32_t width, height, samples;
+};
+
+// Settled linear pixels, 4 floats each, from the top; free with hg_refbuf_unref.
+struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *camera);
+// Ray through a place of the image in px, unit length; up is +y, or -z when looking down.
+void rig_ray(const struct rig_camera *camera, double x, double y, double direction[3]);
+
+#endif
