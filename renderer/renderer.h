@@ -159,4 +159,40 @@ struct hg_bench_realtime {  // zero of each field = default
 enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
+// What the benchmarks of streaming have in common. They make renderers of their own.
+struct hg_bench_stream {                       // zero of each field = default
+    const struct hg_renderer_params *renderer; // device, caches, threads; budgets are set here
+    uint64_t budget_bytes;                     // of what is streamed
+    uint32_t width, height;                    // px; 1280 x 720
+    uint32_t frames;                           // of the fly-through; 120
+    uint32_t stills;                           // settled pictures that are compared; 3
+    uint32_t samples;                          // of each; 8
+    bool (*progress)(void *user, uint32_t done, uint32_t total); // as in hg_bench_realtime
+    void *progress_user;
+};
+
+// `helio bench vt`: textures many times larger than their budget against all of them resident.
+struct hg_bench_vt {
+    struct hg_bench_stream stream; // budget: 64 MiB of texture pages
+    uint32_t made, side_px;        // textures that are made on demand; 12 of 4096 px
+    const char *const *images;     // [image_count] further ones, from files
+    uint32_t image_count;
+    uint32_t teleports;        // 40
+    const uint32_t *sheets_px; // [sheet_count] sides of single pictures, up to 131072
+    uint32_t sheet_count;
+};
+enum hg_status hg_bench_vt_run(
+    const struct hg_bench_vt *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// `helio bench lod`: a scene of many triangles against one of few that covers the same pixels.
+struct hg_bench_lod {
+    struct hg_bench_stream stream; // budget: 512 MiB of geometry
+    const char *heights;           // picture of 16-bit heights; NULL: made
+    const char *statue;            // mesh file; NULL: made
+    uint32_t cells;                // of the made land's side; 1200
+    uint32_t tiles, statues;       // of the large scene: tiles^2 meshes of land, instances; 3, 1440
+};
+enum hg_status hg_bench_lod_run(
+    const struct hg_bench_lod *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
 #endif

@@ -2,10 +2,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "renderer/bench.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
 
-static uint64_t peak_rss_bytes(void)
+uint64_t hg_bench_peak_rss_bytes(void)
 {
     char line[256];
     unsigned long long kib = 0;
@@ -31,7 +32,8 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
         ",\"used_bytes\":%llu,\"reserved_bytes\":%llu,\"peak_bytes\":%llu,\"pipelines\":%u}",
         (unsigned long long)memory.used_bytes, (unsigned long long)memory.reserved_bytes,
         (unsigned long long)memory.peak_bytes, hg_gpu_pipeline_count(renderer->gpu));
-    hg_json_put(w, ",\"process\":{\"peak_rss_bytes\":%llu}", (unsigned long long)peak_rss_bytes());
+    hg_json_put(
+        w, ",\"process\":{\"peak_rss_bytes\":%llu}", (unsigned long long)hg_bench_peak_rss_bytes());
 }
 
 static void put_frame(struct hg_writer *w, const struct hg_view_state *s)

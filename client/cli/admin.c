@@ -1,4 +1,5 @@
 // admin.c - helio ping, stats, sessions, bench.
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -186,20 +187,46 @@ enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
 
 // ---- bench -------------------------------------------------------------------------------------
 
-static enum hg_status check_bench(const struct hg_cli_options *o, struct hg_error *err)
+// Names of files that are there become absolute and are gathered: the worker may read their
+// folders.
+static void gather_files(json_t *value, struct hg_cli_texts *files)
+{
+    size_t index;
+    const char *key;
+    json_t *item;
+    char full[PATH_MAX];
+    json_array_foreach(value, index, item)
+    {
+        gather_files(item, files);
+    }
+    json_object_foreach(value, key, item)
+    {
+        gather_files(item, files);
+    }
+    const char *text = json_string_value(value);
+    if (!text || !*text || !realpath(text, full) || files->count == HG_CLI_TEXTS_MAX)
+        return;
+    if (!json_string_set(value, full))
+        files->items[files->count++] = json_string_value(value);
+}
+
+// *options: the object of --options.
+static enum hg_status check_bench(
+    const struct hg_cli_options *o, json_t **options, struct hg_error *err)
 {
     json_error_t wrong;
+    *options = NULL;
     if (o->json_file) {
         enum hg_status status = hg_cli_check_output(o->json_file, err);
         if (status)
             return status;
     }
-    if (!o->bench_options)
+    *options = json_loads(o->bench_options ? o->bench_options : "{}", 0, &wrong);
+    if (json_is_object(*options))
         return HG_OK;
-    json_t *object = json_loads(o->bench_options, 0, &wrong);
-    bool good = json_is_object(object);
-    json_decref(object);
-    return good ? HG_OK : hg_error_set(err, HG_E_INVAL, "--options", NULL, "is not a JSON object");
+    json_decref(*options);
+    *options = NULL;
+    return hg_error_set(err, HG_E_INVAL, "--options", NULL, "is not a JSON object");
 }
 
 static enum hg_status write_result(
@@ -218,15 +245,20 @@ enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options)
     struct hg_error err = {0};
     enum hg_cli_doing doing = HG_CLI_DOING_ARGUMENTS;
     struct helio_message *answer = NULL;
+    struct hg_cli_texts files = {0};
+    json_t *object = NULL;
     hg_cli_init(&cli, options);
-    enum hg_status status = check_bench(options, &err);
+    enum hg_status status = check_bench(options, &object, &err);
     if (!status) {
+        gather_files(object, &files);
         doing = HG_CLI_DOING_CONNECT;
-        status = hg_cli_connect(&cli, NULL, NULL, true, &err);
+        status = hg_cli_connect(&cli, NULL, &files, true, &err);
     }
+    char *text = object ? json_dumps(object, JSON_COMPACT) : NULL;
+    json_decref(object);
     struct hgp_bench bench = {
         .name = hgp_str_make(options->args[0]),
-        .options = hgp_str_make(options->bench_options ? options->bench_options : "{}"),
+        .options = hgp_str_make(text ? text : "{}"),
     };
     if (!status) {
         hg_cli_progress_stage(&cli.progress, "measuring");
@@ -239,5 +271,6 @@ enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options)
         status = write_result(options, &answer->body->json.text, &err);
     }
     helio_message_free(answer);
+    free(text);
     return finish(&cli, doing, status, &err);
 }

@@ -9,31 +9,21 @@
 #include "base/file.h"
 #include "base/sha256.h"
 #include "renderer/scene/demo.h"
-#include "server/worker/serve.h"
+#include "server/worker/bench.h"
 
+// Options of `realtime` (all optional): scene (file; default the built-in demo), environment (file;
+// default the demo's), width, height, vfov_deg, rounds, path (list of {eye: [x,y,z], target:
+// [x,y,z]} in metres). Those of the others: bench_stream.c.
 enum { MAX_POSES = 4096, PROGRESS_NS = 100 * 1000 * 1000 };
-
-// One run of `realtime`. Options (all optional): scene (file; default the built-in demo),
-// environment (file; default the demo's), width, height, vfov_deg, rounds, path (list of
-// {eye: [x,y,z], target: [x,y,z]} in metres).
-struct bench {
-    const struct request *r;
-    const char *scene_name, *environment; // borrowed from the options
-    struct hg_bench_realtime run;
-    struct hg_bench_pose *poses;
-    struct hg_scene *scene;
-    double load_ms;
-    uint64_t progress_sent_ns;
-};
 
 static enum hg_status bad_option(struct hg_error *err, const char *name, const char *reason)
 {
-    return hg_error_set(err, HG_E_INVAL, "bench realtime", name, "%s", reason);
+    return hg_error_set(err, HG_E_INVAL, "bench", name, "%s", reason);
 }
 
 // ---- options ------------------------------------------------------------------------------------
 
-static enum hg_status read_number(const json_t *options, const char *name, double low, double high,
+enum hg_status bench_number(const json_t *options, const char *name, double low, double high,
     double *value, struct hg_error *err)
 {
     const json_t *item = json_object_get(options, name);
@@ -81,10 +71,10 @@ static enum hg_status read_options(struct bench *b, const json_t *options, struc
 {
     double width = 0, height = 0, vfov_deg = 0, rounds = 0; // 0: the renderer's defaults
     const json_t *path = json_object_get(options, "path");
-    enum hg_status st = read_number(options, "width", 1, 16384, &width, err);
-    st = st ? st : read_number(options, "height", 1, 16384, &height, err);
-    st = st ? st : read_number(options, "vfov_deg", 1, 170, &vfov_deg, err);
-    st = st ? st : read_number(options, "rounds", 1, 1000, &rounds, err);
+    enum hg_status st = bench_number(options, "width", 1, 16384, &width, err);
+    st = st ? st : bench_number(options, "height", 1, 16384, &height, err);
+    st = st ? st : bench_number(options, "vfov_deg", 1, 170, &vfov_deg, err);
+    st = st ? st : bench_number(options, "rounds", 1, 1000, &rounds, err);
     st = st || !path ? st : read_path(b, path, err);
     b->scene_name = json_string_value(json_object_get(options, "scene"));
     b->environment = json_string_value(json_object_get(options, "environment"));
@@ -158,7 +148,7 @@ static enum hg_status load_scene(struct bench *b, struct hg_error *err)
 
 // ---- run ----------------------------------------------------------------------------------------
 
-static bool report(void *user, uint32_t done, uint32_t total)
+bool bench_progress(void *user, uint32_t done, uint32_t total)
 {
     struct bench *b = user;
     uint64_t now = hg_clock_now_ns();
@@ -176,9 +166,11 @@ static char *complete(const struct bench *b, const char *text)
     json_t *root = json_loads(text, 0, NULL);
     json_object_set_new(root, "scene", json_string(b->scene_name ? b->scene_name : "demo"));
     json_object_set_new(root, "load_ms", json_real(b->load_ms));
-    char *full = root ? json_dumps(root, JSON_COMPACT) : NULL;
+    char *full = root ? json_dumps(root, JSON_COMPACT) : NULL,
+         *copy = full ? hg_strdup(full) : NULL;
     json_decref(root);
-    return full;
+    free(full);
+    return copy;
 }
 
 static enum hg_status run_realtime(
@@ -189,45 +181,61 @@ static enum hg_status run_realtime(
     uint64_t start = hg_clock_now_ns();
     st = st ? st : load_scene(b, err);
     b->load_ms = (double)(hg_clock_now_ns() - start) * 1e-6;
-    b->run.progress = report;
+    b->run.progress = bench_progress;
     b->run.progress_user = b;
     return st ? st : hg_renderer_bench_realtime(b->r->s->renderer, b->scene, &b->run, text, err);
 }
 
-static void bench_realtime(const struct request *r, const json_t *options)
+static enum hg_status bench_realtime(
+    struct bench *b, const json_t *options, char **text, struct hg_error *err)
 {
-    struct bench b = {.r = r};
-    struct hg_error err = {0};
-    char *text = NULL, *full = NULL;
-    enum hg_status st = run_realtime(&b, options, &text, &err);
-    if (!st && !(full = complete(&b, text)))
-        st = hg_error_set(&err, HG_E_NOMEM, "bench", NULL, "no memory for the report");
-    if (st)
-        serve_fail(r, &err);
-    else
-        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(full)});
-    free(full);
-    hg_free(text);
-    hg_scene_destroy(b.scene);
-    hg_free(b.poses);
+    char *report = NULL;
+    *text = NULL;
+    enum hg_status st = run_realtime(b, options, &report, err);
+    if (!st && !(*text = complete(b, report)))
+        st = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "no memory for the report");
+    hg_free(report);
+    hg_scene_destroy(b->scene);
+    hg_free(b->poses);
+    return st;
+}
+
+static const struct {
+    const char *name;
+    enum hg_status (*run)(struct bench *, const json_t *, char **, struct hg_error *);
+} benchmarks[] = {{"realtime", bench_realtime}, {"vt", bench_vt}, {"lod", bench_lod}};
+
+static enum hg_status run_named(
+    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+{
+    const struct hgp_str *name = &b->r->message->bench.name;
+    *text = NULL;
+    for (size_t i = 0; i < sizeof benchmarks / sizeof *benchmarks; i++)
+        if (strlen(benchmarks[i].name) == name->size &&
+            memcmp(benchmarks[i].name, name->data, name->size) == 0)
+            return benchmarks[i].run(b, options, text, err);
+    return hg_error_set(err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%.*s'",
+        (int)name->size, name->data ? name->data : "");
 }
 
 void query_bench(const struct request *r)
 {
     const struct hgp_bench *m = &r->message->bench;
+    struct bench b = {.r = r};
     struct hg_error err = {0};
+    char *text = NULL;
     json_error_t fault;
     json_t *options =
         json_loadb(m->options.data ? m->options.data : "", m->options.size, 0, &fault);
-    bool is_realtime = m->name.size == 8 && memcmp(m->name.data, "realtime", 8) == 0;
+    enum hg_status st = HG_OK;
     if (!json_is_object(options))
-        hg_error_set(&err, HG_E_INVAL, "bench", "options", "not a JSON object: %s", fault.text);
-    else if (!is_realtime)
-        hg_error_set(&err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%.*s'",
-            (int)m->name.size, m->name.data);
-    if (err.status)
+        st =
+            hg_error_set(&err, HG_E_INVAL, "bench", "options", "not a JSON object: %s", fault.text);
+    st = st ? st : run_named(&b, options, &text, &err);
+    if (st)
         serve_fail(r, &err);
     else
-        bench_realtime(r, options);
+        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+    hg_free(text);
     json_decref(options);
 }

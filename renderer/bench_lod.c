@@ -1,0 +1,291 @@
+// bench_lod.c - frame time and picture of scenes with many triangles (helio bench lod).
+//
+// The small scene is one stretched land mesh and one statue; the large one covers the same pixels
+// with tiles^2 land meshes and many statues. Frames of both alternate in one renderer.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/bench.h"
+#include "renderer/bench_scene.h"
+#include "renderer/image/metrics.h"
+#include "renderer/internal.h"
+#include "renderer/json.h"
+
+#define VFOV_RAD      0.8f
+#define FULL_ERROR_PX 0.01f // finer than any sample can see
+
+enum { SMALL, LARGE, SIDES };
+
+struct run {
+    const struct hg_bench_lod *bench;
+    struct hg_image heights; // empty: made
+    struct hg_renderer *renderer;
+    struct hg_bench_scene scenes[SIDES];
+    struct hg_bench_view views[SIDES];
+    struct hg_bench_times frames[SIDES];
+    uint64_t triangles[SIDES], drawn[SIDES];
+    double psnr_db, flip; // the worst of the stills
+    uint64_t holes_px;    // all stills
+    uint64_t rss_bytes;
+    struct hg_geometry_stats geometry;
+    uint32_t done, total;
+};
+
+static uint32_t or_default(uint32_t value, uint32_t otherwise)
+{
+    return value > 0 ? value : otherwise;
+}
+
+static enum hg_status step_done(struct run *run, struct hg_error *err)
+{
+    const struct hg_bench_stream *s = &run->bench->stream;
+    run->done++;
+    if (s->progress == NULL || s->progress(s->progress_user, run->done, run->total))
+        return HG_OK;
+    return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
+}
+
+// --- scenes --------------------------------------------------------------------------------------
+
+static enum hg_status load_statue(struct run *run, struct hg_asset **out, struct hg_error *err)
+{
+    *out = NULL;
+    if (run->bench->statue == NULL)
+        return HG_OK;
+    const struct hg_load_params params = {.path = run->bench->statue,
+        .asset_number = 1,
+        .scene_index = -1,
+        .jobs = hg_renderer_jobs(run->renderer)};
+    return hg_load_asset(&params, out, err);
+}
+
+static enum hg_status make_scene(
+    struct run *run, int side, uint32_t tiles, uint32_t statues, struct hg_error *err)
+{
+    struct hg_bench_land land = {.heights = run->heights.pixels != NULL ? &run->heights : NULL,
+        .tiles = tiles,
+        .statues = statues,
+        .cells = run->bench->cells};
+    enum hg_status status = load_statue(run, &land.statue, err);
+    if (status == HG_OK) {
+        status =
+            hg_bench_land_make(&land, hg_renderer_jobs(run->renderer), &run->scenes[side], err);
+    }
+    const struct hg_view_params view = {.width = run->bench->stream.width,
+        .height = run->bench->stream.height,
+        .samples = run->bench->stream.samples};
+    if (status == HG_OK) {
+        status = hg_bench_view_init(
+            &run->views[side], run->renderer, run->scenes[side].scene, &view, err);
+    }
+    run->views[side].vfov_rad = VFOV_RAD;
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
+static enum hg_status open_scenes(struct run *run, struct hg_error *err)
+{
+    const struct hg_bench_lod *b = run->bench;
+    struct hg_renderer_params params = *b->stream.renderer;
+    params.texture_budget_bytes = 0;
+    params.geometry_budget_bytes = b->stream.budget_bytes;
+    enum hg_status status = hg_renderer_create(&params, &run->renderer, err);
+    if (status == HG_OK && b->heights != NULL)
+        status = hg_image_read_file(b->heights, HG_PIXEL_RGBA16, NULL, &run->heights, err);
+    if (status == HG_OK)
+        status = make_scene(run, SMALL, 1, 1, err);
+    if (status == HG_OK)
+        status = make_scene(run, LARGE, b->tiles, b->statues, err);
+    hg_image_finish(&run->heights);
+    return status;
+}
+
+// --- measurements --------------------------------------------------------------------------------
+
+static enum hg_status visit_all(struct run *run, struct hg_error *err)
+{
+    const uint32_t frames = run->bench->stream.frames;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
+        struct hg_bench_pose pose;
+        uint64_t ns;
+        hg_bench_land_pose(i / 2, frames, &pose);
+        status = hg_bench_view_sharpen(&run->views[i % 2], &pose, &ns, err);
+        if (status == HG_OK)
+            status = step_done(run, err);
+    }
+    return status;
+}
+
+static enum hg_status fly(struct run *run, struct hg_error *err)
+{
+    const uint32_t frames = run->bench->stream.frames;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
+        const int side = (i % 2 == 0) == (i / 2 % 2 == 0) ? SMALL : LARGE;
+        struct hg_bench_pose pose;
+        uint64_t ns;
+        hg_bench_land_pose(i / 2, frames, &pose);
+        status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
+        if (status == HG_OK && hg_bench_times_add(&run->frames[side], ns) != HG_OK)
+            status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
+        const struct hg_frame_info *info = &run->views[side].info;
+        run->triangles[side] = info->triangles_total;
+        run->drawn[side] =
+            info->triangles_drawn > run->drawn[side] ? info->triangles_drawn : run->drawn[side];
+        if (status == HG_OK)
+            status = step_done(run, err);
+    }
+    return status;
+}
+
+static bool is_covered(const struct hg_image *image, uint32_t x, uint32_t y)
+{
+    return ((const uint8_t *)image->pixels)[4 * ((size_t)y * image->width + x) + 3] == 255;
+}
+
+// Pixels that a picture lets through although the full one covers them and all their neighbours.
+static uint64_t count_holes(const struct hg_image *lod, const struct hg_image *full)
+{
+    uint64_t holes = 0;
+    for (uint32_t y = 1; y + 1 < full->height; y++) {
+        for (uint32_t x = 1; x + 1 < full->width; x++) {
+            bool inside = !is_covered(lod, x, y);
+            for (uint32_t k = 0; k < 9 && inside; k++)
+                inside = is_covered(full, x + k % 3 - 1, y + k / 3 - 1);
+            holes += inside;
+        }
+    }
+    return holes;
+}
+
+static enum hg_status compare_still(
+    struct run *run, struct hg_view_params *params, uint32_t index, struct hg_error *err)
+{
+    struct hg_bench_view *view = &run->views[LARGE];
+    struct hg_image images[2] = {{0}};
+    struct hg_bench_pose pose;
+    double psnr_db = 0, flip = 1;
+    enum hg_status status = HG_OK;
+    hg_bench_land_pose(2 * index + 1, 2 * run->bench->stream.stills, &pose);
+    for (int i = 0; i < 2 && status == HG_OK; i++) {
+        params->error_px = i == 0 ? 0 : FULL_ERROR_PX;
+        status = hg_view_set_params(view->view, params, err);
+        if (status == HG_OK)
+            status = hg_bench_view_settle(view, &pose, &images[i], err);
+    }
+    if (status == HG_OK)
+        status = hg_image_compare(&images[0], &images[1], HG_METRIC_PSNR, &psnr_db, NULL, err);
+    if (status == HG_OK)
+        status = hg_image_compare(&images[0], &images[1], HG_METRIC_FLIP, &flip, NULL, err);
+    if (status == HG_OK)
+        run->holes_px += count_holes(&images[0], &images[1]);
+    run->psnr_db = fmin(run->psnr_db, psnr_db);
+    run->flip = fmax(run->flip, flip);
+    hg_image_finish(&images[0]);
+    hg_image_finish(&images[1]);
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
+static enum hg_status compare_stills(struct run *run, struct hg_error *err)
+{
+    struct hg_view_params params = {.width = run->bench->stream.width,
+        .height = run->bench->stream.height,
+        .samples = run->bench->stream.samples,
+        .background = HG_BACKGROUND_NONE};
+    enum hg_status status = HG_OK;
+    run->psnr_db = 999;
+    for (uint32_t i = 0; i < run->bench->stream.stills && status == HG_OK; i++)
+        status = compare_still(run, &params, i, err);
+    return status;
+}
+
+// --- report --------------------------------------------------------------------------------------
+
+static void put_scale(const struct run *run, struct hg_writer *w)
+{
+    const double small = hg_bench_times_at(&run->frames[SMALL], 0.5);
+    const double large = hg_bench_times_at(&run->frames[LARGE], 0.5);
+    const uint64_t few = run->triangles[SMALL] > 0 ? run->triangles[SMALL] : 1;
+    hg_json_put(w, "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,",
+        (double)run->triangles[LARGE] / (double)few, small > 0 ? large / small : 0);
+    hg_json_put(w,
+        "\"small_triangles\":%llu,\"large_triangles\":%llu,\"large_unique_triangles\":%llu,"
+        "\"small_drawn\":%llu,\"large_drawn\":%llu,",
+        (unsigned long long)run->triangles[SMALL], (unsigned long long)run->triangles[LARGE],
+        (unsigned long long)run->scenes[LARGE].unique_triangles,
+        (unsigned long long)run->drawn[SMALL], (unsigned long long)run->drawn[LARGE]);
+    hg_bench_put_times(w, "small_ms", &run->frames[SMALL]);
+    hg_json_put(w, ",");
+    hg_bench_put_times(w, "large_ms", &run->frames[LARGE]);
+    hg_json_put(w, "}");
+}
+
+static enum hg_status write_report(const struct run *run, char **text)
+{
+    struct hg_writer w = {0};
+    const struct hg_bench_stream *s = &run->bench->stream;
+    hg_json_put(&w, "{\"width\":%u,\"height\":%u,", s->width, s->height);
+    put_scale(run, &w);
+    hg_json_put(&w, ",\"image\":{\"psnr_db\":%.3f,\"flip\":%.6f,\"holes_px\":%llu,\"pictures\":%u}",
+        run->psnr_db, run->flip, (unsigned long long)run->holes_px, s->stills);
+    hg_json_put(&w,
+        ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu},\"process\":{\"peak_rss_bytes\":"
+        "%llu},\"device\":",
+        (unsigned long long)s->budget_bytes, (unsigned long long)run->geometry.peak_bytes,
+        (unsigned long long)run->rss_bytes);
+    hg_json_string(&w, hg_gpu_get_caps(run->renderer->gpu)->device_name);
+    hg_json_put(&w, "}");
+    return hg_json_take(&w, text);
+}
+
+// --- the benchmark -------------------------------------------------------------------------------
+
+static void set_defaults(struct hg_bench_lod *b)
+{
+    struct hg_bench_stream *s = &b->stream;
+    s->budget_bytes = s->budget_bytes > 0 ? s->budget_bytes : UINT64_C(512) << 20;
+    s->width = or_default(s->width, 1280);
+    s->height = or_default(s->height, 720);
+    s->frames = or_default(s->frames, 60);
+    s->stills = or_default(s->stills, 3);
+    s->samples = or_default(s->samples, 8);
+    b->cells = or_default(b->cells, 1200);
+    b->tiles = or_default(b->tiles, 3);
+    b->statues = or_default(b->statues, 1440);
+}
+
+static enum hg_status measure(struct run *run, struct hg_error *err)
+{
+    enum hg_status status = open_scenes(run, err);
+    if (status == HG_OK)
+        status = visit_all(run, err);
+    if (status == HG_OK)
+        status = fly(run, err);
+    if (status == HG_OK)
+        status = compare_stills(run, err);
+    if (status == HG_OK)
+        hg_geometry_stats(run->views[LARGE].view->state.rooms->geometry, &run->geometry);
+    run->rss_bytes = hg_bench_peak_rss_bytes();
+    return status;
+}
+
+enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, struct hg_error *err)
+{
+    *text = NULL;
+    struct hg_bench_lod full = *bench;
+    set_defaults(&full);
+    struct run run = {.bench = &full, .total = SIDES + 4 * full.stream.frames + full.stream.stills};
+    enum hg_status status = measure(&run, err);
+    if (status == HG_OK)
+        status = write_report(&run, text);
+    for (int side = 0; side < SIDES; side++) {
+        hg_bench_view_finish(&run.views[side]);
+        hg_bench_scene_finish(&run.scenes[side]);
+        hg_bench_times_finish(&run.frames[side]);
+    }
+    hg_image_finish(&run.heights);
+    hg_renderer_destroy(run.renderer);
+    return status;
+}
