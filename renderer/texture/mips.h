@@ -3,10 +3,8 @@
 #ifndef HG_RENDERER_TEXTURE_MIPS_H
 #define HG_RENDERER_TEXTURE_MIPS_H
 
-#include "renderer/image/image.h"
+#include "renderer/texture/mip_stream.h"
 #include "renderer/texture/textures.h"
-
-#define HG_MIPS_MAX 18
 
 struct hg_mips {
     uint32_t width, height, count; // of mip 0; mips down to 1x1, sides rounded down
@@ -22,10 +20,8 @@ struct hg_mips_params {
     float cutoff; // for HG_TEXTURE_MASK
 };
 
-// Number of mips down to 1x1.
-uint32_t hg_mips_count(uint32_t width, uint32_t height);
-// Side of a mip, at least 1.
-uint32_t hg_mips_side(uint32_t side, uint32_t mip);
+// How the mips of a use are filtered.
+enum hg_mip_filter hg_mips_filter(enum hg_texture_use use);
 
 // Filters with the exact overlap of each texel with the texels above it (2 or 3 per axis), in
 // linear light, from unrounded values of the mip above.
@@ -37,5 +33,7 @@ uint32_t hg_mips_side(uint32_t side, uint32_t mip);
 enum hg_status hg_mips_build(const struct hg_image *image, const struct hg_mips_params *params,
     struct hg_mips *out) HG_MUST_CHECK;
 void hg_mips_finish(struct hg_mips *mips); // accepts a zeroed chain
+// How many texels of an RGBA8 mip have each alpha.
+void hg_mips_count_alpha(const struct hg_mips *mips, uint32_t mip, uint64_t histogram[256]);
 
 #endif
