@@ -131,15 +131,16 @@ static void load_rgba16(const uint16_t *src, uint32_t count, bool srgb, float *d
     }
 }
 
-static void load_row(const struct hg_mip_stream_params *p, const void *pixels, float *dst)
+static void load_row(
+    enum hg_pixel_format format, bool srgb, const void *pixels, uint32_t count, float *dst)
 {
-    if (p->format == HG_PIXEL_RGBA8) {
-        load_rgba8(pixels, p->width, p->srgb, dst);
-    } else if (p->format == HG_PIXEL_RGBA16) {
-        load_rgba16(pixels, p->width, p->srgb, dst);
+    if (format == HG_PIXEL_RGBA8) {
+        load_rgba8(pixels, count, srgb, dst);
+    } else if (format == HG_PIXEL_RGBA16) {
+        load_rgba16(pixels, count, srgb, dst);
     } else {
         const float *src = pixels;
-        for (size_t i = 0; i < (size_t)p->width * 4; i++)
+        for (size_t i = 0; i < (size_t)count * 4; i++)
             dst[i] = to_finite(src[i]);
     }
 }
@@ -276,7 +277,7 @@ enum hg_status hg_mip_stream_push(struct hg_mip_stream *s, const void *pixels)
     const struct hg_mip_stream_params *p = &s->params;
     const void *texels = pixels;
     if (s->texel_bytes == 8 || s->count > 1)
-        load_row(p, pixels, s->top);
+        load_row(p->format, p->srgb, pixels, p->width, s->top);
     if (s->texel_bytes == 8) {
         store_half(s->top, p->width, HG_MIP_PLAIN, s->encoded);
         texels = s->encoded;
@@ -347,6 +348,20 @@ void hg_mip_stream_destroy(struct hg_mip_stream *s)
     hg_free(s->top);
     hg_free(s->encoded);
     hg_free(s);
+}
+
+void hg_mips_to_half(
+    enum hg_pixel_format format, bool srgb, const void *pixels, size_t count, uint16_t *dst)
+{
+    pthread_once(&tables_once, make_tables);
+    const uint8_t *src = pixels;
+    for (size_t done = 0; done < count;) {
+        float row[64 * 4];
+        const uint32_t some = count - done < 64 ? (uint32_t)(count - done) : 64;
+        load_row(format, srgb, src + done * hg_pixel_bytes(format), some, row);
+        store_half(row, some, HG_MIP_PLAIN, dst + done * 4);
+        done += some;
+    }
 }
 
 // --- masks ---------------------------------------------------------------------------------------

@@ -47,6 +47,10 @@ uint32_t hg_mips_side(uint32_t side, uint32_t mip);
 // Bytes of a texel of the mips: 4 (RGBA8) or 8 (RGBA16F).
 uint32_t hg_mips_texel_bytes(enum hg_pixel_format format, bool half);
 
+// Pixels of any format as linear RGBA16F, as mip 0 holds them.
+void hg_mips_to_half(
+    enum hg_pixel_format format, bool srgb, const void *pixels, size_t count, uint16_t *dst);
+
 // Table that scales 8-bit alpha so that of the texels counted in `mip` (by alpha) the same share
 // passes `cutoff` as of those in `top`. Source: Castano 2010, "Computing Alpha Mipmaps".
 void hg_mips_mask_table(

@@ -3,6 +3,7 @@
 
 #include "base/alloc.h"
 #include "base/file.h"
+#include "renderer/texture/mip_stream.h"
 #include "renderer/texture/source.h"
 
 #define FILE_LIMIT_BYTES (1ull << 31)
@@ -12,9 +13,9 @@ static enum hg_status check_size(
 {
     if (info->width == 0 || info->height == 0)
         return hg_error_set(err, HG_E_FORMAT, label, NULL, "the image is empty");
-    if (info->width > 65536 || info->height > 65536)
-        return hg_error_set(err, HG_E_LIMIT, label, NULL, "%u x %u texels, 65536 are allowed",
-            info->width, info->height);
+    if (info->width > HG_MIPS_SIDE_PX || info->height > HG_MIPS_SIDE_PX)
+        return hg_error_set(err, HG_E_LIMIT, label, NULL, "%u x %u texels, %u are allowed",
+            info->width, info->height, HG_MIPS_SIDE_PX);
     return HG_OK;
 }
 
@@ -31,6 +32,22 @@ static enum hg_status identify_pixels(
     out->width = image->width;
     out->height = image->height;
     out->is_float = image->format != HG_PIXEL_RGBA8;
+    return HG_OK;
+}
+
+static enum hg_status identify_tiles(
+    const struct hg_image_tiles *tiles, struct hg_source_info *out, struct hg_error *err)
+{
+    struct hg_sha256 *h = hg_sha256_create();
+    if (h == NULL)
+        return hg_error_set(err, HG_E_NOMEM, NULL, NULL, "no memory to hash an id");
+    const uint32_t head[4] = {tiles->width, tiles->height, (uint32_t)tiles->format, UINT32_MAX};
+    hg_sha256_update(h, head, sizeof head);
+    hg_sha256_update(h, tiles->id, sizeof tiles->id);
+    hg_sha256_end(h, out->hash);
+    out->width = tiles->width;
+    out->height = tiles->height;
+    out->is_float = tiles->format != HG_PIXEL_RGBA8;
     return HG_OK;
 }
 
@@ -63,6 +80,8 @@ enum hg_status hg_source_identify(
             status = identify_bytes(data, size, source->label, out, err);
             hg_free(data);
         }
+    } else if (source->tiles != NULL) {
+        status = identify_tiles(source->tiles, out, err);
     } else if (source->pixels.pixels != NULL) {
         status = identify_pixels(&source->pixels, out, err);
     } else {

@@ -1,0 +1,85 @@
+// page_image.h - the image behind page sources: one for equal content, however many sources show
+// it. Floor 2, private to page_source.c and page_load.c. Fields are guarded by hg_page_sources.lock
+// unless they never change.
+#ifndef HG_RENDERER_TEXTURE_PAGE_IMAGE_H
+#define HG_RENDERER_TEXTURE_PAGE_IMAGE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "renderer/texture/page_pack.h"
+#include "renderer/texture/page_source.h"
+#include "renderer/texture/source.h"
+
+enum hg_page_backing_kind {
+    HG_PAGES_IN_MEMORY,
+    HG_PAGES_IN_PACK,
+    HG_PAGES_ON_DEMAND, // tiles made by a callback, or files read in place
+};
+
+// Where pages come from now. Immutable; the last user frees it.
+struct hg_page_backing {
+    atomic_uint refs;
+    enum hg_page_backing_kind kind;
+    struct hg_mips mips;
+    uint64_t memory_bytes;
+    struct hg_page_pack pack;
+    struct hg_page_histograms *histograms; // of `mips`
+    const struct hg_image_tiles *tiles;
+};
+
+struct hg_page_image {
+    struct hg_page_image *next;
+    struct hg_page_source *members; // sources that show it
+    struct hg_page_chain chain;     // never changes, nor do the next three
+    struct hg_source_info info;
+    struct hg_page_layout layout;
+    uint32_t pool;
+    struct hg_page_backing *backing; // NULL: nothing can be read yet
+    bool wanted;                     // somebody waits for pages
+    bool bake_wanted;                // somebody waits for the pack
+    bool no_bake;                    // the pack cannot be written (err says why)
+    bool busy;                       // a thread works on it
+    bool failed;                     // it cannot be read (err)
+    atomic_bool cancel;              // nobody needs what the thread does
+    struct hg_page_source *borrowed; // whose hg_image_source the thread reads
+    uint64_t retry_ns;               // not before this time (another process is baking)
+    uint64_t used_ns;                // last read
+    struct hg_page_bake bake;
+    struct hg_error err;
+};
+
+struct hg_page_source {
+    struct hg_page_sources *sources;
+    struct hg_page_source *next; // of image->members
+    struct hg_page_image *image;
+    const struct hg_image_source *origin;
+    struct hg_page_source_info info;
+    enum hg_wrap wrap_s, wrap_t;
+    uint8_t cutoff;
+    bool has_alpha; // `alpha` is filled
+    uint8_t (*alpha)[256];
+};
+
+struct hg_page_sources {
+    struct hg_page_sources_params params;
+    pthread_mutex_t lock;
+    pthread_cond_t work, changed; // for the threads; for those who wait for them
+    struct hg_page_image *images;
+    struct hg_page_scratch **scratches; // free ones
+    size_t scratch_capacity, scratch_count;
+    uint64_t revision, memory_bytes;
+    struct hg_page_sources_stats stats;
+    struct hg_jobs *jobs; // compresses pages of large images; NULL with one thread
+    atomic_bool stop;
+    bool warned;
+    unsigned thread_count;
+    pthread_t threads[16];
+};
+
+void *hg_page_load_thread(void *sources);
+void hg_page_backing_unref(struct hg_page_sources *sources, struct hg_page_backing *backing);
+// The lock is held. Tells everybody that something changed.
+void hg_page_sources_changed(struct hg_page_sources *sources, bool pages_appeared);
+
+#endif

@@ -1,0 +1,373 @@
+// page_load.c - the threads behind page sources: images into memory, then into packs.
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "renderer/texture/page_image.h"
+
+#define RETRY_NS UINT64_C(100000000) // until a pack that another process bakes is looked for again
+
+void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
+{
+    if (b == NULL || atomic_fetch_sub(&b->refs, 1) > 1)
+        return;
+    if (b->memory_bytes > 0) {
+        pthread_mutex_lock(&s->lock);
+        s->memory_bytes -= b->memory_bytes;
+        pthread_cond_signal(&s->work);
+        pthread_mutex_unlock(&s->lock);
+    }
+    hg_mips_finish(&b->mips);
+    hg_page_pack_finish(&b->pack);
+    hg_free(b->histograms);
+    hg_free(b);
+}
+
+// --- what to do next -----------------------------------------------------------------------------
+
+enum task { TASK_NONE, TASK_LOAD, TASK_BAKE };
+
+// Memory that an image takes while it is decoded: its pixels and the chain.
+static uint64_t pixel_bytes(const struct hg_page_image *i)
+{
+    return (uint64_t)i->info.width * i->info.height * (i->info.is_float ? 16 : 4);
+}
+
+static uint64_t chain_bytes(const struct hg_page_image *i)
+{
+    return (uint64_t)i->info.width * i->info.height * i->chain.texel_bytes * 4 / 3 + 4096;
+}
+
+static bool can_bake(const struct hg_page_sources *s, const struct hg_page_image *i)
+{
+    return s->params.store != NULL && !i->no_bake;
+}
+
+static bool is_idle(const struct hg_page_image *i, uint64_t now)
+{
+    return !i->busy && !i->failed && i->members != NULL && i->retry_ns <= now;
+}
+
+// Drops the chain that was used longest ago among those that no pack can replace.
+static bool drop_oldest_chain(struct hg_page_sources *s, struct hg_page_backing **dropped)
+{
+    struct hg_page_image *oldest = NULL;
+    for (struct hg_page_image *i = s->images; i != NULL; i = i->next)
+        if (i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY && !i->busy &&
+            !can_bake(s, i) && (oldest == NULL || i->used_ns < oldest->used_ns))
+            oldest = i;
+    if (oldest == NULL)
+        return false;
+    *dropped = oldest->backing;
+    oldest->backing = NULL;
+    oldest->wanted = oldest->bake_wanted = false;
+    return true;
+}
+
+static struct hg_page_image *find_idle(struct hg_page_sources *s, bool in_memory, uint64_t now)
+{
+    for (struct hg_page_image *i = s->images; i != NULL; i = i->next) {
+        if (!is_idle(i, now))
+            continue;
+        if (in_memory && i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY &&
+            can_bake(s, i))
+            return i;
+        if (!in_memory && i->backing == NULL && (i->wanted || i->bake_wanted))
+            return i;
+    }
+    return NULL;
+}
+
+// The lock is held. Loading comes first while there is memory, then baking gives memory back.
+static enum task choose(struct hg_page_sources *s, struct hg_page_image **image,
+    struct hg_page_backing **dropped, uint64_t now)
+{
+    struct hg_page_image *load = find_idle(s, false, now), *bake = find_idle(s, true, now);
+    *image = load != NULL ? load : bake;
+    if (load == NULL)
+        return bake != NULL ? TASK_BAKE : TASK_NONE;
+    const uint64_t need = chain_bytes(load) + pixel_bytes(load);
+    if (s->memory_bytes == 0 || s->memory_bytes + need <= s->params.memory_bytes)
+        return TASK_LOAD;
+    *image = bake;
+    if (bake != NULL)
+        return TASK_BAKE;
+    drop_oldest_chain(s, dropped);
+    *image = NULL;
+    return TASK_NONE;
+}
+
+// --- loading -------------------------------------------------------------------------------------
+
+static enum hg_status decode(struct hg_page_sources *s, struct hg_page_image *image,
+    const struct hg_image_source *origin, struct hg_page_backing *b, struct hg_error *err)
+{
+    const struct hg_image *view;
+    struct hg_image owned;
+    enum hg_status status =
+        hg_source_decode(origin, &image->info, &s->params.limits, &view, &owned, err);
+    if (status != HG_OK)
+        return status;
+    static const enum hg_texture_use uses[] = {[HG_MIP_PLAIN] = HG_TEXTURE_DATA,
+        [HG_MIP_WEIGHTED] = HG_TEXTURE_BLEND,
+        [HG_MIP_NORMAL] = HG_TEXTURE_NORMAL};
+    const struct hg_mips_params params = {.srgb = image->chain.srgb,
+        .half = image->pool == HG_POOL_FLOAT,
+        .use = uses[image->chain.filter]};
+    status = hg_mips_build(view, &params, &b->mips);
+    hg_image_finish(&owned);
+    if (status == HG_OK && b->mips.texel_bytes == 4 && image->chain.filter == HG_MIP_WEIGHTED) {
+        b->histograms = hg_calloc(1, sizeof *b->histograms);
+        status = b->histograms != NULL ? HG_OK : HG_E_NOMEM;
+        for (uint32_t i = 0; status == HG_OK && i < b->mips.count; i++)
+            hg_mips_count_alpha(&b->mips, i, b->histograms->counts[i]);
+    }
+    return status == HG_OK
+               ? HG_OK
+               : hg_error_set(err, status, origin->label, NULL, "no memory for its mips");
+}
+
+static void note_memory(struct hg_page_sources *s, uint64_t more, uint64_t less)
+{
+    s->memory_bytes += more;
+    if (s->memory_bytes > s->stats.memory_peak_bytes)
+        s->stats.memory_peak_bytes = s->memory_bytes;
+    s->memory_bytes -= less;
+}
+
+static void fail_image(
+    struct hg_page_sources *s, struct hg_page_image *image, const struct hg_error *err)
+{
+    image->failed = true;
+    image->err = *err;
+    s->stats.failed++;
+    char text[512];
+    hg_error_format(err, text, sizeof text);
+    hg_warn(TEXTURE, "an image cannot be read: %s", text);
+}
+
+// A pack that another process has baked meanwhile.
+static struct hg_page_backing *find_pack(struct hg_page_sources *s, struct hg_page_image *image)
+{
+    struct hg_page_backing *b = hg_calloc(1, sizeof *b);
+    if (b == NULL)
+        return NULL;
+    atomic_init(&b->refs, 1);
+    b->kind = HG_PAGES_IN_PACK;
+    if (hg_page_pack_open(s->params.store, &image->chain, &b->pack, NULL) == HG_OK)
+        return b;
+    hg_free(b);
+    return NULL;
+}
+
+// The lock is held on entry and exit; the image is busy.
+static void load(struct hg_page_sources *s, struct hg_page_image *image)
+{
+    const uint64_t need = chain_bytes(image) + pixel_bytes(image);
+    note_memory(s, need, 0);
+    image->borrowed = image->members;
+    const struct hg_image_source *origin = image->borrowed->origin;
+    pthread_mutex_unlock(&s->lock);
+    struct hg_error err = {0};
+    struct hg_page_backing *b = hg_calloc(1, sizeof *b);
+    enum hg_status status =
+        b != NULL ? HG_OK : hg_error_set(&err, HG_E_NOMEM, "textures", NULL, "no memory");
+    if (status == HG_OK) {
+        atomic_init(&b->refs, 1);
+        b->kind = HG_PAGES_IN_MEMORY;
+        status = decode(s, image, origin, b, &err);
+    }
+    pthread_mutex_lock(&s->lock);
+    image->borrowed = NULL;
+    s->memory_bytes -= need;
+    if (status == HG_OK) {
+        b->memory_bytes = b->mips.bytes;
+        note_memory(s, b->memory_bytes, 0);
+        image->backing = b;
+        image->used_ns = hg_clock_now_ns();
+        return;
+    }
+    if (b != NULL) {
+        hg_mips_finish(&b->mips);
+        hg_free(b->histograms);
+        hg_free(b);
+    }
+    fail_image(s, image, &err);
+}
+
+// --- baking --------------------------------------------------------------------------------------
+
+struct bake {
+    struct hg_page_sources *sources;
+    struct hg_page_image *image;
+    struct hg_page_packer *packer;
+};
+
+static enum hg_status pack_row(void *user, uint32_t mip, uint32_t y, const void *texels)
+{
+    struct bake *b = user;
+    if (mip == 0 && (atomic_load(&b->image->cancel) || b->sources->stop))
+        return HG_E_CANCELLED;
+    if (mip == 0 && y % HG_PAGE_TEXELS == 0) {
+        pthread_mutex_lock(&b->sources->lock);
+        const uint32_t rest = b->image->info.height - y;
+        b->sources->stats.bake_texels_done +=
+            (uint64_t)b->image->info.width * (rest < HG_PAGE_TEXELS ? rest : HG_PAGE_TEXELS);
+        pthread_mutex_unlock(&b->sources->lock);
+    }
+    return hg_page_packer_row(b->packer, mip, y, texels);
+}
+
+static enum hg_status pack_chain(struct bake *b, const struct hg_mips *mips)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t m = 0; m < mips->count; m++) {
+        const uint32_t h = hg_mips_side(mips->height, m);
+        const size_t pitch = (size_t)hg_mips_side(mips->width, m) * mips->texel_bytes;
+        for (uint32_t y = 0; y < h && status == HG_OK; y++)
+            status = pack_row(b, m, y, mips->levels[m] + y * pitch);
+    }
+    return status;
+}
+
+static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image *image,
+    const struct hg_mips *mips, struct hg_error *err)
+{
+    struct hg_store_key key;
+    struct hg_store_writer *writer;
+    struct bake b = {s, image, NULL};
+    enum hg_status status = hg_page_pack_key(&image->chain, &key);
+    if (status == HG_OK)
+        status = hg_store_begin(s->params.store, &key, &writer, err);
+    else
+        hg_error_set(err, status, "pages", NULL, "no memory");
+    if (status != HG_OK)
+        return status;
+    status = hg_page_packer_create(&image->chain, writer, s->jobs, &b.packer);
+    if (status == HG_OK && (status = pack_chain(&b, mips)) != HG_OK)
+        *err = *hg_page_packer_error(b.packer);
+    if (status == HG_OK)
+        status = hg_page_packer_end(b.packer, err);
+    hg_page_packer_destroy(b.packer);
+    if (status == HG_OK)
+        return hg_store_commit(writer, err);
+    if (err->status == HG_OK)
+        hg_error_set(err, status, "pages", NULL, "%s", hg_status_text(status));
+    hg_store_abort(writer);
+    return status;
+}
+
+static void refuse_bake(
+    struct hg_page_sources *s, struct hg_page_image *image, const struct hg_error *err)
+{
+    image->no_bake = true;
+    image->err = *err;
+    if (s->warned)
+        return;
+    s->warned = true;
+    char text[512];
+    hg_error_format(err, text, sizeof text);
+    hg_warn(TEXTURE, "pages cannot be kept on disk: %s", text);
+}
+
+// The lock is held on entry and exit; the image is busy and has its chain in memory.
+static void bake(
+    struct hg_page_sources *s, struct hg_page_image *image, struct hg_page_backing **dropped)
+{
+    struct hg_page_backing *chain = image->backing;
+    atomic_fetch_add(&chain->refs, 1);
+    const uint64_t texels = (uint64_t)image->info.width * image->info.height;
+    s->stats.bake_texels_total += texels;
+    pthread_mutex_unlock(&s->lock);
+    struct hg_error err = {0};
+    const uint64_t start = hg_clock_now_ns();
+    struct hg_page_backing *pack = find_pack(s, image);
+    enum hg_status status = pack != NULL ? HG_OK : write_pack(s, image, &chain->mips, &err);
+    const bool found = pack != NULL;
+    if (status == HG_OK && pack == NULL && (pack = find_pack(s, image)) == NULL)
+        status = hg_error_set(&err, HG_E_LIMIT, "pages", NULL, "the cache does not keep them");
+    hg_page_backing_unref(s, chain);
+    pthread_mutex_lock(&s->lock);
+    if (status == HG_OK) {
+        *dropped = image->backing;
+        image->backing = pack;
+        s->stats.packs_found += found;
+        s->stats.packs_baked += !found;
+        s->stats.pages_baked += found ? 0 : image->layout.pages;
+        s->stats.pack_bytes += hg_store_entry_bytes(pack->pack.entry);
+        image->bake.bake_ns = found ? 0 : hg_clock_now_ns() - start;
+        s->stats.bake_ns += image->bake.bake_ns;
+    } else if (status == HG_E_BUSY || status == HG_E_CANCELLED) {
+        image->retry_ns = hg_clock_now_ns() + RETRY_NS;
+        s->stats.bake_texels_total -= texels;
+    } else {
+        refuse_bake(s, image, &err);
+    }
+}
+
+// --- the thread ----------------------------------------------------------------------------------
+
+// Waits for work, a short while when some is only put off.
+static void wait_for_work(struct hg_page_sources *s)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_nsec += (long)RETRY_NS;
+    until.tv_sec += until.tv_nsec / 1000000000;
+    until.tv_nsec %= 1000000000;
+    for (const struct hg_page_image *i = s->images; i != NULL; i = i->next)
+        if (i->retry_ns > 0 && !i->busy && !i->no_bake) {
+            pthread_cond_timedwait(&s->work, &s->lock, &until);
+            return;
+        }
+    pthread_cond_wait(&s->work, &s->lock);
+}
+
+static void work_on(struct hg_page_sources *s, struct hg_page_image *image, enum task task)
+{
+    struct hg_page_backing *dropped = NULL;
+    const bool had_pages = image->backing != NULL;
+    image->busy = true;
+    image->retry_ns = 0;
+    atomic_store(&image->cancel, false);
+    if (task == TASK_LOAD)
+        load(s, image);
+    else
+        bake(s, image, &dropped);
+    if (dropped != NULL) {
+        pthread_mutex_unlock(&s->lock);
+        hg_page_backing_unref(s, dropped);
+        pthread_mutex_lock(&s->lock);
+    }
+    image->busy = false;
+    hg_page_sources_changed(s, (image->backing != NULL) != had_pages);
+}
+
+void *hg_page_load_thread(void *sources)
+{
+    struct hg_page_sources *s = sources;
+    // Behind the threads that draw: baking takes what they leave.
+    setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 10);
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        struct hg_page_image *image;
+        struct hg_page_backing *dropped = NULL;
+        const enum task task = choose(s, &image, &dropped, hg_clock_now_ns());
+        if (task != TASK_NONE) {
+            work_on(s, image, task);
+        } else if (dropped != NULL) {
+            pthread_mutex_unlock(&s->lock);
+            hg_page_backing_unref(s, dropped);
+            pthread_mutex_lock(&s->lock);
+        } else {
+            wait_for_work(s);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return NULL;
+}

@@ -1,0 +1,272 @@
+// texture_pages.c - pages are the same in every byte whichever way they come: cut from a chain in
+// memory, from a pack that was just baked, from one that was there, from tiles made on demand.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "renderer/texture/page_codec.h"
+#include "renderer/texture/page_source.h"
+
+enum { SLOT = HG_PAGE_PITCH * HG_PAGE_PITCH };
+
+static char folder[64];
+static uint32_t random_state = 1;
+
+static int set_up(void **state)
+{
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/hg-pages-XXXXXX");
+    return mkdtemp(folder) == NULL;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command);
+}
+
+static uint32_t next_random(void)
+{
+    random_state = random_state * 1664525u + 1013904223u;
+    return random_state >> 8;
+}
+
+static struct hg_store *open_store(void)
+{
+    struct hg_store *store;
+    assert_int_equal(hg_store_open(&(struct hg_store_params){.dir = folder}, &store, NULL), HG_OK);
+    return store;
+}
+
+static struct hg_page_sources *make_sources(struct hg_store *store, unsigned threads)
+{
+    struct hg_page_sources *s;
+    const struct hg_page_sources_params params = {.store = store, .threads = threads};
+    assert_int_equal(hg_page_sources_create(&params, &s, NULL), HG_OK);
+    return s;
+}
+
+// Noise on gradients, so that predictors and entropy coding both have something to do.
+static struct hg_image make_image(uint32_t width, uint32_t height, enum hg_pixel_format format)
+{
+    struct hg_image image;
+    assert_int_equal(hg_image_create(width, height, format, NULL, &image), HG_OK);
+    for (uint32_t y = 0; y < height; y++)
+        for (uint32_t x = 0; x < width; x++)
+            for (uint32_t c = 0; c < 4; c++) {
+                const size_t i = ((size_t)y * width + x) * 4 + c;
+                const uint32_t v = x * (c + 1) + y * 3 + next_random() % 24;
+                if (format == HG_PIXEL_RGBA8)
+                    ((uint8_t *)image.pixels)[i] = (uint8_t)v;
+                else if (format == HG_PIXEL_RGBA16)
+                    ((uint16_t *)image.pixels)[i] = (uint16_t)(v * 131);
+                else
+                    ((float *)image.pixels)[i] = (float)v * 0.01f - 0.5f;
+            }
+    return image;
+}
+
+// What pages must be: the whole chain, cut.
+struct reference {
+    struct hg_mips mips;
+    struct hg_page_layout layout;
+};
+
+static struct reference make_reference(
+    const struct hg_image *image, bool srgb, bool half, enum hg_texture_use use, uint8_t cutoff)
+{
+    struct reference r;
+    const struct hg_mips_params params = {
+        .srgb = srgb, .half = half, .use = use, .cutoff = (float)cutoff / 255.0f};
+    assert_int_equal(hg_mips_build(image, &params, &r.mips), HG_OK);
+    r.layout = hg_page_layout_of(image->width, image->height);
+    return r;
+}
+
+static void check_pages(struct hg_page_source *source, const struct reference *r,
+    enum hg_wrap wrap_s, enum hg_wrap wrap_t)
+{
+    const struct hg_page_source_info *info = hg_page_source_info(source);
+    assert_memory_equal(&info->layout, &r->layout, sizeof r->layout);
+    assert_int_equal(info->texel_bytes, r->mips.texel_bytes);
+    const size_t bytes = (size_t)SLOT * info->texel_bytes;
+    uint8_t *want = malloc(bytes), *got = malloc(bytes);
+    for (uint32_t page = 0; page < r->layout.pages; page++) {
+        uint32_t x, y;
+        const uint32_t mip = hg_page_find(&r->layout, page, &x, &y);
+        assert_int_equal(hg_page_number(&r->layout, mip, x, y), page);
+        hg_page_cut(&r->layout, &r->mips, page, wrap_s, wrap_t, want);
+        memset(got, 0xa5, bytes);
+        enum hg_status status;
+        while ((status = hg_page_source_read(source, mip, x, y, got, NULL)) == HG_E_AGAIN)
+            assert_int_equal(hg_page_source_wait(source, NULL), HG_OK);
+        assert_int_equal(status, HG_OK);
+        assert_memory_equal(got, want, bytes);
+    }
+    assert_int_equal(hg_page_source_read(source, r->layout.tail + 1, 0, 0, got, NULL), HG_E_INVAL);
+    assert_int_equal(hg_page_source_read(source, r->layout.tail, 1, 0, got, NULL), HG_E_INVAL);
+    free(want);
+    free(got);
+}
+
+static void check_image(struct hg_image *image, enum hg_texture_use use, bool srgb,
+    enum hg_wrap wrap_s, enum hg_wrap wrap_t)
+{
+    const uint8_t cutoff = use == HG_TEXTURE_MASK ? 120 : 0;
+    const bool half = srgb != (use <= HG_TEXTURE_MASK) || image->format != HG_PIXEL_RGBA8;
+    struct reference r = make_reference(image, srgb, half, use, cutoff);
+    struct hg_image_source origin = {.label = "test", .pixels = *image, .pixels_srgb = srgb};
+    const struct hg_page_source_params params = {&origin, use, cutoff, wrap_s, wrap_t};
+    struct hg_store *store = open_store();
+    for (int way = 0; way < 3; way++) { // memory; memory, then baked; found baked
+        struct hg_page_sources *s = make_sources(way == 0 ? NULL : store, 1 + way % 2);
+        struct hg_page_source *source;
+        assert_int_equal(hg_page_source_open(s, &params, &source, NULL), HG_OK);
+        check_pages(source, &r, wrap_s, wrap_t);
+        struct hg_page_bake bake;
+        assert_int_equal(hg_page_source_bake(source, &bake, NULL), way == 0 ? HG_E_STATE : HG_OK);
+        if (way > 0) {
+            assert_int_equal(bake.pages, r.layout.pages);
+            assert_true(way == 1 || bake.bake_ns == 0);
+            check_pages(source, &r, wrap_s, wrap_t);
+        }
+        hg_page_source_close(source);
+        struct hg_page_sources_stats st;
+        hg_page_sources_stats(s, &st);
+        assert_int_equal(st.memory_bytes, 0);
+        assert_int_equal(st.sources, 0);
+        hg_page_sources_destroy(s);
+    }
+    hg_store_close(store);
+    hg_mips_finish(&r.mips);
+}
+
+static void test_ways(void **state)
+{
+    (void)state;
+    static const uint32_t sizes[][2] = {
+        {1, 1}, {64, 64}, {65, 3}, {3, 129}, {129, 129}, {257, 130}, {259, 131}, {300, 513}};
+    for (uint32_t i = 0; i < 8; i++) {
+        const uint32_t w = sizes[i][0], h = sizes[i][1];
+        struct hg_image image = make_image(w, h, HG_PIXEL_RGBA8);
+        for (int wraps = 0; wraps < 9; wraps++)
+            check_image(&image, (enum hg_texture_use)((i + (uint32_t)wraps) % 5),
+                (i + (uint32_t)wraps) % 5 < 3, (enum hg_wrap)(wraps % 3),
+                (enum hg_wrap)(wraps / 3));
+        hg_image_finish(&image);
+        image = make_image(w, h, i % 2 ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA16);
+        check_image(&image, HG_TEXTURE_COLOR, i % 3 == 0, HG_WRAP_REPEAT, HG_WRAP_MIRROR);
+        hg_image_finish(&image);
+    }
+}
+
+// Transfers that do not fit the use become floats, and masks of two cutoffs share a pack.
+static void test_uses(void **state)
+{
+    (void)state;
+    struct hg_image image = make_image(200, 140, HG_PIXEL_RGBA8);
+    for (int use = 0; use < 5; use++)
+        for (int srgb = 0; srgb < 2; srgb++)
+            check_image(&image, (enum hg_texture_use)use, srgb, HG_WRAP_REPEAT, HG_WRAP_REPEAT);
+    hg_image_finish(&image);
+}
+
+static bool make_tiles(
+    void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height, void *pixels)
+{
+    const struct hg_mips *mips = user;
+    const uint32_t w = hg_mips_side(mips->width, mip);
+    for (uint32_t j = 0; j < height; j++)
+        memcpy((uint8_t *)pixels + (size_t)j * width * 4,
+            mips->levels[mip] + ((size_t)(y + j) * w + x) * 4, (size_t)width * 4);
+    return true;
+}
+
+static void test_tiles(void **state)
+{
+    (void)state;
+    static const uint32_t sizes[][2] = {{50, 20}, {129, 129}, {131, 260}, {600, 300}};
+    for (int i = 0; i < 4; i++)
+        for (int wraps = 0; wraps < 9; wraps++) {
+            const enum hg_wrap ws = (enum hg_wrap)(wraps % 3), wt = (enum hg_wrap)(wraps / 3);
+            struct hg_image image = make_image(sizes[i][0], sizes[i][1], HG_PIXEL_RGBA8);
+            struct reference r = make_reference(&image, true, false, HG_TEXTURE_COLOR, 0);
+            const struct hg_image_tiles tiles = {.width = image.width,
+                .height = image.height,
+                .format = HG_PIXEL_RGBA8,
+                .make = make_tiles,
+                .user = &r.mips};
+            struct hg_image_source origin = {
+                .label = "tiles", .tiles = &tiles, .pixels_srgb = true};
+            struct hg_page_sources *s = make_sources(NULL, 1);
+            struct hg_page_source *source;
+            assert_int_equal(
+                hg_page_source_open(s,
+                    &(struct hg_page_source_params){&origin, HG_TEXTURE_COLOR, 0, ws, wt}, &source,
+                    NULL),
+                HG_OK);
+            check_pages(source, &r, ws, wt);
+            hg_page_source_close(source);
+            hg_page_sources_destroy(s);
+            hg_mips_finish(&r.mips);
+            hg_image_finish(&image);
+        }
+}
+
+// Any bytes are a page or refused; what encode made comes back.
+static void test_codec(void **state)
+{
+    (void)state;
+    struct hg_page_codec *codec = hg_page_codec_create();
+    assert_non_null(codec);
+    uint8_t *texels = malloc((size_t)SLOT * 8), *back = malloc((size_t)SLOT * 8);
+    for (int round = 0; round < 300; round++) {
+        const uint32_t texel = round % 2 ? 4 : 8;
+        const uint32_t w = 1 + next_random() % HG_PAGE_PITCH, h = 1 + next_random() % HG_PAGE_PITCH;
+        for (size_t i = 0; i < (size_t)w * h * texel; i++)
+            texels[i] = round % 3 == 0   ? (uint8_t)next_random()
+                        : round % 3 == 1 ? (uint8_t)(i % texel * 40)
+                                         : (uint8_t)(i / texel % w + i % texel * next_random() % 3);
+        struct hg_writer out = {0};
+        assert_int_equal(
+            hg_page_encode(codec, texels, (size_t)w * texel, w, h, texel, 1, &out), HG_OK);
+        assert_int_equal(
+            hg_page_decode(codec, out.data, out.size, back, (size_t)w * texel, w, h, texel), HG_OK);
+        assert_memory_equal(texels, back, (size_t)w * h * texel);
+        for (int flip = 0; flip < 40; flip++) {
+            const size_t at = next_random() % out.size;
+            const uint8_t old = out.data[at];
+            out.data[at] ^= (uint8_t)(1 + next_random() % 255);
+            const enum hg_status status =
+                hg_page_decode(codec, out.data, out.size, back, (size_t)w * texel, w, h, texel);
+            assert_true(status == HG_OK || status == HG_E_FORMAT);
+            out.data[at] = old;
+        }
+        for (size_t cut = 0; cut < out.size; cut += 1 + out.size / 50)
+            assert_int_equal(
+                hg_page_decode(codec, out.data, cut, back, (size_t)w * texel, w, h, texel),
+                HG_E_FORMAT);
+        hg_writer_finish(&out);
+    }
+    free(texels);
+    free(back);
+    hg_page_codec_destroy(codec);
+}
+
+int main(void)
+{
+#define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_codec), TEST(test_ways), TEST(test_uses), TEST(test_tiles)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
