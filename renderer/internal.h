@@ -9,6 +9,7 @@ struct hg_renderer {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     char *cache_dir;
+    struct hg_store *store; // NULL: no cache folder
     struct hg_frame_context context;
 };
 

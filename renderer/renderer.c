@@ -1,6 +1,7 @@
 // renderer.c - the facade: renderers and views.
 #include "renderer/renderer.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,6 +22,18 @@
 
 // --- renderer ------------------------------------------------------------------------------------
 
+// Page packs and cluster files: `<cache>/store`.
+static enum hg_status open_store(struct hg_renderer *r, uint64_t limit_bytes, struct hg_error *err)
+{
+    char dir[PATH_MAX];
+    if (r->cache_dir == NULL)
+        return HG_OK;
+    if (snprintf(dir, sizeof dir, "%s/store", r->cache_dir) >= (int)sizeof dir)
+        return hg_error_set(err, HG_E_INVAL, "renderer", "cache_dir", "the name is too long");
+    const struct hg_store_params params = {.dir = dir, .limit_bytes = limit_bytes};
+    return hg_store_open(&params, &r->store, err);
+}
+
 static enum hg_status init(
     struct hg_renderer *r, const struct hg_renderer_params *params, struct hg_error *err)
 {
@@ -39,10 +52,13 @@ static enum hg_status init(
         if (r->cache_dir == NULL)
             return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "out of host memory");
     }
+    enum hg_status status = open_store(r, params->cache_limit_bytes, err);
+    if (status != HG_OK)
+        return status;
     r->jobs = hg_jobs_create(params->threads);
     if (r->jobs == NULL)
         return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "no threads or no memory");
-    enum hg_status status = hg_gpu_create(&gpu, &r->gpu, err);
+    status = hg_gpu_create(&gpu, &r->gpu, err);
     const char *culling = getenv("HELIO_CULLING"), *tables = getenv("HELIO_GPU_TABLES");
     r->context = (struct hg_frame_context){.gpu = r->gpu,
         .jobs = r->jobs,
@@ -50,7 +66,7 @@ static enum hg_status init(
         .texture_budget_bytes = params->texture_budget_bytes,
         .geometry_budget_bytes = params->geometry_budget_bytes,
         .host_budget_bytes = params->host_budget_bytes,
-        .cache_limit_bytes = params->cache_limit_bytes,
+        .store = r->store,
         .no_culling = culling != NULL && strcmp(culling, "off") == 0,
         .no_tables = tables != NULL && strcmp(tables, "off") == 0};
     return status;
@@ -78,6 +94,7 @@ void hg_renderer_destroy(struct hg_renderer *renderer)
         return;
     hg_gpu_destroy(renderer->gpu);
     hg_jobs_destroy(renderer->jobs);
+    hg_store_close(renderer->store);
     hg_free(renderer->cache_dir);
     hg_free(renderer);
 }

@@ -36,6 +36,21 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
         w, ",\"process\":{\"peak_rss_bytes\":%llu}", (unsigned long long)hg_bench_peak_rss_bytes());
 }
 
+static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)
+{
+    struct hg_store_stats s = {0};
+    if (renderer->store != NULL)
+        hg_store_stats(renderer->store, &s);
+    hg_json_put(w,
+        ",\"cache\":{\"limit_bytes\":%llu,\"bytes\":%llu,\"found\":%llu,\"absent\":%llu,"
+        "\"written\":%llu,\"damaged\":%llu,\"evicted\":%llu,\"read_bytes\":%llu,"
+        "\"written_bytes\":%llu}",
+        (unsigned long long)s.limit_bytes, (unsigned long long)s.bytes, (unsigned long long)s.found,
+        (unsigned long long)s.absent, (unsigned long long)s.written, (unsigned long long)s.damaged,
+        (unsigned long long)s.evicted, (unsigned long long)s.bytes_read,
+        (unsigned long long)s.bytes_written);
+}
+
 static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w,
@@ -94,6 +109,7 @@ enum hg_status hg_renderer_stats_json(
     struct hg_writer w = {0};
     hg_json_put(&w, "{");
     put_device(&w, renderer);
+    put_store(&w, renderer);
     if (view != NULL) {
         put_frame(&w, &view->state);
         put_scene(&w, &view->state);

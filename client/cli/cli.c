@@ -15,6 +15,8 @@
 #include "base/file.h"
 #include "base/log.h"
 
+enum { CACHE_LIMIT_MIB = 32768 };
+
 static struct helio *volatile interrupt_target;
 static volatile sig_atomic_t stopped;
 
@@ -191,7 +193,7 @@ static enum hg_status add_options(struct worker_args *args, const struct hg_cli_
     } sizes[] = {{"--texture-budget", o->has_texture_budget, o->texture_budget},
         {"--geometry-budget", o->has_geometry_budget, o->geometry_budget},
         {"--host-budget", o->has_host_budget, o->host_budget},
-        {"--cache-limit", o->has_cache_limit, o->cache_limit}};
+        {"--cache-limit", true, o->has_cache_limit ? o->cache_limit : CACHE_LIMIT_MIB}};
     char number[16];
     enum hg_status status = add_cache_dir(args, o->cache_dir);
     for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {

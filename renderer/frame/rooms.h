@@ -7,6 +7,7 @@
 #include "renderer/geometry/geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
+#include "renderer/store/store.h"
 #include "renderer/texture/textures.h"
 
 // What views need of their renderer.
@@ -15,7 +16,7 @@ struct hg_frame_context {
     struct hg_jobs *jobs;
     const char *cache_dir; // NULL = none
     uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
-    uint64_t cache_limit_bytes; // of page packs and cluster files; 0 = unlimited
+    struct hg_store *store; // page packs and cluster files on disk; NULL = none
     struct hg_rooms *rooms; // list of all scenes in use
     bool no_culling;        // draw everything, for tests
     bool no_tables;         // reach every table by address, as GPUs do, for tests
