@@ -108,3 +108,25 @@ enum hg_status hg_check_exr(
     } while (parts && count > 0); // an empty header ends a list of parts
     return HG_OK;
 }
+
+enum hg_status hg_check_bmp(
+    const uint8_t *data, size_t size, const char *name, struct hg_error *err)
+{
+    enum { info_at = 14, old_info = 12, plain = 0, rle8 = 1, rle4 = 2, bit_fields = 3 };
+    struct hg_reader r = hg_reader_make(data, size);
+    hg_read_bytes(&r, info_at);
+    bool old = hg_read_u32(&r) == old_info; // OS/2: 16-bit sizes, no compression
+    hg_read_bytes(&r, old ? 6 : 10);
+    uint16_t bits = hg_read_u16(&r);
+    uint32_t compression = old ? plain : hg_read_u32(&r);
+    if (r.failed)
+        return fail_at(err, name, size, "the BMP ends inside its header");
+    bool deep = bits == 16 || bits == 24 || bits == 32;
+    bool ok = compression == plain        ? deep || bits == 1 || bits == 4 || bits == 8
+              : compression == rle8       ? bits == 8
+              : compression == rle4       ? bits == 4
+              : compression == bit_fields ? bits == 16 || bits == 32
+                                          : false;
+    return ok ? HG_OK
+              : fail_at(err, name, old ? 24 : 28, "the BMP's compression does not fit its depth");
+}

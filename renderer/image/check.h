@@ -18,4 +18,10 @@ enum hg_status hg_check_png(
 enum hg_status hg_check_exr(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
 
+// Bits per pixel and compression of a BMP fit together: OpenImageIO 2.4 unpacks run lengths of any
+// depth as if there were one byte a pixel, and crashes. HG_E_FORMAT with the byte offset. The first
+// 2 bytes are known to be BMP's.
+enum hg_status hg_check_bmp(
+    const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
+
 #endif

@@ -99,6 +99,8 @@ static enum hg_status choose_reader(
         st = hg_check_png(data, size, name, err);
     else if (!st && strcmp(*format, "openexr") == 0)
         st = hg_check_exr(data, size, name, err);
+    else if (!st && strcmp(*format, "bmp") == 0)
+        st = hg_check_bmp(data, size, name, err);
     return st;
 }
 
