@@ -195,7 +195,7 @@ static enum hg_status add_options(struct worker_args *args, const struct hg_cli_
         {"--host-budget", o->has_host_budget, o->host_budget},
         {"--cache-limit", true, o->has_cache_limit ? o->cache_limit : CACHE_LIMIT_MIB}};
     char number[16];
-    enum hg_status status = add_cache_dir(args, o->cache_dir);
+    enum hg_status status = add_cache_dir(args, o->bake_dir ? o->bake_dir : o->cache_dir);
     for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {
         char full[PATH_MAX];
         if (realpath(o->asset_root.items[i], full)) // checked before

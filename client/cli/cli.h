@@ -131,6 +131,7 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_run(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);

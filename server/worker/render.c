@@ -127,6 +127,7 @@ static const struct {
     {HGP_T_info_query, query_info},
     {HGP_T_compare, query_compare},
     {HGP_T_bench, query_bench},
+    {HGP_T_bake, query_bake},
 };
 
 // Messages about the link or a session as a whole.

@@ -143,8 +143,9 @@ void query_nodes(const struct request *r);
 void query_stats(const struct request *r);
 void query_info(const struct request *r);
 void query_compare(const struct request *r);
-// bench.c
+// bench.c, bake.c
 void query_bench(const struct request *r);
+void query_bake(const struct request *r);
 
 // Applies and answers a finished task (edit_load.c, query.c).
 void task_finish(const struct request *r, struct task *task);

@@ -205,6 +205,13 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
     case HGP_T_bench:
         answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"ok\":1}")});
         break;
+    case HGP_T_bake:
+        answer(h, HGP_T_json,
+            &(struct hgp_json){
+                .text = hgp_str_make(word("unbaked") ? "{\"textures\":{\"failures\":[{\"what\":"
+                                                       "\"a.png\",\"reason\":\"broken\"}]}}"
+                                                     : "{\"textures\":{\"packs\":2}}")});
+        break;
     case HGP_T_compare:
         send_compared(h, &m->compare);
         break;

@@ -134,6 +134,8 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --connect unix:sock --texture-budget 10", "--texture-budget"},
         {"render s.gltf -o a.png --asset-root nowhere", "nowhere"},
         {"compare s.gltf s.gltf --fail-below 1 --fail-above 2", "--fail-below"},
+        {"bake s.gltf", "--output"}, {"bake s.gltf -o s.gltf", "is not a folder"},
+        {"bake s.gltf -o d --textures-only --geometry-only", "--textures-only"},
         {"ping", "--connect"}, {"bench realtime --options x", "--options"},
         {"run s.hs --define =x", "--define"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
@@ -233,6 +235,13 @@ static void test_other_commands(void **state)
     expect_run(0, "\"name\": \"fake\"", "", "$HELIO stats --connect unix:sock");
     expect_run(0, "id  name", "", "$HELIO sessions --connect unix:sock");
     expect_run(0, "\"sessions\"", "", "$HELIO sessions --json --connect unix:sock");
+    expect_run(0, "\"packs\": 2", "", "$HELIO bake s.gltf -o baked");
+    expect_run(0, NULL, "", "$HELIO bake s.gltf -o baked --stats baked/report.json");
+    expect_run(3, "not baked: a.png: broken", "unbaked=1", "$HELIO bake s.gltf -o baked");
+    expect_run(3, "/meshes/0", "fail=asset_load:6", "$HELIO bake s.gltf -o baked");
+    expect_run(6, NULL, "fail=bake:5", "$HELIO bake s.gltf -o baked");
+    expect_run(7, "the private worker was killed by signal 9", "die=bake",
+        "$HELIO bake s.gltf -o baked --timeout 5");
     expect_run(0, "nodes", "", "$HELIO info s.gltf");
     expect_run(0, "\"counts\"", "", "$HELIO info s.gltf --json");
     expect_run(3, "gone.gltf", "", "$HELIO info gone.gltf");

@@ -378,8 +378,7 @@ static void test_corpus(void **state)
 {
     (void)state;
     char folder[512];
-    snprintf(
-        folder, sizeof folder, "%s/tests/fuzz/corpus/hgp_s2c", getenv("HELIO_SOURCE_DIR"));
+    snprintf(folder, sizeof folder, "%s/tests/fuzz/corpus/hgp_s2c", getenv("HELIO_SOURCE_DIR"));
     DIR *dir = opendir(folder);
     if (!dir)
         fail_msg("%s is missing", folder);
