@@ -1,0 +1,425 @@
+// lod_group.c - one group: its clusters gathered, simplified and cut again; samples handed on.
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/geometry/lod_internal.h"
+
+#define SAMPLES_PER_PIECE 128u
+#define ENOUGH_NUM        17u // a group is worth a level if at most 17/20 of it is left
+#define ENOUGH_DEN        20u
+#define ROOM              1e-5f // of spheres for rounding, against size and coordinates
+
+void hg_lod_product_unref(struct hg_lod_product *product)
+{
+    if (product == NULL || --product->users > 0)
+        return;
+    hg_free(product->triangles);
+    hg_free(product->samples);
+    hg_free(product);
+}
+
+// ---- bounds --------------------------------------------------------------------------------------
+
+static void position_of(const struct hg_lod_mesh *m, uint32_t vertex, float out[3])
+{
+    const int32_t *lattice = m->lattice[m->position_of[vertex]];
+    for (int k = 0; k < 3; k++)
+        out[k] = (float)lattice[k] * m->format.quantum;
+}
+
+static void set_box(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
+{
+    const uint32_t n = piece->info.triangle_count * 3;
+    float min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (uint32_t i = 0; i < n; i++) {
+        float p[3];
+        position_of(m, piece->triangles[i], p);
+        for (int k = 0; k < 3; k++) {
+            min[k] = fminf(min[k], p[k]);
+            max[k] = fmaxf(max[k], p[k]);
+        }
+    }
+    struct hg_lod_cluster *c = &piece->info;
+    float reach = 0.0f, farthest2 = 0.0f;
+    for (int k = 0; k < 3; k++) {
+        c->center[k] = 0.5f * min[k] + 0.5f * max[k];
+        c->extent[k] = fmaxf(max[k] - c->center[k], c->center[k] - min[k]);
+        reach = fmaxf(reach, fmaxf(fabsf(min[k]), fabsf(max[k])));
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        float p[3], d2 = 0.0f;
+        position_of(m, piece->triangles[i], p);
+        for (int k = 0; k < 3; k++)
+            d2 += (p[k] - c->center[k]) * (p[k] - c->center[k]);
+        farthest2 = fmaxf(farthest2, d2);
+    }
+    c->radius = sqrtf(farthest2) * (1.0f + ROOM) + reach * 1e-7f;
+}
+
+static bool unit_normal(const struct hg_lod_mesh *m, const uint32_t *t, float n[3])
+{
+    double e[2][3], c[3];
+    const int32_t *a = m->lattice[m->position_of[t[0]]];
+    for (int i = 0; i < 2; i++)
+        for (int k = 0; k < 3; k++)
+            e[i][k] = (double)m->lattice[m->position_of[t[i + 1]]][k] - (double)a[k];
+    c[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
+    c[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
+    c[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+    const double length = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+    for (int k = 0; k < 3; k++)
+        n[k] = length > 0.0 ? (float)(c[k] / length) : 0.0f;
+    return length > 0.0;
+}
+
+void hg_lod_cone_axis(const int8_t q[3], float axis[3])
+{
+    for (int k = 0; k < 3; k++)
+        axis[k] = (float)q[k] / 127.0f;
+}
+
+static float least_cosine(const struct hg_lod_mesh *m, const struct hg_lod_piece *piece)
+{
+    const float *a = piece->info.cone_axis;
+    const float length = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    const float scale = length > 0.0f ? 1.0f / length : 0.0f;
+    const float axis[3] = {a[0] * scale, a[1] * scale, a[2] * scale};
+    float least = 1.0f;
+    for (uint32_t t = 0; t < piece->info.triangle_count; t++) {
+        float n[3];
+        if (unit_normal(m, piece->triangles + (size_t)t * 3, n))
+            least = fminf(least, n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]);
+    }
+    return least;
+}
+
+// All normals lie within acos(least) of the axis; a cone wider than a half space culls nothing.
+// Axis and cutoff are what one byte each can say, rounded to the safe side: the axis gets shorter.
+static void set_cone(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
+{
+    struct hg_lod_cluster *c = &piece->info;
+    float sum[3] = {0};
+    for (uint32_t t = 0; t < c->triangle_count; t++) {
+        float n[3];
+        if (unit_normal(m, piece->triangles + (size_t)t * 3, n))
+            for (int k = 0; k < 3; k++)
+                sum[k] += n[k];
+    }
+    const float length = sqrtf(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+    int8_t q[3] = {0};
+    for (int k = 0; k < 3; k++)
+        q[k] = (int8_t)(length > 0.0f ? sum[k] / length * 127.0f : 0.0f);
+    hg_lod_cone_axis(q, c->cone_axis);
+    const float least = least_cosine(m, piece);
+    const float cutoff = length > 0.0f && least > 0.05f
+                             ? fminf(1.0f, sqrtf(fmaxf(0.0f, 1.0f - least * least)) + 1e-3f)
+                             : 1.0f;
+    c->cone_cutoff = ceilf(cutoff * 255.0f) / 255.0f;
+}
+
+static uint32_t count_vertices(const uint32_t *vertices, uint32_t count)
+{
+    uint32_t table[1024] = {0}, distinct = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t slot = vertices[i] * 0x9e3779b1u >> 22;
+        while (table[slot] != 0 && table[slot] != vertices[i] + 1)
+            slot = (slot + 1) & 1023;
+        distinct += table[slot] == 0;
+        table[slot] = vertices[i] + 1;
+    }
+    return distinct;
+}
+
+void hg_lod_piece_bounds(const struct hg_lod_mesh *mesh, struct hg_lod_piece *piece)
+{
+    set_box(mesh, piece);
+    set_cone(mesh, piece);
+    piece->vertex_count = count_vertices(piece->triangles, piece->info.triangle_count * 3);
+}
+
+struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, uint32_t count)
+{
+    struct hg_lod_sphere s = {{0}, 0};
+    double reach = 0.0, radius = 0.0;
+    for (int k = 0; k < 3; k++) {
+        float min = INFINITY, max = -INFINITY;
+        for (uint32_t i = 0; i < count; i++) {
+            min = fminf(min, spheres[i].center[k] - spheres[i].radius);
+            max = fmaxf(max, spheres[i].center[k] + spheres[i].radius);
+        }
+        s.center[k] = count > 0 ? 0.5f * min + 0.5f * max : 0.0f;
+        reach = fmax(reach, fabs((double)s.center[k]));
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        double d2 = 0.0;
+        for (int k = 0; k < 3; k++) {
+            const double d = (double)spheres[i].center[k] - (double)s.center[k];
+            d2 += d * d;
+        }
+        radius = fmax(radius, sqrt(d2) + (double)spheres[i].radius);
+    }
+    s.radius = (float)(radius * (1.0 + (double)ROOM) + reach * 1e-6);
+    return s;
+}
+
+// ---- samples -------------------------------------------------------------------------------------
+
+static int compare_samples(const void *left, const void *right)
+{
+    const struct hg_lod_sample *x = left, *y = right;
+    if (x->distance != y->distance)
+        return x->distance > y->distance ? -1 : 1;
+    return x->vertex < y->vertex ? -1 : x->vertex > y->vertex;
+}
+
+// Keeps the farthest half of what may stay, and of the others every n-th.
+static uint32_t thin(struct hg_lod_sample *samples, uint32_t count)
+{
+    if (count <= SAMPLES_PER_PIECE)
+        return count;
+    const uint32_t top = SAMPLES_PER_PIECE / 2, rest = count - top;
+    qsort(samples, count, sizeof *samples, compare_samples);
+    for (uint32_t i = 0; i < SAMPLES_PER_PIECE - top; i++)
+        samples[top + i] = samples[top + (uint64_t)i * rest / (SAMPLES_PER_PIECE - top)];
+    return SAMPLES_PER_PIECE;
+}
+
+struct owner { // of a position: the first piece that has it
+    uint32_t position, piece; // position + 1
+};
+
+static uint32_t owner_slot(const struct owner *table, uint32_t mask, uint32_t position)
+{
+    uint32_t slot = position * 0x9e3779b1u;
+    slot = (slot ^ slot >> 16) & mask;
+    while (table[slot].position != 0 && table[slot].position != position + 1)
+        slot = (slot + 1) & mask;
+    return slot;
+}
+
+static int compare_places(const void *left, const void *right)
+{
+    const struct owner *x = left, *y = right;
+    if (x->piece != y->piece)
+        return x->piece < y->piece ? -1 : 1;
+    return x->position < y->position ? -1 : x->position > y->position;
+}
+
+// Sorts the samples by the piece that has their anchor.
+static enum hg_status hand_out(struct hg_lod_group_job *job, struct hg_lod_sample *samples,
+    uint32_t count, const struct owner *table, uint32_t mask)
+{
+    const struct hg_lod_mesh *m = job->mesh;
+    (void)m;
+    struct owner *order = hg_calloc(count, sizeof *order);
+    struct hg_lod_sample *sorted = hg_calloc(count, sizeof *sorted);
+    if (order == NULL || sorted == NULL) {
+        hg_free(order);
+        hg_free(sorted);
+        return HG_E_NOMEM;
+    }
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct owner *o = &table[owner_slot(table, mask, samples[i].anchor)];
+        if (o->position != 0)
+            order[kept++] = (struct owner){i, o->piece};
+    }
+    qsort(order, kept, sizeof *order, compare_places);
+    uint32_t out = 0;
+    for (uint32_t i = 0; i < kept;) {
+        const uint32_t piece = order[i].piece, first = out;
+        uint32_t n = 0;
+        for (; i < kept && order[i].piece == piece; i++)
+            sorted[out + n++] = samples[order[i].position];
+        n = thin(sorted + out, n);
+        job->made[piece].samples = sorted + first;
+        job->made[piece].sample_count = n;
+        out += n;
+    }
+    hg_free(order);
+    job->product->samples = sorted;
+    job->product->sample_count = out;
+    return HG_OK;
+}
+
+static enum hg_status distribute(
+    struct hg_lod_group_job *job, struct hg_lod_sample *samples, uint32_t count)
+{
+    uint32_t size = 64;
+    while (size < job->triangle_count * 3)
+        size *= 2;
+    struct owner *table = hg_calloc(size, sizeof *table);
+    if (table == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < job->made_count; i++) {
+        const struct hg_lod_piece *piece = &job->made[i];
+        for (uint32_t k = 0; k < piece->info.triangle_count * 3; k++) {
+            const uint32_t position = job->mesh->position_of[piece->triangles[k]];
+            struct owner *o = &table[owner_slot(table, size - 1, position)];
+            if (o->position == 0)
+                *o = (struct owner){position + 1, i};
+        }
+    }
+    const enum hg_status status = hand_out(job, samples, count, table, size - 1);
+    hg_free(table);
+    return status;
+}
+
+// ---- the group -----------------------------------------------------------------------------------
+
+static enum hg_status gather(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
+{
+    uint32_t triangles = 0, samples = 0;
+    for (uint32_t i = 0; i < job->member_count; i++) {
+        triangles += job->pieces[job->members[i]].info.triangle_count;
+        samples += job->pieces[job->members[i]].sample_count;
+    }
+    job->triangle_count = triangles;
+    s->triangles = hg_calloc(triangles, 12);
+    s->samples = hg_calloc(samples, sizeof *s->samples);
+    if (s->triangles == NULL || s->samples == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < job->member_count; i++) {
+        const struct hg_lod_piece *piece = &job->pieces[job->members[i]];
+        memcpy(s->triangles + (size_t)s->triangle_count * 3, piece->triangles,
+            (size_t)piece->info.triangle_count * 12);
+        if (piece->sample_count > 0)
+            memcpy(s->samples + s->sample_count, piece->samples,
+                piece->sample_count * sizeof *s->samples);
+        s->triangle_count += piece->info.triangle_count;
+        s->sample_count += piece->sample_count;
+    }
+    return HG_OK;
+}
+
+static enum hg_status cut(struct hg_lod_group_job *job)
+{
+    struct hg_lod_product *p = job->product;
+    uint32_t *starts = hg_calloc(hg_lod_cut_bound(p->triangle_count) + 1, sizeof *starts);
+    if (starts == NULL)
+        return HG_E_NOMEM;
+    enum hg_status status =
+        hg_lod_cut(job->mesh, p->triangles, p->triangle_count, starts, &job->made_count, NULL);
+    job->made = status == HG_OK ? hg_calloc(job->made_count, sizeof *job->made) : NULL;
+    if (status == HG_OK && job->made == NULL)
+        status = HG_E_NOMEM;
+    for (uint32_t i = 0; status == HG_OK && i < job->made_count; i++) {
+        struct hg_lod_piece *piece = &job->made[i];
+        piece->triangles = p->triangles + (size_t)starts[i] * 3;
+        piece->info.triangle_count = starts[i + 1] - starts[i];
+        piece->product = p;
+        hg_lod_piece_bounds(job->mesh, piece);
+    }
+    p->users = job->made_count;
+    hg_free(starts);
+    return status;
+}
+
+static enum hg_status make_product(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
+{
+    job->error = s->error;
+    job->product = hg_calloc(1, sizeof *job->product);
+    if (job->product == NULL)
+        return HG_E_NOMEM;
+    uint32_t *small = hg_realloc(s->triangles, s->triangle_count, 12);
+    s->triangles = NULL;
+    if (small == NULL)
+        return HG_E_NOMEM;
+    job->product->triangles = small;
+    job->product->triangle_count = s->triangle_count;
+    enum hg_status status = cut(job);
+    return status == HG_OK ? distribute(job, s->samples, s->sample_count) : status;
+}
+
+void hg_lod_group_run(struct hg_lod_group_job *job)
+{
+    struct hg_lod_simplify_job s = {.mesh = job->mesh,
+        .locked = job->locked,
+        .open = job->open,
+        .weights = job->weights};
+    enum hg_status status = gather(job, &s);
+    s.target_count = job->triangle_count / 2;
+    if (status == HG_OK)
+        status = hg_lod_simplify(&s);
+    const bool enough =
+        (uint64_t)s.triangle_count * ENOUGH_DEN <= (uint64_t)job->triangle_count * ENOUGH_NUM;
+    if (status == HG_OK && enough && s.triangle_count > 0)
+        status = make_product(job, &s);
+    if (status != HG_OK && job->product != NULL) {
+        job->product->users = 1;
+        hg_lod_product_unref(job->product);
+        job->product = NULL;
+    }
+    hg_free(s.triangles);
+    hg_free(s.samples);
+    job->status = status;
+}
+
+// ---- the welded mesh -----------------------------------------------------------------------------
+
+static void sample_piece(const struct hg_lod_mesh *m, const uint8_t *open, const uint8_t *crowd,
+    uint8_t *seen, struct hg_lod_piece *piece, struct hg_lod_product *product)
+{
+    piece->samples = product->samples + product->sample_count;
+    for (uint32_t i = 0; i < piece->info.triangle_count * 3; i++) {
+        const uint32_t v = piece->triangles[i], p = m->position_of[v];
+        if (seen[p])
+            continue;
+        seen[p] = 1;
+        struct hg_lod_sample *s = &product->samples[product->sample_count++];
+        s->vertex = v;
+        s->anchor = p & 0x3fffffffu;
+        s->flags = (open[p] ? HG_LOD_SAMPLE_OPEN : 0u) | (crowd[p] ? HG_LOD_SAMPLE_SEAM : 0u);
+        piece->sample_count++;
+    }
+}
+
+enum hg_status hg_lod_first_samples(
+    const struct hg_lod_mesh *m, const uint8_t *open, struct hg_lod_pieces *pieces)
+{
+    struct hg_lod_product *product = pieces->items[0].product;
+    uint8_t *seen = hg_calloc(m->position_count, 1), *crowd = hg_calloc(m->position_count, 1);
+    product->samples = hg_calloc(m->position_count, sizeof *product->samples);
+    if (seen == NULL || crowd == NULL || product->samples == NULL) {
+        hg_free(seen);
+        hg_free(crowd);
+        return HG_E_NOMEM;
+    }
+    for (uint32_t v = 0; v < m->vertex_count; v++) {
+        const uint32_t p = m->position_of[v];
+        crowd[p] = seen[p];
+        seen[p] = 1;
+    }
+    memset(seen, 0, m->position_count);
+    for (uint32_t i = 0; i < pieces->count; i++)
+        sample_piece(m, open, crowd, seen, &pieces->items[i], product);
+    hg_free(seen);
+    hg_free(crowd);
+    return HG_OK;
+}
+
+enum hg_status hg_lod_first_pieces(const struct hg_lod_mesh *m, const uint32_t *starts,
+    uint32_t count, struct hg_lod_pieces *pieces)
+{
+    struct hg_lod_product *product = hg_calloc(1, sizeof *product);
+    if (product == NULL || hg_grow(&pieces->items, &pieces->capacity, count,
+                               sizeof *pieces->items) != HG_OK) {
+        hg_free(product);
+        return HG_E_NOMEM;
+    }
+    product->triangle_count = m->triangle_count;
+    product->users = count;
+    for (uint32_t i = 0; i < count; i++) {
+        struct hg_lod_piece *piece = &pieces->items[pieces->count++];
+        memset(piece, 0, sizeof *piece);
+        piece->triangles = m->triangles + (size_t)starts[i] * 3;
+        piece->info.triangle_count = starts[i + 1] - starts[i];
+        piece->info.made_from = HG_LOD_NONE;
+        piece->product = product;
+        hg_lod_piece_bounds(m, piece);
+    }
+    return HG_OK;
+}

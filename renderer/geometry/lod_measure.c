@@ -1,0 +1,237 @@
+// lod_measure.c - how far the source surface is from a simplified group, at sampled points.
+//
+// Each sample walks from the position it was last nearest to over the triangles around it, as long
+// as that brings it nearer. The distance found is never too small for the triangles of the group,
+// so the error that is stated errs on the side of more detail.
+// Source: Ericson 2004, "Real-Time Collision Detection", 5.1.5 (closest point on a triangle).
+#include <math.h>
+#include <string.h>
+
+#include "renderer/geometry/lod_internal.h"
+
+#define WALK_MAX 6
+
+struct nearest {
+    float distance2;
+    uint32_t triangle;
+    float weight[3]; // barycentric
+};
+
+static float dot(const float a[3], const float b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void sub(const float a[3], const float b[3], float out[3])
+{
+    for (int k = 0; k < 3; k++)
+        out[k] = a[k] - b[k];
+}
+
+// Barycentric weights of b and c of the point of triangle abc that is nearest to a + ap.
+static void closest(
+    const float ab[3], const float ac[3], const float ap[3], float *wb, float *wc)
+{
+    const float d1 = dot(ab, ap), d2 = dot(ac, ap);
+    const float bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
+    const float d3 = d1 - bb, d4 = d2 - bc; // of b
+    const float d5 = d1 - bc, d6 = d2 - cc; // of c
+    *wb = *wc = 0.0f;
+    if (d1 <= 0.0f && d2 <= 0.0f)
+        return;
+    if (d3 >= 0.0f && d4 <= d3) {
+        *wb = 1.0f;
+        return;
+    }
+    const float vc = d1 * d4 - d3 * d2;
+    if (vc <= 0.0f && d1 >= 0.0f && d3 <= 0.0f) {
+        *wb = d1 / (d1 - d3);
+        return;
+    }
+    if (d6 >= 0.0f && d5 <= d6) {
+        *wc = 1.0f;
+        return;
+    }
+    const float vb = d5 * d2 - d1 * d6;
+    if (vb <= 0.0f && d2 >= 0.0f && d6 <= 0.0f) {
+        *wc = d2 / (d2 - d6);
+        return;
+    }
+    const float va = d3 * d6 - d5 * d4;
+    if (va <= 0.0f && d4 - d3 >= 0.0f && d5 - d6 >= 0.0f) {
+        const float sum = (d4 - d3) + (d5 - d6);
+        *wc = sum > 0.0f ? (d4 - d3) / sum : 0.0f;
+        *wb = 1.0f - *wc;
+        return;
+    }
+    const float sum = va + vb + vc;
+    *wb = sum > 0.0f ? vb / sum : 0.0f;
+    *wc = sum > 0.0f ? vc / sum : 0.0f;
+}
+
+static void visit(
+    const struct hg_lod_patch *p, uint32_t triangle, const float at[3], struct nearest *best)
+{
+    const uint32_t *t = p->triangles[triangle];
+    const float *a = p->point[p->position_of[t[0]]];
+    float ab[3], ac[3], ap[3], wb, wc, gap[3];
+    sub(p->point[p->position_of[t[1]]], a, ab);
+    sub(p->point[p->position_of[t[2]]], a, ac);
+    sub(at, a, ap);
+    closest(ab, ac, ap, &wb, &wc);
+    for (int k = 0; k < 3; k++)
+        gap[k] = ap[k] - wb * ab[k] - wc * ac[k];
+    const float distance2 = dot(gap, gap);
+    if (distance2 >= best->distance2)
+        return;
+    *best = (struct nearest){distance2, triangle, {1.0f - wb - wc, wb, wc}};
+}
+
+static void visit_around(
+    const struct hg_lod_patch *p, uint32_t position, const float at[3], struct nearest *best)
+{
+    for (uint32_t c = p->head[position]; c != HG_LOD_NONE; c = p->next[c])
+        if (p->triangles[c / 3][0] != HG_LOD_NONE)
+            visit(p, c / 3, at, best);
+}
+
+// The walk. *anchor is the position to begin at and becomes the nearest corner.
+static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint32_t *anchor)
+{
+    struct nearest best = {INFINITY, HG_LOD_NONE, {0}};
+    for (int step = 0; step < WALK_MAX; step++) {
+        const float before = best.distance2;
+        visit_around(p, *anchor, at, &best);
+        if (best.triangle == HG_LOD_NONE || !(best.distance2 < before))
+            break;
+        int corner = 0;
+        for (int k = 1; k < 3; k++)
+            corner = best.weight[k] > best.weight[corner] ? k : corner;
+        const uint32_t to = p->position_of[p->triangles[best.triangle][corner]];
+        if (to == *anchor)
+            break;
+        *anchor = to;
+    }
+    if (best.triangle != HG_LOD_NONE)
+        return best;
+    for (uint32_t t = 0; t < p->triangle_count; t++) // what it lay on has gone altogether
+        if (p->triangles[t][0] != HG_LOD_NONE)
+            visit(p, t, at, &best);
+    if (best.triangle != HG_LOD_NONE)
+        *anchor = p->position_of[p->triangles[best.triangle][0]];
+    return best;
+}
+
+// ---- open edges ----------------------------------------------------------------------------------
+
+static bool may_be_open(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
+{
+    const uint8_t *open = p->job->open;
+    if (open == NULL)
+        return true;
+    // The border of the group looks open from inside; its ends are locked and seldom both open.
+    return !p->fixed[a] || !p->fixed[b] || (open[p->global[a]] && open[p->global[b]]);
+}
+
+static uint32_t edge_uses(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
+{
+    uint32_t n = 0;
+    for (uint32_t c = p->head[a]; c != HG_LOD_NONE; c = p->next[c]) {
+        const uint32_t *t = p->triangles[c / 3];
+        if (t[0] == HG_LOD_NONE)
+            continue;
+        for (int k = 0; k < 3; k++)
+            n += p->position_of[t[k]] == b;
+    }
+    return n;
+}
+
+static float segment_distance2(const float at[3], const float a[3], const float b[3])
+{
+    float ab[3], ap[3];
+    sub(b, a, ab);
+    sub(at, a, ap);
+    const float length2 = dot(ab, ab);
+    float t = length2 > 0.0f ? dot(ap, ab) / length2 : 0.0f;
+    t = t < 0.0f ? 0.0f : t > 1.0f ? 1.0f : t;
+    for (int k = 0; k < 3; k++)
+        ap[k] -= t * ab[k];
+    return dot(ap, ap);
+}
+
+// Squared distance to the open edges at a position and its neighbours; INFINITY: there are none.
+static float open_distance2(const struct hg_lod_patch *p, uint32_t anchor, const float at[3])
+{
+    float best = INFINITY;
+    for (uint32_t c = p->head[anchor]; c != HG_LOD_NONE; c = p->next[c]) {
+        const uint32_t *t = p->triangles[c / 3];
+        for (int k = 0; t[0] != HG_LOD_NONE && k < 3; k++) {
+            const uint32_t a = p->position_of[t[k]], b = p->position_of[t[(k + 1) % 3]];
+            const float d = segment_distance2(at, p->point[a], p->point[b]);
+            if (d < best && may_be_open(p, a, b) && edge_uses(p, a, b) == 1)
+                best = d;
+        }
+    }
+    return best;
+}
+
+// ---- attributes ----------------------------------------------------------------------------------
+
+static float looks_distance2(
+    const struct hg_lod_patch *p, const struct hg_lod_sample *sample, const struct nearest *at)
+{
+    const struct hg_lod_mesh *m = p->job->mesh;
+    const uint32_t n = p->attribute_count;
+    float values[HG_LOD_ATTRIBUTES], sum = 0.0f;
+    (void)hg_lod_attributes(&m->format, m->words + (size_t)sample->vertex * m->format.words, values);
+    const uint32_t *t = p->triangles[at->triangle];
+    for (uint32_t k = 0; k < n; k++) {
+        float v = 0.0f;
+        for (int i = 0; i < 3; i++)
+            v += at->weight[i] * p->attributes[(size_t)t[i] * n + k];
+        v -= values[k] * p->weight[k];
+        sum += v * v;
+    }
+    return sum;
+}
+
+static uint32_t survivor(const struct hg_lod_patch *p, uint32_t position)
+{
+    while (p->into[position] != position)
+        position = p->into[position];
+    return position;
+}
+
+float hg_lod_measure(const struct hg_lod_patch *p)
+{
+    const struct hg_lod_mesh *m = p->job->mesh;
+    float worst = 0.0f, looks = 0.0f;
+    uint32_t compared = 0;
+    for (uint32_t i = 0; i < p->job->sample_count; i++) {
+        struct hg_lod_sample *s = &p->job->samples[i];
+        uint32_t anchor = hg_lod_patch_find(p, s->anchor);
+        if (anchor == HG_LOD_NONE)
+            continue;
+        anchor = survivor(p, anchor);
+        const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
+        float at[3];
+        for (int k = 0; k < 3; k++)
+            at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
+        const struct nearest near = walk(p, at, &anchor);
+        float distance2 = near.distance2;
+        if (s->flags & HG_LOD_SAMPLE_OPEN) {
+            const float open = open_distance2(p, anchor, at);
+            distance2 = open < INFINITY ? open : distance2;
+        }
+        if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 &&
+            !(s->flags & HG_LOD_SAMPLE_SEAM)) {
+            looks += looks_distance2(p, s, &near);
+            compared++;
+        }
+        s->anchor = p->global[anchor] & 0x3fffffffu;
+        s->distance = sqrtf(distance2) * p->unit;
+        worst = fmaxf(worst, s->distance);
+    }
+    const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->unit : 0.0f;
+    return fmaxf(worst, mean);
+}

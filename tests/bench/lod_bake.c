@@ -1,0 +1,116 @@
+// lod_bake.c - bakes every triangle part of an asset and says what it cost:
+//     bench_lod_bake FILE [THREADS]
+// One line per part and one of totals; decoded and checked chunk by chunk.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/geometry/lod.h"
+#include "renderer/scene/load.h"
+
+static int decode_all(const struct hg_lod *lod, uint64_t *bytes, uint64_t *ns)
+{
+    uint8_t *slot = hg_calloc(1, HG_LOD_CHUNK_BYTES);
+    struct hg_error err = {0};
+    int failed = slot == NULL;
+    const uint64_t start = hg_clock_now_ns();
+    for (uint32_t i = 0; !failed && i < lod->chunk_count; i++) {
+        struct hg_lod_layout layout;
+        hg_lod_chunk_layout(lod, i, &layout);
+        failed = hg_lod_decode(lod, i, lod->data + lod->chunks[i].offset, lod->chunks[i].bytes,
+                     slot, &err) != HG_OK;
+        *bytes += layout.total_bytes;
+    }
+    *ns += hg_clock_now_ns() - start;
+    hg_free(slot);
+    if (failed)
+        fprintf(stderr, "decoding: %s\n", err.reason);
+    return failed;
+}
+
+static void print_levels(const struct hg_lod *lod)
+{
+    for (uint32_t level = 0; level < lod->level_count; level++) {
+        uint64_t triangles = 0, clusters = 0, groups = 0;
+        float least = 3e38f, most = 0.0f;
+        for (uint32_t g = 0; g < lod->group_count; g++) {
+            const struct hg_lod_group *group = &lod->groups[g];
+            if (group->level != level)
+                continue;
+            groups++;
+            clusters += group->cluster_count;
+            least = group->error < least ? group->error : least;
+            most = group->error > most ? group->error : most;
+            for (uint32_t c = 0; c < group->cluster_count; c++)
+                triangles += lod->clusters[group->first_cluster + c].triangle_count;
+        }
+        printf("  level %2u: %8llu triangles %6llu clusters %5llu groups, error %g..%g\n", level,
+            (unsigned long long)triangles, (unsigned long long)clusters,
+            (unsigned long long)groups, (double)least, (double)most);
+    }
+}
+
+static int bake(const struct hg_mesh_part *part, struct hg_jobs *jobs, unsigned threads)
+{
+    struct hg_lod_params params = {.jobs = jobs};
+    struct hg_lod_report r;
+    struct hg_error err = {0};
+    struct hg_lod *lod = NULL;
+    uint8_t *data = NULL;
+    size_t size = 0;
+    int failed = 1;
+    if (hg_lod_bake(part, &params, &data, &size, &r, &err) == HG_OK &&
+        hg_lod_open(data, size, &lod, &err) == HG_OK) {
+        uint64_t bytes = 0, ns = 0;
+        failed = decode_all(lod, &bytes, &ns);
+        const double s = (double)r.total_ns * 1e-9, t = (double)r.source_triangles;
+        printf("%llu triangles: %.2f s, %.2f Mtri/s/core, %.2f bytes/triangle, %u clusters, "
+               "%u groups, %u levels, %u chunks, peak %.0f MB\n",
+            (unsigned long long)r.source_triangles, s, t / s / threads * 1e-6,
+            (double)r.file_bytes / t, r.clusters, r.groups, r.levels, r.chunks,
+            (double)r.peak_bytes * 1e-6);
+        printf("  weld %.2f cut %.2f group %.2f simplify %.2f encode %.2f s; quantum %g; decode "
+               "%.0f MB/s %.1f Mtri/s; stored/source %.2f; decoded %.1f B/stored; terminal %u\n",
+            (double)r.weld_ns * 1e-9, (double)r.cluster_ns * 1e-9, (double)r.group_ns * 1e-9,
+            (double)r.simplify_ns * 1e-9, (double)r.encode_ns * 1e-9, (double)r.quantum,
+            (double)bytes * 1e3 / (double)ns, (double)r.stored_triangles * 1e3 / (double)ns,
+            (double)r.stored_triangles / t, (double)bytes / (double)r.stored_triangles,
+            r.terminal_clusters);
+        print_levels(lod);
+    } else {
+        fprintf(stderr, "%s: %s\n", err.what, err.reason);
+    }
+    hg_lod_close(lod);
+    hg_free(data);
+    return failed;
+}
+
+int main(int argc, char **argv)
+{
+    struct hg_asset *asset = NULL;
+    struct hg_error err = {0};
+    if (argc < 2) {
+        fprintf(stderr, "usage: bench_lod_bake FILE [THREADS]\n");
+        return 2;
+    }
+    const unsigned threads = argc > 2 ? (unsigned)atoi(argv[2]) : 1;
+    struct hg_jobs *jobs = hg_jobs_create(threads);
+    const struct hg_load_params params = {
+        .path = argv[1], .asset_number = 1, .scene_index = -1, .jobs = jobs};
+    const uint64_t start = hg_clock_now_ns();
+    if (jobs == NULL || hg_load_asset(&params, &asset, &err) != HG_OK) {
+        fprintf(stderr, "%s: %s\n", err.what, err.reason);
+        return 3;
+    }
+    printf("loaded in %.2f s\n", (double)(hg_clock_now_ns() - start) * 1e-9);
+    int failed = 0;
+    for (uint32_t m = 0; m < asset->mesh_count; m++)
+        for (uint32_t p = 0; p < asset->meshes[m]->part_count; p++)
+            if (hg_lod_can_bake(&asset->meshes[m]->parts[p], asset->meshes[m]->target_count))
+                failed |= bake(&asset->meshes[m]->parts[p], jobs, threads);
+    hg_asset_destroy(asset);
+    hg_jobs_destroy(jobs);
+    return failed;
+}
