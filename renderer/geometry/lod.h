@@ -53,7 +53,7 @@ struct hg_lod_cluster {
     // All triangles face away from the eye if
     // dot(center - eye, cone_axis) >= cone_cutoff * length(center - eye) + radius; cutoff 1: never.
     float cone_axis[3], cone_cutoff; // the axis is a little shorter than 1
-    uint32_t group;          // that it belongs to
+    uint32_t group;                  // that it belongs to
     uint32_t made_from;      // group whose simplification made it; HG_LOD_NONE: source triangles
     uint32_t first_index;    // into the indices of the group's chunk
     uint32_t triangle_count; // 1..HG_LOD_CLUSTER_TRIANGLES

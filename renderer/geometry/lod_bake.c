@@ -56,14 +56,14 @@ static enum hg_status fail(struct build *b, enum hg_status status)
 
 static enum hg_status tell(struct build *b)
 {
-    if (b->params->progress == NULL ||
-        b->params->progress(
-            b->params->progress_user, b->done < b->total ? b->done : b->total, b->total))
+    if (b->params->progress == NULL || b->params->progress(b->params->progress_user,
+                                           b->done < b->total ? b->done : b->total, b->total))
         return HG_OK;
     return hg_error_set(b->err, HG_E_CANCELLED, "cluster bake", NULL, "cancelled");
 }
 
-// ---- the surface of a level ----------------------------------------------------------------------
+// ---- the surface of a level
+// ----------------------------------------------------------------------
 
 static enum hg_status reserve(struct build *b)
 {
@@ -143,7 +143,8 @@ static void lock_borders(struct build *b)
     }
 }
 
-// ---- simplification ------------------------------------------------------------------------------
+// ---- simplification
+// ------------------------------------------------------------------------------
 
 static void run_group(void *user, size_t index)
 {
@@ -194,7 +195,8 @@ static enum hg_status simplify(struct build *b)
     return HG_OK;
 }
 
-// ---- finished groups -----------------------------------------------------------------------------
+// ---- finished groups
+// -----------------------------------------------------------------------------
 
 // Sphere and error of a group: at least those of everything it is made of.
 static void finish_group(const struct build *b, const struct hg_lod_group_job *job, bool terminal,
@@ -248,7 +250,8 @@ static enum hg_status add_group(struct build *b, struct hg_lod_group_job *job, b
     return HG_OK;
 }
 
-// ---- chunks --------------------------------------------------------------------------------------
+// ---- chunks
+// --------------------------------------------------------------------------------------
 
 struct chunk_job {
     const struct build *build;
@@ -364,7 +367,8 @@ static enum hg_status encode_groups(
     return status;
 }
 
-// ---- levels --------------------------------------------------------------------------------------
+// ---- levels
+// --------------------------------------------------------------------------------------
 
 static void release_member(struct build *b, struct hg_lod_piece *piece)
 {
@@ -506,7 +510,8 @@ static enum hg_status build_roots(struct build *b, uint32_t *root_chunks)
     return status;
 }
 
-// ---- from the order of building to the order of the file -------------------------------------------
+// ---- from the order of building to the order of the file
+// -------------------------------------------
 
 // Levels were built from fine to coarse; `from` says which old group or chunk a new one is.
 struct order {
@@ -538,8 +543,8 @@ static enum hg_status find_order(const struct build *b, struct order *o)
     return HG_OK;
 }
 
-static void reorder(const struct build *b, const struct order *o, struct hg_lod_file *f,
-    struct hg_writer *bytes)
+static void reorder(
+    const struct build *b, const struct order *o, struct hg_lod_file *f, struct hg_writer *bytes)
 {
     uint32_t cluster = 0, group = 0;
     for (uint32_t c = 0; c < b->chunk_count; c++) {
@@ -612,7 +617,8 @@ static enum hg_status assemble(struct build *b, uint32_t root_chunks, struct hg_
     return status;
 }
 
-// ---- all of it -----------------------------------------------------------------------------------
+// ---- all of it
+// -----------------------------------------------------------------------------------
 
 static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
 {
@@ -636,7 +642,7 @@ static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
     b->budget.peak = scratch > b->budget.peak ? scratch : b->budget.peak;
     start = hg_clock_now_ns();
     if (status == HG_OK)
-        status = hg_lod_cut(&b->mesh, b->mesh.triangles, n, starts, &count, b->params->jobs);
+        status = hg_lod_cut(&b->mesh, b->mesh.triangles, n, starts, &count, NULL, b->params->jobs);
     if (status == HG_OK && count > 0)
         status = hg_lod_first_pieces(&b->mesh, starts, count, &b->pool);
     b->report.cluster_ns = hg_clock_now_ns() - start;
@@ -685,7 +691,8 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     *size = 0;
     if (report != NULL)
         memset(report, 0, sizeof *report);
-    struct build b = {.params = params, .err = err, .budget = {.limit = params->memory_limit_bytes}};
+    struct build b = {
+        .params = params, .err = err, .budget = {.limit = params->memory_limit_bytes}};
     struct hg_writer out = {0};
     const uint64_t start = hg_clock_now_ns();
     uint32_t root_chunks = 0;
@@ -720,7 +727,8 @@ bool hg_lod_can_bake(const struct hg_mesh_part *part, uint32_t target_count)
            (part->targets == NULL || target_count == 0);
 }
 
-// ---- key -----------------------------------------------------------------------------------------
+// ---- key
+// -----------------------------------------------------------------------------------------
 
 static void hash_array(struct hg_sha256 *h, const float *values, uint64_t count)
 {

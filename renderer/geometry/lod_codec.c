@@ -9,7 +9,8 @@ uint32_t hg_lod_crc(const void *data, size_t size)
     return (uint32_t)crc32_z(0, data, size);
 }
 
-// ---- order ---------------------------------------------------------------------------------------
+// ---- order
+// ---------------------------------------------------------------------------------------
 
 #define EDGES 2048u
 
@@ -67,9 +68,11 @@ uint32_t hg_lod_visits(const uint32_t *indices, uint32_t index_count, uint32_t v
     return n;
 }
 
-// ---- components ----------------------------------------------------------------------------------
+// ---- components
+// ----------------------------------------------------------------------------------
 
-static uint32_t add(struct hg_lod_component *out, uint32_t n, int kind, int32_t word, uint32_t count)
+static uint32_t add(
+    struct hg_lod_component *out, uint32_t n, int kind, int32_t word, uint32_t count)
 {
     for (uint32_t i = 0; word >= 0 && i < count; i++) {
         out[n].kind = kind;
@@ -137,15 +140,15 @@ void hg_lod_component_set(const struct hg_lod_component *c, uint32_t *words, int
     }
 }
 
-// ---- predictions ---------------------------------------------------------------------------------
+// ---- predictions
+// ---------------------------------------------------------------------------------
 
 static int32_t across(int32_t a, int32_t b, int32_t c)
 {
     return (int32_t)((uint32_t)a + (uint32_t)b - (uint32_t)c); // wraps on hostile input
 }
 
-int32_t hg_lod_predict_position(
-    const struct hg_lod_visit *v, const int32_t (*lattice)[3], int axis)
+int32_t hg_lod_predict_position(const struct hg_lod_visit *v, const int32_t (*lattice)[3], int axis)
 {
     if (v->a == HG_LOD_NONE)
         return 0;

@@ -165,8 +165,8 @@ static bool any_to_split(const struct range *ranges, uint32_t count)
 static uint32_t cut_all(struct cutter *c, struct hg_jobs *jobs)
 {
     uint32_t n = 1;
-    c->from[0] = (struct range){0, c->count,
-        (c->count + HG_LOD_CLUSTER_TRIANGLES - 1) / HG_LOD_CLUSTER_TRIANGLES};
+    c->from[0] = (struct range){
+        0, c->count, (c->count + HG_LOD_CLUSTER_TRIANGLES - 1) / HG_LOD_CLUSTER_TRIANGLES};
     for (bool checked = false;;) {
         while (any_to_split(c->from, n)) {
             each(jobs, n, split_range, c);
@@ -187,7 +187,7 @@ static void reorder(struct cutter *c, uint32_t *triangles, uint32_t *copy)
 }
 
 enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, uint32_t count,
-    uint32_t *starts, uint32_t *cluster_count, struct hg_jobs *jobs)
+    uint32_t *starts, uint32_t *cluster_count, uint32_t *order, struct hg_jobs *jobs)
 {
     *cluster_count = 0;
     starts[0] = 0;
@@ -209,6 +209,8 @@ enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, u
             starts[i] = c.from[i].first;
         starts[*cluster_count] = count;
         reorder(&c, triangles, copy);
+        for (uint32_t i = 0; order != NULL && i < count; i++)
+            order[i] = c.items[i].triangle;
     }
     hg_free(c.items);
     hg_free(c.from);

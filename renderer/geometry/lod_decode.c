@@ -30,8 +30,8 @@ static uint32_t round16(uint32_t bytes)
     return (bytes + 15u) & ~15u;
 }
 
-void hg_lod_layout_of(const struct hg_lod_format *format, const struct hg_lod_chunk *chunk,
-    struct hg_lod_layout *out)
+void hg_lod_layout_of(
+    const struct hg_lod_format *format, const struct hg_lod_chunk *chunk, struct hg_lod_layout *out)
 {
     out->indices = 0;
     out->positions = round16(chunk->index_count * 4);
@@ -40,7 +40,8 @@ void hg_lod_layout_of(const struct hg_lod_format *format, const struct hg_lod_ch
     out->total_bytes = out->extra + round16(chunk->vertex_count * format->extra_words * 4);
 }
 
-// ---- unpacking -----------------------------------------------------------------------------------
+// ---- unpacking
+// -----------------------------------------------------------------------------------
 
 static bool unpack_plane(struct decoder *d, uint8_t *out, size_t size)
 {
@@ -102,8 +103,7 @@ static bool decode_positions(struct decoder *d)
         const uint8_t *plane = d->planes + (size_t)axis * d->vertex_count;
         for (uint32_t i = 0; i < d->vertex_count; i++) {
             const struct hg_lod_visit *v = &d->visits[i];
-            const int32_t at =
-                hg_lod_predict_position(v, (const int32_t(*)[3])d->lattice, axis);
+            const int32_t at = hg_lod_predict_position(v, (const int32_t(*)[3])d->lattice, axis);
             const int32_t p = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
             if (p > HG_LOD_LATTICE_MAX || p < -HG_LOD_LATTICE_MAX)
                 return false;
@@ -142,8 +142,7 @@ static bool decode_components(struct decoder *d)
         const uint8_t *plane = d->planes + (size_t)(k + 3) * d->vertex_count;
         for (uint32_t i = 0; i < d->vertex_count; i++) {
             const struct hg_lod_visit *v = &d->visits[i];
-            const int32_t at =
-                hg_lod_predict(f, c, v, d->words, (const int64_t(*)[3])d->normals);
+            const int32_t at = hg_lod_predict(f, c, v, d->words, (const int64_t(*)[3])d->normals);
             const int32_t value = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
             if (!in_range(c, value))
                 return false;
@@ -153,7 +152,8 @@ static bool decode_components(struct decoder *d)
     return !d->in.failed && d->escape_at == d->escape_size;
 }
 
-// ---- streams -------------------------------------------------------------------------------------
+// ---- streams
+// -------------------------------------------------------------------------------------
 
 static uint32_t widen(int32_t v, int32_t from, int32_t to)
 {
@@ -201,8 +201,7 @@ static void write_extra(const struct decoder *d, uint8_t *dst)
     }
 }
 
-static void write_streams(
-    const struct decoder *d, const struct hg_lod_chunk *chunk, uint8_t *dst)
+static void write_streams(const struct decoder *d, const struct hg_lod_chunk *chunk, uint8_t *dst)
 {
     struct hg_lod_layout l;
     hg_lod_layout_of(d->format, chunk, &l);
@@ -228,15 +227,16 @@ static void write_streams(
     }
 }
 
-// ---- all of it -----------------------------------------------------------------------------------
+// ---- all of it
+// -----------------------------------------------------------------------------------
 
 // Sizes are bounded by those of a decoded chunk, so they cannot overflow.
 static enum hg_status take(struct decoder *d)
 {
     const size_t n = d->vertex_count, planes = (size_t)d->plane_count + 3;
-    const size_t bytes = n * (sizeof *d->normals + 12 + sizeof *d->visits + 1 + planes +
-                                 d->format->words * 4) +
-                         d->index_count * 4ull + d->codec_size + d->escape_size + 64;
+    const size_t bytes =
+        n * (sizeof *d->normals + 12 + sizeof *d->visits + 1 + planes + d->format->words * 4) +
+        d->index_count * 4ull + d->codec_size + d->escape_size + 64;
     uint8_t *at = hg_calloc(1, bytes);
     d->memory = at;
     d->zstd = ZSTD_createDCtx();
@@ -273,8 +273,8 @@ enum hg_status hg_lod_decode_payload(const struct hg_lod_format *format,
     d.plane_count = hg_lod_components(format, d.components);
     enum hg_status status = HG_E_FORMAT;
     if (sizes_ok(&d) && (status = take(&d)) == HG_OK) {
-        const bool ok = unpack_all(&d) && decode_indices(&d) && decode_positions(&d) &&
-                        decode_components(&d);
+        const bool ok =
+            unpack_all(&d) && decode_indices(&d) && decode_positions(&d) && decode_components(&d);
         if (ok)
             write_streams(&d, chunk, dst);
         status = ok ? HG_OK : HG_E_FORMAT;

@@ -1,5 +1,6 @@
-// lod_encode.c - a chunk as bytes: triangles by meshoptimizer's index codec, vertices as differences
-// from what their triangles predict, one plane of bytes per component, each packed by zstd.
+// lod_encode.c - a chunk as bytes: triangles by meshoptimizer's index codec, vertices as
+// differences from what their triangles predict, one plane of bytes per component, each packed by
+// zstd.
 //
 // Payload: u32 bytes of the index codec, u32 bytes of escapes, then the planes: indices, position
 // x y z, components, escapes. A plane is u32 size (bit 31: stored as it is) and that many bytes. A
@@ -32,7 +33,8 @@ struct encoder {
     uint32_t table_mask;
 };
 
-// ---- vertices of the chunk -----------------------------------------------------------------------
+// ---- vertices of the chunk
+// -----------------------------------------------------------------------
 
 static uint32_t *slot_of(struct encoder *e, uint32_t vertex, bool *found)
 {
@@ -102,7 +104,8 @@ static void fetch_vertices(struct encoder *e)
     }
 }
 
-// ---- planes --------------------------------------------------------------------------------------
+// ---- planes
+// --------------------------------------------------------------------------------------
 
 static uint8_t code_difference(struct encoder *e, int32_t value, int32_t predicted)
 {
@@ -140,8 +143,8 @@ static enum hg_status pack_positions(struct encoder *e, struct hg_writer *out)
     for (int axis = 0; axis < 3 && status == HG_OK; axis++) {
         for (uint32_t i = 0; i < e->vertex_count; i++) {
             const struct hg_lod_visit *v = &e->visits[i];
-            e->plane[i] = code_difference(e, lattice[v->vertex][axis],
-                hg_lod_predict_position(v, lattice, axis));
+            e->plane[i] = code_difference(
+                e, lattice[v->vertex][axis], hg_lod_predict_position(v, lattice, axis));
         }
         status = pack_plane(e, e->plane, e->vertex_count, out);
     }
@@ -183,7 +186,8 @@ static enum hg_status pack_all(struct encoder *e, struct hg_writer *out)
     return pack_plane(e, e->escapes.data, e->escapes.size, out);
 }
 
-// ---- all of it -----------------------------------------------------------------------------------
+// ---- all of it
+// -----------------------------------------------------------------------------------
 
 static enum hg_status take(struct encoder *e, uint32_t index_count)
 {
@@ -230,8 +234,8 @@ static enum hg_status encode(struct encoder *e, struct hg_writer *out)
         return status;
     fetch_vertices(e);
     hg_lod_visits(e->indices, e->index_count, e->vertex_count, e->visits, e->seen);
-    hg_lod_sum_normals(e->indices, e->index_count, (const int32_t(*)[3])e->lattice,
-        e->vertex_count, e->normals);
+    hg_lod_sum_normals(
+        e->indices, e->index_count, (const int32_t(*)[3])e->lattice, e->vertex_count, e->normals);
     return pack_all(e, out);
 }
 

@@ -28,7 +28,8 @@ static uint64_t tables_size(const struct hg_lod *l)
            (uint64_t)l->chunk_count * CHUNK_BYTES;
 }
 
-// ---- writing -------------------------------------------------------------------------------------
+// ---- writing
+// -------------------------------------------------------------------------------------
 
 #define EACH(w, type, items, n, field)                                                             \
     for (uint32_t i_ = 0; i_ < (n); i_++)                                                          \
@@ -77,8 +78,8 @@ static void write_chunks(struct hg_writer *w, const struct hg_lod_file *f)
     EACH(w, u32, c, n, group_count);
 }
 
-static void write_header(
-    struct hg_writer *w, const struct hg_lod_file *f, uint64_t packed, uint32_t crc, uint64_t chunks)
+static void write_header(struct hg_writer *w, const struct hg_lod_file *f, uint64_t packed,
+    uint32_t crc, uint64_t chunks)
 {
     const struct hg_lod *l = &f->lod;
     const size_t first = w->size;
@@ -129,7 +130,8 @@ enum hg_status hg_lod_write(
     return ok ? HG_OK : HG_E_NOMEM;
 }
 
-// ---- tables --------------------------------------------------------------------------------------
+// ---- tables
+// --------------------------------------------------------------------------------------
 
 #define EACH_IN(r, type, items, n, field)                                                          \
     for (uint32_t i_ = 0; i_ < (n); i_++)                                                          \
@@ -296,23 +298,26 @@ enum hg_status hg_lod_read_tables(
     read_groups(&r, f);
     read_chunks(&r, f);
     if (r.failed || !set_ranges(f) || !check_chunks(f) || !check_groups(f))
-        return hg_error_set(err, HG_E_FORMAT, "cluster file", "tables", "they contradict themselves");
+        return hg_error_set(
+            err, HG_E_FORMAT, "cluster file", "tables", "they contradict themselves");
     return hg_lod_link(f);
 }
 
-// ---- opening -------------------------------------------------------------------------------------
+// ---- opening
+// -------------------------------------------------------------------------------------
 
 struct head {
     uint32_t tables_crc;
     uint64_t file_bytes, packed_bytes;
 };
 
-static enum hg_status read_header(struct hg_reader *r, struct hg_lod_file *f, struct head *h,
-    struct hg_error *err)
+static enum hg_status read_header(
+    struct hg_reader *r, struct hg_lod_file *f, struct head *h, struct hg_error *err)
 {
     struct hg_lod *l = &f->lod;
     if (r->size < HEADER_BYTES)
-        return hg_error_set(err, HG_E_TRUNCATED, "cluster file", "byte 0", "it has %zu bytes", r->size);
+        return hg_error_set(
+            err, HG_E_TRUNCATED, "cluster file", "byte 0", "it has %zu bytes", r->size);
     if (hg_read_u64(r) != MAGIC)
         return hg_error_set(err, HG_E_FORMAT, "cluster file", "byte 0", "not a cluster file");
     const uint32_t version = hg_read_u32(r);
@@ -359,12 +364,13 @@ static enum hg_status read_all(struct hg_lod_file *f, struct hg_error *err)
     if (status != HG_OK)
         return status;
     if (l->size < h.file_bytes)
-        return hg_error_set(err, HG_E_TRUNCATED, "cluster file", NULL, "%zu of %llu bytes",
-            l->size, (unsigned long long)h.file_bytes);
+        return hg_error_set(err, HG_E_TRUNCATED, "cluster file", NULL, "%zu of %llu bytes", l->size,
+            (unsigned long long)h.file_bytes);
     const uint64_t tables = tables_size(l);
     if (l->size != h.file_bytes || !hg_range_ok(HEADER_BYTES, h.packed_bytes, l->size) ||
         tables > l->size * TABLES_RATIO)
-        return hg_error_set(err, HG_E_FORMAT, "cluster file", "header", "sizes contradict each other");
+        return hg_error_set(
+            err, HG_E_FORMAT, "cluster file", "header", "sizes contradict each other");
     const uint8_t *packed = hg_read_bytes(&r, (size_t)h.packed_bytes);
     if (packed == NULL || hg_lod_crc(packed, (size_t)h.packed_bytes) != h.tables_crc)
         return hg_error_set(err, HG_E_HASH, "cluster file", "tables", "their checksum is wrong");

@@ -21,7 +21,8 @@ void hg_lod_product_unref(struct hg_lod_product *product)
     hg_free(product);
 }
 
-// ---- bounds --------------------------------------------------------------------------------------
+// ---- bounds
+// --------------------------------------------------------------------------------------
 
 static void position_of(const struct hg_lod_mesh *m, uint32_t vertex, float out[3])
 {
@@ -165,7 +166,8 @@ struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, u
     return s;
 }
 
-// ---- samples -------------------------------------------------------------------------------------
+// ---- samples
+// -------------------------------------------------------------------------------------
 
 static int compare_samples(const void *left, const void *right)
 {
@@ -187,55 +189,42 @@ static uint32_t thin(struct hg_lod_sample *samples, uint32_t count)
     return SAMPLES_PER_PIECE;
 }
 
-struct owner { // of a position: the first piece that has it
-    uint32_t position, piece; // position + 1
+struct place {
+    uint32_t piece, sample;
 };
-
-static uint32_t owner_slot(const struct owner *table, uint32_t mask, uint32_t position)
-{
-    uint32_t slot = position * 0x9e3779b1u;
-    slot = (slot ^ slot >> 16) & mask;
-    while (table[slot].position != 0 && table[slot].position != position + 1)
-        slot = (slot + 1) & mask;
-    return slot;
-}
 
 static int compare_places(const void *left, const void *right)
 {
-    const struct owner *x = left, *y = right;
+    const struct place *x = left, *y = right;
     if (x->piece != y->piece)
         return x->piece < y->piece ? -1 : 1;
-    return x->position < y->position ? -1 : x->position > y->position;
+    return x->sample < y->sample ? -1 : x->sample > y->sample;
 }
 
-// Sorts the samples by the piece that has their anchor.
-static enum hg_status hand_out(struct hg_lod_group_job *job, struct hg_lod_sample *samples,
-    uint32_t count, const struct owner *table, uint32_t mask)
+// Hands every sample to the piece that has the triangle it is nearest to. piece_of [triangles as
+// they were numbered before the cut].
+static enum hg_status hand_out(struct hg_lod_group_job *job, const struct hg_lod_sample *samples,
+    uint32_t count, const uint32_t *piece_of)
 {
-    const struct hg_lod_mesh *m = job->mesh;
-    (void)m;
-    struct owner *order = hg_calloc(count, sizeof *order);
+    struct place *order = hg_calloc(count, sizeof *order);
     struct hg_lod_sample *sorted = hg_calloc(count, sizeof *sorted);
     if (order == NULL || sorted == NULL) {
         hg_free(order);
         hg_free(sorted);
         return HG_E_NOMEM;
     }
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const struct owner *o = &table[owner_slot(table, mask, samples[i].anchor)];
-        if (o->position != 0)
-            order[kept++] = (struct owner){i, o->piece};
-    }
+    uint32_t kept = 0, out = 0;
+    for (uint32_t i = 0; i < count; i++)
+        if (samples[i].triangle != HG_LOD_NONE)
+            order[kept++] = (struct place){piece_of[samples[i].triangle], i};
     qsort(order, kept, sizeof *order, compare_places);
-    uint32_t out = 0;
     for (uint32_t i = 0; i < kept;) {
-        const uint32_t piece = order[i].piece, first = out;
+        const uint32_t piece = order[i].piece;
         uint32_t n = 0;
         for (; i < kept && order[i].piece == piece; i++)
-            sorted[out + n++] = samples[order[i].position];
+            sorted[out + n++] = samples[order[i].sample];
         n = thin(sorted + out, n);
-        job->made[piece].samples = sorted + first;
+        job->made[piece].samples = sorted + out;
         job->made[piece].sample_count = n;
         out += n;
     }
@@ -245,30 +234,8 @@ static enum hg_status hand_out(struct hg_lod_group_job *job, struct hg_lod_sampl
     return HG_OK;
 }
 
-static enum hg_status distribute(
-    struct hg_lod_group_job *job, struct hg_lod_sample *samples, uint32_t count)
-{
-    uint32_t size = 64;
-    while (size < job->triangle_count * 3)
-        size *= 2;
-    struct owner *table = hg_calloc(size, sizeof *table);
-    if (table == NULL)
-        return HG_E_NOMEM;
-    for (uint32_t i = 0; i < job->made_count; i++) {
-        const struct hg_lod_piece *piece = &job->made[i];
-        for (uint32_t k = 0; k < piece->info.triangle_count * 3; k++) {
-            const uint32_t position = job->mesh->position_of[piece->triangles[k]];
-            struct owner *o = &table[owner_slot(table, size - 1, position)];
-            if (o->position == 0)
-                *o = (struct owner){position + 1, i};
-        }
-    }
-    const enum hg_status status = hand_out(job, samples, count, table, size - 1);
-    hg_free(table);
-    return status;
-}
-
-// ---- the group -----------------------------------------------------------------------------------
+// ---- the group
+// -----------------------------------------------------------------------------------
 
 static enum hg_status gather(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
 {
@@ -295,14 +262,13 @@ static enum hg_status gather(struct hg_lod_group_job *job, struct hg_lod_simplif
     return HG_OK;
 }
 
-static enum hg_status cut(struct hg_lod_group_job *job)
+// starts, order: scratch for the cut of the product's triangles.
+static enum hg_status cut(
+    struct hg_lod_group_job *job, uint32_t *starts, uint32_t *order, uint32_t *piece_of)
 {
     struct hg_lod_product *p = job->product;
-    uint32_t *starts = hg_calloc(hg_lod_cut_bound(p->triangle_count) + 1, sizeof *starts);
-    if (starts == NULL)
-        return HG_E_NOMEM;
-    enum hg_status status =
-        hg_lod_cut(job->mesh, p->triangles, p->triangle_count, starts, &job->made_count, NULL);
+    enum hg_status status = hg_lod_cut(
+        job->mesh, p->triangles, p->triangle_count, starts, &job->made_count, order, NULL);
     job->made = status == HG_OK ? hg_calloc(job->made_count, sizeof *job->made) : NULL;
     if (status == HG_OK && job->made == NULL)
         status = HG_E_NOMEM;
@@ -312,34 +278,39 @@ static enum hg_status cut(struct hg_lod_group_job *job)
         piece->info.triangle_count = starts[i + 1] - starts[i];
         piece->product = p;
         hg_lod_piece_bounds(job->mesh, piece);
+        for (uint32_t t = starts[i]; t < starts[i + 1]; t++)
+            piece_of[order[t]] = i;
     }
     p->users = job->made_count;
-    hg_free(starts);
     return status;
 }
 
 static enum hg_status make_product(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
 {
+    const uint32_t n = s->triangle_count, bound = hg_lod_cut_bound(n) + 1;
     job->error = s->error;
     job->product = hg_calloc(1, sizeof *job->product);
-    if (job->product == NULL)
-        return HG_E_NOMEM;
-    uint32_t *small = hg_realloc(s->triangles, s->triangle_count, 12);
-    s->triangles = NULL;
-    if (small == NULL)
-        return HG_E_NOMEM;
-    job->product->triangles = small;
-    job->product->triangle_count = s->triangle_count;
-    enum hg_status status = cut(job);
-    return status == HG_OK ? distribute(job, s->samples, s->sample_count) : status;
+    uint32_t *scratch = hg_calloc((size_t)n * 2 + bound, sizeof *scratch);
+    uint32_t *small = hg_realloc(s->triangles, n, 12);
+    enum hg_status status = HG_E_NOMEM;
+    if (small != NULL)
+        s->triangles = small;
+    if (job->product != NULL && scratch != NULL && small != NULL) {
+        s->triangles = NULL;
+        job->product->triangles = small;
+        job->product->triangle_count = n;
+        status = cut(job, scratch + (size_t)n * 2, scratch, scratch + n);
+        if (status == HG_OK)
+            status = hand_out(job, s->samples, s->sample_count, scratch + n);
+    }
+    hg_free(scratch);
+    return status;
 }
 
 void hg_lod_group_run(struct hg_lod_group_job *job)
 {
-    struct hg_lod_simplify_job s = {.mesh = job->mesh,
-        .locked = job->locked,
-        .open = job->open,
-        .weights = job->weights};
+    struct hg_lod_simplify_job s = {
+        .mesh = job->mesh, .locked = job->locked, .open = job->open, .weights = job->weights};
     enum hg_status status = gather(job, &s);
     s.target_count = job->triangle_count / 2;
     if (status == HG_OK)
@@ -358,7 +329,8 @@ void hg_lod_group_run(struct hg_lod_group_job *job)
     job->status = status;
 }
 
-// ---- the welded mesh -----------------------------------------------------------------------------
+// ---- the welded mesh
+// -----------------------------------------------------------------------------
 
 static void sample_piece(const struct hg_lod_mesh *m, const uint8_t *open, const uint8_t *crowd,
     uint8_t *seen, struct hg_lod_piece *piece, struct hg_lod_product *product)
@@ -405,8 +377,8 @@ enum hg_status hg_lod_first_pieces(const struct hg_lod_mesh *m, const uint32_t *
     uint32_t count, struct hg_lod_pieces *pieces)
 {
     struct hg_lod_product *product = hg_calloc(1, sizeof *product);
-    if (product == NULL || hg_grow(&pieces->items, &pieces->capacity, count,
-                               sizeof *pieces->items) != HG_OK) {
+    if (product == NULL ||
+        hg_grow(&pieces->items, &pieces->capacity, count, sizeof *pieces->items) != HG_OK) {
         hg_free(product);
         return HG_E_NOMEM;
     }

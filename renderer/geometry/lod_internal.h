@@ -19,8 +19,8 @@
 struct hg_lod_format {
     uint32_t flags, words; // HG_DRAW_*
     int32_t normal, tangent, uv, uv1, color;
-    float quantum;     // of positions
-    float uv_quantum;  // of uv and uv1
+    float quantum;    // of positions
+    float uv_quantum; // of uv and uv1
     uint32_t extra_words;
 };
 
@@ -30,11 +30,11 @@ void hg_lod_format_set(struct hg_lod_format *format, uint32_t flags, bool has_uv
 struct hg_lod_mesh {
     struct hg_lod_format format;
     uint32_t position_count, vertex_count, triangle_count;
-    int32_t (*lattice)[3];     // [position_count]
-    uint32_t *position_of;     // [vertex_count]
-    uint32_t *words;           // [vertex_count * format.words]
-    uint32_t *triangles;       // [triangle_count * 3] vertices
-    uint64_t capacity[2];      // vertices and indices that memory was taken for
+    int32_t (*lattice)[3]; // [position_count]
+    uint32_t *position_of; // [vertex_count]
+    uint32_t *words;       // [vertex_count * format.words]
+    uint32_t *triangles;   // [triangle_count * 3] vertices
+    uint64_t capacity[2];  // vertices and indices that memory was taken for
 };
 
 // Memory that counts against params.memory_limit_bytes.
@@ -42,8 +42,8 @@ struct hg_lod_budget {
     uint64_t limit, used, peak; // limit 0 = none
 };
 // Sets *out (zeroed memory). HG_E_LIMIT, HG_E_NOMEM. Not thread-safe.
-enum hg_status hg_lod_take(struct hg_lod_budget *budget, uint64_t count, size_t size, void *out)
-    HG_MUST_CHECK;
+enum hg_status hg_lod_take(
+    struct hg_lod_budget *budget, uint64_t count, size_t size, void *out) HG_MUST_CHECK;
 // Gives back what was taken as count x size and sets *ptr to NULL.
 void hg_lod_give(struct hg_lod_budget *budget, void *ptr_to_ptr, uint64_t count, size_t size);
 
@@ -52,20 +52,23 @@ enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_
     struct hg_lod_budget *budget, struct hg_lod_mesh *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_lod_mesh_finish(struct hg_lod_mesh *mesh, struct hg_lod_budget *budget);
 
-// Attributes of a vertex as floats: normal, uv, uv1, colour, as far as present; returns their count.
+// Attributes of a vertex as floats: normal, uv, uv1, colour, as far as present; returns their
+// count.
 uint32_t hg_lod_attributes(
     const struct hg_lod_format *format, const uint32_t *words, float out[HG_LOD_ATTRIBUTES]);
 
-// ---- cutting triangles into clusters --------------------------------------------------------------
+// ---- cutting triangles into clusters
+// --------------------------------------------------------------
 
 // Reorders triangles so that consecutive ranges are compact clusters.
 //
 //   triangles   [count * 3]  vertices; reordered in place
 //   starts      [hg_lod_cut_bound(count) + 1]  out: first triangle of each cluster, then count
+//   order       [count]      out: where each triangle was before; NULL: not wanted
 //
 // `jobs` may be NULL. HG_E_NOMEM, HG_E_LIMIT. Cost O(n log n).
 enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, uint32_t count,
-    uint32_t *starts, uint32_t *cluster_count, struct hg_jobs *jobs) HG_MUST_CHECK;
+    uint32_t *starts, uint32_t *cluster_count, uint32_t *order, struct hg_jobs *jobs) HG_MUST_CHECK;
 
 // Most clusters that `count` triangles can be cut into.
 static inline uint32_t hg_lod_cut_bound(uint32_t count)
@@ -73,7 +76,8 @@ static inline uint32_t hg_lod_cut_bound(uint32_t count)
     return (count + HG_LOD_CLUSTER_TRIANGLES - 1) / HG_LOD_CLUSTER_TRIANGLES * 2 + 1;
 }
 
-// ---- grouping clusters ---------------------------------------------------------------------------
+// ---- grouping clusters
+// ---------------------------------------------------------------------------
 
 struct hg_lod_pool { // the clusters that make up the surface at one level
     uint32_t count;
@@ -83,8 +87,9 @@ struct hg_lod_pool { // the clusters that make up the surface at one level
     const float (*center)[3];         // [count] metres
 };
 
-//   group_of  [count]           out: group numbers 0..*group_count-1 in order of the space that they fill
-//   open      [position_count]  set to 1 where an edge has one triangle in all; NULL: not wanted
+//   group_of  [count]           out: group numbers 0..*group_count-1 in order of the space that
+//   they fill open      [position_count]  set to 1 where an edge has one triangle in all; NULL: not
+//   wanted
 //
 // HG_E_NOMEM. Cost O(n log n).
 enum hg_status hg_lod_partition(const struct hg_lod_mesh *mesh, const struct hg_lod_pool *pool,
@@ -93,17 +98,19 @@ enum hg_status hg_lod_partition(const struct hg_lod_mesh *mesh, const struct hg_
 // 30-bit Morton code of a point in a box.
 uint32_t hg_lod_morton(const float point[3], const float min[3], const float max[3]);
 
-// ---- simplification ------------------------------------------------------------------------------
+// ---- simplification
+// ------------------------------------------------------------------------------
 
 #define HG_LOD_SAMPLE_OPEN 1u // lies on an open edge: its distance is that to open edges
 #define HG_LOD_SAMPLE_SEAM 2u // several vertices at this position: attributes are not compared
 
 // A point of the source surface whose distance to the coarser surfaces is watched.
 struct hg_lod_sample {
-    uint32_t vertex;     // of the source
+    uint32_t vertex;      // of the source
     uint32_t anchor : 30; // position of the present surface near it
     uint32_t flags : 2;
-    float distance; // metres, when it was last measured
+    float distance;    // metres, when it was last measured
+    uint32_t triangle; // that it was nearest to then
 };
 
 struct hg_lod_weights {
@@ -112,7 +119,8 @@ struct hg_lod_weights {
 
 struct hg_lod_simplify_job {
     const struct hg_lod_mesh *mesh;
-    const uint8_t *locked, *open; // [position_count] not 0: must stay; on an open edge of the source
+    const uint8_t *locked,
+        *open; // [position_count] not 0: must stay; on an open edge of the source
     struct hg_lod_weights weights;
     uint32_t *triangles; // [triangle_count * 3] in and out
     uint32_t triangle_count, target_count;
@@ -130,20 +138,20 @@ struct hg_lod_patch {
     const struct hg_lod_simplify_job *job;
     uint32_t triangle_count, position_count, vertex_count, attribute_count, live;
     int32_t origin[3];
-    float scale;                    // lattice steps to units
-    float unit;                     // metres
+    float scale;                     // lattice steps to units
+    float unit;                      // metres
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
-    uint32_t (*triangles)[3];       // vertices; [0] HG_LOD_NONE: removed
-    uint32_t *next;                 // [triangle_count * 3] next corner at the same position
-    uint32_t *head, *tail;          // [position_count] corners
-    float (*point)[3];              // [position_count]
-    uint32_t *global;               // [position_count] position of the mesh
-    uint32_t *into;                 // [position_count] where it was collapsed to; itself: alive
-    uint8_t *fixed;                 // [position_count]
-    uint32_t *vertex_first;         // [position_count] ring of vertices
+    uint32_t (*triangles)[3];        // vertices; [0] HG_LOD_NONE: removed
+    uint32_t *next;                  // [triangle_count * 3] next corner at the same position
+    uint32_t *head, *tail;           // [position_count] corners
+    float (*point)[3];               // [position_count]
+    uint32_t *global;                // [position_count] position of the mesh
+    uint32_t *into;                  // [position_count] where it was collapsed to; itself: alive
+    uint8_t *fixed;                  // [position_count]
+    uint32_t *vertex_first;          // [position_count] ring of vertices
     uint32_t *position_of, *vertex_next, *vertex_global; // [vertex_count]
-    float *attributes;              // [vertex_count * attribute_count], times weight
-    uint32_t *table;                // positions by hash of `global`
+    float *attributes; // [vertex_count * attribute_count], times weight
+    uint32_t *table;   // positions by hash of `global`
     uint32_t table_mask;
     void *memory;
 };
@@ -155,7 +163,8 @@ uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); /
 // Measures the job's samples against what is left of the patch; returns the error in metres.
 float hg_lod_measure(const struct hg_lod_patch *patch);
 
-// ---- clusters and groups while they are built -----------------------------------------------------
+// ---- clusters and groups while they are built
+// -----------------------------------------------------
 
 // What the simplification of a group made (or the welded mesh): owns what its clusters point to.
 struct hg_lod_product {
@@ -165,7 +174,7 @@ struct hg_lod_product {
     uint32_t users; // clusters that still need it
 };
 
-struct hg_lod_piece { // a cluster
+struct hg_lod_piece {           // a cluster
     struct hg_lod_cluster info; // group and made_from in the order of building
     const uint32_t *triangles;
     uint32_t vertex_count;
@@ -214,7 +223,8 @@ enum hg_status hg_lod_first_pieces(const struct hg_lod_mesh *mesh, const uint32_
 enum hg_status hg_lod_first_samples(const struct hg_lod_mesh *mesh, const uint8_t *open,
     struct hg_lod_pieces *pieces) HG_MUST_CHECK;
 
-// ---- chunks --------------------------------------------------------------------------------------
+// ---- chunks
+// --------------------------------------------------------------------------------------
 
 #define HG_LOD_PLANES 16 // components of a vertex, at most: position 3, looks 12, one to spare
 
@@ -263,7 +273,8 @@ enum hg_status hg_lod_decode_payload(const struct hg_lod_format *format,
 void hg_lod_layout_of(const struct hg_lod_format *format, const struct hg_lod_chunk *chunk,
     struct hg_lod_layout *out);
 
-// ---- file ----------------------------------------------------------------------------------------
+// ---- file
+// ----------------------------------------------------------------------------------------
 
 // What hg_lod_open makes; the public part comes first.
 struct hg_lod_file {

@@ -8,7 +8,8 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod_internal.h"
 
-// ---- parents -------------------------------------------------------------------------------------
+// ---- parents
+// -------------------------------------------------------------------------------------
 
 // Clusters are in the order of their groups, so the parents of each group come out sorted.
 static void count_parents(struct hg_lod_file *f, uint32_t *last, bool fill)
@@ -49,7 +50,8 @@ static enum hg_status link_parents(struct hg_lod_file *f)
     return f->parents != NULL ? HG_OK : HG_E_NOMEM;
 }
 
-// ---- nodes ---------------------------------------------------------------------------------------
+// ---- nodes
+// ---------------------------------------------------------------------------------------
 
 static void start_box(struct hg_lod_node *n)
 {
@@ -98,7 +100,8 @@ static struct hg_lod_node leaf_of(const struct hg_lod_file *f, uint32_t first, u
     return n;
 }
 
-static struct hg_lod_node node_above(const struct hg_lod_node *nodes, uint32_t first, uint32_t count)
+static struct hg_lod_node node_above(
+    const struct hg_lod_node *nodes, uint32_t first, uint32_t count)
 {
     struct hg_lod_node n = {.first = first, .count = count};
     struct hg_lod_sphere spheres[HG_LOD_NODE_WIDTH];

@@ -29,8 +29,7 @@ static void sub(const float a[3], const float b[3], float out[3])
 }
 
 // Barycentric weights of b and c of the point of triangle abc that is nearest to a + ap.
-static void closest(
-    const float ab[3], const float ac[3], const float ap[3], float *wb, float *wc)
+static void closest(const float ab[3], const float ac[3], const float ap[3], float *wb, float *wc)
 {
     const float d1 = dot(ab, ap), d2 = dot(ac, ap);
     const float bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
@@ -122,7 +121,8 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
     return best;
 }
 
-// ---- open edges ----------------------------------------------------------------------------------
+// ---- open edges
+// ----------------------------------------------------------------------------------
 
 static bool may_be_open(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
 {
@@ -175,7 +175,8 @@ static float open_distance2(const struct hg_lod_patch *p, uint32_t anchor, const
     return best;
 }
 
-// ---- attributes ----------------------------------------------------------------------------------
+// ---- attributes
+// ----------------------------------------------------------------------------------
 
 static float looks_distance2(
     const struct hg_lod_patch *p, const struct hg_lod_sample *sample, const struct nearest *at)
@@ -183,7 +184,8 @@ static float looks_distance2(
     const struct hg_lod_mesh *m = p->job->mesh;
     const uint32_t n = p->attribute_count;
     float values[HG_LOD_ATTRIBUTES], sum = 0.0f;
-    (void)hg_lod_attributes(&m->format, m->words + (size_t)sample->vertex * m->format.words, values);
+    (void)hg_lod_attributes(
+        &m->format, m->words + (size_t)sample->vertex * m->format.words, values);
     const uint32_t *t = p->triangles[at->triangle];
     for (uint32_t k = 0; k < n; k++) {
         float v = 0.0f;
@@ -229,6 +231,7 @@ float hg_lod_measure(const struct hg_lod_patch *p)
             compared++;
         }
         s->anchor = p->global[anchor] & 0x3fffffffu;
+        s->triangle = near.triangle;
         s->distance = sqrtf(distance2) * p->unit;
         worst = fmaxf(worst, s->distance);
     }

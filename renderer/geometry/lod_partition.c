@@ -14,12 +14,12 @@
 #define GROUP_SMALL  8u  // smaller groups look for any neighbour that has room
 #define GROUP_BYTES  (HG_LOD_CHUNK_BYTES - 64u) // streams are padded
 
-struct link { // between clusters, later between groups; a < b
+struct link {              // between clusters, later between groups; a < b
     uint32_t a, b, weight; // shared edges
 };
 
 struct open_edge {
-    uint64_t key; // positions, smaller first
+    uint64_t key;          // positions, smaller first
     uint32_t cluster, met; // met: another cluster has it too
 };
 
@@ -108,7 +108,8 @@ static enum hg_status find_links(struct graph *g, struct open_edge *edges, size_
     return status;
 }
 
-// ---- merging -------------------------------------------------------------------------------------
+// ---- merging
+// -------------------------------------------------------------------------------------
 
 struct candidate {
     float score;
@@ -132,8 +133,7 @@ static void map_links(struct graph *g)
         l.a = g->map[l.a];
         l.b = g->map[l.b];
         if (l.a != l.b)
-            g->links[n++] =
-                (struct link){l.a < l.b ? l.a : l.b, l.a < l.b ? l.b : l.a, l.weight};
+            g->links[n++] = (struct link){l.a < l.b ? l.a : l.b, l.a < l.b ? l.b : l.a, l.weight};
     }
     qsort(g->links, n, sizeof *g->links, compare_links);
     g->link_count = 0;
@@ -170,8 +170,7 @@ static size_t list_candidates(struct graph *g, uint32_t most)
             continue;
         if (most > GROUP_WANTED && g->size[l->a] >= GROUP_SMALL && g->size[l->b] >= GROUP_SMALL)
             continue;
-        const uint32_t less =
-            g->border[l->a] < g->border[l->b] ? g->border[l->a] : g->border[l->b];
+        const uint32_t less = g->border[l->a] < g->border[l->b] ? g->border[l->a] : g->border[l->b];
         const float share = (float)l->weight / (float)(less > 0 ? less : 1);
         g->candidates[n++] = (struct candidate){
             share / (float)(g->size[l->a] + g->size[l->b]), l->a, l->b, l->weight};
@@ -236,7 +235,8 @@ static uint32_t merge_round(struct graph *g, uint32_t most)
     return merges;
 }
 
-// ---- order in space ------------------------------------------------------------------------------
+// ---- order in space
+// ------------------------------------------------------------------------------
 
 static uint32_t spread(float v)
 {
@@ -304,7 +304,8 @@ static void merge_places(struct graph *g, const struct place *places)
     end_round(g);
 }
 
-// ---- all of it -----------------------------------------------------------------------------------
+// ---- all of it
+// -----------------------------------------------------------------------------------
 
 static void mark_open(const struct open_edge *edges, size_t count, uint8_t *open)
 {

@@ -108,7 +108,8 @@ static void set_frame(struct hg_lod_patch *p)
         for (uint32_t k = 0; k < 3; k++) {
             const int32_t *a = m->lattice[p->global[p->position_of[p->triangles[t][k]]]];
             const int32_t *b = m->lattice[p->global[p->position_of[p->triangles[t][(k + 1) % 3]]]];
-            const double d[3] = {(double)(a[0] - b[0]), (double)(a[1] - b[1]), (double)(a[2] - b[2])};
+            const double d[3] = {
+                (double)(a[0] - b[0]), (double)(a[1] - b[1]), (double)(a[2] - b[2])};
             sum += sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         }
     }

@@ -14,16 +14,16 @@
 #include "renderer/geometry/lod_internal.h"
 #include "renderer/geometry/lod_quadric.h"
 
-#define RING_MAX     48    // positions with more neighbours stay
-#define OPEN_WEIGHT  4.0   // of the planes that hold open edges, against the triangle's
-#define SEAM_WEIGHT  0.5   // of those that hold seams
-#define FLIP_COSINE  0.2f  // a triangle may turn by less than this says
-#define FLIP_LOOSE   0.0f
+#define RING_MAX    48   // positions with more neighbours stay
+#define OPEN_WEIGHT 4.0  // of the planes that hold open edges, against the triangle's
+#define SEAM_WEIGHT 0.5  // of those that hold seams
+#define FLIP_COSINE 0.2f // a triangle may turn by less than this says
+#define FLIP_LOOSE  0.0f
 
 struct ring {
-    uint32_t at[RING_MAX]; // neighbour positions
+    uint32_t at[RING_MAX];  // neighbour positions
     uint8_t uses[RING_MAX]; // triangles at the edge to it
-    uint32_t count, odd; // odd: edges without exactly two triangles
+    uint32_t count, odd;    // odd: edges without exactly two triangles
     bool full;
 };
 
@@ -41,7 +41,8 @@ struct simplifier {
     void *memory;
 };
 
-// ---- heap of positions by cost -------------------------------------------------------------------
+// ---- heap of positions by cost
+// -------------------------------------------------------------------
 
 static bool before(const struct simplifier *s, uint32_t a, uint32_t b)
 {
@@ -104,7 +105,8 @@ static void heap_set(struct simplifier *s, uint32_t p, float cost)
     sift_down(s, s->place[p]);
 }
 
-// ---- neighbours ----------------------------------------------------------------------------------
+// ---- neighbours
+// ----------------------------------------------------------------------------------
 
 static void ring_add(struct ring *r, uint32_t p)
 {
@@ -158,7 +160,8 @@ static void gather(const struct hg_lod_patch *p, uint32_t position, struct ring 
         r->odd += r->uses[i] != 2;
 }
 
-// ---- quadrics ------------------------------------------------------------------------------------
+// ---- quadrics
+// ------------------------------------------------------------------------------------
 
 static void sub(const float a[3], const float b[3], double out[3])
 {
@@ -178,8 +181,8 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void add_attributes(struct simplifier *s, const uint32_t v[3], const double e1[3],
-    const double e2[3], double area)
+static void add_attributes(
+    struct simplifier *s, const uint32_t v[3], const double e1[3], const double e2[3], double area)
 {
     const struct hg_lod_patch *p = &s->patch;
     const uint32_t n = p->attribute_count;
@@ -295,15 +298,16 @@ static void add_edges(struct simplifier *s, uint32_t position)
     }
 }
 
-// ---- cost of a collapse --------------------------------------------------------------------------
+// ---- cost of a collapse
+// --------------------------------------------------------------------------
 
 static double distance_of_looks(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
 {
     const uint32_t n = p->attribute_count;
     double sum = 0.0;
     for (uint32_t k = 0; k < n; k++) {
-        const double d = (double)p->attributes[(size_t)a * n + k] -
-                         (double)p->attributes[(size_t)b * n + k];
+        const double d =
+            (double)p->attributes[(size_t)a * n + k] - (double)p->attributes[(size_t)b * n + k];
         sum += d * d;
     }
     return sum;
@@ -347,11 +351,10 @@ static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t t
         if (!(q->weight > 0.0))
             continue;
         const uint32_t w = partner(p, v, to);
-        sum += fabs(hg_lod_quadric_at(q, at) +
-                    hg_lod_gradients_at(&s->gradients[(size_t)v * n], n, q->weight, at,
-                        p->attributes + (size_t)w * n));
+        sum += fabs(hg_lod_quadric_at(q, at) + hg_lod_gradients_at(&s->gradients[(size_t)v * n], n,
+                                                   q->weight, at, p->attributes + (size_t)w * n));
     }
-    return (float)sum;
+    return (float)(sum / sqrt(s->shape[from].weight + 1e-12));
 }
 
 static bool turns(const struct hg_lod_patch *p, uint32_t corner, const float to[3], float cosine)
@@ -399,20 +402,44 @@ static bool keeps_topology(struct simplifier *s, uint32_t from, uint32_t to)
     return common <= shared;
 }
 
+// Whether a triangle that moves would lie on one that `to` has: a closed piece would fall flat.
+static bool falls_flat(const struct hg_lod_patch *p, uint32_t corner, uint32_t to)
+{
+    uint32_t v[3];
+    corner_vertices(p, corner, v);
+    const uint32_t a = p->position_of[v[1]], b = p->position_of[v[2]];
+    FOR_CORNERS(p, to, c)
+    {
+        uint32_t w[3];
+        corner_vertices(p, c, w);
+        const uint32_t x = p->position_of[w[1]], y = p->position_of[w[2]];
+        if ((x == a && y == b) || (x == b && y == a))
+            return true;
+    }
+    return false;
+}
+
 static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
 {
     const struct hg_lod_patch *p = &s->patch;
-    uint32_t lost = 0;
+    uint32_t lost = 0, left = 0;
     FOR_CORNERS(p, from, c)
     {
         uint32_t v[3];
         corner_vertices(p, c, v);
         if (p->position_of[v[1]] == to || p->position_of[v[2]] == to)
             lost++;
-        else if (turns(p, c, p->point[to], s->permissive ? FLIP_LOOSE : FLIP_COSINE))
+        else if (turns(p, c, p->point[to], s->permissive ? FLIP_LOOSE : FLIP_COSINE) ||
+                 (!s->permissive && falls_flat(p, c, to)))
             return false;
+        else
+            left++;
     }
-    return lost < p->live && (s->permissive || keeps_topology(s, from, to));
+    if (s->permissive)
+        return lost < p->live;
+    FOR_CORNERS(p, to, c)
+    left++;
+    return left > lost && keeps_topology(s, from, to); // something of the piece must be left
 }
 
 // Finds the best collapse of a position; with `check` only among valid ones.
@@ -442,7 +469,8 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
         heap_set(s, from, best);
 }
 
-// ---- the collapse --------------------------------------------------------------------------------
+// ---- the collapse
+// --------------------------------------------------------------------------------
 
 static void merge_looks(struct simplifier *s, uint32_t from, uint32_t to)
 {
@@ -555,16 +583,21 @@ static enum hg_status prepare(struct simplifier *s)
     return HG_OK;
 }
 
+// What is left, in the old order; samples name triangles by their new numbers.
 static void write_back(const struct hg_lod_patch *p, struct hg_lod_simplify_job *job)
 {
-    uint32_t n = 0;
+    uint32_t n = 0, *number = p->next; // corners are no longer looked for
     for (uint32_t t = 0; t < p->triangle_count; t++) {
         if (p->triangles[t][0] == HG_LOD_NONE)
             continue;
         for (int k = 0; k < 3; k++)
-            job->triangles[n++] = p->vertex_global[p->triangles[t][k]];
+            job->triangles[n * 3 + (uint32_t)k] = p->vertex_global[p->triangles[t][k]];
+        number[t] = n++;
     }
-    job->triangle_count = n / 3;
+    for (uint32_t i = 0; i < job->sample_count; i++)
+        if (job->samples[i].triangle != HG_LOD_NONE)
+            job->samples[i].triangle = number[job->samples[i].triangle];
+    job->triangle_count = n;
 }
 
 enum hg_status hg_lod_simplify(struct hg_lod_simplify_job *job)

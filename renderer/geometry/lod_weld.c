@@ -57,7 +57,8 @@ void hg_lod_format_set(struct hg_lod_format *f, uint32_t flags, bool has_uv)
                      (flags & HG_DRAW_COLOR16 ? 2u : 0u);
 }
 
-// ---- checks --------------------------------------------------------------------------------------
+// ---- checks
+// --------------------------------------------------------------------------------------
 
 static bool finite_all(const float *values, uint64_t count)
 {
@@ -88,7 +89,8 @@ static enum hg_status check(const struct hg_mesh_part *part, struct hg_error *er
     return HG_OK;
 }
 
-// ---- lattice steps -------------------------------------------------------------------------------
+// ---- lattice steps
+// -------------------------------------------------------------------------------
 
 static int compare_floats(const void *a, const void *b)
 {
@@ -150,8 +152,8 @@ static float power_for(float max, int32_t lattice_max)
 static void choose_steps(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     struct hg_lod_format *format)
 {
-    const float least = power_for(largest(part->positions, part->vertex_count * 3ull),
-        HG_LOD_LATTICE_MAX);
+    const float least =
+        power_for(largest(part->positions, part->vertex_count * 3ull), HG_LOD_LATTICE_MAX);
     const float wanted = params->quantum > 0.0f
                              ? params->quantum
                              : short_edge(part, part->positions, 3) / EDGE_FRACTION;
@@ -166,11 +168,12 @@ static void choose_steps(const struct hg_mesh_part *part, const struct hg_lod_pa
         uv_max = fmaxf(uv_max, largest(part->uv[set], part->vertex_count * 2ull));
     }
     if (part->uv[0] != NULL || part->uv[1] != NULL)
-        format->uv_quantum = fmaxf(power_below(fmaxf(uv_step, 0x1p-20f)),
-            power_for(uv_max, HG_LOD_LATTICE_MAX));
+        format->uv_quantum =
+            fmaxf(power_below(fmaxf(uv_step, 0x1p-20f)), power_for(uv_max, HG_LOD_LATTICE_MAX));
 }
 
-// ---- attributes ----------------------------------------------------------------------------------
+// ---- attributes
+// ----------------------------------------------------------------------------------
 
 static void octahedral(const float v[3], int32_t steps, int32_t out[2])
 {
@@ -251,7 +254,8 @@ uint32_t hg_lod_attributes(
     return n;
 }
 
-// ---- welding -------------------------------------------------------------------------------------
+// ---- welding
+// -------------------------------------------------------------------------------------
 
 static uint32_t mix(uint32_t h, uint32_t v)
 {
@@ -350,8 +354,8 @@ enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_
     const uint32_t n = part->vertex_count, size = table_size(n);
     struct welder w = {.part = part, .mesh = out, .mask = size - 1};
     uint32_t *remap = NULL;
-    hg_lod_format_set(&out->format,
-        layout.flags & ~(HG_DRAW_LINES | HG_DRAW_POINTS), part->uv[0] != NULL);
+    hg_lod_format_set(
+        &out->format, layout.flags & ~(HG_DRAW_LINES | HG_DRAW_POINTS), part->uv[0] != NULL);
     choose_steps(part, params, &out->format);
     const uint64_t word_count = (uint64_t)n * out->format.words;
     if ((status = hg_lod_take(budget, size, 4, &w.positions)) != HG_OK ||

@@ -47,8 +47,8 @@ static void print_levels(const struct hg_lod *lod)
                 triangles += lod->clusters[group->first_cluster + c].triangle_count;
         }
         printf("  level %2u: %8llu triangles %6llu clusters %5llu groups, error %g..%g\n", level,
-            (unsigned long long)triangles, (unsigned long long)clusters,
-            (unsigned long long)groups, (double)least, (double)most);
+            (unsigned long long)triangles, (unsigned long long)clusters, (unsigned long long)groups,
+            (double)least, (double)most);
     }
 }
 
