@@ -1,0 +1,293 @@
+#!/usr/bin/env python3
+"""Faults of the cache folder and of source files, seen from outside: the picture is always right,
+nothing crashes, the next run heals.
+
+  cache.py --bin BUILD/bin [--kills N] [CASE ...]    cases: kill damage vanish full replace budget
+"""
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+
+TEXTURES = 6
+SIDE = 1024
+PATIENCE_S = 120
+
+
+def png(path, seed):
+    """Noise on a few tones: does not compress away, differs everywhere."""
+    rng = random.Random(seed)
+    tone = rng.randbytes(3)
+    noise = rng.randbytes(SIDE * SIDE)
+    rows = bytearray()
+    for y in range(SIDE):
+        rows.append(0)
+        for value in noise[y * SIDE:(y + 1) * SIDE:4]:
+            texel = bytes(((t + value // 4) & 255) for t in tone)
+            rows += texel * 4
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    with open(path + ".new", "wb") as f:
+        f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", SIDE, SIDE, 8, 2, 0, 0, 0))
+                + chunk(b"IDAT", zlib.compress(bytes(rows), 1)) + chunk(b"IEND", b""))
+    os.rename(path + ".new", path)
+
+
+def scene(folder):
+    """Unlit squares side by side, each with a picture of its own."""
+    os.makedirs(folder)
+    for i in range(TEXTURES):
+        png(f"{folder}/{i}.png", i)
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    data = b"".join(struct.pack("<3f", x, y, 0) for x, y in corners)
+    data += b"".join(struct.pack("<2f", x, 1 - y) for x, y in corners)
+    data += struct.pack("<6H", 0, 1, 2, 0, 2, 3)
+    with open(f"{folder}/scene.bin", "wb") as f:
+        f.write(data)
+    views = [{"buffer": 0, "byteOffset": o, "byteLength": n} for o, n in ((0, 48), (48, 32), (80, 12))]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0],
+         "max": [1, 1, 0]},
+        {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+        {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"}]
+    gltf = {
+        "asset": {"version": "2.0"}, "extensionsUsed": ["KHR_materials_unlit"],
+        "buffers": [{"uri": "scene.bin", "byteLength": len(data)}], "bufferViews": views,
+        "accessors": accessors,
+        "images": [{"uri": f"{i}.png"} for i in range(TEXTURES)],
+        "textures": [{"source": i} for i in range(TEXTURES)],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}},
+                       "extensions": {"KHR_materials_unlit": {}}} for i in range(TEXTURES)],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2,
+                                    "material": i}]} for i in range(TEXTURES)],
+        "nodes": [{"mesh": i, "translation": [i % 3 * 1.1, i // 3 * 1.1, 0]} for i in range(TEXTURES)],
+        "scenes": [{"nodes": list(range(TEXTURES))}], "scene": 0}
+    with open(f"{folder}/scene.gltf", "w") as f:
+        json.dump(gltf, f)
+    return f"{folder}/scene.gltf"
+
+
+class Failure(Exception):
+    pass
+
+
+class Test:
+    def __init__(self, folder, bin_folder, kills):
+        self.folder, self.kills = folder, kills
+        self.helio, self.heliod = f"{bin_folder}/helio", f"{bin_folder}/heliod"
+        self.scene = scene(f"{folder}/scene")
+        self.cache = f"{folder}/cache"
+        self.shaders = f"{folder}/shaders"
+        self.count = 0
+        self.right = self.render(cache=self.shaders)["frame"]["hash"]
+
+    def start(self, *words, **more):
+        return subprocess.Popen([self.helio, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                text=True, start_new_session=True, **more)
+
+    def run(self, *words, codes=(0,)):
+        child = self.start(*words)
+        out, err = child.communicate(timeout=PATIENCE_S)
+        if child.returncode not in codes:
+            raise Failure(f"helio {' '.join(words)}: exit code {child.returncode}\n{err}")
+        return child.returncode, out, err
+
+    def words(self, name, scene=None, cache=None, more=()):
+        words = ["render", scene or self.scene, "-o", f"{name}.png", "--stats", f"{name}.json",
+                 "--size", "256x144", "--samples", "2", "--env", "none", *more]
+        return words if cache is None else [*words, "--cache-dir", cache]
+
+    def render(self, scene=None, cache=None, more=()):
+        self.count += 1
+        name = f"{self.folder}/{self.count}"
+        self.run(*self.words(name, scene, cache, more))
+        with open(f"{name}.json") as f:
+            return json.load(f)
+
+    def same(self, what, **how):
+        stats = self.render(**how)
+        if stats["frame"]["hash"] != self.right:
+            raise Failure(f"{what}: the picture is wrong, see {self.folder}/{self.count}.png")
+        return stats
+
+    def entries(self):
+        store = f"{self.cache}/store"
+        found = []
+        for base, _, names in os.walk(store):
+            found += [f"{base}/{n}" for n in names if os.path.getsize(f"{base}/{n}") > 4096]
+        return sorted(found)
+
+    # ---- cases ----------------------------------------------------------------------------------
+
+    def kill_session(self, leader):
+        """The client and its worker, which leads a group of its own."""
+        for name in filter(str.isdigit, os.listdir("/proc")):
+            try:
+                with open(f"/proc/{name}/stat") as f:
+                    fields = f.read().rsplit(")", 1)[1].split()
+                if int(fields[3]) == leader.pid:
+                    os.kill(int(name), signal.SIGKILL)
+            except (FileNotFoundError, ProcessLookupError):
+                pass
+        leader.communicate()
+
+    def case_kill(self):
+        rng = random.Random(1)
+        begin = time.monotonic()
+        self.run("bake", self.scene, "-o", self.cache)
+        whole = time.monotonic() - begin
+        for i in range(self.kills):
+            if i % 2 == 0:
+                shutil.rmtree(f"{self.cache}/store", ignore_errors=True)
+            child = self.start("bake", self.scene, "-o", self.cache)
+            time.sleep(rng.random() * whole * 1.1)
+            self.kill_session(child)
+            self.same(f"after kill {i}", cache=self.cache)
+        report = json.loads(self.run("bake", self.scene, "-o", self.cache)[1])
+        if report["textures"]["failed"] or report["textures"]["packs"] != TEXTURES:
+            raise Failure(f"the last bake: {report}")
+        again = json.loads(self.run("bake", self.scene, "-o", self.cache)[1])
+        if again["textures"]["found"] != TEXTURES:
+            raise Failure(f"not all packs are found again: {again}")
+
+    def case_damage(self):
+        rng = random.Random(2)
+        self.run("bake", self.scene, "-o", self.cache)
+        if not self.entries():
+            raise Failure("there is nothing in the store to damage")
+        damaged = 0
+        for i in range(12):
+            entries = self.entries()
+            victim = rng.choice(entries)
+            size = os.path.getsize(victim)
+            with open(victim, "r+b") as f:
+                at = rng.randrange(size)
+                if i % 3 == 2:
+                    f.truncate(at)
+                else:
+                    f.seek(at)
+                    byte = f.read(1)[0]
+                    f.seek(at)
+                    f.write(bytes([byte ^ 1 << rng.randrange(8)]))
+            stats = self.same(f"damage {i} to {victim}", cache=self.cache)
+            damaged += stats["cache"]["damaged"]
+            self.run("bake", self.scene, "-o", self.cache)
+        print(f"  {damaged} of 12 damages were met while rendering")
+
+    def daemon(self, *more):
+        socket = f"{self.folder}/socket"
+        child = subprocess.Popen([self.heliod, "--listen", f"unix:{socket}", "--asset-root", self.folder,
+                                  "--cache-dir", self.cache, "--log", "error", *more])
+        for _ in range(200):
+            if os.path.exists(socket):
+                return child, ("--connect", f"unix:{socket}")
+            time.sleep(0.05)
+        child.kill()
+        raise Failure("the daemon does not listen")
+
+    def end_daemon(self, child):
+        if child.poll() is not None:
+            raise Failure(f"the daemon ended with {child.returncode}")
+        child.terminate()
+        if child.wait(timeout=PATIENCE_S):
+            raise Failure(f"the daemon ended with {child.returncode}")
+
+    def case_vanish(self):
+        child, connect = self.daemon()
+        try:
+            self.same("before", more=connect)
+            rng = random.Random(3)
+            for i in range(6):
+                self.count += 1
+                name = f"{self.folder}/{self.count}"
+                client = self.start(*self.words(name, None, None, (*connect, "--samples", "64")))
+                time.sleep(rng.random() * 0.5)
+                shutil.rmtree(self.cache, ignore_errors=True)
+                _, err = client.communicate(timeout=PATIENCE_S)
+                if client.returncode:
+                    raise Failure(f"with a vanished cache folder: exit code {client.returncode}\n{err}")
+                self.same(f"after the folder vanished {i} times", more=connect)
+        finally:
+            self.end_daemon(child)
+        self.same("the next run", cache=self.cache)
+
+    def case_full(self):
+        self.same("a limit of 1 MiB", cache=self.cache, more=("--cache-limit", "1"))
+        shutil.rmtree(self.cache)
+        os.makedirs(self.cache)
+        with open(f"{self.cache}/store", "w") as f:
+            f.write("not a folder")
+        self.same("a file in the folder's place", cache=self.cache)
+        os.remove(f"{self.cache}/store")
+        self.same("the next run", cache=self.cache)
+
+    def case_replace(self):
+        child, connect = self.daemon()
+        try:
+            self.same("before", more=connect)
+            png(f"{self.folder}/scene/0.png", 100)
+            fresh = self.render(cache=self.shaders)["frame"]["hash"]
+            if fresh == self.right:
+                raise Failure("the new file makes no difference")
+            self.right = fresh
+            self.same("the file was replaced", more=connect)
+            with open(f"{self.folder}/scene/1.png", "r+b") as f:
+                f.truncate(1000)
+            code, _, _ = self.run(*self.words(f"{self.folder}/cut", more=connect), codes=(0, 3))
+            print(f"  a cut file: exit code {code}")
+            png(f"{self.folder}/scene/1.png", 1)
+            self.same("the file is whole again", more=connect)
+        finally:
+            self.end_daemon(child)
+
+    def case_budget(self):
+        for option in ("--texture-budget", "--geometry-budget", "--host-budget"):
+            for mib in (1, 2, 4, 8, 16, 64):
+                name = f"{self.folder}/budget"
+                code, _, err = self.run(*self.words(name, None, self.shaders, (option, str(mib))),
+                                        codes=(0, 6))
+                if code and "budget" not in err:
+                    raise Failure(f"{option} {mib}: refused without naming the budget: {err}")
+                if code == 0:
+                    with open(f"{name}.json") as f:
+                        stats = json.load(f)
+                    if stats["frame"]["hash"] != self.right:
+                        raise Failure(f"{option} {mib}: the picture is wrong")
+                    room = stats["texture" if option == "--texture-budget" else "geometry"]
+                    if option != "--host-budget" and room["peak_bytes"] > mib << 20:
+                        raise Failure(f"{option} {mib}: peak of {room['peak_bytes']} bytes")
+                print(f"  {option} {mib}: {'refused' if code else 'same picture'}")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--kills", type=int, default=6)
+    parser.add_argument("cases", nargs="*")
+    args = parser.parse_args()
+    cases = args.cases or ["kill", "damage", "vanish", "full", "replace", "budget"]
+    folder = tempfile.mkdtemp(prefix="helio-cache-")
+    try:
+        test = Test(folder, args.bin, args.kills)
+        for case in cases:
+            begin = time.monotonic()
+            shutil.rmtree(test.cache, ignore_errors=True)
+            getattr(test, f"case_{case}")()
+            print(f"{case}: {time.monotonic() - begin:.1f} s", flush=True)
+    except Failure as failure:
+        print(f"{case if 'case' in locals() else 'scene'}: {failure}", file=sys.stderr)
+        return 1
+    shutil.rmtree(folder, ignore_errors=True)
+    return 0
+
+
+sys.exit(main())
