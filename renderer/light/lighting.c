@@ -9,7 +9,6 @@
 #include "renderer/light/vec.h"
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
-#define SHADOW_TAPS   4
 
 struct hg_lighting {
     struct hg_gpu *gpu;
@@ -232,9 +231,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_scale_y = (float)HG_CLUSTER_Y / (float)view->height,
         .cluster_z_scale = l->cells.z_scale,
         .cluster_z_bias = l->cells.z_bias,
-        .shadow_inv_size = 1 / (float)l->atlas.width,
-        .shadow_radius_px = HG_SHADOW_RADIUS_PX,
-        .shadow_taps = SHADOW_TAPS};
+        .shadow_inv_size = 1 / (float)l->atlas.width};
     fill_environment(l, &view->scene->environment);
 }
 
@@ -266,6 +263,14 @@ enum hg_status hg_lighting_sync(
     return HG_OK;
 }
 
+// A sunflower in the unit disk: equal areas. Source: Vogel 1979, "A better way to construct the
+// sunflower head".
+static struct hg_vec2 vogel_disk(uint32_t i, uint32_t n, double rotation)
+{
+    const double r = sqrt((i + 0.5) / n), phi = i * 2.399963229728653 + rotation;
+    return (struct hg_vec2){(float)(r * cos(phi)), (float)(r * sin(phi))};
+}
+
 void hg_lighting_fill(
     const struct hg_lighting *l, uint32_t sample_index, struct hg_gpu_lighting *out)
 {
@@ -273,7 +278,11 @@ void hg_lighting_fill(
     double turn = fmod(0.6180339887498949 * sample_index, 1);
     double hand_over = fmod(0.5 + 0.7548776662466927 * sample_index, 1);
     *out = l->block;
-    out->shadow_rotation = (float)(turn * 2 * HG_PI);
+    for (uint32_t i = 0; i < HG_SHADOW_TAPS; i++) {
+        const struct hg_vec2 at = vogel_disk(i, HG_SHADOW_TAPS, turn * 2 * HG_PI);
+        out->shadow_taps_px[i] =
+            (struct hg_vec2){at.x * HG_SHADOW_RADIUS_PX, at.y * HG_SHADOW_RADIUS_PX};
+    }
     out->shadow_dither = (float)hand_over;
 }
 

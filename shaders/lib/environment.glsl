@@ -7,6 +7,14 @@
 
 #include "lib/brdf.glsl"
 
+// true: one level of the prefiltered cube per lookup, chosen by hg_environment_xi, so that
+// accumulated samples converge to the blend of two. Half the price.
+#ifndef HG_ENVIRONMENT_STOCHASTIC
+#define HG_ENVIRONMENT_STOCHASTIC false
+#endif
+
+float hg_environment_xi = 0.5; // in [0, 1); set by the pass before it samples
+
 layout(set = 0, binding = HG_BIND_ENV_SPECULAR) uniform samplerCube hg_env_specular;
 layout(set = 0, binding = HG_BIND_ENV_RADIANCE) uniform sampler2D hg_env_radiance;
 
@@ -62,8 +70,10 @@ vec3 hg_environment_prefiltered(vec3 r, float roughness)
     if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
         return hg_frame.lighting.env_color;
     vec3 d = hg_environment_rotate(r);
-    return textureLod(hg_env_specular, d, hg_environment_lod(roughness)).rgb *
-        hg_frame.lighting.env_color;
+    float lod = hg_environment_lod(roughness);
+    if (HG_ENVIRONMENT_STOCHASTIC)
+        lod = floor(lod + hg_environment_xi);
+    return textureLod(hg_env_specular, d, lod).rgb * hg_frame.lighting.env_color;
 }
 
 // Share of the specular lobe that ambient occlusion leaves, from the share of the cosine lobe.

@@ -75,15 +75,9 @@ float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
 {
     vec2 px = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
     float sum = 0.0;
-    uint taps = clamp(hg_frame.lighting.shadow_taps, 1u, uint(HG_SHADOW_MAX_TAPS));
-    // Loops here are tested at the end: a software rasteriser runs the rest of a body that was
-    // broken out of, so a test at the top costs one more pass.
-    uint i = 0u;
-    do {
-        vec2 o = hg_vogel_disk(i, taps, hg_frame.lighting.shadow_rotation);
-        sum += hg_shadow_tap(s, r, px, o * hg_frame.lighting.shadow_radius_px);
-    } while (++i < taps);
-    return sum / float(taps);
+    for (int i = 0; i < HG_SHADOW_TAPS; i++)
+        sum += hg_shadow_tap(s, r, px, hg_frame.lighting.shadow_taps_px[i]);
+    return sum / float(HG_SHADOW_TAPS);
 }
 
 // Lit share of a point; n_geometric faces the eye. First map of the light that holds it: cascades
@@ -113,6 +107,8 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     hg_shadow_receiver r;
     uint i = first;
     bool inside;
+    // Tested at the end: a software rasteriser runs the rest of a body that was broken out of, so a
+    // test at the top costs one more pass.
     do {
         s = hg_shadow_at(i);
         // Off the surface by part of a texel along the normal, for curvature and rounding.

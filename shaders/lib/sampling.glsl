@@ -12,15 +12,6 @@ vec2 hg_hammersley(uint i, uint n)
     return vec2((float(i) + 0.5) / float(n), float(bitfieldReverse(i)) * 2.3283064365386963e-10);
 }
 
-// Point i of n of a sunflower in the unit disk, turned by `rotation` radians; equal areas.
-// Source: Vogel 1979, "A better way to construct the sunflower head".
-vec2 hg_vogel_disk(uint i, uint n, float rotation)
-{
-    float r = sqrt((float(i) + 0.5) / float(n));
-    float phi = float(i) * 2.399963229728653 + rotation;
-    return r * vec2(cos(phi), sin(phi));
-}
-
 // Cosine-distributed direction about +z; pdf = z / pi.
 // Source: Malley's method, Pharr, Jakob and Humphreys, PBRT 3rd ed., 13.6.2.
 vec3 hg_sample_cosine(vec2 u)

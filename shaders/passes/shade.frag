@@ -7,7 +7,8 @@
 layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
 layout(constant_id = 3) const bool hg_background = false; // where nothing is; the depth test chooses
 
-#define HG_TEXTURE_STOCHASTIC true
+#define HG_TEXTURE_STOCHASTIC     true
+#define HG_ENVIRONMENT_STOCHASTIC true
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
@@ -40,7 +41,9 @@ vec4 surface(uvec2 id)
     // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
     // show, chooses between mips only; later ones spread along the footprint as well, so that the
     // accumulated image is filtered anisotropically.
-    hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
+    vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 1u);
+    hg_texture_xi = xi.xy;
+    hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
     hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);

@@ -11,7 +11,7 @@
 #define HG_LIGHT_KIND_SPOT        2
 
 #define HG_SHADOW_NONE    0xffffffffu
-#define HG_SHADOW_MAX_TAPS 16
+#define HG_SHADOW_TAPS    4 // of one filtered lookup
 #define HG_CASCADE_COUNT  4
 
 #define HG_ENV_KIND_NONE  0 // black
@@ -99,11 +99,9 @@ struct hg_gpu_lighting {
     HG_VEC3 env_color;       // COLOR: radiance, intensity included; IMAGE: intensity, thrice
     float env_rotation_cos, env_rotation_sin; // of world about +y
     float shadow_inv_size;   // 1 / side of the atlas in texels
-    float shadow_radius_px;  // of the filter disk
-    HG_UINT shadow_taps;     // 1..HG_SHADOW_MAX_TAPS
-    float shadow_rotation;   // radians, changes with every sample
     float shadow_dither;     // 0..1, changes with every sample: where cascades change over
+    HG_VEC2 shadow_taps_px[HG_SHADOW_TAPS]; // in the filter disk, turned with every sample
 };
-HG_SHARED_SIZE(hg_gpu_lighting, 136);
+HG_SHARED_SIZE(hg_gpu_lighting, 160);
 
 #endif
