@@ -130,3 +130,13 @@ enum hg_status hg_check_bmp(
     return ok ? HG_OK
               : fail_at(err, name, old ? 24 : 28, "the BMP's compression does not fit its depth");
 }
+
+enum hg_status hg_check_bytes(
+    const char *format, const uint8_t *data, size_t size, const char *name, struct hg_error *err)
+{
+    if (strcmp(format, "png") == 0)
+        return hg_check_png(data, size, name, err);
+    if (strcmp(format, "openexr") == 0)
+        return hg_check_exr(data, size, name, err);
+    return strcmp(format, "bmp") == 0 ? hg_check_bmp(data, size, name, err) : HG_OK;
+}

@@ -24,4 +24,13 @@ enum hg_status hg_check_exr(
 enum hg_status hg_check_bmp(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
 
+// The one of these that the format (OpenImageIO's name) asks for.
+enum hg_status hg_check_bytes(const char *format, const uint8_t *data, size_t size,
+    const char *name, struct hg_error *err) HG_MUST_CHECK;
+
+// OpenImageIO's name of the format of an image that begins with these bytes; `name` gives a hint.
+// HG_E_FORMAT.
+enum hg_status hg_image_sniff(const void *data, size_t size, const char *name, const char **format,
+    struct hg_error *err) HG_MUST_CHECK;
+
 #endif

@@ -79,7 +79,7 @@ static const char *find_format(const uint8_t *data, size_t size, const char *nam
     return size >= 18 && has_extension(name, "tga") ? "targa" : NULL;
 }
 
-static enum hg_status sniff(
+enum hg_status hg_image_sniff(
     const void *data, size_t size, const char *name, const char **format, struct hg_error *err)
 {
     *format = size > 0 ? find_format(data, size, name) : NULL;
@@ -94,14 +94,8 @@ static enum hg_status sniff(
 static enum hg_status choose_reader(
     const void *data, size_t size, const char *name, const char **format, struct hg_error *err)
 {
-    enum hg_status st = sniff(data, size, name, format, err);
-    if (!st && strcmp(*format, "png") == 0)
-        st = hg_check_png(data, size, name, err);
-    else if (!st && strcmp(*format, "openexr") == 0)
-        st = hg_check_exr(data, size, name, err);
-    else if (!st && strcmp(*format, "bmp") == 0)
-        st = hg_check_bmp(data, size, name, err);
-    return st;
+    enum hg_status st = hg_image_sniff(data, size, name, format, err);
+    return st ? st : hg_check_bytes(*format, data, size, name, err);
 }
 
 static struct hg_image_limits complete_limits(const struct hg_image_limits *limits)

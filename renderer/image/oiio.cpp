@@ -19,6 +19,7 @@
 extern "C" {
 #include "base/alloc.h"
 #include "renderer/image/oiio.h"
+#include "renderer/image/reader.h"
 }
 #pragma GCC diagnostic pop
 
@@ -31,6 +32,7 @@ using OIIO::ImageSpec;
 using OIIO::TypeDesc;
 
 constexpr int max_channels = 256;
+constexpr int image_limit_mb = 2048;
 
 // Library-wide switches, once per process. Parallelism is above: images decode side by side.
 void set_up_library()
@@ -39,7 +41,7 @@ void set_up_library()
     std::call_once(once, [] {
         OIIO::attribute("threads", 1);
         OIIO::attribute("exr_threads", -1);
-        OIIO::attribute("limits:imagesize_MB", 2048);
+        OIIO::attribute("limits:imagesize_MB", image_limit_mb);
         OIIO::attribute("limits:channels", max_channels);
     });
 }
@@ -72,13 +74,20 @@ template <class Work> hg_status guarded(const char *name, hg_error *err, Work wo
     }
 }
 
-// An opened image; the reader borrows the proxy, so the order of members matters.
+// An opened image; the reader borrows the proxy, so the order of members matters. Only the
+// library's own proxies will do: its JPEG reader looks inside them.
 struct Source {
-    OIIO::Filesystem::IOMemReader memory;
+    std::unique_ptr<OIIO::Filesystem::IOProxy> bytes;
     std::unique_ptr<ImageInput> input;
     ImageSpec spec;
 
-    Source(const void *data, size_t size) : memory(const_cast<void *>(data), size)
+    Source(const void *data, size_t size)
+        : bytes(new OIIO::Filesystem::IOMemReader(const_cast<void *>(data), size))
+    {
+    }
+
+    explicit Source(FILE *file)
+        : bytes(new OIIO::Filesystem::IOFile(file, OIIO::Filesystem::IOProxy::Read))
     {
     }
 };
@@ -92,7 +101,7 @@ hg_status open_source(Source &source, const char *name, const char *format, hg_e
             std::string("this OpenImageIO cannot read ") + format + ": " + OIIO::geterror());
     ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);
-    if (!source.input->set_ioproxy(&source.memory))
+    if (!source.input->set_ioproxy(source.bytes.get()))
         return fail(err, HG_E_UNSUPPORTED, name,
             std::string("this OpenImageIO cannot read ") + format + " from memory");
     if (!source.input->open(std::string("memory.") + format, source.spec, config))
@@ -101,6 +110,18 @@ hg_status open_source(Source &source, const char *name, const char *format, hg_e
     if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1)
         return fail(err, HG_E_FORMAT, name, "no pixels");
     return HG_OK;
+}
+
+// The library's own limit is meant for images that are read whole.
+hg_status open_large_source(Source &source, const char *name, const char *format, hg_error *err)
+{
+    static std::mutex lock;
+    std::lock_guard<std::mutex> guard(lock);
+    set_up_library();
+    OIIO::attribute("limits:imagesize_MB", 1 << 18);
+    hg_status st = open_source(source, name, format, err);
+    OIIO::attribute("limits:imagesize_MB", image_limit_mb);
+    return st;
 }
 
 hg_status check_limits(const ImageSpec &s, const char *name, size_t pixel_bytes,
@@ -161,15 +182,14 @@ template <class T> void spread_to_rgba(T *px, size_t count, int n, T one)
     }
 }
 
-void spread(hg_image *image, int channels)
+void spread(void *pixels, size_t count, hg_pixel_format format, int channels)
 {
-    size_t count = size_t(image->width) * image->height;
-    if (image->format == HG_PIXEL_RGBA8)
-        spread_to_rgba(static_cast<uint8_t *>(image->pixels), count, channels, uint8_t(255));
-    else if (image->format == HG_PIXEL_RGBA16)
-        spread_to_rgba(static_cast<uint16_t *>(image->pixels), count, channels, uint16_t(65535));
+    if (format == HG_PIXEL_RGBA8)
+        spread_to_rgba(static_cast<uint8_t *>(pixels), count, channels, uint8_t(255));
+    else if (format == HG_PIXEL_RGBA16)
+        spread_to_rgba(static_cast<uint16_t *>(pixels), count, channels, uint16_t(65535));
     else
-        spread_to_rgba(static_cast<float *>(image->pixels), count, channels, 1.0f);
+        spread_to_rgba(static_cast<float *>(pixels), count, channels, 1.0f);
 }
 
 // Files that store colour times alpha (EXR, some TIFF) become straight alpha.
@@ -186,15 +206,29 @@ template <class T> void divide_alpha(T *px, size_t count, float one)
     }
 }
 
-void make_straight(hg_image *image)
+void make_straight(void *pixels, size_t count, hg_pixel_format format)
 {
-    size_t count = size_t(image->width) * image->height;
-    if (image->format == HG_PIXEL_RGBA8)
-        divide_alpha(static_cast<uint8_t *>(image->pixels), count, 255.0f);
-    else if (image->format == HG_PIXEL_RGBA16)
-        divide_alpha(static_cast<uint16_t *>(image->pixels), count, 65535.0f);
+    if (format == HG_PIXEL_RGBA8)
+        divide_alpha(static_cast<uint8_t *>(pixels), count, 255.0f);
+    else if (format == HG_PIXEL_RGBA16)
+        divide_alpha(static_cast<uint16_t *>(pixels), count, 65535.0f);
     else
-        divide_alpha(static_cast<float *>(image->pixels), count, 1.0f);
+        divide_alpha(static_cast<float *>(pixels), count, 1.0f);
+}
+
+// From the channels that were read, tightly packed, to straight RGBA in place.
+void finish_pixels(const ImageSpec &s, void *pixels, size_t count, hg_pixel_format format)
+{
+    int channels = channels_to_read(s);
+    spread(pixels, count, format, channels);
+    if ((channels == 2 || channels == 4) && s.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0)
+        make_straight(pixels, count, format);
+}
+
+bool has_alpha(const ImageSpec &s)
+{
+    int channels = channels_to_read(s);
+    return channels == 2 || channels == 4;
 }
 
 hg_status read_pixels(Source &source, const char *name, hg_image *image, hg_error *err)
@@ -202,10 +236,8 @@ hg_status read_pixels(Source &source, const char *name, hg_image *image, hg_erro
     int channels = channels_to_read(source.spec);
     if (!source.input->read_image(0, 0, 0, channels, type_of(image->format), image->pixels))
         return fail(err, HG_E_FORMAT, name, source.input->geterror());
-    spread(image, channels);
-    image->has_alpha = channels == 2 || channels == 4;
-    if (image->has_alpha && source.spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0)
-        make_straight(image);
+    finish_pixels(source.spec, image->pixels, size_t(image->width) * image->height, image->format);
+    image->has_alpha = has_alpha(source.spec);
     return HG_OK;
 }
 
@@ -344,6 +376,169 @@ hg_status encode(
     return out->failed ? fail(err, HG_E_NOMEM, format, "no room for the file") : HG_OK;
 }
 
+// --- piece by piece
+
+constexpr uint64_t max_tile_px = 1 << 24;
+
+} // namespace
+
+struct hg_oiio_reader {
+    Source source;
+    std::string name;
+    struct hg_image_reader_info info = {};
+    std::mutex lock;
+    uint32_t next_row = 0;
+    std::vector<unsigned char> band; // a row of tiles, for rows of tiled files
+    uint32_t band_first = 0, band_rows = 0;
+    hg_pixel_format band_format = HG_PIXEL_RGBA8;
+
+    hg_oiio_reader(const void *data, size_t size, const char *label)
+        : source(data, size), name(label)
+    {
+    }
+
+    hg_oiio_reader(FILE *file, const char *label) : source(file), name(label)
+    {
+    }
+};
+
+namespace
+{
+
+// Mips whose sides are those that ours have.
+uint32_t count_mips(ImageInput &input, uint32_t width, uint32_t height)
+{
+    uint32_t count = 1;
+    for (; count < 32; count++) {
+        ImageSpec s = input.spec_dimensions(0, int(count));
+        uint32_t w = std::max(width >> count, 1u), h = std::max(height >> count, 1u);
+        if (s.format == TypeDesc::UNKNOWN || uint32_t(s.width) != w || uint32_t(s.height) != h)
+            break;
+        if (w == 1 && h == 1)
+            return count + 1;
+    }
+    return count;
+}
+
+hg_status describe(hg_oiio_reader &r, const char *format, uint32_t max_side_px, hg_error *err)
+{
+    const ImageSpec &s = r.source.spec;
+    const char *name = r.name.c_str();
+    if (uint32_t(s.width) > max_side_px || uint32_t(s.height) > max_side_px)
+        return hg_error_set(err, HG_E_LIMIT, name, "size", "%dx%d px is more than %u a side",
+            s.width, s.height, max_side_px);
+    if (s.nchannels > max_channels)
+        return hg_error_set(
+            err, HG_E_LIMIT, name, "channels", "%d is more than %d", s.nchannels, max_channels);
+    struct hg_image_reader_info &i = r.info;
+    i.width = uint32_t(s.width);
+    i.height = uint32_t(s.height);
+    i.tile_width = uint32_t(std::max(s.tile_width, 0));
+    i.tile_height = uint32_t(std::max(s.tile_height, 0));
+    if (uint64_t(i.tile_width) * i.tile_height > max_tile_px)
+        return hg_error_set(err, HG_E_LIMIT, name, "tile", "%ux%u px is more than allowed",
+            i.tile_width, i.tile_height);
+    if (!i.tile_width || !i.tile_height)
+        i.tile_width = i.tile_height = 0;
+    i.is_float = s.format.is_floating_point();
+    i.is_16bit = s.format.size() == 2;
+    i.has_alpha = has_alpha(s);
+    i.mips = i.tile_width ? count_mips(*r.source.input, i.width, i.height) : 1;
+    i.row_buffer_bytes = uint64_t(i.width) * i.tile_height * (i.is_float ? 16 : 4);
+    snprintf(i.file_format, sizeof i.file_format, "%s", format);
+    return HG_OK;
+}
+
+hg_status open_reader(hg_oiio_reader *r, const char *format, uint32_t max_side_px, hg_error *err)
+{
+    hg_status st = open_large_source(r->source, r->name.c_str(), format, err);
+    return st ? st : describe(*r, format, max_side_px, err);
+}
+
+hg_status read_scanlines(hg_oiio_reader &r, hg_pixel_format format, uint32_t y, uint32_t count,
+    void *pixels, hg_error *err)
+{
+    const ImageSpec &s = r.source.spec;
+    int first = s.y + int(y);
+    if (!r.source.input->read_scanlines(
+            0, 0, first, first + int(count), 0, 0, channels_to_read(s), type_of(format), pixels))
+        return fail(err, HG_E_FORMAT, r.name.c_str(), r.source.input->geterror());
+    finish_pixels(s, pixels, size_t(r.info.width) * count, format);
+    return HG_OK;
+}
+
+// Tiles that touch a rectangle, decoded: tight rows of the rectangle from x0, y0 on that is a
+// multiple of the tiles and ends with them or with the mip.
+hg_status read_tiles(hg_oiio_reader &r, uint32_t mip, const uint32_t begin[2],
+    const uint32_t end[2], hg_pixel_format format, void *pixels, hg_error *err)
+{
+    ImageInput &input = *r.source.input;
+    ImageSpec s = input.spec_dimensions(0, int(mip));
+    if (!input.read_tiles(0, int(mip), s.x + int(begin[0]), s.x + int(end[0]), s.y + int(begin[1]),
+            s.y + int(end[1]), 0, 1, 0, channels_to_read(r.source.spec), type_of(format), pixels))
+        return fail(err, HG_E_FORMAT, r.name.c_str(), input.geterror());
+    finish_pixels(r.source.spec, pixels, size_t(end[0] - begin[0]) * (end[1] - begin[1]), format);
+    return HG_OK;
+}
+
+hg_status fill_band(hg_oiio_reader &r, hg_pixel_format format, uint32_t y, hg_error *err)
+{
+    const struct hg_image_reader_info &i = r.info;
+    uint32_t first = y / i.tile_height * i.tile_height;
+    uint32_t begin[2] = {0, first}, end[2] = {i.width, std::min(first + i.tile_height, i.height)};
+    r.band.resize(size_t(i.width) * i.tile_height * hg_pixel_bytes(format));
+    r.band_rows = 0;
+    hg_status st = read_tiles(r, 0, begin, end, format, r.band.data(), err);
+    if (st)
+        return st;
+    r.band_first = first;
+    r.band_rows = end[1] - first;
+    r.band_format = format;
+    return HG_OK;
+}
+
+hg_status read_rows_of_tiles(hg_oiio_reader &r, hg_pixel_format format, uint32_t y, uint32_t count,
+    void *pixels, hg_error *err)
+{
+    size_t row = size_t(r.info.width) * hg_pixel_bytes(format);
+    auto *dst = static_cast<unsigned char *>(pixels);
+    for (uint32_t end = y + count; y < end; y++, dst += row) {
+        bool there = r.band_format == format && y >= r.band_first && y - r.band_first < r.band_rows;
+        hg_status st = there ? HG_OK : fill_band(r, format, y, err);
+        if (st)
+            return st;
+        memcpy(dst, r.band.data() + (y - r.band_first) * row, row);
+    }
+    return HG_OK;
+}
+
+hg_status read_rect(hg_oiio_reader &r, uint32_t mip, const uint32_t at[2], const uint32_t size[2],
+    hg_pixel_format format, void *pixels, uint64_t *bytes, hg_error *err)
+{
+    const uint32_t tile[2] = {r.info.tile_width, r.info.tile_height};
+    const uint32_t side[2] = {
+        std::max(r.info.width >> mip, 1u), std::max(r.info.height >> mip, 1u)};
+    uint32_t begin[2], end[2];
+    for (int i = 0; i < 2; i++) {
+        if (!tile[i] || mip >= r.info.mips || !size[i] || at[i] >= side[i] ||
+            size[i] > side[i] - at[i])
+            return hg_error_set(err, HG_E_INVAL, r.name.c_str(), nullptr, "no such rectangle");
+        begin[i] = at[i] / tile[i] * tile[i];
+        end[i] = std::min((at[i] + size[i] + tile[i] - 1) / tile[i] * tile[i], side[i]);
+    }
+    size_t texel = hg_pixel_bytes(format), wide = end[0] - begin[0], high = end[1] - begin[1];
+    std::vector<unsigned char> tiles(wide * high * texel);
+    hg_status st = read_tiles(r, mip, begin, end, format, tiles.data(), err);
+    if (st)
+        return st;
+    *bytes = tiles.size();
+    for (uint32_t y = 0; y < size[1]; y++)
+        memcpy(static_cast<unsigned char *>(pixels) + y * size[0] * texel,
+            tiles.data() + ((at[1] - begin[1] + y) * wide + at[0] - begin[0]) * texel,
+            size[0] * texel);
+    return HG_OK;
+}
+
 } // namespace
 
 hg_status hg_oiio_probe(const void *data, size_t size, const char *name, const char *format,
@@ -382,4 +577,58 @@ hg_status hg_oiio_encode(
     const hg_image *image, const struct hg_image_encode *params, hg_writer *out, hg_error *err)
 {
     return guarded("image", err, [&] { return encode(image, params, out, err); });
+}
+
+hg_status hg_oiio_reader_open(FILE *file, const void *data, size_t size, const char *name,
+    const char *format, uint32_t max_side_px, hg_oiio_reader **out, hg_error *err)
+{
+    *out = nullptr;
+    hg_oiio_reader *reader = nullptr;
+    hg_status st = guarded(name, err, [&]() -> hg_status {
+        reader = file ? new hg_oiio_reader(file, name) : new hg_oiio_reader(data, size, name);
+        return open_reader(reader, format, max_side_px, err);
+    });
+    if (st)
+        hg_oiio_reader_close(reader);
+    else
+        *out = reader;
+    return st;
+}
+
+void hg_oiio_reader_close(hg_oiio_reader *reader)
+{
+    (void)guarded("image", nullptr, [&]() -> hg_status {
+        delete reader;
+        return HG_OK;
+    });
+}
+
+const struct hg_image_reader_info *hg_oiio_reader_info(const hg_oiio_reader *reader)
+{
+    return &reader->info;
+}
+
+hg_status hg_oiio_reader_rows(
+    hg_oiio_reader *r, hg_pixel_format format, uint32_t count, void *pixels, hg_error *err)
+{
+    return guarded(r->name.c_str(), err, [&]() -> hg_status {
+        std::lock_guard<std::mutex> guard(r->lock);
+        uint32_t y = r->next_row;
+        if (count > r->info.height - y)
+            return hg_error_set(err, HG_E_INVAL, r->name.c_str(), nullptr, "no more rows");
+        hg_status st = r->info.tile_width ? read_rows_of_tiles(*r, format, y, count, pixels, err)
+                                          : read_scanlines(*r, format, y, count, pixels, err);
+        r->next_row += st ? 0 : count;
+        return st;
+    });
+}
+
+hg_status hg_oiio_reader_rect(hg_oiio_reader *r, uint32_t mip, const uint32_t at[2],
+    const uint32_t size[2], hg_pixel_format format, void *pixels, uint64_t *bytes, hg_error *err)
+{
+    *bytes = 0;
+    return guarded(r->name.c_str(), err, [&]() -> hg_status {
+        std::lock_guard<std::mutex> guard(r->lock);
+        return read_rect(*r, mip, at, size, format, pixels, bytes, err);
+    });
 }

@@ -3,7 +3,10 @@
 #ifndef HG_RENDERER_IMAGE_OIIO_H
 #define HG_RENDERER_IMAGE_OIIO_H
 
+#include <stdio.h>
+
 #include "renderer/image/image.h"
+#include "renderer/image/reader.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -18,6 +21,20 @@ enum hg_status hg_oiio_read(const void *data, size_t size, const char *name, con
 // PNG and EXR files. The image has the pixel format the file needs (checked by the caller).
 enum hg_status hg_oiio_encode(const struct hg_image *image, const struct hg_image_encode *params,
     struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_oiio_reader; // see reader.h
+
+// Of a file, which stays the caller's and must outlive the reader, or of bytes (file NULL).
+enum hg_status hg_oiio_reader_open(FILE *file, const void *data, size_t size, const char *name,
+    const char *format, uint32_t max_side_px, struct hg_oiio_reader **out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_oiio_reader_close(struct hg_oiio_reader *reader); // accepts NULL
+const struct hg_image_reader_info *hg_oiio_reader_info(const struct hg_oiio_reader *reader);
+enum hg_status hg_oiio_reader_rows(struct hg_oiio_reader *reader, enum hg_pixel_format format,
+    uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_oiio_reader_rect(struct hg_oiio_reader *reader, uint32_t mip,
+    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
+    uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,183 @@
+// reader.c - see reader.h: files are opened and checked here, decoded in oiio.cpp.
+#include "renderer/image/reader.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/file.h"
+#include "renderer/image/check.h"
+#include "renderer/image/oiio.h"
+
+enum { HEAD_BYTES = 1 << 20 }; // of a file, in which its header has to lie
+
+struct hg_image_reader {
+    FILE *file; // NULL: bytes
+    struct stat stat;
+    struct hg_oiio_reader *inner;
+    struct hg_image_reader_info info;
+};
+
+static enum hg_status fail_errno(const char *path, const char *action, struct hg_error *err)
+{
+    const int e = errno;
+    return hg_error_set(err, hg_status_from_errno(e), path, NULL, "%s: %s", action, strerror(e));
+}
+
+static size_t read_at(int fd, uint64_t offset, void *dst, size_t size)
+{
+    size_t done = 0;
+    while (done < size) {
+        const ssize_t n = pread(fd, (uint8_t *)dst + done, size - done, (off_t)(offset + done));
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            break;
+        done += (size_t)n;
+    }
+    return done;
+}
+
+// As hg_check_png, without holding the file.
+static enum hg_status check_png_file(int fd, uint64_t size, const char *path, struct hg_error *err)
+{
+    for (uint64_t at = 8; at < size;) {
+        uint8_t chunk[8];
+        if (size - at < 12 || read_at(fd, at, chunk, 8) != 8)
+            return hg_error_set(err, HG_E_FORMAT, path, NULL, "the PNG ends inside a chunk");
+        const uint32_t length = (uint32_t)chunk[0] << 24 | (uint32_t)chunk[1] << 16 |
+                                (uint32_t)chunk[2] << 8 | chunk[3];
+        if (length > size - at - 12)
+            return hg_error_set(
+                err, HG_E_FORMAT, path, NULL, "a PNG chunk runs past the end of the file");
+        if (memcmp(chunk + 4, "IEND", 4) == 0)
+            return HG_OK;
+        at += 12 + (uint64_t)length;
+    }
+    return hg_error_set(err, HG_E_FORMAT, path, NULL, "the PNG has no end chunk");
+}
+
+static enum hg_status check_head(struct hg_image_reader *r, const char *path, uint8_t *head,
+    const char **format, struct hg_error *err)
+{
+    const int fd = fileno(r->file);
+    const size_t size = read_at(fd, 0, head, HEAD_BYTES);
+    enum hg_status status = hg_image_sniff(head, size, path, format, err);
+    if (status != HG_OK)
+        return status;
+    return strcmp(*format, "png") == 0
+               ? check_png_file(fd, (uint64_t)r->stat.st_size, path, err)
+               : hg_check_bytes(*format, head, size, path, err);
+}
+
+static enum hg_status open_file(struct hg_image_reader *r, const char *path, struct hg_error *err)
+{
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0)
+        return fail_errno(path, "cannot open", err);
+    if (fstat(fd, &r->stat) != 0 || !S_ISREG(r->stat.st_mode)) {
+        close(fd);
+        return hg_error_set(err, HG_E_IO, path, NULL, "not a regular file");
+    }
+    r->file = fdopen(fd, "rb");
+    if (r->file != NULL)
+        return HG_OK;
+    close(fd);
+    return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
+}
+
+static enum hg_status open_inner(struct hg_image_reader *r, const void *data, size_t size,
+    const char *name, const char *format, uint32_t max_side_px, struct hg_error *err)
+{
+    const enum hg_status status =
+        hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
+    if (status == HG_OK) {
+        r->info = *hg_oiio_reader_info(r->inner);
+        r->info.file_bytes = r->file != NULL ? (uint64_t)r->stat.st_size : size;
+    }
+    return status;
+}
+
+enum hg_status hg_image_reader_open(
+    const char *path, uint32_t max_side_px, struct hg_image_reader **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_image_reader *r = hg_calloc(1, sizeof *r);
+    uint8_t *head = hg_calloc(HEAD_BYTES, 1);
+    const char *format;
+    enum hg_status status = HG_OK;
+    if (r == NULL || head == NULL)
+        status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
+    if (status == HG_OK)
+        status = open_file(r, path, err);
+    if (status == HG_OK)
+        status = check_head(r, path, head, &format, err);
+    if (status == HG_OK)
+        status = open_inner(r, NULL, 0, path, format, max_side_px, err);
+    hg_free(head);
+    if (status == HG_OK)
+        *out = r;
+    else
+        hg_image_reader_close(r);
+    return status;
+}
+
+enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const char *name,
+    uint32_t max_side_px, struct hg_image_reader **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_image_reader *r = hg_calloc(1, sizeof *r);
+    if (r == NULL)
+        return hg_error_set(err, HG_E_NOMEM, name, NULL, "no memory for the file");
+    const char *format;
+    enum hg_status status = hg_image_sniff(data, size, name, &format, err);
+    if (status == HG_OK)
+        status = hg_check_bytes(format, data, size, name, err);
+    if (status == HG_OK)
+        status = open_inner(r, data, size, name, format, max_side_px, err);
+    if (status == HG_OK)
+        *out = r;
+    else
+        hg_image_reader_close(r);
+    return status;
+}
+
+void hg_image_reader_close(struct hg_image_reader *reader)
+{
+    if (reader == NULL)
+        return;
+    hg_oiio_reader_close(reader->inner);
+    if (reader->file != NULL)
+        fclose(reader->file);
+    hg_free(reader);
+}
+
+const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_reader *reader)
+{
+    return &reader->info;
+}
+
+bool hg_image_reader_is_unchanged(const struct hg_image_reader *r)
+{
+    struct stat now;
+    return r->file == NULL ||
+           (fstat(fileno(r->file), &now) == 0 && now.st_size == r->stat.st_size &&
+               now.st_mtim.tv_sec == r->stat.st_mtim.tv_sec &&
+               now.st_mtim.tv_nsec == r->stat.st_mtim.tv_nsec);
+}
+
+enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,
+    uint32_t count, void *pixels, struct hg_error *err)
+{
+    return hg_oiio_reader_rows(reader->inner, format, count, pixels, err);
+}
+
+enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
+    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
+    uint64_t *bytes, struct hg_error *err)
+{
+    return hg_oiio_reader_rect(reader->inner, mip, at, size, format, pixels, bytes, err);
+}

@@ -1,0 +1,44 @@
+// reader.h - an image file read piece by piece: rows in order, or rectangles of tiled files.
+// Floor 1. A reader may be used by several threads; they take turns.
+//
+// Texels are those that hg_image_read_file gives for the same format. Memory: what the file's own
+// compression asks for (a strip, a row of tiles, the coefficients of a progressive JPEG).
+#ifndef HG_RENDERER_IMAGE_READER_H
+#define HG_RENDERER_IMAGE_READER_H
+
+#include "renderer/image/image.h"
+
+struct hg_image_reader;
+
+struct hg_image_reader_info {
+    uint32_t width, height;
+    uint32_t tile_width, tile_height; // 0: rows
+    uint32_t mips;                    // mips in the file whose sides are max(1, side >> mip); >= 1
+    bool is_float, is_16bit, has_alpha;
+    char file_format[16];
+    uint64_t file_bytes;
+    uint64_t row_buffer_bytes; // taken by the first call of hg_image_reader_rows
+};
+
+// Of a file (which stays open: a new file under its name changes nothing), or of encoded bytes,
+// borrowed until close. HG_E_NOTFOUND, HG_E_PERM, HG_E_FORMAT, HG_E_LIMIT (sides of more than
+// max_side_px, tiles of more than 2^24 texels), HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_image_reader_open(const char *path, uint32_t max_side_px,
+    struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const char *name,
+    uint32_t max_side_px, struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_image_reader_close(struct hg_image_reader *reader); // accepts NULL
+const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_reader *reader);
+
+// Whether the file has the size and time that it had when it was opened.
+bool hg_image_reader_is_unchanged(const struct hg_image_reader *reader);
+
+// The next `count` rows of mip 0, tight, from the top. HG_E_FORMAT, HG_E_INVAL (past the end).
+enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,
+    uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
+// A rectangle of a mip of a tiled file, rows tight. It must lie inside. *bytes: decoded for it.
+enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
+    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
+    uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
+
+#endif
