@@ -9,6 +9,7 @@
 
 #include "base/alloc.h"
 #include "base/file.h"
+#include "base/sha256.h"
 #include "renderer/image/check.h"
 #include "renderer/image/oiio.h"
 
@@ -17,6 +18,8 @@ enum { HEAD_BYTES = 1 << 20 }; // of a file, in which its header has to lie
 struct hg_image_reader {
     FILE *file; // NULL: bytes
     struct stat stat;
+    const void *data; // borrowed
+    size_t size;
     struct hg_oiio_reader *inner;
     struct hg_image_reader_info info;
 };
@@ -96,7 +99,16 @@ static enum hg_status open_inner(struct hg_image_reader *r, const void *data, si
         hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
     if (status == HG_OK) {
         r->info = *hg_oiio_reader_info(r->inner);
-        r->info.file_bytes = r->file != NULL ? (uint64_t)r->stat.st_size : size;
+        r->data = data;
+        r->size = size;
+        r->info.file_bytes = size;
+    }
+    if (status == HG_OK && r->file != NULL) {
+        r->info.file_bytes = (uint64_t)r->stat.st_size;
+        r->info.file_time_ns = (uint64_t)r->stat.st_mtim.tv_sec * 1000000000u +
+                               (uint64_t)r->stat.st_mtim.tv_nsec;
+        r->info.file_id = r->stat.st_ino;
+        r->info.device_id = r->stat.st_dev;
     }
     return status;
 }
@@ -167,6 +179,40 @@ bool hg_image_reader_is_unchanged(const struct hg_image_reader *r)
            (fstat(fileno(r->file), &now) == 0 && now.st_size == r->stat.st_size &&
                now.st_mtim.tv_sec == r->stat.st_mtim.tv_sec &&
                now.st_mtim.tv_nsec == r->stat.st_mtim.tv_nsec);
+}
+
+static enum hg_status hash_file(
+    const struct hg_image_reader *r, struct hg_sha256 *h, struct hg_error *err)
+{
+    uint8_t *block = hg_calloc(HEAD_BYTES, 1);
+    if (block == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "image", NULL, "no memory to hash the file");
+    uint64_t at = 0;
+    for (size_t n; (n = read_at(fileno(r->file), at, block, HEAD_BYTES)) > 0; at += n)
+        hg_sha256_update(h, block, n);
+    hg_free(block);
+    return at == r->info.file_bytes
+               ? HG_OK
+               : hg_error_set(err, HG_E_IO, "image", NULL, "the file changed while it was read");
+}
+
+enum hg_status hg_image_reader_hash(
+    struct hg_image_reader *reader, uint8_t digest[HG_SHA256_BYTES], struct hg_error *err)
+{
+    memset(digest, 0, HG_SHA256_BYTES);
+    struct hg_sha256 *h = hg_sha256_create();
+    if (h == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "image", NULL, "no memory to hash the file");
+    enum hg_status status = HG_OK;
+    if (reader->file != NULL)
+        status = hash_file(reader, h, err);
+    else
+        hg_sha256_update(h, reader->data, reader->size);
+    uint8_t result[HG_SHA256_BYTES];
+    hg_sha256_end(h, result);
+    if (status == HG_OK)
+        memcpy(digest, result, sizeof result);
+    return status;
 }
 
 enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,

@@ -16,7 +16,7 @@ struct hg_image_reader_info {
     uint32_t mips;                    // mips in the file whose sides are max(1, side >> mip); >= 1
     bool is_float, is_16bit, has_alpha;
     char file_format[16];
-    uint64_t file_bytes;
+    uint64_t file_bytes, file_time_ns, file_id, device_id; // of the file; last three 0 for bytes
     uint64_t row_buffer_bytes; // taken by the first call of hg_image_reader_rows
 };
 
@@ -32,6 +32,10 @@ const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_re
 
 // Whether the file has the size and time that it had when it was opened.
 bool hg_image_reader_is_unchanged(const struct hg_image_reader *reader);
+
+// SHA-256 of the file or the bytes. HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_image_reader_hash(struct hg_image_reader *reader, uint8_t digest[32],
+    struct hg_error *err) HG_MUST_CHECK;
 
 // The next `count` rows of mip 0, tight, from the top. HG_E_FORMAT, HG_E_INVAL (past the end).
 enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,

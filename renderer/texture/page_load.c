@@ -10,7 +10,8 @@
 #include "base/log.h"
 #include "renderer/texture/page_image.h"
 
-#define RETRY_NS UINT64_C(100000000) // until a pack that another process bakes is looked for again
+#define STREAM_BYTES ((size_t)8 << 20) // of rows read at once
+#define RETRY_NS     UINT64_C(100000000) // until a pack that another process bakes is looked for again
 
 void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
 {
@@ -24,13 +25,14 @@ void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
     }
     hg_mips_finish(&b->mips);
     hg_page_pack_finish(&b->pack);
+    hg_image_reader_close(b->file);
     hg_free(b->histograms);
     hg_free(b);
 }
 
 // --- what to do next -----------------------------------------------------------------------------
 
-enum task { TASK_NONE, TASK_LOAD, TASK_BAKE };
+enum task { TASK_NONE, TASK_LOAD, TASK_BAKE, TASK_STREAM, TASK_REFUSE };
 
 // Memory that an image takes while it is decoded: its pixels and the chain.
 static uint64_t pixel_bytes(const struct hg_page_image *i)
@@ -92,6 +94,12 @@ static enum task choose(struct hg_page_sources *s, struct hg_page_image **image,
     if (load == NULL)
         return bake != NULL ? TASK_BAKE : TASK_NONE;
     const uint64_t need = chain_bytes(load) + pixel_bytes(load);
+    if (pixel_bytes(load) > s->params.image_bytes) {
+        if (can_bake(s, load))
+            return TASK_STREAM;
+        if (need > s->params.memory_bytes)
+            return TASK_REFUSE;
+    }
     if (s->memory_bytes == 0 || s->memory_bytes + need <= s->params.memory_bytes)
         return TASK_LOAD;
     *image = bake;
@@ -235,8 +243,55 @@ static enum hg_status pack_chain(struct bake *b, const struct hg_mips *mips)
     return status;
 }
 
+// Rows of the image through the filters into the pack. *of_source: the image is to blame.
+static enum hg_status pack_rows(
+    struct bake *b, struct hg_source_rows *rows, bool *of_source, struct hg_error *err)
+{
+    const struct hg_page_image *image = b->image;
+    const struct hg_mip_stream_params params = {.width = image->chain.width,
+        .height = image->chain.height,
+        .format = hg_source_rows_format(rows),
+        .filter = image->chain.filter,
+        .srgb = image->chain.srgb,
+        .half = image->pool == HG_POOL_FLOAT,
+        .row = pack_row,
+        .user = b};
+    const size_t row = (size_t)image->chain.width * hg_pixel_bytes(params.format);
+    const uint32_t some = row > STREAM_BYTES / 256 ? (uint32_t)(STREAM_BYTES / row) + 1 : 256;
+    struct hg_mip_stream *stream;
+    enum hg_status status = hg_mip_stream_create(&params, &stream);
+    uint8_t *pixels = hg_calloc(some, row);
+    if (pixels == NULL)
+        status = HG_E_NOMEM;
+    for (uint32_t y = 0; y < params.height && status == HG_OK;) {
+        const uint32_t count = params.height - y < some ? params.height - y : some;
+        status = hg_source_rows_next(rows, count, pixels, err);
+        *of_source = status != HG_OK;
+        for (uint32_t i = 0; i < count && status == HG_OK; i++)
+            status = hg_mip_stream_push(stream, pixels + i * row);
+        y += count;
+    }
+    if (status == HG_OK) {
+        status = hg_source_rows_check(rows, err);
+        *of_source = status != HG_OK;
+    }
+    hg_free(pixels);
+    hg_mip_stream_destroy(stream);
+    return status;
+}
+
+static void account(struct bake *b, struct hg_source_rows *rows, bool more)
+{
+    const uint64_t bytes = hg_page_packer_bytes(b->packer) + 2 * STREAM_BYTES +
+                           (rows != NULL ? hg_source_rows_bytes(rows) : 0);
+    pthread_mutex_lock(&b->sources->lock);
+    note_memory(b->sources, more ? bytes : 0, more ? 0 : bytes);
+    pthread_mutex_unlock(&b->sources->lock);
+}
+
+// From a chain in memory, or from rows.
 static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image *image,
-    const struct hg_mips *mips, struct hg_error *err)
+    const struct hg_mips *mips, struct hg_source_rows *rows, bool *of_source, struct hg_error *err)
 {
     struct hg_store_key key;
     struct hg_store_writer *writer;
@@ -249,8 +304,13 @@ static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image
     if (status != HG_OK)
         return status;
     status = hg_page_packer_create(&image->chain, writer, s->jobs, &b.packer);
-    if (status == HG_OK && (status = pack_chain(&b, mips)) != HG_OK)
-        *err = *hg_page_packer_error(b.packer);
+    if (status == HG_OK) {
+        account(&b, rows, true);
+        status = rows != NULL ? pack_rows(&b, rows, of_source, err) : pack_chain(&b, mips);
+        account(&b, rows, false);
+        if (status != HG_OK && err->status == HG_OK)
+            *err = *hg_page_packer_error(b.packer);
+    }
     if (status == HG_OK)
         status = hg_page_packer_end(b.packer, err);
     hg_page_packer_destroy(b.packer);
@@ -275,39 +335,97 @@ static void refuse_bake(
     hg_warn(TEXTURE, "pages cannot be kept on disk: %s", text);
 }
 
-// The lock is held on entry and exit; the image is busy and has its chain in memory.
-static void bake(
-    struct hg_page_sources *s, struct hg_page_image *image, struct hg_page_backing **dropped)
+// What a bake came to. The lock is held.
+static void finish_bake(struct hg_page_sources *s, struct hg_page_image *image,
+    enum hg_status status, struct hg_page_backing *pack, const struct hg_error *err)
 {
-    struct hg_page_backing *chain = image->backing;
-    atomic_fetch_add(&chain->refs, 1);
     const uint64_t texels = (uint64_t)image->info.width * image->info.height;
-    s->stats.bake_texels_total += texels;
-    pthread_mutex_unlock(&s->lock);
-    struct hg_error err = {0};
-    const uint64_t start = hg_clock_now_ns();
-    struct hg_page_backing *pack = find_pack(s, image);
-    enum hg_status status = pack != NULL ? HG_OK : write_pack(s, image, &chain->mips, &err);
-    const bool found = pack != NULL;
-    if (status == HG_OK && pack == NULL && (pack = find_pack(s, image)) == NULL)
-        status = hg_error_set(&err, HG_E_LIMIT, "pages", NULL, "the cache does not keep them");
-    hg_page_backing_unref(s, chain);
-    pthread_mutex_lock(&s->lock);
     if (status == HG_OK) {
-        *dropped = image->backing;
+        const bool found = image->bake.bake_ns == 0;
         image->backing = pack;
         s->stats.packs_found += found;
         s->stats.packs_baked += !found;
         s->stats.pages_baked += found ? 0 : image->layout.pages;
         s->stats.pack_bytes += hg_store_entry_bytes(pack->pack.entry);
-        image->bake.bake_ns = found ? 0 : hg_clock_now_ns() - start;
         s->stats.bake_ns += image->bake.bake_ns;
     } else if (status == HG_E_BUSY || status == HG_E_CANCELLED) {
         image->retry_ns = hg_clock_now_ns() + RETRY_NS;
         s->stats.bake_texels_total -= texels;
     } else {
-        refuse_bake(s, image, &err);
+        refuse_bake(s, image, err);
     }
+}
+
+// A pack that is there or is made now. Without the lock.
+static enum hg_status make_pack(struct hg_page_sources *s, struct hg_page_image *image,
+    const struct hg_mips *mips, struct hg_source_rows *rows, bool *of_source,
+    struct hg_page_backing **pack, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    image->bake.bake_ns = 0;
+    *pack = find_pack(s, image);
+    if (*pack != NULL)
+        return HG_OK;
+    const enum hg_status status = write_pack(s, image, mips, rows, of_source, err);
+    if (status != HG_OK)
+        return status;
+    image->bake.bake_ns = hg_clock_now_ns() - start;
+    *pack = find_pack(s, image);
+    return *pack != NULL
+               ? HG_OK
+               : hg_error_set(err, HG_E_LIMIT, "pages", NULL, "the cache does not keep them");
+}
+
+// The lock is held on entry and exit; the image is busy and has its chain in memory.
+static void bake(
+    struct hg_page_sources *s, struct hg_page_image *image, struct hg_page_backing **dropped)
+{
+    struct hg_page_backing *chain = image->backing, *pack;
+    atomic_fetch_add(&chain->refs, 1);
+    s->stats.bake_texels_total += (uint64_t)image->info.width * image->info.height;
+    pthread_mutex_unlock(&s->lock);
+    struct hg_error err = {0};
+    bool of_source = false;
+    const enum hg_status status = make_pack(s, image, &chain->mips, NULL, &of_source, &pack, &err);
+    hg_page_backing_unref(s, chain);
+    pthread_mutex_lock(&s->lock);
+    if (status == HG_OK)
+        *dropped = image->backing;
+    finish_bake(s, image, status, pack, &err);
+}
+
+// The lock is held on entry and exit; the image is busy and too large for memory.
+static void stream(struct hg_page_sources *s, struct hg_page_image *image)
+{
+    s->stats.bake_texels_total += (uint64_t)image->info.width * image->info.height;
+    image->borrowed = image->members;
+    const struct hg_image_source *origin = image->borrowed->origin;
+    pthread_mutex_unlock(&s->lock);
+    struct hg_error err = {0};
+    struct hg_source_rows *rows;
+    struct hg_page_backing *pack = NULL;
+    bool of_source = true;
+    enum hg_status status = hg_source_rows_open(origin, &image->info, &rows, &err);
+    if (status == HG_OK) {
+        of_source = false;
+        status = make_pack(s, image, NULL, rows, &of_source, &pack, &err);
+    }
+    hg_source_rows_close(rows);
+    pthread_mutex_lock(&s->lock);
+    image->borrowed = NULL;
+    if (of_source)
+        fail_image(s, image, &err);
+    else
+        finish_bake(s, image, status, pack, &err);
+}
+
+static void refuse_image(struct hg_page_sources *s, struct hg_page_image *image)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_LIMIT, image->members->origin->label, NULL,
+        "%u x %u texels do not fit into memory, and there is no cache folder for their pages",
+        image->info.width, image->info.height);
+    fail_image(s, image, &err);
 }
 
 // --- the thread ----------------------------------------------------------------------------------
@@ -337,8 +455,12 @@ static void work_on(struct hg_page_sources *s, struct hg_page_image *image, enum
     atomic_store(&image->cancel, false);
     if (task == TASK_LOAD)
         load(s, image);
-    else
+    else if (task == TASK_BAKE)
         bake(s, image, &dropped);
+    else if (task == TASK_STREAM)
+        stream(s, image);
+    else
+        refuse_image(s, image);
     if (dropped != NULL) {
         pthread_mutex_unlock(&s->lock);
         hg_page_backing_unref(s, dropped);

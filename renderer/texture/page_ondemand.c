@@ -23,19 +23,36 @@ struct span {
     uint32_t first, length;
 };
 
+static enum hg_status make_pixels(
+    struct make *m, uint32_t mip, struct span x, struct span y, void *pixels)
+{
+    const struct hg_image_tiles *t = m->backing->tiles;
+    if (t != NULL)
+        return t->make(t->user, mip, x.first, y.first, x.length, y.length, pixels)
+                   ? HG_OK
+                   : hg_error_set(m->err, HG_E_IO, "tiles", NULL, "mip %u cannot be made", mip);
+    uint64_t bytes;
+    const uint32_t at[2] = {x.first, y.first}, size[2] = {x.length, y.length};
+    const enum hg_status status = hg_image_reader_rect(
+        m->backing->file, mip, at, size, m->backing->format, pixels, &bytes, m->err);
+    m->bytes += bytes;
+    if (status == HG_OK && !hg_image_reader_is_unchanged(m->backing->file))
+        return hg_error_set(m->err, HG_E_HASH, "image", NULL, "the file was changed");
+    return status;
+}
+
 // A rectangle of the mip as texels, rows tight.
 static enum hg_status make_rect(
     struct make *m, uint32_t mip, struct span x, struct span y, uint8_t *texels)
 {
-    const struct hg_image_tiles *t = m->backing->tiles;
     const size_t count = (size_t)x.length * y.length;
-    const bool as_is = t->format == HG_PIXEL_RGBA8 && m->chain->texel_bytes == 4;
+    const enum hg_pixel_format format = m->backing->format;
+    const bool as_is = format == HG_PIXEL_RGBA8 && m->chain->texel_bytes == 4;
     uint8_t *pixels = as_is ? texels : m->pixels;
-    if (!t->make(t->user, mip, x.first, y.first, x.length, y.length, pixels))
-        return hg_error_set(m->err, HG_E_IO, "tiles", NULL, "mip %u cannot be made", mip);
-    if (!as_is)
-        hg_mips_to_half(t->format, m->chain->srgb, pixels, count, (uint16_t *)(void *)texels);
-    return HG_OK;
+    const enum hg_status status = make_pixels(m, mip, x, y, pixels);
+    if (status == HG_OK && !as_is)
+        hg_mips_to_half(format, m->chain->srgb, pixels, count, (uint16_t *)(void *)texels);
+    return status;
 }
 
 static struct span own_span(uint32_t page, uint32_t side)

@@ -150,7 +150,8 @@ static void choose_format(const struct hg_page_source_params *p, struct hg_page_
 static enum hg_status describe_image(struct hg_page_sources *s,
     const struct hg_page_source_params *p, struct hg_page_image *image, struct hg_error *err)
 {
-    const enum hg_status status = hg_source_identify(p->image, &image->info, err);
+    const enum hg_status status =
+        hg_source_identify_with(s->params.store, p->image, &image->info, err);
     if (status != HG_OK)
         return status;
     const uint64_t pixels = (uint64_t)image->info.width * image->info.height;
@@ -221,10 +222,16 @@ static enum hg_status find_backing(struct hg_page_sources *s, const struct hg_pa
         return no_memory(err);
     atomic_init(&b->refs, 1);
     enum hg_status status = HG_E_NOTFOUND;
+    b->format = image->info.is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8;
+    const bool in_place = image->info.has_mips && image->chain.filter == HG_MIP_PLAIN;
     if (p->image->tiles != NULL) {
         b->kind = HG_PAGES_ON_DEMAND;
         b->tiles = p->image->tiles;
+        b->format = b->tiles->format;
         status = HG_OK;
+    } else if (in_place) {
+        b->kind = HG_PAGES_ON_DEMAND;
+        status = hg_source_open_file(p->image, &image->info, &b->file, err);
     } else if (s->params.store != NULL) {
         b->kind = HG_PAGES_IN_PACK;
         status = hg_page_pack_open(s->params.store, &image->chain, &b->pack, NULL);
@@ -233,7 +240,9 @@ static enum hg_status find_backing(struct hg_page_sources *s, const struct hg_pa
         image->backing = b;
     else
         hg_free(b);
-    return status == HG_E_NOMEM ? no_memory(err) : HG_OK;
+    if (status == HG_E_NOMEM)
+        return no_memory(err);
+    return in_place ? status : HG_OK;
 }
 
 static void fill_info(struct hg_page_source *source, const struct hg_page_image *image)
@@ -241,6 +250,8 @@ static void fill_info(struct hg_page_source *source, const struct hg_page_image 
     source->info.layout = image->layout;
     source->info.pool = image->pool;
     source->info.texel_bytes = image->chain.texel_bytes;
+    source->info.udim_columns = image->info.udim_columns;
+    source->info.udim_rows = image->info.udim_rows;
 }
 
 enum hg_status hg_page_source_open(struct hg_page_sources *s,

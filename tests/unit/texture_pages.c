@@ -12,8 +12,10 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
+#include "base/refbuf.h"
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/page_source.h"
+#include "tests/unit/image_files.h"
 
 enum { SLOT = HG_PAGE_PITCH * HG_PAGE_PITCH };
 
@@ -35,6 +37,13 @@ static int remove_folder(void **state)
     return system(command);
 }
 
+static int empty_folder(void)
+{
+    char command[128];
+    snprintf(command, sizeof command, "rm -f %s/*.hgs", folder);
+    return system(command);
+}
+
 static uint32_t next_random(void)
 {
     random_state = random_state * 1664525u + 1013904223u;
@@ -48,12 +57,20 @@ static struct hg_store *open_store(void)
     return store;
 }
 
-static struct hg_page_sources *make_sources(struct hg_store *store, unsigned threads)
+// image_bytes 1: nothing is decoded whole when there is a store.
+static struct hg_page_sources *make_streaming(
+    struct hg_store *store, unsigned threads, uint64_t image_bytes)
 {
     struct hg_page_sources *s;
-    const struct hg_page_sources_params params = {.store = store, .threads = threads};
+    const struct hg_page_sources_params params = {
+        .store = store, .threads = threads, .image_bytes = image_bytes};
     assert_int_equal(hg_page_sources_create(&params, &s, NULL), HG_OK);
     return s;
+}
+
+static struct hg_page_sources *make_sources(struct hg_store *store, unsigned threads)
+{
+    return make_streaming(store, threads, 0);
 }
 
 // Noise on gradients, so that predictors and entropy coding both have something to do.
@@ -128,8 +145,11 @@ static void check_image(struct hg_image *image, enum hg_texture_use use, bool sr
     struct hg_image_source origin = {.label = "test", .pixels = *image, .pixels_srgb = srgb};
     const struct hg_page_source_params params = {&origin, use, cutoff, wrap_s, wrap_t};
     struct hg_store *store = open_store();
-    for (int way = 0; way < 3; way++) { // memory; memory, then baked; found baked
-        struct hg_page_sources *s = make_sources(way == 0 ? NULL : store, 1 + way % 2);
+    for (int way = 0; way < 4; way++) { // memory; memory, then baked; found baked; streamed
+        if (way == 3)
+            assert_int_equal(empty_folder(), 0);
+        struct hg_page_sources *s =
+            make_streaming(way == 0 ? NULL : store, 1 + (unsigned)way % 2, way == 3);
         struct hg_page_source *source;
         assert_int_equal(hg_page_source_open(s, &params, &source, NULL), HG_OK);
         check_pages(source, &r, wrap_s, wrap_t);
@@ -137,7 +157,8 @@ static void check_image(struct hg_image *image, enum hg_texture_use use, bool sr
         assert_int_equal(hg_page_source_bake(source, &bake, NULL), way == 0 ? HG_E_STATE : HG_OK);
         if (way > 0) {
             assert_int_equal(bake.pages, r.layout.pages);
-            assert_true(way == 1 || bake.bake_ns == 0);
+            assert_true(way != 2 || bake.bake_ns == 0);
+            assert_true(way != 3 || bake.bake_ns > 0);
             check_pages(source, &r, wrap_s, wrap_t);
         }
         hg_page_source_close(source);
@@ -263,10 +284,182 @@ static void test_codec(void **state)
     hg_page_codec_destroy(codec);
 }
 
+// --- files ---------------------------------------------------------------------------------------
+
+static char *path_of(const char *name)
+{
+    static char path[4][160];
+    static int next;
+    char *p = path[next++ % 4];
+    snprintf(p, sizeof path[0], "%s/%s", folder, name);
+    return p;
+}
+
+static void write_png(const struct hg_image *image, const char *path)
+{
+    struct hg_writer out = {0};
+    const struct hg_image_encode params = {.file = HG_IMAGE_PNG8};
+    assert_int_equal(hg_image_encode(image, &params, &out, NULL), HG_OK);
+    FILE *f = fopen(path, "wb");
+    assert_non_null(f);
+    assert_int_equal(fwrite(out.data, 1, out.size, f), out.size);
+    assert_int_equal(fclose(f), 0);
+    hg_writer_finish(&out);
+}
+
+static struct hg_page_source *open_path(
+    struct hg_page_sources *s, struct hg_image_source *origin, char *path, enum hg_texture_use use)
+{
+    *origin = (struct hg_image_source){.label = path, .path = path};
+    struct hg_page_source *source;
+    struct hg_error err = {0};
+    const struct hg_page_source_params params = {
+        .image = origin, .use = use, .wrap_s = HG_WRAP_REPEAT, .wrap_t = HG_WRAP_CLAMP};
+    if (hg_page_source_open(s, &params, &source, &err) != HG_OK)
+        fail_msg("%s: %s", path, err.reason);
+    return source;
+}
+
+// Streamed from files and from bytes, against the image read whole.
+static void test_streamed_files(void **state)
+{
+    (void)state;
+    assert_true(write_large_file(path_of("a.png"), 700, 500));
+    assert_true(write_large_file(path_of("a.tif"), 700, 500));
+    assert_true(write_large_file(path_of("a.jpg"), 700, 500));
+    static const char *const names[] = {"a.png", "a.tif", "a.jpg"};
+    for (int i = 0; i < 3; i++) {
+        struct hg_image image;
+        assert_int_equal(
+            hg_image_read_file(path_of(names[i]), HG_PIXEL_RGBA8, NULL, &image, NULL), HG_OK);
+        struct reference r = make_reference(&image, false, false, HG_TEXTURE_NORMAL, 0);
+        struct hg_store *store = open_store();
+        struct hg_page_sources *s = make_streaming(store, 2, 1);
+        struct hg_image_source origin;
+        struct hg_page_source *source = open_path(s, &origin, path_of(names[i]), HG_TEXTURE_NORMAL);
+        check_pages(source, &r, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
+        struct hg_page_sources_stats st;
+        hg_page_sources_stats(s, &st);
+        assert_int_equal(st.packs_baked, 1);
+        assert_int_equal(st.bake_texels_done, 700 * 500);
+        assert_int_equal(st.bake_texels_total, 700 * 500);
+        hg_page_source_close(source);
+        hg_page_sources_destroy(s);
+        hg_store_close(store);
+        hg_mips_finish(&r.mips);
+        hg_image_finish(&image);
+    }
+}
+
+// A tiled file's own mips are what is shown; for uses that need other mips they are made.
+static void test_tiled_files(void **state)
+{
+    (void)state;
+    static const uint32_t sizes[][3] = {{300, 200, 64}, {257, 515, 128}, {128, 64, 16}};
+    for (int i = 0; i < 6; i++) {
+        const uint32_t w = sizes[i / 2][0], h = sizes[i / 2][1];
+        const bool exr = i % 2;
+        struct hg_image image = make_image(w, h, HG_PIXEL_RGBA8);
+        for (size_t t = 3; t < image.size_bytes; t += 4)
+            ((uint8_t *)image.pixels)[t] = 255;
+        struct reference own = make_reference(&image, false, false, HG_TEXTURE_DATA, 0);
+        for (uint32_t m = 1; m < own.mips.count; m++) // no filter makes these
+            for (size_t t = 0; t < (size_t)hg_mips_side(w, m) * hg_mips_side(h, m) * 4; t++)
+                if (t % 4 < 3)
+                    own.mips.levels[m][t] ^= 0x55;
+        char *path = path_of(exr ? "t.exr" : "t.tif");
+        assert_true(write_tiled_file(path, w, h, sizes[i / 2][2], own.mips.count,
+            (const uint8_t *const *)own.mips.levels, exr));
+        struct hg_store *store = open_store();
+        struct hg_page_sources *s = make_sources(store, 1);
+        struct hg_image_source origin;
+        struct hg_page_source *source = open_path(s, &origin, path, HG_TEXTURE_DATA);
+        struct hg_page_bake bake;
+        assert_int_equal(hg_page_source_bake(source, &bake, NULL), HG_OK);
+        assert_int_equal(bake.pack_bytes, 0);
+        if (exr) { // as linear half floats
+            struct hg_mips half = {.width = w,
+                .height = h,
+                .count = own.mips.count,
+                .texel_bytes = 8,
+                .bytes = own.mips.bytes * 2};
+            uint8_t *levels = calloc(half.bytes, 1);
+            for (uint32_t m = 0; m < half.count; m++) {
+                half.levels[m] = levels;
+                const size_t count = (size_t)hg_mips_side(w, m) * hg_mips_side(h, m);
+                hg_mips_to_half(
+                    HG_PIXEL_RGBA8, false, own.mips.levels[m], count, (uint16_t *)(void *)levels);
+                levels += count * 8;
+            }
+            struct reference r = {half, own.layout};
+            check_pages(source, &r, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
+            free(half.levels[0]);
+        } else {
+            check_pages(source, &own, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
+        }
+        hg_page_source_close(source);
+        source = open_path(s, &origin, path, HG_TEXTURE_NORMAL);
+        if (!exr) {
+            struct reference r = make_reference(&image, false, false, HG_TEXTURE_NORMAL, 0);
+            check_pages(source, &r, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
+            hg_mips_finish(&r.mips);
+        }
+        assert_int_equal(hg_page_source_bake(source, &bake, NULL), HG_OK);
+        assert_true(bake.pack_bytes > 0);
+        hg_page_source_close(source);
+        hg_page_sources_destroy(s);
+        hg_store_close(store);
+        hg_mips_finish(&own.mips);
+        hg_image_finish(&image);
+    }
+}
+
+// Tiles 1001, 1002 (half as large) and 1012: a grid of 2 x 2 cells with one missing.
+static void test_udim(void **state)
+{
+    (void)state;
+    struct hg_image a = make_image(150, 130, HG_PIXEL_RGBA8),
+                    c = make_image(150, 130, HG_PIXEL_RGBA8);
+    struct hg_image b = make_image(75, 65, HG_PIXEL_RGBA8),
+                    all = make_image(300, 260, HG_PIXEL_RGBA8);
+    memset(all.pixels, 0, all.size_bytes);
+    for (uint32_t y = 0; y < 130; y++)
+        for (uint32_t x = 0; x < 150; x++) {
+            uint32_t *dst = all.pixels, *ta = a.pixels, *tb = b.pixels, *tc = c.pixels;
+            dst[(130 + y) * 300 + x] = ta[y * 150 + x];
+            dst[(130 + y) * 300 + 150 + x] = tb[y / 2 * 75 + x / 2];
+            dst[y * 300 + 150 + x] = tc[y * 150 + x];
+        }
+    write_png(&a, path_of("u.1001.png"));
+    write_png(&b, path_of("u.1002.png"));
+    write_png(&c, path_of("u.1012.png"));
+    struct reference r = make_reference(&all, true, false, HG_TEXTURE_COLOR, 0);
+    for (uint64_t image_bytes = 0; image_bytes < 2; image_bytes++) {
+        struct hg_store *store = open_store();
+        struct hg_page_sources *s = make_streaming(store, 1, image_bytes);
+        struct hg_image_source origin;
+        struct hg_page_source *source =
+            open_path(s, &origin, path_of("u.<UDIM>.png"), HG_TEXTURE_COLOR);
+        assert_int_equal(hg_page_source_info(source)->udim_columns, 2);
+        assert_int_equal(hg_page_source_info(source)->udim_rows, 2);
+        check_pages(source, &r, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
+        hg_page_source_close(source);
+        hg_page_sources_destroy(s);
+        assert_int_equal(empty_folder(), 0);
+        hg_store_close(store);
+    }
+    hg_mips_finish(&r.mips);
+    hg_image_finish(&a);
+    hg_image_finish(&b);
+    hg_image_finish(&c);
+    hg_image_finish(&all);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_codec), TEST(test_ways), TEST(test_uses), TEST(test_tiles)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_codec), TEST(test_ways),
+        TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files), TEST(test_tiled_files),
+        TEST(test_udim)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
