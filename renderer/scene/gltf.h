@@ -103,6 +103,8 @@ enum hg_status hg_gltf_load_buffers(struct hg_gltf *g) HG_MUST_CHECK;
 // Bytes behind a URI: data: decoded, else fetched. `mime` (may be NULL) gets a data URI's type.
 enum hg_status hg_gltf_fetch(struct hg_gltf *g, const struct hg_gltf_at *at, const char *uri,
     struct hg_refbuf **out, char mime[64]) HG_MUST_CHECK;
+// False for absolute paths and whatever begins with a scheme, drive letters included.
+bool hg_gltf_uri_is_relative(const char *uri);
 // Percent-decodes a relative reference. HG_E_FORMAT; caller frees.
 enum hg_status hg_gltf_decode_uri(const char *uri, char **out) HG_MUST_CHECK;
 

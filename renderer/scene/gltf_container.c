@@ -184,10 +184,10 @@ static enum hg_status decode_data_uri(struct hg_gltf *g, const struct hg_gltf_at
 }
 
 // A scheme as in RFC 3986: letters, digits, + - . before a colon.
-static bool has_scheme(const char *uri)
+bool hg_gltf_uri_is_relative(const char *uri)
 {
     size_t n = strspn(uri, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789+-.");
-    return n > 0 && uri[n] == ':';
+    return uri[0] != '/' && !(n > 0 && uri[n] == ':');
 }
 
 enum hg_status hg_gltf_fetch(struct hg_gltf *g, const struct hg_gltf_at *at, const char *uri,
@@ -198,7 +198,7 @@ enum hg_status hg_gltf_fetch(struct hg_gltf *g, const struct hg_gltf_at *at, con
         mime[0] = '\0';
     if (strncmp(uri, "data:", 5) == 0)
         return decode_data_uri(g, at, uri, out, mime);
-    if (has_scheme(uri) || uri[0] == '/')
+    if (!hg_gltf_uri_is_relative(uri))
         return hg_gltf_fail(
             g, at, HG_E_UNSUPPORTED, "NON_RELATIVE_URI: only files beside the asset are read");
     char *path = NULL;

@@ -34,7 +34,7 @@ static enum hg_status image_from_uri(
 {
     struct hg_error kept = *g->err;
     enum hg_status status;
-    if (g->params->fetch == hg_fetch_file && strncmp(uri, "data:", 5) != 0 && !strstr(uri, "://")) {
+    if (g->params->fetch == hg_fetch_file && hg_gltf_uri_is_relative(uri)) {
         char *path = NULL;
         status = hg_gltf_decode_uri(uri, &path);
         if (status)
