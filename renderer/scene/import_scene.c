@@ -296,6 +296,43 @@ static enum hg_status add_light(struct hg_import *im, const struct aiLight *from
     return HG_OK;
 }
 
+// Metres per unit of lengths that assimp does not scale with the nodes.
+static float file_unit(const struct hg_import *im)
+{
+    const struct aiMetadata *meta = im->scene->mMetaData;
+    for (unsigned i = 0; meta && i < meta->mNumProperties; i++) {
+        const struct aiMetadataEntry *entry = &meta->mValues[i];
+        double value = 0;
+        float single = 0;
+        if (strcmp(meta->mKeys[i].data, "UnitScaleFactor") != 0)
+            continue;
+        if (entry->mType == AI_DOUBLE)
+            memcpy(&value, entry->mData, sizeof value);
+        else if (entry->mType == AI_FLOAT)
+            memcpy(&single, entry->mData, sizeof single);
+        value += (double)single;
+        if (value > 0 && isfinite(value)) // FBX counts in centimetres
+            return (float)(value * 0.01);
+    }
+    return 1;
+}
+
+// Importers store the full horizontal angle. Where they did not understand the file (Collada in
+// assimp 5.2) an angle of less than a degree is left.
+static void set_field_of_view(
+    struct hg_import *im, const struct aiCamera *from, struct hg_camera *camera)
+{
+    float aspect = from->mAspect > 0 ? from->mAspect : 16.0f / 9;
+    float half = from->mHorizontalFOV / 2;
+    camera->aspect = from->mAspect > 0 ? from->mAspect : 0;
+    if (half > 0.008f && half < 1.57f)
+        camera->vfov_rad = 2 * atanf(tanf(half) / aspect);
+    else
+        hg_asset_warn(im->asset, from->mName.data,
+            "the camera's field of view cannot be read; %.0f degrees are used",
+            (double)camera->vfov_rad * 180 / 3.14159265358979);
+}
+
 static enum hg_status add_camera(struct hg_import *im, const struct aiCamera *from)
 {
     struct hg_camera *camera = hg_asset_add_camera(im->asset, from->mName.data);
@@ -304,15 +341,12 @@ static enum hg_status add_camera(struct hg_import *im, const struct aiCamera *fr
                : NULL;
     if (!node)
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a camera");
-    float aspect = from->mAspect > 0 ? from->mAspect : 16.0f / 9;
-    float half = from->mHorizontalFOV / 2; // assimp's importers store the full angle
-    camera->aspect = from->mAspect > 0 ? from->mAspect : 0;
-    if (half > 0.001f && half < 1.57f)
-        camera->vfov_rad = 2 * atanf(tanf(half) / aspect);
+    const float unit = file_unit(im);
+    set_field_of_view(im, from, camera);
     if (from->mClipPlaneNear > 0)
-        camera->near = from->mClipPlaneNear;
-    if (from->mClipPlaneFar > camera->near)
-        camera->far = from->mClipPlaneFar;
+        camera->near = from->mClipPlaneNear * unit;
+    if (from->mClipPlaneFar * unit > camera->near)
+        camera->far = from->mClipPlaneFar * unit;
     node->camera = camera;
     return HG_OK;
 }
