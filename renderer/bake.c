@@ -40,6 +40,10 @@ enum hg_status hg_bake_run(const struct hg_bake *bake, char **text, struct hg_er
         status = hg_bake_textures(bake, store, &w, err);
         hg_json_put(&w, ",");
     }
+    if (status == HG_OK && !bake->no_geometry) {
+        status = hg_bake_geometry(bake, store, &w, err);
+        hg_json_put(&w, ",");
+    }
     if (status == HG_OK)
         put_store(&w, store, start);
     hg_store_close(store);

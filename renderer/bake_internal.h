@@ -12,5 +12,7 @@ bool hg_bake_tell(const struct hg_bake *bake, const char *stage, uint64_t done, 
 // Each appends one member of the report.
 enum hg_status hg_bake_textures(const struct hg_bake *bake, struct hg_store *store,
     struct hg_writer *report, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_bake_geometry(const struct hg_bake *bake, struct hg_store *store,
+    struct hg_writer *report, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

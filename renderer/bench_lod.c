@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "renderer/bench.h"
 #include "renderer/bench_scene.h"
+#include "renderer/geometry/lod.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
@@ -30,6 +31,8 @@ struct run {
     uint64_t holes_px;    // all stills
     uint64_t rss_bytes;
     struct hg_geometry_stats geometry;
+    uint64_t baked_triangles, baked_bytes, bake_ns; // of the small scene's meshes
+    uint32_t threads;
     uint32_t done, total;
 };
 
@@ -188,6 +191,32 @@ static enum hg_status compare_still(
     return status == HG_OK ? step_done(run, err) : status;
 }
 
+// The small scene's meshes, baked in memory.
+static enum hg_status bake_meshes(struct run *run, struct hg_error *err)
+{
+    const struct hg_object_list *list = &run->scenes[SMALL].scene->objects[HG_OBJECT_MESH];
+    struct hg_jobs *jobs = hg_renderer_jobs(run->renderer);
+    enum hg_status status = HG_OK;
+    run->threads = hg_jobs_threads(jobs);
+    for (uint32_t i = 0; i < list->count && status == HG_OK; i++) {
+        const struct hg_mesh *mesh = (const struct hg_mesh *)list->items[i];
+        const struct hg_lod_params params = {.jobs = jobs};
+        struct hg_lod_report report;
+        uint8_t *data = NULL;
+        size_t size = 0;
+        if (mesh->part_count == 0 || !hg_lod_can_bake(&mesh->parts[0], mesh->target_count))
+            continue;
+        status = hg_lod_bake(&mesh->parts[0], &params, &data, &size, &report, err);
+        hg_free(data);
+        if (status != HG_OK)
+            break;
+        run->baked_triangles += report.source_triangles;
+        run->baked_bytes += size;
+        run->bake_ns += report.total_ns;
+    }
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
 static enum hg_status compare_stills(struct run *run, struct hg_error *err)
 {
     struct hg_view_params params = {.width = run->bench->stream.width,
@@ -230,6 +259,13 @@ static enum hg_status write_report(const struct run *run, char **text)
     put_scale(run, &w);
     hg_json_put(&w, ",\"image\":{\"psnr_db\":%.3f,\"flip\":%.6f,\"holes_px\":%llu,\"pictures\":%u}",
         run->psnr_db, run->flip, (unsigned long long)run->holes_px, s->stills);
+    const double triangles = run->baked_triangles > 0 ? (double)run->baked_triangles : 1;
+    const double seconds = run->bake_ns > 0 ? (double)run->bake_ns * 1e-9 : 1;
+    hg_json_put(&w,
+        ",\"disk\":{\"bytes_per_triangle\":%.4f},\"bake\":{\"triangles_per_s\":%.0f,"
+        "\"triangles\":%llu,\"threads\":%u}",
+        (double)run->baked_bytes / triangles, (double)run->baked_triangles / seconds,
+        (unsigned long long)run->baked_triangles, run->threads);
     hg_json_put(&w,
         ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu},\"process\":{\"peak_rss_bytes\":"
         "%llu},\"device\":",
@@ -266,6 +302,8 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
     if (status == HG_OK)
         status = compare_stills(run, err);
     if (status == HG_OK)
+        status = bake_meshes(run, err);
+    if (status == HG_OK)
         hg_geometry_stats(run->views[LARGE].view->state.rooms->geometry, &run->geometry);
     run->rss_bytes = hg_bench_peak_rss_bytes();
     return status;
@@ -276,7 +314,8 @@ enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, s
     *text = NULL;
     struct hg_bench_lod full = *bench;
     set_defaults(&full);
-    struct run run = {.bench = &full, .total = SIDES + 4 * full.stream.frames + full.stream.stills};
+    struct run run = {
+        .bench = &full, .total = SIDES + 1 + 4 * full.stream.frames + full.stream.stills};
     enum hg_status status = measure(&run, err);
     if (status == HG_OK)
         status = write_report(&run, text);

@@ -110,6 +110,9 @@ struct hg_lod {
 // HG_E_VERSION, HG_E_FORMAT, HG_E_TRUNCATED, HG_E_HASH (a checksum), HG_E_NOMEM.
 enum hg_status hg_lod_open(
     const uint8_t *data, size_t size, struct hg_lod **out, struct hg_error *err) HG_MUST_CHECK;
+// The same with the bytes up to the first chunk only: chunks are kept elsewhere (lod_store.h).
+enum hg_status hg_lod_open_head(
+    const uint8_t *head, size_t size, struct hg_lod **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_lod_close(struct hg_lod *lod); // accepts NULL
 
 // Byte offsets of a decoded chunk's streams, each a multiple of 16. A chunk is a small part of its

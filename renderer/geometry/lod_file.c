@@ -355,7 +355,7 @@ static enum hg_status read_header(
     return HG_OK;
 }
 
-static enum hg_status read_all(struct hg_lod_file *f, struct hg_error *err)
+static enum hg_status read_all(struct hg_lod_file *f, bool head_only, struct hg_error *err)
 {
     struct hg_lod *l = &f->lod;
     struct hg_reader r = hg_reader_make(l->data, l->size);
@@ -363,12 +363,12 @@ static enum hg_status read_all(struct hg_lod_file *f, struct hg_error *err)
     enum hg_status status = read_header(&r, f, &h, err);
     if (status != HG_OK)
         return status;
-    if (l->size < h.file_bytes)
+    if (!head_only && l->size < h.file_bytes)
         return hg_error_set(err, HG_E_TRUNCATED, "cluster file", NULL, "%zu of %llu bytes", l->size,
             (unsigned long long)h.file_bytes);
     const uint64_t tables = tables_size(l);
-    if (l->size != h.file_bytes || !hg_range_ok(HEADER_BYTES, h.packed_bytes, l->size) ||
-        tables > l->size * TABLES_RATIO)
+    if ((!head_only && l->size != h.file_bytes) || l->size > h.file_bytes ||
+        !hg_range_ok(HEADER_BYTES, h.packed_bytes, l->size) || tables > l->size * TABLES_RATIO)
         return hg_error_set(
             err, HG_E_FORMAT, "cluster file", "header", "sizes contradict each other");
     const uint8_t *packed = hg_read_bytes(&r, (size_t)h.packed_bytes);
@@ -388,13 +388,13 @@ static enum hg_status read_all(struct hg_lod_file *f, struct hg_error *err)
         f->chunks[i].offset = offset;
         offset += f->chunks[i].bytes;
     }
-    if (status == HG_OK && offset != l->size)
+    if (status == HG_OK && offset != h.file_bytes)
         status = hg_error_set(err, HG_E_FORMAT, "cluster file", "tables", "chunks do not fill it");
     return status;
 }
 
-enum hg_status hg_lod_open(
-    const uint8_t *data, size_t size, struct hg_lod **out, struct hg_error *err)
+static enum hg_status open_file(
+    const uint8_t *data, size_t size, bool head_only, struct hg_lod **out, struct hg_error *err)
 {
     *out = NULL;
     struct hg_lod_file *f = hg_calloc(1, sizeof *f);
@@ -402,12 +402,24 @@ enum hg_status hg_lod_open(
         return hg_error_set(err, HG_E_NOMEM, "cluster file", NULL, "no memory");
     f->lod.data = data;
     f->lod.size = size;
-    const enum hg_status status = read_all(f, err);
+    const enum hg_status status = read_all(f, head_only, err);
     if (status == HG_OK)
         *out = &f->lod;
     else
         hg_lod_close(&f->lod);
     return status;
+}
+
+enum hg_status hg_lod_open(
+    const uint8_t *data, size_t size, struct hg_lod **out, struct hg_error *err)
+{
+    return open_file(data, size, false, out, err);
+}
+
+enum hg_status hg_lod_open_head(
+    const uint8_t *head, size_t size, struct hg_lod **out, struct hg_error *err)
+{
+    return open_file(head, size, true, out, err);
 }
 
 void hg_lod_close(struct hg_lod *lod)
