@@ -7,7 +7,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-enum { WAITING_LIMIT = 65536 };
+// What may wait behind a session's running task.
+enum { WAITING_LIMIT = 65536, WAITING_LIMIT_BYTES = 512 * 1024 * 1024 };
 // Messages are taken for this long before views get a turn, whatever still waits.
 static const uint64_t message_slice_ns = 20000000u;
 
@@ -234,15 +235,18 @@ static void handle_command(struct serve *s, struct command *c)
         free_command(c);
         return;
     }
-    if (session->waiting_count >= WAITING_LIMIT) {
+    uint64_t bytes = session->waiting_bytes + c->header.length;
+    if (session->waiting_count >= WAITING_LIMIT || bytes > WAITING_LIMIT_BYTES) {
         struct hg_error err = {0};
-        hg_error_set(&err, HG_E_BUSY, "session", NULL, "%u messages wait for a load to finish",
-            session->waiting_count);
+        hg_error_set(&err, HG_E_BUSY, "session", NULL,
+            "%u messages of %llu bytes wait for a load to finish", session->waiting_count,
+            (unsigned long long)session->waiting_bytes);
         link_send_error(s->w, c->header.channel, c->header.request, &err);
         free_command(c);
         return;
     }
     session->waiting_count++;
+    session->waiting_bytes = bytes;
     c->next = NULL;
     *session->waiting_end = c;
     session->waiting_end = &c->next;
@@ -256,6 +260,7 @@ static void run_waiting(struct serve *s, uint32_t channel)
         struct command *c = session->waiting;
         session->waiting = c->next;
         session->waiting_count--;
+        session->waiting_bytes -= c->header.length;
         if (!session->waiting)
             session->waiting_end = &session->waiting;
         decode_and_handle(s, c);

@@ -64,6 +64,7 @@ struct session {
     struct task *task; // running; later messages wait in `waiting`
     struct command *waiting, **waiting_end;
     uint32_t waiting_count;
+    uint64_t waiting_bytes; // of their payloads
 };
 
 struct serve {

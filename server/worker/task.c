@@ -179,6 +179,14 @@ static enum hg_status load_asset(struct task *task)
 
 // ---- environment and comparison -----------------------------------------------------------------
 
+// Between the steps of tasks that cannot be stopped inside one.
+static enum hg_status go_on(struct task *task, const char *what)
+{
+    if (!atomic_load(&task->cancel))
+        return HG_OK;
+    return hg_error_set(&task->err, HG_E_CANCELLED, what, NULL, "the session ended");
+}
+
 static enum hg_status load_environment(struct task *task)
 {
     const struct hgp_environment_set *m = &task->message.environment_set;
@@ -192,6 +200,8 @@ static enum hg_status load_environment(struct task *task)
         status = hg_file_read(path, environment_file_limit_bytes, &data, &size, &task->err);
     if (!status)
         status = hg_sha256(data, size, task->image_hash);
+    if (!status)
+        status = go_on(task, "environment_set");
     if (!status)
         status = hg_image_read_memory(
             data, size, path, HG_PIXEL_RGBA32F, NULL, &task->image, &task->err);
@@ -223,10 +233,16 @@ static enum hg_status compare_images(struct task *task)
     if (!status)
         status = read_side(m->a, "first image", as_float, &a, err);
     if (!status)
+        status = go_on(task, "compare");
+    if (!status)
         status = read_side(m->b, "second image", as_float, &b, err);
+    if (!status)
+        status = go_on(task, "compare");
     if (!status)
         status = hg_image_compare(
             &a, &b, (enum hg_metric)m->metric, &task->value, m->want_diff ? &diff : NULL, err);
+    if (!status)
+        status = go_on(task, "compare");
     if (!status && m->want_diff)
         status = hg_image_encode(&diff,
             &(struct hg_image_encode){.file = HG_IMAGE_PNG8, .opaque = true}, &task->diff, err);

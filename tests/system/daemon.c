@@ -57,6 +57,20 @@ void daemon_init(struct daemon *d)
     daemon_option(d, "log", "debug");
 }
 
+void daemon_init_tokens(struct daemon *d)
+{
+    static const char tokens[] = "# who may do what\n"
+                                 "view-token-1 view anna\n"
+                                 "edit-token-1 edit bert\n"
+                                 "admin-token-1 admin\n";
+    char path[160];
+    daemon_init(d);
+    daemon_write(d, "tokens", tokens);
+    snprintf(path, sizeof path, "%s/tokens", d->folder);
+    daemon_option(d, "tokens", path);
+    daemon_option(d, "listen", "tcp:127.0.0.1:0");
+}
+
 void daemon_option(struct daemon *d, const char *name, const char *value)
 {
     char text[640];
@@ -454,6 +468,14 @@ void peer_scene(struct peer *p, const char *name)
     peer_call(p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make(name)},
         HGP_T_scene_opened);
     p->first_id = p->m.scene_opened.first_id;
+}
+
+void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
+{
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = view, .has_width = true, .width = width, .has_height = true, .height = height},
+        HGP_T_ok);
 }
 
 void peer_close(struct peer *p)

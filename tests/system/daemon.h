@@ -19,6 +19,8 @@ struct daemon {
 
 // Makes the folder. Add options before daemon_start; unix:FOLDER/sock is always listened to.
 void daemon_init(struct daemon *d);
+// With a tcp listener and the tokens view-token-1 (anna), edit-token-1 (bert) and admin-token-1.
+void daemon_init_tokens(struct daemon *d);
 void daemon_option(struct daemon *d, const char *name, const char *value); // value NULL: a switch
 // Uses the worker of $HELIO_TEST_WORKER, else the fake one. Waits until it listens.
 void daemon_start(struct daemon *d);
@@ -52,6 +54,7 @@ void peer_hello(struct peer *p);                               // preface, hello
 void peer_auth(struct peer *p, const char *token);             // auth, no answer awaited
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
 void peer_scene(struct peer *p, const char *name);
+void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);
 void peer_close(struct peer *p);
 void peer_raw(struct peer *p, const void *data, size_t size);
 uint32_t peer_send(struct peer *p, enum hgp_type type, const void *message); // returns request id
