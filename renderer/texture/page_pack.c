@@ -58,11 +58,42 @@ static struct rect rect_of(const struct hg_page_layout *l, uint32_t mip, uint32_
     return r;
 }
 
+// The columns (or rows) of the other edge that REPEAT shows beside a page; length 0: none. The last
+// page may be so narrow that the one before it sees across the edge, too.
+static void beyond_edge(uint32_t page, uint32_t side, uint32_t *first, uint32_t *length)
+{
+    *first = *length = 0;
+    if (side <= HG_PAGE_TEXELS || (page > 0 && (page + 1) * HG_PAGE_TEXELS + BORDER <= side))
+        return;
+    *first = page == 0 ? side - BORDER : 0;
+    *length = BORDER;
+}
+
+static bool has_strips(const struct hg_page_layout *l, uint32_t mip)
+{
+    return mip < l->tail && hg_mips_side(l->height, mip) > HG_PAGE_TEXELS;
+}
+
+// Block with the outer rows above and below the pages of a column.
+static uint32_t strip_block(const struct hg_page_layout *l, uint32_t mip, uint32_t x)
+{
+    uint32_t block = l->pages + 1 + x;
+    for (uint32_t i = 0; i < mip; i++)
+        block += has_strips(l, i) ? hg_pages_across(l->width, i) : 0;
+    return block;
+}
+
+static uint32_t count_blocks(const struct hg_page_layout *l)
+{
+    return strip_block(l, l->tail, 0);
+}
+
 // --- writing -------------------------------------------------------------------------------------
 
 // Rows of one mip that are not all in finished pages.
 struct band {
-    uint8_t *rows; // [BAND] rows of the mip
+    uint8_t *rows;  // [BAND] rows of the mip
+    uint8_t *outer; // [4] its last two and its first two; NULL when it has no strips
     uint32_t first, count;
     uint32_t page_row; // next one to be cut
 };
@@ -102,7 +133,9 @@ static bool allocate(struct hg_page_packer *p)
         const uint32_t h = hg_mips_side(l->height, i);
         if (i < l->tail)
             good = (p->bands[i].rows = take(p, h < BAND ? h : BAND, row)) != NULL;
-        else
+        if (good && has_strips(l, i))
+            good = (p->bands[i].outer = take(p, 4, row)) != NULL;
+        if (i >= l->tail)
             good = (p->tail[i] = take(p, h, row)) != NULL;
     }
     if (good && has_histograms(&p->chain))
@@ -135,6 +168,7 @@ void hg_page_packer_destroy(struct hg_page_packer *p)
         return;
     for (uint32_t i = 0; i < HG_MIPS_MAX; i++) {
         hg_free(p->bands[i].rows);
+        hg_free(p->bands[i].outer);
         hg_free(p->tail[i]);
     }
     for (uint32_t i = 0; i < BATCH; i++) {
@@ -160,22 +194,81 @@ static enum hg_status fail(struct hg_page_packer *p, enum hg_status status)
     return hg_error_set(&p->err, status, "pages", NULL, "%s", hg_status_text(status));
 }
 
+// Rows of a mip and the columns that a page of it shows: its own, then those beyond the edge.
+static enum hg_status encode_span(struct hg_page_packer *p, struct slot *s, uint32_t mip,
+    uint32_t x, const uint8_t *rows, uint32_t height)
+{
+    const uint32_t width = hg_mips_side(p->layout.width, mip), texel = p->chain.texel_bytes;
+    const size_t pitch = (size_t)width * texel, at = s->out.size;
+    uint32_t first, length, other, other_length;
+    span_of(x, width, &first, &length);
+    beyond_edge(x, width, &other, &other_length);
+    hg_write_u32(&s->out, 0);
+    enum hg_status status = hg_page_encode(
+        s->codec, rows + (size_t)first * texel, pitch, length, height, texel, LEVEL, &s->out);
+    if (status == HG_OK)
+        hg_write_patch_u32(&s->out, at, (uint32_t)(s->out.size - at - 4));
+    if (status == HG_OK && other_length > 0)
+        status = hg_page_encode(s->codec, rows + (size_t)other * texel, pitch, other_length, height,
+            texel, LEVEL, &s->out);
+    return status;
+}
+
+static enum hg_status ready_slot(struct slot *s)
+{
+    if (s->codec == NULL)
+        s->codec = hg_page_codec_create();
+    s->out.size = 0;
+    s->out.failed = false;
+    return s->codec != NULL ? HG_OK : HG_E_NOMEM;
+}
+
 static void encode_slot(void *user, size_t index)
 {
     struct hg_page_packer *p = user;
     struct slot *s = &p->slots[index];
     const struct band *b = &p->bands[p->mip];
-    const struct rect r = rect_of(&p->layout, p->mip, p->page_x + (uint32_t)index, b->page_row);
-    const size_t texel = p->chain.texel_bytes,
-                 pitch = hg_mips_side(p->layout.width, p->mip) * texel;
-    if (s->codec == NULL)
-        s->codec = hg_page_codec_create();
-    s->out.size = 0;
-    s->out.failed = false;
-    s->status = s->codec == NULL
-                    ? HG_E_NOMEM
-                    : hg_page_encode(s->codec, b->rows + (r.y - b->first) * pitch + r.x * texel,
-                          pitch, r.width, r.height, p->chain.texel_bytes, LEVEL, &s->out);
+    const uint32_t x = p->page_x + (uint32_t)index;
+    const struct rect r = rect_of(&p->layout, p->mip, x, b->page_row);
+    const size_t pitch = (size_t)hg_mips_side(p->layout.width, p->mip) * p->chain.texel_bytes;
+    s->status = ready_slot(s);
+    if (s->status == HG_OK)
+        s->status = encode_span(p, s, p->mip, x, b->rows + (r.y - b->first) * pitch, r.height);
+}
+
+// The mip is complete: its outer rows, for the pages at the other edge.
+static enum hg_status write_strips(struct hg_page_packer *p, uint32_t mip)
+{
+    struct slot *s = &p->slots[0];
+    const size_t pitch = (size_t)hg_mips_side(p->layout.width, mip) * p->chain.texel_bytes;
+    for (uint32_t x = 0; x < hg_pages_across(p->layout.width, mip); x++) {
+        enum hg_status status = ready_slot(s);
+        for (uint32_t edge = 0; edge < 2 && status == HG_OK; edge++) {
+            const size_t at = s->out.size;
+            hg_write_u32(&s->out, 0);
+            status = encode_span(p, s, mip, x, p->bands[mip].outer + edge * BORDER * pitch, BORDER);
+            if (status == HG_OK)
+                hg_write_patch_u32(&s->out, at, (uint32_t)(s->out.size - at - 4));
+        }
+        if (status != HG_OK)
+            return fail(p, status);
+        status = hg_store_write(
+            p->writer, strip_block(&p->layout, mip, x), s->out.data, s->out.size, &p->err);
+        if (status != HG_OK)
+            return status;
+    }
+    return HG_OK;
+}
+
+static void keep_outer(struct hg_page_packer *p, uint32_t mip, uint32_t y, const void *texels)
+{
+    const uint32_t height = hg_mips_side(p->layout.height, mip);
+    const size_t pitch = (size_t)hg_mips_side(p->layout.width, mip) * p->chain.texel_bytes;
+    uint8_t *outer = p->bands[mip].outer;
+    if (outer != NULL && y + BORDER >= height)
+        memcpy(outer + (y + BORDER - height) * pitch, texels, pitch);
+    if (outer != NULL && y < BORDER)
+        memcpy(outer + (BORDER + y) * pitch, texels, pitch);
 }
 
 static enum hg_status cut_batch(struct hg_page_packer *p, uint32_t mip, uint32_t x, uint32_t count)
@@ -244,9 +337,7 @@ static enum hg_status write_tail(struct hg_page_packer *p)
     const struct hg_page_layout *l = &p->layout;
     struct hg_writer out = {0};
     struct slot *s = &p->slots[0];
-    if (s->codec == NULL)
-        s->codec = hg_page_codec_create();
-    enum hg_status status = s->codec != NULL ? HG_OK : HG_E_NOMEM;
+    enum hg_status status = ready_slot(s);
     for (uint32_t i = l->tail; i < l->mips && status == HG_OK; i++) {
         const uint32_t w = hg_mips_side(l->width, i), h = hg_mips_side(l->height, i);
         const size_t at = out.size;
@@ -271,8 +362,13 @@ enum hg_status hg_page_packer_row(void *packer, uint32_t mip, uint32_t y, const 
     const uint8_t *alpha = texels;
     for (uint32_t i = 0; p->histograms != NULL && i < w; i++)
         p->histograms->counts[mip][alpha[i * 4 + 3]]++;
-    if (mip < p->layout.tail)
-        return add_to_band(p, mip, texels);
+    if (mip < p->layout.tail) {
+        keep_outer(p, mip, y, texels);
+        const enum hg_status status = add_to_band(p, mip, texels);
+        const bool last = y + 1 == hg_mips_side(p->layout.height, mip);
+        return status == HG_OK && last && has_strips(&p->layout, mip) ? write_strips(p, mip)
+                                                                      : status;
+    }
     const size_t pitch = (size_t)w * p->chain.texel_bytes;
     memcpy(p->tail[mip] + y * pitch, texels, pitch);
     return mip + 1 == p->layout.mips ? write_tail(p) : HG_OK;
@@ -314,7 +410,7 @@ static enum hg_status load_head(
 {
     const uint32_t size = hg_store_entry_size(pack->entry, 0);
     if (size == 0 || size > 1u << 20 ||
-        hg_store_entry_blocks(pack->entry) != pack->layout.pages + 1)
+        hg_store_entry_blocks(pack->entry) != count_blocks(&pack->layout))
         return hg_error_set(err, HG_E_NOTFOUND, "pages", NULL, "a pack of another shape");
     uint8_t *data = hg_calloc(size, 1);
     if (has_histograms(chain))
@@ -399,23 +495,82 @@ static enum hg_status not_a_page(uint32_t block, struct hg_error *err)
     return hg_error_set(err, HG_E_HASH, "pages", NULL, "block %u is no page", block);
 }
 
-static enum hg_status load_part(const struct hg_page_pack *pack, struct hg_page_scratch *s,
-    uint32_t mip, uint32_t x, uint32_t y, int index, struct hg_page_part *part, uint64_t *bytes,
-    struct hg_error *err)
+// What is being read.
+struct reading {
+    const struct hg_page_pack *pack;
+    const struct hg_page_view *view;
+    struct hg_page_scratch *scratch;
+    uint32_t mip, x, y;
+    uint64_t bytes;
+    struct hg_error *err;
+};
+
+// Decodes `rows` rows from `y` on: the page's own columns to parts[index], those beyond the edge to
+// parts[index + 1], where the wrap mode shows them.
+static bool decode_span(const struct reading *q, struct hg_reader *r, uint32_t y, uint32_t rows,
+    int index, struct hg_page_part parts[4])
 {
-    const struct rect r = rect_of(&pack->layout, mip, x, y);
-    const uint32_t block = 1 + hg_page_number(&pack->layout, mip, x, y);
-    const size_t pitch = (size_t)r.width * pack->texel_bytes;
+    const uint32_t width = hg_mips_side(q->pack->layout.width, q->mip);
+    const uint32_t texel = q->pack->texel_bytes;
+    uint32_t first[2], length[2];
+    span_of(q->x, width, &first[0], &length[0]);
+    beyond_edge(q->x, width, &first[1], &length[1]);
+    const uint32_t sizes[2] = {hg_read_u32(r), 0};
+    for (int i = 0; i < 2 && length[i] > 0; i++) {
+        const size_t size = i == 0 ? sizes[0] : r->size - r->pos;
+        const uint8_t *data = hg_read_bytes(r, size);
+        if (data == NULL)
+            return false;
+        if (i == 1 && q->view->wrap_s != HG_WRAP_REPEAT)
+            break;
+        uint8_t *dst = q->scratch->parts[index + i];
+        const size_t pitch = (size_t)length[i] * texel;
+        if (hg_page_decode(q->scratch->codec, data, size, dst, pitch, length[i], rows, texel) !=
+            HG_OK)
+            return false;
+        parts[index + i] = (struct hg_page_part){dst, pitch, first[i], y, length[i], rows};
+    }
+    return true;
+}
+
+static enum hg_status read_own(struct reading *q, struct hg_page_part parts[4])
+{
+    const struct rect r = rect_of(&q->pack->layout, q->mip, q->x, q->y);
+    const uint32_t block = 1 + hg_page_number(&q->pack->layout, q->mip, q->x, q->y);
     uint32_t size;
-    const enum hg_status status = load_block(pack, s, block, &size, err);
+    const enum hg_status status = load_block(q->pack, q->scratch, block, &size, q->err);
     if (status != HG_OK)
         return status;
-    *bytes += size;
-    *part = (struct hg_page_part){s->parts[index], pitch, r.x, r.y, r.width, r.height};
-    return hg_page_decode(s->codec, s->packed, size, s->parts[index], pitch, r.width, r.height,
-               pack->texel_bytes) == HG_OK
-               ? HG_OK
-               : not_a_page(block, err);
+    q->bytes += size;
+    struct hg_reader reader = hg_reader_make(q->scratch->packed, size);
+    return decode_span(q, &reader, r.y, r.height, 0, parts) ? HG_OK : not_a_page(block, q->err);
+}
+
+// Rows of the other edge, where REPEAT shows them.
+static enum hg_status read_strip(struct reading *q, struct hg_page_part parts[4])
+{
+    const struct hg_page_layout *l = &q->pack->layout;
+    uint32_t first, length, size;
+    beyond_edge(q->y, hg_mips_side(l->height, q->mip), &first, &length);
+    if (length == 0 || q->view->wrap_t != HG_WRAP_REPEAT)
+        return HG_OK;
+    const uint32_t block = strip_block(l, q->mip, q->x);
+    const enum hg_status status = load_block(q->pack, q->scratch, block, &size, q->err);
+    if (status != HG_OK)
+        return status;
+    q->bytes += size;
+    struct hg_reader r = hg_reader_make(q->scratch->packed, size);
+    for (int edge = 0; edge < 2; edge++) { // the last rows, then the first
+        const uint32_t bytes = hg_read_u32(&r);
+        const uint8_t *data = hg_read_bytes(&r, bytes);
+        if (data == NULL)
+            break;
+        struct hg_reader part = hg_reader_make(data, bytes);
+        if ((edge == 1) == (first == 0))
+            return decode_span(q, &part, first, length, 2, parts) ? HG_OK
+                                                                  : not_a_page(block, q->err);
+    }
+    return not_a_page(block, q->err);
 }
 
 static enum hg_status read_tail(const struct hg_page_pack *pack, const struct hg_page_view *view,
@@ -444,17 +599,6 @@ static enum hg_status read_tail(const struct hg_page_pack *pack, const struct hg
     return HG_OK;
 }
 
-// The page at the other end when REPEAT reaches beyond the edge, else UINT32_MAX. The last page may
-// be so narrow that the one before it sees across the edge, too.
-static uint32_t opposite(uint32_t page, uint32_t side, enum hg_wrap wrap)
-{
-    if (wrap != HG_WRAP_REPEAT || side <= HG_PAGE_TEXELS)
-        return UINT32_MAX;
-    if (page == 0)
-        return (side - 1) / HG_PAGE_TEXELS;
-    return (page + 1) * HG_PAGE_TEXELS + BORDER > side ? 0 : UINT32_MAX;
-}
-
 enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, const struct hg_page_view *view,
     struct hg_page_scratch *s, uint32_t mip, uint32_t x, uint32_t y, void *dst, uint64_t *bytes,
     struct hg_error *err)
@@ -465,17 +609,13 @@ enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, const struct h
         return hg_error_set(err, HG_E_INVAL, "pages", NULL, "no page %u, %u of mip %u", x, y, mip);
     if (mip == l->tail)
         return read_tail(pack, view, s, dst, bytes, err);
-    const uint32_t xs[2] = {x, opposite(x, hg_mips_side(l->width, mip), view->wrap_s)};
-    const uint32_t ys[2] = {y, opposite(y, hg_mips_side(l->height, mip), view->wrap_t)};
+    struct reading q = {pack, view, s, mip, x, y, 0, err};
     struct hg_page_part parts[4] = {0};
-    for (int i = 0; i < 4; i++) {
-        if (xs[i & 1] == UINT32_MAX || ys[i >> 1] == UINT32_MAX)
-            continue;
-        const enum hg_status status =
-            load_part(pack, s, mip, xs[i & 1], ys[i >> 1], i, &parts[i], bytes, err);
-        if (status != HG_OK)
-            return status;
-    }
-    hg_page_assemble(view, mip, x, y, parts, dst);
-    return HG_OK;
+    enum hg_status status = read_own(&q, parts);
+    if (status == HG_OK)
+        status = read_strip(&q, parts);
+    *bytes = q.bytes;
+    if (status == HG_OK)
+        hg_page_assemble(view, mip, x, y, parts, dst);
+    return status;
 }

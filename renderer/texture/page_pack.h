@@ -1,10 +1,13 @@
 // page_pack.h - all pages of one mip chain as an entry of the store.
 // Floor 2 (texture).
 //
-// Block 0 describes the chain; block 1 + n is page n (hg_page_number), the last one the tail page.
-// A page holds its payload and the 2 texels around it that lie inside the mip: what lies beyond the
-// edges follows from the wrap modes when it is read, so one pack serves them all. The same way
-// alpha is stored unscaled, with its histograms, and serves masks of any cutoff.
+// Block 0 describes the chain; block 1 + n is page n (hg_page_number), the last of them the tail
+// page. A page holds its payload and the 2 texels around it that lie inside the mip: what lies
+// beyond the edges follows from the wrap modes when it is read, so one pack serves them all. For
+// REPEAT, pages at the left and right edge also hold the 2 columns of the other edge; the 2 rows of
+// the other edge follow in blocks of their own, one per mip and column of pages (rows from the top
+// have left when those from the bottom come). Alpha is stored unscaled, with its histograms, and
+// serves masks of any cutoff.
 #ifndef HG_RENDERER_TEXTURE_PAGE_PACK_H
 #define HG_RENDERER_TEXTURE_PAGE_PACK_H
 
@@ -13,7 +16,7 @@
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/pages.h"
 
-#define HG_PAGE_PACK_VERSION 1 // raise with every change of filters, codec or layout
+#define HG_PAGE_PACK_VERSION 2 // raise with every change of filters, codec or layout
 
 // What a pack is made of and is known by.
 struct hg_page_chain {
