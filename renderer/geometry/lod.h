@@ -44,8 +44,7 @@
 #define HG_LOD_NODE_WIDTH        8      // children of a node, at most
 #define HG_LOD_NONE              0xffffffffu
 
-// ---- what a baked hierarchy says
-// -----------------------------------------------------------------
+// ---- what a baked hierarchy says ----------------------------------------------------------------
 
 struct hg_lod_cluster {
     float center[3], radius; // sphere around the triangles
@@ -131,8 +130,7 @@ void hg_lod_chunk_layout(const struct hg_lod *lod, uint32_t chunk, struct hg_lod
 enum hg_status hg_lod_decode(const struct hg_lod *lod, uint32_t chunk, const uint8_t *encoded,
     size_t size, uint8_t *dst, struct hg_error *err) HG_MUST_CHECK;
 
-// ---- baking
-// --------------------------------------------------------------------------------------
+// ---- baking -------------------------------------------------------------------------------------
 
 struct hg_lod_params {    // zero = defaults
     struct hg_jobs *jobs; // NULL: this thread alone; the bytes are the same

@@ -62,8 +62,7 @@ static enum hg_status tell(struct build *b)
     return hg_error_set(b->err, HG_E_CANCELLED, "cluster bake", NULL, "cancelled");
 }
 
-// ---- the surface of a level
-// ----------------------------------------------------------------------
+// ---- the surface of a level ---------------------------------------------------------------------
 
 static enum hg_status reserve(struct build *b)
 {
@@ -143,8 +142,7 @@ static void lock_borders(struct build *b)
     }
 }
 
-// ---- simplification
-// ------------------------------------------------------------------------------
+// ---- simplification -----------------------------------------------------------------------------
 
 static void run_group(void *user, size_t index)
 {
@@ -195,8 +193,7 @@ static enum hg_status simplify(struct build *b)
     return HG_OK;
 }
 
-// ---- finished groups
-// -----------------------------------------------------------------------------
+// ---- finished groups ----------------------------------------------------------------------------
 
 // Sphere and error of a group: at least those of everything it is made of.
 static void finish_group(const struct build *b, const struct hg_lod_group_job *job, bool terminal,
@@ -250,8 +247,7 @@ static enum hg_status add_group(struct build *b, struct hg_lod_group_job *job, b
     return HG_OK;
 }
 
-// ---- chunks
-// --------------------------------------------------------------------------------------
+// ---- chunks -------------------------------------------------------------------------------------
 
 struct chunk_job {
     const struct build *build;
@@ -367,8 +363,7 @@ static enum hg_status encode_groups(
     return status;
 }
 
-// ---- levels
-// --------------------------------------------------------------------------------------
+// ---- levels -------------------------------------------------------------------------------------
 
 static void release_member(struct build *b, struct hg_lod_piece *piece)
 {
@@ -510,8 +505,7 @@ static enum hg_status build_roots(struct build *b, uint32_t *root_chunks)
     return status;
 }
 
-// ---- from the order of building to the order of the file
-// -------------------------------------------
+// ---- from the order of building to the order of the file ----------------------------------------
 
 // Levels were built from fine to coarse; `from` says which old group or chunk a new one is.
 struct order {
@@ -617,8 +611,7 @@ static enum hg_status assemble(struct build *b, uint32_t root_chunks, struct hg_
     return status;
 }
 
-// ---- all of it
-// -----------------------------------------------------------------------------------
+// ---- all of it ----------------------------------------------------------------------------------
 
 static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
 {
@@ -727,8 +720,7 @@ bool hg_lod_can_bake(const struct hg_mesh_part *part, uint32_t target_count)
            (part->targets == NULL || target_count == 0);
 }
 
-// ---- key
-// -----------------------------------------------------------------------------------------
+// ---- key ----------------------------------------------------------------------------------------
 
 static void hash_array(struct hg_sha256 *h, const float *values, uint64_t count)
 {

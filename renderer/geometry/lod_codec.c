@@ -9,8 +9,7 @@ uint32_t hg_lod_crc(const void *data, size_t size)
     return (uint32_t)crc32_z(0, data, size);
 }
 
-// ---- order
-// ---------------------------------------------------------------------------------------
+// ---- order --------------------------------------------------------------------------------------
 
 #define EDGES 2048u
 
@@ -68,8 +67,7 @@ uint32_t hg_lod_visits(const uint32_t *indices, uint32_t index_count, uint32_t v
     return n;
 }
 
-// ---- components
-// ----------------------------------------------------------------------------------
+// ---- components ---------------------------------------------------------------------------------
 
 static uint32_t add(
     struct hg_lod_component *out, uint32_t n, int kind, int32_t word, uint32_t count)
@@ -140,8 +138,7 @@ void hg_lod_component_set(const struct hg_lod_component *c, uint32_t *words, int
     }
 }
 
-// ---- predictions
-// ---------------------------------------------------------------------------------
+// ---- predictions --------------------------------------------------------------------------------
 
 static int32_t across(int32_t a, int32_t b, int32_t c)
 {

@@ -40,8 +40,7 @@ void hg_lod_layout_of(
     out->total_bytes = out->extra + round16(chunk->vertex_count * format->extra_words * 4);
 }
 
-// ---- unpacking
-// -----------------------------------------------------------------------------------
+// ---- unpacking ----------------------------------------------------------------------------------
 
 static bool unpack_plane(struct decoder *d, uint8_t *out, size_t size)
 {
@@ -152,8 +151,7 @@ static bool decode_components(struct decoder *d)
     return !d->in.failed && d->escape_at == d->escape_size;
 }
 
-// ---- streams
-// -------------------------------------------------------------------------------------
+// ---- streams ------------------------------------------------------------------------------------
 
 static uint32_t widen(int32_t v, int32_t from, int32_t to)
 {
@@ -227,8 +225,7 @@ static void write_streams(const struct decoder *d, const struct hg_lod_chunk *ch
     }
 }
 
-// ---- all of it
-// -----------------------------------------------------------------------------------
+// ---- all of it ----------------------------------------------------------------------------------
 
 // Sizes are bounded by those of a decoded chunk, so they cannot overflow.
 static enum hg_status take(struct decoder *d)

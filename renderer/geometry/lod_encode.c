@@ -33,8 +33,7 @@ struct encoder {
     uint32_t table_mask;
 };
 
-// ---- vertices of the chunk
-// -----------------------------------------------------------------------
+// ---- vertices of the chunk ----------------------------------------------------------------------
 
 static uint32_t *slot_of(struct encoder *e, uint32_t vertex, bool *found)
 {
@@ -104,8 +103,7 @@ static void fetch_vertices(struct encoder *e)
     }
 }
 
-// ---- planes
-// --------------------------------------------------------------------------------------
+// ---- planes -------------------------------------------------------------------------------------
 
 static uint8_t code_difference(struct encoder *e, int32_t value, int32_t predicted)
 {
@@ -186,8 +184,7 @@ static enum hg_status pack_all(struct encoder *e, struct hg_writer *out)
     return pack_plane(e, e->escapes.data, e->escapes.size, out);
 }
 
-// ---- all of it
-// -----------------------------------------------------------------------------------
+// ---- all of it ----------------------------------------------------------------------------------
 
 static enum hg_status take(struct encoder *e, uint32_t index_count)
 {

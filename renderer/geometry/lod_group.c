@@ -7,7 +7,7 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod_internal.h"
 
-#define SAMPLES_PER_PIECE 128u
+#define SAMPLES_PER_PIECE 64u
 #define ENOUGH_NUM        17u // a group is worth a level if at most 17/20 of it is left
 #define ENOUGH_DEN        20u
 #define ROOM              1e-5f // of spheres for rounding, against size and coordinates
@@ -21,8 +21,7 @@ void hg_lod_product_unref(struct hg_lod_product *product)
     hg_free(product);
 }
 
-// ---- bounds
-// --------------------------------------------------------------------------------------
+// ---- bounds -------------------------------------------------------------------------------------
 
 static void position_of(const struct hg_lod_mesh *m, uint32_t vertex, float out[3])
 {
@@ -82,18 +81,13 @@ void hg_lod_cone_axis(const int8_t q[3], float axis[3])
         axis[k] = (float)q[k] / 127.0f;
 }
 
-static float least_cosine(const struct hg_lod_mesh *m, const struct hg_lod_piece *piece)
+static float least_cosine(const float (*normals)[3], uint32_t count, const float a[3])
 {
-    const float *a = piece->info.cone_axis;
     const float length = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-    const float scale = length > 0.0f ? 1.0f / length : 0.0f;
-    const float axis[3] = {a[0] * scale, a[1] * scale, a[2] * scale};
     float least = 1.0f;
-    for (uint32_t t = 0; t < piece->info.triangle_count; t++) {
-        float n[3];
-        if (unit_normal(m, piece->triangles + (size_t)t * 3, n))
-            least = fminf(least, n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]);
-    }
+    for (uint32_t t = 0; length > 0.0f && t < count; t++)
+        least = fminf(least,
+            (normals[t][0] * a[0] + normals[t][1] * a[1] + normals[t][2] * a[2]) / length);
     return least;
 }
 
@@ -102,19 +96,21 @@ static float least_cosine(const struct hg_lod_mesh *m, const struct hg_lod_piece
 static void set_cone(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
 {
     struct hg_lod_cluster *c = &piece->info;
-    float sum[3] = {0};
+    float sum[3] = {0}, normals[HG_LOD_CLUSTER_TRIANGLES][3];
+    uint32_t n = 0;
     for (uint32_t t = 0; t < c->triangle_count; t++) {
-        float n[3];
-        if (unit_normal(m, piece->triangles + (size_t)t * 3, n))
-            for (int k = 0; k < 3; k++)
-                sum[k] += n[k];
+        if (!unit_normal(m, piece->triangles + (size_t)t * 3, normals[n]))
+            continue;
+        for (int k = 0; k < 3; k++)
+            sum[k] += normals[n][k];
+        n++;
     }
     const float length = sqrtf(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
     int8_t q[3] = {0};
     for (int k = 0; k < 3; k++)
         q[k] = (int8_t)(length > 0.0f ? sum[k] / length * 127.0f : 0.0f);
     hg_lod_cone_axis(q, c->cone_axis);
-    const float least = least_cosine(m, piece);
+    const float least = least_cosine((const float(*)[3])normals, n, c->cone_axis);
     const float cutoff = length > 0.0f && least > 0.05f
                              ? fminf(1.0f, sqrtf(fmaxf(0.0f, 1.0f - least * least)) + 1e-3f)
                              : 1.0f;
@@ -166,8 +162,7 @@ struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, u
     return s;
 }
 
-// ---- samples
-// -------------------------------------------------------------------------------------
+// ---- samples ------------------------------------------------------------------------------------
 
 static int compare_samples(const void *left, const void *right)
 {
@@ -234,8 +229,7 @@ static enum hg_status hand_out(struct hg_lod_group_job *job, const struct hg_lod
     return HG_OK;
 }
 
-// ---- the group
-// -----------------------------------------------------------------------------------
+// ---- the group ----------------------------------------------------------------------------------
 
 static enum hg_status gather(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
 {
@@ -329,8 +323,7 @@ void hg_lod_group_run(struct hg_lod_group_job *job)
     job->status = status;
 }
 
-// ---- the welded mesh
-// -----------------------------------------------------------------------------
+// ---- the welded mesh ----------------------------------------------------------------------------
 
 static void sample_piece(const struct hg_lod_mesh *m, const uint8_t *open, const uint8_t *crowd,
     uint8_t *seen, struct hg_lod_piece *piece, struct hg_lod_product *product)

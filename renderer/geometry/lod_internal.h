@@ -57,8 +57,7 @@ void hg_lod_mesh_finish(struct hg_lod_mesh *mesh, struct hg_lod_budget *budget);
 uint32_t hg_lod_attributes(
     const struct hg_lod_format *format, const uint32_t *words, float out[HG_LOD_ATTRIBUTES]);
 
-// ---- cutting triangles into clusters
-// --------------------------------------------------------------
+// ---- cutting triangles into clusters ------------------------------------------------------------
 
 // Reorders triangles so that consecutive ranges are compact clusters.
 //
@@ -76,8 +75,7 @@ static inline uint32_t hg_lod_cut_bound(uint32_t count)
     return (count + HG_LOD_CLUSTER_TRIANGLES - 1) / HG_LOD_CLUSTER_TRIANGLES * 2 + 1;
 }
 
-// ---- grouping clusters
-// ---------------------------------------------------------------------------
+// ---- grouping clusters --------------------------------------------------------------------------
 
 struct hg_lod_pool { // the clusters that make up the surface at one level
     uint32_t count;
@@ -98,8 +96,7 @@ enum hg_status hg_lod_partition(const struct hg_lod_mesh *mesh, const struct hg_
 // 30-bit Morton code of a point in a box.
 uint32_t hg_lod_morton(const float point[3], const float min[3], const float max[3]);
 
-// ---- simplification
-// ------------------------------------------------------------------------------
+// ---- simplification -----------------------------------------------------------------------------
 
 #define HG_LOD_SAMPLE_OPEN 1u // lies on an open edge: its distance is that to open edges
 #define HG_LOD_SAMPLE_SEAM 2u // several vertices at this position: attributes are not compared
@@ -141,8 +138,8 @@ struct hg_lod_patch {
     float scale;                     // lattice steps to units
     float unit;                      // metres
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
-    uint32_t (*triangles)[3];        // vertices; [0] HG_LOD_NONE: removed
-    uint32_t *next;                  // [triangle_count * 3] next corner at the same position
+    uint32_t (*triangles)[4];  // vertices, [3] unused; [0] HG_LOD_NONE: removed
+    uint32_t *next;            // [triangle_count * 4] corner after 4 triangle + k at its position
     uint32_t *head, *tail;           // [position_count] corners
     float (*point)[3];               // [position_count]
     uint32_t *global;                // [position_count] position of the mesh
@@ -163,8 +160,7 @@ uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); /
 // Measures the job's samples against what is left of the patch; returns the error in metres.
 float hg_lod_measure(const struct hg_lod_patch *patch);
 
-// ---- clusters and groups while they are built
-// -----------------------------------------------------
+// ---- clusters and groups while they are built ---------------------------------------------------
 
 // What the simplification of a group made (or the welded mesh): owns what its clusters point to.
 struct hg_lod_product {
@@ -223,8 +219,7 @@ enum hg_status hg_lod_first_pieces(const struct hg_lod_mesh *mesh, const uint32_
 enum hg_status hg_lod_first_samples(const struct hg_lod_mesh *mesh, const uint8_t *open,
     struct hg_lod_pieces *pieces) HG_MUST_CHECK;
 
-// ---- chunks
-// --------------------------------------------------------------------------------------
+// ---- chunks -------------------------------------------------------------------------------------
 
 #define HG_LOD_PLANES 16 // components of a vertex, at most: position 3, looks 12, one to spare
 
@@ -273,8 +268,7 @@ enum hg_status hg_lod_decode_payload(const struct hg_lod_format *format,
 void hg_lod_layout_of(const struct hg_lod_format *format, const struct hg_lod_chunk *chunk,
     struct hg_lod_layout *out);
 
-// ---- file
-// ----------------------------------------------------------------------------------------
+// ---- file ---------------------------------------------------------------------------------------
 
 // What hg_lod_open makes; the public part comes first.
 struct hg_lod_file {

@@ -8,8 +8,7 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod_internal.h"
 
-// ---- parents
-// -------------------------------------------------------------------------------------
+// ---- parents ------------------------------------------------------------------------------------
 
 // Clusters are in the order of their groups, so the parents of each group come out sorted.
 static void count_parents(struct hg_lod_file *f, uint32_t *last, bool fill)
@@ -50,8 +49,7 @@ static enum hg_status link_parents(struct hg_lod_file *f)
     return f->parents != NULL ? HG_OK : HG_E_NOMEM;
 }
 
-// ---- nodes
-// ---------------------------------------------------------------------------------------
+// ---- nodes --------------------------------------------------------------------------------------
 
 static void start_box(struct hg_lod_node *n)
 {

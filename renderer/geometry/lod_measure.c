@@ -90,8 +90,8 @@ static void visit_around(
     const struct hg_lod_patch *p, uint32_t position, const float at[3], struct nearest *best)
 {
     for (uint32_t c = p->head[position]; c != HG_LOD_NONE; c = p->next[c])
-        if (p->triangles[c / 3][0] != HG_LOD_NONE)
-            visit(p, c / 3, at, best);
+        if (p->triangles[c / 4][0] != HG_LOD_NONE)
+            visit(p, c / 4, at, best);
 }
 
 // The walk. *anchor is the position to begin at and becomes the nearest corner.
@@ -121,8 +121,7 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
     return best;
 }
 
-// ---- open edges
-// ----------------------------------------------------------------------------------
+// ---- open edges ---------------------------------------------------------------------------------
 
 static bool may_be_open(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
 {
@@ -137,7 +136,7 @@ static uint32_t edge_uses(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
 {
     uint32_t n = 0;
     for (uint32_t c = p->head[a]; c != HG_LOD_NONE; c = p->next[c]) {
-        const uint32_t *t = p->triangles[c / 3];
+        const uint32_t *t = p->triangles[c / 4];
         if (t[0] == HG_LOD_NONE)
             continue;
         for (int k = 0; k < 3; k++)
@@ -164,7 +163,7 @@ static float open_distance2(const struct hg_lod_patch *p, uint32_t anchor, const
 {
     float best = INFINITY;
     for (uint32_t c = p->head[anchor]; c != HG_LOD_NONE; c = p->next[c]) {
-        const uint32_t *t = p->triangles[c / 3];
+        const uint32_t *t = p->triangles[c / 4];
         for (int k = 0; t[0] != HG_LOD_NONE && k < 3; k++) {
             const uint32_t a = p->position_of[t[k]], b = p->position_of[t[(k + 1) % 3]];
             const float d = segment_distance2(at, p->point[a], p->point[b]);
@@ -175,8 +174,7 @@ static float open_distance2(const struct hg_lod_patch *p, uint32_t anchor, const
     return best;
 }
 
-// ---- attributes
-// ----------------------------------------------------------------------------------
+// ---- attributes ---------------------------------------------------------------------------------
 
 static float looks_distance2(
     const struct hg_lod_patch *p, const struct hg_lod_sample *sample, const struct nearest *at)
@@ -204,35 +202,60 @@ static uint32_t survivor(const struct hg_lod_patch *p, uint32_t position)
     return position;
 }
 
-float hg_lod_measure(const struct hg_lod_patch *p)
+// A sample whose own position is still there lies on the surface.
+static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample *s, uint32_t anchor,
+    struct nearest *near)
+{
+    if (p->job->mesh->position_of[s->vertex] != p->global[anchor])
+        return false;
+    for (uint32_t c = p->head[anchor]; c != HG_LOD_NONE; c = p->next[c]) {
+        if (p->triangles[c / 4][0] == HG_LOD_NONE)
+            continue;
+        *near = (struct nearest){.distance2 = 0.0f, .triangle = c / 4};
+        near->weight[c % 4] = 1.0f;
+        return true;
+    }
+    return false;
+}
+
+// Brings one sample up to date; what it says about attributes goes to *looks.
+static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float *looks,
+    uint32_t *compared)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
-    float worst = 0.0f, looks = 0.0f;
-    uint32_t compared = 0;
-    for (uint32_t i = 0; i < p->job->sample_count; i++) {
-        struct hg_lod_sample *s = &p->job->samples[i];
-        uint32_t anchor = hg_lod_patch_find(p, s->anchor);
-        if (anchor == HG_LOD_NONE)
-            continue;
-        anchor = survivor(p, anchor);
+    uint32_t anchor = hg_lod_patch_find(p, s->anchor);
+    s->triangle = HG_LOD_NONE;
+    if (anchor == HG_LOD_NONE)
+        return;
+    anchor = survivor(p, anchor);
+    struct nearest near;
+    if (!still_there(p, s, anchor, &near)) {
         const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
         float at[3];
         for (int k = 0; k < 3; k++)
             at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
-        const struct nearest near = walk(p, at, &anchor);
-        float distance2 = near.distance2;
-        if (s->flags & HG_LOD_SAMPLE_OPEN) {
-            const float open = open_distance2(p, anchor, at);
-            distance2 = open < INFINITY ? open : distance2;
-        }
-        if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 &&
-            !(s->flags & HG_LOD_SAMPLE_SEAM)) {
-            looks += looks_distance2(p, s, &near);
-            compared++;
-        }
-        s->anchor = p->global[anchor] & 0x3fffffffu;
-        s->triangle = near.triangle;
-        s->distance = sqrtf(distance2) * p->unit;
+        near = walk(p, at, &anchor);
+        const float open =
+            s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
+        near.distance2 = open < INFINITY ? open : near.distance2;
+    }
+    if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 &&
+        !(s->flags & HG_LOD_SAMPLE_SEAM)) {
+        *looks += near.distance2 > 0.0f ? looks_distance2(p, s, &near) : 0.0f;
+        ++*compared;
+    }
+    s->triangle = near.triangle;
+    s->anchor = p->global[anchor] & 0x3fffffffu;
+    s->distance = sqrtf(near.distance2) * p->unit;
+}
+
+float hg_lod_measure(const struct hg_lod_patch *p)
+{
+    float worst = 0.0f, looks = 0.0f;
+    uint32_t compared = 0;
+    for (uint32_t i = 0; i < p->job->sample_count; i++) {
+        struct hg_lod_sample *s = &p->job->samples[i];
+        measure(p, s, &looks, &compared);
         worst = fmaxf(worst, s->distance);
     }
     const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->unit : 0.0f;

@@ -108,8 +108,7 @@ static enum hg_status find_links(struct graph *g, struct open_edge *edges, size_
     return status;
 }
 
-// ---- merging
-// -------------------------------------------------------------------------------------
+// ---- merging ------------------------------------------------------------------------------------
 
 struct candidate {
     float score;
@@ -235,8 +234,7 @@ static uint32_t merge_round(struct graph *g, uint32_t most)
     return merges;
 }
 
-// ---- order in space
-// ------------------------------------------------------------------------------
+// ---- order in space -----------------------------------------------------------------------------
 
 static uint32_t spread(float v)
 {
@@ -304,8 +302,7 @@ static void merge_places(struct graph *g, const struct place *places)
     end_round(g);
 }
 
-// ---- all of it
-// -----------------------------------------------------------------------------------
+// ---- all of it ----------------------------------------------------------------------------------
 
 static void mark_open(const struct open_edge *edges, size_t count, uint8_t *open)
 {

@@ -19,16 +19,18 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     while (table < corners)
         table *= 2;
     p->table_mask = (uint32_t)table - 1;
-    const size_t words = corners * (3 + 1 + 4 + 3 + 2 + attributes) + table;
+    const size_t words = (size_t)triangles * 8 + corners * (8 + 3 + attributes) + table;
     uint32_t *at = hg_calloc(words + corners / 4 + 4, 4);
     p->memory = at;
     if (at == NULL)
         return HG_E_NOMEM;
     p->table = at;
     at += table;
-    p->triangles = (uint32_t(*)[3])(void *)at;
-    at += corners;
-    uint32_t **arrays[] = {&p->next, &p->head, &p->tail, &p->global, &p->into, &p->vertex_first,
+    p->triangles = (uint32_t(*)[4])(void *)at;
+    at += (size_t)triangles * 4;
+    p->next = at;
+    at += (size_t)triangles * 4;
+    uint32_t **arrays[] = {&p->head, &p->tail, &p->global, &p->into, &p->vertex_first,
         &p->position_of, &p->vertex_next, &p->vertex_global};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
         *arrays[i] = at;
@@ -84,8 +86,8 @@ static void add_triangles(struct hg_lod_patch *p)
 {
     for (uint32_t t = 0; t < p->triangle_count; t++) {
         for (uint32_t k = 0; k < 3; k++) {
-            const uint32_t corner = t * 3 + k;
-            const uint32_t v = add_vertex(p, p->job->triangles[corner]);
+            const uint32_t corner = t * 4 + k;
+            const uint32_t v = add_vertex(p, p->job->triangles[(size_t)t * 3 + k]);
             const uint32_t position = p->position_of[v];
             p->triangles[t][k] = v;
             p->next[corner] = HG_LOD_NONE;

@@ -36,13 +36,13 @@ struct simplifier {
     uint32_t *target;                  // [position_count]
     uint32_t *heap, *place;            // place: in the heap, HG_LOD_NONE: not in it
     uint32_t heap_count;
-    uint32_t *stamp, now;
+    uint32_t *stamp, now; // [position_count] marks of a search
+    uint8_t *slot, *rim;  // [position_count] in the ring; has open edges
     bool permissive; // give up topology and open edges
     void *memory;
 };
 
-// ---- heap of positions by cost
-// -------------------------------------------------------------------
+// ---- heap of positions by cost ------------------------------------------------------------------
 
 static bool before(const struct simplifier *s, uint32_t a, uint32_t b)
 {
@@ -105,29 +105,12 @@ static void heap_set(struct simplifier *s, uint32_t p, float cost)
     sift_down(s, s->place[p]);
 }
 
-// ---- neighbours
-// ----------------------------------------------------------------------------------
-
-static void ring_add(struct ring *r, uint32_t p)
-{
-    for (uint32_t i = 0; i < r->count; i++) {
-        if (r->at[i] == p) {
-            r->uses[i] = (uint8_t)(r->uses[i] < 255 ? r->uses[i] + 1 : 255);
-            return;
-        }
-    }
-    if (r->count == RING_MAX) {
-        r->full = true;
-        return;
-    }
-    r->uses[r->count] = 1;
-    r->at[r->count++] = p;
-}
+// ---- neighbours ---------------------------------------------------------------------------------
 
 // Next corner of a live triangle from `corner` on; drops dead ones from the list.
 static uint32_t live_corner(const struct hg_lod_patch *p, uint32_t corner)
 {
-    while (corner != HG_LOD_NONE && p->triangles[corner / 3][0] == HG_LOD_NONE)
+    while (corner != HG_LOD_NONE && p->triangles[corner / 4][0] == HG_LOD_NONE)
         corner = p->next[corner];
     return corner;
 }
@@ -138,30 +121,49 @@ static uint32_t live_corner(const struct hg_lod_patch *p, uint32_t corner)
 
 static void corner_vertices(const struct hg_lod_patch *p, uint32_t corner, uint32_t v[3])
 {
-    const uint32_t *t = p->triangles[corner / 3];
-    const uint32_t k = corner % 3;
+    const uint32_t *t = p->triangles[corner / 4];
+    const uint32_t k = corner % 4;
     v[0] = t[k];
     v[1] = t[k == 2 ? 0 : k + 1];
     v[2] = t[k == 0 ? 2 : k - 1];
 }
 
-static void gather(const struct hg_lod_patch *p, uint32_t position, struct ring *r)
+// stamp[] says which neighbours the ring has already, slot[] where.
+static void ring_add(struct simplifier *s, struct ring *r, uint32_t p)
 {
+    if (s->stamp[p] == s->now) {
+        uint8_t *uses = &r->uses[s->slot[p]];
+        *uses = (uint8_t)(*uses < 255 ? *uses + 1 : 255);
+        return;
+    }
+    if (r->count == RING_MAX) {
+        r->full = true;
+        return;
+    }
+    s->stamp[p] = s->now;
+    s->slot[p] = (uint8_t)r->count;
+    r->uses[r->count] = 1;
+    r->at[r->count++] = p;
+}
+
+static void gather(struct simplifier *s, uint32_t position, struct ring *r)
+{
+    const struct hg_lod_patch *p = &s->patch;
     r->count = r->odd = 0;
     r->full = false;
+    s->now++;
     FOR_CORNERS(p, position, c)
     {
         uint32_t v[3];
         corner_vertices(p, c, v);
-        ring_add(r, p->position_of[v[1]]);
-        ring_add(r, p->position_of[v[2]]);
+        ring_add(s, r, p->position_of[v[1]]);
+        ring_add(s, r, p->position_of[v[2]]);
     }
     for (uint32_t i = 0; i < r->count; i++)
         r->odd += r->uses[i] != 2;
 }
 
-// ---- quadrics
-// ------------------------------------------------------------------------------------
+// ---- quadrics -----------------------------------------------------------------------------------
 
 static void sub(const float a[3], const float b[3], double out[3])
 {
@@ -271,7 +273,7 @@ static void add_edges(struct simplifier *s, uint32_t position)
 {
     const struct hg_lod_patch *p = &s->patch;
     struct ring r;
-    gather(p, position, &r);
+    gather(s, position, &r);
     const bool seam = p->vertex_next[p->vertex_first[position]] != HG_LOD_NONE;
     if (r.odd == 0 && !seam)
         return;
@@ -298,8 +300,7 @@ static void add_edges(struct simplifier *s, uint32_t position)
     }
 }
 
-// ---- cost of a collapse
-// --------------------------------------------------------------------------
+// ---- cost of a collapse -------------------------------------------------------------------------
 
 static double distance_of_looks(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
 {
@@ -368,8 +369,8 @@ static bool turns(const struct hg_lod_patch *p, uint32_t corner, const float to[
     sub(to, b, new1);
     cross(e, old1, n0);
     cross(e, new1, n1);
-    const double along = dot(n0, n1);
-    return along <= (double)cosine * sqrt(dot(n0, n0) * dot(n1, n1));
+    const double along = dot(n0, n1), limit = (double)(cosine * cosine);
+    return along <= 0.0 || along * along <= limit * dot(n0, n0) * dot(n1, n1);
 }
 
 // Positions that are neighbours of both ends must be those of the triangles at the edge (the link
@@ -422,24 +423,31 @@ static bool falls_flat(const struct hg_lod_patch *p, uint32_t corner, uint32_t t
 static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
 {
     const struct hg_lod_patch *p = &s->patch;
-    uint32_t lost = 0, left = 0;
+    uint32_t lost = 0, left = 0, last = HG_LOD_NONE;
     FOR_CORNERS(p, from, c)
     {
         uint32_t v[3];
         corner_vertices(p, c, v);
-        if (p->position_of[v[1]] == to || p->position_of[v[2]] == to)
+        if (p->position_of[v[1]] == to || p->position_of[v[2]] == to) {
             lost++;
-        else if (turns(p, c, p->point[to], s->permissive ? FLIP_LOOSE : FLIP_COSINE) ||
-                 (!s->permissive && falls_flat(p, c, to)))
+            continue;
+        }
+        if (turns(p, c, p->point[to], s->permissive ? FLIP_LOOSE : FLIP_COSINE))
             return false;
-        else
-            left++;
+        left++;
+        last = c;
     }
     if (s->permissive)
         return lost < p->live;
+    if (!keeps_topology(s, from, to))
+        return false;
+    if (left > 1)
+        return true;
     FOR_CORNERS(p, to, c)
     left++;
-    return left > lost && keeps_topology(s, from, to); // something of the piece must be left
+    // Something of the piece must be left, and not flat: with three triangles around `from` the
+    // last one may fall on one of `to`.
+    return left > lost && (last == HG_LOD_NONE || !falls_flat(p, last, to));
 }
 
 // Finds the best collapse of a position; with `check` only among valid ones.
@@ -449,7 +457,7 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
     struct ring r;
     if (p->fixed[from] || p->into[from] != from)
         return;
-    gather(p, from, &r);
+    gather(s, from, &r);
     float best = INFINITY;
     uint32_t target = HG_LOD_NONE;
     for (uint32_t i = 0; i < r.count && !r.full; i++) {
@@ -463,14 +471,14 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
         }
     }
     s->target[from] = target;
+    s->rim[from] = r.odd > 0;
     if (target == HG_LOD_NONE)
         heap_remove(s, from);
     else
         heap_set(s, from, best);
 }
 
-// ---- the collapse
-// --------------------------------------------------------------------------------
+// ---- the collapse -------------------------------------------------------------------------------
 
 static void merge_looks(struct simplifier *s, uint32_t from, uint32_t to)
 {
@@ -503,13 +511,13 @@ static void move_triangles(struct simplifier *s, uint32_t from, uint32_t to)
         uint32_t v[3], i = 0;
         corner_vertices(p, c, v);
         if (p->position_of[v[1]] == to || p->position_of[v[2]] == to) {
-            p->triangles[c / 3][0] = HG_LOD_NONE;
+            p->triangles[c / 4][0] = HG_LOD_NONE;
             p->live--;
             continue;
         }
         while (i + 1 < n && old[i] != v[0])
             i++;
-        p->triangles[c / 3][c % 3] = become[i];
+        p->triangles[c / 4][c % 4] = become[i];
     }
     if (p->head[from] != HG_LOD_NONE) {
         p->next[p->tail[to]] = p->head[from];
@@ -518,17 +526,34 @@ static void move_triangles(struct simplifier *s, uint32_t from, uint32_t to)
     }
 }
 
+// A neighbour of what was collapsed has other collapses to choose from now: `to` instead of `from`.
+static void update(struct simplifier *s, uint32_t position, uint32_t from, uint32_t to)
+{
+    if (s->patch.fixed[position])
+        return;
+    if (position == to || s->target[position] == from || s->target[position] == HG_LOD_NONE ||
+        s->rim[position] || s->permissive) {
+        evaluate(s, position, false);
+        return;
+    }
+    const float cost = collapse_cost(s, position, to);
+    if (cost >= s->cost[position])
+        return;
+    s->target[position] = to;
+    heap_set(s, position, cost);
+}
+
 static void collapse(struct simplifier *s, uint32_t from, uint32_t to)
 {
     struct hg_lod_patch *p = &s->patch;
     struct ring r;
-    gather(p, from, &r);
+    gather(s, from, &r);
     heap_remove(s, from);
     move_triangles(s, from, to);
     hg_lod_quadric_add(&s->shape[to], &s->shape[from]);
     p->into[from] = to;
     for (uint32_t i = 0; i < r.count; i++)
-        evaluate(s, r.at[i], false);
+        update(s, r.at[i], from, to);
 }
 
 static uint32_t vertices_at(const struct hg_lod_patch *p, uint32_t position)
@@ -557,7 +582,7 @@ static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
     const size_t n = p->position_count, v = p->vertex_count;
-    const size_t bytes = n * (sizeof *s->shape + 20) + v * sizeof *s->looks +
+    const size_t bytes = n * (sizeof *s->shape + 22) + v * sizeof *s->looks +
                          v * p->attribute_count * sizeof *s->gradients;
     uint8_t *at = hg_calloc(1, bytes + 64);
     s->memory = at;
@@ -571,6 +596,8 @@ static enum hg_status prepare(struct simplifier *s)
     s->heap = (uint32_t *)(void *)(at += n * 4);
     s->place = (uint32_t *)(void *)(at += n * 4);
     s->stamp = (uint32_t *)(void *)(at += n * 4);
+    s->slot = at += n * 4;
+    s->rim = at + n;
     memset(s->place, 0xff, n * 4);
     for (uint32_t t = 0; t < p->triangle_count; t++)
         add_triangle(s, t);

@@ -57,8 +57,7 @@ void hg_lod_format_set(struct hg_lod_format *f, uint32_t flags, bool has_uv)
                      (flags & HG_DRAW_COLOR16 ? 2u : 0u);
 }
 
-// ---- checks
-// --------------------------------------------------------------------------------------
+// ---- checks -------------------------------------------------------------------------------------
 
 static bool finite_all(const float *values, uint64_t count)
 {
@@ -89,8 +88,7 @@ static enum hg_status check(const struct hg_mesh_part *part, struct hg_error *er
     return HG_OK;
 }
 
-// ---- lattice steps
-// -------------------------------------------------------------------------------
+// ---- lattice steps ------------------------------------------------------------------------------
 
 static int compare_floats(const void *a, const void *b)
 {
@@ -172,8 +170,7 @@ static void choose_steps(const struct hg_mesh_part *part, const struct hg_lod_pa
             fmaxf(power_below(fmaxf(uv_step, 0x1p-20f)), power_for(uv_max, HG_LOD_LATTICE_MAX));
 }
 
-// ---- attributes
-// ----------------------------------------------------------------------------------
+// ---- attributes ---------------------------------------------------------------------------------
 
 static void octahedral(const float v[3], int32_t steps, int32_t out[2])
 {
@@ -254,8 +251,7 @@ uint32_t hg_lod_attributes(
     return n;
 }
 
-// ---- welding
-// -------------------------------------------------------------------------------------
+// ---- welding ------------------------------------------------------------------------------------
 
 static uint32_t mix(uint32_t h, uint32_t v)
 {

@@ -64,8 +64,7 @@ static const float *corner(const struct baked *b, uint32_t cluster, uint32_t ind
     return positions + (size_t)indices[c->first_index + index] * 3;
 }
 
-// ---- structure
-// -----------------------------------------------------------------------------------
+// ---- structure ----------------------------------------------------------------------------------
 
 static float distance(const float a[3], const float b[3])
 {
@@ -137,8 +136,7 @@ static void check_structure(const struct baked *b)
     hg_free(seen);
 }
 
-// ---- cuts
-// ----------------------------------------------------------------------------------------
+// ---- cuts ---------------------------------------------------------------------------------------
 
 struct edge {
     float a[3], b[3];
