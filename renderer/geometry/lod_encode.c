@@ -74,7 +74,7 @@ static void order_cluster(const uint32_t *in, uint32_t count, uint32_t *out)
         }
         local[i] = table[slot] - 1;
     }
-    meshopt_optimizeVertexCache(sorted, local, (size_t)count * 3, n);
+    meshopt_optimizeVertexCacheFifo(sorted, local, (size_t)count * 3, n, 16);
     for (uint32_t i = 0; i < count * 3; i++)
         out[i] = vertices[sorted[i]];
 }

@@ -7,10 +7,10 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod_internal.h"
 
-#define SAMPLES_PER_PIECE 64u
-#define ENOUGH_NUM        17u // a group is worth a level if at most 17/20 of it is left
-#define ENOUGH_DEN        20u
-#define ROOM              1e-5f // of spheres for rounding, against size and coordinates
+#define ENOUGH_NUM      17u // a group is worth a level if at most 17/20 of it is left
+#define ENOUGH_DEN      20u
+#define SAMPLING_MARGIN 1.1f  // what lies between samples may be a little farther away
+#define ROOM            1e-5f // of spheres for rounding, against size and coordinates
 
 void hg_lod_product_unref(struct hg_lod_product *product)
 {
@@ -86,8 +86,8 @@ static float least_cosine(const float (*normals)[3], uint32_t count, const float
     const float length = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
     float least = 1.0f;
     for (uint32_t t = 0; length > 0.0f && t < count; t++)
-        least = fminf(least,
-            (normals[t][0] * a[0] + normals[t][1] * a[1] + normals[t][2] * a[2]) / length);
+        least = fminf(
+            least, (normals[t][0] * a[0] + normals[t][1] * a[1] + normals[t][2] * a[2]) / length);
     return least;
 }
 
@@ -173,15 +173,15 @@ static int compare_samples(const void *left, const void *right)
 }
 
 // Keeps the farthest half of what may stay, and of the others every n-th.
-static uint32_t thin(struct hg_lod_sample *samples, uint32_t count)
+static uint32_t thin(struct hg_lod_sample *samples, uint32_t count, uint32_t most)
 {
-    if (count <= SAMPLES_PER_PIECE)
+    if (count <= most)
         return count;
-    const uint32_t top = SAMPLES_PER_PIECE / 2, rest = count - top;
+    const uint32_t top = most / 2, rest = count - top;
     qsort(samples, count, sizeof *samples, compare_samples);
-    for (uint32_t i = 0; i < SAMPLES_PER_PIECE - top; i++)
-        samples[top + i] = samples[top + (uint64_t)i * rest / (SAMPLES_PER_PIECE - top)];
-    return SAMPLES_PER_PIECE;
+    for (uint32_t i = 0; i < most - top; i++)
+        samples[top + i] = samples[top + (uint64_t)i * rest / (most - top)];
+    return most;
 }
 
 struct place {
@@ -218,7 +218,7 @@ static enum hg_status hand_out(struct hg_lod_group_job *job, const struct hg_lod
         uint32_t n = 0;
         for (; i < kept && order[i].piece == piece; i++)
             sorted[out + n++] = samples[order[i].sample];
-        n = thin(sorted + out, n);
+        n = thin(sorted + out, n, job->samples_per_piece);
         job->made[piece].samples = sorted + out;
         job->made[piece].sample_count = n;
         out += n;
@@ -282,7 +282,7 @@ static enum hg_status cut(
 static enum hg_status make_product(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
 {
     const uint32_t n = s->triangle_count, bound = hg_lod_cut_bound(n) + 1;
-    job->error = s->error;
+    job->error = s->error * SAMPLING_MARGIN;
     job->product = hg_calloc(1, sizeof *job->product);
     uint32_t *scratch = hg_calloc((size_t)n * 2 + bound, sizeof *scratch);
     uint32_t *small = hg_realloc(s->triangles, n, 12);

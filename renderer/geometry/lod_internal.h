@@ -138,14 +138,15 @@ struct hg_lod_patch {
     float scale;                     // lattice steps to units
     float unit;                      // metres
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
-    uint32_t (*triangles)[4];  // vertices, [3] unused; [0] HG_LOD_NONE: removed
-    uint32_t *next;            // [triangle_count * 4] corner after 4 triangle + k at its position
-    uint32_t *head, *tail;           // [position_count] corners
-    float (*point)[3];               // [position_count]
-    uint32_t *global;                // [position_count] position of the mesh
-    uint32_t *into;                  // [position_count] where it was collapsed to; itself: alive
-    uint8_t *fixed;                  // [position_count]
-    uint32_t *vertex_first;          // [position_count] ring of vertices
+    uint32_t (*triangles)[4];        // vertices, [3] unused; [0] HG_LOD_NONE: removed
+    uint32_t (*places)[4];           // their positions
+    uint32_t *next;         // [triangle_count * 4] corner after 4 triangle + k at its position
+    uint32_t *head, *tail;  // [position_count] corners
+    float (*point)[3];      // [position_count]
+    uint32_t *global;       // [position_count] position of the mesh
+    uint32_t *into;         // [position_count] where it was collapsed to; itself: alive
+    uint8_t *fixed;         // [position_count]
+    uint32_t *vertex_first; // [position_count] ring of vertices
     uint32_t *position_of, *vertex_next, *vertex_global; // [vertex_count]
     float *attributes; // [vertex_count * attribute_count], times weight
     uint32_t *table;   // positions by hash of `global`
@@ -203,6 +204,7 @@ struct hg_lod_group_job {
     const struct hg_lod_piece *pieces; // all of the pool
     const uint32_t *members;           // [member_count] of them
     uint32_t member_count;
+    uint32_t samples_per_piece; // that are handed on, at most
     // Out. No product: the group could not be simplified enough.
     struct hg_lod_product *product;
     struct hg_lod_piece *made; // [made_count]

@@ -71,11 +71,11 @@ static void closest(const float ab[3], const float ac[3], const float ap[3], flo
 static void visit(
     const struct hg_lod_patch *p, uint32_t triangle, const float at[3], struct nearest *best)
 {
-    const uint32_t *t = p->triangles[triangle];
-    const float *a = p->point[p->position_of[t[0]]];
+    const uint32_t *t = p->places[triangle];
+    const float *a = p->point[t[0]];
     float ab[3], ac[3], ap[3], wb, wc, gap[3];
-    sub(p->point[p->position_of[t[1]]], a, ab);
-    sub(p->point[p->position_of[t[2]]], a, ac);
+    sub(p->point[t[1]], a, ab);
+    sub(p->point[t[2]], a, ac);
     sub(at, a, ap);
     closest(ab, ac, ap, &wb, &wc);
     for (int k = 0; k < 3; k++)
@@ -106,7 +106,7 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
         int corner = 0;
         for (int k = 1; k < 3; k++)
             corner = best.weight[k] > best.weight[corner] ? k : corner;
-        const uint32_t to = p->position_of[p->triangles[best.triangle][corner]];
+        const uint32_t to = p->places[best.triangle][corner];
         if (to == *anchor)
             break;
         *anchor = to;
@@ -117,7 +117,7 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
         if (p->triangles[t][0] != HG_LOD_NONE)
             visit(p, t, at, &best);
     if (best.triangle != HG_LOD_NONE)
-        *anchor = p->position_of[p->triangles[best.triangle][0]];
+        *anchor = p->places[best.triangle][0];
     return best;
 }
 
@@ -140,7 +140,7 @@ static uint32_t edge_uses(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
         if (t[0] == HG_LOD_NONE)
             continue;
         for (int k = 0; k < 3; k++)
-            n += p->position_of[t[k]] == b;
+            n += p->places[c / 4][k] == b;
     }
     return n;
 }
@@ -165,7 +165,7 @@ static float open_distance2(const struct hg_lod_patch *p, uint32_t anchor, const
     for (uint32_t c = p->head[anchor]; c != HG_LOD_NONE; c = p->next[c]) {
         const uint32_t *t = p->triangles[c / 4];
         for (int k = 0; t[0] != HG_LOD_NONE && k < 3; k++) {
-            const uint32_t a = p->position_of[t[k]], b = p->position_of[t[(k + 1) % 3]];
+            const uint32_t a = p->places[c / 4][k], b = p->places[c / 4][(k + 1) % 3];
             const float d = segment_distance2(at, p->point[a], p->point[b]);
             if (d < best && may_be_open(p, a, b) && edge_uses(p, a, b) == 1)
                 best = d;
@@ -203,8 +203,8 @@ static uint32_t survivor(const struct hg_lod_patch *p, uint32_t position)
 }
 
 // A sample whose own position is still there lies on the surface.
-static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample *s, uint32_t anchor,
-    struct nearest *near)
+static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample *s,
+    uint32_t anchor, struct nearest *near)
 {
     if (p->job->mesh->position_of[s->vertex] != p->global[anchor])
         return false;
@@ -219,8 +219,8 @@ static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample
 }
 
 // Brings one sample up to date; what it says about attributes goes to *looks.
-static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float *looks,
-    uint32_t *compared)
+static void measure(
+    const struct hg_lod_patch *p, struct hg_lod_sample *s, float *looks, uint32_t *compared)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
     uint32_t anchor = hg_lod_patch_find(p, s->anchor);
@@ -235,8 +235,7 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
         for (int k = 0; k < 3; k++)
             at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
         near = walk(p, at, &anchor);
-        const float open =
-            s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
+        const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
         near.distance2 = open < INFINITY ? open : near.distance2;
     }
     if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 &&

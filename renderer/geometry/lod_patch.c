@@ -19,7 +19,7 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     while (table < corners)
         table *= 2;
     p->table_mask = (uint32_t)table - 1;
-    const size_t words = (size_t)triangles * 8 + corners * (8 + 3 + attributes) + table;
+    const size_t words = (size_t)triangles * 12 + corners * (8 + 3 + attributes) + table;
     uint32_t *at = hg_calloc(words + corners / 4 + 4, 4);
     p->memory = at;
     if (at == NULL)
@@ -27,6 +27,8 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     p->table = at;
     at += table;
     p->triangles = (uint32_t(*)[4])(void *)at;
+    at += (size_t)triangles * 4;
+    p->places = (uint32_t(*)[4])(void *)at;
     at += (size_t)triangles * 4;
     p->next = at;
     at += (size_t)triangles * 4;
@@ -90,6 +92,7 @@ static void add_triangles(struct hg_lod_patch *p)
             const uint32_t v = add_vertex(p, p->job->triangles[(size_t)t * 3 + k]);
             const uint32_t position = p->position_of[v];
             p->triangles[t][k] = v;
+            p->places[t][k] = position;
             p->next[corner] = HG_LOD_NONE;
             if (p->tail[position] == HG_LOD_NONE)
                 p->head[position] = corner;
@@ -108,8 +111,8 @@ static void set_frame(struct hg_lod_patch *p)
     double sum = 0.0;
     for (uint32_t t = 0; t < p->triangle_count; t++) {
         for (uint32_t k = 0; k < 3; k++) {
-            const int32_t *a = m->lattice[p->global[p->position_of[p->triangles[t][k]]]];
-            const int32_t *b = m->lattice[p->global[p->position_of[p->triangles[t][(k + 1) % 3]]]];
+            const int32_t *a = m->lattice[p->global[p->places[t][k]]];
+            const int32_t *b = m->lattice[p->global[p->places[t][(k + 1) % 3]]];
             const double d[3] = {
                 (double)(a[0] - b[0]), (double)(a[1] - b[1]), (double)(a[2] - b[2])};
             sum += sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -130,7 +133,7 @@ static float uv_scale(const struct hg_lod_patch *p, uint32_t first)
     for (uint32_t t = 0; t < p->triangle_count; t++) {
         const float *c[3], *a[3];
         for (int k = 0; k < 3; k++) {
-            c[k] = p->point[p->position_of[p->triangles[t][k]]];
+            c[k] = p->point[p->places[t][k]];
             a[k] = p->attributes + (size_t)p->triangles[t][k] * p->attribute_count + first;
         }
         float e[2][3], n[3];

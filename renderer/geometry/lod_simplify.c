@@ -38,7 +38,7 @@ struct simplifier {
     uint32_t heap_count;
     uint32_t *stamp, now; // [position_count] marks of a search
     uint8_t *slot, *rim;  // [position_count] in the ring; has open edges
-    bool permissive; // give up topology and open edges
+    bool permissive;      // give up topology and open edges
     void *memory;
 };
 
@@ -119,6 +119,17 @@ static uint32_t live_corner(const struct hg_lod_patch *p, uint32_t corner)
     for (uint32_t c = live_corner(patch, (patch)->head[position]); c != HG_LOD_NONE;               \
          c = live_corner(patch, (patch)->next[c]))
 
+// Positions of the corner and of the next two.
+static void corner_places(const struct hg_lod_patch *p, uint32_t corner, uint32_t at[3])
+{
+    static const uint8_t turn[3][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}};
+    const uint32_t *t = p->places[corner / 4];
+    const uint8_t *k = turn[corner % 4];
+    at[0] = t[k[0]];
+    at[1] = t[k[1]];
+    at[2] = t[k[2]];
+}
+
 static void corner_vertices(const struct hg_lod_patch *p, uint32_t corner, uint32_t v[3])
 {
     const uint32_t *t = p->triangles[corner / 4];
@@ -152,13 +163,21 @@ static void gather(struct simplifier *s, uint32_t position, struct ring *r)
     r->count = r->odd = 0;
     r->full = false;
     s->now++;
-    FOR_CORNERS(p, position, c)
-    {
-        uint32_t v[3];
-        corner_vertices(p, c, v);
-        ring_add(s, r, p->position_of[v[1]]);
-        ring_add(s, r, p->position_of[v[2]]);
+    uint32_t *link = &s->patch.head[position], last = HG_LOD_NONE;
+    while (*link != HG_LOD_NONE) {
+        const uint32_t c = *link;
+        if (p->triangles[c / 4][0] == HG_LOD_NONE) {
+            *link = p->next[c]; // drop it
+            continue;
+        }
+        uint32_t at[3];
+        corner_places(p, c, at);
+        ring_add(s, r, at[1]);
+        ring_add(s, r, at[2]);
+        last = c;
+        link = &p->next[c];
     }
+    s->patch.tail[position] = last;
     for (uint32_t i = 0; i < r->count; i++)
         r->odd += r->uses[i] != 2;
 }
@@ -360,12 +379,12 @@ static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t t
 
 static bool turns(const struct hg_lod_patch *p, uint32_t corner, const float to[3], float cosine)
 {
-    uint32_t v[3];
-    corner_vertices(p, corner, v);
-    const float *b = p->point[p->position_of[v[1]]], *c = p->point[p->position_of[v[2]]];
+    uint32_t at[3];
+    corner_places(p, corner, at);
+    const float *b = p->point[at[1]], *c = p->point[at[2]];
     double e[3], old1[3], new1[3], n0[3], n1[3];
     sub(c, b, e);
-    sub(p->point[p->position_of[v[0]]], b, old1);
+    sub(p->point[at[0]], b, old1);
     sub(to, b, new1);
     cross(e, old1, n0);
     cross(e, new1, n1);
@@ -382,19 +401,19 @@ static bool keeps_topology(struct simplifier *s, uint32_t from, uint32_t to)
     uint32_t shared = 0, common = 0;
     FOR_CORNERS(p, from, c)
     {
-        uint32_t v[3];
-        corner_vertices(p, c, v);
-        const uint32_t a = p->position_of[v[1]], b = p->position_of[v[2]];
+        uint32_t at[3];
+        corner_places(p, c, at);
+        const uint32_t a = at[1], b = at[2];
         shared += a == to || b == to;
         s->stamp[a] = s->stamp[b] = near;
     }
     s->stamp[to] = 0;
     FOR_CORNERS(p, to, c)
     {
-        uint32_t v[3];
-        corner_vertices(p, c, v);
+        uint32_t at[3];
+        corner_places(p, c, at);
         for (int k = 1; k < 3; k++) {
-            const uint32_t a = p->position_of[v[k]];
+            const uint32_t a = at[k];
             common += s->stamp[a] == near;
             if (s->stamp[a] == near)
                 s->stamp[a] = 0;
@@ -407,13 +426,13 @@ static bool keeps_topology(struct simplifier *s, uint32_t from, uint32_t to)
 static bool falls_flat(const struct hg_lod_patch *p, uint32_t corner, uint32_t to)
 {
     uint32_t v[3];
-    corner_vertices(p, corner, v);
-    const uint32_t a = p->position_of[v[1]], b = p->position_of[v[2]];
+    corner_places(p, corner, v);
+    const uint32_t a = v[1], b = v[2];
     FOR_CORNERS(p, to, c)
     {
         uint32_t w[3];
-        corner_vertices(p, c, w);
-        const uint32_t x = p->position_of[w[1]], y = p->position_of[w[2]];
+        corner_places(p, c, w);
+        const uint32_t x = w[1], y = w[2];
         if ((x == a && y == b) || (x == b && y == a))
             return true;
     }
@@ -427,8 +446,8 @@ static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
     FOR_CORNERS(p, from, c)
     {
         uint32_t v[3];
-        corner_vertices(p, c, v);
-        if (p->position_of[v[1]] == to || p->position_of[v[2]] == to) {
+        corner_places(p, c, v);
+        if (v[1] == to || v[2] == to) {
             lost++;
             continue;
         }
@@ -518,6 +537,7 @@ static void move_triangles(struct simplifier *s, uint32_t from, uint32_t to)
         while (i + 1 < n && old[i] != v[0])
             i++;
         p->triangles[c / 4][c % 4] = become[i];
+        p->places[c / 4][c % 4] = to;
     }
     if (p->head[from] != HG_LOD_NONE) {
         p->next[p->tail[to]] = p->head[from];

@@ -1,5 +1,5 @@
 // lod_bake.c - bakes every triangle part of an asset and says what it cost:
-//     bench_lod_bake FILE [THREADS]
+//     bench_lod_bake FILE|terrain:CELLS [THREADS]
 // One line per part and one of totals; decoded and checked chunk by chunk.
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "renderer/geometry/lod.h"
 #include "renderer/scene/load.h"
+#include "tests/unit/lod_meshes.h"
 
 static double cpu_seconds(void)
 {
@@ -97,20 +98,14 @@ static int bake(const struct hg_mesh_part *part, struct hg_jobs *jobs)
     return failed;
 }
 
-int main(int argc, char **argv)
+static int bake_asset(const char *path, struct hg_jobs *jobs)
 {
     struct hg_asset *asset = NULL;
     struct hg_error err = {0};
-    if (argc < 2) {
-        fprintf(stderr, "usage: bench_lod_bake FILE [THREADS]\n");
-        return 2;
-    }
-    const unsigned threads = argc > 2 ? (unsigned)atoi(argv[2]) : 1;
-    struct hg_jobs *jobs = hg_jobs_create(threads);
     const struct hg_load_params params = {
-        .path = argv[1], .asset_number = 1, .scene_index = -1, .jobs = jobs};
+        .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
     const uint64_t start = hg_clock_now_ns();
-    if (jobs == NULL || hg_load_asset(&params, &asset, &err) != HG_OK) {
+    if (hg_load_asset(&params, &asset, &err) != HG_OK) {
         fprintf(stderr, "%s: %s\n", err.what, err.reason);
         return 3;
     }
@@ -121,6 +116,26 @@ int main(int argc, char **argv)
             if (hg_lod_can_bake(&asset->meshes[m]->parts[p], asset->meshes[m]->target_count))
                 failed |= bake(&asset->meshes[m]->parts[p], jobs);
     hg_asset_destroy(asset);
+    return failed;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc < 2) {
+        fprintf(stderr, "usage: bench_lod_bake FILE|terrain:CELLS [THREADS]\n");
+        return 2;
+    }
+    struct hg_jobs *jobs = hg_jobs_create(argc > 2 ? (unsigned)atoi(argv[2]) : 1);
+    if (jobs == NULL)
+        return 1;
+    int failed;
+    if (strncmp(argv[1], "terrain:", 8) == 0) {
+        struct hg_mesh_part part = lod_terrain((uint32_t)atoi(argv[1] + 8));
+        failed = bake(&part, jobs);
+        lod_part_finish(&part);
+    } else {
+        failed = bake_asset(argv[1], jobs);
+    }
     hg_jobs_destroy(jobs);
     return failed;
 }
