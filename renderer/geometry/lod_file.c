@@ -298,7 +298,9 @@ enum hg_status hg_lod_read_tables(
     if (r.failed || !set_ranges(f) || !check_chunks(f) || !check_groups(f))
         return hg_error_set(
             err, HG_E_FORMAT, "cluster file", "tables", "they contradict themselves");
-    return hg_lod_link(f);
+    if (hg_lod_link(f) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "cluster file", NULL, "no memory");
+    return HG_OK;
 }
 
 // ---- opening ------------------------------------------------------------------------------------

@@ -43,20 +43,22 @@ static void set_box(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
         }
     }
     struct hg_lod_cluster *c = &piece->info;
-    float reach = 0.0f, farthest2 = 0.0f;
+    float reach = 0.0f;
+    double farthest2 = 0.0;
     for (int k = 0; k < 3; k++) {
         c->center[k] = 0.5f * min[k] + 0.5f * max[k];
         c->extent[k] = fmaxf(max[k] - c->center[k], c->center[k] - min[k]);
         reach = fmaxf(reach, fmaxf(fabsf(min[k]), fabsf(max[k])));
     }
     for (uint32_t i = 0; i < n; i++) {
-        float p[3], d2 = 0.0f;
+        float p[3];
+        double d2 = 0.0;
         position_of(m, piece->triangles[i], p);
         for (int k = 0; k < 3; k++)
-            d2 += (p[k] - c->center[k]) * (p[k] - c->center[k]);
-        farthest2 = fmaxf(farthest2, d2);
+            d2 += ((double)p[k] - c->center[k]) * ((double)p[k] - c->center[k]);
+        farthest2 = d2 > farthest2 ? d2 : farthest2;
     }
-    c->radius = sqrtf(farthest2) * (1.0f + ROOM) + reach * 1e-7f;
+    c->radius = (float)sqrt(farthest2) * (1.0f + ROOM) + reach * 1e-7f;
 }
 
 static bool unit_normal(const struct hg_lod_mesh *m, const uint32_t *t, float n[3])

@@ -96,13 +96,14 @@ static int compare_floats(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-// Length of a short edge (the tenth percentile of those with a length) of `width`-vectors.
+// Length of a short edge (the tenth percentile of those with a length) of `width`-vectors; negative
+// without memory.
 static float short_edge(const struct hg_mesh_part *part, const float *values, int width)
 {
     const uint32_t triangles = part->index_count / 3;
     float *lengths = hg_calloc(EDGE_SAMPLES + 3, sizeof *lengths);
     if (lengths == NULL)
-        return 0.0f;
+        return -1.0f;
     const uint32_t step = triangles * 3ull > EDGE_SAMPLES ? triangles / (EDGE_SAMPLES / 3) : 1;
     uint32_t count = 0;
     for (uint64_t t = 0; t < triangles && count < EDGE_SAMPLES; t += step) {
@@ -147,27 +148,31 @@ static float power_for(float max, int32_t lattice_max)
     return q;
 }
 
-static void choose_steps(const struct hg_mesh_part *part, const struct hg_lod_params *params,
-    struct hg_lod_format *format)
+static enum hg_status choose_steps(const struct hg_mesh_part *part,
+    const struct hg_lod_params *params, struct hg_lod_format *format)
 {
     const float least =
         power_for(largest(part->positions, part->vertex_count * 3ull), HG_LOD_LATTICE_MAX);
-    const float wanted = params->quantum > 0.0f
-                             ? params->quantum
-                             : short_edge(part, part->positions, 3) / EDGE_FRACTION;
-    format->quantum = fmaxf(power_below(wanted), least);
-    format->uv_quantum = 1.0f;
+    const float edge = short_edge(part, part->positions, 3);
+    const float wanted = params->quantum > 0.0f ? params->quantum : edge / EDGE_FRACTION;
     float uv_max = 0.0f, uv_step = 0x1p-12f;
+    if (edge < 0.0f)
+        return HG_E_NOMEM;
+    format->quantum = fmaxf(power_below(fminf(wanted, FLT_MAX)), least);
+    format->uv_quantum = 1.0f;
     for (int set = 0; set < 2; set++) {
         if (part->uv[set] == NULL)
             continue;
-        const float edge = short_edge(part, part->uv[set], 2);
-        uv_step = edge > 0.0f ? fminf(uv_step, edge / EDGE_FRACTION) : uv_step;
+        const float uv_edge = short_edge(part, part->uv[set], 2);
+        if (uv_edge < 0.0f)
+            return HG_E_NOMEM;
+        uv_step = uv_edge > 0.0f ? fminf(uv_step, uv_edge / EDGE_FRACTION) : uv_step;
         uv_max = fmaxf(uv_max, largest(part->uv[set], part->vertex_count * 2ull));
     }
     if (part->uv[0] != NULL || part->uv[1] != NULL)
         format->uv_quantum =
             fmaxf(power_below(fmaxf(uv_step, 0x1p-20f)), power_for(uv_max, HG_LOD_LATTICE_MAX));
+    return HG_OK;
 }
 
 // ---- attributes ---------------------------------------------------------------------------------
@@ -352,9 +357,9 @@ enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_
     uint32_t *remap = NULL;
     hg_lod_format_set(
         &out->format, layout.flags & ~(HG_DRAW_LINES | HG_DRAW_POINTS), part->uv[0] != NULL);
-    choose_steps(part, params, &out->format);
     const uint64_t word_count = (uint64_t)n * out->format.words;
-    if ((status = hg_lod_take(budget, size, 4, &w.positions)) != HG_OK ||
+    if ((status = choose_steps(part, params, &out->format)) != HG_OK ||
+        (status = hg_lod_take(budget, size, 4, &w.positions)) != HG_OK ||
         (status = hg_lod_take(budget, size, 4, &w.vertices)) != HG_OK ||
         (status = hg_lod_take(budget, n, 4, &remap)) != HG_OK ||
         (status = hg_lod_take(budget, n, sizeof *out->lattice, &out->lattice)) != HG_OK ||
