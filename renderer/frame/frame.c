@@ -166,32 +166,49 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 
 // --- draw ----------------------------------------------------------------------------------------
 
-// The frustum is a few pixels wider than the image, so that it holds every jittered sample.
-static enum hg_status cull(struct hg_view_state *view, struct hg_error *err)
+// The first set of draws is the camera's. Its frustum is a few pixels wider than the image, so that
+// it holds every jittered sample.
+static struct hg_visible_view camera_view(const struct hg_view_state *view)
 {
-    const uint64_t start = hg_clock_now_ns();
     const struct hg_gpu_camera *camera = &view->frame.camera;
-    struct hg_cull cull = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
-        .orthographic = camera->orthographic != 0};
+    const bool off = view->context->no_culling;
+    struct hg_visible_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
+        .forward = {camera->forward_ws.x, camera->forward_ws.y, camera->forward_ws.z},
+        .orthographic = camera->orthographic != 0,
+        .both_sides = off,
+        .history = !off && view->settings.debug == 0};
+    look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
     float m[16];
     memcpy(m, camera->view_proj.m, sizeof m);
     for (int c = 0; c < 4; c++) {
         m[c * 4] *= (float)view->settings.width / (float)(view->settings.width + 4);
         m[c * 4 + 1] *= (float)view->settings.height / (float)(view->settings.height + 4);
     }
-    if (!view->context->no_culling)
-        cull.plane_count = hg_cull_planes(m, cull.planes);
-    if (hg_geometry_cull(view->rooms->geometry, &cull, &view->ranges) != HG_OK)
-        return hg_error_set(err, HG_E_NOMEM, "culling", NULL, "out of host memory");
-    view->draws_drawn = view->ranges.draws;
-    view->triangles_drawn = view->ranges.triangles;
-    hg_view_add_stage(view, "cull", hg_clock_now_ns() - start);
-    return HG_OK;
+    if (!off)
+        look.plane_count = hg_cull_planes(m, look.planes);
+    return look;
 }
 
-static bool has_blend(const struct hg_draw_ranges *ranges)
+static enum hg_status cull(struct hg_view_state *view, struct hg_error *err)
 {
-    return ranges->class_first[HG_DRAW_CLASS_BLEND + 1] > ranges->class_first[HG_DRAW_CLASS_BLEND];
+    const uint64_t start = hg_clock_now_ns();
+    struct hg_jobs *jobs = view->context->jobs;
+    const struct hg_visible_view look = camera_view(view);
+    hg_visible_reset(view->visible);
+    enum hg_status status = hg_visible_add(view->visible, view->rooms->geometry, &look, jobs, err);
+    if (status == HG_OK && view->settings.debug == 0)
+        status = hg_shadow_select(
+            view->rooms->geometry, view->lighting, view->coarse, jobs, view->visible, err);
+    if (status == HG_OK)
+        status = hg_visible_upload(view->visible, jobs, err);
+    hg_view_add_stage(view, "cull", hg_clock_now_ns() - start);
+    return status;
+}
+
+static bool has_blend(const struct hg_view_state *view)
+{
+    const struct hg_visible_set *set = hg_visible_set(view->visible, 0);
+    return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
 }
 
 static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
@@ -221,11 +238,12 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
 static enum hg_status record_layers(
     struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
 {
+    const struct hg_visibility_scene scene = {view->visible, 0};
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < HG_VIEW_MAX_LAYERS && status == HG_OK; i++) {
         const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
-        status = hg_visibility_record_layer(pass, &view->ranges, &target, &view->depth,
-            i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
+        status = hg_visibility_record_layer(
+            pass, &scene, &target, &view->depth, i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
         const struct hg_shade shade = {.visibility = &view->layer_visibility,
             .depth = target.depth,
             .target = &view->layer_color,
@@ -245,11 +263,12 @@ static enum hg_status record_debug(
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const bool counts = view->settings.debug == HG_DEBUG_VIEW_OVERDRAW;
-    enum hg_status status = hg_visibility_record(&pass, &view->ranges, &target, err);
+    const struct hg_visibility_scene scene = {view->visible, 0};
+    enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && counts)
         status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
     if (status == HG_OK && counts)
-        status = hg_visibility_record_overdraw(&pass, &view->ranges, &view->layer_color, err);
+        status = hg_visibility_record_overdraw(&pass, &scene, &view->layer_color, err);
     const struct hg_debug debug = {.view = view->settings.debug,
         .visibility = &view->visibility,
         .counts = counts ? &view->layer_color : NULL,
@@ -263,8 +282,9 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     hg_frame_fill(view, sample, true, slot);
     struct hg_pass pass = hg_frame_pass(view, cmd, slot);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
-    const bool blend = has_blend(&view->ranges);
-    enum hg_status status = hg_visibility_record(&pass, &view->ranges, &target, err);
+    const bool blend = has_blend(view);
+    const struct hg_visibility_scene scene = {view->visible, 0};
+    enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && blend)
         status = make_layers(view, err);
     if (status == HG_OK && blend)
@@ -285,8 +305,7 @@ static enum hg_status record_shadows(
     view->stale_shadows = stats.shadow_maps_stale;
     hg_frame_fill(view, view->samples, true, 0); // where the geometry is
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    return hg_shadow_record(
-        &pass, view->rooms->geometry, view->lighting, view->coarse, &view->shadow_ranges, err);
+    return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, 1, err);
 }
 
 enum hg_status hg_frame_record(

@@ -86,6 +86,8 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
+    if (status == HG_OK)
+        status = hg_visible_create(context->gpu, &view->visible, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
             HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_BLOCK_BYTES, "frame blocks", &view->blocks,
@@ -111,8 +113,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->accumulated);
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
-    hg_draw_ranges_finish(&view->ranges);
-    hg_draw_ranges_finish(&view->shadow_ranges);
+    hg_visible_destroy(view->visible);
     hg_lighting_destroy(view->lighting);
     hg_rooms_unref(view->context, view->rooms);
     *view = (struct hg_view_state){0};
@@ -221,6 +222,10 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK)
         return status;
     hg_geometry_deforms_done(view->rooms->geometry);
+    struct hg_visible_stats drawn;
+    hg_visible_stats(view->visible, &drawn);
+    view->draws_drawn = drawn.draws;
+    view->triangles_drawn = drawn.triangles;
     view->key = key;
     view->samples += count;
     view->number++;
@@ -310,7 +315,8 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
-    enum hg_status status = hg_visibility_record_pick(&pass, &view->ranges, &target, area, err);
+    const struct hg_visibility_scene scene = {view->visible, 0};
+    enum hg_status status = hg_visibility_record_pick(&pass, &scene, &target, area, err);
     return status == HG_OK ? hg_pick_record(&pass, &view->visibility, x, y, &view->pick, err)
                            : status;
 }
@@ -334,7 +340,10 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         return status;
     }
     status = submit_and_wait(view, cmd, err);
-    if (status == HG_OK)
+    if (status == HG_OK) {
         memcpy(out, view->pick.mapped, sizeof *out);
+        out->triangle = hg_geometry_source_primitive(
+            view->rooms->geometry, out->draw_plus_one - 1, out->triangle);
+    }
     return status;
 }

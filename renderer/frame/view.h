@@ -7,7 +7,8 @@
 #include "renderer/frame/camera.h"
 #include "renderer/frame/rooms.h"
 #include "renderer/light/lighting.h"
-#include "renderer/passes/pass.h"
+#include "renderer/passes/shadow.h"
+#include "renderer/passes/visibility.h"
 
 #define HG_VIEW_MAX_SAMPLES_PER_STEP 16
 #define HG_VIEW_MAX_SIDE_PX          16384
@@ -59,8 +60,8 @@ struct hg_view_state {
     struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
-    struct hg_draw_ranges ranges, shadow_ranges;
-    struct hg_gpu_frame frame; // of the newest sample
+    struct hg_visible *visible; // set 0: the camera; then stale shadow maps
+    struct hg_gpu_frame frame;  // of the newest sample
 
     uint64_t number; // frames that changed something
     uint32_t samples;

@@ -150,6 +150,8 @@ struct sync {
     uint32_t part_count;
     struct hg_gpu_draw *gpu_draws;
     struct hg_box bounds;
+    uint64_t bit_layout;
+    uint32_t bit_count;
     uint64_t written, triangles, used_bytes;
     uint32_t uploads;
 };
@@ -427,7 +429,8 @@ static void add_instance(
             .material = material,
             .mesh_part = p,
             .instance = number,
-            .skinned = skinned};
+            .skinned = skinned,
+            .deformed = deform != NULL};
         d->gpu.part = deform != NULL ? deform->index : part->index;
         d->gpu.instance = s->instance_count - 1;
         d->gpu.material = find_material(s, material);
@@ -472,6 +475,21 @@ static int compare_draws(const void *a, const void *b)
     return x->order < y->order ? -1 : x->order > y->order;
 }
 
+// Which bits of a history are whose.
+static void number_groups(struct sync *s)
+{
+    s->bit_layout = 1;
+    for (uint32_t i = 0; i < s->draw_count; i++) {
+        struct hg_draw_entry *d = &s->draws[i];
+        const uint32_t groups = (d->part->meshlets.count + HG_MESHLET_GROUP - 1) / HG_MESHLET_GROUP;
+        d->first_bit = s->bit_count;
+        if (groups > UINT32_MAX - s->bit_count)
+            continue; // bits are hints
+        s->bit_count += groups;
+        s->bit_layout = mix(s->bit_layout, (uint64_t)i << 32 | groups);
+    }
+}
+
 static enum hg_status make_tables(struct sync *s, struct hg_error *err)
 {
     s->parts = hg_calloc(s->part_count, sizeof *s->parts);
@@ -490,6 +508,7 @@ static enum hg_status make_tables(struct sync *s, struct hg_error *err)
     qsort(s->draws, s->draw_count, sizeof *s->draws, compare_draws);
     for (uint32_t i = 0; i < s->draw_count; i++)
         s->gpu_draws[i] = s->draws[i].gpu;
+    number_groups(s);
     return HG_OK;
 }
 
@@ -562,6 +581,8 @@ static enum hg_status commit(struct sync *s, struct hg_error *err)
     g->material_count = s->material_count;
     g->instance_count = s->instance_count;
     g->bounds = s->bounds;
+    g->bit_layout = s->bit_layout;
+    g->bit_count = s->bit_count;
     struct hg_geometry_stats *st = &g->stats;
     st->used_bytes = s->used_bytes;
     st->peak_bytes = s->used_bytes > st->peak_bytes ? s->used_bytes : st->peak_bytes;
@@ -709,6 +730,17 @@ bool hg_geometry_draw_info(const struct hg_geometry *g, uint32_t draw, struct hg
         .part = d->mesh_part,
         .instance = d->instance};
     return true;
+}
+
+uint32_t hg_geometry_source_primitive(
+    const struct hg_geometry *g, uint32_t draw, uint32_t primitive)
+{
+    if (draw >= g->draw_count)
+        return primitive;
+    const struct hg_part_entry *part = g->draws[draw].part;
+    return part->meshlets.order != NULL && primitive < part->primitive_count
+               ? part->meshlets.order[primitive]
+               : primitive;
 }
 
 uint32_t hg_geometry_deform_count(const struct hg_geometry *g)

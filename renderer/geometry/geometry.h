@@ -59,46 +59,13 @@ uint64_t hg_geometry_revision(const struct hg_geometry *geometry);
 // World bounds of everything drawn, relative to the origin. False when there is nothing.
 bool hg_geometry_bounds(const struct hg_geometry *geometry, float min[3], float max[3]);
 
-// --- draw lists ----------------------------------------------------------------------------------
+// --- culling (see visible.h) ---------------------------------------------------------------------
 
 enum hg_draw_class { HG_DRAW_CLASS_OPAQUE, HG_DRAW_CLASS_MASK, HG_DRAW_CLASS_BLEND };
-
-// Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, first_index 0,
-// vertexOffset 0, firstInstance = first_draw) with the part's index buffer (u32) bound.
-// Ranges of a list are in draw order: by class, then topology, sides, mirroring, part.
-struct hg_draw_range {
-    uint32_t first_draw, draw_count;
-    uint32_t index_count, primitive_count; // primitives: per draw
-    uint32_t flags, part;                  // HG_DRAW_* and part of all its draws
-    VkBuffer index_buffer;
-    uint64_t index_offset; // bytes
-};
-
-struct hg_cull {
-    float planes[6][4];   // inside: dot(xyz, p) + w >= 0; relative to the origin
-    uint32_t plane_count; // 0 = no culling
-    // Spheres of draws that look smaller than min_px are dropped: px_scale = height / (2 tan(vfov /
-    // 2)) (perspective; radius / distance from eye) or height / (2 half_height) with orthographic.
-    float eye[3], px_scale, min_px; // min_px 0 = off
-    bool orthographic;
-    bool casters_only; // drop what casts no shadow (blend)
-};
-
-struct hg_draw_ranges { // zero-initialise; keeps its memory between uses; hg_draw_ranges_finish
-    struct hg_draw_range *items;
-    size_t capacity;
-    uint32_t count;
-    uint32_t class_first[4]; // ranges of class c: [class_first[c], class_first[c + 1])
-    uint64_t draws, triangles;
-};
 
 // Six planes (near first; far at infinity is left out by count 5) of a column-major view-projection
 // matrix with Vulkan clip space and reversed depth. Returns the number of planes.
 uint32_t hg_cull_planes(const float view_proj[16], float planes[6][4]);
-// What may be seen. HG_E_NOMEM.
-enum hg_status hg_geometry_cull(const struct hg_geometry *geometry, const struct hg_cull *cull,
-    struct hg_draw_ranges *out) HG_MUST_CHECK;
-void hg_draw_ranges_finish(struct hg_draw_ranges *ranges); // accepts a zeroed list
 
 // --- picking -------------------------------------------------------------------------------------
 
@@ -111,6 +78,10 @@ struct hg_draw_info {
 // False when there is no such draw. Valid until the next sync.
 bool hg_geometry_draw_info(
     const struct hg_geometry *geometry, uint32_t draw, struct hg_draw_info *out);
+
+// Primitives of visibility buffers are in the order of the device; the mesh's number of one.
+uint32_t hg_geometry_source_primitive(
+    const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive);
 
 // --- deformation (recorded by passes/skin.h) -----------------------------------------------------
 

@@ -2,6 +2,7 @@
 #ifndef HG_RENDERER_GEOMETRY_INTERNAL_H
 #define HG_RENDERER_GEOMETRY_INTERNAL_H
 
+#include "renderer/geometry/meshlets.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/geometry/pack.h"
 
@@ -44,8 +45,11 @@ struct hg_part_entry {
     struct hg_box *joint_boxes; // [joint_box_count] of the vertices that a joint moves
     struct hg_box *morph_boxes; // [target_count] of the deltas
     uint32_t joint_box_count;
-    struct hg_gpu_morph *morphs; // [target_count], weight 0
-    uint32_t index;              // in the part list of the device
+    struct hg_gpu_morph *morphs;     // [target_count], weight 0
+    uint32_t index;                  // in the part list of the device
+    struct hg_meshlet_list meshlets; // of triangles
+    const uint32_t *indices;         // in the order of the device; on it, or `host_indices`
+    uint32_t *host_indices;
 };
 
 struct hg_mesh_entry {
@@ -102,7 +106,8 @@ struct hg_draw_entry {
     const struct hg_node *node;
     const struct hg_material *material;
     uint32_t mesh_part, instance; // of the node
-    bool skinned;
+    bool skinned, deformed;
+    uint32_t first_bit; // of its groups of meshlets in histories
 };
 
 struct hg_geometry {
@@ -124,6 +129,8 @@ struct hg_geometry {
     uint64_t signature; // of the scene at the last sync, 0 = none
     uint64_t shape_signature;
     uint64_t revision, shape_revision;
+    uint64_t bit_layout; // changes when bits of histories mean something else
+    uint32_t bit_count;
     struct hg_box bounds;
     struct hg_geometry_stats stats;
 };

@@ -66,7 +66,7 @@ static enum hg_status init_part(
         status = init_joint_boxes(e, part);
     if (status == HG_OK && part->targets != NULL && target_count > 0)
         status = init_morphs(e, part, target_count);
-    return status;
+    return status == HG_OK ? hg_meshlets_build(part, &e->meshlets) : status;
 }
 
 enum hg_status hg_mesh_entry_init(
@@ -90,6 +90,18 @@ enum hg_status hg_mesh_entry_init(
         status == HG_E_NOMEM ? "no memory" : "too many vertices or morph targets");
 }
 
+// Draw lists copy indices: reading them back over a bus would be slow.
+static enum hg_status keep_indices(
+    struct hg_part_entry *e, const uint32_t *indices, struct hg_error *err)
+{
+    e->host_indices = hg_calloc(e->index_count, sizeof *e->host_indices);
+    if (e->host_indices == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
+    memcpy(e->host_indices, indices, (size_t)e->index_count * sizeof *e->host_indices);
+    e->indices = e->host_indices;
+    return HG_OK;
+}
+
 static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     const struct hg_mesh_part *part, uint32_t target_count, struct hg_error *err)
 {
@@ -101,14 +113,17 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     if (status != HG_OK)
         return status;
     if (e->buffer.mapped != NULL) {
-        hg_pack_part(part, target_count, &e->layout, e->buffer.mapped);
-        return HG_OK;
+        hg_pack_part(part, target_count, e->meshlets.order, &e->layout, e->buffer.mapped);
+        e->indices = (const uint32_t *)e->buffer.mapped + e->layout.indices / 4;
+        return hg_gpu_get_caps(gpu)->is_cpu ? HG_OK : keep_indices(e, e->indices, err);
     }
     uint8_t *packed = hg_calloc(bytes, 1);
     if (packed == NULL)
         return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
-    hg_pack_part(part, target_count, &e->layout, packed);
+    hg_pack_part(part, target_count, e->meshlets.order, &e->layout, packed);
     status = hg_gpu_buffer_upload(gpu, &e->buffer, 0, packed, bytes, err);
+    if (status == HG_OK)
+        status = keep_indices(e, (const uint32_t *)(void *)(packed + e->layout.indices), err);
     hg_free(packed);
     return status;
 }
@@ -132,6 +147,8 @@ void hg_mesh_entry_finish(struct hg_gpu *gpu, struct hg_mesh_entry *entry)
         struct hg_part_entry *e = &entry->parts[i];
         if (gpu != NULL)
             hg_gpu_buffer_destroy(gpu, &e->buffer);
+        hg_meshlets_finish(&e->meshlets);
+        hg_free(e->host_indices);
         hg_free(e->joint_boxes);
         hg_free(e->morph_boxes);
         hg_free(e->morphs);

@@ -195,12 +195,22 @@ static uint8_t *put(uint8_t *dst, const float *values, size_t bytes)
     return dst + bytes;
 }
 
-void hg_pack_part(const struct hg_mesh_part *part, uint32_t target_count,
+static void pack_indices(const struct hg_mesh_part *part, const uint32_t *order, uint32_t *dst)
+{
+    if (order == NULL) {
+        memcpy(dst, part->indices, (size_t)part->index_count * 4);
+        return;
+    }
+    for (size_t i = 0; i < part->index_count / 3; i++)
+        memcpy(dst + i * 3, part->indices + (size_t)order[i] * 3, 12);
+}
+
+void hg_pack_part(const struct hg_mesh_part *part, uint32_t target_count, const uint32_t *order,
     const struct hg_pack_layout *l, uint8_t *dst)
 {
     const size_t n = part->vertex_count;
     memset(dst, 0, l->total_bytes);
-    memcpy(dst + l->indices, part->indices, (size_t)part->index_count * 4);
+    pack_indices(part, order, (uint32_t *)(void *)(dst + l->indices));
     memcpy(dst + l->positions, part->positions, n * 12);
     pack_vertices(part, (struct hg_gpu_vertex *)(void *)(dst + l->vertices));
     if (l->extra_words > 0)

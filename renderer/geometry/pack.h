@@ -28,8 +28,9 @@ struct hg_pack_layout {
 // HG_E_LIMIT when sizes do not fit 64 bits or a count does not fit the formats.
 enum hg_status hg_pack_layout_of(const struct hg_mesh_part *part, uint32_t target_count,
     struct hg_pack_layout *out) HG_MUST_CHECK;
-// Writes all streams to dst (layout->total_bytes); gaps are zeroed.
-void hg_pack_part(const struct hg_mesh_part *part, uint32_t target_count,
+// Writes all streams to dst (layout->total_bytes); gaps are zeroed. order: [triangles] which one
+// comes where; NULL: as they are.
+void hg_pack_part(const struct hg_mesh_part *part, uint32_t target_count, const uint32_t *order,
     const struct hg_pack_layout *layout, uint8_t *dst);
 // Float offsets of a target's deltas in the targets stream (HG_DEFORM_ABSENT: none).
 struct hg_gpu_morph hg_pack_morph(const struct hg_mesh_part *part, uint32_t target);

@@ -1,5 +1,7 @@
 #include "renderer/passes/shadow.h"
 
+#include <string.h>
+
 #include "shaders/shared/features.h"
 
 static VkPrimitiveTopology topology_of(uint32_t flags)
@@ -24,42 +26,41 @@ static struct hg_gpu_pipeline_params pipeline_of(
     };
 }
 
-static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    enum hg_draw_class class, const float view_proj[16], struct hg_error *err)
+// As hg_shadow_push of shaders/lib/shadow.glsl.
+struct push {
+    float view_proj[16];
+    VkDeviceAddress positions, vertices, extra;
+};
+
+static enum hg_status draw_set(struct hg_pass *pass, const struct hg_visible *visible,
+    uint32_t set_index, const float view_proj[16], struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
+    const struct hg_visible_set *set = hg_visible_set(visible, set_index);
     VkPipeline bound = VK_NULL_HANDLE;
-    for (uint32_t i = ranges->class_first[class]; i < ranges->class_first[class + 1]; i++) {
-        const struct hg_draw_range *range = &ranges->items[i];
-        const struct hg_gpu_pipeline_params params = pipeline_of(
-            class == HG_DRAW_CLASS_MASK, topology_of(range->flags), pass->tables, pass->features);
+    for (uint32_t i = 0; i < set->item_count; i++) {
+        const struct hg_visible_item *item = hg_visible_item(visible, set->first_item + i);
+        const struct hg_gpu_pipeline_params params = pipeline_of((item->flags & HG_DRAW_MASK) != 0,
+            topology_of(item->flags), pass->tables, pass->features);
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
             return status;
-        if (pipeline != bound) {
+        if (pipeline != bound)
             vkCmdBindPipeline(cmd, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
-            hg_gpu_cmd_push(pass->cmd, view_proj, 16 * sizeof(float));
-        }
         bound = pipeline;
-        vkCmdBindIndexBuffer(cmd, range->index_buffer, range->index_offset, VK_INDEX_TYPE_UINT32);
-        vkCmdDrawIndexed(cmd, range->index_count, range->draw_count, 0, 0, range->first_draw);
+        struct push push = {
+            .positions = item->positions, .vertices = item->vertices, .extra = item->extra};
+        memcpy(push.view_proj, view_proj, sizeof push.view_proj);
+        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+        hg_visible_draw(visible, pass->cmd, item);
     }
     return HG_OK;
 }
 
-static enum hg_status cull_map(const struct hg_geometry *geometry, const struct hg_shadow_map *map,
-    struct hg_draw_ranges *out, struct hg_error *err)
-{
-    struct hg_cull cull = {.casters_only = true};
-    cull.plane_count = hg_cull_planes(map->view_proj, cull.planes);
-    enum hg_status status = hg_geometry_cull(geometry, &cull, out);
-    return status ? hg_error_set(err, status, "shadow maps", NULL, "no memory for draw lists")
-                  : HG_OK;
-}
-
 static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map *map,
-    struct hg_gpu_image *atlas, const struct hg_draw_ranges *ranges, struct hg_error *err)
+    struct hg_gpu_image *atlas, const struct hg_visible *visible, uint32_t set,
+    struct hg_error *err)
 {
     const uint32_t side = (uint32_t)map->gpu.size_px;
     const struct hg_gpu_rendering rendering = {
@@ -67,22 +68,39 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
         .area = {{(int32_t)map->gpu.rect_px.x, (int32_t)map->gpu.rect_px.y}, {side, side}},
     };
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    enum hg_status status = draw_class(pass, ranges, HG_DRAW_CLASS_OPAQUE, map->view_proj, err);
-    if (!status)
-        status = draw_class(pass, ranges, HG_DRAW_CLASS_MASK, map->view_proj, err);
+    const enum hg_status status = draw_set(pass, visible, set, map->view_proj, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }
 
-enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *geometry,
-    struct hg_lighting *lighting, bool coarse, struct hg_draw_ranges *scratch, struct hg_error *err)
+static bool is_due(const struct hg_shadow_map *map, bool coarse)
 {
-    uint32_t count, stale = 0;
+    return map->stale && !(coarse && map->refines);
+}
+
+enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
+    bool coarse, struct hg_jobs *jobs, struct hg_visible *visible, struct hg_error *err)
+{
+    uint32_t count;
+    const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < count && !status; i++) {
+        if (!is_due(&maps[i], coarse))
+            continue;
+        struct hg_visible_view view = {.both_sides = true, .casters_only = true};
+        view.plane_count = hg_cull_planes(maps[i].view_proj, view.planes);
+        status = hg_visible_add(visible, geometry, &view, jobs, err);
+    }
+    return status;
+}
+
+enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighting, bool coarse,
+    const struct hg_visible *visible, uint32_t first_set, struct hg_error *err)
+{
+    if (first_set == hg_visible_count(visible))
+        return HG_OK; // none is due
+    uint32_t count;
     struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
-    for (uint32_t i = 0; i < count; i++)
-        stale += maps[i].stale && !(coarse && maps[i].refines);
-    if (!stale)
-        return HG_OK;
     // The atlas is what is drawn to: it must not be bound as an input.
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_SHADOW] = NULL;
@@ -91,11 +109,10 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "shadow");
     for (uint32_t i = 0; i < count && !status; i++) {
-        if (!maps[i].stale || (coarse && maps[i].refines))
+        if (!is_due(&maps[i], coarse))
             continue;
-        status = cull_map(geometry, &maps[i], scratch, err);
-        if (!status)
-            status = draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), scratch, err);
+        status =
+            draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set++, err);
         maps[i].stale = status != HG_OK;
     }
     hg_gpu_cmd_end_stage(pass->cmd);

@@ -6,17 +6,20 @@
 #ifndef HG_RENDERER_PASSES_SHADOW_H
 #define HG_RENDERER_PASSES_SHADOW_H
 
-#include "renderer/geometry/geometry.h"
+#include "renderer/geometry/visible.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/pass.h"
 
-// Call once per step before shading. `scratch` keeps the memory of draw lists between uses. When
-// nothing is stale nothing is recorded. coarse: leave out (and leave stale) what only refines the
-// map of the whole scene; the frame block must carry HG_FRAME_COARSE_SHADOWS then. HG_E_NOMEM,
-// device errors.
-enum hg_status hg_shadow_record(struct hg_pass *pass, const struct hg_geometry *geometry,
-    struct hg_lighting *lighting, bool coarse, struct hg_draw_ranges *scratch,
+// Once per step, before hg_visible_upload: adds a set for each map that is stale. coarse: leave out
+// (and leave stale) what only refines the map of the whole scene; the frame block must carry
+// HG_FRAME_COARSE_SHADOWS then. HG_E_NOMEM.
+enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
+    bool coarse, struct hg_jobs *jobs, struct hg_visible *visible,
     struct hg_error *err) HG_MUST_CHECK;
+// Draws the sets from first_set on, which hg_shadow_select added, before shading; nothing is
+// recorded when there are none. Device errors.
+enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighting, bool coarse,
+    const struct hg_visible *visible, uint32_t first_set, struct hg_error *err) HG_MUST_CHECK;
 // All pipelines of this pass. *count = how many.
 enum hg_status hg_shadow_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;

@@ -2,8 +2,8 @@
 
 #include "shaders/shared/features.h"
 
-// How a range is drawn. Values are also the specialisation constant of visibility_alpha.frag.
-enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, VARIANTS, OVERDRAW };
+// How surfaces are drawn. Values are also the specialisation constant of visibility_alpha.frag.
+enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, OVERDRAW };
 
 static const VkPrimitiveTopology topologies[3] = {VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
     VK_PRIMITIVE_TOPOLOGY_LINE_LIST, VK_PRIMITIVE_TOPOLOGY_POINT_LIST};
@@ -13,11 +13,20 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
     return topologies[(flags & HG_DRAW_LINES) != 0 ? 1 : (flags & HG_DRAW_POINTS) != 0 ? 2 : 0];
 }
 
+// Values of constant 3, shaders/lib/item.glsl.
+#define MAPPED 1u
+#define LATE   2u
+
+struct style {
+    enum variant variant;
+    VkPrimitiveTopology topology;
+    uint32_t item; // MAPPED, LATE
+};
+
 static struct hg_gpu_pipeline_params pipeline_of(
-    enum variant variant, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
+    const struct style *style, uint32_t tables, uint32_t features)
 {
-    const bool textured = variant != SOLID;
-    if (variant == OVERDRAW) {
+    if (style->variant == OVERDRAW) {
         return (struct hg_gpu_pipeline_params){
             .vertex = "visibility.vert",
             .fragment = "overdraw.frag",
@@ -25,21 +34,22 @@ static struct hg_gpu_pipeline_params pipeline_of(
             .spec_count = 3,
             .colors = {VK_FORMAT_R32G32B32A32_SFLOAT},
             .color_count = 1,
-            .topology = topology,
+            .topology = style->topology,
             .blend = HG_GPU_BLEND_ADD,
         };
     }
+    const bool textured = style->variant != SOLID, late = (style->item & LATE) != 0;
     return (struct hg_gpu_pipeline_params){
         .vertex = "visibility.vert",
         .fragment = textured ? "visibility_alpha.frag" : "visibility.frag",
-        .spec = {textured ? (uint32_t)variant : 0, tables, features},
-        .spec_count = 3,
+        .spec = {textured ? (uint32_t)style->variant : 0, tables, features, style->item},
+        .spec_count = 4,
         .colors = {HG_VISIBILITY_FORMAT},
         .color_count = 1,
         .depth = HG_DEPTH_FORMAT,
-        .depth_compare = VK_COMPARE_OP_GREATER,
+        .depth_compare = late ? VK_COMPARE_OP_GREATER_OR_EQUAL : VK_COMPARE_OP_GREATER,
         .depth_write = true,
-        .topology = topology,
+        .topology = style->topology,
     };
 }
 
@@ -51,15 +61,27 @@ static void set_culling(VkCommandBuffer cmd, uint32_t flags)
                                                            : VK_FRONT_FACE_COUNTER_CLOCKWISE);
 }
 
-static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    enum hg_draw_class class, enum variant variant, struct hg_error *err)
+// How items are drawn: `solid` and `mask` surfaces. late: second phase, of an image `width` wide.
+struct manner {
+    enum variant solid, mask;
+    uint32_t width;
+    bool late;
+};
+
+static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *visible,
+    uint32_t first, uint32_t end, const struct manner *manner, struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
     VkPipeline bound = VK_NULL_HANDLE;
-    for (uint32_t i = ranges->class_first[class]; i < ranges->class_first[class + 1]; i++) {
-        const struct hg_draw_range *range = &ranges->items[i];
+    for (uint32_t i = first; i < end; i++) {
+        const struct hg_visible_item *item = hg_visible_item(visible, i);
+        const struct style style = {
+            .variant = (item->flags & HG_DRAW_MASK) != 0 ? manner->mask : manner->solid,
+            .topology = topology_of(item->flags),
+            .item = (item->first_primitive != HG_CLUSTER_NONE ? MAPPED : 0) |
+                    (manner->late ? LATE : 0)};
         const struct hg_gpu_pipeline_params params =
-            pipeline_of(variant, topology_of(range->flags), pass->tables, pass->features);
+            pipeline_of(&style, pass->tables, pass->features);
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
@@ -67,44 +89,77 @@ static enum hg_status draw_class(struct hg_pass *pass, const struct hg_draw_rang
         if (pipeline != bound)
             vkCmdBindPipeline(cmd, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
         bound = pipeline;
-        set_culling(cmd, range->flags);
-        vkCmdBindIndexBuffer(cmd, range->index_buffer, range->index_offset, VK_INDEX_TYPE_UINT32);
-        vkCmdDrawIndexed(cmd, range->index_count, range->draw_count, 0, 0, range->first_draw);
+        set_culling(cmd, item->flags);
+        struct hg_gpu_item push;
+        hg_visible_fill(visible, item, &push);
+        push.width = manner->width;
+        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+        hg_visible_draw(visible, pass->cmd, item);
     }
     return HG_OK;
 }
 
-static void begin(struct hg_pass *pass, const struct hg_visibility_target *target, VkRect2D area)
+static void begin(
+    struct hg_pass *pass, const struct hg_visibility_target *target, VkRect2D area, bool clear)
 {
     const struct hg_gpu_rendering rendering = {
-        .colors = {{.image = target->visibility, .clear = true}},
+        .colors = {{.image = target->visibility, .clear = clear}},
         .color_count = 1,
-        .depth = {.image = target->depth, .clear = true}, // 0 = infinitely far
+        .depth = {.image = target->depth, .clear = clear}, // 0 = infinitely far
         .area = area,
     };
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    const VkViewport whole = {0.0f, 0.0f, (float)target->visibility->width,
+        (float)target->visibility->height, 0.0f, 1.0f};
+    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &whole);
 }
 
-enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
+// Of two phases the second: what the first one hides is not drawn.
+static enum hg_status record_late(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err)
 {
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
-    if (status != HG_OK)
+    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    hg_gpu_cmd_begin_stage(pass->cmd, "occlusion");
+    enum hg_status status = hg_visible_test(scene->visible, pass->cmd, scene->set, target->depth,
+        target->visibility, pass->tables, pass->features, err);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    if (status != HG_OK || set->late_count == 0)
         return status;
+    const struct manner manner = {SOLID, MASK, target->visibility->width, true};
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
-    begin(pass, target, (VkRect2D){0});
-    status = draw_class(pass, ranges, HG_DRAW_CLASS_OPAQUE, SOLID, err);
-    if (status == HG_OK)
-        status = draw_class(pass, ranges, HG_DRAW_CLASS_MASK, MASK, err);
+    begin(pass, target, (VkRect2D){0}, false);
+    status = draw_items(
+        pass, scene->visible, set->first_late, set->first_late + set->late_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 
-enum hg_status hg_visibility_record_layer(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    const struct hg_visibility_target *target, struct hg_gpu_image *opaque_depth,
-    struct hg_gpu_image *previous, struct hg_error *err)
+enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+    const struct hg_visibility_target *target, struct hg_error *err)
 {
+    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct manner manner = {.solid = SOLID, .mask = MASK};
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
+    begin(pass, target, (VkRect2D){0}, true);
+    status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_OPAQUE],
+        set->class_first[HG_DRAW_CLASS_BLEND], &manner, err);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    return status == HG_OK && set->candidate_count > 0 ? record_late(pass, scene, target, err)
+                                                       : status;
+}
+
+enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous, struct hg_error *err)
+{
+    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const enum variant variant = previous != NULL ? LAYER_NEXT : LAYER_FIRST;
+    const struct manner manner = {.solid = variant, .mask = variant};
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_DEPTH] = opaque_depth;
     bindings.images[HG_BIND_COLOR_A] = previous;
@@ -112,34 +167,38 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass, const struct hg_
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "blend visibility");
-    begin(pass, target, (VkRect2D){0});
-    status = draw_class(
-        pass, ranges, HG_DRAW_CLASS_BLEND, previous != NULL ? LAYER_NEXT : LAYER_FIRST, err);
+    begin(pass, target, (VkRect2D){0}, true);
+    status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_BLEND],
+        set->class_first[HG_DRAW_CLASS_BLEND + 1], &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 
-enum hg_status hg_visibility_record_pick(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    const struct hg_visibility_target *target, VkRect2D area, struct hg_error *err)
+enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    VkRect2D area, struct hg_error *err)
 {
-    static const enum variant variants[] = {SOLID, MASK, SOLID};
+    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct manner manner = {.solid = SOLID, .mask = MASK};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
         return status;
-    begin(pass, target, area);
-    const VkViewport whole = {0.0f, 0.0f, (float)target->visibility->width,
-        (float)target->visibility->height, 0.0f, 1.0f};
-    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &whole);
-    for (uint32_t c = HG_DRAW_CLASS_OPAQUE; c <= HG_DRAW_CLASS_BLEND && status == HG_OK; c++)
-        status = draw_class(pass, ranges, (enum hg_draw_class)c, variants[c], err);
+    begin(pass, target, area, true);
+    status = draw_items(
+        pass, scene->visible, set->first_item, set->first_item + set->item_count, &manner, err);
+    if (status == HG_OK) // as far as the frame saw them
+        status = draw_items(
+            pass, scene->visible, set->first_late, set->first_late + set->late_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }
 
 enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
-    const struct hg_draw_ranges *ranges, struct hg_gpu_image *counts, struct hg_error *err)
+    const struct hg_visibility_scene *scene, struct hg_gpu_image *counts, struct hg_error *err)
 {
+    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct manner manner = {.solid = OVERDRAW, .mask = OVERDRAW};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
         return status;
@@ -147,8 +206,8 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
         .colors = {{.image = counts, .clear = true}}, .color_count = 1};
     hg_gpu_cmd_begin_stage(pass->cmd, "overdraw");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    for (uint32_t c = HG_DRAW_CLASS_OPAQUE; c <= HG_DRAW_CLASS_BLEND && status == HG_OK; c++)
-        status = draw_class(pass, ranges, (enum hg_draw_class)c, OVERDRAW, err);
+    status = draw_items(
+        pass, scene->visible, set->first_item, set->first_item + set->item_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
@@ -157,9 +216,19 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    *count = VARIANTS;
+    static const struct style styles[] = {
+        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
+        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
+        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
+        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
+        {LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+    };
+    *count = sizeof styles / sizeof styles[0];
     const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), topologies[0], 0, HG_FEATURE_ALL);
+        pipeline_of(&styles[index % *count], 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -7,7 +7,7 @@
 #ifndef HG_RENDERER_PASSES_VISIBILITY_H
 #define HG_RENDERER_PASSES_VISIBILITY_H
 
-#include "renderer/geometry/geometry.h"
+#include "renderer/geometry/visible.h"
 #include "renderer/passes/pass.h"
 
 #define HG_VISIBILITY_FORMAT VK_FORMAT_R32G32_UINT
@@ -17,20 +17,28 @@ struct hg_visibility_target {
     struct hg_gpu_image *visibility, *depth;
 };
 
+// What is drawn.
+struct hg_visibility_scene {
+    struct hg_visible *visible;
+    uint32_t set;
+};
+
 // Opaque and masked draws; clears the target first.
-enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
+enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err) HG_MUST_CHECK;
 // One layer of blended draws. opaque_depth: of hg_visibility_record; previous: depth of the layer
 // in front, NULL for the first.
-enum hg_status hg_visibility_record_layer(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    const struct hg_visibility_target *target, struct hg_gpu_image *opaque_depth,
-    struct hg_gpu_image *previous, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous,
+    struct hg_error *err) HG_MUST_CHECK;
 // Everything that can be seen, blended surfaces as if opaque, inside `area` only: for picking.
-enum hg_status hg_visibility_record_pick(struct hg_pass *pass, const struct hg_draw_ranges *ranges,
-    const struct hg_visibility_target *target, VkRect2D area, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    VkRect2D area, struct hg_error *err) HG_MUST_CHECK;
 // Adds 1 to each channel of `counts` (RGBA32F, cleared first) for every surface behind a pixel.
 enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
-    const struct hg_draw_ranges *ranges, struct hg_gpu_image *counts,
+    const struct hg_visibility_scene *scene, struct hg_gpu_image *counts,
     struct hg_error *err) HG_MUST_CHECK;
 // All pipelines of this pass. *count = how many.
 enum hg_status hg_visibility_warm_up(

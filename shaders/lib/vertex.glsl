@@ -21,37 +21,24 @@ vec4 hg_clip_position(vec3 relative)
     return hg_frame.camera.view_proj * vec4(relative, 0.0) + hg_frame.camera.proj[3];
 }
 
-// For vertex shaders: draw = gl_InstanceIndex, vertex = gl_VertexIndex.
-vec4 hg_fetch_position(uint draw, uint vertex)
-{
-    hg_gpu_draw d = hg_draw_at(draw);
-    vec3 p = hg_part_at(d.part).positions.v[vertex];
-    return hg_clip_position(hg_relative_position(hg_world_at(d.instance), p));
-}
-
-vec2 hg_fetch_uv(uint draw, uint vertex)
-{
-    return hg_part_at(hg_draw_at(draw).part).vertices.v[vertex].uv;
-}
-
 uint hg_extra_words(uint flags)
 {
     return ((flags & HG_DRAW_UV1) != 0u ? 2u : 0u) + ((flags & HG_DRAW_COLOR8) != 0u ? 1u : 0u) +
         ((flags & HG_DRAW_COLOR16) != 0u ? 2u : 0u);
 }
 
-vec2 hg_fetch_uv1(hg_gpu_part part, uint flags, uint vertex)
+vec2 hg_fetch_uv1(hg_word_stream extra, uint flags, uint vertex)
 {
     uint at = vertex * hg_extra_words(flags);
-    return uintBitsToFloat(uvec2(part.extra.v[at], part.extra.v[at + 1u]));
+    return uintBitsToFloat(uvec2(extra.v[at], extra.v[at + 1u]));
 }
 
-vec4 hg_fetch_color(hg_gpu_part part, uint flags, uint vertex)
+vec4 hg_fetch_color(hg_word_stream extra, uint flags, uint vertex)
 {
     uint at = vertex * hg_extra_words(flags) + ((flags & HG_DRAW_UV1) != 0u ? 2u : 0u);
     if ((flags & HG_DRAW_COLOR8) != 0u)
-        return unpackUnorm4x8(part.extra.v[at]);
-    return vec4(unpackUnorm2x16(part.extra.v[at]), unpackUnorm2x16(part.extra.v[at + 1u]));
+        return unpackUnorm4x8(extra.v[at]);
+    return vec4(unpackUnorm2x16(extra.v[at]), unpackUnorm2x16(extra.v[at + 1u]));
 }
 
 // A point of a surface as a pixel sees it.
@@ -187,16 +174,16 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
     o.uv1_dx = o.uv0_dx;
     o.uv1_dy = o.uv0_dy;
     if (HG_HAS(HG_FEATURE_VERTICES) && (d.flags & HG_DRAW_UV1) != 0u) {
-        vec2 u0 = hg_fetch_uv1(part, d.flags, i0), u1 = hg_fetch_uv1(part, d.flags, i1);
-        vec2 u2 = hg_fetch_uv1(part, d.flags, i2);
+        vec2 u0 = hg_fetch_uv1(part.extra, d.flags, i0), u1 = hg_fetch_uv1(part.extra, d.flags, i1);
+        vec2 u2 = hg_fetch_uv1(part.extra, d.flags, i2);
         o.uv1 = u0 * b.at.x + u1 * b.at.y + u2 * b.at.z;
         o.uv1_dx = u0 * b.dx.x + u1 * b.dx.y + u2 * b.dx.z;
         o.uv1_dy = u0 * b.dy.x + u1 * b.dy.y + u2 * b.dy.z;
     }
     o.color = vec4(1.0);
     if (HG_HAS(HG_FEATURE_VERTICES) && (d.flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16)) != 0u)
-        o.color = hg_fetch_color(part, d.flags, i0) * b.at.x +
-            hg_fetch_color(part, d.flags, i1) * b.at.y + hg_fetch_color(part, d.flags, i2) * b.at.z;
+        o.color = hg_fetch_color(part.extra, d.flags, i0) * b.at.x +
+            hg_fetch_color(part.extra, d.flags, i1) * b.at.y + hg_fetch_color(part.extra, d.flags, i2) * b.at.z;
     return o;
 }
 

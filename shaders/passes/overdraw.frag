@@ -1,7 +1,6 @@
 // One more surface behind this pixel.
 #version 460
 
-layout(location = 0) flat in uint in_draw;
 layout(location = 0) out vec4 out_count;
 
 void main()

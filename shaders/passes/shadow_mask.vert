@@ -15,12 +15,12 @@ layout(location = 2) flat out uint out_material;
 void main()
 {
     hg_gpu_draw d = hg_draw_at(gl_InstanceIndex);
-    hg_gpu_part part = hg_part_at(d.part);
-    out_uv.xy = hg_fetch_uv(gl_InstanceIndex, gl_VertexIndex);
-    out_uv.zw = (d.flags & HG_DRAW_UV1) != 0u ? hg_fetch_uv1(part, d.flags, gl_VertexIndex)
-                                              : vec2(0.0);
+    out_uv.xy = hg_push.vertices.v[gl_VertexIndex].uv;
+    out_uv.zw = (d.flags & HG_DRAW_UV1) != 0u
+        ? hg_fetch_uv1(hg_push.extra, d.flags, gl_VertexIndex)
+        : vec2(0.0);
     out_alpha = (d.flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16)) != 0u
-        ? hg_fetch_color(part, d.flags, gl_VertexIndex).w
+        ? hg_fetch_color(hg_push.extra, d.flags, gl_VertexIndex).w
         : 1.0;
     out_material = d.material;
     gl_Position = hg_shadow_position(gl_InstanceIndex, gl_VertexIndex);

@@ -6,12 +6,20 @@
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
+#include "shared/cluster.h"
+
+layout(push_constant, scalar) uniform hg_push
+{
+    hg_gpu_item item;
+};
 
 layout(location = 0) flat out uint out_draw;
 
 void main()
 {
     out_draw = gl_InstanceIndex;
-    gl_Position = hg_fetch_position(gl_InstanceIndex, gl_VertexIndex);
+    mat4x3 world = hg_world_at(hg_draw_at(gl_InstanceIndex).instance);
+    vec3 p = item.positions.v[gl_VertexIndex];
+    gl_Position = hg_clip_position(hg_relative_position(world, p));
     gl_PointSize = 1.0;
 }

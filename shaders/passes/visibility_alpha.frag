@@ -8,6 +8,7 @@
 #include "lib/vertex.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
+#include "lib/item.glsl"
 
 layout(constant_id = 0) const uint hg_variant = 1u; // 1 mask, 2 first layer, 3 next layer
 
@@ -27,11 +28,14 @@ void main()
         if (hg_variant == 3u && gl_FragCoord.z >= texelFetch(hg_previous_depth, pixel, 0).x)
             discard;
     }
-    hg_vertex v = hg_fetch_triangle(in_draw, gl_PrimitiveID, gl_FragCoord.xy);
+    uvec2 id = hg_item_id(in_draw, gl_PrimitiveID);
+    if (hg_item_loses(id, gl_FragCoord))
+        discard;
+    hg_vertex v = hg_fetch_triangle(in_draw, id.y, gl_FragCoord.xy);
     float alpha = hg_material_alpha(v.material, v);
     // A blended surface that an 8-bit image cannot show takes no layer.
     float least = hg_variant == 1u ? HG_MATERIAL_AT(v.material, alpha_cutoff) : 0.5 / 255.0;
     if (alpha < least)
         discard;
-    out_visibility = uvec2(in_draw + 1u, gl_PrimitiveID);
+    out_visibility = id;
 }

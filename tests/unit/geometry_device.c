@@ -14,6 +14,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/geometry/internal.h"
+#include "renderer/geometry/visible.h"
 #include "renderer/passes/skin.h"
 #include "renderer/scene/load.h"
 #include "shaders/shared/frame.h"
@@ -800,11 +801,14 @@ static void test_faults(void **state)
 
 // --- culling -------------------------------------------------------------------------------------
 
-static bool draw_is_listed(const struct hg_draw_ranges *ranges, uint32_t draw)
+static bool draw_is_listed(const struct hg_visible *v, uint32_t set, uint32_t draw)
 {
-    for (uint32_t i = 0; i < ranges->count; i++)
-        if (draw - ranges->items[i].first_draw < ranges->items[i].draw_count)
+    const struct hg_visible_set *s = hg_visible_set(v, set);
+    for (uint32_t i = 0; i < s->item_count; i++) {
+        const struct hg_visible_item *item = hg_visible_item(v, s->first_item + i);
+        if (draw - item->first_draw < item->draw_count)
             return true;
+    }
     return false;
 }
 
@@ -825,19 +829,20 @@ static void test_culling(void **state)
         }
     }
     sync(f, g, scene);
-    struct hg_draw_ranges all = {0}, seen = {0};
-    const struct hg_cull off = {.plane_count = 0};
-    assert_int_equal(hg_geometry_cull(g, &off, &all), HG_OK);
-    assert_int_equal(all.draws, 400);
-    assert_int_equal(all.count, 1); // instances of one part are one range
+    struct hg_visible *v;
+    check(f, hg_visible_create(f->gpu, &v, &f->err));
+    const struct hg_visible_view off = {.plane_count = 0};
+    check(f, hg_visible_add(v, g, &off, NULL, &f->err));
+    assert_int_equal(hg_visible_set(v, 0)->item_count, 1); // instances of one part are one item
+    assert_int_equal(hg_visible_item(v, 0)->draw_count, 400);
     const double eye[3] = {0, 0, 0}, target[3] = {1, 0.2, 0.4}, origin[3] = {0};
     const struct eye e = look_at(eye, target, false);
     struct hg_gpu_camera camera = {0};
     fill_camera(&e, origin, &camera);
-    struct hg_cull cull = {0};
+    struct hg_visible_view cull = {.both_sides = true};
     cull.plane_count = hg_cull_planes(camera.view_proj.m, cull.planes);
     assert_int_equal(cull.plane_count, 5); // the far plane is at infinity
-    assert_int_equal(hg_geometry_cull(g, &cull, &seen), HG_OK);
+    check(f, hg_visible_add(v, g, &cull, NULL, &f->err));
     uint32_t must = 0;
     for (uint32_t d = 0; d < g->draw_count; d++) {
         bool on_screen = false;
@@ -850,13 +855,14 @@ static void test_culling(void **state)
         }
         must += on_screen;
         if (on_screen)
-            assert_true(draw_is_listed(&seen, d));
+            assert_true(draw_is_listed(v, 1, d));
     }
-    print_message("%u draws have corners on the screen, %llu are drawn, of 400\n", must,
-        (unsigned long long)seen.draws);
-    assert_true(must > 10 && seen.draws < 200);
-    hg_draw_ranges_finish(&all);
-    hg_draw_ranges_finish(&seen);
+    uint32_t listed = 0;
+    for (uint32_t d = 0; d < g->draw_count; d++)
+        listed += draw_is_listed(v, 1, d);
+    print_message("%u draws have corners on the screen, %u are drawn, of 400\n", must, listed);
+    assert_true(must > 10 && listed < 200);
+    hg_visible_destroy(v);
     hg_geometry_destroy(g);
     hg_scene_destroy(scene);
 }

@@ -116,7 +116,7 @@ static void test_layout(void **state)
     assert_int_equal(l.extra_words, 3);
     uint8_t *bytes = malloc(l.total_bytes);
     assert_non_null(bytes);
-    hg_pack_part(&part, 0, &l, bytes);
+    hg_pack_part(&part, 0, NULL, &l, bytes);
     assert_memory_equal(bytes + l.indices, indices, sizeof indices);
     assert_memory_equal(bytes + l.positions, positions, sizeof positions);
     const uint32_t *extra = (const uint32_t *)(const void *)(bytes + l.extra);
@@ -146,7 +146,7 @@ static void test_morph_offsets(void **state)
     assert_int_equal(hg_pack_layout_of(&part, 2, &l), HG_OK);
     uint8_t *bytes = malloc(l.total_bytes);
     assert_non_null(bytes);
-    hg_pack_part(&part, 2, &l, bytes);
+    hg_pack_part(&part, 2, NULL, &l, bytes);
     const float *stream = (const float *)(const void *)(bytes + l.targets);
     const struct hg_gpu_morph m0 = hg_pack_morph(&part, 0), m1 = hg_pack_morph(&part, 1);
     assert_int_equal(m0.normals, HG_DEFORM_ABSENT);

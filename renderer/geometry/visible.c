@@ -1,0 +1,577 @@
+// visible.c - see visible.h.
+#include "renderer/geometry/visible.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/geometry/select.h"
+
+#define OCCLUSION_FROM 400000u // triangles; below, the test costs more than it saves (measured)
+#define COPY_RUNS      256     // of one job
+
+// Indices that the list of this frame takes from a part.
+struct copy {
+    const uint32_t *indices;
+    uint32_t first, count, corners; // primitives
+    uint64_t to;                    // indices
+    uint32_t ids;                   // place in the list of ids
+};
+
+struct hg_visible {
+    struct hg_gpu *gpu;
+    uint64_t occlusion_from;
+    struct hg_selection runs; // of the set that is being added
+    struct hg_visible_set *sets;
+    size_t set_capacity;
+    uint32_t set_count;
+    struct hg_visible_item *items;
+    size_t item_capacity;
+    uint32_t item_count;
+    struct copy *copies;
+    size_t copy_capacity;
+    uint32_t copy_count;
+    uint64_t index_count;
+    uint32_t id_count;
+    struct hg_gpu_candidate *candidates;
+    uint32_t *candidate_bits, *candidate_triangles;
+    size_t candidate_capacity, bit_capacity, triangle_capacity;
+    uint32_t candidate_count;
+    struct hg_gpu_draw_command *commands;
+    size_t command_capacity;
+    uint32_t command_count;
+
+    struct hg_gpu_buffer indices, ids, candidate_buffer, command_buffer, flags;
+    struct hg_gpu_buffer depth, blocks, seen;
+
+    uint64_t layout; // of the draws that the history is of
+    uint32_t *history;
+    size_t history_capacity;
+    uint32_t history_bits;
+    bool tested; // flags of set 0 are those of its newest sample
+};
+
+#define BUFFERS(v)                                                                                 \
+    {                                                                                              \
+        &(v)->indices, &(v)->ids, &(v)->candidate_buffer, &(v)->command_buffer, &(v)->flags,       \
+            &(v)->depth, &(v)->blocks, &(v)->seen                                                  \
+    }
+
+enum hg_status hg_visible_create(struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err)
+{
+    *out = hg_calloc(1, sizeof **out);
+    if (*out == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "draw lists", NULL, "no memory");
+    (*out)->gpu = gpu;
+    (*out)->occlusion_from = OCCLUSION_FROM;
+    return HG_OK;
+}
+
+void hg_visible_destroy(struct hg_visible *v)
+{
+    if (v == NULL)
+        return;
+    struct hg_gpu_buffer *buffers[] = BUFFERS(v);
+    for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
+        hg_gpu_buffer_destroy(v->gpu, buffers[i]);
+    hg_free(v->runs.items);
+    hg_free(v->sets);
+    hg_free(v->items);
+    hg_free(v->copies);
+    hg_free(v->candidates);
+    hg_free(v->candidate_bits);
+    hg_free(v->candidate_triangles);
+    hg_free(v->commands);
+    hg_free(v->history);
+    hg_free(v);
+}
+
+void hg_visible_set_occlusion_from(struct hg_visible *v, uint64_t triangles)
+{
+    v->occlusion_from = triangles > 0 ? triangles : OCCLUSION_FROM;
+}
+
+// --- history -------------------------------------------------------------------------------------
+
+static bool was_seen(const struct hg_visible *v, uint32_t bit)
+{
+    return bit >= v->history_bits || (v->history[bit / 32] >> bit % 32 & 1u) != 0;
+}
+
+// What the newest sample saw. Runs that were not in the frustum keep their bits.
+static void learn(struct hg_visible *v)
+{
+    const uint32_t *flags = v->flags.mapped;
+    const struct hg_visible_set *set = &v->sets[0];
+    for (int pass = 0; pass < 2;
+         pass++) { // first hidden ones: a run may be one of several of a bit
+        for (uint32_t i = 0; i < set->candidate_count; i++) {
+            const uint32_t bit = v->candidate_bits[set->first_candidate + i];
+            if (bit >= v->history_bits)
+                continue;
+            if (pass == 0)
+                v->history[bit / 32] &= ~(1u << bit % 32);
+            else if (flags[set->first_candidate + i] != 0)
+                v->history[bit / 32] |= 1u << bit % 32;
+        }
+    }
+}
+
+// Another list of draws: everything counts as seen.
+static enum hg_status keep_history(struct hg_visible *v, const struct hg_geometry *g)
+{
+    if (v->layout == g->bit_layout && v->history_bits == g->bit_count)
+        return HG_OK;
+    const size_t words = ((size_t)g->bit_count + 31) / 32;
+    v->history_bits = 0;
+    const enum hg_status status =
+        hg_grow(&v->history, &v->history_capacity, words, sizeof *v->history);
+    if (status != HG_OK)
+        return status;
+    if (words > 0)
+        memset(v->history, 0xff, words * sizeof *v->history);
+    v->history_bits = g->bit_count;
+    v->layout = g->bit_layout;
+    return HG_OK;
+}
+
+void hg_visible_reset(struct hg_visible *v)
+{
+    if (v->tested && v->set_count > 0)
+        learn(v);
+    v->tested = false;
+    v->set_count = v->item_count = v->copy_count = v->id_count = 0;
+    v->candidate_count = v->command_count = 0;
+    v->index_count = 0;
+}
+
+// --- items ---------------------------------------------------------------------------------------
+
+static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t part)
+{
+    return (const struct hg_gpu_part *)(const void *)g->part_table.shadow + part;
+}
+
+static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw)
+{
+    const struct hg_draw_entry *d = &g->draws[draw];
+    const struct hg_gpu_part *part = part_of(g, d->gpu.part);
+    return (struct hg_visible_item){.first_draw = draw,
+        .draw_count = 1,
+        .flags = d->gpu.flags,
+        .part = d->gpu.part,
+        .positions = part->positions,
+        .vertices = part->vertices,
+        .extra = part->extra,
+        .first_primitive = HG_CLUSTER_NONE,
+        .command = HG_CLUSTER_NONE};
+}
+
+static enum hg_status push_item(struct hg_visible *v, const struct hg_visible_item *item)
+{
+    const enum hg_status status =
+        hg_grow(&v->items, &v->item_capacity, v->item_count + 1, sizeof *v->items);
+    if (status == HG_OK)
+        v->items[v->item_count++] = *item;
+    return status;
+}
+
+static uint32_t corners_of(uint32_t flags)
+{
+    return flags & HG_DRAW_POINTS ? 1 : flags & HG_DRAW_LINES ? 2 : 3;
+}
+
+// The whole part, joined with the item before where that is the same part.
+static enum hg_status add_whole(
+    struct hg_visible *v, const struct hg_geometry *g, struct hg_visible_set *set, uint32_t draw)
+{
+    const struct hg_draw_entry *d = &g->draws[draw];
+    struct hg_visible_item *last =
+        v->item_count > set->first_item ? &v->items[v->item_count - 1] : NULL;
+    if (last != NULL && last->first_primitive == HG_CLUSTER_NONE && last->part == d->gpu.part &&
+        last->flags == d->gpu.flags && last->first_draw + last->draw_count == draw) {
+        last->draw_count++;
+        return HG_OK;
+    }
+    struct hg_visible_item item = item_of(g, draw);
+    item.index_count = d->part->index_count;
+    item.primitive_count = d->part->primitive_count;
+    item.index_buffer = d->part->buffer.handle;
+    item.index_offset = d->part->layout.indices;
+    return push_item(v, &item);
+}
+
+static enum hg_status add_copy(
+    struct hg_visible *v, const struct hg_geometry *g, const struct hg_run *run, uint32_t corners)
+{
+    const enum hg_status status =
+        hg_grow(&v->copies, &v->copy_capacity, v->copy_count + 1, sizeof *v->copies);
+    if (status != HG_OK)
+        return status;
+    v->copies[v->copy_count++] = (struct copy){.indices = g->draws[run->draw].part->indices,
+        .first = run->first,
+        .count = run->count,
+        .corners = corners,
+        .to = v->index_count,
+        .ids = v->id_count};
+    v->index_count += (uint64_t)run->count * corners;
+    v->id_count += run->count;
+    return HG_OK;
+}
+
+// Runs of one draw as one item of its own list of indices.
+static enum hg_status add_listed(
+    struct hg_visible *v, const struct hg_geometry *g, const struct hg_run *runs, uint32_t count)
+{
+    struct hg_visible_item item = item_of(g, runs[0].draw);
+    const uint32_t corners = corners_of(item.flags);
+    item.first_primitive = v->id_count;
+    item.index_offset = v->index_count * 4;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
+        item.primitive_count += runs[i].count;
+        status = add_copy(v, g, &runs[i], corners);
+    }
+    item.index_count = item.primitive_count * corners;
+    return status == HG_OK ? push_item(v, &item) : status;
+}
+
+static enum hg_status add_candidate(
+    struct hg_visible *v, struct hg_visible_set *set, const struct hg_run *run, uint32_t command)
+{
+    const size_t need = (size_t)v->candidate_count + 1;
+    if (hg_grow(&v->candidates, &v->candidate_capacity, need, sizeof *v->candidates) != HG_OK ||
+        hg_grow(&v->candidate_bits, &v->bit_capacity, need, sizeof *v->candidate_bits) != HG_OK ||
+        hg_grow(&v->candidate_triangles, &v->triangle_capacity, need,
+            sizeof *v->candidate_triangles) != HG_OK)
+        return HG_E_NOMEM;
+    const uint32_t i = v->candidate_count++;
+    v->candidates[i] = (struct hg_gpu_candidate){.draw = run->draw,
+        .command = command,
+        .center = {run->center[0], run->center[1], run->center[2]},
+        .extent = {run->extent[0], run->extent[1], run->extent[2]}};
+    v->candidate_bits[i] = run->bit;
+    v->candidate_triangles[i] = run->count;
+    set->candidate_count++;
+    return HG_OK;
+}
+
+// The runs of one draw that come first; moves late ones behind them (in order).
+static uint32_t split_runs(const struct hg_visible *v, struct hg_run *runs, uint32_t count,
+    struct hg_selection *late, enum hg_status *status)
+{
+    uint32_t early = 0;
+    for (uint32_t i = 0; i < count && *status == HG_OK; i++) {
+        if (was_seen(v, runs[i].bit)) {
+            runs[early++] = runs[i];
+            continue;
+        }
+        *status = hg_grow(&late->items, &late->capacity, late->count + 1, sizeof *late->items);
+        if (*status == HG_OK)
+            late->items[late->count++] = runs[i];
+    }
+    return early;
+}
+
+// Items of one draw. `occlusion`: unseen runs go to `late`, the others become candidates.
+static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g,
+    struct hg_visible_set *set, struct hg_run *runs, uint32_t count, struct hg_selection *late)
+{
+    enum hg_status status = HG_OK;
+    const struct hg_draw_entry *d = &g->draws[runs[0].draw];
+    uint32_t primitives = 0;
+    if (late != NULL)
+        count = split_runs(v, runs, count, late, &status);
+    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
+        primitives += runs[i].count;
+        if (late != NULL && runs[i].bit != HG_RUN_NO_BIT)
+            status = add_candidate(v, set, &runs[i], HG_CLUSTER_NONE);
+    }
+    if (status != HG_OK || count == 0)
+        return status;
+    if (!(d->gpu.flags & (HG_DRAW_LINES | HG_DRAW_POINTS)))
+        set->triangles += primitives;
+    return primitives == d->part->primitive_count ? add_whole(v, g, set, runs[0].draw)
+                                                  : add_listed(v, g, runs, count);
+}
+
+static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g,
+    struct hg_visible_set *set, const struct hg_selection *late)
+{
+    enum hg_status status = HG_OK;
+    set->first_late = v->item_count;
+    for (uint32_t i = late->count; i > 0 && status == HG_OK; i--) {
+        const struct hg_run *run = &late->items[i - 1];
+        status =
+            hg_grow(&v->commands, &v->command_capacity, v->command_count + 1, sizeof *v->commands);
+        if (status == HG_OK)
+            status = add_candidate(v, set, run, v->command_count);
+        if (status == HG_OK)
+            status = add_listed(v, g, run, 1);
+        if (status != HG_OK)
+            break;
+        struct hg_visible_item *item = &v->items[v->item_count - 1];
+        item->command = v->command_count;
+        v->commands[v->command_count++] = (struct hg_gpu_draw_command){
+            .index_count = item->index_count, .first_instance = run->draw};
+        set->late_triangles += run->count;
+    }
+    set->late_count = v->item_count - set->first_late;
+    return status;
+}
+
+static enum hg_draw_class class_of(uint32_t flags)
+{
+    return flags & HG_DRAW_BLEND  ? HG_DRAW_CLASS_BLEND
+           : flags & HG_DRAW_MASK ? HG_DRAW_CLASS_MASK
+                                  : HG_DRAW_CLASS_OPAQUE;
+}
+
+static enum hg_status add_items(struct hg_visible *v, const struct hg_geometry *g,
+    struct hg_visible_set *set, struct hg_selection *late)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < 4; i++)
+        set->class_first[i] = v->item_count;
+    for (uint32_t i = 0, n; i < v->runs.count && status == HG_OK; i += n) {
+        struct hg_run *runs = &v->runs.items[i];
+        for (n = 1; i + n < v->runs.count && runs[n].draw == runs[0].draw;)
+            n++;
+        status = add_draw(v, g, set, runs, n, late);
+        const enum hg_draw_class class = class_of(g->draws[runs[0].draw].gpu.flags);
+        for (uint32_t c = class + 1u; c < 4; c++)
+            set->class_first[c] = v->item_count;
+    }
+    set->item_count = v->item_count - set->first_item;
+    if (status == HG_OK && late != NULL)
+        status = add_late(v, g, set, late);
+    return status;
+}
+
+static uint64_t triangles_of(const struct hg_selection *runs)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < runs->count; i++)
+        sum += runs->items[i].count;
+    return sum;
+}
+
+enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *geometry,
+    const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
+{
+    struct hg_visible_set set = {
+        .first_item = v->item_count, .first_candidate = v->candidate_count};
+    struct hg_selection late = {0};
+    v->runs.count = 0;
+    enum hg_status status = hg_select(geometry, view, jobs, &v->runs);
+    if (status == HG_OK && view->history)
+        status = keep_history(v, geometry);
+    const bool occlusion = view->history && triangles_of(&v->runs) >= v->occlusion_from;
+    if (status == HG_OK)
+        status = add_items(v, geometry, &set, occlusion ? &late : NULL);
+    hg_free(late.items);
+    if (status == HG_OK)
+        status = hg_grow(&v->sets, &v->set_capacity, v->set_count + 1, sizeof *v->sets);
+    if (status != HG_OK)
+        return hg_error_set(err, status, "draw lists", NULL, "no memory");
+    v->sets[v->set_count++] = set;
+    return HG_OK;
+}
+
+uint32_t hg_visible_count(const struct hg_visible *v)
+{
+    return v->set_count;
+}
+
+const struct hg_visible_set *hg_visible_set(const struct hg_visible *v, uint32_t set)
+{
+    return &v->sets[set];
+}
+
+const struct hg_visible_item *hg_visible_item(const struct hg_visible *v, uint32_t index)
+{
+    return &v->items[index];
+}
+
+// --- device --------------------------------------------------------------------------------------
+
+struct need {
+    struct hg_gpu_buffer *buffer;
+    enum hg_gpu_buffer_kind kind;
+    uint64_t bytes;
+    const char *name;
+};
+
+static enum hg_status reserve(
+    struct hg_visible *v, const struct need *needs, size_t count, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (size_t i = 0; i < count && status == HG_OK; i++)
+        if (needs[i].bytes > 0)
+            status = hg_gpu_buffer_reserve(
+                v->gpu, needs[i].kind, needs[i].bytes, needs[i].name, needs[i].buffer, err);
+    return status;
+}
+
+static void copy_runs(void *user, size_t block)
+{
+    struct hg_visible *v = user;
+    const size_t first = block * COPY_RUNS;
+    const size_t end = first + COPY_RUNS < v->copy_count ? first + COPY_RUNS : v->copy_count;
+    for (size_t i = first; i < end; i++) {
+        const struct copy *c = &v->copies[i];
+        memcpy((uint32_t *)v->indices.mapped + c->to, c->indices + (size_t)c->first * c->corners,
+            (size_t)c->count * c->corners * 4);
+        uint32_t *ids = (uint32_t *)v->ids.mapped + c->ids;
+        for (uint32_t k = 0; k < c->count; k++)
+            ids[k] = c->first + k;
+    }
+}
+
+enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, struct hg_error *err)
+{
+    const uint64_t candidates = v->candidate_count;
+    const uint64_t command_bytes = v->command_count * sizeof *v->commands;
+    const struct need needs[] = {
+        {&v->indices, HG_GPU_BUFFER_UPLOAD, v->index_count * 4, "listed indices"},
+        {&v->ids, HG_GPU_BUFFER_UPLOAD, v->id_count * 4ull, "listed primitives"},
+        {&v->candidate_buffer, HG_GPU_BUFFER_UPLOAD, candidates * sizeof *v->candidates,
+            "candidates"},
+        {&v->command_buffer, HG_GPU_BUFFER_UPLOAD, command_bytes, "late draws"},
+        {&v->flags, HG_GPU_BUFFER_READBACK, candidates * 4, "visible candidates"},
+    };
+    const enum hg_status status = reserve(v, needs, sizeof needs / sizeof needs[0], err);
+    if (status != HG_OK)
+        return status;
+    const size_t blocks = ((size_t)v->copy_count + COPY_RUNS - 1) / COPY_RUNS;
+    if (blocks > 1 && jobs != NULL)
+        hg_jobs_for(jobs, blocks, copy_runs, v);
+    else
+        for (size_t i = 0; i < blocks; i++)
+            copy_runs(v, i);
+    if (candidates > 0)
+        memcpy(v->candidate_buffer.mapped, v->candidates, candidates * sizeof *v->candidates);
+    if (command_bytes > 0)
+        memcpy(v->command_buffer.mapped, v->commands, command_bytes);
+    return HG_OK;
+}
+
+void hg_visible_draw(
+    const struct hg_visible *v, struct hg_gpu_cmd *cmd, const struct hg_visible_item *item)
+{
+    const VkCommandBuffer handle = hg_gpu_cmd_handle(cmd);
+    const VkBuffer indices =
+        item->index_buffer != VK_NULL_HANDLE ? item->index_buffer : v->indices.handle;
+    vkCmdBindIndexBuffer(handle, indices, item->index_offset, VK_INDEX_TYPE_UINT32);
+    if (item->command == HG_CLUSTER_NONE)
+        vkCmdDrawIndexed(handle, item->index_count, item->draw_count, 0, 0, item->first_draw);
+    else
+        vkCmdDrawIndexedIndirect(handle, v->command_buffer.handle,
+            (uint64_t)item->command * sizeof *v->commands, 1, sizeof *v->commands);
+}
+
+void hg_visible_fill(
+    const struct hg_visible *v, const struct hg_visible_item *item, struct hg_gpu_item *out)
+{
+    *out = (struct hg_gpu_item){.positions = item->positions,
+        .vertices = item->vertices,
+        .extra = item->extra,
+        .depth = v->depth.address,
+        .seen = v->seen.address};
+    if (item->first_primitive != HG_CLUSTER_NONE)
+        out->primitives = v->ids.address + item->first_primitive * 4ull;
+}
+
+// --- occlusion -----------------------------------------------------------------------------------
+
+static enum hg_status reserve_pyramid(
+    struct hg_visible *v, const struct hg_gpu_image *depth, bool late, struct hg_error *err)
+{
+    const uint64_t px = (uint64_t)depth->width * depth->height;
+    const uint64_t side = HG_OCCLUSION_BLOCK;
+    const uint64_t fine = ((depth->width + side - 1) / side) * ((depth->height + side - 1) / side);
+    const struct need needs[] = {
+        {&v->depth, HG_GPU_BUFFER_DEVICE, px * 4, "depth of the first phase"},
+        {&v->blocks, HG_GPU_BUFFER_DEVICE, fine * 8, "depth pyramid"},
+        {&v->seen, HG_GPU_BUFFER_DEVICE, late ? px * 8 : 0, "ids of the first phase"},
+    };
+    return reserve(v, needs, sizeof needs / sizeof needs[0], err);
+}
+
+struct kernel {
+    const char *shader;
+    uint32_t variant, groups[2];
+};
+
+static enum hg_status dispatch(struct hg_gpu_cmd *cmd, const struct kernel *kernel, uint32_t tables,
+    uint32_t features, const struct hg_gpu_occlusion *push, struct hg_error *err)
+{
+    const struct hg_gpu_pipeline_params params = {
+        .compute = kernel->shader, .spec = {0, tables, features, kernel->variant}, .spec_count = 4};
+    const enum hg_status status = hg_gpu_cmd_pipeline(cmd, &params, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_cmd_push(cmd, push, sizeof *push);
+    vkCmdDispatch(hg_gpu_cmd_handle(cmd), kernel->groups[0], kernel->groups[1], 1);
+    hg_gpu_memory_barrier(cmd);
+    return HG_OK;
+}
+
+enum hg_status hg_visible_test(struct hg_visible *v, struct hg_gpu_cmd *cmd, uint32_t set_index,
+    struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
+    struct hg_error *err)
+{
+    const struct hg_visible_set *set = &v->sets[set_index];
+    const struct hg_gpu_region all = {.width = depth->width, .height = depth->height};
+    enum hg_status status = reserve_pyramid(v, depth, set->late_count > 0, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_image_read(cmd, depth, &all, &v->depth, 0);
+    if (set->late_count > 0)
+        hg_gpu_image_read(cmd, visibility, &all, &v->seen, 0);
+    hg_gpu_memory_barrier(cmd);
+    const struct hg_gpu_occlusion push = {
+        .candidates =
+            v->candidate_buffer.address + set->first_candidate * (uint64_t)sizeof *v->candidates,
+        .visible = v->flags.address + set->first_candidate * 4ull,
+        .commands = v->command_buffer.address,
+        .depth = v->depth.address,
+        .blocks = v->blocks.address,
+        .candidate_count = set->candidate_count,
+        .width = depth->width,
+        .height = depth->height};
+    const uint32_t b = HG_OCCLUSION_BLOCK, w = HG_OCCLUSION_WIDE;
+    const uint32_t fine[2] = {(depth->width + b - 1) / b, (depth->height + b - 1) / b};
+    const struct kernel kernels[] = {
+        {"occlusion_reduce.comp", 0, {(fine[0] + 7) / 8, (fine[1] + 7) / 8}},
+        {"occlusion_reduce.comp", 1,
+            {((fine[0] + w - 1) / w + 7) / 8, ((fine[1] + w - 1) / w + 7) / 8}},
+        {"occlusion_test.comp", 0,
+            {(set->candidate_count + HG_CLUSTER_GROUP - 1) / HG_CLUSTER_GROUP, 1}},
+    };
+    for (size_t i = 0; i < sizeof kernels / sizeof kernels[0] && status == HG_OK; i++)
+        status = dispatch(cmd, &kernels[i], tables, features, &push, err);
+    v->tested = v->tested || (status == HG_OK && set_index == 0);
+    return status;
+}
+
+void hg_visible_stats(const struct hg_visible *v, struct hg_visible_stats *out)
+{
+    *out = (struct hg_visible_stats){0};
+    const struct hg_gpu_buffer *all[] = BUFFERS(v);
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
+        out->bytes += all[i]->size_bytes;
+    if (v->set_count == 0)
+        return;
+    const struct hg_visible_set *set = &v->sets[0];
+    out->triangles = set->triangles;
+    out->late = set->late_count;
+    for (uint32_t i = 0; i < set->item_count; i++)
+        out->draws += v->items[set->first_item + i].draw_count;
+    const uint32_t *flags = v->flags.mapped;
+    for (uint32_t i = 0; v->tested && i < set->candidate_count; i++) {
+        const bool seen = flags[set->first_candidate + i] != 0;
+        out->hidden += !seen;
+        if (seen && v->candidates[set->first_candidate + i].command != HG_CLUSTER_NONE)
+            out->triangles += v->candidate_triangles[set->first_candidate + i];
+    }
+}

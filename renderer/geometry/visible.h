@@ -1,0 +1,99 @@
+// visible.h - what a camera or a light may see, as draws.
+// Floor 2 (geometry). Thread: the render thread; selection is spread over jobs.
+//
+// The host selects runs of triangles by frustum and facing (meshlets of static parts; all else as a
+// whole) and writes the indices of what is left of a part to a list of this frame, in the order of
+// the part. Whole parts of consecutive instances are one instanced draw of the part's own indices.
+// Only what cannot show is left out, so the picture is the one of drawing everything.
+//
+// Occlusion, when there is much to draw: what was seen in the frame before is drawn first, a
+// pyramid of its depth is made, and each of the remaining runs is drawn only where it is not behind
+// that (its indirect draw gets no instance). Depth and ties decide what a pixel shows, never the
+// phase: of surfaces at the same depth the first in draw order is seen. So what was drawn before
+// changes the cost and not the picture. Sources: Greene, Kass and Miller 1993, "Hierarchical
+// Z-Buffer Visibility"; Haar and Aaltonen 2015, "GPU-Driven Rendering Pipelines" (two phases).
+//
+// Use, per step: hg_visible_reset; hg_visible_add for each view; hg_visible_upload; then the items
+// of each set in a batch, hg_visible_test between the phases of a set with late items.
+#ifndef HG_RENDERER_GEOMETRY_VISIBLE_H
+#define HG_RENDERER_GEOMETRY_VISIBLE_H
+
+#include "base/jobs.h"
+#include "renderer/geometry/geometry.h"
+#include "shaders/shared/cluster.h"
+
+struct hg_visible;
+
+// HG_E_NOMEM. gpu is borrowed and must outlive it.
+enum hg_status hg_visible_create(
+    struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_visible_destroy(struct hg_visible *visible); // accepts NULL
+
+struct hg_visible_view {
+    float planes[6][4];       // inside: dot(xyz, p) + w >= 0; relative to the origin
+    uint32_t plane_count;     // 0: everything is seen
+    float eye[3], forward[3]; // relative to the origin; forward: orthographic views
+    float px_scale;           // pixels per radian, or per metre when orthographic
+    bool orthographic;
+    bool both_sides;   // facing does not matter
+    bool casters_only; // drop what casts no shadow (blend)
+    bool history;      // what the last view with history saw comes first, the rest may be late
+};
+
+// Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, 0, 0, first_draw) with
+// u32 indices. In draw order: by class, then topology, sides, winding, part, instance.
+struct hg_visible_item {
+    uint32_t first_draw, draw_count;                    // one instance each
+    uint32_t index_count, primitive_count, flags, part; // flags: HG_DRAW_* of all of them
+    VkBuffer index_buffer;                              // NULL: of this frame
+    uint64_t index_offset;                              // bytes
+    VkDeviceAddress positions, vertices, extra;
+    uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
+    uint32_t command;         // indirect draw; HG_CLUSTER_NONE: none
+};
+
+struct hg_visible_set {
+    uint32_t first_item, item_count; // in draw order
+    uint32_t class_first[4];         // items of class c: [class_first[c], class_first[c + 1])
+    uint32_t first_late, late_count; // in reverse draw order, opaque and masked
+    uint32_t first_candidate, candidate_count; // of occlusion
+    uint64_t triangles, late_triangles;        // triangles: of items that are not late
+};
+
+// Forgets all sets. The batch that used them is over.
+void hg_visible_reset(struct hg_visible *visible);
+// Adds a set; it is number hg_visible_count() - 1. HG_E_NOMEM.
+enum hg_status hg_visible_add(struct hg_visible *visible, const struct hg_geometry *geometry,
+    const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+uint32_t hg_visible_count(const struct hg_visible *visible);
+const struct hg_visible_set *hg_visible_set(const struct hg_visible *visible, uint32_t set);
+// Item i of a list (first_item + i or first_late + i).
+const struct hg_visible_item *hg_visible_item(const struct hg_visible *visible, uint32_t index);
+// Brings all sets to the device. HG_E_NOMEM, device errors.
+enum hg_status hg_visible_upload(
+    struct hg_visible *visible, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+
+// Binds the item's indices and draws it; pipeline and push constants are the caller's.
+void hg_visible_draw(
+    const struct hg_visible *visible, struct hg_gpu_cmd *cmd, const struct hg_visible_item *item);
+// Push constants of an item. Depth and ids: of hg_visible_test.
+void hg_visible_fill(
+    const struct hg_visible *visible, const struct hg_visible_item *item, struct hg_gpu_item *out);
+
+// Between the phases: reads depth and visibility buffer, tests every candidate of the set with the
+// camera of the frame block. tables, features: specialisation constants. Outside rendering.
+enum hg_status hg_visible_test(struct hg_visible *visible, struct hg_gpu_cmd *cmd, uint32_t set,
+    struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
+    struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_visible_stats {
+    uint32_t draws, late, hidden; // of the first set; draws: instances; hidden: by the newest test
+    uint64_t triangles;           // drawn of the first set by the newest sample
+    uint64_t bytes;               // of device memory
+};
+// After the batch is over.
+void hg_visible_stats(const struct hg_visible *visible, struct hg_visible_stats *out);
+// Triangles of a view from which occlusion is tested; 0 = the default. For tests.
+void hg_visible_set_occlusion_from(struct hg_visible *visible, uint64_t triangles);
+
+#endif
