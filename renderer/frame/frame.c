@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/debug.h"
+#include "renderer/passes/facet.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/skin.h"
@@ -101,10 +102,13 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
     bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_SIZE * (HG_DFG_SIZE + 1), 8);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
+    struct hg_gpu_uniform first;
+    if (hg_geometry_facets(view->rooms->geometry, &first, &pass->bindings.texels))
+        bind_table(pass, HG_BIND_FACETS, first.address, first.size_bytes, 1);
 }
 
 // What the scene and its lights make use of. Devices that branch get one pipeline for all.
-static uint32_t features_of(const struct hg_view_state *view)
+static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
 {
     const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
     const struct hg_gpu_lighting *l = &view->frame.lighting;
@@ -117,6 +121,7 @@ static uint32_t features_of(const struct hg_view_state *view)
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
+    features |= (tables & HG_TABLE_BIT(HG_BIND_FACETS)) == 0 ? HG_FEATURE_NO_FACETS : 0;
     return features;
 }
 
@@ -131,7 +136,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
-    pass.features = features_of(view);
+    pass.features = features_of(view, pass.tables);
     return pass;
 }
 
@@ -153,6 +158,11 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, err);
+    if (status != HG_OK)
+        return status;
+    const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables &&
+                        (view->rooms->features & HG_FEATURE_VERTICES) == 0;
+    status = hg_geometry_sync_facets(view->rooms->geometry, facets, err);
     if (status != HG_OK)
         return status;
     const uint64_t middle = hg_clock_now_ns();
@@ -308,12 +318,22 @@ static enum hg_status record_shadows(
     return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, 1, err);
 }
 
+static enum hg_status record_facets(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    hg_frame_fill(view, view->samples, true, 0);
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    return hg_facet_record(&pass, view->rooms->geometry, err);
+}
+
 enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
     enum hg_status status = cull(view, err);
     if (status == HG_OK)
         status = hg_skin_record(cmd, view->rooms->geometry, err);
+    if (status == HG_OK)
+        status = record_facets(view, cmd, err);
     if (status == HG_OK && view->settings.debug != 0)
         return record_debug(view, cmd, err);
     if (status == HG_OK)

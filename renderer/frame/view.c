@@ -222,6 +222,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK)
         return status;
     hg_geometry_deforms_done(view->rooms->geometry);
+    hg_geometry_facets_done(view->rooms->geometry);
     struct hg_visible_stats drawn;
     hg_visible_stats(view->visible, &drawn);
     view->draws_drawn = drawn.draws;

@@ -38,6 +38,7 @@ void hg_geometry_destroy(struct hg_geometry *g)
         hg_mesh_entry_finish(g->gpu, &g->meshes[i]);
     for (uint32_t i = 0; i < g->deform_count; i++)
         hg_deform_finish(g->gpu, &g->deforms[i]);
+    hg_facets_finish(g->gpu, &g->facets);
     hg_table_finish(g->gpu, &g->draw_table);
     hg_table_finish(g->gpu, &g->instance_table);
     hg_table_finish(g->gpu, &g->part_table);
@@ -696,6 +697,9 @@ void hg_geometry_stats(const struct hg_geometry *g, struct hg_geometry_stats *ou
 {
     *out = g->stats;
     out->budget_bytes = g->params.budget_bytes;
+    out->used_bytes += g->facets.buffer.size_bytes;
+    if (out->peak_bytes < out->used_bytes)
+        out->peak_bytes = out->used_bytes;
 }
 
 uint64_t hg_geometry_shape_revision(const struct hg_geometry *g)

@@ -83,6 +83,26 @@ bool hg_geometry_draw_info(
 uint32_t hg_geometry_source_primitive(
     const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive);
 
+// --- facets (recorded by passes/facet.h) ---------------------------------------------------------
+
+// What shading reads of triangles on CPU devices (shaders/shared/facet.h): part of the scene's
+// memory, made where it is wanted, the scene is not too large and the budget has room.
+struct hg_facet_job {
+    uint32_t draw, first, count; // first: facet of the draw's first triangle
+};
+// After hg_geometry_sync. wanted: all draws are triangles without second uv sets and colours.
+// Device errors.
+enum hg_status hg_geometry_sync_facets(
+    struct hg_geometry *geometry, bool wanted, struct hg_error *err) HG_MUST_CHECK;
+// For HG_BIND_FACETS and HG_BIND_TEXELS; false: there are none.
+bool hg_geometry_facets(const struct hg_geometry *geometry, struct hg_gpu_uniform *first,
+    const struct hg_gpu_buffer **facets);
+// Draws whose facets are not up to date.
+uint32_t hg_geometry_facet_jobs(
+    const struct hg_geometry *geometry, const struct hg_facet_job **jobs);
+// Call when they were recorded into a batch that was submitted.
+void hg_geometry_facets_done(struct hg_geometry *geometry);
+
 // --- deformation (recorded by passes/skin.h) -----------------------------------------------------
 
 // Deforms whose pose changed since they were last recorded; jobs are structs hg_gpu_deform at

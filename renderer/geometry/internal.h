@@ -110,6 +110,20 @@ struct hg_draw_entry {
     uint32_t first_bit; // of its groups of meshlets in histories
 };
 
+// --- facets.c ---
+struct hg_facets {
+    struct hg_gpu_buffer buffer;
+    struct hg_table first;      // [draws]
+    uint32_t *firsts;           // what it will hold
+    uint64_t *keys, *next_keys; // [draws] what the buffer holds, 0 = nothing; what it will
+    struct hg_facet_job *jobs;
+    size_t first_capacity, key_capacity, next_capacity, job_capacity;
+    uint32_t job_count;
+    uint64_t revision; // of the geometry at the last sync
+    bool wanted;
+};
+void hg_facets_finish(struct hg_gpu *gpu, struct hg_facets *facets);
+
 struct hg_geometry {
     struct hg_gpu *gpu;
     struct hg_geometry_params params;
@@ -124,6 +138,7 @@ struct hg_geometry {
     uint32_t changed_count;
     struct hg_draw_entry *draws; // in draw order
     uint32_t draw_count;
+    struct hg_facets facets;
     struct hg_table draw_table, instance_table, part_table, material_table;
     uint32_t instance_count, part_count, material_count;
     uint64_t signature; // of the scene at the last sync, 0 = none

@@ -95,6 +95,7 @@ void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object
     hg_free(object->layer_views);
     vkDestroyImageView(gpu->device, object->view, NULL);
     vkDestroyImage(gpu->device, object->image, NULL);
+    vkDestroyBufferView(gpu->device, object->texels, NULL);
     vkDestroyBuffer(gpu->device, object->buffer, NULL);
     struct hg_gpu_memory memory = object->memory;
     hg_gpu_memory_give(gpu, &memory);

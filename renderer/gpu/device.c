@@ -363,6 +363,7 @@ static void fill_limits(struct hg_gpu *gpu)
     caps->is_cpu = props.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
     caps->max_image_side_px = props.properties.limits.maxImageDimension2D;
     caps->max_image_layers = props.properties.limits.maxImageArrayLayers;
+    caps->max_texels = props.properties.limits.maxTexelBufferElements;
     caps->max_allocation_bytes = v11.maxMemoryAllocationSize;
     caps->max_buffer_bytes = v13.maxBufferSize < v11.maxMemoryAllocationSize
                                  ? v13.maxBufferSize

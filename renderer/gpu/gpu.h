@@ -38,7 +38,7 @@ struct hg_gpu_caps {
     bool is_cpu; // a software rasteriser: memory is shared, wide loads are cheap
     bool mapped; // device-local memory is host-visible: uploads are plain writes
     bool depth_clamp, anisotropy, large_points, validation;
-    uint32_t max_image_side_px, max_image_layers;
+    uint32_t max_image_side_px, max_image_layers, max_texels;      // texels: of a buffer
     uint64_t max_buffer_bytes, max_allocation_bytes, memory_bytes; // memory: device-local heap
     float timestamp_period_ns;                                     // 0 = no timestamps
 };
@@ -79,6 +79,7 @@ enum hg_gpu_buffer_kind {
     HG_GPU_BUFFER_DEVICE,   // read and written by shaders; mapped when caps.mapped
     HG_GPU_BUFFER_UPLOAD,   // always mapped, written by the host, read by the device
     HG_GPU_BUFFER_READBACK, // always mapped, written by the device, read by the host
+    HG_GPU_BUFFER_TEXELS,   // as DEVICE, and can be bound to HG_BIND_TEXELS as texels of uvec4
 };
 
 // Zeroed = none. Every buffer can be storage, uniform, index, indirect, transfer source and target.
@@ -86,7 +87,8 @@ struct hg_gpu_buffer {
     VkBuffer handle;
     VkDeviceAddress address; // at least 256-byte aligned
     uint64_t size_bytes;
-    void *mapped; // NULL: not host-visible, use hg_gpu_buffer_upload
+    void *mapped;        // NULL: not host-visible, use hg_gpu_buffer_upload
+    VkBufferView texels; // HG_GPU_BUFFER_TEXELS
     struct hg_gpu_memory memory;
 };
 
@@ -191,6 +193,7 @@ struct hg_gpu_bindings {
     // The images are brought to HG_GPU_USE_SAMPLED by hg_gpu_cmd_bind; NULL = a 1x1 dummy.
     struct hg_gpu_image *images[HG_BIND_IMAGE_COUNT];
     struct hg_gpu_uniform uniforms[HG_BIND_UNIFORM_COUNT]; // of binding HG_BIND_UNIFORM_FIRST + i
+    const struct hg_gpu_buffer *texels;                    // NULL = a dummy
 };
 // True when a table can be bound as a uniform block: size, alignment, and it lies in a live buffer.
 bool hg_gpu_can_bind_uniform(const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform);

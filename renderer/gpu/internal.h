@@ -30,6 +30,7 @@ struct hg_gpu_block {
 struct hg_gpu_retired {
     uint64_t value;
     VkBuffer buffer;
+    VkBufferView texels;
     VkImage image;
     VkImageView view, *layer_views;
     uint32_t layer_view_count;
@@ -131,6 +132,7 @@ struct hg_gpu {
     VkSampler samplers[HG_BIND_IMAGE_COUNT];
     struct hg_gpu_image dummies[HG_BIND_IMAGE_COUNT];
     struct hg_gpu_buffer dummy_frame;
+    struct hg_gpu_buffer dummy_texels;
     VkPipelineCache pipeline_cache;
     size_t pipeline_cache_bytes; // when last saved
     struct hg_gpu_pipeline *pipelines;

@@ -80,6 +80,7 @@ static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err
         slots[i] = (VkDescriptorSetLayoutBinding){
             i, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1, VK_SHADER_STAGE_ALL, NULL};
     }
+    slots[HG_BIND_TEXELS].descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
     const VkDescriptorSetLayoutCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
         .bindingCount = HG_BIND_COUNT,
@@ -106,10 +107,11 @@ static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
         return hg_error_set(err, HG_E_NOMEM, "descriptor pool", NULL, "out of host memory");
     const VkDescriptorPoolSize sizes[] = {
         {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, HG_BIND_IMAGE_COUNT * HG_GPU_SETS_PER_POOL},
-        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_BIND_UNIFORM_COUNT * HG_GPU_SETS_PER_POOL}};
+        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_BIND_UNIFORM_COUNT * HG_GPU_SETS_PER_POOL},
+        {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, HG_GPU_SETS_PER_POOL}};
     const VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
         .maxSets = HG_GPU_SETS_PER_POOL,
-        .poolSizeCount = 2,
+        .poolSizeCount = sizeof sizes / sizeof sizes[0],
         .pPoolSizes = sizes};
     enum hg_status status = HG_VK(gpu, err, vkCreateDescriptorPool, gpu->device, &info, NULL,
         &cmd->set_pools[cmd->set_pool_count]);
@@ -166,6 +168,7 @@ static VkDescriptorBufferInfo uniform_info(
 struct set_infos {
     VkDescriptorImageInfo images[HG_BIND_IMAGE_COUNT];
     VkDescriptorBufferInfo uniforms[HG_BIND_UNIFORM_COUNT];
+    VkBufferView texels;
 };
 
 static void fill_infos(
@@ -180,6 +183,7 @@ static void fill_infos(
     }
     for (uint32_t i = 0; i < HG_BIND_UNIFORM_COUNT; i++)
         infos->uniforms[i] = uniform_info(gpu, &bound->uniforms[i]);
+    infos->texels = (bound->texels != NULL ? bound->texels : &gpu->dummy_texels)->texels;
 }
 
 static void write_set(struct hg_gpu *gpu, VkDescriptorSet set, const struct set_infos *infos)
@@ -197,6 +201,9 @@ static void write_set(struct hg_gpu *gpu, VkDescriptorSet set, const struct set_
             .pImageInfo = image ? &infos->images[i] : NULL,
             .pBufferInfo = image ? NULL : &infos->uniforms[i - HG_BIND_UNIFORM_FIRST]};
     }
+    writes[HG_BIND_TEXELS].descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+    writes[HG_BIND_TEXELS].pBufferInfo = NULL;
+    writes[HG_BIND_TEXELS].pTexelBufferView = &infos->texels;
     vkUpdateDescriptorSets(gpu->device, HG_BIND_COUNT, writes, 0, NULL);
 }
 
@@ -575,6 +582,10 @@ enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err)
         status = hg_gpu_buffer_create(
             gpu, HG_GPU_BUFFER_UPLOAD, HG_TABLE_BYTES, "no table", &gpu->dummy_frame, err);
     }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_create(
+            gpu, HG_GPU_BUFFER_TEXELS, 16, "no texels", &gpu->dummy_texels, err);
+    }
     if (status == HG_OK)
         status = create_set_layout(gpu, err);
     if (status == HG_OK)
@@ -594,6 +605,7 @@ void hg_gpu_pipelines_finish(struct hg_gpu *gpu)
     vkDestroyPipelineLayout(gpu->device, gpu->pipeline_layout, NULL);
     vkDestroyDescriptorSetLayout(gpu->device, gpu->set_layout, NULL);
     hg_gpu_buffer_destroy(gpu, &gpu->dummy_frame);
+    hg_gpu_buffer_destroy(gpu, &gpu->dummy_texels);
     for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
         hg_gpu_image_destroy(gpu, &gpu->dummies[i]);
         vkDestroySampler(gpu->device, gpu->samplers[i], NULL);

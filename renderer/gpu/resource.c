@@ -53,7 +53,8 @@ static void forget(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
 
 static void retire_buffer(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
 {
-    const struct hg_gpu_retired object = {.buffer = buffer->handle, .memory = buffer->memory};
+    const struct hg_gpu_retired object = {
+        .buffer = buffer->handle, .texels = buffer->texels, .memory = buffer->memory};
     hg_gpu_retire(gpu, &object);
 }
 
@@ -62,8 +63,9 @@ static enum hg_status bind_buffer(struct hg_gpu *gpu, enum hg_gpu_buffer_kind ki
 {
     VkMemoryRequirements need;
     vkGetBufferMemoryRequirements(gpu->device, out->handle, &need);
-    enum hg_status status =
-        hg_gpu_memory_take(gpu, (enum hg_gpu_memory_kind)kind, &need, &out->memory, err);
+    const bool on_device = kind == HG_GPU_BUFFER_DEVICE || kind == HG_GPU_BUFFER_TEXELS;
+    enum hg_status status = hg_gpu_memory_take(gpu,
+        on_device ? HG_GPU_MEMORY_DEVICE : (enum hg_gpu_memory_kind)kind, &need, &out->memory, err);
     if (status != HG_OK)
         return status;
     struct hg_gpu_block *block = out->memory.block;
@@ -74,10 +76,24 @@ static enum hg_status bind_buffer(struct hg_gpu *gpu, enum hg_gpu_buffer_kind ki
     const VkBufferDeviceAddressInfo info = {
         .sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, .buffer = out->handle};
     out->address = vkGetBufferDeviceAddress(gpu->device, &info);
-    const bool hidden = kind == HG_GPU_BUFFER_DEVICE && !gpu->caps.mapped;
+    const bool hidden = on_device && !gpu->caps.mapped;
     if (block->mapped != NULL && !hidden)
         out->mapped = (uint8_t *)block->mapped + out->memory.offset;
     return HG_OK;
+}
+
+static enum hg_status create_texels(
+    struct hg_gpu *gpu, const char *name, struct hg_gpu_buffer *buffer, struct hg_error *err)
+{
+    if (buffer->size_bytes / 16 > gpu->caps.max_texels) {
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%llu bytes, the device allows %u texels",
+            (unsigned long long)buffer->size_bytes, gpu->caps.max_texels);
+    }
+    const VkBufferViewCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO,
+        .buffer = buffer->handle,
+        .format = VK_FORMAT_R32G32B32A32_UINT,
+        .range = buffer->size_bytes / 16 * 16};
+    return HG_VK(gpu, err, vkCreateBufferView, gpu->device, &info, NULL, &buffer->texels);
 }
 
 enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind kind,
@@ -95,7 +111,8 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
         .usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT |
                  VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
                  VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
-                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                 (kind == HG_GPU_BUFFER_TEXELS ? VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT : 0u),
     };
     enum hg_status status = HG_VK(gpu, err, vkCreateBuffer, gpu->device, &info, NULL, &out->handle);
     if (status != HG_OK)
@@ -103,6 +120,8 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
     out->size_bytes = size_bytes;
     hg_gpu_name(gpu, VK_OBJECT_TYPE_BUFFER, (uint64_t)out->handle, name);
     status = bind_buffer(gpu, kind, out, err);
+    if (status == HG_OK && kind == HG_GPU_BUFFER_TEXELS)
+        status = create_texels(gpu, name, out, err);
     if (status == HG_OK && !remember(gpu, out))
         status = hg_error_set(err, HG_E_NOMEM, name, NULL, "out of host memory");
     if (status != HG_OK) {

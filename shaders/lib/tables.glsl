@@ -27,6 +27,7 @@ HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
 HG_TABLE(HG_BIND_DFG_TABLE, vec2, 8, dfg)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
+HG_TABLE(HG_BIND_FACETS, uint, 4, facets)
 
 #define HG_IN_UNIFORM(binding) ((hg_tables & HG_TABLE_BIT(binding)) != 0u)
 
@@ -89,6 +90,12 @@ vec2 hg_dfg_at(uint i)
     if (HG_IN_UNIFORM(HG_BIND_DFG_TABLE))
         return hg_table_dfg[i];
     return hg_frame.lighting.dfg.v[i];
+}
+
+// Only where there are facets, which is where they fit (HG_FEATURE_NO_FACETS).
+uint hg_facet_first_at(uint draw)
+{
+    return hg_table_facets[draw];
 }
 
 vec3 hg_irradiance_at(uint i)

@@ -89,11 +89,17 @@ hg_barycentrics hg_barycentrics_line(vec3 v0, vec3 v1, vec2 ndc)
     return hg_barycentrics(vec3(1.0 - w, w, 0.0), vec3(0.0), vec3(0.0));
 }
 
-// Direction of growing u in the triangle, for parts without tangents. Orthonormal to n.
-vec4 hg_tangent_from_uv(vec3 e1, vec3 e2, vec2 d1, vec2 d2, vec3 n)
+// Direction of growing u in the triangle, for parts without tangents, not unit; w: sign of the
+// bitangent.
+vec4 hg_direction_of_u(vec3 e1, vec3 e2, vec2 d1, vec2 d2)
 {
-    float det = d1.x * d2.y - d1.y * d2.x;
-    vec3 t = (e1 * d2.y - e2 * d1.y) * (det < 0.0 ? -1.0 : 1.0);
+    float det = d1.x * d2.y - d1.y * d2.x, side = det < 0.0 ? -1.0 : 1.0;
+    return vec4((e1 * d2.y - e2 * d1.y) * side, side);
+}
+
+// The part of t that is orthogonal to n, unit; any such direction when there is none.
+vec3 hg_orthogonal(vec3 t, vec3 n)
+{
     t -= n * dot(n, t);
     float length2 = dot(t, t);
     if (length2 < 1e-30) {
@@ -101,7 +107,7 @@ vec4 hg_tangent_from_uv(vec3 e1, vec3 e2, vec2 d1, vec2 d2, vec3 n)
         t -= n * dot(n, t);
         length2 = dot(t, t);
     }
-    return vec4(t * inversesqrt(length2), det < 0.0 ? -1.0 : 1.0);
+    return t * inversesqrt(length2);
 }
 
 // Surface point of primitive `triangle` of a draw at pixel (gl_FragCoord.xy: centres at .5).
@@ -168,7 +174,8 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
         t = mat3(world) * t;
         o.tangent_ws = vec4(t * inversesqrt(max(dot(t, t), 1e-30)), t0.w * handed);
     } else {
-        o.tangent_ws = hg_tangent_from_uv(p1 - p0, p2 - p0, a1.uv - a0.uv, a2.uv - a0.uv, o.normal_ws);
+        o.tangent_ws = hg_direction_of_u(p1 - p0, p2 - p0, a1.uv - a0.uv, a2.uv - a0.uv);
+        o.tangent_ws.xyz = hg_orthogonal(o.tangent_ws.xyz, o.normal_ws);
     }
     o.uv1 = o.uv0;
     o.uv1_dx = o.uv0_dx;

@@ -12,6 +12,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
+#include "lib/facet.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"
@@ -46,7 +47,11 @@ vec4 surface(uvec2 id)
     hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
-    hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
+    hg_vertex v;
+    if (HG_HAS(HG_FEATURE_NO_FACETS))
+        v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
+    else
+        v = hg_fetch_facet(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
     if (s.unlit)

@@ -4,8 +4,11 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
+layout(constant_id = 0) const uint hg_variant = 0u; // 1: from facets
+
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
+#include "lib/facet.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -40,7 +43,11 @@ void main()
     if (i >= count)
         return;
     query q = queries.v[i];
-    hg_vertex v = hg_fetch_triangle(q.draw, q.triangle, q.pixel);
+    hg_vertex v;
+    if (hg_variant == 1u)
+        v = hg_fetch_facet(q.draw, q.triangle, q.pixel);
+    else
+        v = hg_fetch_triangle(q.draw, q.triangle, q.pixel);
     answers.v[i] = answer(v.position_ws, v.normal_ws, v.geometric_ws, v.tangent_ws, v.color, v.uv0,
         v.uv0_dx, v.uv0_dy, v.uv1, v.depth, v.front ? 1.0 : 0.0);
 }

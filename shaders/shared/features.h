@@ -16,6 +16,7 @@
 #define HG_FEATURE_CLUSTERS    0x100u // lights in clusters
 #define HG_FEATURE_LOCAL       0x200u // point or spot lights
 #define HG_FEATURE_SHADOWS     0x400u // shadow maps
+#define HG_FEATURE_NO_FACETS   0x800u // surface points come from vertices, not from facets (facet.h)
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

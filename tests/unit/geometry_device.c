@@ -15,8 +15,10 @@
 #include "base/log.h"
 #include "renderer/geometry/internal.h"
 #include "renderer/geometry/visible.h"
+#include "renderer/passes/facet.h"
 #include "renderer/passes/skin.h"
 #include "renderer/scene/load.h"
+#include "shaders/shared/features.h"
 #include "shaders/shared/frame.h"
 
 #define TRIANGLES 40
@@ -37,6 +39,7 @@ struct fixture {
     struct hg_gpu *gpu;
     struct hg_error err;
     uint32_t random;
+    bool facets; // surface points come from facets, not from vertices
 };
 
 static void check(struct fixture *f, enum hg_status status)
@@ -211,6 +214,19 @@ static struct eye look_at(const double position[3], const double target[3], bool
     return e;
 }
 
+// Rays through pixels, as shaders/shared/frame.h says.
+static void fill_rays(const struct eye *e, const double eye[3], struct hg_gpu_camera *camera)
+{
+    const double half = e->orthographic ? e->half_height : 1.0 / e->focal;
+    float *origin = &camera->ray_origin_ws.x, *x = &camera->ray_x_ws.x, *y = &camera->ray_y_ws.x;
+    for (int i = 0; i < 3; i++) {
+        const double middle = e->orthographic ? eye[i] : -e->back[i];
+        origin[i] = (float)(middle - e->right[i] * half * e->aspect + e->up[i] * half);
+        x[i] = (float)(e->right[i] * half * e->aspect * 2.0 / WIDTH);
+        y[i] = (float)(-e->up[i] * half * 2.0 / HEIGHT);
+    }
+}
+
 static void fill_camera(const struct eye *e, const double origin[3], struct hg_gpu_camera *camera)
 {
     double view[16] = {0}, proj[16] = {0}, vp[16], eye[3];
@@ -242,6 +258,7 @@ static void fill_camera(const struct eye *e, const double origin[3], struct hg_g
         camera->proj.m[i] = (float)proj[i];
         camera->view_proj.m[i] = (float)vp[i];
     }
+    fill_rays(e, eye, camera);
     camera->orthographic = e->orthographic;
     camera->eye_ws = (struct hg_vec3){(float)eye[0], (float)eye[1], (float)eye[2]};
     camera->forward_ws =
@@ -356,7 +373,7 @@ static struct truth truth_at(
     return t;
 }
 
-static void run_queries(struct fixture *f, const struct hg_geometry *g, const struct eye *e,
+static void run_queries(struct fixture *f, struct hg_geometry *g, const struct eye *e,
     const struct query *queries, struct answer *answers)
 {
     struct hg_gpu_buffer in, out, frame_buffer;
@@ -381,9 +398,19 @@ static void run_queries(struct fixture *f, const struct hg_geometry *g, const st
         uint64_t queries, answers;
         uint32_t count;
     } push = {in.address, out.address, QUERIES};
-    const struct hg_gpu_pipeline_params params = {.compute = "test_fetch.comp"};
+    const struct hg_gpu_pipeline_params params = {
+        .compute = "test_fetch.comp", .spec = {f->facets}, .spec_count = 1};
     struct hg_gpu_cmd *cmd;
+    if (f->facets)
+        check(f, hg_geometry_sync_facets(g, true, &f->err));
     check(f, hg_gpu_begin(f->gpu, &cmd, &f->err));
+    if (f->facets) {
+        struct hg_pass pass = {
+            .gpu = f->gpu, .cmd = cmd, .bindings = bindings, .features = HG_FEATURE_ALL};
+        check(f, hg_facet_record(&pass, g, &f->err));
+        assert_true(hg_geometry_facets(
+            g, &bindings.uniforms[HG_BIND_FACETS - HG_BIND_UNIFORM_FIRST], &bindings.texels));
+    }
     check(f, hg_gpu_cmd_bind(cmd, &bindings, &f->err));
     check(f, hg_gpu_cmd_pipeline(cmd, &params, &f->err));
     hg_gpu_cmd_push(cmd, &push, sizeof push);
@@ -418,8 +445,8 @@ static void make_queries(struct fixture *f, const struct hg_geometry *g, const s
     }
 }
 
-static void check_points(
-    struct fixture *f, const struct hg_geometry *g, const struct eye *e, double tolerance)
+static void check_points_of(
+    struct fixture *f, struct hg_geometry *g, const struct eye *e, double tolerance)
 {
     static struct query queries[QUERIES];
     static struct answer answers[QUERIES];
@@ -456,12 +483,23 @@ static void check_points(
         assert_true(facing > 0.999);
         assert_true((to_eye > 0.0) == (a->front > 0.5f));
     }
-    print_message("%u points: position %.2e of the distance, uv %.2e, derivatives %.2e relative\n",
-        compared, worst_position, worst_uv, worst_derivative);
+    print_message(
+        "%s: %u points: position %.2e of the distance, uv %.2e, derivatives %.2e relative\n",
+        f->facets ? "facets" : "vertices", compared, worst_position, worst_uv, worst_derivative);
     assert_true(compared > QUERIES / 2);
     assert_true(worst_position < tolerance);
     assert_true(worst_uv < tolerance * 10);
     assert_true(worst_derivative < tolerance * 100);
+}
+
+static void check_points(
+    struct fixture *f, struct hg_geometry *g, const struct eye *e, double tolerance)
+{
+    for (int facets = 0; facets < 2; facets++) {
+        f->facets = facets == 1;
+        check_points_of(f, g, e, tolerance);
+    }
+    f->facets = false;
 }
 
 struct small_scene {
