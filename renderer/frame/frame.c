@@ -3,9 +3,11 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/log.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/debug.h"
 #include "renderer/passes/facet.h"
+#include "renderer/passes/layers.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/skin.h"
@@ -246,11 +248,11 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
 }
 
 static enum hg_status record_layers(
-    struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
+    struct hg_view_state *view, struct hg_pass *pass, uint32_t slot, struct hg_error *err)
 {
     const struct hg_visibility_scene scene = {view->visible, 0};
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < HG_VIEW_MAX_LAYERS && status == HG_OK; i++) {
+    for (uint32_t i = 0; i < view->layer_limit && status == HG_OK; i++) {
         const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
         status = hg_visibility_record_layer(
             pass, &scene, &target, &view->depth, i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
@@ -262,7 +264,9 @@ static enum hg_status record_layers(
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
     }
-    return status;
+    struct hg_gpu_image *last = &view->layers[(view->layer_limit - 1) % 2];
+    return status == HG_OK ? hg_layer_any_record(pass, last, &view->layers_full, slot, err)
+                           : status;
 }
 
 // A debug view takes one sample through the pixels' centres and needs no light.
@@ -298,7 +302,7 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     if (status == HG_OK && blend)
         status = make_layers(view, err);
     if (status == HG_OK && blend)
-        status = record_layers(view, &pass, err);
+        status = record_layers(view, &pass, slot, err);
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->accumulated,
@@ -324,6 +328,20 @@ static enum hg_status record_facets(
     hg_frame_fill(view, view->samples, true, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     return hg_facet_record(&pass, view->rooms->geometry, err);
+}
+
+void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples)
+{
+    bool full = false;
+    for (uint32_t i = 0; i < samples; i++)
+        full |= ((const uint32_t *)view->layers_full.mapped)[i] != 0;
+    view->shallow = full && view->layer_limit < HG_VIEW_MAX_LAYERS;
+    if (view->shallow)
+        view->layer_limit *= 2;
+    else if (full && !view->too_deep_told)
+        hg_warn(FRAME, "%u layers of blended surfaces or more: what lies deeper is not seen",
+            (unsigned)HG_VIEW_MAX_LAYERS);
+    view->too_deep_told = full && !view->shallow;
 }
 
 enum hg_status hg_frame_record(

@@ -81,7 +81,7 @@ static enum hg_status resize(
 enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_context *context,
     struct hg_scene *scene, struct hg_error *err)
 {
-    *view = (struct hg_view_state){.context = context};
+    *view = (struct hg_view_state){.context = context, .layer_limit = HG_VIEW_FIRST_LAYERS};
     const struct hg_lighting_params lighting = {.cache_dir = context->cache_dir};
     enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
     if (status == HG_OK)
@@ -96,6 +96,10 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_READBACK,
             sizeof(struct hg_gpu_pick), "pick", &view->pick, err);
+    }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_READBACK,
+            HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t), "layers", &view->layers_full, err);
     }
     if (status != HG_OK)
         hg_view_state_finish(view);
@@ -113,6 +117,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->accumulated);
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
+    hg_gpu_buffer_destroy(gpu, &view->layers_full);
     hg_visible_destroy(view->visible);
     hg_lighting_destroy(view->lighting);
     hg_rooms_unref(view->context, view->rooms);
@@ -157,7 +162,7 @@ bool hg_view_state_settled(const struct hg_view_state *view)
 {
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
-           view->samples >= view->settings.samples && !view->coarse;
+           view->samples >= view->settings.samples && !view->coarse && !view->shallow;
 }
 
 static bool needs_cascades(const struct hg_view_state *view)
@@ -207,12 +212,13 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
         return status;
     const struct hg_view_key key = present_key(view);
     const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0;
-    if (changed || view->coarse)
+    if (changed || view->coarse || view->shallow)
         view->samples = 0;
     view->coarse = changed && max_samples == 1 && needs_cascades(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
     status = hg_frame_record(view, cmd, count, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
@@ -227,6 +233,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     hg_visible_stats(view->visible, &drawn);
     view->draws_drawn = drawn.draws;
     view->triangles_drawn = drawn.triangles;
+    hg_frame_adapt_layers(view, count);
     view->key = key;
     view->samples += count;
     view->number++;

@@ -12,9 +12,12 @@
 
 #define HG_VIEW_MAX_SAMPLES_PER_STEP 16
 #define HG_VIEW_MAX_SIDE_PX          16384
-#define HG_VIEW_MAX_LAYERS           8 // of blended surfaces; what lies deeper is not seen
-#define HG_FRAME_BLOCK_BYTES         1024
-#define HG_VIEW_MAX_STAGES           64
+// Layers of blended surfaces: peeled at first, and at most. What lies deeper than those is not
+// seen.
+#define HG_VIEW_FIRST_LAYERS 8
+#define HG_VIEW_MAX_LAYERS   64
+#define HG_FRAME_BLOCK_BYTES 1024
+#define HG_VIEW_MAX_STAGES   64
 
 struct hg_view_settings {
     uint32_t width, height; // px
@@ -60,13 +63,17 @@ struct hg_view_state {
     struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
-    struct hg_visible *visible; // set 0: the camera; then stale shadow maps
-    struct hg_gpu_frame frame;  // of the newest sample
+    struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
+    struct hg_visible *visible;       // set 0: the camera; then stale shadow maps
+    struct hg_gpu_frame frame;        // of the newest sample
 
     uint64_t number; // frames that changed something
     uint32_t samples;
     uint32_t stale_shadows;
-    bool coarse; // the newest sample went without finer cascades; the next one starts anew
+    bool coarse;          // the newest sample went without finer cascades; the next one starts anew
+    uint32_t layer_limit; // layers that the next step peels
+    bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
+    bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
     uint64_t triangles_drawn, draws_drawn;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
     uint32_t stage_count;
@@ -99,6 +106,8 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
+// After the batch: whether it had too few layers, and then how many the next one peels.
+void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples);
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot);
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);

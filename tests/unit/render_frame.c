@@ -377,6 +377,55 @@ static void test_blend_order(void **state)
     }
 }
 
+// Blends `count` sheets one behind the other and compares with the same in double precision, as far
+// as `seen` layers.
+static void check_layers(struct rig *rig, uint32_t count, uint32_t seen)
+{
+    const struct hg_view_params params = {.width = 32,
+        .height = 32,
+        .samples = 3,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .background = HG_BACKGROUND_NONE};
+    struct hg_scene *scene = new_scene();
+    double want[3] = {0, 0, 0}, through = 1;
+    for (uint32_t k = 0; k < count; k++) {
+        const float color[4] = {
+            (float)(k % 3) / 2, (float)(k % 5) / 4, (float)(k % 7) / 6, 0.0625f};
+        add_quad(scene, (uint64_t)k + 1, 10 + (float)k, -0.01f * (float)k, color);
+        for (int c = 0; c < 3 && k < seen; c++)
+            want[c] += through * (double)color[3] * (double)color[c];
+        through *= k < seen ? 1 - (double)color[3] : 1;
+    }
+    hg_scene_publish(scene);
+    use_scene(rig, scene, &params);
+    const struct hg_frame_info info = settle(rig, 1);
+    assert_int_equal(info.samples, 3);
+    float got[4];
+    read_centre(rig, got);
+    for (int c = 0; c < 3; c++) // of straight alpha
+        assert_float_equal(got[c] * got[3], want[c], 2e-5f);
+    assert_float_equal(got[3], 1 - through, 2e-5f);
+}
+
+// As many layers as there are, 64 at most.
+static void test_many_layers(void **state)
+{
+    (void)state;
+    static const uint32_t counts[] = {7, 40, 3};
+    struct rig rig;
+    open_rig(&rig, true);
+    check_layers(&rig, 9, 9);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    close_rig(&rig);
+    open_rig(&rig, false);
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        check_layers(&rig, counts[i], counts[i]);
+        close_scene(&rig);
+    }
+    check_layers(&rig, 80, 64);
+    close_rig(&rig);
+}
+
 // --- the same bytes ------------------------------------------------------------------------------
 
 static void test_same_bytes(void **state)
@@ -629,6 +678,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_coverage_to_the_pixel),
         cmocka_unit_test(test_colour_and_alpha),
         cmocka_unit_test(test_blend_order),
+        cmocka_unit_test(test_many_layers),
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_culling_changes_nothing),
         cmocka_unit_test(test_gpu_paths_agree),
