@@ -146,12 +146,21 @@ static void add_row_of(uint8_t filter, const lanes *residuals, const lanes *abov
 #undef CASE
 }
 
+// Sum of the absolute residuals. A row of 8-bit ones fits into 16 bits per channel.
 static uint32_t cost_of(const lanes *residuals, uint32_t width, bool wide)
 {
+    if (!wide) {
+        lanes sum = {0};
+        for (uint32_t i = 0; i < width; i++) {
+            const signed_lanes v = (signed_lanes)(residuals[i] << 8) >> 8, sign = v >> 15;
+            sum += (lanes)((v ^ sign) - sign);
+        }
+        return (uint32_t)sum[0] + sum[1] + sum[2] + sum[3];
+    }
     uint32_t sum = 0;
     for (uint32_t i = 0; i < width; i++)
         for (int c = 0; c < 4; c++) {
-            const int v = wide ? (int16_t)residuals[i][c] : (int8_t)residuals[i][c];
+            const int v = (int16_t)residuals[i][c];
             sum += (uint32_t)(v < 0 ? -v : v);
         }
     return sum;
@@ -180,17 +189,37 @@ static void filter_rows(
 
 // --- texels to lanes and back --------------------------------------------------------------------
 
+// Four bytes to four 16-bit lanes in one word, and back. Texel bytes lie in memory order either
+// way.
+static inline uint64_t spread_bytes(uint32_t texel)
+{
+    uint64_t v = texel;
+    v = (v | v << 16) & 0x0000ffff0000ffffu;
+    return (v | v << 8) & 0x00ff00ff00ff00ffu;
+}
+
+static inline uint32_t gather_bytes(uint64_t v)
+{
+    v &= 0x00ff00ff00ff00ffu;
+    v = (v | v >> 8) & 0x0000ffff0000ffffu;
+    return (uint32_t)(v | v >> 16);
+}
+
 static void load_texels(struct hg_page_codec *k, const uint8_t *texels, size_t pitch,
     uint32_t width, uint32_t height, bool wide)
 {
     for (uint32_t y = 0; y < height; y++, texels += pitch) {
         lanes *row = k->texels + (size_t)y * width;
-        if (wide)
+        if (wide) {
             memcpy(row, texels, width * sizeof *row);
-        else
-            for (uint32_t i = 0; i < width; i++)
-                row[i] =
-                    (lanes){texels[i * 4], texels[i * 4 + 1], texels[i * 4 + 2], texels[i * 4 + 3]};
+            continue;
+        }
+        for (uint32_t i = 0; i < width; i++) {
+            uint32_t texel;
+            memcpy(&texel, texels + i * 4, sizeof texel);
+            const uint64_t v = spread_bytes(texel);
+            memcpy(&row[i], &v, sizeof v);
+        }
     }
 }
 
@@ -200,9 +229,12 @@ static void store_row(const lanes *row, uint32_t width, bool wide, uint8_t *texe
         memcpy(texels, row, width * sizeof *row);
         return;
     }
-    for (uint32_t i = 0; i < width; i++)
-        for (int c = 0; c < 4; c++)
-            texels[i * 4 + (uint32_t)c] = (uint8_t)row[i][c];
+    for (uint32_t i = 0; i < width; i++) {
+        uint64_t v;
+        memcpy(&v, &row[i], sizeof v);
+        const uint32_t texel = gather_bytes(v);
+        memcpy(texels + i * 4, &texel, sizeof texel);
+    }
 }
 
 // Bit c is set for a channel that is the same everywhere.
@@ -282,18 +314,22 @@ static void write_planes(
 static void read_planes(
     struct hg_page_codec *k, uint32_t height, uint32_t count, uint8_t constants, bool wide)
 {
-    const uint8_t *src = k->planes + height;
+    static const uint8_t zeroes[TEXELS];
+    const uint8_t *planes[4], *high[4], *src = k->planes + height;
     for (int c = 0; c < 4; c++) {
-        uint16_t *dst = (uint16_t *)(void *)k->residuals + c;
-        if (constants >> c & 1) {
-            for (uint32_t i = 0; i < count; i++)
-                dst[i * 4] = 0;
-            continue;
-        }
-        for (uint32_t i = 0; i < count; i++)
-            dst[i * 4] = wide ? (uint16_t)(src[i] | src[i + count] << 8) : src[i];
-        src += wide ? 2 * count : count;
+        const bool constant = constants >> c & 1;
+        planes[c] = constant ? zeroes : src;
+        high[c] = constant ? zeroes : src + count;
+        src += constant ? 0 : wide ? 2 * count : count;
     }
+    if (!wide) {
+        for (uint32_t i = 0; i < count; i++)
+            k->residuals[i] = (lanes){planes[0][i], planes[1][i], planes[2][i], planes[3][i]};
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        for (int c = 0; c < 4; c++)
+            k->residuals[i][c] = (uint16_t)(planes[c][i] | high[c][i] << 8);
 }
 
 // --- encode --------------------------------------------------------------------------------------
