@@ -92,6 +92,7 @@ void hg_renderer_destroy(struct hg_renderer *renderer)
 {
     if (renderer == NULL)
         return;
+    hg_frame_context_finish(&renderer->context);
     hg_gpu_destroy(renderer->gpu);
     hg_jobs_destroy(renderer->jobs);
     hg_store_close(renderer->store);
@@ -290,6 +291,8 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .height = s->settings.height,
         .samples = s->samples,
         .error_px = s->settings.error_px,
+        .missing_pages = s->stream.missing,
+        .mip_bias = s->stream.bias,
         .settled = hg_view_state_settled(s),
         .triangles_total = geometry.triangles_total,
         .triangles_drawn = s->triangles_drawn};

@@ -68,9 +68,9 @@ static void put_scene(struct hg_writer *w, const struct hg_view_state *s)
     hg_geometry_stats(s->rooms->geometry, &g);
     hg_json_put(w,
         ",\"texture\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
-        "\"missing\":0,\"pages\":%u,\"sets\":%u,\"failed\":%u}",
+        "\"missing\":%u,\"pages\":%u,\"sets\":%u,\"failed\":%u}",
         (unsigned long long)t.budget_bytes, (unsigned long long)t.peak_bytes,
-        (unsigned long long)t.pool_bytes, t.pages, t.sets, t.failed);
+        (unsigned long long)t.pool_bytes, t.missing, t.pages, t.sets, t.failed);
     hg_json_put(w,
         ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
         "\"triangles_total\":%llu,\"triangles_drawn\":%llu,\"missing\":0,\"draws\":%u,"

@@ -40,6 +40,17 @@ static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
     return setup;
 }
 
+static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)
+{
+    struct hg_stream *s = &view->stream;
+    const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
+    hg_textures_fill(view->rooms->textures, mode, out);
+    s->run = s->run % HG_PROGRESS_RUNS + 1;
+    out->mode = mode;
+    out->run = s->run;
+    out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
+}
+
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot)
 {
     struct hg_gpu_frame *f = &view->frame;
@@ -63,7 +74,7 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     f->tonemap = s->tonemap;
     f->flags = view->coarse ? HG_FRAME_COARSE_SHADOWS : 0;
     hg_lighting_fill(view->lighting, sample, &f->lighting);
-    hg_textures_fill(view->rooms->textures, &f->textures);
+    fill_textures(view, &f->textures);
     hg_geometry_fill(view->rooms->geometry, &f->geometry);
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
 }
@@ -86,9 +97,9 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
         view->blocks.address + (uint64_t)slot * HG_FRAME_BLOCK_BYTES, HG_FRAME_BLOCK_BYTES};
     if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->no_tables)
         return;
-    struct hg_textures_stats textures;
+    struct hg_page_cache_stats textures;
     uint32_t shadows;
-    hg_textures_stats(view->rooms->textures, &textures);
+    hg_page_cache_stats(hg_textures_cache(view->rooms->textures), &textures);
     hg_lighting_shadow_maps(view->lighting, &shadows);
     const struct hg_gpu_geometry *g = &f->geometry;
     const struct hg_gpu_lighting *l = &f->lighting;
@@ -119,6 +130,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     hg_lighting_stats(view->lighting, &stats);
     if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables)
         return HG_FEATURE_ALL & ~(sampled & ~features); // a table that is not there is not read
+    features |= view->stream.on ? HG_FEATURE_STREAM : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
@@ -139,6 +151,8 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
+    if (view->stream.exact && view->stream.area_count > 0)
+        pass.area = view->stream.areas[view->stream.area_count - 1].rect;
     return pass;
 }
 
@@ -169,6 +183,9 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
         return status;
     const uint64_t middle = hg_clock_now_ns();
     hg_view_add_stage(view, "scene sync", middle - start);
+    status = hg_stream_sync(view, err);
+    if (status != HG_OK)
+        return status;
     const struct hg_camera_setup setup = camera_setup(view);
     hg_camera_fill(&setup, &view->frame.camera);
     status = sync_lighting(view, err);
@@ -260,6 +277,7 @@ static enum hg_status record_layers(
             .depth = target.depth,
             .target = &view->layer_color,
             .clear = i == 0,
+            .counted = view->stream.exact,
             .layer = true};
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
@@ -306,7 +324,8 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->accumulated,
-        .clear = sample == 0,
+        .clear = sample == 0 && !view->stream.exact,
+        .counted = view->stream.exact,
         .front = blend ? &view->layer_color : NULL};
     return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }
@@ -356,7 +375,17 @@ enum hg_status hg_frame_record(
         return record_debug(view, cmd, err);
     if (status == HG_OK)
         status = record_shadows(view, cmd, err);
+    uint32_t first = view->samples;
+    if (view->stream.exact && view->stream.area_count > 0)
+        first = view->stream.areas[view->stream.area_count - 1].samples;
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)
-        status = record_sample(view, cmd, view->samples + i, i, err);
+        status = record_sample(view, cmd, first + i, i, err);
     return status;
+}
+
+enum hg_status hg_frame_record_shadows(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    const enum hg_status status = cull(view, err); // chooses what casts as well
+    return status == HG_OK ? record_shadows(view, cmd, err) : status;
 }

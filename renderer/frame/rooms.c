@@ -61,11 +61,13 @@ static uint32_t scene_features(const struct hg_scene *scene, const struct hg_tex
             features |= part_features(&mesh->parts[p]);
     }
     hg_textures_stats(textures, &stats);
-    hg_textures_fill(textures, &pools);
-    if (stats.table_bytes == 0)
+    hg_textures_fill(textures, HG_TEXTURES_SHOW, &pools);
+    if (stats.textures == 0)
         features &= ~sampled; // nothing to look up
     if (pools.layers[HG_POOL_FLOAT] > 0)
         features |= HG_FEATURE_FLOAT;
+    if (hg_textures_has_wide(textures))
+        features |= HG_FEATURE_WIDE;
     return features;
 }
 
@@ -83,6 +85,25 @@ static void destroy(struct hg_frame_context *context, struct hg_rooms *rooms)
     hg_free(rooms);
 }
 
+static enum hg_status make_pages(struct hg_frame_context *context, struct hg_error *err)
+{
+    const uint64_t budget = context->texture_budget_bytes, least = 64ull << 20;
+    const uint64_t host = budget == 0 ? 0 : budget > least ? budget : least;
+    const struct hg_page_cache_params params = {.budget_bytes = budget,
+        .host_bytes = context->host_budget_bytes > 0 ? context->host_budget_bytes : host,
+        .store = context->store,
+        .threads = hg_jobs_threads(context->jobs)};
+    return context->pages != NULL
+               ? HG_OK
+               : hg_page_cache_create(context->gpu, &params, &context->pages, err);
+}
+
+void hg_frame_context_finish(struct hg_frame_context *context)
+{
+    hg_page_cache_destroy(context->pages);
+    context->pages = NULL;
+}
+
 static enum hg_status create(struct hg_frame_context *context, struct hg_scene *scene,
     struct hg_rooms **out, struct hg_error *err)
 {
@@ -92,9 +113,11 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
         return hg_error_set(err, HG_E_NOMEM, "scene", NULL, "out of host memory");
     rooms->scene = scene;
     rooms->scene_revision = UINT64_MAX;
-    const struct hg_textures_params textures = {.budget_bytes = context->texture_budget_bytes};
+    enum hg_status status = make_pages(context, err);
+    const struct hg_textures_params textures = {.cache = context->pages};
     const struct hg_geometry_params geometry = {.budget_bytes = context->geometry_budget_bytes};
-    enum hg_status status = hg_textures_create(context->gpu, &textures, &rooms->textures, err);
+    if (status == HG_OK)
+        status = hg_textures_create(context->gpu, &textures, &rooms->textures, err);
     if (status == HG_OK)
         status = hg_geometry_create(context->gpu, &geometry, &rooms->geometry, err);
     if (status != HG_OK) {
@@ -129,7 +152,8 @@ enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *
     const double eye_ws[3], struct hg_error *err)
 {
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
-    if (rooms->scene_revision == rooms->scene->revision && !moved)
+    if (rooms->scene_revision == rooms->scene->revision && !moved &&
+        !hg_textures_is_stale(rooms->textures))
         return HG_OK;
     rooms->scene_revision = UINT64_MAX; // a failure is tried again
     hg_scene_update(rooms->scene);

@@ -8,18 +8,20 @@
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
 #include "renderer/store/store.h"
+#include "renderer/texture/page_cache.h"
 #include "renderer/texture/textures.h"
 
 // What views need of their renderer.
 struct hg_frame_context {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
-    const char *cache_dir; // NULL = none
+    const char *cache_dir;                                                   // NULL = none
     uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
-    struct hg_store *store; // page packs and cluster files on disk; NULL = none
-    struct hg_rooms *rooms; // list of all scenes in use
-    bool no_culling;        // draw everything, for tests
-    bool no_tables;         // reach every table by address, as GPUs do, for tests
+    struct hg_store *store;      // page packs and cluster files on disk; NULL = none
+    struct hg_page_cache *pages; // of all scenes; made on first use
+    struct hg_rooms *rooms;      // list of all scenes in use
+    bool no_culling;             // draw everything, for tests
+    bool no_tables;              // reach every table by address, as GPUs do, for tests
 };
 
 struct hg_rooms {
@@ -36,6 +38,9 @@ struct hg_rooms {
 enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *scene,
     struct hg_rooms **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms); // accepts NULL
+
+// What all scenes shared; before the device goes, after all rooms. Accepts a zeroed context.
+void hg_frame_context_finish(struct hg_frame_context *context);
 
 // Brings textures and geometry in line with the scene; no batch may be open. Nothing happens when
 // the scene's revision is known already. eye_ws: scene space.

@@ -33,6 +33,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->layer_color);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->pixels[i]);
+    hg_stream_finish(gpu, &view->stream);
     hg_gpu_buffer_destroy(gpu, &view->readback);
 }
 
@@ -162,7 +163,8 @@ bool hg_view_state_settled(const struct hg_view_state *view)
 {
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
-           view->samples >= view->settings.samples && !view->coarse && !view->shallow;
+           view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
+           !view->stream.inexact;
 }
 
 static bool needs_cascades(const struct hg_view_state *view)
@@ -201,29 +203,30 @@ static enum hg_status submit_and_wait(
     return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
 }
 
-static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+// Samples of the whole picture with the texels that are there.
+static enum hg_status draw_shown(
+    struct hg_view_state *view, bool changed, uint32_t max_samples, struct hg_error *err)
 {
-    enum hg_status status = hg_frame_sync(view, err);
-    if (status != HG_OK)
-        return status;
+    struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
     struct hg_gpu_cmd *cmd;
-    status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    const struct hg_view_key key = present_key(view);
-    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0;
-    if (changed || view->coarse || view->shallow)
+    if (changed || view->coarse || view->shallow || view->stream.inexact)
         view->samples = 0;
     view->coarse = changed && max_samples == 1 && needs_cascades(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    count = view->stream.on ? 1 : count;
     memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
+    hg_page_cache_begin(pages, cmd);
     status = hg_frame_record(view, cmd, count, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
     }
+    hg_page_cache_end(pages, cmd);
     status = submit_and_wait(view, cmd, err);
     if (status != HG_OK)
         return status;
@@ -234,10 +237,34 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     view->draws_drawn = drawn.draws;
     view->triangles_drawn = drawn.triangles;
     hg_frame_adapt_layers(view, count);
-    view->key = key;
     view->samples += count;
     view->number++;
-    return HG_OK;
+    return hg_stream_shown(view, err);
+}
+
+static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    enum hg_status status = hg_frame_sync(view, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_view_key key = present_key(view);
+    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0;
+    if (changed) {
+        hg_stream_restart(view);
+        view->stream.on = !hg_page_cache_is_complete(hg_textures_cache(view->rooms->textures));
+    } else if (!view->stream.exact) {
+        status = hg_stream_rest(view, err);
+    }
+    if (status == HG_OK)
+        status = view->stream.exact ? hg_stream_draw(view, max_samples, err)
+                                    : draw_shown(view, changed, max_samples, err);
+    if (status == HG_OK && view->stream.exact && view->shallow) { // all of it lacks layers
+        hg_stream_restart(view);
+        status = draw_shown(view, true, max_samples, err);
+    }
+    if (status == HG_OK)
+        view->key = key;
+    return status;
 }
 
 enum hg_status hg_view_state_step(
@@ -253,6 +280,8 @@ enum hg_status hg_view_state_step(
         collect_times(view);
     if (status != HG_OK) { // what was accumulated may be incomplete
         view->samples = 0;
+        hg_stream_restart(view);
+        view->key = (struct hg_view_key){0};
         forget_shadows(view);
     }
     return status;
@@ -266,7 +295,9 @@ static enum hg_status record_read(
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
     const struct hg_resolve resolve = {.accumulated = &view->accumulated,
         .target = &view->pixels[format],
-        .samples = view->samples,
+        .samples = view->samples > 0 ? view->samples : 1,
+        .progress = view->stream.uneven ? view->stream.progress.address : 0,
+        .fallback = view->stream.has_fallback ? &view->stream.fallback : NULL,
         .exposure = view->settings.exposure,
         .tonemap = view->settings.tonemap};
     enum hg_status status = hg_resolve_record(&pass, &resolve, err);
@@ -283,7 +314,7 @@ enum hg_status hg_view_state_read(
 {
     *out = NULL;
     struct hg_gpu *gpu = view->context->gpu;
-    if (view->samples == 0)
+    if (view->samples == 0 && !view->stream.has_fallback)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
     const uint32_t width = view->accumulated.width, height = view->accumulated.height;
     const uint64_t size = (uint64_t)width * height * formats[format].bytes;
@@ -319,8 +350,11 @@ enum hg_status hg_view_state_read(
 static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t x,
     uint32_t y, struct hg_error *err)
 {
+    const bool exact = view->stream.exact;
+    view->stream.exact = false; // all fragments count
     hg_frame_fill(view, 0, false, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    view->stream.exact = exact;
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
     const struct hg_visibility_scene scene = {view->visible, 0};
@@ -333,7 +367,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
     struct hg_gpu_pick *out, struct hg_error *err)
 {
     memset(out, 0, sizeof *out);
-    if (view->samples == 0)
+    if (view->samples == 0 && !view->stream.has_fallback)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
     if (x >= view->visibility.width || y >= view->visibility.height)
         return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");

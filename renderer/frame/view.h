@@ -6,6 +6,7 @@
 #include "base/refbuf.h"
 #include "renderer/frame/camera.h"
 #include "renderer/frame/rooms.h"
+#include "renderer/frame/stream.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
@@ -66,6 +67,7 @@ struct hg_view_state {
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
     struct hg_visible *visible;       // set 0: the camera; then stale shadow maps
     struct hg_gpu_frame frame;        // of the newest sample
+    struct hg_stream stream;
 
     uint64_t number; // frames that changed something
     uint32_t samples;
@@ -108,6 +110,9 @@ enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cm
     struct hg_error *err) HG_MUST_CHECK;
 // After the batch: whether it had too few layers, and then how many the next one peels.
 void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples);
+// Shadow maps that are stale, nothing else.
+enum hg_status hg_frame_record_shadows(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot);
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);

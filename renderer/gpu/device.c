@@ -197,6 +197,7 @@ static void chain(struct features *f)
     X(core.features.shaderInt64, "shaderInt64", true)       /* address arithmetic */               \
     X(core.features.imageCubeArray, "imageCubeArray", false)                                       \
     X(core.features.independentBlend, "independentBlend", true)                                    \
+    X(core.features.fragmentStoresAndAtomics, "fragmentStoresAndAtomics", true) /* feedback */     \
     X(core.features.fullDrawIndexUint32, "fullDrawIndexUint32", true)                              \
     X(core.features.depthClamp, "depthClamp", false)                                               \
     X(core.features.samplerAnisotropy, "samplerAnisotropy", false)                                 \

@@ -124,6 +124,7 @@ struct hg_gpu_image_params {
     VkFormat format;
     uint32_t width, height, layers, mips; // layers: 0 = 1 (cube: 6), mips: 0 = 1
     bool attachment;                      // rendered to (colour or depth, by format)
+    bool aliased;                         // hg_gpu_image_alias may see it in another format
     const char *name;
 };
 
@@ -138,12 +139,18 @@ struct hg_gpu_image {
     struct hg_gpu_memory memory;
     VkImageView
         *layer_views; // attachments of arrays and cubes: 2D views, index mip * layers + layer
+    bool is_alias;    // owns its view only
 };
 
 // HG_E_LIMIT (side, layers, bytes or format not supported), HG_E_NOMEM.
 enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image_params *params,
     struct hg_gpu_image *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image); // as for buffers
+
+// The same texels through another format of the same size and channels (UNORM and SRGB). Destroy it
+// before its owner; only the owner may be uploaded to. HG_E_DEVICE and others of image_create.
+enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image *image,
+    VkFormat format, const char *name, struct hg_gpu_image *out, struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_gpu_region {
     uint32_t mip, layer, x, y, width, height;

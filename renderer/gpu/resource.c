@@ -263,7 +263,8 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
         .kind = params->kind};
     const VkImageCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO,
-        .flags = cube ? VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT : 0,
+        .flags = (cube ? VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT : 0u) |
+                 (params->aliased ? VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT : 0u),
         .imageType = VK_IMAGE_TYPE_2D,
         .format = params->format,
         .extent = {params->width, params->height, 1},
@@ -291,9 +292,30 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
     return HG_OK;
 }
 
+enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image *image,
+    VkFormat format, const char *name, struct hg_gpu_image *out, struct hg_error *err)
+{
+    *out = *image;
+    out->format = format;
+    out->view = VK_NULL_HANDLE;
+    out->memory = (struct hg_gpu_memory){0};
+    out->layer_views = NULL;
+    out->is_alias = true;
+    const enum hg_status status = create_views(gpu, out, false, err);
+    if (status != HG_OK) {
+        *out = (struct hg_gpu_image){0};
+        return status;
+    }
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_IMAGE_VIEW, (uint64_t)out->view, name);
+    return HG_OK;
+}
+
 void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image)
 {
-    if (image->handle != VK_NULL_HANDLE) {
+    if (image->is_alias) {
+        const struct hg_gpu_retired view = {.view = image->view};
+        hg_gpu_retire(gpu, &view);
+    } else if (image->handle != VK_NULL_HANDLE) {
         hg_gpu_state_remove(gpu, image->handle);
         const struct hg_gpu_retired object = {
             .image = image->handle,

@@ -11,9 +11,18 @@ struct hg_pass {
     // Images of textures and lighting and the frame block are filled in; a pass adds its own inputs
     // (HG_BIND_VISIBILITY and up) to a copy.
     struct hg_gpu_bindings bindings;
-    // Second and third specialisation constant of shaders that include lib/tables.glsl: which tables
-    // are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
+    // Second and third specialisation constant of shaders that include lib/tables.glsl: which
+    // tables are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
     uint32_t tables, features;
+    VkRect2D area; // of the view that is drawn, clears included; zero = all of it
 };
+
+// After beginning a rendering with the pass's area: what is drawn covers the view, not the area.
+static inline void hg_pass_view_whole(const struct hg_pass *pass, const struct hg_gpu_image *image)
+{
+    const VkViewport whole = {0.0f, 0.0f, (float)image->width, (float)image->height, 0.0f, 1.0f};
+    if (pass->area.extent.width > 0)
+        vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &whole);
+}
 
 #endif

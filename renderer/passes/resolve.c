@@ -3,13 +3,13 @@
 static const VkFormat formats[] = {
     VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_R16G16B16A16_UNORM, VK_FORMAT_R32G32B32A32_SFLOAT};
 
-static struct hg_gpu_pipeline_params pipeline_of(VkFormat format)
+static struct hg_gpu_pipeline_params pipeline_of(VkFormat format, bool counted)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
         .fragment = "resolve.frag",
-        .spec = {format == VK_FORMAT_R32G32B32A32_SFLOAT},
-        .spec_count = 1,
+        .spec = {format == VK_FORMAT_R32G32B32A32_SFLOAT, counted},
+        .spec_count = 2,
         .colors = {format},
         .color_count = 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
@@ -20,17 +20,21 @@ enum hg_status hg_resolve_record(
     struct hg_pass *pass, const struct hg_resolve *resolve, struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;
+    const bool counted = resolve->progress != 0;
     bindings.images[HG_BIND_COLOR_A] = resolve->accumulated;
+    bindings.images[HG_BIND_COLOR_B] = resolve->fallback;
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
         .colors = {{.image = resolve->target, .discard = true}}, .color_count = 1};
-    const struct hg_gpu_pipeline_params params = pipeline_of(resolve->target->format);
+    const struct hg_gpu_pipeline_params params = pipeline_of(resolve->target->format, counted);
     const struct {
+        uint64_t progress;
         float scale, exposure;
-        uint32_t tonemap;
-    } push = {1.0f / (float)resolve->samples, resolve->exposure, resolve->tonemap};
+        uint32_t tonemap, width;
+    } push = {resolve->progress, 1.0f / (float)resolve->samples, resolve->exposure,
+        resolve->tonemap, resolve->target->width};
     hg_gpu_cmd_begin_stage(pass->cmd, "resolve");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
@@ -46,8 +50,8 @@ enum hg_status hg_resolve_record(
 enum hg_status hg_resolve_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    *count = 3;
-    const struct hg_gpu_pipeline_params params = pipeline_of(formats[index % 3]);
+    *count = 6;
+    const struct hg_gpu_pipeline_params params = pipeline_of(formats[index % 3], index % 6 >= 3);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -12,6 +12,10 @@ struct hg_resolve {
     uint32_t samples;                 // in the sums, >= 1
     float exposure;                   // linear factor
     uint32_t tonemap;                 // HG_FRAME_TONEMAP_*
+    // Where pixels have different numbers of samples: a word each (shaders/shared/texture.h), and
+    // the sum of one sample that those show which have none. 0 and NULL otherwise.
+    VkDeviceAddress progress;
+    struct hg_gpu_image *fallback;
 };
 
 enum hg_status hg_resolve_record(

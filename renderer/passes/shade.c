@@ -46,12 +46,16 @@ enum hg_status hg_shade_record(
     const struct hg_gpu_rendering rendering = {
         .colors = {{.image = shade->target, .clear = shade->clear}},
         .color_count = 1,
-        .depth = {.image = shade->depth}};
+        .depth = {.image = shade->depth},
+        .area = pass->area};
     const enum variant variant = shade->layer           ? LAYER
                                  : shade->front != NULL ? OPAQUE_BEHIND
                                                         : OPAQUE;
+    if (shade->counted)
+        hg_gpu_memory_barrier(pass->cmd);
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    hg_pass_view_whole(pass, shade->target);
     status = draw(pass, variant, false, err);
     if (status == HG_OK && variant != LAYER)
         status = draw(pass, variant, true, err);

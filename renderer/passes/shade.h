@@ -12,6 +12,8 @@ struct hg_shade {
     struct hg_gpu_image *depth;  // of the visibility buffer; tells surfaces from background
     struct hg_gpu_image *target; // written at its size
     bool clear;                  // target starts at zero, else it is added or blended to
+    bool counted; // pixels keep count of their samples (HG_TEXTURES_EXACT): what passes in front of
+                  // this one noted is waited for
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none

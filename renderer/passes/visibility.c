@@ -127,7 +127,7 @@ static enum hg_status record_late(struct hg_pass *pass, const struct hg_visibili
         return status;
     const struct manner manner = {SOLID, MASK, target->visibility->width, true};
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
-    begin(pass, target, (VkRect2D){0}, false);
+    begin(pass, target, pass->area, false);
     status = draw_items(
         pass, scene->visible, set->first_late, set->first_late + set->late_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
@@ -144,7 +144,7 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
-    begin(pass, target, (VkRect2D){0}, true);
+    begin(pass, target, pass->area, true);
     status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_OPAQUE],
         set->class_first[HG_DRAW_CLASS_BLEND], &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
@@ -167,7 +167,7 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "blend visibility");
-    begin(pass, target, (VkRect2D){0}, true);
+    begin(pass, target, pass->area, true);
     status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_BLEND],
         set->class_first[HG_DRAW_CLASS_BLEND + 1], &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);

@@ -1,127 +1,140 @@
 // pool.c - see pool.h.
 #include "renderer/texture/pool.h"
 
-#include <assert.h>
 #include <string.h>
 
-#include "base/alloc.h"
-
-static const struct {
-    VkFormat format;
-    uint32_t texel_bytes;
-    const char *name;
-} kinds[HG_POOL_COUNT] = {
-    [HG_POOL_SRGB] = {VK_FORMAT_R8G8B8A8_SRGB, 4, "pages-srgb"},
-    [HG_POOL_LINEAR] = {VK_FORMAT_R8G8B8A8_UNORM, 4, "pages-linear"},
-    [HG_POOL_FLOAT] = {VK_FORMAT_R16G16B16A16_SFLOAT, 8, "pages-float"},
-};
-
-void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t kind)
+void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes)
 {
-    memset(pool, 0, sizeof *pool);
-    pool->gpu = gpu;
-    pool->format = kinds[kind].format;
-    pool->texel_bytes = kinds[kind].texel_bytes;
-    pool->name = kinds[kind].name;
+    const bool half = texel_bytes == 8;
+    *pool = (struct hg_pool){.gpu = gpu,
+        .texel_bytes = texel_bytes,
+        .side = half ? HG_POOL_HALF_SIDE : HG_POOL_SIDE,
+        .row = half ? HG_POOL_HALF_SLOTS : HG_POOL_SLOTS};
+}
+
+uint32_t hg_pool_slots(const struct hg_pool *pool)
+{
+    return pool->layers * pool->row * pool->row;
+}
+
+uint32_t hg_pool_place(const struct hg_pool *pool, uint32_t slot)
+{
+    const uint32_t cell = slot % (pool->row * pool->row);
+    return slot / (pool->row * pool->row) << 8 | cell / pool->row << 4 | cell % pool->row;
+}
+
+uint32_t hg_pool_slot(const struct hg_pool *pool, uint32_t place)
+{
+    return ((place >> 8) * pool->row + (place >> 4 & 15)) * pool->row + (place & 15);
+}
+
+static void destroy_images(struct hg_pool *pool)
+{
+    hg_gpu_image_destroy(pool->gpu, &pool->srgb);
+    hg_gpu_image_destroy(pool->gpu, &pool->image);
+    pool->layers = 0;
 }
 
 void hg_pool_finish(struct hg_pool *pool)
 {
     if (pool->gpu != NULL)
-        hg_gpu_image_destroy(pool->gpu, &pool->image);
-    hg_free(pool->taken);
+        destroy_images(pool);
     memset(pool, 0, sizeof *pool);
 }
 
 uint64_t hg_pool_layer_bytes(const struct hg_pool *pool)
 {
-    return (uint64_t)HG_POOL_SIDE * HG_POOL_SIDE * pool->texel_bytes;
+    return (uint64_t)pool->side * pool->side * pool->texel_bytes;
 }
 
-uint32_t hg_pool_layers_for(const struct hg_pool *pool, uint64_t more, uint64_t freed)
-{
-    const uint64_t slots = pool->used + more - freed;
-    const uint64_t layers = (slots + HG_POOL_LAYER_SLOTS - 1) / HG_POOL_LAYER_SLOTS;
-    return layers > UINT32_MAX ? UINT32_MAX : (uint32_t)layers;
-}
-
-// Old layers into the new image, waited for: afterwards uploads may go to any slot.
-static enum hg_status copy_layers(
-    struct hg_pool *pool, struct hg_gpu_image *to, struct hg_error *err)
+// A batch that does nothing but end what was recorded before, or copy layers.
+static enum hg_status run_copy(
+    struct hg_pool *pool, struct hg_gpu_image *to, uint32_t layers, struct hg_error *err)
 {
     struct hg_gpu_cmd *cmd;
     enum hg_status status = hg_gpu_begin(pool->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    hg_gpu_image_use(cmd, &pool->image, HG_GPU_USE_COPY_READ);
-    hg_gpu_image_use(cmd, to, HG_GPU_USE_COPY_WRITE);
-    const VkImageCopy copy = {
-        .srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, pool->layers},
-        .dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, pool->layers},
-        .extent = {HG_POOL_SIDE, HG_POOL_SIDE, 1},
-    };
-    vkCmdCopyImage(hg_gpu_cmd_handle(cmd), pool->image.handle, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
-        to->handle, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
-    hg_gpu_image_use(cmd, &pool->image, HG_GPU_USE_SAMPLED);
+    if (to != NULL) {
+        hg_gpu_image_use(cmd, &pool->image, HG_GPU_USE_COPY_READ);
+        hg_gpu_image_use(cmd, to, HG_GPU_USE_COPY_WRITE);
+        const VkImageCopy copy = {
+            .srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, layers},
+            .dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, layers},
+            .extent = {pool->side, pool->side, 1},
+        };
+        vkCmdCopyImage(hg_gpu_cmd_handle(cmd), pool->image.handle,
+            VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to->handle, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
+            1, &copy);
+        hg_gpu_image_use(cmd, &pool->image, HG_GPU_USE_SAMPLED);
+    }
     uint64_t value;
     status = hg_gpu_submit(pool->gpu, cmd, &value, err);
     return status == HG_OK ? hg_gpu_wait(pool->gpu, value, err) : status;
 }
 
-enum hg_status hg_pool_grow(struct hg_pool *pool, uint32_t layers, struct hg_error *err)
+static enum hg_status create_images(struct hg_pool *pool, uint32_t layers,
+    struct hg_gpu_image *image, struct hg_gpu_image *srgb, struct hg_error *err)
 {
-    if (layers <= pool->layers)
-        return HG_OK;
-    size_t capacity = pool->taken_capacity;
-    if (hg_grow(&pool->taken, &capacity, layers, sizeof *pool->taken) != HG_OK)
-        return hg_error_set(err, HG_E_NOMEM, pool->name, NULL, "no memory for %u layers", layers);
-    pool->taken_capacity = capacity;
+    const bool half = pool->texel_bytes == 8;
     const struct hg_gpu_image_params params = {.kind = HG_GPU_IMAGE_2D_ARRAY,
-        .format = pool->format,
-        .width = HG_POOL_SIDE,
-        .height = HG_POOL_SIDE,
+        .format = half ? VK_FORMAT_R16G16B16A16_SFLOAT : VK_FORMAT_R8G8B8A8_UNORM,
+        .width = pool->side,
+        .height = pool->side,
         .layers = layers,
-        .name = pool->name};
-    struct hg_gpu_image image;
-    enum hg_status status = hg_gpu_image_create(pool->gpu, &params, &image, err);
-    if (status == HG_OK && pool->layers > 0)
-        status = copy_layers(pool, &image, err);
+        .aliased = !half,
+        .name = half ? "pages-half" : "pages-8"};
+    *srgb = (struct hg_gpu_image){0};
+    enum hg_status status = hg_gpu_image_create(pool->gpu, &params, image, err);
+    if (status == HG_OK && !half)
+        status = hg_gpu_image_alias(
+            pool->gpu, image, VK_FORMAT_R8G8B8A8_SRGB, "pages-8-srgb", srgb, err);
+    if (status != HG_OK)
+        hg_gpu_image_destroy(pool->gpu, image);
+    return status;
+}
+
+enum hg_status hg_pool_resize(
+    struct hg_pool *pool, uint32_t layers, bool keep, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (layers == pool->layers)
+        return HG_OK;
+    if (!keep || layers == 0) {
+        // What was recorded but not submitted keeps the old image alive: it goes first.
+        if (pool->layers > 0)
+            status = run_copy(pool, NULL, 0, err);
+        if (status == HG_OK)
+            destroy_images(pool);
+    }
+    if (status != HG_OK || layers == 0)
+        return status;
+    struct hg_gpu_image image, srgb;
+    status = create_images(pool, layers, &image, &srgb, err);
+    if (status != HG_OK)
+        return status;
+    const uint32_t kept = pool->layers < layers ? pool->layers : layers;
+    if (kept > 0)
+        status = run_copy(pool, &image, kept, err);
     if (status != HG_OK) {
+        hg_gpu_image_destroy(pool->gpu, &srgb);
         hg_gpu_image_destroy(pool->gpu, &image);
         return status;
     }
-    hg_gpu_image_destroy(pool->gpu, &pool->image);
+    destroy_images(pool);
     pool->image = image;
-    memset(pool->taken + pool->layers, 0, (layers - pool->layers) * sizeof *pool->taken);
+    pool->srgb = srgb;
     pool->layers = layers;
     return HG_OK;
-}
-
-uint32_t hg_pool_take(struct hg_pool *pool)
-{
-    uint32_t layer = 0;
-    while (pool->taken[layer] == UINT64_MAX)
-        layer++;
-    assert(layer < pool->layers);
-    const uint32_t bit = (uint32_t)__builtin_ctzll(~pool->taken[layer]);
-    pool->taken[layer] |= 1ull << bit;
-    pool->used++;
-    return layer * HG_POOL_LAYER_SLOTS + bit;
-}
-
-void hg_pool_give(struct hg_pool *pool, uint32_t slot)
-{
-    pool->taken[slot / HG_POOL_LAYER_SLOTS] &= ~(1ull << slot % HG_POOL_LAYER_SLOTS);
-    pool->used--;
 }
 
 enum hg_status hg_pool_write(
     struct hg_pool *pool, uint32_t slot, const void *texels, struct hg_error *err)
 {
-    const uint32_t cell = slot % HG_POOL_LAYER_SLOTS;
-    const struct hg_gpu_region region = {.layer = slot / HG_POOL_LAYER_SLOTS,
-        .x = cell % HG_POOL_SLOTS * HG_PAGE_PITCH,
-        .y = cell / HG_POOL_SLOTS * HG_PAGE_PITCH,
+    const uint32_t place = hg_pool_place(pool, slot);
+    const struct hg_gpu_region region = {.layer = place >> 8,
+        .x = (place & 15) * HG_PAGE_PITCH,
+        .y = (place >> 4 & 15) * HG_PAGE_PITCH,
         .width = HG_PAGE_PITCH,
         .height = HG_PAGE_PITCH};
     return hg_gpu_image_upload(pool->gpu, &pool->image, &region, texels, 0, err);

@@ -5,33 +5,29 @@
 #include "renderer/gpu/gpu.h"
 #include "shaders/shared/texture.h"
 
-#define HG_POOL_LAYER_SLOTS (HG_POOL_SLOTS * HG_POOL_SLOTS)
-
 // Zero-initialise, then hg_pool_init.
 struct hg_pool {
     struct hg_gpu *gpu;
     struct hg_gpu_image image; // handle VK_NULL_HANDLE while there are no layers
-    VkFormat format;
-    const char *name;
-    uint32_t texel_bytes;
-    uint32_t layers, used; // slots in use
-    uint64_t *taken;       // [layers] one bit per slot
-    size_t taken_capacity;
+    struct hg_gpu_image srgb;  // RGBA8: the same slots seen as sRGB
+    uint32_t texel_bytes;      // 4 or 8
+    uint32_t side, row;        // of a layer: texels, slots
+    uint32_t layers;
 };
 
-void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t kind); // HG_POOL_*
-void hg_pool_finish(struct hg_pool *pool);                                  // accepts a zeroed pool
+void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes);
+void hg_pool_finish(struct hg_pool *pool); // accepts a zeroed pool
 
+// Slots are numbered from 0, layer by layer; their places are those of the page table.
+uint32_t hg_pool_slots(const struct hg_pool *pool);
+uint32_t hg_pool_place(const struct hg_pool *pool, uint32_t slot);
+uint32_t hg_pool_slot(const struct hg_pool *pool, uint32_t place);
 uint64_t hg_pool_layer_bytes(const struct hg_pool *pool);
-// Layers needed for `more` slots beside those in use, less `freed` ones.
-uint32_t hg_pool_layers_for(const struct hg_pool *pool, uint64_t more, uint64_t freed);
-// Grows to `layers` and copies what is there in a batch of its own (none may be open). HG_E_LIMIT,
-// HG_E_NOMEM: the pool is as it was.
-enum hg_status hg_pool_grow(
-    struct hg_pool *pool, uint32_t layers, struct hg_error *err) HG_MUST_CHECK;
-// Lowest free slot; there must be one.
-uint32_t hg_pool_take(struct hg_pool *pool);
-void hg_pool_give(struct hg_pool *pool, uint32_t slot);
+// Makes the pool `layers` large. keep: old layers are copied by a batch of its own (none may be
+// open), so that old and new exist for a while; else the old memory is given back first and what
+// the slots held is lost. HG_E_LIMIT, HG_E_NOMEM: as it was, without `keep` it may be empty.
+enum hg_status hg_pool_resize(
+    struct hg_pool *pool, uint32_t layers, bool keep, struct hg_error *err) HG_MUST_CHECK;
 // Texels of a slot, HG_PAGE_PITCH^2.
 enum hg_status hg_pool_write(
     struct hg_pool *pool, uint32_t slot, const void *texels, struct hg_error *err) HG_MUST_CHECK;

@@ -7,73 +7,40 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "base/clock.h"
 #include "base/log.h"
-#include "renderer/texture/pages.h"
-#include "renderer/texture/pool.h"
-#include "renderer/texture/source.h"
-
-#define NO_SET UINT32_MAX
-
-// Identity of texels: equal keys are equal pages.
-struct set_key {
-    uint8_t hash[HG_SHA256_BYTES];
-    uint8_t use, cutoff, wrap_s, wrap_t, pool, srgb; // srgb: transfer of the source
-};
-
-struct page_set {
-    struct set_key key;
-    struct hg_page_layout layout;
-    uint32_t *slots; // [layout.pages]; NULL: not loaded
-    uint32_t table;  // first entry
-    bool failed, used;
-};
+#include "renderer/texture/page_cache.h"
 
 // A texture as one kind of material slot uses it.
 struct want {
     uint64_t id, revision;
     uint32_t use, cutoff; // cutoff: 0..255, 0 unless masked
     const struct hg_texture *texture;
-    uint32_t set, record;
+    struct hg_page_set *set; // one reference; NULL: cannot be opened
+    uint32_t record;
 };
 
-struct source_job {
-    const struct hg_image_source *source;
-    struct hg_source_info info;
+struct open_job {
+    struct hg_page_sources *sources;
+    struct want *want;
+    struct hg_page_source *source;
     struct hg_error err;
     enum hg_status status;
-};
-
-struct load_job {
-    struct hg_textures *textures;
-    struct page_set *set;
-    const struct hg_image_source *source;
-    struct hg_source_info info;
-    uint8_t *pages;
-    struct hg_error err;
-    enum hg_status status;
-    uint64_t decode_ns, cut_ns;
 };
 
 struct hg_textures {
     struct hg_gpu *gpu;
-    struct hg_textures_params params;
-    struct hg_pool pools[HG_POOL_COUNT];
-    struct page_set *sets;
-    size_t set_capacity;
-    uint32_t set_count;
+    struct hg_page_cache *cache;
+    bool owns_cache, wide;
+    uint64_t cache_revision;
     struct want *wants; // ordered by id, use, cutoff
     size_t want_capacity;
     uint32_t want_count;
     struct hg_gpu_texture *records;
     size_t record_capacity;
     uint32_t record_count;
-    uint32_t *table;
-    size_t table_capacity;
-    uint32_t table_count;
-    struct hg_gpu_buffer list_buffer, table_buffer;
+    struct hg_gpu_buffer list_buffer;
     uint64_t revision;
-    struct hg_textures_stats stats;
+    uint32_t unopened; // wants whose image could not even be opened
 };
 
 // What one sync works with.
@@ -83,12 +50,8 @@ struct sync {
     struct want *wants;
     size_t want_capacity;
     uint32_t want_count;
-    struct source_job *sources;
-    size_t source_capacity;
-    uint32_t source_count;
-    struct load_job *loads;
-    size_t load_capacity;
-    uint32_t load_count;
+    struct open_job *opens;
+    uint32_t open_count;
 };
 
 enum hg_status hg_textures_create(struct hg_gpu *gpu, const struct hg_textures_params *params,
@@ -99,28 +62,42 @@ enum hg_status hg_textures_create(struct hg_gpu *gpu, const struct hg_textures_p
     if (t == NULL)
         return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
     t->gpu = gpu;
-    if (params != NULL)
-        t->params = *params;
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
-        hg_pool_init(&t->pools[i], gpu, i);
+    t->cache = params != NULL ? params->cache : NULL;
+    if (t->cache == NULL) {
+        struct hg_page_cache_params cache = {0};
+        if (params != NULL) {
+            cache.budget_bytes = params->budget_bytes;
+            cache.limits = params->limits;
+        }
+        const enum hg_status status = hg_page_cache_create(gpu, &cache, &t->cache, err);
+        if (status != HG_OK) {
+            hg_free(t);
+            return status;
+        }
+        t->owns_cache = true;
+    }
     *out = t;
     return HG_OK;
+}
+
+static void release_wants(struct hg_textures *t)
+{
+    for (uint32_t i = 0; i < t->want_count; i++)
+        if (t->wants[i].set != NULL)
+            hg_page_cache_release(t->cache, t->wants[i].set);
+    t->want_count = 0;
 }
 
 void hg_textures_destroy(struct hg_textures *t)
 {
     if (t == NULL)
         return;
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
-        hg_pool_finish(&t->pools[i]);
-    for (uint32_t i = 0; i < t->set_count; i++)
-        hg_free(t->sets[i].slots);
+    release_wants(t);
+    if (t->owns_cache)
+        hg_page_cache_destroy(t->cache);
     hg_gpu_buffer_destroy(t->gpu, &t->list_buffer);
-    hg_gpu_buffer_destroy(t->gpu, &t->table_buffer);
-    hg_free(t->sets);
     hg_free(t->wants);
     hg_free(t->records);
-    hg_free(t->table);
     hg_free(t);
 }
 
@@ -182,7 +159,6 @@ static enum hg_status add_material_wants(struct sync *s, const struct hg_materia
             .use = use,
             .cutoff = quantise_cutoff(use, material->alpha_cutoff),
             .texture = texture,
-            .set = NO_SET,
             .record = HG_TEXTURE_NONE};
     }
     return HG_OK;
@@ -222,80 +198,16 @@ static bool same_wants(const struct sync *s)
 
 // --- from wants to sets --------------------------------------------------------------------------
 
-static void run_jobs(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, void *user)
+static void open_image(void *user, size_t index)
 {
-    if (jobs != NULL) {
-        hg_jobs_for(jobs, count, fn, user);
-        return;
-    }
-    for (size_t i = 0; i < count; i++)
-        fn(user, i);
-}
-
-static void identify_job(void *user, size_t index)
-{
-    struct source_job *job = (struct source_job *)user + index;
-    job->status = hg_source_identify(job->source, &job->info, &job->err);
-}
-
-static int compare_sources(const void *a, const void *b)
-{
-    const uintptr_t x = (uintptr_t)((const struct source_job *)a)->source;
-    const uintptr_t y = (uintptr_t)((const struct source_job *)b)->source;
-    return x < y ? -1 : x > y;
-}
-
-// Sets of textures that did not change are kept; sources of the others are identified once each.
-static enum hg_status identify_sources(struct sync *s)
-{
-    for (uint32_t i = 0; i < s->want_count; i++) {
-        struct want *w = &s->wants[i];
-        const struct want *old = find_want(s->t->wants, s->t->want_count, w);
-        if (old != NULL && old->revision == w->revision) {
-            w->set = old->set;
-            continue;
-        }
-        const enum hg_status status =
-            hg_grow(&s->sources, &s->source_capacity, s->source_count + 1, sizeof *s->sources);
-        if (status != HG_OK)
-            return status;
-        s->sources[s->source_count++] = (struct source_job){.source = w->texture->image};
-    }
-    if (s->source_count == 0)
-        return HG_OK;
-    qsort(s->sources, s->source_count, sizeof *s->sources, compare_sources); // only to find equals
-    uint32_t kept = 1;
-    for (uint32_t i = 1; i < s->source_count; i++)
-        if (s->sources[i].source != s->sources[kept - 1].source)
-            s->sources[kept++] = s->sources[i];
-    s->source_count = kept;
-    run_jobs(s->jobs, s->source_count, identify_job, s->sources);
-    for (uint32_t i = 0; i < s->source_count; i++)
-        if (s->sources[i].status == HG_E_NOMEM)
-            return HG_E_NOMEM;
-    return HG_OK;
-}
-
-static struct set_key key_of(const struct want *w, const struct source_job *source)
-{
-    struct set_key key;
-    memset(&key, 0, sizeof key);
-    memcpy(key.hash, source->info.hash, sizeof key.hash);
-    key.use = (uint8_t)w->use;
-    key.cutoff = (uint8_t)w->cutoff;
-    key.wrap_s = (uint8_t)w->texture->wrap_s;
-    key.wrap_t = (uint8_t)w->texture->wrap_t;
-    // Shaders know the pool from the slot, float images aside: pixels whose transfer is not that of
-    // the slot become linear floats.
-    const bool expected = w->use <= HG_TEXTURE_MASK;
-    const bool from_pixels = w->texture->image->pixels.pixels != NULL;
-    const bool srgb = from_pixels ? w->texture->image->pixels_srgb : expected;
-    key.srgb = srgb;
-    if (source->info.is_float || srgb != expected)
-        key.pool = HG_POOL_FLOAT;
-    else
-        key.pool = srgb ? HG_POOL_SRGB : HG_POOL_LINEAR;
-    return key;
+    struct open_job *job = (struct open_job *)user + index;
+    const struct want *w = job->want;
+    const struct hg_page_source_params params = {.image = w->texture->image,
+        .use = (enum hg_texture_use)w->use,
+        .cutoff = (uint8_t)w->cutoff,
+        .wrap_s = w->texture->wrap_s,
+        .wrap_t = w->texture->wrap_t};
+    job->status = hg_page_source_open(job->sources, &params, &job->source, &job->err);
 }
 
 static void report_failure(const struct want *w, const struct hg_error *err)
@@ -305,281 +217,91 @@ static void report_failure(const struct want *w, const struct hg_error *err)
     hg_warn(TEXTURE, "texture \"%s\" is shown white: %s", w->texture->head.name, text);
 }
 
-// A source that cannot be identified has no hash: its set is known by the texture instead.
-static void key_of_failed(const struct want *w, struct set_key *key)
+static enum hg_status out_of_memory(struct hg_error *err)
 {
-    memset(key, 0, sizeof *key);
-    memcpy(key->hash, &w->id, sizeof w->id);
-    memcpy(key->hash + 8, &w->revision, sizeof w->revision);
-    key->pool = HG_POOL_COUNT;
+    return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
 }
 
-static enum hg_status add_set(struct sync *s, const struct want *w, const struct source_job *source,
-    const struct set_key *key, uint32_t *index)
+// Sets of textures that did not change move over from the old wants; the others are opened.
+static enum hg_status open_images(struct sync *s)
 {
-    struct hg_textures *t = s->t;
-    enum hg_status status = hg_grow(&t->sets, &t->set_capacity, t->set_count + 1, sizeof *t->sets);
-    if (status == HG_OK)
-        status = hg_grow(&s->loads, &s->load_capacity, s->load_count + 1, sizeof *s->loads);
-    if (status != HG_OK)
-        return status;
-    *index = t->set_count++;
-    struct page_set *set = &t->sets[*index];
-    *set = (struct page_set){.key = *key, .failed = source->status != HG_OK};
-    if (set->failed) {
-        report_failure(w, &source->err);
-        return HG_OK;
+    s->opens = hg_calloc(s->want_count, sizeof *s->opens);
+    if (s->opens == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < s->want_count; i++) {
+        struct want *w = &s->wants[i];
+        const struct want *old = find_want(s->t->wants, s->t->want_count, w);
+        if (old == NULL || old->revision != w->revision)
+            s->opens[s->open_count++] =
+                (struct open_job){.sources = hg_page_cache_sources(s->t->cache), .want = w};
     }
-    set->layout = hg_page_layout_of(source->info.width, source->info.height);
-    s->loads[s->load_count++] =
-        (struct load_job){.textures = t, .source = source->source, .info = source->info};
+    if (s->jobs != NULL)
+        hg_jobs_for(s->jobs, s->open_count, open_image, s->opens);
+    for (uint32_t i = 0; s->jobs == NULL && i < s->open_count; i++)
+        open_image(s->opens, i);
+    for (uint32_t i = 0; i < s->open_count; i++)
+        if (s->opens[i].status == HG_E_NOMEM)
+            return HG_E_NOMEM;
     return HG_OK;
 }
 
-static enum hg_status resolve_want(struct sync *s, struct want *w)
+static void close_images(struct sync *s)
 {
-    const struct source_job probe = {.source = w->texture->image};
-    const struct source_job *source =
-        bsearch(&probe, s->sources, s->source_count, sizeof probe, compare_sources);
-    struct set_key key = key_of(w, source);
-    if (source->status != HG_OK)
-        key_of_failed(w, &key);
-    for (uint32_t i = 0; i < s->t->set_count; i++) {
-        if (memcmp(&s->t->sets[i].key, &key, sizeof key) == 0) {
-            w->set = i;
-            return HG_OK;
-        }
-    }
-    return add_set(s, w, source, &key, &w->set);
+    for (uint32_t i = 0; i < s->open_count; i++)
+        hg_page_source_close(s->opens[i].source);
 }
 
-// --- loading -------------------------------------------------------------------------------------
-
-static void load_job_run(void *user, size_t index)
+// Each want holds one reference on its set, also while two lists of wants exist.
+static enum hg_status acquire_sets(struct sync *s, struct hg_error *err)
 {
-    struct load_job *job = (struct load_job *)user + index;
-    const struct page_set *set = job->set;
-    const struct hg_image_limits *limits = &job->textures->params.limits;
-    const struct hg_image *image;
-    struct hg_image owned;
-    const uint64_t start = hg_clock_now_ns();
-    job->status = hg_source_decode(
-        job->source, &job->info, limits->max_pixels > 0 ? limits : NULL, &image, &owned, &job->err);
-    const uint64_t decoded = hg_clock_now_ns();
-    job->decode_ns = decoded - start;
-    if (job->status != HG_OK)
-        return;
-    struct hg_mips mips;
-    const struct hg_mips_params params = {.srgb = set->key.srgb,
-        .half = set->key.pool == HG_POOL_FLOAT,
-        .use = set->key.use,
-        .cutoff = (float)set->key.cutoff / 255.0f};
-    job->status = hg_mips_build(image, &params, &mips);
-    hg_image_finish(&owned);
-    const size_t page_bytes = (size_t)HG_PAGE_PITCH * HG_PAGE_PITCH * mips.texel_bytes;
-    if (job->status == HG_OK) {
-        job->pages = hg_calloc(set->layout.pages, page_bytes);
-        job->status = job->pages != NULL ? HG_OK : HG_E_NOMEM;
-    }
-    for (uint32_t i = 0; job->status == HG_OK && i < set->layout.pages; i++)
-        hg_page_cut(
-            &set->layout, &mips, i, set->key.wrap_s, set->key.wrap_t, job->pages + i * page_bytes);
-    hg_mips_finish(&mips);
-    job->cut_ns = hg_clock_now_ns() - decoded;
-    if (job->status != HG_OK)
-        hg_error_set(&job->err, job->status, job->source->label, NULL, "no memory for its pages");
-}
-
-static void free_slots(struct hg_textures *t, struct page_set *set)
-{
-    for (uint32_t i = 0; set->slots != NULL && i < set->layout.pages; i++)
-        hg_pool_give(&t->pools[set->key.pool], set->slots[i]);
-    hg_free(set->slots);
-    set->slots = NULL;
-}
-
-static enum hg_status take_slots(struct hg_textures *t, struct page_set *set)
-{
-    set->slots = hg_calloc(set->layout.pages, sizeof *set->slots);
-    if (set->slots == NULL)
-        return HG_E_NOMEM;
-    for (uint32_t i = 0; i < set->layout.pages; i++)
-        set->slots[i] = hg_pool_take(&t->pools[set->key.pool]);
-    return HG_OK;
-}
-
-// Uploads what a job made. An unreadable image is no error of the sync.
-static enum hg_status finish_load(struct hg_textures *t, struct load_job *job, struct hg_error *err)
-{
-    struct page_set *set = job->set;
-    struct hg_pool *pool = &t->pools[set->key.pool];
-    t->stats.decoded_images++;
-    if (job->status == HG_E_NOMEM) {
-        *err = job->err;
-        return HG_E_NOMEM;
-    }
-    if (job->status != HG_OK) {
-        char text[512];
-        hg_error_format(&job->err, text, sizeof text);
-        hg_warn(TEXTURE, "image is shown white: %s", text);
-        free_slots(t, set);
-        set->failed = true;
-        return HG_OK;
-    }
-    const size_t page_bytes = (size_t)HG_PAGE_PITCH * HG_PAGE_PITCH * pool->texel_bytes;
-    enum hg_status status = HG_OK;
-    for (uint32_t i = 0; status == HG_OK && i < set->layout.pages; i++)
-        status = hg_pool_write(pool, set->slots[i], job->pages + i * page_bytes, err);
-    return status;
-}
-
-// Decodes and uploads in groups, so that few decoded images are in memory at once.
-static enum hg_status run_loads(struct sync *s, struct hg_error *err)
-{
-    const uint32_t threads = s->jobs != NULL ? hg_jobs_threads(s->jobs) : 1;
-    struct hg_textures_stats *stats = &s->t->stats;
-    stats->decode_ns = stats->cut_ns = stats->upload_ns = 0;
-    enum hg_status status = HG_OK;
-    for (uint32_t first = 0; first < s->load_count && status == HG_OK; first += 2 * threads) {
-        const uint32_t left = s->load_count - first;
-        const uint32_t count = left < 2 * threads ? left : 2 * threads;
-        run_jobs(s->jobs, count, load_job_run, s->loads + first);
-        const uint64_t start = hg_clock_now_ns();
-        for (uint32_t i = 0; i < count; i++) {
-            struct load_job *job = &s->loads[first + i];
-            if (status == HG_OK)
-                status = finish_load(s->t, job, err);
-            hg_free(job->pages);
-            job->pages = NULL;
-            stats->decode_ns += job->decode_ns;
-            stats->cut_ns += job->cut_ns;
-        }
-        stats->upload_ns += hg_clock_now_ns() - start;
-    }
-    return status;
-}
-
-// --- budget and pools ----------------------------------------------------------------------------
-
-static void mark_used(struct sync *s)
-{
-    for (uint32_t i = 0; i < s->t->set_count; i++)
-        s->t->sets[i].used = false;
-    for (uint32_t i = 0; i < s->want_count; i++)
-        s->t->sets[s->wants[i].set].used = true;
-}
-
-static enum hg_status plan_layers(
-    struct sync *s, uint32_t layers[HG_POOL_COUNT], struct hg_error *err)
-{
-    const struct hg_textures *t = s->t;
-    uint64_t more[HG_POOL_COUNT] = {0}, freed[HG_POOL_COUNT] = {0}, bytes = 0;
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        const struct page_set *set = &t->sets[i];
-        if (set->failed)
+    for (uint32_t i = 0; i < s->open_count; i++) {
+        struct open_job *job = &s->opens[i];
+        struct hg_page_source *source = job->source;
+        job->source = NULL;
+        if (job->status != HG_OK) {
+            report_failure(job->want, &job->err);
             continue;
-        if (set->slots == NULL)
-            more[set->key.pool] += set->layout.pages;
-        else if (!set->used)
-            freed[set->key.pool] += set->layout.pages;
-    }
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++) {
-        layers[i] = hg_pool_layers_for(&t->pools[i], more[i], freed[i]);
-        if (layers[i] > 0 && layers[i] < t->pools[i].layers)
-            layers[i] = t->pools[i].layers;
-        bytes += layers[i] * hg_pool_layer_bytes(&t->pools[i]);
-        if (layers[i] > hg_gpu_get_caps(t->gpu)->max_image_layers)
-            return hg_error_set(err, HG_E_LIMIT, "textures", NULL,
-                "%u pool layers are needed, the device has %u", layers[i],
-                hg_gpu_get_caps(t->gpu)->max_image_layers);
-    }
-    if (t->params.budget_bytes > 0 && bytes > t->params.budget_bytes)
-        return hg_error_set(err, HG_E_LIMIT, "texture budget", NULL,
-            "%llu bytes of pages are needed, the budget is %llu", (unsigned long long)bytes,
-            (unsigned long long)t->params.budget_bytes);
-    return HG_OK;
-}
-
-static void note_peak(struct hg_textures *t, uint64_t extra)
-{
-    uint64_t bytes = 0;
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
-        bytes += t->pools[i].layers * hg_pool_layer_bytes(&t->pools[i]);
-    t->stats.pool_bytes = bytes;
-    if (bytes + extra > t->stats.peak_bytes)
-        t->stats.peak_bytes = bytes + extra;
-}
-
-// Frees unused sets, compacts the list (wants follow) and brings the pools to their layers.
-static enum hg_status resize_pools(
-    struct sync *s, const uint32_t layers[HG_POOL_COUNT], struct hg_error *err)
-{
-    struct hg_textures *t = s->t;
-    for (uint32_t i = 0; i < t->set_count; i++)
-        if (!t->sets[i].used)
-            free_slots(t, &t->sets[i]);
-    enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < HG_POOL_COUNT && status == HG_OK; i++) {
-        struct hg_pool *pool = &t->pools[i];
-        if (layers[i] == 0) {
-            hg_pool_finish(pool);
-            hg_pool_init(pool, t->gpu, i);
         }
-        const uint64_t old = pool->layers * hg_pool_layer_bytes(pool);
-        const bool grows = layers[i] > pool->layers;
-        status = hg_pool_grow(pool, layers[i], err);
-        note_peak(t, grows ? old : 0);
-    }
-    return status;
-}
-
-static enum hg_status compact_sets(struct sync *s)
-{
-    struct hg_textures *t = s->t;
-    uint32_t *moved = hg_calloc(t->set_count, sizeof *moved);
-    if (moved == NULL)
-        return HG_E_NOMEM;
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        moved[i] = kept;
-        if (t->sets[i].used)
-            t->sets[kept++] = t->sets[i];
-    }
-    t->set_count = kept;
-    for (uint32_t i = 0; i < s->want_count; i++)
-        s->wants[i].set = moved[s->wants[i].set];
-    hg_free(moved);
-    return HG_OK;
-}
-
-// Loads belong to the newest sets that did not fail, in order.
-static enum hg_status prepare_loads(struct sync *s)
-{
-    uint32_t next = 0;
-    for (uint32_t i = 0; i < s->t->set_count; i++) {
-        struct page_set *set = &s->t->sets[i];
-        if (set->failed || set->slots != NULL)
-            continue;
-        const enum hg_status status = take_slots(s->t, set);
+        const enum hg_status status = hg_page_cache_acquire(s->t->cache, source,
+            job->want->texture->image, (enum hg_texture_use)job->want->use, &job->want->set, err);
         if (status != HG_OK)
             return status;
-        s->loads[next++].set = set;
     }
     return HG_OK;
 }
 
-// Forgets sets that have no pages, after an error.
-static void drop_unloaded(struct hg_textures *t)
+static bool was_opened(const struct sync *s, const struct want *w)
 {
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        if (t->sets[i].slots != NULL || t->sets[i].failed)
-            t->sets[kept++] = t->sets[i];
-    }
-    t->set_count = kept;
+    for (uint32_t i = 0; i < s->open_count; i++)
+        if (s->opens[i].want == w)
+            return true;
+    return false;
 }
 
-// --- records and the page table ------------------------------------------------------------------
+// The new wants take the place of the old ones; sets that nobody wants any more are let go.
+static void exchange_wants(struct sync *s)
+{
+    struct hg_textures *t = s->t;
+    for (uint32_t i = 0; i < s->want_count; i++) {
+        struct want *w = &s->wants[i];
+        struct want *old = (struct want *)find_want(t->wants, t->want_count, w);
+        if (old == NULL || was_opened(s, w))
+            continue;
+        w->set = old->set;
+        old->set = NULL;
+    }
+    release_wants(t);
+    struct want *wants = t->wants;
+    const size_t capacity = t->want_capacity;
+    t->wants = s->wants;
+    t->want_capacity = s->want_capacity;
+    t->want_count = s->want_count;
+    s->wants = wants;
+    s->want_capacity = capacity;
+    s->want_count = 0;
+}
+
+// --- records -------------------------------------------------------------------------------------
 
 static uint32_t sampler_bits(const struct hg_texture *texture)
 {
@@ -594,150 +316,67 @@ static uint32_t sampler_bits(const struct hg_texture *texture)
            (texture->mip_none ? HG_TEX_MIP_NONE : 0);
 }
 
-static enum hg_status write_table(struct hg_textures *t)
+static struct hg_gpu_texture make_record(const struct want *w)
 {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        t->sets[i].table = count;
-        count += t->sets[i].failed ? 0 : t->sets[i].layout.entries;
-    }
-    if (hg_grow(&t->table, &t->table_capacity, count, sizeof *t->table) != HG_OK)
-        return HG_E_NOMEM;
-    t->table_count = count;
-    if (count > 0)
-        memset(t->table, 0, count * sizeof *t->table);
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        const struct page_set *set = &t->sets[i];
-        for (uint32_t page = 0; !set->failed && page < set->layout.pages; page++)
-            t->table[set->table + hg_page_entry(&set->layout, page)] = set->slots[page];
-    }
-    return HG_OK;
+    const struct hg_page_source_info *info = hg_page_set_info(w->set);
+    const uint32_t right = info->layout.width - 1, bottom = info->layout.height - 1;
+    return (struct hg_gpu_texture){.size = (right & 0xffffu) | bottom << 16,
+        .bits = hg_page_layout_bits(&info->layout) | sampler_bits(w->texture) |
+                info->pool << HG_TEX_POOL_SHIFT | HG_TEX_PRESENT |
+                (right > 0xffffu ? HG_TEX_WIDTH_17 : 0) | (bottom > 0xffffu ? HG_TEX_HEIGHT_17 : 0),
+        .table = hg_page_set_table(w->set)};
 }
 
-static enum hg_status write_records(struct hg_textures *t)
+static enum hg_status write_records(struct hg_textures *t, struct hg_error *err)
 {
     if (hg_grow(&t->records, &t->record_capacity, t->want_count, sizeof *t->records) != HG_OK)
-        return HG_E_NOMEM;
-    t->record_count = 0;
+        return out_of_memory(err);
+    t->record_count = t->unopened = 0;
+    t->wide = false;
     for (uint32_t i = 0; i < t->want_count; i++) {
         struct want *w = &t->wants[i];
-        const struct page_set *set = &t->sets[w->set];
         w->record = HG_TEXTURE_NONE;
-        if (set->failed)
+        t->unopened += w->set == NULL;
+        if (w->set == NULL || hg_page_set_failed(w->set))
             continue;
         w->record = t->record_count++;
-        t->records[w->record] = (struct hg_gpu_texture){
-            .size = (set->layout.width - 1) | (set->layout.height - 1) << 16,
-            .bits = hg_page_layout_bits(&set->layout) | sampler_bits(w->texture) |
-                    (uint32_t)set->key.pool << HG_TEX_POOL_SHIFT | HG_TEX_PRESENT,
-            .table = set->table};
+        t->records[w->record] = make_record(w);
+        t->wide |= (t->records[w->record].bits & (HG_TEX_WIDTH_17 | HG_TEX_HEIGHT_17)) != 0;
     }
-    return HG_OK;
-}
-
-static enum hg_status upload_tables(struct hg_textures *t, struct hg_error *err)
-{
-    const uint64_t list_bytes = (uint64_t)t->record_count * sizeof *t->records;
-    const uint64_t table_bytes = (uint64_t)t->table_count * sizeof *t->table;
-    if (list_bytes == 0)
+    const uint64_t bytes = (uint64_t)t->record_count * sizeof *t->records;
+    if (bytes == 0)
         return HG_OK;
-    enum hg_status status = hg_gpu_buffer_reserve(
-        t->gpu, HG_GPU_BUFFER_DEVICE, list_bytes, "textures", &t->list_buffer, err);
-    if (status == HG_OK)
-        status = hg_gpu_buffer_reserve(
-            t->gpu, HG_GPU_BUFFER_DEVICE, table_bytes, "page-table", &t->table_buffer, err);
-    if (status == HG_OK)
-        status = hg_gpu_buffer_upload(t->gpu, &t->list_buffer, 0, t->records, list_bytes, err);
-    if (status == HG_OK)
-        status = hg_gpu_buffer_upload(t->gpu, &t->table_buffer, 0, t->table, table_bytes, err);
-    return status;
-}
-
-static void count_stats(struct hg_textures *t)
-{
-    struct hg_textures_stats *st = &t->stats;
-    st->pages = st->slots = st->sets = st->failed = 0;
-    st->source_bytes = 0;
-    for (uint32_t i = 0; i < t->set_count; i++) {
-        const struct page_set *set = &t->sets[i];
-        st->failed += set->failed;
-        st->sets += !set->failed;
-        for (uint32_t m = 0; !set->failed && m < set->layout.mips; m++)
-            st->source_bytes += (uint64_t)hg_mips_side(set->layout.width, m) *
-                                hg_mips_side(set->layout.height, m) *
-                                t->pools[set->key.pool].texel_bytes;
-    }
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++) {
-        st->pages += t->pools[i].used;
-        st->slots += t->pools[i].layers * HG_POOL_LAYER_SLOTS;
-    }
-    st->textures = t->record_count;
-    st->table_bytes = (uint64_t)t->table_count * sizeof *t->table;
+    const enum hg_status status = hg_gpu_buffer_reserve(
+        t->gpu, HG_GPU_BUFFER_DEVICE, bytes, "textures", &t->list_buffer, err);
+    return status == HG_OK
+               ? hg_gpu_buffer_upload(t->gpu, &t->list_buffer, 0, t->records, bytes, err)
+               : status;
 }
 
 // --- sync ----------------------------------------------------------------------------------------
 
-static enum hg_status out_of_memory(struct hg_error *err)
-{
-    return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
-}
-
-// From wants with known sets to resident pages. On failure sets without pages are dropped and the
-// next sync starts from what is there.
-static enum hg_status load_sets(struct sync *s, struct hg_error *err)
-{
-    struct hg_textures *t = s->t;
-    enum hg_status status = compact_sets(s);
-    if (status == HG_OK)
-        status = prepare_loads(s);
-    if (status != HG_OK)
-        return out_of_memory(err);
-    status = run_loads(s, err);
-    if (status != HG_OK) {
-        for (uint32_t i = 0; i < s->load_count; i++)
-            free_slots(t, s->loads[i].set);
-        return status;
-    }
-    struct want *old = t->wants;
-    t->wants = s->wants;
-    s->wants = old;
-    const size_t capacity = t->want_capacity;
-    t->want_capacity = s->want_capacity;
-    s->want_capacity = capacity;
-    t->want_count = s->want_count;
-    if (write_table(t) != HG_OK || write_records(t) != HG_OK)
-        return out_of_memory(err);
-    t->revision++;
-    count_stats(t);
-    return upload_tables(t, err);
-}
-
 static enum hg_status sync_changed(struct sync *s, struct hg_error *err)
 {
     struct hg_textures *t = s->t;
-    const uint32_t old_sets = t->set_count;
-    enum hg_status status = identify_sources(s);
-    for (uint32_t i = 0; i < s->want_count && status == HG_OK; i++)
-        if (s->wants[i].set == NO_SET)
-            status = resolve_want(s, &s->wants[i]);
-    if (status != HG_OK) {
-        t->set_count = old_sets;
+    enum hg_status status = open_images(s);
+    if (status != HG_OK)
         return out_of_memory(err);
-    }
-    mark_used(s);
-    uint32_t layers[HG_POOL_COUNT];
-    status = plan_layers(s, layers, err);
-    if (status != HG_OK) {
-        t->set_count = old_sets;
+    status = acquire_sets(s, err);
+    if (status != HG_OK) { // the old wants stay as they were
+        for (uint32_t i = 0; i < s->want_count; i++)
+            if (s->wants[i].set != NULL)
+                hg_page_cache_release(t->cache, s->wants[i].set);
         return status;
     }
-    status = resize_pools(s, layers, err);
+    exchange_wants(s);
+    status = hg_page_cache_fit(t->cache, err);
+    t->cache_revision = hg_page_cache_revision(t->cache);
+    t->revision++;
     if (status == HG_OK)
-        status = load_sets(s, err);
-    if (status != HG_OK) {
-        t->want_count = 0; // nothing is known to be complete
-        drop_unloaded(t);
-        t->revision++;
+        status = write_records(t, err);
+    if (status != HG_OK) { // nothing is known to be complete
+        release_wants(t);
+        t->record_count = 0;
     }
     return status;
 }
@@ -751,15 +390,35 @@ enum hg_status hg_textures_sync(
         status = out_of_memory(err);
     else if (!same_wants(&s))
         status = sync_changed(&s, err);
+    else if (hg_textures_is_stale(t)) {
+        t->cache_revision = hg_page_cache_revision(t->cache);
+        t->revision++;
+        status = write_records(t, err);
+    }
+    close_images(&s);
     hg_free(s.wants);
-    hg_free(s.sources);
-    hg_free(s.loads);
+    hg_free(s.opens);
     return status;
 }
 
 uint64_t hg_textures_revision(const struct hg_textures *t)
 {
     return t->revision;
+}
+
+bool hg_textures_is_stale(const struct hg_textures *t)
+{
+    return t->want_count > 0 && t->cache_revision != hg_page_cache_revision(t->cache);
+}
+
+struct hg_page_cache *hg_textures_cache(struct hg_textures *t)
+{
+    return t->cache;
+}
+
+enum hg_status hg_textures_load_all(struct hg_textures *t, struct hg_error *err)
+{
+    return hg_page_cache_load_all(t->cache, err);
 }
 
 uint32_t hg_textures_find(const struct hg_textures *t, const struct hg_texture *texture,
@@ -778,21 +437,68 @@ struct hg_gpu_texture hg_textures_record(const struct hg_textures *t, uint32_t i
     return index < t->record_count ? t->records[index] : (struct hg_gpu_texture){0};
 }
 
-void hg_textures_fill(const struct hg_textures *t, struct hg_gpu_textures *out)
+bool hg_textures_has_wide(const struct hg_textures *t)
 {
-    *out = (struct hg_gpu_textures){
-        .list = t->list_buffer.address, .table = t->table_buffer.address, .count = t->record_count};
-    for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
-        out->layers[i] = t->pools[i].layers;
+    return t->wide;
+}
+
+void hg_textures_fill(const struct hg_textures *t, uint32_t mode, struct hg_gpu_textures *out)
+{
+    *out = (struct hg_gpu_textures){.list = t->list_buffer.address, .count = t->record_count};
+    hg_page_cache_fill(t->cache, mode == HG_TEXTURES_EXACT ? HG_PAGES_EXACT : HG_PAGES_SHOW, out);
 }
 
 struct hg_gpu_image *hg_textures_pool(struct hg_textures *t, uint32_t pool)
 {
-    return t->pools[pool].layers > 0 ? &t->pools[pool].image : NULL;
+    return hg_page_cache_pool(t->cache, pool);
+}
+
+// Wants are in order of textures: equal sets are counted once by looking back.
+static bool is_first(const struct hg_textures *t, uint32_t want)
+{
+    for (uint32_t i = 0; i < want; i++)
+        if (t->wants[i].set == t->wants[want].set)
+            return false;
+    return true;
+}
+
+static void count_sets(const struct hg_textures *t, struct hg_textures_stats *out)
+{
+    for (uint32_t i = 0; i < t->want_count; i++) {
+        const struct hg_page_set *set = t->wants[i].set;
+        if (set == NULL || !is_first(t, i))
+            continue;
+        const struct hg_page_source_info *info = hg_page_set_info(set);
+        out->failed += hg_page_set_failed(set);
+        out->sets += !hg_page_set_failed(set);
+        for (uint32_t m = 0; !hg_page_set_failed(set) && m < info->layout.mips; m++)
+            out->source_bytes += (uint64_t)hg_mips_side(info->layout.width, m) *
+                                 hg_mips_side(info->layout.height, m) * info->texel_bytes;
+    }
 }
 
 void hg_textures_stats(const struct hg_textures *t, struct hg_textures_stats *out)
 {
-    *out = t->stats;
-    out->budget_bytes = t->params.budget_bytes;
+    struct hg_page_cache_stats c;
+    struct hg_page_sources_stats sources;
+    hg_page_cache_stats(t->cache, &c);
+    hg_page_sources_stats(hg_page_cache_sources(t->cache), &sources);
+    *out = (struct hg_textures_stats){.budget_bytes = c.budget_bytes,
+        .pool_bytes = c.pool_bytes,
+        .peak_bytes = c.peak_bytes,
+        .table_bytes = c.table_bytes,
+        .pages = c.resident,
+        .slots = c.slots,
+        .textures = t->record_count,
+        .failed = t->unopened,
+        .missing = c.missing,
+        .requested = c.requested,
+        .evicted = c.evicted,
+        .loaded = c.pages_loaded,
+        .bytes_read = sources.bytes_read,
+        .decode_ns = c.read_ns,
+        .upload_ns = c.upload_ns,
+        .sharp_ns = c.sharp_ns,
+        .bias = c.bias};
+    count_sets(t, out);
 }

@@ -53,6 +53,7 @@ vec4 hg_material_sample(uint material, uint slot, bool colour, hg_vertex v)
 {
     hg_gpu_texture t = hg_material_texture_at(material, slot);
     hg_texture_place p = hg_material_place(t, material, slot, v);
+    p.note = slot;
     vec4 texel = vec4(1.0);
     if (colour)
         texel = hg_texture_fetch(hg_pages_srgb, t, p);

@@ -11,6 +11,12 @@
 //                          to trilinear filtering with up to 16 taps of anisotropy. Half the price
 //                          of a trilinear lookup. Source: Pharr, Wronski, Salvi and Fajardo 2024,
 //                          "Filtering After Shading with Stochastic Texture Filtering".
+//   HG_TEXTURE_NOTE        true: remember which pages are asked for, so that hg_texture_report can
+//                          tell the host (one lookup per note, see hg_texture_place). Else every
+//                          lookup of a page that is not resident is reported where it happens.
+//
+// Pages that are not resident (HG_FEATURE_STREAM) cost the lookup nothing: their table entries name
+// their finest resident ancestor. Then hg_texture_coarser is not 0.
 #ifndef HG_LIB_TEXTURE_GLSL
 #define HG_LIB_TEXTURE_GLSL
 
@@ -28,6 +34,10 @@
 #define HG_TEXTURE_STOCHASTIC false
 #endif
 
+#ifndef HG_TEXTURE_NOTE
+#define HG_TEXTURE_NOTE false
+#endif
+
 layout(set = 0, binding = HG_BIND_PAGES_SRGB) uniform sampler2DArray hg_pages_srgb;
 layout(set = 0, binding = HG_BIND_PAGES_LINEAR) uniform sampler2DArray hg_pages_linear;
 layout(set = 0, binding = HG_BIND_PAGES_FLOAT) uniform sampler2DArray hg_pages_float;
@@ -38,6 +48,16 @@ vec2 hg_texture_xi = vec2(0.5);
 // Most taps that a stochastic lookup stands for; 1 = isotropic.
 float hg_texture_most_taps = 16.0;
 
+// Greatest number of mips by which a lookup of this invocation missed what it asked for.
+uint hg_texture_coarser = 0u;
+// Whether this invocation's misses count; set by the pass before it samples.
+bool hg_texture_counts = true;
+// Entries of the page table that were asked for, by note.
+#define HG_TEXTURE_NOTES 5u
+uint hg_texture_note0 = HG_TEXTURE_NONE, hg_texture_note1 = HG_TEXTURE_NONE;
+uint hg_texture_note2 = HG_TEXTURE_NONE, hg_texture_note3 = HG_TEXTURE_NONE;
+uint hg_texture_note4 = HG_TEXTURE_NONE;
+
 // Where to sample: everything that does not depend on which texture of the same shape it is.
 struct hg_texture_place {
     vec2 uv;      // wrapped, 0..1
@@ -45,6 +65,7 @@ struct hg_texture_place {
     uint mip;     // lower mip; the next one counts by `blend`
     float blend;  // 0..1
     bool nearest; // within a mip
+    uint note;    // 0..4, a constant: which one keeps the page that is asked for
 };
 
 vec2 hg_texture_wrap(vec2 uv, uint bits)
@@ -61,7 +82,10 @@ vec2 hg_texture_wrap(vec2 uv, uint bits)
 
 uvec2 hg_texture_size(hg_gpu_texture t)
 {
-    return uvec2(t.size & 0xffffu, t.size >> 16u) + 1u;
+    uvec2 less_one = uvec2(t.size & 0xffffu, t.size >> 16u);
+    if (HG_HAS(HG_FEATURE_WIDE))
+        less_one += uvec2(bitfieldExtract(t.bits, 26, 1), bitfieldExtract(t.bits, 27, 1)) << 16u;
+    return less_one + 1u;
 }
 
 // Level of detail to mips and weights, by the sampler's filters.
@@ -70,6 +94,9 @@ hg_texture_place hg_texture_place_at(hg_gpu_texture t, vec2 uv, float lod)
     hg_texture_place p;
     p.size = hg_texture_size(t);
     p.uv = hg_texture_wrap(uv, t.bits);
+    p.note = 0u;
+    if (HG_HAS(HG_FEATURE_STREAM))
+        lod += HG_TEXTURES.bias;
     if (!HG_HAS(HG_FEATURE_SAMPLERS)) { // linear, linear between mips
         float end = max(float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)), 1.0) - 1.0;
         lod = clamp(lod, 0.0, end);
@@ -100,30 +127,136 @@ float hg_texture_lod(vec2 size, vec2 ddx, vec2 ddy)
     return 0.5 * log2(max(max(dot(x, x), dot(y, y)), 1e-20));
 }
 
+// --- feedback ------------------------------------------------------------------------------------
+
+// Remembers or reports that a page was asked for, of which only one `coarser` mips up is there.
+void hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
+{
+    bool there = (t.bits & HG_TEX_PRESENT) != 0u;
+    coarser = there ? coarser : 0u;
+    hg_texture_coarser = max(hg_texture_coarser, coarser);
+    if (!HG_TEXTURE_NOTE) {
+        if (coarser != 0u && hg_texture_counts)
+            atomicAdd(HG_TEXTURES.feedback.v[entry * 2u], 1u);
+        return;
+    }
+    entry = there ? entry : HG_TEXTURE_NONE;
+    if (note == 0u)
+        hg_texture_note0 = entry;
+    else if (note == 1u)
+        hg_texture_note1 = entry;
+    else if (note == 2u)
+        hg_texture_note2 = entry;
+    else if (note == 3u)
+        hg_texture_note3 = entry;
+    else
+        hg_texture_note4 = entry;
+}
+
+// Tells the host what this invocation asked for: all of it as needed when something was missing
+// (and counts), as used when its pixel is drawn. One loop: where nobody has anything to say it is
+// left at once, also on devices that run both sides of branches.
+void hg_texture_report(uvec2 pixel)
+{
+    bool missed = hg_texture_coarser != 0u && hg_texture_counts;
+    bool drawn = ((pixel.x & 7u) | ((pixel.y & 7u) << 3u)) == HG_TEXTURES.lottery;
+    uint left = missed || drawn ? (1u << HG_TEXTURE_NOTES) - 1u : 0u;
+    while (left != 0u) {
+        uint i = uint(findLSB(left));
+        left &= left - 1u;
+        uint entry = i == 0u ? hg_texture_note0
+            : i == 1u        ? hg_texture_note1
+            : i == 2u        ? hg_texture_note2
+            : i == 3u        ? hg_texture_note3
+                             : hg_texture_note4;
+        if (entry != HG_TEXTURE_NONE)
+            atomicAdd(HG_TEXTURES.feedback.v[entry * 2u + (missed ? 0u : 1u)], 1u);
+    }
+}
+
+// --- progress of pixels (HG_TEXTURES_EXACT) --------------------------------------------------------
+
+uint hg_progress_index(uvec2 pixel)
+{
+    return pixel.y * hg_frame.width + pixel.x;
+}
+
+// Whether the pixel still waits for this sample.
+bool hg_progress_waits(uvec2 pixel)
+{
+    if (!HG_HAS(HG_FEATURE_STREAM) || HG_TEXTURES.mode != HG_TEXTURES_EXACT)
+        return true;
+    uint state = HG_TEXTURES.progress.v[hg_progress_index(pixel)];
+    return (state & HG_PROGRESS_SAMPLES_MASK) == hg_frame.sample_index;
+}
+
+// A pass in front of the last one had coarser texels: the sample does not count for this pixel.
+void hg_progress_spoil(uvec2 pixel)
+{
+    if (HG_TEXTURES.mode != HG_TEXTURES_EXACT || hg_texture_coarser == 0u || !hg_texture_counts)
+        return;
+    HG_TEXTURES.progress.v[hg_progress_index(pixel)] =
+        hg_frame.sample_index | (HG_TEXTURES.run << HG_PROGRESS_RUN_SHIFT);
+}
+
+// The last pass: true when the sample counts; then the pixel has it.
+bool hg_progress_take(uvec2 pixel)
+{
+    if (HG_TEXTURES.mode != HG_TEXTURES_EXACT)
+        return true;
+    uint at = hg_progress_index(pixel);
+    uint state = HG_TEXTURES.progress.v[at];
+    bool taken = (state & HG_PROGRESS_SAMPLES_MASK) == hg_frame.sample_index &&
+        (state >> HG_PROGRESS_RUN_SHIFT) != HG_TEXTURES.run && hg_texture_coarser == 0u;
+    if (taken)
+        HG_TEXTURES.progress.v[at] = hg_frame.sample_index + 1u;
+    return taken;
+}
+
+// --- lookups -------------------------------------------------------------------------------------
+
 // Coordinates in the pool of a place in one mip: x, y of the layer (0..1) and the layer. Integers,
 // shifts and masks: on software rasterisers this costs as much as the filtering itself.
 vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
 {
     uint k = bitfieldExtract(t.bits, HG_TEX_GRID_SHIFT, 4);
-    uint level = min(mip, bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4));
+    uint tail = bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4);
+    uint level = min(mip, tail);
     uvec2 size = max(p.size >> mip, 1u);
     vec2 texel = p.uv * vec2(size);
     uvec2 whole = min(uvec2(texel), size - 1u);
-    if (p.nearest)
-        texel = vec2(whole) + 0.5;
     uvec2 page = whole / HG_PAGE_TEXELS;
     // Grids in front of this one have 4^rest + ... + 4^k entries: every second bit of the
     // difference of two powers of four.
     uint rest = k + 1u - level;
     uint entry = t.table + (0x55555555u & ((4u << (2u * k)) - (1u << (2u * rest))));
     entry += ((page.y << rest) >> 1) + page.x; // the grid is 2^(rest - 1) wide
-    uint slot = hg_page_at(entry) & HG_PAGE_SLOT_MASK;
-    uvec2 cell = uvec2(slot, slot / HG_POOL_SLOTS) % HG_POOL_SLOTS;
-    ivec2 corner = ivec2(cell * HG_PAGE_PITCH - page * HG_PAGE_TEXELS) + HG_PAGE_BORDER;
+    uint found = hg_page_at(entry);
+    uint slot = found & HG_PAGE_SLOT_MASK;
+    if (HG_HAS(HG_FEATURE_STREAM)) {
+        uint coarser = found >> HG_PAGE_COARSER_SHIFT;
+        hg_texture_ask(t, p.note, entry, coarser);
+        // The ancestor's texels. Where sides are odd, the place may lie a texel beside its page.
+        mip = min(mip + coarser, max(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5), 1u) - 1u);
+        level = min(mip, tail);
+        size = max(p.size >> mip, 1u);
+        page = min(page >> coarser, (size - 1u) / HG_PAGE_TEXELS);
+        texel = p.uv * vec2(size);
+        vec2 corner = vec2(page * HG_PAGE_TEXELS);
+        texel = clamp(texel, corner - 1.5, corner + (float(HG_PAGE_TEXELS) + 1.5));
+        whole = min(uvec2(max(texel, 0.0)), size - 1u);
+    }
+    if (p.nearest)
+        texel = vec2(whole) + 0.5;
+    ivec2 corner = ivec2(uvec2(slot, slot >> 4u) & 15u) * HG_PAGE_PITCH + HG_PAGE_BORDER;
     int j = int(mip - level); // place in the tail; 0 for all others
-    corner += ivec2(HG_TAIL_X(j), HG_TAIL_Y(j));
-    vec2 at = (vec2(corner) + texel) * (1.0 / float(HG_POOL_SIDE));
-    return vec3(at, slot / (HG_POOL_SLOTS * HG_POOL_SLOTS));
+    corner += ivec2(HG_TAIL_X(j), HG_TAIL_Y(j)) - int(HG_POOL_ROUND);
+    float scale = 1.0 / float(HG_POOL_SIDE);
+    if (HG_HAS(HG_FEATURE_FLOAT) && bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
+        scale = 1.0 / float(HG_POOL_HALF_SIDE);
+    // Rounded in the page, not in the layer: the same for every slot.
+    vec2 inside = texel - vec2(page * HG_PAGE_TEXELS) + HG_POOL_ROUND;
+    return vec3((inside + vec2(corner)) * scale, slot >> 8u);
 }
 
 // Both mips of a place from one pool.

@@ -57,7 +57,8 @@ lookup base_color_lookup(hg_vertex v)
     uint last = bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5) - 1u;
     l.there = true;
     l.wanted = min(p.mip, last);
-    l.resident = l.wanted;
+    hg_texture_address(t, p, l.wanted); // says how far up its finest resident ancestor is
+    l.resident = min(l.wanted + hg_texture_coarser, last);
     uint tail = bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4);
     vec2 at = fract(p.uv * vec2(max(p.size >> l.resident, 1u)) / float(HG_PAGE_TEXELS));
     vec2 edge = min(at, 1.0 - at) * float(HG_PAGE_TEXELS);

@@ -2,25 +2,41 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
 
 #include "shared/bindings.h"
+#include "shared/texture.h"
 #include "lib/tonemap.glsl"
 
 layout(constant_id = 0) const uint hg_linear = 0u; // 1: no tone curve, no encoding
+layout(constant_id = 1) const bool hg_counted = false; // pixels have different numbers of samples
 
 layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_accumulated;
+layout(set = 0, binding = HG_BIND_COLOR_B) uniform sampler2D hg_fallback;
 layout(push_constant, scalar) uniform hg_push
 {
+    hg_pixel_progress progress;
     float scale; // 1 / samples
     float exposure;
     uint tonemap;
+    uint width; // px
 } push;
 
 layout(location = 0) out vec4 out_color;
 
 void main()
 {
-    vec4 sum = texelFetch(hg_accumulated, ivec2(gl_FragCoord.xy), 0) * push.scale;
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float scale = push.scale;
+    vec4 sum = texelFetch(hg_accumulated, pixel, 0);
+    if (hg_counted) {
+        uint samples = push.progress.v[uint(pixel.y) * push.width + uint(pixel.x)] &
+            HG_PROGRESS_SAMPLES_MASK;
+        scale = 1.0 / float(max(samples, 1u));
+        if (samples == 0u)
+            sum = texelFetch(hg_fallback, pixel, 0);
+    }
+    sum *= scale;
     float alpha = clamp(sum.a, 0.0, 1.0);
     if (alpha > 0.9999)
         alpha = 1.0;

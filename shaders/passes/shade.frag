@@ -8,6 +8,7 @@ layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind
 layout(constant_id = 3) const bool hg_background = false; // where nothing is; the depth test chooses
 
 #define HG_TEXTURE_STOCHASTIC     true
+#define HG_TEXTURE_NOTE           true
 #define HG_ENVIRONMENT_STOCHASTIC true
 
 #include "lib/frame.glsl"
@@ -22,6 +23,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
 layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
 
+layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
 
 vec4 background()
@@ -68,6 +70,7 @@ vec4 surface(uvec2 id)
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
+    hg_texture_counts = hg_progress_waits(pixel);
     vec4 color;
     if (hg_background)
         color = background();
@@ -80,6 +83,14 @@ void main()
     if (hg_variant == 1u) {
         vec4 front = texelFetch(hg_front, pixel, 0);
         color = front + (1.0 - front.a) * color;
+    }
+    if (HG_HAS(HG_FEATURE_STREAM)) {
+        if (!hg_background)
+            hg_texture_report(pixel);
+        if (hg_variant == 2u)
+            hg_progress_spoil(pixel);
+        else if (!hg_progress_take(pixel))
+            color = vec4(0.0);
     }
     out_color = color;
 }

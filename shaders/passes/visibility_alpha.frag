@@ -31,8 +31,11 @@ void main()
     uvec2 id = hg_item_id(in_draw, gl_PrimitiveID);
     if (hg_item_loses(id, gl_FragCoord))
         discard;
+    hg_texture_counts = hg_progress_waits(pixel);
     hg_vertex v = hg_fetch_triangle(in_draw, id.y, gl_FragCoord.xy);
     float alpha = hg_material_alpha(v.material, v);
+    if (HG_HAS(HG_FEATURE_STREAM))
+        hg_progress_spoil(pixel);
     // A blended surface that an 8-bit image cannot show takes no layer.
     float least = hg_variant == 1u ? HG_MATERIAL_AT(v.material, alpha_cutoff) : 0.5 / 255.0;
     if (alpha < least)

@@ -5,18 +5,20 @@
 #ifndef HG_SHADERS_SHARED_FEATURES_H
 #define HG_SHADERS_SHARED_FEATURES_H
 
-#define HG_FEATURE_TEXTURES    0x001u // base colour, normal or metallic-roughness textures
-#define HG_FEATURE_EMISSIVE    0x002u // emissive textures
-#define HG_FEATURE_OCCLUSION   0x004u // occlusion textures that are not packed with roughness
-#define HG_FEATURE_FLOAT       0x008u // textures in the float pool
-#define HG_FEATURE_SAMPLERS    0x010u // anything but repeat, linear, first uv set, no transform
-#define HG_FEATURE_VERTICES    0x020u // vertex colours, second uv sets, lines or points
-#define HG_FEATURE_NO_TANGENTS 0x040u // normal maps on parts without tangents
-#define HG_FEATURE_LIGHTS      0x080u // punctual lights
-#define HG_FEATURE_CLUSTERS    0x100u // lights in clusters
-#define HG_FEATURE_LOCAL       0x200u // point or spot lights
-#define HG_FEATURE_SHADOWS     0x400u // shadow maps
-#define HG_FEATURE_NO_FACETS   0x800u // surface points come from vertices, not from facets (facet.h)
+#define HG_FEATURE_TEXTURES    0x0001u // base colour, normal or metallic-roughness textures
+#define HG_FEATURE_EMISSIVE    0x0002u // emissive textures
+#define HG_FEATURE_OCCLUSION   0x0004u // occlusion textures that are not packed with roughness
+#define HG_FEATURE_FLOAT       0x0008u // textures in the float pool
+#define HG_FEATURE_SAMPLERS    0x0010u // anything but repeat, linear, first uv set, no transform
+#define HG_FEATURE_VERTICES    0x0020u // vertex colours, second uv sets, lines or points
+#define HG_FEATURE_NO_TANGENTS 0x0040u // normal maps on parts without tangents
+#define HG_FEATURE_LIGHTS      0x0080u // punctual lights
+#define HG_FEATURE_CLUSTERS    0x0100u // lights in clusters
+#define HG_FEATURE_LOCAL       0x0200u // point or spot lights
+#define HG_FEATURE_SHADOWS     0x0400u // shadow maps
+#define HG_FEATURE_NO_FACETS   0x0800u // surface points come from vertices, not from facets (facet.h)
+#define HG_FEATURE_STREAM      0x1000u // pages that may not be resident
+#define HG_FEATURE_WIDE        0x2000u // textures wider or higher than 65536 texels
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

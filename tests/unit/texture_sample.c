@@ -180,6 +180,7 @@ static int teardown(void **state)
 static void sync_textures(struct fixture *f)
 {
     check(f, hg_textures_sync(f->textures, f->scene, NULL, &f->err));
+    check(f, hg_textures_load_all(f->textures, &f->err));
     struct hg_gpu_cmd *cmd;
     uint64_t value;
     check(f, hg_gpu_begin(f->gpu, &cmd, &f->err));
@@ -287,7 +288,7 @@ static void run(struct fixture *f, const struct hg_texture *t, const struct text
     struct hg_gpu_image plain = create_plain_image(f, t, c);
     struct hg_gpu_frame *frame = f->frame.mapped;
     memset(frame, 0, sizeof *frame);
-    hg_textures_fill(f->textures, &frame->textures);
+    hg_textures_fill(f->textures, HG_TEXTURES_SHOW, &frame->textures);
     struct hg_gpu_bindings bindings = {0};
     for (uint32_t i = 0; i < HG_POOL_COUNT; i++)
         bindings.images[HG_BIND_PAGES_SRGB + i] = hg_textures_pool(f->textures, i);
@@ -429,7 +430,7 @@ static void test_sharing_and_freeing(void **state)
     hg_textures_stats(f->textures, &after);
     assert_int_equal(after.pages, before.pages);
     assert_int_equal(after.textures, before.textures);
-    assert_int_equal(after.decoded_images, shared.decoded_images);
+    assert_int_equal(after.loaded, shared.loaded);
 }
 
 // A budget that is too small refuses, names itself and changes nothing.
@@ -444,7 +445,7 @@ static void test_budget(void **state)
     struct hg_textures_stats stats;
     hg_textures_stats(small, &stats);
     assert_int_equal(stats.pool_bytes, 0);
-    assert_int_equal(stats.decoded_images, 0);
+    assert_int_equal(stats.loaded, 0);
     hg_textures_destroy(small);
 }
 
@@ -490,6 +491,8 @@ static void test_faults(void **state)
             else
                 hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
             status = hg_textures_sync(t, f->scene, NULL, &f->err);
+            if (status == HG_OK)
+                status = hg_textures_load_all(t, &f->err);
             hg_alloc_fail_at(0);
             hg_gpu_fail_at(0, VK_SUCCESS);
             struct hg_textures_stats stats;

@@ -1,0 +1,322 @@
+// stream.c - see stream.h.
+#include "renderer/frame/stream.h"
+
+#include <string.h>
+
+#include "base/clock.h"
+#include "renderer/frame/view.h"
+#include "renderer/passes/shade.h"
+
+#define SHOW_UPLOAD_NS 4000000u  // per frame of a moving picture
+#define REST_WAIT_NS   20000000u // for pages, before a resting picture is shown again
+#define EXACT_WAIT_NS  50000000u // per step
+#define AREA_LEAST_PX  8         // areas are cut at multiples of this
+
+static struct hg_page_cache *pages_of(const struct hg_view_state *view)
+{
+    return hg_textures_cache(view->rooms->textures);
+}
+
+void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
+{
+    hg_gpu_buffer_destroy(gpu, &s->progress);
+    hg_gpu_buffer_destroy(gpu, &s->progress_read);
+    hg_gpu_image_destroy(gpu, &s->fallback);
+    s->exact = s->uneven = s->has_fallback = false;
+    s->area_count = 0;
+}
+
+void hg_stream_restart(struct hg_view_state *view)
+{
+    struct hg_stream *s = &view->stream;
+    s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = false;
+    s->area_count = 0;
+}
+
+enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    const enum hg_page_mode mode = s->exact ? HG_PAGES_EXACT : HG_PAGES_SHOW;
+    const enum hg_status status =
+        hg_page_cache_update(pages_of(view), mode, s->exact ? UINT64_MAX : SHOW_UPLOAD_NS, err);
+    s->on |= !hg_page_cache_is_complete(pages_of(view));
+    return status;
+}
+
+// --- turning to exact ----------------------------------------------------------------------------
+
+static enum hg_status reserve(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_gpu *gpu = view->context->gpu;
+    struct hg_stream *s = &view->stream;
+    const uint64_t bytes = (uint64_t)view->settings.width * view->settings.height * 4;
+    enum hg_status status = hg_gpu_buffer_reserve(
+        gpu, HG_GPU_BUFFER_DEVICE, bytes, "pixel progress", &s->progress, err);
+    if (status == HG_OK && s->progress.mapped == NULL)
+        status = hg_gpu_buffer_reserve(
+            gpu, HG_GPU_BUFFER_READBACK, bytes, "progress readback", &s->progress_read, err);
+    const struct hg_gpu_image_params params = {.format = HG_COLOR_FORMAT,
+        .width = view->settings.width,
+        .height = view->settings.height,
+        .attachment = true,
+        .name = "fallback"};
+    if (status == HG_OK && s->fallback.handle == VK_NULL_HANDLE)
+        status = hg_gpu_image_create(gpu, &params, &s->fallback, err);
+    return status;
+}
+
+static enum hg_status submit_and_wait(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    uint64_t value;
+    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
+    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
+}
+
+// All pixels have `samples` samples (0 or 1); 0: what is shown becomes the fallback.
+static enum hg_status start_exact(
+    struct hg_view_state *view, uint32_t samples, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = reserve(view, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    vkCmdFillBuffer(hg_gpu_cmd_handle(cmd), s->progress.handle, 0, VK_WHOLE_SIZE, samples);
+    if (samples == 0) {
+        const struct hg_gpu_image shown = view->accumulated;
+        view->accumulated = s->fallback;
+        s->fallback = shown;
+        const struct hg_gpu_rendering clear = {
+            .colors = {{.image = &view->accumulated, .clear = true}}, .color_count = 1};
+        hg_gpu_cmd_begin_rendering(cmd, &clear);
+        hg_gpu_cmd_end_rendering(cmd);
+    }
+    status = submit_and_wait(view, cmd, err);
+    s->exact = true;
+    s->inexact = s->waiting = false;
+    s->has_fallback = s->uneven = samples == 0;
+    s->areas[0] =
+        (struct hg_stream_area){{{0, 0}, {view->settings.width, view->settings.height}}, samples};
+    s->area_count = 1;
+    view->samples = samples;
+    return status;
+}
+
+static void forget_shadows(struct hg_view_state *view)
+{
+    uint32_t count;
+    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
+    for (uint32_t i = 0; i < count; i++)
+        maps[i].stale = true;
+    view->stream.shadows = false;
+}
+
+enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    if (!s->inexact)
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    if (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0)
+        return start_exact(view, 0, err);
+    hg_page_cache_wait(pages_of(view), REST_WAIT_NS);
+    hg_view_add_stage(view, "pages", hg_clock_now_ns() - start);
+    if (s->shadows)
+        forget_shadows(view);
+    return hg_page_cache_update(pages_of(view), HG_PAGES_SHOW, REST_WAIT_NS, err);
+}
+
+enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_page_demand demand;
+    s->missing = 0;
+    s->bias = 0.0f;
+    if (!s->on)
+        return HG_OK;
+    hg_page_cache_collect(pages_of(view), HG_PAGES_SHOW, &demand);
+    s->missing = demand.missing;
+    s->bias = view->frame.textures.bias;
+    s->shadows |= demand.shadows;
+    s->inexact = (demand.missing > 0 || s->bias > 0.0f || s->shadows) && view->settings.debug == 0;
+    const bool more = view->samples < view->settings.samples && view->settings.debug == 0;
+    const bool again = s->inexact || view->coarse || view->shallow;
+    return again || !more ? HG_OK : start_exact(view, 1, err);
+}
+
+// --- drawing -------------------------------------------------------------------------------------
+
+// Least number of samples of the pixels of a rectangle.
+static uint32_t least_samples(const struct hg_view_state *view, VkRect2D rect)
+{
+    const struct hg_stream *s = &view->stream;
+    const uint32_t *words =
+        s->progress.mapped != NULL ? s->progress.mapped : s->progress_read.mapped;
+    uint32_t least = UINT32_MAX;
+    for (uint32_t y = 0; y < rect.extent.height; y++) {
+        const uint32_t *row =
+            words + (size_t)((uint32_t)rect.offset.y + y) * view->settings.width + rect.offset.x;
+        for (uint32_t x = 0; x < rect.extent.width; x++) {
+            const uint32_t samples = row[x] & HG_PROGRESS_SAMPLES_MASK;
+            least = samples < least ? samples : least;
+        }
+    }
+    return least;
+}
+
+// Cuts the area on top in two. False when it is a single pixel already, or the stack is full.
+static bool split(struct hg_stream *s)
+{
+    struct hg_stream_area *a = &s->areas[s->area_count - 1], b = *a;
+    const VkExtent2D size = a->rect.extent;
+    const bool wide = size.width >= size.height;
+    uint32_t half = (wide ? size.width : size.height) / 2;
+    if (half > AREA_LEAST_PX)
+        half -= half % AREA_LEAST_PX;
+    if (half == 0 || s->area_count == HG_STREAM_MAX_AREAS)
+        return false;
+    if (wide) {
+        b.rect.offset.x += (int32_t)half;
+        b.rect.extent.width -= half;
+        a->rect.extent.width = half;
+    } else {
+        b.rect.offset.y += (int32_t)half;
+        b.rect.extent.height -= half;
+        a->rect.extent.height = half;
+    }
+    s->areas[s->area_count++] = *a; // the first half is finished first
+    s->areas[s->area_count - 2] = b;
+    return true;
+}
+
+static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bool shadows,
+    struct hg_page_demand *demand, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
+    hg_page_cache_begin(pages_of(view), cmd);
+    status = shadows ? hg_frame_record_shadows(view, cmd, err)
+                     : hg_frame_record(view, cmd, samples, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(view->context->gpu, cmd);
+        return status;
+    }
+    hg_page_cache_end(pages_of(view), cmd);
+    if (s->progress.mapped == NULL) {
+        const VkBufferCopy copy = {.size = s->progress_read.size_bytes < s->progress.size_bytes
+                                               ? s->progress_read.size_bytes
+                                               : s->progress.size_bytes};
+        vkCmdCopyBuffer(
+            hg_gpu_cmd_handle(cmd), s->progress.handle, s->progress_read.handle, 1, &copy);
+    }
+    status = submit_and_wait(view, cmd, err);
+    if (status == HG_OK) {
+        hg_geometry_deforms_done(view->rooms->geometry);
+        if (!shadows)
+            hg_geometry_facets_done(view->rooms->geometry);
+        hg_page_cache_collect(pages_of(view), HG_PAGES_EXACT, demand);
+    }
+    return status;
+}
+
+// Waits for pages for a while. *arrived: all that were asked for are there, or will never be.
+static enum hg_status wait_pages(struct hg_view_state *view, bool *arrived, struct hg_error *err)
+{
+    struct hg_page_cache *pages = pages_of(view);
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = hg_page_cache_update(pages, HG_PAGES_EXACT, UINT64_MAX, err);
+    uint64_t spent = 0;
+    while (status == HG_OK && hg_page_cache_under_way(pages) > 0 && spent < EXACT_WAIT_NS) {
+        hg_page_cache_wait(pages, EXACT_WAIT_NS - spent);
+        status = hg_page_cache_update(pages, HG_PAGES_EXACT, UINT64_MAX, err);
+        spent = hg_clock_now_ns() - start;
+    }
+    *arrived = hg_page_cache_under_way(pages) == 0;
+    hg_view_add_stage(view, "pages", hg_clock_now_ns() - start);
+    return status;
+}
+
+// Shadow maps are made whole before anything is drawn with them.
+static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_page_demand demand;
+    forget_shadows(view);
+    enum hg_status status = run_batch(view, 0, true, &demand, err);
+    if (status != HG_OK)
+        return status;
+    s->shadows = demand.shadows;
+    s->missing = demand.missing;
+    s->waiting = demand.missing > 0;
+    if (demand.shadows && !demand.fits)
+        return hg_error_set(err, HG_E_LIMIT, "texture budget", NULL,
+            "the masked textures of one set of shadow maps do not fit");
+    return HG_OK;
+}
+
+static void count_samples(struct hg_view_state *view)
+{
+    struct hg_stream *s = &view->stream;
+    view->samples = view->settings.samples;
+    for (uint32_t i = 0; i < s->area_count; i++)
+        if (s->areas[i].samples < view->samples)
+            view->samples = s->areas[i].samples;
+}
+
+static enum hg_status draw_area(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_stream_area *area = &s->areas[s->area_count - 1];
+    struct hg_page_demand demand;
+    uint32_t count = view->settings.samples - area->samples;
+    count = count < max_samples ? count : max_samples;
+    count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    enum hg_status status = run_batch(view, count, false, &demand, err);
+    if (status != HG_OK)
+        return status;
+    hg_frame_adapt_layers(view, count);
+    s->missing = demand.missing;
+    s->waiting = demand.missing > 0;
+    s->shadows = demand.shadows;
+    const uint32_t reached = area->samples + count;
+    area->samples =
+        demand.missing == 0 && !demand.shadows ? reached : least_samples(view, area->rect);
+    if (area->samples == view->settings.samples)
+        s->area_count--;
+    else if (!demand.fits)
+        split(s);
+    s->uneven = demand.missing > 0 || s->area_count > 1 ||
+                (s->area_count == 1 &&
+                    s->areas[0].rect.extent.width * (uint64_t)s->areas[0].rect.extent.height <
+                        (uint64_t)view->settings.width * view->settings.height);
+    count_samples(view);
+    view->number++;
+    return HG_OK;
+}
+
+enum hg_status hg_stream_draw(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    enum hg_status status = HG_OK;
+    bool arrived = true;
+    if (s->waiting)
+        status = wait_pages(view, &arrived, err);
+    if (status != HG_OK || !arrived)
+        return status;
+    s->waiting = false;
+    s->missing = 0;
+    if (s->shadows)
+        status = finish_shadows(view, err);
+    if (status != HG_OK || s->shadows || s->area_count == 0)
+        return status;
+    return draw_area(view, max_samples, err);
+}

@@ -1,0 +1,59 @@
+// stream.h - pictures whose textures arrive while they are drawn.
+// Floor 4. Thread: the render thread.
+//
+// Two ways to draw while pages may be missing (texture/page_cache.h):
+//   show   one sample with the texels that are there, at once, and again as better ones arrive
+//   exact  samples are added pixel by pixel: a pixel that misses a texel keeps waiting at that
+//          sample, and what was missing is loaded before it is tried again. When all that waiting
+//          pixels need at once does not fit the budget, the picture is cut in two areas that are
+//          finished one after the other, as often as it takes.
+// A view that rests goes from show to exact as soon as nothing is missing, nothing more can be
+// loaded, or the mip bias says that the budget is too small. Each pixel adds the same samples in
+// the same order as ever: the settled picture does not depend on budgets, caches or timing.
+#ifndef HG_RENDERER_FRAME_STREAM_H
+#define HG_RENDERER_FRAME_STREAM_H
+
+#include "renderer/gpu/gpu.h"
+#include "renderer/texture/page_cache.h"
+
+#define HG_STREAM_MAX_AREAS 64 // halving 16384 x 16384 px down to one takes 28
+
+struct hg_view_state;
+
+// All pixels inside have at least that many samples.
+struct hg_stream_area {
+    VkRect2D rect;
+    uint32_t samples;
+};
+
+struct hg_stream {
+    bool on;           // pages may be missing: shaders report what they ask for
+    bool exact;        // drawing the second way
+    bool inexact;      // the newest sample shows coarser texels than it should: it is drawn again
+    bool shadows;      // shadow maps were drawn with coarser texels
+    bool uneven;       // pixels have different numbers of samples
+    bool waiting;      // for pages that the newest batch asked for
+    bool has_fallback; // the picture shown by pixels without a sample
+    uint32_t missing;  // pages that the newest batch asked for in vain
+    float bias;        // of the newest sample
+    uint32_t run;      // of the newest sample
+    struct hg_stream_area areas[HG_STREAM_MAX_AREAS]; // a stack; what is not in it is finished
+    uint32_t area_count;
+    struct hg_gpu_buffer progress, progress_read; // [height][width] u32; read: a copy for the host
+    struct hg_gpu_image fallback;
+};
+
+void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *stream); // images and buffers
+// Something changed: what was accumulated counts no longer. Waits and counts start anew.
+void hg_stream_restart(struct hg_view_state *view);
+// Between batches: uploads pages that have arrived, decides whether feedback is needed.
+enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// Before a resting view shows the same again: waits a little for pages, or turns to exact.
+enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// After a sample was shown: what it missed. Turns to exact when that was nothing.
+enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// One batch of the exact way, at most max_samples samples. May draw nothing while pages are read.
+enum hg_status hg_stream_draw(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
+
+#endif
