@@ -36,7 +36,7 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
-#define HG_LOD_VERSION           1u
+#define HG_LOD_VERSION           2u // grows when a part would bake to other bytes
 #define HG_LOD_CLUSTER_TRIANGLES 128
 #define HG_LOD_CLUSTER_VERTICES  256    // distinct vertices of one cluster
 #define HG_LOD_GROUP_CLUSTERS    32     // clusters of one group, at most
@@ -159,7 +159,7 @@ bool hg_lod_can_bake(const struct hg_mesh_part *part, uint32_t target_count);
 // Bakes a part to the bytes of a file (freed with hg_free). Triangles with an edge of no length are
 // left out; a part without triangles gives a hierarchy without clusters. `report` may be NULL.
 // HG_E_INVAL (not finite, indices out of range, see hg_lod_can_bake), HG_E_LIMIT (memory limit,
-// 2^31 triangles), HG_E_NOMEM, HG_E_CANCELLED. Cost O(n log n).
+// 2^30 triangles, coordinates beyond 1e36 m), HG_E_NOMEM, HG_E_CANCELLED. Cost O(n log n).
 enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     uint8_t **data, size_t *size, struct hg_lod_report *report, struct hg_error *err) HG_MUST_CHECK;
 

@@ -305,6 +305,12 @@ enum hg_status hg_lod_read_tables(
 
 // ---- opening ------------------------------------------------------------------------------------
 
+// The whole lattice can be told in floats.
+static bool step_ok(float step)
+{
+    return step > 0.0f && step <= FLT_MAX / (2.0f * HG_LOD_LATTICE_MAX);
+}
+
 struct head {
     uint32_t tables_crc;
     uint64_t file_bytes, packed_bytes;
@@ -345,8 +351,8 @@ static enum hg_status read_header(
         l->max[k] = hg_read_f32(r);
     r->pos = HEADER_BYTES;
     if (l->flags & ~FORMAT_FLAGS || has_uv > 1 ||
-        (l->flags & HG_DRAW_COLOR8 && l->flags & HG_DRAW_COLOR16) ||
-        !finite_all((float[]){l->quantum, f->format.uv_quantum, l->source_error}, 3) ||
+        (l->flags & HG_DRAW_COLOR8 && l->flags & HG_DRAW_COLOR16) || !step_ok(l->quantum) ||
+        !step_ok(f->format.uv_quantum) || !finite_all(&l->source_error, 1) ||
         !finite_all(l->min, 3) || !finite_all(l->max, 3))
         return hg_error_set(err, HG_E_FORMAT, "cluster file", "header", "a value makes no sense");
     hg_lod_format_set(&f->format, l->flags, has_uv != 0);

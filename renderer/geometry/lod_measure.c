@@ -10,6 +10,7 @@
 #include "renderer/geometry/lod_internal.h"
 
 #define WALK_MAX 6
+#define INSIDE   0.02f // a foot point with all weights above is in the middle of its triangle
 
 struct nearest {
     float distance2;
@@ -102,6 +103,8 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
         const float before = best.distance2;
         visit_around(p, *anchor, at, &best);
         if (best.triangle == HG_LOD_NONE || !(best.distance2 < before))
+            break;
+        if (fminf(best.weight[0], fminf(best.weight[1], best.weight[2])) > INSIDE)
             break;
         int corner = 0;
         for (int k = 1; k < 3; k++)

@@ -134,7 +134,8 @@ static void map_links(struct graph *g)
         if (l.a != l.b)
             g->links[n++] = (struct link){l.a < l.b ? l.a : l.b, l.a < l.b ? l.b : l.a, l.weight};
     }
-    qsort(g->links, n, sizeof *g->links, compare_links);
+    if (n > 1)
+        qsort(g->links, n, sizeof *g->links, compare_links);
     g->link_count = 0;
     for (size_t i = 0; i < n; i++) {
         struct link *last = g->link_count > 0 ? &g->links[g->link_count - 1] : NULL;

@@ -228,6 +228,8 @@ static void add_attributes(
         gradients[k] = (struct hg_lod_gradient){area * g[0], area * g[1], area * g[2], area * d};
     }
     for (int i = 0; i < 3; i++) {
+        if (p->fixed[p->position_of[v[i]]])
+            continue; // nothing is asked of what cannot move
         hg_lod_quadric_add(&s->looks[v[i]], &q);
         for (uint32_t k = 0; k < n; k++) {
             struct hg_lod_gradient *to = &s->gradients[(size_t)v[i] * n + k];
@@ -258,9 +260,13 @@ static void add_triangle(struct simplifier *s, uint32_t t)
     }
     struct hg_lod_quadric q = {.weight = area};
     hg_lod_quadric_add_plane(&q, normal, d, area);
-    for (int i = 0; i < 3; i++)
-        hg_lod_quadric_add(&s->shape[p->position_of[v[i]]], &q);
-    if (p->attribute_count > 0)
+    bool moves = false;
+    for (int i = 0; i < 3; i++) {
+        moves = moves || !p->fixed[p->places[t][i]];
+        if (!p->fixed[p->places[t][i]])
+            hg_lod_quadric_add(&s->shape[p->places[t][i]], &q);
+    }
+    if (p->attribute_count > 0 && moves)
         add_attributes(s, v, e1, e2, area);
 }
 

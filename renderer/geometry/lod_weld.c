@@ -10,6 +10,7 @@
 #include "renderer/geometry/pack.h"
 
 #define EDGE_SAMPLES  16384u // edges looked at to find the lattice steps
+#define FARTHEST      1e36f  // metres
 #define EDGE_FRACTION 64.0f  // a short edge is this many steps long
 
 enum hg_status hg_lod_take(struct hg_lod_budget *budget, uint64_t count, size_t size, void *out)
@@ -67,6 +68,14 @@ static bool finite_all(const float *values, uint64_t count)
     return true;
 }
 
+static float largest(const float *values, uint64_t count)
+{
+    float max = 0.0f;
+    for (uint64_t i = 0; values != NULL && i < count; i++)
+        max = fmaxf(max, fabsf(values[i]));
+    return max;
+}
+
 static enum hg_status check(const struct hg_mesh_part *part, struct hg_error *err)
 {
     const uint64_t n = part->vertex_count;
@@ -77,6 +86,8 @@ static enum hg_status check(const struct hg_mesh_part *part, struct hg_error *er
         return hg_error_set(err, HG_E_INVAL, "part", "indices", "not a list of triangles");
     if (!finite_all(part->positions, n * 3))
         return hg_error_set(err, HG_E_INVAL, "part", "positions", "a value is not finite");
+    if (largest(part->positions, n * 3) > FARTHEST)
+        return hg_error_set(err, HG_E_LIMIT, "part", "positions", "a coordinate is beyond 1e36 m");
     if (!finite_all(part->normals, n * 3) || !finite_all(part->tangents, n * 4) ||
         !finite_all(part->uv[0], n * 2) || !finite_all(part->uv[1], n * 2) ||
         !finite_all(part->colors, n * 4))
@@ -131,14 +142,6 @@ static float power_below(float v)
         return FLT_MIN;
     (void)frexpf(v, &exponent);
     return ldexpf(0.5f, exponent);
-}
-
-static float largest(const float *values, uint64_t count)
-{
-    float max = 0.0f;
-    for (uint64_t i = 0; values != NULL && i < count; i++)
-        max = fmaxf(max, fabsf(values[i]));
-    return max;
 }
 
 // Smallest power of two by which `max` stays inside the lattice.
