@@ -10,8 +10,9 @@
 #include "renderer/geometry/pack.h"
 
 #define EDGE_SAMPLES  16384u // edges looked at to find the lattice steps
-#define FARTHEST      1e36f  // metres
-#define EDGE_FRACTION 64.0f  // a short edge is this many steps long
+#define STEP_MAX      (FLT_MAX / (2.0f * HG_LOD_LATTICE_MAX)) // a file may have
+#define FARTHEST      1e36f                                   // metres
+#define EDGE_FRACTION 64.0f // a short edge is this many steps long
 
 enum hg_status hg_lod_take(struct hg_lod_budget *budget, uint64_t count, size_t size, void *out)
 {
@@ -161,7 +162,7 @@ static enum hg_status choose_steps(const struct hg_mesh_part *part,
     float uv_max = 0.0f, uv_step = 0x1p-12f;
     if (edge < 0.0f)
         return HG_E_NOMEM;
-    format->quantum = fmaxf(power_below(fminf(wanted, FLT_MAX)), least);
+    format->quantum = fmaxf(power_below(fminf(wanted, STEP_MAX)), least);
     format->uv_quantum = 1.0f;
     for (int set = 0; set < 2; set++) {
         if (part->uv[set] == NULL)
