@@ -51,6 +51,48 @@ static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)
         (unsigned long long)s.bytes_written);
 }
 
+static double ms(uint64_t ns)
+{
+    return (double)ns * 1e-6;
+}
+
+// All scenes of the renderer share the pages.
+static void put_textures(
+    struct hg_writer *w, const struct hg_renderer *renderer, const struct hg_view_state *view)
+{
+    struct hg_page_cache *cache = renderer->context.pages;
+    struct hg_page_cache_stats c = {.budget_bytes = renderer->context.texture_budget_bytes};
+    struct hg_page_sources_stats s = {0};
+    struct hg_textures_stats t = {0};
+    if (cache != NULL) {
+        hg_page_cache_stats(cache, &c);
+        hg_page_sources_stats(hg_page_cache_sources(cache), &s);
+    }
+    if (view != NULL)
+        hg_textures_stats(view->rooms->textures, &t);
+    hg_json_put(w,
+        ",\"texture\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
+        "\"table_bytes\":%llu,\"missing\":%u,\"pages\":%u,\"slots\":%u,\"sets\":%u,"
+        "\"failed\":%u,\"mip_bias\":%.3f,\"teleport_to_sharp_ms\":%.3f,",
+        (unsigned long long)c.budget_bytes, (unsigned long long)c.peak_bytes,
+        (unsigned long long)c.pool_bytes, (unsigned long long)c.table_bytes, c.missing, c.resident,
+        c.slots, c.sets, c.failed + t.failed, (double)c.bias, ms(c.sharp_ns));
+    hg_json_put(w,
+        "\"requested\":%llu,\"loaded\":%llu,\"evicted\":%llu,\"read_bytes\":%llu,"
+        "\"decode_ms\":%.3f,\"upload_ms\":%.3f,\"uploaded_bytes\":%llu,\"host_bytes\":%llu,"
+        "\"host_peak_bytes\":%llu}",
+        (unsigned long long)c.requested, (unsigned long long)c.pages_loaded,
+        (unsigned long long)c.evicted, (unsigned long long)s.bytes_read, ms(c.read_ns),
+        ms(c.upload_ns), (unsigned long long)c.bytes_uploaded, (unsigned long long)s.memory_bytes,
+        (unsigned long long)s.memory_peak_bytes);
+    hg_json_put(w,
+        ",\"bake\":{\"loading\":%u,\"running\":%u,\"texels_done\":%llu,\"texels_total\":%llu,"
+        "\"packs_baked\":%llu,\"packs_found\":%llu,\"pack_bytes\":%llu,\"ms\":%.3f}",
+        s.loading, s.baking, (unsigned long long)s.bake_texels_done,
+        (unsigned long long)s.bake_texels_total, (unsigned long long)s.packs_baked,
+        (unsigned long long)s.packs_found, (unsigned long long)s.pack_bytes, ms(s.bake_ns));
+}
+
 static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w,
@@ -60,17 +102,10 @@ static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
         s->settings.height, hg_view_state_settled(s) ? "true" : "false");
 }
 
-static void put_scene(struct hg_writer *w, const struct hg_view_state *s)
+static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
 {
-    struct hg_textures_stats t;
     struct hg_geometry_stats g;
-    hg_textures_stats(s->rooms->textures, &t);
     hg_geometry_stats(s->rooms->geometry, &g);
-    hg_json_put(w,
-        ",\"texture\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
-        "\"missing\":%u,\"pages\":%u,\"sets\":%u,\"failed\":%u}",
-        (unsigned long long)t.budget_bytes, (unsigned long long)t.peak_bytes,
-        (unsigned long long)t.pool_bytes, t.missing, t.pages, t.sets, t.failed);
     hg_json_put(w,
         ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
         "\"triangles_total\":%llu,\"triangles_drawn\":%llu,\"missing\":0,\"draws\":%u,"
@@ -110,9 +145,10 @@ enum hg_status hg_renderer_stats_json(
     hg_json_put(&w, "{");
     put_device(&w, renderer);
     put_store(&w, renderer);
+    put_textures(&w, renderer, view != NULL ? &view->state : NULL);
     if (view != NULL) {
         put_frame(&w, &view->state);
-        put_scene(&w, &view->state);
+        put_geometry(&w, &view->state);
         put_light(&w, &view->state);
         put_passes(&w, &view->state);
     }
