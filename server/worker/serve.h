@@ -25,6 +25,7 @@ struct frame_wait {
     enum hgp_encoding encoding;
     uint8_t quality;
     uint64_t progress_sent_ns;
+    uint32_t most_missing; // pages and clusters, since it was asked for
 };
 
 struct view_slot {

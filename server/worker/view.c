@@ -300,13 +300,19 @@ static void send_progress(
     struct serve *s, struct session *session, struct view_slot *view, struct frame_wait *wait)
 {
     uint64_t now = hg_clock_now_ns();
+    uint32_t missing = view->info.missing_pages + view->info.missing_clusters;
+    wait->most_missing = missing > wait->most_missing ? missing : wait->most_missing;
     if (now - wait->progress_sent_ns < PROGRESS_NS)
         return;
     wait->progress_sent_ns = now;
-    link_send_lossy(s->w, session->channel, wait->request, HGP_T_progress,
-        &(struct hgp_progress){.stage = hgp_str_make("samples"),
-            .done = view->info.samples,
-            .total = view->params.samples ? view->params.samples : 32});
+    struct hgp_progress progress = {.stage = hgp_str_make("samples"),
+        .done = view->info.samples,
+        .total = view->params.samples ? view->params.samples : 32};
+    if (missing)
+        progress = (struct hgp_progress){.stage = hgp_str_make("streaming"),
+            .done = wait->most_missing - missing,
+            .total = wait->most_missing};
+    link_send_lossy(s->w, session->channel, wait->request, HGP_T_progress, &progress);
 }
 
 static void answer_waits(struct serve *s, struct session *session, struct view_slot *view)
