@@ -97,6 +97,7 @@ struct level {
     struct taps *columns;      // [width]; NULL for exactly 2 or 1 columns each
     float *sum;                // [width of the mip above * 4]
     float *row;                // [width * 4]
+    float *ring;               // [3][width * 4] newest rows, for normals
 };
 
 struct hg_mip_stream {
@@ -150,9 +151,11 @@ static void prepare_row(const struct hg_mip_stream_params *p, float *row)
 {
     float *const end = row + (size_t)p->width * 4;
     if (p->filter == HG_MIP_NORMAL) {
-        for (float *t = row; t < end; t += 4)
+        for (float *t = row; t < end; t += 4) {
             for (int c = 0; c < 3; c++)
                 t[c] = t[c] * 2.0f - 1.0f;
+            t[3] = sqrtf(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+        }
     } else if (p->filter == HG_MIP_WEIGHTED) {
         for (float *t = row; t < end; t += 4) {
             const float a = t[3] + ALPHA_FLOOR;
@@ -200,6 +203,7 @@ static void resolve_texel(enum hg_mip_filter filter, const float in[4], float ou
         out[0] = in[0] * scale + 0.5f;
         out[1] = in[1] * scale + 0.5f;
         out[2] = length2 > 1e-12f ? in[2] * scale + 0.5f : 1.0f;
+        out[3] = 1.0f;
     } else if (filter == HG_MIP_WEIGHTED) {
         const float scale = 1.0f / (in[3] + ALPHA_FLOOR);
         for (int c = 0; c < 3; c++)
@@ -229,15 +233,90 @@ static void store_rgba8(
     }
 }
 
-static enum hg_status give_row(struct hg_mip_stream *s, uint32_t mip)
+static enum hg_status encode_row(
+    struct hg_mip_stream *s, uint32_t mip, uint32_t y, const float *row)
+{
+    const struct hg_mip_stream_params *p = &s->params;
+    const uint32_t width = s->levels[mip].width;
+    if (s->texel_bytes == 8)
+        store_half(row, width, p->filter, s->encoded);
+    else
+        store_rgba8(row, width, p->filter, p->srgb, s->encoded);
+    return p->row(p->user, mip, y, s->encoded);
+}
+
+// --- what normals lose ---------------------------------------------------------------------------
+
+// Squared change per texel between two mean normals that lie `distance` texels apart. A mean normal
+// is the sum of vectors over the sum of their lengths (the fourth float).
+static float squared_slope(const float *a, const float *b, uint32_t distance)
+{
+    if (distance == 0 || a[3] < 1e-6f || b[3] < 1e-6f)
+        return 0.0f;
+    float sum = 0.0f;
+    for (int c = 0; c < 3; c++) {
+        const float d = b[c] / b[3] - a[c] / a[3];
+        sum += d * d;
+    }
+    return sum / (float)(distance * distance);
+}
+
+// 1 - sqrt(2 / kappa) of the normals under a texel, without the variation that linear filtering
+// between its neighbours brings back (a ramp of slope g has g^2 / 12 within a texel).
+static float kept_width(const float *texel, float slope2)
+{
+    if (texel[3] < 1e-6f)
+        return 1.0f;
+    const float length2 = texel[0] * texel[0] + texel[1] * texel[1] + texel[2] * texel[2];
+    float lost = 1.0f - length2 / (texel[3] * texel[3]) - slope2 * (1.0f / 12.0f);
+    lost = lost > 0.0f ? lost : 0.0f;
+    const float r2 = lost < 1.0f ? 1.0f - lost : 0.0f;
+    const float width2 = 2.0f * lost / (sqrtf(r2) * (3.0f - r2) + 1e-6f);
+    return width2 < 1.0f ? 1.0f - sqrtf(width2) : 0.0f;
+}
+
+static uint32_t code_of_width(const struct hg_mip_stream *s, float width)
+{
+    return s->texel_bytes == 8 ? hg_half_from_float(width) : encode_unorm(width);
+}
+
+static enum hg_status give_normals(struct hg_mip_stream *s, uint32_t mip, uint32_t y)
 {
     const struct hg_mip_stream_params *p = &s->params;
     const struct level *l = &s->levels[mip];
+    const size_t pitch = (size_t)l->width * 4;
+    const uint32_t above = y > 0 ? y - 1 : y, below = y + 1 < l->height ? y + 1 : y;
+    const float *row = l->ring + y % 3 * pitch, *up = l->ring + above % 3 * pitch,
+                *down = l->ring + below % 3 * pitch;
     if (s->texel_bytes == 8)
-        store_half(l->row, l->width, p->filter, s->encoded);
+        store_half(row, l->width, p->filter, s->encoded);
     else
-        store_rgba8(l->row, l->width, p->filter, p->srgb, s->encoded);
-    return p->row(p->user, mip, l->y, s->encoded);
+        store_rgba8(row, l->width, p->filter, p->srgb, s->encoded);
+    for (uint32_t x = 0; x < l->width; x++) {
+        const uint32_t left = x > 0 ? x - 1 : x, right = x + 1 < l->width ? x + 1 : x;
+        const float slope2 = squared_slope(row + left * 4, row + right * 4, right - left) +
+                             squared_slope(up + x * 4, down + x * 4, below - above);
+        const uint32_t code = code_of_width(s, kept_width(row + x * 4, slope2));
+        if (s->texel_bytes == 8)
+            ((uint16_t *)s->encoded)[x * 4 + 3] = (uint16_t)code;
+        else
+            ((uint8_t *)s->encoded)[x * 4 + 3] = (uint8_t)code;
+    }
+    return p->row(p->user, mip, y, s->encoded);
+}
+
+// Normals wait for the row below.
+static enum hg_status give_row(struct hg_mip_stream *s, uint32_t mip)
+{
+    const struct level *l = &s->levels[mip];
+    if (l->ring == NULL)
+        return encode_row(s, mip, l->y, l->row);
+    const size_t pitch = (size_t)l->width * 4;
+    memcpy(l->ring + l->y % 3 * pitch, l->row, pitch * sizeof *l->row);
+    enum hg_status status = l->y > 0 ? give_normals(s, mip, l->y - 1) : HG_OK;
+    if (status == HG_OK && l->y + 1 == l->height)
+        status = give_normals(s, mip, l->y);
+    return status;
 }
 
 // --- the stream ----------------------------------------------------------------------------------
@@ -272,6 +351,20 @@ static enum hg_status add_row(
     return HG_OK;
 }
 
+// Mip 0 of normals has lost nothing, whatever the file has as alpha.
+static void clear_variance(struct hg_mip_stream *s, const void *texels)
+{
+    const uint32_t width = s->params.width;
+    if (texels != s->encoded)
+        memcpy(s->encoded, texels, (size_t)width * s->texel_bytes);
+    for (uint32_t i = 0; i < width; i++) {
+        if (s->texel_bytes == 8)
+            ((uint16_t *)s->encoded)[i * 4 + 3] = 0x3c00; // 1
+        else
+            ((uint8_t *)s->encoded)[i * 4 + 3] = 255;
+    }
+}
+
 enum hg_status hg_mip_stream_push(struct hg_mip_stream *s, const void *pixels)
 {
     const struct hg_mip_stream_params *p = &s->params;
@@ -280,6 +373,10 @@ enum hg_status hg_mip_stream_push(struct hg_mip_stream *s, const void *pixels)
         load_row(p->format, p->srgb, pixels, p->width, s->top);
     if (s->texel_bytes == 8) {
         store_half(s->top, p->width, HG_MIP_PLAIN, s->encoded);
+        texels = s->encoded;
+    }
+    if (p->filter == HG_MIP_NORMAL) {
+        clear_variance(s, texels);
         texels = s->encoded;
     }
     const uint32_t y = s->y++;
@@ -299,7 +396,10 @@ static bool init_level(struct hg_mip_stream *s, uint32_t mip)
     l->taps = taps_at(0, hg_mips_side(s->params.height, mip - 1), l->height);
     l->sum = hg_calloc((size_t)src_width * 4, sizeof *l->sum);
     l->row = hg_calloc((size_t)l->width * 4, sizeof *l->row);
-    if (l->sum == NULL || l->row == NULL)
+    const bool normals = s->params.filter == HG_MIP_NORMAL;
+    if (normals)
+        l->ring = hg_calloc((size_t)l->width * 12, sizeof *l->ring);
+    if (l->sum == NULL || l->row == NULL || (normals && l->ring == NULL))
         return false;
     if (src_width == l->width || src_width == l->width * 2)
         return true;
@@ -344,6 +444,7 @@ void hg_mip_stream_destroy(struct hg_mip_stream *s)
         hg_free(s->levels[i].columns);
         hg_free(s->levels[i].sum);
         hg_free(s->levels[i].row);
+        hg_free(s->levels[i].ring);
     }
     hg_free(s->top);
     hg_free(s->encoded);

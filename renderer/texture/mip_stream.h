@@ -3,8 +3,13 @@
 //
 // The one place where mips are filtered: mips.h collects the rows in memory, page_pack.h cuts them
 // into pages. Each texel is the mean of the texels above it by exact overlap (2 or 3 per axis), in
-// linear light, from the unrounded values of the mip above; normals become unit vectors, weighted
-// colours are divided by their alpha.
+// linear light, from the unrounded values of the mip above; weighted colours are divided by their
+// alpha. Normals become unit vectors; their alpha, 1 in mip 0, is 1 - sqrt(2 / kappa), where kappa
+// is the concentration of the normals under the texel, less the variation that linear filtering
+// brings back (a smooth bend keeps its gloss). The squared width of a GGX lobe grows by 2 / kappa,
+// so that what is bumpy is rough far away. Sources: Banerjee et al. 2005, "Clustering on the Unit
+// Hypersphere using von Mises-Fisher Distributions", eq. 4.4 (kappa from the mean); Toksvig 2005,
+// "Mipmapping Normal Maps" (the idea).
 #ifndef HG_RENDERER_TEXTURE_MIP_STREAM_H
 #define HG_RENDERER_TEXTURE_MIP_STREAM_H
 

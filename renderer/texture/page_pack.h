@@ -16,7 +16,7 @@
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/pages.h"
 
-#define HG_PAGE_PACK_VERSION 2 // raise with every change of filters, codec or layout
+#define HG_PAGE_PACK_VERSION 3 // raise with every change of filters, codec or layout
 
 // What a pack is made of and is known by.
 struct hg_page_chain {

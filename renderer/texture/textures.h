@@ -23,7 +23,7 @@ enum hg_texture_use {
     HG_TEXTURE_MASK,   // as BLEND; alpha scaled per mip so that the share of texels that pass the
                        // cutoff stays that of mip 0
     HG_TEXTURE_DATA,   // linear; plain box filter
-    HG_TEXTURE_NORMAL, // linear; mips are unit vectors
+    HG_TEXTURE_NORMAL, // linear; mips are unit vectors, alpha says what averaging has lost
 };
 
 struct hg_textures_params {

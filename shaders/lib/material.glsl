@@ -2,8 +2,9 @@
 //
 // Include lib/frame.glsl, lib/vertex.glsl and lib/texture.glsl first.
 //
-// Specular antialiasing: none is applied to the roughness. A still view averages jittered samples,
-// which integrates normal variation exactly; widening the lobe would bias that settled image.
+// Specular antialiasing: a still view averages jittered samples, which integrates the variation of
+// normals between texels exactly. What a mip has averaged away within its texels widens the lobe:
+// alpha of a normal map is 1 - sqrt of what its squared width gains (renderer/texture/mip_stream.h).
 #ifndef HG_LIB_MATERIAL_GLSL
 #define HG_LIB_MATERIAL_GLSL
 
@@ -114,7 +115,11 @@ hg_surface hg_material_evaluate(hg_vertex v)
     s.normal = v.normal_ws;
     if ((flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
         vec3 n = normal_texel.xyz * 2.0 - 1.0;
-        n.xy *= HG_MATERIAL_AT(v.material, normal_scale);
+        float scale = HG_MATERIAL_AT(v.material, normal_scale);
+        float lost = (1.0 - normal_texel.a) * scale;
+        float width2 = s.roughness * s.roughness * s.roughness * s.roughness + lost * lost;
+        s.roughness = lost == 0.0 ? s.roughness : sqrt(sqrt(min(width2, 1.0)));
+        n.xy *= scale;
         vec3 bitangent = cross(v.normal_ws, v.tangent_ws.xyz) * v.tangent_ws.w;
         n = v.tangent_ws.xyz * n.x + bitangent * n.y + v.normal_ws * n.z;
         s.normal = n * inversesqrt(max(dot(n, n), 1e-20));

@@ -157,6 +157,82 @@ static void test_normals(void **state)
     hg_image_finish(&image);
 }
 
+static double gaussian(void)
+{
+    double sum = -6.0;
+    for (int i = 0; i < 12; i++)
+        sum += next_random() / 16777216.0;
+    return sum;
+}
+
+static double squared_gain(const struct hg_mips *mips, uint32_t mip)
+{
+    const size_t count = (size_t)hg_mips_side(mips->width, mip) * hg_mips_side(mips->height, mip);
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double s = 1.0 - mips->levels[mip][i * 4 + 3] / 255.0;
+        sum += s * s;
+    }
+    return sum / (double)count;
+}
+
+// Bumps whose slopes vary by sigma along each axis widen the squared lobe by 2 sigma^2 (Beckmann's
+// width of a Gaussian surface) once a mip has averaged them away; a flat map widens nothing.
+static void test_lost_variance(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        const double sigma = 0.08 * k;
+        struct hg_image image = make(256, 256);
+        uint8_t *t = image.pixels;
+        for (size_t i = 0; i < (size_t)256 * 256; i++, t += 4) {
+            const double x = sigma * gaussian(), y = sigma * gaussian();
+            const double scale = 0.5 / sqrt(1.0 + x * x + y * y);
+            t[0] = (uint8_t)lrint((x * scale + 0.5) * 255.0);
+            t[1] = (uint8_t)lrint((y * scale + 0.5) * 255.0);
+            t[2] = (uint8_t)lrint((scale + 0.5) * 255.0);
+            t[3] = (uint8_t)(i * 7); // a file's own alpha means nothing
+        }
+        struct hg_mips mips;
+        assert_int_equal(
+            hg_mips_build(&image, &(struct hg_mips_params){.use = HG_TEXTURE_NORMAL}, &mips),
+            HG_OK);
+        assert_true(squared_gain(&mips, 0) == 0.0);
+        const double last = squared_gain(&mips, mips.count - 1), want = 2.0 * sigma * sigma;
+        // kappa counts angles, which are smaller than slopes: 2 sigma^2 less about 3 sigma^4 each.
+        assert_true(fabs(last - want * (1.0 - 2.9 * sigma * sigma)) <= 0.04 * want + 1e-5);
+        for (uint32_t m = 1; m < mips.count; m++) // what is lost only grows
+            assert_true(squared_gain(&mips, m) >= squared_gain(&mips, m - 1) - 0.02 * want - 1e-5);
+        hg_mips_finish(&mips);
+        hg_image_finish(&image);
+    }
+}
+
+// A smooth bend (a sphere) keeps its gloss: linear filtering brings its normals back.
+static void test_kept_gloss(void **state)
+{
+    (void)state;
+    struct hg_image image = make(256, 256);
+    uint8_t *t = image.pixels;
+    for (int y = 0; y < 256; y++)
+        for (int x = 0; x < 256; x++, t += 4) {
+            const double nx = (x - 127.5) / 256.0, ny = (y - 127.5) / 256.0;
+            t[0] = (uint8_t)lrint((nx * 0.5 + 0.5) * 255.0);
+            t[1] = (uint8_t)lrint((ny * 0.5 + 0.5) * 255.0);
+            t[2] = (uint8_t)lrint((sqrt(1.0 - nx * nx - ny * ny) * 0.5 + 0.5) * 255.0);
+            t[3] = 255;
+        }
+    struct hg_mips mips;
+    assert_int_equal(
+        hg_mips_build(&image, &(struct hg_mips_params){.use = HG_TEXTURE_NORMAL}, &mips), HG_OK);
+    for (uint32_t m = 1; m + 3 < mips.count; m++) {
+        const double bend = (1 << m) / 256.0; // between texels of the mip
+        assert_true(squared_gain(&mips, m) <= 0.1 * 2.0 * bend * bend / 12.0 + 2e-4);
+    }
+    hg_mips_finish(&mips);
+    hg_image_finish(&image);
+}
+
 // Leaves: a tenth of the texels pass the cutoff. Plain filtering loses nearly all of them.
 static void test_coverage(void **state)
 {
@@ -391,6 +467,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_constant),
         cmocka_unit_test(test_filter), cmocka_unit_test(test_mean), cmocka_unit_test(test_normals),
+        cmocka_unit_test(test_lost_variance), cmocka_unit_test(test_kept_gloss),
         cmocka_unit_test(test_coverage), cmocka_unit_test(test_weighted),
         cmocka_unit_test(test_half), cmocka_unit_test(test_float_image),
         cmocka_unit_test(test_bytes_as_float), cmocka_unit_test(test_layout),
