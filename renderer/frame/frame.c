@@ -295,12 +295,20 @@ static enum hg_status record_debug(
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const bool counts = view->settings.debug == HG_DEBUG_VIEW_OVERDRAW;
+    const bool sampled = view->settings.debug <= HG_DEBUG_VIEW_MISSING;
     const struct hg_visibility_scene scene = {view->visible, 0};
     enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && counts)
         status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
     if (status == HG_OK && counts)
         status = hg_visibility_record_overdraw(&pass, &scene, &view->layer_color, err);
+    // The picture itself, drawn over below: it asks for the pages that it would show.
+    const struct hg_shade shade = {.visibility = &view->visibility,
+        .depth = &view->depth,
+        .target = &view->accumulated,
+        .clear = true};
+    if (status == HG_OK && sampled)
+        status = hg_shade_record(&pass, &shade, err);
     const struct hg_debug debug = {.view = view->settings.debug,
         .visibility = &view->visibility,
         .counts = counts ? &view->layer_color : NULL,

@@ -10,6 +10,7 @@
 #define SHOW_UPLOAD_NS 4000000u  // per frame of a moving picture
 #define REST_WAIT_NS   20000000u // for pages, before a resting picture is shown again
 #define EXACT_WAIT_NS  50000000u // per step
+#define STILL_SAMPLES  8         // of a debug view that will not get sharper
 #define AREA_LEAST_PX  8         // areas are cut at multiples of this
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
@@ -30,7 +31,7 @@ void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = false;
-    s->area_count = 0;
+    s->area_count = s->still = 0;
 }
 
 enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err)
@@ -120,7 +121,8 @@ enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
     if (!s->inexact)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    if (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0)
+    const bool debug = view->settings.debug != 0;
+    if (!debug && (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0))
         return start_exact(view, 0, err);
     hg_page_cache_wait(pages_of(view), REST_WAIT_NS);
     hg_view_add_stage(view, "pages", hg_clock_now_ns() - start);
@@ -133,6 +135,7 @@ enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
     struct hg_page_demand demand;
+    const uint32_t missed = s->missing;
     s->missing = 0;
     s->bias = 0.0f;
     if (!s->on)
@@ -141,8 +144,14 @@ enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
     s->missing = demand.missing;
     s->bias = view->frame.textures.bias;
     s->shadows |= demand.shadows;
-    s->inexact = (demand.missing > 0 || s->bias > 0.0f || s->shadows) && view->settings.debug == 0;
-    const bool more = view->samples < view->settings.samples && view->settings.debug == 0;
+    if (view->settings.debug != 0) { // shown until nothing is missing, or nothing more comes
+        const bool idle = hg_page_cache_under_way(pages_of(view)) == 0;
+        s->still = idle && demand.missing == missed ? s->still + 1 : 0;
+        s->inexact = demand.missing > 0 && s->still < STILL_SAMPLES;
+        return HG_OK;
+    }
+    s->inexact = demand.missing > 0 || s->bias > 0.0f || s->shadows;
+    const bool more = view->samples < view->settings.samples;
     const bool again = s->inexact || view->coarse || view->shallow;
     return again || !more ? HG_OK : start_exact(view, 1, err);
 }

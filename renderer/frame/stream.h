@@ -33,6 +33,7 @@ struct hg_stream {
     bool shadows;      // shadow maps were drawn with coarser texels
     bool uneven;       // pixels have different numbers of samples
     bool waiting;      // for pages that the newest batch asked for
+    uint32_t still;    // debug views: samples in a row for which no page came
     bool has_fallback; // the picture shown by pixels without a sample
     uint32_t missing;  // pages that the newest batch asked for in vain
     float bias;        // of the newest sample

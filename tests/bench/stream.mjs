@@ -28,7 +28,7 @@ const small = { width: 320, height: 180, frames: 6, stills: 2, samples: 2 };
 const runs = {
     vt: {
         options: () => ({ ...small, made: 4, side_px: 1024, teleports: 6, sheets: [4096],
-            budget_mib: 320,
+            budget_mib: 32,
             images: [file("big-textures/solarsystemscope/8k_earth_nightmap.jpg")] }),
         keys: ["slowdown", "frame_ms.streamed", "frame_ms.resident", "teleport_ms.p50",
             "teleport_ms.p95", "peak_bytes", "budget_bytes", "set_bytes", "set_ratio",
@@ -38,6 +38,8 @@ const runs = {
             assert.equal(r.final.identical, r.final.pictures, "pictures depend on the budget");
             assert.ok(r.peak_bytes > 0 && r.peak_bytes <= r.budget_bytes, "the budget is exceeded");
             assert.equal(r.teleport_ms.count, 6);
+            assert.ok(r.set_ratio > 5, "everything fits: nothing is streamed");
+            assert.ok(r.sheets[0].texel_error <= 6, JSON.stringify(r.sheets));
         },
     },
     lod: {

@@ -182,6 +182,8 @@ class Test:
             damaged += stats["cache"]["damaged"]
             self.run("bake", self.scene, "-o", self.cache)
         print(f"  {damaged} of 12 damages were met while rendering")
+        if damaged == 0:
+            raise Failure("no damage was noticed")
 
     def daemon(self, *more):
         socket = f"{self.folder}/socket"
