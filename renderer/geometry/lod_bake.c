@@ -169,7 +169,7 @@ static enum hg_status simplify(struct build *b)
         p->color_weight == 0.0f ? 0.25f : fmaxf(p->color_weight, 0.0f),
         p->uv_weight == 0.0f ? 0.5f : fmaxf(p->uv_weight, 0.0f)};
     // Coarse levels have few clusters, so they can afford more samples each.
-    const uint32_t samples = b->level < 6 ? 64 + 32 * b->level : 256;
+    const uint32_t samples = b->level < 12 ? 64 + 48 * b->level : 640;
     for (uint32_t g = 0; g < b->group_count; g++)
         b->jobs[g] = (struct hg_lod_group_job){.samples_per_piece = samples,
             .mesh = &b->mesh,

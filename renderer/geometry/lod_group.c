@@ -9,7 +9,7 @@
 
 #define ENOUGH_NUM      17u // a group is worth a level if at most 17/20 of it is left
 #define ENOUGH_DEN      20u
-#define SAMPLING_MARGIN 1.1f  // what lies between samples may be a little farther away
+#define SAMPLING_MARGIN 1.2f  // what lies between samples may be a little farther away
 #define ROOM            1e-5f // of spheres for rounding, against size and coordinates
 
 void hg_lod_product_unref(struct hg_lod_product *product)

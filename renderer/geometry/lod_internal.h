@@ -158,6 +158,8 @@ enum hg_status hg_lod_patch_init(
     struct hg_lod_patch *patch, const struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 void hg_lod_patch_finish(struct hg_lod_patch *patch);
 uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); // HG_LOD_NONE: none
+// Squared distance of a point to triangle abc.
+float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3]);
 // Measures the job's samples against what is left of the patch; returns the error in metres.
 float hg_lod_measure(const struct hg_lod_patch *patch);
 

@@ -9,8 +9,9 @@
 
 #include "renderer/geometry/lod_internal.h"
 
-#define WALK_MAX 6
-#define INSIDE   0.02f // a foot point with all weights above is in the middle of its triangle
+#define LOOK_AGAIN 0.04f // squared distance in edge lengths
+#define WALK_MAX   6
+#define INSIDE     0.02f // a foot point with all weights above is in the middle of its triangle
 
 struct nearest {
     float distance2;
@@ -69,6 +70,18 @@ static void closest(const float ab[3], const float ac[3], const float ap[3], flo
     *wc = sum > 0.0f ? vc / sum : 0.0f;
 }
 
+float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3])
+{
+    float ab[3], ac[3], ap[3], wb, wc;
+    sub(b, a, ab);
+    sub(c, a, ac);
+    sub(at, a, ap);
+    closest(ab, ac, ap, &wb, &wc);
+    for (int k = 0; k < 3; k++)
+        ap[k] -= wb * ab[k] + wc * ac[k];
+    return dot(ap, ap);
+}
+
 static void visit(
     const struct hg_lod_patch *p, uint32_t triangle, const float at[3], struct nearest *best)
 {
@@ -95,6 +108,18 @@ static void visit_around(
             visit(p, c / 4, at, best);
 }
 
+// Looks at all triangles.
+static void search(
+    const struct hg_lod_patch *p, const float at[3], struct nearest *best, uint32_t *anchor)
+{
+    const float before = best->distance2;
+    for (uint32_t t = 0; t < p->triangle_count; t++)
+        if (p->triangles[t][0] != HG_LOD_NONE)
+            visit(p, t, at, best);
+    if (best->distance2 < before)
+        *anchor = p->places[best->triangle][0];
+}
+
 // The walk. *anchor is the position to begin at and becomes the nearest corner.
 static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint32_t *anchor)
 {
@@ -114,13 +139,8 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
             break;
         *anchor = to;
     }
-    if (best.triangle != HG_LOD_NONE)
-        return best;
-    for (uint32_t t = 0; t < p->triangle_count; t++) // what it lay on has gone altogether
-        if (p->triangles[t][0] != HG_LOD_NONE)
-            visit(p, t, at, &best);
-    if (best.triangle != HG_LOD_NONE)
-        *anchor = p->places[best.triangle][0];
+    if (best.triangle == HG_LOD_NONE) // what it lay on has gone altogether
+        search(p, at, &best, anchor);
     return best;
 }
 
@@ -221,9 +241,10 @@ static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample
     return false;
 }
 
-// Brings one sample up to date; what it says about attributes goes to *looks.
-static void measure(
-    const struct hg_lod_patch *p, struct hg_lod_sample *s, float *looks, uint32_t *compared)
+// Brings one sample up to date (worst: the largest distance yet); what it says about attributes
+// goes to *looks.
+static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float worst,
+    float *looks, uint32_t *compared)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
     uint32_t anchor = hg_lod_patch_find(p, s->anchor);
@@ -238,6 +259,9 @@ static void measure(
         for (int k = 0; k < 3; k++)
             at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
         near = walk(p, at, &anchor);
+        // The farthest sample decides the error: was there nothing nearer than the walk found?
+        if (near.distance2 > LOOK_AGAIN && sqrtf(near.distance2) * p->unit > worst)
+            search(p, at, &near, &anchor);
         const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
         near.distance2 = open < INFINITY ? open : near.distance2;
     }
@@ -257,7 +281,7 @@ float hg_lod_measure(const struct hg_lod_patch *p)
     uint32_t compared = 0;
     for (uint32_t i = 0; i < p->job->sample_count; i++) {
         struct hg_lod_sample *s = &p->job->samples[i];
-        measure(p, s, &looks, &compared);
+        measure(p, s, worst, &looks, &compared);
         worst = fmaxf(worst, s->distance);
     }
     const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->unit : 0.0f;

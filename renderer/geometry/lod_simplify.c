@@ -14,6 +14,7 @@
 #include "renderer/geometry/lod_internal.h"
 #include "renderer/geometry/lod_quadric.h"
 
+#define DEEP        1.5f // a depth cost this much above the quadric's is looked into
 #define RING_MAX    48   // positions with more neighbours stay
 #define OPEN_WEIGHT 4.0  // of the planes that hold open edges, against the triangle's
 #define SEAM_WEIGHT 0.5  // of those that hold seams
@@ -37,8 +38,9 @@ struct simplifier {
     uint32_t *heap, *place;            // place: in the heap, HG_LOD_NONE: not in it
     uint32_t heap_count;
     uint32_t *stamp, now; // [position_count] marks of a search
-    uint8_t *slot, *rim;  // [position_count] in the ring; has open edges
-    bool permissive;      // give up topology and open edges
+    uint8_t *slot, *rim,
+        *sure;       // [position_count] in the ring; has open edges; depth is in the cost
+    bool permissive; // give up topology and open edges
     void *memory;
 };
 
@@ -475,7 +477,30 @@ static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
     return left > lost && (last == HG_LOD_NONE || !falls_flat(p, last, to));
 }
 
-// Finds the best collapse of a position; with `check` only among valid ones.
+// Planes say little about how deep a narrow pit is, or how high a spike: what the position itself
+// would move away from the surface, in the terms of collapse_cost.
+static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to)
+{
+    const struct hg_lod_patch *p = &s->patch;
+    float least = INFINITY;
+    FOR_CORNERS(p, from, c)
+    {
+        uint32_t at[3];
+        corner_places(p, c, at);
+        if (at[1] == to || at[2] == to)
+            continue;
+        least = fminf(least,
+            hg_lod_distance2(p->point[from], p->point[to], p->point[at[1]], p->point[at[2]]));
+    }
+    if (least == INFINITY) {
+        least = 0.0f;
+        for (int k = 0; k < 3; k++)
+            least += (p->point[from][k] - p->point[to][k]) * (p->point[from][k] - p->point[to][k]);
+    }
+    return least * (float)sqrt(s->shape[from].weight);
+}
+
+// Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
 static void evaluate(struct simplifier *s, uint32_t from, bool check)
 {
     const struct hg_lod_patch *p = &s->patch;
@@ -489,7 +514,9 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
         // An open edge (or one where sheets meet) is followed along, and its ends stay.
         if (r.odd > 0 && !s->permissive && (r.uses[i] == 2 || r.odd != 2))
             continue;
-        const float cost = collapse_cost(s, from, r.at[i]);
+        float cost = collapse_cost(s, from, r.at[i]);
+        if (check && cost < best)
+            cost = fmaxf(cost, depth_cost(s, from, r.at[i]));
         if (cost < best && (!check || is_valid(s, from, r.at[i]))) {
             best = cost;
             target = r.at[i];
@@ -497,6 +524,7 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
     }
     s->target[from] = target;
     s->rim[from] = r.odd > 0;
+    s->sure[from] = check;
     if (target == HG_LOD_NONE)
         heap_remove(s, from);
     else
@@ -566,6 +594,7 @@ static void update(struct simplifier *s, uint32_t position, uint32_t from, uint3
     if (cost >= s->cost[position])
         return;
     s->target[position] = to;
+    s->sure[position] = false;
     heap_set(s, position, cost);
 }
 
@@ -597,8 +626,10 @@ static void run(struct simplifier *s, uint32_t target)
         evaluate(s, i, false);
     while (p->live > target && s->heap_count > 0) {
         const uint32_t from = s->heap[0];
-        if (is_valid(s, from, s->target[from]))
-            collapse(s, from, s->target[from]);
+        const uint32_t to = s->target[from];
+        const bool deep = !s->sure[from] && depth_cost(s, from, to) > s->cost[from] * DEEP;
+        if (!deep && is_valid(s, from, to))
+            collapse(s, from, to);
         else
             evaluate(s, from, true);
     }
@@ -608,7 +639,7 @@ static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
     const size_t n = p->position_count, v = p->vertex_count;
-    const size_t bytes = n * (sizeof *s->shape + 22) + v * sizeof *s->looks +
+    const size_t bytes = n * (sizeof *s->shape + 23) + v * sizeof *s->looks +
                          v * p->attribute_count * sizeof *s->gradients;
     uint8_t *at = hg_calloc(1, bytes + 64);
     s->memory = at;
@@ -624,6 +655,7 @@ static enum hg_status prepare(struct simplifier *s)
     s->stamp = (uint32_t *)(void *)(at += n * 4);
     s->slot = at += n * 4;
     s->rim = at + n;
+    s->sure = at + n * 2;
     memset(s->place, 0xff, n * 4);
     for (uint32_t t = 0; t < p->triangle_count; t++)
         add_triangle(s, t);

@@ -8,6 +8,7 @@
 #include "renderer/scene/demo.h"
 #include "renderer/scene/fetch.h"
 #include "renderer/scene/gltf.h"
+#include "renderer/scene/heightmap.h"
 #include "renderer/scene/import.h"
 
 static const char *base_name(const char *path)
@@ -30,19 +31,29 @@ static bool is_gltf(const char *path, const struct hg_refbuf *data)
     return has_suffix(path, ".gltf") || has_suffix(path, ".glb");
 }
 
-// A ".gz" is unpacked first; assimp then sees the name without it.
+static enum hg_status load_other(const struct hg_load_params *params, const struct hg_refbuf *data,
+    const char *label, struct hg_asset **out, struct hg_error *err)
+{
+    if (hg_heightmap_knows(label, data))
+        return hg_heightmap_load(params, data, label, out, err);
+    if (hg_import_knows(label))
+        return hg_import_load(params, data, label, out, err);
+    return hg_error_set(err, HG_E_UNSUPPORTED, params->path, NULL, "unknown file format");
+}
+
+// A ".gz" is unpacked first; the loaders then see the name without it.
 static enum hg_status load_import(const struct hg_load_params *params, struct hg_refbuf *data,
     uint64_t limit, struct hg_asset **out, struct hg_error *err)
 {
     const char *label = base_name(params->path);
     if (!has_suffix(label, ".gz"))
-        return hg_import_load(params, data, label, out, err);
+        return load_other(params, data, label, out, err);
     char *inner = hg_strndup(label, strlen(label) - 3);
     struct hg_refbuf *unpacked = NULL;
     enum hg_status status = inner ? hg_import_gunzip(data, limit, label, &unpacked, err)
                                   : hg_error_set(err, HG_E_NOMEM, label, NULL, "no memory");
     if (!status)
-        status = hg_import_load(params, unpacked, inner, out, err);
+        status = load_other(params, unpacked, inner, out, err);
     hg_refbuf_unref(unpacked);
     hg_free(inner);
     return status;
@@ -61,10 +72,8 @@ static enum hg_status load_main(
         return status;
     if (is_gltf(params->path, data))
         status = hg_gltf_load(params, data, base_name(params->path), out, err);
-    else if (hg_import_knows(params->path))
-        status = load_import(params, data, limit, out, err);
     else
-        status = hg_error_set(err, HG_E_UNSUPPORTED, params->path, NULL, "unknown file format");
+        status = load_import(params, data, limit, out, err);
     hg_refbuf_unref(data);
     return status;
 }

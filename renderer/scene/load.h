@@ -1,4 +1,5 @@
-// load.h - files to assets. glTF 2.0 is ours; OBJ, FBX, PLY, STL and Collada go through assimp.
+// load.h - files to assets. glTF 2.0 and height maps (heightmap.h) are ours; OBJ, FBX, PLY, STL and
+// Collada go through assimp. Any but glTF may be gzipped.
 // Floor 2. Any thread; one load uses only its own memory until it returns.
 #ifndef HG_RENDERER_SCENE_LOAD_H
 #define HG_RENDERER_SCENE_LOAD_H
