@@ -22,11 +22,12 @@ struct hg_renderer_params {
     const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
     const char *cache_dir;  // shader, environment, page and cluster caches; NULL = none
     const char *shader_dir; // recompile GLSL from here at run time; NULL = embedded SPIR-V
-    uint64_t texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
-    uint64_t host_budget_bytes; // decoded pages and clusters on their way; 0 = unlimited
-    uint64_t cache_limit_bytes; // page packs and cluster files under cache_dir; 0 = unlimited
-    bool validation;            // Vulkan validation layers with synchronization validation
-    unsigned threads;           // CPU jobs; 0 = one per core
+    uint64_t texture_budget_bytes;  // of page pools; 0 = half of the device's memory
+    uint64_t geometry_budget_bytes; // 0 = unlimited
+    uint64_t host_budget_bytes;     // decoded images and mips until they are baked; 0 = 512 MiB
+    uint64_t cache_limit_bytes;     // page packs and cluster files under cache_dir; 0 = unlimited
+    bool validation;                // Vulkan validation layers with synchronization validation
+    unsigned threads;               // CPU jobs; 0 = one per core
 };
 
 // HG_E_DEVICE with the reason when no Vulkan 1.3 device fits. HG_E_NOMEM.
