@@ -83,7 +83,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     struct hg_scene *scene, struct hg_error *err)
 {
     *view = (struct hg_view_state){.context = context, .layer_limit = HG_VIEW_FIRST_LAYERS};
-    const struct hg_lighting_params lighting = {.cache_dir = context->cache_dir};
+    const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);

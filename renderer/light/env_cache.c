@@ -1,29 +1,11 @@
 #include "renderer/light/env_cache.h"
 
-#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/bytes.h"
-#include "base/file.h"
-#include "base/log.h"
-#include "base/sha256.h"
 
-#define CACHE_MAGIC   0x56454748u // "HGEV"
-#define CACHE_VERSION 2u          // raise with every change of the filters or of the layout
-#define CACHE_LIMIT   (64u << 20) // a map of the largest face size has 67 MB / 2
-
-char *hg_env_cache_path(const char *cache_dir, const uint8_t key[32])
-{
-    char hex[HG_SHA256_HEX];
-    size_t length = strlen(cache_dir) + HG_SHA256_HEX + 16;
-    char *path = hg_calloc(length, 1);
-    if (!path)
-        return NULL;
-    hg_sha256_hex(key, hex);
-    snprintf(path, length, "%s/env-%s.bin", cache_dir, hex);
-    return path;
-}
+#define CACHE_VERSION 3u // raise with every change of the filters or of the layout
 
 static size_t level_bytes(const struct hg_environment_map *map, uint32_t level)
 {
@@ -34,90 +16,73 @@ static size_t level_bytes(const struct hg_environment_map *map, uint32_t level)
 static const size_t irradiance_bytes =
     (size_t)HG_ENVIRONMENT_PITCH * HG_ENVIRONMENT_PITCH * sizeof(struct hg_vec4);
 
-// Fields in front of the arrays. False when they are not those of this key and program.
-static bool read_head(
-    struct hg_reader *r, const uint8_t key[32], uint32_t image_width, uint32_t *face_size)
+static enum hg_status make_key(
+    const uint8_t content[32], uint32_t image_width, struct hg_store_key *out)
 {
-    bool same = hg_read_u32(r) == CACHE_MAGIC;
-    same &= hg_read_u32(r) == CACHE_VERSION;
-    same &= hg_read_u32(r) == HG_ENVIRONMENT_LEVELS;
-    same &= hg_read_u32(r) == HG_IRRADIANCE_SIZE;
-    same &= hg_read_u32(r) == image_width;
-    *face_size = hg_read_u32(r);
-    const uint8_t *stored = hg_read_bytes(r, 32);
-    return same && !r->failed && !memcmp(stored, key, 32) &&
-           *face_size == hg_environment_face_size(image_width);
+    struct hg_writer w = {0};
+    hg_write_bytes(&w, content, 32);
+    hg_write_u32(&w, HG_ENVIRONMENT_LEVELS);
+    hg_write_u32(&w, HG_IRRADIANCE_SIZE);
+    hg_write_u32(&w, image_width);
+    hg_write_u32(&w, hg_environment_face_size(image_width));
+    enum hg_status status =
+        w.failed ? HG_E_NOMEM : hg_store_key("environment", CACHE_VERSION, w.data, w.size, out);
+    hg_writer_finish(&w);
+    return status;
 }
 
-static bool read_arrays(struct hg_reader *r, struct hg_environment_map *map)
+static void *read_block(struct hg_store_entry *entry, uint32_t block, size_t size)
 {
-    for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS; l++) {
-        const uint8_t *bytes = hg_read_bytes(r, level_bytes(map, l));
-        map->specular[l] = bytes ? hg_calloc(level_bytes(map, l), 1) : NULL;
-        if (!map->specular[l])
-            return false;
-        memcpy(map->specular[l], bytes, level_bytes(map, l));
+    void *data = hg_store_entry_size(entry, block) == size ? hg_calloc(size, 1) : NULL;
+    if (data && hg_store_entry_read(entry, block, data, size, NULL)) {
+        hg_free(data);
+        return NULL;
     }
-    const uint8_t *bytes = hg_read_bytes(r, irradiance_bytes);
-    map->irradiance = bytes ? hg_calloc(irradiance_bytes, 1) : NULL;
-    if (!map->irradiance)
-        return false;
-    memcpy(map->irradiance, bytes, irradiance_bytes);
-    return r->pos == r->size;
+    return data;
 }
 
-static bool digest_fits(const uint8_t *data, size_t size)
+static bool read_map(struct hg_store_entry *entry, struct hg_environment_map *map)
 {
-    uint8_t digest[HG_SHA256_BYTES];
-    return size > HG_SHA256_BYTES && hg_sha256(data, size - HG_SHA256_BYTES, digest) == HG_OK &&
-           !memcmp(digest, data + size - HG_SHA256_BYTES, HG_SHA256_BYTES);
+    for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS; l++)
+        if (!(map->specular[l] = read_block(entry, l, level_bytes(map, l))))
+            return false;
+    map->irradiance = read_block(entry, HG_ENVIRONMENT_LEVELS, irradiance_bytes);
+    return map->irradiance != NULL;
 }
 
-bool hg_env_cache_read(const char *cache_dir, const uint8_t key[32], uint32_t image_width,
+bool hg_env_cache_read(struct hg_store *store, const uint8_t key[32], uint32_t image_width,
     struct hg_environment_map *map)
 {
     *map = (struct hg_environment_map){0};
-    char *path = hg_env_cache_path(cache_dir, key);
-    uint8_t *data = NULL;
-    size_t size = 0;
-    if (!path || hg_file_read(path, CACHE_LIMIT, &data, &size, NULL)) {
-        hg_free(path);
+    struct hg_store_key name;
+    struct hg_store_entry *entry;
+    if (make_key(key, image_width, &name) || hg_store_find(store, &name, &entry, NULL))
         return false;
-    }
-    bool good = digest_fits(data, size);
-    struct hg_reader r = hg_reader_make(data, good ? size - HG_SHA256_BYTES : 0);
-    good = good && read_head(&r, key, image_width, &map->face_size) && read_arrays(&r, map);
-    if (!good) {
-        hg_warn(LIGHT, "%s is damaged or of another version and is made anew", path);
+    map->face_size = hg_environment_face_size(image_width);
+    bool good = read_map(entry, map);
+    if (!good)
         hg_environment_map_finish(map);
-    }
-    hg_free(data);
-    hg_free(path);
+    hg_store_entry_close(entry);
     return good;
 }
 
-enum hg_status hg_env_cache_write(const char *cache_dir, const uint8_t key[32],
+enum hg_status hg_env_cache_write(struct hg_store *store, const uint8_t key[32],
     uint32_t image_width, const struct hg_environment_map *map, struct hg_error *err)
 {
-    struct hg_writer w = {0};
-    const uint32_t head[] = {CACHE_MAGIC, CACHE_VERSION, HG_ENVIRONMENT_LEVELS, HG_IRRADIANCE_SIZE,
-        image_width, map->face_size};
-    for (size_t i = 0; i < sizeof head / sizeof head[0]; i++)
-        hg_write_u32(&w, head[i]);
-    hg_write_bytes(&w, key, 32);
-    for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS; l++)
-        hg_write_bytes(&w, map->specular[l], level_bytes(map, l));
-    hg_write_bytes(&w, map->irradiance, irradiance_bytes);
-    uint8_t digest[HG_SHA256_BYTES];
-    char *path = hg_env_cache_path(cache_dir, key);
-    enum hg_status status = HG_E_NOMEM;
-    if (path && !w.failed && hg_sha256(w.data, w.size, digest) == HG_OK) {
-        hg_write_bytes(&w, digest, sizeof digest);
-        status = w.failed ? HG_E_NOMEM : hg_file_write_atomic(path, w.data, w.size, err);
-    }
-    if (status == HG_E_NOMEM)
-        hg_error_set(err, status, "environment cache", NULL, "no memory");
-    hg_writer_finish(&w);
-    hg_free(path);
+    struct hg_store_key name;
+    struct hg_store_writer *writer;
+    if (make_key(key, image_width, &name))
+        return hg_error_set(err, HG_E_NOMEM, "environment cache", NULL, "no memory");
+    enum hg_status status = hg_store_begin(store, &name, &writer, err);
+    if (status)
+        return status;
+    for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS && !status; l++)
+        status = hg_store_write(writer, l, map->specular[l], level_bytes(map, l), err);
+    if (!status)
+        status =
+            hg_store_write(writer, HG_ENVIRONMENT_LEVELS, map->irradiance, irradiance_bytes, err);
+    if (!status)
+        return hg_store_commit(writer, err);
+    hg_store_abort(writer);
     return status;
 }

@@ -208,12 +208,12 @@ void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu)
 
 static enum hg_status make_and_upload(struct hg_env_device *env, struct hg_gpu *gpu,
     const struct hg_image *image, const uint8_t key[32], struct hg_jobs *jobs,
-    const char *cache_dir, struct hg_error *err)
+    struct hg_store *store, struct hg_error *err)
 {
     struct hg_environment_map map = {0};
     uint64_t begin = hg_clock_now_ns();
     bool cached = false;
-    enum hg_status status = hg_environment_map_load(&map, image, key, cache_dir, jobs, &cached);
+    enum hg_status status = hg_environment_map_load(&map, image, key, store, jobs, &cached);
     if (status)
         return hg_error_set(err, status, "environment", NULL, "could not be prefiltered");
     uint64_t spent = hg_clock_now_ns() - begin;
@@ -229,7 +229,7 @@ static enum hg_status make_and_upload(struct hg_env_device *env, struct hg_gpu *
 }
 
 enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, const char *cache_dir,
+    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, struct hg_store *store,
     struct hg_error *err)
 {
     if (source->kind == HG_ENV_NONE || source->kind == HG_ENV_COLOR) {
@@ -255,7 +255,7 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
             return hg_error_set(err, status, "sky", NULL, "no memory");
     }
     const struct hg_image *image = source->kind == HG_ENV_SKY ? &drawn : &source->image;
-    status = make_and_upload(env, gpu, image, key, jobs, cache_dir, err);
+    status = make_and_upload(env, gpu, image, key, jobs, store, err);
     if (!status)
         env->kind = HG_ENV_KIND_IMAGE;
     hg_image_finish(&drawn);

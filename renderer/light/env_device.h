@@ -6,6 +6,7 @@
 #include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
+#include "renderer/store/store.h"
 #include "shaders/shared/light.h"
 
 // Zero-initialise.
@@ -28,7 +29,7 @@ void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu);
 // Prefilters and uploads when the content changed. has_sun: a directional light stands for the disc
 // of a sky. On error the content before stays. HG_E_NOMEM, HG_E_LIMIT, device errors.
 enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, const char *cache_dir,
+    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, struct hg_store *store,
     struct hg_error *err) HG_MUST_CHECK;
 
 #endif

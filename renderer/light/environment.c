@@ -292,16 +292,19 @@ void hg_environment_map_finish(struct hg_environment_map *map)
 }
 
 enum hg_status hg_environment_map_load(struct hg_environment_map *map, const struct hg_image *image,
-    const uint8_t key[32], const char *cache_dir, struct hg_jobs *jobs, bool *cached)
+    const uint8_t key[32], struct hg_store *store, struct hg_jobs *jobs, bool *cached)
 {
-    bool found = cache_dir && hg_env_cache_read(cache_dir, key, image->width, map);
+    bool found = store && hg_env_cache_read(store, key, image->width, map);
     if (cached)
         *cached = found;
     if (found)
         return HG_OK;
     enum hg_status status = hg_environment_map_create(map, image, jobs);
     struct hg_error err = {0};
-    if (!status && cache_dir && hg_env_cache_write(cache_dir, key, image->width, map, &err))
+    if (status || !store)
+        return status;
+    enum hg_status kept = hg_env_cache_write(store, key, image->width, map, &err);
+    if (kept && kept != HG_E_BUSY) // another process is writing the same
         hg_warn(LIGHT, "environment cache not written: %s: %s", err.what, err.reason);
     return status;
 }

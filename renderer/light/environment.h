@@ -8,6 +8,7 @@
 
 #include "base/jobs.h"
 #include "renderer/image/image.h"
+#include "renderer/store/store.h"
 #include "shaders/shared/light.h"
 
 #define HG_ENVIRONMENT_LEVELS   7 // of perceptual roughness 0..1, see hg_environment_roughness
@@ -34,10 +35,11 @@ enum hg_status hg_environment_map_create(struct hg_environment_map *map,
     const struct hg_image *image, struct hg_jobs *jobs) HG_MUST_CHECK;
 void hg_environment_map_finish(struct hg_environment_map *map); // accepts a zeroed one
 
-// The same through a file in cache_dir (NULL = no cache) named by `key`, the content's SHA-256. A
-// missing, damaged or older file is made anew; a cache that cannot be written is only a warning.
-// *cached (may be NULL): it came from the file.
+// The same through the store (NULL: none) by `key`, the content's SHA-256. What is missing or
+// damaged is made anew; a store that cannot be written is only a warning. *cached (may be NULL): it
+// came from the store.
 enum hg_status hg_environment_map_load(struct hg_environment_map *map, const struct hg_image *image,
-    const uint8_t key[32], const char *cache_dir, struct hg_jobs *jobs, bool *cached) HG_MUST_CHECK;
+    const uint8_t key[32], struct hg_store *store, struct hg_jobs *jobs,
+    bool *cached) HG_MUST_CHECK;
 
 #endif

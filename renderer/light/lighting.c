@@ -14,7 +14,6 @@ struct hg_lighting {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
-    char *cache_dir;
     struct hg_env_device env;
     struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
     struct hg_gpu_image atlas;
@@ -71,13 +70,7 @@ enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     uint32_t limit = hg_gpu_get_caps(gpu)->max_image_side_px;
     while (l->params.shadow_atlas_px > limit)
         l->params.shadow_atlas_px /= 2;
-    enum hg_status status = HG_OK;
-    if (l->params.cache_dir) {
-        l->cache_dir = hg_strdup(l->params.cache_dir);
-        status = l->cache_dir ? HG_OK : HG_E_NOMEM;
-    }
-    if (!status)
-        status = hg_env_device_init(&l->env, gpu, err);
+    enum hg_status status = hg_env_device_init(&l->env, gpu, err);
     if (!status)
         status = create_dfg(l, err);
     if (!status)
@@ -102,7 +95,6 @@ void hg_lighting_destroy(struct hg_lighting *l)
     hg_clusters_finish(&l->cells);
     hg_shadow_plan_finish(&l->plan);
     hg_shadow_plan_finish(&l->drawn);
-    hg_free(l->cache_dir);
     hg_free(l);
 }
 
@@ -253,7 +245,7 @@ enum hg_status hg_lighting_sync(
     status = mark_stale(l, view->shape_revision, err);
     if (!status)
         status = hg_env_device_sync(&l->env, l->gpu, &view->scene->environment,
-            l->set.directional_count > 0, l->jobs, l->cache_dir, err);
+            l->set.directional_count > 0, l->jobs, l->params.store, err);
     if (!status)
         status = upload_lists(l, err);
     if (status)

@@ -11,13 +11,14 @@
 #include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
+#include "renderer/store/store.h"
 #include "shaders/shared/frame.h"
 #include "shaders/shared/light.h"
 
 struct hg_lighting;
 
 struct hg_lighting_params {   // zero of each field = default
-    const char *cache_dir;    // prefiltered environments; NULL = none
+    struct hg_store *store;   // prefiltered environments; borrowed; NULL = none
     uint32_t shadow_atlas_px; // side of the depth atlas, a power of two; default 4096
 };
 
@@ -68,7 +69,7 @@ struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint
 
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
-    uint32_t local_lights; // point and spot lights
+    uint32_t local_lights;      // point and spot lights
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
     uint32_t clusters, cluster_entries; // 0 when all lights are looped over

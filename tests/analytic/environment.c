@@ -1,4 +1,6 @@
 // environment.c - image-based light against sums over the image, orientation, cache, sky.
+#include <dirent.h>
+#include <stdio.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -300,6 +302,21 @@ static void test_constant_image(void **state)
         probe_near(out[i].x, 1, 2e-3);
 }
 
+// The only entry of the store.
+static void find_entry(const char *folder, char *path, size_t size)
+{
+    DIR *dir = opendir(folder);
+    assert_non_null(dir);
+    int count = 0;
+    for (struct dirent *e; (e = readdir(dir)) != NULL;)
+        if (strstr(e->d_name, ".hgs") != NULL) {
+            snprintf(path, size, "%s/%s", folder, e->d_name);
+            count++;
+        }
+    closedir(dir);
+    assert_int_equal(count, 1);
+}
+
 static void test_cache(void **state)
 {
     (void)state;
@@ -311,14 +328,16 @@ static void test_cache(void **state)
     uint8_t key[32] = {7, 1, 2, 3};
     bool cached = true;
     assert_non_null(mkdtemp(folder));
+    struct hg_store *store;
+    assert_int_equal(hg_store_open(&(struct hg_store_params){.dir = folder}, &store, &err), HG_OK);
     assert_int_equal(
         hg_image_read_file(probe_data(held[2]), HG_PIXEL_RGBA32F, NULL, &image, &err), HG_OK);
     uint64_t begin = hg_clock_now_ns();
-    assert_int_equal(hg_environment_map_load(&made, &image, key, folder, jobs, &cached), HG_OK);
+    assert_int_equal(hg_environment_map_load(&made, &image, key, store, jobs, &cached), HG_OK);
     uint64_t cold = hg_clock_now_ns() - begin;
     assert_false(cached);
     begin = hg_clock_now_ns();
-    assert_int_equal(hg_environment_map_load(&read, &image, key, folder, jobs, &cached), HG_OK);
+    assert_int_equal(hg_environment_map_load(&read, &image, key, store, jobs, &cached), HG_OK);
     print_message("1k environment: %.0f ms cold, %.0f ms from the cache\n", (double)cold * 1e-6,
         (double)(hg_clock_now_ns() - begin) * 1e-6);
     assert_true(cached);
@@ -330,24 +349,25 @@ static void test_cache(void **state)
         sizeof(struct hg_vec4) * HG_ENVIRONMENT_PITCH * HG_ENVIRONMENT_PITCH);
     hg_environment_map_finish(&read);
 
-    // Damage, truncation and another key are noticed, and the map is made anew.
-    char *path = hg_env_cache_path(folder, key);
+    // Damage and truncation are noticed, and the map is made anew.
     uint8_t *data;
     size_t size;
+    char path[512];
+    find_entry(folder, path, sizeof path);
     assert_int_equal(hg_file_read(path, 1u << 30, &data, &size, &err), HG_OK);
     const size_t places[] = {0, 5, 20, 40, size / 2, size - 1};
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         data[places[i]] ^= 1;
         assert_int_equal(hg_file_write_atomic(path, data, size, &err), HG_OK);
-        assert_false(hg_env_cache_read(folder, key, image.width, &read));
+        assert_false(hg_env_cache_read(store, key, image.width, &read));
         data[places[i]] ^= 1;
     }
     const size_t cuts[] = {0, 31, 33, 100, size - 1};
     for (size_t i = 0; i < sizeof cuts / sizeof cuts[0]; i++) {
         assert_int_equal(hg_file_write_atomic(path, data, cuts[i], &err), HG_OK);
-        assert_false(hg_env_cache_read(folder, key, image.width, &read));
+        assert_false(hg_env_cache_read(store, key, image.width, &read));
     }
-    assert_int_equal(hg_environment_map_load(&read, &image, key, folder, jobs, &cached), HG_OK);
+    assert_int_equal(hg_environment_map_load(&read, &image, key, store, jobs, &cached), HG_OK);
     assert_false(cached);
     assert_memory_equal(made.specular[3], read.specular[3], 6 * 64 * 64 * 8);
     hg_environment_map_finish(&made);
@@ -355,7 +375,7 @@ static void test_cache(void **state)
     unlink(path);
     rmdir(folder);
     hg_free(data);
-    hg_free(path);
+    hg_store_close(store);
     hg_image_finish(&image);
     hg_jobs_destroy(jobs);
 }

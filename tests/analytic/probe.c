@@ -34,7 +34,7 @@ static void set_camera(struct hg_gpu_camera *c)
     c->pixel_angle = 2.0f / 512;
 }
 
-void probe_init(struct probe *probe, const char *cache_dir)
+void probe_init(struct probe *probe, struct hg_store *store)
 {
     struct hg_error err = {0};
     memset(probe, 0, sizeof *probe);
@@ -43,7 +43,7 @@ void probe_init(struct probe *probe, const char *cache_dir)
     probe->jobs = hg_jobs_create(0);
     assert_non_null(probe->jobs);
     ok(hg_scene_create(&probe->scene), &err);
-    struct hg_lighting_params lighting = {.cache_dir = cache_dir};
+    struct hg_lighting_params lighting = {.store = store};
     ok(hg_lighting_create(probe->gpu, probe->jobs, &lighting, &probe->lighting, &err), &err);
     set_camera(&probe->camera);
     probe->view = (struct hg_lighting_view){.scene = probe->scene,

@@ -45,7 +45,7 @@ struct probe {
 };
 
 // The camera looks from (0, 0, 0) along -z, 90 degrees wide and high, 512 x 512 px.
-void probe_init(struct probe *probe, const char *cache_dir);
+void probe_init(struct probe *probe, struct hg_store *store);
 void probe_finish(struct probe *probe);
 // Brings the lighting in line with probe->scene.
 void probe_sync(struct probe *probe);
