@@ -1,7 +1,6 @@
 // lod_group.c - one group: its clusters gathered, simplified and cut again; samples handed on.
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -166,12 +165,34 @@ struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, u
 
 // ---- samples ------------------------------------------------------------------------------------
 
-static int compare_samples(const void *left, const void *right)
+static bool farther(const struct hg_lod_sample *x, const struct hg_lod_sample *y)
 {
-    const struct hg_lod_sample *x = left, *y = right;
-    if (x->distance != y->distance)
-        return x->distance > y->distance ? -1 : 1;
-    return x->vertex < y->vertex ? -1 : x->vertex > y->vertex;
+    return x->distance > y->distance || (x->distance == y->distance && x->vertex < y->vertex);
+}
+
+// Moves the `nth` farthest to the front (Hoare 1961, "Algorithm 65: find").
+static void select_farthest(struct hg_lod_sample *samples, uint32_t count, uint32_t nth)
+{
+    int64_t low = 0, high = (int64_t)count - 1;
+    while (low < high) {
+        const struct hg_lod_sample pivot = samples[low + (high - low) / 2];
+        int64_t i = low, j = high;
+        while (i <= j) {
+            while (farther(&samples[i], &pivot))
+                i++;
+            while (farther(&pivot, &samples[j]))
+                j--;
+            if (i > j)
+                break;
+            const struct hg_lod_sample t = samples[i];
+            samples[i++] = samples[j];
+            samples[j--] = t;
+        }
+        if (j < (int64_t)nth)
+            low = i;
+        if ((int64_t)nth < i)
+            high = j;
+    }
 }
 
 // Keeps the farthest half of what may stay, and of the others every n-th.
@@ -180,22 +201,10 @@ static uint32_t thin(struct hg_lod_sample *samples, uint32_t count, uint32_t mos
     if (count <= most)
         return count;
     const uint32_t top = most / 2, rest = count - top;
-    qsort(samples, count, sizeof *samples, compare_samples);
+    select_farthest(samples, count, top);
     for (uint32_t i = 0; i < most - top; i++)
         samples[top + i] = samples[top + (uint64_t)i * rest / (most - top)];
     return most;
-}
-
-struct place {
-    uint32_t piece, sample;
-};
-
-static int compare_places(const void *left, const void *right)
-{
-    const struct place *x = left, *y = right;
-    if (x->piece != y->piece)
-        return x->piece < y->piece ? -1 : 1;
-    return x->sample < y->sample ? -1 : x->sample > y->sample;
 }
 
 // Hands every sample to the piece that has the triangle it is nearest to. piece_of [triangles as
@@ -203,29 +212,30 @@ static int compare_places(const void *left, const void *right)
 static enum hg_status hand_out(struct hg_lod_group_job *job, const struct hg_lod_sample *samples,
     uint32_t count, const uint32_t *piece_of)
 {
-    struct place *order = hg_calloc(count, sizeof *order);
     struct hg_lod_sample *sorted = hg_calloc(count, sizeof *sorted);
-    if (order == NULL || sorted == NULL) {
-        hg_free(order);
+    uint32_t *starts = hg_calloc((size_t)job->made_count + 2, sizeof *starts), out = 0;
+    if (sorted == NULL || starts == NULL) {
         hg_free(sorted);
+        hg_free(starts);
         return HG_E_NOMEM;
     }
-    uint32_t kept = 0, out = 0;
     for (uint32_t i = 0; i < count; i++)
         if (samples[i].triangle != HG_LOD_NONE)
-            order[kept++] = (struct place){piece_of[samples[i].triangle], i};
-    qsort(order, kept, sizeof *order, compare_places);
-    for (uint32_t i = 0; i < kept;) {
-        const uint32_t piece = order[i].piece;
-        uint32_t n = 0;
-        for (; i < kept && order[i].piece == piece; i++)
-            sorted[out + n++] = samples[order[i].sample];
-        n = thin(sorted + out, n, job->samples_per_piece);
+            starts[piece_of[samples[i].triangle] + 2]++;
+    for (uint32_t i = 0; i < job->made_count; i++)
+        starts[i + 2] += starts[i + 1];
+    for (uint32_t i = 0; i < count; i++)
+        if (samples[i].triangle != HG_LOD_NONE)
+            sorted[starts[piece_of[samples[i].triangle] + 1]++] = samples[i];
+    for (uint32_t piece = 0; piece < job->made_count; piece++) {
+        const uint32_t first = starts[piece];
+        const uint32_t n = thin(sorted + first, starts[piece + 1] - first, job->samples_per_piece);
+        memmove(sorted + out, sorted + first, n * sizeof *sorted);
         job->made[piece].samples = sorted + out;
         job->made[piece].sample_count = n;
         out += n;
     }
-    hg_free(order);
+    hg_free(starts);
     job->product->samples = sorted;
     job->product->sample_count = out;
     return HG_OK;

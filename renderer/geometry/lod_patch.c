@@ -20,10 +20,12 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
         table *= 2;
     p->table_mask = (uint32_t)table - 1;
     const size_t words = (size_t)triangles * 12 + corners * (8 + 3 + attributes) + table;
-    uint32_t *at = hg_calloc(words + corners / 4 + 4, 4);
+    uint32_t *at =
+        hg_realloc(NULL, words + corners / 4 + 4, 4); // not cleared: all but `table` is set
     p->memory = at;
     if (at == NULL)
         return HG_E_NOMEM;
+    memset(at, 0, table * sizeof *at);
     p->table = at;
     at += table;
     p->triangles = (uint32_t(*)[4])(void *)at;

@@ -14,11 +14,12 @@
 #include "renderer/geometry/lod_internal.h"
 #include "renderer/geometry/lod_quadric.h"
 
-#define DEEP        1.5f // a depth cost this much above the quadric's is looked into
-#define RING_MAX    48   // positions with more neighbours stay
-#define OPEN_WEIGHT 4.0  // of the planes that hold open edges, against the triangle's
-#define SEAM_WEIGHT 0.5  // of those that hold seams
-#define FLIP_COSINE 0.2f // a triangle may turn by less than this says
+#define DEEP        1.5f  // a depth cost this much above the quadric's is looked into
+#define LEAST_AREA  1e-12 // squared edge lengths
+#define RING_MAX    48    // positions with more neighbours stay
+#define OPEN_WEIGHT 4.0   // of the planes that hold open edges, against the triangle's
+#define SEAM_WEIGHT 0.5   // of those that hold seams
+#define FLIP_COSINE 0.2f  // a triangle may turn by less than this says
 #define FLIP_LOOSE  0.0f
 
 struct ring {
@@ -33,6 +34,7 @@ struct simplifier {
     struct hg_lod_quadric *shape;      // [position_count]
     struct hg_lod_quadric *looks;      // [vertex_count]
     struct hg_lod_gradient *gradients; // [vertex_count * attribute_count]
+    double *root;                      // [position_count] of the area of `shape`
     float *cost;                       // [position_count] of the best collapse
     uint32_t *target;                  // [position_count]
     uint32_t *heap, *place;            // place: in the heap, HG_LOD_NONE: not in it
@@ -368,13 +370,16 @@ static uint32_t partner(const struct hg_lod_patch *p, uint32_t v, uint32_t to)
     return best;
 }
 
-static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t to)
+// Cost of a collapse; anything not below `limit` when it is not below that.
+static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t to, float limit)
 {
     const struct hg_lod_patch *p = &s->patch;
     const float *at = p->point[to];
-    double sum = fabs(hg_lod_quadric_at(&s->shape[from], at));
     const uint32_t n = p->attribute_count;
-    for (uint32_t v = p->vertex_first[from]; n > 0 && v != HG_LOD_NONE; v = p->vertex_next[v]) {
+    const double bound = (double)limit * s->root[from];
+    double sum = fabs(hg_lod_quadric_at(&s->shape[from], at));
+    for (uint32_t v = p->vertex_first[from]; n > 0 && sum < bound && v != HG_LOD_NONE;
+         v = p->vertex_next[v]) {
         const struct hg_lod_quadric *q = &s->looks[v];
         if (!(q->weight > 0.0))
             continue;
@@ -382,7 +387,7 @@ static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t t
         sum += fabs(hg_lod_quadric_at(q, at) + hg_lod_gradients_at(&s->gradients[(size_t)v * n], n,
                                                    q->weight, at, p->attributes + (size_t)w * n));
     }
-    return (float)(sum / sqrt(s->shape[from].weight + 1e-12));
+    return (float)(sum / s->root[from]);
 }
 
 static bool turns(const struct hg_lod_patch *p, uint32_t corner, const float to[3], float cosine)
@@ -497,7 +502,7 @@ static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to)
         for (int k = 0; k < 3; k++)
             least += (p->point[from][k] - p->point[to][k]) * (p->point[from][k] - p->point[to][k]);
     }
-    return least * (float)sqrt(s->shape[from].weight);
+    return least * (float)s->root[from];
 }
 
 // Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
@@ -514,7 +519,7 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
         // An open edge (or one where sheets meet) is followed along, and its ends stay.
         if (r.odd > 0 && !s->permissive && (r.uses[i] == 2 || r.odd != 2))
             continue;
-        float cost = collapse_cost(s, from, r.at[i]);
+        float cost = collapse_cost(s, from, r.at[i], best);
         if (check && cost < best)
             cost = fmaxf(cost, depth_cost(s, from, r.at[i]));
         if (cost < best && (!check || is_valid(s, from, r.at[i]))) {
@@ -590,7 +595,7 @@ static void update(struct simplifier *s, uint32_t position, uint32_t from, uint3
         evaluate(s, position, false);
         return;
     }
-    const float cost = collapse_cost(s, position, to);
+    const float cost = collapse_cost(s, position, to, s->cost[position]);
     if (cost >= s->cost[position])
         return;
     s->target[position] = to;
@@ -606,6 +611,7 @@ static void collapse(struct simplifier *s, uint32_t from, uint32_t to)
     heap_remove(s, from);
     move_triangles(s, from, to);
     hg_lod_quadric_add(&s->shape[to], &s->shape[from]);
+    s->root[to] = sqrt(s->shape[to].weight + LEAST_AREA);
     p->into[from] = to;
     for (uint32_t i = 0; i < r.count; i++)
         update(s, r.at[i], from, to);
@@ -639,7 +645,7 @@ static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
     const size_t n = p->position_count, v = p->vertex_count;
-    const size_t bytes = n * (sizeof *s->shape + 23) + v * sizeof *s->looks +
+    const size_t bytes = n * (sizeof *s->shape + sizeof *s->root + 23) + v * sizeof *s->looks +
                          v * p->attribute_count * sizeof *s->gradients;
     uint8_t *at = hg_calloc(1, bytes + 64);
     s->memory = at;
@@ -648,7 +654,8 @@ static enum hg_status prepare(struct simplifier *s)
     s->shape = (struct hg_lod_quadric *)(void *)at;
     s->looks = (struct hg_lod_quadric *)(void *)(at += n * sizeof *s->shape);
     s->gradients = (struct hg_lod_gradient *)(void *)(at += v * sizeof *s->looks);
-    s->cost = (float *)(void *)(at += v * p->attribute_count * sizeof *s->gradients);
+    s->root = (double *)(void *)(at += v * p->attribute_count * sizeof *s->gradients);
+    s->cost = (float *)(void *)(at += n * sizeof *s->root);
     s->target = (uint32_t *)(void *)(at += n * 4);
     s->heap = (uint32_t *)(void *)(at += n * 4);
     s->place = (uint32_t *)(void *)(at += n * 4);
@@ -664,6 +671,7 @@ static enum hg_status prepare(struct simplifier *s)
             s->patch.fixed[i] = 1;
         if (!p->fixed[i])
             add_edges(s, i);
+        s->root[i] = sqrt(s->shape[i].weight + LEAST_AREA);
     }
     return HG_OK;
 }
