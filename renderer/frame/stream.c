@@ -99,6 +99,7 @@ static enum hg_status start_exact(
     s->exact = true;
     s->inexact = s->waiting = false;
     s->has_fallback = s->uneven = samples == 0;
+    s->bias = 0.0f;
     s->areas[0] =
         (struct hg_stream_area){{{0, 0}, {view->settings.width, view->settings.height}}, samples};
     s->area_count = 1;

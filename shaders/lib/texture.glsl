@@ -12,8 +12,8 @@
 //                          of a trilinear lookup. Source: Pharr, Wronski, Salvi and Fajardo 2024,
 //                          "Filtering After Shading with Stochastic Texture Filtering".
 //   HG_TEXTURE_NOTE        true: remember which pages are asked for, so that hg_texture_report can
-//                          tell the host (one lookup per note, see hg_texture_place). Else every
-//                          lookup of a page that is not resident is reported where it happens.
+//                          tell the host (one lookup per note, see hg_texture_place). Else
+//                          lookups of pages that are not resident are reported where they happen.
 //
 // Pages that are not resident (HG_FEATURE_STREAM) cost the lookup nothing: their table entries name
 // their finest resident ancestor. Then hg_texture_coarser is not 0.
@@ -136,7 +136,8 @@ void hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
     coarser = there ? coarser : 0u;
     hg_texture_coarser = max(hg_texture_coarser, coarser);
     if (!HG_TEXTURE_NOTE) {
-        if (coarser != 0u && hg_texture_counts)
+        // Exact pictures need all pages of a lookup at once: those that are there must stay.
+        if ((coarser != 0u || (there && HG_TEXTURES.mode == HG_TEXTURES_EXACT)) && hg_texture_counts)
             atomicAdd(HG_TEXTURES.feedback.v[entry * 2u], 1u);
         return;
     }
