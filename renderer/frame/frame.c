@@ -346,6 +346,8 @@ static enum hg_status record_shadows(
     view->stale_shadows = stats.shadow_maps_stale;
     hg_frame_fill(view, view->samples, true, 0); // where the geometry is
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    const struct hg_stream *s = &view->stream;
+    pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
     return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, 1, err);
 }
 

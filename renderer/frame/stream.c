@@ -7,11 +7,12 @@
 #include "renderer/frame/view.h"
 #include "renderer/passes/shade.h"
 
-#define SHOW_UPLOAD_NS 4000000u  // per frame of a moving picture
-#define REST_WAIT_NS   20000000u // for pages, before a resting picture is shown again
-#define EXACT_WAIT_NS  50000000u // per step
-#define STILL_SAMPLES  8         // of a debug view that will not get sharper
-#define AREA_LEAST_PX  8         // areas are cut at multiples of this
+#define SHOW_UPLOAD_NS 4000000u   // per frame of a moving picture
+#define REST_LEAST_NS  20000000u  // for pages, before a resting picture is shown again;
+#define REST_MOST_NS   250000000u // between the two as long as drawing it took
+#define EXACT_WAIT_NS  50000000u  // per step
+#define STILL_SAMPLES  8          // of a debug view that will not get sharper
+#define AREA_LEAST_PX  8          // areas are cut at multiples of this
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
@@ -31,7 +32,7 @@ void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = false;
-    s->area_count = s->still = 0;
+    s->area_count = s->shadow_count = s->still = 0;
 }
 
 enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err)
@@ -125,11 +126,18 @@ enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
     const bool debug = view->settings.debug != 0;
     if (!debug && (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0))
         return start_exact(view, 0, err);
-    hg_page_cache_wait(pages_of(view), REST_WAIT_NS);
-    hg_view_add_stage(view, "pages", hg_clock_now_ns() - start);
+    uint64_t most = view->step_ns > REST_LEAST_NS ? view->step_ns : REST_LEAST_NS, spent = 0;
+    most = most < REST_MOST_NS ? most : REST_MOST_NS;
+    enum hg_status status = HG_OK;
+    while (status == HG_OK && spent < most && hg_page_cache_under_way(pages_of(view)) > 0) {
+        hg_page_cache_wait(pages_of(view), most - spent);
+        status = hg_page_cache_update(pages_of(view), HG_PAGES_SHOW, UINT64_MAX, err);
+        spent = hg_clock_now_ns() - start;
+    }
+    hg_view_add_stage(view, "pages", spent);
     if (s->shadows)
         forget_shadows(view);
-    return hg_page_cache_update(pages_of(view), HG_PAGES_SHOW, REST_WAIT_NS, err);
+    return status;
 }
 
 enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
@@ -178,15 +186,15 @@ static uint32_t least_samples(const struct hg_view_state *view, VkRect2D rect)
 }
 
 // Cuts the area on top in two. False when it is a single pixel already, or the stack is full.
-static bool split(struct hg_stream *s)
+static bool split(struct hg_stream_area *areas, uint32_t *count)
 {
-    struct hg_stream_area *a = &s->areas[s->area_count - 1], b = *a;
+    struct hg_stream_area *a = &areas[*count - 1], b = *a;
     const VkExtent2D size = a->rect.extent;
     const bool wide = size.width >= size.height;
     uint32_t half = (wide ? size.width : size.height) / 2;
     if (half > AREA_LEAST_PX)
         half -= half % AREA_LEAST_PX;
-    if (half == 0 || s->area_count == HG_STREAM_MAX_AREAS)
+    if (half == 0 || *count == HG_STREAM_MAX_AREAS)
         return false;
     if (wide) {
         b.rect.offset.x += (int32_t)half;
@@ -197,8 +205,8 @@ static bool split(struct hg_stream *s)
         b.rect.extent.height -= half;
         a->rect.extent.height = half;
     }
-    s->areas[s->area_count++] = *a; // the first half is finished first
-    s->areas[s->area_count - 2] = b;
+    areas[(*count)++] = *a; // the first half is finished first
+    areas[*count - 2] = b;
     return true;
 }
 
@@ -253,21 +261,26 @@ static enum hg_status wait_pages(struct hg_view_state *view, bool *arrived, stru
     return status;
 }
 
-// Shadow maps are made whole before anything is drawn with them.
+// Shadow maps are made whole before anything is drawn with them, in parts of their atlas if need
+// be.
 static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
     struct hg_page_demand demand;
+    const struct hg_gpu_image *atlas = hg_lighting_image_shadow(view->lighting);
+    if (s->shadow_count == 0)
+        s->shadow_areas[s->shadow_count++].rect = (VkRect2D){{0, 0}, {atlas->width, atlas->height}};
     forget_shadows(view);
-    enum hg_status status = run_batch(view, 0, true, &demand, err);
+    const enum hg_status status = run_batch(view, 0, true, &demand, err);
+    s->shadows = true;
     if (status != HG_OK)
         return status;
-    s->shadows = demand.shadows;
     s->missing = demand.missing;
     s->waiting = demand.missing > 0;
-    if (demand.shadows && !demand.fits)
-        return hg_error_set(err, HG_E_LIMIT, "texture budget", NULL,
-            "the masked textures of one set of shadow maps do not fit");
+    if (!demand.shadows)
+        s->shadows = --s->shadow_count > 0;
+    else if (!demand.fits)
+        split(s->shadow_areas, &s->shadow_count);
     return HG_OK;
 }
 
@@ -302,7 +315,7 @@ static enum hg_status draw_area(
     if (area->samples == view->settings.samples)
         s->area_count--;
     else if (!demand.fits)
-        split(s);
+        split(s->areas, &s->area_count);
     s->uneven = demand.missing > 0 || s->area_count > 1 ||
                 (s->area_count == 1 &&
                     s->areas[0].rect.extent.width * (uint64_t)s->areas[0].rect.extent.height <

@@ -40,6 +40,9 @@ struct hg_stream {
     uint32_t run;      // of the newest sample
     struct hg_stream_area areas[HG_STREAM_MAX_AREAS]; // a stack; what is not in it is finished
     uint32_t area_count;
+    struct hg_stream_area
+        shadow_areas[HG_STREAM_MAX_AREAS]; // the same for the atlas of shadow maps
+    uint32_t shadow_count;
     struct hg_gpu_buffer progress, progress_read; // [height][width] u32; read: a copy for the host
     struct hg_gpu_image fallback;
 };

@@ -58,16 +58,40 @@ static enum hg_status draw_set(struct hg_pass *pass, const struct hg_visible *vi
     return HG_OK;
 }
 
+static int32_t inside(int64_t value, int64_t least, int64_t most)
+{
+    return (int32_t)(value < least ? least : value > most ? most : value);
+}
+
+// What a rectangle has in common with the area of a pass, which may be all of it.
+static VkRect2D cut(VkRect2D r, VkRect2D area)
+{
+    if (area.extent.width == 0)
+        return r;
+    const int64_t right = (int64_t)area.offset.x + area.extent.width;
+    const int64_t bottom = (int64_t)area.offset.y + area.extent.height;
+    const int32_t x = inside(area.offset.x, r.offset.x, (int64_t)r.offset.x + r.extent.width);
+    const int32_t y = inside(area.offset.y, r.offset.y, (int64_t)r.offset.y + r.extent.height);
+    const int32_t x1 = inside(right, x, (int64_t)r.offset.x + r.extent.width);
+    const int32_t y1 = inside(bottom, y, (int64_t)r.offset.y + r.extent.height);
+    return (VkRect2D){{x, y}, {(uint32_t)(x1 - x), (uint32_t)(y1 - y)}};
+}
+
 static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map *map,
     struct hg_gpu_image *atlas, const struct hg_visible *visible, uint32_t set,
     struct hg_error *err)
 {
     const uint32_t side = (uint32_t)map->gpu.size_px;
+    const VkRect2D whole = {
+        {(int32_t)map->gpu.rect_px.x, (int32_t)map->gpu.rect_px.y}, {side, side}};
     const struct hg_gpu_rendering rendering = {
-        .depth = {.image = atlas, .clear = true},
-        .area = {{(int32_t)map->gpu.rect_px.x, (int32_t)map->gpu.rect_px.y}, {side, side}},
-    };
+        .depth = {.image = atlas, .clear = true}, .area = cut(whole, pass->area)};
+    if (rendering.area.extent.width == 0 || rendering.area.extent.height == 0)
+        return HG_OK;
+    const VkViewport viewport = {
+        (float)whole.offset.x, (float)whole.offset.y, (float)side, (float)side, 0.0f, 1.0f};
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &viewport);
     const enum hg_status status = draw_set(pass, visible, set, map->view_proj, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;

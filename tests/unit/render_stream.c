@@ -20,8 +20,8 @@
 #define ROW     6
 #define SIDE    512 // texels
 #define LEAST   (16ull << 20)
-#define SAMPLES 3
-#define VIEW_PX 512
+#define SAMPLES 2
+#define VIEW_PX 384
 
 static void check(enum hg_status status, const struct hg_error *err)
 {
