@@ -136,6 +136,9 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
     features |= (tables & HG_TABLE_BIT(HG_BIND_FACETS)) == 0 ? HG_FEATURE_NO_FACETS : 0;
+    const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;
+    if ((features & apart) != 0 || !hg_geometry_one_shape(view->rooms->geometry))
+        features |= HG_FEATURE_SHAPES;
     return features;
 }
 

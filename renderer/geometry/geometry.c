@@ -143,6 +143,7 @@ struct sync {
     struct hg_gpu_material *materials; // [0] is the default material
     struct material_index *material_ids;
     uint32_t material_count;
+    bool one_shape; // of the textures of each material
     struct hg_gpu_instance *instances;
     uint32_t instance_count, instance_limit;
     struct hg_draw_entry *draws;
@@ -350,11 +351,11 @@ static void fill_materials(struct sync *s)
     struct hg_material defaults;
     memset(&defaults, 0, sizeof defaults);
     hg_material_set_defaults(&defaults);
-    hg_material_pack(&defaults, NULL, &s->materials[0]);
+    s->one_shape = hg_material_pack(&defaults, NULL, &s->materials[0]);
     for (uint32_t i = 0; i < list->count; i++) {
         s->material_ids[i] = (struct material_index){list->items[i]->id, i + 1};
-        hg_material_pack(
-            (const struct hg_material *)list->items[i], s->textures, &s->materials[i + 1]);
+        const struct hg_material *material = (const struct hg_material *)list->items[i];
+        s->one_shape &= hg_material_pack(material, s->textures, &s->materials[i + 1]);
     }
     if (list->count > 0)
         qsort(s->material_ids, list->count, sizeof *s->material_ids, compare_materials);
@@ -582,6 +583,7 @@ static enum hg_status commit(struct sync *s, struct hg_error *err)
     g->material_count = s->material_count;
     g->instance_count = s->instance_count;
     g->bounds = s->bounds;
+    g->one_shape = s->one_shape;
     g->bit_layout = s->bit_layout;
     g->bit_count = s->bit_count;
     struct hg_geometry_stats *st = &g->stats;
@@ -720,6 +722,11 @@ bool hg_geometry_bounds(const struct hg_geometry *g, float min[3], float max[3])
         max[i] = some ? g->bounds.max[i] : 0.0f;
     }
     return some;
+}
+
+bool hg_geometry_one_shape(const struct hg_geometry *g)
+{
+    return g->one_shape;
 }
 
 bool hg_geometry_draw_info(const struct hg_geometry *g, uint32_t draw, struct hg_draw_info *out)

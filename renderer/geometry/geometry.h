@@ -56,6 +56,8 @@ void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_st
 uint64_t hg_geometry_shape_revision(const struct hg_geometry *geometry);
 // Grows with every change a picture could show (materials too).
 uint64_t hg_geometry_revision(const struct hg_geometry *geometry);
+// True when the textures of each material agree in size (one address serves them all).
+bool hg_geometry_one_shape(const struct hg_geometry *geometry);
 // World bounds of everything drawn, relative to the origin. False when there is nothing.
 bool hg_geometry_bounds(const struct hg_geometry *geometry, float min[3], float max[3]);
 

@@ -94,7 +94,8 @@ enum hg_status hg_deform_update(struct hg_gpu *gpu, struct hg_deform_entry *entr
 void hg_deform_finish(struct hg_gpu *gpu, struct hg_deform_entry *entry);
 
 // --- materials.c ---
-void hg_material_pack(const struct hg_material *material, const struct hg_textures *textures,
+// False when it has textures of more than one shape.
+bool hg_material_pack(const struct hg_material *material, const struct hg_textures *textures,
     struct hg_gpu_material *out);
 
 // --- geometry.c ---
@@ -146,6 +147,7 @@ struct hg_geometry {
     uint64_t revision, shape_revision;
     uint64_t bit_layout; // changes when bits of histories mean something else
     uint32_t bit_count;
+    bool one_shape; // of the textures of each material
     struct hg_box bounds;
     struct hg_geometry_stats stats;
 };

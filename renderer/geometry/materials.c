@@ -45,7 +45,28 @@ static void merge_occlusion(struct hg_gpu_material *out)
     out->flags |= HG_MATERIAL_PACKED_ORM;
 }
 
-void hg_material_pack(
+// Absent slots take the place of one that is there, so that all slots have one shape where they
+// can.
+static bool share_shape(struct hg_gpu_material *out)
+{
+    const uint32_t pool = 3u << HG_TEX_POOL_SHIFT;
+    const struct hg_gpu_texture *shape = NULL;
+    bool one = true;
+    for (uint32_t i = 0; i < HG_MATERIAL_SLOTS; i++) {
+        if ((out->flags & HG_MATERIAL_HAS(i)) == 0)
+            continue;
+        shape = shape != NULL ? shape : &out->slots[i];
+        one = one && out->slots[i].size == shape->size &&
+              ((out->slots[i].bits ^ shape->bits) & ~pool) == 0;
+    }
+    for (uint32_t i = 0; i < HG_MATERIAL_SLOTS && one && shape != NULL; i++) {
+        if ((out->flags & HG_MATERIAL_HAS(i)) == 0)
+            out->slots[i] = *shape; // looked up with the others and thrown away
+    }
+    return one;
+}
+
+bool hg_material_pack(
     const struct hg_material *m, const struct hg_textures *textures, struct hg_gpu_material *out)
 {
     memset(out, 0, sizeof *out);
@@ -66,4 +87,5 @@ void hg_material_pack(
     for (uint32_t i = 0; i < HG_MATERIAL_SLOTS; i++)
         pack_slot(m, textures, i, out);
     merge_occlusion(out);
+    return share_shape(out);
 }

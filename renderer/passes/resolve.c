@@ -1,14 +1,18 @@
 #include "renderer/passes/resolve.h"
 
+#include "shaders/shared/frame.h"
+
+#define LINEAR 0xffu // no tone curve, no encoding
+
 static const VkFormat formats[] = {
     VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_R16G16B16A16_UNORM, VK_FORMAT_R32G32B32A32_SFLOAT};
 
-static struct hg_gpu_pipeline_params pipeline_of(VkFormat format, bool counted)
+static struct hg_gpu_pipeline_params pipeline_of(VkFormat format, uint32_t tonemap, bool counted)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
         .fragment = "resolve.frag",
-        .spec = {format == VK_FORMAT_R32G32B32A32_SFLOAT, counted},
+        .spec = {format == VK_FORMAT_R32G32B32A32_SFLOAT ? LINEAR : tonemap, counted},
         .spec_count = 2,
         .colors = {format},
         .color_count = 1,
@@ -28,13 +32,14 @@ enum hg_status hg_resolve_record(
         return status;
     const struct hg_gpu_rendering rendering = {
         .colors = {{.image = resolve->target, .discard = true}}, .color_count = 1};
-    const struct hg_gpu_pipeline_params params = pipeline_of(resolve->target->format, counted);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(resolve->target->format, resolve->tonemap, counted);
     const struct {
         uint64_t progress;
         float scale, exposure;
-        uint32_t tonemap, width;
+        uint32_t width, reserved;
     } push = {resolve->progress, 1.0f / (float)resolve->samples, resolve->exposure,
-        resolve->tonemap, resolve->target->width};
+        resolve->target->width, 0};
     hg_gpu_cmd_begin_stage(pass->cmd, "resolve");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
@@ -51,7 +56,8 @@ enum hg_status hg_resolve_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = 6;
-    const struct hg_gpu_pipeline_params params = pipeline_of(formats[index % 3], index % 6 >= 3);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(formats[index % 3], HG_FRAME_TONEMAP_ACES, index % 6 >= 3);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

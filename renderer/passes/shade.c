@@ -6,7 +6,7 @@
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    enum variant variant, bool background, uint32_t tables, uint32_t features)
+    enum variant variant, bool background, bool first, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = "fullscreen.vert",
@@ -19,15 +19,17 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .depth = VK_FORMAT_D32_SFLOAT,
         .depth_compare = background ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
-        .blend = variant == LAYER ? HG_GPU_BLEND_UNDER : HG_GPU_BLEND_ADD,
+        .blend = variant == LAYER ? HG_GPU_BLEND_UNDER
+                 : first          ? HG_GPU_BLEND_NONE
+                                  : HG_GPU_BLEND_ADD,
     };
 }
 
 static enum hg_status draw(
-    struct hg_pass *pass, enum variant variant, bool background, struct hg_error *err)
+    struct hg_pass *pass, enum variant variant, bool background, bool first, struct hg_error *err)
 {
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(variant, background, pass->tables, pass->features);
+        pipeline_of(variant, background, first, pass->tables, pass->features);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -44,7 +46,10 @@ enum hg_status hg_shade_record(
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
-        .colors = {{.image = shade->target, .clear = shade->clear}},
+        // Surfaces and background write every pixel between them.
+        .colors = {{.image = shade->target,
+            .clear = shade->clear && shade->layer,
+            .discard = shade->clear && !shade->layer}},
         .color_count = 1,
         .depth = {.image = shade->depth},
         .area = pass->area};
@@ -56,9 +61,9 @@ enum hg_status hg_shade_record(
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     hg_pass_view_whole(pass, shade->target);
-    status = draw(pass, variant, false, err);
+    status = draw(pass, variant, false, shade->clear, err);
     if (status == HG_OK && variant != LAYER)
-        status = draw(pass, variant, true, err);
+        status = draw(pass, variant, true, shade->clear, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
@@ -69,7 +74,7 @@ enum hg_status hg_shade_warm_up(
 {
     *count = 2 * VARIANTS - 1; // layers have no background
     const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS),
-        index % (2 * VARIANTS - 1) >= VARIANTS, 0, HG_FEATURE_ALL);
+        index % (2 * VARIANTS - 1) >= VARIANTS, true, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

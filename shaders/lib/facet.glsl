@@ -74,4 +74,12 @@ hg_vertex hg_fetch_facet(uint draw, uint triangle, vec2 pixel)
     return o;
 }
 
+// From whichever of the two the scene has.
+hg_vertex hg_fetch_surface(uint draw, uint triangle, vec2 pixel)
+{
+    if (HG_HAS(HG_FEATURE_NO_FACETS))
+        return hg_fetch_triangle(draw, triangle, pixel);
+    return hg_fetch_facet(draw, triangle, pixel);
+}
+
 #endif

@@ -53,6 +53,11 @@ hg_texture_place hg_material_place(hg_gpu_texture t, uint material, uint slot, h
 vec4 hg_material_sample(uint material, uint slot, bool colour, hg_vertex v)
 {
     hg_gpu_texture t = hg_material_texture_at(material, slot);
+    if (!HG_HAS(HG_FEATURE_SHAPES)) { // place and address are worked out once for all slots
+        hg_gpu_texture shape = hg_material_texture_at(material, HG_MATERIAL_BASE_COLOR);
+        t.size = shape.size;
+        t.bits = shape.bits;
+    }
     hg_texture_place p = hg_material_place(t, material, slot, v);
     p.note = slot;
     vec4 texel = vec4(1.0);
@@ -64,7 +69,7 @@ vec4 hg_material_sample(uint material, uint slot, bool colour, hg_vertex v)
         if (bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
             texel = hg_texture_fetch(hg_pages_float, t, p);
     }
-    return (t.bits & HG_TEX_PRESENT) != 0u ? texel : vec4(1.0);
+    return (HG_MATERIAL_AT(material, flags) & HG_MATERIAL_HAS(slot)) != 0u ? texel : vec4(1.0);
 }
 
 // Base colour alone, for alpha tests of depth-only passes.

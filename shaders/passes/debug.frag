@@ -51,7 +51,7 @@ lookup base_color_lookup(hg_vertex v)
 {
     lookup l = lookup(false, 0u, 0u, false);
     hg_gpu_texture t = hg_material_texture_at(v.material, HG_MATERIAL_BASE_COLOR);
-    if ((t.bits & HG_TEX_PRESENT) == 0u)
+    if ((HG_MATERIAL_AT(v.material, flags) & HG_MATERIAL_HAS(HG_MATERIAL_BASE_COLOR)) == 0u)
         return l;
     hg_texture_place p = hg_material_place(t, v.material, HG_MATERIAL_BASE_COLOR, v);
     uint last = bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5) - 1u;

@@ -8,7 +8,9 @@
 #include "shared/texture.h"
 #include "lib/tonemap.glsl"
 
-layout(constant_id = 0) const uint hg_linear = 0u; // 1: no tone curve, no encoding
+// The curve, HG_TONEMAP_OP_*: constant, as software rasterisers run both sides of a branch. 0xff: none,
+// and no encoding.
+layout(constant_id = 0) const uint hg_curve = 0u;
 layout(constant_id = 1) const bool hg_counted = false; // pixels have different numbers of samples
 
 layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_accumulated;
@@ -18,7 +20,6 @@ layout(push_constant, scalar) uniform hg_push
     hg_pixel_progress progress;
     float scale; // 1 / samples
     float exposure;
-    uint tonemap;
     uint width; // px
 } push;
 
@@ -43,8 +44,8 @@ void main()
     vec3 radiance = alpha > 0.0 ? sum.rgb / alpha : vec3(0.0);
     radiance *= push.exposure;
     out_color.a = alpha;
-    if (hg_linear == 1u)
+    if (hg_curve == 0xffu)
         out_color.rgb = radiance;
     else
-        out_color.rgb = hg_srgb_encode(hg_tonemap(radiance, push.tonemap));
+        out_color.rgb = hg_srgb_encode(hg_tonemap(radiance, hg_curve));
 }

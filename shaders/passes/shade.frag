@@ -49,11 +49,7 @@ vec4 surface(uvec2 id)
     hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
-    hg_vertex v;
-    if (HG_HAS(HG_FEATURE_NO_FACETS))
-        v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
-    else
-        v = hg_fetch_facet(id.x - 1u, id.y, gl_FragCoord.xy);
+    hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
     if (s.unlit)

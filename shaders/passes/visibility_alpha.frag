@@ -6,6 +6,7 @@
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
+#include "lib/facet.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/item.glsl"
@@ -32,7 +33,7 @@ void main()
     if (hg_item_loses(id, gl_FragCoord))
         discard;
     hg_texture_counts = hg_progress_waits(pixel);
-    hg_vertex v = hg_fetch_triangle(in_draw, id.y, gl_FragCoord.xy);
+    hg_vertex v = hg_fetch_surface(in_draw, id.y, gl_FragCoord.xy);
     float alpha = hg_material_alpha(v.material, v);
     if (HG_HAS(HG_FEATURE_STREAM))
         hg_progress_spoil(pixel);
