@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "base/bytes.h"
 
-#define CACHE_VERSION 3u // raise with every change of the filters or of the layout
+#define CACHE_VERSION 4u // raise with every change of the filters or of the layout
 
 static size_t level_bytes(const struct hg_environment_map *map, uint32_t level)
 {

@@ -13,7 +13,10 @@
 
 static const float rayleigh_scattering[3] = {5.802e-3f, 13.558e-3f, 33.1e-3f};
 static const float ozone_absorption[3] = {0.650e-3f, 1.881e-3f, 0.085e-3f};
-#define MIE_ALBEDO  0.9f // scattering over extinction, Bruneton 2017
+#define MIE_ALBEDO 0.9f // scattering over extinction, Bruneton 2017
+// Haze is bluer than white: extinction falls with the wavelength to the power of 1.3 (Angstrom
+// 1929; Preetham 1999, appendix A.1), here at 680, 550 and 440 nm over that at 550 nm.
+static const float haze_spectrum[3] = {0.7590f, 1.0f, 1.3365f};
 #define RAYLEIGH_KM 8.0f // scale heights
 #define MIE_KM      1.2f
 
@@ -28,7 +31,7 @@ struct atmosphere {
 };
 
 struct medium {
-    float rayleigh[3], mie; // scattering
+    float rayleigh[3], mie[3]; // scattering
     float extinction[3];
 };
 
@@ -37,11 +40,11 @@ static struct medium medium_at(const struct atmosphere *a, float height_km)
     struct medium m;
     float r = expf(-height_km / RAYLEIGH_KM), d = expf(-height_km / MIE_KM);
     float ozone = fmaxf(0, 1 - fabsf(height_km - 25) / 15);
-    m.mie = a->mie_scattering * d;
     for (int c = 0; c < 3; c++) {
         m.rayleigh[c] = rayleigh_scattering[c] * r;
-        m.extinction[c] =
-            m.rayleigh[c] + m.mie + a->mie_absorption * d + ozone_absorption[c] * ozone;
+        m.mie[c] = a->mie_scattering * d * haze_spectrum[c];
+        m.extinction[c] = m.rayleigh[c] + m.mie[c] + a->mie_absorption * d * haze_spectrum[c] +
+                          ozone_absorption[c] * ozone;
     }
     return m;
 }
@@ -156,9 +159,9 @@ static void march_step(const struct atmosphere *a, const struct march *m, const 
     else
         table_read(a->multiple, r, mu, multiple);
     for (int c = 0; c < 3; c++) {
-        float scattering = air.rayleigh[c] + air.mie;
+        float scattering = air.rayleigh[c] + air.mie[c];
         float source =
-            sun[c] * (air.rayleigh[c] * phase_r + air.mie * phase_m) + multiple[c] * scattering;
+            sun[c] * (air.rayleigh[c] * phase_r + air.mie[c] * phase_m) + multiple[c] * scattering;
         float pass = expf(-air.extinction[c] * step);
         // Hillaire 2016: the step's source integrated against its own extinction.
         float weight = out->transmittance[c] * (1 - pass) / air.extinction[c];

@@ -92,7 +92,7 @@ enum hg_status hg_scene_create(struct hg_scene **out)
     (*out)->revision = 1;
     (*out)->environment.intensity = 1;
     (*out)->environment.sun_direction[1] = 1;
-    (*out)->environment.turbidity = 3;
+    (*out)->environment.turbidity = 2;
     return HG_OK;
 }
 

@@ -434,6 +434,69 @@ static void test_sky(void **state)
     hg_image_finish(&again);
 }
 
+// Chromaticity of the zenith and how it runs over the sky: Preetham, Shirley and Smits 1999, "A
+// Practical Analytic Model for Daylight", appendix A.2.
+static double preetham(bool y, double turbidity, double sun, double zenith, double gamma)
+{
+    static const double m[2][3][4] = {
+        {{0.00166, -0.00375, 0.00209, 0}, {-0.02903, 0.06377, -0.03202, 0.00394},
+            {0.11693, -0.21196, 0.06052, 0.25886}},
+        {{0.00275, -0.00610, 0.00317, 0}, {-0.04214, 0.08970, -0.04153, 0.00516},
+            {0.15346, -0.26756, 0.06670, 0.26688}}};
+    static const double c[2][5][2] = {{{-0.0193, -0.2592}, {-0.0665, 0.0008}, {-0.0004, 0.2125},
+                                          {-0.0641, -0.8989}, {-0.0033, 0.0452}},
+        {{-0.0167, -0.2608}, {-0.0950, 0.0092}, {-0.0079, 0.2102}, {-0.0441, -1.6537},
+            {-0.0109, 0.0529}}};
+    double at_zenith = 0, k[5], f[2];
+    for (int r = 0; r < 3; r++)
+        for (int p = 0; p < 4; p++)
+            at_zenith += pow(turbidity, 2 - r) * m[y][r][p] * pow(sun, 3 - p);
+    for (int i = 0; i < 5; i++)
+        k[i] = c[y][i][0] * turbidity + c[y][i][1];
+    for (int i = 0; i < 2; i++) { // there; at the zenith
+        double cosine = i ? 1 : cos(zenith), g = i ? sun : gamma;
+        f[i] =
+            (1 + k[0] * exp(k[1] / cosine)) * (1 + k[2] * exp(k[3] * g) + k[4] * cos(g) * cos(g));
+    }
+    return at_zenith * f[0] / f[1];
+}
+
+// Clear skies are as blue as the published model says, from the zenith to near the horizon.
+static void test_sky_is_as_blue_as_published(void **state)
+{
+    struct probe *probe = *state;
+    static const double directions[6][2] = {
+        {89, 180}, {45, 180}, {45, 90}, {10, 180}, {10, 90}, {3, 180}}; // elevation, from the sun
+    for (int k = 0; k < 4; k++) {
+        const double turbidity = 2 + k % 2, sun = (k < 2 ? 40 : 60) * PI / 180;
+        struct hg_image image;
+        const struct hg_sky sky = {
+            .sun_direction = {(float)sin(sun), (float)cos(sun), 0}, .turbidity = (float)turbidity};
+        double worst = 0;
+        assert_int_equal(hg_sky_render(&sky, probe->jobs, &image), HG_OK);
+        for (int i = 0; i < 6; i++) {
+            double up = directions[i][0] * PI / 180, turn = directions[i][1] * PI / 180;
+            const double d[3] = {cos(up) * cos(turn), sin(up), cos(up) * sin(turn)};
+            double gamma = acos(d[0] * sin(sun) + d[1] * cos(sun));
+            uint32_t x = (uint32_t)((turn / (2 * PI) + 0.5) * image.width) % image.width;
+            uint32_t y = (uint32_t)((0.5 - up / PI) * image.height);
+            const float *p = (const float *)image.pixels + ((size_t)y * image.width + x) * 4;
+            const double r = (double)p[0], g = (double)p[1], b = (double)p[2];
+            double xyz[3] = {0.4124 * r + 0.3576 * g + 0.1805 * b,
+                0.2126 * r + 0.7152 * g + 0.0722 * b, 0.0193 * r + 0.1192 * g + 0.9505 * b};
+            double sum = xyz[0] + xyz[1] + xyz[2];
+            for (int c = 0; c < 2; c++)
+                worst = fmax(worst,
+                    fabs(xyz[c] / sum - preetham(c == 1, turbidity, sun, PI / 2 - up, gamma)));
+        }
+        print_message("sky, turbidity %.0f, sun %.0f degrees from the zenith: chromaticity within "
+                      "%.4f of Preetham's\n",
+            turbidity, sun * 180 / PI, worst);
+        assert_true(worst < 0.025);
+        hg_image_finish(&image);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -445,6 +508,7 @@ int main(void)
         cmocka_unit_test(test_constant_image),
         cmocka_unit_test(test_cache),
         cmocka_unit_test(test_sky),
+        cmocka_unit_test(test_sky_is_as_blue_as_published),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
