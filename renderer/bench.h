@@ -35,7 +35,7 @@ void hg_bench_view_finish(struct hg_bench_view *view); // accepts a zeroed one
 enum hg_status hg_bench_view_draw(struct hg_bench_view *view, const struct hg_bench_pose *pose,
     uint64_t *ns, struct hg_error *err) HG_MUST_CHECK;
 // Looks at a pose and draws until nothing is missing. *ns: until the first such picture is there.
-// HG_E_TIMEOUT after a minute.
+// HG_E_TIMEOUT after ten minutes.
 enum hg_status hg_bench_view_sharpen(struct hg_bench_view *view, const struct hg_bench_pose *pose,
     uint64_t *ns, struct hg_error *err) HG_MUST_CHECK;
 // Looks at a pose and reads the settled picture; freed with hg_image_finish.

@@ -9,7 +9,7 @@
 #include "renderer/internal.h"
 #include "renderer/json.h"
 
-#define PATIENCE_NS (UINT64_C(60) * 1000000000)
+#define PATIENCE_NS (UINT64_C(600) * 1000000000)
 
 // --- times ---------------------------------------------------------------------------------------
 
