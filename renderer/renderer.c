@@ -290,9 +290,10 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .width = s->settings.width,
         .height = s->settings.height,
         .samples = s->samples,
-        .error_px = s->settings.error_px,
         .missing_pages = s->stream.missing,
         .mip_bias = s->stream.bias,
+        .missing_clusters = s->missing_clusters,
+        .error_px = hg_view_error_px(s),
         .settled = hg_view_state_settled(s),
         .triangles_total = geometry.triangles_total,
         .triangles_drawn = s->triangles_drawn};

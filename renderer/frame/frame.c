@@ -131,6 +131,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables)
         return HG_FEATURE_ALL & ~(sampled & ~features); // a table that is not there is not read
     features |= view->stream.on ? HG_FEATURE_STREAM : 0;
+    features |= hg_geometry_has_levels(view->rooms->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
@@ -176,10 +177,12 @@ static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error 
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, err);
+    enum hg_status status =
+        hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
     if (status != HG_OK)
         return status;
     const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables &&
+                        !hg_geometry_has_levels(view->rooms->geometry) &&
                         (view->rooms->features & HG_FEATURE_VERTICES) == 0;
     status = hg_geometry_sync_facets(view->rooms->geometry, facets, err);
     if (status != HG_OK)
@@ -207,6 +210,9 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view)
     struct hg_visible_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
         .forward = {camera->forward_ws.x, camera->forward_ws.y, camera->forward_ws.z},
         .orthographic = camera->orthographic != 0,
+        .error_px = view->error_px,
+        .near = fmaxf(camera->near, 1e-6f),
+        .wait = view->wait,
         .both_sides = off,
         .history = !off && view->settings.debug == 0};
     look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
@@ -229,10 +235,13 @@ static enum hg_status cull(struct hg_view_state *view, struct hg_error *err)
     hg_visible_reset(view->visible);
     enum hg_status status = hg_visible_add(view->visible, view->rooms->geometry, &look, jobs, err);
     if (status == HG_OK && view->settings.debug == 0)
-        status = hg_shadow_select(
-            view->rooms->geometry, view->lighting, view->coarse, jobs, view->visible, err);
+        status = hg_shadow_select(view->rooms->geometry, view->lighting, view->coarse, view->wait,
+            jobs, view->visible, err);
     if (status == HG_OK)
         status = hg_visible_upload(view->visible, jobs, err);
+    view->missing_clusters = 0;
+    for (uint32_t i = 0; i < hg_visible_count(view->visible); i++)
+        view->missing_clusters += hg_visible_set(view->visible, i)->missing;
     hg_view_add_stage(view, "cull", hg_clock_now_ns() - start);
     return status;
 }

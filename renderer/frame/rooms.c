@@ -115,7 +115,10 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
     rooms->scene_revision = UINT64_MAX;
     enum hg_status status = make_pages(context, err);
     const struct hg_textures_params textures = {.cache = context->pages};
-    const struct hg_geometry_params geometry = {.budget_bytes = context->geometry_budget_bytes};
+    const struct hg_geometry_params geometry = {.budget_bytes = context->geometry_budget_bytes,
+        .jobs = context->jobs,
+        .store = context->store,
+        .bake_from = context->bake_from};
     if (status == HG_OK)
         status = hg_textures_create(context->gpu, &textures, &rooms->textures, err);
     if (status == HG_OK)
@@ -148,11 +151,12 @@ void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms)
         destroy(context, rooms);
 }
 
-enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], struct hg_error *err)
+static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+    const double eye_ws[3], bool wait, struct hg_error *err)
 {
+    const bool came = hg_geometry_poll(rooms->geometry, wait);
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
-    if (rooms->scene_revision == rooms->scene->revision && !moved &&
+    if (rooms->scene_revision == rooms->scene->revision && !moved && !came &&
         !hg_textures_is_stale(rooms->textures))
         return HG_OK;
     rooms->scene_revision = UINT64_MAX; // a failure is tried again
@@ -165,4 +169,14 @@ enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *
         rooms->scene_revision = rooms->scene->revision;
     }
     return status;
+}
+
+enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+    const double eye_ws[3], bool wait, struct hg_error *err)
+{
+    const enum hg_status status = sync(context, rooms, eye_ws, wait, err);
+    // Parts that were queued just now: the one who waits does so for them too.
+    return status == HG_OK && wait && hg_geometry_baking(rooms->geometry) > 0
+               ? sync(context, rooms, eye_ws, wait, err)
+               : status;
 }

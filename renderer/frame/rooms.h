@@ -20,6 +20,7 @@ struct hg_frame_context {
     struct hg_store *store;      // page packs and cluster files on disk; NULL = none
     struct hg_page_cache *pages; // of all scenes; made on first use
     struct hg_rooms *rooms;      // list of all scenes in use
+    uint32_t bake_from;          // as of struct hg_geometry_params
     bool no_culling;             // draw everything, for tests
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };
@@ -43,8 +44,9 @@ void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms); /
 void hg_frame_context_finish(struct hg_frame_context *context);
 
 // Brings textures and geometry in line with the scene; no batch may be open. Nothing happens when
-// the scene's revision is known already. eye_ws: scene space.
+// the scene's revision is known already and nothing came in from threads. eye_ws: scene space.
+// wait: for levels of detail that are being made.
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], struct hg_error *err) HG_MUST_CHECK;
+    const double eye_ws[3], bool wait, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

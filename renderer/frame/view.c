@@ -164,7 +164,14 @@ bool hg_view_state_settled(const struct hg_view_state *view)
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
            view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
-           !view->stream.inexact;
+           !view->stream.inexact && !view->eased && view->missing_clusters == 0 &&
+           hg_geometry_baking(view->rooms->geometry) == 0;
+}
+
+float hg_view_error_px(const struct hg_view_state *view)
+{
+    return hg_visible_count(view->visible) > 0 ? hg_visible_set(view->visible, 0)->error_px
+                                               : view->settings.error_px;
 }
 
 static bool needs_cascades(const struct hg_view_state *view)
@@ -203,6 +210,19 @@ static enum hg_status submit_and_wait(
     return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
 }
 
+// In motion geometry may be coarser, so that frames keep to their time.
+static void choose_error(struct hg_view_state *view, uint32_t max_samples)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_view_key key = present_key(view);
+    const bool moves = max_samples == 1 && memcmp(&key, &view->key, sizeof key) != 0;
+    if (key.camera != view->key.camera)
+        hg_visible_relax(view->visible);
+    view->wait = max_samples > 1 || (view->stream.exact && !moves);
+    view->error_px =
+        moves ? hg_quality_error_px(&view->quality, s->error_px, s->target_ms) : s->error_px;
+}
+
 // Samples of the whole picture with the texels that are there.
 static enum hg_status draw_shown(
     struct hg_view_state *view, bool changed, uint32_t max_samples, struct hg_error *err)
@@ -212,8 +232,10 @@ static enum hg_status draw_shown(
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    if (changed || view->coarse || view->shallow || view->stream.inexact)
+    if (changed || view->coarse || view->shallow || view->stream.inexact || view->eased ||
+        view->missing_clusters > 0)
         view->samples = 0;
+    view->eased = view->error_px > view->settings.error_px;
     view->coarse = changed && max_samples == 1 && needs_cascades(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
@@ -244,6 +266,7 @@ static enum hg_status draw_shown(
 
 static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
+    choose_error(view, max_samples);
     enum hg_status status = hg_frame_sync(view, err);
     if (status != HG_OK)
         return status;
@@ -262,6 +285,8 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
         hg_stream_restart(view);
         status = draw_shown(view, true, max_samples, err);
     }
+    if (view->stream.exact)
+        view->eased = view->error_px > view->settings.error_px;
     if (status == HG_OK)
         view->key = key;
     return status;
@@ -273,9 +298,14 @@ enum hg_status hg_view_state_step(
     if (hg_view_state_settled(view))
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
+    const struct hg_view_key key = present_key(view);
+    const bool moves = max_samples <= 1 && memcmp(&key, &view->key, sizeof key) != 0;
     view->stage_count = 0;
     enum hg_status status = draw(view, max_samples > 0 ? max_samples : 1, err);
     view->step_ns = hg_clock_now_ns() - start;
+    if (status == HG_OK && moves)
+        hg_quality_note(
+            &view->quality, (float)((double)view->step_ns * 1e-6), view->settings.target_ms);
     if (status == HG_OK)
         collect_times(view);
     if (status != HG_OK) { // what was accumulated may be incomplete

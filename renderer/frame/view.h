@@ -5,6 +5,7 @@
 
 #include "base/refbuf.h"
 #include "renderer/frame/camera.h"
+#include "renderer/frame/quality.h"
 #include "renderer/frame/rooms.h"
 #include "renderer/frame/stream.h"
 #include "renderer/light/lighting.h"
@@ -76,6 +77,11 @@ struct hg_view_state {
     uint32_t layer_limit; // layers that the next step peels
     bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
     bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
+    bool wait;      // this step loads what is missing
+    bool eased;     // its error was raised to keep to the frame time
+    float error_px; // of geometry, asked for by the newest sample
+    uint32_t missing_clusters; // chunks that the newest sample went without
+    struct hg_quality quality;
     uint64_t triangles_drawn, draws_drawn;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
     uint32_t stage_count;
@@ -96,6 +102,8 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 // serves until the view rests, then accumulation starts with all of them.
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
+// Projected error of the geometry in the newest sample.
+float hg_view_error_px(const struct hg_view_state *view);
 bool hg_view_state_settled(const struct hg_view_state *view);
 // format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
 enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,

@@ -26,6 +26,16 @@ enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_p
     g->part_table.name = "parts";
     g->material_table.name = "materials";
     g->bounds = hg_box_empty();
+    enum hg_status status = HG_OK;
+    if (g->params.jobs != NULL && g->params.bake_from != HG_GEOMETRY_BAKE_NONE) {
+        status = hg_cluster_pool_create(gpu, &g->pool, err);
+        if (status == HG_OK)
+            status = hg_baker_create(g->params.store, g->params.jobs, &g->baker, err);
+    }
+    if (status != HG_OK) {
+        hg_geometry_destroy(g);
+        return status;
+    }
     *out = g;
     return HG_OK;
 }
@@ -34,8 +44,9 @@ void hg_geometry_destroy(struct hg_geometry *g)
 {
     if (g == NULL)
         return;
+    hg_baker_destroy(g->baker);
     for (uint32_t i = 0; i < g->mesh_count; i++)
-        hg_mesh_entry_finish(g->gpu, &g->meshes[i]);
+        hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
     for (uint32_t i = 0; i < g->deform_count; i++)
         hg_deform_finish(g->gpu, &g->deforms[i]);
     hg_facets_finish(g->gpu, &g->facets);
@@ -47,6 +58,7 @@ void hg_geometry_destroy(struct hg_geometry *g)
     hg_free(g->deforms);
     hg_free(g->changed);
     hg_free(g->draws);
+    hg_cluster_pool_destroy(g->pool);
     hg_free(g);
 }
 
@@ -226,6 +238,9 @@ static enum hg_status add_node_deforms(
     struct sync *s, const struct hg_node *node, const struct hg_mesh_entry *mesh)
 {
     struct hg_geometry *g = s->g;
+    for (uint32_t part = 0; part < mesh->part_count; part++)
+        if (mesh->parts[part].clusters != NULL)
+            return HG_OK; // has neither joints nor targets
     if (!hg_deform_is_needed(node) &&
         find_deform(g->deforms, g->deform_count, node->head.id, 0) == NULL)
         return HG_OK;
@@ -283,7 +298,7 @@ static enum hg_status collect_nodes(struct sync *s, struct hg_error *err)
     return HG_OK;
 }
 
-static enum hg_status check_budget(struct sync *s, struct hg_error *err)
+static uint64_t bytes_of(const struct sync *s)
 {
     uint64_t bytes = s->draw_limit * sizeof(struct hg_gpu_draw) +
                      s->instance_limit * sizeof(struct hg_gpu_instance) +
@@ -294,11 +309,31 @@ static enum hg_status check_budget(struct sync *s, struct hg_error *err)
         bytes += s->meshes[i].bytes;
     for (uint32_t i = 0; i < s->deform_count; i++)
         bytes += hg_deform_bytes(&s->deforms[i]);
-    const uint64_t budget = s->g->params.budget_bytes;
-    if (budget > 0 && bytes > budget)
+    return bytes;
+}
+
+// Slots of chunks are not given back: they count as far as they are there.
+static enum hg_status check_budget(struct sync *s, struct hg_error *err)
+{
+    struct hg_geometry *g = s->g;
+    const uint64_t budget = g->params.budget_bytes;
+    struct hg_cluster_pool_stats pool = {0};
+    uint64_t bytes = bytes_of(s);
+    if (g->pool != NULL)
+        hg_cluster_pool_stats(g->pool, &pool);
+    if (budget > 0 && g->pool != NULL && bytes + pool.used_bytes > budget) {
+        // Not all parts fit as they are: what can have levels gets them before anything is shown.
+        hg_baked_queue(g, s->meshes, s->mesh_count);
+        hg_baked_collect(g, s->meshes, s->mesh_count, true);
+        bytes = bytes_of(s);
+        hg_cluster_pool_stats(g->pool, &pool);
+    }
+    if (budget > 0 && bytes + pool.used_bytes > budget)
         return hg_error_set(err, HG_E_LIMIT, "geometry budget", NULL,
-            "%llu bytes are needed, the budget is %llu", (unsigned long long)bytes,
-            (unsigned long long)budget);
+            "%llu bytes are needed, the budget is %llu",
+            (unsigned long long)(bytes + pool.used_bytes), (unsigned long long)budget);
+    if (g->pool != NULL)
+        hg_cluster_pool_set_budget(g->pool, budget > 0 ? budget - bytes : 0);
     s->used_bytes = bytes;
     return HG_OK;
 }
@@ -330,6 +365,10 @@ static void fill_parts(struct sync *s)
             struct hg_part_entry *e = &s->meshes[i].parts[p];
             const uint64_t at = e->buffer.address;
             e->index = next++;
+            if (e->clusters != NULL) {
+                s->parts[e->index] = (struct hg_gpu_part){.indices = e->clusters->table.address};
+                continue;
+            }
             s->parts[e->index] = (struct hg_gpu_part){.indices = at + e->layout.indices,
                 .positions = at + e->layout.positions,
                 .vertices = at + e->layout.vertices,
@@ -385,7 +424,8 @@ static uint64_t draw_order(const struct hg_gpu_draw *d)
 
 static uint32_t draw_flags(const struct hg_part_entry *part, const struct hg_gpu_material *m)
 {
-    return part->layout.flags | (m->flags & HG_MATERIAL_MASK ? HG_DRAW_MASK : 0u) |
+    return part->layout.flags | (part->clusters != NULL ? HG_DRAW_LOD : 0u) |
+           (m->flags & HG_MATERIAL_MASK ? HG_DRAW_MASK : 0u) |
            (m->flags & HG_MATERIAL_BLEND ? HG_DRAW_BLEND : 0u) |
            (m->flags & HG_MATERIAL_DOUBLE_SIDED ? HG_DRAW_DOUBLE_SIDED : 0u);
 }
@@ -551,7 +591,7 @@ static void retire_old(struct sync *s)
     for (uint32_t i = 0; i < g->mesh_count; i++) {
         const struct hg_mesh_entry *now = find_mesh(s->meshes, s->mesh_count, g->meshes[i].id);
         if (now == NULL || now->is_new)
-            hg_mesh_entry_finish(g->gpu, &g->meshes[i]);
+            hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
     }
     for (uint32_t i = 0; i < g->deform_count; i++) {
         const struct hg_deform_entry *now =
@@ -609,7 +649,7 @@ static void roll_back(struct sync *s)
     struct hg_geometry *g = s->g;
     for (uint32_t i = 0; i < s->mesh_count; i++)
         if (s->meshes[i].is_new)
-            hg_mesh_entry_finish(g->gpu, &s->meshes[i]);
+            hg_mesh_entry_finish(g->gpu, g->pool, &s->meshes[i]);
     for (uint32_t i = 0; i < s->deform_count; i++)
         if (s->deforms[i].is_new)
             hg_deform_finish(g->gpu, &s->deforms[i]);
@@ -669,6 +709,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
         g->shape_signature = casters;
         g->signature = signature;
         g->revision++;
+        hg_baked_queue(g, g->meshes, g->mesh_count);
     }
     hg_free(s.meshes);
     hg_free(s.deforms);
@@ -698,6 +739,12 @@ void hg_geometry_fill(const struct hg_geometry *g, struct hg_gpu_geometry *out)
 void hg_geometry_stats(const struct hg_geometry *g, struct hg_geometry_stats *out)
 {
     *out = g->stats;
+    if (g->pool != NULL) {
+        hg_cluster_pool_stats(g->pool, &out->chunks);
+        out->used_bytes += out->chunks.used_bytes;
+        out->peak_bytes += out->chunks.peak_bytes;
+        out->baking = hg_baker_pending(g->baker);
+    }
     out->budget_bytes = g->params.budget_bytes;
     out->used_bytes += g->facets.buffer.size_bytes;
     if (out->peak_bytes < out->used_bytes)

@@ -14,8 +14,10 @@
 #ifndef HG_RENDERER_GEOMETRY_GEOMETRY_H
 #define HG_RENDERER_GEOMETRY_GEOMETRY_H
 
+#include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
+#include "renderer/store/store.h"
 #include "renderer/texture/textures.h"
 #include "shaders/shared/geometry.h"
 
@@ -23,8 +25,23 @@
 
 struct hg_geometry;
 
+#define HG_GEOMETRY_BAKE_NONE UINT32_MAX
+
+// Chunks of baked parts.
+struct hg_cluster_pool_stats {
+    uint64_t budget_bytes, used_bytes, peak_bytes; // of slots on the device
+    uint64_t resident, requested, evicted;         // chunks: now, now, since creation
+    uint64_t read_bytes, decode_ns, upload_ns;     // since creation
+    uint64_t full;                                 // times that no slot was to be had
+};
+
 struct hg_geometry_params {
     uint64_t budget_bytes; // of vertex, index, deformation and table memory; 0 = unlimited
+    // Static parts of many triangles get levels of detail (lod.h), made in the background on jobs
+    // and kept in the store. jobs NULL: none do; store NULL: they are kept in host memory.
+    struct hg_jobs *jobs;
+    struct hg_store *store;
+    uint32_t bake_from; // triangles; 0 = the default, HG_GEOMETRY_BAKE_NONE = none
 };
 
 struct hg_geometry_stats {
@@ -33,6 +50,8 @@ struct hg_geometry_stats {
     uint64_t triangles_total; // of all visible instances
     uint32_t draws, instances, parts, materials, deforms;
     uint32_t parts_uploaded, deforms_changed; // by the newest sync
+    uint32_t baking;                          // parts whose levels are being made
+    struct hg_cluster_pool_stats chunks;
 };
 
 // HG_E_NOMEM. `gpu` is borrowed and must outlive it.
@@ -50,6 +69,11 @@ void hg_geometry_origin(const struct hg_geometry *geometry, double out[3]);
 // device errors. Nothing is written when nothing changed.
 enum hg_status hg_geometry_sync(struct hg_geometry *geometry, const struct hg_scene *scene,
     const struct hg_textures *textures, struct hg_error *err) HG_MUST_CHECK;
+// In front of each frame: brings in what threads have made. True: sync again. wait: until all
+// parts are baked.
+bool hg_geometry_poll(struct hg_geometry *geometry, bool wait);
+uint32_t hg_geometry_baking(const struct hg_geometry *geometry); // parts that are not yet
+bool hg_geometry_has_levels(const struct hg_geometry *geometry);
 void hg_geometry_fill(const struct hg_geometry *geometry, struct hg_gpu_geometry *out);
 void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_stats *out);
 // Grows whenever positions, transforms or visibility changed: cached shadow maps are stale.

@@ -2,6 +2,8 @@
 #ifndef HG_RENDERER_GEOMETRY_INTERNAL_H
 #define HG_RENDERER_GEOMETRY_INTERNAL_H
 
+#include "renderer/geometry/baker.h"
+#include "renderer/geometry/cluster_mesh.h"
 #include "renderer/geometry/meshlets.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/geometry/pack.h"
@@ -50,6 +52,8 @@ struct hg_part_entry {
     struct hg_meshlet_list meshlets; // of triangles
     const uint32_t *indices;         // in the order of the device; on it, or `host_indices`
     uint32_t *host_indices;
+    struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
+    bool baking;
 };
 
 struct hg_mesh_entry {
@@ -65,7 +69,15 @@ enum hg_status hg_mesh_entry_init(
     struct hg_mesh_entry *entry, const struct hg_mesh *mesh, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
-void hg_mesh_entry_finish(struct hg_gpu *gpu, struct hg_mesh_entry *entry);
+void hg_mesh_entry_finish(
+    struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct hg_mesh_entry *entry);
+
+// --- baked.c ---
+// Queues parts of many triangles for baking; brings finished ones into their entries (true when
+// there were some). wait: until all are done.
+void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count);
+bool hg_baked_collect(
+    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait);
 
 // --- deform.c: one part of one skinned or morphed node ---
 struct hg_deform_entry {
@@ -145,6 +157,8 @@ struct hg_geometry {
     uint64_t signature; // of the scene at the last sync, 0 = none
     uint64_t shape_signature;
     uint64_t revision, shape_revision;
+    struct hg_cluster_pool *pool; // NULL: parts are not baked
+    struct hg_baker *baker;
     uint64_t bit_layout; // changes when bits of histories mean something else
     uint32_t bit_count;
     bool one_shape; // of the textures of each material

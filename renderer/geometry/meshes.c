@@ -85,7 +85,7 @@ enum hg_status hg_mesh_entry_init(
     }
     if (status == HG_OK)
         return HG_OK;
-    hg_mesh_entry_finish(NULL, entry);
+    hg_mesh_entry_finish(NULL, NULL, entry);
     return hg_error_set(err, status, "mesh", mesh->head.name,
         status == HG_E_NOMEM ? "no memory" : "too many vertices or morph targets");
 }
@@ -141,12 +141,15 @@ enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *en
     return HG_OK;
 }
 
-void hg_mesh_entry_finish(struct hg_gpu *gpu, struct hg_mesh_entry *entry)
+void hg_mesh_entry_finish(
+    struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct hg_mesh_entry *entry)
 {
     for (uint32_t i = 0; i < entry->part_count; i++) {
         struct hg_part_entry *e = &entry->parts[i];
         if (gpu != NULL)
             hg_gpu_buffer_destroy(gpu, &e->buffer);
+        if (e->clusters != NULL)
+            hg_cluster_mesh_close(pool, e->clusters);
         hg_meshlets_finish(&e->meshlets);
         hg_free(e->host_indices);
         hg_free(e->joint_boxes);

@@ -12,9 +12,6 @@
 // A normal that turns by 90 degrees counts as much as this part of the longest side of the centres.
 #define NORMAL_SHARE 0.35f
 
-// Rasterisers move corners by a part of a pixel: what turns away by less is not culled as a whole.
-#define CONE_MARGIN 0.04f
-
 struct split {
     const struct hg_mesh_part *part;
     float (*keys)[DIMENSIONS]; // centre, unit normal (0 without an area)
@@ -151,7 +148,7 @@ static void cone_of(const struct split *s, struct hg_meshlet *c)
     for (int d = 0; d < 3; d++)
         c->cone_axis[d] = (float)(axis[d] / length);
     if (least > 0.1)
-        c->cone_cutoff = fminf(1.0f, (float)sqrt(1.0 - least * least) + CONE_MARGIN);
+        c->cone_cutoff = fminf(1.0f, (float)sqrt(1.0 - least * least) + HG_CONE_MARGIN);
 }
 
 static void add_meshlet(struct split *s, uint32_t first, uint32_t count)

@@ -8,6 +8,9 @@
 #define HG_MESHLET_TRIANGLES 64 // at most
 #define HG_MESHLET_GROUP     4  // neighbours whose occlusion is tested together
 
+// Rasterisers move corners by a part of a pixel: what turns away by less is not culled as a whole.
+#define HG_CONE_MARGIN 0.04f
+
 struct hg_meshlet {
     float center[3], extent[3]; // box: half sizes about the centre, object space
     // All triangles face away from the eye if

@@ -14,13 +14,6 @@
 // their corners are rounded.
 #define LEAST_CONE_PX 16.0f
 
-struct object_view {
-    float planes[6][4], reach[6][3]; // reach: |plane|
-    uint32_t plane_count;
-    float eye[3], forward[3];
-    bool has_facing, orthographic;
-};
-
 struct block {
     uint32_t first_draw, end_draw;
     struct hg_selection selection;
@@ -36,7 +29,7 @@ struct run {
 // --- one object ----------------------------------------------------------------------------------
 
 static void move_planes(
-    const struct hg_visible_view *view, const float m[12], struct object_view *out)
+    const struct hg_visible_view *view, const float m[12], struct hg_object_view *out)
 {
     out->plane_count = view->plane_count;
     for (uint32_t i = 0; i < view->plane_count; i++) {
@@ -85,8 +78,32 @@ static bool is_box_outside(const struct hg_visible_view *view, const struct hg_b
     return false;
 }
 
+// Largest singular value of the linear part: root of the largest eigenvalue of its square, by the
+// bound of Gershgorin's circles after two squarings.
+float hg_select_stretch(const struct hg_mat4x3 *world)
+{
+    double a[9], b[9];
+    const float *m = world->m;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            a[i * 3 + j] = (double)m[i * 3] * m[j * 3] + (double)m[i * 3 + 1] * m[j * 3 + 1] +
+                           (double)m[i * 3 + 2] * m[j * 3 + 2];
+    for (int round = 0; round < 2; round++) {
+        for (int i = 0; i < 9; i++) {
+            b[i] = 0.0;
+            for (int k = 0; k < 3; k++)
+                b[i] += a[i / 3 * 3 + k] * a[k * 3 + i % 3];
+        }
+        memcpy(a, b, sizeof a);
+    }
+    double most = 0.0;
+    for (int i = 0; i < 3; i++)
+        most = fmax(most, fabs(a[i * 3]) + fabs(a[i * 3 + 1]) + fabs(a[i * 3 + 2]));
+    return (float)(sqrt(sqrt(sqrt(most))) * (1.0 + 1e-6));
+}
+
 static void open_object(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
-    bool both_sides, struct object_view *out)
+    bool both_sides, struct hg_object_view *out)
 {
     const float *m = world->m;
     const double from[3] = {
@@ -99,7 +116,7 @@ static void open_object(const struct hg_visible_view *view, const struct hg_mat4
                                          view->orthographic ? out->forward : out->eye);
 }
 
-static bool is_outside(const struct object_view *o, const struct hg_meshlet *c)
+bool hg_select_is_outside(const struct hg_object_view *o, const struct hg_meshlet *c)
 {
     for (uint32_t i = 0; i < o->plane_count; i++) {
         const float *p = o->planes[i], *r = o->reach[i];
@@ -113,8 +130,8 @@ static bool is_outside(const struct object_view *o, const struct hg_meshlet *c)
     return false;
 }
 
-static bool faces_away(
-    const struct hg_visible_view *view, const struct object_view *o, const struct hg_meshlet *c)
+bool hg_select_faces_away(
+    const struct hg_visible_view *view, const struct hg_object_view *o, const struct hg_meshlet *c)
 {
     if (!o->has_facing || c->cone_cutoff >= 1.0f)
         return false;
@@ -147,6 +164,7 @@ static enum hg_status add(struct block *b, const struct hg_run *run)
 static enum hg_status add_whole(struct block *b, uint32_t index, const struct hg_draw_entry *d)
 {
     const struct hg_run run = {.draw = index,
+        .chunk = HG_LOD_NONE,
         .count = d->part->primitive_count,
         .bit = HG_RUN_NO_BIT,
         .extent = {-1.0f, -1.0f, -1.0f}};
@@ -169,7 +187,7 @@ static void box_of(const struct hg_meshlet *first, uint32_t count, struct hg_run
 
 // Meshlets that may be seen, in runs that do not cross a group.
 static enum hg_status add_meshlets(
-    const struct run *run, struct block *b, uint32_t index, const struct object_view *object)
+    const struct run *run, struct block *b, uint32_t index, const struct hg_object_view *object)
 {
     const struct hg_draw_entry *d = &run->geometry->draws[index];
     const struct hg_meshlet_list *list = &d->part->meshlets;
@@ -179,12 +197,13 @@ static enum hg_status add_meshlets(
         const uint32_t end = (group + 1) * HG_MESHLET_GROUP;
         uint32_t k = i, count = 0;
         for (; k < list->count && k < end; k++, count++)
-            if (is_outside(object, &list->items[k]) ||
-                faces_away(run->view, object, &list->items[k]))
+            if (hg_select_is_outside(object, &list->items[k]) ||
+                hg_select_faces_away(run->view, object, &list->items[k]))
                 break;
         if (count > 0) {
             const struct hg_meshlet *last = &list->items[k - 1];
             struct hg_run r = {.draw = index,
+                .chunk = HG_LOD_NONE,
                 .first = list->items[i].first,
                 .count = last->first + last->count - list->items[i].first,
                 .bit = d->first_bit + group};
@@ -201,16 +220,21 @@ static enum hg_status select_draw(
 {
     const struct hg_visible_view *view = run->view;
     const struct hg_draw_entry *d = &run->geometry->draws[index];
+    const bool both_sides = view->both_sides || (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0;
+    struct hg_object_view object;
     if (d->part->index_count == 0 || hg_box_is_empty(&d->bounds) ||
         (view->casters_only && (d->gpu.flags & HG_DRAW_BLEND) != 0) ||
         is_box_outside(view, &d->bounds))
         return HG_OK;
+    if (d->part->clusters != NULL) {
+        open_object(view, world, both_sides, &object);
+        return hg_select_lod(view, index, run->geometry->bit_count, d->part->clusters, world,
+            &object, &b->selection);
+    }
     if (d->deformed || d->part->meshlets.count < 2 || (d->gpu.flags & HG_DRAW_BLEND) != 0 ||
         view->plane_count == 0)
         return add_whole(b, index, d);
-    struct object_view object;
-    open_object(
-        view, world, view->both_sides || (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0, &object);
+    open_object(view, world, both_sides, &object);
     return add_meshlets(run, b, index, &object);
 }
 
@@ -271,7 +295,16 @@ enum hg_status hg_select(const struct hg_geometry *g, const struct hg_visible_vi
             memcpy(out->items + out->count, from->items, from->count * sizeof *from->items);
             out->count += from->count;
         }
+        if (status == HG_OK)
+            status = hg_grow(&out->wants, &out->want_capacity, out->want_count + from->want_count,
+                sizeof *out->wants);
+        if (status == HG_OK && from->want_count > 0) {
+            memcpy(
+                out->wants + out->want_count, from->wants, from->want_count * sizeof *from->wants);
+            out->want_count += from->want_count;
+        }
         hg_free(from->items);
+        hg_free(from->wants);
     }
     hg_free(run.blocks);
     return status;

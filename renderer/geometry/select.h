@@ -10,7 +10,8 @@
 // Consecutive primitives of one draw.
 struct hg_run {
     uint32_t draw;
-    uint32_t first, count;      // primitives
+    uint32_t chunk;             // of a baked part; HG_LOD_NONE: the part itself
+    uint32_t first, count;      // primitives of it
     uint32_t bit;               // of histories; HG_RUN_NO_BIT: always drawn
     float center[3], extent[3]; // box, object space; extent < 0: not known
 };
@@ -19,9 +20,34 @@ struct hg_selection { // zeroed = empty; keeps its memory
     struct hg_run *items;
     size_t capacity;
     uint32_t count;
+    struct hg_chunk_want *wants; // chunks that are not there
+    size_t want_capacity;
+    uint32_t want_count;
+    uint32_t mark; // of chunks that are wanted already
 };
 
-// Appends runs in draw order. HG_E_NOMEM.
+// A view in the space of an object.
+struct hg_object_view {
+    float planes[6][4], reach[6][3]; // reach: |plane|
+    uint32_t plane_count;
+    float eye[3], forward[3];
+    bool has_facing, orthographic;
+};
+
+bool hg_select_is_outside(const struct hg_object_view *object, const struct hg_meshlet *box);
+bool hg_select_faces_away(const struct hg_visible_view *view, const struct hg_object_view *object,
+    const struct hg_meshlet *cone);
+// The most that a length grows under the matrix, rounded up.
+float hg_select_stretch(const struct hg_mat4x3 *world);
+
+// select_lod.c: runs of one draw of a baked part, by chunk and place. first_bit: the first of
+// hg_select_lod_bits() bits. HG_E_NOMEM.
+enum hg_status hg_select_lod(const struct hg_visible_view *view, uint32_t draw, uint32_t first_bit,
+    struct hg_cluster_mesh *mesh, const struct hg_mat4x3 *world,
+    const struct hg_object_view *object, struct hg_selection *out) HG_MUST_CHECK;
+uint32_t hg_select_lod_bits(void);
+
+// Appends runs in draw order, and what is missing. HG_E_NOMEM.
 enum hg_status hg_select(const struct hg_geometry *geometry, const struct hg_visible_view *view,
     struct hg_jobs *jobs, struct hg_selection *out) HG_MUST_CHECK;
 

@@ -1,20 +1,25 @@
 // visible.c - see visible.h.
 #include "renderer/geometry/visible.h"
 
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/geometry/select.h"
+#include "renderer/residency/residency.h"
 
 #define OCCLUSION_FROM 400000u // triangles; below, the test costs more than it saves (measured)
 #define COPY_RUNS      256     // of one job
+#define ERROR_STEP     1.25f
+#define MOST_ERROR_PX  1e6f
 
 // Indices that the list of this frame takes from a part.
 struct copy {
     const uint32_t *indices;
     uint32_t first, count, corners; // primitives
     uint64_t to;                    // indices
-    uint32_t ids;                   // place in the list of ids
+    uint32_t ids, base;             // place in the list of ids; added to each
 };
 
 struct hg_visible {
@@ -47,7 +52,9 @@ struct hg_visible {
     uint32_t *history;
     size_t history_capacity;
     uint32_t history_bits;
-    bool tested; // flags of set 0 are those of its newest sample
+    float bias;   // on the error of views that do not wait; 0 = 1
+    bool crowded; // the newest views wanted more than the budget holds
+    bool tested;  // flags of set 0 are those of its newest sample
 };
 
 #define BUFFERS(v)                                                                                 \
@@ -74,6 +81,7 @@ void hg_visible_destroy(struct hg_visible *v)
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(v->gpu, buffers[i]);
     hg_free(v->runs.items);
+    hg_free(v->runs.wants);
     hg_free(v->sets);
     hg_free(v->items);
     hg_free(v->copies);
@@ -83,6 +91,11 @@ void hg_visible_destroy(struct hg_visible *v)
     hg_free(v->commands);
     hg_free(v->history);
     hg_free(v);
+}
+
+void hg_visible_relax(struct hg_visible *v)
+{
+    v->bias = fmaxf(v->bias / ERROR_STEP, 1.0f);
 }
 
 void hg_visible_set_occlusion_from(struct hg_visible *v, uint64_t triangles)
@@ -119,9 +132,10 @@ static void learn(struct hg_visible *v)
 // Another list of draws: everything counts as seen.
 static enum hg_status keep_history(struct hg_visible *v, const struct hg_geometry *g)
 {
-    if (v->layout == g->bit_layout && v->history_bits == g->bit_count)
+    const uint32_t bits = g->bit_count + (g->pool != NULL ? hg_select_lod_bits() : 0);
+    const size_t words = ((size_t)bits + 31) / 32;
+    if (v->layout == g->bit_layout && v->history_bits == bits)
         return HG_OK;
-    const size_t words = ((size_t)g->bit_count + 31) / 32;
     v->history_bits = 0;
     const enum hg_status status =
         hg_grow(&v->history, &v->history_capacity, words, sizeof *v->history);
@@ -129,7 +143,7 @@ static enum hg_status keep_history(struct hg_visible *v, const struct hg_geometr
         return status;
     if (words > 0)
         memset(v->history, 0xff, words * sizeof *v->history);
-    v->history_bits = g->bit_count;
+    v->history_bits = bits;
     v->layout = g->bit_layout;
     return HG_OK;
 }
@@ -138,6 +152,10 @@ void hg_visible_reset(struct hg_visible *v)
 {
     if (v->tested && v->set_count > 0)
         learn(v);
+    // Evenly coarser while not all fits; finer again, slowly, when it does.
+    if (v->crowded)
+        v->bias = fminf(fmaxf(v->bias, 1.0f) * ERROR_STEP, MOST_ERROR_PX);
+    v->crowded = false;
     v->tested = false;
     v->set_count = v->item_count = v->copy_count = v->id_count = 0;
     v->candidate_count = v->command_count = 0;
@@ -162,6 +180,7 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
         .positions = part->positions,
         .vertices = part->vertices,
         .extra = part->extra,
+        .chunk = HG_LOD_NONE,
         .first_primitive = HG_CLUSTER_NONE,
         .command = HG_CLUSTER_NONE};
 }
@@ -207,18 +226,22 @@ static enum hg_status add_copy(
         hg_grow(&v->copies, &v->copy_capacity, v->copy_count + 1, sizeof *v->copies);
     if (status != HG_OK)
         return status;
-    v->copies[v->copy_count++] = (struct copy){.indices = g->draws[run->draw].part->indices,
-        .first = run->first,
-        .count = run->count,
-        .corners = corners,
-        .to = v->index_count,
-        .ids = v->id_count};
+    const struct hg_part_entry *part = g->draws[run->draw].part;
+    const bool chunk = run->chunk != HG_LOD_NONE;
+    v->copies[v->copy_count++] =
+        (struct copy){.indices = chunk ? part->clusters->chunks[run->chunk].indices : part->indices,
+            .first = run->first,
+            .count = run->count,
+            .corners = corners,
+            .to = v->index_count,
+            .ids = v->id_count,
+            .base = chunk ? run->chunk << HG_LOD_SHIFT : 0};
     v->index_count += (uint64_t)run->count * corners;
     v->id_count += run->count;
     return HG_OK;
 }
 
-// Runs of one draw as one item of its own list of indices.
+// Runs of one draw and chunk as one item of its own list of indices.
 static enum hg_status add_listed(
     struct hg_visible *v, const struct hg_geometry *g, const struct hg_run *runs, uint32_t count)
 {
@@ -226,6 +249,16 @@ static enum hg_status add_listed(
     const uint32_t corners = corners_of(item.flags);
     item.first_primitive = v->id_count;
     item.index_offset = v->index_count * 4;
+    item.first_copy = v->copy_count;
+    item.copy_count = count;
+    item.chunk = runs[0].chunk;
+    if (item.chunk != HG_LOD_NONE) {
+        const struct hg_gpu_part *part =
+            &g->draws[runs[0].draw].part->clusters->chunks[item.chunk].part;
+        item.positions = part->positions;
+        item.vertices = part->vertices;
+        item.extra = part->extra;
+    }
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < count && status == HG_OK; i++) {
         item.primitive_count += runs[i].count;
@@ -233,6 +266,47 @@ static enum hg_status add_listed(
     }
     item.index_count = item.primitive_count * corners;
     return status == HG_OK ? push_item(v, &item) : status;
+}
+
+// Instances far away show the same clusters: they join the item before.
+static bool joins(const struct hg_visible *v, const struct hg_visible_set *set,
+    const struct hg_geometry *g, const struct hg_run *runs, uint32_t count)
+{
+    if (v->item_count == set->first_item)
+        return false;
+    const struct hg_visible_item *last = &v->items[v->item_count - 1];
+    const struct hg_draw_entry *d = &g->draws[runs[0].draw];
+    if (last->first_primitive == HG_CLUSTER_NONE || last->part != d->gpu.part ||
+        last->flags != d->gpu.flags || last->first_draw + last->draw_count != runs[0].draw ||
+        last->chunk != runs[0].chunk || last->copy_count != count)
+        return false;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct copy *c = &v->copies[last->first_copy + i];
+        if (c->first != runs[i].first || c->count != runs[i].count)
+            return false;
+    }
+    return true;
+}
+
+// Items of a draw of a baked part: one per chunk. Only draws of one chunk can be joined, so that
+// items stay in draw order.
+static enum hg_status add_chunks(struct hg_visible *v, const struct hg_geometry *g,
+    struct hg_visible_set *set, const struct hg_run *runs, uint32_t count)
+{
+    if (runs[0].chunk == runs[count - 1].chunk && joins(v, set, g, runs, count)) {
+        v->items[v->item_count - 1].draw_count++;
+        return HG_OK;
+    }
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0, n; i < count && status == HG_OK; i += n) {
+        for (n = 1; i + n < count && runs[i + n].chunk == runs[i].chunk;)
+            n++;
+        status = add_listed(v, g, &runs[i], n);
+        // The last of several chunks of a draw is no start for others to join.
+        if (status == HG_OK && n != count)
+            v->items[v->item_count - 1].copy_count = 0;
+    }
+    return status;
 }
 
 static enum hg_status add_candidate(
@@ -290,6 +364,8 @@ static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g
         return status;
     if (!(d->gpu.flags & (HG_DRAW_LINES | HG_DRAW_POINTS)))
         set->triangles += primitives;
+    if (d->part->clusters != NULL)
+        return add_chunks(v, g, set, runs, count);
     return primitives == d->part->primitive_count ? add_whole(v, g, set, runs[0].draw)
                                                   : add_listed(v, g, runs, count);
 }
@@ -355,17 +431,123 @@ static uint64_t triangles_of(const struct hg_selection *runs)
     return sum;
 }
 
-enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *geometry,
+static int by_chunk(const void *a, const void *b)
+{
+    const struct hg_chunk_want *x = a, *y = b;
+    if (x->mesh != y->mesh)
+        return x->mesh->number < y->mesh->number ? -1 : 1;
+    return x->chunk < y->chunk ? -1 : x->chunk > y->chunk;
+}
+
+// Each chunk once, with the largest of its priorities.
+static void unite_wants(struct hg_selection *s)
+{
+    if (s->want_count == 0)
+        return;
+    qsort(s->wants, s->want_count, sizeof *s->wants, by_chunk);
+    uint32_t count = 1;
+    for (uint32_t i = 1; i < s->want_count; i++) {
+        struct hg_chunk_want *last = &s->wants[count - 1];
+        if (by_chunk(last, &s->wants[i]) != 0)
+            s->wants[count++] = s->wants[i];
+        else if (s->wants[i].priority > last->priority)
+            last->priority = s->wants[i].priority;
+    }
+    s->want_count = count;
+}
+
+// A chunk needs the chunks of the parents of all its groups, also of those that are not seen.
+static enum hg_status add_parents(struct hg_selection *s)
+{
+    for (uint32_t i = 0; i < s->want_count; i++) {
+        const struct hg_chunk_want w = s->wants[i];
+        for (uint32_t k = w.mesh->parent_first[w.chunk]; k < w.mesh->parent_first[w.chunk + 1];
+             k++) {
+            const uint32_t parent = w.mesh->parents[k];
+            struct hg_chunk_state *state = &w.mesh->chunks[parent];
+            if (state->slot != HG_RESIDENCY_NONE || state->mark == s->mark)
+                continue;
+            state->mark = s->mark;
+            const enum hg_status status =
+                hg_grow(&s->wants, &s->want_capacity, s->want_count + 1, sizeof *s->wants);
+            if (status != HG_OK)
+                return status;
+            s->wants[s->want_count++] = (struct hg_chunk_want){w.mesh, parent, w.priority};
+        }
+    }
+    return HG_OK;
+}
+
+static void use_chunks(const struct hg_geometry *g, const struct hg_selection *s)
+{
+    for (uint32_t i = 0; i < s->count; i++) {
+        const struct hg_run *run = &s->items[i];
+        if (run->chunk != HG_LOD_NONE &&
+            (i == 0 || run->chunk != run[-1].chunk || run->draw != run[-1].draw))
+            hg_cluster_pool_use(g->pool, g->draws[run->draw].part->clusters, run->chunk);
+    }
+}
+
+static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry *g,
     const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
 {
+    v->runs.count = v->runs.want_count = 0;
+    const enum hg_status status = hg_select(g, view, jobs, &v->runs);
+    if (status != HG_OK)
+        return hg_error_set(err, status, "draw lists", NULL, "no memory");
+    use_chunks(g, &v->runs);
+    unite_wants(&v->runs);
+    v->runs.mark = hg_cluster_pool_mark(g->pool);
+    if (v->runs.want_count > 0 && add_parents(&v->runs) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "draw lists", NULL, "no memory");
+    unite_wants(&v->runs);
+    return HG_OK;
+}
+
+// Selects what the view shows. A view that waits loads what is missing; when the budget does not
+// hold all of it, the error is raised for all parts alike until it does.
+static enum hg_status select_runs(struct hg_visible *v, const struct hg_geometry *g,
+    struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
+{
+    enum hg_status status = select_once(v, g, view, jobs, err);
+    if (status != HG_OK || v->runs.want_count == 0)
+        return status;
+    if (!view->wait) {
+        v->crowded |= hg_cluster_pool_request(g->pool, v->runs.wants, v->runs.want_count);
+        return HG_OK;
+    }
+    while (status == HG_OK && v->runs.want_count > 0) {
+        status = hg_cluster_pool_load(g->pool, v->runs.wants, v->runs.want_count, err);
+        if (status == HG_E_AGAIN && view->error_px < MOST_ERROR_PX) {
+            view->error_px *= ERROR_STEP;
+            hg_cluster_pool_tick(g->pool); // what the finer cut used may go
+            status = HG_OK;
+        }
+        if (status == HG_E_AGAIN)
+            return HG_OK;
+        if (status == HG_OK)
+            status = select_once(v, g, view, jobs, err);
+    }
+    return status;
+}
+
+enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *geometry,
+    const struct hg_visible_view *wanted, struct hg_jobs *jobs, struct hg_error *err)
+{
+    struct hg_visible_view view = *wanted;
     struct hg_visible_set set = {
         .first_item = v->item_count, .first_candidate = v->candidate_count};
     struct hg_selection late = {0};
-    v->runs.count = 0;
-    enum hg_status status = hg_select(geometry, view, jobs, &v->runs);
-    if (status == HG_OK && view->history)
+    if (!view.wait && v->bias > 1.0f)
+        view.error_px *= v->bias;
+    enum hg_status status = select_runs(v, geometry, &view, jobs, err);
+    if (status != HG_OK)
+        return status;
+    set.missing = v->runs.want_count;
+    set.error_px = view.error_px;
+    if (view.history)
         status = keep_history(v, geometry);
-    const bool occlusion = view->history && triangles_of(&v->runs) >= v->occlusion_from;
+    const bool occlusion = view.history && triangles_of(&v->runs) >= v->occlusion_from;
     if (status == HG_OK)
         status = add_items(v, geometry, &set, occlusion ? &late : NULL);
     hg_free(late.items);
@@ -423,7 +605,7 @@ static void copy_runs(void *user, size_t block)
             (size_t)c->count * c->corners * 4);
         uint32_t *ids = (uint32_t *)v->ids.mapped + c->ids;
         for (uint32_t k = 0; k < c->count; k++)
-            ids[k] = c->first + k;
+            ids[k] = c->base + c->first + k;
     }
 }
 

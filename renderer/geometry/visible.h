@@ -37,6 +37,9 @@ struct hg_visible_view {
     bool orthographic;
     bool both_sides;   // facing does not matter
     bool casters_only; // drop what casts no shadow (blend)
+    float error_px;    // greatest projected error of levels of detail; 0: none
+    float near;        // metres, > 0: nothing is looked at from nearer than this
+    bool wait;         // load what is missing now
     bool history;      // what the last view with history saw comes first, the rest may be late
 };
 
@@ -49,7 +52,8 @@ struct hg_visible_item {
     uint64_t index_offset;                              // bytes
     VkDeviceAddress positions, vertices, extra;
     uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
-    uint32_t command;         // indirect draw; HG_CLUSTER_NONE: none
+    uint32_t chunk, first_copy, copy_count; // private
+    uint32_t command;                       // indirect draw; HG_CLUSTER_NONE: none
 };
 
 struct hg_visible_set {
@@ -57,9 +61,14 @@ struct hg_visible_set {
     uint32_t class_first[4];         // items of class c: [class_first[c], class_first[c + 1])
     uint32_t first_late, late_count; // in reverse draw order, opaque and masked
     uint32_t first_candidate, candidate_count; // of occlusion
+    uint32_t missing;                          // chunks that should be there and are not
+    float error_px;                            // >= that of the view: more did not fit the budget
     uint64_t triangles, late_triangles;        // triangles: of items that are not late
 };
 
+// The camera moved: what did not fit the budget may fit now. Views that do not wait and want more
+// than it holds get a larger error from frame to frame; this lowers it by a step.
+void hg_visible_relax(struct hg_visible *visible);
 // Forgets all sets. The batch that used them is over.
 void hg_visible_reset(struct hg_visible *visible);
 // Adds a set; it is number hg_visible_count() - 1. HG_E_NOMEM.

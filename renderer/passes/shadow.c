@@ -103,7 +103,7 @@ static bool is_due(const struct hg_shadow_map *map, bool coarse)
 }
 
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
-    bool coarse, struct hg_jobs *jobs, struct hg_visible *visible, struct hg_error *err)
+    bool coarse, bool wait, struct hg_jobs *jobs, struct hg_visible *visible, struct hg_error *err)
 {
     uint32_t count;
     const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
@@ -111,7 +111,15 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
     for (uint32_t i = 0; i < count && !status; i++) {
         if (!is_due(&maps[i], coarse))
             continue;
-        struct hg_visible_view view = {.both_sides = true, .casters_only = true};
+        const struct hg_gpu_shadow *s = &maps[i].gpu;
+        struct hg_visible_view view = {.both_sides = true,
+            .casters_only = true,
+            .eye = {s->origin_ws.x, s->origin_ws.y, s->origin_ws.z},
+            .px_scale = 1.0f / s->texel_size,
+            .orthographic = s->perspective == 0,
+            .error_px = 1.0f,
+            .near = 1e-3f,
+            .wait = wait};
         view.plane_count = hg_cull_planes(maps[i].view_proj, view.planes);
         status = hg_visible_add(visible, geometry, &view, jobs, err);
     }
@@ -136,8 +144,9 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
         if (!is_due(&maps[i], coarse))
             continue;
         status =
-            draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set++, err);
-        maps[i].stale = status != HG_OK;
+            draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set, err);
+        maps[i].stale = status != HG_OK || hg_visible_set(visible, first_set)->missing > 0;
+        first_set++;
     }
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;

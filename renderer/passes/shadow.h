@@ -12,9 +12,10 @@
 
 // Once per step, before hg_visible_upload: adds a set for each map that is stale. coarse: leave out
 // (and leave stale) what only refines the map of the whole scene; the frame block must carry
-// HG_FRAME_COARSE_SHADOWS then. HG_E_NOMEM.
+// HG_FRAME_COARSE_SHADOWS then. Levels of detail are as fine as the map's texels, wherever the
+// camera is, so that a map that is kept fits every view. wait: load what is missing. HG_E_NOMEM.
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
-    bool coarse, struct hg_jobs *jobs, struct hg_visible *visible,
+    bool coarse, bool wait, struct hg_jobs *jobs, struct hg_visible *visible,
     struct hg_error *err) HG_MUST_CHECK;
 // Draws the sets from first_set on, which hg_shadow_select added, before shading; nothing is
 // recorded when there are none. Device errors.

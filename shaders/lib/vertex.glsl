@@ -115,6 +115,10 @@ hg_vertex hg_fetch_triangle(uint draw, uint triangle, vec2 pixel)
 {
     hg_gpu_draw d = hg_draw_at(draw);
     hg_gpu_part part = hg_part_at(d.part);
+    if (HG_HAS(HG_FEATURE_LOD) && (d.flags & HG_DRAW_LOD) != 0u) {
+        part = hg_part_list(part.indices).v[triangle >> HG_LOD_SHIFT];
+        triangle &= (1u << HG_LOD_SHIFT) - 1u;
+    }
     mat4x3 world = hg_world_at(d.instance);
     uint corners = 3u;
     if (HG_HAS(HG_FEATURE_VERTICES))

@@ -20,6 +20,7 @@
 #define HG_FEATURE_STREAM      0x1000u // pages that may not be resident
 #define HG_FEATURE_WIDE        0x2000u // textures wider or higher than 65536 texels
 #define HG_FEATURE_SHAPES      0x4000u // materials with textures of more than one size
+#define HG_FEATURE_LOD         0x8000u // parts with levels of detail
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

@@ -26,6 +26,10 @@
 #define HG_DRAW_UV1          0x0100u // extra stream holds a second uv set
 #define HG_DRAW_COLOR8       0x0200u // extra stream holds RGBA8 colours
 #define HG_DRAW_COLOR16      0x0400u // extra stream holds RGBA16 colours
+#define HG_DRAW_LOD          0x0800u // `indices` of the part is a list of parts, its chunks
+
+// Primitives of such draws: chunk << HG_LOD_SHIFT | primitive of the chunk.
+#define HG_LOD_SHIFT 14
 
 struct hg_gpu_draw {
     HG_UINT part, instance, material;

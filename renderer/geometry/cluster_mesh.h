@@ -1,0 +1,72 @@
+// cluster_mesh.h - one baked part at run time, and the pool of its chunks on the device.
+// Floor 2 (geometry). Thread: the render thread; reading and decoding happen on threads of the pool
+// and on jobs. Private to the room.
+//
+// Chunks are in slots of one size, under the geometry budget, evicted by least recent use
+// (renderer/residency). A chunk is resident only while the chunks of all parents of its groups are,
+// as lod.h asks: parents are pinned by the children that are there.
+#ifndef HG_RENDERER_GEOMETRY_CLUSTER_MESH_H
+#define HG_RENDERER_GEOMETRY_CLUSTER_MESH_H
+
+#include "renderer/geometry/geometry.h"
+#include "renderer/geometry/lod_store.h"
+
+struct hg_cluster_pool;
+
+struct hg_chunk_state {
+    uint32_t slot;           // HG_RESIDENCY_NONE: not resident
+    uint32_t mark;           // hg_cluster_pool_mark
+    uint32_t children;       // resident chunks that need this one
+    const uint32_t *indices; // while resident, host memory
+    uint32_t *host_indices;  // where device memory is slow to read
+    struct hg_gpu_part part; // its streams
+};
+
+struct hg_cluster_mesh {
+    struct hg_lod *lod;
+    struct hg_lod_stored stored; // its source, or
+    uint8_t *data;               // the whole file
+    size_t size;
+    uint32_t number;        // in keys of the pool, never used again
+    uint32_t *parent_first; // [chunk_count + 1] into parents
+    uint32_t *parents;      // chunks that must be resident
+    struct hg_chunk_state *chunks;
+    struct hg_gpu_buffer table; // struct hg_gpu_part per chunk
+};
+
+// Takes over data or stored (whichever is set). The root chunks are loaded and stay. HG_E_LIMIT
+// (budget), HG_E_NOMEM, HG_E_HASH and HG_E_FORMAT (damaged), device errors.
+enum hg_status hg_cluster_mesh_open(struct hg_cluster_pool *pool, struct hg_lod_stored *stored,
+    uint8_t *data, size_t size, struct hg_cluster_mesh **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cluster_mesh_close(struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh);
+
+// A chunk that a view would use, and how urgently (pixels of error).
+struct hg_chunk_want {
+    struct hg_cluster_mesh *mesh;
+    uint32_t chunk;
+    float priority;
+};
+
+// HG_E_NOMEM.
+enum hg_status hg_cluster_pool_create(
+    struct hg_gpu *gpu, struct hg_cluster_pool **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cluster_pool_destroy(struct hg_cluster_pool *pool); // accepts NULL; meshes are closed
+// Bytes that slots may take; 0 = unlimited. Slots that are there stay.
+void hg_cluster_pool_set_budget(struct hg_cluster_pool *pool, uint64_t bytes);
+void hg_cluster_pool_stats(const struct hg_cluster_pool *pool, struct hg_cluster_pool_stats *out);
+
+// A frame begins: chunks that threads have decoded come in. True when one did.
+bool hg_cluster_pool_tick(struct hg_cluster_pool *pool);
+void hg_cluster_pool_use(
+    struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh, uint32_t chunk);
+// A number that no chunk is marked with yet; accepts NULL.
+uint32_t hg_cluster_pool_mark(struct hg_cluster_pool *pool);
+// Starts to load what is wanted most. True when the pool is too small for all of it.
+bool hg_cluster_pool_request(
+    struct hg_cluster_pool *pool, const struct hg_chunk_want *wants, uint32_t count);
+// Loads all of it now, coarse chunks first. HG_E_AGAIN: no room beside what this frame uses. Other
+// statuses as of opening.
+enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *pool, const struct hg_chunk_want *wants,
+    uint32_t count, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

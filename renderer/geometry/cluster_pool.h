@@ -1,0 +1,16 @@
+// cluster_pool.h - what cluster_mesh.c needs of the pool. Private to the room.
+#ifndef HG_RENDERER_GEOMETRY_CLUSTER_POOL_H
+#define HG_RENDERER_GEOMETRY_CLUSTER_POOL_H
+
+#include "renderer/geometry/cluster_mesh.h"
+#include "renderer/residency/residency.h"
+
+struct hg_gpu *hg_cluster_pool_gpu(const struct hg_cluster_pool *pool);
+uint32_t hg_cluster_pool_next_number(struct hg_cluster_pool *pool);
+// A resident chunk that is never evicted.
+void hg_cluster_pool_pin(
+    struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh, uint32_t chunk);
+// Empties all slots of a mesh and waits for threads that read it.
+void hg_cluster_pool_forget(struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh);
+
+#endif
