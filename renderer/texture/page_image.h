@@ -45,6 +45,7 @@ struct hg_page_image {
     bool failed;                     // it cannot be read (err)
     atomic_bool cancel;              // nobody needs what the thread does
     struct hg_page_source *borrowed; // whose hg_image_source the thread reads
+    unsigned tries;                  // that ended for want of memory
     uint64_t retry_ns;               // not before this time (another process is baking)
     uint64_t used_ns;                // last read
     struct hg_page_bake bake;

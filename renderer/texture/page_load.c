@@ -11,6 +11,7 @@
 #include "renderer/texture/page_image.h"
 
 #define STREAM_BYTES ((size_t)8 << 20) // of rows read at once
+#define MEMORY_TRIES 20
 #define RETRY_NS     UINT64_C(100000000) // until a pack that another process bakes is looked for again
 
 void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
@@ -148,11 +149,19 @@ static void note_memory(struct hg_page_sources *s, uint64_t more, uint64_t less)
     s->memory_bytes -= less;
 }
 
+// The lock is held. Memory may come back: it is tried again some times, then the image is too
+// large.
 static void fail_image(
     struct hg_page_sources *s, struct hg_page_image *image, const struct hg_error *err)
 {
+    if (err->status == HG_E_NOMEM && image->tries++ < MEMORY_TRIES) {
+        image->retry_ns = hg_clock_now_ns() + RETRY_NS;
+        return;
+    }
     image->failed = true;
     image->err = *err;
+    if (err->status == HG_E_NOMEM)
+        image->err.status = HG_E_LIMIT;
     s->stats.failed++;
     char text[512];
     hg_error_format(err, text, sizeof text);
@@ -198,6 +207,7 @@ static void load(struct hg_page_sources *s, struct hg_page_image *image)
         note_memory(s, b->memory_bytes, 0);
         image->backing = b;
         image->used_ns = hg_clock_now_ns();
+        image->tries = 0;
         return;
     }
     if (b != NULL) {
@@ -439,7 +449,7 @@ static void wait_for_work(struct hg_page_sources *s)
     until.tv_sec += until.tv_nsec / 1000000000;
     until.tv_nsec %= 1000000000;
     for (const struct hg_page_image *i = s->images; i != NULL; i = i->next)
-        if (i->retry_ns > 0 && !i->busy && !i->no_bake) {
+        if (i->retry_ns > 0 && !i->busy && !i->failed) {
             pthread_cond_timedwait(&s->work, &s->lock, &until);
             return;
         }
@@ -467,7 +477,7 @@ static void work_on(struct hg_page_sources *s, struct hg_page_image *image, enum
         pthread_mutex_lock(&s->lock);
     }
     image->busy = false;
-    hg_page_sources_changed(s, (image->backing != NULL) != had_pages);
+    hg_page_sources_changed(s, image->failed || (image->backing != NULL) != had_pages);
 }
 
 void *hg_page_load_thread(void *sources)

@@ -48,7 +48,7 @@ enum hg_status hg_page_sources_create(const struct hg_page_sources_params *param
 // closed. Accepts NULL.
 void hg_page_sources_destroy(struct hg_page_sources *sources);
 void hg_page_sources_stats(struct hg_page_sources *sources, struct hg_page_sources_stats *out);
-// Grows whenever pages that were refused with HG_E_AGAIN may be had now.
+// Grows whenever pages that were refused with HG_E_AGAIN may be had now, or never will.
 uint64_t hg_page_sources_revision(struct hg_page_sources *sources);
 // Waits until the revision is no longer `seen`, or the time is over.
 void hg_page_sources_wait(struct hg_page_sources *sources, uint64_t seen, uint64_t timeout_ns);
