@@ -26,7 +26,7 @@ enum { SCOPE_ABI = 6 };
 #if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
 #define MEMORY_LIMIT 0
 #else
-#define MEMORY_LIMIT (256u << 20)
+#define MEMORY_LIMIT 268435456u
 #endif
 
 static char folder[] = "/tmp/helio-sandbox-XXXXXX";

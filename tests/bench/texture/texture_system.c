@@ -25,7 +25,7 @@ enum { MOMENTS = 300, SHOWN = 24, GRID = 64, PAGE_BYTES = HG_PAGE_PITCH * HG_PAG
 
 static char folder[64];
 
-static void die(const char *what, const struct hg_error *err)
+static _Noreturn void die(const char *what, const struct hg_error *err)
 {
     fprintf(stderr, "bench_texture_system: %s: %s\n", what, err != NULL ? err->reason : "");
     exit(1);
