@@ -15,16 +15,16 @@
 #include "renderer/json.h"
 
 #define VFOV_RAD      0.8f
-#define FULL_ERROR_PX 0.01f // finer than any sample can see
+#define STILL_STATUES 24 // drawn whole for comparison
 
-enum { SMALL, LARGE, SIDES };
+enum { SMALL, LARGE, SIDES, STILL = SIDES, SCENES };
 
 struct run {
     const struct hg_bench_lod *bench;
-    struct hg_image heights; // empty: made
-    struct hg_renderer *renderer;
-    struct hg_bench_scene scenes[SIDES];
-    struct hg_bench_view views[SIDES];
+    struct hg_image heights;              // empty: made
+    struct hg_renderer *renderer, *whole; // whole: without levels of detail
+    struct hg_bench_scene scenes[SCENES];
+    struct hg_bench_view views[SCENES], whole_view; // whole_view: of scenes[STILL]
     struct hg_bench_times frames[SIDES];
     uint64_t triangles[SIDES], drawn[SIDES];
     double psnr_db, flip; // the worst of the stills
@@ -65,7 +65,7 @@ static enum hg_status load_statue(struct run *run, struct hg_asset **out, struct
 }
 
 static enum hg_status make_scene(
-    struct run *run, int side, uint32_t tiles, uint32_t statues, struct hg_error *err)
+    struct run *run, int which, uint32_t tiles, uint32_t statues, struct hg_error *err)
 {
     struct hg_bench_land land = {.heights = run->heights.pixels != NULL ? &run->heights : NULL,
         .tiles = tiles,
@@ -74,16 +74,16 @@ static enum hg_status make_scene(
     enum hg_status status = load_statue(run, &land.statue, err);
     if (status == HG_OK) {
         status =
-            hg_bench_land_make(&land, hg_renderer_jobs(run->renderer), &run->scenes[side], err);
+            hg_bench_land_make(&land, hg_renderer_jobs(run->renderer), &run->scenes[which], err);
     }
     const struct hg_view_params view = {.width = run->bench->stream.width,
         .height = run->bench->stream.height,
         .samples = run->bench->stream.samples};
     if (status == HG_OK) {
         status = hg_bench_view_init(
-            &run->views[side], run->renderer, run->scenes[side].scene, &view, err);
+            &run->views[which], run->renderer, run->scenes[which].scene, &view, err);
     }
-    run->views[side].vfov_rad = VFOV_RAD;
+    run->views[which].vfov_rad = VFOV_RAD;
     return status == HG_OK ? step_done(run, err) : status;
 }
 
@@ -100,6 +100,9 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
         status = make_scene(run, SMALL, 1, 1, err);
     if (status == HG_OK)
         status = make_scene(run, LARGE, b->tiles, b->statues, err);
+    const uint32_t few = b->statues < STILL_STATUES ? b->statues : STILL_STATUES;
+    if (status == HG_OK)
+        status = make_scene(run, STILL, 1, few, err);
     hg_image_finish(&run->heights);
     return status;
 }
@@ -163,21 +166,15 @@ static uint64_t count_holes(const struct hg_image *lod, const struct hg_image *f
     return holes;
 }
 
-static enum hg_status compare_still(
-    struct run *run, struct hg_view_params *params, uint32_t index, struct hg_error *err)
+static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_error *err)
 {
-    struct hg_bench_view *view = &run->views[LARGE];
     struct hg_image images[2] = {{0}};
     struct hg_bench_pose pose;
     double psnr_db = 0, flip = 1;
-    enum hg_status status = HG_OK;
     hg_bench_land_pose(2 * index + 1, 2 * run->bench->stream.stills, &pose);
-    for (int i = 0; i < 2 && status == HG_OK; i++) {
-        params->error_px = i == 0 ? 0 : FULL_ERROR_PX;
-        status = hg_view_set_params(view->view, params, err);
-        if (status == HG_OK)
-            status = hg_bench_view_settle(view, &pose, &images[i], err);
-    }
+    enum hg_status status = hg_bench_view_settle(&run->views[STILL], &pose, &images[0], err);
+    if (status == HG_OK)
+        status = hg_bench_view_settle(&run->whole_view, &pose, &images[1], err);
     if (status == HG_OK)
         status = hg_image_compare(&images[0], &images[1], HG_METRIC_PSNR, &psnr_db, NULL, err);
     if (status == HG_OK)
@@ -217,16 +214,27 @@ static enum hg_status bake_meshes(struct run *run, struct hg_error *err)
     return status == HG_OK ? step_done(run, err) : status;
 }
 
+// The same scene in a renderer that draws the meshes as they are.
 static enum hg_status compare_stills(struct run *run, struct hg_error *err)
 {
-    struct hg_view_params params = {.width = run->bench->stream.width,
+    const struct hg_view_params view = {.width = run->bench->stream.width,
         .height = run->bench->stream.height,
         .samples = run->bench->stream.samples,
         .background = HG_BACKGROUND_NONE};
-    enum hg_status status = HG_OK;
+    struct hg_renderer_params params = *run->bench->stream.renderer;
+    params.texture_budget_bytes = params.geometry_budget_bytes = 0;
+    enum hg_status status = hg_renderer_create(&params, &run->whole, err);
+    if (status == HG_OK) {
+        run->whole->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+        status =
+            hg_bench_view_init(&run->whole_view, run->whole, run->scenes[STILL].scene, &view, err);
+    }
+    run->whole_view.vfov_rad = VFOV_RAD;
+    if (status == HG_OK)
+        status = hg_view_set_params(run->views[STILL].view, &view, err);
     run->psnr_db = 999;
     for (uint32_t i = 0; i < run->bench->stream.stills && status == HG_OK; i++)
-        status = compare_still(run, &params, i, err);
+        status = compare_still(run, i, err);
     return status;
 }
 
@@ -315,15 +323,18 @@ enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, s
     struct hg_bench_lod full = *bench;
     set_defaults(&full);
     struct run run = {
-        .bench = &full, .total = SIDES + 1 + 4 * full.stream.frames + full.stream.stills};
+        .bench = &full, .total = SCENES + 1 + 4 * full.stream.frames + full.stream.stills};
     enum hg_status status = measure(&run, err);
     if (status == HG_OK)
         status = write_report(&run, text);
-    for (int side = 0; side < SIDES; side++) {
-        hg_bench_view_finish(&run.views[side]);
-        hg_bench_scene_finish(&run.scenes[side]);
-        hg_bench_times_finish(&run.frames[side]);
+    hg_bench_view_finish(&run.whole_view);
+    hg_renderer_destroy(run.whole);
+    for (int i = 0; i < SCENES; i++) {
+        hg_bench_view_finish(&run.views[i]);
+        hg_bench_scene_finish(&run.scenes[i]);
     }
+    for (int side = 0; side < SIDES; side++)
+        hg_bench_times_finish(&run.frames[side]);
     hg_image_finish(&run.heights);
     hg_renderer_destroy(run.renderer);
     return status;

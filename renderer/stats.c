@@ -108,12 +108,21 @@ static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
     hg_geometry_stats(s->rooms->geometry, &g);
     hg_json_put(w,
         ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
-        "\"triangles_total\":%llu,\"triangles_drawn\":%llu,\"missing\":0,\"draws\":%u,"
-        "\"draws_drawn\":%llu,\"instances\":%u,\"parts\":%u}",
+        "\"triangles_total\":%llu,\"triangles_drawn\":%llu,\"missing\":%u,\"draws\":%u,"
+        "\"draws_drawn\":%llu,\"instances\":%u,\"parts\":%u,\"error_px\":%.3f,\"baking\":%u,",
         (unsigned long long)g.budget_bytes, (unsigned long long)g.peak_bytes,
         (unsigned long long)g.used_bytes, (unsigned long long)g.triangles_total,
-        (unsigned long long)s->triangles_drawn, g.draws, (unsigned long long)s->draws_drawn,
-        g.instances, g.parts);
+        (unsigned long long)s->triangles_drawn, s->missing_clusters, g.draws,
+        (unsigned long long)s->draws_drawn, g.instances, g.parts, (double)hg_view_error_px(s),
+        g.baking);
+    const struct hg_cluster_pool_stats *c = &g.chunks;
+    hg_json_put(w,
+        "\"chunks\":%llu,\"chunk_bytes\":%llu,\"chunk_peak_bytes\":%llu,\"queued\":%llu,"
+        "\"evicted\":%llu,\"read_bytes\":%llu,\"decode_ms\":%.3f,\"upload_ms\":%.3f}",
+        (unsigned long long)c->resident, (unsigned long long)c->used_bytes,
+        (unsigned long long)c->peak_bytes, (unsigned long long)c->requested,
+        (unsigned long long)c->evicted, (unsigned long long)c->read_bytes, ms(c->decode_ns),
+        ms(c->upload_ns));
 }
 
 static void put_light(struct hg_writer *w, const struct hg_view_state *s)

@@ -52,6 +52,28 @@ static enum hg_status link_chunks(struct hg_cluster_mesh *mesh)
     return status;
 }
 
+VkDeviceAddress hg_cluster_mesh_levels(const struct hg_cluster_mesh *mesh)
+{
+    return mesh->table.address + mesh->lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part);
+}
+
+// The level of each chunk's first group, behind the table of their streams.
+static enum hg_status upload_levels(
+    struct hg_gpu *gpu, struct hg_cluster_mesh *mesh, struct hg_error *err)
+{
+    const struct hg_lod *lod = mesh->lod;
+    uint32_t *levels = hg_calloc(lod->chunk_count, sizeof *levels);
+    if (levels == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
+    for (uint32_t c = 0; c < lod->chunk_count; c++)
+        levels[c] = lod->groups[lod->chunks[c].first_group].level;
+    const enum hg_status status = hg_gpu_buffer_upload(gpu, &mesh->table,
+        lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part), levels,
+        lod->chunk_count * (uint64_t)sizeof *levels, err);
+    hg_free(levels);
+    return status;
+}
+
 static enum hg_status load_roots(
     struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh, struct hg_error *err)
 {
@@ -93,8 +115,10 @@ enum hg_status hg_cluster_mesh_open(struct hg_cluster_pool *pool, struct hg_lod_
         status = hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
     if (status == HG_OK && mesh->lod->chunk_count > 0)
         status = hg_gpu_buffer_create(hg_cluster_pool_gpu(pool), HG_GPU_BUFFER_DEVICE,
-            mesh->lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part), "chunks", &mesh->table,
-            err);
+            mesh->lod->chunk_count * (uint64_t)(sizeof(struct hg_gpu_part) + sizeof(uint32_t)),
+            "chunks", &mesh->table, err);
+    if (status == HG_OK && mesh->lod->chunk_count > 0)
+        status = upload_levels(hg_cluster_pool_gpu(pool), mesh, err);
     if (status == HG_OK)
         status = load_roots(pool, mesh, err);
     if (status != HG_OK) {

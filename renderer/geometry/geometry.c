@@ -366,7 +366,8 @@ static void fill_parts(struct sync *s)
             const uint64_t at = e->buffer.address;
             e->index = next++;
             if (e->clusters != NULL) {
-                s->parts[e->index] = (struct hg_gpu_part){.indices = e->clusters->table.address};
+                s->parts[e->index] = (struct hg_gpu_part){.indices = e->clusters->table.address,
+                    .extra = hg_cluster_mesh_levels(e->clusters)};
                 continue;
             }
             s->parts[e->index] = (struct hg_gpu_part){.indices = at + e->layout.indices,

@@ -104,13 +104,21 @@ vec3 overdraw_color(float count)
     return at <= 1.0 ? low : mix(vec3(0.05, 0.6, 0.05), vec3(0.9, 0.02, 0.02), at - 1.0);
 }
 
+vec3 lod_color(uvec2 id)
+{
+    hg_gpu_draw d = hg_draw_at(id.x - 1u);
+    if (!HG_HAS(HG_FEATURE_LOD) || (d.flags & HG_DRAW_LOD) == 0u)
+        return hg_grey;
+    return level_color(hg_part_at(d.part).extra.v[id.y >> HG_LOD_SHIFT]);
+}
+
 vec3 surface_color(uvec2 id)
 {
     hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
     if (hg_view == HG_DEBUG_VIEW_CLUSTER)
-        return number_color((id.x << 16) + id.y / 128u) * facing(v);
+        return number_color((id.x << 20) + id.y / 128u) * facing(v);
     if (hg_view == HG_DEBUG_VIEW_LOD)
-        return hg_grey * facing(v);
+        return lod_color(id) * facing(v);
     return texture_color(v);
 }
 
