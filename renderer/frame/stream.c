@@ -9,7 +9,7 @@
 
 #define SHOW_UPLOAD_NS 4000000u   // per frame of a moving picture
 #define REST_LEAST_NS  20000000u  // for pages, before a resting picture is shown again;
-#define REST_MOST_NS   250000000u // between the two as long as drawing it took
+#define REST_MOST_NS   500000000u // between the two four times as long as drawing it took
 #define EXACT_WAIT_NS  50000000u  // per step
 #define STILL_SAMPLES  8          // of a debug view that will not get sharper
 #define AREA_LEAST_PX  8          // areas are cut at multiples of this
@@ -126,7 +126,8 @@ enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
     const bool debug = view->settings.debug != 0;
     if (!debug && (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0))
         return start_exact(view, 0, err);
-    uint64_t most = view->step_ns > REST_LEAST_NS ? view->step_ns : REST_LEAST_NS, spent = 0;
+    uint64_t most = 4 * view->step_ns, spent = 0;
+    most = most > REST_LEAST_NS ? most : REST_LEAST_NS;
     most = most < REST_MOST_NS ? most : REST_MOST_NS;
     enum hg_status status = HG_OK;
     while (status == HG_OK && spent < most && hg_page_cache_under_way(pages_of(view)) > 0) {

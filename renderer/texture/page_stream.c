@@ -137,8 +137,9 @@ static bool start_read(struct hg_page_cache *c, uint32_t pool, uint64_t revision
         return false;
     }
     struct hg_page_set *set = hg_page_table_set(c, (uint32_t)key);
-    if (set == NULL || set->refs == 0 || set->failed || !is_ready(set, revision) ||
-        !hg_page_table_place(set, (uint32_t)key, &place)) {
+    // Requests outlive their set; its entries may be those of a set in another pool by now.
+    if (set == NULL || set->refs == 0 || set->pool != pool || set->failed ||
+        !is_ready(set, revision) || !hg_page_table_place(set, (uint32_t)key, &place)) {
         hg_residency_cancel(c->residency[pool], key);
         hg_page_reader_give(c->reader, read);
         return true;
