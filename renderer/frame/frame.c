@@ -51,6 +51,19 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
     out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
 }
 
+// The error of levels of detail that the view allows, as metres: pixels per metre are half the
+// height times the second diagonal element of the projection, over the depth in perspective.
+static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
+{
+    const struct hg_gpu_camera *camera = &view->frame.camera;
+    if (!hg_geometry_has_levels(view->rooms->geometry))
+        return;
+    const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
+    const float slack = hg_view_error_px(view) / px_scale;
+    *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
+        slack;
+}
+
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot)
 {
     struct hg_gpu_frame *f = &view->frame;
@@ -74,6 +87,7 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     f->tonemap = s->tonemap;
     f->flags = view->coarse ? HG_FRAME_COARSE_SHADOWS : 0;
     hg_lighting_fill(view->lighting, sample, &f->lighting);
+    fill_slack(view, &f->lighting);
     fill_textures(view, &f->textures);
     hg_geometry_fill(view->rooms->geometry, &f->geometry);
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);

@@ -102,6 +102,8 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     if (cos_l <= 0.0)
         return 0.0;
     float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
+    float slack = hg_frame.lighting.shadow_slack_m + hg_frame.lighting.shadow_slack_per_m *
+        dot(pos_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
     // The map is chosen first and filtered once: filtering inside the loop would be done for each.
     hg_gpu_shadow s;
     hg_shadow_receiver r;
@@ -114,7 +116,8 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         // Off the surface by part of a texel along the normal, for curvature and rounding.
         float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
         float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
-        vec3 p = pos_ws + n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine));
+        vec3 p = pos_ws +
+            n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine) + slack);
         r = hg_shadow_project(s, p, n_geometric);
         float edge = max(abs(r.ndc.x), abs(r.ndc.y));
         // A face of a cube always holds what lies in its direction; the offset along the normal may

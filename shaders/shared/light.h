@@ -101,7 +101,10 @@ struct hg_gpu_lighting {
     float shadow_inv_size;   // 1 / side of the atlas in texels
     float shadow_dither;     // 0..1, changes with every sample: where cascades change over
     HG_VEC2 shadow_taps_px[HG_SHADOW_TAPS]; // in the filter disk, turned with every sample
+    // What is seen may lie off its surface by slack_m + slack_per_m * view depth metres, where levels
+    // of detail are simplified more than those in shadow maps.
+    float shadow_slack_m, shadow_slack_per_m;
 };
-HG_SHARED_SIZE(hg_gpu_lighting, 160);
+HG_SHARED_SIZE(hg_gpu_lighting, 168);
 
 #endif
