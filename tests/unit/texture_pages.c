@@ -255,9 +255,9 @@ static void test_codec(void **state)
         const uint32_t texel = round % 2 ? 4 : 8;
         const uint32_t w = 1 + next_random() % HG_PAGE_PITCH, h = 1 + next_random() % HG_PAGE_PITCH;
         for (size_t i = 0; i < (size_t)w * h * texel; i++)
-            texels[i] = round % 3 == 0   ? (uint8_t)next_random()
-                        : round % 3 == 1 ? (uint8_t)(i % texel * 40)
-                                         : (uint8_t)(i / texel % w + i % texel * next_random() % 3);
+            texels[i] = (uint8_t)(round % 3 == 0   ? next_random()
+                                  : round % 3 == 1 ? i % texel * 40
+                                                   : i / texel % w + i % texel * next_random() % 3);
         struct hg_writer out = {0};
         assert_int_equal(
             hg_page_encode(codec, texels, (size_t)w * texel, w, h, texel, 1, &out), HG_OK);
