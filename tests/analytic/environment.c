@@ -13,6 +13,7 @@
 #include "renderer/light/environment.h"
 #include "renderer/light/sky.h"
 #include "tests/analytic/probe.h"
+#include "tests/support/folder.h"
 
 #define PI 3.14159265358979
 
@@ -320,14 +321,14 @@ static void find_entry(const char *folder, char *path, size_t size)
 static void test_cache(void **state)
 {
     (void)state;
-    char folder[] = "/tmp/helio-env-XXXXXX";
+    char folder[TEST_FOLDER_MAX];
     struct hg_environment_map made, read;
     struct hg_image image;
     struct hg_error err = {0};
     struct hg_jobs *jobs = hg_jobs_create(2);
     uint8_t key[32] = {7, 1, 2, 3};
     bool cached = true;
-    assert_non_null(mkdtemp(folder));
+    assert_true(test_folder_make(folder, "environment"));
     struct hg_store *store;
     assert_int_equal(hg_store_open(&(struct hg_store_params){.dir = folder}, &store, &err), HG_OK);
     assert_int_equal(

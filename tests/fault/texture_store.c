@@ -20,10 +20,11 @@
 
 #include "base/alloc.h"
 #include "renderer/texture/page_source.h"
+#include "tests/support/folder.h"
 
 enum { WIDTH = 900, HEIGHT = 700, PAGE_BYTES = HG_PAGE_PITCH * HG_PAGE_PITCH * 4 };
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 static uint32_t random_state = 1;
 
 static uint32_t next_random(void)
@@ -35,16 +36,13 @@ static uint32_t next_random(void)
 static int set_up(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/hg-faults-XXXXXX");
-    return mkdtemp(folder) == NULL;
+    return !test_folder_make(folder, "texture-store");
 }
 
 static int tear_down(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static const char *store_dir(void)

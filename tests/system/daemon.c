@@ -20,6 +20,7 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "tests/support/folder.h"
 
 enum { PATIENCE_MS = 60000, STEP_NS = 5000000 };
 
@@ -40,8 +41,7 @@ static void path_in(const struct daemon *d, const char *name, char *path, size_t
 void daemon_init(struct daemon *d)
 {
     *d = (struct daemon){0};
-    snprintf(d->folder, sizeof d->folder, "/tmp/heliod-test.XXXXXX");
-    assert_non_null(mkdtemp(d->folder));
+    assert_true(test_folder_make(d->folder, "daemon"));
     const char *build = getenv("HELIO_BUILD_DIR");
     assert_non_null(build);
     char text[512];
@@ -84,17 +84,15 @@ void daemon_option(struct daemon *d, const char *name, const char *value)
 
 // A failed test jumps over daemon_finish: nothing may stay behind.
 static pid_t running;
-static char running_folder[64];
+static char running_folder[TEST_FOLDER_MAX];
 
 static void kill_running(void)
 {
-    char command[128];
     if (!running)
         return;
     kill(running, SIGKILL);
     waitpid(running, NULL, 0);
-    snprintf(command, sizeof command, "rm -rf %s", running_folder);
-    if (system(command) != 0)
+    if (!test_folder_remove(running_folder))
         fprintf(stderr, "cannot remove %s\n", running_folder);
     running = 0;
 }
@@ -195,7 +193,6 @@ void daemon_reap(struct daemon *d)
 
 void daemon_finish(struct daemon *d)
 {
-    char command[128];
     bool crashed = false;
     if (d->pid) {
         int status;
@@ -210,8 +207,7 @@ void daemon_finish(struct daemon *d)
     for (int i = 0; i < d->arg_count; i++)
         free(d->args[i]);
     // A worker whose daemon was killed may still be writing its last file.
-    snprintf(command, sizeof command, "rm -rf %s 2>/dev/null", d->folder);
-    for (int tries = 0; system(command) != 0 && tries < 100; tries++)
+    for (int tries = 0; !test_folder_remove(d->folder) && tries < 100; tries++)
         hg_clock_sleep_ns(STEP_NS);
     assert_false(crashed);
 }

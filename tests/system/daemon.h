@@ -7,9 +7,10 @@
 #include <sys/types.h>
 
 #include "protocol/hgp.h"
+#include "tests/support/folder.h"
 
 struct daemon {
-    char folder[64]; // temporary: socket, cache, tripwires, log
+    char folder[TEST_FOLDER_MAX]; // temporary: socket, cache, tripwires, log
     pid_t pid;
     int port;      // of the first tcp listener, 0 = none
     int passed_fd; // listening socket handed over as a service manager does; 0 = none

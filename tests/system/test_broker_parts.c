@@ -19,22 +19,20 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/upload_store.h"
+#include "tests/support/folder.h"
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 
 static int make_folder(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/broker-parts.XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
+    return !test_folder_make(folder, "broker");
 }
 
 static int remove_folder(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static const char *path_of(const char *name)

@@ -18,6 +18,7 @@
 #include <unistd.h>
 
 #include "protocol/hgp.h"
+#include "tests/support/folder.h"
 
 extern char **environ;
 
@@ -26,7 +27,7 @@ enum { ANSWER_TIMEOUT_MS = 60000, FIRST_ID = 1000, ID_COUNT = 100 };
 struct rig {
     int fd;
     pid_t pid;
-    char root[64], path[4200];
+    char root[TEST_FOLDER_MAX], path[4200];
     uint32_t next_request;
     // The newest answer:
     struct hgp_header header;
@@ -54,8 +55,7 @@ static int start(void **state)
     const char *build = getenv("HELIO_BUILD_DIR");
     assert_non_null(build);
     snprintf(rig->path, sizeof rig->path, "%s/libexec/helio-worker", build);
-    strcpy(rig->root, "/tmp/helio-worker-XXXXXX");
-    assert_non_null(mkdtemp(rig->root));
+    assert_true(test_folder_make(rig->root, "worker"));
     assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair), 0);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
@@ -86,9 +86,7 @@ static int stop(void **state)
     assert_int_equal(waitpid(rig->pid, &how, 0), rig->pid);
     assert_true(WIFEXITED(how));
     assert_int_equal(WEXITSTATUS(how), 0);
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", rig->root);
-    assert_int_equal(system(command), 0);
+    assert_true(test_folder_remove(rig->root));
     free(rig);
     return 0;
 }

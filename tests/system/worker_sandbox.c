@@ -19,6 +19,7 @@
 #include <cmocka.h>
 
 #include "server/worker/worker.h"
+#include "tests/support/folder.h"
 
 enum { SCOPE_ABI = 6 };
 
@@ -29,8 +30,7 @@ enum { SCOPE_ABI = 6 };
 #define MEMORY_LIMIT 268435456u
 #endif
 
-static char folder[] = "/tmp/helio-sandbox-XXXXXX";
-static char cache[64], root[64], secret[64], asset[64];
+static char folder[TEST_FOLDER_MAX], cache[80], root[80], secret[80], asset[80];
 
 static long landlock_abi(void)
 {
@@ -49,7 +49,7 @@ static void write_text(const char *path)
 static int make_files(void **state)
 {
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    assert_true(test_folder_make(folder, "sandbox"));
     snprintf(cache, sizeof cache, "%s/cache", folder);
     snprintf(root, sizeof root, "%s/root", folder);
     snprintf(secret, sizeof secret, "%s/secret", folder);
@@ -64,9 +64,7 @@ static int make_files(void **state)
 static int remove_files(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 // errno of `attempt` inside the sandbox, 0 = it was possible.

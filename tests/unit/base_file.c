@@ -17,14 +17,14 @@
 
 #include "base/alloc.h"
 #include "base/file.h"
+#include "tests/support/folder.h"
 
-static char folder[64], target[80];
+static char folder[TEST_FOLDER_MAX], target[80];
 
 static int make_folder(void **state)
 {
     (void)state;
-    strcpy(folder, "/tmp/helio-file-XXXXXX");
-    if (!mkdtemp(folder))
+    if (!test_folder_make(folder, "file"))
         return -1;
     snprintf(target, sizeof target, "%s/out", folder);
     return 0;
@@ -51,8 +51,7 @@ static int empty_folder(void)
 static int remove_folder(void **state)
 {
     (void)state;
-    empty_folder();
-    return rmdir(folder);
+    return !test_folder_remove(folder);
 }
 
 static void assert_content(const char *want)

@@ -15,6 +15,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "renderer/gpu/gpu.h"
+#include "tests/support/folder.h"
 
 static void check(enum hg_status status, const struct hg_error *err)
 {
@@ -364,8 +365,8 @@ static void write_text(const char *folder, const char *name, const char *text)
 static void test_shader_dir(void **state)
 {
     (void)state;
-    char folder[64] = "/tmp/helio-shaders-XXXXXX", command[1024];
-    assert_non_null(mkdtemp(folder));
+    char folder[TEST_FOLDER_MAX], command[1024];
+    assert_true(test_folder_make(folder, "shaders"));
     const char *source = getenv("HELIO_SOURCE_DIR");
     assert_non_null(source);
     snprintf(command, sizeof command, "cp -r '%s/shaders/.' %s", source, folder);
@@ -389,8 +390,7 @@ static void test_shader_dir(void **state)
     const struct hg_gpu_pipeline_params none = {.compute = "none.comp"};
     assert_int_equal(hg_gpu_pipeline_get(f.gpu, &none, &handle, &f.err), HG_E_NOTFOUND);
     hg_gpu_destroy(f.gpu);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    assert_int_equal(system(command), 0);
+    assert_true(test_folder_remove(folder));
 }
 
 #define BOTH(test)                                                                                 \

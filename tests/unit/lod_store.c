@@ -10,10 +10,11 @@
 #include <unistd.h>
 
 #include "renderer/geometry/lod_store.h"
+#include "tests/support/folder.h"
 #include "tests/unit/lod_meshes.h"
 
 struct fixture {
-    char dir[64];
+    char dir[TEST_FOLDER_MAX];
     struct hg_store *store;
     struct hg_mesh_part part;
     struct hg_store_key key;
@@ -26,8 +27,7 @@ static int setup(void **state)
 {
     static struct fixture f;
     f = (struct fixture){.part = lod_terrain(120)};
-    snprintf(f.dir, sizeof f.dir, "/tmp/lod-store-XXXXXX");
-    assert_non_null(mkdtemp(f.dir));
+    assert_true(test_folder_make(f.dir, "lod-store"));
     const struct hg_store_params params = {.dir = f.dir};
     assert_int_equal(hg_store_open(&params, &f.store, &f.err), HG_OK);
     const struct hg_lod_params lod = {0};
@@ -40,12 +40,10 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     struct fixture *f = *state;
-    char command[128];
     hg_store_close(f->store);
     hg_free(f->data);
     lod_part_finish(&f->part);
-    snprintf(command, sizeof command, "rm -rf '%s'", f->dir);
-    return system(command);
+    return !test_folder_remove(f->dir);
 }
 
 static void test_same_bytes(void **state)

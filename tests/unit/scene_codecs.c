@@ -13,6 +13,7 @@
 #include "base/alloc.h"
 #include "scene_corpus.h"
 #include "scene_memory.h"
+#include "tests/support/folder.h"
 
 static struct memory_gltf file;
 
@@ -372,9 +373,9 @@ static enum hg_status load_with_image(const char *path, const char *uri, bool *r
 static void test_image_paths(void **state)
 {
     (void)state;
-    char root[] = "/tmp/scene_codecs.XXXXXX", path[256], gltf[256], command[320];
+    char root[TEST_FOLDER_MAX], path[256], gltf[256];
     bool read;
-    assert_non_null(mkdtemp(root));
+    assert_true(test_folder_make(root, "codecs"));
 #define AT(name) (snprintf(path, sizeof path, "%s/%s", root, name), path)
     assert_int_equal(mkdir(AT("asset"), 0700), 0);
     assert_int_equal(mkdir(AT("asset/C:"), 0700), 0);
@@ -408,8 +409,7 @@ static void test_image_paths(void **state)
     }
     snprintf(path, sizeof path, "%s/asset/in side.png", root); // absolute, though inside
     assert_int_equal(load_with_image(gltf, path, &read), HG_E_UNSUPPORTED);
-    snprintf(command, sizeof command, "rm -r %s", root);
-    assert_int_equal(system(command), 0);
+    assert_true(test_folder_remove(root));
 }
 
 int main(void)

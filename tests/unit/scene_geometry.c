@@ -16,6 +16,7 @@
 #include "renderer/scene/xform.h"
 #include "scene_corpus.h"
 #include "scene_memory.h"
+#include "tests/support/folder.h"
 
 static struct memory_gltf file;
 
@@ -643,8 +644,8 @@ static enum hg_status load_with_buffer(const char *path, const char *uri)
 static void test_paths(void **state)
 {
     (void)state;
-    char root[] = "/tmp/scene_geometry.XXXXXX", gltf[256], name[256], inner[256], outer[256];
-    assert_non_null(mkdtemp(root));
+    char root[TEST_FOLDER_MAX], gltf[256], name[256], inner[256], outer[256];
+    assert_true(test_folder_make(root, "geometry"));
     snprintf(name, sizeof name, "%s/asset", root);
     assert_int_equal(mkdir(name, 0700), 0);
     snprintf(gltf, sizeof gltf, "%s/asset/a.gltf", root);
@@ -674,12 +675,7 @@ static void test_paths(void **state)
     snprintf(name, sizeof name, "%%2f%.200s", outer + 1); // a slash in disguise
     assert_int_not_equal(load_with_buffer(gltf, name), HG_OK);
 
-    const char *const files[] = {gltf, inner, outer, links[0], links[1], folder};
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++)
-        assert_int_equal(unlink(files[i]), 0);
-    snprintf(name, sizeof name, "%s/asset", root);
-    assert_int_equal(rmdir(name), 0);
-    assert_int_equal(rmdir(root), 0);
+    assert_true(test_folder_remove(root));
 }
 
 int main(void)

@@ -14,10 +14,11 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/load.h"
+#include "tests/support/folder.h"
 
 #define SIDE 1201u
 
-static char folder[] = "/tmp/helio-heights-XXXXXX";
+static char folder[TEST_FOLDER_MAX];
 
 static void path_of(const char *name, char path[128])
 {
@@ -53,15 +54,13 @@ static void write_tile(const char *name, size_t bytes, bool gzip)
 static int make_folder(void **state)
 {
     (void)state;
-    return mkdtemp(folder) == NULL;
+    return !test_folder_make(folder, "heights");
 }
 
 static int remove_folder(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static enum hg_status load(

@@ -15,10 +15,11 @@
 #include <string.h>
 
 #include "renderer/scene/load.h"
+#include "tests/support/folder.h"
 
 #define DEGREE (3.14159265358979 / 180)
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 
 static void path_of(const char *name, char *out, size_t size)
 {
@@ -39,8 +40,7 @@ static int make_files(void **state)
 {
     (void)state;
     char source[128], path[128];
-    strcpy(folder, "/tmp/helio-import-XXXXXX");
-    assert_non_null(mkdtemp(folder));
+    assert_true(test_folder_make(folder, "import"));
     write_text("box.mtl", "newmtl red\nKd 0.8 0.1 0.1\nNs 98\n");
     // A box of 2 x 3 x 4 m with its corner at the origin: eight vertices, six quads.
     write_text("box.obj",
@@ -62,9 +62,7 @@ static int make_files(void **state)
 static int remove_files(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static enum hg_status load(const char *name, struct hg_asset **asset, struct hg_error *err)

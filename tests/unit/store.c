@@ -20,22 +20,20 @@
 #include "base/alloc.h"
 #include "renderer/store/checksum.h"
 #include "renderer/store/store.h"
+#include "tests/support/folder.h"
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 
 static int set_up(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/hg-store-XXXXXX");
-    return mkdtemp(folder) == NULL;
+    return !test_folder_make(folder, "store");
 }
 
 static int remove_folder(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static struct hg_store *open_store(uint64_t limit_bytes)

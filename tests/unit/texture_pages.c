@@ -15,26 +15,24 @@
 #include "base/refbuf.h"
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/page_source.h"
+#include "tests/support/folder.h"
 #include "tests/unit/image_files.h"
 
 enum { SLOT = HG_PAGE_PITCH * HG_PAGE_PITCH };
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 static uint32_t random_state = 1;
 
 static int set_up(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/hg-pages-XXXXXX");
-    return mkdtemp(folder) == NULL;
+    return !test_folder_make(folder, "pages");
 }
 
 static int remove_folder(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command);
+    return !test_folder_remove(folder);
 }
 
 static int empty_folder(void)

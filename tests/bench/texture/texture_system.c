@@ -20,10 +20,11 @@
 #include "base/clock.h"
 #include "renderer/texture/page_source.h"
 #include "tests/bench/texture/oiio_texture.h"
+#include "tests/support/folder.h"
 
 enum { MOMENTS = 300, SHOWN = 24, GRID = 64, PAGE_BYTES = HG_PAGE_PITCH * HG_PAGE_PITCH * 4 };
 
-static char folder[64];
+static char folder[TEST_FOLDER_MAX];
 
 static _Noreturn void die(const char *what, const struct hg_error *err)
 {
@@ -418,8 +419,7 @@ static void bench_large(uint32_t side)
 
 int main(int argc, char **argv)
 {
-    snprintf(folder, sizeof folder, "/tmp/hg-bench-XXXXXX");
-    if (argc < 3 || mkdtemp(folder) == NULL) {
+    if (argc < 3 || !test_folder_make(folder, "bench")) {
         fprintf(stderr, "usage: bench_texture_system set MEMORY_MIB IMAGE... | large SIDE\n");
         return 2;
     }
@@ -427,7 +427,5 @@ int main(int argc, char **argv)
         bench_large((uint32_t)atoi(argv[2]));
     else
         bench_set((uint64_t)atoi(argv[2]) << 20, argv + 3, (uint32_t)argc - 3);
-    char command[96];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command) != 0;
+    return !test_folder_remove(folder);
 }

@@ -1,3 +1,4 @@
+#include "tests/support/folder.h"
 #include "tests/unit/client/harness.h"
 
 #include <setjmp.h>
@@ -18,8 +19,7 @@ extern char **environ;
 void harness_begin(struct harness *h)
 {
     *h = (struct harness){0};
-    snprintf(h->folder, sizeof h->folder, "/tmp/helio-test.XXXXXX");
-    assert_non_null(mkdtemp(h->folder));
+    assert_true(test_folder_make(h->folder, "client"));
     setenv("HELIO", HELIO_PROGRAM, 1);
     setenv("PEER", FAKE_PEER, 1);
     setenv("HELIO_WORKER", FAKE_PEER, 1);
@@ -39,10 +39,8 @@ static void stop_server(struct harness *h)
 
 void harness_end(struct harness *h)
 {
-    char command[128];
     stop_server(h);
-    snprintf(command, sizeof command, "rm -rf '%s'", h->folder);
-    assert_int_equal(system(command), 0);
+    assert_true(test_folder_remove(h->folder));
 }
 
 int harness_run(struct harness *h, const char *fmt, ...)

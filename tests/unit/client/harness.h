@@ -5,9 +5,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "tests/support/folder.h"
+
 struct harness {
-    char folder[64];    // made by harness_begin, removed with everything in it by harness_end
-    char output[65536]; // of the last command, both streams
+    char folder[TEST_FOLDER_MAX]; // made by harness_begin, removed with everything in it by
+                                  // harness_end
+    char output[65536];           // of the last command, both streams
     int server_pid;
 };
 

@@ -1,0 +1,38 @@
+#include "tests/support/folder.h"
+
+#include <errno.h>
+#include <ftw.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+bool test_folder_make(char path[TEST_FOLDER_MAX], const char *purpose)
+{
+    const char *base = getenv("TMPDIR");
+    if (!base || base[0] != '/')
+        base = "/tmp";
+    const int length = snprintf(path, TEST_FOLDER_MAX, "%s/helio-%s-XXXXXX", base, purpose);
+    if (length >= TEST_FOLDER_MAX)
+        fprintf(stderr, "%s: too long for the folder of a test; set a shorter TMPDIR\n", base);
+    else if (mkdtemp(path))
+        return true;
+    else
+        fprintf(stderr, "%s: no folder can be made there: %s\n", base, strerror(errno));
+    path[0] = 0;
+    return false;
+}
+
+static int remove_one(const char *path, const struct stat *info, int kind, struct FTW *walk)
+{
+    (void)info, (void)kind, (void)walk;
+    return remove(path);
+}
+
+bool test_folder_remove(const char *path)
+{
+    if (!path[0])
+        return true;
+    nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS); // ends early when others remove too
+    return access(path, F_OK) != 0;
+}
