@@ -6,31 +6,12 @@
 
 #define PI 3.14159265358979
 
-static struct probe *setup_probe(void **state)
-{
-    return *state;
-}
-
-static int setup(void **state)
-{
-    static struct probe probe;
-    probe_init(&probe, NULL);
-    *state = &probe;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    probe_finish(*state);
-    return 0;
-}
-
 static void test_d_is_normalised(void **state)
 {
     struct hg_vec4 in[2 * 16] = {{0, 0, 0, 0}}, out[16];
     for (int i = 0; i < 16; i++) // alpha of roughness 0.045 .. 1
         in[2 * i].x = powf(0.045f + (1 - 0.045f) * (float)i / 15, 2);
-    probe_run(setup_probe(state), PROBE_D_INTEGRAL, 16, in, out);
+    probe_run(*state, PROBE_D_INTEGRAL, 16, in, out);
     for (int i = 0; i < 16; i++)
         probe_near(out[i].x, 1, 1e-3);
 }
@@ -42,7 +23,7 @@ static void test_smith_weak_white_furnace(void **state)
         in[2 * i].x = powf(0.1f + 0.9f * (float)(i % 8) / 7, 2);
         in[2 * i].y = 0.05f + 0.95f * (float)(i / 8) / 7;
     }
-    probe_run(setup_probe(state), PROBE_WHITE_FURNACE, 64, in, out);
+    probe_run(*state, PROBE_WHITE_FURNACE, 64, in, out);
     for (int i = 0; i < 64; i++)
         probe_near(out[i].x, 1, 1e-3);
 }
@@ -53,7 +34,7 @@ static void test_d_and_v_closed_forms(void **state)
     struct hg_vec4 in[6] = {{1, 0.25f, 0, 0}, {0, 0, 0, 0}, {1, 1, 0, 0}, {0, 0, 0, 0},
         {0.5f, 1, 0, 0}, {0, 0, 0, 0}},
                    out[3];
-    probe_run(setup_probe(state), PROBE_D_VALUE, 3, in, out);
+    probe_run(*state, PROBE_D_VALUE, 3, in, out);
     probe_near(out[0].x, 1 / (PI * 0.0625), 1e-4);
     probe_near(out[0].y, 0.25, 1e-6);
     probe_near(out[1].x, 1 / PI, 1e-6);
@@ -65,7 +46,7 @@ static void test_fresnel_values(void **state)
     struct hg_vec4 in[8] = {{0.04f, 1, 0, 0}, {0, 0, 0, 0}, {0.04f, 0, 0, 0}, {0, 0, 0, 0},
         {0.04f, 0.5f, 0, 0}, {0, 0, 0, 0}, {0.9f, 0.25f, 0, 0}, {0, 0, 0, 0}},
                    out[4];
-    probe_run(setup_probe(state), PROBE_FRESNEL, 4, in, out);
+    probe_run(*state, PROBE_FRESNEL, 4, in, out);
     probe_near(out[0].x, 0.04, 1e-7);
     probe_near(out[1].x, 1, 1e-7);
     probe_near(out[2].x, 0.04 + 0.96 / 32, 1e-6);
@@ -83,7 +64,7 @@ static void test_reciprocity(void **state)
         for (int k = 0; k < 4; k++)
             u[k] = (float)fmod(0.5 + (i + 1) * pow(1 / 1.16730397826141868, k + 1) * g, 1);
     }
-    probe_run(setup_probe(state), PROBE_RECIPROCITY, COUNT, in, out);
+    probe_run(*state, PROBE_RECIPROCITY, COUNT, in, out);
     for (int i = 0; i < COUNT; i++)
         probe_near(out[i].z, 0, 2e-3);
 }
@@ -97,7 +78,7 @@ static void test_white_furnace_direct(void **state)
     for (int i = 0; i < COUNT; i++)
         in[2 * i] = (struct hg_vec4){0.1f + 0.9f * (float)(i % R) / (R - 1),
             (float)(i / (R * V)) / (M - 1), 0.1f + 0.9f * (float)(i / R % V) / (V - 1), 1};
-    probe_run(setup_probe(state), PROBE_ALBEDO, COUNT, in, out);
+    probe_run(*state, PROBE_ALBEDO, COUNT, in, out);
     double worst = 0;
     for (int i = 0; i < COUNT; i++) {
         worst = fmax(worst, fabs((double)out[i].x - 1));
@@ -113,7 +94,7 @@ static void test_albedo_never_above_one(void **state)
     for (int i = 0; i < COUNT; i++)
         in[2 * i] = (struct hg_vec4){0.05f + 0.95f * (float)(i % R) / (R - 1), (float)(i / (R * V)),
             0.02f + 0.98f * (float)(i / R % V) / (V - 1), 0.8f};
-    probe_run(setup_probe(state), PROBE_ALBEDO, COUNT, in, out);
+    probe_run(*state, PROBE_ALBEDO, COUNT, in, out);
     for (int i = 0; i < COUNT; i++)
         assert_true(out[i].x > 0 && out[i].x < 1.005f);
 }
@@ -122,7 +103,7 @@ static void test_white_furnace_environment(void **state)
 {
     enum { R = 17, V = 9, M = 3, COUNT = R * V * M };
     static struct hg_vec4 in[2 * COUNT], out[COUNT];
-    struct probe *probe = setup_probe(state);
+    struct probe *probe = *state;
     struct hg_environment *env = &probe->scene->environment;
     env->kind = HG_ENV_COLOR;
     env->color[0] = env->color[1] = env->color[2] = 1;
@@ -142,7 +123,7 @@ static void test_dfg_table(void **state)
     for (int i = 0; i < COUNT; i++)
         in[2 * i] = (struct hg_vec4){powf(0.1f + 0.9f * ((float)(i % N) + 0.3f) / N, 2),
             0.1f + 0.9f * ((float)(i / N) + 0.6f) / N, 0, 0};
-    probe_run(setup_probe(state), PROBE_DFG, COUNT, in, out);
+    probe_run(*state, PROBE_DFG, COUNT, in, out);
     for (int i = 0; i < COUNT; i++) {
         float ab[2], r = in[2 * i].y;
         hg_dfg_integrate(in[2 * i].x, r * r, 200, ab);
@@ -157,7 +138,7 @@ static void test_dfg_average(void **state)
 {
     struct hg_vec4 in[4] = {{1, 1, 0, 0}, {0, 0, 0, 0}, {1, 0.70710678f, 0, 0}, {0, 0, 0, 0}},
                    out[2];
-    probe_run(setup_probe(state), PROBE_DFG, 2, in, out);
+    probe_run(*state, PROBE_DFG, 2, in, out);
     probe_near(out[0].z + out[0].w, 0.41, 0.01);
     probe_near(out[1].z + out[1].w, 0.70, 0.01);
 }
@@ -224,7 +205,7 @@ static void sampling_case(struct probe *probe, float roughness, float metallic, 
 
 static void test_sampling_matches_density(void **state)
 {
-    struct probe *probe = setup_probe(state);
+    struct probe *probe = *state;
     sampling_case(probe, 0.4f, 1, 0.9f);
     sampling_case(probe, 0.6f, 0, 0.5f);
     sampling_case(probe, 1.0f, 1, 0.2f);
@@ -246,5 +227,5 @@ int main(void)
         cmocka_unit_test(test_dfg_average),
         cmocka_unit_test(test_sampling_matches_density),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
 }

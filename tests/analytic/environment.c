@@ -20,20 +20,6 @@
 static const char *const held[] = {"hdr/lightroom_14b_from_filament_ktx.hdr",
     "hdr/narrow_moonlit_road_1k.hdr", "hdr/noon_grass_1k.hdr", "hdr/royal_esplanade_1k.hdr"};
 
-static int setup(void **state)
-{
-    static struct probe probe;
-    probe_init(&probe, NULL);
-    *state = &probe;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    probe_finish(*state);
-    return 0;
-}
-
 static void set_image(struct probe *probe, const char *relative)
 {
     struct hg_environment *env = &probe->scene->environment;
@@ -511,5 +497,5 @@ int main(void)
         cmocka_unit_test(test_sky),
         cmocka_unit_test(test_sky_is_as_blue_as_published),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
 }

@@ -226,7 +226,7 @@ static void test_hidden_lights_do_not_shine(void **state)
     rig_node_of(rig, light)->visible = false;
     struct hg_light *child = add(rig, &spot);
     child->casts_shadow = true;
-    rig_ok(hg_scene_set_parent(rig->scene, rig_node_of(rig, child), rig_node_of(rig, light)),
+    test_ok(hg_scene_set_parent(rig->scene, rig_node_of(rig, child), rig_node_of(rig, light)),
         &(struct hg_error){0});
     check(rig, &sun, 1, "a sun beside hidden lights");
     rig_node_of(rig, light)->visible = true; // seen again, both

@@ -9,20 +9,6 @@
 #include "renderer/light/shadow_plan.h"
 #include "tests/analytic/probe.h"
 
-static int setup(void **state)
-{
-    static struct probe probe;
-    probe_init(&probe, NULL);
-    *state = &probe;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    probe_finish(*state);
-    return 0;
-}
-
 static struct hg_light *add_light(struct probe *probe, uint64_t id, const float at[3])
 {
     struct hg_object *light, *node;
@@ -208,5 +194,5 @@ int main(void)
         cmocka_unit_test(test_atlas),
         cmocka_unit_test(test_maps_are_kept),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
 }

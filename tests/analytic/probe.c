@@ -7,17 +7,9 @@
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "tests/support/check.h"
 
 #define GROUP 32
-
-static void ok(enum hg_status status, const struct hg_error *err)
-{
-    char text[768];
-    if (!status)
-        return;
-    hg_error_format(err, text, sizeof text);
-    fail_msg("%s: %s", hg_status_name(status), text);
-}
 
 // A 90 degree camera at the origin that looks along -z, reversed infinite depth, y down in clip.
 static void set_camera(struct hg_gpu_camera *c)
@@ -39,12 +31,12 @@ void probe_init(struct probe *probe, struct hg_store *store)
     struct hg_error err = {0};
     memset(probe, 0, sizeof *probe);
     struct hg_gpu_params params = {.shader_dir = HELIO_ANALYTIC_SHADERS, .validation_try = true};
-    ok(hg_gpu_create(&params, &probe->gpu, &err), &err);
+    test_ok(hg_gpu_create(&params, &probe->gpu, &err), &err);
     probe->jobs = hg_jobs_create(0);
     assert_non_null(probe->jobs);
-    ok(hg_scene_create(&probe->scene), &err);
+    test_ok(hg_scene_create(&probe->scene), &err);
     struct hg_lighting_params lighting = {.store = store};
-    ok(hg_lighting_create(probe->gpu, probe->jobs, &lighting, &probe->lighting, &err), &err);
+    test_ok(hg_lighting_create(probe->gpu, probe->jobs, &lighting, &probe->lighting, &err), &err);
     set_camera(&probe->camera);
     probe->view = (struct hg_lighting_view){.scene = probe->scene,
         .camera = &probe->camera,
@@ -71,7 +63,7 @@ void probe_sync(struct probe *probe)
 {
     struct hg_error err = {0};
     hg_scene_update(probe->scene);
-    ok(hg_lighting_sync(probe->lighting, &probe->view, &err), &err);
+    test_ok(hg_lighting_sync(probe->lighting, &probe->view, &err), &err);
     hg_lighting_fill(probe->lighting, 0, &probe->block);
 }
 
@@ -88,10 +80,10 @@ static void record(struct probe *probe, enum probe_op op, struct hg_gpu_cmd *cmd
     bindings.images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(probe->lighting);
     bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(probe->lighting);
     bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(probe->lighting);
-    ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
+    test_ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
     struct hg_gpu_pipeline_params pipeline = {
         .compute = "probe.comp", .spec = {(uint32_t)op}, .spec_count = 1};
-    ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &err), &err);
+    test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &err), &err);
     hg_gpu_cmd_push(cmd, push, sizeof *push);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (push->count + GROUP - 1) / GROUP, 1, 1);
     hg_gpu_memory_barrier(cmd);
@@ -106,23 +98,24 @@ void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const stru
     assert_non_null(block);
     block->camera = probe->camera;
     block->lighting = probe->block;
-    ok(hg_gpu_buffer_create(probe->gpu, HG_GPU_BUFFER_UPLOAD, sizeof *block, "frame", &frame, &err),
+    test_ok(hg_gpu_buffer_create(
+                probe->gpu, HG_GPU_BUFFER_UPLOAD, sizeof *block, "frame", &frame, &err),
         &err);
-    ok(hg_gpu_buffer_create(
-           probe->gpu, HG_GPU_BUFFER_UPLOAD, count * 2 * sizeof *in, "in", &input, &err),
+    test_ok(hg_gpu_buffer_create(
+                probe->gpu, HG_GPU_BUFFER_UPLOAD, count * 2 * sizeof *in, "in", &input, &err),
         &err);
-    ok(hg_gpu_buffer_create(
-           probe->gpu, HG_GPU_BUFFER_READBACK, count * sizeof *out, "out", &output, &err),
+    test_ok(hg_gpu_buffer_create(
+                probe->gpu, HG_GPU_BUFFER_READBACK, count * sizeof *out, "out", &output, &err),
         &err);
     memcpy(frame.mapped, block, sizeof *block);
     memcpy(input.mapped, in, count * 2 * sizeof *in);
     struct push push = {input.address, output.address, count};
     struct hg_gpu_cmd *cmd;
     uint64_t value;
-    ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
+    test_ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
     record(probe, op, cmd, &frame, &push);
-    ok(hg_gpu_submit(probe->gpu, cmd, &value, &err), &err);
-    ok(hg_gpu_wait(probe->gpu, value, &err), &err);
+    test_ok(hg_gpu_submit(probe->gpu, cmd, &value, &err), &err);
+    test_ok(hg_gpu_wait(probe->gpu, value, &err), &err);
     memcpy(out, output.mapped, count * sizeof *out);
     hg_gpu_buffer_destroy(probe->gpu, &frame);
     hg_gpu_buffer_destroy(probe->gpu, &input);
@@ -149,4 +142,18 @@ void probe_assert_near(
         return;
     print_error("%s = %.9g, expected %.9g +- %.3g\n", text, value, expected, tolerance);
     _fail(file, line);
+}
+
+int probe_setup(void **state)
+{
+    static struct probe probe;
+    probe_init(&probe, NULL);
+    *state = &probe;
+    return 0;
+}
+
+int probe_teardown(void **state)
+{
+    probe_finish(*state);
+    return 0;
 }

@@ -47,6 +47,9 @@ struct probe {
 // The camera looks from (0, 0, 0) along -z, 90 degrees wide and high, 512 x 512 px.
 void probe_init(struct probe *probe, struct hg_store *store);
 void probe_finish(struct probe *probe);
+// Of a group of tests: *state is its probe.
+int probe_setup(void **state);
+int probe_teardown(void **state);
 // Brings the lighting in line with probe->scene.
 void probe_sync(struct probe *probe);
 // out[i] = op(in[2 i], in[2 i + 1]) for `count` pairs of vec4.

@@ -5,21 +5,12 @@
 
 #include "base/alloc.h"
 
-void rig_ok(enum hg_status status, const struct hg_error *err)
-{
-    char text[768];
-    if (!status)
-        return;
-    hg_error_format(err, text, sizeof text);
-    fail_msg("%s: %s", hg_status_name(status), text);
-}
-
 void rig_init(struct rig *rig)
 {
     struct hg_error err = {0};
     struct hg_renderer_params params = {0};
     *rig = (struct rig){0};
-    rig_ok(hg_renderer_create(&params, &rig->renderer, &err), &err);
+    test_ok(hg_renderer_create(&params, &rig->renderer, &err), &err);
 }
 
 void rig_finish(struct rig *rig)
@@ -32,7 +23,7 @@ void rig_scene(struct rig *rig)
 {
     struct hg_error err = {0};
     hg_scene_destroy(rig->scene);
-    rig_ok(hg_scene_create(&rig->scene), &err);
+    test_ok(hg_scene_create(&rig->scene), &err);
     rig->next_id = 1;
 }
 
@@ -40,7 +31,7 @@ static void *add(struct rig *rig, enum hg_object_kind kind)
 {
     struct hg_object *object;
     struct hg_error err = {0};
-    rig_ok(hg_scene_add(rig->scene, kind, rig->next_id++, &object), &err);
+    test_ok(hg_scene_add(rig->scene, kind, rig->next_id++, &object), &err);
     return object;
 }
 
@@ -205,13 +196,13 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
     if (looks_down(c))
         camera.up[2] = -1;
     hg_scene_publish(rig->scene);
-    rig_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    rig_ok(hg_view_set_params(view, &params, &err), &err);
-    rig_ok(hg_view_set_camera(view, &camera, &err), &err);
+    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, &params, &err), &err);
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
     for (int i = 0; i < 256 && !info.settled; i++)
-        rig_ok(hg_view_step(view, 8, &info, &err), &err);
+        test_ok(hg_view_step(view, 8, &info, &err), &err);
     assert_true(info.settled);
-    rig_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
     hg_view_destroy(view);
     return pixels;
 }

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "renderer/renderer.h"
+#include "tests/support/check.h"
 
 struct rig {
     struct hg_renderer *renderer;
@@ -21,7 +22,6 @@ struct rig {
 void rig_init(struct rig *rig);
 void rig_finish(struct rig *rig);
 void rig_scene(struct rig *rig); // a new, empty scene in place of the one before
-void rig_ok(enum hg_status status, const struct hg_error *err);
 
 // White, rough and not metallic.
 struct hg_material *rig_material(struct rig *rig);

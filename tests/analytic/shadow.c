@@ -13,6 +13,7 @@
 
 #include "base/alloc.h"
 #include "renderer/renderer.h"
+#include "tests/support/check.h"
 
 #define SIDE 192
 
@@ -20,15 +21,6 @@ struct setting {
     int kind;               // of struct hg_light
     double scale, light[3]; // of the light: where it stands, towards the sun; times scale
 };
-
-static void ok(enum hg_status status, const struct hg_error *err)
-{
-    char text[768];
-    if (!status)
-        return;
-    hg_error_format(err, text, sizeof text);
-    fail_msg("%s: %s", hg_status_name(status), text);
-}
 
 // --- the scene: a floor and a box, by corner tables ----------------------------------------------
 
@@ -69,9 +61,9 @@ static void fill_part(struct hg_mesh_part *part, double s)
 static void add_geometry(struct hg_scene *scene, double s)
 {
     struct hg_object *mesh, *node, *material;
-    ok(hg_scene_add(scene, HG_OBJECT_MATERIAL, 1, &material), NULL);
-    ok(hg_scene_add(scene, HG_OBJECT_MESH, 1, &mesh), NULL);
-    ok(hg_scene_add(scene, HG_OBJECT_NODE, 1, &node), NULL);
+    test_ok(hg_scene_add(scene, HG_OBJECT_MATERIAL, 1, &material), NULL);
+    test_ok(hg_scene_add(scene, HG_OBJECT_MESH, 1, &mesh), NULL);
+    test_ok(hg_scene_add(scene, HG_OBJECT_NODE, 1, &node), NULL);
     struct hg_material *white = (struct hg_material *)material;
     white->metallic = 0;
     white->roughness = 1;
@@ -107,8 +99,8 @@ static void aim(struct hg_node *node, const double from[3])
 static struct hg_light *add_light(struct hg_scene *scene, const struct setting *s)
 {
     struct hg_object *object, *node;
-    ok(hg_scene_add(scene, HG_OBJECT_LIGHT, 2, &object), NULL);
-    ok(hg_scene_add(scene, HG_OBJECT_NODE, 2, &node), NULL);
+    test_ok(hg_scene_add(scene, HG_OBJECT_LIGHT, 2, &object), NULL);
+    test_ok(hg_scene_add(scene, HG_OBJECT_NODE, 2, &node), NULL);
     struct hg_light *light = (struct hg_light *)object;
     struct hg_node *n = (struct hg_node *)node;
     n->light = light;
@@ -216,13 +208,13 @@ static struct hg_refbuf *render(
     struct hg_view_camera camera = {
         .eye = {(float)(0.9 * s->scale), (float)(2.6 * s->scale), (float)(1.9 * s->scale)}};
     hg_scene_publish(scene);
-    ok(hg_view_create(renderer, scene, &view, &err), &err);
-    ok(hg_view_set_params(view, &params, &err), &err);
-    ok(hg_view_set_camera(view, &camera, &err), &err);
+    test_ok(hg_view_create(renderer, scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, &params, &err), &err);
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
     for (int i = 0; i < 64 && !info.settled; i++)
-        ok(hg_view_step(view, 8, &info, &err), &err);
+        test_ok(hg_view_step(view, 8, &info, &err), &err);
     assert_true(info.settled);
-    ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
     hg_view_destroy(view);
     return pixels;
 }
@@ -231,7 +223,7 @@ static void check(struct hg_renderer *renderer, const struct setting *s)
 {
     static enum seen map[SIDE * SIDE];
     struct hg_scene *scene;
-    ok(hg_scene_create(&scene), NULL);
+    test_ok(hg_scene_create(&scene), NULL);
     add_geometry(scene, s->scale);
     struct hg_light *light = add_light(scene, s);
     light->casts_shadow = true;
@@ -283,7 +275,7 @@ static void test_shadows(void **state)
         {HG_LIGHT_POINT, 1, {1.0, 1.2, 0.3}},
         {HG_LIGHT_POINT, 500, {-1.1, 1.3, -0.2}},
     };
-    ok(hg_renderer_create(&params, &renderer, &err), &err);
+    test_ok(hg_renderer_create(&params, &renderer, &err), &err);
     for (size_t i = 0; i < sizeof settings / sizeof settings[0]; i++)
         check(renderer, &settings[i]);
     hg_renderer_destroy(renderer);

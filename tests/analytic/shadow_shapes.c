@@ -151,12 +151,12 @@ static void set_holes(struct rig *rig, struct hg_material *material)
     struct hg_object *texture;
     struct hg_error err = {0};
     const uint32_t side = CELLS * TEXELS;
-    rig_ok(hg_scene_add(rig->scene, HG_OBJECT_TEXTURE, rig->next_id++, &texture), &err);
+    test_ok(hg_scene_add(rig->scene, HG_OBJECT_TEXTURE, rig->next_id++, &texture), &err);
     struct hg_texture *t = (struct hg_texture *)texture;
     t->image = hg_image_source_create("holes");
     assert_non_null(t->image);
     t->mag_nearest = true;
-    rig_ok(hg_image_create(side, side, HG_PIXEL_RGBA8, NULL, &t->image->pixels), &err);
+    test_ok(hg_image_create(side, side, HG_PIXEL_RGBA8, NULL, &t->image->pixels), &err);
     t->image->pixels.has_alpha = true;
     for (uint32_t i = 0; i < side * side; i++) {
         uint32_t parity = (i % side / TEXELS + i / side / TEXELS) % 2;

@@ -81,20 +81,6 @@ static void reference(int op, const double c[3], double out[3])
         out[i] = saturate(out[i]);
 }
 
-static int setup(void **state)
-{
-    static struct probe probe;
-    probe_init(&probe, NULL);
-    *state = &probe;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    probe_finish(*state);
-    return 0;
-}
-
 static void test_curves_follow_their_equations(void **state)
 {
     enum { COUNT = 4 * 512 };
@@ -175,5 +161,5 @@ int main(void)
         cmocka_unit_test(test_curves_are_monotone),
         cmocka_unit_test(test_srgb),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
 }

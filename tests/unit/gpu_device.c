@@ -15,16 +15,8 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "renderer/gpu/gpu.h"
+#include "tests/support/check.h"
 #include "tests/support/folder.h"
-
-static void check(enum hg_status status, const struct hg_error *err)
-{
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(err, text, sizeof text);
-        fail_msg("%s", text);
-    }
-}
 
 struct fixture {
     struct hg_gpu *gpu;
@@ -35,7 +27,7 @@ static int setup_params(void **state, const struct hg_gpu_params *params)
 {
     struct fixture *f = calloc(1, sizeof *f);
     assert_non_null(f);
-    check(hg_gpu_create(params, &f->gpu, &f->err), &f->err);
+    test_ok(hg_gpu_create(params, &f->gpu, &f->err), &f->err);
     *state = f;
     return 0;
 }
@@ -64,8 +56,8 @@ static int teardown(void **state)
 static void run(struct fixture *f, struct hg_gpu_cmd *cmd)
 {
     uint64_t value;
-    check(hg_gpu_submit(f->gpu, cmd, &value, &f->err), &f->err);
-    check(hg_gpu_wait(f->gpu, value, &f->err), &f->err);
+    test_ok(hg_gpu_submit(f->gpu, cmd, &value, &f->err), &f->err);
+    test_ok(hg_gpu_wait(f->gpu, value, &f->err), &f->err);
 }
 
 static void test_buffer_round_trip(void **state)
@@ -73,18 +65,18 @@ static void test_buffer_round_trip(void **state)
     struct fixture *f = *state;
     const uint64_t size = 40u << 20; // more than the staging memory
     struct hg_gpu_buffer buffer, back;
-    check(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_DEVICE, size, "data", &buffer, &f->err),
+    test_ok(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_DEVICE, size, "data", &buffer, &f->err),
         &f->err);
-    check(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, size, "back", &back, &f->err),
+    test_ok(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, size, "back", &back, &f->err),
         &f->err);
     assert_true(buffer.mapped != NULL || !hg_gpu_get_caps(f->gpu)->mapped);
     uint32_t *words = malloc(size);
     assert_non_null(words);
     for (uint32_t i = 0; i < size / 4; i++)
         words[i] = i * 2654435761u;
-    check(hg_gpu_buffer_upload(f->gpu, &buffer, 0, words, size, &f->err), &f->err);
+    test_ok(hg_gpu_buffer_upload(f->gpu, &buffer, 0, words, size, &f->err), &f->err);
     struct hg_gpu_cmd *cmd;
-    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    test_ok(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
     const VkBufferCopy copy = {0, 0, size};
     vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), buffer.handle, back.handle, 1, &copy);
     run(f, cmd);
@@ -111,14 +103,14 @@ static void test_image_round_trip(void **state)
     uint8_t pixels[16 * 8 * 4];
     for (size_t i = 0; i < sizeof pixels; i++)
         pixels[i] = (uint8_t)(i * 7);
-    check(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
-    check(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, 4096, "back", &back, &f->err),
+    test_ok(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
+    test_ok(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, 4096, "back", &back, &f->err),
         &f->err);
     const struct hg_gpu_region region = {
         .mip = 1, .layer = 2, .x = 4, .y = 2, .width = 16, .height = 8};
-    check(hg_gpu_image_upload(f->gpu, &image, &region, pixels, 0, &f->err), &f->err);
+    test_ok(hg_gpu_image_upload(f->gpu, &image, &region, pixels, 0, &f->err), &f->err);
     struct hg_gpu_cmd *cmd;
-    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    test_ok(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
     hg_gpu_image_read(cmd, &image, &region, &back, 256);
     run(f, cmd);
     assert_memory_equal((uint8_t *)back.mapped + 256, pixels, sizeof pixels);
@@ -140,11 +132,11 @@ static void test_uploads_in_order(void **state)
         .format = VK_FORMAT_R8G8B8A8_UNORM, .width = 8, .height = 8, .name = "rewritten"};
     const struct hg_gpu_region all = {.width = 8, .height = 8};
     uint32_t words[WORDS], expected[2][WORDS] = {{0}}; // of the buffer, of the image
-    check(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
-    check(hg_gpu_buffer_create(
-              f->gpu, HG_GPU_BUFFER_DEVICE, WORDS * 4, "rewritten", &buffer, &f->err),
+    test_ok(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
+    test_ok(hg_gpu_buffer_create(
+                f->gpu, HG_GPU_BUFFER_DEVICE, WORDS * 4, "rewritten", &buffer, &f->err),
         &f->err);
-    check(
+    test_ok(
         hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, 512, "back", &back, &f->err), &f->err);
     for (uint32_t i = 0; i < ROUNDS; i++) {
         const uint32_t first = i * 7 % (WORDS - 15), count = 16;
@@ -152,19 +144,20 @@ static void test_uploads_in_order(void **state)
         for (uint32_t k = 0; k < WORDS; k++)
             words[k] = i << 16 | k;
         if (i == 0) { // everything once
-            check(hg_gpu_buffer_upload(f->gpu, &buffer, 0, words, WORDS * 4, &f->err), &f->err);
-            check(hg_gpu_image_upload(f->gpu, &image, &all, words, 0, &f->err), &f->err);
+            test_ok(hg_gpu_buffer_upload(f->gpu, &buffer, 0, words, WORDS * 4, &f->err), &f->err);
+            test_ok(hg_gpu_image_upload(f->gpu, &image, &all, words, 0, &f->err), &f->err);
             memcpy(expected[0], words, sizeof words);
             memcpy(expected[1], words, sizeof words);
         }
-        check(hg_gpu_buffer_upload(f->gpu, &buffer, first * 4, words, count * 4, &f->err), &f->err);
+        test_ok(
+            hg_gpu_buffer_upload(f->gpu, &buffer, first * 4, words, count * 4, &f->err), &f->err);
         memcpy(expected[0] + first, words, count * 4);
-        check(hg_gpu_image_upload(f->gpu, &image, &part, words, 0, &f->err), &f->err);
+        test_ok(hg_gpu_image_upload(f->gpu, &image, &part, words, 0, &f->err), &f->err);
         for (uint32_t y = 0; y < part.height; y++)
             memcpy(&expected[1][(part.y + y) * 8 + part.x], words + y * 4, 16);
     }
     struct hg_gpu_cmd *cmd;
-    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    test_ok(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
     const VkBufferCopy copy = {0, 0, WORDS * 4};
     vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), buffer.handle, back.handle, 1, &copy);
     hg_gpu_image_read(cmd, &image, &all, &back, 256);
@@ -189,7 +182,8 @@ static void test_image_limit(void **state)
 static void fill(struct fixture *f, uint32_t step, const uint32_t *expected, uint32_t count)
 {
     struct hg_gpu_buffer words;
-    check(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, count * 4, "words", &words, &f->err),
+    test_ok(
+        hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, count * 4, "words", &words, &f->err),
         &f->err);
     const struct hg_gpu_pipeline_params pipeline = {
         .compute = "test_fill.comp", .spec = {step}, .spec_count = 1};
@@ -198,10 +192,10 @@ static void fill(struct fixture *f, uint32_t step, const uint32_t *expected, uin
         uint32_t count, value;
     } push = {words.address, count, 5};
     struct hg_gpu_cmd *cmd;
-    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    test_ok(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
     struct hg_gpu_bindings bindings = {0};
-    check(hg_gpu_cmd_bind(cmd, &bindings, &f->err), &f->err);
-    check(hg_gpu_cmd_pipeline(cmd, &pipeline, &f->err), &f->err);
+    test_ok(hg_gpu_cmd_bind(cmd, &bindings, &f->err), &f->err);
+    test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &f->err), &f->err);
     hg_gpu_cmd_push(cmd, &push, sizeof push);
     hg_gpu_cmd_begin_stage(cmd, "fill");
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (count + 63) / 64, 1, 1);
@@ -238,8 +232,8 @@ static void test_rendering(void **state)
         .height = 8,
         .attachment = true,
         .name = "target"};
-    check(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
-    check(
+    test_ok(hg_gpu_image_create(f->gpu, &params, &image, &f->err), &f->err);
+    test_ok(
         hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_READBACK, 256, "back", &back, &f->err), &f->err);
     const struct hg_gpu_pipeline_params pipeline = {.vertex = "fullscreen.vert",
         .fragment = "test_color.frag",
@@ -250,9 +244,9 @@ static void test_rendering(void **state)
         .colors = {{.image = &image, .clear = true}}, .color_count = 1};
     const float color[4] = {1.0f, 0.2f, 0.0f, 0.4f};
     struct hg_gpu_cmd *cmd;
-    check(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
+    test_ok(hg_gpu_begin(f->gpu, &cmd, &f->err), &f->err);
     hg_gpu_cmd_begin_rendering(cmd, &rendering);
-    check(hg_gpu_cmd_pipeline(cmd, &pipeline, &f->err), &f->err);
+    test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &f->err), &f->err);
     hg_gpu_cmd_push(cmd, color, sizeof color);
     vkCmdDraw(hg_gpu_cmd_handle(cmd), 3, 1, 0, 0);
     hg_gpu_cmd_end_rendering(cmd);
@@ -274,8 +268,8 @@ static void test_memory_returns(void **state)
     struct hg_gpu_buffer buffers[300];
     for (uint32_t round = 0; round < 3; round++) {
         for (uint32_t i = 0; i < 300; i++) {
-            check(hg_gpu_buffer_create(
-                      f->gpu, HG_GPU_BUFFER_DEVICE, 1000 + i * 977, "small", &buffers[i], &f->err),
+            test_ok(hg_gpu_buffer_create(f->gpu, HG_GPU_BUFFER_DEVICE, 1000 + i * 977, "small",
+                        &buffers[i], &f->err),
                 &f->err);
             assert_int_equal(buffers[i].address % 256, 0);
         }
@@ -339,18 +333,18 @@ static void test_device_lost(void **state)
     const struct hg_gpu_params params = {0};
     struct hg_gpu *gpu;
     struct hg_error err = {0};
-    check(hg_gpu_create(&params, &gpu, &err), &err);
+    test_ok(hg_gpu_create(&params, &gpu, &err), &err);
     struct hg_gpu_cmd *cmd;
     uint64_t value;
-    check(hg_gpu_begin(gpu, &cmd, &err), &err);
-    check(hg_gpu_submit(gpu, cmd, &value, &err), &err);
+    test_ok(hg_gpu_begin(gpu, &cmd, &err), &err);
+    test_ok(hg_gpu_submit(gpu, cmd, &value, &err), &err);
     hg_gpu_fail_at(1, VK_ERROR_DEVICE_LOST);
     assert_int_equal(hg_gpu_wait(gpu, value, &err), HG_E_DEVICE_LOST);
     hg_gpu_fail_at(0, VK_SUCCESS);
     assert_true(hg_gpu_is_lost(gpu));
     assert_int_equal(hg_gpu_begin(gpu, &cmd, &err), HG_E_DEVICE_LOST);
     hg_gpu_destroy(gpu);
-    check(hg_gpu_create(&params, &gpu, &err), &err);
+    test_ok(hg_gpu_create(&params, &gpu, &err), &err);
     hg_gpu_destroy(gpu);
 }
 
@@ -373,7 +367,7 @@ static void test_shader_dir(void **state)
     assert_int_equal(system(command), 0);
     const struct hg_gpu_params params = {.shader_dir = folder, .validation = true};
     struct fixture f = {0};
-    check(hg_gpu_create(&params, &f.gpu, &f.err), &f.err);
+    test_ok(hg_gpu_create(&params, &f.gpu, &f.err), &f.err);
     const uint32_t expected[2] = {5, 7};
     fill(&f, 2, expected, 2);
     assert_int_equal(hg_gpu_validation_messages(f.gpu), 0);

@@ -22,15 +22,6 @@ static void begin(void)
     memset(&file, 0, sizeof file);
 }
 
-static struct hg_asset *load(const char *rest)
-{
-    struct hg_asset *asset;
-    struct hg_error err;
-    if (memory_load(&file, rest, &asset, &err) != HG_OK)
-        fail_msg("%s at '%s'", err.reason, err.where);
-    return asset;
-}
-
 // 0..1, the same on every run.
 static double fraction(uint32_t i)
 {
@@ -102,8 +93,9 @@ static void check_octahedral(bool wide)
         wide ? add_filtered(wide_raw, 8, "OCTAHEDRAL") : add_filtered(narrow_raw, 4, "OCTAHEDRAL");
     memory_accessor(&file, (int)view, wide ? SHORT : BYTE, "VEC3", COUNT, ",\"normalized\":true");
     memory_floats(&file, "VEC3", COUNT, points, sizeof points);
-    struct hg_asset *asset = load(EXTENSIONS "\"meshes\":[{\"primitives\":[{\"mode\":0,"
-                                             "\"attributes\":{\"POSITION\":1,\"NORMAL\":0}}]}]");
+    struct hg_asset *asset =
+        memory_load_ok(&file, EXTENSIONS "\"meshes\":[{\"primitives\":[{\"mode\":0,"
+                                         "\"attributes\":{\"POSITION\":1,\"NORMAL\":0}}]}]");
     const float *normals = asset->meshes[0]->parts[0].normals;
     assert_non_null(normals);
     double worst = 0;
@@ -166,7 +158,7 @@ static void test_quaternions(void **state)
     uint32_t view = add_filtered(raw, 8, "QUATERNION");
     memory_accessor(&file, (int)view, SHORT, "VEC4", COUNT, ",\"normalized\":true");
     memory_floats(&file, "SCALAR", COUNT, seconds, sizeof seconds);
-    struct hg_asset *asset = load(EXTENSIONS
+    struct hg_asset *asset = memory_load_ok(&file, EXTENSIONS
         "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}],"
         "\"animations\":[{\"samplers\":[{\"input\":1,\"output\":0}],"
         "\"channels\":[{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"rotation\"}}]}]");
@@ -200,7 +192,7 @@ static void test_exponential(void **state)
         }
     uint32_t view = add_filtered(raw, 12, "EXPONENTIAL");
     memory_accessor(&file, (int)view, FLOAT, "VEC3", COUNT, "");
-    struct hg_asset *asset = load(
+    struct hg_asset *asset = memory_load_ok(&file,
         EXTENSIONS "\"meshes\":[{\"primitives\":[{\"mode\":0,\"attributes\":{\"POSITION\":0}}]}]");
     assert_memory_equal(asset->meshes[0]->parts[0].positions, want, sizeof want);
     hg_asset_destroy(asset);
@@ -305,7 +297,7 @@ static void test_spec_gloss_textures(void **state)
         "{\"diffuseTexture\":{\"index\":0},\"diffuseFactor\":[0.9,0.9,0.9,0.5],"
         "\"specularGlossinessTexture\":{\"index\":1},\"glossinessFactor\":0.8}}}]",
         views[0], views[1]);
-    struct hg_asset *asset = load(rest);
+    struct hg_asset *asset = memory_load_ok(&file, rest);
     const struct hg_material *m = asset->materials[0];
     const struct hg_texture *base = m->slots[HG_SLOT_BASE_COLOR].texture;
     const struct hg_texture *rough = m->slots[HG_SLOT_METALLIC_ROUGHNESS].texture;

@@ -25,15 +25,6 @@ static void begin(void)
     memset(&file, 0, sizeof file);
 }
 
-static struct hg_asset *load(const char *rest)
-{
-    struct hg_asset *asset;
-    struct hg_error err;
-    if (memory_load(&file, rest, &asset, &err) != HG_OK)
-        fail_msg("%s at '%s'", err.reason, err.where);
-    return asset;
-}
-
 static const struct hg_mesh_part *first_part(const struct hg_asset *asset)
 {
     assert_true(asset->mesh_count > 0 && asset->meshes[0]->part_count > 0);
@@ -93,10 +84,10 @@ static void check_components(const struct component_case *c, uint32_t stride, ui
     snprintf(more, sizeof more, ",\"byteOffset\":%u%s", skip,
         c->normalized ? ",\"normalized\":true" : "");
     memory_accessor(&file, (int)view, c->type, "VEC2", 3, more);
-    struct hg_asset *asset =
-        load("\"extensionsUsed\":[\"KHR_mesh_quantization\"],\"extensionsRequired\":["
-             "\"KHR_mesh_quantization\"],\"meshes\":[{\"primitives\":[{\"mode\":0,"
-             "\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1}}]}]");
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"KHR_mesh_quantization\"],\"extensionsRequired\":["
+        "\"KHR_mesh_quantization\"],\"meshes\":[{\"primitives\":[{\"mode\":0,"
+        "\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1}}]}]");
     const float *uv = first_part(asset)->uv[0];
     assert_non_null(uv);
     for (int i = 0; i < 6; i++)
@@ -132,8 +123,9 @@ static void test_indices(void **state)
         memory_floats(&file, "VEC3", 3, (const float[]){0, 0, 1, 0, 0, 1, 0, 0, 1}, 36);
         uint32_t view = memory_view(&file, cases[i].data, cases[i].size, 0);
         memory_accessor(&file, (int)view, cases[i].type, "SCALAR", 3, "");
-        struct hg_asset *asset = load("\"meshes\":[{\"primitives\":[{\"indices\":2,"
-                                      "\"attributes\":{\"POSITION\":0,\"NORMAL\":1}}]}]");
+        struct hg_asset *asset =
+            memory_load_ok(&file, "\"meshes\":[{\"primitives\":[{\"indices\":2,"
+                                  "\"attributes\":{\"POSITION\":0,\"NORMAL\":1}}]}]");
         assert_int_equal(first_part(asset)->index_count, 3);
         assert_memory_equal(first_part(asset)->indices, words, sizeof words);
         hg_asset_destroy(asset);
@@ -156,8 +148,8 @@ static void test_sparse(void **state)
             "\"values\":{\"bufferView\":%u}}",
             indices, deltas);
         memory_accessor(&file, with_base ? (int)base : -1, FLOAT, "VEC3", 3, more);
-        struct hg_asset *asset =
-            load("\"meshes\":[{\"primitives\":[{\"mode\":0,\"attributes\":{\"POSITION\":0}}]}]");
+        struct hg_asset *asset = memory_load_ok(
+            &file, "\"meshes\":[{\"primitives\":[{\"mode\":0,\"attributes\":{\"POSITION\":0}}]}]");
         const float *p = first_part(asset)->positions;
         const float want[] = {9, 8, 7, with_base ? 1.0f : 0.0f, 0, 0, -1, -2, -3};
         assert_memory_equal(p, want, sizeof want);
@@ -214,8 +206,8 @@ static void test_flat_normals(void **state)
     memory_floats(&file, "VEC3", 4, roof, sizeof roof);
     uint32_t view = memory_view(&file, faces, sizeof faces, 0);
     memory_accessor(&file, (int)view, USHORT, "SCALAR", 6, "");
-    struct hg_asset *asset =
-        load("\"meshes\":[{\"primitives\":[{\"indices\":1,\"attributes\":{\"POSITION\":0}}]}]");
+    struct hg_asset *asset = memory_load_ok(
+        &file, "\"meshes\":[{\"primitives\":[{\"indices\":1,\"attributes\":{\"POSITION\":0}}]}]");
     const struct hg_mesh_part *part = first_part(asset);
     assert_int_equal(part->index_count, 6);
     const float r = sqrtf(0.5f);
@@ -460,10 +452,10 @@ static void test_meshopt(void **state)
     add_meshopt_view("TRIANGLES", packed, size, INDICES, 2, false);
     memory_accessor(&file, 0, FLOAT, "VEC3", VERTICES, "");
     memory_accessor(&file, 1, USHORT, "SCALAR", INDICES, "");
-    struct hg_asset *asset =
-        load("\"extensionsUsed\":[\"EXT_meshopt_compression\"],\"extensionsRequired\":["
-             "\"EXT_meshopt_compression\"],\"meshes\":[{\"primitives\":[{\"indices\":1,"
-             "\"attributes\":{\"POSITION\":0}}]}]");
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"EXT_meshopt_compression\"],\"extensionsRequired\":["
+        "\"EXT_meshopt_compression\"],\"meshes\":[{\"primitives\":[{\"indices\":1,"
+        "\"attributes\":{\"POSITION\":0}}]}]");
     const struct hg_mesh_part *part = first_part(asset);
     assert_int_equal(part->index_count, INDICES);
     // The codec may turn a triangle's corners; which triangles there are is kept.
@@ -507,12 +499,12 @@ static void test_spec_gloss_material(void **state)
 {
     (void)state;
     begin();
-    struct hg_asset *asset =
-        load("\"extensionsUsed\":[\"KHR_materials_pbrSpecularGlossiness\"],\"materials\":["
-             "{\"extensions\":{\"KHR_materials_pbrSpecularGlossiness\":{\"diffuseFactor\":"
-             "[0.2,0.4,0.6,0.5],\"specularFactor\":[0.04,0.04,0.04],\"glossinessFactor\":0.7}}},"
-             "{\"extensions\":{\"KHR_materials_pbrSpecularGlossiness\":{\"diffuseFactor\":"
-             "[0,0,0,1],\"specularFactor\":[1,0.8,0.3],\"glossinessFactor\":1}}}]");
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"KHR_materials_pbrSpecularGlossiness\"],\"materials\":["
+        "{\"extensions\":{\"KHR_materials_pbrSpecularGlossiness\":{\"diffuseFactor\":"
+        "[0.2,0.4,0.6,0.5],\"specularFactor\":[0.04,0.04,0.04],\"glossinessFactor\":0.7}}},"
+        "{\"extensions\":{\"KHR_materials_pbrSpecularGlossiness\":{\"diffuseFactor\":"
+        "[0,0,0,1],\"specularFactor\":[1,0.8,0.3],\"glossinessFactor\":1}}}]");
     assert_int_equal(asset->material_count, 2);
     const struct hg_material *paint = asset->materials[0], *gold = asset->materials[1];
     const float want_paint[] = {0.2f, 0.4f, 0.6f, 0.5f}, want_gold[] = {1, 0.8f, 0.3f, 1};
@@ -548,13 +540,13 @@ static void test_lights(void **state)
 {
     (void)state;
     begin();
-    struct hg_asset *asset =
-        load("\"extensionsUsed\":[\"KHR_lights_punctual\"],\"extensions\":{\"KHR_lights_punctual\":"
-             "{\"lights\":[{\"type\":\"directional\",\"color\":[1,0.5,0.25],\"intensity\":3},"
-             "{\"type\":\"point\",\"range\":12.5},"
-             "{\"type\":\"spot\",\"intensity\":40,\"spot\":{\"innerConeAngle\":0.25,"
-             "\"outerConeAngle\":0.5}},{\"type\":\"spot\",\"spot\":{}}]}},"
-             "\"nodes\":[{\"extensions\":{\"KHR_lights_punctual\":{\"light\":2}}}]");
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"KHR_lights_punctual\"],\"extensions\":{\"KHR_lights_punctual\":"
+        "{\"lights\":[{\"type\":\"directional\",\"color\":[1,0.5,0.25],\"intensity\":3},"
+        "{\"type\":\"point\",\"range\":12.5},"
+        "{\"type\":\"spot\",\"intensity\":40,\"spot\":{\"innerConeAngle\":0.25,"
+        "\"outerConeAngle\":0.5}},{\"type\":\"spot\",\"spot\":{}}]}},"
+        "\"nodes\":[{\"extensions\":{\"KHR_lights_punctual\":{\"light\":2}}}]");
     assert_int_equal(asset->light_count, 4);
     struct hg_light *const *l = asset->lights;
     assert_int_equal(l[0]->kind, HG_LIGHT_DIRECTIONAL);

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "renderer/scene/load.h"
+#include "tests/support/check.h"
 
 enum { MEMORY_BYTES = 1 << 16, MEMORY_TEXT = 1 << 14, MEMORY_JSON = 1 << 18 };
 
@@ -139,6 +140,15 @@ static inline enum hg_status memory_load(
         .scene_index = -1,
         .memory_limit_bytes = 64u << 20};
     return hg_load_asset(&params, out, err);
+}
+
+// The same, for files that are right.
+static inline struct hg_asset *memory_load_ok(struct memory_gltf *m, const char *rest)
+{
+    struct hg_asset *asset;
+    struct hg_error err;
+    test_ok(memory_load(m, rest, &asset, &err), &err);
+    return asset;
 }
 
 #endif
