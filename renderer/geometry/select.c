@@ -10,11 +10,9 @@
 
 #define BLOCK_MESHLETS 4096 // of one job, about
 
-// Meshlets smaller than this are tested triangle by triangle only: tiny triangles may turn when
+// Meshlets of a smaller radius are tested triangle by triangle only: tiny triangles may turn when
 // their corners are rounded.
-// Least radius of meshlets whose normal cone is tested, px. None is: the test drops letters of
-// MetalRoughSpheresNoTextures that face the eye, and has to be mended before it comes back.
-#define LEAST_CONE_PX INFINITY
+#define LEAST_CONE_PX 16.0f
 
 struct block {
     uint32_t first_draw, end_draw;
@@ -41,26 +39,38 @@ static void move_planes(
             q[c] = p[0] * m[c * 3] + p[1] * m[c * 3 + 1] + p[2] * m[c * 3 + 2];
             out->reach[i][c] = fabsf(q[c]);
         }
-        q[3] = p[0] * m[9] + p[1] * m[10] + p[2] * m[11] + p[3];
+        float at = p[3], slack = fabsf(p[3]);
+        for (int c = 0; c < 3; c++) {
+            at += p[c] * m[9 + c];
+            slack += fabsf(p[c] * m[9 + c]);
+        }
+        q[3] = at + 1e-6f * slack; // what the sum may have lost: small objects far from the origin
     }
 }
 
-// inverse(m) * v of the linear part; false when it has none.
-static bool move_back(const float m[12], const double v[3], float out[3])
+// c = a x b
+static void cross(const double a[3], const double b[3], double c[3])
 {
-    const double a[9] = {m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]};
-    const double r0[3] = {
-        a[4] * a[8] - a[7] * a[5], a[6] * a[5] - a[3] * a[8], a[3] * a[7] - a[6] * a[4]};
-    const double det = a[0] * r0[0] + a[1] * r0[1] + a[2] * r0[2];
-    if (!(fabs(det) > 1e-30))
-        return false;
-    const double r1[3] = {
-        a[7] * a[2] - a[1] * a[8], a[0] * a[8] - a[6] * a[2], a[6] * a[1] - a[0] * a[7]};
-    const double r2[3] = {
-        a[1] * a[5] - a[4] * a[2], a[3] * a[2] - a[0] * a[5], a[0] * a[4] - a[3] * a[1]};
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+// inverse(m) * v of the linear part, and returns its determinant; 0 when it has no inverse. The
+// rows of the inverse are the cross products of the columns over the determinant.
+static double move_back(const float m[12], const double v[3], float out[3])
+{
+    const double x[3] = {m[0], m[1], m[2]}, y[3] = {m[3], m[4], m[5]}, z[3] = {m[6], m[7], m[8]};
+    double rows[3][3];
+    cross(y, z, rows[0]);
+    cross(z, x, rows[1]);
+    cross(x, y, rows[2]);
+    const double det = x[0] * rows[0][0] + x[1] * rows[0][1] + x[2] * rows[0][2];
+    if (!(fabs(det) > DBL_MIN))
+        return 0.0;
     for (int i = 0; i < 3; i++)
-        out[i] = (float)((r0[i] * v[0] + r1[i] * v[1] + r2[i] * v[2]) / det);
-    return true;
+        out[i] = (float)((rows[i][0] * v[0] + rows[i][1] * v[1] + rows[i][2] * v[2]) / det);
+    return det;
 }
 
 // Conservative: a box is outside when it lies wholly behind one plane.
@@ -114,8 +124,15 @@ static void open_object(const struct hg_visible_view *view, const struct hg_mat4
     memset(out, 0, sizeof *out);
     move_planes(view, m, out);
     out->orthographic = view->orthographic;
-    out->has_facing = !both_sides && move_back(m, view->orthographic ? along : from,
-                                         view->orthographic ? out->forward : out->eye);
+    if (both_sides)
+        return;
+    const double det =
+        view->orthographic ? move_back(m, along, out->forward) : move_back(m, from, out->eye);
+    // The least that a length grows is at least the determinant over the square of the most.
+    const double most = (double)hg_select_stretch(world);
+    const double least = fabs(det) / (most * most);
+    out->has_facing = det != 0.0;
+    out->px_scale = (float)((double)view->px_scale * (view->orthographic ? least : least / most));
 }
 
 bool hg_select_is_outside(const struct hg_object_view *o, const struct hg_meshlet *c)
@@ -132,8 +149,7 @@ bool hg_select_is_outside(const struct hg_object_view *o, const struct hg_meshle
     return false;
 }
 
-bool hg_select_faces_away(
-    const struct hg_visible_view *view, const struct hg_object_view *o, const struct hg_meshlet *c)
+bool hg_select_faces_away(const struct hg_object_view *o, const struct hg_meshlet *c)
 {
     if (!o->has_facing || c->cone_cutoff >= 1.0f)
         return false;
@@ -147,8 +163,8 @@ bool hg_select_faces_away(
     distance = sqrtf(distance);
     radius = sqrtf(radius);
     if (o->orthographic)
-        return radius * view->px_scale >= LEAST_CONE_PX && along >= c->cone_cutoff * distance;
-    return radius * view->px_scale >= LEAST_CONE_PX * distance &&
+        return radius * o->px_scale >= LEAST_CONE_PX && along >= c->cone_cutoff * distance;
+    return radius * o->px_scale >= LEAST_CONE_PX * distance &&
            along >= c->cone_cutoff * distance + radius;
 }
 
@@ -200,7 +216,7 @@ static enum hg_status add_meshlets(
         uint32_t k = i, count = 0;
         for (; k < list->count && k < end; k++, count++)
             if (hg_select_is_outside(object, &list->items[k]) ||
-                hg_select_faces_away(run->view, object, &list->items[k]))
+                hg_select_faces_away(object, &list->items[k]))
                 break;
         if (count > 0) {
             const struct hg_meshlet *last = &list->items[k - 1];

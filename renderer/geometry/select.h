@@ -31,12 +31,12 @@ struct hg_object_view {
     float planes[6][4], reach[6][3]; // reach: |plane|
     uint32_t plane_count;
     float eye[3], forward[3];
+    float px_scale; // at least so many pixels per radian, or per unit when orthographic
     bool has_facing, orthographic;
 };
 
 bool hg_select_is_outside(const struct hg_object_view *object, const struct hg_meshlet *box);
-bool hg_select_faces_away(const struct hg_visible_view *view, const struct hg_object_view *object,
-    const struct hg_meshlet *cone);
+bool hg_select_faces_away(const struct hg_object_view *object, const struct hg_meshlet *cone);
 // The most that a length grows under the matrix, rounded up.
 float hg_select_stretch(const struct hg_mat4x3 *world);
 

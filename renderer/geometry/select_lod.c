@@ -90,7 +90,7 @@ static void add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
         m.extent[i] = c->extent[i] + 1e-6f * (fabsf(c->center[i]) + c->extent[i]);
         m.cone_axis[i] = c->cone_axis[i];
     }
-    if (hg_select_is_outside(w->object, &m) || hg_select_faces_away(w->view, w->object, &m))
+    if (hg_select_is_outside(w->object, &m) || hg_select_faces_away(w->object, &m))
         return;
     struct hg_selection *s = w->out;
     w->status = hg_grow(&s->items, &s->capacity, s->count + 1, sizeof *s->items);
