@@ -20,6 +20,7 @@ struct copy {
     uint32_t first, count, corners; // primitives
     uint64_t to;                    // indices
     uint32_t ids, base;             // place in the list of ids; added to each
+    bool backwards;
 };
 
 struct hg_visible {
@@ -370,6 +371,9 @@ static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g
                                                   : add_listed(v, g, runs, count);
 }
 
+// Backwards, draws and primitives: of surfaces at the same depth the last that is drawn is seen.
+// First index of the command and no offset of the buffer: lavapipe 22.3 forgets the latter in
+// indirect draws.
 static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g,
     struct hg_visible_set *set, const struct hg_selection *late)
 {
@@ -386,9 +390,12 @@ static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g
         if (status != HG_OK)
             break;
         struct hg_visible_item *item = &v->items[v->item_count - 1];
+        v->copies[item->first_copy].backwards = true;
         item->command = v->command_count;
-        v->commands[v->command_count++] = (struct hg_gpu_draw_command){
-            .index_count = item->index_count, .first_instance = run->draw};
+        v->commands[v->command_count++] =
+            (struct hg_gpu_draw_command){.index_count = item->index_count,
+                .first_index = (uint32_t)(item->index_offset / 4),
+                .first_instance = run->draw};
         set->late_triangles += run->count;
     }
     set->late_count = v->item_count - set->first_late;
@@ -594,6 +601,20 @@ static enum hg_status reserve(
     return status;
 }
 
+static void turn_around(uint32_t *indices, uint32_t *ids, uint32_t count, uint32_t corners)
+{
+    for (uint32_t low = 0, high = count; low + 1 < high--; low++) {
+        const uint32_t id = ids[low];
+        ids[low] = ids[high];
+        ids[high] = id;
+        for (uint32_t k = 0; k < corners; k++) {
+            const uint32_t index = indices[low * corners + k];
+            indices[low * corners + k] = indices[high * corners + k];
+            indices[high * corners + k] = index;
+        }
+    }
+}
+
 static void copy_runs(void *user, size_t block)
 {
     struct hg_visible *v = user;
@@ -606,6 +627,8 @@ static void copy_runs(void *user, size_t block)
         uint32_t *ids = (uint32_t *)v->ids.mapped + c->ids;
         for (uint32_t k = 0; k < c->count; k++)
             ids[k] = c->base + c->first + k;
+        if (c->backwards)
+            turn_around((uint32_t *)v->indices.mapped + c->to, ids, c->count, c->corners);
     }
 }
 
@@ -643,7 +666,8 @@ void hg_visible_draw(
     const VkCommandBuffer handle = hg_gpu_cmd_handle(cmd);
     const VkBuffer indices =
         item->index_buffer != VK_NULL_HANDLE ? item->index_buffer : v->indices.handle;
-    vkCmdBindIndexBuffer(handle, indices, item->index_offset, VK_INDEX_TYPE_UINT32);
+    vkCmdBindIndexBuffer(handle, indices, item->command == HG_CLUSTER_NONE ? item->index_offset : 0,
+        VK_INDEX_TYPE_UINT32);
     if (item->command == HG_CLUSTER_NONE)
         vkCmdDrawIndexed(handle, item->index_count, item->draw_count, 0, 0, item->first_draw);
     else
