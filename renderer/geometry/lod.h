@@ -22,8 +22,9 @@
 // groups and are to be resident always.
 //
 // Error of a group: no point of the source surface is farther from the surface made from this
-// group (measured at sampled points of the source, quantisation included), and normals, uvs and
-// colours are off by no more than what a displacement of this size would do (weights below).
+// group (measured at sampled points of the source, quantisation included), or it belongs to a
+// connected piece of the source that is nowhere wider than this; and normals, uvs and colours are
+// off by no more than what a displacement of this size would do (weights below).
 //
 // Source: Garland and Heckbert 1997, "Surface Simplification Using Quadric Error Metrics"; Hoppe
 // 1999, "New Quadric Metric for Simplifying Meshes with Appearance Attributes"; Karis, Stubbe and
@@ -36,7 +37,7 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
-#define HG_LOD_VERSION           4u // grows when a part would bake to other bytes
+#define HG_LOD_VERSION           5u // grows when a part would bake to other bytes
 #define HG_LOD_CLUSTER_TRIANGLES 128
 #define HG_LOD_CLUSTER_VERTICES  256    // distinct vertices of one cluster
 #define HG_LOD_GROUP_CLUSTERS    32     // clusters of one group, at most

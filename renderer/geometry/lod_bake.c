@@ -620,6 +620,8 @@ static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
 {
     uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_lod_weld(part, b->params, &b->budget, &b->mesh, b->err);
+    if (status == HG_OK)
+        status = hg_lod_find_pieces(&b->mesh, &b->budget);
     b->report.weld_ns = hg_clock_now_ns() - start;
     const uint32_t n = b->mesh.triangle_count;
     if (status != HG_OK)

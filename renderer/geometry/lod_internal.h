@@ -35,6 +35,9 @@ struct hg_lod_mesh {
     uint32_t *words;       // [vertex_count * format.words]
     uint32_t *triangles;   // [triangle_count * 3] vertices
     uint64_t capacity[2];  // vertices and indices that memory was taken for
+    uint32_t *piece_of;    // [position_count] connected piece; NULL: there is one
+    float *pieces;         // [piece_count] diagonals of their boxes, metres; NULL: there is one
+    uint32_t piece_count;
 };
 
 // Memory that counts against params.memory_limit_bytes.
@@ -51,6 +54,12 @@ void hg_lod_give(struct hg_lod_budget *budget, void *ptr_to_ptr, uint64_t count,
 enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     struct hg_lod_budget *budget, struct hg_lod_mesh *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_lod_mesh_finish(struct hg_lod_mesh *mesh, struct hg_lod_budget *budget);
+
+// Finds what is connected; after welding. HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_lod_find_pieces(
+    struct hg_lod_mesh *mesh, struct hg_lod_budget *budget) HG_MUST_CHECK;
+// Metres; INFINITY when all is one piece.
+float hg_lod_piece_size(const struct hg_lod_mesh *mesh, uint32_t position);
 
 // Attributes of a vertex as floats: normal, uv, uv1, colour, as far as present; returns their
 // count.

@@ -272,7 +272,8 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
     }
     s->triangle = near.triangle;
     s->anchor = p->global[anchor] & 0x3fffffffu;
-    s->distance = sqrtf(near.distance2) * p->unit;
+    s->distance = fminf(
+        sqrtf(near.distance2) * p->unit, hg_lod_piece_size(m, m->position_of[s->vertex]));
 }
 
 float hg_lod_measure(const struct hg_lod_patch *p)

@@ -21,6 +21,7 @@
 #define SEAM_WEIGHT 0.5   // of those that hold seams
 #define FLIP_COSINE 0.2f  // a triangle may turn by less than this says
 #define FLIP_LOOSE  0.0f
+#define JUMP        2.5f // an error so many times that of the level below is looked into
 
 struct ring {
     uint32_t at[RING_MAX];  // neighbour positions
@@ -693,23 +694,78 @@ static void write_back(const struct hg_lod_patch *p, struct hg_lod_simplify_job 
     job->triangle_count = n;
 }
 
+// Simplifies a fresh patch of the job and measures its samples.
+static enum hg_status attempt(
+    struct simplifier *s, struct hg_lod_simplify_job *job, bool permissive)
+{
+    *s = (struct simplifier){0};
+    enum hg_status status = hg_lod_patch_init(&s->patch, job);
+    if (status == HG_OK)
+        status = prepare(s);
+    if (status != HG_OK)
+        return status;
+    s->permissive = permissive;
+    run(s, job->target_count);
+    if (!permissive && s->patch.live > job->target_count + job->triangle_count / 8) {
+        s->permissive = true;
+        run(s, job->target_count);
+    }
+    job->error = hg_lod_measure(&s->patch);
+    return HG_OK;
+}
+
+static void close(struct simplifier *s)
+{
+    hg_free(s->memory);
+    hg_lod_patch_finish(&s->patch);
+}
+
+static float worst_of(const struct hg_lod_simplify_job *job)
+{
+    float worst = 0.0f;
+    for (uint32_t i = 0; i < job->sample_count; i++)
+        worst = fmaxf(worst, job->samples[i].distance);
+    return worst;
+}
+
+// Scans have handles and tunnels by the hundred. When what is left of a surface is hardly more than
+// they need, keeping them costs whole limbs: then the surface is better off without.
+static enum hg_status attempt_again(
+    struct simplifier *s, struct hg_lod_simplify_job *job, struct hg_lod_sample *samples)
+{
+    struct simplifier other;
+    struct hg_lod_simplify_job loose = *job;
+    loose.samples = samples;
+    const enum hg_status status = attempt(&other, &loose, true);
+    const bool better = status == HG_OK && loose.error < job->error;
+    if (better) {
+        memcpy(job->samples, samples, job->sample_count * sizeof *samples);
+        job->error = loose.error;
+        other.patch.job = job;
+        close(s);
+        *s = other;
+    } else {
+        close(&other);
+    }
+    return status;
+}
+
 enum hg_status hg_lod_simplify(struct hg_lod_simplify_job *job)
 {
     struct simplifier s = {0};
+    const float before = worst_of(job);
+    struct hg_lod_sample *samples = hg_calloc(job->sample_count, sizeof *samples);
+    enum hg_status status = samples != NULL ? HG_OK : HG_E_NOMEM;
     job->error = 0.0f;
-    enum hg_status status = hg_lod_patch_init(&s.patch, job);
+    if (status == HG_OK && job->sample_count > 0)
+        memcpy(samples, job->samples, job->sample_count * sizeof *samples);
     if (status == HG_OK)
-        status = prepare(&s);
-    if (status == HG_OK) {
-        run(&s, job->target_count);
-        if (s.patch.live > job->target_count + job->triangle_count / 8) {
-            s.permissive = true;
-            run(&s, job->target_count);
-        }
-        job->error = hg_lod_measure(&s.patch);
+        status = attempt(&s, job, false);
+    if (status == HG_OK && before > 0.0f && job->error > JUMP * before)
+        status = attempt_again(&s, job, samples);
+    if (status == HG_OK)
         write_back(&s.patch, job);
-    }
-    hg_free(s.memory);
-    hg_lod_patch_finish(&s.patch);
+    close(&s);
+    hg_free(samples);
     return status;
 }

@@ -390,5 +390,7 @@ void hg_lod_mesh_finish(struct hg_lod_mesh *m, struct hg_lod_budget *budget)
     hg_lod_give(budget, &m->position_of, n, 4);
     hg_lod_give(budget, &m->words, n * m->format.words, 4);
     hg_lod_give(budget, &m->triangles, m->capacity[1], 4);
+    hg_lod_give(budget, &m->piece_of, m->position_count, 4);
+    hg_lod_give(budget, &m->pieces, m->piece_count, sizeof *m->pieces);
     memset(m, 0, sizeof *m);
 }

@@ -244,11 +244,131 @@ static void test_sphere_like(void **state)
     lod_part_finish(&part);
 }
 
+// --- what a surface may do without ---------------------------------------------------------------
+
+static void add_triangle(struct hg_mesh_part *p, const float (*corners)[3])
+{
+    float e[2][3], n[3];
+    for (int k = 0; k < 3; k++) {
+        e[0][k] = corners[1][k] - corners[0][k];
+        e[1][k] = corners[2][k] - corners[0][k];
+    }
+    for (int k = 0; k < 3; k++)
+        n[k] = e[0][(k + 1) % 3] * e[1][(k + 2) % 3] - e[0][(k + 2) % 3] * e[1][(k + 1) % 3];
+    const float length = sqrtf(dot(n, n));
+    for (uint32_t k = 0; k < 3; k++) {
+        const uint32_t v = p->vertex_count++;
+        p->indices[p->index_count++] = v;
+        memcpy(p->positions + (size_t)v * 3, corners[k], 12);
+        for (int c = 0; c < 3; c++)
+            p->normals[v * 3 + (uint32_t)c] = n[c] / length;
+    }
+}
+
+static void add_quad(struct hg_mesh_part *p, const float (*c)[3])
+{
+    const float corners[2][3][3] = {
+        {{c[0][0], c[0][1], c[0][2]}, {c[1][0], c[1][1], c[1][2]}, {c[2][0], c[2][1], c[2][2]}},
+        {{c[0][0], c[0][1], c[0][2]}, {c[2][0], c[2][1], c[2][2]}, {c[3][0], c[3][1], c[3][2]}}};
+    add_triangle(p, corners[0]);
+    add_triangle(p, corners[1]);
+}
+
+// A plate of side x side cells, each 1 x 1 m, 0.3 m thick: every ninth cell is a hole through it.
+static struct hg_mesh_part make_sieve(int side)
+{
+    struct hg_mesh_part p = lod_part((uint32_t)(side * side * 36), (uint32_t)(side * side * 36));
+    const float low = 0.0f, high = 0.3f;
+    p.vertex_count = p.index_count = 0;
+    for (int i = 0; i < side * side; i++) {
+        const float x = (float)(i % side), z = (float)(i / side), u = x + 1.0f, w = z + 1.0f;
+        const bool hole = i % side % 3 == 1 && i / side % 3 == 1;
+        if (!hole) {
+            add_quad(
+                &p, (const float[4][3]){{x, high, z}, {x, high, w}, {u, high, w}, {u, high, z}});
+            add_quad(&p, (const float[4][3]){{x, low, z}, {u, low, z}, {u, low, w}, {x, low, w}});
+        }
+        // Walls: of the hole inwards, of the plate outwards.
+        if (hole || i % side == 0)
+            add_quad(&p, (const float[4][3]){{x, low, z}, {x, low, w}, {x, high, w}, {x, high, z}});
+        if (hole || i % side == side - 1)
+            add_quad(&p, (const float[4][3]){{u, low, z}, {u, high, z}, {u, high, w}, {u, low, w}});
+        if (hole || i / side == 0)
+            add_quad(&p, (const float[4][3]){{x, low, z}, {x, high, z}, {u, high, z}, {u, low, z}});
+        if (hole || i / side == side - 1)
+            add_quad(&p, (const float[4][3]){{x, low, w}, {u, low, w}, {u, high, w}, {x, high, w}});
+    }
+    return p;
+}
+
+// Least error that a cut of at most `most` triangles states.
+static float error_of_cut(const struct hg_mesh_part *part, uint32_t most)
+{
+    const struct hg_lod_params params = {0};
+    struct hg_error err = {0};
+    struct hg_lod *lod = NULL;
+    uint8_t *data;
+    size_t size;
+    float error;
+    assert_int_equal(hg_lod_bake(part, &params, &data, &size, NULL, &err), HG_OK);
+    assert_int_equal(hg_lod_open(data, size, &lod, &err), HG_OK);
+    for (error = lod->source_error; error < 1e6f; error *= 1.1f) {
+        struct surface cut = cut_of(lod, error);
+        const uint32_t count = cut.count;
+        hg_free(cut.corners);
+        if (count <= most)
+            break;
+    }
+    hg_lod_close(lod);
+    hg_free(data);
+    return error;
+}
+
+// Specks that float far from a surface go when they are small, not when their distance is.
+static void test_specks(void **state)
+{
+    (void)state;
+    enum { SPECKS = 300, MOST = 200 };
+    uint32_t seed = 3;
+    struct hg_mesh_part torus = lod_torus(90, 44, 1.0f);
+    const float alone = error_of_cut(&torus, MOST);
+    struct hg_mesh_part p =
+        lod_part(torus.vertex_count + 3 * SPECKS, torus.index_count + 3 * SPECKS);
+    memcpy(p.indices, torus.indices, torus.index_count * sizeof *p.indices);
+    memcpy(p.positions, torus.positions, torus.vertex_count * sizeof(float[3]));
+    memcpy(p.normals, torus.normals, torus.vertex_count * sizeof(float[3]));
+    p.vertex_count = torus.vertex_count;
+    p.index_count = torus.index_count;
+    for (int i = 0; i < SPECKS; i++) {
+        const float x = 0.5f * lod_random_unit(&seed), y = 3.0f * lod_random_unit(&seed);
+        add_triangle(&p, (const float[3][3]){{x, y, 0}, {x + 0.01f, y, 0}, {x, y + 0.01f, 0}});
+    }
+    const float with = error_of_cut(&p, MOST);
+    print_message(
+        "200 triangles of a torus: %.4f m, with 300 specks %.4f m\n", (double)alone, (double)with);
+    assert_true(with < 1.3f * alone);
+    lod_part_finish(&p);
+    lod_part_finish(&torus);
+}
+
+// A surface of a hundred tunnels gives up tunnels, not its corners.
+static void test_tunnels(void **state)
+{
+    (void)state;
+    struct hg_mesh_part p = make_sieve(30);
+    const float error = error_of_cut(&p, 400);
+    print_message("400 triangles of a plate with 100 holes: %.3f m\n", (double)error);
+    assert_true(error < 1.0f);
+    lod_part_finish(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_terrain),
         cmocka_unit_test(test_sphere_like),
+        cmocka_unit_test(test_specks),
+        cmocka_unit_test(test_tunnels),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
