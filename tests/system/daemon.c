@@ -154,6 +154,12 @@ void daemon_start(struct daemon *d)
     free(text);
 }
 
+void daemon_begin(struct daemon *d)
+{
+    daemon_init(d);
+    daemon_start(d);
+}
+
 int daemon_run(struct daemon *d)
 {
     spawn_daemon(d);
@@ -472,6 +478,13 @@ void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
         &(struct hgp_view_set){
             .view = view, .has_width = true, .width = width, .has_height = true, .height = height},
         HGP_T_ok);
+}
+
+void peer_open_view(struct peer *p, struct daemon *d, uint32_t width, uint32_t height)
+{
+    peer_open(p, d);
+    peer_scene(p, "");
+    peer_view(p, 1, width, height);
 }
 
 void peer_close(struct peer *p)

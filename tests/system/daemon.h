@@ -25,6 +25,7 @@ void daemon_init_tokens(struct daemon *d);
 void daemon_option(struct daemon *d, const char *name, const char *value); // value NULL: a switch
 // Uses the worker of $HELIO_TEST_WORKER, else the fake one. Waits until it listens.
 void daemon_start(struct daemon *d);
+void daemon_begin(struct daemon *d); // daemon_init, daemon_start
 // Runs heliod to its end (bad configurations); returns its exit code. stderr goes to FOLDER/log.
 int daemon_run(struct daemon *d);
 void daemon_watch(struct daemon *d); // killed when the test program ends before daemon_finish
@@ -56,6 +57,8 @@ void peer_auth(struct peer *p, const char *token);             // auth, no answe
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
 void peer_scene(struct peer *p, const char *name);
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);
+// peer_open, peer_scene without a name, peer_view 1.
+void peer_open_view(struct peer *p, struct daemon *d, uint32_t width, uint32_t height);
 void peer_close(struct peer *p);
 void peer_raw(struct peer *p, const void *data, size_t size);
 uint32_t peer_send(struct peer *p, enum hgp_type type, const void *message); // returns request id

@@ -21,8 +21,7 @@ static void opens_for_own_user(void **state)
     (void)state;
     struct daemon d;
     struct peer p;
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_open(&p, &d);
     assert_int_equal(p.m.welcome.role, HGP_role_ADMIN);
     peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 42}, HGP_T_pong);
@@ -64,8 +63,7 @@ static void wrong_preface_and_version(void **state)
     (void)state;
     struct daemon d;
     struct peer p;
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_connect(&p, &d, false);
     peer_raw(&p, "GET / HTTP/1.1\r\n\r\n", 18);
     assert_false(peer_next(&p)); // closed without an answer
@@ -186,8 +184,7 @@ static void unknown_and_broken_messages(void **state)
     (void)state;
     struct daemon d;
     struct peer p;
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_open(&p, &d);
     send_header(&p, (struct hgp_header){.type = 0x7777, .request = 8, .length = 3}, "abc");
     peer_error(&p, 8, HG_E_UNSUPPORTED);
@@ -229,8 +226,7 @@ static void relays_edits_and_frames(void **state)
     (void)state;
     struct daemon d;
     struct peer p;
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_open(&p, &d);
     peer_refused(&p, HGP_T_node_set, &(struct hgp_node_set){.node = 1}, HG_E_STATE); // no scene
     peer_scene(&p, "");
@@ -270,8 +266,7 @@ static void shares_scenes(void **state)
     struct daemon d;
     struct peer a, b;
     uint8_t seen[32];
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_open(&a, &d);
     peer_scene(&a, "hall");
     peer_call(&a, HGP_T_node_set, &(struct hgp_node_set){.node = a.first_id}, HGP_T_ok);
@@ -315,9 +310,7 @@ static void quotas_are_explained(void **state)
     daemon_option(&d, "max-upload", "1");
     daemon_option(&d, "max-frame-requests", "2");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_view(&p, 1, 50, 100);
+    peer_open_view(&p, &d, 50, 100);
     peer_refused(&p, HGP_T_view_set,
         &(struct hgp_view_set){
             .view = 2, .has_width = true, .width = 100, .has_height = true, .height = 51},
@@ -411,8 +404,7 @@ static void uploads_are_kept_once(void **state)
     enum { SIZE = 300000, PIECE = 100000 };
     uint8_t *data = calloc(SIZE, 1);
     data[SIZE - 1] = 7;
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     peer_open(&p, &d);
     struct hgp_upload m = piece(data, SIZE, 0, PIECE);
     assert_false(is_there(&p, m.hash));

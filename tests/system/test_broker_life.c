@@ -33,9 +33,7 @@ static void slow_reader_harms_nobody(void **state)
     uint64_t before = daemon_rss_bytes(&d);
     // All the credit of the world, and it never reads.
     peer_send(&slow, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 1024});
-    peer_open(&fast, &d);
-    peer_scene(&fast, "");
-    peer_view(&fast, 1, 64, 64);
+    peer_open_view(&fast, &d, 64, 64);
     uint64_t worst_ns = 0, most = 0;
     uint64_t start_ns = hg_clock_now_ns();
     for (int i = 0; i < 200; i++) {
@@ -70,9 +68,7 @@ static void credit_is_kept(void **state)
     daemon_init(&d);
     daemon_option(&d, "frame-window", "2");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_view(&p, 1, 16, 16);
+    peer_open_view(&p, &d, 16, 16);
     peer_tell(&p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 5});
     for (int i = 0; i < 5; i++) {
         assert_true(peer_next(&p));
@@ -128,11 +124,8 @@ static void drains_under_load(void **state)
     (void)state;
     struct daemon d;
     struct peer busy, idle;
-    daemon_init(&d);
-    daemon_start(&d);
-    peer_open(&busy, &d);
-    peer_scene(&busy, "");
-    peer_view(&busy, 1, 64, 64);
+    daemon_begin(&d);
+    peer_open_view(&busy, &d, 64, 64);
     peer_call(&busy, HGP_T_view_set,
         &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 500}, HGP_T_ok);
     peer_open(&idle, &d);
@@ -167,9 +160,7 @@ static void drain_has_a_deadline(void **state)
     daemon_init(&d);
     daemon_option(&d, "drain-timeout", "0.2");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_view(&p, 1, 64, 64);
+    peer_open_view(&p, &d, 64, 64);
     peer_call(&p, HGP_T_view_set,
         &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 60000}, HGP_T_ok);
     uint32_t request = peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
@@ -187,11 +178,8 @@ static void second_signal_ends_at_once(void **state)
     (void)state;
     struct daemon d;
     struct peer p;
-    daemon_init(&d);
-    daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_view(&p, 1, 64, 64);
+    daemon_begin(&d);
+    peer_open_view(&p, &d, 64, 64);
     peer_call(&p, HGP_T_view_set,
         &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 60000}, HGP_T_ok);
     peer_send(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
@@ -273,8 +261,7 @@ static void refuses_bad_starts(void **state)
     assert_int_equal(daemon_run(&d), 4);
     daemon_finish(&d);
     // A socket that somebody serves is left alone; one of a dead daemon is replaced.
-    daemon_init(&d);
-    daemon_start(&d);
+    daemon_begin(&d);
     struct daemon second = d;
     second.pid = 0;
     assert_int_equal(daemon_run(&second), 4);
