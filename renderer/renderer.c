@@ -304,6 +304,11 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
     }
 }
 
+void hg_view_set_final(struct hg_view *view, bool final)
+{
+    view->state.final = final;
+}
+
 enum hg_status hg_view_step(
     struct hg_view *view, uint32_t max_samples, struct hg_frame_info *info, struct hg_error *err)
 {

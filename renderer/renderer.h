@@ -112,6 +112,9 @@ struct hg_frame_info {
     struct hg_stage_time stages[64]; // render passes of this step
 };
 
+// Nobody looks before the picture is settled: steps need not show anything on the way to it, what
+// is missing is loaded before it is drawn with. Until this is said to be over.
+void hg_view_set_final(struct hg_view *view, bool final);
 // Renders one slice: picks up scene, parameter and camera changes (these restart accumulation),
 // uploads what is new, draws 1..max_samples samples. A settled view does nothing and says so.
 // HG_E_DEVICE_LOST, HG_E_NOMEM, HG_E_LIMIT (budget) with *err; the view stays usable.

@@ -385,7 +385,7 @@ static enum hg_status record_facets(
     return hg_facet_record(&pass, view->rooms->geometry, err);
 }
 
-void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples)
+static void adapt_layers(struct hg_view_state *view, uint32_t samples)
 {
     bool full = false;
     for (uint32_t i = 0; i < samples; i++)
@@ -397,6 +397,15 @@ void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples)
         hg_warn(FRAME, "%u layers of blended surfaces or more: what lies deeper is not seen",
             (unsigned)HG_VIEW_MAX_LAYERS);
     view->too_deep_told = full && !view->shallow;
+}
+
+void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
+{
+    struct hg_visible_stats drawn;
+    hg_visible_stats(view->visible, &drawn);
+    view->draws_drawn = drawn.draws;
+    view->triangles_drawn = drawn.triangles;
+    adapt_layers(view, samples);
 }
 
 enum hg_status hg_frame_record(

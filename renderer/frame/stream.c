@@ -117,6 +117,18 @@ static void forget_shadows(struct hg_view_state *view)
     view->stream.shadows = false;
 }
 
+enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error *err)
+{
+    const enum hg_status status = start_exact(view, 0, err);
+    view->stream.has_fallback = false; // that would be a picture of the past
+    return status;
+}
+
+bool hg_stream_is_blank(const struct hg_view_state *view)
+{
+    return view->stream.exact && !view->stream.has_fallback && view->samples == 0;
+}
+
 enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
@@ -124,7 +136,7 @@ enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
     const bool debug = view->settings.debug != 0;
-    if (!debug && (s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0))
+    if (!debug && (view->final || s->bias > 0.0f || hg_page_cache_under_way(pages_of(view)) == 0))
         return start_exact(view, 0, err);
     uint64_t most = 4 * view->step_ns, spent = 0;
     most = most > REST_LEAST_NS ? most : REST_LEAST_NS;
@@ -306,7 +318,7 @@ static enum hg_status draw_area(
     enum hg_status status = run_batch(view, count, false, &demand, err);
     if (status != HG_OK)
         return status;
-    hg_frame_adapt_layers(view, count);
+    hg_frame_note_drawn(view, count);
     s->missing = demand.missing;
     s->waiting = demand.missing > 0;
     s->shadows = demand.shadows;

@@ -8,8 +8,10 @@
 //          pixels need at once does not fit the budget, the picture is cut in two areas that are
 //          finished one after the other, as often as it takes.
 // A view that rests goes from show to exact as soon as nothing is missing, nothing more can be
-// loaded, or the mip bias says that the budget is too small. Each pixel adds the same samples in
-// the same order as ever: the settled picture does not depend on budgets, caches or timing.
+// loaded, or the mip bias says that the budget is too small. One that nobody looks at before it is
+// settled is exact from the start: its first batch finds out what it needs. Each pixel adds the
+// same samples in the same order as ever: the settled picture does not depend on budgets, caches or
+// timing.
 #ifndef HG_RENDERER_FRAME_STREAM_H
 #define HG_RENDERER_FRAME_STREAM_H
 
@@ -52,6 +54,11 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *stream); // images a
 void hg_stream_restart(struct hg_view_state *view);
 // Between batches: uploads pages that have arrived, decides whether feedback is needed.
 enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// After a restart of a view that nobody looks at yet: turns to exact at once.
+enum hg_status hg_stream_begin_exact(
+    struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// There is nothing that could be shown.
+bool hg_stream_is_blank(const struct hg_view_state *view);
 // Before a resting view shows the same again: waits a little for pages, or turns to exact.
 enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // After a sample was shown: what it missed. Turns to exact when that was nothing.

@@ -215,10 +215,11 @@ static void choose_error(struct hg_view_state *view, uint32_t max_samples)
 {
     const struct hg_view_settings *s = &view->settings;
     const struct hg_view_key key = present_key(view);
-    const bool moves = max_samples == 1 && memcmp(&key, &view->key, sizeof key) != 0;
+    const bool moves =
+        max_samples == 1 && !view->final && memcmp(&key, &view->key, sizeof key) != 0;
     if (key.camera != view->key.camera)
         hg_visible_relax(view->visible);
-    view->wait = max_samples > 1 || (view->stream.exact && !moves);
+    view->wait = max_samples > 1 || view->final || (view->stream.exact && !moves);
     view->error_px =
         moves ? hg_quality_error_px(&view->quality, s->error_px, s->target_ms) : s->error_px;
 }
@@ -236,7 +237,7 @@ static enum hg_status draw_shown(
         view->missing_clusters > 0)
         view->samples = 0;
     view->eased = view->error_px > view->settings.error_px;
-    view->coarse = changed && max_samples == 1 && needs_cascades(view);
+    view->coarse = changed && max_samples == 1 && !view->final && needs_cascades(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
@@ -254,14 +255,22 @@ static enum hg_status draw_shown(
         return status;
     hg_geometry_deforms_done(view->rooms->geometry);
     hg_geometry_facets_done(view->rooms->geometry);
-    struct hg_visible_stats drawn;
-    hg_visible_stats(view->visible, &drawn);
-    view->draws_drawn = drawn.draws;
-    view->triangles_drawn = drawn.triangles;
-    hg_frame_adapt_layers(view, count);
+    hg_frame_note_drawn(view, count);
     view->samples += count;
     view->number++;
     return hg_stream_shown(view, err);
+}
+
+// A new state. What nobody looks at yet is not drawn with coarser texels first.
+static enum hg_status start_anew(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    hg_stream_restart(view);
+    s->on = !hg_page_cache_is_complete(hg_textures_cache(view->rooms->textures));
+    if (!s->on || !view->final || view->settings.debug != 0)
+        return HG_OK;
+    view->coarse = false;
+    return hg_stream_begin_exact(view, err);
 }
 
 static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
@@ -271,19 +280,20 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK)
         return status;
     const struct hg_view_key key = present_key(view);
-    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0;
-    if (changed) {
-        hg_stream_restart(view);
-        view->stream.on = !hg_page_cache_is_complete(hg_textures_cache(view->rooms->textures));
-    } else if (!view->stream.exact) {
+    const bool blank = hg_stream_is_blank(view) && !view->final; // somebody wants to look now
+    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0 || blank;
+    if (changed)
+        status = start_anew(view, err);
+    else if (!view->stream.exact)
         status = hg_stream_rest(view, err);
-    }
     if (status == HG_OK)
         status = view->stream.exact ? hg_stream_draw(view, max_samples, err)
                                     : draw_shown(view, changed, max_samples, err);
     if (status == HG_OK && view->stream.exact && view->shallow) { // all of it lacks layers
-        hg_stream_restart(view);
-        status = draw_shown(view, true, max_samples, err);
+        status = start_anew(view, err);
+        if (status == HG_OK && !view->stream.exact)
+            status = draw_shown(view, true, max_samples, err);
+        view->shallow &= !view->stream.exact;
     }
     if (view->stream.exact)
         view->eased = view->error_px > view->settings.error_px;
@@ -299,7 +309,8 @@ enum hg_status hg_view_state_step(
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
     const struct hg_view_key key = present_key(view);
-    const bool moves = max_samples <= 1 && memcmp(&key, &view->key, sizeof key) != 0;
+    const bool moves =
+        max_samples <= 1 && !view->final && memcmp(&key, &view->key, sizeof key) != 0;
     view->stage_count = 0;
     enum hg_status status = draw(view, max_samples > 0 ? max_samples : 1, err);
     view->step_ns = hg_clock_now_ns() - start;

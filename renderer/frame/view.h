@@ -77,9 +77,10 @@ struct hg_view_state {
     uint32_t layer_limit; // layers that the next step peels
     bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
     bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
-    bool wait;      // this step loads what is missing
-    bool eased;     // its error was raised to keep to the frame time
-    float error_px; // of geometry, asked for by the newest sample
+    bool final;           // nobody looks before the picture is settled
+    bool wait;            // this step loads what is missing
+    bool eased;           // its error was raised to keep to the frame time
+    float error_px;       // of geometry, asked for by the newest sample
     uint32_t missing_clusters; // chunks that the newest sample went without
     struct hg_quality quality;
     uint64_t triangles_drawn, draws_drawn;
@@ -116,8 +117,9 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// After the batch: whether it had too few layers, and then how many the next one peels.
-void hg_frame_adapt_layers(struct hg_view_state *view, uint32_t samples);
+// After the batch: how much it drew; whether it had too few layers, and then how many the next one
+// peels.
+void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
 // Shadow maps that are stale, nothing else.
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;

@@ -416,6 +416,16 @@ void hg_residency_cancel(struct hg_residency *r, uint64_t key)
     forget(r, i);
 }
 
+void hg_residency_put_back(struct hg_residency *r, uint64_t key)
+{
+    const uint32_t i = find(r, key);
+    if (i == NONE || r->nodes[i].state != IN_FLIGHT)
+        return;
+    r->stats.in_flight--;
+    r->nodes[i].state = REQUESTED;
+    settle(r, r->heap_count++, i);
+}
+
 void hg_residency_drop_requests(struct hg_residency *r)
 {
     while (r->heap_count > 0)

@@ -10,6 +10,7 @@
 //    absent --------> requested ----> in flight --------> resident
 //      ^                  | (not renewed)  | cancel          | evicted by place, remove
 //      +------------------+----------------+-----------------+
+//                         ^-- put_back ----+
 //
 // Time is counted in frames (hg_residency_tick). An item that was used within the last `hysteresis`
 // frames is not evicted for a mere request: when everything is in use, place says so and the caller
@@ -71,6 +72,9 @@ bool hg_residency_request(struct hg_residency *r, uint64_t key, float priority);
 bool hg_residency_next(struct hg_residency *r, uint64_t *key, float *priority);
 // The item that was in flight does not come. It may be requested again.
 void hg_residency_cancel(struct hg_residency *r, uint64_t key);
+// The item that was in flight cannot come yet: it is requested as it was before. It leaves at the
+// next tick if its request has become too old meanwhile.
+void hg_residency_put_back(struct hg_residency *r, uint64_t key);
 // Forgets all requests that are not in flight.
 void hg_residency_drop_requests(struct hg_residency *r);
 

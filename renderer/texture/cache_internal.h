@@ -24,7 +24,7 @@ struct hg_page_set {
     uint32_t nothing;        // NOTHING_*
     uint32_t resident;       // pages
     uint32_t reads;          // under way
-    uint64_t again;          // revision of the sources at which it was not ready; 0 = ready
+    uint64_t again;          // revision of the sources at which it was not ready; 0 = none
     bool failed;
 };
 
@@ -52,6 +52,12 @@ struct hg_page_cache {
     uint64_t revision;
     uint32_t lottery;
     uint64_t missing_since_ns;
+    bool asked;              // requests may be read that could not be before
+    uint64_t asked_revision; // of the sources, when it was last tried
+    uint32_t waiting;        // requests whose images were not ready then
+    uint64_t *put_off;       // those of one pool, for a moment
+    size_t put_off_capacity;
+    uint32_t put_off_count;
     uint32_t pressed, relaxed; // frames in a row in which the pools were too small, or half empty
     bool refused;              // something in view found no slot since the last collect
     struct hg_page_cache_stats stats;

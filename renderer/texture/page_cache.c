@@ -79,6 +79,7 @@ void hg_page_cache_destroy(struct hg_page_cache *c)
     hg_gpu_buffer_destroy(c->gpu, &c->readback);
     hg_free(c->sets);
     hg_free(c->table);
+    hg_free(c->put_off);
     hg_free(c);
 }
 
@@ -141,6 +142,7 @@ enum hg_status hg_page_cache_acquire(struct hg_page_cache *c, struct hg_page_sou
     memmove(c->sets + 1, c->sets, c->set_count * sizeof *c->sets); // those without a table first
     c->sets[0] = set;
     c->set_count++;
+    hg_page_source_prefetch(source);
     *out = set;
     return HG_OK;
 }

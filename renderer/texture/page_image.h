@@ -11,6 +11,8 @@
 #include "renderer/texture/page_source.h"
 #include "renderer/texture/source.h"
 
+#define HG_PAGE_LOAD_THREADS 16
+
 enum hg_page_backing_kind {
     HG_PAGES_IN_MEMORY,
     HG_PAGES_IN_PACK,
@@ -39,6 +41,7 @@ struct hg_page_image {
     uint32_t pool;
     struct hg_page_backing *backing; // NULL: nothing can be read yet
     bool wanted;                     // somebody waits for pages
+    bool early;                      // somebody may want pages soon
     bool bake_wanted;                // somebody waits for the pack
     bool no_bake;                    // the pack cannot be written (err says why)
     bool busy;                       // a thread works on it
@@ -47,7 +50,7 @@ struct hg_page_image {
     struct hg_page_source *borrowed; // whose hg_image_source the thread reads
     unsigned tries;                  // that ended for want of memory
     uint64_t retry_ns;               // not before this time (another process is baking)
-    uint64_t used_ns;                // last read
+    uint64_t used_ns;                // last read; 0: never
     struct hg_page_bake bake;
     struct hg_error err;
 };
@@ -67,7 +70,8 @@ struct hg_page_source {
 struct hg_page_sources {
     struct hg_page_sources_params params;
     pthread_mutex_t lock;
-    pthread_cond_t work, changed; // for the threads; for those who wait for them
+    pthread_cond_t work, rush, changed; // for the threads; for those who wait for them
+    unsigned hurry;                     // how many can do nothing but wait
     struct hg_page_image *images;
     struct hg_page_scratch **scratches; // free ones
     size_t scratch_capacity, scratch_count;
@@ -76,8 +80,10 @@ struct hg_page_sources {
     struct hg_jobs *jobs; // compresses pages of large images; NULL with one thread
     atomic_bool stop;
     bool warned;
-    unsigned thread_count;
-    pthread_t threads[16];
+    // The first half runs behind the threads that draw, the second half beside them, but only while
+    // those wait.
+    unsigned thread_count, started;
+    pthread_t threads[2 * HG_PAGE_LOAD_THREADS];
 };
 
 void *hg_page_load_thread(void *sources);

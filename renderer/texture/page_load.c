@@ -56,59 +56,86 @@ static bool is_idle(const struct hg_page_image *i, uint64_t now)
     return !i->busy && !i->failed && i->members != NULL && i->retry_ns <= now;
 }
 
-// Drops the chain that was used longest ago among those that no pack can replace.
+// Drops the chain that was used longest ago among those that no pack can replace, or that were
+// never used at all.
 static bool drop_oldest_chain(struct hg_page_sources *s, struct hg_page_backing **dropped)
 {
     struct hg_page_image *oldest = NULL;
     for (struct hg_page_image *i = s->images; i != NULL; i = i->next)
         if (i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY && !i->busy &&
-            !can_bake(s, i) && (oldest == NULL || i->used_ns < oldest->used_ns))
+            (!can_bake(s, i) || i->used_ns == 0) &&
+            (oldest == NULL || i->used_ns < oldest->used_ns))
             oldest = i;
     if (oldest == NULL)
         return false;
     *dropped = oldest->backing;
     oldest->backing = NULL;
-    oldest->wanted = oldest->bake_wanted = false;
+    oldest->wanted = oldest->bake_wanted = oldest->early = false;
     return true;
 }
 
-static struct hg_page_image *find_idle(struct hg_page_sources *s, bool in_memory, uint64_t now)
+static bool is_large(const struct hg_page_sources *s, const struct hg_page_image *i)
 {
+    return pixel_bytes(i) > s->params.image_bytes;
+}
+
+static bool has_room(const struct hg_page_sources *s, const struct hg_page_image *i)
+{
+    return s->memory_bytes == 0 ||
+           s->memory_bytes + chain_bytes(i) + pixel_bytes(i) <= s->params.memory_bytes;
+}
+
+// What an idle thread could do, the most urgent first.
+struct work {
+    struct hg_page_image *wanted, *early, *bake;
+};
+
+static struct work find_work(struct hg_page_sources *s, uint64_t now)
+{
+    struct work w = {0};
     for (struct hg_page_image *i = s->images; i != NULL; i = i->next) {
         if (!is_idle(i, now))
             continue;
-        if (in_memory && i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY &&
-            can_bake(s, i))
-            return i;
-        if (!in_memory && i->backing == NULL && (i->wanted || i->bake_wanted))
-            return i;
+        const bool none = i->backing == NULL;
+        if (none && (i->wanted || i->bake_wanted))
+            w.wanted = i;
+        else if (none && i->early && !is_large(s, i) && has_room(s, i))
+            w.early = i;
+        else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && can_bake(s, i))
+            w.bake = i;
     }
-    return NULL;
+    return w;
 }
 
 // The lock is held. Loading comes first while there is memory, then baking gives memory back.
 static enum task choose(struct hg_page_sources *s, struct hg_page_image **image,
     struct hg_page_backing **dropped, uint64_t now)
 {
-    struct hg_page_image *load = find_idle(s, false, now), *bake = find_idle(s, true, now);
-    *image = load != NULL ? load : bake;
+    const struct work w = find_work(s, now);
+    struct hg_page_image *load = w.wanted != NULL ? w.wanted : w.early;
+    *image = load != NULL ? load : w.bake;
     if (load == NULL)
-        return bake != NULL ? TASK_BAKE : TASK_NONE;
-    const uint64_t need = chain_bytes(load) + pixel_bytes(load);
-    if (pixel_bytes(load) > s->params.image_bytes) {
+        return w.bake != NULL ? TASK_BAKE : TASK_NONE;
+    if (is_large(s, load)) {
         if (can_bake(s, load))
             return TASK_STREAM;
-        if (need > s->params.memory_bytes)
+        if (chain_bytes(load) + pixel_bytes(load) > s->params.memory_bytes)
             return TASK_REFUSE;
     }
-    if (s->memory_bytes == 0 || s->memory_bytes + need <= s->params.memory_bytes)
+    if (has_room(s, load))
         return TASK_LOAD;
-    *image = bake;
-    if (bake != NULL)
-        return TASK_BAKE;
-    drop_oldest_chain(s, dropped);
-    *image = NULL;
-    return TASK_NONE;
+    *image = drop_oldest_chain(s, dropped) ? NULL : w.bake;
+    return *image != NULL ? TASK_BAKE : TASK_NONE;
+}
+
+// Work for a thread that runs only while others wait for it: nothing that takes long.
+static enum task choose_urgent(struct hg_page_sources *s, struct hg_page_image **image)
+{
+    const struct work w = find_work(s, hg_clock_now_ns());
+    *image = w.wanted;
+    return s->hurry > 0 && w.wanted != NULL && !is_large(s, w.wanted) && has_room(s, w.wanted)
+               ? TASK_LOAD
+               : TASK_NONE;
 }
 
 // --- loading -------------------------------------------------------------------------------------
@@ -206,7 +233,7 @@ static void load(struct hg_page_sources *s, struct hg_page_image *image)
         b->memory_bytes = b->mips.bytes;
         note_memory(s, b->memory_bytes, 0);
         image->backing = b;
-        image->used_ns = hg_clock_now_ns();
+        image->used_ns = image->wanted ? hg_clock_now_ns() : 0;
         image->tries = 0;
         return;
     }
@@ -480,12 +507,20 @@ static void work_on(struct hg_page_sources *s, struct hg_page_image *image, enum
     hg_page_sources_changed(s, image->failed || (image->backing != NULL) != had_pages);
 }
 
-void *hg_page_load_thread(void *sources)
+static void rush(struct hg_page_sources *s)
 {
-    struct hg_page_sources *s = sources;
-    // Behind the threads that draw: baking takes what they leave.
-    setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 10);
-    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        struct hg_page_image *image;
+        const enum task task = choose_urgent(s, &image);
+        if (task != TASK_NONE)
+            work_on(s, image, task);
+        else
+            pthread_cond_wait(&s->rush, &s->lock);
+    }
+}
+
+static void work_behind(struct hg_page_sources *s)
+{
     while (!s->stop) {
         struct hg_page_image *image;
         struct hg_page_backing *dropped = NULL;
@@ -500,6 +535,19 @@ void *hg_page_load_thread(void *sources)
             wait_for_work(s);
         }
     }
+}
+
+void *hg_page_load_thread(void *sources)
+{
+    struct hg_page_sources *s = sources;
+    pthread_mutex_lock(&s->lock);
+    const bool behind = s->started++ < s->params.threads;
+    if (behind) // baking takes what the threads that draw leave
+        setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 10);
+    if (behind)
+        work_behind(s);
+    else
+        rush(s);
     pthread_mutex_unlock(&s->lock);
     return NULL;
 }

@@ -24,7 +24,7 @@ static enum hg_status no_memory(struct hg_error *err)
 static unsigned default_threads(void)
 {
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    return cores < 4 ? 1 : (unsigned)(cores / 2);
+    return cores < 1 ? 1 : (unsigned)cores;
 }
 
 static void complete_params(struct hg_page_sources_params *p)
@@ -32,7 +32,7 @@ static void complete_params(struct hg_page_sources_params *p)
     p->memory_bytes = p->memory_bytes > 0 ? p->memory_bytes : DEFAULT_MEMORY;
     p->image_bytes = p->image_bytes > 0 ? p->image_bytes : p->memory_bytes / 4;
     p->threads = p->threads > 0 ? p->threads : default_threads();
-    p->threads = p->threads > 16 ? 16 : p->threads;
+    p->threads = p->threads > HG_PAGE_LOAD_THREADS ? HG_PAGE_LOAD_THREADS : p->threads;
     p->limits.max_side_px = p->limits.max_side_px > 0 ? p->limits.max_side_px : HG_MIPS_SIDE_PX;
     p->limits.max_pixels = p->limits.max_pixels > 0 ? p->limits.max_pixels : UINT64_C(1) << 34;
     p->limits.max_bytes = p->limits.max_bytes > 0 ? p->limits.max_bytes : UINT64_C(1) << 31;
@@ -49,6 +49,7 @@ enum hg_status hg_page_sources_create(
     complete_params(&s->params);
     pthread_mutex_init(&s->lock, NULL);
     pthread_cond_init(&s->work, NULL);
+    pthread_cond_init(&s->rush, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
@@ -56,7 +57,7 @@ enum hg_status hg_page_sources_create(
     pthread_condattr_destroy(&monotonic);
     if (s->params.threads > 1)
         s->jobs = hg_jobs_create(s->params.threads); // without it pages are compressed one by one
-    while (s->thread_count < s->params.threads &&
+    while (s->thread_count < 2 * s->params.threads &&
            pthread_create(&s->threads[s->thread_count], NULL, hg_page_load_thread, s) == 0)
         s->thread_count++;
     if (s->thread_count == 0) {
@@ -74,6 +75,7 @@ void hg_page_sources_destroy(struct hg_page_sources *s)
     pthread_mutex_lock(&s->lock);
     s->stop = true;
     pthread_cond_broadcast(&s->work);
+    pthread_cond_broadcast(&s->rush);
     pthread_mutex_unlock(&s->lock);
     for (unsigned i = 0; i < s->thread_count; i++)
         pthread_join(s->threads[i], NULL);
@@ -82,6 +84,7 @@ void hg_page_sources_destroy(struct hg_page_sources *s)
         hg_page_scratch_destroy(s->scratches[i]);
     hg_free(s->scratches);
     pthread_cond_destroy(&s->work);
+    pthread_cond_destroy(&s->rush);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->lock);
     hg_free(s);
@@ -125,6 +128,15 @@ void hg_page_sources_wait(struct hg_page_sources *s, uint64_t seen, uint64_t tim
     while (
         s->revision == seen && pthread_cond_timedwait(&s->changed, &s->lock, &until) != ETIMEDOUT)
         ;
+    pthread_mutex_unlock(&s->lock);
+}
+
+void hg_page_sources_hurry(struct hg_page_sources *s, bool hurry)
+{
+    pthread_mutex_lock(&s->lock);
+    s->hurry += hurry ? 1u : ~0u;
+    if (hurry)
+        pthread_cond_broadcast(&s->rush);
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -333,7 +345,27 @@ const struct hg_page_source_info *hg_page_source_info(const struct hg_page_sourc
     return &source->info;
 }
 
+void hg_page_source_prefetch(struct hg_page_source *source)
+{
+    struct hg_page_sources *s = source->sources;
+    pthread_mutex_lock(&s->lock);
+    if (source->image->backing == NULL) {
+        source->image->early = true;
+        pthread_cond_signal(&s->work);
+    }
+    pthread_mutex_unlock(&s->lock);
+}
+
 // --- reading -------------------------------------------------------------------------------------
+
+// The lock is held.
+static void want(struct hg_page_sources *s, struct hg_page_image *image)
+{
+    image->wanted = true;
+    pthread_cond_signal(&s->work);
+    if (s->hurry > 0)
+        pthread_cond_signal(&s->rush);
+}
 
 static struct hg_page_scratch *take_scratch(struct hg_page_sources *s)
 {
@@ -387,8 +419,7 @@ static enum hg_status take_backing(
         if (err != NULL)
             *err = image->err;
     } else {
-        image->wanted = true;
-        pthread_cond_signal(&s->work);
+        want(s, image);
         status = hg_error_set(err, HG_E_AGAIN, source->origin->label, NULL, "is being loaded");
     }
     pthread_mutex_unlock(&s->lock);
@@ -404,8 +435,7 @@ static void lose_backing(struct hg_page_source *source, const struct hg_page_bac
     if (source->image->backing == b) {
         lost = source->image->backing;
         source->image->backing = NULL;
-        source->image->wanted = true;
-        pthread_cond_signal(&s->work);
+        want(s, source->image);
     }
     pthread_mutex_unlock(&s->lock);
     hg_page_backing_unref(s, lost);
@@ -478,8 +508,7 @@ enum hg_status hg_page_source_wait(struct hg_page_source *source, struct hg_erro
     struct hg_page_image *image = source->image;
     pthread_mutex_lock(&s->lock);
     while (image->backing == NULL && !image->failed) {
-        image->wanted = true;
-        pthread_cond_signal(&s->work);
+        want(s, image);
         pthread_cond_wait(&s->changed, &s->lock);
     }
     const enum hg_status status = image->backing != NULL ? HG_OK : failure_of(image, err);

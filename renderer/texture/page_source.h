@@ -29,7 +29,7 @@ struct hg_page_sources_params {
                                    // time may be larger, if it is no larger than image_bytes
     uint64_t image_bytes;          // images whose pixels take more are never decoded whole;
                                    // default memory_bytes / 4
-    unsigned threads;              // that load and bake; default 1 per 2 cores, at least 1
+    unsigned threads;              // that load and bake; default 1 per core
     struct hg_image_limits limits; // zero fields: 131072 texels a side, 2^34 in all
 };
 
@@ -52,6 +52,10 @@ void hg_page_sources_stats(struct hg_page_sources *sources, struct hg_page_sourc
 uint64_t hg_page_sources_revision(struct hg_page_sources *sources);
 // Waits until the revision is no longer `seen`, or the time is over.
 void hg_page_sources_wait(struct hg_page_sources *sources, uint64_t seen, uint64_t timeout_ns);
+
+// Somebody who draws can do nothing but wait (counted): until the matching call with false images
+// are loaded at full priority, not behind the threads that draw.
+void hg_page_sources_hurry(struct hg_page_sources *sources, bool hurry);
 
 // What to open. `image` is borrowed until the source is closed (sources keep no reference on it,
 // except that its refbuf is held). A path with "<UDIM>" stands for all tiles that exist: one grid,
@@ -77,6 +81,10 @@ enum hg_status hg_page_source_open(struct hg_page_sources *sources,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_page_source_close(struct hg_page_source *source); // accepts NULL; no read may be running
 const struct hg_page_source_info *hg_page_source_info(const struct hg_page_source *source);
+
+// Its pages may be asked for soon: it is loaded when there is nothing more urgent and memory for
+// it.
+void hg_page_source_prefetch(struct hg_page_source *source);
 
 // One page with its border: HG_PAGE_PITCH^2 texels, as hg_page_cut makes them. mip == layout.tail
 // (x, y 0) is the tail page, else x, y count pages of that mip. Many threads may read one source.

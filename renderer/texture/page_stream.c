@@ -1,6 +1,7 @@
 // page_stream.c - see page_cache.h: from what shaders asked for to pages in slots.
 #include <string.h>
 
+#include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/texture/cache_internal.h"
@@ -90,10 +91,14 @@ static enum hg_status finish_read(struct hg_page_cache *c, struct hg_page_read *
     }
     if (read->status == HG_OK && hg_residency_is_in_flight(c->residency[set->pool], read->key))
         return place_page(c, set, read, mode, err);
-    hg_residency_cancel(c->residency[set->pool], read->key);
-    if (read->status == HG_E_AGAIN)
+    if (read->status == HG_E_AGAIN) { // asked for as before, and put off
         set->again = read->stamp;
-    else if (read->status != HG_OK && read->status != HG_E_NOMEM)
+        c->asked = true;
+        hg_residency_put_back(c->residency[set->pool], read->key);
+        return HG_OK;
+    }
+    hg_residency_cancel(c->residency[set->pool], read->key);
+    if (read->status != HG_OK && read->status != HG_E_NOMEM)
         report_broken(c, set, &read->err);
     return HG_OK;
 }
@@ -106,12 +111,9 @@ static uint64_t revision_of(const struct hg_page_cache *c)
     return hg_page_sources_revision(c->sources) + 1;
 }
 
-static bool is_ready(struct hg_page_set *set, uint64_t revision)
+static bool is_ready(const struct hg_page_set *set, uint64_t revision)
 {
-    if (set->again == revision)
-        return false;
-    set->again = 0;
-    return true;
+    return set->again != revision;
 }
 
 // Slots that reads of a pool may fill beside those under way.
@@ -124,25 +126,38 @@ static uint32_t room_of(struct hg_page_cache *c, uint32_t pool, enum hg_page_mod
     return room > stats.in_flight ? room - stats.in_flight : 0;
 }
 
-// False when the page needs no read now.
+// The most urgent request whose image is ready, if there is one; the others are put off.
+static struct hg_page_set *next_ready(struct hg_page_cache *c, uint32_t pool, uint64_t revision,
+    uint64_t *key, struct page_place *place)
+{
+    float priority;
+    while (hg_residency_next(c->residency[pool], key, &priority)) {
+        struct hg_page_set *set = hg_page_table_set(c, (uint32_t)*key);
+        // Requests outlive their set; its entries may be those of a set in another pool by now.
+        const bool wanted = set != NULL && set->refs > 0 && set->pool == pool && !set->failed &&
+                            hg_page_table_place(set, (uint32_t)*key, place);
+        if (wanted && is_ready(set, revision))
+            return set;
+        if (wanted && hg_grow(&c->put_off, &c->put_off_capacity, c->put_off_count + 1,
+                          sizeof *c->put_off) == HG_OK)
+            c->put_off[c->put_off_count++] = *key;
+        else
+            hg_residency_cancel(c->residency[pool], *key);
+    }
+    return NULL;
+}
+
+// False when there is nothing to read, or too much is being read already.
 static bool start_read(struct hg_page_cache *c, uint32_t pool, uint64_t revision)
 {
     uint64_t key;
-    float priority;
     struct page_place place;
     struct hg_page_read *read = hg_page_reader_take(c->reader);
-    if (read == NULL || !hg_residency_next(c->residency[pool], &key, &priority)) {
+    struct hg_page_set *set = read != NULL ? next_ready(c, pool, revision, &key, &place) : NULL;
+    if (set == NULL) {
         if (read != NULL)
             hg_page_reader_give(c->reader, read);
         return false;
-    }
-    struct hg_page_set *set = hg_page_table_set(c, (uint32_t)key);
-    // Requests outlive their set; its entries may be those of a set in another pool by now.
-    if (set == NULL || set->refs == 0 || set->pool != pool || set->failed ||
-        !is_ready(set, revision) || !hg_page_table_place(set, (uint32_t)key, &place)) {
-        hg_residency_cancel(c->residency[pool], key);
-        hg_page_reader_give(c->reader, read);
-        return true;
     }
     read->source = set->source;
     read->user = set;
@@ -156,18 +171,34 @@ static bool start_read(struct hg_page_cache *c, uint32_t pool, uint64_t revision
     return true;
 }
 
-// What finds no room stays in the queue: the bias rises, or the view turns away.
+// What finds no room stays in the queue: the bias rises, or the view turns away. So does what waits
+// for its image.
+static uint32_t start_reads_of(
+    struct hg_page_cache *c, uint32_t pool, uint64_t revision, enum hg_page_mode mode)
+{
+    struct hg_residency_stats stats;
+    uint32_t room = room_of(c, pool, mode);
+    c->put_off_count = 0;
+    while (room > 0 && start_read(c, pool, revision))
+        room--;
+    for (uint32_t i = 0; i < c->put_off_count; i++)
+        hg_residency_put_back(c->residency[pool], c->put_off[i]);
+    hg_residency_stats(c->residency[pool], &stats);
+    c->refused |= room == 0 && stats.requested > 0;
+    c->asked |= stats.requested > c->put_off_count;
+    return c->put_off_count;
+}
+
 static void start_reads(struct hg_page_cache *c, enum hg_page_mode mode)
 {
     const uint64_t revision = revision_of(c);
-    for (uint32_t i = 0; i < POOLS; i++) {
-        struct hg_residency_stats stats;
-        uint32_t room = room_of(c, i, mode);
-        while (room > 0 && start_read(c, i, revision))
-            room--;
-        hg_residency_stats(c->residency[i], &stats);
-        c->refused |= room == 0 && stats.requested > 0;
-    }
+    if (!c->asked && c->asked_revision == revision)
+        return; // all that is left waits for its images
+    c->asked = false;
+    c->asked_revision = revision;
+    c->waiting = 0;
+    for (uint32_t i = 0; i < POOLS; i++)
+        c->waiting += start_reads_of(c, i, revision, mode);
 }
 
 static enum hg_status upload_table(struct hg_page_cache *c, struct hg_error *err)
@@ -201,21 +232,12 @@ enum hg_status hg_page_cache_update(
     return status == HG_OK ? upload_table(c, err) : status;
 }
 
-static uint32_t waiting_sets(const struct hg_page_cache *c)
-{
-    uint32_t waiting = 0;
-    const uint64_t revision = revision_of(c);
-    for (uint32_t i = 0; i < c->set_count; i++)
-        waiting += c->sets[i]->refs > 0 && !c->sets[i]->failed && c->sets[i]->again == revision;
-    return waiting;
-}
-
 uint32_t hg_page_cache_under_way(const struct hg_page_cache *c)
 {
-    return hg_page_reader_out(c->reader) + waiting_sets(c);
+    return hg_page_reader_out(c->reader) + c->waiting;
 }
 
-void hg_page_cache_wait(struct hg_page_cache *c, uint64_t timeout_ns)
+static void wait_for_pages(struct hg_page_cache *c, uint64_t timeout_ns)
 {
     const uint64_t end = hg_clock_now_ns() + timeout_ns;
     const uint64_t seen = hg_page_sources_revision(c->sources);
@@ -227,7 +249,7 @@ void hg_page_cache_wait(struct hg_page_cache *c, uint64_t timeout_ns)
                 hg_page_reader_unpop(c->reader, read);
                 return;
             }
-        } else if (waiting_sets(c) == 0) {
+        } else if (c->waiting == 0) {
             return;
         } else {
             hg_page_sources_wait(c->sources, seen, step);
@@ -235,6 +257,13 @@ void hg_page_cache_wait(struct hg_page_cache *c, uint64_t timeout_ns)
         if (hg_page_sources_revision(c->sources) != seen)
             return;
     }
+}
+
+void hg_page_cache_wait(struct hg_page_cache *c, uint64_t timeout_ns)
+{
+    hg_page_sources_hurry(c->sources, true);
+    wait_for_pages(c, timeout_ns);
+    hg_page_sources_hurry(c->sources, false);
 }
 
 // --- feedback ------------------------------------------------------------------------------------
@@ -387,6 +416,7 @@ void hg_page_cache_collect(
         hg_residency_stats(c->residency[i], &stats);
         out->fits &= tally.needed[i] <= stats.slots - stats.pinned;
     }
+    c->asked = true;
     out->missing = tally.missing;
     note_missing(c, tally.missing);
     if (mode == HG_PAGES_SHOW)
@@ -424,6 +454,7 @@ enum hg_status hg_page_cache_load_all(struct hg_page_cache *c, struct hg_error *
                 "%llu pages do not fit at once", (unsigned long long)pages[i]);
     while (!hg_page_cache_is_complete(c)) {
         request_all(c);
+        c->asked = true;
         const enum hg_status status = hg_page_cache_update(c, HG_PAGES_EXACT, UINT64_MAX, err);
         if (status != HG_OK)
             return status;

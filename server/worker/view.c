@@ -403,6 +403,15 @@ static uint32_t samples_per_step(const struct view_slot *view)
     return n < 1 ? 1 : n > MAX_SAMPLES_PER_STEP ? MAX_SAMPLES_PER_STEP : (uint32_t)n;
 }
 
+// All who wait want the settled frame, and nobody watches.
+static bool is_final(const struct view_slot *view)
+{
+    bool final = view->waits != NULL && view->credit == 0;
+    for (const struct frame_wait *it = view->waits; it; it = it->next)
+        final &= it->settled;
+    return final;
+}
+
 static enum hg_status step(
     struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
 {
@@ -417,6 +426,7 @@ static enum hg_status step(
     // A failed step leaves no info behind: what comes after it is a new state, too.
     view->fresh |= is_stale(session, view);
     uint64_t start = hg_clock_now_ns();
+    hg_view_set_final(view->view, is_final(view));
     if (!status)
         status = hg_view_step(view->view, samples, &view->info, err);
     view->changed = false;

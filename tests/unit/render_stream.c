@@ -296,6 +296,45 @@ static void test_bias_settles(void **state)
     close_rig(&rig);
 }
 
+// Nobody looks before it is settled: a batch to see what is needed, one with it, and those that
+// find more behind holes of masked surfaces; the number of frames does not hang on how images
+// arrive.
+static void test_final_is_drawn_once(void **state)
+{
+    (void)state;
+    struct rig rig;
+    for (uint64_t budget = 0; budget <= LEAST; budget += LEAST) {
+        open_rig(&rig, budget);
+        hg_view_set_final(rig.view, true);
+        look(&rig, 0, 6.5f);
+        const struct hg_frame_info info = settle(&rig, SAMPLES);
+        if (budget == 0)
+            assert_in_range(info.number, 2, 5);
+        struct hg_refbuf *final = pixels(&rig);
+        assert_same(unlimited, final);
+        hg_refbuf_unref(final);
+        close_rig(&rig);
+    }
+}
+
+// Somebody looks after all: there is a picture at once, and the same one in the end.
+static void test_final_no_longer(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 0);
+    hg_view_set_final(rig.view, true);
+    look(&rig, 0, 6.5f);
+    assert_int_equal(step(&rig, 1).samples, 0);
+    hg_view_set_final(rig.view, false);
+    assert_int_equal(step(&rig, 1).samples, 1);
+    settle(&rig, 2);
+    struct hg_refbuf *after = pixels(&rig);
+    assert_same(unlimited, after);
+    hg_refbuf_unref(after);
+    close_rig(&rig);
+}
+
 static int finish(void **state)
 {
     (void)state;
@@ -308,6 +347,7 @@ int main(void)
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_missing_is_told),
-        cmocka_unit_test(test_bias_settles)};
+        cmocka_unit_test(test_bias_settles), cmocka_unit_test(test_final_is_drawn_once),
+        cmocka_unit_test(test_final_no_longer)};
     return cmocka_run_group_tests(tests, NULL, finish);
 }

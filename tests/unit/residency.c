@@ -157,8 +157,13 @@ static void use_pin_remove(struct model *m)
 {
     struct item *item = &m->items[draw(m, KEYS)];
     if (item->state == IN_FLIGHT && draw(m, 2) == 0) {
-        hg_residency_cancel(m->r, 100 + (uint64_t)(item - m->items));
-        *item = (struct item){0};
+        if (draw(m, 2) == 0) {
+            hg_residency_cancel(m->r, 100 + (uint64_t)(item - m->items));
+            *item = (struct item){0};
+        } else { // with the frame and the priority of its request
+            hg_residency_put_back(m->r, 100 + (uint64_t)(item - m->items));
+            item->state = REQUESTED;
+        }
     }
     if (item->state != RESIDENT)
         return;
