@@ -140,20 +140,6 @@ void hg_lod_component_set(const struct hg_lod_component *c, uint32_t *words, int
 
 // ---- predictions --------------------------------------------------------------------------------
 
-static int32_t across(int32_t a, int32_t b, int32_t c)
-{
-    return (int32_t)((uint32_t)a + (uint32_t)b - (uint32_t)c); // wraps on hostile input
-}
-
-int32_t hg_lod_predict_position(const struct hg_lod_visit *v, const int32_t (*lattice)[3], int axis)
-{
-    if (v->a == HG_LOD_NONE)
-        return 0;
-    if (v->c == HG_LOD_NONE)
-        return lattice[v->a][axis];
-    return across(lattice[v->a][axis], lattice[v->b][axis], lattice[v->c][axis]);
-}
-
 // Steps of the octahedral coordinates of v; (0, 0) for none.
 static int32_t octahedral(const int64_t v[3], uint32_t index)
 {
@@ -174,18 +160,14 @@ static int32_t octahedral(const int64_t v[3], uint32_t index)
     return v[index] < 0 ? -steps : steps;
 }
 
-int32_t hg_lod_predict(const struct hg_lod_format *f, const struct hg_lod_component *c,
-    const struct hg_lod_visit *v, const uint32_t *words, const int64_t (*normals)[3])
+int32_t hg_lod_predict(const struct hg_lod_component *c, const struct hg_lod_visit *v,
+    const int32_t *values, const int64_t (*normals)[3])
 {
     if (c->kind == HG_LOD_NORMAL)
         return octahedral(normals[v->vertex], c->index);
-    if (v->a == HG_LOD_NONE)
-        return 0;
-    const int32_t a = hg_lod_component_get(c, words + (size_t)v->a * f->words);
-    if (c->kind != HG_LOD_LATTICE || v->c == HG_LOD_NONE)
-        return a;
-    return across(a, hg_lod_component_get(c, words + (size_t)v->b * f->words),
-        hg_lod_component_get(c, words + (size_t)v->c * f->words));
+    if (c->kind == HG_LOD_LATTICE)
+        return hg_lod_predict_lattice(v, values);
+    return v->a != HG_LOD_NONE ? values[v->a] : 0;
 }
 
 void hg_lod_sum_normals(const uint32_t *indices, uint32_t index_count, const int32_t (*lattice)[3],

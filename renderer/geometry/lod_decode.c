@@ -17,6 +17,7 @@ struct decoder {
     uint32_t *words;
     int64_t (*normals)[3];
     struct hg_lod_visit *visits;
+    int32_t *values; // [vertex_count] of the component being decoded
     uint8_t *seen, *planes, *codec, *escapes;
     uint32_t codec_size, escape_size, plane_count;
     size_t escape_at;
@@ -96,18 +97,29 @@ static bool decode_indices(struct decoder *d)
            d->vertex_count;
 }
 
+// The values of vertices that are predicted by hg_lod_predict_lattice. Returns false when one lies
+// beyond the lattice.
+static bool decode_lattice(struct decoder *d, const uint8_t *plane)
+{
+    int32_t *values = d->values;
+    uint32_t beyond = 0;
+    for (uint32_t i = 0; i < d->vertex_count; i++) {
+        const struct hg_lod_visit *v = &d->visits[i];
+        const int32_t p = (int32_t)((uint32_t)hg_lod_predict_lattice(v, values) +
+                                    (uint32_t)next_difference(d, plane[i]));
+        beyond |= (uint32_t)p + HG_LOD_LATTICE_MAX > 2u * HG_LOD_LATTICE_MAX;
+        values[v->vertex] = p;
+    }
+    return beyond == 0;
+}
+
 static bool decode_positions(struct decoder *d)
 {
     for (int axis = 0; axis < 3; axis++) {
-        const uint8_t *plane = d->planes + (size_t)axis * d->vertex_count;
-        for (uint32_t i = 0; i < d->vertex_count; i++) {
-            const struct hg_lod_visit *v = &d->visits[i];
-            const int32_t at = hg_lod_predict_position(v, (const int32_t(*)[3])d->lattice, axis);
-            const int32_t p = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
-            if (p > HG_LOD_LATTICE_MAX || p < -HG_LOD_LATTICE_MAX)
-                return false;
-            d->lattice[v->vertex][axis] = p;
-        }
+        if (!decode_lattice(d, d->planes + (size_t)axis * d->vertex_count))
+            return false;
+        for (uint32_t i = 0; i < d->vertex_count; i++)
+            d->lattice[i][axis] = d->values[i];
     }
     return !d->in.failed;
 }
@@ -130,6 +142,20 @@ static bool in_range(const struct hg_lod_component *c, int32_t v)
     return v >= -HG_LOD_LATTICE_MAX && v <= HG_LOD_LATTICE_MAX;
 }
 
+static bool decode_predicted(
+    struct decoder *d, const struct hg_lod_component *c, const uint8_t *plane)
+{
+    for (uint32_t i = 0; i < d->vertex_count; i++) {
+        const struct hg_lod_visit *v = &d->visits[i];
+        const int32_t at = hg_lod_predict(c, v, d->values, (const int64_t(*)[3])d->normals);
+        const int32_t value = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
+        if (!in_range(c, value))
+            return false;
+        d->values[v->vertex] = value;
+    }
+    return true;
+}
+
 static bool decode_components(struct decoder *d)
 {
     const struct hg_lod_format *f = d->format;
@@ -139,14 +165,10 @@ static bool decode_components(struct decoder *d)
     for (uint32_t k = 0; k < d->plane_count; k++) {
         const struct hg_lod_component *c = &d->components[k];
         const uint8_t *plane = d->planes + (size_t)(k + 3) * d->vertex_count;
-        for (uint32_t i = 0; i < d->vertex_count; i++) {
-            const struct hg_lod_visit *v = &d->visits[i];
-            const int32_t at = hg_lod_predict(f, c, v, d->words, (const int64_t(*)[3])d->normals);
-            const int32_t value = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
-            if (!in_range(c, value))
-                return false;
-            hg_lod_component_set(c, d->words + (size_t)v->vertex * f->words, value);
-        }
+        if (c->kind == HG_LOD_LATTICE ? !decode_lattice(d, plane) : !decode_predicted(d, c, plane))
+            return false;
+        for (uint32_t i = 0; i < d->vertex_count; i++)
+            hg_lod_component_set(c, d->words + (size_t)i * f->words, d->values[i]);
     }
     return !d->in.failed && d->escape_at == d->escape_size;
 }
@@ -232,7 +254,7 @@ static enum hg_status take(struct decoder *d)
 {
     const size_t n = d->vertex_count, planes = (size_t)d->plane_count + 3;
     const size_t bytes =
-        n * (sizeof *d->normals + 12 + sizeof *d->visits + 1 + planes + d->format->words * 4) +
+        n * (sizeof *d->normals + 16 + sizeof *d->visits + 1 + planes + d->format->words * 4) +
         d->index_count * 4ull + d->codec_size + d->escape_size + 64;
     uint8_t *at = hg_calloc(1, bytes);
     d->memory = at;
@@ -241,7 +263,8 @@ static enum hg_status take(struct decoder *d)
         return HG_E_NOMEM;
     d->normals = (int64_t(*)[3])(void *)at;
     d->lattice = (int32_t(*)[3])(void *)(at += n * sizeof *d->normals);
-    d->visits = (struct hg_lod_visit *)(void *)(at += n * 12);
+    d->values = (int32_t *)(void *)(at += n * 12);
+    d->visits = (struct hg_lod_visit *)(void *)(at += n * 4);
     d->words = (uint32_t *)(void *)(at += n * sizeof *d->visits);
     d->indices = (uint32_t *)(void *)(at += n * d->format->words * 4);
     d->seen = at += (size_t)d->index_count * 4;

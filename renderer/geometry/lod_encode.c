@@ -24,6 +24,7 @@ struct encoder {
     uint32_t *words;
     int64_t (*normals)[3];
     struct hg_lod_visit *visits;
+    int32_t *values; // [vertex_count] of the component being coded
     uint8_t *seen, *plane;
     struct hg_writer escapes, packed; // packed: scratch of zstd
     uint8_t *codec;
@@ -105,7 +106,7 @@ static void fetch_vertices(struct encoder *e)
 
 // ---- planes -------------------------------------------------------------------------------------
 
-static uint8_t code_difference(struct encoder *e, int32_t value, int32_t predicted)
+static inline uint8_t code_difference(struct encoder *e, int32_t value, int32_t predicted)
 {
     const int32_t d = (int32_t)((uint32_t)value - (uint32_t)predicted);
     const uint32_t z = (uint32_t)d << 1 ^ (uint32_t)(d >> 31);
@@ -134,16 +135,23 @@ static enum hg_status pack_plane(
     return out->failed ? HG_E_NOMEM : HG_OK;
 }
 
+// The differences of e->values from what hg_lod_predict_lattice says.
+static void code_lattice(struct encoder *e)
+{
+    const int32_t *values = e->values;
+    for (uint32_t i = 0; i < e->vertex_count; i++) {
+        const struct hg_lod_visit *v = &e->visits[i];
+        e->plane[i] = code_difference(e, values[v->vertex], hg_lod_predict_lattice(v, values));
+    }
+}
+
 static enum hg_status pack_positions(struct encoder *e, struct hg_writer *out)
 {
-    const int32_t(*lattice)[3] = (const int32_t(*)[3])e->lattice;
     enum hg_status status = HG_OK;
     for (int axis = 0; axis < 3 && status == HG_OK; axis++) {
-        for (uint32_t i = 0; i < e->vertex_count; i++) {
-            const struct hg_lod_visit *v = &e->visits[i];
-            e->plane[i] = code_difference(
-                e, lattice[v->vertex][axis], hg_lod_predict_position(v, lattice, axis));
-        }
+        for (uint32_t i = 0; i < e->vertex_count; i++)
+            e->values[i] = e->lattice[i][axis];
+        code_lattice(e);
         status = pack_plane(e, e->plane, e->vertex_count, out);
     }
     return status;
@@ -157,11 +165,16 @@ static enum hg_status pack_components(struct encoder *e, struct hg_writer *out)
     enum hg_status status = HG_OK;
     for (uint32_t k = 0; k < n && status == HG_OK; k++) {
         const struct hg_lod_component *c = &components[k];
-        for (uint32_t i = 0; i < e->vertex_count; i++) {
-            const struct hg_lod_visit *v = &e->visits[i];
-            e->plane[i] = code_difference(e,
-                hg_lod_component_get(c, e->words + (size_t)v->vertex * e->word_count),
-                hg_lod_predict(f, c, v, e->words, (const int64_t(*)[3])e->normals));
+        for (uint32_t i = 0; i < e->vertex_count; i++)
+            e->values[i] = hg_lod_component_get(c, e->words + (size_t)i * e->word_count);
+        if (c->kind == HG_LOD_LATTICE) {
+            code_lattice(e);
+        } else {
+            for (uint32_t i = 0; i < e->vertex_count; i++) {
+                const struct hg_lod_visit *v = &e->visits[i];
+                e->plane[i] = code_difference(e, e->values[v->vertex],
+                    hg_lod_predict(c, v, e->values, (const int64_t(*)[3])e->normals));
+            }
         }
         status = pack_plane(e, e->plane, e->vertex_count, out);
     }
@@ -206,16 +219,18 @@ static enum hg_status take_vertices(struct encoder *e)
     e->words = hg_calloc(n * e->word_count + 1, 4);
     e->normals = hg_calloc(n, sizeof *e->normals);
     e->visits = hg_calloc(n, sizeof *e->visits);
+    e->values = hg_calloc(n, sizeof *e->values);
     e->seen = hg_calloc(n, 1);
     e->plane = hg_calloc(n, 1);
-    return e->lattice && e->words && e->normals && e->visits && e->seen && e->plane ? HG_OK
-                                                                                    : HG_E_NOMEM;
+    return e->lattice && e->words && e->normals && e->visits && e->values && e->seen && e->plane
+               ? HG_OK
+               : HG_E_NOMEM;
 }
 
 static void finish(struct encoder *e)
 {
     void *arrays[] = {e->table, e->indices, e->vertices, e->lattice, e->words, e->normals,
-        e->visits, e->seen, e->plane, e->codec, e->packed.data};
+        e->visits, e->values, e->seen, e->plane, e->codec, e->packed.data};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         hg_free(arrays[i]);
     hg_writer_finish(&e->escapes);

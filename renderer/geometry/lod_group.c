@@ -22,26 +22,46 @@ void hg_lod_product_unref(struct hg_lod_product *product)
 
 // ---- bounds -------------------------------------------------------------------------------------
 
-static void position_of(const struct hg_lod_mesh *m, uint32_t vertex, float out[3])
+// The corners of a piece with every vertex once.
+struct corners {
+    float at[HG_LOD_CLUSTER_TRIANGLES * 3][3];
+    uint16_t of[HG_LOD_CLUSTER_TRIANGLES * 3]; // into `at`
+    uint32_t count;
+};
+
+static void gather_corners(
+    const struct hg_lod_mesh *m, const uint32_t *vertices, uint32_t count, struct corners *out)
 {
-    const int32_t *lattice = m->lattice[m->position_of[vertex]];
-    for (int k = 0; k < 3; k++)
-        out[k] = (float)lattice[k] * m->format.quantum;
+    uint16_t table[1024] = {0};
+    uint32_t names[HG_LOD_CLUSTER_TRIANGLES * 3];
+    out->count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t v = vertices[i];
+        uint32_t slot = v * 0x9e3779b1u >> 22;
+        while (table[slot] != 0 && names[table[slot] - 1] != v)
+            slot = (slot + 1) & 1023;
+        if (table[slot] == 0) {
+            const int32_t *lattice = m->lattice[m->position_of[v]];
+            for (int k = 0; k < 3; k++)
+                out->at[out->count][k] = (float)lattice[k] * m->format.quantum;
+            names[out->count] = v;
+            table[slot] = (uint16_t)++out->count;
+        }
+        out->of[i] = (uint16_t)(table[slot] - 1);
+    }
 }
 
-static void set_box(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
+static void set_box(const struct corners *corners, struct hg_lod_cluster *c)
 {
-    const uint32_t n = piece->info.triangle_count * 3;
+    const uint32_t n = corners->count;
     float min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (uint32_t i = 0; i < n; i++) {
-        float p[3];
-        position_of(m, piece->triangles[i], p);
         for (int k = 0; k < 3; k++) {
-            min[k] = fminf(min[k], p[k]);
-            max[k] = fmaxf(max[k], p[k]);
+            const float v = corners->at[i][k];
+            min[k] = v < min[k] ? v : min[k];
+            max[k] = v > max[k] ? v : max[k];
         }
     }
-    struct hg_lod_cluster *c = &piece->info;
     float reach = 0.0f;
     double farthest2 = 0.0;
     for (int k = 0; k < 3; k++) {
@@ -50,29 +70,31 @@ static void set_box(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
         reach = fmaxf(reach, fmaxf(fabsf(min[k]), fabsf(max[k])));
     }
     for (uint32_t i = 0; i < n; i++) {
-        float p[3];
         double d2 = 0.0;
-        position_of(m, piece->triangles[i], p);
-        for (int k = 0; k < 3; k++)
-            d2 += ((double)p[k] - c->center[k]) * ((double)p[k] - c->center[k]);
+        for (int k = 0; k < 3; k++) {
+            const double d = (double)corners->at[i][k] - (double)c->center[k];
+            d2 += d * d;
+        }
         farthest2 = d2 > farthest2 ? d2 : farthest2;
     }
     c->radius = (float)sqrt(farthest2) * (1.0f + ROOM) + reach * 1e-7f;
 }
 
-static bool unit_normal(const struct hg_lod_mesh *m, const uint32_t *t, float n[3])
+static bool unit_normal(const struct corners *corners, uint32_t triangle, float n[3])
 {
+    const uint16_t *t = corners->of + (size_t)triangle * 3;
+    const float *a = corners->at[t[0]];
     double e[2][3], c[3];
-    const int32_t *a = m->lattice[m->position_of[t[0]]];
     for (int i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++)
-            e[i][k] = (double)m->lattice[m->position_of[t[i + 1]]][k] - (double)a[k];
+            e[i][k] = (double)corners->at[t[i + 1]][k] - (double)a[k];
     c[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
     c[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
     c[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
     const double length = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+    const double inverse = length > 0.0 ? 1.0 / length : 0.0;
     for (int k = 0; k < 3; k++)
-        n[k] = length > 0.0 ? (float)(c[k] / length) : 0.0f;
+        n[k] = (float)(c[k] * inverse);
     return length > 0.0;
 }
 
@@ -85,22 +107,24 @@ void hg_lod_cone_axis(const int8_t q[3], float axis[3])
 static float least_cosine(const float (*normals)[3], uint32_t count, const float a[3])
 {
     const float length = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-    float least = 1.0f;
-    for (uint32_t t = 0; length > 0.0f && t < count; t++)
-        least = fminf(
-            least, (normals[t][0] * a[0] + normals[t][1] * a[1] + normals[t][2] * a[2]) / length);
-    return least;
+    if (!(length > 0.0f))
+        return 1.0f;
+    float least = length;
+    for (uint32_t t = 0; t < count; t++) {
+        const float along = normals[t][0] * a[0] + normals[t][1] * a[1] + normals[t][2] * a[2];
+        least = along < least ? along : least;
+    }
+    return least / length;
 }
 
 // All normals lie within acos(least) of the axis; a cone wider than a half space culls nothing.
 // Axis and cutoff are what one byte each can say, rounded to the safe side: the axis gets shorter.
-static void set_cone(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
+static void set_cone(const struct corners *corners, struct hg_lod_cluster *c)
 {
-    struct hg_lod_cluster *c = &piece->info;
     float sum[3] = {0}, normals[HG_LOD_CLUSTER_TRIANGLES][3];
     uint32_t n = 0;
     for (uint32_t t = 0; t < c->triangle_count; t++) {
-        if (!unit_normal(m, piece->triangles + (size_t)t * 3, normals[n]))
+        if (!unit_normal(corners, t, normals[n]))
             continue;
         for (int k = 0; k < 3; k++)
             sum[k] += normals[n][k];
@@ -118,24 +142,13 @@ static void set_cone(const struct hg_lod_mesh *m, struct hg_lod_piece *piece)
     c->cone_cutoff = ceilf(cutoff * 255.0f) / 255.0f;
 }
 
-static uint32_t count_vertices(const uint32_t *vertices, uint32_t count)
-{
-    uint32_t table[1024] = {0}, distinct = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t slot = vertices[i] * 0x9e3779b1u >> 22;
-        while (table[slot] != 0 && table[slot] != vertices[i] + 1)
-            slot = (slot + 1) & 1023;
-        distinct += table[slot] == 0;
-        table[slot] = vertices[i] + 1;
-    }
-    return distinct;
-}
-
 void hg_lod_piece_bounds(const struct hg_lod_mesh *mesh, struct hg_lod_piece *piece)
 {
-    set_box(mesh, piece);
-    set_cone(mesh, piece);
-    piece->vertex_count = count_vertices(piece->triangles, piece->info.triangle_count * 3);
+    struct corners corners;
+    gather_corners(mesh, piece->triangles, piece->info.triangle_count * 3, &corners);
+    set_box(&corners, &piece->info);
+    set_cone(&corners, &piece->info);
+    piece->vertex_count = corners.count;
 }
 
 struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, uint32_t count)

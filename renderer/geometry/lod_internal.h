@@ -139,6 +139,11 @@ struct hg_lod_simplify_job {
 // be done. Locked positions and the edges between them stay. HG_E_NOMEM. Cost O(n log n).
 enum hg_status hg_lod_simplify(struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 
+struct hg_lod_shape { // of a triangle abc
+    float a[4], ab[4], ac[4];
+    float bb, bc, cc, spare; // ab.ab, ab.ac, ac.ac
+};
+
 // The triangles of a job in a frame of their own: lengths in `unit`s about `origin`.
 struct hg_lod_patch {
     const struct hg_lod_simplify_job *job;
@@ -149,9 +154,10 @@ struct hg_lod_patch {
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
     uint32_t (*triangles)[4];        // vertices, [3] unused; [0] HG_LOD_NONE: removed
     uint32_t (*places)[4];           // their positions
+    struct hg_lod_shape *shapes;     // [triangle_count] for measuring
     uint32_t *next;         // [triangle_count * 4] corner after 4 triangle + k at its position
     uint32_t *head, *tail;  // [position_count] corners
-    float (*point)[3];      // [position_count]
+    float (*point)[4];      // [position_count], [3] is 0; aligned to 16 bytes
     uint32_t *global;       // [position_count] position of the mesh
     uint32_t *into;         // [position_count] where it was collapsed to; itself: alive
     uint8_t *fixed;         // [position_count]
@@ -167,9 +173,10 @@ enum hg_status hg_lod_patch_init(
     struct hg_lod_patch *patch, const struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 void hg_lod_patch_finish(struct hg_lod_patch *patch);
 uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); // HG_LOD_NONE: none
-// Squared distance of a point to triangle abc.
-float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3]);
-// Measures the job's samples against what is left of the patch; returns the error in metres.
+// Squared distance of a point to triangle abc; at[3] is 0.
+float hg_lod_distance2(const float at[4], const float a[3], const float b[3], const float c[3]);
+// Measures the job's samples against what is left of the patch; returns the error in metres. Writes
+// to patch->shapes.
 float hg_lod_measure(const struct hg_lod_patch *patch);
 
 // ---- clusters and groups while they are built ---------------------------------------------------
@@ -257,12 +264,21 @@ uint32_t hg_lod_components(
     const struct hg_lod_format *format, struct hg_lod_component out[HG_LOD_PLANES]);
 int32_t hg_lod_component_get(const struct hg_lod_component *c, const uint32_t *words);
 void hg_lod_component_set(const struct hg_lod_component *c, uint32_t *words, int32_t value);
-// Prediction of component c of a visited vertex; `words` are those of the chunk's vertices, normals
-// the sums of their triangles' (integers, so that all machines agree).
-int32_t hg_lod_predict(const struct hg_lod_format *format, const struct hg_lod_component *c,
-    const struct hg_lod_visit *visit, const uint32_t *words, const int64_t (*normals)[3]);
-int32_t hg_lod_predict_position(
-    const struct hg_lod_visit *visit, const int32_t (*lattice)[3], int axis);
+// Prediction of a visited vertex from the values of others: across the edge, or as the neighbour.
+static inline int32_t hg_lod_predict_lattice(
+    const struct hg_lod_visit *visit, const int32_t *values)
+{
+    if (visit->a == HG_LOD_NONE)
+        return 0;
+    const uint32_t a = (uint32_t)values[visit->a];
+    if (visit->c == HG_LOD_NONE)
+        return (int32_t)a;
+    return (int32_t)(a + (uint32_t)values[visit->b] - (uint32_t)values[visit->c]); // may wrap
+}
+// Prediction of component c of a visited vertex; `values` are those of the chunk's vertices,
+// normals the sums of their triangles' (integers, so that all machines agree).
+int32_t hg_lod_predict(const struct hg_lod_component *c, const struct hg_lod_visit *visit,
+    const int32_t *values, const int64_t (*normals)[3]);
 // normals[vertex_count] out: sums of the triangles' normals, by area.
 void hg_lod_sum_normals(const uint32_t *indices, uint32_t index_count, const int32_t (*lattice)[3],
     uint32_t vertex_count, int64_t (*normals)[3]);

@@ -8,10 +8,11 @@
 #include <string.h>
 
 #include "renderer/geometry/lod_internal.h"
+#include "renderer/geometry/lod_quadric.h"
 
 #define LOOK_AGAIN 0.04f // squared distance in edge lengths
 #define WALK_MAX   6
-#define INSIDE     0.02f // a foot point with all weights above is in the middle of its triangle
+#define INSIDE     0.02f // weight of the position that a walk looks around: nearest is in between
 
 struct nearest {
     float distance2;
@@ -30,13 +31,22 @@ static void sub(const float a[3], const float b[3], float out[3])
         out[k] = a[k] - b[k];
 }
 
-// Barycentric weights of b and c of the point of triangle abc that is nearest to a + ap.
-static void closest(const float ab[3], const float ac[3], const float ap[3], float *wb, float *wc)
+static void set_shape(struct hg_lod_shape *s, const float a[3], const float b[3], const float c[3])
 {
-    const float d1 = dot(ab, ap), d2 = dot(ac, ap);
-    const float bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
-    const float d3 = d1 - bb, d4 = d2 - bc; // of b
-    const float d5 = d1 - bc, d6 = d2 - cc; // of c
+    *s = (struct hg_lod_shape){.a = {a[0], a[1], a[2], 0.0f}};
+    sub(b, a, s->ab);
+    sub(c, a, s->ac);
+    s->bb = dot(s->ab, s->ab);
+    s->bc = dot(s->ab, s->ac);
+    s->cc = dot(s->ac, s->ac);
+}
+
+// Barycentric weights of b and c of the point of a triangle that is nearest to a + ap;
+// d1, d2: ap times ab and ac.
+static inline void closest(const struct hg_lod_shape *s, float d1, float d2, float *wb, float *wc)
+{
+    const float d3 = d1 - s->bb, d4 = d2 - s->bc; // of b
+    const float d5 = d1 - s->bc, d6 = d2 - s->cc; // of c
     *wb = *wc = 0.0f;
     if (d1 <= 0.0f && d2 <= 0.0f)
         return;
@@ -65,63 +75,74 @@ static void closest(const float ab[3], const float ac[3], const float ap[3], flo
         *wb = 1.0f - *wc;
         return;
     }
-    const float sum = va + vb + vc;
-    *wb = sum > 0.0f ? vb / sum : 0.0f;
-    *wc = sum > 0.0f ? vc / sum : 0.0f;
+    const float sum = va + vb + vc, inverse = sum > 0.0f ? 1.0f / sum : 0.0f;
+    *wb = vb * inverse;
+    *wc = vc * inverse;
 }
 
-float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3])
+static inline float shape_distance2(
+    const struct hg_lod_shape *s, const float at[4], float *wb, float *wc)
 {
-    float ab[3], ac[3], ap[3], wb, wc;
-    sub(b, a, ab);
-    sub(c, a, ac);
-    sub(at, a, ap);
-    closest(ab, ac, ap, &wb, &wc);
-    for (int k = 0; k < 3; k++)
-        ap[k] -= wb * ab[k] + wc * ac[k];
-    return dot(ap, ap);
+    const hg_lod_vec ap = hg_lod_vec_load(at) - hg_lod_vec_load(s->a);
+    const hg_lod_vec ab = hg_lod_vec_load(s->ab), ac = hg_lod_vec_load(s->ac);
+    closest(s, hg_lod_vec_sum(ap * ab), hg_lod_vec_sum(ap * ac), wb, wc);
+    const hg_lod_vec gap = ap - ab * *wb - ac * *wc;
+    return hg_lod_vec_sum(gap * gap);
 }
 
-static void visit(
-    const struct hg_lod_patch *p, uint32_t triangle, const float at[3], struct nearest *best)
+float hg_lod_distance2(const float at[4], const float a[3], const float b[3], const float c[3])
 {
-    const uint32_t *t = p->places[triangle];
-    const float *a = p->point[t[0]];
-    float ab[3], ac[3], ap[3], wb, wc, gap[3];
-    sub(p->point[t[1]], a, ab);
-    sub(p->point[t[2]], a, ac);
-    sub(at, a, ap);
-    closest(ab, ac, ap, &wb, &wc);
-    for (int k = 0; k < 3; k++)
-        gap[k] = ap[k] - wb * ab[k] - wc * ac[k];
-    const float distance2 = dot(gap, gap);
-    if (distance2 >= best->distance2)
-        return;
-    *best = (struct nearest){distance2, triangle, {1.0f - wb - wc, wb, wc}};
+    struct hg_lod_shape s;
+    float wb, wc;
+    set_shape(&s, a, b, c);
+    return shape_distance2(&s, at, &wb, &wc);
+}
+
+static inline void visit(
+    const struct hg_lod_patch *p, uint32_t triangle, const float at[4], struct nearest *best)
+{
+    float wb, wc;
+    const float distance2 = shape_distance2(&p->shapes[triangle], at, &wb, &wc);
+    if (distance2 < best->distance2)
+        *best = (struct nearest){distance2, triangle, {1.0f - wb - wc, wb, wc}};
 }
 
 static void visit_around(
-    const struct hg_lod_patch *p, uint32_t position, const float at[3], struct nearest *best)
+    const struct hg_lod_patch *p, uint32_t position, const float at[4], struct nearest *best)
 {
     for (uint32_t c = p->head[position]; c != HG_LOD_NONE; c = p->next[c])
         if (p->triangles[c / 4][0] != HG_LOD_NONE)
             visit(p, c / 4, at, best);
 }
 
+// Whether all of a triangle lies beyond one side of the cube of half size `reach` around `at`.
+static bool is_beyond(
+    const struct hg_lod_patch *p, uint32_t triangle, const float at[3], float reach)
+{
+    const uint32_t *t = p->places[triangle];
+    const float *a = p->point[t[0]], *b = p->point[t[1]], *c = p->point[t[2]];
+    for (int k = 0; k < 3; k++) {
+        const float low = at[k] - reach, high = at[k] + reach;
+        if ((a[k] > high && b[k] > high && c[k] > high) || (a[k] < low && b[k] < low && c[k] < low))
+            return true;
+    }
+    return false;
+}
+
 // Looks at all triangles.
 static void search(
-    const struct hg_lod_patch *p, const float at[3], struct nearest *best, uint32_t *anchor)
+    const struct hg_lod_patch *p, const float at[4], struct nearest *best, uint32_t *anchor)
 {
     const float before = best->distance2;
     for (uint32_t t = 0; t < p->triangle_count; t++)
-        if (p->triangles[t][0] != HG_LOD_NONE)
+        if (p->triangles[t][0] != HG_LOD_NONE && !is_beyond(p, t, at, sqrtf(best->distance2)))
             visit(p, t, at, best);
     if (best->distance2 < before)
         *anchor = p->places[best->triangle][0];
 }
 
 // The walk. *anchor is the position to begin at and becomes the nearest corner.
-static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint32_t *anchor)
+static struct nearest walk(const struct hg_lod_patch *p, const float at[4], uint32_t *anchor)
 {
     struct nearest best = {INFINITY, HG_LOD_NONE, {0}};
     for (int step = 0; step < WALK_MAX; step++) {
@@ -129,15 +150,16 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[3], uint
         visit_around(p, *anchor, at, &best);
         if (best.triangle == HG_LOD_NONE || !(best.distance2 < before))
             break;
-        if (fminf(best.weight[0], fminf(best.weight[1], best.weight[2])) > INSIDE)
-            break;
+        const uint32_t *places = p->places[best.triangle];
         int corner = 0;
-        for (int k = 1; k < 3; k++)
+        bool between = false; // what meets there has been looked at
+        for (int k = 0; k < 3; k++) {
             corner = best.weight[k] > best.weight[corner] ? k : corner;
-        const uint32_t to = p->places[best.triangle][corner];
-        if (to == *anchor)
+            between = between || (places[k] == *anchor && best.weight[k] > INSIDE);
+        }
+        *anchor = places[corner];
+        if (between)
             break;
-        *anchor = to;
     }
     if (best.triangle == HG_LOD_NONE) // what it lay on has gone altogether
         search(p, at, &best, anchor);
@@ -255,7 +277,7 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
     struct nearest near;
     if (!still_there(p, s, anchor, &near)) {
         const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
-        float at[3];
+        float at[4] = {0};
         for (int k = 0; k < 3; k++)
             at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
         near = walk(p, at, &anchor);
@@ -280,6 +302,10 @@ float hg_lod_measure(const struct hg_lod_patch *p)
 {
     float worst = 0.0f, looks = 0.0f;
     uint32_t compared = 0;
+    for (uint32_t t = 0; t < p->triangle_count; t++)
+        if (p->triangles[t][0] != HG_LOD_NONE)
+            set_shape(&p->shapes[t], p->point[p->places[t][0]], p->point[p->places[t][1]],
+                p->point[p->places[t][2]]);
     for (uint32_t i = 0; i < p->job->sample_count; i++) {
         struct hg_lod_sample *s = &p->job->samples[i];
         measure(p, s, worst, &looks, &compared);

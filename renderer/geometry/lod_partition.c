@@ -44,23 +44,33 @@ static uint32_t hash_edge(uint64_t key)
 static uint32_t open_edges(const struct hg_lod_mesh *m, const uint32_t *triangles, uint32_t count,
     uint64_t out[HG_LOD_CLUSTER_TRIANGLES * 3])
 {
-    uint64_t table[1024];
-    uint8_t uses[1024];
-    uint32_t n = 0;
-    memset(uses, 0, sizeof uses);
-    for (uint32_t i = 0; i < count * 3; i++) {
-        const uint32_t next = i % 3 == 2 ? i - 2 : i + 1;
-        const uint32_t a = m->position_of[triangles[i]], b = m->position_of[triangles[next]];
-        const uint64_t key = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
-        uint32_t slot = hash_edge(key) & 1023;
-        while (uses[slot] != 0 && table[slot] != key)
-            slot = (slot + 1) & 1023;
-        table[slot] = key;
-        uses[slot] = (uint8_t)(uses[slot] < 255 ? uses[slot] + 1 : 255);
+    uint64_t keys[HG_LOD_CLUSTER_TRIANGLES * 3];
+    uint8_t uses[HG_LOD_CLUSTER_TRIANGLES * 3];
+    uint16_t table[1024] = {0}; // edge + 1
+    uint32_t edges = 0, n = 0;
+    for (uint32_t t = 0; t < count; t++) {
+        const uint32_t *v = triangles + (size_t)t * 3;
+        const uint32_t at[4] = {
+            m->position_of[v[0]], m->position_of[v[1]], m->position_of[v[2]], m->position_of[v[0]]};
+        for (int k = 0; k < 3; k++) {
+            const uint32_t a = at[k], b = at[k + 1];
+            const uint64_t key = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
+            uint32_t slot = hash_edge(key) & 1023;
+            while (table[slot] != 0 && keys[table[slot] - 1] != key)
+                slot = (slot + 1) & 1023;
+            if (table[slot] == 0) {
+                keys[edges] = key;
+                uses[edges] = 0;
+                table[slot] = (uint16_t)++edges;
+            }
+            uint8_t *use = &uses[table[slot] - 1];
+            *use = (uint8_t)(*use < 2 ? *use + 1 : 2);
+        }
     }
-    for (uint32_t slot = 0; slot < 1024; slot++)
-        if (uses[slot] == 1)
-            out[n++] = table[slot];
+    for (uint32_t i = 0; i < edges; i++) {
+        out[n] = keys[i];
+        n += uses[i] == 1;
+    }
     return n;
 }
 

@@ -19,7 +19,8 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     while (table < corners)
         table *= 2;
     p->table_mask = (uint32_t)table - 1;
-    const size_t words = (size_t)triangles * 12 + corners * (8 + 3 + attributes) + table;
+    const size_t words =
+        (size_t)triangles * (12 + sizeof *p->shapes / 4) + corners * (8 + 4 + attributes) + table;
     uint32_t *at =
         hg_realloc(NULL, words + corners / 4 + 4, 4); // not cleared: all but `table` is set
     p->memory = at;
@@ -34,14 +35,16 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     at += (size_t)triangles * 4;
     p->next = at;
     at += (size_t)triangles * 4;
+    p->shapes = (struct hg_lod_shape *)(void *)at;
+    at += (size_t)triangles * (sizeof *p->shapes / 4);
+    p->point = (float(*)[4])(void *)at; // all before it are of multiples of 16 bytes
+    at += corners * 4;
     uint32_t **arrays[] = {&p->head, &p->tail, &p->global, &p->into, &p->vertex_first,
         &p->position_of, &p->vertex_next, &p->vertex_global};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
         *arrays[i] = at;
         at += corners;
     }
-    p->point = (float(*)[3])(void *)at;
-    at += corners * 3;
     p->attributes = (float *)at;
     at += corners * attributes;
     p->fixed = (uint8_t *)at;
@@ -110,22 +113,28 @@ static void set_frame(struct hg_lod_patch *p)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
     memcpy(p->origin, m->lattice[p->global[0]], sizeof p->origin);
+    for (uint32_t i = 0; i < p->position_count; i++) {
+        for (int k = 0; k < 3; k++)
+            p->point[i][k] = (float)(m->lattice[p->global[i]][k] - p->origin[k]);
+        p->point[i][3] = 0.0f;
+    }
     double sum = 0.0;
     for (uint32_t t = 0; t < p->triangle_count; t++) {
-        for (uint32_t k = 0; k < 3; k++) {
-            const int32_t *a = m->lattice[p->global[p->places[t][k]]];
-            const int32_t *b = m->lattice[p->global[p->places[t][(k + 1) % 3]]];
-            const double d[3] = {
-                (double)(a[0] - b[0]), (double)(a[1] - b[1]), (double)(a[2] - b[2])};
-            sum += sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        float lengths = 0.0f;
+        for (int k = 0; k < 3; k++) {
+            const float *a = p->point[p->places[t][k]],
+                        *b = p->point[p->places[t][k < 2 ? k + 1 : 0]];
+            const float d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+            lengths += sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         }
+        sum += (double)lengths;
     }
     const double mean = sum / (p->triangle_count * 3.0);
     p->scale = (float)(1.0 / mean);
     p->unit = (float)(mean * (double)m->format.quantum);
     for (uint32_t i = 0; i < p->position_count; i++)
         for (int k = 0; k < 3; k++)
-            p->point[i][k] = (float)(m->lattice[p->global[i]][k] - p->origin[k]) * p->scale;
+            p->point[i][k] *= p->scale;
 }
 
 // Units of surface per uv: from the areas in space and in the uv plane.
@@ -146,9 +155,9 @@ static float uv_scale(const struct hg_lod_patch *p, uint32_t first)
         n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
         n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
         n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
-        space += sqrt((double)(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]));
-        plane += fabs((double)(a[1][0] - a[0][0]) * (a[2][1] - a[0][1]) -
-                      (double)(a[1][1] - a[0][1]) * (a[2][0] - a[0][0]));
+        space += (double)sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        plane += fabs((double)((a[1][0] - a[0][0]) * (a[2][1] - a[0][1]) -
+                               (a[1][1] - a[0][1]) * (a[2][0] - a[0][0])));
     }
     return plane > 0.0 ? (float)sqrt(space / plane) : 0.0f;
 }

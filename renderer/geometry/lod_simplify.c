@@ -14,12 +14,13 @@
 #include "renderer/geometry/lod_internal.h"
 #include "renderer/geometry/lod_quadric.h"
 
-#define DEEP        1.5f  // a depth cost this much above the quadric's is looked into
-#define LEAST_AREA  1e-12 // squared edge lengths
-#define RING_MAX    48    // positions with more neighbours stay
-#define OPEN_WEIGHT 4.0   // of the planes that hold open edges, against the triangle's
-#define SEAM_WEIGHT 0.5   // of those that hold seams
-#define FLIP_COSINE 0.2f  // a triangle may turn by less than this says
+#define DEEP        1.5f   // a depth cost this much above the quadric's is looked into
+#define LEAST_AREA  1e-12f // squared edge lengths
+#define RING_MAX    48     // positions with more neighbours stay
+#define OPEN_WEIGHT 4.0f   // of the planes that hold open edges, against the triangle's
+#define SEAM_WEIGHT 0.5f   // of those that hold seams
+#define SLIVER      1e-7f  // squared sine below which a triangle has no gradients
+#define FLIP_COSINE 0.2f   // a triangle may turn by less than this says
 #define FLIP_LOOSE  0.0f
 #define JUMP        2.5f // an error so many times that of the level below is looked into
 
@@ -27,64 +28,78 @@ struct ring {
     uint32_t at[RING_MAX];  // neighbour positions
     uint8_t uses[RING_MAX]; // triangles at the edge to it
     uint32_t count, odd;    // odd: edges without exactly two triangles
+    uint32_t twisted;       // edges that two triangles have in the same direction
     bool full;
+};
+
+struct entry { // of the heap
+    float cost;
+    uint32_t position;
 };
 
 struct simplifier {
     struct hg_lod_patch patch;
-    struct hg_lod_quadric *shape;      // [position_count]
-    struct hg_lod_quadric *looks;      // [vertex_count]
-    struct hg_lod_gradient *gradients; // [vertex_count * attribute_count]
-    double *root;                      // [position_count] of the area of `shape`
-    float *cost;                       // [position_count] of the best collapse
-    uint32_t *target;                  // [position_count]
-    uint32_t *heap, *place;            // place: in the heap, HG_LOD_NONE: not in it
+    struct hg_lod_quadric *shape; // [position_count]
+    struct hg_lod_quadric *looks; // [vertex_count]
+    hg_lod_vec *gradients;        // [vertex_count * attribute_count]
+    float *area, *looks_area;     // [position_count], [vertex_count] of the triangles in them
+    float *root;                  // [position_count] of `area`
+    float *cost;                  // [position_count] of the best collapse
+    uint32_t *target;             // [position_count]
+    struct entry *heap;           // [position_count]
+    uint32_t *place;              // in the heap, HG_LOD_NONE: not in it
     uint32_t heap_count;
     uint32_t *stamp, now; // [position_count] marks of a search
-    uint8_t *slot, *rim,
-        *sure;       // [position_count] in the ring; has open edges; depth is in the cost
-    bool permissive; // give up topology and open edges
+    uint8_t *slot;        // [position_count] in the ring
+    uint8_t *plain;       // [position_count] all its edges have two triangles, turned the same way
+    uint8_t *rim;         // [position_count] has open edges
+    uint8_t *sure;        // [position_count] depth is in the cost
+    uint8_t *stale;       // [position_count] the cost is a lower bound: evaluate first
+    bool permissive;      // give up topology and open edges
     void *memory;
 };
 
 // ---- heap of positions by cost ------------------------------------------------------------------
 
-static bool before(const struct simplifier *s, uint32_t a, uint32_t b)
+static bool before(const struct entry *a, const struct entry *b)
 {
-    return s->cost[a] < s->cost[b] || (s->cost[a] == s->cost[b] && a < b);
+    return a->cost < b->cost || (a->cost == b->cost && a->position < b->position);
 }
 
-static void put(struct simplifier *s, uint32_t slot, uint32_t p)
+static void put(struct simplifier *s, uint32_t slot, struct entry e)
 {
-    s->heap[slot] = p;
-    s->place[p] = slot;
+    s->heap[slot] = e;
+    s->place[e.position] = slot;
 }
 
-static void sift_up(struct simplifier *s, uint32_t slot)
+static uint32_t sift_up(struct simplifier *s, uint32_t slot, struct entry e)
 {
-    const uint32_t p = s->heap[slot];
-    while (slot > 0 && before(s, p, s->heap[(slot - 1) / 2])) {
+    while (slot > 0 && before(&e, &s->heap[(slot - 1) / 2])) {
         put(s, slot, s->heap[(slot - 1) / 2]);
         slot = (slot - 1) / 2;
     }
-    put(s, slot, p);
+    return slot;
 }
 
-static void sift_down(struct simplifier *s, uint32_t slot)
+static uint32_t sift_down(struct simplifier *s, uint32_t slot, struct entry e)
 {
-    const uint32_t p = s->heap[slot];
     for (;;) {
         uint32_t child = slot * 2 + 1;
         if (child >= s->heap_count)
-            break;
-        if (child + 1 < s->heap_count && before(s, s->heap[child + 1], s->heap[child]))
-            child++;
-        if (!before(s, s->heap[child], p))
-            break;
+            return slot;
+        child += child + 1 < s->heap_count && before(&s->heap[child + 1], &s->heap[child]);
+        if (!before(&s->heap[child], &e))
+            return slot;
         put(s, slot, s->heap[child]);
         slot = child;
     }
-    put(s, slot, p);
+}
+
+// Puts an entry where it belongs, from a slot that is free.
+static void settle(struct simplifier *s, uint32_t slot, struct entry e)
+{
+    const uint32_t up = sift_up(s, slot, e);
+    put(s, up < slot ? up : sift_down(s, slot, e), e);
 }
 
 static void heap_remove(struct simplifier *s, uint32_t p)
@@ -93,21 +108,15 @@ static void heap_remove(struct simplifier *s, uint32_t p)
     if (slot == HG_LOD_NONE)
         return;
     s->place[p] = HG_LOD_NONE;
-    const uint32_t last = s->heap[--s->heap_count];
-    if (last == p)
-        return;
-    put(s, slot, last);
-    sift_up(s, slot);
-    sift_down(s, s->place[last]);
+    s->heap_count--;
+    if (slot < s->heap_count)
+        settle(s, slot, s->heap[s->heap_count]);
 }
 
 static void heap_set(struct simplifier *s, uint32_t p, float cost)
 {
     s->cost[p] = cost;
-    if (s->place[p] == HG_LOD_NONE)
-        put(s, s->heap_count++, p);
-    sift_up(s, s->place[p]);
-    sift_down(s, s->place[p]);
+    settle(s, s->place[p] == HG_LOD_NONE ? s->heap_count++ : s->place[p], (struct entry){cost, p});
 }
 
 // ---- neighbours ---------------------------------------------------------------------------------
@@ -145,27 +154,30 @@ static void corner_vertices(const struct hg_lod_patch *p, uint32_t corner, uint3
 }
 
 // stamp[] says which neighbours the ring has already, slot[] where.
-static void ring_add(struct simplifier *s, struct ring *r, uint32_t p)
+static uint32_t ring_add(struct simplifier *s, struct ring *r, uint32_t p)
 {
     if (s->stamp[p] == s->now) {
         uint8_t *uses = &r->uses[s->slot[p]];
         *uses = (uint8_t)(*uses < 255 ? *uses + 1 : 255);
-        return;
+        return s->slot[p];
     }
     if (r->count == RING_MAX) {
         r->full = true;
-        return;
+        return RING_MAX;
     }
     s->stamp[p] = s->now;
     s->slot[p] = (uint8_t)r->count;
     r->uses[r->count] = 1;
-    r->at[r->count++] = p;
+    r->at[r->count] = p;
+    return r->count++;
 }
 
+// Neighbours of a position and how often edges are used; drops dead corners.
 static void gather(struct simplifier *s, uint32_t position, struct ring *r)
 {
     const struct hg_lod_patch *p = &s->patch;
-    r->count = r->odd = 0;
+    uint8_t ahead[RING_MAX + 1] = {0};
+    r->count = r->odd = r->twisted = 0;
     r->full = false;
     s->now++;
     uint32_t *link = &s->patch.head[position], last = HG_LOD_NONE;
@@ -177,125 +189,134 @@ static void gather(struct simplifier *s, uint32_t position, struct ring *r)
         }
         uint32_t at[3];
         corner_places(p, c, at);
-        ring_add(s, r, at[1]);
+        ahead[ring_add(s, r, at[1])]++;
         ring_add(s, r, at[2]);
         last = c;
         link = &p->next[c];
     }
     s->patch.tail[position] = last;
-    for (uint32_t i = 0; i < r->count; i++)
+    for (uint32_t i = 0; i < r->count; i++) {
         r->odd += r->uses[i] != 2;
+        r->twisted += ahead[i] != 1;
+    }
+}
+
+// The same of a plain position: the next corners of its triangles are its neighbours.
+static void gather_plain(struct simplifier *s, uint32_t position, struct ring *r)
+{
+    const struct hg_lod_patch *p = &s->patch;
+    uint32_t *link = &s->patch.head[position], last = HG_LOD_NONE;
+    r->count = r->odd = r->twisted = 0;
+    r->full = false;
+    while (*link != HG_LOD_NONE) {
+        static const uint8_t turn[4] = {1, 2, 0, 0};
+        const uint32_t c = *link;
+        if (p->triangles[c / 4][0] == HG_LOD_NONE) {
+            *link = p->next[c]; // drop it
+            continue;
+        }
+        if (r->count < RING_MAX)
+            r->at[r->count++] = p->places[c / 4][turn[c % 4]];
+        else
+            r->full = true;
+        last = c;
+        link = &p->next[c];
+    }
+    s->patch.tail[position] = last;
 }
 
 // ---- quadrics -----------------------------------------------------------------------------------
 
-static void sub(const float a[3], const float b[3], double out[3])
+static hg_lod_vec vec_cross(hg_lod_vec a, hg_lod_vec b)
 {
-    for (int k = 0; k < 3; k++)
-        out[k] = (double)a[k] - (double)b[k];
+    return (hg_lod_vec){
+        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0f};
 }
 
-static void cross(const double a[3], const double b[3], double out[3])
+static hg_lod_vec vec_at(const struct hg_lod_patch *p, uint32_t position)
 {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
+    return hg_lod_vec_load(p->point[position]);
 }
 
-static double dot(const double a[3], const double b[3])
+static float vec_dot(hg_lod_vec a, hg_lod_vec b)
 {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    return hg_lod_vec_sum(a * b);
 }
 
+// e1, e2: edges from the first corner; normal: their cross product.
 static void add_attributes(
-    struct simplifier *s, const uint32_t v[3], const double e1[3], const double e2[3], double area)
+    struct simplifier *s, uint32_t t, hg_lod_vec e1, hg_lod_vec e2, hg_lod_vec normal)
 {
     const struct hg_lod_patch *p = &s->patch;
-    const uint32_t n = p->attribute_count;
-    const float *origin = p->point[p->position_of[v[0]]];
-    const double m11 = dot(e1, e1), m22 = dot(e2, e2), m12 = dot(e1, e2);
-    const double det = m11 * m22 - m12 * m12;
-    const double inverse = det > 1e-9 * m11 * m22 ? 1.0 / det : 0.0;
-    struct hg_lod_quadric q = {.weight = area};
-    struct hg_lod_gradient gradients[HG_LOD_ATTRIBUTES];
+    const uint32_t n = p->attribute_count, *v = p->triangles[t];
+    const float *a0 = p->attributes + (size_t)v[0] * n, *a1 = p->attributes + (size_t)v[1] * n,
+                *a2 = p->attributes + (size_t)v[2] * n;
+    const float normal2 = vec_dot(normal, normal), area = 0.5f * sqrtf(normal2);
+    const bool sliver = normal2 <= SLIVER * vec_dot(e1, e1) * vec_dot(e2, e2);
+    const float inverse = sliver ? 0.0f : 1.0f / normal2;
+    const hg_lod_vec along1 = vec_cross(e2, normal) * inverse;
+    const hg_lod_vec along2 = vec_cross(normal, e1) * inverse;
+    struct hg_lod_quadric q = {0};
+    hg_lod_vec gradients[HG_LOD_ATTRIBUTES];
     for (uint32_t k = 0; k < n; k++) {
-        const double a0 = p->attributes[(size_t)v[0] * n + k];
-        const double d1 = p->attributes[(size_t)v[1] * n + k] - a0;
-        const double d2 = p->attributes[(size_t)v[2] * n + k] - a0;
-        const double along1 = (d1 * m22 - d2 * m12) * inverse;
-        const double along2 = (d2 * m11 - d1 * m12) * inverse;
-        double g[3], d = a0;
-        for (int i = 0; i < 3; i++) {
-            g[i] = along1 * e1[i] + along2 * e2[i];
-            d -= g[i] * (double)origin[i];
-        }
-        hg_lod_quadric_add_plane(&q, g, d, area);
-        gradients[k] = (struct hg_lod_gradient){area * g[0], area * g[1], area * g[2], area * d};
+        const hg_lod_vec g = along1 * (a1[k] - a0[k]) + along2 * (a2[k] - a0[k]);
+        hg_lod_quadric_add_plane(&q, g, area);
+        gradients[k] = g * area;
     }
     for (int i = 0; i < 3; i++) {
-        if (p->fixed[p->position_of[v[i]]])
+        if (p->fixed[p->places[t][i]])
             continue; // nothing is asked of what cannot move
-        hg_lod_quadric_add(&s->looks[v[i]], &q);
-        for (uint32_t k = 0; k < n; k++) {
-            struct hg_lod_gradient *to = &s->gradients[(size_t)v[i] * n + k];
-            to->x += gradients[k].x;
-            to->y += gradients[k].y;
-            to->z += gradients[k].z;
-            to->d += gradients[k].d;
-        }
+        struct hg_lod_quadric *to = &s->looks[v[i]];
+        hg_lod_vec *slope = &s->gradients[(size_t)v[i] * n];
+        to->x += q.x;
+        to->y += q.y;
+        to->z += q.z;
+        s->looks_area[v[i]] += area;
+        for (uint32_t k = 0; k < n; k++)
+            slope[k] += gradients[k];
     }
 }
 
 static void add_triangle(struct simplifier *s, uint32_t t)
 {
     const struct hg_lod_patch *p = &s->patch;
-    const uint32_t *v = p->triangles[t];
-    const float *a = p->point[p->position_of[v[0]]];
-    double e1[3], e2[3], normal[3];
-    sub(p->point[p->position_of[v[1]]], a, e1);
-    sub(p->point[p->position_of[v[2]]], a, e2);
-    cross(e1, e2, normal);
-    const double length = sqrt(dot(normal, normal)), area = 0.5 * length;
-    if (!(length > 0.0))
+    const uint32_t *at = p->places[t];
+    if (p->fixed[at[0]] && p->fixed[at[1]] && p->fixed[at[2]])
         return;
-    double d = 0.0;
-    for (int k = 0; k < 3; k++) {
-        normal[k] /= length;
-        d -= normal[k] * (double)a[k];
-    }
-    struct hg_lod_quadric q = {.weight = area};
-    hg_lod_quadric_add_plane(&q, normal, d, area);
-    bool moves = false;
+    const hg_lod_vec a = vec_at(p, at[0]);
+    const hg_lod_vec e1 = vec_at(p, at[1]) - a, e2 = vec_at(p, at[2]) - a;
+    const hg_lod_vec normal = vec_cross(e1, e2);
+    const float length = sqrtf(vec_dot(normal, normal)), area = 0.5f * length;
+    if (!(length > 0.0f))
+        return;
+    struct hg_lod_quadric q = {0};
+    hg_lod_quadric_add_plane(&q, normal / length, area);
     for (int i = 0; i < 3; i++) {
-        moves = moves || !p->fixed[p->places[t][i]];
-        if (!p->fixed[p->places[t][i]])
-            hg_lod_quadric_add(&s->shape[p->places[t][i]], &q);
+        struct hg_lod_quadric *to = &s->shape[at[i]];
+        if (p->fixed[at[i]])
+            continue;
+        to->x += q.x;
+        to->y += q.y;
+        to->z += q.z;
+        s->area[at[i]] += area;
     }
-    if (p->attribute_count > 0 && moves)
-        add_attributes(s, v, e1, e2, area);
+    if (p->attribute_count > 0)
+        add_attributes(s, t, e1, e2, normal);
 }
 
 // A plane through the edge from corner 0 to `other` of a triangle, upright on the triangle.
 static void add_upright(
-    struct simplifier *s, uint32_t position, const uint32_t v[3], uint32_t other, double weight)
+    struct simplifier *s, uint32_t position, const uint32_t v[3], uint32_t other, float weight)
 {
     const struct hg_lod_patch *p = &s->patch;
-    const float *a = p->point[position];
-    double e1[3], e2[3], edge[3], normal[3], upright[3];
-    sub(p->point[p->position_of[v[1]]], a, e1);
-    sub(p->point[p->position_of[v[2]]], a, e2);
-    sub(p->point[other], a, edge);
-    cross(e1, e2, normal);
-    cross(edge, normal, upright);
-    const double length = sqrt(dot(upright, upright));
-    if (!(length > 0.0))
-        return;
-    double d = 0.0;
-    for (int k = 0; k < 3; k++) {
-        upright[k] /= length;
-        d -= upright[k] * (double)a[k];
-    }
-    hg_lod_quadric_add_plane(&s->shape[position], upright, d, weight * dot(edge, edge));
+    const hg_lod_vec a = vec_at(p, position), edge = vec_at(p, other) - a;
+    const hg_lod_vec normal =
+        vec_cross(vec_at(p, p->position_of[v[1]]) - a, vec_at(p, p->position_of[v[2]]) - a);
+    const hg_lod_vec upright = vec_cross(edge, normal);
+    const float length = sqrtf(vec_dot(upright, upright));
+    if (length > 0.0f)
+        hg_lod_quadric_add_plane(
+            &s->shape[position], upright / length, weight * vec_dot(edge, edge));
 }
 
 // Planes along open edges and seams, so that they keep their shape.
@@ -304,6 +325,7 @@ static void add_edges(struct simplifier *s, uint32_t position)
     const struct hg_lod_patch *p = &s->patch;
     struct ring r;
     gather(s, position, &r);
+    s->plain[position] = r.odd == 0 && r.twisted == 0 && !r.full;
     const bool seam = p->vertex_next[p->vertex_first[position]] != HG_LOD_NONE;
     if (r.odd == 0 && !seam)
         return;
@@ -375,35 +397,30 @@ static uint32_t partner(const struct hg_lod_patch *p, uint32_t v, uint32_t to)
 static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t to, float limit)
 {
     const struct hg_lod_patch *p = &s->patch;
-    const float *at = p->point[to];
     const uint32_t n = p->attribute_count;
-    const double bound = (double)limit * s->root[from];
-    double sum = fabs(hg_lod_quadric_at(&s->shape[from], at));
+    hg_lod_vec at = vec_at(p, to) - vec_at(p, from);
+    at[3] = 1.0f;
+    const float bound = limit * s->root[from];
+    float sum = fabsf(hg_lod_quadric_at(&s->shape[from], at));
     for (uint32_t v = p->vertex_first[from]; n > 0 && sum < bound && v != HG_LOD_NONE;
          v = p->vertex_next[v]) {
-        const struct hg_lod_quadric *q = &s->looks[v];
-        if (!(q->weight > 0.0))
+        if (!(s->looks_area[v] > 0.0f))
             continue;
         const uint32_t w = partner(p, v, to);
-        sum += fabs(hg_lod_quadric_at(q, at) + hg_lod_gradients_at(&s->gradients[(size_t)v * n], n,
-                                                   q->weight, at, p->attributes + (size_t)w * n));
+        sum += fabsf(hg_lod_looks_at(&s->looks[v], &s->gradients[(size_t)v * n], n,
+            s->looks_area[v], at, p->attributes + (size_t)v * n, p->attributes + (size_t)w * n));
     }
-    return (float)(sum / s->root[from]);
+    return sum / s->root[from];
 }
 
-static bool turns(const struct hg_lod_patch *p, uint32_t corner, const float to[3], float cosine)
+static bool turns(const struct hg_lod_patch *p, uint32_t corner, hg_lod_vec to, float cosine)
 {
     uint32_t at[3];
     corner_places(p, corner, at);
-    const float *b = p->point[at[1]], *c = p->point[at[2]];
-    double e[3], old1[3], new1[3], n0[3], n1[3];
-    sub(c, b, e);
-    sub(p->point[at[0]], b, old1);
-    sub(to, b, new1);
-    cross(e, old1, n0);
-    cross(e, new1, n1);
-    const double along = dot(n0, n1), limit = (double)(cosine * cosine);
-    return along <= 0.0 || along * along <= limit * dot(n0, n0) * dot(n1, n1);
+    const hg_lod_vec b = vec_at(p, at[1]), e = vec_at(p, at[2]) - b;
+    const hg_lod_vec n0 = vec_cross(e, vec_at(p, at[0]) - b), n1 = vec_cross(e, to - b);
+    const float along = vec_dot(n0, n1), limit = cosine * cosine;
+    return along <= 0.0f || along * along <= limit * vec_dot(n0, n0) * vec_dot(n1, n1);
 }
 
 // Positions that are neighbours of both ends must be those of the triangles at the edge (the link
@@ -465,7 +482,7 @@ static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
             lost++;
             continue;
         }
-        if (turns(p, c, p->point[to], s->permissive ? FLIP_LOOSE : FLIP_COSINE))
+        if (turns(p, c, vec_at(p, to), s->permissive ? FLIP_LOOSE : FLIP_COSINE))
             return false;
         left++;
         last = c;
@@ -503,7 +520,7 @@ static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to)
         for (int k = 0; k < 3; k++)
             least += (p->point[from][k] - p->point[to][k]) * (p->point[from][k] - p->point[to][k]);
     }
-    return least * (float)s->root[from];
+    return least * s->root[from];
 }
 
 // Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
@@ -513,7 +530,10 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
     struct ring r;
     if (p->fixed[from] || p->into[from] != from)
         return;
-    gather(s, from, &r);
+    if (s->plain[from])
+        gather_plain(s, from, &r);
+    else
+        gather(s, from, &r);
     float best = INFINITY;
     uint32_t target = HG_LOD_NONE;
     for (uint32_t i = 0; i < r.count && !r.full; i++) {
@@ -531,6 +551,7 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
     s->target[from] = target;
     s->rim[from] = r.odd > 0;
     s->sure[from] = check;
+    s->stale[from] = false;
     if (target == HG_LOD_NONE)
         heap_remove(s, from);
     else
@@ -539,18 +560,20 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
 
 // ---- the collapse -------------------------------------------------------------------------------
 
-static void merge_looks(struct simplifier *s, uint32_t from, uint32_t to)
+// What vertex v has seen goes to w, which lies by (t, 0) farther.
+static void merge_looks(struct simplifier *s, uint32_t v, uint32_t w, hg_lod_vec t)
 {
-    const uint32_t n = s->patch.attribute_count;
-    hg_lod_quadric_add(&s->looks[to], &s->looks[from]);
-    for (uint32_t k = 0; k < n; k++) {
-        const struct hg_lod_gradient *g = &s->gradients[(size_t)from * n + k];
-        struct hg_lod_gradient *h = &s->gradients[(size_t)to * n + k];
-        h->x += g->x;
-        h->y += g->y;
-        h->z += g->z;
-        h->d += g->d;
-    }
+    const struct hg_lod_patch *p = &s->patch;
+    const uint32_t n = p->attribute_count;
+    hg_lod_vec *from = &s->gradients[(size_t)v * n], *to = &s->gradients[(size_t)w * n];
+    if (p->fixed[p->position_of[w]])
+        return;
+    hg_lod_looks_move(&s->looks[v], from, n, s->looks_area[v], t, p->attributes + (size_t)v * n,
+        p->attributes + (size_t)w * n);
+    hg_lod_quadric_add(&s->looks[w], &s->looks[v]);
+    s->looks_area[w] += s->looks_area[v];
+    for (uint32_t k = 0; k < n; k++)
+        to[k] += from[k];
 }
 
 // Moves the triangles of `from` to `to`; those at the edge go. Vertices of `from` remember their
@@ -559,11 +582,12 @@ static void move_triangles(struct simplifier *s, uint32_t from, uint32_t to)
 {
     struct hg_lod_patch *p = &s->patch;
     uint32_t old[RING_MAX], become[RING_MAX], n = 0;
+    const hg_lod_vec step = vec_at(p, to) - vec_at(p, from);
     for (uint32_t v = p->vertex_first[from]; v != HG_LOD_NONE && n < RING_MAX;
          v = p->vertex_next[v]) {
         old[n] = v;
         become[n] = partner(p, v, to);
-        merge_looks(s, v, become[n++]);
+        merge_looks(s, v, become[n++], step);
     }
     FOR_CORNERS(p, from, c)
     {
@@ -587,20 +611,22 @@ static void move_triangles(struct simplifier *s, uint32_t from, uint32_t to)
 }
 
 // A neighbour of what was collapsed has other collapses to choose from now: `to` instead of `from`.
+// What is left of the others costs what it did, so its cost stays a lower bound.
 static void update(struct simplifier *s, uint32_t position, uint32_t from, uint32_t to)
 {
     if (s->patch.fixed[position])
         return;
-    if (position == to || s->target[position] == from || s->target[position] == HG_LOD_NONE ||
-        s->rim[position] || s->permissive) {
+    if (position == to || s->target[position] == HG_LOD_NONE || s->rim[position] || s->permissive) {
         evaluate(s, position, false);
         return;
     }
     const float cost = collapse_cost(s, position, to, s->cost[position]);
-    if (cost >= s->cost[position])
+    if (cost >= s->cost[position]) {
+        s->stale[position] |= s->target[position] == from;
         return;
+    }
     s->target[position] = to;
-    s->sure[position] = false;
+    s->sure[position] = s->stale[position] = false;
     heap_set(s, position, cost);
 }
 
@@ -608,11 +634,18 @@ static void collapse(struct simplifier *s, uint32_t from, uint32_t to)
 {
     struct hg_lod_patch *p = &s->patch;
     struct ring r;
-    gather(s, from, &r);
+    if (s->plain[from])
+        gather_plain(s, from, &r);
+    else
+        gather(s, from, &r);
     heap_remove(s, from);
     move_triangles(s, from, to);
-    hg_lod_quadric_add(&s->shape[to], &s->shape[from]);
-    s->root[to] = sqrt(s->shape[to].weight + LEAST_AREA);
+    if (!p->fixed[to]) {
+        hg_lod_quadric_move(&s->shape[from], vec_at(p, to) - vec_at(p, from));
+        hg_lod_quadric_add(&s->shape[to], &s->shape[from]);
+        s->area[to] += s->area[from];
+        s->root[to] = sqrtf(s->area[to] + LEAST_AREA);
+    }
     p->into[from] = to;
     for (uint32_t i = 0; i < r.count; i++)
         update(s, r.at[i], from, to);
@@ -632,8 +665,12 @@ static void run(struct simplifier *s, uint32_t target)
     for (uint32_t i = 0; i < p->position_count; i++)
         evaluate(s, i, false);
     while (p->live > target && s->heap_count > 0) {
-        const uint32_t from = s->heap[0];
+        const uint32_t from = s->heap[0].position;
         const uint32_t to = s->target[from];
+        if (s->stale[from]) {
+            evaluate(s, from, false);
+            continue;
+        }
         const bool deep = !s->sure[from] && depth_cost(s, from, to) > s->cost[from] * DEEP;
         if (!deep && is_valid(s, from, to))
             collapse(s, from, to);
@@ -642,37 +679,56 @@ static void run(struct simplifier *s, uint32_t target)
     }
 }
 
+// Shapes and topology are given up, so nothing is plain any more.
+static void run_permissive(struct simplifier *s, uint32_t target)
+{
+    s->permissive = true;
+    memset(s->plain, 0, s->patch.position_count);
+    run(s, target);
+}
+
+static enum hg_status take(struct simplifier *s)
+{
+    const struct hg_lod_patch *p = &s->patch;
+    const size_t n = p->position_count, v = p->vertex_count, gradients = v * p->attribute_count;
+    const size_t bytes = (n + v) * sizeof *s->shape + gradients * sizeof *s->gradients +
+                         n * sizeof *s->heap + (n * 6 + v) * sizeof(float) + n * 5;
+    s->memory = hg_calloc(1, bytes);
+    if (s->memory == NULL)
+        return HG_E_NOMEM;
+    s->shape = s->memory; // aligned to 16 bytes
+    s->looks = s->shape + n;
+    s->gradients = (hg_lod_vec *)(void *)(s->looks + v);
+    s->heap = (struct entry *)(void *)(s->gradients + gradients);
+    s->area = (float *)(void *)(s->heap + n);
+    s->looks_area = s->area + n;
+    s->root = s->looks_area + v;
+    s->cost = s->root + n;
+    s->target = (uint32_t *)(void *)(s->cost + n);
+    s->place = s->target + n;
+    s->stamp = s->place + n;
+    s->slot = (uint8_t *)(s->stamp + n);
+    s->plain = s->slot + n;
+    s->rim = s->plain + n;
+    s->sure = s->rim + n;
+    s->stale = s->sure + n;
+    memset(s->place, 0xff, n * sizeof *s->place);
+    return HG_OK;
+}
+
 static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
-    const size_t n = p->position_count, v = p->vertex_count;
-    const size_t bytes = n * (sizeof *s->shape + sizeof *s->root + 23) + v * sizeof *s->looks +
-                         v * p->attribute_count * sizeof *s->gradients;
-    uint8_t *at = hg_calloc(1, bytes + 64);
-    s->memory = at;
-    if (at == NULL)
+    if (take(s) != HG_OK)
         return HG_E_NOMEM;
-    s->shape = (struct hg_lod_quadric *)(void *)at;
-    s->looks = (struct hg_lod_quadric *)(void *)(at += n * sizeof *s->shape);
-    s->gradients = (struct hg_lod_gradient *)(void *)(at += v * sizeof *s->looks);
-    s->root = (double *)(void *)(at += v * p->attribute_count * sizeof *s->gradients);
-    s->cost = (float *)(void *)(at += n * sizeof *s->root);
-    s->target = (uint32_t *)(void *)(at += n * 4);
-    s->heap = (uint32_t *)(void *)(at += n * 4);
-    s->place = (uint32_t *)(void *)(at += n * 4);
-    s->stamp = (uint32_t *)(void *)(at += n * 4);
-    s->slot = at += n * 4;
-    s->rim = at + n;
-    s->sure = at + n * 2;
-    memset(s->place, 0xff, n * 4);
     for (uint32_t t = 0; t < p->triangle_count; t++)
         add_triangle(s, t);
-    for (uint32_t i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < p->position_count; i++) {
         if (vertices_at(p, i) >= RING_MAX)
             s->patch.fixed[i] = 1;
         if (!p->fixed[i])
             add_edges(s, i);
-        s->root[i] = sqrt(s->shape[i].weight + LEAST_AREA);
+        s->root[i] = sqrtf(s->area[i] + LEAST_AREA);
     }
     return HG_OK;
 }
@@ -704,12 +760,10 @@ static enum hg_status attempt(
         status = prepare(s);
     if (status != HG_OK)
         return status;
-    s->permissive = permissive;
-    run(s, job->target_count);
-    if (!permissive && s->patch.live > job->target_count + job->triangle_count / 8) {
-        s->permissive = true;
+    if (!permissive)
         run(s, job->target_count);
-    }
+    if (permissive || s->patch.live > job->target_count + job->triangle_count / 8)
+        run_permissive(s, job->target_count);
     job->error = hg_lod_measure(&s->patch);
     return HG_OK;
 }

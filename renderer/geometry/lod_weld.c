@@ -225,17 +225,17 @@ static void make_words(const struct hg_mesh_part *part, const struct hg_lod_form
     }
 }
 
-static void octahedral_decode(int32_t x, int32_t y, float steps, float v[3])
+static inline void octahedral_decode(int32_t x, int32_t y, float steps, float v[3])
 {
-    v[0] = (float)x / steps;
-    v[1] = (float)y / steps;
+    v[0] = (float)x * (1.0f / steps);
+    v[1] = (float)y * (1.0f / steps);
     v[2] = 1.0f - fabsf(v[0]) - fabsf(v[1]);
     const float fold = v[2] < 0.0f ? -v[2] : 0.0f;
     v[0] += v[0] >= 0.0f ? -fold : fold;
     v[1] += v[1] >= 0.0f ? -fold : fold;
-    const float length = sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    const float inverse = 1.0f / sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     for (int i = 0; i < 3; i++)
-        v[i] /= length;
+        v[i] *= inverse;
 }
 
 uint32_t hg_lod_attributes(
@@ -312,8 +312,9 @@ static uint32_t weld_one(struct welder *w, uint32_t index)
     const struct hg_lod_format *f = &w->mesh->format;
     uint32_t words[HG_LOD_WORDS + 1] = {0};
     int32_t p[3];
+    const float steps = 1.0f / f->quantum; // exact: a power of two
     for (int k = 0; k < 3; k++)
-        p[k] = (int32_t)lrintf(w->part->positions[(size_t)index * 3 + (size_t)k] / f->quantum);
+        p[k] = (int32_t)lrintf(w->part->positions[(size_t)index * 3 + (size_t)k] * steps);
     make_words(w->part, f, index, words);
     return weld_vertex(w, weld_position(w, p), words);
 }
