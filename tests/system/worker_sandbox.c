@@ -120,6 +120,15 @@ static int write_cache(void)
     return fd < 0 ? -1 : (int)write(fd, "x", 1);
 }
 
+// As Mesa does with the index of its shader cache.
+static int size_cache(void)
+{
+    char path[96];
+    snprintf(path, sizeof path, "%s/index", cache);
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    return fd < 0 ? -1 : ftruncate(fd, 4096);
+}
+
 static int signal_parent(void)
 {
     return kill(getppid(), 0);
@@ -155,6 +164,7 @@ static void test_files(void **state)
     int denied = landlock_abi() ? EACCES : 0;
     assert_int_equal(inside(read_asset), 0);
     assert_int_equal(inside(write_cache), 0);
+    assert_int_equal(inside(size_cache), 0);
     assert_int_equal(inside(read_secret), denied);
     assert_int_equal(inside(write_asset), denied);
 }
