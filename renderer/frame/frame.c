@@ -17,6 +17,14 @@
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 
+// Of the picture that is drawn now: only to find out what is needed, a smaller one does.
+static VkExtent2D size_of(const struct hg_view_state *view)
+{
+    const uint32_t less = view->stream.finding ? HG_STREAM_FIND_SMALLER : 1;
+    const uint32_t width = view->settings.width / less, height = view->settings.height / less;
+    return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
+}
+
 static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
 {
     const struct hg_view_camera_state *c = &view->camera;
@@ -25,8 +33,8 @@ static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
         .half_height = c->half_height,
         .near = c->near,
         .far = c->far,
-        .width = view->settings.width,
-        .height = view->settings.height};
+        .width = size_of(view).width,
+        .height = size_of(view).height};
     double origin[3];
     float min[3] = {0}, max[3] = {0};
     hg_geometry_origin(view->rooms->geometry, origin);
@@ -46,6 +54,8 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
     const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
     hg_textures_fill(view->rooms->textures, mode, out);
     s->run = s->run % HG_PROGRESS_RUNS + 1;
+    if (s->finding) // a smaller picture with the texels of the whole one
+        out->bias = -log2f(HG_STREAM_FIND_SMALLER);
     out->mode = mode;
     out->run = s->run;
     out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
@@ -73,9 +83,9 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     if (jitter)
         hg_camera_jitter(sample, s->seed, setup.jitter_px);
     hg_camera_fill(&setup, &f->camera);
-    f->width = s->width;
-    f->height = s->height;
-    f->inv_size = (struct hg_vec2){1.0f / (float)s->width, 1.0f / (float)s->height};
+    f->width = setup.width;
+    f->height = setup.height;
+    f->inv_size = (struct hg_vec2){1.0f / (float)setup.width, 1.0f / (float)setup.height};
     f->jitter_px = (struct hg_vec2){setup.jitter_px[0], setup.jitter_px[1]};
     f->sample_index = sample;
     f->sample_count = s->samples;
@@ -169,7 +179,10 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
-    if (view->stream.exact && view->stream.area_count > 0)
+    pass.find = view->stream.finding;
+    if (pass.find)
+        pass.area.extent = size_of(view);
+    else if (view->stream.exact && view->stream.area_count > 0)
         pass.area = view->stream.areas[view->stream.area_count - 1].rect;
     return pass;
 }
@@ -228,7 +241,7 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view)
         .near = fmaxf(camera->near, 1e-6f),
         .wait = view->wait,
         .both_sides = off,
-        .history = !off && view->settings.debug == 0};
+        .history = !off && view->settings.debug == 0 && !view->stream.finding};
     look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
     float m[16];
     memcpy(m, camera->view_proj.m, sizeof m);

@@ -117,13 +117,6 @@ static void forget_shadows(struct hg_view_state *view)
     view->stream.shadows = false;
 }
 
-enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error *err)
-{
-    const enum hg_status status = start_exact(view, 0, err);
-    view->stream.has_fallback = false; // that would be a picture of the past
-    return status;
-}
-
 bool hg_stream_is_blank(const struct hg_view_state *view)
 {
     return view->stream.exact && !view->stream.has_fallback && view->samples == 0;
@@ -254,6 +247,26 @@ static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bo
             hg_geometry_facets_done(view->rooms->geometry);
         hg_page_cache_collect(pages_of(view), HG_PAGES_EXACT, demand);
     }
+    return status;
+}
+
+enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_page_demand demand = {0};
+    enum hg_status status = start_exact(view, 0, err);
+    if (status != HG_OK)
+        return status;
+    s->finding = true;
+    status = run_batch(view, 1, false, &demand, err);
+    s->finding = false;
+    if (status == HG_OK)
+        status = start_exact(view, 0, err); // none of it counts
+    s->has_fallback = false;                // that would be a picture of the past
+    s->missing = demand.missing;
+    s->waiting = demand.missing > 0;
+    s->shadows = demand.shadows;
+    view->number++;
     return status;
 }
 

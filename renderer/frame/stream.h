@@ -18,7 +18,8 @@
 #include "renderer/gpu/gpu.h"
 #include "renderer/texture/page_cache.h"
 
-#define HG_STREAM_MAX_AREAS 64 // halving 16384 x 16384 px down to one takes 28
+#define HG_STREAM_FIND_SMALLER 2  // by which the sides of a picture are that only finds pages
+#define HG_STREAM_MAX_AREAS    64 // halving 16384 x 16384 px down to one takes 28
 
 struct hg_view_state;
 
@@ -31,6 +32,7 @@ struct hg_stream_area {
 struct hg_stream {
     bool on;           // pages may be missing: shaders report what they ask for
     bool exact;        // drawing the second way
+    bool finding;      // drawing only to learn which pages are needed
     bool inexact;      // the newest sample shows coarser texels than it should: it is drawn again
     bool shadows;      // shadow maps were drawn with coarser texels
     bool uneven;       // pixels have different numbers of samples
@@ -54,7 +56,7 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *stream); // images a
 void hg_stream_restart(struct hg_view_state *view);
 // Between batches: uploads pages that have arrived, decides whether feedback is needed.
 enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-// After a restart of a view that nobody looks at yet: turns to exact at once.
+// After a restart of a view that nobody looks at yet: finds out what it needs and turns to exact.
 enum hg_status hg_stream_begin_exact(
     struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // There is nothing that could be shown.

@@ -15,12 +15,17 @@ struct hg_pass {
     // tables are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
     uint32_t tables, features;
     VkRect2D area; // of the view that is drawn, clears included; zero = all of it
+    // Only what is asked of textures counts, nothing that is drawn: a small view fills the area,
+    // and of shadow casters those with holes are drawn, whatever hides them.
+    bool find;
 };
 
 // After beginning a rendering with the pass's area: what is drawn covers the view, not the area.
 static inline void hg_pass_view_whole(const struct hg_pass *pass, const struct hg_gpu_image *image)
 {
-    const VkViewport whole = {0.0f, 0.0f, (float)image->width, (float)image->height, 0.0f, 1.0f};
+    const VkExtent2D size =
+        pass->find ? pass->area.extent : (VkExtent2D){image->width, image->height};
+    const VkViewport whole = {0.0f, 0.0f, (float)size.width, (float)size.height, 0.0f, 1.0f};
     if (pass->area.extent.width > 0)
         vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &whole);
 }

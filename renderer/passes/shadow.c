@@ -12,7 +12,7 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 }
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    bool masked, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
+    bool masked, bool find, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
         .vertex = masked ? "shadow_mask.vert" : "shadow.vert",
@@ -21,7 +21,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .spec_count = 3,
         .depth = VK_FORMAT_D32_SFLOAT,
         .depth_compare = VK_COMPARE_OP_GREATER,
-        .depth_write = true,
+        .depth_write = !find,
         .topology = topology,
     };
 }
@@ -40,8 +40,11 @@ static enum hg_status draw_set(struct hg_pass *pass, const struct hg_visible *vi
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = 0; i < set->item_count; i++) {
         const struct hg_visible_item *item = hg_visible_item(visible, set->first_item + i);
-        const struct hg_gpu_pipeline_params params = pipeline_of((item->flags & HG_DRAW_MASK) != 0,
-            topology_of(item->flags), pass->tables, pass->features);
+        const bool masked = (item->flags & HG_DRAW_MASK) != 0;
+        const struct hg_gpu_pipeline_params params =
+            pipeline_of(masked, pass->find, topology_of(item->flags), pass->tables, pass->features);
+        if (pass->find && !masked)
+            continue;
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
         if (status != HG_OK)
@@ -145,7 +148,8 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
             continue;
         status =
             draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set, err);
-        maps[i].stale = status != HG_OK || hg_visible_set(visible, first_set)->missing > 0;
+        maps[i].stale =
+            pass->find || status != HG_OK || hg_visible_set(visible, first_set)->missing > 0;
         first_set++;
     }
     hg_gpu_cmd_end_stage(pass->cmd);
@@ -157,7 +161,7 @@ enum hg_status hg_shadow_warm_up(
 {
     *count = 2;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(index % 2 == 1, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0, HG_FEATURE_ALL);
+        pipeline_of(index % 2 == 1, false, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

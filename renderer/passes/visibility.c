@@ -109,9 +109,7 @@ static void begin(
         .area = area,
     };
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    const VkViewport whole = {0.0f, 0.0f, (float)target->visibility->width,
-        (float)target->visibility->height, 0.0f, 1.0f};
-    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &whole);
+    hg_pass_view_whole(pass, target->visibility);
 }
 
 // Of two phases the second: what the first one hides is not drawn.
