@@ -20,6 +20,11 @@ uint64_t hg_clock_wall_ns(void)
     return read_clock(CLOCK_REALTIME);
 }
 
+uint64_t hg_clock_cpu_ns(void)
+{
+    return read_clock(CLOCK_PROCESS_CPUTIME_ID);
+}
+
 void hg_clock_sleep_ns(uint64_t ns)
 {
     struct timespec left = {.tv_sec = (time_t)(ns / 1000000000u), .tv_nsec = (long)(ns % 1000000000u)};

@@ -27,6 +27,7 @@ struct run {
     const struct hg_bench_pose *path;
     uint32_t path_count, rounds, frames;
     float *frame_ms;
+    float *cpu_ms; // [path_count] least of the frames of a pose
     uint32_t measured;
     struct pass_times passes[MAX_PASSES];
     uint32_t pass_count;
@@ -87,8 +88,12 @@ static struct pass_times *find_pass(struct run *run, const char *name)
     return pass;
 }
 
-static bool note_frame(struct run *run, const struct hg_frame_info *info, uint64_t ns)
+static bool note_frame(
+    struct run *run, const struct hg_frame_info *info, uint64_t ns, uint64_t cpu_ns)
 {
+    float *cpu_ms = &run->cpu_ms[run->measured % run->path_count];
+    const float ms = (float)((double)cpu_ns * 1e-6);
+    *cpu_ms = *cpu_ms == 0.0f || ms < *cpu_ms ? ms : *cpu_ms;
     run->frame_ms[run->measured++] = (float)((double)ns * 1e-6);
     run->triangles_drawn = info->triangles_drawn;
     run->triangles_total = info->triangles_total;
@@ -109,15 +114,15 @@ static enum hg_status draw_frame(
     struct hg_refbuf *pixels = NULL;
     memcpy(camera.eye, pose->eye, sizeof camera.eye);
     memcpy(camera.target, pose->target, sizeof camera.target);
-    const uint64_t start = hg_clock_now_ns();
+    const uint64_t start = hg_clock_now_ns(), cpu = hg_clock_cpu_ns();
     enum hg_status status = hg_view_set_camera(run->view, &camera, err);
     if (status == HG_OK)
         status = hg_view_step(run->view, 1, &info, err);
     if (status == HG_OK)
         status = hg_view_read_pixels(run->view, HG_PIXEL_RGBA8, &pixels, err);
-    const uint64_t end = hg_clock_now_ns();
+    const uint64_t end = hg_clock_now_ns(), cpu_end = hg_clock_cpu_ns();
     hg_refbuf_unref(pixels);
-    if (status == HG_OK && measured && !note_frame(run, &info, end - start))
+    if (status == HG_OK && measured && !note_frame(run, &info, end - start, cpu_end - cpu))
         status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
     return status;
 }
@@ -146,7 +151,11 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_json_put(&w, "{\"width\":%u,\"height\":%u,\"frames_ms\":[", s->width, s->height);
     for (uint32_t i = 0; i < run->measured; i++)
         hg_json_put(&w, "%s%.3f", i > 0 ? "," : "", (double)run->frame_ms[i]);
-    hg_json_put(&w, "],\"frame_ms\":%.3f,\"passes\":[", median(run->frame_ms, run->measured));
+    double cpu_ms = 0;
+    for (uint32_t i = 0; i < run->path_count; i++)
+        cpu_ms += (double)run->cpu_ms[i] / run->path_count;
+    hg_json_put(&w, "],\"frame_ms\":%.3f,\"cpu_ms\":%.3f,\"passes\":[",
+        median(run->frame_ms, run->measured), cpu_ms);
     for (uint32_t i = 0; i < run->pass_count; i++) {
         struct pass_times *pass = &run->passes[i];
         hg_json_put(&w, "%s{\"name\":\"%s\",\"ms\":%.3f,\"frames\":%u}", i > 0 ? "," : "",
@@ -176,7 +185,8 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
         return hg_error_set(err, HG_E_INVAL, "bench", "rounds", "more than %d frames", MAX_FRAMES);
     run->frames = run->path_count * run->rounds;
     run->frame_ms = hg_calloc(run->frames, sizeof *run->frame_ms);
-    if (run->frame_ms == NULL)
+    run->cpu_ms = hg_calloc(run->path_count, sizeof *run->cpu_ms);
+    if (run->frame_ms == NULL || run->cpu_ms == NULL)
         return hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
     const struct hg_view_params params = {.width = b->width, .height = b->height, .samples = 1};
     enum hg_status status = hg_view_create(run->renderer, scene, &run->view, err);
@@ -200,6 +210,7 @@ enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct h
     hg_view_destroy(run->view);
     for (uint32_t i = 0; i < run->pass_count; i++)
         hg_free(run->passes[i].ms);
+    hg_free(run->cpu_ms);
     hg_free(run->frame_ms);
     hg_free(run);
     return status;

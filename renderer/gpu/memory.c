@@ -1,4 +1,7 @@
 // memory.c - suballocation: blocks per memory type, first fit over ordered free ranges.
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/gpu/internal.h"
@@ -44,6 +47,17 @@ static void destroy_block(struct hg_gpu *gpu, struct hg_gpu_block *block)
     hg_free(block);
 }
 
+// Memory of a CPU device is that of the process. Rows of texels and of pictures lie apart by more
+// than a page of 4 KiB, so that filtering would walk the page tables for every few texels.
+static void ask_for_huge_pages(const struct hg_gpu_block *block)
+{
+    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+    const uintptr_t start = ((uintptr_t)block->mapped + page - 1) & ~(page - 1);
+    const uintptr_t end = ((uintptr_t)block->mapped + block->size_bytes) & ~(page - 1);
+    if (end > start) // a wish: systems without them say no
+        (void)madvise((void *)start, end - start, MADV_HUGEPAGE);
+}
+
 static enum hg_status allocate(struct hg_gpu *gpu, struct hg_gpu_block *block, struct hg_error *err)
 {
     const VkMemoryAllocateFlagsInfo flags = {
@@ -62,6 +76,8 @@ static enum hg_status allocate(struct hg_gpu *gpu, struct hg_gpu_block *block, s
     if (status == HG_OK && (props & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0) {
         status = HG_VK(
             gpu, err, vkMapMemory, gpu->device, block->memory, 0, VK_WHOLE_SIZE, 0, &block->mapped);
+        if (status == HG_OK && gpu->caps.is_cpu)
+            ask_for_huge_pages(block);
     }
     return status;
 }
