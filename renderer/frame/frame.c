@@ -159,6 +159,8 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
+    features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
+    features |= !view->coarse || view->stream.exact ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
     features |= (tables & HG_TABLE_BIT(HG_BIND_FACETS)) == 0 ? HG_FEATURE_NO_FACETS : 0;
     const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;

@@ -5,12 +5,13 @@
 // Values of the specialisation constant of shade.frag.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
-static struct hg_gpu_pipeline_params pipeline_of(
-    enum variant variant, bool background, bool first, uint32_t tables, uint32_t features)
+// flat: shade_flat.*, for CPU devices.
+static struct hg_gpu_pipeline_params pipeline_of(enum variant variant, bool background, bool first,
+    bool flat, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
-        .vertex = "fullscreen.vert",
-        .fragment = "shade.frag",
+        .vertex = flat ? "shade_flat.vert" : "fullscreen.vert",
+        .fragment = flat ? "shade_flat.frag" : "shade.frag",
         .spec = {variant, tables, features, background},
         .spec_count = 4,
         .colors = {HG_COLOR_FORMAT},
@@ -28,8 +29,9 @@ static struct hg_gpu_pipeline_params pipeline_of(
 static enum hg_status draw(
     struct hg_pass *pass, enum variant variant, bool background, bool first, struct hg_error *err)
 {
+    const bool flat = hg_gpu_get_caps(pass->gpu)->is_cpu;
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(variant, background, first, pass->tables, pass->features);
+        pipeline_of(variant, background, first, flat, pass->tables, pass->features);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -73,8 +75,9 @@ enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = 2 * VARIANTS - 1; // layers have no background
-    const struct hg_gpu_pipeline_params params = pipeline_of((enum variant)(index % VARIANTS),
-        index % (2 * VARIANTS - 1) >= VARIANTS, true, 0, HG_FEATURE_ALL);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of((enum variant)(index % VARIANTS), index % (2 * VARIANTS - 1) >= VARIANTS, true,
+            hg_gpu_get_caps(gpu)->is_cpu, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -8,8 +8,14 @@
 
 layout(set = 0, binding = HG_BIND_FRAME, scalar) uniform hg_frame_block
 {
+#ifdef HG_FRAME_FLAT
+    hg_gpu_frame hg_frame_uniform;
+};
+hg_gpu_frame hg_frame; // a copy: see lib/flat.glsl
+#else
     hg_gpu_frame hg_frame;
 };
+#endif
 
 // Random bits from integers: one round of PCG on three words.
 // Source: Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", pcg3d.

@@ -80,9 +80,33 @@ float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
     return sum / float(HG_SHADOW_TAPS);
 }
 
-// Lit share of a point; n_geometric faces the eye. First map of the light that holds it: cascades
-// come finest first and hand over at a distance from their edge that changes with every sample, so
-// that the settled image blends them.
+// Where a point lies in a map of a light, off its surface by part of a texel along the normal (for
+// curvature and rounding) and by `slack`. cos_l: of the normal and the direction to the light.
+hg_shadow_receiver hg_shadow_receive(
+    hg_gpu_shadow s, vec3 pos_ws, vec3 n_geometric, float cos_l, float slack)
+{
+    float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
+    float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
+    vec3 p = pos_ws + n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine) + slack);
+    return hg_shadow_project(s, p, n_geometric);
+}
+
+// Metres by which what is seen may lie off its surface.
+float hg_shadow_slack(vec3 pos_ws)
+{
+    return hg_frame.lighting.shadow_slack_m + hg_frame.lighting.shadow_slack_per_m *
+        dot(pos_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
+}
+
+bool hg_shadow_holds(hg_gpu_shadow s, hg_shadow_receiver r, bool last)
+{
+    float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
+    return max(abs(r.ndc.x), abs(r.ndc.y)) <= s.extent * (last ? 1.0 : hand_over) && r.depth > 0.0;
+}
+
+// Lit share of a point; n_geometric faces the eye, cos_l > 0. First map of the light that holds it:
+// cascades come finest first and hand over at a distance from their edge that changes with every
+// sample, so that the settled image blends them.
 float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
 {
     uint first = light.shadow, last = light.shadow + light.shadow_count - 1u;
@@ -97,13 +121,8 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     bool coarse = (hg_frame.flags & HG_FRAME_COARSE_SHADOWS) != 0u;
     if (coarse && light.kind == HG_LIGHT_KIND_DIRECTIONAL)
         first = last;
-    // A surface that faces away lies in its own shadow, whatever its normal map says.
     float cos_l = dot(n_geometric, l);
-    if (cos_l <= 0.0)
-        return 0.0;
-    float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
-    float slack = hg_frame.lighting.shadow_slack_m + hg_frame.lighting.shadow_slack_per_m *
-        dot(pos_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
+    float slack = hg_shadow_slack(pos_ws);
     // The map is chosen first and filtered once: filtering inside the loop would be done for each.
     hg_gpu_shadow s;
     hg_shadow_receiver r;
@@ -113,21 +132,42 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
     // test at the top costs one more pass.
     do {
         s = hg_shadow_at(i);
-        // Off the surface by part of a texel along the normal, for curvature and rounding.
-        float distance = s.perspective == 0u ? 1.0 : abs(dot(pos_ws - s.origin_ws, s.forward_ws));
-        float sine = sqrt(max(0.0, 1.0 - cos_l * cos_l));
-        vec3 p = pos_ws +
-            n_geometric * (s.texel_size * distance * (0.25 + 0.75 * sine) + slack);
-        r = hg_shadow_project(s, p, n_geometric);
-        float edge = max(abs(r.ndc.x), abs(r.ndc.y));
+        r = hg_shadow_receive(s, pos_ws, n_geometric, cos_l, slack);
         // A face of a cube always holds what lies in its direction; the offset along the normal may
         // take it past the edge by a texel, which the map's margin has.
-        inside = light.shadow_count == 6u ||
-            (edge <= s.extent * (i < last ? hand_over : 1.0) && r.depth > 0.0);
+        inside = light.shadow_count == 6u || hg_shadow_holds(s, r, i == last);
     } while (!inside && ++i <= last);
     float lit = hg_shadow_filter(s, r);
     return inside ? lit : 1.0;
 }
+
+#ifdef HG_FRAME_FLAT
+// The same for the sun, whose last map is at hand: the others are looked at when they are in use.
+float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
+{
+    float cos_l = dot(n_geometric, l), slack = hg_shadow_slack(pos_ws);
+    hg_gpu_shadow s = hg_sun_map;
+    hg_shadow_receiver r = hg_shadow_receive(s, pos_ws, n_geometric, cos_l, slack);
+    bool inside = hg_shadow_holds(s, r, true);
+    bool coarse = (hg_frame.flags & HG_FRAME_COARSE_SHADOWS) != 0u;
+    if (HG_HAS(HG_FEATURE_REST)) {
+        uint i = hg_sun.shadow, last = i + hg_sun.shadow_count - 1u;
+        bool found = coarse;
+        do { // finest first; tested at the end, as above
+            hg_gpu_shadow finer = hg_shadow_at(i);
+            finer.perspective = 0u;
+            hg_shadow_receiver at = hg_shadow_receive(finer, pos_ws, n_geometric, cos_l, slack);
+            if (!found && hg_shadow_holds(finer, at, i == last)) {
+                s = finer;
+                r = at;
+                found = inside = true;
+            }
+        } while (!found && ++i < last);
+    }
+    float lit = hg_shadow_filter(s, r);
+    return inside ? lit : 1.0;
+}
+#endif
 
 // --- lights --------------------------------------------------------------------------------------
 
@@ -152,6 +192,8 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
     return light.color * e;
 }
 
+// Light that arrives at a surface from one light. A surface that faces away lies in its own shadow,
+// whatever its normal map says.
 vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
 {
     hg_gpu_light light = hg_light_at(index);
@@ -161,9 +203,20 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
         return vec3(0.0);
     vec3 sum = e * hg_brdf_evaluate(b, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= hg_shadow(light, pos_ws, n_geometric, l);
+        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l) : 0.0;
     return sum;
 }
+
+#ifdef HG_FRAME_FLAT
+vec3 hg_light_sun(hg_brdf b, vec3 pos_ws, vec3 n_geometric)
+{
+    vec3 l = -hg_sun.direction_ws;
+    vec3 sum = hg_sun.color * hg_brdf_evaluate(b, l);
+    if (HG_HAS(HG_FEATURE_SHADOWS) && hg_sun.shadow != HG_SHADOW_NONE)
+        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow_of_sun(pos_ws, n_geometric, l) : 0.0;
+    return sum;
+}
+#endif
 
 // Cluster of a pixel (centre at +0.5) at a distance along the view direction.
 // Source: Olsson, Billeter and Assarsson 2012, "Clustered Deferred and Forward Shading"; slices
@@ -187,6 +240,10 @@ vec3 hg_light_brdf(hg_brdf b, vec3 pos_ws, vec3 n_geometric, vec2 pixel, float v
     vec3 sum = vec3(0.0);
     if (!HG_HAS(HG_FEATURE_LIGHTS))
         return sum;
+#ifdef HG_FRAME_FLAT
+    if (!HG_HAS(HG_FEATURE_NO_SUN))
+        return hg_light_sun(b, pos_ws, n_geometric);
+#endif
     uint everywhere = hg_frame.lighting.global_count;
     if (!HG_HAS(HG_FEATURE_CLUSTERS) || hg_frame.lighting.clustered == 0u)
         everywhere = hg_frame.lighting.light_count;

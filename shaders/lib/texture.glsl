@@ -53,7 +53,6 @@ uint hg_texture_coarser = 0u;
 // Whether this invocation's misses count; set by the pass before it samples.
 bool hg_texture_counts = true;
 // Entries of the page table that were asked for, by note.
-#define HG_TEXTURE_NOTES 5u
 uint hg_texture_note0 = HG_TEXTURE_NONE, hg_texture_note1 = HG_TEXTURE_NONE;
 uint hg_texture_note2 = HG_TEXTURE_NONE, hg_texture_note3 = HG_TEXTURE_NONE;
 uint hg_texture_note4 = HG_TEXTURE_NONE;
@@ -129,17 +128,25 @@ float hg_texture_lod(vec2 size, vec2 ddx, vec2 ddy)
 
 // --- feedback ------------------------------------------------------------------------------------
 
+bool hg_textures_exact()
+{
+    return HG_HAS(HG_FEATURE_REST) && HG_HAS(HG_FEATURE_STREAM) &&
+        HG_TEXTURES.mode == HG_TEXTURES_EXACT;
+}
+
 // Remembers or reports that a page was asked for, of which only one `coarser` mips up is there.
-void hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
+// Returns `coarser`, 0 where there is no texture.
+uint hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
 {
     bool there = (t.bits & HG_TEX_PRESENT) != 0u;
     coarser = there ? coarser : 0u;
     hg_texture_coarser = max(hg_texture_coarser, coarser);
     if (!HG_TEXTURE_NOTE) {
         // Exact pictures need all pages of a lookup at once: those that are there must stay.
-        if ((coarser != 0u || (there && HG_TEXTURES.mode == HG_TEXTURES_EXACT)) && hg_texture_counts)
+        bool asks = (coarser != 0u || (there && hg_textures_exact())) && hg_texture_counts;
+        if (asks)
             atomicAdd(HG_TEXTURES.feedback.v[entry * 2u], 1u);
-        return;
+        return coarser;
     }
     entry = there ? entry : HG_TEXTURE_NONE;
     if (note == 0u)
@@ -152,6 +159,7 @@ void hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
         hg_texture_note3 = entry;
     else
         hg_texture_note4 = entry;
+    return coarser;
 }
 
 // Tells the host what this invocation asked for: all of it as needed when something was missing
@@ -161,7 +169,12 @@ void hg_texture_report(uvec2 pixel)
 {
     bool missed = hg_texture_coarser != 0u && hg_texture_counts;
     bool drawn = ((pixel.x & 7u) | ((pixel.y & 7u) << 3u)) == HG_TEXTURES.lottery;
-    uint left = missed || drawn ? (1u << HG_TEXTURE_NOTES) - 1u : 0u;
+    uint left = (hg_texture_note0 != HG_TEXTURE_NONE ? 1u : 0u) |
+        (hg_texture_note1 != HG_TEXTURE_NONE ? 2u : 0u) |
+        (hg_texture_note2 != HG_TEXTURE_NONE ? 4u : 0u) |
+        (hg_texture_note3 != HG_TEXTURE_NONE ? 8u : 0u) |
+        (hg_texture_note4 != HG_TEXTURE_NONE ? 16u : 0u);
+    left = missed || drawn ? left : 0u;
     while (left != 0u) {
         uint i = uint(findLSB(left));
         left &= left - 1u;
@@ -170,8 +183,7 @@ void hg_texture_report(uvec2 pixel)
             : i == 2u        ? hg_texture_note2
             : i == 3u        ? hg_texture_note3
                              : hg_texture_note4;
-        if (entry != HG_TEXTURE_NONE)
-            atomicAdd(HG_TEXTURES.feedback.v[entry * 2u + (missed ? 0u : 1u)], 1u);
+        atomicAdd(HG_TEXTURES.feedback.v[entry * 2u + (missed ? 0u : 1u)], 1u);
     }
 }
 
@@ -185,7 +197,7 @@ uint hg_progress_index(uvec2 pixel)
 // Whether the pixel still waits for this sample.
 bool hg_progress_waits(uvec2 pixel)
 {
-    if (!HG_HAS(HG_FEATURE_STREAM) || HG_TEXTURES.mode != HG_TEXTURES_EXACT)
+    if (!hg_textures_exact())
         return true;
     uint state = HG_TEXTURES.progress.v[hg_progress_index(pixel)];
     return (state & HG_PROGRESS_SAMPLES_MASK) == hg_frame.sample_index;
@@ -194,7 +206,7 @@ bool hg_progress_waits(uvec2 pixel)
 // A pass in front of the last one had coarser texels: the sample does not count for this pixel.
 void hg_progress_spoil(uvec2 pixel)
 {
-    if (HG_TEXTURES.mode != HG_TEXTURES_EXACT || hg_texture_coarser == 0u || !hg_texture_counts)
+    if (!hg_textures_exact() || hg_texture_coarser == 0u || !hg_texture_counts)
         return;
     HG_TEXTURES.progress.v[hg_progress_index(pixel)] =
         hg_frame.sample_index | (HG_TEXTURES.run << HG_PROGRESS_RUN_SHIFT);
@@ -203,7 +215,7 @@ void hg_progress_spoil(uvec2 pixel)
 // The last pass: true when the sample counts; then the pixel has it.
 bool hg_progress_take(uvec2 pixel)
 {
-    if (HG_TEXTURES.mode != HG_TEXTURES_EXACT)
+    if (!hg_textures_exact())
         return true;
     uint at = hg_progress_index(pixel);
     uint state = HG_TEXTURES.progress.v[at];
@@ -235,8 +247,7 @@ vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
     uint found = hg_page_at(entry);
     uint slot = found & HG_PAGE_SLOT_MASK;
     if (HG_HAS(HG_FEATURE_STREAM)) {
-        uint coarser = found >> HG_PAGE_COARSER_SHIFT;
-        hg_texture_ask(t, p.note, entry, coarser);
+        uint coarser = hg_texture_ask(t, p.note, entry, found >> HG_PAGE_COARSER_SHIFT);
         // The ancestor's texels. Where sides are odd, the place may lie a texel beside its page.
         mip = min(mip + coarser, max(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5), 1u) - 1u);
         level = min(mip, tail);

@@ -21,6 +21,8 @@
 #define HG_FEATURE_WIDE        0x2000u // textures wider or higher than 65536 texels
 #define HG_FEATURE_SHAPES      0x4000u // materials with textures of more than one size
 #define HG_FEATURE_LOD         0x8000u // parts with levels of detail
+#define HG_FEATURE_NO_SUN      0x10000u // anything but one light, which is directional
+#define HG_FEATURE_REST        0x20000u // a view that rests: finer cascades, HG_TEXTURES_EXACT
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif
