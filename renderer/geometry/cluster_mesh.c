@@ -57,19 +57,47 @@ VkDeviceAddress hg_cluster_mesh_levels(const struct hg_cluster_mesh *mesh)
     return mesh->table.address + mesh->lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part);
 }
 
-// The level of each chunk's first group, behind the table of their streams.
-static enum hg_status upload_levels(
+static uint32_t group_triangles(const struct hg_lod *lod, const struct hg_lod_group *group)
+{
+    uint32_t triangles = 0;
+    for (uint32_t i = 0; i < group->cluster_count; i++)
+        triangles += lod->clusters[group->first_cluster + i].triangle_count;
+    return triangles;
+}
+
+// Where each chunk's records begin, then the records: level and end of the triangles that have it.
+static uint32_t list_levels(const struct hg_lod *lod, uint32_t *out)
+{
+    uint32_t n = lod->chunk_count;
+    for (uint32_t c = 0; c < lod->chunk_count; c++) {
+        const struct hg_lod_chunk *chunk = &lod->chunks[c];
+        uint32_t triangles = 0;
+        out[c] = n;
+        for (uint32_t g = chunk->first_group; g < chunk->first_group + chunk->group_count; g++) {
+            const uint32_t level = lod->groups[g].level;
+            if (n > out[c] && (out[n - 1] & 255u) == level)
+                n--;
+            triangles += group_triangles(lod, &lod->groups[g]);
+            out[n++] = level | triangles << 8;
+        }
+    }
+    return n;
+}
+
+// The levels of all triangles, behind the table of the chunks' streams.
+static enum hg_status upload_tables(
     struct hg_gpu *gpu, struct hg_cluster_mesh *mesh, struct hg_error *err)
 {
     const struct hg_lod *lod = mesh->lod;
-    uint32_t *levels = hg_calloc(lod->chunk_count, sizeof *levels);
+    const uint64_t parts = lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part);
+    uint32_t *levels = hg_calloc((size_t)lod->chunk_count + lod->group_count, sizeof *levels);
     if (levels == NULL)
         return hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
-    for (uint32_t c = 0; c < lod->chunk_count; c++)
-        levels[c] = lod->groups[lod->chunks[c].first_group].level;
-    const enum hg_status status = hg_gpu_buffer_upload(gpu, &mesh->table,
-        lod->chunk_count * (uint64_t)sizeof(struct hg_gpu_part), levels,
-        lod->chunk_count * (uint64_t)sizeof *levels, err);
+    const uint64_t bytes = list_levels(lod, levels) * (uint64_t)sizeof *levels;
+    enum hg_status status =
+        hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, parts + bytes, "chunks", &mesh->table, err);
+    if (status == HG_OK)
+        status = hg_gpu_buffer_upload(gpu, &mesh->table, parts, levels, bytes, err);
     hg_free(levels);
     return status;
 }
@@ -114,11 +142,7 @@ enum hg_status hg_cluster_mesh_open(struct hg_cluster_pool *pool, struct hg_lod_
     if (status == HG_OK && link_chunks(mesh) != HG_OK)
         status = hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
     if (status == HG_OK && mesh->lod->chunk_count > 0)
-        status = hg_gpu_buffer_create(hg_cluster_pool_gpu(pool), HG_GPU_BUFFER_DEVICE,
-            mesh->lod->chunk_count * (uint64_t)(sizeof(struct hg_gpu_part) + sizeof(uint32_t)),
-            "chunks", &mesh->table, err);
-    if (status == HG_OK && mesh->lod->chunk_count > 0)
-        status = upload_levels(hg_cluster_pool_gpu(pool), mesh, err);
+        status = upload_tables(hg_cluster_pool_gpu(pool), mesh, err);
     if (status == HG_OK)
         status = load_roots(pool, mesh, err);
     if (status != HG_OK) {

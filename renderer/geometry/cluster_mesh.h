@@ -31,14 +31,14 @@ struct hg_cluster_mesh {
     uint32_t *parent_first; // [chunk_count + 1] into parents
     uint32_t *parents;      // chunks that must be resident
     struct hg_chunk_state *chunks;
-    struct hg_gpu_buffer table; // struct hg_gpu_part per chunk, then its level (u32)
+    struct hg_gpu_buffer table; // struct hg_gpu_part per chunk, then the levels of their triangles
 };
 
 // Takes over data or stored (whichever is set). The root chunks are loaded and stay. HG_E_LIMIT
 // (budget), HG_E_NOMEM, HG_E_HASH and HG_E_FORMAT (damaged), device errors.
 enum hg_status hg_cluster_mesh_open(struct hg_cluster_pool *pool, struct hg_lod_stored *stored,
     uint8_t *data, size_t size, struct hg_cluster_mesh **out, struct hg_error *err) HG_MUST_CHECK;
-// Address of the levels of its chunks, for debug views.
+// Address of the levels of its triangles, for debug views.
 VkDeviceAddress hg_cluster_mesh_levels(const struct hg_cluster_mesh *mesh);
 void hg_cluster_mesh_close(struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh);
 

@@ -19,7 +19,7 @@
 // groups that hold clusters made from G), and every spot of the surface is drawn exactly once,
 // whatever the threshold and the eye. What is streamed must keep this: a chunk may be resident only
 // while the chunks of all parents of its groups are. Chunks [0, root_chunk_count) hold the terminal
-// groups and are to be resident always.
+// groups (and some below them) and are to be resident always.
 //
 // Error of a group: no point of the source surface is farther from the surface made from this
 // group (measured at sampled points of the source, quantisation included), or it belongs to a
@@ -37,7 +37,7 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
-#define HG_LOD_VERSION           6u // grows when a part would bake to other bytes
+#define HG_LOD_VERSION           7u // grows when a part would bake to other bytes
 #define HG_LOD_CLUSTER_TRIANGLES 128
 #define HG_LOD_CLUSTER_VERTICES  256    // distinct vertices of one cluster
 #define HG_LOD_GROUP_CLUSTERS    32     // clusters of one group, at most

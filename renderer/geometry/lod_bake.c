@@ -7,36 +7,11 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/sha256.h"
-#include "renderer/geometry/lod_internal.h"
+#include "renderer/geometry/lod_build.h"
 
-#define BATCH      256u // groups between two calls of the progress function
 #define LEVELS_MAX 64u
 
-struct build {
-    const struct hg_lod_params *params;
-    struct hg_error *err;
-    struct hg_lod_budget budget;
-    struct hg_lod_mesh mesh;
-    struct hg_lod_report report;
-    uint8_t *locked, *open; // [position_count]
-    uint32_t *owner;        // [position_count] group that has it
-    struct hg_lod_pieces pool;
-    uint32_t *group_of, *members, *first; // of the pool: groups and who is in them
-    size_t pool_capacity;
-    uint32_t group_count;
-    struct hg_lod_group_job *jobs;
-    // What is finished, in the order of building.
-    struct hg_lod_cluster *clusters;
-    struct hg_lod_group *groups;
-    struct hg_lod_chunk *chunks;
-    size_t cluster_capacity, group_capacity, chunk_capacity;
-    uint32_t cluster_count, built_groups, chunk_count;
-    struct hg_writer bytes; // of the chunks
-    uint32_t level;
-    uint64_t done, total; // triangles simplified
-};
-
-static void each(const struct build *b, size_t count, hg_jobs_fn *fn, void *user)
+void hg_lod_build_each(const struct hg_lod_build *b, size_t count, hg_jobs_fn *fn, void *user)
 {
     if (b->params->jobs != NULL) {
         hg_jobs_for(b->params->jobs, count, fn, user);
@@ -46,7 +21,7 @@ static void each(const struct build *b, size_t count, hg_jobs_fn *fn, void *user
         fn(user, i);
 }
 
-static enum hg_status fail(struct build *b, enum hg_status status)
+static enum hg_status fail(struct hg_lod_build *b, enum hg_status status)
 {
     if (b->err != NULL && b->err->status == status)
         return status; // said already
@@ -54,7 +29,7 @@ static enum hg_status fail(struct build *b, enum hg_status status)
         status == HG_E_LIMIT ? "it passes the memory limit" : "no memory");
 }
 
-static enum hg_status tell(struct build *b)
+enum hg_status hg_lod_build_tell(struct hg_lod_build *b)
 {
     if (b->params->progress == NULL || b->params->progress(b->params->progress_user,
                                            b->done < b->total ? b->done : b->total, b->total))
@@ -64,7 +39,7 @@ static enum hg_status tell(struct build *b)
 
 // ---- the surface of a level ---------------------------------------------------------------------
 
-static enum hg_status reserve(struct build *b)
+static enum hg_status reserve(struct hg_lod_build *b)
 {
     const size_t n = b->pool.count;
     size_t c[3] = {b->pool_capacity, b->pool_capacity, b->pool_capacity};
@@ -77,7 +52,7 @@ static enum hg_status reserve(struct build *b)
     return HG_OK;
 }
 
-static enum hg_status partition(struct build *b, uint8_t *open)
+static enum hg_status partition(struct hg_lod_build *b, uint8_t *open)
 {
     const uint32_t n = b->pool.count;
     struct hg_lod_pool pool = {.count = n};
@@ -105,7 +80,7 @@ static enum hg_status partition(struct build *b, uint8_t *open)
 }
 
 // Members of each group, in the order of the pool.
-static void sort_members(struct build *b)
+static void sort_members(struct hg_lod_build *b)
 {
     memset(b->first, 0, ((size_t)b->group_count + 1) * 4);
     for (uint32_t i = 0; i < b->pool.count; i++)
@@ -120,7 +95,7 @@ static void sort_members(struct build *b)
 }
 
 // Positions that more than one group has must stay where they are.
-static void lock_borders(struct build *b)
+static void lock_borders(struct hg_lod_build *b)
 {
     const struct hg_lod_mesh *m = &b->mesh;
     for (uint32_t i = 0; i < b->pool.count; i++) {
@@ -150,7 +125,7 @@ static void run_group(void *user, size_t index)
     hg_lod_group_run(&jobs[index]);
 }
 
-static enum hg_status account(struct build *b, const struct hg_lod_group_job *job)
+static enum hg_status account(struct hg_lod_build *b, const struct hg_lod_group_job *job)
 {
     if (job->product == NULL)
         return HG_OK;
@@ -161,7 +136,7 @@ static enum hg_status account(struct build *b, const struct hg_lod_group_job *jo
     return b->budget.limit > 0 && b->budget.used > b->budget.limit ? HG_E_LIMIT : HG_OK;
 }
 
-static enum hg_status simplify(struct build *b)
+static enum hg_status simplify(struct hg_lod_build *b)
 {
     const struct hg_lod_params *p = b->params;
     const struct hg_lod_weights weights = {
@@ -179,9 +154,9 @@ static enum hg_status simplify(struct build *b)
             .pieces = b->pool.items,
             .members = b->members + b->first[g],
             .member_count = b->first[g + 1] - b->first[g]};
-    for (uint32_t g = 0; g < b->group_count; g += BATCH) {
-        const uint32_t n = b->group_count - g < BATCH ? b->group_count - g : BATCH;
-        each(b, n, run_group, b->jobs + g);
+    for (uint32_t g = 0; g < b->group_count; g += HG_LOD_BATCH) {
+        const uint32_t n = b->group_count - g < HG_LOD_BATCH ? b->group_count - g : HG_LOD_BATCH;
+        hg_lod_build_each(b, n, run_group, b->jobs + g);
         for (uint32_t i = 0; i < n; i++) {
             const struct hg_lod_group_job *job = &b->jobs[g + i];
             enum hg_status status = job->status != HG_OK ? job->status : account(b, job);
@@ -189,7 +164,7 @@ static enum hg_status simplify(struct build *b)
                 return status;
             b->done += job->triangle_count;
         }
-        const enum hg_status status = tell(b);
+        const enum hg_status status = hg_lod_build_tell(b);
         if (status != HG_OK)
             return status;
     }
@@ -199,8 +174,8 @@ static enum hg_status simplify(struct build *b)
 // ---- finished groups ----------------------------------------------------------------------------
 
 // Sphere and error of a group: at least those of everything it is made of.
-static void finish_group(const struct build *b, const struct hg_lod_group_job *job, bool terminal,
-    struct hg_lod_group *out)
+static void finish_group(const struct hg_lod_build *b, const struct hg_lod_group_job *job,
+    bool terminal, struct hg_lod_group *out)
 {
     struct hg_lod_sphere spheres[HG_LOD_GROUP_CLUSTERS * 2];
     uint32_t n = 0;
@@ -226,7 +201,7 @@ static void finish_group(const struct build *b, const struct hg_lod_group_job *j
 }
 
 // Adds group and clusters to what is finished; numbers those made from it.
-static enum hg_status add_group(struct build *b, struct hg_lod_group_job *job, bool terminal)
+static enum hg_status add_group(struct hg_lod_build *b, struct hg_lod_group_job *job, bool terminal)
 {
     if (hg_grow(&b->groups, &b->group_capacity, b->built_groups + 1ull, sizeof *b->groups) ||
         hg_grow(&b->clusters, &b->cluster_capacity, (size_t)b->cluster_count + job->member_count,
@@ -250,125 +225,9 @@ static enum hg_status add_group(struct build *b, struct hg_lod_group_job *job, b
     return HG_OK;
 }
 
-// ---- chunks -------------------------------------------------------------------------------------
-
-struct chunk_job {
-    const struct build *build;
-    const uint32_t *groups; // [group_count] numbers of jobs
-    uint32_t group_count;
-    struct hg_writer bytes;
-    struct hg_lod_chunk chunk;
-    enum hg_status status;
-};
-
-static void encode_chunk(void *user, size_t index)
-{
-    struct chunk_job *job = (struct chunk_job *)user + index;
-    const struct build *b = job->build;
-    uint32_t clusters = 0, triangles = 0, at = 0;
-    for (uint32_t g = 0; g < job->group_count; g++) {
-        clusters += b->jobs[job->groups[g]].member_count;
-        triangles += b->jobs[job->groups[g]].triangle_count;
-    }
-    uint32_t *list = hg_calloc(triangles, 12), *counts = hg_calloc(clusters, 4);
-    job->status = HG_E_NOMEM;
-    if (list != NULL && counts != NULL) {
-        clusters = 0;
-        for (uint32_t g = 0; g < job->group_count; g++) {
-            const struct hg_lod_group_job *group = &b->jobs[job->groups[g]];
-            for (uint32_t i = 0; i < group->member_count; i++) {
-                const struct hg_lod_piece *p = &b->pool.items[group->members[i]];
-                memcpy(list + (size_t)at * 3, p->triangles, p->info.triangle_count * 12ull);
-                at += p->info.triangle_count;
-                counts[clusters++] = p->info.triangle_count;
-            }
-        }
-        job->status = hg_lod_encode(&b->mesh, list, counts, clusters, &job->bytes, &job->chunk);
-    }
-    job->chunk.group_count = job->group_count;
-    hg_free(list);
-    hg_free(counts);
-}
-
-// Decoded bytes of a group, not counting vertices that its clusters share.
-static uint32_t group_bytes(const struct build *b, const struct hg_lod_group_job *job)
-{
-    const uint32_t vertex =
-        12 + (uint32_t)sizeof(struct hg_gpu_vertex) + b->mesh.format.extra_words * 4;
-    uint32_t bytes = 64;
-    for (uint32_t i = 0; i < job->member_count; i++) {
-        const struct hg_lod_piece *p = &b->pool.items[job->members[i]];
-        bytes += p->info.triangle_count * 12 + p->vertex_count * vertex;
-    }
-    return bytes;
-}
-
-// Groups in a row share a chunk while they fit.
-static uint32_t plan_chunks(
-    const struct build *b, const uint32_t *groups, uint32_t count, struct chunk_job *out)
-{
-    uint32_t n = 0, bytes = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t size = group_bytes(b, &b->jobs[groups[i]]);
-        if (n == 0 || bytes + size > HG_LOD_CHUNK_BYTES) {
-            out[n] = (struct chunk_job){.build = b, .groups = groups + i};
-            bytes = 0;
-            n++;
-        }
-        out[n - 1].group_count++;
-        bytes += size;
-    }
-    return n;
-}
-
-static enum hg_status keep_chunk(struct build *b, struct chunk_job *job, uint32_t first_group)
-{
-    if (job->status != HG_OK)
-        return job->status;
-    if (hg_grow(&b->chunks, &b->chunk_capacity, b->chunk_count + 1ull, sizeof *b->chunks) != HG_OK)
-        return HG_E_NOMEM;
-    job->chunk.offset = b->bytes.size;
-    job->chunk.first_group = first_group;
-    for (uint32_t g = 0; g < job->group_count; g++)
-        b->groups[first_group + g].chunk = b->chunk_count;
-    b->chunks[b->chunk_count++] = job->chunk;
-    hg_write_bytes(&b->bytes, job->bytes.data, job->bytes.size);
-    struct hg_lod_layout layout;
-    hg_lod_layout_of(&b->mesh.format, &job->chunk, &layout);
-    b->report.decoded_bytes += layout.total_bytes;
-    return b->bytes.failed ? HG_E_NOMEM : HG_OK;
-}
-
-// Encodes the listed groups, which were added from number `first_group` on.
-static enum hg_status encode_groups(
-    struct build *b, const uint32_t *groups, uint32_t count, uint32_t first_group)
-{
-    const uint64_t start = hg_clock_now_ns();
-    struct chunk_job *jobs = hg_calloc(count, sizeof *jobs);
-    if (jobs == NULL)
-        return HG_E_NOMEM;
-    const uint32_t n = plan_chunks(b, groups, count, jobs);
-    enum hg_status status = HG_OK;
-    for (uint32_t c = 0; c < n && status == HG_OK; c += BATCH) {
-        const uint32_t some = n - c < BATCH ? n - c : BATCH;
-        each(b, some, encode_chunk, jobs + c);
-        for (uint32_t i = c; i < c + some; i++) {
-            if (status == HG_OK)
-                status = keep_chunk(b, &jobs[i], first_group);
-            first_group += jobs[i].group_count;
-            hg_writer_finish(&jobs[i].bytes);
-        }
-        if (status == HG_OK)
-            status = tell(b);
-    }
-    hg_free(jobs);
-    b->report.encode_ns += hg_clock_now_ns() - start;
-    return status;
-}
-
 // ---- levels -------------------------------------------------------------------------------------
 
-static void release_member(struct build *b, struct hg_lod_piece *piece)
+static void release_member(struct hg_lod_build *b, struct hg_lod_piece *piece)
 {
     struct hg_lod_product *p = piece->product;
     if (p != NULL && p->users == 1)
@@ -381,7 +240,7 @@ static void release_member(struct build *b, struct hg_lod_piece *piece)
 }
 
 // The next pool: what was made, and the pieces of groups that could not be simplified.
-static enum hg_status next_pool(struct build *b)
+static enum hg_status next_pool(struct hg_lod_build *b)
 {
     struct hg_lod_pieces next = {0};
     uint64_t count = 0;
@@ -408,7 +267,7 @@ static enum hg_status next_pool(struct build *b)
     return HG_OK;
 }
 
-static enum hg_status group_pool(struct build *b, uint8_t *open)
+static enum hg_status group_pool(struct hg_lod_build *b, uint8_t *open)
 {
     const uint64_t start = hg_clock_now_ns();
     enum hg_status status = reserve(b);
@@ -423,7 +282,7 @@ static enum hg_status group_pool(struct build *b, uint8_t *open)
     return status;
 }
 
-static void drop_jobs(struct build *b)
+static void drop_jobs(struct hg_lod_build *b)
 {
     for (uint32_t g = 0; b->jobs != NULL && g < b->group_count; g++) {
         struct hg_lod_group_job *job = &b->jobs[g];
@@ -437,13 +296,23 @@ static void drop_jobs(struct build *b)
     b->jobs = NULL;
 }
 
-// Adds the groups that were simplified (or all, as terminal ones) and encodes them.
-static enum hg_status keep_groups(struct build *b, bool terminal, uint32_t *kept)
+// Once all that is left would fit into one chunk, groups wait for the coarser ones: they share it.
+static void choose_holding(struct hg_lod_build *b)
+{
+    uint64_t bytes = 0;
+    for (uint32_t g = 0; g < b->group_count; g++)
+        bytes += hg_lod_group_bytes(b, &b->jobs[g]);
+    b->holding = b->holding || bytes <= HG_LOD_CHUNK_BYTES;
+}
+
+// Adds the groups that were simplified (or all, as terminal ones) and encodes or holds them.
+static enum hg_status keep_groups(struct hg_lod_build *b, bool terminal, uint32_t *kept)
 {
     uint32_t *list = hg_calloc(b->group_count, sizeof *list);
     const uint32_t first = b->built_groups;
     enum hg_status status = list != NULL ? HG_OK : HG_E_NOMEM;
     *kept = 0;
+    choose_holding(b);
     for (uint32_t g = 0; status == HG_OK && g < b->group_count; g++) {
         struct hg_lod_group_job *job = &b->jobs[g];
         if (!terminal && job->product == NULL)
@@ -452,16 +321,18 @@ static enum hg_status keep_groups(struct build *b, bool terminal, uint32_t *kept
         for (uint32_t i = 0; i < job->member_count; i++)
             job->triangle_count += b->pool.items[job->members[i]].info.triangle_count;
         status = add_group(b, job, terminal);
+        if (status == HG_OK && b->holding)
+            status = hg_lod_hold_group(b, job);
         list[(*kept)++] = g;
     }
-    if (status == HG_OK && *kept > 0)
-        status = encode_groups(b, list, *kept, first);
+    if (status == HG_OK && *kept > 0 && !b->holding)
+        status = hg_lod_encode_groups(b, list, *kept, first);
     hg_free(list);
     return status;
 }
 
 // One level up. *more is false when the rest of the pool is as coarse as it gets.
-static enum hg_status build_level(struct build *b, bool *more)
+static enum hg_status build_level(struct hg_lod_build *b, bool *more)
 {
     *more = false;
     if (b->pool.count <= 1 || b->level + 1 >= LEVELS_MAX)
@@ -488,7 +359,7 @@ static enum hg_status build_level(struct build *b, bool *more)
     return status;
 }
 
-static enum hg_status build_roots(struct build *b, uint32_t *root_chunks)
+static enum hg_status build_roots(struct hg_lod_build *b, uint32_t *root_chunks)
 {
     uint32_t kept = 0;
     const uint32_t first = b->chunk_count;
@@ -504,119 +375,14 @@ static enum hg_status build_roots(struct build *b, uint32_t *root_chunks)
         status = keep_groups(b, true, &kept);
     drop_jobs(b);
     b->level++;
+    b->held_chunk = b->chunk_count;
     *root_chunks = b->chunk_count - first;
-    return status;
-}
-
-// ---- from the order of building to the order of the file ----------------------------------------
-
-// Levels were built from fine to coarse; `from` says which old group or chunk a new one is.
-struct order {
-    uint32_t *group_from, *group_to, *chunk_from;
-};
-
-static enum hg_status find_order(const struct build *b, struct order *o)
-{
-    o->group_from = hg_calloc(b->built_groups, 4);
-    o->group_to = hg_calloc(b->built_groups, 4);
-    o->chunk_from = hg_calloc(b->chunk_count, 4);
-    if (o->group_from == NULL || o->group_to == NULL || o->chunk_from == NULL)
-        return HG_E_NOMEM;
-    uint32_t groups = 0, chunks = 0;
-    for (uint32_t end = b->chunk_count; end > 0;) {
-        uint32_t first = end - 1;
-        const uint32_t level = b->groups[b->chunks[first].first_group].level;
-        while (first > 0 && b->groups[b->chunks[first - 1].first_group].level == level)
-            first--;
-        for (uint32_t c = first; c < end; c++) {
-            o->chunk_from[chunks++] = c;
-            for (uint32_t g = 0; g < b->chunks[c].group_count; g++) {
-                o->group_to[b->chunks[c].first_group + g] = groups;
-                o->group_from[groups++] = b->chunks[c].first_group + g;
-            }
-        }
-        end = first;
-    }
-    return HG_OK;
-}
-
-static void reorder(
-    const struct build *b, const struct order *o, struct hg_lod_file *f, struct hg_writer *bytes)
-{
-    uint32_t cluster = 0, group = 0;
-    for (uint32_t c = 0; c < b->chunk_count; c++) {
-        f->chunks[c] = b->chunks[o->chunk_from[c]];
-        hg_write_bytes(bytes, b->bytes.data + f->chunks[c].offset, f->chunks[c].bytes);
-        for (uint32_t i = 0; i < f->chunks[c].group_count; i++, group++) {
-            struct hg_lod_group *g = &f->groups[group];
-            *g = b->groups[o->group_from[group]];
-            g->chunk = c;
-            for (uint32_t k = 0; k < g->cluster_count; k++) {
-                struct hg_lod_cluster *to = &f->clusters[cluster + k];
-                *to = b->clusters[g->first_cluster + k];
-                to->group = group;
-                if (to->made_from != HG_LOD_NONE)
-                    to->made_from = o->group_to[to->made_from];
-            }
-            g->first_cluster = cluster;
-            cluster += g->cluster_count;
-        }
-    }
-}
-
-static void fill_head(const struct build *b, struct hg_lod_file *f, uint32_t root_chunks)
-{
-    struct hg_lod *l = &f->lod;
-    f->format = b->mesh.format;
-    l->cluster_count = b->cluster_count;
-    l->group_count = b->built_groups;
-    l->chunk_count = b->chunk_count;
-    l->root_chunk_count = root_chunks;
-    l->level_count = b->level;
-    l->flags = b->mesh.format.flags;
-    l->quantum = b->mesh.format.quantum;
-    l->source_error = l->quantum * 0.8660255f;
-    l->source_triangles = b->mesh.triangle_count;
-    l->stored_triangles = b->report.stored_triangles;
-    for (uint32_t i = 0; i < b->mesh.position_count; i++) {
-        for (int k = 0; k < 3; k++) {
-            const float v = (float)b->mesh.lattice[i][k] * l->quantum;
-            l->min[k] = i == 0 ? v : fminf(l->min[k], v);
-            l->max[k] = i == 0 ? v : fmaxf(l->max[k], v);
-        }
-    }
-}
-
-static enum hg_status assemble(struct build *b, uint32_t root_chunks, struct hg_writer *out)
-{
-    struct hg_lod_file f = {0};
-    struct order o = {0};
-    struct hg_writer bytes = {0};
-    enum hg_status status = find_order(b, &o);
-    f.clusters = hg_calloc(b->cluster_count, sizeof *f.clusters);
-    f.groups = hg_calloc(b->built_groups, sizeof *f.groups);
-    f.chunks = hg_calloc(b->chunk_count, sizeof *f.chunks);
-    if (f.clusters == NULL || f.groups == NULL || f.chunks == NULL)
-        status = HG_E_NOMEM;
-    if (status == HG_OK) {
-        fill_head(b, &f, root_chunks);
-        reorder(b, &o, &f, &bytes);
-        hg_writer_finish(&b->bytes);
-        status = bytes.failed ? HG_E_NOMEM : hg_lod_write(&f, bytes.data, bytes.size, out);
-    }
-    hg_writer_finish(&bytes);
-    hg_free(o.group_from);
-    hg_free(o.group_to);
-    hg_free(o.chunk_from);
-    hg_free(f.clusters);
-    hg_free(f.groups);
-    hg_free(f.chunks);
-    return status;
+    return status == HG_OK && b->holding ? hg_lod_encode_held(b, root_chunks) : status;
 }
 
 // ---- all of it ----------------------------------------------------------------------------------
 
-static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
+static enum hg_status begin(struct hg_lod_build *b, const struct hg_mesh_part *part)
 {
     uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_lod_weld(part, b->params, &b->budget, &b->mesh, b->err);
@@ -648,7 +414,7 @@ static enum hg_status begin(struct build *b, const struct hg_mesh_part *part)
     return status;
 }
 
-static void finish(struct build *b)
+static void finish(struct hg_lod_build *b)
 {
     drop_jobs(b);
     for (uint32_t i = 0; i < b->pool.count; i++)
@@ -665,10 +431,11 @@ static void finish(struct build *b)
     hg_free(b->clusters);
     hg_free(b->groups);
     hg_free(b->chunks);
+    hg_lod_drop_held(b);
     hg_writer_finish(&b->bytes);
 }
 
-static void fill_report(struct build *b, const struct hg_writer *out, uint64_t start)
+static void fill_report(struct hg_lod_build *b, const struct hg_writer *out, uint64_t start)
 {
     struct hg_lod_report *r = &b->report;
     r->source_triangles = b->mesh.triangle_count;
@@ -689,7 +456,7 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     *size = 0;
     if (report != NULL)
         memset(report, 0, sizeof *report);
-    struct build b = {
+    struct hg_lod_build b = {
         .params = params, .err = err, .budget = {.limit = params->memory_limit_bytes}};
     struct hg_writer out = {0};
     const uint64_t start = hg_clock_now_ns();
@@ -700,10 +467,10 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     if (status == HG_OK)
         status = build_roots(&b, &root_chunks);
     if (status == HG_OK)
-        status = assemble(&b, root_chunks, &out);
+        status = hg_lod_assemble(&b, root_chunks, &out);
     if (status == HG_OK) {
         b.done = b.total;
-        status = tell(&b);
+        status = hg_lod_build_tell(&b);
     }
     if (status == HG_OK) {
         fill_report(&b, &out, start);

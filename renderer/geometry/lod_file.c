@@ -248,7 +248,8 @@ static bool inside(const struct hg_lod_group *inner, const struct hg_lod_group *
     return sqrt(d2) + (double)inner->radius <= (double)outer->radius * (1.0 + 1e-6);
 }
 
-// Whatever passes can be traversed: no cycles, errors and spheres grow, roots are terminal.
+// Whatever passes can be traversed: no cycles, errors and spheres grow, roots hold what is
+// terminal.
 static bool check_groups(const struct hg_lod_file *f)
 {
     for (uint32_t i = 0; i < f->lod.group_count; i++) {
@@ -256,7 +257,7 @@ static bool check_groups(const struct hg_lod_file *f)
         if (!finite_all(g->center, 3) || !(g->radius >= 0.0f) || !isfinite(g->radius) ||
             !(g->error >= 0.0f) || !isfinite(g->error) || g->level >= f->lod.level_count)
             return false;
-        if ((g->error == FLT_MAX) != (g->chunk < f->lod.root_chunk_count))
+        if (g->error == FLT_MAX && g->chunk >= f->lod.root_chunk_count)
             return false;
     }
     for (uint32_t i = 0; i < f->lod.cluster_count; i++) {

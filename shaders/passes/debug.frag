@@ -109,7 +109,13 @@ vec3 lod_color(uvec2 id)
     hg_gpu_draw d = hg_draw_at(id.x - 1u);
     if (!HG_HAS(HG_FEATURE_LOD) || (d.flags & HG_DRAW_LOD) == 0u)
         return hg_grey;
-    return level_color(hg_part_at(d.part).extra.v[id.y >> HG_LOD_SHIFT]);
+    // Records of the chunk: level and end of the triangles that have it (cluster_mesh.c).
+    hg_word_stream levels = hg_part_at(d.part).extra;
+    uint record = levels.v[id.y >> HG_LOD_SHIFT];
+    uint triangle = id.y & ((1u << HG_LOD_SHIFT) - 1u);
+    while ((levels.v[record] >> 8) <= triangle)
+        record++;
+    return level_color(levels.v[record] & 255u);
 }
 
 vec3 surface_color(uvec2 id)
