@@ -171,7 +171,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
 
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
-    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
+    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd, .jobs = view->context->jobs};
     struct hg_gpu_image **images = pass.bindings.images;
     images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->rooms->textures, HG_POOL_SRGB);
     images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->rooms->textures, HG_POOL_LINEAR);

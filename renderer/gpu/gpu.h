@@ -16,6 +16,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "base/jobs.h"
 #include "base/status.h"
 #include "shaders/shared/bindings.h"
 
@@ -150,7 +151,8 @@ void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image); // as
 // The same texels through another format of the same size and channels (UNORM and SRGB). Destroy it
 // before its owner; only the owner may be uploaded to. HG_E_DEVICE and others of image_create.
 enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image *image,
-    VkFormat format, const char *name, struct hg_gpu_image *out, struct hg_error *err) HG_MUST_CHECK;
+    VkFormat format, const char *name, struct hg_gpu_image *out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_gpu_region {
     uint32_t mip, layer, x, y, width, height;
@@ -254,6 +256,9 @@ enum hg_gpu_blend {
 
 // Cached by content: fill it anew each time. Zero-initialise (padding counts); names are string
 // literals such as "visibility.vert" (file in shaders/passes/).
+#define HG_GPU_MAX_MAKING                                                                          \
+    8 // at once by hg_gpu_pipelines_make; more are made when they are asked for
+
 struct hg_gpu_pipeline_params {
     const char *compute;            // compute pipeline, or
     const char *vertex, *fragment;  // graphics; fragment NULL = depth only
@@ -274,7 +279,12 @@ struct hg_gpu_pipeline_params {
 // HG_E_NOTFOUND (shader name), HG_E_FORMAT (GLSL of --shader-dir: file and line), HG_E_DEVICE.
 enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params,
     VkPipeline *out, struct hg_error *err) HG_MUST_CHECK;
-// The same and binds it.
+// Creates those of `count` that are not there yet, side by side: large shaders take the driver a
+// tenth of a second and more. Then hg_gpu_pipeline_get finds them.
+enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
+    const struct hg_gpu_pipeline_params *params, uint32_t count, struct hg_jobs *jobs,
+    struct hg_error *err) HG_MUST_CHECK;
+// The same as hg_gpu_pipeline_get and binds it.
 enum hg_status hg_gpu_cmd_pipeline(struct hg_gpu_cmd *cmd,
     const struct hg_gpu_pipeline_params *params, struct hg_error *err) HG_MUST_CHECK;
 VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu);

@@ -518,30 +518,103 @@ static bool same_params(
            a->topology == b->topology && a->blend == b->blend;
 }
 
-enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params,
-    VkPipeline *out, struct hg_error *err)
+static VkPipeline find_pipeline(
+    const struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params)
 {
-    *out = VK_NULL_HANDLE;
-    for (uint32_t i = 0; i < gpu->pipeline_count; i++) {
-        if (same_params(&gpu->pipelines[i].params, params)) {
-            *out = gpu->pipelines[i].handle;
-            return HG_OK;
-        }
-    }
-    if (hg_grow(&gpu->pipelines, &gpu->pipeline_capacity, gpu->pipeline_count + 1,
-            sizeof *gpu->pipelines) != HG_OK)
-        return hg_error_set(err, HG_E_NOMEM, "pipeline", NULL, "out of host memory");
-    enum hg_status status = create_pipeline(gpu, params, out, err);
-    if (status != HG_OK) {
-        *out = VK_NULL_HANDLE;
-        return status;
-    }
-    gpu->pipelines[gpu->pipeline_count++] = (struct hg_gpu_pipeline){*params, *out};
-    hg_gpu_name(gpu, VK_OBJECT_TYPE_PIPELINE, (uint64_t)*out,
+    for (uint32_t i = 0; i < gpu->pipeline_count; i++)
+        if (same_params(&gpu->pipelines[i].params, params))
+            return gpu->pipelines[i].handle;
+    return VK_NULL_HANDLE;
+}
+
+static enum hg_status reserve_pipelines(struct hg_gpu *gpu, uint32_t more, struct hg_error *err)
+{
+    return hg_grow(&gpu->pipelines, &gpu->pipeline_capacity, gpu->pipeline_count + more,
+               sizeof *gpu->pipelines) == HG_OK
+               ? HG_OK
+               : hg_error_set(err, HG_E_NOMEM, "pipeline", NULL, "out of host memory");
+}
+
+// There is room for it.
+static void keep_pipeline(
+    struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, VkPipeline handle)
+{
+    gpu->pipelines[gpu->pipeline_count++] = (struct hg_gpu_pipeline){*params, handle};
+    hg_gpu_name(gpu, VK_OBJECT_TYPE_PIPELINE, (uint64_t)handle,
         params->compute != NULL    ? params->compute
         : params->fragment != NULL ? params->fragment
                                    : params->vertex);
-    return HG_OK;
+}
+
+enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params,
+    VkPipeline *out, struct hg_error *err)
+{
+    *out = find_pipeline(gpu, params);
+    if (*out != VK_NULL_HANDLE)
+        return HG_OK;
+    enum hg_status status = reserve_pipelines(gpu, 1, err);
+    if (status == HG_OK)
+        status = create_pipeline(gpu, params, out, err);
+    if (status == HG_OK)
+        keep_pipeline(gpu, params, *out);
+    else
+        *out = VK_NULL_HANDLE;
+    return status;
+}
+
+// One pipeline of several that are made side by side.
+struct making {
+    struct hg_gpu *gpu;
+    const struct hg_gpu_pipeline_params *params;
+    VkPipeline handle;
+    struct hg_error err;
+    enum hg_status status;
+};
+
+static void make_one(void *user, size_t index)
+{
+    struct making *m = (struct making *)user + index;
+    m->status = create_pipeline(m->gpu, m->params, &m->handle, &m->err);
+}
+
+// Modules are made on one thread: their list grows.
+static enum hg_status ready_modules(
+    struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, struct hg_error *err)
+{
+    const char *const names[] = {params->compute, params->vertex, params->fragment};
+    VkShaderModule module;
+    enum hg_status status = HG_OK;
+    for (int i = 0; i < 3 && status == HG_OK; i++)
+        if (names[i] != NULL)
+            status = find_module(gpu, names[i], &module, err);
+    return status;
+}
+
+enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
+    const struct hg_gpu_pipeline_params *params, uint32_t count, struct hg_jobs *jobs,
+    struct hg_error *err)
+{
+    struct making list[HG_GPU_MAX_MAKING] = {0};
+    uint32_t missing = 0;
+    enum hg_status status = reserve_pipelines(gpu, count, err);
+    for (uint32_t i = 0; i < count && missing < HG_GPU_MAX_MAKING && status == HG_OK; i++) {
+        if (find_pipeline(gpu, &params[i]) != VK_NULL_HANDLE)
+            continue;
+        list[missing++] = (struct making){.gpu = gpu, .params = &params[i]};
+        status = ready_modules(gpu, &params[i], err);
+    }
+    if (status != HG_OK || missing == 0)
+        return status;
+    hg_jobs_for(jobs, missing, make_one, list);
+    for (uint32_t i = 0; i < missing; i++) {
+        if (list[i].status == HG_OK)
+            keep_pipeline(gpu, list[i].params, list[i].handle);
+        else if (status == HG_OK) {
+            status = list[i].status;
+            *err = list[i].err;
+        }
+    }
+    return status;
 }
 
 enum hg_status hg_gpu_cmd_pipeline(

@@ -8,6 +8,7 @@
 struct hg_pass {
     struct hg_gpu *gpu;
     struct hg_gpu_cmd *cmd;
+    struct hg_jobs *jobs; // for pipelines that are not there yet; NULL: one after the other
     // Images of textures and lighting and the frame block are filled in; a pass adds its own inputs
     // (HG_BIND_VISIBILITY and up) to a copy.
     struct hg_gpu_bindings bindings;

@@ -26,16 +26,31 @@ static struct hg_gpu_pipeline_params pipeline_of(enum variant variant, bool back
     };
 }
 
+static struct hg_gpu_pipeline_params pipeline_for(
+    const struct hg_pass *pass, enum variant variant, bool background, bool first)
+{
+    const bool flat = hg_gpu_get_caps(pass->gpu)->is_cpu;
+    return pipeline_of(variant, background, first, flat, pass->tables, pass->features);
+}
+
 static enum hg_status draw(
     struct hg_pass *pass, enum variant variant, bool background, bool first, struct hg_error *err)
 {
-    const bool flat = hg_gpu_get_caps(pass->gpu)->is_cpu;
-    const struct hg_gpu_pipeline_params params =
-        pipeline_of(variant, background, first, flat, pass->tables, pass->features);
+    const struct hg_gpu_pipeline_params params = pipeline_for(pass, variant, background, first);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
     return status;
+}
+
+// Both pipelines of a pass, side by side when they are new.
+static enum hg_status make_both(
+    struct hg_pass *pass, enum variant variant, bool first, struct hg_error *err)
+{
+    const struct hg_gpu_pipeline_params params[2] = {
+        pipeline_for(pass, variant, false, first), pipeline_for(pass, variant, true, first)};
+    return pass->jobs != NULL ? hg_gpu_pipelines_make(pass->gpu, params, 2, pass->jobs, err)
+                              : HG_OK;
 }
 
 enum hg_status hg_shade_record(
@@ -44,7 +59,12 @@ enum hg_status hg_shade_record(
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
     bindings.images[HG_BIND_COLOR_A] = shade->front;
+    const enum variant variant = shade->layer           ? LAYER
+                                 : shade->front != NULL ? OPAQUE_BEHIND
+                                                        : OPAQUE;
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    if (status == HG_OK && variant != LAYER)
+        status = make_both(pass, variant, shade->clear, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
@@ -55,9 +75,6 @@ enum hg_status hg_shade_record(
         .color_count = 1,
         .depth = {.image = shade->depth},
         .area = pass->area};
-    const enum variant variant = shade->layer           ? LAYER
-                                 : shade->front != NULL ? OPAQUE_BEHIND
-                                                        : OPAQUE;
     if (shade->counted)
         hg_gpu_memory_barrier(pass->cmd);
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");

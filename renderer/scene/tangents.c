@@ -320,23 +320,32 @@ static void average(const struct mikk *m, uint32_t count, const bool *keep, floa
     normalize(out);
 }
 
+// Tangents and bitangents of a group's members in the plane of their vertex, whose normal is the
+// same for all of them.
+struct flat {
+    float s[MAX_EXACT_GROUP][3], t[MAX_EXACT_GROUP][3];
+};
+
+static void flatten(const struct mikk *m, uint32_t count, struct flat *flat)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        const struct frame *f = &m->frames[m->members[i] / 3];
+        const float *n = normal(m, m->members[i]);
+        project(f->s, n, flat->s[i]);
+        project(f->t, n, flat->t[i]);
+    }
+}
+
 // Members whose tangents are not exactly opposite to those of member `i` (threshold 180 degrees).
 // True when that is all of them.
-static bool choose_members(const struct mikk *m, uint32_t i, uint32_t count, bool *keep)
+static bool choose_members(
+    const struct mikk *m, uint32_t i, uint32_t count, const struct flat *flat, bool *keep)
 {
-    const uint32_t c = m->members[i];
-    float s[3], t[3];
-    const float *n = normal(m, c);
-    project(m->frames[c / 3].s, n, s);
-    project(m->frames[c / 3].t, n, t);
+    const bool any = m->frames[m->members[i] / 3].any;
     bool all = true;
     for (uint32_t j = 0; j < count; j++) {
-        const struct frame *f = &m->frames[m->members[j] / 3];
-        float s2[3], t2[3];
-        project(f->s, n, s2);
-        project(f->t, n, t2);
-        keep[j] = j == i || f->any || m->frames[c / 3].any ||
-                  (hg_dot3(s, s2) > -1 && hg_dot3(t, t2) > -1);
+        keep[j] = j == i || any || m->frames[m->members[j] / 3].any ||
+                  (hg_dot3(flat->s[i], flat->s[j]) > -1 && hg_dot3(flat->t[i], flat->t[j]) > -1);
         all &= keep[j];
     }
     return all;
@@ -353,11 +362,15 @@ static void solve_group(struct mikk *m, uint32_t corner)
     uint32_t count = collect_group(m, corner);
     bool orient = m->frames[corner / 3].orient;
     float mean[3], own[3];
+    struct flat flat;
+    const bool exact = count <= MAX_EXACT_GROUP;
     average(m, count, NULL, mean);
+    if (exact)
+        flatten(m, count, &flat);
     for (uint32_t i = 0; i < count; i++) {
         bool keep[MAX_EXACT_GROUP];
         const float *tangent = mean;
-        if (count <= MAX_EXACT_GROUP && !choose_members(m, i, count, keep)) {
+        if (exact && !choose_members(m, i, count, &flat, keep)) {
             average(m, count, keep, own);
             tangent = own;
         }

@@ -19,10 +19,12 @@ void edit_asset_load(const struct request *r)
     else if (m->has_parent && m->parent &&
              !hg_scene_find(r->session->scene->scene, HG_OBJECT_NODE, m->parent))
         hg_error_set(&err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
-    if (err.status)
+    if (err.status) {
         serve_fail(r, &err);
-    else
-        serve_start_task(r, TASK_ASSET, HGP_T_asset_load);
+        return;
+    }
+    serve_start_task(r, TASK_ASSET, HGP_T_asset_load);
+    serve_expect_renderer(r->s);
 }
 
 static void send_notices(const struct request *r, const struct hg_asset *asset)

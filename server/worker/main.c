@@ -214,6 +214,14 @@ static enum hg_status serve_link(struct worker *w)
     return status;
 }
 
+// The renderer would do it, too, but by then other threads may be reading the environment.
+static void point_mesa_cache(const struct worker_options *o)
+{
+    char path[4096];
+    if (o->cache_dir && snprintf(path, sizeof path, "%s/shaders", o->cache_dir) < (int)sizeof path)
+        setenv("MESA_SHADER_CACHE_DIR", path, 0);
+}
+
 int main(int argc, char **argv)
 {
     struct worker w = {.options = {.fd = 3}};
@@ -234,6 +242,7 @@ int main(int argc, char **argv)
     signal(SIGPIPE, SIG_IGN);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
+    point_mesa_cache(&w.options);
     struct hg_error err = {0};
     enum hg_status status = sandbox_enter(&w.options, &err);
     if (!status)

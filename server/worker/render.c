@@ -40,23 +40,35 @@ void serve_edited(const struct request *r)
     serve_ok(r);
 }
 
+static struct hg_renderer_params renderer_params(const struct worker_options *o)
+{
+    return (struct hg_renderer_params){
+        .device = o->device,
+        .cache_dir = o->cache_dir,
+        .shader_dir = o->shader_dir,
+        .texture_budget_bytes = o->texture_budget_bytes,
+        .geometry_budget_bytes = o->geometry_budget_bytes,
+        .host_budget_bytes = o->host_budget_bytes,
+        .cache_limit_bytes = o->cache_limit_bytes,
+        .validation = o->validation,
+    };
+}
+
+void serve_expect_renderer(struct serve *s)
+{
+    const struct hg_renderer_params params = renderer_params(&s->w->options);
+    if (!s->renderer)
+        opener_start(&s->opener, &params);
+}
+
 enum hg_status serve_need_renderer(struct serve *s, struct hg_error *err)
 {
+    if (!s->renderer)
+        s->renderer = opener_take(&s->opener);
     if (s->renderer)
         return HG_OK;
-    const struct worker_options *o = &s->w->options;
-    return hg_renderer_create(
-        &(struct hg_renderer_params){
-            .device = o->device,
-            .cache_dir = o->cache_dir,
-            .shader_dir = o->shader_dir,
-            .texture_budget_bytes = o->texture_budget_bytes,
-            .geometry_budget_bytes = o->geometry_budget_bytes,
-            .host_budget_bytes = o->host_budget_bytes,
-            .cache_limit_bytes = o->cache_limit_bytes,
-            .validation = o->validation,
-        },
-        &s->renderer, err);
+    const struct hg_renderer_params params = renderer_params(&s->w->options);
+    return hg_renderer_create(&params, &s->renderer, err);
 }
 
 // Decodes the message once more into the task, so that it outlives this request.
@@ -314,6 +326,7 @@ static void shut_down(struct serve *s)
         else if (c)
             free_command(c);
     }
+    opener_finish(&s->opener);
     hg_renderer_destroy(s->renderer);
     hg_jobs_destroy(s->jobs);
 }

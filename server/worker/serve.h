@@ -3,6 +3,7 @@
 #ifndef HG_SERVER_WORKER_SERVE_H
 #define HG_SERVER_WORKER_SERVE_H
 
+#include "server/worker/opener.h"
 #include "server/worker/task.h"
 #include "server/worker/worker.h"
 
@@ -71,6 +72,7 @@ struct session {
 struct serve {
     struct worker *w;
     struct hg_renderer *renderer; // created when the first view needs it
+    struct opener opener;         // or earlier
     struct hg_jobs *jobs;         // for loads before there is a renderer
     struct session *sessions;
     struct scene_slot *scenes;
@@ -94,6 +96,8 @@ void serve_ok(const struct request *r);
 void serve_fail(const struct request *r, const struct hg_error *err);
 // Publishes an edit (unless a batch is open) and answers ok.
 void serve_edited(const struct request *r);
+// Begins to create the renderer, in the background.
+void serve_expect_renderer(struct serve *s);
 // Creates the renderer when there is none yet.
 enum hg_status serve_need_renderer(struct serve *s, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,0 +1,83 @@
+#include "server/worker/opener.h"
+
+#include <errno.h>
+#include <time.h>
+
+#include "base/log.h"
+
+enum { MOMENT_NS = 20 * 1000 * 1000 };
+
+// True when the device is to be opened.
+static bool wait_a_moment(struct opener *o)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_nsec += MOMENT_NS;
+    until.tv_sec += until.tv_nsec / 1000000000;
+    until.tv_nsec %= 1000000000;
+    pthread_mutex_lock(&o->lock);
+    while (
+        !o->hurry && !o->stop && pthread_cond_timedwait(&o->changed, &o->lock, &until) != ETIMEDOUT)
+        ;
+    const bool open = !o->stop;
+    pthread_mutex_unlock(&o->lock);
+    return open;
+}
+
+static void *opener_main(void *arg)
+{
+    struct opener *o = arg;
+    struct hg_error err = {0};
+    // Who needs the device tries again and is told why.
+    if (wait_a_moment(o) && hg_renderer_create(&o->params, &o->renderer, &err))
+        hg_debug(WORKER, "%s: %s", err.what, err.reason);
+    return NULL;
+}
+
+void opener_start(struct opener *o, const struct hg_renderer_params *params)
+{
+    if (o->started)
+        return;
+    *o = (struct opener){.params = *params};
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_mutex_init(&o->lock, NULL);
+    pthread_cond_init(&o->changed, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    o->started = pthread_create(&o->thread, NULL, opener_main, o) == 0;
+    if (!o->started) {
+        pthread_cond_destroy(&o->changed);
+        pthread_mutex_destroy(&o->lock);
+    }
+}
+
+static void join(struct opener *o, bool stop)
+{
+    if (!o->started)
+        return;
+    pthread_mutex_lock(&o->lock);
+    o->hurry = true;
+    o->stop = stop;
+    pthread_cond_signal(&o->changed);
+    pthread_mutex_unlock(&o->lock);
+    pthread_join(o->thread, NULL);
+    pthread_cond_destroy(&o->changed);
+    pthread_mutex_destroy(&o->lock);
+    o->started = false;
+}
+
+struct hg_renderer *opener_take(struct opener *o)
+{
+    join(o, false);
+    struct hg_renderer *renderer = o->renderer;
+    o->renderer = NULL;
+    return renderer;
+}
+
+void opener_finish(struct opener *o)
+{
+    join(o, true);
+    hg_renderer_destroy(o->renderer);
+    o->renderer = NULL;
+}

@@ -1,0 +1,31 @@
+// opener.h - opens the device while a session's first asset is being loaded.
+// Floor 6, private to server/worker. Thread: the render thread; the work is done by one of its own.
+//
+// Most sessions look at what they load, some only ask about it. So the device is opened only when
+// the load takes longer than a moment, or when somebody needs it.
+#ifndef HG_SERVER_WORKER_OPENER_H
+#define HG_SERVER_WORKER_OPENER_H
+
+#include <pthread.h>
+
+#include "renderer/renderer.h"
+
+struct opener {
+    bool started; // a thread is there to be joined
+    bool hurry, stop;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    pthread_t thread;
+    struct hg_renderer_params params;
+    struct hg_renderer *renderer;
+};
+
+// Begins, unless it has begun. What the parameters point to must outlive the opener. Where no
+// thread is to be had nothing happens.
+void opener_start(struct opener *opener, const struct hg_renderer_params *params);
+// Waits for the device and hands it over, once. NULL: it was not begun, or cannot be opened.
+struct hg_renderer *opener_take(struct opener *opener);
+// What nobody took is closed again.
+void opener_finish(struct opener *opener);
+
+#endif
