@@ -243,6 +243,7 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view)
         .near = fmaxf(camera->near, 1e-6f),
         .wait = view->wait,
         .both_sides = off,
+        .numbered = true,
         .history = !off && view->settings.debug == 0 && !view->stream.finding};
     look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
     float m[16];

@@ -18,10 +18,16 @@ static bool can_bake(const struct hg_geometry *g, const struct hg_mesh *mesh)
     return true;
 }
 
+uint32_t hg_baked_from(const struct hg_geometry *g)
+{
+    if (g->baker == NULL)
+        return UINT32_MAX;
+    return g->params.bake_from > 0 ? g->params.bake_from : BAKE_FROM;
+}
+
 static bool is_large(const struct hg_geometry *g, const struct hg_part_entry *part)
 {
-    const uint32_t from = g->params.bake_from > 0 ? g->params.bake_from : BAKE_FROM;
-    return part->primitive_count >= from && part->clusters == NULL && !part->baking;
+    return part->primitive_count >= hg_baked_from(g) && part->clusters == NULL && !part->baking;
 }
 
 void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count)
@@ -49,8 +55,9 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     hg_gpu_buffer_destroy(g->gpu, &part->buffer);
     hg_free(part->host_indices);
     hg_meshlets_finish(&part->meshlets);
+    hg_numbered_finish(&part->numbered);
     part->host_indices = NULL;
-    part->indices = NULL;
+    part->indices = part->numbered_indices = NULL;
     part->layout = (struct hg_pack_layout){
         .flags = clusters->lod->flags, .extra_words = clusters->lod->extra_words};
     part->clusters = clusters;

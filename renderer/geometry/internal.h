@@ -6,6 +6,7 @@
 #include "renderer/geometry/cluster_mesh.h"
 #include "renderer/geometry/meshlets.h"
 #include "renderer/geometry/geometry.h"
+#include "renderer/geometry/numbered.h"
 #include "renderer/geometry/pack.h"
 
 struct hg_box {
@@ -52,6 +53,10 @@ struct hg_part_entry {
     struct hg_meshlet_list meshlets; // of triangles
     const uint32_t *indices;         // in the order of the device; on it, or `host_indices`
     uint32_t *host_indices;
+    // The list of numbered.h, on the device behind the other streams. Only its indices stay here.
+    struct hg_numbered numbered;
+    const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
+    uint64_t numbered_at, numbered_positions_at; // bytes
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     bool baking;
 };
@@ -64,9 +69,10 @@ struct hg_mesh_entry {
     const struct hg_mesh *mesh; // set by every sync
     bool is_new;                // not part of the lists before this sync
 };
-// Sizes and bounds, nothing on the device yet.
-enum hg_status hg_mesh_entry_init(
-    struct hg_mesh_entry *entry, const struct hg_mesh *mesh, struct hg_error *err) HG_MUST_CHECK;
+// Sizes and bounds, nothing on the device yet. number_below: parts of fewer triangles have a
+// numbered list too.
+enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
+    uint32_t number_below, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 void hg_mesh_entry_finish(
@@ -76,6 +82,8 @@ void hg_mesh_entry_finish(
 // Queues parts of many triangles for baking; brings finished ones into their entries (true when
 // there were some). wait: until all are done.
 void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count);
+// Triangles from which parts are baked; UINT32_MAX: none are.
+uint32_t hg_baked_from(const struct hg_geometry *g);
 bool hg_baked_collect(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait);
 

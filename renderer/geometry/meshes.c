@@ -69,8 +69,31 @@ static enum hg_status init_part(
     return status == HG_OK ? hg_meshlets_build(part, &e->meshlets) : status;
 }
 
-enum hg_status hg_mesh_entry_init(
-    struct hg_mesh_entry *entry, const struct hg_mesh *mesh, struct hg_error *err)
+static uint64_t rounded(uint64_t bytes)
+{
+    return (bytes + 255) & ~255ull;
+}
+
+// The numbered list comes behind the other streams.
+static enum hg_status number_part(struct hg_part_entry *e, const struct hg_mesh_part *part)
+{
+    const enum hg_status status = hg_numbered_build(part, e->meshlets.order, &e->numbered);
+    if (status != HG_OK)
+        return status == HG_E_LIMIT ? HG_OK : status; // drawn as it is
+    e->numbered_at = e->layout.total_bytes;
+    e->numbered_positions_at = e->numbered_at + rounded(e->index_count * 4ull);
+    e->layout.total_bytes = e->numbered_positions_at + rounded(e->numbered.vertex_count * 12ull);
+    return HG_OK;
+}
+
+static bool can_number(const struct hg_mesh_part *part, uint32_t target_count, uint32_t below)
+{
+    return part->topology == HG_TOPOLOGY_TRIANGLES && part->index_count > 0 &&
+           part->index_count / 3 < below && part->joints == NULL && target_count == 0;
+}
+
+enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
+    uint32_t number_below, struct hg_error *err)
 {
     memset(entry, 0, sizeof *entry);
     entry->id = mesh->head.id;
@@ -81,6 +104,8 @@ enum hg_status hg_mesh_entry_init(
     entry->part_count = entry->parts != NULL ? mesh->part_count : 0;
     for (uint32_t i = 0; i < entry->part_count && status == HG_OK; i++) {
         status = init_part(&entry->parts[i], &mesh->parts[i], mesh->target_count);
+        if (status == HG_OK && can_number(&mesh->parts[i], mesh->target_count, number_below))
+            status = number_part(&entry->parts[i], &mesh->parts[i]);
         entry->bytes += entry->parts[i].layout.total_bytes;
     }
     if (status == HG_OK)
@@ -102,6 +127,19 @@ static enum hg_status keep_indices(
     return HG_OK;
 }
 
+static void write_numbered(struct hg_part_entry *e, const struct hg_mesh_part *part, uint8_t *to)
+{
+    if (e->numbered.indices == NULL)
+        return;
+    memcpy(to + e->numbered_at, e->numbered.indices, e->index_count * sizeof(uint32_t));
+    float *positions = (float *)(void *)(to + e->numbered_positions_at);
+    for (size_t i = 0; i < e->numbered.vertex_count; i++)
+        memcpy(positions + i * 3, part->positions + (size_t)e->numbered.sources[i] * 3, 12);
+    e->numbered_indices = e->numbered.indices;
+    hg_free(e->numbered.sources);
+    e->numbered.sources = NULL;
+}
+
 static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     const struct hg_mesh_part *part, uint32_t target_count, struct hg_error *err)
 {
@@ -114,6 +152,7 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
         return status;
     if (e->buffer.mapped != NULL) {
         hg_pack_part(part, target_count, e->meshlets.order, &e->layout, e->buffer.mapped);
+        write_numbered(e, part, e->buffer.mapped);
         e->indices = (const uint32_t *)e->buffer.mapped + e->layout.indices / 4;
         return hg_gpu_get_caps(gpu)->is_cpu ? HG_OK : keep_indices(e, e->indices, err);
     }
@@ -121,6 +160,7 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     if (packed == NULL)
         return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
     hg_pack_part(part, target_count, e->meshlets.order, &e->layout, packed);
+    write_numbered(e, part, packed);
     status = hg_gpu_buffer_upload(gpu, &e->buffer, 0, packed, bytes, err);
     if (status == HG_OK)
         status = keep_indices(e, (const uint32_t *)(void *)(packed + e->layout.indices), err);
@@ -151,6 +191,7 @@ void hg_mesh_entry_finish(
         if (e->clusters != NULL)
             hg_cluster_mesh_close(pool, e->clusters);
         hg_meshlets_finish(&e->meshlets);
+        hg_numbered_finish(&e->numbered);
         hg_free(e->host_indices);
         hg_free(e->joint_boxes);
         hg_free(e->morph_boxes);

@@ -19,7 +19,7 @@ struct copy {
     const uint32_t *indices;
     uint32_t first, count, corners; // primitives
     uint64_t to;                    // indices
-    uint32_t ids, base;             // place in the list of ids; added to each
+    uint32_t ids, base;             // place in the list of ids, HG_CLUSTER_NONE: none; added
     bool backwards;
 };
 
@@ -170,11 +170,11 @@ static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t p
     return (const struct hg_gpu_part *)(const void *)g->part_table.shadow + part;
 }
 
-static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw)
+static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw, bool numbered)
 {
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_gpu_part *part = part_of(g, d->gpu.part);
-    return (struct hg_visible_item){.first_draw = draw,
+    struct hg_visible_item item = {.first_draw = draw,
         .draw_count = 1,
         .flags = d->gpu.flags,
         .part = d->gpu.part,
@@ -183,7 +183,11 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
         .extra = part->extra,
         .chunk = HG_LOD_NONE,
         .first_primitive = HG_CLUSTER_NONE,
-        .command = HG_CLUSTER_NONE};
+        .command = HG_CLUSTER_NONE,
+        .numbered = numbered && !d->deformed && d->part->numbered_indices != NULL};
+    if (item.numbered)
+        item.positions = d->part->buffer.address + d->part->numbered_positions_at;
+    return item;
 }
 
 static enum hg_status push_item(struct hg_visible *v, const struct hg_visible_item *item)
@@ -207,48 +211,53 @@ static enum hg_status add_whole(
     const struct hg_draw_entry *d = &g->draws[draw];
     struct hg_visible_item *last =
         v->item_count > set->first_item ? &v->items[v->item_count - 1] : NULL;
-    if (last != NULL && last->first_primitive == HG_CLUSTER_NONE && last->part == d->gpu.part &&
+    if (last != NULL && last->index_buffer != VK_NULL_HANDLE && last->part == d->gpu.part &&
         last->flags == d->gpu.flags && last->first_draw + last->draw_count == draw) {
         last->draw_count++;
         return HG_OK;
     }
-    struct hg_visible_item item = item_of(g, draw);
+    struct hg_visible_item item = item_of(g, draw, set->numbered);
     item.index_count = d->part->index_count;
     item.primitive_count = d->part->primitive_count;
     item.index_buffer = d->part->buffer.handle;
-    item.index_offset = d->part->layout.indices;
+    item.index_offset = item.numbered ? d->part->numbered_at : d->part->layout.indices;
     return push_item(v, &item);
 }
 
-static enum hg_status add_copy(
-    struct hg_visible *v, const struct hg_geometry *g, const struct hg_run *run, uint32_t corners)
+static const uint32_t *indices_of(const struct hg_visible_item *item, const struct hg_part_entry *p)
+{
+    if (item->chunk != HG_LOD_NONE)
+        return p->clusters->chunks[item->chunk].indices;
+    return item->numbered ? p->numbered_indices : p->indices;
+}
+
+static enum hg_status add_copy(struct hg_visible *v, const struct hg_geometry *g,
+    const struct hg_run *run, const struct hg_visible_item *item)
 {
     const enum hg_status status =
         hg_grow(&v->copies, &v->copy_capacity, v->copy_count + 1, sizeof *v->copies);
     if (status != HG_OK)
         return status;
-    const struct hg_part_entry *part = g->draws[run->draw].part;
-    const bool chunk = run->chunk != HG_LOD_NONE;
+    const uint32_t corners = corners_of(item->flags);
     v->copies[v->copy_count++] =
-        (struct copy){.indices = chunk ? part->clusters->chunks[run->chunk].indices : part->indices,
+        (struct copy){.indices = indices_of(item, g->draws[run->draw].part),
             .first = run->first,
             .count = run->count,
             .corners = corners,
             .to = v->index_count,
-            .ids = v->id_count,
-            .base = chunk ? run->chunk << HG_LOD_SHIFT : 0};
+            .ids = item->numbered ? HG_CLUSTER_NONE : v->id_count,
+            .base = run->chunk != HG_LOD_NONE ? run->chunk << HG_LOD_SHIFT : 0};
     v->index_count += (uint64_t)run->count * corners;
-    v->id_count += run->count;
+    v->id_count += item->numbered ? 0 : run->count;
     return HG_OK;
 }
 
 // Runs of one draw and chunk as one item of its own list of indices.
-static enum hg_status add_listed(
-    struct hg_visible *v, const struct hg_geometry *g, const struct hg_run *runs, uint32_t count)
+static enum hg_status add_listed(struct hg_visible *v, const struct hg_geometry *g,
+    const struct hg_visible_set *set, const struct hg_run *runs, uint32_t count)
 {
-    struct hg_visible_item item = item_of(g, runs[0].draw);
-    const uint32_t corners = corners_of(item.flags);
-    item.first_primitive = v->id_count;
+    struct hg_visible_item item = item_of(g, runs[0].draw, set->numbered);
+    item.first_primitive = item.numbered ? HG_CLUSTER_NONE : v->id_count;
     item.index_offset = v->index_count * 4;
     item.first_copy = v->copy_count;
     item.copy_count = count;
@@ -263,9 +272,9 @@ static enum hg_status add_listed(
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < count && status == HG_OK; i++) {
         item.primitive_count += runs[i].count;
-        status = add_copy(v, g, &runs[i], corners);
+        status = add_copy(v, g, &runs[i], &item);
     }
-    item.index_count = item.primitive_count * corners;
+    item.index_count = item.primitive_count * corners_of(item.flags);
     return status == HG_OK ? push_item(v, &item) : status;
 }
 
@@ -277,7 +286,7 @@ static bool joins(const struct hg_visible *v, const struct hg_visible_set *set,
         return false;
     const struct hg_visible_item *last = &v->items[v->item_count - 1];
     const struct hg_draw_entry *d = &g->draws[runs[0].draw];
-    if (last->first_primitive == HG_CLUSTER_NONE || last->part != d->gpu.part ||
+    if (last->index_buffer != VK_NULL_HANDLE || last->part != d->gpu.part ||
         last->flags != d->gpu.flags || last->first_draw + last->draw_count != runs[0].draw ||
         last->chunk != runs[0].chunk || last->copy_count != count)
         return false;
@@ -302,7 +311,7 @@ static enum hg_status add_chunks(struct hg_visible *v, const struct hg_geometry 
     for (uint32_t i = 0, n; i < count && status == HG_OK; i += n) {
         for (n = 1; i + n < count && runs[i + n].chunk == runs[i].chunk;)
             n++;
-        status = add_listed(v, g, &runs[i], n);
+        status = add_listed(v, g, set, &runs[i], n);
         // The last of several chunks of a draw is no start for others to join.
         if (status == HG_OK && n != count)
             v->items[v->item_count - 1].copy_count = 0;
@@ -368,7 +377,7 @@ static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g
     if (d->part->clusters != NULL)
         return add_chunks(v, g, set, runs, count);
     return primitives == d->part->primitive_count ? add_whole(v, g, set, runs[0].draw)
-                                                  : add_listed(v, g, runs, count);
+                                                  : add_listed(v, g, set, runs, count);
 }
 
 // Backwards, draws and primitives: of surfaces at the same depth the last that is drawn is seen.
@@ -386,7 +395,7 @@ static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g
         if (status == HG_OK)
             status = add_candidate(v, set, run, v->command_count);
         if (status == HG_OK)
-            status = add_listed(v, g, run, 1);
+            status = add_listed(v, g, set, run, 1);
         if (status != HG_OK)
             break;
         struct hg_visible_item *item = &v->items[v->item_count - 1];
@@ -542,8 +551,9 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
     const struct hg_visible_view *wanted, struct hg_jobs *jobs, struct hg_error *err)
 {
     struct hg_visible_view view = *wanted;
-    struct hg_visible_set set = {
-        .first_item = v->item_count, .first_candidate = v->candidate_count};
+    struct hg_visible_set set = {.first_item = v->item_count,
+        .first_candidate = v->candidate_count,
+        .numbered = wanted->numbered};
     struct hg_selection late = {0};
     if (!view.wait && v->bias > 1.0f)
         view.error_px *= v->bias;
@@ -604,9 +614,11 @@ static enum hg_status reserve(
 static void turn_around(uint32_t *indices, uint32_t *ids, uint32_t count, uint32_t corners)
 {
     for (uint32_t low = 0, high = count; low + 1 < high--; low++) {
-        const uint32_t id = ids[low];
-        ids[low] = ids[high];
-        ids[high] = id;
+        if (ids != NULL) {
+            const uint32_t id = ids[low];
+            ids[low] = ids[high];
+            ids[high] = id;
+        }
         for (uint32_t k = 0; k < corners; k++) {
             const uint32_t index = indices[low * corners + k];
             indices[low * corners + k] = indices[high * corners + k];
@@ -624,8 +636,8 @@ static void copy_runs(void *user, size_t block)
         const struct copy *c = &v->copies[i];
         memcpy((uint32_t *)v->indices.mapped + c->to, c->indices + (size_t)c->first * c->corners,
             (size_t)c->count * c->corners * 4);
-        uint32_t *ids = (uint32_t *)v->ids.mapped + c->ids;
-        for (uint32_t k = 0; k < c->count; k++)
+        uint32_t *ids = c->ids != HG_CLUSTER_NONE ? (uint32_t *)v->ids.mapped + c->ids : NULL;
+        for (uint32_t k = 0; ids != NULL && k < c->count; k++)
             ids[k] = c->base + c->first + k;
         if (c->backwards)
             turn_around((uint32_t *)v->indices.mapped + c->to, ids, c->count, c->corners);

@@ -40,6 +40,7 @@ struct hg_visible_view {
     float error_px;    // greatest projected error of levels of detail; 0: none
     float near;        // metres, > 0: nothing is looked at from nearer than this
     bool wait;         // load what is missing now
+    bool numbered;     // lists of numbered.h, where there are
     bool history;      // what the last view with history saw comes first, the rest may be late
 };
 
@@ -54,6 +55,8 @@ struct hg_visible_item {
     uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
     uint32_t chunk, first_copy, copy_count; // private
     uint32_t command;                       // indirect draw; HG_CLUSTER_NONE: none
+    bool
+        numbered; // the first corner of a triangle is its number, `positions` are those of the list
 };
 
 struct hg_visible_set {
@@ -64,6 +67,7 @@ struct hg_visible_set {
     uint32_t missing;                          // chunks that should be there and are not
     float error_px;                            // >= that of the view: more did not fit the budget
     uint64_t triangles, late_triangles;        // triangles: of items that are not late
+    bool numbered;                             // as in the view
 };
 
 // The camera moved: what did not fit the budget may fit now. Views that do not wait and want more

@@ -14,13 +14,14 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 }
 
 // Values of constant 3, shaders/lib/item.glsl.
-#define MAPPED 1u
-#define LATE   2u
+#define MAPPED   1u
+#define LATE     2u
+#define NUMBERED 4u
 
 struct style {
     enum variant variant;
     VkPrimitiveTopology topology;
-    uint32_t item; // MAPPED, LATE
+    uint32_t item; // MAPPED, LATE, NUMBERED
 };
 
 static struct hg_gpu_pipeline_params pipeline_of(
@@ -38,10 +39,12 @@ static struct hg_gpu_pipeline_params pipeline_of(
             .blend = HG_GPU_BLEND_ADD,
         };
     }
+    static const char *const fragments[2][2] = {{"visibility.frag", "visibility_numbered.frag"},
+        {"visibility_alpha.frag", "visibility_alpha_numbered.frag"}};
     const bool textured = style->variant != SOLID, late = (style->item & LATE) != 0;
     return (struct hg_gpu_pipeline_params){
         .vertex = "visibility.vert",
-        .fragment = textured ? "visibility_alpha.frag" : "visibility.frag",
+        .fragment = fragments[textured][(style->item & NUMBERED) != 0],
         .spec = {textured ? (uint32_t)style->variant : 0, tables, features, style->item},
         .spec_count = 4,
         .colors = {HG_VISIBILITY_FORMAT},
@@ -79,7 +82,7 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *
             .variant = (item->flags & HG_DRAW_MASK) != 0 ? manner->mask : manner->solid,
             .topology = topology_of(item->flags),
             .item = (item->first_primitive != HG_CLUSTER_NONE ? MAPPED : 0) |
-                    (manner->late ? LATE : 0)};
+                    (manner->late ? LATE : 0) | (item->numbered ? NUMBERED : 0)};
         const struct hg_gpu_pipeline_params params =
             pipeline_of(&style, pass->tables, pass->features);
         VkPipeline pipeline;
@@ -214,15 +217,18 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    static const struct style styles[] = {
-        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
-        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
-        {SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
-        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
-        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
-        {MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
-        {LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
-        {LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+    static const VkPrimitiveTopology list = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+    const uint32_t own = hg_gpu_get_caps(gpu)->is_cpu ? NUMBERED : MAPPED;
+    const uint32_t whole = hg_gpu_get_caps(gpu)->is_cpu ? NUMBERED : 0;
+    const struct style styles[] = {
+        {SOLID, list, whole},
+        {SOLID, list, own},
+        {SOLID, list, own | LATE},
+        {MASK, list, whole},
+        {MASK, list, own},
+        {MASK, list, own | LATE},
+        {LAYER_FIRST, list, whole},
+        {LAYER_NEXT, list, whole},
     };
     *count = sizeof styles / sizeof styles[0];
     const struct hg_gpu_pipeline_params params =

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <getopt.h>
+#include <malloc.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
@@ -20,6 +21,7 @@
 
 enum { INBOX_ITEMS = 4096, OUTBOX_ITEMS = 1024, ENCODE_ITEMS = 3 };
 enum { EXIT_USAGE = 2, EXIT_DEVICE = 7 };
+enum { KEPT_FREE_BYTES = 64 << 20 };
 
 static const struct option long_options[] = {
     {"fd", required_argument, NULL, 'f'},
@@ -226,6 +228,8 @@ int main(int argc, char **argv)
 {
     struct worker w = {.options = {.fd = 3}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
+    // Software rasterisers take and free megabytes with every draw: kept, not faulted in anew.
+    mallopt(M_TRIM_THRESHOLD, KEPT_FREE_BYTES);
     if (!parse_options(&w.options, argc, argv))
         return EXIT_USAGE;
     if (w.options.device_info)

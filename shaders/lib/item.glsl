@@ -7,15 +7,19 @@
 layout(constant_id = 3) const uint hg_item = 0u; // HG_ITEM_*
 #define HG_ITEM_MAPPED 1u // primitives are those of a list
 #define HG_ITEM_LATE   2u // second phase
+#define HG_ITEM_NUMBERED 4u // the first corner of a triangle is its number
 
 layout(push_constant, scalar) uniform hg_push
 {
     hg_gpu_item item;
 };
 
-uvec2 hg_item_id(uint draw, uint primitive)
+// in_draw: draw and first corner.
+uvec2 hg_item_id(uvec2 in_draw, uint primitive)
 {
-    return uvec2(draw + 1u,
+    if ((hg_item & HG_ITEM_NUMBERED) != 0u)
+        return uvec2(in_draw.x + 1u, in_draw.y);
+    return uvec2(in_draw.x + 1u,
         (hg_item & HG_ITEM_MAPPED) != 0u ? item.primitives.v[primitive] : primitive);
 }
 

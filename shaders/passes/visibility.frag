@@ -6,7 +6,7 @@
 
 #include "lib/item.glsl"
 
-layout(location = 0) flat in uint in_draw;
+layout(location = 0) flat in uvec2 in_draw;
 layout(location = 0) out uvec2 out_visibility;
 
 void main()

@@ -13,11 +13,11 @@ layout(push_constant, scalar) uniform hg_push
     hg_gpu_item item;
 };
 
-layout(location = 0) flat out uint out_draw;
+layout(location = 0) flat out uvec2 out_draw; // and vertex
 
 void main()
 {
-    out_draw = gl_InstanceIndex;
+    out_draw = uvec2(gl_InstanceIndex, gl_VertexIndex);
     mat4x3 world = hg_world_at(hg_draw_at(gl_InstanceIndex).instance);
     vec3 p = item.positions.v[gl_VertexIndex];
     gl_Position = hg_clip_position(hg_relative_position(world, p));

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/geometry/numbered.h"
 #include "renderer/geometry/pack.h"
 
 static uint32_t random_state = 3;
@@ -170,10 +171,63 @@ static void test_too_large(void **state)
     assert_int_equal(l.total_bytes, 0);
 }
 
+// Every triangle keeps its corners and its winding, and its first corner is its number.
+static void check_numbered(const struct hg_mesh_part *part, const uint32_t *order)
+{
+    struct hg_numbered n;
+    assert_int_equal(hg_numbered_build(part, order, &n), HG_OK);
+    for (uint32_t i = 0; i < part->index_count / 3; i++) {
+        const uint32_t *c = part->indices + (size_t)(order != NULL ? order[i] : i) * 3;
+        const uint32_t *to = n.indices + (size_t)i * 3;
+        uint32_t got[3], k = 0;
+        assert_int_equal(to[0], i);
+        for (int j = 0; j < 3; j++) {
+            assert_true(to[j] < n.vertex_count);
+            got[j] = n.sources[to[j]];
+        }
+        while (k < 3 && (got[0] != c[k] || got[1] != c[(k + 1) % 3] || got[2] != c[(k + 2) % 3]))
+            k++;
+        assert_true(k < 3);
+    }
+    assert_true(n.vertex_count <= part->index_count / 3 + part->vertex_count);
+    hg_numbered_finish(&n);
+}
+
+static void test_numbered(void **state)
+{
+    (void)state;
+    enum { SIDE = 40, TRIANGLES = SIDE * SIDE * 2, WILD = 500 };
+    static uint32_t grid[TRIANGLES * 3], wild[WILD * 3], order[TRIANGLES];
+    for (uint32_t i = 0; i < SIDE * SIDE; i++) {
+        const uint32_t at = i / SIDE * (SIDE + 1) + i % SIDE;
+        const uint32_t quad[6] = {at, at + 1, at + SIDE + 1, at + 1, at + SIDE + 2, at + SIDE + 1};
+        memcpy(grid + (size_t)i * 6, quad, sizeof quad);
+    }
+    for (uint32_t i = 0; i < TRIANGLES; i++)
+        order[i] = (i * 7919u + 13u) % TRIANGLES;
+    for (uint32_t i = 0; i < WILD * 3; i++) // few vertices, corners that fall together
+        wild[i] = (uint32_t)((next_random() * 0.5f + 0.5f) * 59.0f);
+    struct hg_mesh_part part = {.topology = HG_TOPOLOGY_TRIANGLES,
+        .vertex_count = (SIDE + 1) * (SIDE + 1),
+        .index_count = TRIANGLES * 3,
+        .indices = grid};
+    check_numbered(&part, NULL);
+    check_numbered(&part, order);
+    part.indices = wild;
+    part.index_count = WILD * 3;
+    part.vertex_count = 60;
+    check_numbered(&part, NULL);
+    part.vertex_count = UINT32_MAX - 1;
+    struct hg_numbered none;
+    assert_int_equal(hg_numbered_build(&part, NULL, &none), HG_E_LIMIT);
+    assert_null(none.indices);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_octahedral),
         cmocka_unit_test(test_axes), cmocka_unit_test(test_layout),
-        cmocka_unit_test(test_morph_offsets), cmocka_unit_test(test_too_large)};
+        cmocka_unit_test(test_morph_offsets), cmocka_unit_test(test_too_large),
+        cmocka_unit_test(test_numbered)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -249,6 +249,7 @@ static struct hg_visible_view view_of(const struct hg_gpu_camera *camera, bool c
         .near = fmaxf(camera->near, 1e-6f),
         .wait = true,
         .both_sides = !culled,
+        .numbered = true,
         .history = culled};
     if (culled)
         look.plane_count = hg_cull_planes(camera->view_proj.m, look.planes);
