@@ -2,7 +2,8 @@
 """Faults of the cache folder and of source files, seen from outside: the picture is always right,
 nothing crashes, the next run heals.
 
-  cache.py --bin BUILD/bin [--kills N] [CASE ...]    cases: kill damage vanish full replace budget
+  cache.py --bin BUILD/bin [--kills N] [CASE ...]
+      cases: kill damage vanish full nospace tmpfs replace exchange budget
 """
 import argparse
 import json
@@ -82,7 +83,7 @@ class Failure(Exception):
 
 class Test:
     def __init__(self, folder, bin_folder, kills):
-        self.folder, self.kills = folder, kills
+        self.folder, self.bin, self.kills = folder, bin_folder, kills
         self.helio, self.heliod = f"{bin_folder}/helio", f"{bin_folder}/heliod"
         self.scene = scene(f"{folder}/scene")
         self.cache = f"{folder}/cache"
@@ -94,8 +95,8 @@ class Test:
         return subprocess.Popen([self.helio, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                 text=True, start_new_session=True, **more)
 
-    def run(self, *words, codes=(0,)):
-        child = self.start(*words)
+    def run(self, *words, codes=(0,), **more):
+        child = self.start(*words, **more)
         out, err = child.communicate(timeout=PATIENCE_S)
         if child.returncode not in codes:
             raise Failure(f"helio {' '.join(words)}: exit code {child.returncode}\n{err}")
@@ -106,10 +107,10 @@ class Test:
                  "--size", "256x144", "--samples", "2", "--env", "none", *more]
         return words if cache is None else [*words, "--cache-dir", cache]
 
-    def render(self, scene=None, cache=None, more=()):
+    def render(self, scene=None, cache=None, more=(), **how):
         self.count += 1
         name = f"{self.folder}/{self.count}"
-        self.run(*self.words(name, scene, cache, more))
+        self.run(*self.words(name, scene, cache, more), **how)
         with open(f"{name}.json") as f:
             return json.load(f)
 
@@ -185,10 +186,10 @@ class Test:
         if damaged == 0:
             raise Failure("no damage was noticed")
 
-    def daemon(self, *more):
+    def daemon(self, *more, **how):
         socket = f"{self.folder}/socket"
         child = subprocess.Popen([self.heliod, "--listen", f"unix:{socket}", "--asset-root", self.folder,
-                                  "--cache-dir", self.cache, "--log", "error", *more])
+                                  "--cache-dir", self.cache, "--log", "error", *more], **how)
         for _ in range(200):
             if os.path.exists(socket):
                 return child, ("--connect", f"unix:{socket}")
@@ -231,6 +232,109 @@ class Test:
         self.same("a file in the folder's place", cache=self.cache)
         os.remove(f"{self.cache}/store")
         self.same("the next run", cache=self.cache)
+
+    # A disk with so many bytes in all, seen by every process that is started with `how`.
+    def check_full_disk(self, bytes_in_all, how, free):
+        self.same(f"a disk of {bytes_in_all} bytes", cache=self.cache, **how)
+        code, _, err = self.run("bake", self.scene, "-o", self.cache, codes=(0, 3, 6), **how)
+        print(f"  {bytes_in_all >> 10} KiB: the bake ends with {code}")
+        if code and "No space left" not in err:
+            raise Failure(f"a disk of {bytes_in_all} bytes: the bake ends with {code} and says:\n{err}")
+        child, connect = self.daemon(**how)
+        try:
+            self.same("a daemon on the full disk", more=connect)
+        finally:
+            self.end_daemon(child)
+        how = free()
+        report = json.loads(self.run("bake", self.scene, "-o", self.cache, **how)[1])["textures"]
+        if report["failed"]:
+            raise Failure(f"with room again: {report}")
+        if self.same("with room again", cache=self.cache, **how)["cache"]["damaged"]:
+            raise Failure("the full disk left damaged entries")
+        left = [n for n in os.listdir(f"{self.cache}/store") if n.endswith(".tmp")]
+        if left:
+            raise Failure(f"the full disk left {left}")
+        return code != 0
+
+    def check_full_disks(self, case, sizes):
+        if not any([case(size) for size in sizes]):
+            raise Failure("no disk was ever full")
+
+    # By a preloaded library: works for everybody, everywhere.
+    def case_nospace(self):
+        def case(size):
+            shutil.rmtree(self.cache, ignore_errors=True)
+            env = {**os.environ, "LD_PRELOAD": f"{self.bin}/../tests/libfull_disk.so",
+                   "HELIO_FULL_DIR": self.cache, "HELIO_FULL_BYTES": str(size)}
+            return self.check_full_disk(size, {"env": env}, lambda: {})
+        self.check_full_disks(case, (0, 40_000, 1 << 20, 3 << 20))
+
+    # By the kernel, where a user may mount a file system of their own; else as above.
+    def case_tmpfs(self):
+        if os.environ.get("HELIO_OWN_MOUNTS") == "1":
+            def case(size):
+                shutil.rmtree(self.cache, ignore_errors=True)
+                os.makedirs(self.cache)
+                subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "cache", self.cache], check=True)
+                try:
+                    return self.check_full_disk(size, {}, lambda: subprocess.run(
+                        ["mount", "-o", "remount,size=64m", self.cache], check=True) and {})
+                finally:
+                    subprocess.run(["umount", self.cache], check=True)
+            self.check_full_disks(case, (1 << 16, 1 << 20, 3 << 20))
+            return
+        alone = ["unshare", "--user", "--map-root-user", "--mount"]
+        probe = subprocess.run([*alone, "mount", "-t", "tmpfs", "probe", self.folder],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        if probe.returncode:
+            print("  no file system may be mounted here; the disk is full by a preloaded library")
+            self.case_nospace()
+            return
+        inside = [sys.executable, __file__, "--bin", self.bin, "tmpfs"]
+        if subprocess.run([*alone, *inside], env={**os.environ, "HELIO_OWN_MOUNTS": "1"}).returncode:
+            raise Failure("on a small file system, see above")
+
+    # A file is exchanged, or overwritten in place, while a view of it is drawn and streamed.
+    def case_exchange(self):
+        rng = random.Random(4)
+        path = f"{self.folder}/scene/0.png"
+        versions = []
+        for seed in (200, 201):
+            png(path, seed)
+            versions.append((open(path, "rb").read(), self.render(cache=self.shaders)["frame"]["hash"]))
+        seen = [0, 0, 0]
+        child, connect = self.daemon()
+        try:
+            for i in range(12):
+                new = versions[i % 2]
+                shutil.rmtree(self.cache, ignore_errors=True)
+                self.count += 1
+                name = f"{self.folder}/{self.count}"
+                client = self.start(*self.words(name, None, None, (*connect, "--samples", "2")))
+                time.sleep(rng.random() * 0.4)
+                if i % 4 < 2:
+                    with open(path + ".new", "wb") as f:
+                        f.write(new[0])
+                    os.rename(path + ".new", path)
+                else:
+                    with open(path, "r+b") as f:
+                        f.write(new[0])
+                        f.truncate()
+                _, err = client.communicate(timeout=PATIENCE_S)
+                if client.returncode not in (0, 3):
+                    raise Failure(f"exchange {i}: exit code {client.returncode}\n{err}")
+                if client.returncode == 0:
+                    with open(f"{name}.json") as f:
+                        stats = json.load(f)
+                    found = {h: n for n, (_, h) in enumerate(versions)}.get(stats["frame"]["hash"], 2)
+                    if found == 2 and stats["texture"]["failed"] == 0:
+                        raise Failure(f"exchange {i}: neither picture, and nothing is said: {name}.png")
+                    seen[found] += 1
+                self.right = new[1]
+                self.same(f"after exchange {i}", more=connect)
+        finally:
+            self.end_daemon(child)
+        print(f"  drawn meanwhile: {seen[0] + seen[1]} with one version or the other, {seen[2]} without")
 
     def case_replace(self):
         child, connect = self.daemon()
@@ -276,7 +380,8 @@ def main():
     parser.add_argument("--kills", type=int, default=6)
     parser.add_argument("cases", nargs="*")
     args = parser.parse_args()
-    cases = args.cases or ["kill", "damage", "vanish", "full", "replace", "budget"]
+    cases = args.cases or ["kill", "damage", "vanish", "full", "nospace", "tmpfs", "replace", "exchange",
+                           "budget"]
     folder = tempfile.mkdtemp(prefix="helio-cache-")
     try:
         test = Test(folder, args.bin, args.kills)
