@@ -53,8 +53,9 @@ static bool tell(void *user, uint64_t done, uint64_t total)
     return hg_bake_tell(g->bake, "geometry", at < g->total ? at : g->total, g->total);
 }
 
-static enum hg_status make_file(struct geometry *g, const struct hg_mesh_part *part,
-    const struct hg_store_key *key, uint64_t *file_bytes, struct hg_error *err)
+static enum hg_status make_file(struct geometry *g, const char *name,
+    const struct hg_mesh_part *part, const struct hg_store_key *key, uint64_t *file_bytes,
+    struct hg_error *err)
 {
     const struct hg_lod_params params = {
         .jobs = g->bake->jobs, .progress = tell, .progress_user = g};
@@ -62,7 +63,7 @@ static enum hg_status make_file(struct geometry *g, const struct hg_mesh_part *p
     size_t size = 0;
     enum hg_status status = hg_lod_bake(part, &params, &data, &size, NULL, err);
     if (status == HG_OK)
-        status = hg_lod_stored_write(g->store, key, data, size, err);
+        status = hg_lod_stored_write(g->store, key, name, data, size, err);
     if (status == HG_E_BUSY) // another process makes the same
         status = HG_OK;
     *file_bytes = size;
@@ -110,7 +111,7 @@ static enum hg_status bake_part(struct geometry *g, const struct hg_mesh *mesh,
     if (status != HG_OK)
         hg_error_set(err, status, "bake", NULL, "no memory for a key");
     else if (!found)
-        status = make_file(g, part, &key, &file_bytes, err);
+        status = make_file(g, mesh->head.name, part, &key, &file_bytes, err);
     g->before += triangles;
     if (status != HG_OK && ends_all(status))
         return status;

@@ -159,17 +159,24 @@ static enum hg_status add_folder_of(struct worker_args *args, const char *file)
     return add_arg(args, "--asset-root", full);
 }
 
+bool hg_cli_cache_dir(const char *given, char *path, size_t size)
+{
+    const char *xdg = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
+    if (given)
+        snprintf(path, size, "%s", given);
+    else if (xdg && *xdg == '/')
+        snprintf(path, size, "%s/heliograph", xdg);
+    else if (home && *home == '/')
+        snprintf(path, size, "%s/.cache/heliograph", home);
+    else
+        return false;
+    return true;
+}
+
 static enum hg_status add_cache_dir(struct worker_args *args, const char *given)
 {
     char path[PATH_MAX];
-    const char *xdg = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
-    if (given)
-        snprintf(path, sizeof path, "%s", given);
-    else if (xdg && *xdg == '/')
-        snprintf(path, sizeof path, "%s/heliograph", xdg);
-    else if (home && *home == '/')
-        snprintf(path, sizeof path, "%s/.cache/heliograph", home);
-    else
+    if (!hg_cli_cache_dir(given, path, sizeof path))
         return HG_OK;
     for (char *p = path + 1; *p; p++) // its parents
         if (*p == '/') {

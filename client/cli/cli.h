@@ -54,6 +54,9 @@ void hg_cli_clean(char *dst, size_t size, const char *text, size_t length);
 void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options);
 void hg_cli_finish(struct hg_cli *cli);
 
+// The folder of caches: `given`, or what the environment says. False: it names none.
+bool hg_cli_cache_dir(const char *given, char *path, size_t size);
+
 // Opens the session: to `url`, or (NULL) a private worker that may read the folders of `files`
 // (NULL entries and "demo:" are skipped) and the options' roots. Opens a private scene as well
 // when `with_scene`. On failure *err is filled and *doing says what failed.
@@ -132,6 +135,7 @@ enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_run(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_cache(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);

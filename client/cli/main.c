@@ -12,6 +12,7 @@ static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
     [HG_CLI_INDEX_COMPARE] = hg_cli_compare_command,
     [HG_CLI_INDEX_RUN] = hg_cli_run,
     [HG_CLI_INDEX_BAKE] = hg_cli_bake,
+    [HG_CLI_INDEX_CACHE] = hg_cli_cache,
     [HG_CLI_INDEX_BENCH] = hg_cli_bench,
     [HG_CLI_INDEX_PING] = hg_cli_ping,
     [HG_CLI_INDEX_STATS] = hg_cli_stats_command,

@@ -4,7 +4,7 @@ _helio()
     local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W 'render info compare run bake bench ping stats sessions --help --version' -- "$cur"))
+        COMPREPLY=($(compgen -W 'render info compare run bake cache bench ping stats sessions --help --version' -- "$cur"))
         return
     fi
     case "${COMP_WORDS[1]} $prev" in
@@ -19,6 +19,7 @@ _helio()
     'compare --metric') COMPREPLY=($(compgen -W 'psnr ssim flip rmse max' -- "$cur")); return ;;
     'run --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bake --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'cache --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bench --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     esac
     local options=--help
@@ -28,6 +29,7 @@ _helio()
     compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
     run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     bake) options='--output --textures-only --geometry-only --stats --scene --timeout --asset-root --host-budget --cache-limit --log --progress --help' ;;
+    cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;

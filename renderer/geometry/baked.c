@@ -41,7 +41,7 @@ void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_
                 continue;
             // Without memory for a copy the part is drawn as it is.
             part->baking =
-                hg_baker_add(g->baker, e->id, e->revision, p, &e->mesh->parts[p]) == HG_OK;
+                hg_baker_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
         }
     }
 }

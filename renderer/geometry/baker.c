@@ -3,6 +3,7 @@
 
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -11,6 +12,7 @@
 struct task {
     struct task *next;
     struct hg_mesh_part part; // owns its arrays
+    char name[64];            // of the mesh
     struct hg_baked result;
 };
 
@@ -79,11 +81,12 @@ static bool may_go_on(void *user, uint64_t done, uint64_t total)
 }
 
 // A store that fails costs nothing but the next bake.
-static void keep(struct hg_baker *b, const struct hg_store_key *key, struct hg_baked *r)
+static void keep(struct hg_baker *b, const struct hg_store_key *key, struct task *task)
 {
+    struct hg_baked *r = &task->result;
     struct hg_error err;
     struct hg_lod_stored stored;
-    if (hg_lod_stored_write(b->store, key, r->data, r->size, &err) != HG_OK ||
+    if (hg_lod_stored_write(b->store, key, task->name, r->data, r->size, &err) != HG_OK ||
         hg_lod_stored_find(b->store, key, &stored, &err) != HG_OK)
         return;
     r->stored = stored;
@@ -107,7 +110,7 @@ static void bake(struct hg_baker *b, struct task *task)
         return;
     r->status = hg_lod_bake(&task->part, &params, &r->data, &r->size, NULL, &err);
     if (r->status == HG_OK && named)
-        keep(b, &key, r);
+        keep(b, &key, task);
     if (r->status != HG_OK && r->status != HG_E_CANCELLED)
         hg_warn(GEOMETRY, "a mesh part of %u triangles has no levels of detail: %s",
             task->part.index_count / 3, err.reason);
@@ -208,15 +211,16 @@ static bool copy_part(struct hg_mesh_part *to, const struct hg_mesh_part *from)
            copy_array(&to->colors, from->colors, n, 16);
 }
 
-enum hg_status hg_baker_add(struct hg_baker *b, uint64_t mesh, uint64_t revision, uint32_t index,
-    const struct hg_mesh_part *part)
+enum hg_status hg_baker_add(
+    struct hg_baker *b, const struct hg_mesh *mesh, uint64_t id, uint64_t revision, uint32_t index)
 {
     struct task *task = hg_calloc(1, sizeof *task);
-    if (task == NULL || !copy_part(&task->part, part)) {
+    if (task == NULL || !copy_part(&task->part, &mesh->parts[index])) {
         free_task(task);
         return HG_E_NOMEM;
     }
-    task->result.mesh = mesh;
+    snprintf(task->name, sizeof task->name, "%s", mesh->head.name);
+    task->result.mesh = id;
     task->result.revision = revision;
     task->result.part = index;
     b->pending++;

@@ -20,9 +20,9 @@ struct hg_baked {
 enum hg_status hg_baker_create(struct hg_store *store, struct hg_jobs *jobs, struct hg_baker **out,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_baker_destroy(struct hg_baker *baker); // cancels; accepts NULL
-// Queues a part; its arrays are copied. HG_E_NOMEM.
-enum hg_status hg_baker_add(struct hg_baker *baker, uint64_t mesh, uint64_t revision,
-    uint32_t index, const struct hg_mesh_part *part) HG_MUST_CHECK;
+// Queues a part; its arrays and the mesh's name are copied. HG_E_NOMEM.
+enum hg_status hg_baker_add(struct hg_baker *baker, const struct hg_mesh *mesh, uint64_t id,
+    uint64_t revision, uint32_t index) HG_MUST_CHECK;
 // Takes a result; wait: until there is one. False: none (and with wait, none to come).
 bool hg_baker_take(struct hg_baker *baker, bool wait, struct hg_baked *out);
 // Parts that were added and not taken.

@@ -71,7 +71,7 @@ enum hg_status hg_lod_stored_read(
 }
 
 enum hg_status hg_lod_stored_write(struct hg_store *store, const struct hg_store_key *key,
-    const uint8_t *data, size_t size, struct hg_error *err)
+    const char *name, const uint8_t *data, size_t size, struct hg_error *err)
 {
     struct hg_lod *lod;
     struct hg_store_writer *writer;
@@ -83,6 +83,8 @@ enum hg_status hg_lod_stored_write(struct hg_store *store, const struct hg_store
         hg_lod_close(lod);
         return status;
     }
+    hg_store_label(writer, "mesh %s: %llu triangles", name != NULL ? name : "",
+        (unsigned long long)lod->source_triangles);
     const uint64_t head = lod->chunk_count > 0 ? lod->chunks[0].offset : size;
     status = hg_store_write(writer, 0, data, (size_t)head, err);
     for (uint32_t i = 0; i < lod->chunk_count && status == HG_OK; i++) {

@@ -29,8 +29,9 @@ void hg_lod_stored_close(struct hg_lod_stored *stored); // accepts a zeroed one
 enum hg_status hg_lod_stored_read(const struct hg_lod_stored *stored, uint32_t chunk, void *dst,
     struct hg_error *err) HG_MUST_CHECK;
 
-// Writes a baked file. HG_E_BUSY (another writer is at it), statuses of hg_store_write.
+// Writes a baked file; `name` (may be NULL) says in the cache what it is. HG_E_BUSY (another writer
+// is at it), statuses of hg_store_write.
 enum hg_status hg_lod_stored_write(struct hg_store *store, const struct hg_store_key *key,
-    const uint8_t *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+    const char *name, const uint8_t *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

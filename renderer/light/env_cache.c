@@ -76,6 +76,7 @@ enum hg_status hg_env_cache_write(struct hg_store *store, const uint8_t key[32],
     enum hg_status status = hg_store_begin(store, &name, &writer, err);
     if (status)
         return status;
+    hg_store_label(writer, "environment: %u x %u", image_width, image_width / 2);
     for (uint32_t l = 0; l < HG_ENVIRONMENT_LEVELS && !status; l++)
         status = hg_store_write(writer, l, map->specular[l], level_bytes(map, l), err);
     if (!status)

@@ -19,8 +19,10 @@ struct hg_store_entry {
     int fd;
     uint64_t bytes;
     uint32_t count;
+    enum hg_store_purpose purpose;
     atomic_bool damaged;
     struct hg_store_block *blocks; // [count]
+    char label[HG_STORE_LABEL_BYTES];
 };
 
 static bool read_at(int fd, uint64_t offset, void *dst, size_t size)
@@ -67,8 +69,10 @@ static enum hg_status load_table(struct hg_store_entry *e, const struct hg_store
     struct hg_reader r = hg_reader_make(tail, sizeof tail);
     const uint64_t offset = hg_read_u64(&r);
     e->count = hg_read_u32(&r);
-    const bool good = hg_read_u32(&r) == HG_STORE_MAGIC && hg_read_u64(&r) == e->bytes;
-    const uint64_t checksum = hg_read_u64(&r), rows = (uint64_t)e->count * HG_STORE_ROW;
+    const uint32_t label = hg_read_u32(&r);
+    const bool good = hg_read_u32(&r) == HG_STORE_MAGIC && hg_read_u32(&r) == 0 &&
+                      hg_read_u64(&r) == e->bytes && label < sizeof e->label;
+    const uint64_t checksum = hg_read_u64(&r), rows = (uint64_t)e->count * HG_STORE_ROW + label;
     if (!good || e->count > HG_STORE_BLOCKS_MAX || offset < HG_STORE_HEAD || offset > e->bytes ||
         e->bytes - offset != rows + HG_STORE_TAIL)
         return HG_E_HASH;
@@ -82,6 +86,7 @@ static enum hg_status load_table(struct hg_store_entry *e, const struct hg_store
         sum = hg_store_checksum(table, (size_t)rows, sum);
         sum = hg_store_checksum(tail, sizeof tail - 8, sum);
         status = sum == checksum && parse_rows(e, table, offset) ? HG_OK : HG_E_HASH;
+        memcpy(e->label, table + rows - label, label);
     }
     hg_free(table);
     return status;
@@ -90,7 +95,7 @@ static enum hg_status load_table(struct hg_store_entry *e, const struct hg_store
 // Deletes the file, unless another has taken its name already.
 static void drop_damaged(struct hg_store_entry *e)
 {
-    if (atomic_exchange(&e->damaged, true))
+    if (atomic_exchange(&e->damaged, true) || e->purpose == HG_STORE_LOOK)
         return;
     hg_store_count(e->store, &e->store->stats.damaged, 1);
     if (hg_store_is_same_file(e->path, e->fd)) {
@@ -115,40 +120,55 @@ static enum hg_status open_entry(struct hg_store_entry *e, const struct hg_store
     e->fd = open(e->path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (e->fd < 0)
         return HG_E_NOTFOUND;
-    flock(e->fd, LOCK_SH | LOCK_NB); // keeps evictors away; without it eviction frees only the name
+    if (e->purpose != HG_STORE_LOOK)
+        flock(e->fd, LOCK_SH | LOCK_NB); // keeps evictors away; else eviction frees only the name
     const enum hg_status status = load_table(e, key);
-    if (status == HG_E_HASH) {
+    if (status == HG_E_HASH)
         drop_damaged(e);
-        return HG_E_NOTFOUND;
-    }
-    if (status == HG_OK)
+    if (status == HG_OK && e->purpose == HG_STORE_USE)
         futimens(e->fd, NULL); // last use; not possible in a read-only folder, which has no limit
     return status;
 }
 
-enum hg_status hg_store_find(struct hg_store *store, const struct hg_store_key *key,
-    struct hg_store_entry **out, struct hg_error *err)
+enum hg_status hg_store_entry_open(struct hg_store *store, const struct hg_store_key *key,
+    enum hg_store_purpose purpose, struct hg_store_entry **out)
 {
     *out = NULL;
     struct hg_store_entry *e = hg_calloc(1, sizeof *e);
     if (e != NULL) {
         e->store = store;
         e->fd = -1;
+        e->purpose = purpose;
         e->path = hg_store_entry_path(store, key);
     }
     enum hg_status status = e != NULL && e->path != NULL ? HG_OK : HG_E_NOMEM;
     if (status == HG_OK)
         status = open_entry(e, key);
-    if (status == HG_OK) {
-        hg_store_count(store, &store->stats.found, 1);
+    if (status == HG_OK)
         *out = e;
-        return HG_OK;
-    }
+    else
+        hg_store_entry_close(e);
+    return status;
+}
+
+enum hg_status hg_store_find(struct hg_store *store, const struct hg_store_key *key,
+    struct hg_store_entry **out, struct hg_error *err)
+{
+    enum hg_status status = hg_store_entry_open(store, key, HG_STORE_USE, out);
+    if (status == HG_E_HASH)
+        status = HG_E_NOTFOUND;
+    if (status == HG_OK)
+        hg_store_count(store, &store->stats.found, 1);
     if (status == HG_E_NOTFOUND)
         hg_store_count(store, &store->stats.absent, 1);
-    hg_store_entry_close(e);
-    return hg_error_set(
-        err, status, "cache", NULL, status == HG_E_NOMEM ? "no memory" : "not in the cache");
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "cache", NULL,
+                                 status == HG_E_NOMEM ? "no memory" : "not in the cache");
+}
+
+const char *hg_store_entry_label(const struct hg_store_entry *entry)
+{
+    return entry->label;
 }
 
 uint32_t hg_store_entry_blocks(const struct hg_store_entry *entry)

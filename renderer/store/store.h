@@ -17,6 +17,7 @@
 
 #define HG_STORE_BLOCK_BYTES_MAX (64u << 20) // of one block
 #define HG_STORE_BLOCKS_MAX      (1u << 24)  // of one entry
+#define HG_STORE_LABEL_BYTES     201u        // with its end
 
 struct hg_store;
 struct hg_store_entry;  // open for reading
@@ -77,8 +78,36 @@ enum hg_status hg_store_begin(struct hg_store *store, const struct hg_store_key 
 // (the entry alone is larger than the store may be), HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_store_write(struct hg_store_writer *writer, uint32_t block, const void *data,
     size_t size, struct hg_error *err) HG_MUST_CHECK;
+// What the entry is made from, for people who look into the cache; cut to fit.
+void hg_store_label(struct hg_store_writer *writer, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
 // Makes the entry appear and evicts others where the limit asks for it. Ends the writer either way.
 enum hg_status hg_store_commit(struct hg_store_writer *writer, struct hg_error *err) HG_MUST_CHECK;
 void hg_store_abort(struct hg_store_writer *writer); // accepts NULL
+
+// --- looking after a cache folder, beside the programs that use it
+// ---------------------------------
+
+struct hg_store_info {
+    struct hg_store_key key;
+    uint64_t bytes;
+    int64_t used_s;  // last use, seconds since 1970
+    uint32_t blocks; // 0 when it is damaged
+    bool is_open;    // somebody has it open
+    bool is_damaged; // its table is; blocks are not looked at
+    char label[HG_STORE_LABEL_BYTES];
+};
+
+// All entries, the one used longest ago first; *out is freed with hg_free. Changes nothing.
+// HG_E_NOTFOUND (no such folder), HG_E_NOMEM.
+enum hg_status hg_store_list(
+    const char *dir, struct hg_store_info **out, size_t *count, struct hg_error *err) HG_MUST_CHECK;
+// Reads all blocks of an entry. HG_E_HASH: it was damaged and is deleted. HG_E_NOTFOUND,
+// HG_E_NOMEM.
+enum hg_status hg_store_verify(
+    const char *dir, const struct hg_store_key *key, struct hg_error *err) HG_MUST_CHECK;
+// Deletes all entries that nobody has open, and what dead writers left. HG_E_NOTFOUND, HG_E_NOMEM.
+enum hg_status hg_store_clear(
+    const char *dir, uint32_t *entries, uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

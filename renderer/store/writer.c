@@ -1,6 +1,7 @@
 // writer.c - making entries: a temporary file that only its living writer can lock.
 #include <errno.h>
 #include <fcntl.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/file.h>
@@ -24,6 +25,7 @@ struct hg_store_writer {
     struct hg_store_block *blocks;
     size_t capacity;
     uint32_t count;
+    char label[HG_STORE_LABEL_BYTES];
 };
 
 void hg_store_make_head(const struct hg_store_key *key, uint8_t head[HG_STORE_HEAD])
@@ -179,6 +181,14 @@ enum hg_status hg_store_write(
     return status;
 }
 
+void hg_store_label(struct hg_store_writer *w, const char *format, ...)
+{
+    va_list list;
+    va_start(list, format);
+    vsnprintf(w->label, sizeof w->label, format, list);
+    va_end(list);
+}
+
 // --- the end -------------------------------------------------------------------------------------
 
 static enum hg_status write_end(struct hg_store_writer *w, struct hg_error *err)
@@ -189,10 +199,13 @@ static enum hg_status write_end(struct hg_store_writer *w, struct hg_error *err)
         hg_write_u64(&out, w->blocks[i].checksum);
         hg_write_u32(&out, w->blocks[i].size);
     }
+    hg_write_bytes(&out, w->label, strlen(w->label));
     const size_t rows = out.size;
     hg_write_u64(&out, w->offset);
     hg_write_u32(&out, w->count);
+    hg_write_u32(&out, (uint32_t)strlen(w->label));
     hg_write_u32(&out, HG_STORE_MAGIC);
+    hg_write_u32(&out, 0);
     hg_write_u64(&out, w->offset + rows + HG_STORE_TAIL);
     enum hg_status status = HG_E_NOMEM;
     if (!out.failed) {

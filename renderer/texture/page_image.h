@@ -35,6 +35,7 @@ struct hg_page_backing {
 struct hg_page_image {
     struct hg_page_image *next;
     struct hg_page_source *members; // sources that show it
+    char name[128];                 // of the source that came first, for people
     struct hg_page_chain chain;     // never changes, nor do the next three
     struct hg_source_info info;
     struct hg_page_layout layout;

@@ -340,6 +340,8 @@ static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image
         hg_error_set(err, status, "pages", NULL, "no memory");
     if (status != HG_OK)
         return status;
+    hg_store_label(
+        writer, "texture %s: %u x %u", image->name, image->info.width, image->info.height);
     status = hg_page_packer_create(&image->chain, writer, s->jobs, &b.packer);
     if (status == HG_OK) {
         account(&b, rows, true);

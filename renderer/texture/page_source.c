@@ -2,6 +2,7 @@
 #include "renderer/texture/page_source.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -286,6 +287,8 @@ enum hg_status hg_page_source_open(struct hg_page_sources *s,
             .wrap_t = params->wrap_t,
             .cutoff = masks ? params->cutoff : 0};
         source->alpha = masks ? hg_calloc(HG_MIPS_MAX, sizeof *source->alpha) : NULL;
+        snprintf(image->name, sizeof image->name, "%s",
+            params->image->label != NULL ? params->image->label : "");
         fill_info(source, image);
         if ((masks && source->alpha == NULL) || make_content_id(source) != HG_OK)
             status = no_memory(err);

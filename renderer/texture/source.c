@@ -91,6 +91,7 @@ static void keep_memo(struct hg_store *store, const struct hg_store_key *key, co
     struct hg_store_writer *writer;
     if (hg_store_begin(store, key, &writer, NULL) != HG_OK)
         return;
+    hg_store_label(writer, "hash of a file");
     if (hg_store_write(writer, 0, hash, HG_SHA256_BYTES, NULL) != HG_OK)
         hg_store_abort(writer);
     else if (hg_store_commit(writer, NULL) != HG_OK)

@@ -63,6 +63,23 @@ picture "f-%02d.png" "$fox" --size 64x64 --samples 2 --frames 0-4:2 --fps 10 --c
 for frame in 0 2 4; do same "$temp/e-000$frame.png" "$temp/f-0$frame.png"; done
 cmp -s "$temp/e-0000.png" "$temp/e-0004.png" && fail "the animation stands still"
 
+# The cache: listed with what it was made from, checked, cleared.
+expect 0 "$helio" bake "$duck" -o "$temp/baked"
+expect 0 "$helio" cache --cache-dir "$temp/baked"
+grep -q "texture DuckCM.png: 512 x 512" "$temp/out" || fail "the texture is not listed"
+grep -q "mesh .*: 4212 triangles" "$temp/out" || fail "the mesh is not listed"
+expect 0 "$helio" cache --cache-dir "$temp/baked" --verify --json
+grep -q '"damaged": 0' "$temp/out" || fail "no count of damaged entries"
+victim=$(find "$temp/baked/store" -name '*.hgs' | head -n 1)
+printf 'x' | dd of="$victim" bs=1 seek=100 conv=notrunc 2>/dev/null
+expect 1 "$helio" cache --cache-dir "$temp/baked" --verify
+[ -e "$victim" ] && fail "a damaged entry is still there"
+expect 0 "$helio" cache --cache-dir "$temp/baked" --clear
+expect 0 "$helio" cache --cache-dir "$temp/baked"
+grep -q "^0 entries" "$temp/out" || fail "the cache is not clear"
+expect 0 "$helio" cache --cache-dir "$temp/nothing"
+expect 2 "$helio" cache --verify --clear
+
 # Comparisons and expectations.
 expect 0 "$helio" compare "$temp/a.png" "$temp/a.png" --fail-below 100
 expect 1 "$helio" compare "$temp/e-0000.png" "$temp/e-0004.png" --fail-below 100 --diff "$temp/x.png"

@@ -78,6 +78,7 @@ static enum hg_status write_entry(struct hg_store *store, uint32_t number, uint3
     if (status != HG_OK)
         return status;
     uint8_t data[3000];
+    hg_store_label(w, "entry %u", number);
     for (uint32_t i = blocks; status == HG_OK && i-- > 0;) {
         fill_block(data, number, i * 2);
         status = hg_store_write(w, i * 2, data, block_size(number, i * 2), NULL);
@@ -480,6 +481,84 @@ static void test_kill(void **state)
     }
 }
 
+// The folder from outside: what lies there, while somebody has an entry open.
+static void test_list(void **state)
+{
+    (void)state;
+    struct hg_store_info *infos;
+    size_t count;
+    char dir[96];
+    snprintf(dir, sizeof dir, "%s/a/store", folder);
+    struct hg_store *store = open_store(0);
+    struct hg_store_entry *e;
+    const struct hg_store_key key = key_of(1);
+    for (uint32_t i = 0; i < 3; i++)
+        assert_int_equal(write_entry(store, i, 4 + i), HG_OK);
+    assert_int_equal(hg_store_find(store, &key, &e, NULL), HG_OK);
+    assert_int_equal(hg_store_list(dir, &infos, &count, NULL), HG_OK);
+    assert_int_equal(count, 3);
+    for (size_t i = 0; i < count; i++) {
+        unsigned number = 9;
+        assert_int_equal(sscanf(infos[i].label, "entry %u", &number), 1);
+        const struct hg_store_key right = key_of(number);
+        assert_memory_equal(&infos[i].key, &right, sizeof right);
+        assert_int_equal(infos[i].blocks, (4 + number) * 2 - 1);
+        assert_int_equal(infos[i].is_open, number == 1);
+        assert_false(infos[i].is_damaged);
+        assert_true(i == 0 || infos[i].used_s >= infos[i - 1].used_s);
+        assert_int_equal(hg_store_verify(dir, &infos[i].key, NULL), HG_OK);
+    }
+    hg_free(infos);
+    uint32_t removed;
+    uint64_t bytes;
+    assert_int_equal(hg_store_clear(dir, &removed, &bytes, NULL), HG_OK);
+    assert_int_equal(removed, 2);
+    assert_true(bytes > 0);
+    assert_int_equal(read_entry(store, 1, 5), HG_OK);
+    hg_store_entry_close(e);
+    hg_store_close(store);
+    assert_int_equal(hg_store_list("/nowhere/at/all", &infos, &count, NULL), HG_E_NOTFOUND);
+    assert_null(infos);
+}
+
+static void flip_byte(const char *path, long at)
+{
+    FILE *f = fopen(path, "r+b");
+    assert_non_null(f);
+    assert_int_equal(fseek(f, at, at < 0 ? SEEK_END : SEEK_SET), 0);
+    const int byte = fgetc(f);
+    assert_int_equal(fseek(f, -1, SEEK_CUR), 0);
+    assert_int_equal(fputc(byte ^ 1, f), byte ^ 1);
+    assert_int_equal(fclose(f), 0);
+}
+
+// Listing says that a table is damaged and deletes nothing; verifying finds blocks too.
+static void test_verify(void **state)
+{
+    (void)state;
+    struct hg_store *store = open_store(0);
+    char hex[HG_SHA256_HEX], dir[96], path[4096];
+    snprintf(dir, sizeof dir, "%s/a/store", folder);
+    for (uint32_t i = 0; i < 2; i++) { // in a block; in the label
+        struct hg_store_info *infos;
+        size_t count;
+        const struct hg_store_key key = key_of(i);
+        assert_int_equal(write_entry(store, i, 4), HG_OK);
+        hg_sha256_hex(key.hash, hex);
+        snprintf(path, sizeof path, "%s/%s.hgs", dir, hex);
+        flip_byte(path, i == 0 ? 70 : -42);
+        assert_int_equal(hg_store_list(dir, &infos, &count, NULL), HG_OK);
+        assert_int_equal(count, 1);
+        assert_int_equal(infos[0].is_damaged, i == 1);
+        assert_int_equal(infos[0].label[0] == 0, i == 1);
+        hg_free(infos);
+        assert_int_equal(hg_store_verify(dir, &key, NULL), HG_E_HASH);
+        assert_int_equal(count_files(".hgs"), 0);
+        assert_int_equal(hg_store_verify(dir, &key, NULL), HG_E_NOTFOUND);
+    }
+    hg_store_close(store);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
@@ -487,6 +566,6 @@ int main(void)
         TEST(test_writer_rules), TEST(test_damage), TEST(test_damage_while_open),
         TEST(test_wrong_name), TEST(test_eviction), TEST(test_folder_goes_away),
         TEST(test_no_folder), TEST(test_full_disk), TEST(test_no_memory), TEST(test_processes),
-        TEST(test_kill)};
+        TEST(test_kill), TEST(test_list), TEST(test_verify)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,7 +9,7 @@ Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
     down        rooms of floor 2 include each other only downhill: scene < texture < geometry < light < trace
     apart       broker, worker and client meet only in the protocol; client and broker do not
-                include the renderer
+                include the renderer (but for the client its store, which is only files)
     pass        a pass includes another pass
     vulkan      Vulkan headers outside renderer/, also through headers of the project
     socket      socket headers outside server/ and client/
@@ -40,7 +40,7 @@ APART = {
     "server": {"server"},
     "server/broker": {"server", "server/broker"},
     "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
-    "client": {"client"},
+    "client": {"client", "renderer/store"},  # files that programs share (helio cache)
 }
 CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/draco.cpp"}
 SCANNED = ("base", "protocol", "renderer", "server", "client", "shaders")
