@@ -138,6 +138,14 @@ struct hg_pick {
 enum hg_status hg_view_pick(struct hg_view *view, uint32_t x, uint32_t y, struct hg_pick *out,
     struct hg_error *err) HG_MUST_CHECK;
 
+// What is baked in the background: of textures all that the renderer has begun, of meshes the parts
+// of this view's scene that are still to come.
+struct hg_baking {
+    uint64_t texels_done, texels_total;
+    uint32_t mesh_parts;
+};
+void hg_view_baking(struct hg_view *view, struct hg_baking *out);
+
 // One JSON object with the keys of docs/client.md (--stats); view may be NULL.
 enum hg_status hg_renderer_stats_json(
     struct hg_renderer *renderer, struct hg_view *view, char **text) HG_MUST_CHECK;

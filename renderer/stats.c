@@ -146,6 +146,17 @@ static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
     hg_json_put(w, "]");
 }
 
+void hg_view_baking(struct hg_view *view, struct hg_baking *out)
+{
+    struct hg_page_cache *pages = view->renderer->context.pages;
+    struct hg_page_sources_stats s = {0};
+    struct hg_geometry_stats g;
+    if (pages != NULL)
+        hg_page_sources_stats(hg_page_cache_sources(pages), &s);
+    hg_geometry_stats(view->state.rooms->geometry, &g);
+    *out = (struct hg_baking){s.bake_texels_done, s.bake_texels_total, g.baking};
+}
+
 enum hg_status hg_renderer_stats_json(
     struct hg_renderer *renderer, struct hg_view *view, char **text)
 {

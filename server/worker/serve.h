@@ -27,6 +27,9 @@ struct frame_wait {
     uint8_t quality;
     uint64_t progress_sent_ns;
     uint32_t most_missing; // pages and clusters, since it was asked for
+    uint32_t most_baking;  // mesh parts
+    uint64_t baked_before; // texels, when it was asked for; `began` then
+    bool began;
 };
 
 struct view_slot {

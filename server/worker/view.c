@@ -296,6 +296,34 @@ static enum hg_status queue_frame(struct serve *s, struct session *session, stru
     return HG_OK;
 }
 
+static void send_stage(struct serve *s, struct session *session, struct frame_wait *wait,
+    const struct hgp_progress *progress)
+{
+    link_send_lossy(s->w, session->channel, wait->request, HGP_T_progress, progress);
+}
+
+// Bakes in the background, as long as they run; counted since the frame was asked for.
+static void send_baking(
+    struct serve *s, struct session *session, struct view_slot *view, struct frame_wait *wait)
+{
+    struct hg_baking b;
+    hg_view_baking(view->view, &b);
+    if (!wait->began)
+        wait->baked_before = b.texels_done;
+    wait->began = true;
+    wait->most_baking = b.mesh_parts > wait->most_baking ? b.mesh_parts : wait->most_baking;
+    if (b.texels_done < b.texels_total)
+        send_stage(s, session, wait,
+            &(struct hgp_progress){.stage = hgp_str_make("baking textures"),
+                .done = b.texels_done - wait->baked_before,
+                .total = b.texels_total - wait->baked_before});
+    if (b.mesh_parts > 0)
+        send_stage(s, session, wait,
+            &(struct hgp_progress){.stage = hgp_str_make("baking meshes"),
+                .done = wait->most_baking - b.mesh_parts,
+                .total = wait->most_baking});
+}
+
 static void send_progress(
     struct serve *s, struct session *session, struct view_slot *view, struct frame_wait *wait)
 {
@@ -305,6 +333,7 @@ static void send_progress(
     if (now - wait->progress_sent_ns < PROGRESS_NS)
         return;
     wait->progress_sent_ns = now;
+    send_baking(s, session, view, wait);
     struct hgp_progress progress = {.stage = hgp_str_make("samples"),
         .done = view->info.samples,
         .total = view->params.samples ? view->params.samples : 32};
@@ -312,7 +341,7 @@ static void send_progress(
         progress = (struct hgp_progress){.stage = hgp_str_make("streaming"),
             .done = wait->most_missing - missing,
             .total = wait->most_missing};
-    link_send_lossy(s->w, session->channel, wait->request, HGP_T_progress, &progress);
+    send_stage(s, session, wait, &progress);
 }
 
 static void answer_waits(struct serve *s, struct session *session, struct view_slot *view)

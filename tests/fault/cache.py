@@ -3,7 +3,7 @@
 nothing crashes, the next run heals.
 
   cache.py --bin BUILD/bin [--kills N] [CASE ...]
-      cases: kill damage vanish full nospace tmpfs replace exchange budget
+      cases: kill damage vanish full nospace tmpfs replace exchange budget progress
 """
 import argparse
 import json
@@ -233,6 +233,20 @@ class Test:
         os.remove(f"{self.cache}/store")
         self.same("the next run", cache=self.cache)
 
+    # Bakes in the background are seen while a picture is made.
+    def case_progress(self):
+        for samples in (64, 256, 1024, 4096):
+            shutil.rmtree(self.cache, ignore_errors=True)
+            words = self.words(f"{self.folder}/progress", cache=self.cache,
+                               more=("--progress", "json", "--samples", str(samples)))
+            lines = [json.loads(l) for l in self.run(*words)[2].splitlines() if l.startswith("{")]
+            baking = [l for l in lines if l["stage"] == "baking textures"]
+            if any(l["done"] > l["total"] for l in lines if l["total"]):
+                raise Failure(f"more is done than there is: {lines}")
+            if any(0 < l["done"] for l in baking):
+                return
+        raise Failure(f"no bake was seen: {sorted({l['stage'] for l in lines})}")
+
     # A disk with so many bytes in all, seen by every process that is started with `how`.
     def check_full_disk(self, bytes_in_all, how, free):
         self.same(f"a disk of {bytes_in_all} bytes", cache=self.cache, **how)
@@ -381,7 +395,7 @@ def main():
     parser.add_argument("cases", nargs="*")
     args = parser.parse_args()
     cases = args.cases or ["kill", "damage", "vanish", "full", "nospace", "tmpfs", "replace", "exchange",
-                           "budget"]
+                           "budget", "progress"]
     folder = tempfile.mkdtemp(prefix="helio-cache-")
     try:
         test = Test(folder, args.bin, args.kills)
