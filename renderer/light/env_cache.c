@@ -6,6 +6,7 @@
 #include "base/bytes.h"
 
 #define CACHE_VERSION 4u // raise with every change of the filters or of the layout
+#define SKY_VERSION   1u // or of the sky's model
 
 static size_t level_bytes(const struct hg_environment_map *map, uint32_t level)
 {
@@ -82,6 +83,50 @@ enum hg_status hg_env_cache_write(struct hg_store *store, const uint8_t key[32],
     if (!status)
         status =
             hg_store_write(writer, HG_ENVIRONMENT_LEVELS, map->irradiance, irradiance_bytes, err);
+    if (!status)
+        return hg_store_commit(writer, err);
+    hg_store_abort(writer);
+    return status;
+}
+
+// --- skies ---------------------------------------------------------------------------------------
+
+static enum hg_status make_sky_key(
+    const uint8_t content[32], uint32_t width, uint32_t height, struct hg_store_key *out)
+{
+    struct hg_writer w = {0};
+    hg_write_bytes(&w, content, 32);
+    hg_write_u32(&w, width);
+    hg_write_u32(&w, height);
+    enum hg_status status =
+        w.failed ? HG_E_NOMEM : hg_store_key("sky", SKY_VERSION, w.data, w.size, out);
+    hg_writer_finish(&w);
+    return status;
+}
+
+uint16_t *hg_env_cache_read_sky(
+    struct hg_store *store, const uint8_t key[32], uint32_t width, uint32_t height)
+{
+    struct hg_store_key name;
+    struct hg_store_entry *entry;
+    if (make_sky_key(key, width, height, &name) || hg_store_find(store, &name, &entry, NULL))
+        return NULL;
+    uint16_t *texels = read_block(entry, 0, (size_t)width * height * 8);
+    hg_store_entry_close(entry);
+    return texels;
+}
+
+enum hg_status hg_env_cache_write_sky(struct hg_store *store, const uint8_t key[32], uint32_t width,
+    uint32_t height, const uint16_t *texels, struct hg_error *err)
+{
+    struct hg_store_key name;
+    struct hg_store_writer *writer;
+    if (make_sky_key(key, width, height, &name))
+        return hg_error_set(err, HG_E_NOMEM, "sky cache", NULL, "no memory");
+    enum hg_status status = hg_store_begin(store, &name, &writer, err);
+    if (status)
+        return status;
+    status = hg_store_write(writer, 0, texels, (size_t)width * height * 8, err);
     if (!status)
         return hg_store_commit(writer, err);
     hg_store_abort(writer);

@@ -15,4 +15,11 @@ bool hg_env_cache_read(struct hg_store *store, const uint8_t key[32], uint32_t i
 enum hg_status hg_env_cache_write(struct hg_store *store, const uint8_t key[32],
     uint32_t image_width, const struct hg_environment_map *map, struct hg_error *err) HG_MUST_CHECK;
 
+// The background of a sky that was drawn: width x height RGBA16F. NULL when there is none, else to
+// be freed with hg_free.
+uint16_t *hg_env_cache_read_sky(
+    struct hg_store *store, const uint8_t key[32], uint32_t width, uint32_t height) HG_MUST_CHECK;
+enum hg_status hg_env_cache_write_sky(struct hg_store *store, const uint8_t key[32], uint32_t width,
+    uint32_t height, const uint16_t *texels, struct hg_error *err) HG_MUST_CHECK;
+
 #endif

@@ -2,7 +2,9 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "base/sha256.h"
+#include "renderer/light/env_cache.h"
 #include "renderer/light/environment.h"
 #include "renderer/light/sky.h"
 #include "renderer/light/vec.h"
@@ -73,12 +75,19 @@ static void half_row(void *user, size_t row)
     }
 }
 
-// The background, halved until the device takes it.
-static enum hg_status upload_radiance(struct hg_gpu *gpu, const struct hg_image *image,
-    struct hg_jobs *jobs, struct hg_gpu_image *out, struct hg_error *err)
+// The background as the device gets it.
+struct radiance {
+    uint16_t *texels; // RGBA16F
+    uint32_t width, height;
+};
+
+// Halved until the device takes it.
+static enum hg_status make_radiance(struct hg_gpu *gpu, const struct hg_image *image,
+    struct hg_jobs *jobs, struct radiance *out, struct hg_error *err)
 {
     const uint32_t limit = hg_gpu_get_caps(gpu)->max_image_side_px;
     struct half_rows rows = {image, NULL, 1, image->width};
+    *out = (struct radiance){0};
     while (image->width / rows.step > limit || image->height / rows.step > limit)
         rows.step *= 2;
     rows.width = image->width / rows.step;
@@ -87,18 +96,24 @@ static enum hg_status upload_radiance(struct hg_gpu *gpu, const struct hg_image 
     if (!rows.out)
         return hg_error_set(err, HG_E_NOMEM, "environment", NULL, "no memory for its image");
     hg_jobs_for(jobs, height, half_row, &rows);
+    *out = (struct radiance){rows.out, rows.width, height};
+    return HG_OK;
+}
+
+static enum hg_status upload_radiance(struct hg_gpu *gpu, const struct radiance *radiance,
+    struct hg_gpu_image *out, struct hg_error *err)
+{
     struct hg_gpu_image_params params = {.kind = HG_GPU_IMAGE_2D,
         .format = VK_FORMAT_R16G16B16A16_SFLOAT,
-        .width = rows.width,
-        .height = height,
+        .width = radiance->width,
+        .height = radiance->height,
         .name = "environment radiance"};
-    struct hg_gpu_region region = {.width = rows.width, .height = height};
+    struct hg_gpu_region region = {.width = radiance->width, .height = radiance->height};
     enum hg_status status = hg_gpu_image_create(gpu, &params, out, err);
     if (!status)
-        status = hg_gpu_image_upload(gpu, out, &region, rows.out, 0, err);
+        status = hg_gpu_image_upload(gpu, out, &region, radiance->texels, 0, err);
     if (status)
         hg_gpu_image_destroy(gpu, out);
-    hg_free(rows.out);
     return status;
 }
 
@@ -145,15 +160,14 @@ static void release(struct hg_env_device *env, struct hg_gpu *gpu)
 
 // Replaces what is on the device; keeps it on failure.
 static enum hg_status upload(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment_map *map, const struct hg_image *image, struct hg_jobs *jobs,
-    struct hg_error *err)
+    const struct hg_environment_map *map, const struct radiance *radiance, struct hg_error *err)
 {
     struct hg_env_device next = *env;
     next.specular = next.radiance = (struct hg_gpu_image){0};
     next.irradiance = (struct hg_gpu_buffer){0};
     enum hg_status status = upload_specular(gpu, map, &next.specular, err);
     if (!status)
-        status = upload_radiance(gpu, image, jobs, &next.radiance, err);
+        status = upload_radiance(gpu, radiance, &next.radiance, err);
     if (!status)
         status = upload_irradiance(gpu, map, &next.irradiance, err);
     if (status) {
@@ -206,26 +220,60 @@ void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu)
     *env = (struct hg_env_device){0};
 }
 
-static enum hg_status make_and_upload(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_image *image, const uint8_t key[32], struct hg_jobs *jobs,
-    struct hg_store *store, struct hg_error *err)
+// What an environment is on the host, before it is uploaded.
+struct made {
+    struct hg_environment_map map;
+    struct radiance radiance;
+    bool cached;
+};
+
+static void made_finish(struct made *made)
 {
-    struct hg_environment_map map = {0};
-    uint64_t begin = hg_clock_now_ns();
-    bool cached = false;
-    enum hg_status status = hg_environment_map_load(&map, image, key, store, jobs, &cached);
+    hg_environment_map_finish(&made->map);
+    hg_free(made->radiance.texels);
+    *made = (struct made){0};
+}
+
+static enum hg_status make(struct hg_gpu *gpu, const struct hg_image *image, const uint8_t key[32],
+    struct hg_jobs *jobs, struct hg_store *store, struct made *out, struct hg_error *err)
+{
+    enum hg_status status =
+        hg_environment_map_load(&out->map, image, key, store, jobs, &out->cached);
     if (status)
         return hg_error_set(err, status, "environment", NULL, "could not be prefiltered");
-    uint64_t spent = hg_clock_now_ns() - begin;
-    status = upload(env, gpu, &map, image, jobs, err);
-    hg_environment_map_finish(&map);
-    if (status)
-        return status;
-    memcpy(env->key, key, 32);
-    env->has_key = true;
-    env->prefilter_ns = spent;
-    env->from_cache = cached;
-    return HG_OK;
+    return make_radiance(gpu, image, jobs, &out->radiance, err);
+}
+
+// A sky whose light and background are both in the store is not drawn at all.
+static bool find_sky(struct hg_store *store, const uint8_t key[32], struct made *out)
+{
+    if (!store)
+        return false;
+    out->radiance =
+        (struct radiance){hg_env_cache_read_sky(store, key, HG_SKY_WIDTH, HG_SKY_HEIGHT),
+            HG_SKY_WIDTH, HG_SKY_HEIGHT};
+    out->cached = out->radiance.texels && hg_env_cache_read(store, key, HG_SKY_WIDTH, &out->map);
+    if (!out->cached)
+        made_finish(out);
+    return out->cached;
+}
+
+static enum hg_status make_sky(struct hg_gpu *gpu, const struct hg_sky *sky, const uint8_t key[32],
+    struct hg_jobs *jobs, struct hg_store *store, struct made *out, struct hg_error *err)
+{
+    if (find_sky(store, key, out))
+        return HG_OK;
+    struct hg_image drawn = {0};
+    struct hg_error refused = {0};
+    if (hg_sky_render(sky, jobs, &drawn))
+        return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
+    enum hg_status status = make(gpu, &drawn, key, jobs, store, out, err);
+    hg_image_finish(&drawn);
+    const struct radiance *r = &out->radiance;
+    if (!status && store && r->width == HG_SKY_WIDTH &&
+        hg_env_cache_write_sky(store, key, r->width, r->height, r->texels, &refused))
+        hg_debug(LIGHT, "sky not kept: %s: %s", refused.what, refused.reason);
+    return status;
 }
 
 enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
@@ -239,6 +287,7 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
     if (source->kind == HG_ENV_IMAGE &&
         (!source->image.pixels || source->image.format != HG_PIXEL_RGBA32F))
         return hg_error_set(err, HG_E_INVAL, "environment", "image", "has no float pixels");
+    const uint64_t begin = hg_clock_now_ns();
     struct hg_sky sky = sky_of(source, has_sun);
     uint8_t key[32];
     enum hg_status status = content_key(source, &sky, key);
@@ -248,16 +297,19 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
         env->kind = HG_ENV_KIND_IMAGE;
         return HG_OK;
     }
-    struct hg_image drawn = {0};
-    if (source->kind == HG_ENV_SKY) {
-        status = hg_sky_render(&sky, jobs, &drawn);
-        if (status)
-            return hg_error_set(err, status, "sky", NULL, "no memory");
+    struct made made = {0};
+    status = source->kind == HG_ENV_SKY ? make_sky(gpu, &sky, key, jobs, store, &made, err)
+                                        : make(gpu, &source->image, key, jobs, store, &made, err);
+    if (!status) {
+        env->prefilter_ns = hg_clock_now_ns() - begin;
+        status = upload(env, gpu, &made.map, &made.radiance, err);
     }
-    const struct hg_image *image = source->kind == HG_ENV_SKY ? &drawn : &source->image;
-    status = make_and_upload(env, gpu, image, key, jobs, store, err);
-    if (!status)
+    if (!status) {
+        memcpy(env->key, key, 32);
+        env->has_key = true;
+        env->from_cache = made.cached;
         env->kind = HG_ENV_KIND_IMAGE;
-    hg_image_finish(&drawn);
+    }
+    made_finish(&made);
     return status;
 }

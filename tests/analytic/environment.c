@@ -367,6 +367,40 @@ static void test_cache(void **state)
     hg_jobs_destroy(jobs);
 }
 
+// The background of a sky comes back as it was, for its own key and size, and not when it is damaged.
+static void test_sky_cache(void **state)
+{
+    (void)state;
+    enum { WIDTH = 64, HEIGHT = 32 };
+    char folder[TEST_FOLDER_MAX], path[512];
+    static uint16_t texels[WIDTH * HEIGHT * 4];
+    struct hg_error err = {0};
+    struct hg_store *store;
+    uint8_t key[32] = {1}, other[32] = {2}, *data;
+    size_t size;
+    for (size_t i = 0; i < WIDTH * HEIGHT * 4; i++)
+        texels[i] = (uint16_t)(i * 7);
+    assert_true(test_folder_make(folder, "sky"));
+    assert_int_equal(hg_store_open(&(struct hg_store_params){.dir = folder}, &store, &err), HG_OK);
+    assert_null(hg_env_cache_read_sky(store, key, WIDTH, HEIGHT));
+    assert_int_equal(hg_env_cache_write_sky(store, key, WIDTH, HEIGHT, texels, &err), HG_OK);
+    uint16_t *read = hg_env_cache_read_sky(store, key, WIDTH, HEIGHT);
+    assert_non_null(read);
+    assert_memory_equal(read, texels, sizeof texels);
+    hg_free(read);
+    assert_null(hg_env_cache_read_sky(store, other, WIDTH, HEIGHT));
+    assert_null(hg_env_cache_read_sky(store, key, HEIGHT, WIDTH));
+    find_entry(folder, path, sizeof path);
+    assert_int_equal(hg_file_read(path, 1u << 30, &data, &size, &err), HG_OK);
+    data[size / 2] ^= 1;
+    assert_int_equal(hg_file_write_atomic(path, data, size, &err), HG_OK);
+    assert_null(hg_env_cache_read_sky(store, key, WIDTH, HEIGHT));
+    hg_free(data);
+    unlink(path);
+    rmdir(folder);
+    hg_store_close(store);
+}
+
 static double sky_luminance(const struct hg_image *image, double phi, double theta)
 {
     uint32_t x = (uint32_t)((phi / (2 * PI) + 0.5) * image->width) % image->width;
@@ -494,6 +528,7 @@ int main(void)
         cmocka_unit_test(test_prefilter),
         cmocka_unit_test(test_constant_image),
         cmocka_unit_test(test_cache),
+        cmocka_unit_test(test_sky_cache),
         cmocka_unit_test(test_sky),
         cmocka_unit_test(test_sky_is_as_blue_as_published),
     };
