@@ -34,7 +34,7 @@ struct run {
     struct hg_renderer *renderers[SIDES];
     struct hg_bench_view views[SIDES];
     struct hg_bench_times frames[SIDES], teleports;
-    uint64_t missing_frames; // of the flight, streamed
+    uint64_t missing_frames, missing_pages; // of the flight, streamed
     uint32_t stills_same;
     double still_max; // largest difference of stills, 0..1
     struct hg_textures_stats streamed;
@@ -133,8 +133,10 @@ static enum hg_status fly(struct run *run, struct hg_error *err)
         status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
         if (status == HG_OK && hg_bench_times_add(&run->frames[side], ns) != HG_OK)
             status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
-        if (side == STREAMED)
+        if (side == STREAMED) {
             run->missing_frames += run->views[side].info.missing_pages > 0;
+            run->missing_pages += run->views[side].info.missing_pages;
+        }
         if (status == HG_OK)
             status = step_done(run, err);
     }
@@ -300,8 +302,9 @@ static void put_flight(const struct run *run, struct hg_writer *w)
     hg_bench_put_times(w, "streamed_ms", &run->frames[STREAMED]);
     hg_json_put(w, ",");
     hg_bench_put_times(w, "resident_ms", &run->frames[RESIDENT]);
-    hg_json_put(w, ",\"frames\":%u,\"frames_missing\":%llu,", run->frames[STREAMED].count,
-        (unsigned long long)run->missing_frames);
+    hg_json_put(w, ",\"frames\":%u,\"frames_missing\":%llu,\"pages_missing\":%llu,",
+        run->frames[STREAMED].count, (unsigned long long)run->missing_frames,
+        (unsigned long long)run->missing_pages);
     hg_bench_put_times(w, "teleport_ms", &run->teleports);
 }
 

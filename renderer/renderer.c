@@ -60,6 +60,7 @@ static enum hg_status init(
         return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "no threads or no memory");
     status = hg_gpu_create(&gpu, &r->gpu, err);
     const char *culling = getenv("HELIO_CULLING"), *tables = getenv("HELIO_GPU_TABLES");
+    const char *ahead = getenv("HELIO_PREFETCH");
     r->context = (struct hg_frame_context){.gpu = r->gpu,
         .jobs = r->jobs,
         .cache_dir = r->cache_dir,
@@ -67,6 +68,7 @@ static enum hg_status init(
         .geometry_budget_bytes = params->geometry_budget_bytes,
         .host_budget_bytes = params->host_budget_bytes,
         .store = r->store,
+        .no_ahead = ahead != NULL && strcmp(ahead, "off") == 0,
         .no_culling = culling != NULL && strcmp(culling, "off") == 0,
         .no_tables = tables != NULL && strcmp(tables, "off") == 0};
     return status;

@@ -20,7 +20,7 @@ _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block
 // Of the picture that is drawn now: only to find out what is needed, a smaller one does.
 static VkExtent2D size_of(const struct hg_view_state *view)
 {
-    const uint32_t less = view->stream.finding ? HG_STREAM_FIND_SMALLER : 1;
+    const uint32_t less = view->stream.finding > 0 ? view->stream.finding : 1;
     const uint32_t width = view->settings.width / less, height = view->settings.height / less;
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
@@ -54,8 +54,8 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
     const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
     hg_textures_fill(view->rooms->textures, mode, out);
     s->run = s->run % HG_PROGRESS_RUNS + 1;
-    if (s->finding) // a smaller picture with the texels of the whole one
-        out->bias = -log2f(HG_STREAM_FIND_SMALLER);
+    if (s->finding > 0) // a smaller picture with the texels of the whole one
+        out->bias -= log2f((float)s->finding);
     out->mode = mode;
     out->run = s->run;
     out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
@@ -181,7 +181,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
-    pass.find = view->stream.finding;
+    pass.find = view->stream.finding > 0;
     if (pass.find)
         pass.area.extent = size_of(view);
     else if (view->stream.exact && view->stream.area_count > 0)
@@ -244,7 +244,7 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view)
         .wait = view->wait,
         .both_sides = off,
         .numbered = true,
-        .history = !off && view->settings.debug == 0 && !view->stream.finding};
+        .history = !off && view->settings.debug == 0 && view->stream.finding == 0};
     look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
     float m[16];
     memcpy(m, camera->view_proj.m, sizeof m);
@@ -449,4 +449,28 @@ enum hg_status hg_frame_record_shadows(
 {
     const enum hg_status status = cull(view, err); // chooses what casts as well
     return status == HG_OK ? record_shadows(view, cmd, err) : status;
+}
+
+// Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
+enum hg_status hg_frame_record_ahead(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    hg_frame_fill(view, 0, true, 0);
+    const struct hg_visible_view look = camera_view(view);
+    hg_visible_reset(view->visible);
+    enum hg_status status =
+        hg_visible_add(view->visible, view->rooms->geometry, &look, view->context->jobs, err);
+    if (status == HG_OK)
+        status = hg_visible_upload(view->visible, view->context->jobs, err);
+    if (status != HG_OK)
+        return status;
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const struct hg_visibility_scene scene = {view->visible, 0};
+    status = hg_visibility_record(&pass, &scene, &target, err);
+    const struct hg_shade shade = {.visibility = &view->visibility,
+        .depth = &view->depth,
+        .target = &view->accumulated,
+        .clear = true};
+    return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }

@@ -21,6 +21,7 @@ struct hg_frame_context {
     struct hg_page_cache *pages; // of all scenes; made on first use
     struct hg_rooms *rooms;      // list of all scenes in use
     uint32_t bake_from;          // as of struct hg_geometry_params
+    bool no_ahead;               // read no page before it is missing, for comparisons
     bool no_culling;             // draw everything, for tests
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };

@@ -257,9 +257,9 @@ enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error
     enum hg_status status = start_exact(view, 0, err);
     if (status != HG_OK)
         return status;
-    s->finding = true;
+    s->finding = HG_STREAM_FIND_SMALLER;
     status = run_batch(view, 1, false, &demand, err);
-    s->finding = false;
+    s->finding = 0;
     if (status == HG_OK)
         status = start_exact(view, 0, err); // none of it counts
     s->has_fallback = false;                // that would be a picture of the past

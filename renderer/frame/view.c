@@ -119,6 +119,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
     hg_gpu_buffer_destroy(gpu, &view->layers_full);
+    hg_ahead_finish(gpu, &view->ahead);
     hg_visible_destroy(view->visible);
     hg_lighting_destroy(view->lighting);
     hg_rooms_unref(view->context, view->rooms);
@@ -258,7 +259,9 @@ static enum hg_status draw_shown(
     hg_frame_note_drawn(view, count);
     view->samples += count;
     view->number++;
-    return hg_stream_shown(view, err);
+    status = hg_stream_shown(view, err);
+    const bool moves = changed && max_samples == 1 && view->settings.debug == 0;
+    return status == HG_OK && moves ? hg_ahead_draw(view, err) : status;
 }
 
 // A new state. What nobody looks at yet is not drawn with coarser texels first.

@@ -4,6 +4,7 @@
 #define HG_RENDERER_FRAME_VIEW_H
 
 #include "base/refbuf.h"
+#include "renderer/frame/ahead.h"
 #include "renderer/frame/camera.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/rooms.h"
@@ -69,6 +70,7 @@ struct hg_view_state {
     struct hg_visible *visible;       // set 0: the camera; then stale shadow maps
     struct hg_gpu_frame frame;        // of the newest sample
     struct hg_stream stream;
+    struct hg_ahead ahead;
 
     uint64_t number; // frames that changed something
     uint32_t samples;
@@ -120,6 +122,9 @@ enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cm
 // After the batch: how much it drew; whether it had too few layers, and then how many the next one
 // peels.
 void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
+// Only what its pixels ask of textures counts; the camera is the one that the view has now.
+enum hg_status hg_frame_record_ahead(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else.
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;

@@ -11,6 +11,7 @@
 #define PRESSED_FRAMES 3  // in which something found no slot: then the bias rises
 #define RELAXED_FRAMES 30 // in which much less would do: then it falls
 #define WAIT_STEP_NS   4000000u
+#define AHEAD_WEIGHT   1e-4f // what no picture lacks yet goes behind what one lacks
 
 // --- uploads -------------------------------------------------------------------------------------
 
@@ -286,14 +287,16 @@ void hg_page_cache_end(struct hg_page_cache *c, struct hg_gpu_cmd *cmd)
 }
 
 struct tally {
+    float weight;         // of requests
+    uint32_t most[POOLS]; // requests to be made
     uint32_t missing;
     uint32_t needed[POOLS]; // pages that unfinished pixels need, tails aside
 };
 
 // A page that is not there: asked for by its coverage times the mips that are missing; so are some
 // of its ancestors when many mips are missing, because they are there sooner and serve more pixels.
-static void ask(struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry, uint32_t count,
-    bool ancestors)
+static void ask(
+    struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry, float weight, bool ancestors)
 {
     struct hg_residency *r = c->residency[set->pool];
     struct page_place place;
@@ -306,13 +309,13 @@ static void ask(struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry
     const uint32_t tail = set->info->layout.tail;
     const bool nothing = gap == HG_PAGE_NOTHING;
     gap = nothing ? tail - place.mip + 1 : gap;
-    hg_residency_request(r, entry, (float)count * (float)gap);
+    hg_residency_request(r, entry, weight * (float)gap);
     for (uint32_t up = 1; ancestors && up < gap; up++) {
         if (!hg_page_table_parent(set, &place, &place))
             break;
         if (up % 3 == 2 || place.mip == tail)
             hg_residency_request(
-                r, hg_page_table_entry(set, &place), (float)count * (float)(gap + 8 * up));
+                r, hg_page_table_entry(set, &place), weight * (float)(gap + 8 * up));
     }
 }
 
@@ -326,9 +329,10 @@ static void collect_entry(struct hg_page_cache *c, struct hg_page_set *set, uint
     if (resident) {
         hg_residency_use(
             c->residency[set->pool], hg_pool_slot(&c->pools[set->pool], found & HG_PAGE_SLOT_MASK));
-    } else if (counts[0] > 0) {
+    } else if (counts[0] > 0 && tally->most[set->pool] > 0) {
         tally->missing++;
-        ask(c, set, entry, counts[0], mode == HG_PAGES_SHOW);
+        tally->most[set->pool]--;
+        ask(c, set, entry, tally->weight * (float)counts[0], mode == HG_PAGES_SHOW);
     }
 }
 
@@ -392,16 +396,26 @@ static void note_missing(struct hg_page_cache *c, uint32_t missing)
     }
 }
 
+// What may be needed takes at most half of what is not in use.
+static void limit_ahead(const struct hg_page_cache *c, struct tally *tally)
+{
+    tally->weight = AHEAD_WEIGHT;
+    for (uint32_t i = 0; i < POOLS; i++)
+        tally->most[i] = hg_residency_available(c->residency[i], HG_RESIDENCY_GENTLE) / 2;
+}
+
 void hg_page_cache_collect(
     struct hg_page_cache *c, enum hg_page_mode mode, struct hg_page_demand *out)
 {
-    struct tally tally = {0};
+    struct tally tally = {.weight = 1.0f, .most = {UINT32_MAX, UINT32_MAX}};
+    if (mode == HG_PAGES_AHEAD)
+        limit_ahead(c, &tally);
     *out = (struct hg_page_demand){.fits = true};
     const bool mapped = c->feedback.mapped != NULL;
     uint32_t *words = mapped ? c->feedback.mapped : c->readback.mapped;
     if (words == NULL)
         return;
-    for (uint32_t i = 0; i < POOLS; i++) {
+    for (uint32_t i = 0; i < POOLS && mode != HG_PAGES_AHEAD; i++) {
         hg_residency_tick(c->residency[i]);
         if (mode == HG_PAGES_EXACT)
             hg_residency_drop_requests(c->residency[i]);
@@ -418,6 +432,8 @@ void hg_page_cache_collect(
     }
     c->asked = true;
     out->missing = tally.missing;
+    if (mode == HG_PAGES_AHEAD)
+        return;
     note_missing(c, tally.missing);
     if (mode == HG_PAGES_SHOW)
         steer_bias(c, &tally);

@@ -335,6 +335,62 @@ static void test_final_no_longer(void **state)
     close_rig(&rig);
 }
 
+static struct hg_ahead_place place(double x, double turn, uint64_t ms)
+{
+    return (struct hg_ahead_place){.eye = {x, 1, 5},
+        .direction = {sin(turn), 0, -cos(turn)},
+        .up = {0, 1, 0},
+        .distance = 2,
+        .ns = 1000000000u + ms * 1000000u};
+}
+
+// A steady camera goes on as it did; one that jumps or stands is not guessed at.
+static void test_prediction(void **state)
+{
+    (void)state;
+    struct hg_view_camera_state c = {0};
+    struct hg_ahead_place steady[3] = {
+        place(1.2, 0.02, 200), place(1.1, 0.01, 100), place(1.0, 0.0, 0)};
+    assert_true(hg_ahead_predict(steady, &c));
+    assert_float_equal(c.eye[0], 1.5, 1e-6); // 300 ms at 1 m/s
+    assert_float_equal(c.eye[1], 1, 1e-6);
+    assert_float_equal((c.target[0] - c.eye[0]) / 2, sin(0.05), 1e-4);
+    struct hg_ahead_place slow[3] = {place(3, 0, 1200), place(2, 0, 600), place(1, 0, 0)};
+    assert_true(hg_ahead_predict(slow, &c)); // two changes, not 300 ms
+    assert_float_equal(c.eye[0], 5, 1e-6);
+    struct hg_ahead_place spin[3] = {
+        place(1, 1.8, 200), place(1, 0.9, 100), place(1, 0, 0)}; // never more than it can know
+    assert_true(hg_ahead_predict(spin, &c));
+    const double turned = atan2(c.target[0] - c.eye[0], -(c.target[2] - c.eye[2]));
+    assert_true(turned > 1.8 && turned < 2.7);
+    struct hg_ahead_place jump[3] = {place(9, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_ahead_predict(jump, &c));
+    struct hg_ahead_place back[3] = {place(1, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_ahead_predict(back, &c));
+    struct hg_ahead_place late[3] = {place(1.2, 0, 9000), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_ahead_predict(late, &c));
+}
+
+// In steady motion it is looked ahead, at the same pictures in the end and within the budget.
+static void test_looking_ahead(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, LEAST);
+    for (int i = 0; i < 1000 && rig.view->state.ahead.drawn < 3; i++) {
+        look(&rig, (float)(i % 100) * 0.05f - 2.5f, 4.0f);
+        step(&rig, 1);
+    }
+    assert_true(rig.view->state.ahead.drawn >= 3);
+    look(&rig, 0, 6.5f);
+    settle(&rig, 2);
+    struct hg_refbuf *after = pixels(&rig);
+    assert_same(unlimited, after);
+    hg_refbuf_unref(after);
+    assert_true(cache_stats(&rig).peak_bytes <= LEAST);
+    close_rig(&rig);
+}
+
 static int finish(void **state)
 {
     (void)state;
@@ -348,6 +404,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_missing_is_told),
         cmocka_unit_test(test_bias_settles), cmocka_unit_test(test_final_is_drawn_once),
-        cmocka_unit_test(test_final_no_longer)};
+        cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_looking_ahead)};
     return cmocka_run_group_tests(tests, NULL, finish);
 }
