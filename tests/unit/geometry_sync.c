@@ -1,0 +1,116 @@
+// geometry_sync.c - what a sync uploads, budgets, and faults in the midst of it.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "geometry_device.h"
+
+static void test_only_what_changed(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_geometry_stats stats;
+    geo_sync(f, s.geometry, s.scene);
+    hg_geometry_stats(s.geometry, &stats);
+    assert_int_equal(stats.parts_uploaded, 1);
+    assert_int_equal(stats.triangles_total, 2 * TRIANGLES);
+    const uint64_t first = stats.uploaded_bytes, shape = hg_geometry_shape_revision(s.geometry);
+    geo_sync(f, s.geometry, s.scene);
+    hg_geometry_stats(s.geometry, &stats);
+    assert_int_equal(stats.uploaded_bytes, 0);
+    assert_int_equal(hg_geometry_shape_revision(s.geometry), shape);
+    s.nodes[0]->translation[1] = 0.5f; // a moved node: one piece of the instance table
+    hg_scene_touch(s.scene, &s.nodes[0]->head);
+    geo_sync(f, s.geometry, s.scene);
+    hg_geometry_stats(s.geometry, &stats);
+    assert_int_equal(stats.parts_uploaded, 0);
+    assert_in_range(stats.uploaded_bytes, 1, 1024);
+    assert_int_equal(hg_geometry_shape_revision(s.geometry), shape + 1);
+    s.mesh->parts[0].positions[0] += 1.0f; // an edited mesh: its part
+    hg_scene_touch(s.scene, &s.mesh->head);
+    geo_sync(f, s.geometry, s.scene);
+    hg_geometry_stats(s.geometry, &stats);
+    assert_int_equal(stats.parts_uploaded, 1);
+    assert_true(stats.uploaded_bytes < first);
+    geo_destroy_scene(&s);
+}
+
+// A budget that is exactly enough works; one mesh more is refused before memory is taken; what was
+// shown before stays.
+static void test_budget(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    geo_sync(f, s.geometry, s.scene);
+    struct hg_geometry_stats stats;
+    struct hg_gpu_memory_stats before, after;
+    hg_geometry_stats(s.geometry, &stats);
+    struct hg_geometry *tight;
+    const struct hg_geometry_params params = {.budget_bytes = stats.used_bytes};
+    geo_check(f, hg_geometry_create(f->gpu, &params, &tight, &f->err));
+    geo_check(f, hg_geometry_sync(tight, s.scene, NULL, &f->err)); // exactly enough
+    geo_add_node(f, s.scene, 3, geo_add_mesh(f, s.scene, 2));
+    hg_scene_publish(s.scene);
+    hg_scene_update(s.scene);
+    hg_gpu_memory_stats(f->gpu, &before);
+    assert_int_equal(hg_geometry_sync(tight, s.scene, NULL, &f->err), HG_E_LIMIT);
+    hg_gpu_memory_stats(f->gpu, &after);
+    assert_int_equal(before.used_bytes, after.used_bytes);
+    assert_non_null(strstr(f->err.what, "geometry budget"));
+    assert_int_equal(tight->draw_count, 2);
+    hg_geometry_destroy(tight);
+    geo_destroy_scene(&s);
+}
+
+// Every allocation and every Vulkan call fails once: a status, what was shown stays, and the next
+// sync succeeds.
+static void test_faults(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    geo_sync(f, s.geometry, s.scene);
+    uint32_t failures = 0;
+    for (int kind = 0; kind < 2; kind++) {
+        enum hg_status status = HG_E_NOMEM;
+        for (uint64_t n = 1; status != HG_OK && n < 200; n++) {
+            s.mesh->parts[0].positions[0] += 1.0f;
+            hg_scene_touch(s.scene, &s.mesh->head);
+            hg_scene_publish(s.scene);
+            hg_scene_update(s.scene);
+            if (kind == 0)
+                hg_alloc_fail_at(n);
+            else
+                hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+            status = hg_geometry_sync(s.geometry, s.scene, NULL, &f->err);
+            hg_alloc_fail_at(0);
+            hg_gpu_fail_at(0, VK_SUCCESS);
+            failures += status != HG_OK;
+            assert_true(status == HG_OK || status == HG_E_NOMEM);
+            assert_int_equal(s.geometry->draw_count, 2);
+            struct hg_draw_info info;
+            assert_true(hg_geometry_draw_info(s.geometry, 1, &info));
+        }
+        assert_int_equal(status, HG_OK);
+        geo_sync(f, s.geometry, s.scene);
+    }
+    assert_true(failures > 8);
+    geo_destroy_scene(&s);
+}
+
+int main(void)
+{
+    hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
+    hg_log_set_level(HG_LOG_WARN);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_only_what_changed),
+        cmocka_unit_test(test_budget), cmocka_unit_test(test_faults)};
+    return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
+}
