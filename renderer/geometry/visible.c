@@ -187,8 +187,11 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
         .first_primitive = HG_CLUSTER_NONE,
         .command = HG_CLUSTER_NONE,
         .numbered = numbered && !d->deformed && d->part->numbered_indices != NULL};
-    if (item.numbered)
-        item.positions = d->part->buffer.address + d->part->numbered_positions_at;
+    if (!item.numbered)
+        return item;
+    item.position_buffer = d->part->buffer.handle;
+    item.position_offset = d->part->numbered_positions_at;
+    item.positions = d->part->buffer.address + item.position_offset;
     return item;
 }
 
@@ -682,6 +685,8 @@ void hg_visible_draw(
         item->index_buffer != VK_NULL_HANDLE ? item->index_buffer : v->indices.handle;
     vkCmdBindIndexBuffer(handle, indices, item->command == HG_CLUSTER_NONE ? item->index_offset : 0,
         VK_INDEX_TYPE_UINT32);
+    if (item->numbered)
+        vkCmdBindVertexBuffers(handle, 0, 1, &item->position_buffer, &item->position_offset);
     if (item->command == HG_CLUSTER_NONE)
         vkCmdDrawIndexed(handle, item->index_count, item->draw_count, 0, 0, item->first_draw);
     else

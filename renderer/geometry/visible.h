@@ -52,11 +52,14 @@ struct hg_visible_item {
     VkBuffer index_buffer;                              // NULL: of this frame
     uint64_t index_offset;                              // bytes
     VkDeviceAddress positions, vertices, extra;
+    VkBuffer position_buffer; // of numbered items
+    uint64_t position_offset; // bytes
     uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
     uint32_t chunk, first_copy, copy_count; // private
     uint32_t command;                       // indirect draw; HG_CLUSTER_NONE: none
-    bool
-        numbered; // the first corner of a triangle is its number, `positions` are those of the list
+    // The first corner of a triangle is its number; positions are those of that list, and in
+    // position_buffer. hg_visible_draw binds it as vertex buffer 0.
+    bool numbered;
 };
 
 struct hg_visible_set {

@@ -27,9 +27,12 @@ struct style {
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features)
 {
+    const bool numbered = (style->item & NUMBERED) != 0;
+    const char *vertex = numbered ? "visibility_numbered.vert" : "visibility.vert";
     if (style->variant == OVERDRAW) {
         return (struct hg_gpu_pipeline_params){
-            .vertex = "visibility.vert",
+            .vertex = vertex,
+            .positions = numbered,
             .fragment = "overdraw.frag",
             .spec = {0, tables, features},
             .spec_count = 3,
@@ -43,8 +46,9 @@ static struct hg_gpu_pipeline_params pipeline_of(
         {"visibility_alpha.frag", "visibility_alpha_numbered.frag"}};
     const bool textured = style->variant != SOLID, late = (style->item & LATE) != 0;
     return (struct hg_gpu_pipeline_params){
-        .vertex = "visibility.vert",
-        .fragment = fragments[textured][(style->item & NUMBERED) != 0],
+        .vertex = vertex,
+        .positions = numbered,
+        .fragment = fragments[textured][numbered],
         .spec = {textured ? (uint32_t)style->variant : 0, tables, features, style->item},
         .spec_count = 4,
         .colors = {HG_VISIBILITY_FORMAT},
@@ -71,6 +75,15 @@ struct manner {
     bool late;
 };
 
+static void push_item(struct hg_pass *pass, const struct hg_visible *visible,
+    const struct hg_visible_item *item, uint32_t width)
+{
+    struct hg_gpu_item push;
+    hg_visible_fill(visible, item, &push);
+    push.width = width;
+    hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+}
+
 static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *visible,
     uint32_t first, uint32_t end, const struct manner *manner, struct hg_error *err)
 {
@@ -91,12 +104,11 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *
             return status;
         if (pipeline != bound)
             vkCmdBindPipeline(cmd, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
-        bound = pipeline;
         set_culling(cmd, item->flags);
-        struct hg_gpu_item push;
-        hg_visible_fill(visible, item, &push);
-        push.width = manner->width;
-        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+        // Numbered ones read what is the same for all.
+        if (pipeline != bound || !item->numbered)
+            push_item(pass, visible, item, manner->width);
+        bound = pipeline;
         hg_visible_draw(visible, pass->cmd, item);
     }
     return HG_OK;
