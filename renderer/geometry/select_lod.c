@@ -179,3 +179,72 @@ enum hg_status hg_select_lod(const struct hg_visible_view *view, uint32_t draw, 
         qsort(out->items + first_run, out->count - first_run, sizeof *out->items, by_place);
     return w.status;
 }
+
+// --- chunks that are wanted ----------------------------------------------------------------------
+
+static int by_chunk(const void *a, const void *b)
+{
+    const struct hg_chunk_want *x = a, *y = b;
+    if (x->mesh != y->mesh)
+        return x->mesh->number < y->mesh->number ? -1 : 1;
+    return x->chunk < y->chunk ? -1 : x->chunk > y->chunk;
+}
+
+// Each chunk once, with the largest of its priorities.
+static void unite_wants(struct hg_selection *s)
+{
+    if (s->want_count == 0)
+        return;
+    qsort(s->wants, s->want_count, sizeof *s->wants, by_chunk);
+    uint32_t count = 1;
+    for (uint32_t i = 1; i < s->want_count; i++) {
+        struct hg_chunk_want *last = &s->wants[count - 1];
+        if (by_chunk(last, &s->wants[i]) != 0)
+            s->wants[count++] = s->wants[i];
+        else if (s->wants[i].priority > last->priority)
+            last->priority = s->wants[i].priority;
+    }
+    s->want_count = count;
+}
+
+// A chunk needs the chunks of the parents of all its groups, also of those that are not seen.
+static enum hg_status add_parents(struct hg_selection *s)
+{
+    for (uint32_t i = 0; i < s->want_count; i++) {
+        const struct hg_chunk_want w = s->wants[i];
+        for (uint32_t k = w.mesh->parent_first[w.chunk]; k < w.mesh->parent_first[w.chunk + 1];
+             k++) {
+            const uint32_t parent = w.mesh->parents[k];
+            struct hg_chunk_state *state = &w.mesh->chunks[parent];
+            if (state->slot != HG_RESIDENCY_NONE || state->mark == s->mark)
+                continue;
+            state->mark = s->mark;
+            const enum hg_status status =
+                hg_grow(&s->wants, &s->want_capacity, s->want_count + 1, sizeof *s->wants);
+            if (status != HG_OK)
+                return status;
+            s->wants[s->want_count++] = (struct hg_chunk_want){w.mesh, parent, w.priority};
+        }
+    }
+    return HG_OK;
+}
+
+static void use_chunks(const struct hg_geometry *g, const struct hg_selection *s)
+{
+    for (uint32_t i = 0; i < s->count; i++) {
+        const struct hg_run *run = &s->items[i];
+        if (run->chunk != HG_LOD_NONE &&
+            (i == 0 || run->chunk != run[-1].chunk || run->draw != run[-1].draw))
+            hg_cluster_pool_use(g->pool, g->draws[run->draw].part->clusters, run->chunk);
+    }
+}
+
+enum hg_status hg_select_wants(const struct hg_geometry *g, struct hg_selection *s)
+{
+    use_chunks(g, s);
+    unite_wants(s);
+    s->mark = hg_cluster_pool_mark(g->pool);
+    const enum hg_status status = s->want_count > 0 ? add_parents(s) : HG_OK;
+    unite_wants(s);
+    return status;
+}

@@ -7,7 +7,6 @@
 
 #include "base/alloc.h"
 #include "renderer/geometry/select.h"
-#include "renderer/residency/residency.h"
 
 // Triangles. The test takes 3.5 ms at 1280x720 on two cores, a hidden triangle saves 0.2 us, and a
 // walk through Sponza hides 4 of 100: it pays from 400 thousand.
@@ -452,63 +451,6 @@ static uint64_t triangles_of(const struct hg_selection *runs)
     return sum;
 }
 
-static int by_chunk(const void *a, const void *b)
-{
-    const struct hg_chunk_want *x = a, *y = b;
-    if (x->mesh != y->mesh)
-        return x->mesh->number < y->mesh->number ? -1 : 1;
-    return x->chunk < y->chunk ? -1 : x->chunk > y->chunk;
-}
-
-// Each chunk once, with the largest of its priorities.
-static void unite_wants(struct hg_selection *s)
-{
-    if (s->want_count == 0)
-        return;
-    qsort(s->wants, s->want_count, sizeof *s->wants, by_chunk);
-    uint32_t count = 1;
-    for (uint32_t i = 1; i < s->want_count; i++) {
-        struct hg_chunk_want *last = &s->wants[count - 1];
-        if (by_chunk(last, &s->wants[i]) != 0)
-            s->wants[count++] = s->wants[i];
-        else if (s->wants[i].priority > last->priority)
-            last->priority = s->wants[i].priority;
-    }
-    s->want_count = count;
-}
-
-// A chunk needs the chunks of the parents of all its groups, also of those that are not seen.
-static enum hg_status add_parents(struct hg_selection *s)
-{
-    for (uint32_t i = 0; i < s->want_count; i++) {
-        const struct hg_chunk_want w = s->wants[i];
-        for (uint32_t k = w.mesh->parent_first[w.chunk]; k < w.mesh->parent_first[w.chunk + 1];
-             k++) {
-            const uint32_t parent = w.mesh->parents[k];
-            struct hg_chunk_state *state = &w.mesh->chunks[parent];
-            if (state->slot != HG_RESIDENCY_NONE || state->mark == s->mark)
-                continue;
-            state->mark = s->mark;
-            const enum hg_status status =
-                hg_grow(&s->wants, &s->want_capacity, s->want_count + 1, sizeof *s->wants);
-            if (status != HG_OK)
-                return status;
-            s->wants[s->want_count++] = (struct hg_chunk_want){w.mesh, parent, w.priority};
-        }
-    }
-    return HG_OK;
-}
-
-static void use_chunks(const struct hg_geometry *g, const struct hg_selection *s)
-{
-    for (uint32_t i = 0; i < s->count; i++) {
-        const struct hg_run *run = &s->items[i];
-        if (run->chunk != HG_LOD_NONE &&
-            (i == 0 || run->chunk != run[-1].chunk || run->draw != run[-1].draw))
-            hg_cluster_pool_use(g->pool, g->draws[run->draw].part->clusters, run->chunk);
-    }
-}
-
 static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry *g,
     const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
 {
@@ -516,12 +458,8 @@ static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry
     const enum hg_status status = hg_select(g, view, jobs, &v->runs);
     if (status != HG_OK)
         return hg_error_set(err, status, "draw lists", NULL, "no memory");
-    use_chunks(g, &v->runs);
-    unite_wants(&v->runs);
-    v->runs.mark = hg_cluster_pool_mark(g->pool);
-    if (v->runs.want_count > 0 && add_parents(&v->runs) != HG_OK)
+    if (hg_select_wants(g, &v->runs) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "draw lists", NULL, "no memory");
-    unite_wants(&v->runs);
     return HG_OK;
 }
 
