@@ -167,7 +167,7 @@ enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
     }
     s->inexact = demand.missing > 0 || s->bias > 0.0f || s->shadows;
     const bool more = view->samples < view->settings.samples;
-    const bool again = s->inexact || view->coarse || view->shallow;
+    const bool again = s->inexact || view->coarse || view->direct || view->shallow;
     return again || !more ? HG_OK : start_exact(view, 1, err);
 }
 

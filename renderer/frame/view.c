@@ -165,7 +165,7 @@ bool hg_view_state_settled(const struct hg_view_state *view)
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
            view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
-           !view->stream.inexact && !view->eased && view->missing_clusters == 0 &&
+           !view->direct && !view->stream.inexact && !view->eased && view->missing_clusters == 0 &&
            hg_geometry_baking(view->rooms->geometry) == 0;
 }
 
@@ -225,20 +225,53 @@ static void choose_error(struct hg_view_state *view, uint32_t max_samples)
         moves ? hg_quality_error_px(&view->quality, s->error_px, s->target_ms) : s->error_px;
 }
 
+static enum hg_status make_pixels(struct hg_view_state *view, uint32_t format, struct hg_error *err)
+{
+    const uint32_t width = view->accumulated.width, height = view->accumulated.height;
+    enum hg_status status = HG_OK;
+    if (view->pixels[format].handle == VK_NULL_HANDLE) {
+        status = create_image(view, width, height, formats[format].format, formats[format].name,
+            &view->pixels[format], err);
+    }
+    if (status == HG_OK) {
+        status = hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_READBACK,
+            (uint64_t)width * height * formats[format].bytes, "readback", &view->readback, err);
+    }
+    return status;
+}
+
+static void record_copy(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format)
+{
+    const struct hg_gpu_region all = {
+        .width = view->accumulated.width, .height = view->accumulated.height};
+    hg_gpu_image_read(cmd, &view->pixels[format], &all, &view->readback, 0);
+}
+
+// Whether the next sample, of a picture that moves, need not be accumulated.
+static bool goes_direct(const struct hg_view_state *view)
+{
+    return !view->accumulate && view->settings.debug == 0 &&
+           (view->coarse || view->settings.samples > 1);
+}
+
 // Samples of the whole picture with the texels that are there.
 static enum hg_status draw_shown(
     struct hg_view_state *view, bool changed, uint32_t max_samples, struct hg_error *err)
 {
     struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
     struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    enum hg_status status = make_pixels(view, 0, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    if (changed || view->coarse || view->shallow || view->stream.inexact || view->eased ||
-        view->missing_clusters > 0)
+    if (changed || view->coarse || view->direct || view->shallow || view->stream.inexact ||
+        view->eased || view->missing_clusters > 0)
         view->samples = 0;
     view->eased = view->error_px > view->settings.error_px;
-    view->coarse = changed && max_samples == 1 && !view->final && needs_cascades(view);
+    const bool moves = changed && max_samples == 1 && !view->final;
+    view->coarse = moves && needs_cascades(view);
+    view->direct = moves && goes_direct(view);
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
@@ -250,6 +283,8 @@ static enum hg_status draw_shown(
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
     }
+    if (view->direct)
+        record_copy(view, cmd, 0);
     hg_page_cache_end(pages, cmd);
     status = submit_and_wait(view, cmd, err);
     if (status != HG_OK)
@@ -287,7 +322,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0 || blank;
     if (changed)
         status = start_anew(view, err);
-    else if (!view->stream.exact)
+    else if (!view->stream.exact && !view->direct)
         status = hg_stream_rest(view, err);
     if (status == HG_OK)
         status = view->stream.exact ? hg_stream_draw(view, max_samples, err)
@@ -347,41 +382,51 @@ static enum hg_status record_read(
     enum hg_status status = hg_resolve_record(&pass, &resolve, err);
     if (status != HG_OK)
         return status;
-    const struct hg_gpu_region all = {
-        .width = view->accumulated.width, .height = view->accumulated.height};
-    hg_gpu_image_read(cmd, &view->pixels[format], &all, &view->readback, 0);
+    record_copy(view, cmd, format);
     return HG_OK;
+}
+
+// Brings the pixels to `readback`.
+static enum hg_status fetch_pixels(
+    struct hg_view_state *view, uint32_t format, struct hg_error *err)
+{
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = make_pixels(view, format, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    status = record_read(view, cmd, format, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(view->context->gpu, cmd);
+        return status;
+    }
+    return submit_and_wait(view, cmd, err);
+}
+
+// Other pixels than those that were drawn at once: the sample again, accumulated.
+static enum hg_status draw_accumulated(struct hg_view_state *view, struct hg_error *err)
+{
+    view->accumulate = true;
+    const enum hg_status status = draw(view, 1, err);
+    view->accumulate = false;
+    return status;
 }
 
 enum hg_status hg_view_state_read(
     struct hg_view_state *view, uint32_t format, struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
-    struct hg_gpu *gpu = view->context->gpu;
     if (view->samples == 0 && !view->stream.has_fallback)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
-    const uint32_t width = view->accumulated.width, height = view->accumulated.height;
-    const uint64_t size = (uint64_t)width * height * formats[format].bytes;
+    const uint64_t size =
+        (uint64_t)view->accumulated.width * view->accumulated.height * formats[format].bytes;
+    const bool ready = format == 0 && view->key.settings == view->settings_revision;
     enum hg_status status = HG_OK;
-    if (view->pixels[format].handle == VK_NULL_HANDLE) {
-        status = create_image(view, width, height, formats[format].format, formats[format].name,
-            &view->pixels[format], err);
-    }
-    if (status == HG_OK) {
-        status = hg_gpu_buffer_reserve(
-            gpu, HG_GPU_BUFFER_READBACK, size, "readback", &view->readback, err);
-    }
-    struct hg_gpu_cmd *cmd;
-    if (status == HG_OK)
-        status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = record_read(view, cmd, format, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    status = submit_and_wait(view, cmd, err);
+    if (view->direct && !ready)
+        status = draw_accumulated(view, err);
+    if (status == HG_OK && !view->direct)
+        status = fetch_pixels(view, format, err);
     if (status != HG_OK)
         return status;
     *out = hg_refbuf_create(size);

@@ -76,6 +76,9 @@ struct hg_view_state {
     uint32_t samples;
     uint32_t stale_shadows;
     bool coarse;          // the newest sample went without finer cascades; the next one starts anew
+    bool direct;          // the newest sample went straight to pixels[0] and `readback`, and was not
+                          // accumulated; the next one starts anew
+    bool accumulate;      // no direct samples
     uint32_t layer_limit; // layers that the next step peels
     bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
     bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
@@ -102,7 +105,8 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 
 // One slice: up to max_samples samples, in one batch. In motion (max_samples 1 and something has
 // changed) cascades that would have to be drawn again are left out: the map of the whole scene
-// serves until the view rests, then accumulation starts with all of them.
+// serves until the view rests, then accumulation starts with all of them. Such a sample that will
+// not be the last one becomes RGBA8 pixels at once.
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
 // Projected error of the geometry in the newest sample.

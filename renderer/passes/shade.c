@@ -5,38 +5,36 @@
 // Values of the specialisation constant of shade.frag.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 
-// flat: shade_flat.*, for CPU devices.
-static struct hg_gpu_pipeline_params pipeline_of(enum variant variant, bool background, bool first,
-    bool flat, uint32_t tables, uint32_t features)
+struct style {
+    enum variant variant;
+    bool background, first;
+    bool flat;        // shade_flat.*, for CPU devices
+    uint32_t picture; // 0, or a picture's curve + 1
+};
+
+static struct hg_gpu_pipeline_params pipeline_of(
+    const struct style *style, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
-        .vertex = flat ? "shade_flat.vert" : "fullscreen.vert",
-        .fragment = flat ? "shade_flat.frag" : "shade.frag",
-        .spec = {variant, tables, features, background},
-        .spec_count = 4,
-        .colors = {HG_COLOR_FORMAT},
+        .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
+        .fragment = style->flat ? "shade_flat.frag" : "shade.frag",
+        .spec = {style->variant, tables, features, style->background, style->picture},
+        .spec_count = 5,
+        .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
         // The triangle lies at infinity (0): in front of it is a surface, else nothing.
         .depth = VK_FORMAT_D32_SFLOAT,
-        .depth_compare = background ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
+        .depth_compare = style->background ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
-        .blend = variant == LAYER ? HG_GPU_BLEND_UNDER
-                 : first          ? HG_GPU_BLEND_NONE
-                                  : HG_GPU_BLEND_ADD,
+        .blend = style->variant == LAYER ? HG_GPU_BLEND_UNDER
+                 : style->first          ? HG_GPU_BLEND_NONE
+                                         : HG_GPU_BLEND_ADD,
     };
 }
 
-static struct hg_gpu_pipeline_params pipeline_for(
-    const struct hg_pass *pass, enum variant variant, bool background, bool first)
+static enum hg_status draw(struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
-    const bool flat = hg_gpu_get_caps(pass->gpu)->is_cpu;
-    return pipeline_of(variant, background, first, flat, pass->tables, pass->features);
-}
-
-static enum hg_status draw(
-    struct hg_pass *pass, enum variant variant, bool background, bool first, struct hg_error *err)
-{
-    const struct hg_gpu_pipeline_params params = pipeline_for(pass, variant, background, first);
+    const struct hg_gpu_pipeline_params params = pipeline_of(style, pass->tables, pass->features);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -45,10 +43,13 @@ static enum hg_status draw(
 
 // Both pipelines of a pass, side by side when they are new.
 static enum hg_status make_both(
-    struct hg_pass *pass, enum variant variant, bool first, struct hg_error *err)
+    struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
+    struct style background = *style;
+    background.background = true;
     const struct hg_gpu_pipeline_params params[2] = {
-        pipeline_for(pass, variant, false, first), pipeline_for(pass, variant, true, first)};
+        pipeline_of(style, pass->tables, pass->features),
+        pipeline_of(&background, pass->tables, pass->features)};
     return pass->jobs != NULL ? hg_gpu_pipelines_make(pass->gpu, params, 2, pass->jobs, err)
                               : HG_OK;
 }
@@ -59,19 +60,24 @@ enum hg_status hg_shade_record(
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
     bindings.images[HG_BIND_COLOR_A] = shade->front;
-    const enum variant variant = shade->layer           ? LAYER
-                                 : shade->front != NULL ? OPAQUE_BEHIND
-                                                        : OPAQUE;
+    const bool picture = shade->picture != NULL;
+    struct hg_gpu_image *target = picture ? shade->picture : shade->target;
+    struct style style = {.variant = shade->layer           ? LAYER
+                                     : shade->front != NULL ? OPAQUE_BEHIND
+                                                            : OPAQUE,
+        .first = picture || shade->clear,
+        .flat = hg_gpu_get_caps(pass->gpu)->is_cpu,
+        .picture = picture ? shade->tonemap + 1 : 0};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
-    if (status == HG_OK && variant != LAYER)
-        status = make_both(pass, variant, shade->clear, err);
+    if (status == HG_OK && !shade->layer)
+        status = make_both(pass, &style, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
         // Surfaces and background write every pixel between them.
-        .colors = {{.image = shade->target,
+        .colors = {{.image = target,
             .clear = shade->clear && shade->layer,
-            .discard = shade->clear && !shade->layer}},
+            .discard = picture || (shade->clear && !shade->layer)}},
         .color_count = 1,
         .depth = {.image = shade->depth},
         .area = pass->area};
@@ -79,10 +85,11 @@ enum hg_status hg_shade_record(
         hg_gpu_memory_barrier(pass->cmd);
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    hg_pass_view_whole(pass, shade->target);
-    status = draw(pass, variant, false, shade->clear, err);
-    if (status == HG_OK && variant != LAYER)
-        status = draw(pass, variant, true, shade->clear, err);
+    hg_pass_view_whole(pass, target);
+    status = draw(pass, &style, err);
+    style.background = true;
+    if (status == HG_OK && style.variant != LAYER)
+        status = draw(pass, &style, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;
@@ -92,9 +99,11 @@ enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
     *count = 2 * VARIANTS - 1; // layers have no background
-    const struct hg_gpu_pipeline_params params =
-        pipeline_of((enum variant)(index % VARIANTS), index % (2 * VARIANTS - 1) >= VARIANTS, true,
-            hg_gpu_get_caps(gpu)->is_cpu, 0, HG_FEATURE_ALL);
+    const struct style style = {.variant = (enum variant)(index % VARIANTS),
+        .background = index % (2 * VARIANTS - 1) >= VARIANTS,
+        .first = true,
+        .flat = hg_gpu_get_caps(gpu)->is_cpu};
+    const struct hg_gpu_pipeline_params params = pipeline_of(&style, 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

@@ -11,6 +11,10 @@ struct hg_shade {
     struct hg_gpu_image *visibility;
     struct hg_gpu_image *depth;  // of the visibility buffer; tells surfaces from background
     struct hg_gpu_image *target; // written at its size
+    // In place of the target, whole: RGBA8 as hg_resolve_record makes it of one sample, with the
+    // exposure of the frame block and this curve (HG_FRAME_TONEMAP_*). The opaque scene only.
+    struct hg_gpu_image *picture;
+    uint32_t tonemap;
     bool clear;                  // target starts at zero, else it is added or blended to
     bool counted; // pixels keep count of their samples (HG_TEXTURES_EXACT): what passes in front of
                   // this one noted is waited for

@@ -4,6 +4,8 @@
 #define HG_LIB_SHADE_GLSL
 
 layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
+// 0: radiance, to be accumulated; else a picture at once, with the curve of this number less one.
+layout(constant_id = 4) const uint hg_picture = 0u;
 layout(constant_id = 3) const bool hg_background = false; // where nothing is; the depth test chooses
 
 #define HG_TEXTURE_STOCHASTIC     true
@@ -22,6 +24,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/brdf.glsl"
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
+#include "lib/resolve.glsl"
 
 layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
 layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
@@ -94,7 +97,7 @@ void main()
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }
-    out_color = color;
+    out_color = hg_picture > 0u ? hg_resolve(color, hg_frame.exposure, hg_picture - 1u) : color;
 }
 
 #endif

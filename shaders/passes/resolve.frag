@@ -6,11 +6,9 @@
 
 #include "shared/bindings.h"
 #include "shared/texture.h"
-#include "lib/tonemap.glsl"
+#include "lib/resolve.glsl"
 
-// The curve, HG_TONEMAP_OP_*: constant, as software rasterisers run both sides of a branch. 0xff: none,
-// and no encoding.
-layout(constant_id = 0) const uint hg_curve = 0u;
+layout(constant_id = 0) const uint hg_curve = 0u; // of hg_resolve
 layout(constant_id = 1) const bool hg_counted = false; // pixels have different numbers of samples
 
 layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_accumulated;
@@ -37,15 +35,5 @@ void main()
         if (samples == 0u)
             sum = texelFetch(hg_fallback, pixel, 0);
     }
-    sum *= scale;
-    float alpha = clamp(sum.a, 0.0, 1.0);
-    if (alpha > 0.9999)
-        alpha = 1.0;
-    vec3 radiance = alpha > 0.0 ? sum.rgb / alpha : vec3(0.0);
-    radiance *= push.exposure;
-    out_color.a = alpha;
-    if (hg_curve == 0xffu)
-        out_color.rgb = radiance;
-    else
-        out_color.rgb = hg_srgb_encode(hg_tonemap(radiance, hg_curve));
+    out_color = hg_resolve(sum * scale, push.exposure, hg_curve);
 }
