@@ -28,6 +28,11 @@ static uint32_t material_features(const struct hg_material *m)
         if (m->slots[slot].texture != NULL)
             features |= bits[slot] | (is_plain(&m->slots[slot]) ? 0 : HG_FEATURE_SAMPLERS);
     }
+    if (m->emissive[0] != 0.0f || m->emissive[1] != 0.0f || m->emissive[2] != 0.0f)
+        features |= HG_FEATURE_EMITS;
+    if (m->unlit || m->slots[HG_SLOT_OCCLUSION].texture != NULL || m->normal_scale != 1.0f ||
+        m->ior != 1.5f)
+        features |= HG_FEATURE_UNCOMMON;
     // Occlusion packed with roughness costs no lookup of its own (geometry/materials.c).
     const struct hg_texture_ref *o = &m->slots[HG_SLOT_OCCLUSION];
     if (o->texture != NULL && memcmp(o, &m->slots[HG_SLOT_METALLIC_ROUGHNESS], sizeof *o) == 0)

@@ -98,7 +98,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
         emissive_texel = hg_material_sample(v.material, HG_MATERIAL_EMISSIVE, true, v).rgb;
     if (HG_HAS(HG_FEATURE_OCCLUSION))
         occlusion = hg_material_sample(v.material, HG_MATERIAL_OCCLUSION, false, v).r;
-    if ((flags & HG_MATERIAL_PACKED_ORM) != 0u)
+    if (HG_HAS(HG_FEATURE_UNCOMMON) && (flags & HG_MATERIAL_PACKED_ORM) != 0u)
         occlusion = mr_texel.r;
 
     hg_surface s;
@@ -110,17 +110,26 @@ hg_surface hg_material_evaluate(hg_vertex v)
         s.alpha = base.a >= HG_MATERIAL_AT(v.material, alpha_cutoff) ? 1.0 : 0.0;
     s.metallic = HG_MATERIAL_AT(v.material, metallic) * mr_texel.b;
     s.roughness = HG_MATERIAL_AT(v.material, roughness) * mr_texel.g;
-    s.f0 = HG_MATERIAL_AT(v.material, f0);
-    s.emissive = HG_MATERIAL_AT(v.material, emissive) * emissive_texel;
-    s.occlusion = 1.0 + HG_MATERIAL_AT(v.material, occlusion_strength) * (occlusion - 1.0);
-    bool no_normals = (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES)) != 0u &&
+    s.f0 = HG_MATERIAL_F0;
+    s.emissive = vec3(0.0);
+    s.occlusion = 1.0;
+    if (HG_HAS(HG_FEATURE_EMITS))
+        s.emissive = HG_MATERIAL_AT(v.material, emissive) * emissive_texel;
+    if (HG_HAS(HG_FEATURE_UNCOMMON)) {
+        s.f0 = HG_MATERIAL_AT(v.material, f0);
+        s.occlusion = 1.0 + HG_MATERIAL_AT(v.material, occlusion_strength) * (occlusion - 1.0);
+    }
+    bool no_normals = HG_HAS(HG_FEATURE_VERTICES) &&
+        (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES)) != 0u &&
         (v.flags & HG_DRAW_NORMALS) == 0u;
-    s.unlit = (flags & HG_MATERIAL_UNLIT) != 0u || no_normals; // glTF 2.0 section 3.7.2.1
+    s.unlit = (HG_HAS(HG_FEATURE_UNCOMMON) && (flags & HG_MATERIAL_UNLIT) != 0u) || no_normals; // glTF 2.0 section 3.7.2.1
     s.geometric_normal = v.geometric_ws * side;
     s.normal = v.normal_ws;
     if ((flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
         vec3 n = normal_texel.xyz * 2.0 - 1.0;
-        float scale = HG_MATERIAL_AT(v.material, normal_scale);
+        float scale = 1.0;
+        if (HG_HAS(HG_FEATURE_UNCOMMON))
+            scale = HG_MATERIAL_AT(v.material, normal_scale);
         float lost = (1.0 - normal_texel.a) * scale;
         float width2 = s.roughness * s.roughness * s.roughness * s.roughness + lost * lost;
         s.roughness = lost == 0.0 ? s.roughness : sqrt(sqrt(min(width2, 1.0)));

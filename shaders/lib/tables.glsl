@@ -25,7 +25,7 @@ HG_TABLE(HG_BIND_MATERIALS, hg_gpu_material, 240, materials)
 HG_TABLE(HG_BIND_PAGE_TABLE, uint, 4, pages)
 HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
-HG_TABLE(HG_BIND_DFG_TABLE, vec2, 8, dfg)
+HG_TABLE(HG_BIND_DFG_TABLE, uint, 4, dfg)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
 HG_TABLE(HG_BIND_FACETS, uint, 4, facets)
 
@@ -88,8 +88,8 @@ hg_gpu_shadow hg_shadow_at(uint i)
 vec2 hg_dfg_at(uint i)
 {
     if (HG_IN_UNIFORM(HG_BIND_DFG_TABLE))
-        return hg_table_dfg[i];
-    return hg_frame.lighting.dfg.v[i];
+        return unpackUnorm2x16(hg_table_dfg[i]);
+    return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
 }
 
 // Only where there are facets, which is where they fit (HG_FEATURE_NO_FACETS).

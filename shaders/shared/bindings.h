@@ -29,7 +29,7 @@
 #define HG_BIND_PAGE_TABLE 17 // uint[]
 #define HG_BIND_LIGHTS     18 // struct hg_gpu_light[]
 #define HG_BIND_SHADOWS    19 // struct hg_gpu_shadow[]
-#define HG_BIND_DFG_TABLE  20 // vec2[]
+#define HG_BIND_DFG_TABLE  20 // uint[]
 #define HG_BIND_IRRADIANCE 21 // vec4[]
 #define HG_BIND_FACETS     22 // uint[] of draws: their first facet
 #define HG_BIND_TEXELS     23 // usamplerBuffer, facets (facet.h)

@@ -23,6 +23,8 @@
 #define HG_FEATURE_LOD         0x8000u // parts with levels of detail
 #define HG_FEATURE_NO_SUN      0x10000u // anything but one light, which is directional
 #define HG_FEATURE_REST        0x20000u // a view that rests: finer cascades, HG_TEXTURES_EXACT
+#define HG_FEATURE_EMITS       0x40000u // emissive materials
+#define HG_FEATURE_UNCOMMON    0x80000u // unlit, occlusion, scaled normals, an index other than 1.5
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

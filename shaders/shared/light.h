@@ -75,11 +75,6 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict 
 {
     vec4 v[];
 };
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict buffer
-    hg_light_vec2_ref
-{
-    vec2 v[];
-};
 #endif
 
 struct hg_gpu_lighting {
@@ -88,7 +83,7 @@ struct hg_gpu_lighting {
     HG_PTR(hg_light_list_ref) clusters;      // [x * y * z + 1] first index of each cluster's list
     HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
     HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
-    HG_PTR(hg_light_vec2_ref) dfg;           // [size^2] (a, b), then [size] their averages
+    HG_PTR(hg_light_list_ref) dfg;           // [size^2] (a, b), 16 bits each, then [size] averages
     HG_UINT light_count, global_count;
     HG_UINT clustered; // 0: all lights are looped over
     HG_UINT cluster_x, cluster_y, cluster_z;

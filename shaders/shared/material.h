@@ -20,6 +20,8 @@
 #define HG_MATERIAL_UNLIT        0x0800u
 #define HG_MATERIAL_PACKED_ORM   0x2000u // occlusion is the red of the metallic-roughness texture
 
+#define HG_MATERIAL_F0 0.0400000028312206 // f0 of an index of refraction of 1.5, as a float
+
 struct hg_gpu_material {
     HG_VEC4 base_color;       // linear
     HG_VEC3 emissive;         // linear, strength included
