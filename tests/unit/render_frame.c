@@ -545,6 +545,47 @@ static void test_settles_and_restarts(void **state)
     close_rig(&rig);
 }
 
+// A sample of a moving picture becomes pixels at once; asking for others accumulates it. Both are
+// the same picture, and what settles does not depend on what was read before.
+static void test_pixels_in_motion(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float red[4] = {0.9f, 0.2f, 0.1f, 1}, blue[4] = {0.1f, 0.3f, 0.8f, 0.4f};
+    const struct hg_view_params params = {.width = 61, .height = 47, .samples = 3};
+    open_rig(&rig, true);
+    struct hg_scene *scene = new_scene();
+    add_quad(scene, 1, 1, 0, red);
+    add_quad(scene, 2, 0.6f, 0.5f, blue);
+    hg_scene_publish(scene);
+    use_scene(&rig, scene, &params);
+    struct hg_refbuf *settled[2];
+    for (int i = 0; i < 2; i++) {
+        struct hg_frame_info info;
+        look_at_scene(&rig, 0.4f);
+        settle(&rig, 8); // layers are known
+        look_at_scene(&rig, 0.3f);
+        check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+        assert_true(!info.settled && info.samples == 1);
+        struct hg_refbuf *at_once = pixels(&rig, HG_PIXEL_RGBA8);
+        if (i == 0) {
+            struct hg_refbuf *linear = pixels(&rig, HG_PIXEL_RGBA32F);
+            struct hg_refbuf *resolved = pixels(&rig, HG_PIXEL_RGBA8);
+            assert_same(at_once, resolved, 0);
+            hg_refbuf_unref(linear);
+            hg_refbuf_unref(resolved);
+        }
+        hg_refbuf_unref(at_once);
+        settle(&rig, 1);
+        settled[i] = pixels(&rig, HG_PIXEL_RGBA8);
+    }
+    assert_same(settled[0], settled[1], 0);
+    hg_refbuf_unref(settled[0]);
+    hg_refbuf_unref(settled[1]);
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    close_rig(&rig);
+}
+
 static void test_limits(void **state)
 {
     (void)state;
@@ -684,6 +725,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_gpu_paths_agree),
         cmocka_unit_test(test_thread_count_changes_nothing),
         cmocka_unit_test(test_settles_and_restarts),
+        cmocka_unit_test(test_pixels_in_motion),
         cmocka_unit_test(test_limits),
         cmocka_unit_test(test_validation_is_silent),
         cmocka_unit_test(test_failing_calls),
