@@ -374,7 +374,7 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->accumulated,
-        .picture = view->direct ? &view->pixels[0] : NULL,
+        .picture = view->direct && view->stream.finding == 0 ? &view->pixels[0] : NULL,
         .tonemap = view->settings.tonemap,
         .clear = sample == 0 && !view->stream.exact,
         .counted = view->stream.exact,

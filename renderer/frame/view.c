@@ -295,8 +295,8 @@ static enum hg_status draw_shown(
     view->samples += count;
     view->number++;
     status = hg_stream_shown(view, err);
-    const bool moves = changed && max_samples == 1 && view->settings.debug == 0;
-    return status == HG_OK && moves ? hg_ahead_draw(view, err) : status;
+    const bool ahead = changed && max_samples == 1 && view->settings.debug == 0;
+    return status == HG_OK && ahead ? hg_ahead_draw(view, err) : status;
 }
 
 // A new state. What nobody looks at yet is not drawn with coarser texels first.
