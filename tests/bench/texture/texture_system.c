@@ -7,7 +7,9 @@
 //
 // The trace: for each of 300 moments, 24 of the textures, drifting; 64 x 64 samples of each over a
 // patch whose scale goes from the whole texture to its texels and back. Both halves are run twice:
-// the caches are empty at first. Files are in the page cache of the system for both.
+// the caches are empty at first. Files are in the page cache of the system for both. Bytes are
+// those that calls of the system read (file_bytes), and those of texels that came of them
+// (texel_bytes).
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -44,8 +46,19 @@ static double peak_rss_mib(void)
     return (double)usage.ru_maxrss / 1024.0;
 }
 
-// --- pages: a cache of decoded pages, least recently used ones leave
-// ------------------------------
+// Bytes that this process has read by calls of the system.
+static uint64_t bytes_read_by_calls(void)
+{
+    unsigned long long bytes = 0;
+    FILE *f = fopen("/proc/self/io", "r");
+    if (f == NULL || fscanf(f, "rchar: %llu", &bytes) != 1)
+        die("/proc/self/io", NULL);
+    fclose(f);
+    return bytes;
+}
+
+// --- pages: a cache of decoded pages; those used longest ago leave
+// ---------------------------------
 
 struct texture {
     struct hg_image_source origin;
@@ -305,18 +318,20 @@ static void bench_ours(struct hg_page_sources *sources, struct texture *textures
         memset(textures[i].slots, 0xff, textures[i].info->layout.pages * sizeof(int32_t));
     struct hg_page_sources_stats before, after;
     hg_page_sources_stats(sources, &before);
+    const uint64_t read_before = bytes_read_by_calls();
     const uint64_t start = hg_clock_now_ns();
     uint64_t samples;
     const double sum = run_trace(count, sample_ours, &o, &samples);
     const double seconds = seconds_since(start);
     hg_page_sources_stats(sources, &after);
     const double read = (double)(after.read_ns - before.read_ns) * 1e-9;
-    printf("    {\"samples\": %llu, \"seconds\": %.3f, \"samples_per_s\": %.0f, \"bytes_read\": "
-           "%llu, \"pages\": %llu, \"pages_per_s\": %.0f, \"mean\": %.6f}%s\n",
+    printf("    {\"samples\": %llu, \"seconds\": %.3f, \"samples_per_s\": %.0f, \"file_bytes\": "
+           "%llu, \"texel_bytes\": %llu, \"pages\": %llu, \"pages_per_s\": %.0f, "
+           "\"mean\": %.6f}%s\n",
         (unsigned long long)samples, seconds, (double)samples / seconds,
-        (unsigned long long)(after.bytes_read - before.bytes_read),
-        (unsigned long long)o.cache.misses, (double)o.cache.misses / read, sum / (double)samples,
-        last ? "" : ",");
+        (unsigned long long)(bytes_read_by_calls() - read_before),
+        (unsigned long long)o.cache.misses * PAGE_BYTES, (unsigned long long)o.cache.misses,
+        (double)o.cache.misses / read, sum / (double)samples, last ? "" : ",");
     free(o.cache.texels);
     free(o.cache.slots);
 }
@@ -324,15 +339,18 @@ static void bench_ours(struct hg_page_sources *sources, struct texture *textures
 static void bench_theirs(char **paths, uint32_t count, uint64_t memory, bool last)
 {
     struct theirs t = {oiio_textures_create((float)((double)memory / 1048576.0)), paths};
+    const uint64_t read_before = bytes_read_by_calls();
     const uint64_t start = hg_clock_now_ns();
     uint64_t samples, bytes, peak;
     const double sum = run_trace(count, sample_theirs, &t, &samples);
     const double seconds = seconds_since(start);
+    const uint64_t read = bytes_read_by_calls() - read_before;
     oiio_textures_destroy(t.system, &bytes, &peak);
-    printf("    {\"samples\": %llu, \"seconds\": %.3f, \"samples_per_s\": %.0f, \"bytes_read\": "
-           "%llu, \"cache_bytes\": %llu, \"mean\": %.6f}%s\n",
-        (unsigned long long)samples, seconds, (double)samples / seconds, (unsigned long long)bytes,
-        (unsigned long long)peak, sum / (double)samples, last ? "" : ",");
+    printf("    {\"samples\": %llu, \"seconds\": %.3f, \"samples_per_s\": %.0f, \"file_bytes\": "
+           "%llu, \"texel_bytes\": %llu, \"cache_bytes\": %llu, \"mean\": %.6f}%s\n",
+        (unsigned long long)samples, seconds, (double)samples / seconds, (unsigned long long)read,
+        (unsigned long long)bytes, (unsigned long long)peak, sum / (double)samples,
+        last ? "" : ",");
 }
 
 static void print_bake(const struct bake_sum *b, uint32_t images)
