@@ -501,10 +501,12 @@ static bool is_valid(struct simplifier *s, uint32_t from, uint32_t to)
 }
 
 // Planes say little about how deep a narrow pit is, or how high a spike: what the position itself
-// would move away from the surface, in the terms of collapse_cost.
-static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to)
+// would move away from the surface, in the terms of collapse_cost. Anything up to `enough` when it
+// is no more than that.
+static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to, float enough)
 {
     const struct hg_lod_patch *p = &s->patch;
+    const float root = s->root[from];
     float least = INFINITY;
     FOR_CORNERS(p, from, c)
     {
@@ -514,13 +516,15 @@ static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to)
             continue;
         least = fminf(least,
             hg_lod_distance2(p->point[from], p->point[to], p->point[at[1]], p->point[at[2]]));
+        if (least * root <= enough)
+            break;
     }
     if (least == INFINITY) {
         least = 0.0f;
         for (int k = 0; k < 3; k++)
             least += (p->point[from][k] - p->point[to][k]) * (p->point[from][k] - p->point[to][k]);
     }
-    return least * s->root[from];
+    return least * root;
 }
 
 // Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
@@ -542,7 +546,7 @@ static void evaluate(struct simplifier *s, uint32_t from, bool check)
             continue;
         float cost = collapse_cost(s, from, r.at[i], best);
         if (check && cost < best)
-            cost = fmaxf(cost, depth_cost(s, from, r.at[i]));
+            cost = fmaxf(cost, depth_cost(s, from, r.at[i], cost));
         if (cost < best && (!check || is_valid(s, from, r.at[i]))) {
             best = cost;
             target = r.at[i];
@@ -671,7 +675,8 @@ static void run(struct simplifier *s, uint32_t target)
             evaluate(s, from, false);
             continue;
         }
-        const bool deep = !s->sure[from] && depth_cost(s, from, to) > s->cost[from] * DEEP;
+        const float most = s->cost[from] * DEEP;
+        const bool deep = !s->sure[from] && depth_cost(s, from, to, most) > most;
         if (!deep && is_valid(s, from, to))
             collapse(s, from, to);
         else
