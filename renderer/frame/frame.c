@@ -15,6 +15,8 @@
 #include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
+#define MARGIN_PX 2.0f // jitter and rounding
+
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 
 // Of the picture that is drawn now: only to find out what is needed, a smaller one does.
@@ -69,7 +71,10 @@ static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting 
     if (!hg_geometry_has_levels(view->rooms->geometry))
         return;
     const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
-    const float slack = hg_view_error_px(view) / px_scale;
+    const float error_px = hg_visible_count(view->visible) > 0
+                               ? hg_visible_set(view->visible, 0)->error_px
+                               : view->settings.error_px;
+    const float slack = error_px / px_scale;
     *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
         slack;
 }
@@ -230,9 +235,33 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 
 // --- draw ----------------------------------------------------------------------------------------
 
-// The first set of draws is the camera's. Its frustum is a few pixels wider than the image, so that
-// it holds every jittered sample.
-static struct hg_visible_view camera_view(const struct hg_view_state *view)
+// Clip space of a part of the image, a few pixels wider so that it holds every jittered sample.
+static void narrow(const struct hg_view_state *view, VkRect2D part, float m[16])
+{
+    const float px[2] = {(float)view->settings.width, (float)view->settings.height};
+    const float first[2] = {(float)part.offset.x - MARGIN_PX, (float)part.offset.y - MARGIN_PX};
+    const float size[2] = {
+        (float)part.extent.width + 2.0f * MARGIN_PX, (float)part.extent.height + 2.0f * MARGIN_PX};
+    for (int r = 0; r < 2; r++) {
+        const float centre = (2.0f * first[r] + size[r]) / px[r] - 1.0f;
+        for (int c = 0; c < 4; c++)
+            m[c * 4 + r] = (m[c * 4 + r] - centre * m[c * 4 + 3]) * (px[r] / size[r]);
+    }
+}
+
+static bool is_exact(const struct hg_view_state *view)
+{
+    return view->stream.exact && view->settings.debug == 0;
+}
+
+// What does not fit the budget is drawn in parts, not coarser.
+static bool is_whole(const struct hg_view_state *view)
+{
+    return is_exact(view) && !view->stream.forced && !view->stream.finding;
+}
+
+// What the camera sees of `part`.
+static struct hg_visible_view camera_view(const struct hg_view_state *view, VkRect2D part)
 {
     const struct hg_gpu_camera *camera = &view->frame.camera;
     const bool off = view->context->no_culling;
@@ -241,39 +270,92 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view)
         .orthographic = camera->orthographic != 0,
         .error_px = view->error_px,
         .near = fmaxf(camera->near, 1e-6f),
-        .wait = view->wait,
+        .wait = view->wait || is_exact(view),
+        .whole = is_whole(view),
         .both_sides = off,
         .numbered = true,
         .history = !off && view->settings.debug == 0 && view->stream.finding == 0};
     look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
     float m[16];
     memcpy(m, camera->view_proj.m, sizeof m);
-    for (int c = 0; c < 4; c++) {
-        m[c * 4] *= (float)view->settings.width / (float)(view->settings.width + 4);
-        m[c * 4 + 1] *= (float)view->settings.height / (float)(view->settings.height + 4);
-    }
+    narrow(view, part, m);
     if (!off)
         look.plane_count = hg_cull_planes(m, look.planes);
     return look;
 }
 
-static enum hg_status cull(struct hg_view_state *view, struct hg_error *err)
+static VkRect2D area_of(const struct hg_view_state *view)
+{
+    const struct hg_stream *s = &view->stream;
+    return s->exact && s->area_count > 0
+               ? s->areas[s->area_count - 1].rect
+               : (VkRect2D){{0, 0}, {view->settings.width, view->settings.height}};
+}
+
+static enum hg_status select_sets(
+    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err)
+{
+    const struct hg_stream *s = &view->stream;
+    struct hg_jobs *jobs = view->context->jobs;
+    const struct hg_visible_view look = camera_view(view, area_of(view));
+    struct hg_shadow_choice choice = {
+        .coarse = view->coarse, .wait = look.wait, .whole = look.whole};
+    enum hg_status status = HG_OK;
+    if (part == HG_FRAME_PICTURE)
+        status = hg_visible_add(view->visible, view->rooms->geometry, &look, jobs, err);
+    else if (s->shadow_count > 0)
+        choice.area = s->shadow_areas[s->shadow_count - 1].rect;
+    return status == HG_OK && view->settings.debug == 0
+               ? hg_shadow_select(
+                     view->rooms->geometry, view->lighting, &choice, jobs, view->visible, err)
+               : status;
+}
+
+static void note_sets(struct hg_view_state *view, enum hg_frame_part part)
+{
+    view->missing_clusters = 0;
+    view->crowded = false;
+    for (uint32_t i = 0; i < hg_visible_count(view->visible); i++) {
+        const struct hg_visible_set *set = hg_visible_set(view->visible, i);
+        view->missing_clusters += set->missing;
+        view->crowded |= set->crowded;
+    }
+    if (part == HG_FRAME_SHADOWS)
+        return;
+    const float error_px = hg_visible_set(view->visible, 0)->error_px;
+    view->shown_error_px = view->stream.exact ? fmaxf(view->shown_error_px, error_px) : error_px;
+}
+
+enum hg_status hg_frame_cull(
+    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    struct hg_jobs *jobs = view->context->jobs;
-    const struct hg_visible_view look = camera_view(view);
     hg_visible_reset(view->visible);
-    enum hg_status status = hg_visible_add(view->visible, view->rooms->geometry, &look, jobs, err);
-    if (status == HG_OK && view->settings.debug == 0)
-        status = hg_shadow_select(view->rooms->geometry, view->lighting, view->coarse, view->wait,
-            jobs, view->visible, err);
+    enum hg_status status = select_sets(view, part, err);
     if (status == HG_OK)
-        status = hg_visible_upload(view->visible, jobs, err);
-    view->missing_clusters = 0;
-    for (uint32_t i = 0; i < hg_visible_count(view->visible); i++)
-        view->missing_clusters += hg_visible_set(view->visible, i)->missing;
+        note_sets(view, part);
+    if (status == HG_OK && !(view->crowded && is_whole(view)))
+        status = hg_visible_upload(view->visible, view->context->jobs, err);
     hg_view_add_stage(view, "cull", hg_clock_now_ns() - start);
     return status;
+}
+
+enum hg_status hg_frame_cull_part(
+    struct hg_view_state *view, VkRect2D part, struct hg_visible *visible, struct hg_error *err)
+{
+    struct hg_visible_view look = camera_view(view, part);
+    look.error_px = view->shown_error_px; // as the picture shows it
+    look.wait = look.whole = true;
+    look.history = false;
+    hg_visible_reset(visible);
+    struct hg_jobs *jobs = view->context->jobs;
+    enum hg_status status = hg_visible_add(visible, view->rooms->geometry, &look, jobs, err);
+    if (status == HG_OK && hg_visible_set(visible, 0)->crowded) { // then as fine as can be
+        look.whole = false;
+        hg_visible_reset(visible);
+        status = hg_visible_add(visible, view->rooms->geometry, &look, jobs, err);
+    }
+    return status == HG_OK ? hg_visible_upload(visible, jobs, err) : status;
 }
 
 static bool has_blend(const struct hg_view_state *view)
@@ -383,7 +465,7 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
 }
 
 static enum hg_status record_shadows(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t first_set, struct hg_error *err)
 {
     struct hg_lighting_stats stats;
     hg_lighting_stats(view->lighting, &stats);
@@ -392,7 +474,7 @@ static enum hg_status record_shadows(
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_stream *s = &view->stream;
     pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
-    return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, 1, err);
+    return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, first_set, err);
 }
 
 static enum hg_status record_facets(
@@ -429,15 +511,13 @@ void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
 enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
-    enum hg_status status = cull(view, err);
-    if (status == HG_OK)
-        status = hg_skin_record(cmd, view->rooms->geometry, err);
+    enum hg_status status = hg_skin_record(cmd, view->rooms->geometry, err);
     if (status == HG_OK)
         status = record_facets(view, cmd, err);
     if (status == HG_OK && view->settings.debug != 0)
         return record_debug(view, cmd, err);
     if (status == HG_OK)
-        status = record_shadows(view, cmd, err);
+        status = record_shadows(view, cmd, 1, err);
     uint32_t first = view->samples;
     if (view->stream.exact && view->stream.area_count > 0)
         first = view->stream.areas[view->stream.area_count - 1].samples;
@@ -449,8 +529,8 @@ enum hg_status hg_frame_record(
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    const enum hg_status status = cull(view, err); // chooses what casts as well
-    return status == HG_OK ? record_shadows(view, cmd, err) : status;
+    const enum hg_status status = hg_skin_record(cmd, view->rooms->geometry, err);
+    return status == HG_OK ? record_shadows(view, cmd, 0, err) : status;
 }
 
 // Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
@@ -458,7 +538,8 @@ enum hg_status hg_frame_record_ahead(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     hg_frame_fill(view, 0, true, 0);
-    const struct hg_visible_view look = camera_view(view);
+    const VkRect2D all = {{0, 0}, {view->settings.width, view->settings.height}};
+    const struct hg_visible_view look = camera_view(view, all);
     hg_visible_reset(view->visible);
     enum hg_status status =
         hg_visible_add(view->visible, view->rooms->geometry, &look, view->context->jobs, err);

@@ -31,7 +31,7 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
 void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
-    s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = false;
+    s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = s->forced = false;
     s->area_count = s->shadow_count = s->still = 0;
 }
 
@@ -97,8 +97,11 @@ static enum hg_status start_exact(
         hg_gpu_cmd_end_rendering(cmd);
     }
     status = submit_and_wait(view, cmd, err);
-    s->exact = true;
-    s->inexact = s->waiting = false;
+    s->exact = s->on = true; // pixels are counted whatever may be missing
+    s->inexact = s->waiting = s->forced = false;
+    s->fallback_error_px = hg_view_error_px(view);
+    view->shown_error_px = view->error_px;
+    view->clipped = false;
     s->has_fallback = s->uneven = samples == 0;
     s->bias = 0.0f;
     s->areas[0] =
@@ -108,12 +111,17 @@ static enum hg_status start_exact(
     return status;
 }
 
-static void forget_shadows(struct hg_view_state *view)
+static void mark_shadows(struct hg_view_state *view, bool stale)
 {
     uint32_t count;
     struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
     for (uint32_t i = 0; i < count; i++)
-        maps[i].stale = true;
+        maps[i].stale = stale;
+}
+
+static void forget_shadows(struct hg_view_state *view)
+{
+    mark_shadows(view, true);
     view->stream.shadows = false;
 }
 
@@ -125,6 +133,8 @@ bool hg_stream_is_blank(const struct hg_view_state *view)
 enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
+    if (view->clipped)
+        return start_exact(view, 0, err);
     if (!s->inexact)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
@@ -167,7 +177,7 @@ enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
     }
     s->inexact = demand.missing > 0 || s->bias > 0.0f || s->shadows;
     const bool more = view->samples < view->settings.samples;
-    const bool again = s->inexact || view->coarse || view->direct || view->shallow;
+    const bool again = s->inexact || view->coarse || view->direct || view->shallow || view->clipped;
     return again || !more ? HG_OK : start_exact(view, 1, err);
 }
 
@@ -216,6 +226,13 @@ static bool split(struct hg_stream_area *areas, uint32_t *count)
     return true;
 }
 
+// An area whose geometry does not fit the budget. What even one pixel needs may be more than that:
+// such a pixel is drawn coarser, and the picture says so by its error.
+static void force_or_split(struct hg_stream *s, struct hg_stream_area *areas, uint32_t *count)
+{
+    s->forced = !split(areas, count);
+}
+
 static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bool shadows,
     struct hg_page_demand *demand, struct hg_error *err)
 {
@@ -258,7 +275,9 @@ enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error
     if (status != HG_OK)
         return status;
     s->finding = HG_STREAM_FIND_SMALLER;
-    status = run_batch(view, 1, false, &demand, err);
+    status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+    if (status == HG_OK)
+        status = run_batch(view, 1, false, &demand, err);
     s->finding = 0;
     if (status == HG_OK)
         status = start_exact(view, 0, err); // none of it counts
@@ -297,16 +316,25 @@ static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error
     if (s->shadow_count == 0)
         s->shadow_areas[s->shadow_count++].rect = (VkRect2D){{0, 0}, {atlas->width, atlas->height}};
     forget_shadows(view);
-    const enum hg_status status = run_batch(view, 0, true, &demand, err);
+    enum hg_status status = hg_frame_cull(view, HG_FRAME_SHADOWS, err);
     s->shadows = true;
+    if (status == HG_OK && view->crowded && !s->forced) {
+        force_or_split(s, s->shadow_areas, &s->shadow_count);
+        return HG_OK;
+    }
+    if (status == HG_OK)
+        status = run_batch(view, 0, true, &demand, err);
     if (status != HG_OK)
         return status;
+    s->forced = false;
     s->missing = demand.missing;
     s->waiting = demand.missing > 0;
     if (!demand.shadows)
         s->shadows = --s->shadow_count > 0;
     else if (!demand.fits)
         split(s->shadow_areas, &s->shadow_count);
+    if (!s->shadows)
+        mark_shadows(view, false); // all of the atlas is as good as it gets
     return HG_OK;
 }
 
@@ -328,7 +356,15 @@ static enum hg_status draw_area(
     uint32_t count = view->settings.samples - area->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
-    enum hg_status status = run_batch(view, count, false, &demand, err);
+    enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+    if (status == HG_OK && view->crowded && !s->forced) {
+        s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
+        if (!s->shadows)
+            force_or_split(s, s->areas, &s->area_count);
+        return HG_OK;
+    }
+    if (status == HG_OK)
+        status = run_batch(view, count, false, &demand, err);
     if (status != HG_OK)
         return status;
     hg_frame_note_drawn(view, count);
@@ -338,6 +374,7 @@ static enum hg_status draw_area(
     const uint32_t reached = area->samples + count;
     area->samples =
         demand.missing == 0 && !demand.shadows ? reached : least_samples(view, area->rect);
+    s->forced = s->forced && area->samples < view->settings.samples;
     if (area->samples == view->settings.samples)
         s->area_count--;
     else if (!demand.fits)

@@ -6,12 +6,13 @@
 //   exact  samples are added pixel by pixel: a pixel that misses a texel keeps waiting at that
 //          sample, and what was missing is loaded before it is tried again. When all that waiting
 //          pixels need at once does not fit the budget, the picture is cut in two areas that are
-//          finished one after the other, as often as it takes.
+//          finished one after the other, as often as it takes. So it is when the geometry of an
+//          area does not fit its budget; shadow maps are then made first, in parts as well.
 // A view that rests goes from show to exact as soon as nothing is missing, nothing more can be
-// loaded, or the mip bias says that the budget is too small. One that nobody looks at before it is
-// settled is exact from the start: its first batch finds out what it needs. Each pixel adds the
-// same samples in the same order as ever: the settled picture does not depend on budgets, caches or
-// timing.
+// loaded, or the mip bias or coarser geometry say that a budget is too small. One that nobody looks
+// at before it is settled is exact from the start: its first batch finds out what it needs. Each
+// pixel adds the same samples in the same order as ever: the settled picture does not depend on
+// budgets, caches or timing.
 #ifndef HG_RENDERER_FRAME_STREAM_H
 #define HG_RENDERER_FRAME_STREAM_H
 
@@ -36,12 +37,14 @@ struct hg_stream {
     bool inexact;      // the newest sample shows coarser texels than it should: it is drawn again
     bool shadows;      // shadow maps were drawn with coarser texels
     bool uneven;       // pixels have different numbers of samples
+    bool forced;       // a pixel alone wants more geometry than the budget holds: it gets less
     bool waiting;      // for pages that the newest batch asked for
     uint32_t still;    // debug views: samples in a row for which no page came
     bool has_fallback; // the picture shown by pixels without a sample
     uint32_t missing;  // pages that the newest batch asked for in vain
     float bias;        // of the newest sample
-    uint32_t run;      // of the newest sample
+    float fallback_error_px;                          // of geometry in the picture that stands in
+    uint32_t run;                                     // of the newest sample
     struct hg_stream_area areas[HG_STREAM_MAX_AREAS]; // a stack; what is not in it is finished
     uint32_t area_count;
     struct hg_stream_area

@@ -89,6 +89,8 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
     if (status == HG_OK)
         status = hg_visible_create(context->gpu, &view->visible, err);
+    if (status == HG_OK)
+        status = hg_visible_create(context->gpu, &view->pick_visible, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
             HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_BLOCK_BYTES, "frame blocks", &view->blocks,
@@ -121,6 +123,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->layers_full);
     hg_ahead_finish(gpu, &view->ahead);
     hg_visible_destroy(view->visible);
+    hg_visible_destroy(view->pick_visible);
     hg_lighting_destroy(view->lighting);
     hg_rooms_unref(view->context, view->rooms);
     *view = (struct hg_view_state){0};
@@ -165,14 +168,17 @@ bool hg_view_state_settled(const struct hg_view_state *view)
     const struct hg_view_key key = present_key(view);
     return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
            view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
-           !view->direct && !view->stream.inexact && !view->eased && view->missing_clusters == 0 &&
-           hg_geometry_baking(view->rooms->geometry) == 0;
+           !view->direct && !view->stream.inexact && !view->eased && !view->clipped &&
+           view->missing_clusters == 0 && hg_geometry_baking(view->rooms->geometry) == 0;
 }
 
 float hg_view_error_px(const struct hg_view_state *view)
 {
-    return hg_visible_count(view->visible) > 0 ? hg_visible_set(view->visible, 0)->error_px
-                                               : view->settings.error_px;
+    const struct hg_stream *s = &view->stream;
+    const float shown =
+        view->shown_error_px > 0.0f ? view->shown_error_px : view->settings.error_px;
+    return s->uneven && s->has_fallback && s->fallback_error_px > shown ? s->fallback_error_px
+                                                                        : shown;
 }
 
 static bool needs_cascades(const struct hg_view_state *view)
@@ -260,22 +266,27 @@ static enum hg_status draw_shown(
 {
     struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
     struct hg_gpu_cmd *cmd;
-    enum hg_status status = make_pixels(view, 0, err);
-    if (status == HG_OK)
-        status = hg_gpu_begin(view->context->gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
     if (changed || view->coarse || view->direct || view->shallow || view->stream.inexact ||
-        view->eased || view->missing_clusters > 0)
+        view->eased || view->clipped || view->missing_clusters > 0)
         view->samples = 0;
     view->eased = view->error_px > view->settings.error_px;
     const bool moves = changed && max_samples == 1 && !view->final;
     view->coarse = moves && needs_cascades(view);
     view->direct = moves && goes_direct(view);
+    enum hg_status status = make_pixels(view, 0, err);
+    if (status == HG_OK)
+        status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+    view->clipped = view->crowded && view->settings.debug == 0;
+    if (status == HG_OK && view->clipped && view->final)
+        return hg_stream_begin_exact(view, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
     uint32_t count = view->settings.samples - view->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
-    count = view->stream.on ? 1 : count;
+    count = view->stream.on || view->clipped ? 1 : count;
     memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
     hg_page_cache_begin(pages, cmd);
     status = hg_frame_record(view, cmd, count, err);
@@ -319,7 +330,8 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
         return status;
     const struct hg_view_key key = present_key(view);
     const bool blank = hg_stream_is_blank(view) && !view->final; // somebody wants to look now
-    const bool changed = view->number == 0 || memcmp(&key, &view->key, sizeof key) != 0 || blank;
+    const bool changed = (view->number == 0 && !view->stream.exact) ||
+                         memcmp(&key, &view->key, sizeof key) != 0 || blank;
     if (changed)
         status = start_anew(view, err);
     else if (!view->stream.exact && !view->direct)
@@ -446,7 +458,7 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
     view->stream.exact = exact;
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
-    const struct hg_visibility_scene scene = {view->visible, 0};
+    const struct hg_visibility_scene scene = {view->pick_visible, 0};
     enum hg_status status = hg_visibility_record_pick(&pass, &scene, &target, area, err);
     return status == HG_OK ? hg_pick_record(&pass, &view->visibility, x, y, &view->pick, err)
                            : status;
@@ -460,8 +472,11 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
     if (x >= view->visibility.width || y >= view->visibility.height)
         return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");
+    const VkRect2D pixel = {{(int32_t)x, (int32_t)y}, {1, 1}};
     struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    enum hg_status status = hg_frame_cull_part(view, pixel, view->pick_visible, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
     memset(view->pick.mapped, 0, sizeof *out);

@@ -87,6 +87,10 @@ struct hg_view_state {
     bool eased;           // its error was raised to keep to the frame time
     float error_px;       // of geometry, asked for by the newest sample
     uint32_t missing_clusters; // chunks that the newest sample went without
+    bool crowded;              // the geometry budget did not hold all that the newest cull wanted
+    bool clipped;              // so the picture shown is coarser than asked for
+    float shown_error_px;      // of geometry in the picture
+    struct hg_visible *pick_visible; // what one pixel shows
     struct hg_quality quality;
     uint64_t triangles_drawn, draws_drawn;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
@@ -119,8 +123,17 @@ struct hg_gpu_pick;
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
     struct hg_gpu_pick *out, struct hg_error *err) HG_MUST_CHECK;
 
-// frame.c: what one batch draws. Sync before the batch is begun: it may submit copies of its own.
+// frame.c: what one batch draws. Sync and cull before the batch is begun: they may submit copies of
+// their own.
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
+// Chooses what the batch draws: camera and stale shadow maps, or the latter alone, inside of the
+// area that is drawn. view->crowded in exact mode: it is not all there and must not be drawn.
+enum hg_status hg_frame_cull(
+    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err) HG_MUST_CHECK;
+// What the camera sees of a rectangle of the image, all of it loaded at once.
+enum hg_status hg_frame_cull_part(struct hg_view_state *view, VkRect2D part,
+    struct hg_visible *visible, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
 // After the batch: how much it drew; whether it had too few layers, and then how many the next one
@@ -129,7 +142,7 @@ void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
 // Only what its pixels ask of textures counts; the camera is the one that the view has now.
 enum hg_status hg_frame_record_ahead(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
-// Shadow maps that are stale, nothing else.
+// Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.

@@ -51,6 +51,10 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     struct hg_cluster_mesh *clusters)
 {
     struct hg_part_entry *part = &e->parts[index];
+    const uint64_t own = part->buffer.size_bytes > 0 ? part->layout.total_bytes : 0;
+    g->stats.used_bytes += clusters->table.size_bytes;
+    hg_geometry_note_peak(g);
+    g->stats.used_bytes -= g->stats.used_bytes < own ? g->stats.used_bytes : own;
     e->bytes -= part->layout.total_bytes;
     hg_gpu_buffer_destroy(g->gpu, &part->buffer);
     hg_free(part->host_indices);
@@ -77,11 +81,11 @@ static bool take_in(
     struct hg_error err;
     const bool wanted = e != NULL && baked->status == HG_OK;
     if (wanted) {
-        const uint64_t budget = g->params.budget_bytes;
-        const uint64_t own = e->parts[baked->part].layout.total_bytes; // goes when the chunks come
-        const uint64_t others = g->stats.used_bytes > own ? g->stats.used_bytes - own : 0;
+        // The part itself goes only when its chunks are there: until then both count, and the
+        // coarsest level may be above the budget (a chunk or a few).
+        const uint64_t budget = g->params.budget_bytes, used = g->stats.used_bytes;
         if (budget > 0)
-            hg_cluster_pool_set_budget(g->pool, budget > others ? budget - others : 1);
+            hg_cluster_pool_set_budget(g->pool, budget > used ? budget - used : 1);
         baked->status = hg_cluster_mesh_open(
             g->pool, &baked->stored, baked->data, baked->size, &clusters, &err);
         if (baked->status != HG_OK)
@@ -110,6 +114,7 @@ bool hg_geometry_poll(struct hg_geometry *g, bool wait)
 {
     if (g->pool == NULL)
         return false;
+    hg_geometry_note_peak(g);
     hg_cluster_pool_tick(g->pool);
     if (!hg_baked_collect(g, g->meshes, g->mesh_count, wait))
         return false;

@@ -106,9 +106,10 @@ static enum hg_status load_roots(
     struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
+    hg_cluster_pool_make_room(pool, mesh->lod->root_chunk_count);
     for (uint32_t c = 0; c < mesh->lod->root_chunk_count && status == HG_OK; c++) {
         const struct hg_chunk_want want = {mesh, c, 0.0f};
-        status = hg_cluster_pool_load(pool, &want, 1, err);
+        status = hg_cluster_pool_load(pool, &want, 1, false, err);
         if (status == HG_OK)
             hg_cluster_pool_pin(pool, mesh, c);
     }

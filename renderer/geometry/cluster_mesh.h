@@ -4,7 +4,8 @@
 //
 // Chunks are in slots of one size, under the geometry budget, evicted by least recent use
 // (renderer/residency). A chunk is resident only while the chunks of all parents of its groups are,
-// as lod.h asks: parents are pinned by the children that are there.
+// as lod.h asks: parents are pinned by the children that are there. Chunks that one picture needs
+// without their parents are there *loosely*: for other views they count as absent.
 #ifndef HG_RENDERER_GEOMETRY_CLUSTER_MESH_H
 #define HG_RENDERER_GEOMETRY_CLUSTER_MESH_H
 
@@ -16,11 +17,18 @@ struct hg_cluster_pool;
 struct hg_chunk_state {
     uint32_t slot;           // HG_RESIDENCY_NONE: not resident
     uint32_t mark;           // hg_cluster_pool_mark
-    uint32_t children;       // resident chunks that need this one
+    uint32_t children;       // resident chunks that need this one, without loose ones
+    bool loose;              // without its parents
     const uint32_t *indices; // while resident, host memory
     uint32_t *host_indices;  // where device memory is slow to read
     struct hg_gpu_part part; // its streams
 };
+
+// There with all that it needs.
+static inline bool hg_chunk_is_bound(const struct hg_chunk_state *c)
+{
+    return c->slot != UINT32_MAX && !c->loose;
+}
 
 struct hg_cluster_mesh {
     struct hg_lod *lod;
@@ -53,7 +61,8 @@ struct hg_chunk_want {
 enum hg_status hg_cluster_pool_create(
     struct hg_gpu *gpu, struct hg_cluster_pool **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_cluster_pool_destroy(struct hg_cluster_pool *pool); // accepts NULL; meshes are closed
-// Bytes that slots may take; 0 = unlimited. Slots that are there stay.
+// Bytes that slots may take; 0 = unlimited. Call between frames: slots above it are given back, as
+// far as no root chunk is in them, and what they held is loaded again when it is wanted.
 void hg_cluster_pool_set_budget(struct hg_cluster_pool *pool, uint64_t bytes);
 void hg_cluster_pool_stats(const struct hg_cluster_pool *pool, struct hg_cluster_pool_stats *out);
 
@@ -66,9 +75,9 @@ uint32_t hg_cluster_pool_mark(struct hg_cluster_pool *pool);
 // Starts to load what is wanted most. True when the pool is too small for all of it.
 bool hg_cluster_pool_request(
     struct hg_cluster_pool *pool, const struct hg_chunk_want *wants, uint32_t count);
-// Loads all of it now, coarse chunks first. HG_E_AGAIN: no room beside what this frame uses. Other
-// statuses as of opening.
+// Loads all of it now, coarse chunks first; loose: whether their parents are there or not.
+// HG_E_AGAIN: no room beside what this frame uses. Other statuses as of opening.
 enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *pool, const struct hg_chunk_want *wants,
-    uint32_t count, struct hg_error *err) HG_MUST_CHECK;
+    uint32_t count, bool loose, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

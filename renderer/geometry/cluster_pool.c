@@ -9,7 +9,8 @@
 #include "base/clock.h"
 
 #define SLOT_BYTES  ((uint64_t)HG_LOD_CHUNK_BYTES)
-#define BLOCK_SLOTS 64u // slots are allocated so many at once
+#define BLOCK_SLOTS 64u // slots are allocated so many at once at most,
+#define FIRST_SLOTS 4u  // at first so many, then half of what is there, so that little is too much
 #define THREADS     2
 #define MOST_QUEUED 32u
 #define HYSTERESIS  30u // frames
@@ -27,13 +28,18 @@ struct task {
     uint64_t ns;
 };
 
+struct block {
+    struct hg_gpu_buffer buffer;
+    uint32_t first, count; // slots
+};
+
 struct hg_cluster_pool {
     struct hg_gpu *gpu;
     struct hg_residency *residency;
     uint64_t budget_bytes;
-    struct hg_gpu_buffer *blocks;
+    struct block *blocks; // by first slot
     size_t block_capacity;
-    uint32_t block_count, slot_count, next_number, mark;
+    uint32_t block_count, slot_count, root_count, next_number, mark;
     struct hg_cluster_mesh **meshes; // by number
     size_t mesh_capacity;
     struct hg_cluster_pool_stats stats;
@@ -158,7 +164,7 @@ void hg_cluster_pool_destroy(struct hg_cluster_pool *p)
         p->tasks = next;
     }
     for (uint32_t i = 0; i < p->block_count; i++)
-        hg_gpu_buffer_destroy(p->gpu, &p->blocks[i]);
+        hg_gpu_buffer_destroy(p->gpu, &p->blocks[i].buffer);
     pthread_cond_destroy(&p->done);
     pthread_cond_destroy(&p->work);
     pthread_mutex_destroy(&p->lock);
@@ -178,22 +184,17 @@ uint32_t hg_cluster_pool_next_number(struct hg_cluster_pool *p)
     return p->next_number++;
 }
 
-void hg_cluster_pool_set_budget(struct hg_cluster_pool *p, uint64_t bytes)
-{
-    p->budget_bytes = bytes;
-}
-
 void hg_cluster_pool_stats(const struct hg_cluster_pool *p, struct hg_cluster_pool_stats *out)
 {
     struct hg_residency_stats r;
     hg_residency_stats(p->residency, &r);
     *out = p->stats;
     out->budget_bytes = p->budget_bytes;
-    out->used_bytes = (uint64_t)p->block_count * BLOCK_SLOTS * SLOT_BYTES;
-    out->peak_bytes = out->used_bytes; // slots are never given back
+    out->used_bytes = p->slot_count * SLOT_BYTES;
+    out->root_bytes = p->root_count * SLOT_BYTES;
     out->resident = r.resident;
     out->requested = r.requested + r.in_flight;
-    out->evicted = r.evicted;
+    out->evicted = p->stats.evicted + r.evicted;
 }
 
 uint32_t hg_cluster_pool_mark(struct hg_cluster_pool *p)
@@ -203,42 +204,76 @@ uint32_t hg_cluster_pool_mark(struct hg_cluster_pool *p)
 
 // --- slots ---------------------------------------------------------------------------------------
 
-// A small budget gets a small block.
 static uint32_t slots_to_add(const struct hg_cluster_pool *p)
 {
-    if (p->slot_count % BLOCK_SLOTS != 0)
-        return 0; // the last block is not full: the budget was used up
+    const uint32_t half = p->slot_count / 2 > FIRST_SLOTS ? p->slot_count / 2 : FIRST_SLOTS;
+    const uint32_t next = half < BLOCK_SLOTS ? half : BLOCK_SLOTS;
     if (p->budget_bytes == 0)
-        return BLOCK_SLOTS;
+        return next;
     const uint64_t most = p->budget_bytes / SLOT_BYTES;
     const uint64_t left = most > p->slot_count ? most - p->slot_count : 0;
-    return left < BLOCK_SLOTS ? (uint32_t)left : BLOCK_SLOTS;
+    return left < next ? (uint32_t)left : next;
 }
 
 static enum hg_status add_slots(struct hg_cluster_pool *p, uint32_t count, struct hg_error *err)
 {
     if (hg_grow(&p->blocks, &p->block_capacity, p->block_count + 1, sizeof *p->blocks) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
-    struct hg_gpu_buffer *block = &p->blocks[p->block_count];
-    *block = (struct hg_gpu_buffer){0};
+    struct block *block = &p->blocks[p->block_count];
+    *block = (struct block){.first = p->slot_count, .count = count};
     enum hg_status status = hg_gpu_buffer_create(
-        p->gpu, HG_GPU_BUFFER_DEVICE, count * SLOT_BYTES, "cluster chunks", block, err);
+        p->gpu, HG_GPU_BUFFER_DEVICE, count * SLOT_BYTES, "cluster chunks", &block->buffer, err);
     if (status != HG_OK)
         return status;
-    // All blocks but the last are full ones, so that a slot's number says where it is.
     status = hg_residency_resize(p->residency, p->slot_count + count);
     if (status != HG_OK) {
-        hg_gpu_buffer_destroy(p->gpu, block);
+        hg_gpu_buffer_destroy(p->gpu, &block->buffer);
         return hg_error_set(err, status, "clusters", NULL, "no memory");
     }
     p->block_count++;
     p->slot_count += count;
+    const uint64_t used = p->slot_count * SLOT_BYTES;
+    p->stats.peak_bytes = used > p->stats.peak_bytes ? used : p->stats.peak_bytes;
     return HG_OK;
+}
+
+// The block that holds a slot, and where in it.
+static const struct hg_gpu_buffer *block_of(
+    const struct hg_cluster_pool *p, uint32_t slot, uint64_t *offset)
+{
+    uint32_t low = 0, high = p->block_count;
+    while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (p->blocks[middle].first <= slot)
+            low = middle;
+        else
+            high = middle;
+    }
+    *offset = (slot - p->blocks[low].first) * SLOT_BYTES;
+    return &p->blocks[low].buffer;
 }
 
 static struct hg_cluster_mesh *mesh_of(const struct hg_cluster_pool *p, uint64_t key)
 {
     return p->meshes[key >> 32];
+}
+
+static void hold_parents(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
+{
+    for (uint32_t i = mesh->parent_first[chunk]; i < mesh->parent_first[chunk + 1]; i++) {
+        struct hg_chunk_state *parent = &mesh->chunks[mesh->parents[i]];
+        if (parent->children++ == 0)
+            hg_residency_pin(p->residency, parent->slot);
+    }
+}
+
+static void let_parents_go(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
+{
+    for (uint32_t i = mesh->parent_first[chunk]; i < mesh->parent_first[chunk + 1]; i++) {
+        struct hg_chunk_state *parent = &mesh->chunks[mesh->parents[i]];
+        if (--parent->children == 0 && parent->slot != HG_RESIDENCY_NONE)
+            hg_residency_unpin(p->residency, parent->slot);
+    }
 }
 
 static void leave_slot(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
@@ -248,18 +283,28 @@ static void leave_slot(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, 
     hg_free(c->host_indices);
     c->host_indices = NULL;
     c->indices = NULL;
-    for (uint32_t i = mesh->parent_first[chunk]; i < mesh->parent_first[chunk + 1]; i++) {
-        struct hg_chunk_state *parent = &mesh->chunks[mesh->parents[i]];
-        if (--parent->children == 0 && parent->slot != HG_RESIDENCY_NONE)
-            hg_residency_unpin(p->residency, parent->slot);
-    }
+    if (!c->loose)
+        let_parents_go(p, mesh, chunk);
+    c->loose = false;
 }
 
 static bool parents_are_resident(const struct hg_cluster_mesh *mesh, uint32_t chunk)
 {
     for (uint32_t i = mesh->parent_first[chunk]; i < mesh->parent_first[chunk + 1]; i++)
-        if (mesh->chunks[mesh->parents[i]].slot == HG_RESIDENCY_NONE)
+        if (!hg_chunk_is_bound(&mesh->chunks[mesh->parents[i]]))
             return false;
+    return true;
+}
+
+// A loose chunk whose parents have come.
+static bool bind(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
+{
+    struct hg_chunk_state *c = &mesh->chunks[chunk];
+    if (c->slot == HG_RESIDENCY_NONE || !c->loose || !parents_are_resident(mesh, chunk))
+        return false;
+    hold_parents(p, mesh, chunk);
+    c->loose = false;
+    hg_residency_use(p->residency, c->slot);
     return true;
 }
 
@@ -268,17 +313,15 @@ static bool parents_are_resident(const struct hg_cluster_mesh *mesh, uint32_t ch
 static enum hg_status take_slot(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh,
     uint32_t chunk, enum hg_residency_force force, struct hg_error *err)
 {
+    struct hg_chunk_state *c = &mesh->chunks[chunk];
     uint64_t evicted;
     uint32_t slot;
     if (hg_grow(&p->meshes, &p->mesh_capacity, (size_t)mesh->number + 1, sizeof *p->meshes) !=
         HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "clusters", NULL, "no memory");
     p->meshes[mesh->number] = mesh;
-    for (uint32_t i = mesh->parent_first[chunk]; i < mesh->parent_first[chunk + 1]; i++) {
-        struct hg_chunk_state *parent = &mesh->chunks[mesh->parents[i]];
-        if (parent->children++ == 0)
-            hg_residency_pin(p->residency, parent->slot);
-    }
+    if (!c->loose)
+        hold_parents(p, mesh, chunk);
     enum hg_status status = HG_OK;
     struct hg_residency_stats r;
     hg_residency_stats(p->residency, &r);
@@ -289,13 +332,12 @@ static enum hg_status take_slot(struct hg_cluster_pool *p, struct hg_cluster_mes
         status = hg_residency_place(p->residency, key_of(mesh, chunk), force, &slot, &evicted);
     if (status != HG_OK) {
         p->stats.full += status == HG_E_AGAIN;
-        mesh->chunks[chunk].slot = HG_RESIDENCY_NONE;
         leave_slot(p, mesh, chunk);
         return status;
     }
     if (evicted != HG_RESIDENCY_NO_KEY)
         leave_slot(p, mesh_of(p, evicted), (uint32_t)evicted);
-    mesh->chunks[chunk].slot = slot;
+    c->slot = slot;
     return HG_OK;
 }
 
@@ -304,8 +346,9 @@ static enum hg_status fill_slot(struct hg_cluster_pool *p, struct hg_cluster_mes
     uint32_t chunk, const uint8_t *bytes, struct hg_error *err)
 {
     struct hg_chunk_state *c = &mesh->chunks[chunk];
-    const struct hg_gpu_buffer *block = &p->blocks[c->slot / BLOCK_SLOTS];
-    const uint64_t offset = c->slot % BLOCK_SLOTS * SLOT_BYTES, at = block->address + offset;
+    uint64_t offset;
+    const struct hg_gpu_buffer *block = block_of(p, c->slot, &offset);
+    const uint64_t at = block->address + offset;
     struct hg_lod_layout l;
     hg_lod_chunk_layout(mesh->lod, chunk, &l);
     enum hg_status status = hg_gpu_buffer_upload(p->gpu, block, offset, bytes, l.total_bytes, err);
@@ -348,9 +391,65 @@ static enum hg_status settle(struct hg_cluster_pool *p, struct hg_cluster_mesh *
     return HG_OK;
 }
 
+// Evicts a slot's chunk, with the chunks that need it, unless one of them is pinned for good.
+static bool empty_slot(struct hg_cluster_pool *p, uint32_t slot)
+{
+    const uint64_t key = hg_residency_item(p->residency, slot);
+    if (key == HG_RESIDENCY_NO_KEY)
+        return true;
+    struct hg_cluster_mesh *mesh = mesh_of(p, key);
+    const uint32_t chunk = (uint32_t)key;
+    if (chunk < mesh->lod->root_chunk_count)
+        return false;
+    for (uint32_t c = chunk + 1; mesh->chunks[chunk].children > 0 && c < mesh->lod->chunk_count;
+         c++) {
+        bool needs = false;
+        for (uint32_t i = mesh->parent_first[c]; i < mesh->parent_first[c + 1]; i++)
+            needs = needs || mesh->parents[i] == chunk;
+        if (needs && mesh->chunks[c].slot != HG_RESIDENCY_NONE)
+            empty_slot(p, mesh->chunks[c].slot);
+    }
+    hg_residency_remove(p->residency, slot);
+    leave_slot(p, mesh, chunk);
+    p->stats.evicted++;
+    return true;
+}
+
+// Gives back the last block. False when a root chunk is in it.
+static bool drop_block(struct hg_cluster_pool *p)
+{
+    struct block *last = &p->blocks[p->block_count - 1];
+    for (uint32_t i = 0; i < last->count; i++)
+        if (!empty_slot(p, last->first + i))
+            return false;
+    if (hg_residency_resize(p->residency, last->first) != HG_OK)
+        return false;
+    hg_gpu_buffer_destroy(p->gpu, &last->buffer);
+    p->slot_count = last->first;
+    p->block_count--;
+    return true;
+}
+
+void hg_cluster_pool_set_budget(struct hg_cluster_pool *p, uint64_t bytes)
+{
+    p->budget_bytes = bytes;
+    while (bytes > 0 && p->block_count > 0 && p->slot_count * SLOT_BYTES > bytes)
+        if (!drop_block(p))
+            return;
+}
+
+void hg_cluster_pool_make_room(struct hg_cluster_pool *p, uint32_t count)
+{
+    const uint32_t room =
+        slots_to_add(p) + hg_residency_available(p->residency, HG_RESIDENCY_UNUSED);
+    if (p->budget_bytes > 0 && room < count)
+        p->budget_bytes = (p->slot_count + slots_to_add(p) + count - room) * SLOT_BYTES;
+}
+
 void hg_cluster_pool_pin(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
 {
     hg_residency_pin(p->residency, mesh->chunks[chunk].slot);
+    p->root_count++;
 }
 
 void hg_cluster_pool_use(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
@@ -398,6 +497,7 @@ void hg_cluster_pool_forget(struct hg_cluster_pool *p, struct hg_cluster_mesh *m
         const uint32_t slot = state->slot;
         if (slot == HG_RESIDENCY_NONE)
             continue;
+        p->root_count -= c - 1 < mesh->lod->root_chunk_count;
         hg_residency_remove(p->residency, slot);
         leave_slot(p, mesh, c - 1);
     }
@@ -461,7 +561,7 @@ bool hg_cluster_pool_request(
             HG_OK)
             return false;
         p->meshes[mesh->number] = mesh;
-        if (parents_are_resident(mesh, wants[i].chunk))
+        if (!bind(p, mesh, wants[i].chunk) && parents_are_resident(mesh, wants[i].chunk))
             hg_residency_request(p->residency, key_of(mesh, wants[i].chunk), wants[i].priority);
     }
     uint64_t key;
@@ -487,18 +587,26 @@ static int by_chunk(const void *a, const void *b)
 }
 
 // Threads may be at it already: what they did is thrown away.
-static enum hg_status load_one(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh,
-    uint32_t chunk, uint8_t *bytes, struct hg_error *err)
+static enum hg_status load_one(struct hg_cluster_pool *p, const struct hg_chunk_want *want,
+    bool loose, uint8_t *bytes, struct hg_error *err)
 {
-    if (mesh->chunks[chunk].slot != HG_RESIDENCY_NONE)
+    struct hg_cluster_mesh *mesh = want->mesh;
+    const uint32_t chunk = want->chunk;
+    struct hg_chunk_state *c = &mesh->chunks[chunk];
+    if (hg_chunk_is_bound(c) || (loose && c->slot != HG_RESIDENCY_NONE) || bind(p, mesh, chunk))
         return HG_OK;
     if (hg_residency_is_in_flight(p->residency, key_of(mesh, chunk)))
         return HG_E_AGAIN;
-    if (!parents_are_resident(mesh, chunk))
+    if (c->slot != HG_RESIDENCY_NONE || !(loose || parents_are_resident(mesh, chunk)))
         return HG_E_AGAIN;
+    if (slots_to_add(p) == 0 && hg_residency_available(p->residency, HG_RESIDENCY_UNUSED) == 0) {
+        p->stats.full++;
+        return HG_E_AGAIN;
+    }
     const uint64_t start = hg_clock_now_ns();
     const enum hg_status status = decode(mesh, chunk, bytes, err);
     p->stats.decode_ns += hg_clock_now_ns() - start;
+    c->loose = status == HG_OK && loose; // also where parents are: they need not stay
     return status == HG_OK ? settle(p, mesh, chunk, bytes, HG_RESIDENCY_UNUSED, err) : status;
 }
 
@@ -522,7 +630,7 @@ static void finish_tasks(struct hg_cluster_pool *p)
 }
 
 enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *p, const struct hg_chunk_want *wants,
-    uint32_t count, struct hg_error *err)
+    uint32_t count, bool loose, struct hg_error *err)
 {
     finish_tasks(p);
     struct hg_chunk_want *sorted = hg_calloc(count, sizeof *sorted);
@@ -536,7 +644,7 @@ enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *p, const struct hg_c
     }
     bool full = false;
     for (uint32_t i = 0; i < count && status == HG_OK; i++) {
-        status = load_one(p, sorted[i].mesh, sorted[i].chunk, bytes, err);
+        status = load_one(p, &sorted[i], loose, bytes, err);
         full = full || status == HG_E_AGAIN;
         status = status == HG_E_AGAIN ? HG_OK : status;
     }

@@ -313,28 +313,36 @@ static uint64_t bytes_of(const struct sync *s)
     return bytes;
 }
 
-// Slots of chunks are not given back: they count as far as they are there.
+// What the parts leave of the budget is for chunks; the pool gives back what it has above that, up
+// to a block. Returns what it cannot do without.
+static uint64_t pool_bytes(struct hg_geometry *g, uint64_t bytes)
+{
+    struct hg_cluster_pool_stats pool;
+    const uint64_t budget = g->params.budget_bytes;
+    if (g->pool == NULL)
+        return 0;
+    hg_geometry_note_peak(g);
+    hg_cluster_pool_set_budget(g->pool, budget == 0 ? 0 : budget > bytes ? budget - bytes : 1);
+    hg_cluster_pool_stats(g->pool, &pool);
+    return pool.root_bytes;
+}
+
 static enum hg_status check_budget(struct sync *s, struct hg_error *err)
 {
     struct hg_geometry *g = s->g;
     const uint64_t budget = g->params.budget_bytes;
-    struct hg_cluster_pool_stats pool = {0};
-    uint64_t bytes = bytes_of(s);
-    if (g->pool != NULL)
-        hg_cluster_pool_stats(g->pool, &pool);
-    if (budget > 0 && g->pool != NULL && bytes + pool.used_bytes > budget) {
+    uint64_t bytes = bytes_of(s), chunks = pool_bytes(g, bytes);
+    if (budget > 0 && g->pool != NULL && bytes + chunks > budget) {
         // Not all parts fit as they are: what can have levels gets them before anything is shown.
         hg_baked_queue(g, s->meshes, s->mesh_count);
         hg_baked_collect(g, s->meshes, s->mesh_count, true);
         bytes = bytes_of(s);
-        hg_cluster_pool_stats(g->pool, &pool);
+        chunks = pool_bytes(g, bytes);
     }
-    if (budget > 0 && bytes + pool.used_bytes > budget)
+    if (budget > 0 && bytes + chunks > budget)
         return hg_error_set(err, HG_E_LIMIT, "geometry budget", NULL,
-            "%llu bytes are needed, the budget is %llu",
-            (unsigned long long)(bytes + pool.used_bytes), (unsigned long long)budget);
-    if (g->pool != NULL)
-        hg_cluster_pool_set_budget(g->pool, budget > 0 ? budget - bytes : 0);
+            "%llu bytes are needed, the budget is %llu", (unsigned long long)(bytes + chunks),
+            (unsigned long long)budget);
     s->used_bytes = bytes;
     return HG_OK;
 }
@@ -630,7 +638,7 @@ static enum hg_status commit(struct sync *s, struct hg_error *err)
     g->bit_count = s->bit_count;
     struct hg_geometry_stats *st = &g->stats;
     st->used_bytes = s->used_bytes;
-    st->peak_bytes = s->used_bytes > st->peak_bytes ? s->used_bytes : st->peak_bytes;
+    hg_geometry_note_peak(g);
     st->uploaded_bytes = s->written;
     st->triangles_total = s->triangles;
     st->draws = s->draw_count;
@@ -738,13 +746,19 @@ void hg_geometry_fill(const struct hg_geometry *g, struct hg_gpu_geometry *out)
         .material_count = g->material_count};
 }
 
+void hg_geometry_note_peak(struct hg_geometry *g)
+{
+    struct hg_geometry_stats now;
+    hg_geometry_stats(g, &now);
+    g->stats.peak_bytes = now.peak_bytes;
+}
+
 void hg_geometry_stats(const struct hg_geometry *g, struct hg_geometry_stats *out)
 {
     *out = g->stats;
     if (g->pool != NULL) {
         hg_cluster_pool_stats(g->pool, &out->chunks);
         out->used_bytes += out->chunks.used_bytes;
-        out->peak_bytes += out->chunks.peak_bytes;
         out->baking = hg_baker_pending(g->baker);
     }
     out->budget_bytes = g->params.budget_bytes;

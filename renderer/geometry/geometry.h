@@ -30,6 +30,7 @@ struct hg_geometry;
 // Chunks of baked parts.
 struct hg_cluster_pool_stats {
     uint64_t budget_bytes, used_bytes, peak_bytes; // of slots on the device
+    uint64_t root_bytes;                           // of them, of coarsest levels: never evicted
     uint64_t resident, requested, evicted;         // chunks: now, now, since creation
     uint64_t read_bytes, decode_ns, upload_ns;     // since creation
     uint64_t full;                                 // times that no slot was to be had

@@ -87,6 +87,9 @@ uint32_t hg_baked_from(const struct hg_geometry *g);
 bool hg_baked_collect(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait);
 
+// --- geometry.c: keeps the largest sum of what is in use; before anything is given back ---
+void hg_geometry_note_peak(struct hg_geometry *g);
+
 // --- deform.c: one part of one skinned or morphed node ---
 struct hg_deform_entry {
     uint64_t node, mesh, mesh_revision;

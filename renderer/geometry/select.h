@@ -47,9 +47,9 @@ enum hg_status hg_select_lod(const struct hg_visible_view *view, uint32_t draw, 
     const struct hg_object_view *object, struct hg_selection *out) HG_MUST_CHECK;
 uint32_t hg_select_lod_bits(void);
 // Marks the chunks of the runs as used, and brings the list of what is wanted in order: each chunk
-// once, with its parents. HG_E_NOMEM.
-enum hg_status hg_select_wants(
-    const struct hg_geometry *geometry, struct hg_selection *selection) HG_MUST_CHECK;
+// once, with its parents unless the view wants the whole of it. HG_E_NOMEM.
+enum hg_status hg_select_wants(const struct hg_geometry *geometry,
+    const struct hg_visible_view *view, struct hg_selection *selection) HG_MUST_CHECK;
 
 // Appends runs in draw order, and what is missing. HG_E_NOMEM.
 enum hg_status hg_select(const struct hg_geometry *geometry, const struct hg_visible_view *view,

@@ -1,5 +1,7 @@
 // select_lod.c - the cut through the hierarchy of a baked part that a view needs. See lod.h for the
-// rule and why the cut has no cracks.
+// rule and why the cut has no cracks. A view that wants the whole of it (and draws nothing before
+// it has) takes the cut as if every chunk were resident, and needs those chunks alone that it
+// draws.
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -50,14 +52,15 @@ static bool is_wanted(const struct walk *w, const struct hg_lod_group *g, float 
 
 static bool is_resident(const struct walk *w, uint32_t chunk)
 {
-    return w->mesh->chunks[chunk].slot != HG_RESIDENCY_NONE;
+    const struct hg_chunk_state *c = &w->mesh->chunks[chunk];
+    return c->slot != HG_RESIDENCY_NONE && (w->view->whole || !c->loose);
 }
 
 static bool is_used(const struct walk *w, uint32_t group)
 {
     float px;
     const struct hg_lod_group *g = &w->lod->groups[group];
-    return is_resident(w, g->chunk) && is_wanted(w, g, &px);
+    return (w->view->whole || is_resident(w, g->chunk)) && is_wanted(w, g, &px);
 }
 
 static void want(struct walk *w, uint32_t chunk, float px)
@@ -81,7 +84,8 @@ uint32_t hg_select_lod_bits(void)
     return 1u << LOD_BITS;
 }
 
-static void add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
+// A cluster of the cut, if it may be seen. False: it may, but its chunk is not there.
+static bool add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
 {
     const struct hg_lod_cluster *c = &w->lod->clusters[index];
     struct hg_meshlet m = {.cone_cutoff = fminf(1.0f, c->cone_cutoff + HG_CONE_MARGIN)};
@@ -91,11 +95,13 @@ static void add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
         m.cone_axis[i] = c->cone_axis[i];
     }
     if (hg_select_is_outside(w->object, &m) || hg_select_faces_away(w->object, &m))
-        return;
+        return true;
+    if (!is_resident(w, chunk))
+        return false;
     struct hg_selection *s = w->out;
     w->status = hg_grow(&s->items, &s->capacity, s->count + 1, sizeof *s->items);
     if (w->status != HG_OK)
-        return;
+        return true;
     s->items[s->count++] = (struct hg_run){.draw = w->draw,
         .chunk = chunk,
         .first = c->first_index / 3,
@@ -103,6 +109,7 @@ static void add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
         .bit = bit_of(w, index),
         .center = {m.center[0], m.center[1], m.center[2]},
         .extent = {m.extent[0], m.extent[1], m.extent[2]}};
+    return true;
 }
 
 static void visit_group(struct walk *w, uint32_t index)
@@ -111,16 +118,15 @@ static void visit_group(struct walk *w, uint32_t index)
     float px;
     if (!is_wanted(w, g, &px))
         return;
-    if (!is_resident(w, g->chunk)) {
-        want(w, g->chunk, px);
-        return;
-    }
-    const uint32_t end = g->first_cluster + g->cluster_count;
+    bool there = w->view->whole || is_resident(w, g->chunk);
+    const uint32_t end = there ? g->first_cluster + g->cluster_count : g->first_cluster;
     for (uint32_t c = g->first_cluster; c < end && w->status == HG_OK; c++) {
         const uint32_t made_from = w->lod->clusters[c].made_from;
         if (made_from == HG_LOD_NONE || !is_used(w, made_from))
-            add_cluster(w, c, g->chunk);
+            there = add_cluster(w, c, g->chunk) && there;
     }
+    if (!there && w->status == HG_OK)
+        want(w, g->chunk, px);
 }
 
 static bool may_show(const struct walk *w, const struct hg_lod_node *n)
@@ -216,7 +222,7 @@ static enum hg_status add_parents(struct hg_selection *s)
              k++) {
             const uint32_t parent = w.mesh->parents[k];
             struct hg_chunk_state *state = &w.mesh->chunks[parent];
-            if (state->slot != HG_RESIDENCY_NONE || state->mark == s->mark)
+            if (hg_chunk_is_bound(state) || state->mark == s->mark)
                 continue;
             state->mark = s->mark;
             const enum hg_status status =
@@ -239,12 +245,14 @@ static void use_chunks(const struct hg_geometry *g, const struct hg_selection *s
     }
 }
 
-enum hg_status hg_select_wants(const struct hg_geometry *g, struct hg_selection *s)
+enum hg_status hg_select_wants(
+    const struct hg_geometry *g, const struct hg_visible_view *view, struct hg_selection *s)
 {
     use_chunks(g, s);
     unite_wants(s);
     s->mark = hg_cluster_pool_mark(g->pool);
-    const enum hg_status status = s->want_count > 0 ? add_parents(s) : HG_OK;
+    const bool alone = s->want_count == 0 || view->whole;
+    const enum hg_status status = alone ? HG_OK : add_parents(s);
     unite_wants(s);
     return status;
 }

@@ -14,6 +14,8 @@
 #define COPY_RUNS      256 // of one job
 #define ERROR_STEP     1.25f
 #define MOST_ERROR_PX  1e6f
+#define CALM           6 // frames that fit before the error is lowered
+#define MOST_ROUNDS    4 // of loading before chunks must be driving each other out
 
 // Indices that the list of this frame takes from a part.
 struct copy {
@@ -54,9 +56,10 @@ struct hg_visible {
     uint32_t *history;
     size_t history_capacity;
     uint32_t history_bits;
-    float bias;   // on the error of views that do not wait; 0 = 1
-    bool crowded; // the newest views wanted more than the budget holds
-    bool tested;  // flags of set 0 are those of its newest sample
+    float bias;    // on the error of views that do not wait; 0 = 1
+    uint32_t calm; // frames since they wanted more than the budget holds
+    bool crowded;  // the newest views wanted more than the budget holds
+    bool tested;   // flags of set 0 are those of its newest sample
 };
 
 #define BUFFERS(v)                                                                                 \
@@ -97,7 +100,10 @@ void hg_visible_destroy(struct hg_visible *v)
 
 void hg_visible_relax(struct hg_visible *v)
 {
+    if (v->calm < CALM)
+        return;
     v->bias = fmaxf(v->bias / ERROR_STEP, 1.0f);
+    v->calm = 0;
 }
 
 void hg_visible_set_occlusion_from(struct hg_visible *v, uint64_t triangles)
@@ -157,6 +163,7 @@ void hg_visible_reset(struct hg_visible *v)
     // Evenly coarser while not all fits; finer again, slowly, when it does.
     if (v->crowded)
         v->bias = fminf(fmaxf(v->bias, 1.0f) * ERROR_STEP, MOST_ERROR_PX);
+    v->calm = v->crowded ? 0 : v->calm < CALM ? v->calm + 1 : CALM;
     v->crowded = false;
     v->tested = false;
     v->set_count = v->item_count = v->copy_count = v->id_count = 0;
@@ -458,34 +465,63 @@ static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry
     const enum hg_status status = hg_select(g, view, jobs, &v->runs);
     if (status != HG_OK)
         return hg_error_set(err, status, "draw lists", NULL, "no memory");
-    if (hg_select_wants(g, &v->runs) != HG_OK)
+    if (hg_select_wants(g, view, &v->runs) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "draw lists", NULL, "no memory");
     return HG_OK;
+}
+
+// A new frame for the pool: what earlier frames used may go, what the sets before use may not.
+static void tick(const struct hg_visible *v, const struct hg_geometry *g)
+{
+    hg_cluster_pool_tick(g->pool);
+    for (uint32_t i = 0; i < v->item_count; i++)
+        if (v->items[i].chunk != HG_LOD_NONE)
+            hg_cluster_pool_use(
+                g->pool, g->draws[v->items[i].first_draw].part->clusters, v->items[i].chunk);
+}
+
+// One attempt to have all that is missing. *fits: there is some left that found no room.
+static enum hg_status load_wanted(struct hg_visible *v, const struct hg_geometry *g,
+    const struct hg_visible_view *view, struct hg_jobs *jobs, bool *fits, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    uint32_t before = UINT32_MAX; // at first only what was not used in this frame goes
+    *fits = false;
+    while (status == HG_OK && !*fits && v->runs.want_count < before) {
+        before = before == UINT32_MAX ? before - 1 : v->runs.want_count;
+        status = hg_cluster_pool_load(g->pool, v->runs.wants, v->runs.want_count, view->whole, err);
+        *fits = status == HG_OK;
+        if (status == HG_E_AGAIN) {
+            tick(v, g);
+            status = HG_OK;
+        }
+        if (status == HG_OK)
+            status = select_once(v, g, view, jobs, err);
+    }
+    *fits = *fits || v->runs.want_count == 0;
+    return status;
 }
 
 // Selects what the view shows. A view that waits loads what is missing; when the budget does not
 // hold all of it, the error is raised for all parts alike until it does.
 static enum hg_status select_runs(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
+    struct hg_visible_view *view, struct hg_jobs *jobs, bool *crowded, struct hg_error *err)
 {
+    *crowded = false;
     enum hg_status status = select_once(v, g, view, jobs, err);
-    if (status != HG_OK || v->runs.want_count == 0)
-        return status;
-    if (!view->wait) {
-        v->crowded |= hg_cluster_pool_request(g->pool, v->runs.wants, v->runs.want_count);
-        return HG_OK;
-    }
-    while (status == HG_OK && v->runs.want_count > 0) {
-        status = hg_cluster_pool_load(g->pool, v->runs.wants, v->runs.want_count, err);
-        if (status == HG_E_AGAIN && view->error_px < MOST_ERROR_PX) {
-            view->error_px *= ERROR_STEP;
-            hg_cluster_pool_tick(g->pool); // what the finer cut used may go
-            status = HG_OK;
-        }
-        if (status == HG_E_AGAIN)
-            return HG_OK;
-        if (status == HG_OK)
-            status = select_once(v, g, view, jobs, err);
+    if (status == HG_OK && v->runs.want_count > 0 && !view->wait)
+        *crowded = hg_cluster_pool_request(g->pool, v->runs.wants, v->runs.want_count);
+    for (uint32_t round = 1; status == HG_OK && v->runs.want_count > 0 && view->wait; round++) {
+        bool fits;
+        status = load_wanted(v, g, view, jobs, &fits, err);
+        if (status != HG_OK || (fits && round < MOST_ROUNDS))
+            continue;
+        round = 0;
+        *crowded = v->runs.want_count > 0;
+        if (view->whole || view->error_px >= MOST_ERROR_PX)
+            break;
+        view->error_px *= ERROR_STEP;
+        status = select_once(v, g, view, jobs, err);
     }
     return status;
 }
@@ -500,11 +536,14 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
     struct hg_selection late = {0};
     if (!view.wait && v->bias > 1.0f)
         view.error_px *= v->bias;
-    enum hg_status status = select_runs(v, geometry, &view, jobs, err);
+    bool crowded;
+    enum hg_status status = select_runs(v, geometry, &view, jobs, &crowded, err);
     if (status != HG_OK)
         return status;
+    v->crowded |= crowded && !view.wait;
     set.missing = v->runs.want_count;
     set.error_px = view.error_px;
+    set.crowded = crowded || view.error_px > wanted->error_px;
     if (view.history)
         status = keep_history(v, geometry);
     const bool occlusion = view.history && triangles_of(&v->runs) >= v->occlusion_from;

@@ -41,6 +41,8 @@ struct hg_visible_view {
     float near;        // metres, > 0: nothing is looked at from nearer than this
     bool wait;         // load what is missing now
     bool numbered;     // lists of numbered.h, where there are
+    bool whole;        // with wait: never coarser than asked; what does not fit is missing, and
+                       // then the set must not be drawn
     bool history;      // what the last view with history saw comes first, the rest may be late
 };
 
@@ -68,13 +70,15 @@ struct hg_visible_set {
     uint32_t first_late, late_count; // in reverse draw order, opaque and masked
     uint32_t first_candidate, candidate_count; // of occlusion
     uint32_t missing;                          // chunks that should be there and are not
+    bool crowded;                              // because the budget does not hold all of it
     float error_px;                            // >= that of the view: more did not fit the budget
     uint64_t triangles, late_triangles;        // triangles: of items that are not late
     bool numbered;                             // as in the view
 };
 
 // The camera moved: what did not fit the budget may fit now. Views that do not wait and want more
-// than it holds get a larger error from frame to frame; this lowers it by a step.
+// than it holds get a larger error from frame to frame; this lowers it by a step, once a few frames
+// have had enough.
 void hg_visible_relax(struct hg_visible *visible);
 // Forgets all sets. The batch that used them is over.
 void hg_visible_reset(struct hg_visible *visible);

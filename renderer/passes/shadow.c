@@ -80,13 +80,18 @@ static VkRect2D cut(VkRect2D r, VkRect2D area)
     return (VkRect2D){{x, y}, {(uint32_t)(x1 - x), (uint32_t)(y1 - y)}};
 }
 
+static VkRect2D rect_of(const struct hg_gpu_shadow *s)
+{
+    const uint32_t side = (uint32_t)s->size_px;
+    return (VkRect2D){{(int32_t)s->rect_px.x, (int32_t)s->rect_px.y}, {side, side}};
+}
+
 static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map *map,
     struct hg_gpu_image *atlas, const struct hg_visible *visible, uint32_t set,
     struct hg_error *err)
 {
-    const uint32_t side = (uint32_t)map->gpu.size_px;
-    const VkRect2D whole = {
-        {(int32_t)map->gpu.rect_px.x, (int32_t)map->gpu.rect_px.y}, {side, side}};
+    const VkRect2D whole = rect_of(&map->gpu);
+    const uint32_t side = whole.extent.width;
     const struct hg_gpu_rendering rendering = {
         .depth = {.image = atlas, .clear = true}, .area = cut(whole, pass->area)};
     if (rendering.area.extent.width == 0 || rendering.area.extent.height == 0)
@@ -105,14 +110,37 @@ static bool is_due(const struct hg_shadow_map *map, bool coarse)
     return map->stale && !(coarse && map->refines);
 }
 
+// Planes of what a map shows inside `part` of its rectangle, a pixel more on each side.
+static uint32_t planes_of(
+    const float view_proj[16], VkRect2D whole, VkRect2D part, float planes[6][4])
+{
+    float m[16];
+    const float side = (float)whole.extent.width;
+    const float size[2] = {
+        ((float)part.extent.width + 2.0f) / side, ((float)part.extent.height + 2.0f) / side};
+    const float low[2] = {((float)(part.offset.x - whole.offset.x) - 1.0f) / side,
+        ((float)(part.offset.y - whole.offset.y) - 1.0f) / side};
+    if (part.extent.width == 0 || part.extent.height == 0) {
+        memcpy(planes[0], (float[4]){0.0f, 0.0f, 0.0f, -1.0f}, sizeof planes[0]);
+        return 1; // everything is outside
+    }
+    memcpy(m, view_proj, sizeof m);
+    for (int r = 0; r < 2; r++) // clip space of the part
+        for (int c = 0; c < 4; c++)
+            m[c * 4 + r] =
+                (m[c * 4 + r] - (2.0f * low[r] + size[r] - 1.0f) * m[c * 4 + 3]) / size[r];
+    return hg_cull_planes(m, planes);
+}
+
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
-    bool coarse, bool wait, struct hg_jobs *jobs, struct hg_visible *visible, struct hg_error *err)
+    const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_visible *visible,
+    struct hg_error *err)
 {
     uint32_t count;
     const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < count && !status; i++) {
-        if (!is_due(&maps[i], coarse))
+        if (!is_due(&maps[i], choice->coarse))
             continue;
         const struct hg_gpu_shadow *s = &maps[i].gpu;
         struct hg_visible_view view = {.both_sides = true,
@@ -122,8 +150,13 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
             .orthographic = s->perspective == 0,
             .error_px = 1.0f,
             .near = 1e-3f,
-            .wait = wait};
-        view.plane_count = hg_cull_planes(maps[i].view_proj, view.planes);
+            .wait = choice->wait,
+            .whole = choice->whole};
+        const VkRect2D whole = rect_of(s);
+        view.plane_count =
+            choice->area.extent.width == 0
+                ? hg_cull_planes(maps[i].view_proj, view.planes)
+                : planes_of(maps[i].view_proj, whole, cut(whole, choice->area), view.planes);
         status = hg_visible_add(visible, geometry, &view, jobs, err);
     }
     return status;
@@ -148,8 +181,8 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
             continue;
         status =
             draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set, err);
-        maps[i].stale =
-            pass->find || status != HG_OK || hg_visible_set(visible, first_set)->missing > 0;
+        const struct hg_visible_set *set = hg_visible_set(visible, first_set);
+        maps[i].stale = pass->find || status != HG_OK || set->missing > 0 || set->crowded;
         first_set++;
     }
     hg_gpu_cmd_end_stage(pass->cmd);

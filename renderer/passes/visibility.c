@@ -197,7 +197,9 @@ enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
         return status;
-    begin(pass, target, area, true);
+    struct hg_pass part = *pass;
+    part.area = area;
+    begin(&part, target, area, true);
     status = draw_items(
         pass, scene->visible, set->first_item, set->first_item + set->item_count, &manner, err);
     if (status == HG_OK) // as far as the frame saw them

