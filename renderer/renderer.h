@@ -145,6 +145,8 @@ struct hg_baking {
     uint32_t mesh_parts;
 };
 void hg_view_baking(struct hg_view *view, struct hg_baking *out);
+// Images of the scene that cannot be read (any more) and are drawn white.
+uint32_t hg_view_failed_textures(struct hg_view *view);
 
 // One JSON object with the keys of docs/client.md (--stats); view may be NULL.
 enum hg_status hg_renderer_stats_json(

@@ -76,7 +76,7 @@ static void put_textures(
         "\"failed\":%u,\"mip_bias\":%.3f,\"teleport_to_sharp_ms\":%.3f,",
         (unsigned long long)c.budget_bytes, (unsigned long long)c.peak_bytes,
         (unsigned long long)c.pool_bytes, (unsigned long long)c.table_bytes, c.missing, c.resident,
-        c.slots, c.sets, c.failed + t.failed, (double)c.bias, ms(c.sharp_ns));
+        c.slots, c.sets, view != NULL ? t.failed : c.failed, (double)c.bias, ms(c.sharp_ns));
     hg_json_put(w,
         "\"requested\":%llu,\"loaded\":%llu,\"evicted\":%llu,\"read_bytes\":%llu,"
         "\"decode_ms\":%.3f,\"upload_ms\":%.3f,\"uploaded_bytes\":%llu,\"host_bytes\":%llu,"
@@ -155,6 +155,13 @@ void hg_view_baking(struct hg_view *view, struct hg_baking *out)
         hg_page_sources_stats(hg_page_cache_sources(pages), &s);
     hg_geometry_stats(view->state.rooms->geometry, &g);
     *out = (struct hg_baking){s.bake_texels_done, s.bake_texels_total, g.baking};
+}
+
+uint32_t hg_view_failed_textures(struct hg_view *view)
+{
+    struct hg_textures_stats t;
+    hg_textures_stats(view->state.rooms->textures, &t);
+    return t.failed;
 }
 
 enum hg_status hg_renderer_stats_json(

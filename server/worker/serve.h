@@ -52,7 +52,8 @@ struct view_slot {
     uint64_t failed_revision;  // of the scene then
     struct hg_frame_info info; // of the newest step
     bool stepped;
-    uint64_t step_ns; // per sample, of the newest step
+    uint32_t told_failures; // textures that could not be read, as far as the client knows
+    uint64_t step_ns;       // per sample, of the newest step
 };
 
 struct session {

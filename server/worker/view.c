@@ -1,4 +1,5 @@
 // view.c - views: their parameters, the frames they owe, and whose turn it is to render.
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -252,6 +253,23 @@ static float asked_error_px(const struct hg_view_params *p)
     return p->error_px > 0 ? p->error_px : 1;
 }
 
+// A picture that lacks textures is not passed on in silence.
+static void tell_failures(
+    struct serve *s, struct session *session, struct view_slot *view, uint32_t request)
+{
+    const uint32_t failed = hg_view_failed_textures(view->view);
+    if (failed == view->told_failures)
+        return;
+    view->told_failures = failed;
+    if (failed == 0)
+        return;
+    char text[96];
+    snprintf(text, sizeof text, "%u of the images cannot be read and are drawn white", failed);
+    link_send(s->w, session->channel, request, HGP_T_notice,
+        &(struct hgp_notice){
+            .code = HG_E_IO, .what = hgp_str_make("textures"), .reason = hgp_str_make(text)});
+}
+
 static enum hg_status queue_frame(struct serve *s, struct session *session, struct view_slot *view,
     const struct frame_wait *what, struct hg_error *err)
 {
@@ -265,6 +283,7 @@ static enum hg_status queue_frame(struct serve *s, struct session *session, stru
         encode_job_destroy(job);
         return status;
     }
+    tell_failures(s, session, view, what->request);
     const struct hg_frame_info *info = &view->info;
     job->channel = session->channel;
     job->request = what->request;
