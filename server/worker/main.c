@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -216,6 +217,17 @@ static enum hg_status serve_link(struct worker *w)
     return status;
 }
 
+// Open packs hold a file descriptor each, and a scene may have thousands of textures.
+static void allow_files(void)
+{
+    struct rlimit files;
+    if (getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
+        files.rlim_cur = files.rlim_max;
+        if (setrlimit(RLIMIT_NOFILE, &files) != 0)
+            hg_debug(WORKER, "files: %s", strerror(errno));
+    }
+}
+
 // The renderer would do it, too, but by then other threads may be reading the environment.
 static void point_mesa_cache(const struct worker_options *o)
 {
@@ -246,6 +258,7 @@ int main(int argc, char **argv)
     signal(SIGPIPE, SIG_IGN);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
+    allow_files();
     point_mesa_cache(&w.options);
     struct hg_error err = {0};
     enum hg_status status = sandbox_enter(&w.options, &err);
