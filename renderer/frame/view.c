@@ -488,8 +488,9 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
     status = submit_and_wait(view, cmd, err);
     if (status == HG_OK) {
         memcpy(out, view->pick.mapped, sizeof *out);
+        const float position[3] = {out->position_ws.x, out->position_ws.y, out->position_ws.z};
         out->triangle = hg_geometry_source_primitive(
-            view->rooms->geometry, out->draw_plus_one - 1, out->triangle);
+            view->rooms->geometry, out->draw_plus_one - 1, out->triangle, position);
     }
     return status;
 }

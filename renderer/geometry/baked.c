@@ -1,9 +1,11 @@
 // baked.c - parts that get levels of detail: which, and how results come in. See internal.h.
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/geometry/internal.h"
+#include "renderer/geometry/lod_internal.h"
 
 #define BAKE_FROM 32768u // triangles
 
@@ -40,8 +42,7 @@ void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_
                 !hg_lod_can_bake(&e->mesh->parts[p], e->target_count))
                 continue;
             // Without memory for a copy the part is drawn as it is.
-            part->baking =
-                hg_baker_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
+            part->baking = hg_baker_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
         }
     }
 }
@@ -135,4 +136,54 @@ bool hg_geometry_has_levels(const struct hg_geometry *g)
             if (g->meshes[i].parts[p].clusters != NULL)
                 return true;
     return false;
+}
+
+// --- what stands where a level was seen ----------------------------------------------------------
+
+// inverse(world) * point; the point of the origin when there is no inverse.
+static void to_object(const struct hg_mat4x3 *world, const float point[3], float out[3])
+{
+    const float *m = world->m;
+    double c[3][3], p[3], det = 0.0;
+    for (int i = 0; i < 3; i++) { // cofactors: cross products of the columns
+        const float *a = m + (i + 1) % 3 * 3, *b = m + (i + 2) % 3 * 3;
+        for (int k = 0; k < 3; k++)
+            c[i][k] = (double)a[(k + 1) % 3] * (double)b[(k + 2) % 3] -
+                      (double)a[(k + 2) % 3] * (double)b[(k + 1) % 3];
+        p[i] = (double)point[i] - (double)m[9 + i];
+    }
+    for (int k = 0; k < 3; k++)
+        det += (double)m[k] * c[0][k];
+    for (int i = 0; i < 3; i++)
+        out[i] =
+            det != 0.0 ? (float)((c[i][0] * p[0] + c[i][1] * p[1] + c[i][2] * p[2]) / det) : 0.0f;
+}
+
+uint32_t hg_baked_nearest(
+    const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3])
+{
+    float at[4] = {0}, best = INFINITY;
+    uint32_t nearest = 0;
+    to_object(world, point, at);
+    for (uint32_t t = 0; t < part->index_count / 3; t++) {
+        const uint32_t *v = part->indices + (size_t)t * 3;
+        const float *a = part->positions + (size_t)v[0] * 3,
+                    *b = part->positions + (size_t)v[1] * 3,
+                    *c = part->positions + (size_t)v[2] * 3;
+        float least = 0.0f; // squared distance to the box of the triangle
+        for (int k = 0; k < 3; k++) {
+            const float low = fminf(a[k], fminf(b[k], c[k])), high = fmaxf(a[k], fmaxf(b[k], c[k]));
+            const float gap = fmaxf(fmaxf(low - at[k], at[k] - high), 0.0f);
+            least += gap * gap;
+        }
+        if (least >= best)
+            continue;
+        const float corners[3][4] = {{a[0], a[1], a[2]}, {b[0], b[1], b[2]}, {c[0], c[1], c[2]}};
+        const float distance2 = hg_lod_distance2(at, corners[0], corners[1], corners[2]);
+        if (distance2 < best) {
+            best = distance2;
+            nearest = t;
+        }
+    }
+    return nearest;
 }

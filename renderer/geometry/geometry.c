@@ -807,11 +807,18 @@ bool hg_geometry_draw_info(const struct hg_geometry *g, uint32_t draw, struct hg
 }
 
 uint32_t hg_geometry_source_primitive(
-    const struct hg_geometry *g, uint32_t draw, uint32_t primitive)
+    const struct hg_geometry *g, uint32_t draw, uint32_t primitive, const float position[3])
 {
     if (draw >= g->draw_count)
         return primitive;
-    const struct hg_part_entry *part = g->draws[draw].part;
+    const struct hg_draw_entry *d = &g->draws[draw];
+    const struct hg_part_entry *part = d->part;
+    if (part->clusters != NULL) {
+        const struct hg_gpu_instance *instances =
+            (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+        return hg_baked_nearest(
+            &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
+    }
     return part->meshlets.order != NULL && primitive < part->primitive_count
                ? part->meshlets.order[primitive]
                : primitive;

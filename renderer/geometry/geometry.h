@@ -106,9 +106,12 @@ struct hg_draw_info {
 bool hg_geometry_draw_info(
     const struct hg_geometry *geometry, uint32_t draw, struct hg_draw_info *out);
 
-// Primitives of visibility buffers are in the order of the device; the mesh's number of one.
+// Primitives of visibility buffers are in the order of the device; the mesh's number of one. Where
+// levels of detail are shown there may be none: then the source triangle nearest to `position`
+// (relative to the origin), of equally near ones the first. So the number does not depend on what
+// level was seen. Cost O(triangles) there, about 10 ms per million.
 uint32_t hg_geometry_source_primitive(
-    const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive);
+    const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive, const float position[3]);
 
 // --- facets (recorded by passes/facet.h) ---------------------------------------------------------
 

@@ -84,6 +84,9 @@ void hg_mesh_entry_finish(
 void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count);
 // Triangles from which parts are baked; UINT32_MAX: none are.
 uint32_t hg_baked_from(const struct hg_geometry *g);
+// The triangle of a part nearest to a point of the space that `world` leads to; 0 when it has none.
+uint32_t hg_baked_nearest(
+    const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3]);
 bool hg_baked_collect(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait);
 

@@ -316,6 +316,49 @@ static void test_picks(void **state)
     close_rig(&rig);
 }
 
+// Triangles of picks are those of the source: where one was hit, its plane is within a pixel.
+static void test_picks_name_the_source(void **state)
+{
+    (void)state;
+    struct rig rig;
+    uint32_t hits = 0;
+    open_rig(&rig, 0);
+    look(&rig, 0, 0.3f);
+    settle(&rig, 16);
+    const struct hg_mesh_part *part = NULL;
+    for (uint32_t i = 0; i < rig.scene->objects[HG_OBJECT_NODE].count; i++) {
+        const struct hg_node *n =
+            (const struct hg_node *)rig.scene->objects[HG_OBJECT_NODE].items[i];
+        part = n->head.id == 2 ? &n->mesh->parts[0] : part;
+    }
+    assert_non_null(part);
+    for (uint32_t i = 0; i < PICKS; i++) {
+        if (!picks[i].hit || picks[i].node != 2)
+            continue;
+        assert_true(picks[i].triangle < part->index_count / 3);
+        float least = 1e9f; // of the three instances
+        for (int k = 0; k < 3; k++) {
+            float distance2 = 0.0f;
+            for (int c = 0; c < 3; c++) {
+                float middle = 0.0f;
+                for (uint32_t v = 0; v < 3; v++)
+                    middle += part->positions[part->indices[picks[i].triangle * 3 + v] * 3 +
+                                              (uint32_t)c] /
+                              3.0f;
+                const float shift[3][3] = {
+                    {0, -0.053f, 0}, {-0.15f, -0.053f, -0.2f}, {0.12f, -0.053f, -0.4f}};
+                const float gap = picks[i].position[c] - shift[k][c] - middle;
+                distance2 += gap * gap;
+            }
+            least = fminf(least, sqrtf(distance2));
+        }
+        assert_true(least < 0.002f); // edges are 0.7 mm long, a pixel 0.8 mm
+        hits++;
+    }
+    assert_true(hits > 3);
+    close_rig(&rig);
+}
+
 // In motion the error rises evenly until the budget holds what is asked for, and stays; what is in
 // view stays resident (nothing is read again and again).
 static void test_motion_is_steady(void **state)
@@ -352,6 +395,6 @@ int main(void)
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
-        cmocka_unit_test(test_motion_is_steady)};
+        cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
