@@ -1,5 +1,5 @@
 // render_levels.c - pictures of baked meshes do not depend on how much memory geometry gets, nor on
-// what was looked at before; moving pictures say how coarse they are.
+// what was looked at before; moving pictures say how coarse they are; levels do not pop in a zoom.
 //
 // The scene: the Stanford dragon, 202,520 triangles (big-geometry of HELIO_TEST_DATA), over a plate
 // that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs
@@ -390,11 +390,74 @@ static void test_motion_is_steady(void **state)
     close_rig(&rig);
 }
 
+// --- zoom ----------------------------------------------------------------------------------------
+
+#define ZOOMS 11
+
+static void settle_at_one_pixel(struct rig *rig, float distance, struct hg_refbuf **out)
+{
+    const struct hg_view_params view = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
+    check(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+    look(rig, 0, distance);
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 100 && !info.settled; i++)
+        info = step(rig, 16);
+    assert_true(info.settled);
+    *out = pixels(rig);
+}
+
+// Mean over the channels of |b - a|.
+static double change(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    const float *p = (const float *)(const void *)a->data,
+                *q = (const float *)(const void *)b->data;
+    double sum = 0.0;
+    for (size_t i = 0; i < a->size / 4; i++)
+        sum += (double)fabsf(q[i] - p[i]);
+    return sum / (double)(a->size / 4);
+}
+
+// A zoom by a tenth of a pixel at a time never changes more than with the whole mesh, shadows
+// included: a level that popped in would stand out against steps so small.
+static void test_zoom_does_not_pop(void **state)
+{
+    (void)state;
+    struct rig rigs[2];
+    struct hg_refbuf *frames[2][ZOOMS];
+    double worst = 0.0;
+    for (int side = 0; side < 2; side++) {
+        open_rig(&rigs[side], 0);
+        if (side == 1) {
+            hg_view_destroy(rigs[1].view);
+            rigs[1].renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+            check(hg_view_create(rigs[1].renderer, rigs[1].scene, &rigs[1].view, &rigs[1].err),
+                &rigs[1].err);
+        }
+        for (int i = 0; i < ZOOMS; i++)
+            settle_at_one_pixel(&rigs[side], 0.8f * powf(0.998f, (float)i), &frames[side][i]);
+    }
+    for (int i = 0; i + 1 < ZOOMS; i++) {
+        struct hg_refbuf **l = &frames[0][i], **w = &frames[1][i];
+        const double levels = change(l[0], l[1]), whole = change(w[0], w[1]);
+        print_message("zoom %d: %.5f, whole mesh %.5f\n", i, levels, whole);
+        worst = fmax(worst, levels / whole);
+    }
+    print_message("at most %.3f times the change of the whole mesh\n", worst);
+    assert_true(worst <= 1.05);
+    for (int side = 0; side < 2; side++) {
+        for (int i = 0; i < ZOOMS; i++)
+            hg_refbuf_unref(frames[side][i]);
+        close_rig(&rigs[side]);
+    }
+}
+
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
-        cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady)};
+        cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
+        cmocka_unit_test(test_zoom_does_not_pop)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
