@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/bench.h"
+#include "renderer/bench/bench.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
 

@@ -8,7 +8,7 @@
 
 #include "base/alloc.h"
 #include "client/cli/cli.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 
 struct cache {
     char dir[PATH_MAX];

@@ -7,7 +7,7 @@
 #include "renderer/geometry/geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "renderer/texture/page_cache.h"
 #include "renderer/texture/textures.h"
 

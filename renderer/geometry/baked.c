@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/geometry/internal.h"
-#include "renderer/geometry/lod_internal.h"
+#include "renderer/geometry/lod/internal.h"
 
 #define BAKE_FROM 32768u // triangles
 

@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_GEOMETRY_BAKER_H
 #define HG_RENDERER_GEOMETRY_BAKER_H
 
-#include "renderer/geometry/lod_store.h"
+#include "renderer/geometry/lod/store.h"
 
 struct hg_baker;
 

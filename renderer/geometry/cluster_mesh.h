@@ -10,7 +10,7 @@
 #define HG_RENDERER_GEOMETRY_CLUSTER_MESH_H
 
 #include "renderer/geometry/geometry.h"
-#include "renderer/geometry/lod_store.h"
+#include "renderer/geometry/lod/store.h"
 
 struct hg_cluster_pool;
 

@@ -17,7 +17,7 @@
 #include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "renderer/texture/textures.h"
 #include "shaders/shared/geometry.h"
 

@@ -5,7 +5,7 @@
 
 #include "base/status.h"
 #include "renderer/light/environment.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 
 // One entry per content and size: a block per level of the specular map, then the irradiance. False
 // when there is none: *map is zeroed then.

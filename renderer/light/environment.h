@@ -8,7 +8,7 @@
 
 #include "base/jobs.h"
 #include "renderer/image/image.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "shaders/shared/light.h"
 
 #define HG_ENVIRONMENT_LEVELS   7 // of perceptual roughness 0..1, see hg_environment_roughness

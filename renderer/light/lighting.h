@@ -11,7 +11,7 @@
 #include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "shaders/shared/frame.h"
 #include "shaders/shared/light.h"
 

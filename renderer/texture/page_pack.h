@@ -12,7 +12,7 @@
 #define HG_RENDERER_TEXTURE_PAGE_PACK_H
 
 #include "base/jobs.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/pages.h"
 

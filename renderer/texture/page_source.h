@@ -16,7 +16,7 @@
 
 #include "base/sha256.h"
 #include "renderer/scene/scene.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 #include "renderer/texture/pages.h"
 #include "renderer/texture/textures.h"
 

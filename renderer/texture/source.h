@@ -10,7 +10,7 @@
 #include "base/sha256.h"
 #include "renderer/image/reader.h"
 #include "renderer/scene/scene.h"
-#include "renderer/store/store.h"
+#include "base/store/store.h"
 
 struct hg_source_info {
     uint8_t hash[HG_SHA256_BYTES]; // of the encoded bytes, or of size, format and pixels

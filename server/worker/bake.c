@@ -4,7 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/bake.h"
+#include "renderer/bake/bake.h"
 #include "server/worker/serve.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };

@@ -8,7 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/geometry/lod.h"
+#include "renderer/geometry/lod/lod.h"
 #include "renderer/scene/load.h"
 #include "tests/unit/lod_meshes.h"
 
@@ -77,11 +77,11 @@ static int bake(const struct hg_mesh_part *part, struct hg_jobs *jobs)
         cpu = cpu_seconds() - cpu;
         failed = decode_all(lod, &bytes, &ns);
         const double s = (double)r.total_ns * 1e-9, t = (double)r.source_triangles;
-        printf("%llu triangles: %.2f s, %.3f Mtri per cpu second, %.2f bytes/triangle, %u clusters, "
-               "%u groups, %u levels, %u chunks, peak %.0f MB\n",
-            (unsigned long long)r.source_triangles, s, t / cpu * 1e-6,
-            (double)r.file_bytes / t, r.clusters, r.groups, r.levels, r.chunks,
-            (double)r.peak_bytes * 1e-6);
+        printf(
+            "%llu triangles: %.2f s, %.3f Mtri per cpu second, %.2f bytes/triangle, %u clusters, "
+            "%u groups, %u levels, %u chunks, peak %.0f MB\n",
+            (unsigned long long)r.source_triangles, s, t / cpu * 1e-6, (double)r.file_bytes / t,
+            r.clusters, r.groups, r.levels, r.chunks, (double)r.peak_bytes * 1e-6);
         printf("  weld %.2f cut %.2f group %.2f simplify %.2f encode %.2f s; quantum %g; decode "
                "%.0f MB/s %.1f Mtri/s; stored/source %.2f; decoded %.1f B/stored; terminal %u\n",
             (double)r.weld_ns * 1e-9, (double)r.cluster_ns * 1e-9, (double)r.group_ns * 1e-9,

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 
 #include "base/checked.h"
-#include "renderer/geometry/lod.h"
+#include "renderer/geometry/lod/lod.h"
 #include "renderer/geometry/pack.h"
 #include "tests/unit/lod_meshes.h"
 

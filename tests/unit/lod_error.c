@@ -9,7 +9,7 @@
 #include <float.h>
 #include <stdio.h>
 
-#include "renderer/geometry/lod.h"
+#include "renderer/geometry/lod/lod.h"
 #include "renderer/geometry/pack.h"
 #include "tests/unit/lod_meshes.h"
 

@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "renderer/geometry/lod_store.h"
+#include "renderer/geometry/lod/store.h"
 #include "tests/support/folder.h"
 #include "tests/unit/lod_meshes.h"
 
@@ -52,7 +52,8 @@ static void test_same_bytes(void **state)
     struct hg_lod_stored s;
     struct hg_lod *whole;
     assert_int_equal(hg_lod_stored_find(f->store, &f->key, &s, &f->err), HG_E_NOTFOUND);
-    assert_int_equal(hg_lod_stored_write(f->store, &f->key, "part", f->data, f->size, &f->err), HG_OK);
+    assert_int_equal(
+        hg_lod_stored_write(f->store, &f->key, "part", f->data, f->size, &f->err), HG_OK);
     assert_int_equal(hg_lod_stored_find(f->store, &f->key, &s, &f->err), HG_OK);
     assert_int_equal(hg_lod_open(f->data, f->size, &whole, &f->err), HG_OK);
     assert_int_equal(s.lod->cluster_count, whole->cluster_count);
@@ -106,7 +107,8 @@ static void test_damage(void **state)
     for (int i = 0; i < 24; i++) {
         struct hg_lod_stored s;
         char path[256];
-        enum hg_status status = hg_lod_stored_write(f->store, &f->key, "part", f->data, f->size, &f->err);
+        enum hg_status status =
+            hg_lod_stored_write(f->store, &f->key, "part", f->data, f->size, &f->err);
         assert_int_equal(status, HG_OK);
         const long size = find_entry(f->dir, path, sizeof path);
         flip(path, size * i / 24);

@@ -18,8 +18,8 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/store/checksum.h"
-#include "renderer/store/store.h"
+#include "base/store/checksum.h"
+#include "base/store/store.h"
 #include "tests/support/folder.h"
 
 static char folder[TEST_FOLDER_MAX];

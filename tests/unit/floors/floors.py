@@ -9,7 +9,7 @@ Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
     down        rooms of floor 2 include each other only downhill: scene < texture < geometry < light < trace
     apart       broker, worker and client meet only in the protocol; client and broker do not
-                include the renderer (but for the client its store, which is only files)
+                include the renderer
     pass        a pass includes another pass
     vulkan      Vulkan headers outside renderer/, also through headers of the project
     socket      socket headers outside server/ and client/
@@ -23,7 +23,7 @@ import sys
 # Rooms by the longest matching folder. Files directly in renderer/ are the facade.
 FLOORS = {
     "base": 0, "shaders/shared": 0,
-    "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "renderer/store": 1,
+    "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "base/store": 1,
     "renderer/residency": 1, "shaders/lib": 1,
     "renderer/scene": 2, "renderer/texture": 2, "renderer/geometry": 2, "renderer/light": 2,
     "renderer/trace": 2, "shaders/passes": 2,
@@ -40,7 +40,7 @@ APART = {
     "server": {"server"},
     "server/broker": {"server", "server/broker"},
     "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
-    "client": {"client", "renderer/store"},  # files that programs share (helio cache)
+    "client": {"client", "base/store"},
 }
 CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/draco.cpp"}
 SCANNED = ("base", "protocol", "renderer", "server", "client", "shaders")

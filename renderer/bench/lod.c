@@ -1,0 +1,341 @@
+// lod.c - frame time and picture of scenes with many triangles (helio bench lod).
+//
+// The small scene is one stretched land mesh and one statue; the large one covers the same pixels
+// with tiles^2 land meshes and many statues. Frames of both alternate in one renderer.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/bench/bench.h"
+#include "renderer/bench/scene.h"
+#include "renderer/geometry/lod/lod.h"
+#include "renderer/image/metrics.h"
+#include "renderer/internal.h"
+#include "renderer/json.h"
+
+#define VFOV_RAD      0.8f
+#define STILL_STATUES 24 // drawn whole for comparison
+
+enum { SMALL, LARGE, SIDES, STILL = SIDES, SCENES };
+
+struct run {
+    const struct hg_bench_lod *bench;
+    struct hg_image heights;              // empty: made
+    struct hg_renderer *renderer, *whole; // whole: without levels of detail
+    struct hg_bench_scene scenes[SCENES];
+    struct hg_bench_view views[SCENES], whole_view; // whole_view: of scenes[STILL]
+    struct hg_bench_times frames[SIDES];
+    uint64_t triangles[SIDES], drawn[SIDES];
+    double psnr_db, flip; // the worst of the stills
+    uint64_t holes_px;    // all stills
+    uint64_t rss_bytes;
+    struct hg_geometry_stats geometry;
+    uint64_t baked_triangles, baked_bytes, bake_ns; // of the small scene's meshes
+    uint32_t threads;
+    uint32_t done, total;
+};
+
+static uint32_t or_default(uint32_t value, uint32_t otherwise)
+{
+    return value > 0 ? value : otherwise;
+}
+
+static enum hg_status step_done(struct run *run, struct hg_error *err)
+{
+    const struct hg_bench_stream *s = &run->bench->stream;
+    run->done++;
+    if (s->progress == NULL || s->progress(s->progress_user, run->done, run->total))
+        return HG_OK;
+    return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
+}
+
+// --- scenes --------------------------------------------------------------------------------------
+
+static enum hg_status load_statue(struct run *run, struct hg_asset **out, struct hg_error *err)
+{
+    *out = NULL;
+    if (run->bench->statue == NULL)
+        return HG_OK;
+    const struct hg_load_params params = {.path = run->bench->statue,
+        .asset_number = 1,
+        .scene_index = -1,
+        .jobs = hg_renderer_jobs(run->renderer)};
+    return hg_load_asset(&params, out, err);
+}
+
+static enum hg_status make_scene(
+    struct run *run, int which, uint32_t tiles, uint32_t statues, struct hg_error *err)
+{
+    struct hg_bench_land land = {.heights = run->heights.pixels != NULL ? &run->heights : NULL,
+        .tiles = tiles,
+        .statues = statues,
+        .cells = run->bench->cells};
+    enum hg_status status = load_statue(run, &land.statue, err);
+    if (status == HG_OK) {
+        status =
+            hg_bench_land_make(&land, hg_renderer_jobs(run->renderer), &run->scenes[which], err);
+    }
+    const struct hg_view_params view = {.width = run->bench->stream.width,
+        .height = run->bench->stream.height,
+        .samples = run->bench->stream.samples};
+    if (status == HG_OK) {
+        status = hg_bench_view_init(
+            &run->views[which], run->renderer, run->scenes[which].scene, &view, err);
+    }
+    run->views[which].vfov_rad = VFOV_RAD;
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
+static enum hg_status open_scenes(struct run *run, struct hg_error *err)
+{
+    const struct hg_bench_lod *b = run->bench;
+    struct hg_renderer_params params = *b->stream.renderer;
+    params.texture_budget_bytes = 0;
+    params.geometry_budget_bytes = b->stream.budget_bytes;
+    enum hg_status status = hg_renderer_create(&params, &run->renderer, err);
+    if (status == HG_OK && b->heights != NULL)
+        status = hg_image_read_file(b->heights, HG_PIXEL_RGBA16, NULL, &run->heights, err);
+    if (status == HG_OK)
+        status = make_scene(run, SMALL, 1, 1, err);
+    if (status == HG_OK)
+        status = make_scene(run, LARGE, b->tiles, b->statues, err);
+    const uint32_t few = b->statues < STILL_STATUES ? b->statues : STILL_STATUES;
+    if (status == HG_OK)
+        status = make_scene(run, STILL, 1, few, err);
+    hg_image_finish(&run->heights);
+    return status;
+}
+
+// --- measurements --------------------------------------------------------------------------------
+
+static enum hg_status visit_all(struct run *run, struct hg_error *err)
+{
+    const uint32_t frames = run->bench->stream.frames;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
+        struct hg_bench_pose pose;
+        uint64_t ns;
+        hg_bench_land_pose(i / 2, frames, &pose);
+        status = hg_bench_view_sharpen(&run->views[i % 2], &pose, &ns, err);
+        if (status == HG_OK)
+            status = step_done(run, err);
+    }
+    return status;
+}
+
+static enum hg_status fly(struct run *run, struct hg_error *err)
+{
+    const uint32_t frames = run->bench->stream.frames;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
+        const int side = (i % 2 == 0) == (i / 2 % 2 == 0) ? SMALL : LARGE;
+        struct hg_bench_pose pose;
+        uint64_t ns;
+        hg_bench_land_pose(i / 2, frames, &pose);
+        status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
+        if (status == HG_OK && hg_bench_times_add(&run->frames[side], ns) != HG_OK)
+            status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
+        const struct hg_frame_info *info = &run->views[side].info;
+        run->triangles[side] = info->triangles_total;
+        run->drawn[side] =
+            info->triangles_drawn > run->drawn[side] ? info->triangles_drawn : run->drawn[side];
+        if (status == HG_OK)
+            status = step_done(run, err);
+    }
+    return status;
+}
+
+static bool is_covered(const struct hg_image *image, uint32_t x, uint32_t y)
+{
+    return ((const uint8_t *)image->pixels)[4 * ((size_t)y * image->width + x) + 3] == 255;
+}
+
+// Pixels that a picture lets through although the full one covers them and all their neighbours.
+static uint64_t count_holes(const struct hg_image *lod, const struct hg_image *full)
+{
+    uint64_t holes = 0;
+    for (uint32_t y = 1; y + 1 < full->height; y++) {
+        for (uint32_t x = 1; x + 1 < full->width; x++) {
+            bool inside = !is_covered(lod, x, y);
+            for (uint32_t k = 0; k < 9 && inside; k++)
+                inside = is_covered(full, x + k % 3 - 1, y + k / 3 - 1);
+            holes += inside;
+        }
+    }
+    return holes;
+}
+
+static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_error *err)
+{
+    struct hg_image images[2] = {{0}};
+    struct hg_bench_pose pose;
+    double psnr_db = 0, flip = 1;
+    hg_bench_land_pose(2 * index + 1, 2 * run->bench->stream.stills, &pose);
+    enum hg_status status = hg_bench_view_settle(&run->views[STILL], &pose, &images[0], err);
+    if (status == HG_OK)
+        status = hg_bench_view_settle(&run->whole_view, &pose, &images[1], err);
+    if (status == HG_OK)
+        status = hg_image_compare(&images[0], &images[1], HG_METRIC_PSNR, &psnr_db, NULL, err);
+    if (status == HG_OK)
+        status = hg_image_compare(&images[0], &images[1], HG_METRIC_FLIP, &flip, NULL, err);
+    if (status == HG_OK)
+        run->holes_px += count_holes(&images[0], &images[1]);
+    run->psnr_db = fmin(run->psnr_db, psnr_db);
+    run->flip = fmax(run->flip, flip);
+    hg_image_finish(&images[0]);
+    hg_image_finish(&images[1]);
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
+// The small scene's meshes, baked in memory.
+static enum hg_status bake_meshes(struct run *run, struct hg_error *err)
+{
+    const struct hg_object_list *list = &run->scenes[SMALL].scene->objects[HG_OBJECT_MESH];
+    struct hg_jobs *jobs = hg_renderer_jobs(run->renderer);
+    enum hg_status status = HG_OK;
+    run->threads = hg_jobs_threads(jobs);
+    for (uint32_t i = 0; i < list->count && status == HG_OK; i++) {
+        const struct hg_mesh *mesh = (const struct hg_mesh *)list->items[i];
+        const struct hg_lod_params params = {.jobs = jobs};
+        struct hg_lod_report report;
+        uint8_t *data = NULL;
+        size_t size = 0;
+        if (mesh->part_count == 0 || !hg_lod_can_bake(&mesh->parts[0], mesh->target_count))
+            continue;
+        status = hg_lod_bake(&mesh->parts[0], &params, &data, &size, &report, err);
+        hg_free(data);
+        if (status != HG_OK)
+            break;
+        run->baked_triangles += report.source_triangles;
+        run->baked_bytes += size;
+        run->bake_ns += report.total_ns;
+    }
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
+// The same scene in a renderer that draws the meshes as they are.
+static enum hg_status compare_stills(struct run *run, struct hg_error *err)
+{
+    const struct hg_view_params view = {.width = run->bench->stream.width,
+        .height = run->bench->stream.height,
+        .samples = run->bench->stream.samples,
+        .background = HG_BACKGROUND_NONE};
+    struct hg_renderer_params params = *run->bench->stream.renderer;
+    params.texture_budget_bytes = params.geometry_budget_bytes = 0;
+    enum hg_status status = hg_renderer_create(&params, &run->whole, err);
+    if (status == HG_OK) {
+        run->whole->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+        status =
+            hg_bench_view_init(&run->whole_view, run->whole, run->scenes[STILL].scene, &view, err);
+    }
+    run->whole_view.vfov_rad = VFOV_RAD;
+    if (status == HG_OK)
+        status = hg_view_set_params(run->views[STILL].view, &view, err);
+    run->psnr_db = 999;
+    for (uint32_t i = 0; i < run->bench->stream.stills && status == HG_OK; i++)
+        status = compare_still(run, i, err);
+    return status;
+}
+
+// --- report --------------------------------------------------------------------------------------
+
+static void put_scale(const struct run *run, struct hg_writer *w)
+{
+    const double small = hg_bench_times_at(&run->frames[SMALL], 0.5);
+    const double large = hg_bench_times_at(&run->frames[LARGE], 0.5);
+    const uint64_t few = run->triangles[SMALL] > 0 ? run->triangles[SMALL] : 1;
+    hg_json_put(w, "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,",
+        (double)run->triangles[LARGE] / (double)few, small > 0 ? large / small : 0);
+    hg_json_put(w,
+        "\"small_triangles\":%llu,\"large_triangles\":%llu,\"large_unique_triangles\":%llu,"
+        "\"small_drawn\":%llu,\"large_drawn\":%llu,",
+        (unsigned long long)run->triangles[SMALL], (unsigned long long)run->triangles[LARGE],
+        (unsigned long long)run->scenes[LARGE].unique_triangles,
+        (unsigned long long)run->drawn[SMALL], (unsigned long long)run->drawn[LARGE]);
+    hg_bench_put_times(w, "small_ms", &run->frames[SMALL]);
+    hg_json_put(w, ",");
+    hg_bench_put_times(w, "large_ms", &run->frames[LARGE]);
+    hg_json_put(w, "}");
+}
+
+static enum hg_status write_report(const struct run *run, char **text)
+{
+    struct hg_writer w = {0};
+    const struct hg_bench_stream *s = &run->bench->stream;
+    hg_json_put(&w, "{\"width\":%u,\"height\":%u,", s->width, s->height);
+    put_scale(run, &w);
+    hg_json_put(&w, ",\"image\":{\"psnr_db\":%.3f,\"flip\":%.6f,\"holes_px\":%llu,\"pictures\":%u}",
+        run->psnr_db, run->flip, (unsigned long long)run->holes_px, s->stills);
+    const double triangles = run->baked_triangles > 0 ? (double)run->baked_triangles : 1;
+    const double seconds = run->bake_ns > 0 ? (double)run->bake_ns * 1e-9 : 1;
+    hg_json_put(&w,
+        ",\"disk\":{\"bytes_per_triangle\":%.4f},\"bake\":{\"triangles_per_s\":%.0f,"
+        "\"triangles\":%llu,\"threads\":%u}",
+        (double)run->baked_bytes / triangles, (double)run->baked_triangles / seconds,
+        (unsigned long long)run->baked_triangles, run->threads);
+    hg_json_put(&w,
+        ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu},\"process\":{\"peak_rss_bytes\":"
+        "%llu},\"device\":",
+        (unsigned long long)s->budget_bytes, (unsigned long long)run->geometry.peak_bytes,
+        (unsigned long long)run->rss_bytes);
+    hg_json_string(&w, hg_gpu_get_caps(run->renderer->gpu)->device_name);
+    hg_json_put(&w, "}");
+    return hg_json_take(&w, text);
+}
+
+// --- the benchmark -------------------------------------------------------------------------------
+
+static void set_defaults(struct hg_bench_lod *b)
+{
+    struct hg_bench_stream *s = &b->stream;
+    s->budget_bytes = s->budget_bytes > 0 ? s->budget_bytes : UINT64_C(512) << 20;
+    s->width = or_default(s->width, 1280);
+    s->height = or_default(s->height, 720);
+    s->frames = or_default(s->frames, 60);
+    s->stills = or_default(s->stills, 3);
+    s->samples = or_default(s->samples, 8);
+    b->cells = or_default(b->cells, 1200);
+    b->tiles = or_default(b->tiles, 3);
+    b->statues = or_default(b->statues, 1440);
+}
+
+static enum hg_status measure(struct run *run, struct hg_error *err)
+{
+    enum hg_status status = open_scenes(run, err);
+    if (status == HG_OK)
+        status = visit_all(run, err);
+    if (status == HG_OK)
+        status = fly(run, err);
+    if (status == HG_OK)
+        status = compare_stills(run, err);
+    if (status == HG_OK)
+        status = bake_meshes(run, err);
+    if (status == HG_OK)
+        hg_geometry_stats(run->views[LARGE].view->state.rooms->geometry, &run->geometry);
+    run->rss_bytes = hg_bench_peak_rss_bytes();
+    return status;
+}
+
+enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, struct hg_error *err)
+{
+    *text = NULL;
+    struct hg_bench_lod full = *bench;
+    set_defaults(&full);
+    struct run run = {
+        .bench = &full, .total = SCENES + 1 + 4 * full.stream.frames + full.stream.stills};
+    enum hg_status status = measure(&run, err);
+    if (status == HG_OK)
+        status = write_report(&run, text);
+    hg_bench_view_finish(&run.whole_view);
+    hg_renderer_destroy(run.whole);
+    for (int i = 0; i < SCENES; i++) {
+        hg_bench_view_finish(&run.views[i]);
+        hg_bench_scene_finish(&run.scenes[i]);
+    }
+    for (int side = 0; side < SIDES; side++)
+        hg_bench_times_finish(&run.frames[side]);
+    hg_image_finish(&run.heights);
+    hg_renderer_destroy(run.renderer);
+    return status;
+}

@@ -1,0 +1,220 @@
+// cut.c - triangles cut into clusters by recursive bisection of their centres along the longest
+// axis: every cluster is as full as its neighbours, and all threads make the same cuts.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/geometry/lod/internal.h"
+
+struct item {
+    float center[3];
+    uint32_t triangle;
+};
+
+struct range {
+    uint32_t first, count, clusters;
+};
+
+struct cutter {
+    const struct hg_lod_mesh *mesh;
+    const uint32_t *triangles;
+    struct item *items;
+    struct range *from, *to; // two per range of `from`; count 0: none
+    uint32_t count;
+};
+
+static void each(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, void *user)
+{
+    if (jobs != NULL) {
+        hg_jobs_for(jobs, count, fn, user);
+        return;
+    }
+    for (size_t i = 0; i < count; i++)
+        fn(user, i);
+}
+
+static int longest_axis(const struct item *items, uint32_t count)
+{
+    float min[3], max[3];
+    memcpy(min, items[0].center, sizeof min);
+    memcpy(max, items[0].center, sizeof max);
+    for (uint32_t i = 1; i < count; i++) {
+        for (int k = 0; k < 3; k++) {
+            const float v = items[i].center[k];
+            min[k] = v < min[k] ? v : min[k];
+            max[k] = v > max[k] ? v : max[k];
+        }
+    }
+    int axis = 0;
+    for (int k = 1; k < 3; k++)
+        axis = max[k] - min[k] > max[axis] - min[axis] ? k : axis;
+    return axis;
+}
+
+static void swap_items(struct item *a, struct item *b)
+{
+    const struct item t = *a;
+    *a = *b;
+    *b = t;
+}
+
+static float pivot_of(const struct item *items, uint32_t low, uint32_t high, int axis)
+{
+    const float a = items[low].center[axis], b = items[low + (high - low) / 2].center[axis],
+                c = items[high].center[axis];
+    const float small = a < b ? a : b, large = a < b ? b : a;
+    return c < small ? small : c > large ? large : c;
+}
+
+// Moves the `nth` smallest centres to the front (Hoare 1961, "Algorithm 65: find").
+static void select_items(struct item *items, uint32_t count, uint32_t nth, int axis)
+{
+    int64_t low = 0, high = (int64_t)count - 1;
+    while (low < high) {
+        const float pivot = pivot_of(items, (uint32_t)low, (uint32_t)high, axis);
+        int64_t i = low, j = high;
+        while (i <= j) {
+            while (items[i].center[axis] < pivot)
+                i++;
+            while (items[j].center[axis] > pivot)
+                j--;
+            if (i <= j)
+                swap_items(&items[i++], &items[j--]);
+        }
+        if (j < (int64_t)nth)
+            low = i;
+        if ((int64_t)nth < i)
+            high = j;
+    }
+}
+
+static void split_range(void *user, size_t index)
+{
+    struct cutter *c = user;
+    const struct range r = c->from[index];
+    struct range *to = &c->to[index * 2];
+    to[0] = r;
+    to[1] = (struct range){0};
+    if (r.clusters < 2)
+        return;
+    const uint32_t left = r.clusters / 2;
+    const uint32_t half = (uint32_t)((uint64_t)r.count * left / r.clusters);
+    struct item *items = c->items + r.first;
+    select_items(items, r.count, half, longest_axis(items, r.count));
+    to[0] = (struct range){r.first, half, left};
+    to[1] = (struct range){r.first + half, r.count - half, r.clusters - left};
+}
+
+// A cluster of triangles that share few vertices must be cut once more.
+static void limit_vertices(void *user, size_t index)
+{
+    struct cutter *c = user;
+    struct range *r = &c->from[index];
+    if (r->clusters != 1 || r->count * 3 <= HG_LOD_CLUSTER_VERTICES)
+        return;
+    uint32_t table[1024] = {0}, distinct = 0;
+    for (uint32_t i = 0; i < r->count; i++) {
+        const uint32_t *t = c->triangles + (size_t)c->items[r->first + i].triangle * 3;
+        for (int k = 0; k < 3; k++) {
+            uint32_t slot = t[k] * 0x9e3779b1u >> 22;
+            while (table[slot] != 0 && table[slot] != t[k] + 1)
+                slot = (slot + 1) & 1023;
+            distinct += table[slot] == 0;
+            table[slot] = t[k] + 1;
+        }
+    }
+    if (distinct > HG_LOD_CLUSTER_VERTICES)
+        r->clusters = 2;
+}
+
+#define CENTER_BLOCK 4096u
+
+static void make_items(void *user, size_t block)
+{
+    struct cutter *c = user;
+    const size_t first = block * CENTER_BLOCK;
+    const size_t end = first + CENTER_BLOCK < c->count ? first + CENTER_BLOCK : c->count;
+    for (size_t t = first; t < end; t++) {
+        const uint32_t *v = c->triangles + t * 3;
+        for (int k = 0; k < 3; k++) {
+            int64_t sum = 0;
+            for (int i = 0; i < 3; i++)
+                sum += c->mesh->lattice[c->mesh->position_of[v[i]]][k];
+            c->items[t].center[k] = (float)sum;
+        }
+        c->items[t].triangle = (uint32_t)t;
+    }
+}
+
+static uint32_t pack_ranges(struct range *from, const struct range *to, uint32_t count)
+{
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < count * 2; i++)
+        if (to[i].count > 0)
+            from[n++] = to[i];
+    return n;
+}
+
+static bool any_to_split(const struct range *ranges, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        if (ranges[i].clusters > 1)
+            return true;
+    return false;
+}
+
+static uint32_t cut_all(struct cutter *c, struct hg_jobs *jobs)
+{
+    uint32_t n = 1;
+    c->from[0] = (struct range){
+        0, c->count, (c->count + HG_LOD_CLUSTER_TRIANGLES - 1) / HG_LOD_CLUSTER_TRIANGLES};
+    for (bool checked = false;;) {
+        while (any_to_split(c->from, n)) {
+            each(jobs, n, split_range, c);
+            n = pack_ranges(c->from, c->to, n);
+        }
+        if (checked)
+            return n;
+        each(jobs, n, limit_vertices, c); // halves have less than the limit: once is enough
+        checked = true;
+    }
+}
+
+static void reorder(struct cutter *c, uint32_t *triangles, uint32_t *copy)
+{
+    memcpy(copy, triangles, (size_t)c->count * 12);
+    for (size_t i = 0; i < c->count; i++)
+        memcpy(triangles + i * 3, copy + (size_t)c->items[i].triangle * 3, 12);
+}
+
+enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, uint32_t count,
+    uint32_t *starts, uint32_t *cluster_count, uint32_t *order, struct hg_jobs *jobs)
+{
+    *cluster_count = 0;
+    starts[0] = 0;
+    if (count == 0)
+        return HG_OK;
+    const size_t most = hg_lod_cut_bound(count);
+    struct cutter c = {.mesh = mesh, .triangles = triangles, .count = count};
+    c.items = hg_calloc(count, sizeof *c.items);
+    c.from = hg_calloc(most, sizeof *c.from);
+    c.to = hg_calloc(most * 2, sizeof *c.to);
+    uint32_t *copy = hg_calloc(count, 12);
+    enum hg_status status = HG_OK;
+    if (c.items == NULL || c.from == NULL || c.to == NULL || copy == NULL) {
+        status = HG_E_NOMEM;
+    } else {
+        each(jobs, (count + CENTER_BLOCK - 1) / CENTER_BLOCK, make_items, &c);
+        *cluster_count = cut_all(&c, jobs);
+        for (uint32_t i = 0; i < *cluster_count; i++)
+            starts[i] = c.from[i].first;
+        starts[*cluster_count] = count;
+        reorder(&c, triangles, copy);
+        for (uint32_t i = 0; order != NULL && i < count; i++)
+            order[i] = c.items[i].triangle;
+    }
+    hg_free(c.items);
+    hg_free(c.from);
+    hg_free(c.to);
+    hg_free(copy);
+    return status;
+}
