@@ -136,14 +136,13 @@ static void place_statue(const struct hg_bench_land *land, struct heights *h, co
 }
 
 // The mesh of the asset that has the most triangles; its own nodes are hidden.
-static struct hg_mesh *statue_of(struct hg_bench_scene *s, struct hg_asset *asset)
+static struct hg_mesh *statue_of(struct hg_asset *asset)
 {
     struct hg_mesh *best = NULL;
     uint32_t most = 0;
     for (uint32_t i = 0; i < asset->mesh_count; i++) {
         const struct hg_mesh *mesh = asset->meshes[i];
         for (uint32_t p = 0; p < mesh->part_count; p++) {
-            s->unique_triangles += mesh->parts[p].index_count / 3;
             if (mesh->parts[p].index_count > most) {
                 most = mesh->parts[p].index_count;
                 best = asset->meshes[i];
@@ -165,9 +164,15 @@ static enum hg_status statue_mesh(
         return status;
     if (asset == NULL)
         return hg_bench_mesh_ball(s, land->cells * 3 / 16 + 2, material, out);
-    *out = statue_of(s, asset);
+    *out = statue_of(asset);
     if (*out == NULL)
         return HG_E_INVAL;
+    if (land->thin > 1)
+        status = hg_bench_mesh_thin(*out, land->thin);
+    for (uint32_t p = 0; p < (*out)->part_count; p++)
+        s->unique_triangles += (*out)->parts[p].index_count / 3;
+    if (status != HG_OK)
+        return status;
     status = hg_scene_add_asset(s->scene, asset, NULL);
     if (status == HG_OK)
         land->statue = NULL; // the scene's
@@ -200,6 +205,8 @@ enum hg_status hg_bench_land_make(const struct hg_bench_land *params, struct hg_
     struct hg_bench_scene *s, struct hg_error *err)
 {
     struct hg_bench_land land = *params;
+    if (land.thin > 1)
+        land.cells = (uint32_t)fmaxf((float)land.cells / sqrtf((float)land.thin), 1.0f);
     struct heights h = {.image = land.heights, .tiles = land.tiles};
     if (h.image != NULL)
         measure(&h);

@@ -1,6 +1,7 @@
 #include "renderer/bench/mesh.h"
 
 #include <math.h>
+#include <meshoptimizer.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -165,4 +166,28 @@ enum hg_status hg_bench_mesh_ball(
     }
     set_bounds(part);
     return HG_OK;
+}
+
+// --- fewer triangles -----------------------------------------------------------------------------
+
+static enum hg_status thin_part(struct hg_mesh_part *part, uint32_t thin)
+{
+    uint32_t *indices = hg_calloc(part->index_count, sizeof *indices);
+    if (indices == NULL)
+        return HG_E_NOMEM;
+    const size_t wanted = part->index_count / 3 / thin * 3;
+    const size_t left = meshopt_simplify(indices, part->indices, part->index_count, part->positions,
+        part->vertex_count, 3 * sizeof *part->positions, wanted, 1.0f, 0, NULL);
+    hg_free(part->indices);
+    part->indices = indices;
+    part->index_count = (uint32_t)left;
+    return HG_OK;
+}
+
+enum hg_status hg_bench_mesh_thin(struct hg_mesh *mesh, uint32_t thin)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < mesh->part_count && status == HG_OK; i++)
+        status = thin_part(&mesh->parts[i], thin);
+    return status;
 }
