@@ -42,6 +42,15 @@ enum hg_status hg_bench_view_sharpen(struct hg_bench_view *view, const struct hg
 enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_bench_pose *pose,
     struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
 
+// Tells the progress of a run; HG_E_CANCELLED when nobody wants it any more.
+enum hg_status hg_bench_step_done(const struct hg_bench_stream *stream, uint32_t done,
+    uint32_t total, struct hg_error *err) HG_MUST_CHECK;
+// An option: 0 means the default.
+static inline uint32_t hg_bench_or(uint32_t value, uint32_t otherwise)
+{
+    return value > 0 ? value : otherwise;
+}
+
 uint64_t hg_bench_peak_rss_bytes(void); // stats.c
 
 #endif

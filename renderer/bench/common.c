@@ -140,3 +140,11 @@ enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_
     hg_refbuf_unref(pixels);
     return status;
 }
+
+enum hg_status hg_bench_step_done(
+    const struct hg_bench_stream *stream, uint32_t done, uint32_t total, struct hg_error *err)
+{
+    if (stream->progress == NULL || stream->progress(stream->progress_user, done, total))
+        return HG_OK;
+    return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
+}

@@ -41,18 +41,9 @@ struct run {
     uint32_t done, total;
 };
 
-static uint32_t or_default(uint32_t value, uint32_t otherwise)
-{
-    return value > 0 ? value : otherwise;
-}
-
 static enum hg_status step_done(struct run *run, struct hg_error *err)
 {
-    const struct hg_bench_stream *s = &run->bench->stream;
-    run->done++;
-    if (s->progress == NULL || s->progress(s->progress_user, run->done, run->total))
-        return HG_OK;
-    return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
+    return hg_bench_step_done(&run->bench->stream, ++run->done, run->total, err);
 }
 
 // --- scenes --------------------------------------------------------------------------------------
@@ -317,14 +308,14 @@ static void set_defaults(struct hg_bench_lod *b)
 {
     struct hg_bench_stream *s = &b->stream;
     s->budget_bytes = s->budget_bytes > 0 ? s->budget_bytes : UINT64_C(512) << 20;
-    s->width = or_default(s->width, 1280);
-    s->height = or_default(s->height, 720);
-    s->frames = or_default(s->frames, 24);
-    s->stills = or_default(s->stills, 2);
-    s->samples = or_default(s->samples, 8);
-    b->cells = or_default(b->cells, 1200);
-    b->tiles = or_default(b->tiles, 3);
-    b->statues = or_default(b->statues, 1440);
+    s->width = hg_bench_or(s->width, 1280);
+    s->height = hg_bench_or(s->height, 720);
+    s->frames = hg_bench_or(s->frames, 24);
+    s->stills = hg_bench_or(s->stills, 2);
+    s->samples = hg_bench_or(s->samples, 8);
+    b->cells = hg_bench_or(b->cells, 1200);
+    b->tiles = hg_bench_or(b->tiles, 3);
+    b->statues = hg_bench_or(b->statues, 1440);
 }
 
 static enum hg_status measure(struct run *run, struct hg_error *err)

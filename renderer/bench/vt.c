@@ -43,18 +43,9 @@ struct run {
     uint32_t done, total;
 };
 
-static uint32_t or_default(uint32_t value, uint32_t otherwise)
-{
-    return value > 0 ? value : otherwise;
-}
-
 static enum hg_status step_done(struct run *run, struct hg_error *err)
 {
-    const struct hg_bench_stream *s = &run->bench->stream;
-    run->done++;
-    if (s->progress == NULL || s->progress(s->progress_user, run->done, run->total))
-        return HG_OK;
-    return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
+    return hg_bench_step_done(&run->bench->stream, ++run->done, run->total, err);
 }
 
 static struct hg_bench_pose flight(const struct run *run, uint32_t at, uint32_t count)
@@ -359,14 +350,14 @@ static void set_defaults(struct hg_bench_vt *b)
     static const uint32_t sheets[] = {32768, 131072};
     struct hg_bench_stream *s = &b->stream;
     s->budget_bytes = s->budget_bytes > 0 ? s->budget_bytes : UINT64_C(64) << 20;
-    s->width = or_default(s->width, 1280);
-    s->height = or_default(s->height, 720);
-    s->frames = or_default(s->frames, 120);
-    s->stills = or_default(s->stills, 3);
-    s->samples = or_default(s->samples, 8);
-    b->made = or_default(b->made, 12);
-    b->side_px = or_default(b->side_px, 4096);
-    b->teleports = or_default(b->teleports, 40);
+    s->width = hg_bench_or(s->width, 1280);
+    s->height = hg_bench_or(s->height, 720);
+    s->frames = hg_bench_or(s->frames, 120);
+    s->stills = hg_bench_or(s->stills, 3);
+    s->samples = hg_bench_or(s->samples, 8);
+    b->made = hg_bench_or(b->made, 12);
+    b->side_px = hg_bench_or(b->side_px, 4096);
+    b->teleports = hg_bench_or(b->teleports, 40);
     if (b->sheets_px == NULL) {
         b->sheets_px = sheets;
         b->sheet_count = 2;

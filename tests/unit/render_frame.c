@@ -1,55 +1,22 @@
 // render_frame.c - whole frames through the facade: conventions to the pixel, alpha, order of
 // blended surfaces, the same bytes from every way to them, faults, validation.
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
 #include "base/sha256.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/renderer.h"
-
-static void check(enum hg_status status, const struct hg_error *err)
-{
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(err, text, sizeof text);
-        fail_msg("%s", text);
-    }
-}
+#include "tests/unit/render_rig.h"
 
 // --- scenes --------------------------------------------------------------------------------------
-
-static void *copy_of(const void *data, size_t size)
-{
-    void *copy = hg_calloc(1, size);
-    assert_non_null(copy);
-    memcpy(copy, data, size);
-    return copy;
-}
 
 static struct hg_scene *new_scene(void)
 {
     struct hg_scene *scene;
     assert_int_equal(hg_scene_create(&scene), HG_OK);
     return scene;
-}
-
-static void *add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
-{
-    struct hg_object *object;
-    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
-    return object;
 }
 
 // A quad about the origin of the xy plane, looking along +z, unlit.
@@ -59,37 +26,16 @@ static struct hg_node *add_quad(
     static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
     static const float normals[12] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
     const float positions[12] = {-half, -half, 0, half, -half, 0, half, half, 0, -half, half, 0};
-    struct hg_material *material = add(scene, HG_OBJECT_MATERIAL, id);
+    struct hg_material *material = rig_add(scene, HG_OBJECT_MATERIAL, id);
     memcpy(material->base_color, color, sizeof material->base_color);
     material->unlit = true;
     material->alpha_mode = color[3] < 1 ? HG_ALPHA_BLEND : HG_ALPHA_OPAQUE;
-    struct hg_mesh *mesh = add(scene, HG_OBJECT_MESH, id);
-    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
-    assert_non_null(part);
-    mesh->parts = part;
-    mesh->part_count = 1;
-    part->topology = HG_TOPOLOGY_TRIANGLES;
-    part->vertex_count = 4;
-    part->index_count = 6;
-    part->material = material;
-    part->indices = copy_of(indices, sizeof indices);
-    part->positions = copy_of(positions, sizeof positions);
-    part->normals = copy_of(normals, sizeof normals);
-    memcpy(part->bounds_min, (float[3]){-half, -half, 0}, sizeof part->bounds_min);
-    memcpy(part->bounds_max, (float[3]){half, half, 0}, sizeof part->bounds_max);
-    struct hg_node *node = add(scene, HG_OBJECT_NODE, id);
+    struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, id);
+    rig_part(mesh, 4, positions, normals, 6, indices)->material = material;
+    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, id);
     node->mesh = mesh;
     node->translation[2] = z;
     return node;
-}
-
-static void set_environment(struct hg_scene *scene, float radiance)
-{
-    scene->environment.kind = HG_ENV_COLOR;
-    scene->environment.intensity = 1;
-    for (int i = 0; i < 3; i++)
-        scene->environment.color[i] = radiance;
-    scene->environment.revision++;
 }
 
 static struct hg_scene *load(const char *name, struct hg_jobs *jobs)
@@ -106,36 +52,22 @@ static struct hg_scene *load(const char *name, struct hg_jobs *jobs)
     struct hg_asset *asset;
     const struct hg_load_params params = {
         .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
-    check(hg_load_asset(&params, &asset, &err), &err);
+    test_ok(hg_load_asset(&params, &asset, &err), &err);
     struct hg_scene *scene = new_scene();
     assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
-    set_environment(scene, 0.7f);
-    struct hg_light *light = add(scene, HG_OBJECT_LIGHT, 7);
-    light->intensity = 2;
-    light->color[0] = light->color[1] = light->color[2] = 1;
-    light->casts_shadow = true;
-    struct hg_node *node = add(scene, HG_OBJECT_NODE, 7);
-    node->light = light;
-    node->rotation[0] = -0.5f;
-    node->rotation[3] = 0.8660254f;
+    rig_environment(scene, 0.7f, 0.7f, 0.7f);
+    rig_sun(scene, 7, -0.5f, 0.8660254f);
     hg_scene_publish(scene);
     return scene;
 }
 
 // --- frames --------------------------------------------------------------------------------------
 
-struct rig {
-    struct hg_renderer *renderer;
-    struct hg_scene *scene;
-    struct hg_view *view;
-    struct hg_error err;
-};
-
 static void open_rig(struct rig *rig, bool validation)
 {
     const struct hg_renderer_params params = {.validation = validation, .threads = 2};
     *rig = (struct rig){0};
-    check(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
 }
 
 static void look_at_scene(struct rig *rig, float turn)
@@ -152,14 +84,13 @@ static void look_at_scene(struct rig *rig, float turn)
     camera.eye[0] = camera.target[0] + radius * sinf(turn);
     camera.eye[1] = camera.target[1] + 0.3f * radius;
     camera.eye[2] = camera.target[2] + radius * cosf(turn);
-    check(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
 }
 
 static void use_scene(struct rig *rig, struct hg_scene *scene, const struct hg_view_params *params)
 {
     rig->scene = scene;
-    check(hg_view_create(rig->renderer, scene, &rig->view, &rig->err), &rig->err);
-    check(hg_view_set_params(rig->view, params, &rig->err), &rig->err);
+    rig_view(rig, params);
 }
 
 static void close_scene(struct rig *rig)
@@ -170,29 +101,16 @@ static void close_scene(struct rig *rig)
     rig->scene = NULL;
 }
 
-static void close_rig(struct rig *rig)
-{
-    close_scene(rig);
-    hg_renderer_destroy(rig->renderer);
-}
-
 static struct hg_frame_info settle(struct rig *rig, uint32_t samples_per_step)
 {
     struct hg_frame_info info;
     for (int i = 0; i < 1000; i++) {
-        check(hg_view_step(rig->view, samples_per_step, &info, &rig->err), &rig->err);
+        test_ok(hg_view_step(rig->view, samples_per_step, &info, &rig->err), &rig->err);
         if (info.settled)
             return info;
     }
     fail_msg("the view did not settle");
     return info;
-}
-
-static struct hg_refbuf *pixels(struct rig *rig, enum hg_pixel_format format)
-{
-    struct hg_refbuf *out;
-    check(hg_view_read_pixels(rig->view, format, &out, &rig->err), &rig->err);
-    return out;
 }
 
 static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b, int tolerance)
@@ -216,8 +134,8 @@ static struct hg_refbuf *render(const char *name, uint32_t step, float turn)
     use_scene(&rig, load(name, hg_renderer_jobs(rig.renderer)), &params);
     look_at_scene(&rig, turn);
     settle(&rig, step);
-    struct hg_refbuf *out = pixels(&rig, HG_PIXEL_RGBA8);
-    close_rig(&rig);
+    struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA8);
+    rig_close(&rig);
     return out;
 }
 
@@ -241,13 +159,13 @@ static void test_projection_to_the_pixel(void **state)
             .orthographic = orthographic,
             .vfov_rad = 1.0f,
             .half_height = 1.5f};
-        check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+        test_ok(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
         settle(&rig, 1);
         const double half = orthographic ? 1.5 : 4 * tan(0.5);
         for (uint32_t i = 0; i < 12; i++) {
             const uint32_t x = (i * 23) % 64, y = (i * 17) % 48;
             struct hg_pick pick;
-            check(hg_view_pick(rig.view, x, y, &pick, &rig.err), &rig.err);
+            test_ok(hg_view_pick(rig.view, x, y, &pick, &rig.err), &rig.err);
             assert_true(pick.hit);
             assert_int_equal(pick.node, 1);
             const double want_x = 0.5 + half * (64.0 / 48.0) * (2 * (x + 0.5) / 64 - 1);
@@ -258,7 +176,7 @@ static void test_projection_to_the_pixel(void **state)
             assert_true(pick.normal[2] > 0.999f);
         }
     }
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // A quad that ends between pixels covers exactly those whose centres lie inside.
@@ -281,9 +199,9 @@ static void test_coverage_to_the_pixel(void **state)
     node->translation[1] = 5;                                  // up
     hg_scene_publish(scene);
     use_scene(&rig, scene, &params);
-    check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+    test_ok(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
     settle(&rig, 1);
-    struct hg_refbuf *image = pixels(&rig, HG_PIXEL_RGBA8);
+    struct hg_refbuf *image = rig_pixels(&rig, HG_PIXEL_RGBA8);
     for (int y = 0; y < 40; y++) {
         for (int x = 0; x < 40; x++) {
             const double px = x + 0.5 - 20, py = 20 - (y + 0.5);
@@ -294,14 +212,14 @@ static void test_coverage_to_the_pixel(void **state)
         }
     }
     hg_refbuf_unref(image);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // --- colour and alpha ----------------------------------------------------------------------------
 
 static void read_centre(struct rig *rig, float out[4])
 {
-    struct hg_refbuf *image = pixels(rig, HG_PIXEL_RGBA32F);
+    struct hg_refbuf *image = rig_pixels(rig, HG_PIXEL_RGBA32F);
     memcpy(out, image->data + 16 * (16 * 32 + 16), 16);
     hg_refbuf_unref(image);
 }
@@ -328,17 +246,17 @@ static void test_colour_and_alpha(void **state)
     const float want[4] = {0.5f, 1, 2, 0.5f}; // straight alpha, one stop brighter
     for (int i = 0; i < 4; i++)
         assert_true(fabsf(got[i] - want[i]) < 1e-5f);
-    struct hg_refbuf *image = pixels(&rig, HG_PIXEL_RGBA8);
+    struct hg_refbuf *image = rig_pixels(&rig, HG_PIXEL_RGBA8);
     const uint8_t bytes[4] = {188, 255, 255, 128}; // 0.5 encoded is 187.5
     assert_memory_equal(image->data + 4 * (16 * 32 + 16), bytes, 4);
     hg_refbuf_unref(image);
-    struct hg_refbuf *deep = pixels(&rig, HG_PIXEL_RGBA16);
+    struct hg_refbuf *deep = rig_pixels(&rig, HG_PIXEL_RGBA16);
     uint16_t words[4];
     memcpy(words, deep->data + 8 * (16 * 32 + 16), 8);
     assert_in_range(words[0], 48190, 48200); // 0.735357 * 65535 = 48192
     hg_refbuf_unref(deep);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // Layers composite front to back whatever the order of their nodes.
@@ -373,7 +291,7 @@ static void test_blend_order(void **state)
         for (int c = 0; c < 3; c++)
             assert_true(fabsf(got[c] - want[c]) < 1e-5f);
         assert_true(fabsf(got[3] - 1) < 1e-6f);
-        close_rig(&rig);
+        rig_close(&rig);
     }
 }
 
@@ -416,14 +334,14 @@ static void test_many_layers(void **state)
     open_rig(&rig, true);
     check_layers(&rig, 9, 9);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
-    close_rig(&rig);
+    rig_close(&rig);
     open_rig(&rig, false);
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         check_layers(&rig, counts[i], counts[i]);
         close_scene(&rig);
     }
     check_layers(&rig, 80, 64);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // --- the same bytes ------------------------------------------------------------------------------
@@ -532,17 +450,17 @@ static void test_settles_and_restarts(void **state)
     assert_int_equal(info.samples, 3);
     assert_int_equal(info.triangles_drawn, 2);
     const uint64_t number = info.number;
-    check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+    test_ok(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
     assert_true(info.settled && info.number == number); // nothing left to do
     node->translation[0] = 0.5f;
     hg_scene_touch(scene, &node->head);
     hg_scene_publish(scene);
-    check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+    test_ok(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
     assert_true(!info.settled && info.samples == 1 && info.number == number + 1);
     assert_int_equal(info.scene_revision, scene->revision);
     settle(&rig, 8);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // A sample of a moving picture becomes pixels at once; asking for others accumulates it. Both are
@@ -565,25 +483,25 @@ static void test_pixels_in_motion(void **state)
         look_at_scene(&rig, 0.4f);
         settle(&rig, 8); // layers are known
         look_at_scene(&rig, 0.3f);
-        check(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+        test_ok(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
         assert_true(!info.settled && info.samples == 1);
-        struct hg_refbuf *at_once = pixels(&rig, HG_PIXEL_RGBA8);
+        struct hg_refbuf *at_once = rig_pixels(&rig, HG_PIXEL_RGBA8);
         if (i == 0) {
-            struct hg_refbuf *linear = pixels(&rig, HG_PIXEL_RGBA32F);
-            struct hg_refbuf *resolved = pixels(&rig, HG_PIXEL_RGBA8);
+            struct hg_refbuf *linear = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+            struct hg_refbuf *resolved = rig_pixels(&rig, HG_PIXEL_RGBA8);
             assert_same(at_once, resolved, 0);
             hg_refbuf_unref(linear);
             hg_refbuf_unref(resolved);
         }
         hg_refbuf_unref(at_once);
         settle(&rig, 1);
-        settled[i] = pixels(&rig, HG_PIXEL_RGBA8);
+        settled[i] = rig_pixels(&rig, HG_PIXEL_RGBA8);
     }
     assert_same(settled[0], settled[1], 0);
     hg_refbuf_unref(settled[0]);
     hg_refbuf_unref(settled[1]);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static void test_limits(void **state)
@@ -608,7 +526,7 @@ static void test_limits(void **state)
     assert_int_equal(hg_view_set_camera(rig.view, &bad, &rig.err), HG_E_INVAL);
     assert_int_equal(hg_view_set_camera_node(rig.view, 99, 0, &rig.err), HG_E_NOTFOUND);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static void test_validation_is_silent(void **state)
@@ -618,7 +536,7 @@ static void test_validation_is_silent(void **state)
     struct rig rig;
     (void)state;
     open_rig(&rig, true);
-    check(hg_renderer_warm_up(rig.renderer, NULL, NULL, &rig.err), &rig.err);
+    test_ok(hg_renderer_warm_up(rig.renderer, NULL, NULL, &rig.err), &rig.err);
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         const struct hg_view_params params = {.width = 48, .height = 32, .samples = 2};
         use_scene(&rig, load(names[i], hg_renderer_jobs(rig.renderer)), &params);
@@ -627,16 +545,16 @@ static void test_validation_is_silent(void **state)
         look_at_scene(&rig, 1.3f);
         settle(&rig, 2);
         for (int format = HG_PIXEL_RGBA8; format <= HG_PIXEL_RGBA32F; format++)
-            hg_refbuf_unref(pixels(&rig, (enum hg_pixel_format)format));
+            hg_refbuf_unref(rig_pixels(&rig, (enum hg_pixel_format)format));
         struct hg_pick pick;
-        check(hg_view_pick(rig.view, 24, 16, &pick, &rig.err), &rig.err);
+        test_ok(hg_view_pick(rig.view, 24, 16, &pick, &rig.err), &rig.err);
         close_scene(&rig);
         assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
     }
     char *text;
     assert_int_equal(hg_renderer_stats_json(rig.renderer, NULL, &text), HG_OK);
     hg_free(text);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static enum hg_status try_view(struct rig *rig, struct hg_scene *scene)
@@ -680,7 +598,7 @@ static void test_failing_calls(void **state)
     assert_int_equal(try_view(&rig, scene), HG_OK);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
     rig.scene = scene;
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static void test_device_lost(void **state)
@@ -695,7 +613,7 @@ static void test_device_lost(void **state)
     open_rig(&rig, false);
     assert_int_equal(try_view(&rig, scene), HG_OK);
     struct hg_view_camera camera = {.eye = {0, 1, 3}};
-    check(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+    test_ok(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
     hg_gpu_fail_at(1, VK_ERROR_DEVICE_LOST);
     assert_int_equal(hg_view_step(rig.view, 1, &info, &rig.err), HG_E_DEVICE_LOST);
     hg_gpu_fail_at(0, VK_SUCCESS);
@@ -705,7 +623,7 @@ static void test_device_lost(void **state)
     open_rig(&rig, false); // the scene outlives the renderer
     assert_int_equal(try_view(&rig, scene), HG_OK);
     rig.scene = scene;
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 int main(int argc, char **argv)

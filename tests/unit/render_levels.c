@@ -4,20 +4,12 @@
 // The scene: the Stanford dragon, 202,520 triangles (big-geometry of HELIO_TEST_DATA), over a plate
 // that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs
 // some 10 MiB of chunks.
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
+#include "tests/unit/render_rig.h"
 
 #define MIB      (1ull << 20)
 #define SAMPLES  2
@@ -26,23 +18,7 @@
 
 static char cache_dir[TEST_FOLDER_MAX];
 
-static void check(enum hg_status status, const struct hg_error *err)
-{
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(err, text, sizeof text);
-        fail_msg("%s", text);
-    }
-}
-
 // --- the scene -----------------------------------------------------------------------------------
-
-static void *add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
-{
-    struct hg_object *object;
-    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
-    return object;
-}
 
 static struct hg_mesh *load_dragon(struct hg_scene *scene, struct hg_jobs *jobs)
 {
@@ -54,20 +30,12 @@ static struct hg_mesh *load_dragon(struct hg_scene *scene, struct hg_jobs *jobs)
     struct hg_asset *asset;
     const struct hg_load_params params = {
         .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
-    check(hg_load_asset(&params, &asset, &err), &err);
+    test_ok(hg_load_asset(&params, &asset, &err), &err);
     struct hg_mesh *mesh = asset->meshes[0];
     for (uint32_t i = 0; i < asset->node_count; i++)
         asset->nodes[i]->visible = false;
     assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
     return mesh;
-}
-
-static void *copy_of(const void *data, size_t size)
-{
-    void *copy = hg_calloc(1, size);
-    assert_non_null(copy);
-    memcpy(copy, data, size);
-    return copy;
 }
 
 // A plate of 1 m in the plane y = 0.
@@ -76,19 +44,8 @@ static struct hg_mesh *add_plate(struct hg_scene *scene)
     static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
     static const float normals[12] = {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0};
     static const float positions[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
-    struct hg_mesh *mesh = add(scene, HG_OBJECT_MESH, 1);
-    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
-    assert_non_null(part);
-    mesh->parts = part;
-    mesh->part_count = 1;
-    part->topology = HG_TOPOLOGY_TRIANGLES;
-    part->vertex_count = 4;
-    part->index_count = 6;
-    part->indices = copy_of(indices, sizeof indices);
-    part->positions = copy_of(positions, sizeof positions);
-    part->normals = copy_of(normals, sizeof normals);
-    memcpy(part->bounds_min, (float[3]){-1, 0, -1}, sizeof part->bounds_min);
-    memcpy(part->bounds_max, (float[3]){1, 0, 1}, sizeof part->bounds_max);
+    struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, 1);
+    rig_part(mesh, 4, positions, normals, 6, indices);
     return mesh;
 }
 
@@ -97,9 +54,9 @@ static struct hg_scene *make_scene(struct hg_jobs *jobs)
     struct hg_scene *scene;
     assert_int_equal(hg_scene_create(&scene), HG_OK);
     struct hg_mesh *dragon = load_dragon(scene, jobs), *plate = add_plate(scene);
-    struct hg_node *node = add(scene, HG_OBJECT_NODE, 1);
+    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, 1);
     node->mesh = plate;
-    node = add(scene, HG_OBJECT_NODE, 2);
+    node = rig_add(scene, HG_OBJECT_NODE, 2);
     node->mesh = dragon;
     node->instance_count = 3;
     node->instances = hg_calloc(3, sizeof *node->instances);
@@ -111,31 +68,13 @@ static struct hg_scene *make_scene(struct hg_jobs *jobs)
         m[13] = -0.053f;
         m[14] = i == 0 ? 0.0f : -0.2f * (float)i;
     }
-    struct hg_light *light = add(scene, HG_OBJECT_LIGHT, 3);
-    light->intensity = 2;
-    light->color[0] = light->color[1] = light->color[2] = 1;
-    light->casts_shadow = true;
-    node = add(scene, HG_OBJECT_NODE, 3);
-    node->light = light;
-    node->rotation[0] = -0.5f;
-    node->rotation[3] = 0.8660254f;
-    scene->environment.kind = HG_ENV_COLOR;
-    scene->environment.intensity = 1;
-    for (int i = 0; i < 3; i++)
-        scene->environment.color[i] = 0.5f;
-    scene->environment.revision++;
+    rig_sun(scene, 3, -0.5f, 0.8660254f);
+    rig_environment(scene, 0.5f, 0.5f, 0.5f);
     hg_scene_publish(scene);
     return scene;
 }
 
 // --- views ---------------------------------------------------------------------------------------
-
-struct rig {
-    struct hg_renderer *renderer;
-    struct hg_scene *scene;
-    struct hg_view *view;
-    struct hg_error err;
-};
 
 static void open_rig(struct rig *rig, uint64_t budget_bytes)
 {
@@ -144,32 +83,16 @@ static void open_rig(struct rig *rig, uint64_t budget_bytes)
     const struct hg_view_params view = {
         .width = VIEW_PX, .height = VIEW_PX, .samples = SAMPLES, .seed = 5, .error_px = ERROR_PX};
     *rig = (struct rig){0};
-    check(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
     rig->scene = make_scene(hg_renderer_jobs(rig->renderer));
-    check(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
-    check(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-}
-
-static void close_rig(struct rig *rig)
-{
-    hg_view_destroy(rig->view);
-    hg_scene_destroy(rig->scene);
-    assert_int_equal(hg_renderer_validation_messages(rig->renderer), 0);
-    hg_renderer_destroy(rig->renderer);
+    rig_view(rig, &view);
 }
 
 static void look(struct rig *rig, float x, float distance)
 {
     const struct hg_view_camera camera = {
         .eye = {x, 0.15f + 0.3f * distance, distance}, .target = {x, 0.05f, 0}};
-    check(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
-}
-
-static struct hg_frame_info step(struct rig *rig, uint32_t samples)
-{
-    struct hg_frame_info info;
-    check(hg_view_step(rig->view, samples, &info, &rig->err), &rig->err);
-    return info;
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
 }
 
 static struct hg_geometry_stats geometry_stats(const struct rig *rig)
@@ -184,7 +107,7 @@ static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
     struct hg_frame_info info = {0};
     int steps = 0;
     while (!info.settled && steps < 4000) {
-        info = step(rig, samples);
+        info = rig_step(rig, samples);
         steps++;
     }
     assert_true(info.settled);
@@ -197,23 +120,6 @@ static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
     return info;
 }
 
-static struct hg_refbuf *pixels(struct rig *rig)
-{
-    struct hg_refbuf *out;
-    check(hg_view_read_pixels(rig->view, HG_PIXEL_RGBA32F, &out, &rig->err), &rig->err);
-    return out;
-}
-
-static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
-{
-    size_t different = 0;
-    assert_int_equal(a->size, b->size);
-    for (size_t i = 0; i < a->size; i += 16)
-        different += memcmp(a->data + i, b->data + i, 16) != 0;
-    if (different > 0)
-        fail_msg("%zu pixels differ", different);
-}
-
 // --- tests ---------------------------------------------------------------------------------------
 
 #define PICKS 24
@@ -224,7 +130,7 @@ static struct hg_pick picks[PICKS];
 static void pick_all(struct rig *rig, struct hg_pick *out)
 {
     for (uint32_t i = 0; i < PICKS; i++)
-        check(hg_view_pick(rig->view, 90 + i % 6 * 28, 100 + i / 6 * 30, &out[i], &rig->err),
+        test_ok(hg_view_pick(rig->view, 90 + i % 6 * 28, 100 + i / 6 * 30, &out[i], &rig->err),
             &rig->err);
 }
 
@@ -238,9 +144,9 @@ static int setup(void **state)
     const struct hg_frame_info info = settle(&rig, 16);
     assert_true(info.triangles_drawn > 50000);
     assert_true(geometry_stats(&rig).chunks.used_bytes > 8 * MIB);
-    unlimited = pixels(&rig);
+    unlimited = rig_pixels(&rig, HG_PIXEL_RGBA32F);
     pick_all(&rig, picks);
-    close_rig(&rig);
+    rig_close(&rig);
     return 0;
 }
 
@@ -264,11 +170,11 @@ static void test_budgets_do_not_show(void **state)
             hg_view_set_final(rig.view, way == 2);
             look(&rig, 0, 0.3f);
             settle(&rig, way == 1 ? 1 : 16);
-            struct hg_refbuf *small = pixels(&rig);
-            assert_same(unlimited, small);
+            struct hg_refbuf *small = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+            rig_assert_same(unlimited, small);
             hg_refbuf_unref(small);
             assert_true(geometry_stats(&rig).peak_bytes <= budgets[i]);
-            close_rig(&rig);
+            rig_close(&rig);
         }
     }
 }
@@ -281,16 +187,16 @@ static void test_history_does_not_show(void **state)
     open_rig(&rig, 4 * MIB);
     for (int i = 0; i < 40; i++) {
         look(&rig, 0.1f * sinf((float)i), 0.15f + 0.05f * (float)(i % 7));
-        step(&rig, 1);
+        rig_step(&rig, 1);
         assert_true(geometry_stats(&rig).peak_bytes <= 4 * MIB);
     }
     look(&rig, 0, 0.3f);
     settle(&rig, 2);
-    struct hg_refbuf *after = pixels(&rig);
-    assert_same(unlimited, after);
+    struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_assert_same(unlimited, after);
     hg_refbuf_unref(after);
     assert_true(geometry_stats(&rig).peak_bytes <= 4 * MIB);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // A pick says the same of the picture, whatever of it is in memory.
@@ -313,7 +219,7 @@ static void test_picks(void **state)
         hits += picks[i].hit && picks[i].node == 2;
     }
     assert_true(hits > PICKS / 4);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // Triangles of picks are those of the source: where one was hit, its plane is within a pixel.
@@ -356,7 +262,7 @@ static void test_picks_name_the_source(void **state)
         hits++;
     }
     assert_true(hits > 3);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // In motion the error rises evenly until the budget holds what is asked for, and stays; what is in
@@ -370,10 +276,10 @@ static void test_motion_is_steady(void **state)
     uint32_t missing = 0;
     open_rig(&rig, 4 * MIB);
     look(&rig, 0, 0.3f);
-    step(&rig, 16); // baked
+    rig_step(&rig, 16); // baked
     for (int i = 0; i < 400; i++) {
         look(&rig, 0.0001f * (float)(i % 2 + 1), 0.3f);
-        info = step(&rig, 1);
+        info = rig_step(&rig, 1);
         if (i < 250)
             continue;
         least = fminf(least, info.error_px);
@@ -387,7 +293,7 @@ static void test_motion_is_steady(void **state)
     assert_true(most <= least * 1.6f);
     assert_true(missing <= 50);
     assert_true(s.peak_bytes <= 4 * MIB);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // --- zoom ----------------------------------------------------------------------------------------
@@ -398,13 +304,13 @@ static void settle_at_one_pixel(struct rig *rig, float distance, struct hg_refbu
 {
     const struct hg_view_params view = {
         .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
-    check(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
     look(rig, 0, distance);
     struct hg_frame_info info = {0};
     for (int i = 0; i < 100 && !info.settled; i++)
-        info = step(rig, 16);
+        info = rig_step(rig, 16);
     assert_true(info.settled);
-    *out = pixels(rig);
+    *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
 }
 
 // Mean over the channels of |b - a|.
@@ -431,7 +337,7 @@ static void test_zoom_does_not_pop(void **state)
         if (side == 1) {
             hg_view_destroy(rigs[1].view);
             rigs[1].renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
-            check(hg_view_create(rigs[1].renderer, rigs[1].scene, &rigs[1].view, &rigs[1].err),
+            test_ok(hg_view_create(rigs[1].renderer, rigs[1].scene, &rigs[1].view, &rigs[1].err),
                 &rigs[1].err);
         }
         for (int i = 0; i < ZOOMS; i++)
@@ -448,7 +354,7 @@ static void test_zoom_does_not_pop(void **state)
     for (int side = 0; side < 2; side++) {
         for (int i = 0; i < ZOOMS; i++)
             hg_refbuf_unref(frames[side][i]);
-        close_rig(&rigs[side]);
+        rig_close(&rigs[side]);
     }
 }
 

@@ -3,19 +3,11 @@
 //
 // The scene: 36 lit quads with three textures each, some masked (they cast shadows), some blended.
 // What one view of it needs is more than the 225 slots of the least budget, 16 MiB.
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/internal.h"
+#include "tests/unit/render_rig.h"
 
 #define ROW     6
 #define SIDE    512 // texels
@@ -23,36 +15,12 @@
 #define SAMPLES 2
 #define VIEW_PX 384
 
-static void check(enum hg_status status, const struct hg_error *err)
-{
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(err, text, sizeof text);
-        fail_msg("%s", text);
-    }
-}
-
 // --- the scene -----------------------------------------------------------------------------------
-
-static void *add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
-{
-    struct hg_object *object;
-    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
-    return object;
-}
-
-static void *copy_of(const void *data, size_t size)
-{
-    void *copy = hg_calloc(1, size);
-    assert_non_null(copy);
-    memcpy(copy, data, size);
-    return copy;
-}
 
 // Blocks of 16 texels in random colours, alpha 0 or 255; every texture its own.
 static struct hg_texture *add_texture(struct hg_scene *scene, uint64_t id, bool srgb)
 {
-    struct hg_texture *t = add(scene, HG_OBJECT_TEXTURE, id);
+    struct hg_texture *t = rig_add(scene, HG_OBJECT_TEXTURE, id);
     t->image = hg_calloc(1, sizeof *t->image);
     assert_non_null(t->image);
     t->image->refs = 1;
@@ -77,29 +45,18 @@ static void add_quad(struct hg_scene *scene, uint64_t id)
     static const float uv[8] = {0.1f, 0.5f, 0.5f, 0.1f, 0.9f, 0.5f, 0.5f, 0.9f}; // turned
     static const float positions[12] = {
         -0.5f, -0.5f, 0, 0.5f, -0.5f, 0, 0.5f, 0.5f, 0, -0.5f, 0.5f, 0};
-    struct hg_material *m = add(scene, HG_OBJECT_MATERIAL, id);
+    struct hg_material *m = rig_add(scene, HG_OBJECT_MATERIAL, id);
     m->alpha_mode = id % 3 == 1 ? HG_ALPHA_MASK : id == 8 ? HG_ALPHA_BLEND : HG_ALPHA_OPAQUE;
     m->alpha_cutoff = 0.5f;
     m->double_sided = true;
     m->slots[HG_SLOT_BASE_COLOR].texture = add_texture(scene, 3 * id, true);
     m->slots[HG_SLOT_NORMAL].texture = add_texture(scene, 3 * id + 1, false);
     m->slots[HG_SLOT_METALLIC_ROUGHNESS].texture = add_texture(scene, 3 * id + 2, false);
-    struct hg_mesh *mesh = add(scene, HG_OBJECT_MESH, id);
-    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
-    assert_non_null(part);
-    mesh->parts = part;
-    mesh->part_count = 1;
-    part->topology = HG_TOPOLOGY_TRIANGLES;
-    part->vertex_count = 4;
-    part->index_count = 6;
+    struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, id);
+    struct hg_mesh_part *part = rig_part(mesh, 4, positions, normals, 6, indices);
     part->material = m;
-    part->indices = copy_of(indices, sizeof indices);
-    part->positions = copy_of(positions, sizeof positions);
-    part->normals = copy_of(normals, sizeof normals);
-    part->uv[0] = copy_of(uv, sizeof uv);
-    memcpy(part->bounds_min, (float[3]){-0.5f, -0.5f, 0}, sizeof part->bounds_min);
-    memcpy(part->bounds_max, (float[3]){0.5f, 0.5f, 0}, sizeof part->bounds_max);
-    struct hg_node *node = add(scene, HG_OBJECT_NODE, id);
+    part->uv[0] = rig_copy(uv, sizeof uv);
+    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, id);
     node->mesh = mesh;
     node->translation[0] = (float)((id - 1) % ROW) - 0.5f * (ROW - 1);
     node->translation[1] = (float)((id - 1) / ROW) - 0.5f * (ROW - 1);
@@ -112,30 +69,13 @@ static struct hg_scene *make_scene(void)
     assert_int_equal(hg_scene_create(&scene), HG_OK);
     for (uint64_t id = 1; id <= ROW * ROW; id++)
         add_quad(scene, id);
-    struct hg_light *light = add(scene, HG_OBJECT_LIGHT, 500);
-    light->intensity = 2;
-    light->color[0] = light->color[1] = light->color[2] = 1;
-    light->casts_shadow = true;
-    struct hg_node *node = add(scene, HG_OBJECT_NODE, 500);
-    node->light = light;
-    node->rotation[0] = -0.3f;
-    node->rotation[3] = 0.9539392f;
-    scene->environment.kind = HG_ENV_COLOR;
-    scene->environment.intensity = 1;
-    scene->environment.color[0] = 0.5f;
-    scene->environment.revision++;
+    rig_sun(scene, 500, -0.3f, 0.9539392f);
+    rig_environment(scene, 0.5f, 0, 0);
     hg_scene_publish(scene);
     return scene;
 }
 
 // --- views ---------------------------------------------------------------------------------------
-
-struct rig {
-    struct hg_renderer *renderer;
-    struct hg_scene *scene;
-    struct hg_view *view;
-    struct hg_error err;
-};
 
 static void open_rig(struct rig *rig, uint64_t budget_bytes)
 {
@@ -143,37 +83,21 @@ static void open_rig(struct rig *rig, uint64_t budget_bytes)
     const struct hg_view_params view = {
         .width = VIEW_PX, .height = VIEW_PX, .samples = SAMPLES, .seed = 5};
     *rig = (struct rig){.scene = make_scene()};
-    check(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
-    check(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
-    check(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-}
-
-static void close_rig(struct rig *rig)
-{
-    hg_view_destroy(rig->view);
-    hg_scene_destroy(rig->scene);
-    assert_int_equal(hg_renderer_validation_messages(rig->renderer), 0);
-    hg_renderer_destroy(rig->renderer);
+    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    rig_view(rig, &view);
 }
 
 static void look(struct rig *rig, float x, float distance)
 {
     const struct hg_view_camera camera = {.eye = {x, 0.2f, distance}, .target = {x, 0, 0}};
-    check(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
-}
-
-static struct hg_frame_info step(struct rig *rig, uint32_t samples)
-{
-    struct hg_frame_info info;
-    check(hg_view_step(rig->view, samples, &info, &rig->err), &rig->err);
-    return info;
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
 }
 
 static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
 {
     struct hg_frame_info info = {0};
     for (int i = 0; i < 4000 && !info.settled; i++) {
-        info = step(rig, samples);
+        info = rig_step(rig, samples);
         if (info.settled) {
             assert_int_equal(info.missing_pages, 0);
             assert_true(info.mip_bias == 0.0f);
@@ -181,23 +105,6 @@ static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
     }
     assert_true(info.settled);
     return info;
-}
-
-static struct hg_refbuf *pixels(struct rig *rig)
-{
-    struct hg_refbuf *out;
-    check(hg_view_read_pixels(rig->view, HG_PIXEL_RGBA32F, &out, &rig->err), &rig->err);
-    return out;
-}
-
-static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
-{
-    size_t different = 0;
-    assert_int_equal(a->size, b->size);
-    for (size_t i = 0; i < a->size; i += 16)
-        different += memcmp(a->data + i, b->data + i, 16) != 0;
-    if (different > 0)
-        fail_msg("%zu pixels differ", different);
 }
 
 static struct hg_page_cache_stats cache_stats(const struct rig *rig)
@@ -219,17 +126,17 @@ static void test_budgets_do_not_show(void **state)
     open_rig(&rig, 0);
     look(&rig, 0, 6.5f);
     settle(&rig, 16);
-    unlimited = pixels(&rig);
-    close_rig(&rig);
+    unlimited = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_close(&rig);
     for (uint64_t budget = LEAST; budget <= 4 * LEAST; budget *= 4) {
         open_rig(&rig, budget);
         look(&rig, 0, 6.5f);
         settle(&rig, 4);
-        struct hg_refbuf *small = pixels(&rig);
-        assert_same(unlimited, small);
+        struct hg_refbuf *small = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_assert_same(unlimited, small);
         hg_refbuf_unref(small);
         assert_true(cache_stats(&rig).peak_bytes <= budget);
-        close_rig(&rig);
+        rig_close(&rig);
     }
 }
 
@@ -241,15 +148,15 @@ static void test_history_does_not_show(void **state)
     open_rig(&rig, LEAST);
     for (int i = 0; i < 40; i++) {
         look(&rig, sinf((float)i) * 2.0f, 1.5f + (float)(i % 7));
-        step(&rig, 1);
+        rig_step(&rig, 1);
         assert_true(cache_stats(&rig).peak_bytes <= LEAST);
     }
     look(&rig, 0, 6.5f);
     settle(&rig, 2);
-    struct hg_refbuf *after = pixels(&rig);
-    assert_same(unlimited, after);
+    struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_assert_same(unlimited, after);
     hg_refbuf_unref(after);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // A frame that lacks pages says so; one that lacks none is not called missing, and a view that is
@@ -260,17 +167,17 @@ static void test_missing_is_told(void **state)
     struct rig rig;
     open_rig(&rig, 0);
     look(&rig, 0, 6.5f);
-    const struct hg_frame_info first = step(&rig, 1);
+    const struct hg_frame_info first = rig_step(&rig, 1);
     assert_true(first.missing_pages > 0);
     assert_false(first.settled);
     settle(&rig, 4);
     const uint64_t requested = cache_stats(&rig).requested;
     for (int i = 0; i < 5; i++)
-        assert_true(step(&rig, 4).settled);
+        assert_true(rig_step(&rig, 4).settled);
     assert_int_equal(cache_stats(&rig).requested, requested);
     look(&rig, 0.001f, 6.5f); // the same pages but for a few at borders
-    assert_true(step(&rig, 1).missing_pages < first.missing_pages / 4);
-    close_rig(&rig);
+    assert_true(rig_step(&rig, 1).missing_pages < first.missing_pages / 4);
+    rig_close(&rig);
 }
 
 // In motion a budget that is too small raises the bias evenly until all fits; then it stays: sixty
@@ -285,7 +192,7 @@ static void test_bias_settles(void **state)
     open_rig(&rig, LEAST);
     for (int i = 0; i < 4000 && steady < 60; i++) {
         look(&rig, 0.0001f * (float)(i % 2), 6.5f);
-        info = step(&rig, 1);
+        info = rig_step(&rig, 1);
         const bool same =
             info.mip_bias > 0.0f && fabsf(info.mip_bias - bias) <= 0.25f && info.missing_pages <= 8;
         steady = same ? steady + 1 : 0;
@@ -293,7 +200,7 @@ static void test_bias_settles(void **state)
     }
     print_message("bias %.2f, missing %u\n", (double)info.mip_bias, info.missing_pages);
     assert_int_equal(steady, 60);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 // Nobody looks before it is settled: a batch to see what is needed, one with it, and those that
@@ -310,10 +217,10 @@ static void test_final_is_drawn_once(void **state)
         const struct hg_frame_info info = settle(&rig, SAMPLES);
         if (budget == 0)
             assert_in_range(info.number, 2, 5);
-        struct hg_refbuf *final = pixels(&rig);
-        assert_same(unlimited, final);
+        struct hg_refbuf *final = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_assert_same(unlimited, final);
         hg_refbuf_unref(final);
-        close_rig(&rig);
+        rig_close(&rig);
     }
 }
 
@@ -325,14 +232,14 @@ static void test_final_no_longer(void **state)
     open_rig(&rig, 0);
     hg_view_set_final(rig.view, true);
     look(&rig, 0, 6.5f);
-    assert_int_equal(step(&rig, 1).samples, 0);
+    assert_int_equal(rig_step(&rig, 1).samples, 0);
     hg_view_set_final(rig.view, false);
-    assert_int_equal(step(&rig, 1).samples, 1);
+    assert_int_equal(rig_step(&rig, 1).samples, 1);
     settle(&rig, 2);
-    struct hg_refbuf *after = pixels(&rig);
-    assert_same(unlimited, after);
+    struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_assert_same(unlimited, after);
     hg_refbuf_unref(after);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static struct hg_ahead_place place(double x, double turn, uint64_t ms)
@@ -379,16 +286,16 @@ static void test_looking_ahead(void **state)
     open_rig(&rig, LEAST);
     for (int i = 0; i < 1000 && rig.view->state.ahead.drawn < 3; i++) {
         look(&rig, (float)(i % 100) * 0.05f - 2.5f, 4.0f);
-        step(&rig, 1);
+        rig_step(&rig, 1);
     }
     assert_true(rig.view->state.ahead.drawn >= 3);
     look(&rig, 0, 6.5f);
     settle(&rig, 2);
-    struct hg_refbuf *after = pixels(&rig);
-    assert_same(unlimited, after);
+    struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_assert_same(unlimited, after);
     hg_refbuf_unref(after);
     assert_true(cache_stats(&rig).peak_bytes <= LEAST);
-    close_rig(&rig);
+    rig_close(&rig);
 }
 
 static int finish(void **state)

@@ -1,0 +1,105 @@
+#include "tests/unit/render_rig.h"
+
+#include "base/alloc.h"
+
+// --- the renderer and its view -------------------------------------------------------------------
+
+void rig_close(struct rig *rig)
+{
+    hg_view_destroy(rig->view);
+    hg_scene_destroy(rig->scene);
+    assert_int_equal(hg_renderer_validation_messages(rig->renderer), 0);
+    hg_renderer_destroy(rig->renderer);
+}
+
+void rig_view(struct rig *rig, const struct hg_view_params *params)
+{
+    test_ok(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
+    test_ok(hg_view_set_params(rig->view, params, &rig->err), &rig->err);
+}
+
+struct hg_frame_info rig_step(struct rig *rig, uint32_t samples)
+{
+    struct hg_frame_info info;
+    test_ok(hg_view_step(rig->view, samples, &info, &rig->err), &rig->err);
+    return info;
+}
+
+struct hg_refbuf *rig_pixels(struct rig *rig, enum hg_pixel_format format)
+{
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_pixels(rig->view, format, &out, &rig->err), &rig->err);
+    return out;
+}
+
+void rig_assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    size_t different = 0;
+    assert_int_equal(a->size, b->size);
+    for (size_t i = 0; i < a->size; i += 16)
+        different += memcmp(a->data + i, b->data + i, 16) != 0;
+    if (different > 0)
+        fail_msg("%zu pixels differ", different);
+}
+
+// --- scenes --------------------------------------------------------------------------------------
+
+void *rig_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
+{
+    struct hg_object *object;
+    assert_int_equal(hg_scene_add(scene, kind, id, &object), HG_OK);
+    return object;
+}
+
+void *rig_copy(const void *data, size_t size)
+{
+    void *copy = hg_calloc(1, size);
+    assert_non_null(copy);
+    memcpy(copy, data, size);
+    return copy;
+}
+
+struct hg_mesh_part *rig_part(struct hg_mesh *mesh, uint32_t vertices, const float *positions,
+    const float *normals, uint32_t indices, const uint32_t *index)
+{
+    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
+    assert_non_null(part);
+    mesh->parts = part;
+    mesh->part_count = 1;
+    part->topology = HG_TOPOLOGY_TRIANGLES;
+    part->vertex_count = vertices;
+    part->index_count = indices;
+    part->indices = rig_copy(index, indices * sizeof *index);
+    part->positions = rig_copy(positions, (size_t)vertices * 3 * sizeof *positions);
+    part->normals = rig_copy(normals, (size_t)vertices * 3 * sizeof *normals);
+    for (int k = 0; k < 3; k++) {
+        part->bounds_min[k] = part->bounds_max[k] = positions[k];
+        for (uint32_t i = 1; i < vertices; i++) {
+            part->bounds_min[k] = fminf(part->bounds_min[k], positions[i * 3 + (uint32_t)k]);
+            part->bounds_max[k] = fmaxf(part->bounds_max[k], positions[i * 3 + (uint32_t)k]);
+        }
+    }
+    return part;
+}
+
+void rig_sun(struct hg_scene *scene, uint64_t id, float sin_half, float cos_half)
+{
+    struct hg_light *light = rig_add(scene, HG_OBJECT_LIGHT, id);
+    light->intensity = 2;
+    light->color[0] = light->color[1] = light->color[2] = 1;
+    light->casts_shadow = true;
+    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, id);
+    node->light = light;
+    node->rotation[0] = sin_half;
+    node->rotation[3] = cos_half;
+}
+
+void rig_environment(struct hg_scene *scene, float red, float green, float blue)
+{
+    scene->environment.kind = HG_ENV_COLOR;
+    scene->environment.intensity = 1;
+    scene->environment.color[0] = red;
+    scene->environment.color[1] = green;
+    scene->environment.color[2] = blue;
+    scene->environment.revision++;
+}

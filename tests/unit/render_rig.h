@@ -1,0 +1,48 @@
+// render_rig.h - a renderer, a scene and one view of it, for tests of whole pictures.
+// Failures end the test with the reason.
+#ifndef HG_TESTS_UNIT_RENDER_RIG_H
+#define HG_TESTS_UNIT_RENDER_RIG_H
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/renderer.h"
+#include "tests/support/check.h"
+
+struct rig {
+    struct hg_renderer *renderer;
+    struct hg_scene *scene;
+    struct hg_view *view;
+    struct hg_error err;
+};
+
+// Also that validation had nothing to say, where it is on.
+void rig_close(struct rig *rig);
+// A view of rig->scene.
+void rig_view(struct rig *rig, const struct hg_view_params *params);
+struct hg_frame_info rig_step(struct rig *rig, uint32_t samples);
+// Of the newest picture; free with hg_refbuf_unref.
+struct hg_refbuf *rig_pixels(struct rig *rig, enum hg_pixel_format format);
+// RGBA32F, bit by bit; the test ends with the number of pixels that differ.
+void rig_assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b);
+
+void *rig_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id);
+// Of the allocator that meshes free their arrays with.
+void *rig_copy(const void *data, size_t size);
+// The only part of a mesh: triangles, nothing but what is given; [vertices * 3], [indices].
+struct hg_mesh_part *rig_part(struct hg_mesh *mesh, uint32_t vertices, const float *positions,
+    const float *normals, uint32_t indices, const uint32_t *index);
+// A shadow-casting sun of 2 lux, turned about the x axis; its light and node are number id.
+void rig_sun(struct hg_scene *scene, uint64_t id, float sin_half, float cos_half);
+// An environment of one colour.
+void rig_environment(struct hg_scene *scene, float red, float green, float blue);
+
+#endif
