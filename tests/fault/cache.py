@@ -278,8 +278,10 @@ class Test:
     def case_nospace(self):
         def case(size):
             shutil.rmtree(self.cache, ignore_errors=True)
+            # Programs with sanitizers would insist on being the first library.
+            asan = ":".join(filter(None, [os.environ.get("ASAN_OPTIONS"), "verify_asan_link_order=0"]))
             env = {**os.environ, "LD_PRELOAD": f"{self.bin}/../tests/libfull_disk.so",
-                   "HELIO_FULL_DIR": self.cache, "HELIO_FULL_BYTES": str(size)}
+                   "ASAN_OPTIONS": asan, "HELIO_FULL_DIR": self.cache, "HELIO_FULL_BYTES": str(size)}
             return self.check_full_disk(size, {"env": env}, lambda: {})
         self.check_full_disks(case, (0, 40_000, 1 << 20, 3 << 20))
 
