@@ -4,8 +4,7 @@
 // From two changes of the camera that agree follows where it will be a moment from now, in a
 // straight line and with its turn going on. From there a picture of an eighth of the size is drawn
 // now and then, and what it lacks is read behind everything that pictures lack already. It takes a
-// small share of the time, and fills at most half of what no
-// picture uses.
+// small share of the time, and fills at most half of what no picture uses.
 #ifndef HG_RENDERER_FRAME_AHEAD_H
 #define HG_RENDERER_FRAME_AHEAD_H
 
