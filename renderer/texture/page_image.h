@@ -52,6 +52,7 @@ struct hg_page_image {
     unsigned tries;                  // that ended for want of memory
     uint64_t retry_ns;               // not before this time (another process is baking)
     uint64_t used_ns;                // last read; 0: never
+    uint64_t texels_baked;           // of mip 0, by the bake that runs
     struct hg_page_bake bake;
     struct hg_error err;
 };
@@ -86,6 +87,18 @@ struct hg_page_sources {
     unsigned thread_count, started;
     pthread_t threads[2 * HG_PAGE_LOAD_THREADS];
 };
+
+// Whether a pack may be made of it, once its pixels are in memory.
+static inline bool hg_page_can_bake(
+    const struct hg_page_sources *s, const struct hg_page_image *image)
+{
+    return s->params.store != NULL && !image->no_bake;
+}
+
+static inline uint64_t hg_page_image_texels(const struct hg_page_image *image)
+{
+    return (uint64_t)image->info.width * image->info.height;
+}
 
 void *hg_page_load_thread(void *sources);
 void hg_page_backing_unref(struct hg_page_sources *sources, struct hg_page_backing *backing);

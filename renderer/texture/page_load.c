@@ -46,11 +46,6 @@ static uint64_t chain_bytes(const struct hg_page_image *i)
     return (uint64_t)i->info.width * i->info.height * i->chain.texel_bytes * 4 / 3 + 4096;
 }
 
-static bool can_bake(const struct hg_page_sources *s, const struct hg_page_image *i)
-{
-    return s->params.store != NULL && !i->no_bake;
-}
-
 static bool is_idle(const struct hg_page_image *i, uint64_t now)
 {
     return !i->busy && !i->failed && i->members != NULL && i->retry_ns <= now;
@@ -63,7 +58,7 @@ static bool drop_oldest_chain(struct hg_page_sources *s, struct hg_page_backing 
     struct hg_page_image *oldest = NULL;
     for (struct hg_page_image *i = s->images; i != NULL; i = i->next)
         if (i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY && !i->busy &&
-            (!can_bake(s, i) || i->used_ns == 0) &&
+            (!hg_page_can_bake(s, i) || i->used_ns == 0) &&
             (oldest == NULL || i->used_ns < oldest->used_ns))
             oldest = i;
     if (oldest == NULL)
@@ -101,7 +96,7 @@ static struct work find_work(struct hg_page_sources *s, uint64_t now)
             w.wanted = i;
         else if (none && i->early && !is_large(s, i) && has_room(s, i))
             w.early = i;
-        else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && can_bake(s, i))
+        else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && hg_page_can_bake(s, i))
             w.bake = i;
     }
     return w;
@@ -117,7 +112,7 @@ static enum task choose(struct hg_page_sources *s, struct hg_page_image **image,
     if (load == NULL)
         return w.bake != NULL ? TASK_BAKE : TASK_NONE;
     if (is_large(s, load)) {
-        if (can_bake(s, load))
+        if (hg_page_can_bake(s, load))
             return TASK_STREAM;
         if (chain_bytes(load) + pixel_bytes(load) > s->params.memory_bytes)
             return TASK_REFUSE;
@@ -261,8 +256,10 @@ static enum hg_status pack_row(void *user, uint32_t mip, uint32_t y, const void 
     if (mip == 0 && y % HG_PAGE_TEXELS == 0) {
         pthread_mutex_lock(&b->sources->lock);
         const uint32_t rest = b->image->info.height - y;
-        b->sources->stats.bake_texels_done +=
+        const uint64_t band =
             (uint64_t)b->image->info.width * (rest < HG_PAGE_TEXELS ? rest : HG_PAGE_TEXELS);
+        b->image->texels_baked += band;
+        b->sources->stats.bake_texels_done += band;
         pthread_mutex_unlock(&b->sources->lock);
     }
     return hg_page_packer_row(b->packer, mip, y, texels);
@@ -374,13 +371,23 @@ static void refuse_bake(
     hg_warn(TEXTURE, "pages cannot be kept on disk: %s", text);
 }
 
+// A bake begins, or one that has begun leaves no trace in the counts. The lock is held.
+static void count_bake(struct hg_page_sources *s, struct hg_page_image *image, bool begins)
+{
+    const uint64_t texels = hg_page_image_texels(image);
+    s->stats.bake_texels_total += begins ? texels : 0 - texels;
+    s->stats.bake_texels_done -= begins ? 0 : image->texels_baked;
+    image->texels_baked = 0;
+}
+
 // What a bake came to. The lock is held.
 static void finish_bake(struct hg_page_sources *s, struct hg_page_image *image,
     enum hg_status status, struct hg_page_backing *pack, const struct hg_error *err)
 {
-    const uint64_t texels = (uint64_t)image->info.width * image->info.height;
+    const bool found = status == HG_OK && image->bake.bake_ns == 0;
+    if (status != HG_OK || found)
+        count_bake(s, image, false);
     if (status == HG_OK) {
-        const bool found = image->bake.bake_ns == 0;
         image->backing = pack;
         s->stats.packs_found += found;
         s->stats.packs_baked += !found;
@@ -389,7 +396,6 @@ static void finish_bake(struct hg_page_sources *s, struct hg_page_image *image,
         s->stats.bake_ns += image->bake.bake_ns;
     } else if (status == HG_E_BUSY || status == HG_E_CANCELLED) {
         image->retry_ns = hg_clock_now_ns() + RETRY_NS;
-        s->stats.bake_texels_total -= texels;
     } else {
         refuse_bake(s, image, err);
     }
@@ -421,7 +427,7 @@ static void bake(
 {
     struct hg_page_backing *chain = image->backing, *pack;
     atomic_fetch_add(&chain->refs, 1);
-    s->stats.bake_texels_total += (uint64_t)image->info.width * image->info.height;
+    count_bake(s, image, true);
     pthread_mutex_unlock(&s->lock);
     struct hg_error err = {0};
     bool of_source = false;
@@ -436,7 +442,7 @@ static void bake(
 // The lock is held on entry and exit; the image is busy and too large for memory.
 static void stream(struct hg_page_sources *s, struct hg_page_image *image)
 {
-    s->stats.bake_texels_total += (uint64_t)image->info.width * image->info.height;
+    count_bake(s, image, true);
     image->borrowed = image->members;
     const struct hg_image_source *origin = image->borrowed->origin;
     pthread_mutex_unlock(&s->lock);
@@ -452,10 +458,12 @@ static void stream(struct hg_page_sources *s, struct hg_page_image *image)
     hg_source_rows_close(rows);
     pthread_mutex_lock(&s->lock);
     image->borrowed = NULL;
-    if (of_source)
+    if (of_source) {
+        count_bake(s, image, false);
         fail_image(s, image, &err);
-    else
+    } else {
         finish_bake(s, image, status, pack, &err);
+    }
 }
 
 static void refuse_image(struct hg_page_sources *s, struct hg_page_image *image)

@@ -105,6 +105,9 @@ void hg_page_sources_stats(struct hg_page_sources *s, struct hg_page_sources_sta
     for (const struct hg_page_image *i = s->images; i != NULL; i = i->next) {
         out->loading += i->wanted && i->backing == NULL && !i->failed;
         out->baking += i->busy && i->backing != NULL;
+        if (!i->busy && i->backing != NULL && i->backing->kind == HG_PAGES_IN_MEMORY &&
+            hg_page_can_bake(s, i))
+            out->bake_texels_total += hg_page_image_texels(i);
     }
     pthread_mutex_unlock(&s->lock);
 }

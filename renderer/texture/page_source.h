@@ -36,7 +36,8 @@ struct hg_page_sources_params {
 struct hg_page_sources_stats {
     uint32_t sources, loading, baking, failed;    // now; failed: since creation
     uint64_t memory_bytes, memory_peak_bytes;     // decoded images, mips and bands of bakes
-    uint64_t bake_texels_done, bake_texels_total; // mip 0, of all bakes since creation
+    uint64_t bake_texels_done, bake_texels_total; // mip 0, of all bakes since creation; total: and
+                                                  // of those that wait in memory for theirs
     uint64_t pages_read, bytes_read; // pages handed out; bytes of packs and files for them
     uint64_t read_ns;                // summed over threads
     uint64_t pages_baked, packs_baked, packs_found, pack_bytes, bake_ns;

@@ -327,7 +327,8 @@ static void send_baking(
 {
     struct hg_baking b;
     hg_view_baking(view->view, &b);
-    if (!wait->began)
+    // A bake that is given up counts no more.
+    if (!wait->began || wait->baked_before > b.texels_done)
         wait->baked_before = b.texels_done;
     wait->began = true;
     wait->most_baking = b.mesh_parts > wait->most_baking ? b.mesh_parts : wait->most_baking;
