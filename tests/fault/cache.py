@@ -20,7 +20,7 @@ import zlib
 
 TEXTURES = 6
 SIDE = 1024
-PATIENCE_S = 120
+PATIENCE_S = 240
 
 
 def png(path, seed, side=SIDE):
@@ -95,9 +95,16 @@ class Test:
         return subprocess.Popen([self.helio, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                 text=True, start_new_session=True, **more)
 
+    def outputs(self, child):
+        try:
+            return child.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.kill_session(child)
+            raise Failure(f"{' '.join(child.args)}: no end after {PATIENCE_S} s") from None
+
     def run(self, *words, codes=(0,), **more):
         child = self.start(*words, **more)
-        out, err = child.communicate(timeout=PATIENCE_S)
+        out, err = self.outputs(child)
         if child.returncode not in codes:
             raise Failure(f"helio {' '.join(words)}: exit code {child.returncode}\n{err}")
         return child.returncode, out, err
@@ -187,21 +194,29 @@ class Test:
             raise Failure("no damage was noticed")
 
     def daemon(self, *more, **how):
-        socket = f"{self.folder}/socket"
-        child = subprocess.Popen([self.heliod, "--listen", f"unix:{socket}", "--asset-root", self.folder,
-                                  "--cache-dir", self.cache, "--log", "error", *more], **how)
-        for _ in range(200):
-            if os.path.exists(socket):
+        socket, ready = f"{self.folder}/socket", f"{self.folder}/ready"
+        if os.path.exists(ready):
+            os.remove(ready)
+        child = subprocess.Popen([self.heliod, "--listen", f"unix:{socket}", "--port-file", ready,
+                                  "--asset-root", self.folder, "--cache-dir", self.cache,
+                                  "--log", "error", *more], **how)
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end and child.poll() is None:
+            if os.path.exists(ready):
                 return child, ("--connect", f"unix:{socket}")
             time.sleep(0.05)
         child.kill()
-        raise Failure("the daemon does not listen")
+        raise Failure(f"the daemon does not listen (ended: {child.wait()})")
 
     def end_daemon(self, child):
         if child.poll() is not None:
             raise Failure(f"the daemon ended with {child.returncode}")
         child.terminate()
-        if child.wait(timeout=PATIENCE_S):
+        try:
+            child.wait(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+        if child.wait():
             raise Failure(f"the daemon ended with {child.returncode}")
 
     def case_vanish(self):
@@ -215,7 +230,7 @@ class Test:
                 client = self.start(*self.words(name, None, None, (*connect, "--samples", "64")))
                 time.sleep(rng.random() * 0.5)
                 shutil.rmtree(self.cache, ignore_errors=True)
-                _, err = client.communicate(timeout=PATIENCE_S)
+                _, err = self.outputs(client)
                 if client.returncode:
                     raise Failure(f"with a vanished cache folder: exit code {client.returncode}\n{err}")
                 self.same(f"after the folder vanished {i} times", more=connect)
@@ -344,7 +359,7 @@ class Test:
                     with open(path, "r+b") as f:
                         f.write(new[0])
                         f.truncate()
-                _, err = client.communicate(timeout=PATIENCE_S)
+                _, err = self.outputs(client)
                 if client.returncode not in (0, 3):
                     raise Failure(f"exchange {i}: exit code {client.returncode}\n{err}")
                 if client.returncode == 0:
@@ -406,7 +421,9 @@ def main():
     args = parser.parse_args()
     cases = args.cases or ["kill", "damage", "vanish", "full", "nospace", "tmpfs", "replace", "exchange",
                            "budget", "progress"]
-    folder = tempfile.mkdtemp(prefix="helio-cache-")
+    # Names of sockets have room for 108 bytes.
+    room = tempfile.gettempdir() if len(tempfile.gettempdir()) < 64 else "/tmp"
+    folder = tempfile.mkdtemp(prefix="helio-cache-", dir=room)
     try:
         test = Test(folder, args.bin, args.kills)
         for case in cases:

@@ -17,6 +17,8 @@
 #include "server/broker/broker.h"
 #include "tests/system/daemon.h"
 
+enum { PATIENCE_MS = 30000 }; // of what is no fault, on a machine that is busy
+
 // The daemon in a child of our own, so that its n-th allocation can be made to fail.
 static pid_t start(struct daemon *d, uint64_t n, int count_pipe)
 {
@@ -45,7 +47,7 @@ static bool call(struct peer *p, enum hgp_type type, const void *message)
 {
     uint32_t request = peer_send(p, type, message);
     do
-        if (!peer_next_within(p, 5000))
+        if (!peer_next_within(p, PATIENCE_MS))
             return false;
     while (p->header.request != request);
     return p->header.type != HGP_T_error;
@@ -61,7 +63,7 @@ static bool use(struct peer *p)
     memcpy(upload.hash, empty_hash, 32); // refused by its hash, after the work
     peer_raw(p, HGP_PREFACE, HGP_PREFACE_BYTES);
     peer_tell(p, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
-    if (!peer_next_within(p, 5000) || p->header.type != HGP_T_welcome)
+    if (!peer_next_within(p, PATIENCE_MS) || p->header.type != HGP_T_welcome)
         return false;
     if (!call(p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make("s")}))
         return false;
@@ -81,7 +83,7 @@ static bool use(struct peer *p)
 
 static bool try_connect(struct daemon *d, struct peer *p, pid_t pid)
 {
-    for (int tries = 0; tries < 2000; tries++) {
+    for (int tries = 0; tries < PATIENCE_MS; tries++) {
         siginfo_t info = {0};
         if (waitid(P_PID, (id_t)pid, &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid)
             return false; // refused to start
@@ -99,7 +101,7 @@ static int wait_for(pid_t pid)
 {
     int status;
     for (int tries = 0; waitpid(pid, &status, WNOHANG) != pid; tries++) {
-        if (tries > 20000)
+        if (tries > PATIENCE_MS)
             fail_msg("the daemon does not end");
         hg_clock_sleep_ns(1000000);
     }

@@ -191,7 +191,7 @@ static void hung_loop_is_replaced(void **state)
     struct daemon d;
     struct peer p;
     daemon_init(&d);
-    daemon_option(&d, "worker-timeout", "0.6");
+    daemon_option(&d, "worker-timeout", "3"); // pulses come every 0.1 s
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
     peer_open(&p, &d);
@@ -436,7 +436,7 @@ static void edits_of_a_client_that_left(void **state)
     struct hgp_frame frame;
     uint8_t before[32], after[32];
     daemon_init(&d);
-    daemon_option(&d, "worker-timeout", "0.6");
+    daemon_option(&d, "worker-timeout", "3"); // pulses come every 0.1 s
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
     peer_open(&a, &d);

@@ -1,6 +1,16 @@
 #include "tests/fuzz/mutate.h"
 
+#include <stdlib.h>
 #include <string.h>
+
+struct fuzz_random fuzz_random_start(void)
+{
+    const char *seed = getenv("HELIO_FUZZ_SEED");
+    struct fuzz_random random = {0x9e3779b97f4a7c15u};
+    random.state ^= seed ? strtoull(seed, NULL, 10) * 0xbf58476d1ce4e5b9u : 0;
+    random.state += random.state == 0;
+    return random;
+}
 
 uint64_t fuzz_u64(struct fuzz_random *random)
 {

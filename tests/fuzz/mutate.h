@@ -10,12 +10,8 @@ struct fuzz_random {
     uint64_t state; // not 0
 };
 
-#define FUZZ_RANDOM_START                                                                          \
-    (struct fuzz_random)                                                                           \
-    {                                                                                              \
-        0x9e3779b97f4a7c15u                                                                        \
-    }
-
+// The same every time, unless $HELIO_FUZZ_SEED holds another number than 0.
+struct fuzz_random fuzz_random_start(void);
 uint64_t fuzz_u64(struct fuzz_random *random);
 // 0 .. n - 1; 0 when n is 0.
 size_t fuzz_below(struct fuzz_random *random, size_t n);

@@ -3,8 +3,9 @@
 //   fuzz_NAME CORPUS_FOLDER [SECONDS]   every file, then mutations of the files for so long
 //   fuzz_NAME FILE                      one input
 //
-// The mutations follow from the corpus alone, so a failure comes back at the same number. The
-// failing input is left in the file fuzz-failure.bin of the working folder.
+// The mutations follow from the corpus and $HELIO_FUZZ_SEED (a number, 0 if absent) alone, so a
+// failure comes back at the same number. The failing input is left in the file NAME-failure.bin of
+// the working folder.
 #include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -18,7 +19,7 @@
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/mutate.h"
 
-enum { MAX_INPUTS = 4096, MAX_INPUT_BYTES = 1 << 20, MAX_MUTATIONS = 400000, SLOW_SECONDS = 10 };
+enum { MAX_INPUTS = 4096, MAX_INPUT_BYTES = 1 << 20, MAX_MUTATIONS = 400000, SLOW_SECONDS = 60 };
 
 struct input {
     char name[256];
@@ -32,14 +33,14 @@ static size_t input_count;
 // What is running now, for the report of a crash.
 static const uint8_t *volatile running_data;
 static volatile size_t running_size;
-static char running_text[400];
+static char running_text[400], failure_file[300];
 
 void __sanitizer_set_death_callback(void (*callback)(void)) __attribute__((weak));
 
 static void report(void)
 {
     ssize_t n = write(2, running_text, strlen(running_text));
-    int fd = open("fuzz-failure.bin", O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    int fd = open(failure_file, O_WRONLY | O_CREAT | O_TRUNC, 0644);
     if (fd >= 0)
         n = write(fd, running_data, running_size);
     (void)n; // nothing more can be done while crashing
@@ -52,8 +53,10 @@ static void on_signal(int number)
     raise(number);
 }
 
-static void watch_crashes(void)
+static void watch_crashes(const char *program)
 {
+    const char *slash = strrchr(program, '/');
+    snprintf(failure_file, sizeof failure_file, "%.200s-failure.bin", slash ? slash + 1 : program);
     static const int signals[] = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
     if (__sanitizer_set_death_callback)
         __sanitizer_set_death_callback(report);
@@ -103,7 +106,7 @@ static unsigned long run_mutations(double seconds)
 {
     static uint8_t buffer[MAX_INPUT_BYTES];
     double end = seconds_of(CLOCK_MONOTONIC) + seconds;
-    struct fuzz_random random = FUZZ_RANDOM_START;
+    struct fuzz_random random = fuzz_random_start();
     unsigned long n = 0;
     for (; n < MAX_MUTATIONS && seconds_of(CLOCK_MONOTONIC) < end; n++)
         run(inputs[n % input_count].name, n + 1, buffer, mutate(&random, n % input_count, buffer));
@@ -153,7 +156,7 @@ int main(int argc, char **argv)
     }
     bool folder = S_ISDIR(st.st_mode);
     (folder ? load_folder : load)(argv[1]);
-    watch_crashes();
+    watch_crashes(argv[0]);
     run("an empty input", 0, NULL, 0);
     for (size_t i = 0; i < input_count; i++)
         run(inputs[i].name, 0, inputs[i].data, inputs[i].size);

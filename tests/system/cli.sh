@@ -5,9 +5,11 @@ set -u
 helio=$HELIO_BUILD_DIR/bin/helio
 heliod=$HELIO_BUILD_DIR/bin/heliod
 data=$HELIO_TEST_DATA
+tmpdir=${TMPDIR:-}
+[ ${#tmpdir} -lt 64 ] || export TMPDIR=/tmp # names of sockets have room for 108 bytes
 temp=$(mktemp -d)
-daemon=
-trap '[ -z "$daemon" ] || { kill "$daemon"; wait "$daemon"; } 2>/dev/null; rm -rf "$temp"' EXIT
+daemon= client=
+trap 'kill $client $daemon 2>/dev/null; wait 2>/dev/null; rm -rf "$temp"' EXIT
 export XDG_CACHE_HOME=$temp/cache
 failures=0
 
@@ -20,6 +22,10 @@ expect() { # code command...
     [ "$got" = "$want" ] || fail "exit $got instead of $want: $* ($(tail -n 2 "$temp/out"))"
 }
 same() { cmp "$1" "$2" || fail "$1 and $2 differ"; }
+until_true() { # command...: waits for it, a minute at most
+    for i in $(seq 1200); do "$@" && return 0; sleep 0.05; done
+    fail "never came true: $*"
+}
 need() { [ -e "$1" ] || { echo "$1 is missing"; exit 1; }; }
 
 duck=$data/khronos/Duck/glTF/Duck.gltf
@@ -30,7 +36,8 @@ for file in "$helio" "$heliod" "$duck" "$fox" "$env"; do need "$file"; done
 url=unix:$temp/sock
 "$heliod" --listen "$url" --asset-root "$data" --log warn &
 daemon=$!
-for i in $(seq 200); do "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1 && break; sleep 0.1; done
+answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
+until_true answers
 expect 0 "$helio" ping --connect "$url"
 
 # Embedded, embedded again, through the daemon, and uploaded: the same bytes.
@@ -111,30 +118,40 @@ expect 4 "$helio" render "$duck" -o "$temp/g.png" --connect "unix:$temp/nobody"
 [ -e "$temp/g.png" ] && fail "a refused scene left a file"
 
 # A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
-slow=(--size 256x256 --samples 400)
+# Quick machines get more to do, until the kill strikes a frame.
+at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }
+for samples in 400 4000 40000; do
+    slow=(--size 256x256 --samples "$samples" --progress json)
+    : >"$temp/out"
+    "$helio" render "$duck" -o "$temp/j.png" --connect "$url" "${slow[@]}" 2>"$temp/out" &
+    client=$!
+    until_true at_work
+    kill -9 $(pgrep -P "$daemon")
+    kill -0 "$client" 2>/dev/null && struck=1 || struck=
+    wait "$client"
+    [ $? = 0 ] || fail "a worker that died was not replaced: $(tail -n 2 "$temp/out")"
+    [ -n "$struck" ] && break
+done
+[ -n "$struck" ] || fail "the frame was always done before the worker was killed"
 expect 0 "$helio" render "$duck" -o "$temp/i.png" --connect "$url" "${slow[@]}"
-"$helio" render "$duck" -o "$temp/j.png" --connect "$url" --progress json "${slow[@]}" 2>"$temp/out" &
-client=$!
-for i in $(seq 300); do grep -q '"samples"' "$temp/out" && break; sleep 0.1; done
-kill -9 $(pgrep -P "$daemon")
-kill -0 "$client" || fail "the frame was done before the worker was killed"
-wait "$client"
-[ $? = 0 ] || fail "a worker that died was not replaced: $(tail -n 2 "$temp/out")"
 same "$temp/i.png" "$temp/j.png"
 
-# A private worker that dies, and one that is stopped by Ctrl-C.
-"$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 2>"$temp/out" &
-client=$!
-sleep 2
-kill -9 $(pgrep -P "$client" -f helio-worker)
+# A private worker that dies, and one that is stopped by Ctrl-C, both in a frame without an end.
+endless() {
+    : >"$temp/out"
+    "$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 --progress json \
+        2>"$temp/out" &
+    client=$!
+    until_true at_work
+}
+endless
+kill -9 $(pgrep -P "$client")
 wait "$client"
-[ $? = 7 ] || fail "a dead worker is not exit code 7: $(cat "$temp/out")"
-"$helio" render "$duck" -o "$temp/h.png" --size 4096x4096 --samples 65536 2>"$temp/out" &
-client=$!
-sleep 2
+[ $? = 7 ] || fail "a dead worker is not exit code 7: $(tail -n 2 "$temp/out")"
+endless
 kill -INT "$client"
 wait "$client"
-[ $? = 8 ] || fail "Ctrl-C is not exit code 8: $(cat "$temp/out")"
+[ $? = 8 ] || fail "Ctrl-C is not exit code 8: $(tail -n 2 "$temp/out")"
 [ -e "$temp/h.png" ] && fail "an unfinished picture was written"
 
 [ "$failures" = 0 ] && echo "all good"

@@ -127,7 +127,7 @@ static void drains_under_load(void **state)
     daemon_begin(&d);
     peer_open_view(&busy, &d, 64, 64);
     peer_call(&busy, HGP_T_view_set,
-        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 500}, HGP_T_ok);
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 4000}, HGP_T_ok);
     peer_open(&idle, &d);
     peer_call(&idle, HGP_T_ping, &(struct hgp_ping){.nonce = 3}, HGP_T_pong);
     uint32_t request =
@@ -295,7 +295,7 @@ static void passes_device_info_on(void **state)
 static int datagram_socket(struct daemon *d, char *path, size_t size)
 {
     struct sockaddr_un sun = {.sun_family = AF_UNIX};
-    struct timeval patience = {.tv_sec = 20};
+    struct timeval patience = {.tv_sec = 60};
     snprintf(path, size, "%s/notify", d->folder);
     snprintf(sun.sun_path, sizeof sun.sun_path, "%s", path);
     int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);

@@ -506,7 +506,7 @@ static void test_picks_and_a_view_closed_while_frames_wait(void **state)
     assert_true(rig->message.picked.hit);
     assert_int_equal(rig->message.picked.node, FIRST_ID);
     // Many samples: the frame cannot be ready before the view is closed.
-    struct hgp_view_set more = {.view = VIEW, .has_samples = true, .samples = 4096};
+    struct hgp_view_set more = {.view = VIEW, .has_samples = true, .samples = 65536};
     expect(rig, ask(rig, 1, HGP_T_view_set, &more), HGP_T_ok);
     struct hgp_frame_request settled = {.view = VIEW, .settled = true};
     uint32_t frame = ask(rig, 1, HGP_T_frame_request, &settled);

@@ -284,7 +284,7 @@ static void test_looking_ahead(void **state)
     (void)state;
     struct rig rig;
     open_rig(&rig, LEAST);
-    for (int i = 0; i < 1000 && rig.view->state.ahead.drawn < 3; i++) {
+    for (int i = 0; i < 20000 && rig.view->state.ahead.drawn < 3; i++) {
         look(&rig, (float)(i % 100) * 0.05f - 2.5f, 4.0f);
         rig_step(&rig, 1);
     }

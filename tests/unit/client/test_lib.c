@@ -64,7 +64,7 @@ static void test_blocking(void **state)
     helio_text_free(text);
     uint64_t rtt;
     assert_int_equal(helio_ping(c, &rtt, &err), HG_OK);
-    assert_true(rtt > 0 && rtt < 10 * SECOND);
+    assert_true(rtt > 0);
     // the stray notices of request 0 waited here
     struct helio_message *m;
     int strays = 0;
@@ -106,7 +106,7 @@ static void test_send_refusals(void **state)
 // Everything through fd, want-write and process, never a blocking call.
 static void drive(struct helio *c, bool (*done)(struct helio *c))
 {
-    uint64_t end = hg_clock_now_ns() + 10 * SECOND;
+    uint64_t end = hg_clock_now_ns() + 60 * SECOND;
     struct hg_error err = {0};
     while (!done(c)) {
         struct pollfd p = {
@@ -190,16 +190,21 @@ static void test_back_pressure(void **state)
     assert_int_equal(send(pair[1], w.data, w.size, 0), (ssize_t)w.size);
     hg_writer_finish(&w);
     drive(c, is_open);
+    // 8 MiB wait at most; what the system holds besides is not the client's.
+    int buffer = 0;
+    socklen_t length = sizeof buffer;
+    assert_int_equal(getsockopt(helio_fd(c), SOL_SOCKET, SO_SNDBUF, &buffer, &length), 0);
     static uint8_t bytes[1 << 20];
     struct hgp_upload piece = {.total = 1 << 30, .data = {bytes, sizeof bytes}};
+    const int most = 12 + buffer / (int)sizeof bytes;
     int sent = 0;
     enum hg_status status;
-    while ((status = helio_send(c, HGP_T_upload, &piece, NULL, &err)) == HG_OK && sent < 100) {
+    while ((status = helio_send(c, HGP_T_upload, &piece, NULL, &err)) == HG_OK && sent <= most) {
         sent++;
         assert_int_equal(helio_process(c, &err), HG_OK);
     }
     assert_int_equal(status, HG_E_AGAIN);
-    assert_true(sent >= 8 && sent <= 12);
+    assert_true(sent >= 8 && sent <= most);
     assert_true(helio_want_write(c));
     helio_set_timeout(c, SECOND / 20);
     assert_int_equal(helio_flush(c, &err), HG_E_TIMEOUT);
@@ -290,11 +295,11 @@ static void face(const uint8_t *data, size_t size)
     struct helio *c = NULL;
     struct hg_error err = {0};
     enum hg_status status =
-        helio_connect(&(struct helio_options){.url = url, .timeout_ns = 5 * SECOND}, &c, &err);
+        helio_connect(&(struct helio_options){.url = url, .timeout_ns = 60 * SECOND}, &c, &err);
     struct helio_message *m;
     if (status == HG_OK) {
         struct hgp_frame_request request = {.view = 1};
-        helio_set_timeout(c, 5 * SECOND);
+        helio_set_timeout(c, 60 * SECOND);
         status = helio_frame(c, &request, &m, &err);
         if (status == HG_OK)
             helio_message_free(m);
@@ -418,7 +423,7 @@ static void test_allocation_failures(void **state)
         uint64_t rtt;
         hg_alloc_fail_at(n);
         status =
-            helio_connect(&(struct helio_options){.url = url, .timeout_ns = 5 * SECOND}, &c, &err);
+            helio_connect(&(struct helio_options){.url = url, .timeout_ns = 60 * SECOND}, &c, &err);
         if (!status)
             status = helio_ping(c, &rtt, &err);
         hg_alloc_fail_at(0);
