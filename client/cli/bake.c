@@ -128,6 +128,8 @@ enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options)
     if (!status) {
         doing = HG_CLI_DOING_INPUT;
         status = load(&cli, options->args[0], &err);
+        if (!status)
+            status = hg_cli_check_warnings(&cli, &err);
     }
     if (!status) {
         doing = HG_CLI_DOING_RENDER;

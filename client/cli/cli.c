@@ -388,6 +388,16 @@ enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)
     return found;
 }
 
+enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *err)
+{
+    const struct hg_cli_options *o = cli->options;
+    const uint32_t n = cli->progress.warnings;
+    if (!o->strict || n == 0)
+        return HG_OK;
+    return hg_error_set(err, HG_E_FORMAT, o->args[0], NULL,
+        "%u warning%s, which --strict does not take", n, n == 1 ? "" : "s");
+}
+
 enum hg_status hg_cli_check_output(const char *path, struct hg_error *err)
 {
     char folder[PATH_MAX];

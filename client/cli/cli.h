@@ -74,6 +74,9 @@ enum hg_status hg_cli_server_path(
 // from the queue; the first error is returned.
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
 
+// With --strict: HG_E_FORMAT when there were warnings about the scene.
+enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
+
 // Checks that `path` can be made: its folder exists and is writable.
 enum hg_status hg_cli_check_output(const char *path, struct hg_error *err) HG_MUST_CHECK;
 

@@ -193,6 +193,8 @@ static enum hg_status load_scene(struct render *r, struct hg_error *err)
         r->loaded = answer->body->asset_loaded;
     else if (o->has_variant && strcmp(err->where, "variant") == 0)
         r->doing = HG_CLI_DOING_ARGUMENTS; // the file is good, the option is not
+    if (!status)
+        status = hg_cli_check_warnings(&r->cli, err);
     helio_message_free(answer);
     hg_free(path);
     hg_free(list);
@@ -365,8 +367,15 @@ static enum hg_status render_frame(struct render *r, const char *name, struct hg
     enum hg_status status = helio_frame(r->cli.h, &request, &answer, err);
     if (!status)
         status = hg_cli_drain_queue(&r->cli, err);
-    if (status)
+    if (!status) {
+        r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
+        status = hg_cli_check_warnings(&r->cli, err);
+    }
+    if (status) {
+        helio_message_free(answer);
         return status;
+    }
+    r->doing = HG_CLI_DOING_RENDER;
     const struct hgp_frame *frame = &answer->body->frame;
     uint64_t now = hg_clock_now_ns();
     if (!r->first_frame_ns)

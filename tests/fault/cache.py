@@ -387,8 +387,12 @@ class Test:
             self.same("the file was replaced", more=connect)
             with open(f"{self.folder}/scene/1.png", "r+b") as f:
                 f.truncate(1000)
-            code, _, _ = self.run(*self.words(f"{self.folder}/cut", more=connect), codes=(0, 3))
-            print(f"  a cut file: exit code {code}")
+            cut = f"{self.folder}/cut"
+            self.run(*self.words(cut, more=connect))
+            os.remove(f"{cut}.png")
+            self.run(*self.words(cut, more=(*connect, "--strict")), codes=(3,))
+            if os.path.exists(f"{cut}.png"):
+                raise Failure("--strict wrote a picture without one of its images")
             png(f"{self.folder}/scene/1.png", 1)
             self.same("the file is whole again", more=connect)
         finally:

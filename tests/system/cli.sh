@@ -117,6 +117,15 @@ expect 3 "$helio" render "$data/khronos/gone.gltf" -o "$temp/g.png" --connect "$
 expect 4 "$helio" render "$duck" -o "$temp/g.png" --connect "unix:$temp/nobody"
 [ -e "$temp/g.png" ] && fail "a refused scene left a file"
 
+# A scene without one of its images: white and a warning, or nothing at all.
+mkdir "$temp/torn"
+cp "$data"/khronos/Duck/glTF/Duck*.gltf "$data"/khronos/Duck/glTF/Duck*.bin "$temp/torn"
+torn=("$helio" render "$temp/torn/Duck.gltf" -o "$temp/torn.png" --size 32x32 --samples 1)
+expect 3 "${torn[@]}" --strict
+[ -e "$temp/torn.png" ] && fail "--strict left a file"
+expect 0 "${torn[@]}"
+grep -q "warning: .*DuckCM.png" "$temp/out" || fail "a missing image is not told"
+
 # A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }

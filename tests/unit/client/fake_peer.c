@@ -13,6 +13,8 @@
 //   dribble=1           send one byte at a time
 //   have=1              claim to have every uploaded content
 //   stray=1             send unrelated messages between the answers
+//   quiet=1             do not warn when an asset is loaded
+//   lost=N              warn with the N-th frame
 //   log=PATH            append "MESSAGE detail" for everything received
 #include <errno.h>
 #include <fcntl.h>
@@ -115,7 +117,11 @@ static void send_frame(const struct hgp_header *h, const struct hgp_frame_reques
         .data = {(const uint8_t *)data, (uint32_t)strlen(data)},
     };
     struct hgp_progress progress = {.stage = hgp_str_make("samples"), .done = 16, .total = 32};
+    struct hgp_notice lost = {
+        .what = hgp_str_make("fake.gltf"), .reason = hgp_str_make("an image was lost")};
     answer(h, HGP_T_progress, &progress);
+    if (word("lost") && strtoull(word("lost"), NULL, 10) == number)
+        answer(h, HGP_T_notice, &lost);
     answer(h, HGP_T_frame, &frame);
 }
 
@@ -132,7 +138,8 @@ static void send_loaded(const struct hgp_header *h, const struct hgp_asset_load 
     struct hgp_notice notice = {.what = hgp_str_make("fake.gltf"),
         .where = hgp_str_make("/extensionsUsed/0"),
         .reason = hgp_str_make("unknown \033[31mextension")};
-    answer(h, HGP_T_notice, &notice);
+    if (!word("quiet"))
+        answer(h, HGP_T_notice, &notice);
     struct hgp_asset_loaded loaded = {.asset = load->asset, .nodes = 2, .triangles = 12};
     answer(h, HGP_T_asset_loaded, &loaded);
 }

@@ -196,6 +196,23 @@ static void test_exit_codes_worker(void **state)
     expect_no_file("c.png");
 }
 
+// A warning of the scene, of the picture, or of a bake: nothing is written.
+static void test_strict(void **state)
+{
+    (void)state;
+    expect_run(0, "warning: fake.gltf", "", "$HELIO render s.gltf -o w.png");
+    expect_run(3, "1 warning, which --strict does not take", "",
+        "$HELIO render s.gltf -o strict.png --strict");
+    expect_run(0, NULL, "quiet=1", "$HELIO render s.gltf -o w.png --strict");
+    expect_run(3, "warning: fake.gltf: an image was lost", "quiet=1 lost=2",
+        "$HELIO render s.gltf -o strict-#.png --frames 1-3 --strict");
+    expect_file("strict-1.png", "frame 1 ");
+    expect_no_file("strict-2.png");
+    expect_no_file("strict.png");
+    expect_run(3, "which --strict does not take", "", "$HELIO bake s.gltf -o strict-bake --strict");
+    expect_run(0, "\"packs\"", "quiet=1", "$HELIO bake s.gltf -o strict-bake --strict");
+}
+
 static void test_exit_codes_daemon(void **state)
 {
     (void)state;
@@ -393,6 +410,7 @@ int main(void)
         cmocka_unit_test(test_stats),
         cmocka_unit_test(test_usage),
         cmocka_unit_test(test_exit_codes_worker),
+        cmocka_unit_test(test_strict),
         cmocka_unit_test(test_exit_codes_daemon),
         cmocka_unit_test(test_other_commands),
         cmocka_unit_test(test_upload),
