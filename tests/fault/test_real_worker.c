@@ -29,7 +29,7 @@ static void start(struct daemon *d)
     snprintf(worker, sizeof worker, "%s/libexec/helio-worker", build);
     setenv("HELIO_TEST_WORKER", worker, 1);
     daemon_init(d);
-    daemon_option(d, "worker-timeout", "2");
+    daemon_option(d, "worker-timeout", "5");
     daemon_option(d, "restart-delay", "0.01");
     daemon_start(d);
 }
