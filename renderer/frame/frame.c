@@ -63,6 +63,20 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
     out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
 }
 
+// A texel of mip l is pi / height * 2^l high.
+static void fill_background(const struct hg_view_state *view, struct hg_gpu_frame *f)
+{
+    const struct hg_gpu_texture background = hg_textures_background(view->rooms->textures);
+    const struct hg_environment *env = &view->rooms->scene->environment;
+    if (env->kind != HG_ENV_IMAGE || background.bits == 0)
+        return;
+    const uint32_t height =
+        (background.size >> 16 | (background.bits & HG_TEX_HEIGHT_17 ? 0x10000u : 0)) + 1;
+    const float angle = f->camera.orthographic != 0 ? 0.0f : f->camera.pixel_angle;
+    f->textures.background = background;
+    f->textures.background_lod = log2f(fmaxf(angle * (float)height / (float)M_PI, 1e-20f));
+}
+
 // The error of levels of detail that the view allows, as metres: pixels per metre are half the
 // height times the second diagonal element of the projection, over the depth in perspective.
 static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
@@ -104,6 +118,7 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     hg_lighting_fill(view->lighting, sample, &f->lighting);
     fill_slack(view, &f->lighting);
     fill_textures(view, &f->textures);
+    fill_background(view, f);
     hg_geometry_fill(view->rooms->geometry, &f->geometry);
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
 }
@@ -174,6 +189,14 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     return features;
 }
 
+static uint32_t background_features(const struct hg_view_state *view)
+{
+    const bool pages = view->frame.textures.background.bits != 0;
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
+        return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN;
+    return pages ? HG_FEATURE_SKY_PAGES : HG_FEATURE_SKY_PLAIN;
+}
+
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd, .jobs = view->context->jobs};
@@ -186,6 +209,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
+    pass.background = background_features(view);
     pass.find = view->stream.finding > 0;
     if (pass.find)
         pass.area.extent = size_of(view);

@@ -55,7 +55,6 @@ static uint32_t scene_features(const struct hg_scene *scene, const struct hg_tex
     const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
     uint32_t features = 0;
     struct hg_textures_stats stats;
-    struct hg_gpu_textures pools;
     for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MATERIAL].count; i++)
         features |= material_features(
             (const struct hg_material *)scene->objects[HG_OBJECT_MATERIAL].items[i]);
@@ -66,10 +65,9 @@ static uint32_t scene_features(const struct hg_scene *scene, const struct hg_tex
             features |= part_features(&mesh->parts[p]);
     }
     hg_textures_stats(textures, &stats);
-    hg_textures_fill(textures, HG_TEXTURES_SHOW, &pools);
-    if (stats.textures == 0)
+    if (stats.textures == (hg_textures_background(textures).bits != 0 ? 1u : 0u))
         features &= ~sampled; // nothing to look up
-    if (pools.layers[HG_POOL_FLOAT] > 0)
+    if (hg_textures_has_float(textures))
         features |= HG_FEATURE_FLOAT;
     if (hg_textures_has_wide(textures))
         features |= HG_FEATURE_WIDE;

@@ -151,37 +151,6 @@ static enum hg_status upload_irradiance(struct hg_gpu *gpu, const struct hg_envi
     return status;
 }
 
-static void release(struct hg_env_device *env, struct hg_gpu *gpu)
-{
-    hg_gpu_image_destroy(gpu, &env->specular);
-    hg_gpu_image_destroy(gpu, &env->radiance);
-    hg_gpu_buffer_destroy(gpu, &env->irradiance);
-}
-
-// Replaces what is on the device; keeps it on failure.
-static enum hg_status upload(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment_map *map, const struct radiance *radiance, struct hg_error *err)
-{
-    struct hg_env_device next = *env;
-    next.specular = next.radiance = (struct hg_gpu_image){0};
-    next.irradiance = (struct hg_gpu_buffer){0};
-    enum hg_status status = upload_specular(gpu, map, &next.specular, err);
-    if (!status)
-        status = upload_radiance(gpu, radiance, &next.radiance, err);
-    if (!status)
-        status = upload_irradiance(gpu, map, &next.irradiance, err);
-    if (status) {
-        release(&next, gpu);
-        return status;
-    }
-    release(env, gpu);
-    *env = next;
-    env->specular_lods = HG_ENVIRONMENT_LEVELS - 1;
-    return HG_OK;
-}
-
-// --- the object ----------------------------------------------------------------------------------
-
 static enum hg_status black_image(
     struct hg_gpu *gpu, enum hg_gpu_image_kind kind, struct hg_gpu_image *out, struct hg_error *err)
 {
@@ -198,6 +167,38 @@ static enum hg_status black_image(
             gpu, out, &region, kind == HG_GPU_IMAGE_CUBE ? 6 : 1, black, err);
     return status;
 }
+
+static void release(struct hg_env_device *env, struct hg_gpu *gpu)
+{
+    hg_gpu_image_destroy(gpu, &env->specular);
+    hg_gpu_image_destroy(gpu, &env->radiance);
+    hg_gpu_buffer_destroy(gpu, &env->irradiance);
+}
+
+// Replaces what is on the device; keeps it on failure.
+static enum hg_status upload(struct hg_env_device *env, struct hg_gpu *gpu,
+    const struct hg_environment_map *map, const struct radiance *radiance, struct hg_error *err)
+{
+    struct hg_env_device next = *env;
+    next.specular = next.radiance = (struct hg_gpu_image){0};
+    next.irradiance = (struct hg_gpu_buffer){0};
+    enum hg_status status = upload_specular(gpu, map, &next.specular, err);
+    if (!status)
+        status = radiance->texels ? upload_radiance(gpu, radiance, &next.radiance, err)
+                                  : black_image(gpu, HG_GPU_IMAGE_2D, &next.radiance, err);
+    if (!status)
+        status = upload_irradiance(gpu, map, &next.irradiance, err);
+    if (status) {
+        release(&next, gpu);
+        return status;
+    }
+    release(env, gpu);
+    *env = next;
+    env->specular_lods = HG_ENVIRONMENT_LEVELS - 1;
+    return HG_OK;
+}
+
+// --- the object ----------------------------------------------------------------------------------
 
 enum hg_status hg_env_device_init(
     struct hg_env_device *env, struct hg_gpu *gpu, struct hg_error *err)
@@ -234,14 +235,16 @@ static void made_finish(struct made *made)
     *made = (struct made){0};
 }
 
-static enum hg_status make(struct hg_gpu *gpu, const struct hg_image *image, const uint8_t key[32],
-    struct hg_jobs *jobs, struct hg_store *store, struct made *out, struct hg_error *err)
+// seen: the image itself is shown, too (it has no pages).
+static enum hg_status make(struct hg_gpu *gpu, const struct hg_image *image, bool seen,
+    const uint8_t key[32], struct hg_jobs *jobs, struct hg_store *store, struct made *out,
+    struct hg_error *err)
 {
     enum hg_status status =
         hg_environment_map_load(&out->map, image, key, store, jobs, &out->cached);
     if (status)
         return hg_error_set(err, status, "environment", NULL, "could not be prefiltered");
-    return make_radiance(gpu, image, jobs, &out->radiance, err);
+    return seen ? make_radiance(gpu, image, jobs, &out->radiance, err) : HG_OK;
 }
 
 // A sky whose light and background are both in the store is not drawn at all.
@@ -267,7 +270,7 @@ static enum hg_status make_sky(struct hg_gpu *gpu, const struct hg_sky *sky, con
     struct hg_error refused = {0};
     if (hg_sky_render(sky, jobs, &drawn))
         return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
-    enum hg_status status = make(gpu, &drawn, key, jobs, store, out, err);
+    enum hg_status status = make(gpu, &drawn, true, key, jobs, store, out, err);
     hg_image_finish(&drawn);
     const struct radiance *r = &out->radiance;
     if (!status && store && r->width == HG_SKY_WIDTH &&
@@ -299,7 +302,8 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
     }
     struct made made = {0};
     status = source->kind == HG_ENV_SKY ? make_sky(gpu, &sky, key, jobs, store, &made, err)
-                                        : make(gpu, &source->image, key, jobs, store, &made, err);
+                                        : make(gpu, &source->image, !source->background.image, key,
+                                              jobs, store, &made, err);
     if (!status) {
         env->prefilter_ns = hg_clock_now_ns() - begin;
         status = upload(env, gpu, &made.map, &made.radiance, err);

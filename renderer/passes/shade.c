@@ -32,9 +32,17 @@ static struct hg_gpu_pipeline_params pipeline_of(
     };
 }
 
+// The environment's pages are floats, whatever the materials' are.
+static uint32_t features_of(const struct hg_pass *pass, bool background)
+{
+    const uint32_t floats = pass->background & HG_FEATURE_SKY_PAGES ? HG_FEATURE_FLOAT : 0;
+    return background ? pass->features | pass->background | floats : pass->features;
+}
+
 static enum hg_status draw(struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
-    const struct hg_gpu_pipeline_params params = pipeline_of(style, pass->tables, pass->features);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(style, pass->tables, features_of(pass, style->background));
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -48,8 +56,8 @@ static enum hg_status make_both(
     struct style background = *style;
     background.background = true;
     const struct hg_gpu_pipeline_params params[2] = {
-        pipeline_of(style, pass->tables, pass->features),
-        pipeline_of(&background, pass->tables, pass->features)};
+        pipeline_of(style, pass->tables, features_of(pass, style->background)),
+        pipeline_of(&background, pass->tables, features_of(pass, true))};
     return pass->jobs != NULL ? hg_gpu_pipelines_make(pass->gpu, params, 2, pass->jobs, err)
                               : HG_OK;
 }

@@ -117,6 +117,7 @@ void hg_scene_destroy(struct hg_scene *scene)
         hg_asset_destroy(scene->assets[i]);
     hg_free(scene->assets);
     hg_free(scene->environment.image.pixels);
+    hg_image_source_unref(scene->environment.background.image);
     hg_free(scene);
 }
 

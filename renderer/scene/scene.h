@@ -248,6 +248,10 @@ struct hg_environment {
     enum hg_environment_kind kind;
     uint64_t revision;
     struct hg_image image; // IMAGE: RGBA32F equirectangular radiance; direction convention below
+    // IMAGE: the file behind `image`, which then is what light is made from and may be smaller
+    // (renderer/light/env_file.h); what is seen comes from the file's pages. Its image is NULL: what
+    // is seen is `image`. head.revision grows with every exchange.
+    struct hg_texture background;
     // u = atan2(d.z, d.x) / (2 pi) + 0.5, v = 0.5 - asin(d.y) / pi (v from the top)
     uint8_t image_hash[32]; // SHA-256 of the file, key of prefilter caches
     float color[3];         // COLOR

@@ -156,7 +156,7 @@ static void choose_format(const struct hg_page_source_params *p, struct hg_page_
                        (from->pixels.pixels != NULL && from->encoded == NULL && from->path == NULL);
     const bool srgb = given ? from->pixels_srgb : expected;
     image->chain.srgb = srgb;
-    if (image->info.is_float || srgb != expected)
+    if (image->info.is_float || srgb != expected || p->use == HG_TEXTURE_RADIANCE)
         image->pool = HG_POOL_FLOAT;
     else
         image->pool = srgb ? HG_POOL_SRGB : HG_POOL_LINEAR;

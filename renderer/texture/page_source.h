@@ -5,7 +5,7 @@
 // the same in every byte whichever way they come:
 //   memory   a decoded image with its mips, until the pack is written
 //   pack     an entry of the store: compressed pages, baked in the background or ahead of time
-//   file     a tiled file with mips of its own, read in place (uses COLOR and DATA)
+//   file     a tiled file with mips of its own, read in place (uses COLOR, DATA and RADIANCE)
 //   tiles    made on demand by a callback
 // Images too large for memory are baked band by band from the file and can be read afterwards.
 //

@@ -10,6 +10,8 @@
 #include "base/log.h"
 #include "renderer/texture/page_cache.h"
 
+#define BACKGROUND_ID UINT64_MAX // no object has it
+
 // A texture as one kind of material slot uses it.
 struct want {
     uint64_t id, revision;
@@ -164,6 +166,23 @@ static enum hg_status add_material_wants(struct sync *s, const struct hg_materia
     return HG_OK;
 }
 
+// What is behind the scene, as if some material used it.
+static enum hg_status add_background(struct sync *s, const struct hg_environment *environment)
+{
+    const struct hg_texture *texture = &environment->background;
+    if (environment->kind != HG_ENV_IMAGE || texture->image == NULL)
+        return HG_OK;
+    const enum hg_status status =
+        hg_grow(&s->wants, &s->want_capacity, s->want_count + 1, sizeof *s->wants);
+    if (status == HG_OK)
+        s->wants[s->want_count++] = (struct want){.id = BACKGROUND_ID,
+            .revision = texture->head.revision,
+            .use = HG_TEXTURE_RADIANCE,
+            .texture = texture,
+            .record = HG_TEXTURE_NONE};
+    return status;
+}
+
 static enum hg_status collect_wants(struct sync *s, const struct hg_scene *scene)
 {
     const struct hg_object_list *list = &scene->objects[HG_OBJECT_MATERIAL];
@@ -173,8 +192,9 @@ static enum hg_status collect_wants(struct sync *s, const struct hg_scene *scene
         if (status != HG_OK)
             return status;
     }
-    if (s->want_count == 0)
-        return HG_OK;
+    const enum hg_status status = add_background(s, &scene->environment);
+    if (status != HG_OK || s->want_count == 0)
+        return status;
     qsort(s->wants, s->want_count, sizeof *s->wants, compare_wants);
     uint32_t kept = 1;
     for (uint32_t i = 1; i < s->want_count; i++)
@@ -214,7 +234,10 @@ static void report_failure(const struct want *w, const struct hg_error *err)
 {
     char text[512];
     hg_error_format(err, text, sizeof text);
-    hg_warn(TEXTURE, "texture \"%s\" is shown white: %s", w->texture->head.name, text);
+    if (w->id == BACKGROUND_ID)
+        hg_warn(TEXTURE, "the environment is shown black: %s", text);
+    else
+        hg_warn(TEXTURE, "texture \"%s\" is shown white: %s", w->texture->head.name, text);
 }
 
 static enum hg_status out_of_memory(struct hg_error *err)
@@ -435,6 +458,22 @@ uint32_t hg_textures_find(const struct hg_textures *t, const struct hg_texture *
 struct hg_gpu_texture hg_textures_record(const struct hg_textures *t, uint32_t index)
 {
     return index < t->record_count ? t->records[index] : (struct hg_gpu_texture){0};
+}
+
+struct hg_gpu_texture hg_textures_background(const struct hg_textures *t)
+{
+    const struct want key = {.id = BACKGROUND_ID, .use = HG_TEXTURE_RADIANCE};
+    const struct want *w = find_want(t->wants, t->want_count, &key);
+    return hg_textures_record(t, w != NULL ? w->record : HG_TEXTURE_NONE);
+}
+
+bool hg_textures_has_float(const struct hg_textures *t)
+{
+    for (uint32_t i = 0; i < t->want_count; i++)
+        if (t->wants[i].id != BACKGROUND_ID && t->wants[i].record != HG_TEXTURE_NONE &&
+            hg_page_set_info(t->wants[i].set)->pool == HG_POOL_FLOAT)
+            return true;
+    return false;
 }
 
 bool hg_textures_has_wide(const struct hg_textures *t)

@@ -24,6 +24,7 @@ enum hg_texture_use {
                        // cutoff stays that of mip 0
     HG_TEXTURE_DATA,   // linear; plain box filter
     HG_TEXTURE_NORMAL, // linear; mips are unit vectors, alpha says what averaging has lost
+    HG_TEXTURE_RADIANCE, // numbers as they are stored, always in half floats; plain box filter
 };
 
 struct hg_textures_params {
@@ -76,6 +77,10 @@ uint32_t hg_textures_find(const struct hg_textures *textures, const struct hg_te
 // Record of an index; zeroes for HG_TEXTURE_NONE.
 struct hg_gpu_texture hg_textures_record(const struct hg_textures *textures, uint32_t index);
 
+// Record of the image behind the scene (hg_environment.background), zeroes when there is none.
+struct hg_gpu_texture hg_textures_background(const struct hg_textures *textures);
+// Some material's texture lies in the float pool (HG_FEATURE_FLOAT).
+bool hg_textures_has_float(const struct hg_textures *textures);
 // Some texture of the scene is wider or higher than 65536 texels (HG_FEATURE_WIDE).
 bool hg_textures_has_wide(const struct hg_textures *textures);
 // mode: HG_TEXTURES_*; progress, run and mode itself are the caller's.

@@ -90,17 +90,12 @@ static enum hg_status read_options(struct bench *b, const json_t *options, struc
 static enum hg_status load_environment(
     struct bench *b, const struct worker_options *o, struct hg_error *err)
 {
-    struct hg_environment *env = &b->scene->environment;
+    struct hg_environment_file file = {0};
     char *path = NULL;
-    uint8_t *data = NULL;
-    size_t size = 0;
     enum hg_status st = path_resolve(o, hgp_str_make(b->environment), &path, err);
-    st = st ? st : hg_file_read(path, UINT64_C(1) << 30, &data, &size, err);
-    st = st ? st : hg_sha256(data, size, env->image_hash);
-    st = st ? st : hg_image_read_memory(data, size, path, HG_PIXEL_RGBA32F, NULL, &env->image, err);
+    st = st ? st : hg_environment_file_read(path, NULL, &file, err);
     if (!st)
-        env->kind = HG_ENV_IMAGE;
-    hg_free(data);
+        hg_environment_file_use(&file, &b->scene->environment);
     hg_free(path);
     return st;
 }

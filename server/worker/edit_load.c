@@ -180,8 +180,7 @@ void edit_asset_unload(const struct request *r)
 
 // ---- environment --------------------------------------------------------------------------------
 
-static void apply_environment(
-    const struct request *r, struct hg_image *image, const uint8_t image_hash[32])
+static void apply_environment(const struct request *r, struct hg_environment_file *file)
 {
     const struct hgp_environment_set *m = &r->message->environment_set;
     struct hg_environment *env = &r->session->scene->scene->environment;
@@ -203,13 +202,8 @@ static void apply_environment(
         memcpy(env->sun_direction, m->sun_direction, sizeof env->sun_direction);
     if (m->has_turbidity)
         env->turbidity = m->turbidity;
-    if (image) {
-        hg_image_finish(&env->image);
-        env->image = *image;
-        *image = (struct hg_image){0};
-        memcpy(env->image_hash, image_hash, 32);
-        env->kind = HG_ENV_IMAGE;
-    }
+    if (file)
+        hg_environment_file_use(file, env);
     env->revision = r->session->scene->scene->revision + 1;
     serve_edited(r);
 }
@@ -231,7 +225,7 @@ void edit_environment_set(const struct request *r)
     else if (file)
         serve_start_task(r, TASK_ENVIRONMENT, HGP_T_environment_set);
     else
-        apply_environment(r, NULL, NULL);
+        apply_environment(r, NULL);
 }
 
 // ---- poses and variants -------------------------------------------------------------------------
@@ -290,7 +284,7 @@ void task_finish(const struct request *r, struct task *task)
     } else if (task->status) {
         serve_fail(r, &task->err);
     } else if (task->kind == TASK_ENVIRONMENT) {
-        apply_environment(r, &task->image, task->image_hash);
+        apply_environment(r, &task->environment);
     } else {
         serve_answer(r, HGP_T_compared,
             &(struct hgp_compared){.value = task->value,

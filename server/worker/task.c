@@ -15,7 +15,6 @@
 #include "renderer/image/metrics.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
-static const uint64_t environment_file_limit_bytes = (uint64_t)1 << 30;
 
 // ---- paths --------------------------------------------------------------------------------------
 
@@ -191,21 +190,11 @@ static enum hg_status load_environment(struct task *task)
 {
     const struct hgp_environment_set *m = &task->message.environment_set;
     char *path = NULL;
-    uint8_t *data = NULL;
-    size_t size = 0;
     enum hg_status status = m->has_hash
                                 ? path_upload(&task->w->options, m->hash, &path, &task->err)
                                 : path_resolve(&task->w->options, m->path, &path, &task->err);
     if (!status)
-        status = hg_file_read(path, environment_file_limit_bytes, &data, &size, &task->err);
-    if (!status)
-        status = hg_sha256(data, size, task->image_hash);
-    if (!status)
-        status = go_on(task, "environment_set");
-    if (!status)
-        status = hg_image_read_memory(
-            data, size, path, HG_PIXEL_RGBA32F, NULL, &task->image, &task->err);
-    hg_free(data);
+        status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     hg_free(path);
     return status;
 }
@@ -295,7 +284,7 @@ void task_destroy(struct task *task)
     if (!task)
         return;
     hg_asset_destroy(task->asset);
-    hg_image_finish(&task->image);
+    hg_environment_file_finish(&task->environment);
     hg_writer_finish(&task->diff);
     hg_arena_finish(&task->arena);
     hg_refbuf_unref(task->payload);

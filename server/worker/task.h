@@ -3,6 +3,7 @@
 #ifndef HG_SERVER_WORKER_TASK_H
 #define HG_SERVER_WORKER_TASK_H
 
+#include "renderer/light/env_file.h"
 #include "server/worker/worker.h"
 
 enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE };
@@ -24,8 +25,7 @@ struct task {
     enum hg_status status;
     struct hg_error err;
     struct hg_asset *asset;
-    struct hg_image image;
-    uint8_t image_hash[32];
+    struct hg_environment_file environment;
     double value;
     struct hg_writer diff;
     uint32_t width, height;

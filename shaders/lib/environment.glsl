@@ -25,17 +25,50 @@ vec3 hg_environment_rotate(vec3 d)
     return vec3(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
 }
 
-// Radiance of the image itself, for the background and for rays that miss.
+// Place of a direction of any length in the image:
 // u = atan2(z, x) / 2 pi + 0.5, v = 0.5 - asin(y) / pi.
+vec2 hg_environment_uv(vec3 dir_ws)
+{
+    vec3 d = hg_environment_rotate(dir_ws);
+    return vec2(atan(d.z, d.x) * (0.5 * HG_INV_PI) + 0.5,
+        0.5 - atan(d.y, length(d.xz)) * HG_INV_PI); // asin has 4 digits on some devices
+}
+
+// Radiance of an image that has no pages (skies), for the background and for rays that miss.
 vec3 hg_environment_radiance(vec3 dir_ws)
 {
     if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
         return hg_frame.lighting.env_color;
-    vec3 d = hg_environment_rotate(dir_ws);
-    vec2 uv = vec2(atan(d.z, d.x) * (0.5 * HG_INV_PI) + 0.5,
-        0.5 - atan(d.y, length(d.xz)) * HG_INV_PI); // asin has 4 digits on some devices
+    vec2 uv = hg_environment_uv(dir_ws);
     return textureLod(hg_env_radiance, uv, 0.0).rgb * hg_frame.lighting.env_color;
 }
+
+#ifdef HG_LIB_TEXTURE_GLSL
+// The same where the image may have pages (include lib/texture.glsl first); lod: of the ray's
+// footprint, in texels of the image along v. Towards the poles texels are narrower; the samples of a
+// pixel, which are spread over it, average them. One bilinear lookup, whose mip is chosen by
+// hg_texture_xi.x. For passes whose features are those of a background (HG_FEATURE_FLOAT and
+// HG_FEATURE_SKY_*).
+vec3 hg_environment_seen(vec3 dir_ws, float lod)
+{
+    hg_gpu_texture t = hg_frame.textures.background;
+    if (!HG_HAS(HG_FEATURE_SKY_PAGES) ||
+        (HG_HAS(HG_FEATURE_SKY_PLAIN) && (t.bits & HG_TEX_PRESENT) == 0u))
+        return hg_environment_radiance(normalize(dir_ws));
+    float last = float(bitfieldExtract(t.bits, HG_TEX_MIPS_SHIFT, 5)) - 1.0;
+    if (HG_HAS(HG_FEATURE_STREAM))
+        lod += hg_frame.textures.bias;
+    hg_texture_place p;
+    p.uv = clamp(hg_environment_uv(dir_ws), 0.0, 1.0);
+    p.size = hg_texture_size(t);
+    p.mip = uint(min(floor(clamp(lod, 0.0, last) + hg_texture_xi.x), last));
+    p.blend = 0.0;
+    p.nearest = false;
+    p.note = 0u;
+    vec3 at = hg_texture_address(t, p, p.mip);
+    return textureLod(hg_pages_float, at, 0.0).rgb * hg_frame.lighting.env_color;
+}
+#endif
 
 // Irradiance on a plane with this normal, over pi: what a white Lambert surface sends back.
 // Octahedral map with a border of one texel, bilinear.

@@ -42,7 +42,10 @@ vec4 background()
     if (hg_frame.camera.orthographic == 0u)
         ray = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
             gl_FragCoord.y * hg_frame.camera.ray_y_ws;
-    return vec4(hg_environment_radiance(normalize(ray)), 1.0);
+    // Off the middle a pixel is a smaller angle; `ray` is 1 deep.
+    hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
+    float lod = hg_frame.textures.background_lod - 0.5 * log2(dot(ray, ray));
+    return vec4(hg_environment_seen(ray, lod), 1.0);
 }
 
 vec4 surface(uvec2 id)
@@ -90,7 +93,7 @@ void main()
         color = front + (1.0 - front.a) * color;
     }
     if (HG_HAS(HG_FEATURE_STREAM)) {
-        if (!hg_background)
+        if (!hg_background || HG_HAS(HG_FEATURE_SKY_PAGES))
             hg_texture_report(pixel);
         if (hg_variant == 2u)
             hg_progress_spoil(pixel);

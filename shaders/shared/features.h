@@ -25,6 +25,8 @@
 #define HG_FEATURE_REST        0x20000u // a view that rests: finer cascades, HG_TEXTURES_EXACT
 #define HG_FEATURE_EMITS       0x40000u // emissive materials
 #define HG_FEATURE_UNCOMMON    0x80000u // unlit, occlusion, scaled normals, an index other than 1.5
+#define HG_FEATURE_SKY_PAGES 0x100000u // of backgrounds alone: the environment has pages
+#define HG_FEATURE_SKY_PLAIN 0x200000u // or an image of its own, or none
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

@@ -118,7 +118,9 @@ struct hg_gpu_textures {
     HG_UINT run;     // of a sample, 1..HG_PROGRESS_RUNS
     HG_UINT lottery; // pixels that tell what they use: x & 7 | (y & 7) << 3
     HG_FLOAT bias;   // mips, 0 unless the pools are too small for what is in view
+    HG_STRUCT(hg_gpu_texture) background; // image of the environment, bits 0 = none
+    HG_FLOAT background_lod; // mip of which a texel is as high as a pixel in the picture's middle
 };
-HG_SHARED_SIZE(hg_gpu_textures, 64);
+HG_SHARED_SIZE(hg_gpu_textures, 80);
 
 #endif
