@@ -140,7 +140,7 @@ static enum hg_status simplify(struct hg_lod_build *b)
 {
     const struct hg_lod_params *p = b->params;
     const struct hg_lod_weights weights = {
-        p->normal_weight == 0.0f ? 0.25f : fmaxf(p->normal_weight, 0.0f),
+        p->normal_weight == 0.0f ? 0.35f : fmaxf(p->normal_weight, 0.0f),
         p->color_weight == 0.0f ? 0.25f : fmaxf(p->color_weight, 0.0f),
         p->uv_weight == 0.0f ? 0.5f : fmaxf(p->uv_weight, 0.0f)};
     // Coarse levels have few clusters, so they can afford more samples each.
@@ -282,6 +282,19 @@ static enum hg_status group_pool(struct hg_lod_build *b, uint8_t *open)
     return status;
 }
 
+// Groups of this level have been encoded, so its vertices may become those of the next. (What is
+// held still waits for that: the levels that share the last chunk share their normals.)
+static void turn_normals(struct hg_lod_build *b)
+{
+    struct hg_lod_mesh *m = &b->mesh;
+    for (uint32_t g = 0; !b->holding && g < b->group_count; g++) {
+        const struct hg_lod_group_job *job = &b->jobs[g];
+        for (uint32_t i = 0; i < job->mean_count; i++)
+            m->words[(size_t)job->means[i].vertex * m->format.words + (uint32_t)m->format.normal] =
+                job->means[i].word;
+    }
+}
+
 static void drop_jobs(struct hg_lod_build *b)
 {
     for (uint32_t g = 0; b->jobs != NULL && g < b->group_count; g++) {
@@ -291,6 +304,7 @@ static void drop_jobs(struct hg_lod_build *b)
             hg_lod_product_unref(job->product);
         }
         hg_free(job->made);
+        hg_free(job->means);
     }
     hg_free(b->jobs);
     b->jobs = NULL;
@@ -351,6 +365,8 @@ static enum hg_status build_level(struct hg_lod_build *b, bool *more)
     uint32_t kept = 0;
     if (status == HG_OK)
         status = keep_groups(b, false, &kept);
+    if (status == HG_OK)
+        turn_normals(b);
     if (status == HG_OK && kept > 0)
         status = next_pool(b);
     drop_jobs(b);

@@ -6,10 +6,9 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod/internal.h"
 
-#define ENOUGH_NUM      17u // a group is worth a level if at most 17/20 of it is left
-#define ENOUGH_DEN      20u
-#define SAMPLING_MARGIN 1.2f  // what lies between samples may be a little farther away
-#define ROOM            1e-5f // of spheres for rounding, against size and coordinates
+#define ENOUGH_NUM 17u // a group is worth a level if at most 17/20 of it is left
+#define ENOUGH_DEN 20u
+#define ROOM       1e-5f // of spheres for rounding, against size and coordinates
 
 void hg_lod_product_unref(struct hg_lod_product *product)
 {
@@ -307,7 +306,7 @@ static enum hg_status cut(
 static enum hg_status make_product(struct hg_lod_group_job *job, struct hg_lod_simplify_job *s)
 {
     const uint32_t n = s->triangle_count, bound = hg_lod_cut_bound(n) + 1;
-    job->error = s->error * SAMPLING_MARGIN;
+    job->error = s->error;
     job->product = hg_calloc(1, sizeof *job->product);
     uint32_t *scratch = hg_calloc((size_t)n * 2 + bound, sizeof *scratch);
     uint32_t *small = hg_realloc(s->triangles, n, 12);
@@ -338,6 +337,12 @@ void hg_lod_group_run(struct hg_lod_group_job *job)
         (uint64_t)s.triangle_count * ENOUGH_DEN <= (uint64_t)job->triangle_count * ENOUGH_NUM;
     if (status == HG_OK && enough && s.triangle_count > 0)
         status = make_product(job, &s);
+    if (job->product != NULL) {
+        job->means = s.means;
+        job->mean_count = s.mean_count;
+        s.means = NULL;
+    }
+    hg_free(s.means);
     if (status != HG_OK && job->product != NULL) {
         job->product->users = 1;
         hg_lod_product_unref(job->product);

@@ -65,6 +65,8 @@ float hg_lod_piece_size(const struct hg_lod_mesh *mesh, uint32_t position);
 // count.
 uint32_t hg_lod_attributes(
     const struct hg_lod_format *format, const uint32_t *words, float out[HG_LOD_ATTRIBUTES]);
+// The word of a normal of any length but 0.
+uint32_t hg_lod_normal_word(const float normal[3]);
 
 // ---- cutting triangles into clusters ------------------------------------------------------------
 
@@ -123,6 +125,11 @@ struct hg_lod_weights {
     float normal, color, uv;
 };
 
+// A vertex that stands for others as well: the word of their mean normal.
+struct hg_lod_mean {
+    uint32_t vertex, word;
+};
+
 struct hg_lod_simplify_job {
     const struct hg_lod_mesh *mesh;
     const uint8_t *locked,
@@ -133,6 +140,8 @@ struct hg_lod_simplify_job {
     struct hg_lod_sample *samples; // [sample_count] anchors and distances are brought up to date
     uint32_t sample_count;
     float error; // out: metres, largest distance of a sample or its like in attributes
+    struct hg_lod_mean *means; // out: [mean_count], freed by the caller
+    uint32_t mean_count;
 };
 
 // Collapses edges onto one of their ends until target_count triangles are left or nothing more can
@@ -226,6 +235,8 @@ struct hg_lod_group_job {
     // Out. No product: the group could not be simplified enough.
     struct hg_lod_product *product;
     struct hg_lod_piece *made; // [made_count]
+    struct hg_lod_mean *means; // [mean_count]
+    uint32_t mean_count;
     uint32_t made_count, triangle_count;
     float error; // of what was made, without that of the lattice
     enum hg_status status;

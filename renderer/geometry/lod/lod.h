@@ -37,7 +37,7 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
-#define HG_LOD_VERSION           7u // grows when a part would bake to other bytes
+#define HG_LOD_VERSION           8u // grows when a part would bake to other bytes
 #define HG_LOD_CLUSTER_TRIANGLES 128
 #define HG_LOD_CLUSTER_VERTICES  256    // distinct vertices of one cluster
 #define HG_LOD_GROUP_CLUSTERS    32     // clusters of one group, at most
@@ -143,7 +143,7 @@ struct hg_lod_params {    // zero = defaults
     float quantum;               // lattice step, rounded down to a power of two; 0 = by edge length
     // Metres of error that a change counts for: of a unit normal and of linear colour, in lengths
     // of the local edges; of uv, in local metres of surface per uv. 0 = default, < 0 = ignored.
-    float normal_weight, color_weight, uv_weight; // defaults 0.25, 0.25, 0.5
+    float normal_weight, color_weight, uv_weight; // defaults 0.35, 0.25, 0.5
 };
 
 struct hg_lod_report {

@@ -287,15 +287,17 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
         const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
         near.distance2 = open < INFINITY ? open : near.distance2;
     }
-    if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 &&
+    const float distance = sqrtf(near.distance2) * p->unit;
+    const float piece = hg_lod_piece_size(m, m->position_of[s->vertex]);
+    // What is near to a piece that has gone altogether says nothing about its looks.
+    if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 && distance <= piece &&
         !(s->flags & HG_LOD_SAMPLE_SEAM)) {
         *looks += near.distance2 > 0.0f ? looks_distance2(p, s, &near) : 0.0f;
         ++*compared;
     }
     s->triangle = near.triangle;
     s->anchor = p->global[anchor] & 0x3fffffffu;
-    s->distance =
-        fminf(sqrtf(near.distance2) * p->unit, hg_lod_piece_size(m, m->position_of[s->vertex]));
+    s->distance = fminf(distance, piece);
 }
 
 float hg_lod_measure(const struct hg_lod_patch *p)

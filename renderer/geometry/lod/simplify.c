@@ -42,6 +42,7 @@ struct simplifier {
     struct hg_lod_quadric *shape; // [position_count]
     struct hg_lod_quadric *looks; // [vertex_count]
     hg_lod_vec *gradients;        // [vertex_count * attribute_count]
+    hg_lod_vec *mean;             // [vertex_count] normals by area; all 0: no normals
     float *area, *looks_area;     // [position_count], [vertex_count] of the triangles in them
     float *root;                  // [position_count] of `area`
     float *cost;                  // [position_count] of the best collapse
@@ -572,6 +573,7 @@ static void merge_looks(struct simplifier *s, uint32_t v, uint32_t w, hg_lod_vec
     hg_lod_vec *from = &s->gradients[(size_t)v * n], *to = &s->gradients[(size_t)w * n];
     if (p->fixed[p->position_of[w]])
         return;
+    s->mean[w] += s->mean[v];
     hg_lod_looks_move(&s->looks[v], from, n, s->looks_area[v], t, p->attributes + (size_t)v * n,
         p->attributes + (size_t)w * n);
     hg_lod_quadric_add(&s->looks[w], &s->looks[v]);
@@ -696,7 +698,7 @@ static enum hg_status take(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
     const size_t n = p->position_count, v = p->vertex_count, gradients = v * p->attribute_count;
-    const size_t bytes = (n + v) * sizeof *s->shape + gradients * sizeof *s->gradients +
+    const size_t bytes = (n + v) * sizeof *s->shape + (gradients + v) * sizeof *s->gradients +
                          n * sizeof *s->heap + (n * 6 + v) * sizeof(float) + n * 5;
     s->memory = hg_calloc(1, bytes);
     if (s->memory == NULL)
@@ -704,7 +706,8 @@ static enum hg_status take(struct simplifier *s)
     s->shape = s->memory; // aligned to 16 bytes
     s->looks = s->shape + n;
     s->gradients = (hg_lod_vec *)(void *)(s->looks + v);
-    s->heap = (struct entry *)(void *)(s->gradients + gradients);
+    s->mean = s->gradients + gradients;
+    s->heap = (struct entry *)(void *)(s->mean + v);
     s->area = (float *)(void *)(s->heap + n);
     s->looks_area = s->area + n;
     s->root = s->looks_area + v;
@@ -721,6 +724,11 @@ static enum hg_status take(struct simplifier *s)
     return HG_OK;
 }
 
+static bool has_normals(const struct hg_lod_patch *p)
+{
+    return p->job->mesh->format.normal >= 0 && p->weight[0] > 0.0f;
+}
+
 static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
@@ -734,6 +742,33 @@ static enum hg_status prepare(struct simplifier *s)
         if (!p->fixed[i])
             add_edges(s, i);
         s->root[i] = sqrtf(s->area[i] + LEAST_AREA);
+    }
+    for (uint32_t v = 0; has_normals(p) && v < p->vertex_count; v++)
+        for (int k = 0; k < 3; k++)
+            s->mean[v][k] = s->looks_area[v] * p->attributes[(size_t)v * p->attribute_count + k];
+    return HG_OK;
+}
+
+// What is left stands for what went: a small triangle shades as its surroundings did on the mean.
+static enum hg_status turn_normals(struct simplifier *s, struct hg_lod_simplify_job *job)
+{
+    const struct hg_lod_patch *p = &s->patch;
+    job->mean_count = 0;
+    if (!has_normals(p))
+        return HG_OK;
+    job->means = hg_calloc(p->vertex_count, sizeof *job->means);
+    if (job->means == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t v = 0; v < p->vertex_count; v++) {
+        const uint32_t position = p->position_of[v];
+        const float length = sqrtf(vec_dot(s->mean[v], s->mean[v]));
+        if (p->fixed[position] || p->into[position] != position || !(length > 0.0f))
+            continue;
+        float *normal = p->attributes + (size_t)v * p->attribute_count;
+        for (int k = 0; k < 3; k++)
+            normal[k] = s->mean[v][k] / length * p->weight[k];
+        job->means[job->mean_count++] =
+            (struct hg_lod_mean){p->vertex_global[v], hg_lod_normal_word(normal)};
     }
     return HG_OK;
 }
@@ -769,8 +804,10 @@ static enum hg_status attempt(
         run(s, job->target_count);
     if (permissive || s->patch.live > job->target_count + job->triangle_count / 8)
         run_permissive(s, job->target_count);
-    job->error = hg_lod_measure(&s->patch);
-    return HG_OK;
+    status = turn_normals(s, job);
+    if (status == HG_OK)
+        job->error = hg_lod_measure(&s->patch);
+    return status;
 }
 
 static void close(struct simplifier *s)
@@ -795,17 +832,23 @@ static enum hg_status attempt_again(
     struct simplifier other;
     struct hg_lod_simplify_job loose = *job;
     loose.samples = samples;
+    loose.means = NULL;
     const enum hg_status status = attempt(&other, &loose, true);
     const bool better = status == HG_OK && loose.error < job->error;
     if (better) {
         memcpy(job->samples, samples, job->sample_count * sizeof *samples);
         job->error = loose.error;
+        job->mean_count = loose.mean_count;
+        struct hg_lod_mean *means = job->means;
+        job->means = loose.means;
+        loose.means = means;
         other.patch.job = job;
         close(s);
         *s = other;
     } else {
         close(&other);
     }
+    hg_free(loose.means);
     return status;
 }
 

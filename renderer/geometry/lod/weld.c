@@ -192,6 +192,13 @@ static void octahedral(const float v[3], int32_t steps, int32_t out[2])
     out[1] = (int32_t)lrintf(fy * (float)steps);
 }
 
+uint32_t hg_lod_normal_word(const float normal[3])
+{
+    int32_t o[2];
+    octahedral(normal, HG_LOD_NORMAL_STEPS, o);
+    return ((uint32_t)o[0] & 0xffffu) | (uint32_t)o[1] << 16;
+}
+
 static uint32_t unorm(float v, float scale)
 {
     return !(v > 0.0f) ? 0 : v >= 1.0f ? (uint32_t)scale : (uint32_t)(v * scale + 0.5f);
@@ -201,10 +208,8 @@ static void make_words(const struct hg_mesh_part *part, const struct hg_lod_form
     uint32_t words[HG_LOD_WORDS])
 {
     int32_t o[2];
-    if (f->normal >= 0) {
-        octahedral(part->normals + i * 3, HG_LOD_NORMAL_STEPS, o);
-        words[f->normal] = ((uint32_t)o[0] & 0xffffu) | (uint32_t)o[1] << 16;
-    }
+    if (f->normal >= 0)
+        words[f->normal] = hg_lod_normal_word(part->normals + i * 3);
     if (f->tangent >= 0) {
         octahedral(part->tangents + i * 4, HG_LOD_TANGENT_STEPS, o);
         words[f->tangent] = ((uint32_t)o[0] & 0xffffu) | ((uint32_t)o[1] & 0x7fffu) << 16 |
