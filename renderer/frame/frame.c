@@ -308,6 +308,29 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view, VkRe
     return look;
 }
 
+static uint32_t first_sample(const struct hg_view_state *view)
+{
+    const struct hg_stream *s = &view->stream;
+    return s->exact && s->area_count > 0 ? s->areas[s->area_count - 1].samples : view->samples;
+}
+
+// Where the samples of the next batch lie. One sample is known to lie there, several only nearly.
+static struct hg_visible_lens lens_of(const struct hg_view_state *view, uint32_t samples)
+{
+    struct hg_gpu_camera camera;
+    struct hg_camera_setup setup = camera_setup(view);
+    const bool known = samples == 1 && view->settings.debug == 0;
+    if (known)
+        hg_camera_jitter(first_sample(view), view->settings.seed, setup.jitter_px);
+    hg_camera_fill(&setup, &camera);
+    struct hg_visible_lens lens = {.width = setup.width,
+        .height = setup.height,
+        .shift_px = known || view->settings.debug != 0 ? 0.0f : MARGIN_PX};
+    memcpy(lens.view_proj, camera.view_proj.m, sizeof lens.view_proj);
+    memcpy(lens.clip, camera.proj.m + 12, sizeof lens.clip);
+    return lens;
+}
+
 static VkRect2D area_of(const struct hg_view_state *view)
 {
     const struct hg_stream *s = &view->stream;
@@ -317,11 +340,14 @@ static VkRect2D area_of(const struct hg_view_state *view)
 }
 
 static enum hg_status select_sets(
-    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err)
+    struct hg_view_state *view, enum hg_frame_part part, uint32_t samples, struct hg_error *err)
 {
     const struct hg_stream *s = &view->stream;
     struct hg_jobs *jobs = view->context->jobs;
-    const struct hg_visible_view look = camera_view(view, area_of(view));
+    struct hg_visible_view look = camera_view(view, area_of(view));
+    const struct hg_visible_lens lens = lens_of(view, samples);
+    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_culling)
+        look.lens = &lens;
     struct hg_shadow_choice choice = {
         .coarse = view->coarse, .wait = look.wait, .whole = look.whole};
     enum hg_status status = HG_OK;
@@ -351,11 +377,11 @@ static void note_sets(struct hg_view_state *view, enum hg_frame_part part)
 }
 
 enum hg_status hg_frame_cull(
-    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err)
+    struct hg_view_state *view, enum hg_frame_part part, uint32_t samples, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
     hg_visible_reset(view->visible);
-    enum hg_status status = select_sets(view, part, err);
+    enum hg_status status = select_sets(view, part, samples, err);
     if (status == HG_OK)
         note_sets(view, part);
     if (status == HG_OK && !(view->crowded && is_whole(view)))
@@ -542,9 +568,7 @@ enum hg_status hg_frame_record(
         return record_debug(view, cmd, err);
     if (status == HG_OK)
         status = record_shadows(view, cmd, 1, err);
-    uint32_t first = view->samples;
-    if (view->stream.exact && view->stream.area_count > 0)
-        first = view->stream.areas[view->stream.area_count - 1].samples;
+    const uint32_t first = first_sample(view);
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)
         status = record_sample(view, cmd, first + i, i, err);
     return status;

@@ -275,7 +275,7 @@ enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error
     if (status != HG_OK)
         return status;
     s->finding = HG_STREAM_FIND_SMALLER;
-    status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+    status = hg_frame_cull(view, HG_FRAME_PICTURE, 1, err);
     if (status == HG_OK)
         status = run_batch(view, 1, false, &demand, err);
     s->finding = 0;
@@ -316,7 +316,7 @@ static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error
     if (s->shadow_count == 0)
         s->shadow_areas[s->shadow_count++].rect = (VkRect2D){{0, 0}, {atlas->width, atlas->height}};
     forget_shadows(view);
-    enum hg_status status = hg_frame_cull(view, HG_FRAME_SHADOWS, err);
+    enum hg_status status = hg_frame_cull(view, HG_FRAME_SHADOWS, 0, err);
     s->shadows = true;
     if (status == HG_OK && view->crowded && !s->forced) {
         force_or_split(s, s->shadow_areas, &s->shadow_count);
@@ -356,7 +356,7 @@ static enum hg_status draw_area(
     uint32_t count = view->settings.samples - area->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
-    enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+    enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && view->crowded && !s->forced) {
         s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
         if (!s->shadows)

@@ -273,9 +273,13 @@ static enum hg_status draw_shown(
     const bool moves = changed && max_samples == 1 && !view->final;
     view->coarse = moves && needs_cascades(view);
     view->direct = moves && goes_direct(view);
+    uint32_t count = view->settings.samples - view->samples;
+    count = count < max_samples ? count : max_samples;
+    count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    count = view->stream.on ? 1 : count;
     enum hg_status status = make_pixels(view, 0, err);
     if (status == HG_OK)
-        status = hg_frame_cull(view, HG_FRAME_PICTURE, err);
+        status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     view->clipped = view->crowded && view->settings.debug == 0;
     if (status == HG_OK && view->clipped && view->final)
         return hg_stream_begin_exact(view, err);
@@ -283,10 +287,7 @@ static enum hg_status draw_shown(
         status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    uint32_t count = view->settings.samples - view->samples;
-    count = count < max_samples ? count : max_samples;
-    count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
-    count = view->stream.on || view->clipped ? 1 : count;
+    count = view->clipped ? 1 : count;
     memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
     hg_page_cache_begin(pages, cmd);
     status = hg_frame_record(view, cmd, count, err);

@@ -75,10 +75,10 @@ struct hg_view_state {
     uint64_t number; // frames that changed something
     uint32_t samples;
     uint32_t stale_shadows;
-    bool coarse;          // the newest sample went without finer cascades; the next one starts anew
-    bool direct;          // the newest sample went straight to pixels[0] and `readback`, and was not
-                          // accumulated; the next one starts anew
-    bool accumulate;      // no direct samples
+    bool coarse;     // the newest sample went without finer cascades; the next one starts anew
+    bool direct;     // the newest sample went straight to pixels[0] and `readback`, and was not
+                     // accumulated; the next one starts anew
+    bool accumulate; // no direct samples
     uint32_t layer_limit; // layers that the next step peels
     bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
     bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
@@ -128,9 +128,10 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
 // Chooses what the batch draws: camera and stale shadow maps, or the latter alone, inside of the
-// area that is drawn. view->crowded in exact mode: it is not all there and must not be drawn.
-enum hg_status hg_frame_cull(
-    struct hg_view_state *view, enum hg_frame_part part, struct hg_error *err) HG_MUST_CHECK;
+// area that is drawn, for the next `samples` samples or fewer. view->crowded in exact mode: it is
+// not all there and must not be drawn.
+enum hg_status hg_frame_cull(struct hg_view_state *view, enum hg_frame_part part, uint32_t samples,
+    struct hg_error *err) HG_MUST_CHECK;
 // What the camera sees of a rectangle of the image, all of it loaded at once.
 enum hg_status hg_frame_cull_part(struct hg_view_state *view, VkRect2D part,
     struct hg_visible *visible, struct hg_error *err) HG_MUST_CHECK;

@@ -6,25 +6,17 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/geometry/listed.h"
 #include "renderer/geometry/select.h"
 
 // Triangles. The test takes 3.5 ms at 1280x720 on two cores, a hidden triangle saves 0.2 us, and a
 // walk through Sponza hides 4 of 100: it pays from 400 thousand.
 #define OCCLUSION_FROM 400000u
-#define COPY_RUNS      256 // of one job
+#define SIEVE_FROM     64 // triangles of a part
 #define ERROR_STEP     1.25f
 #define MOST_ERROR_PX  1e6f
 #define CALM           6 // frames that fit before the error is lowered
 #define MOST_ROUNDS    4 // of loading before chunks must be driving each other out
-
-// Indices that the list of this frame takes from a part.
-struct copy {
-    const uint32_t *indices;
-    uint32_t first, count, corners; // primitives
-    uint64_t to;                    // indices
-    uint32_t ids, base;             // place in the list of ids, HG_CLUSTER_NONE: none; added
-    bool backwards;
-};
 
 struct hg_visible {
     struct hg_gpu *gpu;
@@ -36,11 +28,7 @@ struct hg_visible {
     struct hg_visible_item *items;
     size_t item_capacity;
     uint32_t item_count;
-    struct copy *copies;
-    size_t copy_capacity;
-    uint32_t copy_count;
-    uint64_t index_count;
-    uint32_t id_count;
+    struct hg_listing listing;
     struct hg_gpu_candidate *candidates;
     uint32_t *candidate_bits, *candidate_triangles;
     size_t candidate_capacity, bit_capacity, triangle_capacity;
@@ -89,7 +77,7 @@ void hg_visible_destroy(struct hg_visible *v)
     hg_free(v->runs.wants);
     hg_free(v->sets);
     hg_free(v->items);
-    hg_free(v->copies);
+    hg_listing_finish(&v->listing);
     hg_free(v->candidates);
     hg_free(v->candidate_bits);
     hg_free(v->candidate_triangles);
@@ -166,12 +154,19 @@ void hg_visible_reset(struct hg_visible *v)
     v->calm = v->crowded ? 0 : v->calm < CALM ? v->calm + 1 : CALM;
     v->crowded = false;
     v->tested = false;
-    v->set_count = v->item_count = v->copy_count = v->id_count = 0;
-    v->candidate_count = v->command_count = 0;
-    v->index_count = 0;
+    hg_listing_reset(&v->listing);
+    v->set_count = v->item_count = v->candidate_count = v->command_count = 0;
 }
 
 // --- items ---------------------------------------------------------------------------------------
+
+// What is being added.
+struct adding {
+    const struct hg_geometry *g;
+    const struct hg_visible_view *view;
+    struct hg_visible_set *set;
+    struct hg_selection *late; // runs that come later; NULL: no occlusion
+};
 
 static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t part)
 {
@@ -215,10 +210,39 @@ static uint32_t corners_of(uint32_t flags)
     return flags & HG_DRAW_POINTS ? 1 : flags & HG_DRAW_LINES ? 2 : 3;
 }
 
-// The whole part, joined with the item before where that is the same part.
-static enum hg_status add_whole(
-    struct hg_visible *v, const struct hg_geometry *g, struct hg_visible_set *set, uint32_t draw)
+// Positions of the numbered list, on devices whose memory is that of the host.
+static const float *positions_of(const struct hg_part_entry *part)
 {
+    return (const float *)(const void *)((const uint8_t *)part->buffer.mapped +
+                                         part->numbered_positions_at);
+}
+
+// Whether triangles of a draw are told one by one.
+static bool is_sieved(const struct adding *a, uint32_t draw)
+{
+    const struct hg_draw_entry *d = &a->g->draws[draw];
+    return a->view->lens != NULL && a->set->numbered && !d->deformed &&
+           d->part->numbered_indices != NULL && d->part->buffer.mapped != NULL &&
+           d->part->primitive_count >= SIEVE_FROM;
+}
+
+static enum hg_status open_sieve(
+    struct hg_visible *v, const struct adding *a, uint32_t draw, uint32_t *index)
+{
+    const struct hg_draw_entry *d = &a->g->draws[draw];
+    const struct hg_gpu_instance *instances =
+        (const struct hg_gpu_instance *)(const void *)a->g->instance_table.shadow;
+    struct hg_sieve sieve;
+    hg_sieve_open(
+        a->view, &instances[d->gpu.instance].world, &d->part->bounds, d->gpu.flags, &sieve);
+    return hg_listing_add_sieve(&v->listing, &sieve, index);
+}
+
+// The whole part, joined with the item before where that is the same part.
+static enum hg_status add_whole(struct hg_visible *v, const struct adding *a, uint32_t draw)
+{
+    const struct hg_geometry *g = a->g;
+    const struct hg_visible_set *set = a->set;
     const struct hg_draw_entry *d = &g->draws[draw];
     struct hg_visible_item *last =
         v->item_count > set->first_item ? &v->items[v->item_count - 1] : NULL;
@@ -243,35 +267,30 @@ static const uint32_t *indices_of(const struct hg_visible_item *item, const stru
 }
 
 static enum hg_status add_copy(struct hg_visible *v, const struct hg_geometry *g,
-    const struct hg_run *run, const struct hg_visible_item *item)
+    const struct hg_run *run, const struct hg_visible_item *item, uint32_t sieve)
 {
-    const enum hg_status status =
-        hg_grow(&v->copies, &v->copy_capacity, v->copy_count + 1, sizeof *v->copies);
-    if (status != HG_OK)
-        return status;
-    const uint32_t corners = corners_of(item->flags);
-    v->copies[v->copy_count++] =
-        (struct copy){.indices = indices_of(item, g->draws[run->draw].part),
-            .first = run->first,
-            .count = run->count,
-            .corners = corners,
-            .to = v->index_count,
-            .ids = item->numbered ? HG_CLUSTER_NONE : v->id_count,
-            .base = run->chunk != HG_LOD_NONE ? run->chunk << HG_LOD_SHIFT : 0};
-    v->index_count += (uint64_t)run->count * corners;
-    v->id_count += item->numbered ? 0 : run->count;
-    return HG_OK;
+    const struct hg_part_entry *part = g->draws[run->draw].part;
+    const struct hg_listed listed = {.indices = indices_of(item, part),
+        .first = run->first,
+        .count = run->count,
+        .corners = corners_of(item->flags),
+        .ids = item->numbered ? HG_CLUSTER_NONE : 0,
+        .base = run->chunk != HG_LOD_NONE ? run->chunk << HG_LOD_SHIFT : 0,
+        .sieve = sieve,
+        .positions = sieve != HG_LISTED_ALL ? positions_of(part) : NULL};
+    return hg_listing_add(&v->listing, &listed);
 }
 
 // Runs of one draw and chunk as one item of its own list of indices.
-static enum hg_status add_listed(struct hg_visible *v, const struct hg_geometry *g,
-    const struct hg_visible_set *set, const struct hg_run *runs, uint32_t count)
+static enum hg_status add_listed(
+    struct hg_visible *v, const struct adding *a, const struct hg_run *runs, uint32_t count)
 {
-    struct hg_visible_item item = item_of(g, runs[0].draw, set->numbered);
-    item.first_primitive = item.numbered ? HG_CLUSTER_NONE : v->id_count;
-    item.index_offset = v->index_count * 4;
-    item.first_copy = v->copy_count;
-    item.copy_count = count;
+    const struct hg_geometry *g = a->g;
+    struct hg_visible_item item = item_of(g, runs[0].draw, a->set->numbered);
+    item.first_primitive = item.numbered ? HG_CLUSTER_NONE : v->listing.id_count;
+    item.index_offset = v->listing.index_count * 4;
+    item.first_copy = v->listing.count;
+    item.copy_count = item.list_count = count;
     item.chunk = runs[0].chunk;
     if (item.chunk != HG_LOD_NONE) {
         const struct hg_gpu_part *part =
@@ -280,29 +299,31 @@ static enum hg_status add_listed(struct hg_visible *v, const struct hg_geometry 
         item.vertices = part->vertices;
         item.extra = part->extra;
     }
-    enum hg_status status = HG_OK;
+    item.sieved = is_sieved(a, runs[0].draw);
+    uint32_t sieve = HG_LISTED_ALL;
+    enum hg_status status = item.sieved ? open_sieve(v, a, runs[0].draw, &sieve) : HG_OK;
     for (uint32_t i = 0; i < count && status == HG_OK; i++) {
         item.primitive_count += runs[i].count;
-        status = add_copy(v, g, &runs[i], &item);
+        status = add_copy(v, g, &runs[i], &item, sieve);
     }
     item.index_count = item.primitive_count * corners_of(item.flags);
     return status == HG_OK ? push_item(v, &item) : status;
 }
 
 // Instances far away show the same clusters: they join the item before.
-static bool joins(const struct hg_visible *v, const struct hg_visible_set *set,
-    const struct hg_geometry *g, const struct hg_run *runs, uint32_t count)
+static bool joins(
+    const struct hg_visible *v, const struct adding *a, const struct hg_run *runs, uint32_t count)
 {
-    if (v->item_count == set->first_item)
+    if (v->item_count == a->set->first_item)
         return false;
     const struct hg_visible_item *last = &v->items[v->item_count - 1];
-    const struct hg_draw_entry *d = &g->draws[runs[0].draw];
+    const struct hg_draw_entry *d = &a->g->draws[runs[0].draw];
     if (last->index_buffer != VK_NULL_HANDLE || last->part != d->gpu.part ||
         last->flags != d->gpu.flags || last->first_draw + last->draw_count != runs[0].draw ||
         last->chunk != runs[0].chunk || last->copy_count != count)
         return false;
     for (uint32_t i = 0; i < count; i++) {
-        const struct copy *c = &v->copies[last->first_copy + i];
+        const struct hg_listed *c = &v->listing.items[last->first_copy + i];
         if (c->first != runs[i].first || c->count != runs[i].count)
             return false;
     }
@@ -311,10 +332,10 @@ static bool joins(const struct hg_visible *v, const struct hg_visible_set *set,
 
 // Items of a draw of a baked part: one per chunk. Only draws of one chunk can be joined, so that
 // items stay in draw order.
-static enum hg_status add_chunks(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_set *set, const struct hg_run *runs, uint32_t count)
+static enum hg_status add_chunks(
+    struct hg_visible *v, const struct adding *a, const struct hg_run *runs, uint32_t count)
 {
-    if (runs[0].chunk == runs[count - 1].chunk && joins(v, set, g, runs, count)) {
+    if (runs[0].chunk == runs[count - 1].chunk && joins(v, a, runs, count)) {
         v->items[v->item_count - 1].draw_count++;
         return HG_OK;
     }
@@ -322,7 +343,7 @@ static enum hg_status add_chunks(struct hg_visible *v, const struct hg_geometry 
     for (uint32_t i = 0, n; i < count && status == HG_OK; i += n) {
         for (n = 1; i + n < count && runs[i + n].chunk == runs[i].chunk;)
             n++;
-        status = add_listed(v, g, set, &runs[i], n);
+        status = add_listed(v, a, &runs[i], n);
         // The last of several chunks of a draw is no start for others to join.
         if (status == HG_OK && n != count)
             v->items[v->item_count - 1].copy_count = 0;
@@ -367,12 +388,14 @@ static uint32_t split_runs(const struct hg_visible *v, struct hg_run *runs, uint
     return early;
 }
 
-// Items of one draw. `occlusion`: unseen runs go to `late`, the others become candidates.
-static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_set *set, struct hg_run *runs, uint32_t count, struct hg_selection *late)
+// Items of one draw. With occlusion unseen runs go to `late`, the others become candidates.
+static enum hg_status add_draw(
+    struct hg_visible *v, const struct adding *a, struct hg_run *runs, uint32_t count)
 {
     enum hg_status status = HG_OK;
-    const struct hg_draw_entry *d = &g->draws[runs[0].draw];
+    struct hg_visible_set *set = a->set;
+    struct hg_selection *late = a->late;
+    const struct hg_draw_entry *d = &a->g->draws[runs[0].draw];
     uint32_t primitives = 0;
     if (late != NULL)
         count = split_runs(v, runs, count, late, &status);
@@ -386,18 +409,20 @@ static enum hg_status add_draw(struct hg_visible *v, const struct hg_geometry *g
     if (!(d->gpu.flags & (HG_DRAW_LINES | HG_DRAW_POINTS)))
         set->triangles += primitives;
     if (d->part->clusters != NULL)
-        return add_chunks(v, g, set, runs, count);
-    return primitives == d->part->primitive_count ? add_whole(v, g, set, runs[0].draw)
-                                                  : add_listed(v, g, set, runs, count);
+        return add_chunks(v, a, runs, count);
+    return primitives == d->part->primitive_count && !is_sieved(a, runs[0].draw)
+               ? add_whole(v, a, runs[0].draw)
+               : add_listed(v, a, runs, count);
 }
 
 // Backwards, draws and primitives: of surfaces at the same depth the last that is drawn is seen.
 // First index of the command and no offset of the buffer: lavapipe 22.3 forgets the latter in
 // indirect draws.
-static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_set *set, const struct hg_selection *late)
+static enum hg_status add_late(struct hg_visible *v, const struct adding *a)
 {
     enum hg_status status = HG_OK;
+    struct hg_visible_set *set = a->set;
+    const struct hg_selection *late = a->late;
     set->first_late = v->item_count;
     for (uint32_t i = late->count; i > 0 && status == HG_OK; i--) {
         const struct hg_run *run = &late->items[i - 1];
@@ -406,12 +431,13 @@ static enum hg_status add_late(struct hg_visible *v, const struct hg_geometry *g
         if (status == HG_OK)
             status = add_candidate(v, set, run, v->command_count);
         if (status == HG_OK)
-            status = add_listed(v, g, set, run, 1);
+            status = add_listed(v, a, run, 1);
         if (status != HG_OK)
             break;
         struct hg_visible_item *item = &v->items[v->item_count - 1];
-        v->copies[item->first_copy].backwards = true;
+        v->listing.items[item->first_copy].backwards = true;
         item->command = v->command_count;
+        item->candidate = v->candidate_count - 1;
         v->commands[v->command_count++] =
             (struct hg_gpu_draw_command){.index_count = item->index_count,
                 .first_index = (uint32_t)(item->index_offset / 4),
@@ -429,24 +455,24 @@ static enum hg_draw_class class_of(uint32_t flags)
                                   : HG_DRAW_CLASS_OPAQUE;
 }
 
-static enum hg_status add_items(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_set *set, struct hg_selection *late)
+static enum hg_status add_items(struct hg_visible *v, const struct adding *a)
 {
     enum hg_status status = HG_OK;
+    struct hg_visible_set *set = a->set;
     for (uint32_t i = 0; i < 4; i++)
         set->class_first[i] = v->item_count;
     for (uint32_t i = 0, n; i < v->runs.count && status == HG_OK; i += n) {
         struct hg_run *runs = &v->runs.items[i];
         for (n = 1; i + n < v->runs.count && runs[n].draw == runs[0].draw;)
             n++;
-        status = add_draw(v, g, set, runs, n, late);
-        const enum hg_draw_class class = class_of(g->draws[runs[0].draw].gpu.flags);
+        status = add_draw(v, a, runs, n);
+        const enum hg_draw_class class = class_of(a->g->draws[runs[0].draw].gpu.flags);
         for (uint32_t c = class + 1u; c < 4; c++)
             set->class_first[c] = v->item_count;
     }
     set->item_count = v->item_count - set->first_item;
-    if (status == HG_OK && late != NULL)
-        status = add_late(v, g, set, late);
+    if (status == HG_OK && a->late != NULL)
+        status = add_late(v, a);
     return status;
 }
 
@@ -548,7 +574,7 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
         status = keep_history(v, geometry);
     const bool occlusion = view.history && triangles_of(&v->runs) >= v->occlusion_from;
     if (status == HG_OK)
-        status = add_items(v, geometry, &set, occlusion ? &late : NULL);
+        status = add_items(v, &(struct adding){geometry, &view, &set, occlusion ? &late : NULL});
     hg_free(late.items);
     if (status == HG_OK)
         status = hg_grow(&v->sets, &v->set_capacity, v->set_count + 1, sizeof *v->sets);
@@ -593,36 +619,30 @@ static enum hg_status reserve(
     return status;
 }
 
-static void turn_around(uint32_t *indices, uint32_t *ids, uint32_t count, uint32_t corners)
+// What came through its sieve is what is drawn of an item. Returns how many triangles are not.
+static uint32_t pack_item(struct hg_visible *v, struct hg_visible_item *item)
 {
-    for (uint32_t low = 0, high = count; low + 1 < high--; low++) {
-        if (ids != NULL) {
-            const uint32_t id = ids[low];
-            ids[low] = ids[high];
-            ids[high] = id;
-        }
-        for (uint32_t k = 0; k < corners; k++) {
-            const uint32_t index = indices[low * corners + k];
-            indices[low * corners + k] = indices[high * corners + k];
-            indices[high * corners + k] = index;
-        }
+    if (!item->sieved)
+        return 0;
+    const uint32_t before = item->primitive_count;
+    item->primitive_count =
+        hg_listing_pack(&v->listing, item->first_copy, item->list_count, v->indices.mapped);
+    item->index_count = item->primitive_count * 3;
+    if (item->command != HG_CLUSTER_NONE) {
+        v->commands[item->command].index_count = item->index_count;
+        v->candidate_triangles[item->candidate] = item->primitive_count;
     }
+    return before - item->primitive_count;
 }
 
-static void copy_runs(void *user, size_t block)
+static void pack_sets(struct hg_visible *v)
 {
-    struct hg_visible *v = user;
-    const size_t first = block * COPY_RUNS;
-    const size_t end = first + COPY_RUNS < v->copy_count ? first + COPY_RUNS : v->copy_count;
-    for (size_t i = first; i < end; i++) {
-        const struct copy *c = &v->copies[i];
-        memcpy((uint32_t *)v->indices.mapped + c->to, c->indices + (size_t)c->first * c->corners,
-            (size_t)c->count * c->corners * 4);
-        uint32_t *ids = c->ids != HG_CLUSTER_NONE ? (uint32_t *)v->ids.mapped + c->ids : NULL;
-        for (uint32_t k = 0; ids != NULL && k < c->count; k++)
-            ids[k] = c->base + c->first + k;
-        if (c->backwards)
-            turn_around((uint32_t *)v->indices.mapped + c->to, ids, c->count, c->corners);
+    for (uint32_t i = 0; i < v->set_count; i++) {
+        struct hg_visible_set *set = &v->sets[i];
+        for (uint32_t k = 0; k < set->item_count; k++)
+            set->triangles -= pack_item(v, &v->items[set->first_item + k]);
+        for (uint32_t k = 0; k < set->late_count; k++)
+            set->late_triangles -= pack_item(v, &v->items[set->first_late + k]);
     }
 }
 
@@ -631,8 +651,8 @@ enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, str
     const uint64_t candidates = v->candidate_count;
     const uint64_t command_bytes = v->command_count * sizeof *v->commands;
     const struct need needs[] = {
-        {&v->indices, HG_GPU_BUFFER_UPLOAD, v->index_count * 4, "listed indices"},
-        {&v->ids, HG_GPU_BUFFER_UPLOAD, v->id_count * 4ull, "listed primitives"},
+        {&v->indices, HG_GPU_BUFFER_UPLOAD, v->listing.index_count * 4, "listed indices"},
+        {&v->ids, HG_GPU_BUFFER_UPLOAD, v->listing.id_count * 4ull, "listed primitives"},
         {&v->candidate_buffer, HG_GPU_BUFFER_UPLOAD, candidates * sizeof *v->candidates,
             "candidates"},
         {&v->command_buffer, HG_GPU_BUFFER_UPLOAD, command_bytes, "late draws"},
@@ -641,12 +661,8 @@ enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, str
     const enum hg_status status = reserve(v, needs, sizeof needs / sizeof needs[0], err);
     if (status != HG_OK)
         return status;
-    const size_t blocks = ((size_t)v->copy_count + COPY_RUNS - 1) / COPY_RUNS;
-    if (blocks > 1 && jobs != NULL)
-        hg_jobs_for(jobs, blocks, copy_runs, v);
-    else
-        for (size_t i = 0; i < blocks; i++)
-            copy_runs(v, i);
+    hg_listing_write(&v->listing, jobs, v->indices.mapped, v->ids.mapped);
+    pack_sets(v);
     if (candidates > 0)
         memcpy(v->candidate_buffer.mapped, v->candidates, candidates * sizeof *v->candidates);
     if (command_bytes > 0)

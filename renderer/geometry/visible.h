@@ -4,7 +4,8 @@
 // The host selects runs of triangles by frustum and facing (meshlets of static parts; all else as a
 // whole) and writes the indices of what is left of a part to a list of this frame, in the order of
 // the part. Whole parts of consecutive instances are one instanced draw of the part's own indices.
-// Only what cannot show is left out, so the picture is the one of drawing everything.
+// Only what cannot show is left out, so the picture is the one of drawing everything. On devices
+// that draw in software single triangles that show at no sample are left out, too (sieve.h).
 //
 // Occlusion, when there is much to draw: what was seen in the frame before is drawn first, a
 // pyramid of its depth is made, and each of the remaining runs is drawn only where it is not behind
@@ -29,6 +30,13 @@ enum hg_status hg_visible_create(
     struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_visible_destroy(struct hg_visible *visible); // accepts NULL
 
+// What the visibility pass does with positions, and where its samples are.
+struct hg_visible_lens {
+    float view_proj[16], clip[4]; // clip = view_proj * (position - eye, 0) + clip
+    uint32_t width, height;       // px
+    float shift_px;               // samples lie at most so far from the centres of pixels
+};
+
 struct hg_visible_view {
     float planes[6][4];       // inside: dot(xyz, p) + w >= 0; relative to the origin
     uint32_t plane_count;     // 0: everything is seen
@@ -44,6 +52,7 @@ struct hg_visible_view {
     bool whole;        // with wait: never coarser than asked; what does not fit is missing, and
                        // then the set must not be drawn
     bool history;      // what the last view with history saw comes first, the rest may be late
+    const struct hg_visible_lens *lens; // with numbered: drop triangles that show at no sample
 };
 
 // Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, 0, 0, first_draw) with
@@ -57,8 +66,9 @@ struct hg_visible_item {
     VkBuffer position_buffer; // of numbered items
     uint64_t position_offset; // bytes
     uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
-    uint32_t chunk, first_copy, copy_count; // private
-    uint32_t command;                       // indirect draw; HG_CLUSTER_NONE: none
+    uint32_t chunk, first_copy, copy_count, list_count, candidate; // private
+    bool sieved;                                                   // private
+    uint32_t command; // indirect draw; HG_CLUSTER_NONE: none
     // The first corner of a triangle is its number; positions are those of that list, and in
     // position_buffer. hg_visible_draw binds it as vertex buffer 0.
     bool numbered;
@@ -72,7 +82,8 @@ struct hg_visible_set {
     uint32_t missing;                          // chunks that should be there and are not
     bool crowded;                              // because the budget does not hold all of it
     float error_px;                            // >= that of the view: more did not fit the budget
-    uint64_t triangles, late_triangles;        // triangles: of items that are not late
+    uint64_t triangles, late_triangles;        // triangles: of items that are not late; without
+                                               // what is left out one by one, once uploaded
     bool numbered;                             // as in the view
 };
 

@@ -91,6 +91,8 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = first; i < end; i++) {
         const struct hg_visible_item *item = hg_visible_item(visible, i);
+        if (item->index_count == 0)
+            continue;
         const struct style style = {
             .variant = (item->flags & HG_DRAW_MASK) != 0 ? manner->mask : manner->solid,
             .topology = topology_of(item->flags),

@@ -1,5 +1,6 @@
 // geometry_views.c - culling changes the cost of a picture and nothing else: visibility buffers and
-// depth of random views of many scenes, with culling and occlusion and without, byte for byte.
+// depth of random views of many scenes, with culling, occlusion and sieves for single triangles and
+// without, byte for byte.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,8 +35,8 @@ struct fixture {
     struct hg_gpu_image image_ids, image_depth;
     struct hg_error err;
     uint32_t random;
-    uint64_t drawn_off, drawn_on, hidden; // triangles, and runs behind others
-    uint32_t views;
+    uint64_t drawn_off, drawn_on, drawn_sieved, hidden; // triangles, and runs behind others
+    uint32_t views, spoiled;                            // spoiled: by a sieve of another view
 };
 
 struct world {
@@ -148,11 +149,40 @@ static void double_triangles(struct hg_asset *asset)
         }
 }
 
+// Triangles between far vertices, across the eye too, and slivers; what they show is no matter.
+static void scramble(struct fixture *f, struct hg_asset *asset)
+{
+    for (uint32_t m = 0; m < asset->mesh_count; m++)
+        for (uint32_t p = 0; p < asset->meshes[m]->part_count; p++) {
+            struct hg_mesh_part *part = &asset->meshes[m]->parts[p];
+            for (uint32_t i = 0; i + 2 < part->index_count; i += 3) {
+                const int kind = (int)random_in(f, 0.0, 8.0);
+                if (kind > 1)
+                    continue;
+                part->indices[i] = (uint32_t)random_in(f, 0.0, part->vertex_count);
+                if (kind == 1)
+                    continue;
+                float *sharp = part->positions + (size_t)part->indices[i + 1] * 3;
+                const float *at = part->positions + (size_t)part->indices[i + 2] * 3;
+                for (int d = 0; d < 3; d++) // beside the corner
+                    sharp[d] = at[d] * (1.0f + (float)random_in(f, -1e-5, 1e-5));
+            }
+        }
+}
+
+static void show_both_sides(struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->material_count; i++)
+        asset->materials[i]->double_sided = true;
+}
+
+enum shape { AS_MADE, TWICE, SCRAMBLED, BOTH_SIDES };
+
 struct subject {
     const char *name;   // below khronos/, or of the loader
     uint32_t bake_from; // triangles from which parts have levels of detail
-    bool twice;         // every triangle
-    int views;          // of each variant
+    enum shape shape;
+    int views; // of each variant
 };
 
 static struct world open_world(struct fixture *f, const struct subject *subject)
@@ -170,8 +200,12 @@ static struct world open_world(struct fixture *f, const struct subject *subject)
     struct world w = {0};
     struct hg_object *root_object;
     check(f, hg_load_asset(&load, &w.asset, &f->err));
-    if (subject->twice)
+    if (subject->shape == TWICE)
         double_triangles(w.asset);
+    else if (subject->shape == SCRAMBLED)
+        scramble(f, w.asset);
+    else if (subject->shape == BOTH_SIDES)
+        show_both_sides(w.asset);
     check(f, hg_scene_create(&w.scene));
     check(f, hg_scene_add(w.scene, HG_OBJECT_NODE, 1, &root_object));
     w.root = (struct hg_node *)root_object;
@@ -300,6 +334,35 @@ static void assert_same(const struct picture *a, const struct picture *b, const 
             (double)a->depth[first]);
 }
 
+// known: where the samples lie; else only that they are near the centres of pixels.
+static struct hg_visible_lens lens_of(const struct hg_camera_setup *setup, bool known)
+{
+    struct hg_camera_setup s = *setup;
+    struct hg_gpu_camera camera;
+    if (!known)
+        s.jitter_px[0] = s.jitter_px[1] = 0.0f;
+    hg_camera_fill(&s, &camera);
+    struct hg_visible_lens lens = {
+        .width = WIDTH, .height = HEIGHT, .shift_px = known ? 0.0f : 2.0f};
+    memcpy(lens.view_proj, camera.view_proj.m, sizeof lens.view_proj);
+    memcpy(lens.clip, camera.proj.m + 12, sizeof lens.clip);
+    return lens;
+}
+
+// A sieve for samples that lie half a pixel aside loses what it must not lose.
+static void check_control(struct fixture *f, const struct world *w,
+    const struct hg_camera_setup *setup, struct hg_visible_view view, const struct picture *off)
+{
+    static struct picture on;
+    struct hg_visible_stats stats;
+    struct hg_camera_setup aside = *setup;
+    aside.jitter_px[0] += 0.5f;
+    const struct hg_visible_lens lens = lens_of(&aside, true);
+    view.lens = &lens;
+    draw(f, w, &view, &on, &stats);
+    f->spoiled += memcmp(off, &on, sizeof on) != 0;
+}
+
 static void check_view(struct fixture *f, const struct world *w, int index, const char *name)
 {
     static struct picture off, on;
@@ -313,24 +376,30 @@ static void check_view(struct fixture *f, const struct world *w, int index, cons
     frame->height = HEIGHT;
     frame->inv_size = (struct hg_vec2){1.0f / WIDTH, 1.0f / HEIGHT};
     const struct hg_visible_view all = view_of(&frame->camera, false);
-    const struct hg_visible_view some = view_of(&frame->camera, true);
+    struct hg_visible_view some = view_of(&frame->camera, true);
+    const struct hg_visible_lens known = lens_of(&camera, true), near = lens_of(&camera, false);
     draw(f, w, &all, &off, &stats);
     f->drawn_off += stats.triangles;
-    for (int pass = 0; pass < 3; pass++) { // no occlusion; occlusion, unknown and known
-        hg_visible_set_occlusion_from(f->visible, pass > 0 ? 1 : UINT64_MAX);
+    // No occlusion; occlusion, unknown and known; sieves with it and without.
+    for (int pass = 0; pass < 5; pass++) {
+        hg_visible_set_occlusion_from(f->visible, pass % 4 > 0 ? 1 : UINT64_MAX);
+        some.lens = pass < 3 ? NULL : pass == 3 && index % 2 == 0 ? &near : &known;
         draw(f, w, &some, &on, &stats);
         snprintf(what, sizeof what, "%s, view %d, pass %d", name, index, pass);
         assert_same(&off, &on, what);
         f->drawn_on += pass == 0 ? stats.triangles : 0;
+        f->drawn_sieved += pass == 4 ? stats.triangles : 0;
         f->hidden += pass == 2 ? stats.hidden : 0;
     }
+    if (index % 3 == 0)
+        check_control(f, w, &camera, some, &off);
     f->views++;
 }
 
 static void check_subject(struct fixture *f, const struct subject *subject)
 {
     struct world w = open_world(f, subject);
-    f->drawn_off = f->drawn_on = f->views = 0;
+    f->drawn_off = f->drawn_on = f->drawn_sieved = f->views = 0;
     const uint64_t before = f->hidden;
     for (int v = 0; v < VARIANTS; v++) {
         char what[128];
@@ -339,10 +408,13 @@ static void check_subject(struct fixture *f, const struct subject *subject)
         for (int i = 0; i < subject->views; i++)
             check_view(f, &w, i, what);
     }
-    print_message("%s: %u views, %.0f thousand triangles of %.0f drawn, %llu runs hidden\n",
+    print_message(
+        "%s: %u views, %.0f thousand triangles of %.0f drawn, %.0f with sieves, %llu runs "
+        "hidden\n",
         subject->name, f->views, (double)f->drawn_on * 1e-3, (double)f->drawn_off * 1e-3,
-        (unsigned long long)(f->hidden - before));
+        (double)f->drawn_sieved * 1e-3, (unsigned long long)(f->hidden - before));
     assert_true(f->drawn_on < f->drawn_off);
+    assert_true(f->drawn_sieved <= f->drawn_on);
     close_world(&w);
 }
 
@@ -351,18 +423,24 @@ static void test_views(void **state)
     struct fixture *f = *state;
     static const struct subject subjects[] = {
         {"MetalRoughSpheresNoTextures/glTF-Binary/MetalRoughSpheresNoTextures.glb",
-            HG_GEOMETRY_BAKE_NONE, false, 4},
-        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, false, 8},
-        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, true, 8},
-        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", 500, false, 8},
-        {"NegativeScaleTest/glTF-Binary/NegativeScaleTest.glb", HG_GEOMETRY_BAKE_NONE, false, 8},
-        {"LightsPunctualLamp/glTF/LightsPunctualLamp.gltf", HG_GEOMETRY_BAKE_NONE, false, 8},
-        {"SheenChair/glTF/SheenChair.gltf", HG_GEOMETRY_BAKE_NONE, false, 6},
-        {"demo:", HG_GEOMETRY_BAKE_NONE, false, 3},
+            HG_GEOMETRY_BAKE_NONE, AS_MADE, 2},
+        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, AS_MADE,
+            8},
+        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, TWICE, 4},
+        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, SCRAMBLED,
+            4},
+        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HG_GEOMETRY_BAKE_NONE, BOTH_SIDES,
+            4},
+        {"IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", 500, AS_MADE, 8},
+        {"NegativeScaleTest/glTF-Binary/NegativeScaleTest.glb", HG_GEOMETRY_BAKE_NONE, AS_MADE, 4},
+        {"LightsPunctualLamp/glTF/LightsPunctualLamp.gltf", HG_GEOMETRY_BAKE_NONE, AS_MADE, 8},
+        {"SheenChair/glTF/SheenChair.gltf", HG_GEOMETRY_BAKE_NONE, AS_MADE, 4},
+        {"demo:", HG_GEOMETRY_BAKE_NONE, AS_MADE, 2},
     };
     for (size_t i = 0; i < sizeof subjects / sizeof subjects[0]; i++)
         check_subject(f, &subjects[i]);
     assert_true(f->hidden > 100);
+    assert_true(!hg_gpu_get_caps(f->gpu)->is_cpu || f->spoiled > 20);
 }
 
 int main(void)
