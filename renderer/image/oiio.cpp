@@ -623,6 +623,12 @@ hg_status hg_oiio_reader_rows(
     });
 }
 
+void hg_oiio_reader_skip(hg_oiio_reader *r, uint32_t count)
+{
+    std::lock_guard<std::mutex> guard(r->lock);
+    r->next_row += std::min(count, r->info.height - r->next_row);
+}
+
 hg_status hg_oiio_reader_rect(hg_oiio_reader *r, uint32_t mip, const uint32_t at[2],
     const uint32_t size[2], hg_pixel_format format, void *pixels, uint64_t *bytes, hg_error *err)
 {

@@ -32,6 +32,7 @@ void hg_oiio_reader_close(struct hg_oiio_reader *reader); // accepts NULL
 const struct hg_image_reader_info *hg_oiio_reader_info(const struct hg_oiio_reader *reader);
 enum hg_status hg_oiio_reader_rows(struct hg_oiio_reader *reader, enum hg_pixel_format format,
     uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
+void hg_oiio_reader_skip(struct hg_oiio_reader *reader, uint32_t count);
 enum hg_status hg_oiio_reader_rect(struct hg_oiio_reader *reader, uint32_t mip,
     const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
     uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;

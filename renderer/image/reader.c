@@ -221,6 +221,11 @@ enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixe
     return hg_oiio_reader_rows(reader->inner, format, count, pixels, err);
 }
 
+void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count)
+{
+    hg_oiio_reader_skip(reader->inner, count);
+}
+
 enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
     const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
     uint64_t *bytes, struct hg_error *err)

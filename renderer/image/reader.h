@@ -40,6 +40,8 @@ enum hg_status hg_image_reader_hash(struct hg_image_reader *reader, uint8_t dige
 // The next `count` rows of mip 0, tight, from the top. HG_E_FORMAT, HG_E_INVAL (past the end).
 enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,
     uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
+// Passes over rows of mip 0 (as many as there are). Compression may ask for reading them.
+void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count);
 // A rectangle of a mip of a tiled file, rows tight. It must lie inside. *bytes: decoded for it.
 enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
     const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,

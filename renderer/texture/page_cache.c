@@ -167,6 +167,7 @@ void hg_page_cache_release(struct hg_page_cache *c, struct hg_page_set *set)
     if (--set->refs > 0)
         return;
     c->failures -= set->failed;
+    hg_page_coarse_forget(c, set);
     if (set->table > 0)
         drop_pages(c, set);
     hg_page_cache_sweep(c);
@@ -344,6 +345,7 @@ static void empty_pool(struct hg_page_cache *c, uint32_t pool)
         if (set->pool != pool || set->table == 0)
             continue;
         set->resident = 0;
+        set->coarse_count = set->coarse_number = set->coarse_since = 0;
         hg_page_table_clear(c, set);
     }
 }

@@ -53,6 +53,8 @@ struct hg_page_image {
     uint64_t retry_ns;               // not before this time (another process is baking)
     uint64_t used_ns;                // last read; 0: never
     uint64_t texels_baked;           // of mip 0, by the bake that runs
+    struct hg_mips preview;          // from hg_page_preview_mip on; count 0 = none
+    uint32_t preview_number;         // grows with each one
     struct hg_page_bake bake;
     struct hg_error err;
 };
@@ -101,6 +103,9 @@ static inline uint64_t hg_page_image_texels(const struct hg_page_image *image)
 }
 
 void *hg_page_load_thread(void *sources);
+// The mips of pixels as the image's chain has them. Any thread.
+enum hg_status hg_page_chain_mips(const struct hg_page_image *image, const struct hg_image *pixels,
+    struct hg_mips *out) HG_MUST_CHECK;
 void hg_page_backing_unref(struct hg_page_sources *sources, struct hg_page_backing *backing);
 // The lock is held. Tells everybody that something changed.
 void hg_page_sources_changed(struct hg_page_sources *sources, bool pages_appeared);

@@ -8,7 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "renderer/texture/page_image.h"
+#include "renderer/texture/page_preview.h"
 
 #define STREAM_BYTES ((size_t)8 << 20) // of rows read at once
 #define MEMORY_TRIES 20
@@ -135,6 +135,18 @@ static enum task choose_urgent(struct hg_page_sources *s, struct hg_page_image *
 
 // --- loading -------------------------------------------------------------------------------------
 
+enum hg_status hg_page_chain_mips(
+    const struct hg_page_image *image, const struct hg_image *pixels, struct hg_mips *out)
+{
+    static const enum hg_texture_use uses[] = {[HG_MIP_PLAIN] = HG_TEXTURE_DATA,
+        [HG_MIP_WEIGHTED] = HG_TEXTURE_BLEND,
+        [HG_MIP_NORMAL] = HG_TEXTURE_NORMAL};
+    const struct hg_mips_params params = {.srgb = image->chain.srgb,
+        .half = image->pool == HG_POOL_FLOAT,
+        .use = uses[image->chain.filter]};
+    return hg_mips_build(pixels, &params, out);
+}
+
 static enum hg_status decode(struct hg_page_sources *s, struct hg_page_image *image,
     const struct hg_image_source *origin, struct hg_page_backing *b, struct hg_error *err)
 {
@@ -144,13 +156,7 @@ static enum hg_status decode(struct hg_page_sources *s, struct hg_page_image *im
         hg_source_decode(origin, &image->info, &s->params.limits, &view, &owned, err);
     if (status != HG_OK)
         return status;
-    static const enum hg_texture_use uses[] = {[HG_MIP_PLAIN] = HG_TEXTURE_DATA,
-        [HG_MIP_WEIGHTED] = HG_TEXTURE_BLEND,
-        [HG_MIP_NORMAL] = HG_TEXTURE_NORMAL};
-    const struct hg_mips_params params = {.srgb = image->chain.srgb,
-        .half = image->pool == HG_POOL_FLOAT,
-        .use = uses[image->chain.filter]};
-    status = hg_mips_build(view, &params, &b->mips);
+    status = hg_page_chain_mips(image, view, &b->mips);
     hg_image_finish(&owned);
     if (status == HG_OK && b->mips.texel_bytes == 4 && image->chain.filter == HG_MIP_WEIGHTED) {
         b->histograms = hg_calloc(1, sizeof *b->histograms);
@@ -445,7 +451,10 @@ static void stream(struct hg_page_sources *s, struct hg_page_image *image)
     count_bake(s, image, true);
     image->borrowed = image->members;
     const struct hg_image_source *origin = image->borrowed->origin;
+    const bool shown = image->wanted && !image->bake_wanted && image->preview.count == 0;
     pthread_mutex_unlock(&s->lock);
+    if (shown)
+        hg_page_preview_read(s, image, origin);
     struct hg_error err = {0};
     struct hg_source_rows *rows;
     struct hg_page_backing *pack = NULL;
@@ -464,6 +473,8 @@ static void stream(struct hg_page_sources *s, struct hg_page_image *image)
     } else {
         finish_bake(s, image, status, pack, &err);
     }
+    if (image->backing != NULL || image->failed)
+        hg_page_preview_drop(image);
 }
 
 static void refuse_image(struct hg_page_sources *s, struct hg_page_image *image)

@@ -11,6 +11,7 @@
 #include "base/clock.h"
 #include "base/refbuf.h"
 #include "renderer/texture/page_image.h"
+#include "renderer/texture/page_preview.h"
 #include "renderer/texture/page_ondemand.h"
 
 enum { DEFAULT_MEMORY = 512 << 20 };
@@ -340,6 +341,7 @@ void hg_page_source_close(struct hg_page_source *source)
     pthread_mutex_unlock(&s->lock);
     if (last) {
         hg_page_backing_unref(s, image->backing);
+        hg_page_preview_drop(image);
         hg_free(image);
     }
     hg_free(source->alpha);
@@ -497,6 +499,41 @@ enum hg_status hg_page_source_read(struct hg_page_source *source, uint32_t mip, 
     }
     hg_page_backing_unref(s, b);
     return status;
+}
+
+// --- previews ------------------------------------------------------------------------------------
+
+uint32_t hg_page_source_preview(struct hg_page_source *source, uint32_t *mip)
+{
+    struct hg_page_sources *s = source->sources;
+    const struct hg_page_image *image = source->image;
+    pthread_mutex_lock(&s->lock);
+    const uint32_t number = image->preview.count > 0 ? image->preview_number : 0;
+    pthread_mutex_unlock(&s->lock);
+    *mip = hg_page_preview_mip(&source->info.layout);
+    return number;
+}
+
+bool hg_page_source_preview_page(
+    struct hg_page_source *source, uint32_t mip, uint32_t x, uint32_t y, void *texels)
+{
+    struct hg_page_sources *s = source->sources;
+    const struct hg_page_image *image = source->image;
+    const uint32_t first = hg_page_preview_mip(&source->info.layout);
+    // The small image in its own layout: the same pages, `first` mips up.
+    struct hg_page_layout layout = hg_page_layout_of(
+        hg_mips_side(image->info.width, first), hg_mips_side(image->info.height, first));
+    const struct hg_page_view view = {.layout = &layout,
+        .wrap_s = source->wrap_s,
+        .wrap_t = source->wrap_t,
+        .texel_bytes = source->info.texel_bytes};
+    pthread_mutex_lock(&s->lock);
+    const bool there = image->preview.count > 0 && mip >= first &&
+                       hg_page_number(&layout, mip - first, x, y) != UINT32_MAX;
+    if (there)
+        hg_page_take(&view, &image->preview, mip - first, x, y, texels);
+    pthread_mutex_unlock(&s->lock);
+    return there;
 }
 
 // --- waiting -------------------------------------------------------------------------------------

@@ -98,6 +98,14 @@ enum hg_status hg_page_source_read(struct hg_page_source *source, uint32_t mip, 
 enum hg_status hg_page_source_wait(
     struct hg_page_source *source, struct hg_error *err) HG_MUST_CHECK;
 
+// While an image that is too large for memory is read for the first time: a coarse version of it,
+// made of some of its rows, to be shown in the meantime and never kept. Its pages are those of *mip
+// and up. Returns its number, which grows as more rows come, or 0: none (any more).
+uint32_t hg_page_source_preview(struct hg_page_source *source, uint32_t *mip);
+// As hg_page_source_read. False: there is no such page.
+bool hg_page_source_preview_page(
+    struct hg_page_source *source, uint32_t mip, uint32_t x, uint32_t y, void *texels);
+
 // What one bake did, for `helio bake`.
 struct hg_page_bake {
     uint64_t texels;     // of mip 0

@@ -25,7 +25,7 @@ static void pin_tail(struct hg_page_cache *c, const struct hg_page_set *set,
         hg_residency_pin(c->residency[set->pool], slot);
 }
 
-static void forget_page(struct hg_page_cache *c, uint64_t key)
+void hg_page_cache_forget(struct hg_page_cache *c, uint64_t key)
 {
     struct hg_page_set *set = key <= UINT32_MAX ? hg_page_table_set(c, (uint32_t)key) : NULL;
     struct page_place place;
@@ -52,7 +52,7 @@ static enum hg_status place_page(struct hg_page_cache *c, struct hg_page_set *se
         return HG_OK;
     }
     if (evicted != HG_RESIDENCY_NO_KEY)
-        forget_page(c, evicted);
+        hg_page_cache_forget(c, evicted);
     const enum hg_status status = hg_pool_write(&c->pools[set->pool], slot, read->texels, err);
     if (status != HG_OK) {
         hg_residency_remove(r, slot);
@@ -230,6 +230,8 @@ enum hg_status hg_page_cache_update(
     if (any)
         c->stats.upload_ns += hg_clock_now_ns() - start;
     start_reads(c, mode);
+    if (status == HG_OK)
+        status = hg_page_coarse_update(c, mode, err);
     return status == HG_OK ? upload_table(c, err) : status;
 }
 
@@ -307,7 +309,7 @@ static void ask(
         hg_residency_use(
             r, hg_pool_slot(&c->pools[set->pool], c->table[entry] & HG_PAGE_SLOT_MASK));
     const uint32_t tail = set->info->layout.tail;
-    const bool nothing = gap == HG_PAGE_NOTHING;
+    const bool nothing = gap == HG_PAGE_NOTHING || set->coarse_count > 0;
     gap = nothing ? tail - place.mip + 1 : gap;
     hg_residency_request(r, entry, weight * (float)gap);
     for (uint32_t up = 1; ancestors && up < gap; up++) {

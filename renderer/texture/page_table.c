@@ -55,13 +55,14 @@ bool hg_page_table_parent(
     const struct hg_page_set *set, const struct page_place *place, struct page_place *out)
 {
     const struct hg_page_layout *l = &set->info->layout;
-    const uint32_t mip = place->mip + 1;
-    if (place->mip >= l->tail)
+    const struct page_place child = *place; // `out` may be the same
+    const uint32_t mip = child.mip + 1;
+    if (child.mip >= l->tail)
         return false;
     *out = (struct page_place){.mip = mip};
     if (mip < l->tail) {
-        out->x = at_most(place->x >> 1, across(l->width, mip) - 1);
-        out->y = at_most(place->y >> 1, across(l->height, mip) - 1);
+        out->x = at_most(child.x >> 1, across(l->width, mip) - 1);
+        out->y = at_most(child.y >> 1, across(l->height, mip) - 1);
     }
     return true;
 }
@@ -80,6 +81,12 @@ static void touch(struct hg_page_cache *cache, uint32_t first, uint32_t end)
     }
     cache->dirty_first = first < cache->dirty_first ? first : cache->dirty_first;
     cache->dirty_end = end > cache->dirty_end ? end : cache->dirty_end;
+}
+
+void hg_page_table_set_entry(struct hg_page_cache *cache, uint32_t entry, uint32_t value)
+{
+    cache->table[entry] = value;
+    touch(cache, entry, entry + 1);
 }
 
 void hg_page_table_clear(struct hg_page_cache *cache, const struct hg_page_set *set)

@@ -48,6 +48,9 @@ uint64_t hg_source_rows_bytes(const struct hg_source_rows *rows); // memory it t
 // The next `count` rows from the top, tight.
 enum hg_status hg_source_rows_next(
     struct hg_source_rows *rows, uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
+// Passes over rows; `pixels` has room for one of them. Cheap where the file allows to find a row.
+enum hg_status hg_source_rows_skip(
+    struct hg_source_rows *rows, uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
 // After the last row: HG_E_HASH when a file was changed meanwhile.
 enum hg_status hg_source_rows_check(
     const struct hg_source_rows *rows, struct hg_error *err) HG_MUST_CHECK;

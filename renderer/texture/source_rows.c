@@ -79,6 +79,23 @@ enum hg_status hg_source_rows_next(
     return status;
 }
 
+enum hg_status hg_source_rows_skip(
+    struct hg_source_rows *r, uint32_t count, void *pixels, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (r->udim != NULL) {
+        for (uint32_t i = 0; i < count && status == HG_OK; i++)
+            status = hg_source_rows_next(r, 1, pixels, err);
+        return status;
+    }
+    if (count > r->info.height - r->y)
+        return hg_error_set(err, HG_E_INVAL, "image", NULL, "no more rows");
+    if (r->reader != NULL)
+        hg_image_reader_skip(r->reader, count);
+    r->y += count;
+    return status;
+}
+
 enum hg_status hg_source_rows_check(const struct hg_source_rows *r, struct hg_error *err)
 {
     if (r->udim != NULL)

@@ -233,6 +233,80 @@ static void test_budgets_do_not_show(void **state)
         hg_refbuf_unref(pictures[i]);
 }
 
+static double difference(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    const float *x = (const float *)(const void *)a->data;
+    const float *y = (const float *)(const void *)b->data;
+    double sum = 0;
+    for (size_t i = 0; i < VIEW_PX * VIEW_PX * 4; i++)
+        sum += fabs((double)(x[i] - y[i]));
+    return sum / (VIEW_PX * VIEW_PX * 4);
+}
+
+// An image that does not fit into memory is seen before its pages are baked: a coarse version,
+// which counts as missing. What settles is what a renderer with memory shows.
+static void test_large_images_show_a_preview(void **state)
+{
+    (void)state;
+    const uint32_t width = 8192, height = 4096;
+    char path[128];
+    struct hg_image large;
+    struct hg_environment_file file;
+    struct hg_refbuf *pictures[2], *first = NULL, *early = NULL;
+    uint32_t missing, frames = 0;
+    make_image(width, height, &large);
+    write_image(&large, "huge.png", path);
+    hg_image_finish(&large);
+    for (int with_memory = 0; with_memory < 2; with_memory++) {
+        char cache[128];
+        snprintf(cache, sizeof cache, "%s/cache%d", folder, with_memory);
+        const struct hg_renderer_params params = {.cache_dir = cache,
+            .host_budget_bytes = with_memory ? 4ull << 30 : 64ull << 20,
+            .threads = 2};
+        const struct hg_view_params view = {
+            .width = VIEW_PX, .height = VIEW_PX, .samples = 2, .tonemap = HG_TONEMAP_LINEAR};
+        struct rig rig = {0};
+        test_ok(hg_environment_file_read(path, NULL, &file, &rig.err), &rig.err);
+        hg_image_finish(&file.image);
+        assert_int_equal(hg_image_create(64, 32, HG_PIXEL_RGBA32F, NULL, &file.image), HG_OK);
+        assert_int_equal(hg_scene_create(&rig.scene), HG_OK);
+        hg_environment_file_use(&file, &rig.scene->environment);
+        hg_scene_publish(rig.scene);
+        test_ok(hg_renderer_create(&params, &rig.renderer, &rig.err), &rig.err);
+        rig_view(&rig, &view);
+        struct hg_page_sources_stats stats = {0};
+        for (int i = 0; !with_memory && stats.packs_baked == 0; i++) {
+            look(&rig, 0.5f + 0.0001f * (float)(i % 2), 0.3f, 1);
+            const struct hg_frame_info info = rig_step(&rig, 1);
+            struct hg_refbuf *picture = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+            hg_page_sources_stats(hg_page_cache_sources(rig.renderer->context.pages), &stats);
+            if (stats.packs_baked == 0) {
+                assert_true(info.missing_pages > 0);
+                hg_refbuf_unref(early);
+                early = picture;
+                frames++;
+            } else {
+                hg_refbuf_unref(picture);
+            }
+            if (first == NULL && early != NULL)
+                first = hg_refbuf_ref(early);
+        }
+        look(&rig, 0.5f, 0.3f, 1);
+        pictures[with_memory] = settle(&rig, &missing);
+        rig_close(&rig);
+    }
+    rig_assert_same(pictures[0], pictures[1]);
+    assert_non_null(early);
+    const double before = difference(first, pictures[0]), after = difference(early, pictures[0]);
+    print_message("%u frames before the pack: difference %.3f, with the preview %.3f\n", frames,
+        before, after);
+    assert_true(after < 0.5 * before);
+    hg_refbuf_unref(first);
+    hg_refbuf_unref(early);
+    for (int i = 0; i < 2; i++)
+        hg_refbuf_unref(pictures[i]);
+}
+
 static int setup(void **state)
 {
     (void)state;
@@ -256,6 +330,7 @@ int main(void)
         cmocka_unit_test(test_reading_stops),
         cmocka_unit_test(test_pages_match_an_image),
         cmocka_unit_test(test_budgets_do_not_show),
+        cmocka_unit_test(test_large_images_show_a_preview),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
