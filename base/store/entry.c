@@ -16,7 +16,11 @@
 struct hg_store_entry {
     struct hg_store *store;
     char *path;
-    int fd;
+    struct hg_store_entry *newer, *older; // of those whose files are open; the store's lock
+    uint32_t users;                       // who must not lose the file; the store's lock
+    int fd;                               // -1: closed until it is read
+    dev_t device;
+    ino_t inode;
     uint64_t bytes;
     uint32_t count;
     enum hg_store_purpose purpose;
@@ -37,6 +41,98 @@ static bool read_at(int fd, uint64_t offset, void *dst, size_t size)
     }
     return true;
 }
+
+// --- open files ----------------------------------------------------------------------------------
+
+static void unlink_open(struct hg_store_entry *e)
+{
+    struct hg_store *s = e->store;
+    *(e->newer != NULL ? &e->newer->older : &s->newest) = e->older;
+    *(e->older != NULL ? &e->older->newer : &s->oldest) = e->newer;
+    e->newer = e->older = NULL;
+    s->open--;
+}
+
+static void link_open(struct hg_store_entry *e)
+{
+    struct hg_store *s = e->store;
+    e->older = s->newest;
+    *(s->newest != NULL ? &s->newest->newer : &s->oldest) = e;
+    s->newest = e;
+    s->open++;
+}
+
+// Closes files that nobody reads, those used longest ago first, until `most` are open.
+static void close_oldest(struct hg_store *s, uint32_t most)
+{
+    struct hg_store_entry *next;
+    for (struct hg_store_entry *e = s->oldest; e != NULL && s->open > most; e = next) {
+        next = e->newer;
+        if (e->users > 0)
+            continue;
+        unlink_open(e);
+        close(e->fd);
+        e->fd = -1;
+    }
+}
+
+// The lock is held. Where no descriptor is left, idle ones are given up. HG_E_NOTFOUND, HG_E_NOMEM.
+static enum hg_status open_file(struct hg_store_entry *e)
+{
+    for (int again = 0; again < 2; again++) {
+        e->fd = open(e->path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+        if (e->fd >= 0)
+            break;
+        if (errno != EMFILE && errno != ENFILE)
+            return HG_E_NOTFOUND;
+        close_oldest(e->store, e->store->open / 2);
+    }
+    if (e->fd < 0)
+        return HG_E_NOMEM;
+    if (e->purpose != HG_STORE_LOOK)
+        flock(e->fd, LOCK_SH | LOCK_NB); // keeps evictors away; else eviction frees only the name
+    link_open(e);
+    return HG_OK;
+}
+
+// Until the matching release the file stays open. HG_E_HASH: it is no longer that file.
+static enum hg_status acquire(struct hg_store_entry *e)
+{
+    struct hg_store *s = e->store;
+    enum hg_status status = HG_OK;
+    struct stat st;
+    pthread_mutex_lock(&s->lock);
+    if (e->fd >= 0) {
+        unlink_open(e);
+        link_open(e);
+    } else {
+        status = open_file(e);
+        s->stats.files_reopened += status == HG_OK;
+        if (status == HG_E_NOTFOUND)
+            status = HG_E_HASH;
+        if (status == HG_OK && (fstat(e->fd, &st) != 0 || st.st_dev != e->device ||
+                                   st.st_ino != e->inode || (uint64_t)st.st_size != e->bytes)) {
+            unlink_open(e);
+            close(e->fd);
+            e->fd = -1;
+            status = HG_E_HASH;
+        }
+    }
+    e->users += status == HG_OK;
+    close_oldest(s, s->open_most);
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+static void release(struct hg_store_entry *e)
+{
+    pthread_mutex_lock(&e->store->lock);
+    e->users--;
+    close_oldest(e->store, e->store->open_most);
+    pthread_mutex_unlock(&e->store->lock);
+}
+
+// --- tables --------------------------------------------------------------------------------------
 
 // Rows of the table that lie where blocks lie.
 static bool parse_rows(struct hg_store_entry *e, const uint8_t *table, uint64_t table_offset)
@@ -62,6 +158,8 @@ static enum hg_status load_table(struct hg_store_entry *e, const struct hg_store
     if (fstat(e->fd, &st) != 0 || st.st_size < HG_STORE_HEAD + HG_STORE_TAIL)
         return HG_E_HASH;
     e->bytes = (uint64_t)st.st_size;
+    e->device = st.st_dev;
+    e->inode = st.st_ino;
     hg_store_make_head(key, expected);
     if (!read_at(e->fd, 0, head, sizeof head) || memcmp(head, expected, sizeof head) != 0 ||
         !read_at(e->fd, e->bytes - HG_STORE_TAIL, tail, sizeof tail))
@@ -108,8 +206,12 @@ void hg_store_entry_close(struct hg_store_entry *entry)
 {
     if (entry == NULL)
         return;
-    if (entry->fd >= 0)
+    pthread_mutex_lock(&entry->store->lock);
+    if (entry->fd >= 0) {
+        unlink_open(entry);
         close(entry->fd);
+    }
+    pthread_mutex_unlock(&entry->store->lock);
     hg_free(entry->blocks);
     hg_free(entry->path);
     hg_free(entry);
@@ -117,16 +219,18 @@ void hg_store_entry_close(struct hg_store_entry *entry)
 
 static enum hg_status open_entry(struct hg_store_entry *e, const struct hg_store_key *key)
 {
-    e->fd = open(e->path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-    if (e->fd < 0)
-        return HG_E_NOTFOUND;
-    if (e->purpose != HG_STORE_LOOK)
-        flock(e->fd, LOCK_SH | LOCK_NB); // keeps evictors away; else eviction frees only the name
-    const enum hg_status status = load_table(e, key);
+    pthread_mutex_lock(&e->store->lock);
+    enum hg_status status = open_file(e);
+    e->users += status == HG_OK;
+    pthread_mutex_unlock(&e->store->lock);
+    if (status != HG_OK)
+        return status;
+    status = load_table(e, key);
     if (status == HG_E_HASH)
         drop_damaged(e);
     if (status == HG_OK && e->purpose == HG_STORE_USE)
         futimens(e->fd, NULL); // last use; not possible in a read-only folder, which has no limit
+    release(e);
     return status;
 }
 
@@ -195,12 +299,20 @@ enum hg_status hg_store_entry_read(
             hg_store_entry_size(entry, block));
     }
     const struct hg_store_block *b = &entry->blocks[block];
-    if (read_at(entry->fd, b->offset, dst, size) &&
-        hg_store_checksum(dst, size, block) == b->checksum) {
+    const enum hg_status opened = acquire(entry);
+    const bool good = opened == HG_OK && read_at(entry->fd, b->offset, dst, size) &&
+                      hg_store_checksum(dst, size, block) == b->checksum;
+    if (!good)
+        memset(dst, 0, size);
+    if (!good && opened == HG_OK)
+        drop_damaged(entry);
+    if (opened == HG_OK)
+        release(entry);
+    if (good)
         hg_store_count(entry->store, &entry->store->stats.bytes_read, size);
-        return HG_OK;
-    }
-    memset(dst, 0, size);
-    drop_damaged(entry);
-    return hg_error_set(err, HG_E_HASH, entry->path, NULL, "block %u is damaged", block);
+    if (opened == HG_E_NOMEM)
+        return hg_error_set(err, HG_E_NOMEM, entry->path, NULL, "no file descriptor is left");
+    return good ? HG_OK
+                : hg_error_set(err, HG_E_HASH, entry->path, NULL,
+                      opened == HG_OK ? "block %u is damaged" : "block %u is gone", block);
 }

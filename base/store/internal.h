@@ -32,6 +32,8 @@ struct hg_store {
     uint64_t limit_bytes;
     pthread_mutex_t lock; // of what follows
     struct hg_store_stats stats;
+    struct hg_store_entry *newest, *oldest; // whose files are open, by their last use
+    uint32_t open, open_most;               // files; more only while more are read at once
 };
 
 struct hg_store_block {

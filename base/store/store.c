@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -75,6 +76,14 @@ bool hg_store_is_same_file(const char *path, int fd)
 
 // --- open and close ------------------------------------------------------------------------------
 
+static uint32_t most_files(void)
+{
+    struct rlimit files;
+    if (getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur > 4096)
+        return 1024;
+    return files.rlim_cur < 32 ? 8 : (uint32_t)files.rlim_cur / 4;
+}
+
 enum hg_status hg_store_open(
     const struct hg_store_params *params, struct hg_store **out, struct hg_error *err)
 {
@@ -93,6 +102,7 @@ enum hg_status hg_store_open(
     store->dir = dir;
     store->limit_bytes = params->limit_bytes;
     store->stats.limit_bytes = params->limit_bytes;
+    store->open_most = most_files();
     pthread_mutex_init(&store->lock, NULL);
     if (!hg_store_make_folder(dir))
         hg_warn(MAIN, "cache folder %s cannot be made: %s; nothing is kept", dir, strerror(errno));
@@ -114,6 +124,7 @@ void hg_store_stats(struct hg_store *store, struct hg_store_stats *out)
 {
     pthread_mutex_lock(&store->lock);
     *out = store->stats;
+    out->files_open = store->open;
     pthread_mutex_unlock(&store->lock);
 }
 

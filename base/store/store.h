@@ -37,6 +37,7 @@ struct hg_store_stats {
     uint64_t limit_bytes, bytes; // bytes: of all entries when the folder was last counted
     uint64_t found, absent, written, damaged, evicted; // entries, since hg_store_open
     uint64_t bytes_read, bytes_written;
+    uint64_t files_open, files_reopened; // of entries: now; since hg_store_open
 };
 
 // A folder that cannot be made or written is no error: entries are absent then and writers fail.
@@ -58,7 +59,9 @@ enum hg_status hg_store_find(struct hg_store *store, const struct hg_store_key *
 // Whether there is a file for the key, without looking into it.
 bool hg_store_has(struct hg_store *store, const struct hg_store_key *key);
 
-// An entry may be read by many threads at once.
+// An entry may be read by many threads at once. Its file is open while it was used lately: a
+// quarter of the descriptors that the process may have (8 to 1024) are kept, the others are opened
+// again when they are read. What was evicted or exchanged meanwhile is damaged.
 void hg_store_entry_close(struct hg_store_entry *entry); // accepts NULL
 uint32_t hg_store_entry_blocks(const struct hg_store_entry *entry);
 // Bytes of a block, 0 for one that was never written or lies beyond the last.
@@ -66,7 +69,8 @@ uint32_t hg_store_entry_size(const struct hg_store_entry *entry, uint32_t block)
 uint64_t hg_store_entry_bytes(const struct hg_store_entry *entry); // of the file
 // Reads a block whole and checks it; `size` must be its size. Nothing is mapped: files may shrink
 // under a mapping, and mapped pages would count against nobody's budget.
-// HG_E_HASH (damaged: the entry is deleted, close it and make it anew), HG_E_INVAL (size).
+// HG_E_HASH (damaged: the entry is deleted, close it and make it anew), HG_E_INVAL (size),
+// HG_E_NOMEM (for want of descriptors: try again).
 enum hg_status hg_store_entry_read(struct hg_store_entry *entry, uint32_t block, void *dst,
     size_t size, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,6 +1,7 @@
 // store.c - the cache on disk: round trips, every kind of damage, limits, folders that go away.
 #include <dirent.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -482,6 +483,78 @@ static void test_kill(void **state)
 }
 
 // The folder from outside: what lies there, while somebody has an entry open.
+struct reading {
+    struct hg_store_entry **entries;
+    uint32_t count, first;
+    bool good;
+};
+
+static void *read_all(void *user)
+{
+    struct reading *r = user;
+    uint8_t data[4096], expected[4096];
+    r->good = true;
+    for (uint32_t i = 0; i < 4 * r->count; i++) {
+        const uint32_t n = (r->first + i * 37) % r->count;
+        fill_block(expected, n, 0);
+        r->good &= hg_store_entry_read(r->entries[n], 0, data, block_size(n, 0), NULL) == HG_OK &&
+                   memcmp(data, expected, block_size(n, 0)) == 0;
+    }
+    return NULL;
+}
+
+// Many more entries than the process may have descriptors, read by four threads in any order.
+static void test_few_descriptors(void **state)
+{
+    (void)state;
+    enum { COUNT = 300, LIMIT = 48, THREADS = 4 };
+    struct hg_store_entry *entries[COUNT];
+    struct rlimit before, few;
+    uint8_t data[4096];
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &before), 0);
+    few = before;
+    few.rlim_cur = LIMIT;
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &few), 0);
+    struct hg_store *store = open_store(0);
+    for (uint32_t n = 0; n < COUNT; n++) {
+        struct hg_store_writer *w;
+        const struct hg_store_key key = key_of(n);
+        fill_block(data, n, 0);
+        assert_int_equal(hg_store_begin(store, &key, &w, NULL), HG_OK);
+        assert_int_equal(hg_store_write(w, 0, data, block_size(n, 0), NULL), HG_OK);
+        assert_int_equal(hg_store_commit(w, NULL), HG_OK);
+        assert_int_equal(hg_store_find(store, &key, &entries[n], NULL), HG_OK);
+    }
+    struct reading readings[THREADS];
+    pthread_t threads[THREADS];
+    for (uint32_t i = 0; i < THREADS; i++) {
+        readings[i] = (struct reading){entries, COUNT, i * 71, false};
+        assert_int_equal(pthread_create(&threads[i], NULL, read_all, &readings[i]), 0);
+    }
+    for (uint32_t i = 0; i < THREADS; i++) {
+        pthread_join(threads[i], NULL);
+        assert_true(readings[i].good);
+    }
+    struct hg_store_stats stats;
+    hg_store_stats(store, &stats);
+    assert_true(stats.files_open <= LIMIT / 4);
+    assert_true(stats.files_reopened > COUNT);
+    assert_int_equal(stats.damaged, 0);
+    // Gone while it was closed: damaged for its reader, and absent afterwards.
+    char dir[96], command[160];
+    snprintf(dir, sizeof dir, "%s/a/store", folder);
+    snprintf(command, sizeof command, "rm -f '%s'/*.hgs", dir);
+    assert_int_equal(system(command), 0);
+    uint32_t gone = 0;
+    for (uint32_t n = 0; n < COUNT; n++)
+        gone += hg_store_entry_read(entries[n], 0, data, block_size(n, 0), NULL) == HG_E_HASH;
+    assert_true(gone >= COUNT - LIMIT / 4 && gone < COUNT);
+    for (uint32_t n = 0; n < COUNT; n++)
+        hg_store_entry_close(entries[n]);
+    hg_store_close(store);
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &before), 0);
+}
+
 static void test_list(void **state)
 {
     (void)state;
@@ -566,6 +639,6 @@ int main(void)
         TEST(test_writer_rules), TEST(test_damage), TEST(test_damage_while_open),
         TEST(test_wrong_name), TEST(test_eviction), TEST(test_folder_goes_away),
         TEST(test_no_folder), TEST(test_full_disk), TEST(test_no_memory), TEST(test_processes),
-        TEST(test_kill), TEST(test_list), TEST(test_verify)};
+        TEST(test_kill), TEST(test_few_descriptors), TEST(test_list), TEST(test_verify)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
