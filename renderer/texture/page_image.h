@@ -10,6 +10,7 @@
 #include "renderer/texture/page_pack.h"
 #include "renderer/texture/page_source.h"
 #include "renderer/texture/source.h"
+#include "renderer/texture/tile_cache.h"
 
 #define HG_PAGE_LOAD_THREADS 16
 
@@ -81,6 +82,7 @@ struct hg_page_sources {
     size_t scratch_capacity, scratch_count;
     uint64_t revision, memory_bytes;
     struct hg_page_sources_stats stats;
+    struct hg_tile_cache *tiles;
     struct hg_jobs *jobs; // compresses pages of large images; NULL with one thread
     atomic_bool stop;
     bool warned;

@@ -26,6 +26,8 @@ void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
     }
     hg_mips_finish(&b->mips);
     hg_page_pack_finish(&b->pack);
+    if (b->file != NULL)
+        hg_tile_cache_forget(s->tiles, b->file);
     hg_image_reader_close(b->file);
     hg_free(b->histograms);
     hg_free(b);
@@ -174,6 +176,9 @@ static void note_memory(struct hg_page_sources *s, uint64_t more, uint64_t less)
     s->memory_bytes += more;
     if (s->memory_bytes > s->stats.memory_peak_bytes)
         s->stats.memory_peak_bytes = s->memory_bytes;
+    // Tiles have what images leave.
+    const uint64_t most = s->params.memory_bytes;
+    hg_tile_cache_trim(s->tiles, most > s->memory_bytes ? most - s->memory_bytes : 0);
     s->memory_bytes -= less;
 }
 

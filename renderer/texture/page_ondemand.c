@@ -9,6 +9,7 @@ enum { SIDE = HG_PAGE_PITCH };
 
 // What one page needs.
 struct make {
+    struct hg_tile_cache *tiles;
     const struct hg_page_backing *backing;
     const struct hg_page_chain *chain;
     const struct hg_page_view *view;
@@ -33,8 +34,8 @@ static enum hg_status make_pixels(
                    : hg_error_set(m->err, HG_E_IO, "tiles", NULL, "mip %u cannot be made", mip);
     uint64_t bytes;
     const uint32_t at[2] = {x.first, y.first}, size[2] = {x.length, y.length};
-    const enum hg_status status = hg_image_reader_rect(
-        m->backing->file, mip, at, size, m->backing->format, pixels, &bytes, m->err);
+    const enum hg_status status = hg_tile_cache_rect(
+        m->tiles, m->backing->file, mip, at, size, m->backing->format, pixels, &bytes, m->err);
     m->bytes += bytes;
     if (status == HG_OK && !hg_image_reader_is_unchanged(m->backing->file))
         return hg_error_set(m->err, HG_E_HASH, "image", NULL, "the file was changed");
@@ -115,11 +116,12 @@ static enum hg_status make_tail(struct make *m, void *dst)
     return HG_OK;
 }
 
-enum hg_status hg_page_make(const struct hg_page_backing *backing,
+enum hg_status hg_page_make(struct hg_tile_cache *tiles, const struct hg_page_backing *backing,
     const struct hg_page_chain *chain, const struct hg_page_view *view, uint32_t mip,
     const uint32_t at[2], void *texels, uint64_t *bytes, struct hg_error *err)
 {
-    struct make m = {.backing = backing, .chain = chain, .view = view, .mip = mip, .err = err};
+    struct make m = {
+        .tiles = tiles, .backing = backing, .chain = chain, .view = view, .mip = mip, .err = err};
     m.pixels = hg_calloc((size_t)SIDE * SIDE, 16);
     m.texels = hg_calloc((size_t)4 * SIDE * SIDE, chain->texel_bytes);
     enum hg_status status;

@@ -16,6 +16,8 @@
 
 enum { DEFAULT_MEMORY = 512 << 20 };
 
+#define TILE_SHARE 8 // of memory_bytes, for tiles of files that are read in place
+
 static enum hg_status no_memory(struct hg_error *err)
 {
     return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
@@ -49,6 +51,10 @@ enum hg_status hg_page_sources_create(
         return no_memory(err);
     s->params = params != NULL ? *params : (struct hg_page_sources_params){0};
     complete_params(&s->params);
+    if (hg_tile_cache_create(s->params.memory_bytes / TILE_SHARE, &s->tiles) != HG_OK) {
+        hg_free(s);
+        return no_memory(err);
+    }
     pthread_mutex_init(&s->lock, NULL);
     pthread_cond_init(&s->work, NULL);
     pthread_cond_init(&s->rush, NULL);
@@ -82,6 +88,7 @@ void hg_page_sources_destroy(struct hg_page_sources *s)
     for (unsigned i = 0; i < s->thread_count; i++)
         pthread_join(s->threads[i], NULL);
     hg_jobs_destroy(s->jobs);
+    hg_tile_cache_destroy(s->tiles);
     for (size_t i = 0; i < s->scratch_count; i++)
         hg_page_scratch_destroy(s->scratches[i]);
     hg_free(s->scratches);
@@ -101,8 +108,13 @@ void hg_page_sources_changed(struct hg_page_sources *s, bool pages_appeared)
 void hg_page_sources_stats(struct hg_page_sources *s, struct hg_page_sources_stats *out)
 {
     pthread_mutex_lock(&s->lock);
+    struct hg_tile_cache_stats tiles;
+    hg_tile_cache_stats(s->tiles, &tiles);
     *out = s->stats;
     out->memory_bytes = s->memory_bytes;
+    out->tile_bytes = tiles.bytes;
+    out->tiles_found = tiles.tiles_found;
+    out->tiles_decoded = tiles.tiles_decoded;
     for (const struct hg_page_image *i = s->images; i != NULL; i = i->next) {
         out->loading += i->wanted && i->backing == NULL && !i->failed;
         out->baking += i->busy && i->backing != NULL;
@@ -469,7 +481,8 @@ static enum hg_status read_backing(struct hg_page_source *source, struct hg_page
     if (b->kind == HG_PAGES_IN_PACK)
         status = hg_page_pack_read(&b->pack, &view, scratch, mip, at[0], at[1], texels, bytes, err);
     else
-        status = hg_page_make(b, &source->image->chain, &view, mip, at, texels, bytes, err);
+        status = hg_page_make(
+            source->sources->tiles, b, &source->image->chain, &view, mip, at, texels, bytes, err);
     give_scratch(source->sources, scratch);
     return status;
 }

@@ -40,6 +40,9 @@ struct hg_page_sources_stats {
                                                   // of those that wait in memory for theirs
     uint64_t pages_read, bytes_read; // pages handed out; bytes of packs and files for them
     uint64_t read_ns;                // summed over threads
+    // Of files read in place: decoded tiles that are kept (an eighth of memory_bytes at most, and
+    // no more than images leave of it), and how often they were there.
+    uint64_t tile_bytes, tiles_found, tiles_decoded;
     uint64_t pages_baked, packs_baked, packs_found, pack_bytes, bake_ns;
 };
 

@@ -15,6 +15,7 @@
 #include "base/refbuf.h"
 #include "renderer/texture/page_codec.h"
 #include "renderer/texture/page_source.h"
+#include "renderer/texture/tile_cache.h"
 #include "tests/support/folder.h"
 #include "tests/unit/image_files.h"
 
@@ -349,6 +350,59 @@ static void test_streamed_files(void **state)
     }
 }
 
+static uint64_t count_tiles(uint32_t width, uint32_t height, uint32_t tile, uint32_t mips)
+{
+    uint64_t count = 0;
+    for (uint32_t m = 0; m < mips; m++)
+        count += (uint64_t)((hg_mips_side(width, m) + tile - 1) / tile) *
+                 ((hg_mips_side(height, m) + tile - 1) / tile);
+    return count;
+}
+
+// A small cache of tiles keeps to its limit, and what it returns is what the file has.
+static void test_few_tiles(void **state)
+{
+    (void)state;
+    const uint32_t w = 500, h = 300, tile = 32;
+    struct hg_image image = make_image(w, h, HG_PIXEL_RGBA8);
+    struct reference own = make_reference(&image, false, false, HG_TEXTURE_DATA, 0);
+    char *path = path_of("few.tif");
+    assert_true(write_tiled_file(
+        path, w, h, tile, own.mips.count, (const uint8_t *const *)own.mips.levels, false));
+    struct hg_image_reader *reader;
+    struct hg_tile_cache *cache;
+    const uint64_t limit = 10 * (tile * tile * 4 + 100);
+    assert_int_equal(hg_image_reader_open(path, 4096, &reader, NULL), HG_OK);
+    assert_int_equal(hg_tile_cache_create(limit, &cache), HG_OK);
+    static uint8_t got[132 * 132 * 4], expected[132 * 132 * 4];
+    uint32_t n = 1;
+    for (int i = 0; i < 300; i++) {
+        n = n * 1664525u + 1013904223u;
+        const uint32_t mip = n >> 28 & 1, size[2] = {1 + (n >> 8) % 132, 1 + (n >> 16) % 132};
+        const uint32_t at[2] = {(n >> 4) % (hg_mips_side(w, mip) - size[0] + 1),
+            (n >> 12) % (hg_mips_side(h, mip) - size[1] + 1)};
+        uint64_t bytes, direct;
+        assert_int_equal(
+            hg_tile_cache_rect(cache, reader, mip, at, size, HG_PIXEL_RGBA8, got, &bytes, NULL),
+            HG_OK);
+        assert_int_equal(
+            hg_image_reader_rect(reader, mip, at, size, HG_PIXEL_RGBA8, expected, &direct, NULL),
+            HG_OK);
+        assert_memory_equal(got, expected, (size_t)size[0] * size[1] * 4);
+        assert_true(bytes <= direct);
+    }
+    struct hg_tile_cache_stats stats;
+    hg_tile_cache_stats(cache, &stats);
+    assert_true(stats.peak_bytes <= limit && stats.tiles_found > 0);
+    hg_tile_cache_trim(cache, 0);
+    hg_tile_cache_stats(cache, &stats);
+    assert_int_equal(stats.bytes, 0);
+    hg_tile_cache_destroy(cache);
+    hg_image_reader_close(reader);
+    hg_mips_finish(&own.mips);
+    hg_image_finish(&image);
+}
+
 // A tiled file's own mips are what is shown; for uses that need other mips they are made.
 static void test_tiled_files(void **state)
 {
@@ -395,7 +449,14 @@ static void test_tiled_files(void **state)
         } else {
             check_pages(source, &own, HG_WRAP_REPEAT, HG_WRAP_CLAMP);
         }
+        struct hg_page_sources_stats st;
+        hg_page_sources_stats(s, &st);
+        assert_int_equal(st.tiles_decoded, count_tiles(w, h, sizes[i / 2][2], own.mips.count));
+        assert_true(st.tiles_found > 0 || w <= HG_PAGE_TEXELS); // one page has no neighbours
+        assert_true(st.tile_bytes > 0);
         hg_page_source_close(source);
+        hg_page_sources_stats(s, &st);
+        assert_int_equal(st.tile_bytes, 0); // with their file
         source = open_path(s, &origin, path, HG_TEXTURE_NORMAL);
         if (!exr) {
             struct reference r = make_reference(&image, false, false, HG_TEXTURE_NORMAL, 0);
@@ -457,7 +518,7 @@ int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_codec), TEST(test_ways),
-        TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files), TEST(test_tiled_files),
-        TEST(test_udim)};
+        TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files), TEST(test_few_tiles),
+        TEST(test_tiled_files), TEST(test_udim)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
