@@ -158,7 +158,7 @@ static void test(const struct hg_sieve *s, struct block *restrict b)
 }
 
 uint32_t hg_sieve_list(const struct hg_sieve *s, const float *positions, const uint32_t *indices,
-    uint32_t count, uint32_t *out)
+    uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id)
 {
     struct block b;
     uint32_t kept = 0;
@@ -172,6 +172,8 @@ uint32_t hg_sieve_list(const struct hg_sieve *s, const float *positions, const u
         test(s, &b);
         for (uint32_t i = 0; i < n; i++) {
             memcpy(out + (size_t)kept * 3, from + (size_t)i * 3, 12);
+            if (ids != NULL)
+                ids[kept] = first_id + first + i;
             kept += !b.drop[i];
         }
     }

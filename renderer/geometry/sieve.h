@@ -30,6 +30,6 @@ void hg_sieve_open(const struct hg_visible_view *view, const struct hg_mat4x3 *w
 // of them. positions: [vertices * 3]. Returns how many there are. Cost: 10 ns for each of
 // `indices`.
 uint32_t hg_sieve_list(const struct hg_sieve *sieve, const float *positions,
-    const uint32_t *indices, uint32_t count, uint32_t *out);
+    const uint32_t *indices, uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id);
 
 #endif

@@ -12,7 +12,6 @@
 // Triangles. The test takes 3.5 ms at 1280x720 on two cores, a hidden triangle saves 0.2 us, and a
 // walk through Sponza hides 4 of 100: it pays from 400 thousand.
 #define OCCLUSION_FROM 400000u
-#define SIEVE_FROM     64 // triangles of a part
 #define ERROR_STEP     1.25f
 #define MOST_ERROR_PX  1e6f
 #define CALM           6 // frames that fit before the error is lowered
@@ -37,7 +36,7 @@ struct hg_visible {
     size_t command_capacity;
     uint32_t command_count;
 
-    struct hg_gpu_buffer indices, ids, candidate_buffer, command_buffer, flags;
+    struct hg_gpu_buffer indices, ids, vertices, candidate_buffer, command_buffer, flags;
     struct hg_gpu_buffer depth, blocks, seen;
 
     uint64_t layout; // of the draws that the history is of
@@ -52,8 +51,8 @@ struct hg_visible {
 
 #define BUFFERS(v)                                                                                 \
     {                                                                                              \
-        &(v)->indices, &(v)->ids, &(v)->candidate_buffer, &(v)->command_buffer, &(v)->flags,       \
-            &(v)->depth, &(v)->blocks, &(v)->seen                                                  \
+        &(v)->indices, &(v)->ids, &(v)->vertices, &(v)->candidate_buffer, &(v)->command_buffer,    \
+            &(v)->flags, &(v)->depth, &(v)->blocks, &(v)->seen                                     \
     }
 
 enum hg_status hg_visible_create(struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err)
@@ -187,6 +186,7 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
         .chunk = HG_LOD_NONE,
         .first_primitive = HG_CLUSTER_NONE,
         .command = HG_CLUSTER_NONE,
+        .list = HG_LISTED_NONE,
         .numbered = numbered && !d->deformed && d->part->numbered_indices != NULL};
     if (!item.numbered)
         return item;
@@ -208,34 +208,6 @@ static enum hg_status push_item(struct hg_visible *v, const struct hg_visible_it
 static uint32_t corners_of(uint32_t flags)
 {
     return flags & HG_DRAW_POINTS ? 1 : flags & HG_DRAW_LINES ? 2 : 3;
-}
-
-// Positions of the numbered list, on devices whose memory is that of the host.
-static const float *positions_of(const struct hg_part_entry *part)
-{
-    return (const float *)(const void *)((const uint8_t *)part->buffer.mapped +
-                                         part->numbered_positions_at);
-}
-
-// Whether triangles of a draw are told one by one.
-static bool is_sieved(const struct adding *a, uint32_t draw)
-{
-    const struct hg_draw_entry *d = &a->g->draws[draw];
-    return a->view->lens != NULL && a->set->numbered && !d->deformed &&
-           d->part->numbered_indices != NULL && d->part->buffer.mapped != NULL &&
-           d->part->primitive_count >= SIEVE_FROM;
-}
-
-static enum hg_status open_sieve(
-    struct hg_visible *v, const struct adding *a, uint32_t draw, uint32_t *index)
-{
-    const struct hg_draw_entry *d = &a->g->draws[draw];
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)a->g->instance_table.shadow;
-    struct hg_sieve sieve;
-    hg_sieve_open(
-        a->view, &instances[d->gpu.instance].world, &d->part->bounds, d->gpu.flags, &sieve);
-    return hg_listing_add_sieve(&v->listing, &sieve, index);
 }
 
 // The whole part, joined with the item before where that is the same part.
@@ -266,48 +238,55 @@ static const uint32_t *indices_of(const struct hg_visible_item *item, const stru
     return item->numbered ? p->numbered_indices : p->indices;
 }
 
-static enum hg_status add_copy(struct hg_visible *v, const struct hg_geometry *g,
-    const struct hg_run *run, const struct hg_visible_item *item, uint32_t sieve)
+static enum hg_status fill_list(struct hg_visible *v, const struct adding *a,
+    const struct hg_run *runs, uint32_t count, struct hg_visible_item *item)
 {
-    const struct hg_part_entry *part = g->draws[run->draw].part;
-    const struct hg_listed listed = {.indices = indices_of(item, part),
-        .first = run->first,
-        .count = run->count,
-        .corners = corners_of(item->flags),
-        .ids = item->numbered ? HG_CLUSTER_NONE : 0,
-        .base = run->chunk != HG_LOD_NONE ? run->chunk << HG_LOD_SHIFT : 0,
-        .sieve = sieve,
-        .positions = sieve != HG_LISTED_ALL ? positions_of(part) : NULL};
-    return hg_listing_add(&v->listing, &listed);
+    const struct hg_part_entry *part = a->g->draws[item->first_draw].part;
+    struct hg_list list;
+    hg_list_open(a->g, a->view, item, &list);
+    enum hg_status status = hg_listing_begin(&v->listing, &list, &item->list);
+    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
+        const struct hg_listed_run run = {.indices = indices_of(item, part),
+            .first = runs[i].first,
+            .count = runs[i].count,
+            .base = item->chunk != HG_LOD_NONE ? item->chunk << HG_LOD_SHIFT : 0};
+        status = hg_listing_add(&v->listing, &run);
+    }
+    if (status == HG_OK)
+        hg_listing_end(&v->listing);
+    return status;
 }
 
 // Runs of one draw and chunk as one item of its own list of indices.
 static enum hg_status add_listed(
     struct hg_visible *v, const struct adding *a, const struct hg_run *runs, uint32_t count)
 {
-    const struct hg_geometry *g = a->g;
-    struct hg_visible_item item = item_of(g, runs[0].draw, a->set->numbered);
-    item.first_primitive = item.numbered ? HG_CLUSTER_NONE : v->listing.id_count;
+    struct hg_visible_item item = item_of(a->g, runs[0].draw, a->set->numbered);
     item.index_offset = v->listing.index_count * 4;
-    item.first_copy = v->listing.count;
-    item.copy_count = item.list_count = count;
     item.chunk = runs[0].chunk;
     if (item.chunk != HG_LOD_NONE) {
         const struct hg_gpu_part *part =
-            &g->draws[runs[0].draw].part->clusters->chunks[item.chunk].part;
+            &a->g->draws[runs[0].draw].part->clusters->chunks[item.chunk].part;
         item.positions = part->positions;
         item.vertices = part->vertices;
         item.extra = part->extra;
     }
-    item.sieved = is_sieved(a, runs[0].draw);
-    uint32_t sieve = HG_LISTED_ALL;
-    enum hg_status status = item.sieved ? open_sieve(v, a, runs[0].draw, &sieve) : HG_OK;
-    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
+    for (uint32_t i = 0; i < count; i++)
         item.primitive_count += runs[i].count;
-        status = add_copy(v, g, &runs[i], &item, sieve);
-    }
     item.index_count = item.primitive_count * corners_of(item.flags);
-    return status == HG_OK ? push_item(v, &item) : status;
+    const enum hg_status status = fill_list(v, a, runs, count, &item);
+    if (status != HG_OK)
+        return status;
+    const struct hg_list *list = &v->listing.lists[item.list];
+    item.joins = item.chunk != HG_LOD_NONE;
+    item.listed = list->woven;
+    if (item.listed) {
+        item.numbered = true;
+        item.position_offset = list->first_vertex * sizeof(struct hg_listed_vertex);
+    } else if (!item.numbered) {
+        item.first_primitive = list->first_id;
+    }
+    return push_item(v, &item);
 }
 
 // Instances far away show the same clusters: they join the item before.
@@ -318,12 +297,13 @@ static bool joins(
         return false;
     const struct hg_visible_item *last = &v->items[v->item_count - 1];
     const struct hg_draw_entry *d = &a->g->draws[runs[0].draw];
-    if (last->index_buffer != VK_NULL_HANDLE || last->part != d->gpu.part ||
-        last->flags != d->gpu.flags || last->first_draw + last->draw_count != runs[0].draw ||
-        last->chunk != runs[0].chunk || last->copy_count != count)
+    if (!last->joins || last->part != d->gpu.part || last->flags != d->gpu.flags ||
+        last->first_draw + last->draw_count != runs[0].draw || last->chunk != runs[0].chunk ||
+        v->listing.lists[last->list].run_count != count)
         return false;
     for (uint32_t i = 0; i < count; i++) {
-        const struct hg_listed *c = &v->listing.items[last->first_copy + i];
+        const struct hg_listed_run *c =
+            &v->listing.runs[v->listing.lists[last->list].first_run + i];
         if (c->first != runs[i].first || c->count != runs[i].count)
             return false;
     }
@@ -346,7 +326,7 @@ static enum hg_status add_chunks(
         status = add_listed(v, a, &runs[i], n);
         // The last of several chunks of a draw is no start for others to join.
         if (status == HG_OK && n != count)
-            v->items[v->item_count - 1].copy_count = 0;
+            v->items[v->item_count - 1].joins = false;
     }
     return status;
 }
@@ -410,7 +390,8 @@ static enum hg_status add_draw(
         set->triangles += primitives;
     if (d->part->clusters != NULL)
         return add_chunks(v, a, runs, count);
-    return primitives == d->part->primitive_count && !is_sieved(a, runs[0].draw)
+    return primitives == d->part->primitive_count &&
+                   !hg_list_sieves_part(a->g, a->view, runs[0].draw)
                ? add_whole(v, a, runs[0].draw)
                : add_listed(v, a, runs, count);
 }
@@ -435,7 +416,7 @@ static enum hg_status add_late(struct hg_visible *v, const struct adding *a)
         if (status != HG_OK)
             break;
         struct hg_visible_item *item = &v->items[v->item_count - 1];
-        v->listing.items[item->first_copy].backwards = true;
+        v->listing.lists[item->list].backwards = true;
         item->command = v->command_count;
         item->candidate = v->candidate_count - 1;
         v->commands[v->command_count++] =
@@ -620,13 +601,12 @@ static enum hg_status reserve(
 }
 
 // What came through its sieve is what is drawn of an item. Returns how many triangles are not.
-static uint32_t pack_item(struct hg_visible *v, struct hg_visible_item *item)
+static uint32_t narrow_item(struct hg_visible *v, struct hg_visible_item *item)
 {
-    if (!item->sieved)
+    if (item->list == HG_LISTED_NONE || !v->listing.lists[item->list].sieved)
         return 0;
     const uint32_t before = item->primitive_count;
-    item->primitive_count =
-        hg_listing_pack(&v->listing, item->first_copy, item->list_count, v->indices.mapped);
+    item->primitive_count = v->listing.lists[item->list].kept;
     item->index_count = item->primitive_count * 3;
     if (item->command != HG_CLUSTER_NONE) {
         v->commands[item->command].index_count = item->index_count;
@@ -635,14 +615,14 @@ static uint32_t pack_item(struct hg_visible *v, struct hg_visible_item *item)
     return before - item->primitive_count;
 }
 
-static void pack_sets(struct hg_visible *v)
+static void narrow_sets(struct hg_visible *v)
 {
     for (uint32_t i = 0; i < v->set_count; i++) {
         struct hg_visible_set *set = &v->sets[i];
         for (uint32_t k = 0; k < set->item_count; k++)
-            set->triangles -= pack_item(v, &v->items[set->first_item + k]);
+            set->triangles -= narrow_item(v, &v->items[set->first_item + k]);
         for (uint32_t k = 0; k < set->late_count; k++)
-            set->late_triangles -= pack_item(v, &v->items[set->first_late + k]);
+            set->late_triangles -= narrow_item(v, &v->items[set->first_late + k]);
     }
 }
 
@@ -653,6 +633,8 @@ enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, str
     const struct need needs[] = {
         {&v->indices, HG_GPU_BUFFER_UPLOAD, v->listing.index_count * 4, "listed indices"},
         {&v->ids, HG_GPU_BUFFER_UPLOAD, v->listing.id_count * 4ull, "listed primitives"},
+        {&v->vertices, HG_GPU_BUFFER_UPLOAD,
+            v->listing.vertex_count * sizeof(struct hg_listed_vertex), "listed vertices"},
         {&v->candidate_buffer, HG_GPU_BUFFER_UPLOAD, candidates * sizeof *v->candidates,
             "candidates"},
         {&v->command_buffer, HG_GPU_BUFFER_UPLOAD, command_bytes, "late draws"},
@@ -661,8 +643,9 @@ enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, str
     const enum hg_status status = reserve(v, needs, sizeof needs / sizeof needs[0], err);
     if (status != HG_OK)
         return status;
-    hg_listing_write(&v->listing, jobs, v->indices.mapped, v->ids.mapped);
-    pack_sets(v);
+    const struct hg_listing_memory memory = {v->indices.mapped, v->ids.mapped, v->vertices.mapped};
+    hg_listing_write(&v->listing, jobs, &memory);
+    narrow_sets(v);
     if (candidates > 0)
         memcpy(v->candidate_buffer.mapped, v->candidates, candidates * sizeof *v->candidates);
     if (command_bytes > 0)
@@ -678,8 +661,9 @@ void hg_visible_draw(
         item->index_buffer != VK_NULL_HANDLE ? item->index_buffer : v->indices.handle;
     vkCmdBindIndexBuffer(handle, indices, item->command == HG_CLUSTER_NONE ? item->index_offset : 0,
         VK_INDEX_TYPE_UINT32);
+    const VkBuffer vertices = item->listed ? v->vertices.handle : item->position_buffer;
     if (item->numbered)
-        vkCmdBindVertexBuffers(handle, 0, 1, &item->position_buffer, &item->position_offset);
+        vkCmdBindVertexBuffers(handle, 0, 1, &vertices, &item->position_offset);
     if (item->command == HG_CLUSTER_NONE)
         vkCmdDrawIndexed(handle, item->index_count, item->draw_count, 0, 0, item->first_draw);
     else

@@ -66,12 +66,13 @@ struct hg_visible_item {
     VkBuffer position_buffer; // of numbered items
     uint64_t position_offset; // bytes
     uint32_t first_primitive; // of its primitives in the list of ids; HG_CLUSTER_NONE: 0, 1, 2 ...
-    uint32_t chunk, first_copy, copy_count, list_count, candidate; // private
-    bool sieved;                                                   // private
-    uint32_t command; // indirect draw; HG_CLUSTER_NONE: none
+    uint32_t chunk, list, candidate; // private
+    bool joins;                      // private
+    uint32_t command;                // indirect draw; HG_CLUSTER_NONE: none
     // The first corner of a triangle is its number; positions are those of that list, and in
     // position_buffer. hg_visible_draw binds it as vertex buffer 0.
     bool numbered;
+    bool listed; // numbered, and each position is followed by a word: the number, of first corners
 };
 
 struct hg_visible_set {

@@ -272,6 +272,7 @@ struct hg_gpu_pipeline_params {
     bool depth_bias;  // vkCmdSetDepthBias before drawing
     bool depth_clamp; // ignored where caps.depth_clamp is false
     bool positions;   // vertex buffer 0 holds vec3s, 12 bytes apart, for location 0
+    bool with_words;  // each followed by a word for location 1: 16 bytes apart
     VkPrimitiveTopology topology;
     enum hg_gpu_blend blend; // of colour 0; others are never blended
 };

@@ -419,14 +419,15 @@ static VkPipelineColorBlendAttachmentState blend_state(enum hg_gpu_blend blend)
 static enum hg_status create_graphics(struct hg_gpu *gpu, const struct stages *stages,
     const struct hg_gpu_pipeline_params *p, VkPipeline *out, struct hg_error *err)
 {
-    const VkVertexInputBindingDescription buffer = {.stride = 12};
-    const VkVertexInputAttributeDescription position = {.format = VK_FORMAT_R32G32B32_SFLOAT};
+    const VkVertexInputBindingDescription buffer = {.stride = p->with_words ? 16 : 12};
+    const VkVertexInputAttributeDescription attributes[] = {{.format = VK_FORMAT_R32G32B32_SFLOAT},
+        {.location = 1, .format = VK_FORMAT_R32_UINT, .offset = 12}};
     const VkPipelineVertexInputStateCreateInfo input = {
         .sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO,
         .vertexBindingDescriptionCount = p->positions ? 1 : 0,
         .pVertexBindingDescriptions = &buffer,
-        .vertexAttributeDescriptionCount = p->positions ? 1 : 0,
-        .pVertexAttributeDescriptions = &position};
+        .vertexAttributeDescriptionCount = p->positions ? (p->with_words ? 2 : 1) : 0,
+        .pVertexAttributeDescriptions = attributes};
     const VkPipelineInputAssemblyStateCreateInfo assembly = {
         .sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO,
         .topology = p->topology};
@@ -521,7 +522,8 @@ static bool same_params(
            memcmp(a->colors, b->colors, sizeof a->colors) == 0 && a->depth == b->depth &&
            a->depth_compare == b->depth_compare && a->depth_write == b->depth_write &&
            a->depth_bias == b->depth_bias && a->depth_clamp == b->depth_clamp &&
-           a->positions == b->positions && a->topology == b->topology && a->blend == b->blend;
+           a->positions == b->positions && a->with_words == b->with_words &&
+           a->topology == b->topology && a->blend == b->blend;
 }
 
 static VkPipeline find_pipeline(

@@ -19,6 +19,7 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 #define NUMBERED 4u
 
 struct style {
+    bool listed; // numbered: vertices that are made for this frame
     enum variant variant;
     VkPrimitiveTopology topology;
     uint32_t item; // MAPPED, LATE, NUMBERED
@@ -28,11 +29,14 @@ static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features)
 {
     const bool numbered = (style->item & NUMBERED) != 0;
-    const char *vertex = numbered ? "visibility_numbered.vert" : "visibility.vert";
+    const char *vertex = style->listed ? "visibility_listed.vert"
+                         : numbered    ? "visibility_numbered.vert"
+                                       : "visibility.vert";
     if (style->variant == OVERDRAW) {
         return (struct hg_gpu_pipeline_params){
             .vertex = vertex,
             .positions = numbered,
+            .with_words = style->listed,
             .fragment = "overdraw.frag",
             .spec = {0, tables, features},
             .spec_count = 3,
@@ -48,6 +52,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
     return (struct hg_gpu_pipeline_params){
         .vertex = vertex,
         .positions = numbered,
+        .with_words = style->listed,
         .fragment = fragments[textured][numbered],
         .spec = {textured ? (uint32_t)style->variant : 0, tables, features, style->item},
         .spec_count = 4,
@@ -93,7 +98,7 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *
         const struct hg_visible_item *item = hg_visible_item(visible, i);
         if (item->index_count == 0)
             continue;
-        const struct style style = {
+        const struct style style = {.listed = item->listed,
             .variant = (item->flags & HG_DRAW_MASK) != 0 ? manner->mask : manner->solid,
             .topology = topology_of(item->flags),
             .item = (item->first_primitive != HG_CLUSTER_NONE ? MAPPED : 0) |
@@ -233,20 +238,30 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    static const VkPrimitiveTopology list = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
-    const uint32_t own = hg_gpu_get_caps(gpu)->is_cpu ? NUMBERED : MAPPED;
-    const uint32_t whole = hg_gpu_get_caps(gpu)->is_cpu ? NUMBERED : 0;
-    const struct style styles[] = {
-        {SOLID, list, whole},
-        {SOLID, list, own},
-        {SOLID, list, own | LATE},
-        {MASK, list, whole},
-        {MASK, list, own},
-        {MASK, list, own | LATE},
-        {LAYER_FIRST, list, whole},
-        {LAYER_NEXT, list, whole},
+    static const struct style cpu[] = {
+        {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED | LATE},
+        {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED | LATE},
+        {true, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {true, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED | LATE},
+        {true, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
     };
-    *count = sizeof styles / sizeof styles[0];
+    static const struct style others[] = {
+        {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
+        {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
+        {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
+        {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
+        {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+    };
+    const bool is_cpu = hg_gpu_get_caps(gpu)->is_cpu;
+    const struct style *styles = is_cpu ? cpu : others;
+    *count = (uint32_t)(is_cpu ? sizeof cpu / sizeof cpu[0] : sizeof others / sizeof others[0]);
     const struct hg_gpu_pipeline_params params =
         pipeline_of(&styles[index % *count], 0, HG_FEATURE_ALL);
     VkPipeline pipeline;
