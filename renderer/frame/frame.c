@@ -12,6 +12,7 @@
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
+#include "shaders/shared/dark.h"
 #include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
@@ -414,6 +415,10 @@ static bool has_blend(const struct hg_view_state *view)
     return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
 }
 
+// Cells without light pay for their own pipeline and the search in pictures that follow each other.
+#define DARK_LEAST 0.25f // share of cells; with less the search rests for DARK_REST pictures
+#define DARK_REST  15
+
 static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
     struct hg_gpu_image *image, struct hg_error *err)
 {
@@ -490,6 +495,22 @@ static enum hg_status record_debug(
     return status == HG_OK ? hg_debug_record(&pass, &debug, err) : status;
 }
 
+static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
+{
+    const enum hg_frame_dark wish = view->context->dark;
+    const uint32_t lights = view->frame.lighting.light_count;
+    if (wish == HG_FRAME_DARK_OFF || lights == 0 || lights > HG_DARK_MOST_LIGHTS ||
+        pass->area.extent.width > 0)
+        return false;
+    if (wish == HG_FRAME_DARK_ON)
+        return true;
+    if (!view->direct || !hg_gpu_get_caps(pass->gpu)->is_cpu)
+        return false;
+    if (view->dark_wait > 0)
+        view->dark_wait--;
+    return view->dark_wait == 0;
+}
+
 static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     uint32_t sample, uint32_t slot, struct hg_error *err)
 {
@@ -503,6 +524,12 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
         status = make_layers(view, err);
     if (status == HG_OK && blend)
         status = record_layers(view, &pass, slot, err);
+    const bool dark = tells_dark(view, &pass);
+    view->dark_told = dark;
+    if (status == HG_OK && dark)
+        status = hg_dark_find(&pass, &view->dark, view->lighting, view->coarse, &view->depth, err);
+    if (status == HG_OK && dark)
+        status = hg_dark_mark(&pass, &view->dark, &view->depth, err);
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->accumulated,
@@ -510,6 +537,7 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
         .tonemap = view->settings.tonemap,
         .clear = sample == 0 && !view->stream.exact,
         .counted = view->stream.exact,
+        .dark = dark,
         .front = blend ? &view->layer_color : NULL};
     return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }
@@ -556,6 +584,8 @@ void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
     view->draws_drawn = drawn.draws;
     view->triangles_drawn = drawn.triangles;
     adapt_layers(view, samples);
+    if (view->dark_told && hg_dark_share(&view->dark, &view->depth) < DARK_LEAST)
+        view->dark_wait = DARK_REST;
 }
 
 enum hg_status hg_frame_record(

@@ -11,6 +11,9 @@
 #include "renderer/texture/page_cache.h"
 #include "renderer/texture/textures.h"
 
+// Whether cells that no light reaches are shaded without lights; pictures are the same.
+enum hg_frame_dark { HG_FRAME_DARK_WHERE_IT_PAYS, HG_FRAME_DARK_OFF, HG_FRAME_DARK_ON };
+
 // What views need of their renderer.
 struct hg_frame_context {
     struct hg_gpu *gpu;
@@ -23,6 +26,7 @@ struct hg_frame_context {
     uint32_t bake_from;          // as of struct hg_geometry_params
     bool no_ahead;               // read no page before it is missing, for comparisons
     bool no_culling;             // draw everything, for tests
+    enum hg_frame_dark dark;     // for tests
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };
 

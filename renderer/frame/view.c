@@ -82,7 +82,8 @@ static enum hg_status resize(
 enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_context *context,
     struct hg_scene *scene, struct hg_error *err)
 {
-    *view = (struct hg_view_state){.context = context, .layer_limit = HG_VIEW_FIRST_LAYERS};
+    *view = (struct hg_view_state){
+        .context = context, .layer_limit = HG_VIEW_FIRST_LAYERS, .dark_wait = HG_VIEW_DARK_AFTER};
     const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
     if (status == HG_OK)
@@ -122,6 +123,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->pick);
     hg_gpu_buffer_destroy(gpu, &view->layers_full);
     hg_ahead_finish(gpu, &view->ahead);
+    hg_dark_finish(gpu, &view->dark);
     hg_visible_destroy(view->visible);
     hg_visible_destroy(view->pick_visible);
     hg_lighting_destroy(view->lighting);
@@ -375,6 +377,7 @@ enum hg_status hg_view_state_step(
         hg_stream_restart(view);
         view->key = (struct hg_view_key){0};
         forget_shadows(view);
+        view->dark.seen = 0;
     }
     return status;
 }

@@ -10,6 +10,7 @@
 #include "renderer/frame/rooms.h"
 #include "renderer/frame/stream.h"
 #include "renderer/light/lighting.h"
+#include "renderer/passes/dark.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
 
@@ -21,6 +22,7 @@
 #define HG_VIEW_MAX_LAYERS   64
 #define HG_FRAME_BLOCK_BYTES 1024
 #define HG_VIEW_MAX_STAGES   64
+#define HG_VIEW_DARK_AFTER   4 // pictures in motion before dark cells are told apart (passes/dark.h)
 
 struct hg_view_settings {
     uint32_t width, height; // px
@@ -67,8 +69,11 @@ struct hg_view_state {
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
-    struct hg_visible *visible;       // set 0: the camera; then stale shadow maps
-    struct hg_gpu_frame frame;        // of the newest sample
+    struct hg_dark dark;
+    uint32_t dark_wait;         // pictures in motion until dark cells are looked for
+    bool dark_told;             // in the newest sample they were
+    struct hg_visible *visible; // set 0: the camera; then stale shadow maps
+    struct hg_gpu_frame frame;  // of the newest sample
     struct hg_stream stream;
     struct hg_ahead ahead;
 

@@ -20,7 +20,7 @@ struct hg_lighting {
     struct hg_light_set set;
     struct hg_clusters cells;
     struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
-    uint64_t drawn_shape_revision;
+    uint64_t drawn_shape_revision, atlas_revision;
     bool overflow_told, unshadowed_told;
     struct hg_gpu_lighting block; // without what changes from sample to sample
 };
@@ -145,6 +145,16 @@ struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *l, uint32_t *c
 {
     *count = l->plan.count;
     return l->plan.maps;
+}
+
+uint64_t hg_lighting_atlas_revision(const struct hg_lighting *l)
+{
+    return l->atlas_revision;
+}
+
+void hg_lighting_note_drawn(struct hg_lighting *l)
+{
+    l->atlas_revision++;
 }
 
 // --- sync ----------------------------------------------------------------------------------------

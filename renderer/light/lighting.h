@@ -67,6 +67,10 @@ struct hg_shadow_map {
 // Maps of the newest plan, in the order of hg_gpu_lighting.shadows. Valid until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
 
+// Changes whenever maps were drawn; the pass that draws them notes that. Never 0 after it did.
+uint64_t hg_lighting_atlas_revision(const struct hg_lighting *lighting);
+void hg_lighting_note_drawn(struct hg_lighting *lighting);
+
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
     uint32_t local_lights;      // point and spot lights

@@ -1,5 +1,6 @@
 #include "renderer/passes/shade.h"
 
+#include "shaders/shared/dark.h"
 #include "shaders/shared/features.h"
 
 // Values of the specialisation constant of shade.frag.
@@ -8,13 +9,20 @@ enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
 struct style {
     enum variant variant;
     bool background, first;
+    bool dark;        // no light reaches it
     bool flat;        // shade_flat.*, for CPU devices
     uint32_t picture; // 0, or a picture's curve + 1
 };
 
+#define LIGHT_FEATURES                                                                             \
+    (HG_FEATURE_LIGHTS | HG_FEATURE_CLUSTERS | HG_FEATURE_LOCAL | HG_FEATURE_SHADOWS |             \
+        HG_FEATURE_NO_SUN)
+
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features)
 {
+    if (style->dark)
+        features &= ~LIGHT_FEATURES;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? "shade_flat.frag" : "shade.frag",
@@ -22,9 +30,11 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .spec_count = 5,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
-        // The triangle lies at infinity (0): in front of it is a surface, else nothing.
+        // The triangle lies at infinity (0): in front of it is a surface, else nothing. With dark
+        // cells it lies a little nearer, where their surfaces were moved.
         .depth = VK_FORMAT_D32_SFLOAT,
-        .depth_compare = style->background ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
+        .depth_compare =
+            style->background || style->dark ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
         .blend = style->variant == LAYER ? HG_GPU_BLEND_UNDER
                  : style->first          ? HG_GPU_BLEND_NONE
@@ -49,17 +59,42 @@ static enum hg_status draw(struct hg_pass *pass, const struct style *style, stru
     return status;
 }
 
-// Both pipelines of a pass, side by side when they are new.
-static enum hg_status make_both(
-    struct hg_pass *pass, const struct style *style, struct hg_error *err)
+// Pipelines of a pass, side by side when they are new.
+static enum hg_status make_all(
+    struct hg_pass *pass, const struct style *style, bool dark, struct hg_error *err)
 {
-    struct style background = *style;
-    background.background = true;
-    const struct hg_gpu_pipeline_params params[2] = {
+    struct style others[2] = {*style, *style};
+    others[0].background = true;
+    others[1].dark = true;
+    const struct hg_gpu_pipeline_params params[3] = {
         pipeline_of(style, pass->tables, features_of(pass, style->background)),
-        pipeline_of(&background, pass->tables, features_of(pass, true))};
-    return pass->jobs != NULL ? hg_gpu_pipelines_make(pass->gpu, params, 2, pass->jobs, err)
-                              : HG_OK;
+        pipeline_of(&others[0], pass->tables, features_of(pass, true)),
+        pipeline_of(&others[1], pass->tables, features_of(pass, style->background))};
+    return pass->jobs != NULL
+               ? hg_gpu_pipelines_make(pass->gpu, params, dark ? 3 : 2, pass->jobs, err)
+               : HG_OK;
+}
+
+// Where the triangles of the next draws lie.
+static void place(struct hg_pass *pass, const struct hg_gpu_image *target, float depth)
+{
+    const VkViewport view = {0.0f, 0.0f, (float)target->width, (float)target->height, depth, 1.0f};
+    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &view);
+}
+
+static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_image *target,
+    struct style style, bool dark, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    style.background = true;
+    status = draw(pass, &style, err);
+    style.background = false;
+    if (dark)
+        place(pass, target, HG_DARK_DEPTH);
+    if (status == HG_OK)
+        status = draw(pass, &style, err);
+    style.dark = true;
+    return status == HG_OK && dark ? draw(pass, &style, err) : status;
 }
 
 enum hg_status hg_shade_record(
@@ -68,17 +103,17 @@ enum hg_status hg_shade_record(
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
     bindings.images[HG_BIND_COLOR_A] = shade->front;
-    const bool picture = shade->picture != NULL;
+    const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
-    struct style style = {.variant = shade->layer           ? LAYER
-                                     : shade->front != NULL ? OPAQUE_BEHIND
-                                                            : OPAQUE,
+    const struct style style = {.variant = shade->layer           ? LAYER
+                                           : shade->front != NULL ? OPAQUE_BEHIND
+                                                                  : OPAQUE,
         .first = picture || shade->clear,
         .flat = hg_gpu_get_caps(pass->gpu)->is_cpu,
         .picture = picture ? shade->tonemap + 1 : 0};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK && !shade->layer)
-        status = make_both(pass, &style, err);
+        status = make_all(pass, &style, dark, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
@@ -94,10 +129,7 @@ enum hg_status hg_shade_record(
     hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     hg_pass_view_whole(pass, target);
-    status = draw(pass, &style, err);
-    style.background = true;
-    if (status == HG_OK && style.variant != LAYER)
-        status = draw(pass, &style, err);
+    status = shade->layer ? draw(pass, &style, err) : draw_opaque(pass, target, style, dark, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     hg_gpu_cmd_end_stage(pass->cmd);
     return status;

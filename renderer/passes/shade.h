@@ -15,11 +15,13 @@ struct hg_shade {
     // exposure of the frame block and this curve (HG_FRAME_TONEMAP_*). The opaque scene only.
     struct hg_gpu_image *picture;
     uint32_t tonemap;
-    bool clear;                  // target starts at zero, else it is added or blended to
+    bool clear;   // target starts at zero, else it is added or blended to
     bool counted; // pixels keep count of their samples (HG_TEXTURES_EXACT): what passes in front of
                   // this one noted is waited for
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
+    bool dark;  // surfaces at HG_DARK_DEPTH are reached by no light, others lie in front of it. Not
+                // for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
 };
 

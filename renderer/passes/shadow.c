@@ -186,6 +186,7 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
         first_set++;
     }
     hg_gpu_cmd_end_stage(pass->cmd);
+    hg_lighting_note_drawn(lighting);
     return status;
 }
 
