@@ -133,7 +133,7 @@ bool hg_geometry_has_levels(const struct hg_geometry *g)
 {
     for (uint32_t i = 0; i < g->mesh_count; i++)
         for (uint32_t p = 0; p < g->meshes[i].part_count; p++)
-            if (g->meshes[i].parts[p].clusters != NULL)
+            if (g->meshes[i].parts[p].clusters != NULL || g->meshes[i].parts[p].posed.count > 0)
                 return true;
     return false;
 }

@@ -1,9 +1,11 @@
 // deform.c - poses of skinned and morphed parts. See internal.h; the work is done by
 // passes/skin.comp.
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/geometry/internal.h"
+#include "renderer/geometry/select.h"
 
 static const float *weights_of(const struct hg_node *node)
 {
@@ -143,6 +145,25 @@ static enum hg_status allocate(struct hg_gpu *gpu, struct hg_deform_entry *e, st
     return status;
 }
 
+// What the levels of the part are off by in this pose.
+static void measure_levels(
+    struct hg_deform_entry *e, const struct hg_node *node, const uint8_t *pose)
+{
+    struct hg_posed_pose p = {
+        .weights = weights_of(node), .target_count = e->target_count, .stretch = 1.0f};
+    if (e->source->posed.count == 0)
+        return;
+    if (e->joint_count > 0) {
+        p.matrices = (const struct hg_mat4x3 *)(const void *)(pose + e->matrices_offset);
+        p.joint_count = e->joint_count;
+        p.stretch = 0.0f;
+        for (uint32_t j = 0; j < e->joint_count && j < e->source->joint_box_count; j++)
+            if (!hg_box_is_empty(&e->source->joint_boxes[j]))
+                p.stretch = fmaxf(p.stretch, hg_select_stretch(&p.matrices[j]));
+    }
+    hg_posed_errors(&e->source->posed, &node->mesh->parts[e->part], &p, e->level_errors);
+}
+
 enum hg_status hg_deform_update(struct hg_gpu *gpu, struct hg_deform_entry *e,
     const struct hg_node *node, uint64_t *written, struct hg_error *err)
 {
@@ -172,6 +193,7 @@ enum hg_status hg_deform_update(struct hg_gpu *gpu, struct hg_deform_entry *e,
         status = hg_gpu_buffer_upload(gpu, &e->params, 0, pose, e->params_bytes, err);
         *written += e->params_bytes;
         e->changed = true;
+        measure_levels(e, node, pose);
     }
     if (status == HG_OK)
         memcpy(e->pose, pose, e->params_bytes);

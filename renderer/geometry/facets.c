@@ -51,7 +51,7 @@ static uint64_t count_facets(const struct hg_geometry *g)
 {
     uint64_t count = 0;
     for (uint32_t i = 0; i < g->draw_count; i++)
-        count += g->draws[i].part->primitive_count;
+        count += hg_part_primitives(g->draws[i].part);
     return count;
 }
 
@@ -86,7 +86,7 @@ static void list_jobs(struct hg_geometry *g)
     f->job_count = 0;
     for (uint32_t i = 0; i < g->draw_count; i++) {
         const struct hg_draw_entry *d = &g->draws[i];
-        const uint32_t count = d->part->primitive_count;
+        const uint32_t count = hg_part_primitives(d->part);
         f->firsts[i] = first;
         f->next_keys[i] = key_of(g, d, first);
         if (f->next_keys[i] != f->keys[i] || pose_changed(g, d))

@@ -482,7 +482,8 @@ static void add_instance(
             .mesh_part = p,
             .instance = number,
             .skinned = skinned,
-            .deformed = deform != NULL};
+            .deformed = deform != NULL,
+            .deform = deform};
         d->gpu.part = deform != NULL ? deform->index : part->index;
         d->gpu.instance = s->instance_count - 1;
         d->gpu.material = find_material(s, material);
@@ -819,6 +820,8 @@ uint32_t hg_geometry_source_primitive(
         return hg_baked_nearest(
             &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
     }
+    if (primitive >= part->primitive_count && primitive < hg_part_primitives(part))
+        return part->posed.sources[primitive - part->primitive_count];
     return part->meshlets.order != NULL && primitive < part->primitive_count
                ? part->meshlets.order[primitive]
                : primitive;

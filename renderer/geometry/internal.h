@@ -8,6 +8,7 @@
 #include "renderer/geometry/geometry.h"
 #include "renderer/geometry/numbered.h"
 #include "renderer/geometry/pack.h"
+#include "renderer/geometry/posed.h"
 
 struct hg_box {
     float min[3], max[3]; // empty: min > max
@@ -57,9 +58,16 @@ struct hg_part_entry {
     struct hg_numbered numbered;
     const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
     uint64_t numbered_at, numbered_positions_at; // bytes
+    struct hg_posed_levels posed;                // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     bool baking;
 };
+
+// Primitives of all levels: what a visibility buffer may name.
+static inline uint32_t hg_part_primitives(const struct hg_part_entry *part)
+{
+    return part->primitive_count + part->posed.index_count / 3;
+}
 
 struct hg_mesh_entry {
     uint64_t id, revision;
@@ -105,9 +113,10 @@ struct hg_deform_entry {
     uint8_t *pose;        // what params holds, params_bytes
     double anchor[3];     // world position that the output is relative to (skinned), else 0
     struct hg_box bounds; // of the output, relative to the anchor or in object space
-    bool changed;         // the device has not run it for this pose
-    uint32_t index;       // in the part list of the device
-    const struct hg_node *node_object; // set by every sync
+    float level_errors[HG_POSED_LEVELS]; // of the source's levels in this pose, as the output
+    bool changed;                        // the device has not run it for this pose
+    uint32_t index;                      // in the part list of the device
+    const struct hg_node *node_object;   // set by every sync
     bool is_new;
 };
 bool hg_deform_is_needed(const struct hg_node *node);
@@ -134,7 +143,8 @@ struct hg_draw_entry {
     const struct hg_material *material;
     uint32_t mesh_part, instance; // of the node
     bool skinned, deformed;
-    uint32_t first_bit; // of its groups of meshlets in histories
+    const struct hg_deform_entry *deform; // until the next sync; NULL: not deformed
+    uint32_t first_bit;                   // of its groups of meshlets in histories
 };
 
 // --- facets.c ---

@@ -49,6 +49,20 @@ static enum hg_status init_morphs(
     return HG_OK;
 }
 
+static uint64_t rounded(uint64_t bytes)
+{
+    return (bytes + 255) & ~255ull;
+}
+
+// Levels of detail come right behind the indices of the part, and all else behind them.
+static void make_room(struct hg_pack_layout *l, uint64_t bytes)
+{
+    uint64_t *streams[] = {&l->positions, &l->vertices, &l->extra, &l->joints, &l->weights,
+        &l->targets, &l->total_bytes};
+    for (size_t i = 0; i < sizeof streams / sizeof *streams; i++)
+        *streams[i] += bytes;
+}
+
 static enum hg_status init_part(
     struct hg_part_entry *e, const struct hg_mesh_part *part, uint32_t target_count)
 {
@@ -66,12 +80,11 @@ static enum hg_status init_part(
         status = init_joint_boxes(e, part);
     if (status == HG_OK && part->targets != NULL && target_count > 0)
         status = init_morphs(e, part, target_count);
+    if (status == HG_OK)
+        status = hg_posed_build(part, target_count, &e->posed);
+    if (status == HG_OK)
+        make_room(&e->layout, rounded(e->posed.index_count * 4ull));
     return status == HG_OK ? hg_meshlets_build(part, &e->meshlets) : status;
-}
-
-static uint64_t rounded(uint64_t bytes)
-{
-    return (bytes + 255) & ~255ull;
 }
 
 // The numbered list comes behind the other streams.
@@ -119,12 +132,20 @@ enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_m
 static enum hg_status keep_indices(
     struct hg_part_entry *e, const uint32_t *indices, struct hg_error *err)
 {
-    e->host_indices = hg_calloc(e->index_count, sizeof *e->host_indices);
+    const size_t count = (size_t)e->index_count + e->posed.index_count;
+    e->host_indices = hg_calloc(count, sizeof *e->host_indices);
     if (e->host_indices == NULL)
         return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
-    memcpy(e->host_indices, indices, (size_t)e->index_count * sizeof *e->host_indices);
+    memcpy(e->host_indices, indices, count * sizeof *e->host_indices);
     e->indices = e->host_indices;
     return HG_OK;
+}
+
+static void write_levels(const struct hg_part_entry *e, uint8_t *to)
+{
+    if (e->posed.index_count > 0)
+        memcpy(to + e->layout.indices + e->index_count * 4ull, e->posed.indices,
+            e->posed.index_count * 4ull);
 }
 
 static void write_numbered(struct hg_part_entry *e, const struct hg_mesh_part *part, uint8_t *to)
@@ -152,6 +173,7 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
         return status;
     if (e->buffer.mapped != NULL) {
         hg_pack_part(part, target_count, e->meshlets.order, &e->layout, e->buffer.mapped);
+        write_levels(e, e->buffer.mapped);
         write_numbered(e, part, e->buffer.mapped);
         e->indices = (const uint32_t *)e->buffer.mapped + e->layout.indices / 4;
         return hg_gpu_get_caps(gpu)->is_cpu ? HG_OK : keep_indices(e, e->indices, err);
@@ -160,6 +182,7 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     if (packed == NULL)
         return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
     hg_pack_part(part, target_count, e->meshlets.order, &e->layout, packed);
+    write_levels(e, packed);
     write_numbered(e, part, packed);
     status = hg_gpu_buffer_upload(gpu, &e->buffer, 0, packed, bytes, err);
     if (status == HG_OK)
@@ -192,6 +215,7 @@ void hg_mesh_entry_finish(
             hg_cluster_mesh_close(pool, e->clusters);
         hg_meshlets_finish(&e->meshlets);
         hg_numbered_finish(&e->numbered);
+        hg_posed_finish(&e->posed);
         hg_free(e->host_indices);
         hg_free(e->joint_boxes);
         hg_free(e->morph_boxes);

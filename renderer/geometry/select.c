@@ -189,6 +189,41 @@ static enum hg_status add_whole(struct block *b, uint32_t index, const struct hg
     return add(b, &run);
 }
 
+// Pixels that a metre at the nearest point of a box may show.
+static float px_per_metre(const struct hg_visible_view *view, const struct hg_box *box)
+{
+    float distance2 = 0.0f;
+    if (view->orthographic)
+        return view->px_scale;
+    for (int i = 0; i < 3; i++) {
+        const float gap =
+            fmaxf(fmaxf(box->min[i] - view->eye[i], view->eye[i] - box->max[i]), 0.0f);
+        distance2 += gap * gap;
+    }
+    return view->px_scale / fmaxf(sqrtf(distance2), view->near);
+}
+
+// The coarsest level of a posed part that is fine enough.
+static enum hg_status add_posed(const struct run *run, struct block *b, uint32_t index,
+    const struct hg_draw_entry *d, const struct hg_mat4x3 *world)
+{
+    const struct hg_posed_levels *levels = &d->part->posed;
+    const float scale = d->skinned ? 1.0f : hg_select_stretch(world);
+    const float px = scale * px_per_metre(run->view, &d->bounds);
+    uint32_t level = levels->count;
+    while (level > 0 && !(d->deform->level_errors[level - 1] * px <= run->view->error_px))
+        level--;
+    if (level == 0)
+        return add_whole(b, index, d);
+    const struct hg_run r = {.draw = index,
+        .chunk = HG_LOD_NONE,
+        .first = levels->items[level - 1].first,
+        .count = levels->items[level - 1].count,
+        .bit = HG_RUN_NO_BIT,
+        .extent = {-1.0f, -1.0f, -1.0f}};
+    return add(b, &r);
+}
+
 // Box of meshlets [first, first + count).
 static void box_of(const struct hg_meshlet *first, uint32_t count, struct hg_run *run)
 {
@@ -249,6 +284,8 @@ static enum hg_status select_draw(
         return hg_select_lod(view, index, run->geometry->bit_count, d->part->clusters, world,
             &object, &b->selection);
     }
+    if (d->deform != NULL && d->part->posed.count > 0 && view->error_px > 0.0f)
+        return add_posed(run, b, index, d, world);
     if (d->deformed || d->part->meshlets.count < 2 || (d->gpu.flags & HG_DRAW_BLEND) != 0 ||
         view->plane_count == 0)
         return add_whole(b, index, d);

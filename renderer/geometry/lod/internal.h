@@ -184,6 +184,9 @@ void hg_lod_patch_finish(struct hg_lod_patch *patch);
 uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); // HG_LOD_NONE: none
 // Squared distance of a point to triangle abc; at[3] is 0.
 float hg_lod_distance2(const float at[4], const float a[3], const float b[3], const float c[3]);
+// The same, and the barycentric weights of the nearest point.
+float hg_lod_closest(
+    const float at[4], const float a[3], const float b[3], const float c[3], float weights[3]);
 // Measures the job's samples against what is left of the patch; returns the error in metres. Writes
 // to patch->shapes.
 float hg_lod_measure(const struct hg_lod_patch *patch);

@@ -166,6 +166,16 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[4], uint
     return best;
 }
 
+float hg_lod_closest(
+    const float at[4], const float a[3], const float b[3], const float c[3], float weights[3])
+{
+    struct hg_lod_shape s;
+    set_shape(&s, a, b, c);
+    const float distance2 = shape_distance2(&s, at, &weights[1], &weights[2]);
+    weights[0] = 1.0f - weights[1] - weights[2];
+    return distance2;
+}
+
 // ---- open edges ---------------------------------------------------------------------------------
 
 static bool may_be_open(const struct hg_lod_patch *p, uint32_t a, uint32_t b)
