@@ -178,8 +178,8 @@ struct hg_bench_stream {                       // zero of each field = default
     const struct hg_renderer_params *renderer; // device, caches, threads; budgets are set here
     uint64_t budget_bytes;                     // of what is streamed
     uint32_t width, height;                    // px; 1280 x 720
-    uint32_t frames;                           // of the fly-through; 120
-    uint32_t stills;                           // settled pictures that are compared; 3
+    uint32_t frames;                           // of the fly-through; vt 120, lod 6
+    uint32_t stills;                           // settled pictures that are compared; vt 3, lod 1
     uint32_t samples;                          // of each; 8
     bool (*progress)(void *user, uint32_t done, uint32_t total); // as in hg_bench_realtime
     void *progress_user;

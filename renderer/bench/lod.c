@@ -10,6 +10,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/bench/bench.h"
+#include "renderer/bench/depth.h"
 #include "renderer/bench/scene.h"
 #include "renderer/geometry/lod/lod.h"
 #include "renderer/image/metrics.h"
@@ -34,6 +35,7 @@ struct run {
     uint64_t triangles[SIDES], drawn[SIDES];
     double psnr_db, flip; // the worst of the stills
     uint64_t holes_px;    // all stills
+    struct hg_bench_depth_gap depth;
     uint64_t rss_bytes;
     struct hg_geometry_stats geometry;
     uint64_t baked_triangles, baked_bytes, bake_ns; // of the scene of the stills
@@ -184,6 +186,24 @@ static uint64_t count_holes(const struct hg_image *lod, const struct hg_image *f
     return holes;
 }
 
+static enum hg_status compare_depth(struct run *run, struct hg_error *err)
+{
+    struct hg_bench_depth levels = {0}, whole = {0};
+    const float error_px = run->views[STILL].info.error_px;
+    enum hg_status status = hg_bench_depth_read(run->views[STILL].view, &levels, err);
+    if (status == HG_OK)
+        status = hg_bench_depth_read(run->whole_view.view, &whole, err);
+    if (status == HG_OK) {
+        const struct hg_bench_depth_gap gap = hg_bench_depth_compare(&levels, &whole, error_px);
+        run->depth.shown_px += gap.shown_px;
+        run->depth.off_px += gap.off_px;
+        run->depth.far_px += gap.far_px;
+    }
+    hg_bench_depth_finish(&levels);
+    hg_bench_depth_finish(&whole);
+    return status;
+}
+
 static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_error *err)
 {
     struct hg_image images[2] = {{0}};
@@ -197,6 +217,8 @@ static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_e
         status = hg_image_compare(&images[0], &images[1], HG_METRIC_PSNR, &psnr_db, NULL, err);
     if (status == HG_OK)
         status = hg_image_compare(&images[0], &images[1], HG_METRIC_FLIP, &flip, NULL, err);
+    if (status == HG_OK)
+        status = compare_depth(run, err);
     if (status == HG_OK)
         run->holes_px += count_holes(&images[0], &images[1]);
     run->psnr_db = fmin(run->psnr_db, psnr_db);
@@ -283,8 +305,14 @@ static enum hg_status write_report(const struct run *run, char **text)
     const struct hg_bench_stream *s = &run->bench->stream;
     hg_json_put(&w, "{\"width\":%u,\"height\":%u,", s->width, s->height);
     put_scale(run, &w);
-    hg_json_put(&w, ",\"image\":{\"psnr_db\":%.3f,\"flip\":%.6f,\"holes_px\":%llu,\"pictures\":%u}",
-        run->psnr_db, run->flip, (unsigned long long)run->holes_px, s->stills);
+    hg_json_put(&w,
+        ",\"image\":{\"psnr_db\":%.3f,\"flip\":%.6f,\"holes_px\":%llu,\"depth_off_px\":%llu,"
+        "\"depth_far_px\":%llu,"
+        "\"depth_px\":%llu,"
+        "\"pictures\":%u}",
+        run->psnr_db, run->flip, (unsigned long long)run->holes_px,
+        (unsigned long long)run->depth.off_px, (unsigned long long)run->depth.far_px,
+        (unsigned long long)run->depth.shown_px, s->stills);
     const double triangles = run->baked_triangles > 0 ? (double)run->baked_triangles : 1;
     const double seconds = run->bake_ns > 0 ? (double)run->bake_ns * 1e-9 : 1;
     hg_json_put(&w,
@@ -310,8 +338,8 @@ static void set_defaults(struct hg_bench_lod *b)
     s->budget_bytes = s->budget_bytes > 0 ? s->budget_bytes : UINT64_C(512) << 20;
     s->width = hg_bench_or(s->width, 1280);
     s->height = hg_bench_or(s->height, 720);
-    s->frames = hg_bench_or(s->frames, 24);
-    s->stills = hg_bench_or(s->stills, 2);
+    s->frames = hg_bench_or(s->frames, 6);
+    s->stills = hg_bench_or(s->stills, 1);
     s->samples = hg_bench_or(s->samples, 8);
     b->cells = hg_bench_or(b->cells, 1200);
     b->tiles = hg_bench_or(b->tiles, 3);

@@ -83,7 +83,7 @@ static void fill_background(const struct hg_view_state *view, struct hg_gpu_fram
 static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
 {
     const struct hg_gpu_camera *camera = &view->frame.camera;
-    if (!hg_geometry_has_levels(view->rooms->geometry))
+    if (!hg_geometry_is_simplified(view->rooms->geometry))
         return;
     const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
     const float error_px = hg_visible_count(view->visible) > 0

@@ -133,9 +133,17 @@ bool hg_geometry_has_levels(const struct hg_geometry *g)
 {
     for (uint32_t i = 0; i < g->mesh_count; i++)
         for (uint32_t p = 0; p < g->meshes[i].part_count; p++)
-            if (g->meshes[i].parts[p].clusters != NULL || g->meshes[i].parts[p].posed.count > 0)
+            if (g->meshes[i].parts[p].clusters != NULL)
                 return true;
     return false;
+}
+
+bool hg_geometry_is_simplified(const struct hg_geometry *g)
+{
+    for (uint32_t i = 0; i < g->deform_count; i++)
+        if (g->deforms[i].source->posed.count > 0)
+            return true;
+    return hg_geometry_has_levels(g);
 }
 
 // --- what stands where a level was seen ----------------------------------------------------------

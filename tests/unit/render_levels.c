@@ -7,6 +7,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/bench/depth.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
 #include "tests/unit/render_rig.h"
@@ -360,12 +361,64 @@ static void test_zoom_does_not_pop(void **state)
     }
 }
 
+// --- depth ---------------------------------------------------------------------------------------
+
+static struct hg_bench_depth_gap depth_gap(struct rig *levels, struct rig *whole, float error_px)
+{
+    const struct hg_view_params view = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = 1, .seed = 5, .error_px = error_px};
+    struct rig *rigs[2] = {levels, whole};
+    struct hg_bench_depth depth[2];
+    for (int side = 0; side < 2; side++) {
+        struct hg_frame_info info = {0};
+        test_ok(hg_view_set_params(rigs[side]->view, &view, &rigs[side]->err), &rigs[side]->err);
+        look(rigs[side], 0.02f, 0.45f);
+        for (int i = 0; i < 100 && !info.settled; i++)
+            info = rig_step(rigs[side], 16);
+        assert_true(info.settled);
+        test_ok(hg_bench_depth_read(rigs[side]->view, &depth[side], &rigs[side]->err),
+            &rigs[side]->err);
+    }
+    const struct hg_bench_depth_gap gap =
+        hg_bench_depth_compare(&depth[0], &depth[1], fminf(error_px, 1.0f));
+    hg_bench_depth_finish(&depth[0]);
+    hg_bench_depth_finish(&depth[1]);
+    print_message("%.2f px: %llu of %llu pixels off, %llu far\n", (double)error_px,
+        (unsigned long long)gap.off_px, (unsigned long long)gap.shown_px,
+        (unsigned long long)gap.far_px);
+    return gap;
+}
+
+// No pixel shows anything that the whole mesh does not show there but for the error asked for:
+// no cracks, no silhouettes that moved. What is coarser than that is noticed.
+static void test_depth_is_that_of_the_whole(void **state)
+{
+    (void)state;
+    struct rig levels, whole;
+    open_rig(&levels, 0);
+    open_rig(&whole, 0);
+    hg_view_destroy(whole.view);
+    whole.renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+    test_ok(hg_view_create(whole.renderer, whole.scene, &whole.view, &whole.err), &whole.err);
+    static const float errors[] = {0.25f, 0.5f, 1.0f};
+    for (int i = 0; i < 3; i++) {
+        const struct hg_bench_depth_gap gap = depth_gap(&levels, &whole, errors[i]);
+        assert_true(gap.shown_px > 50000);
+        assert_true(gap.off_px * 5000 <= gap.shown_px);
+        assert_int_equal(gap.far_px, 0);
+    }
+    assert_true(depth_gap(&levels, &whole, 24.0f).off_px > 1000);
+    rig_close(&levels);
+    rig_close(&whole);
+}
+
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
         cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
-        cmocka_unit_test(test_zoom_does_not_pop)};
+        cmocka_unit_test(test_zoom_does_not_pop),
+        cmocka_unit_test(test_depth_is_that_of_the_whole)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
