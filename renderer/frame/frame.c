@@ -194,8 +194,10 @@ static uint32_t background_features(const struct hg_view_state *view)
 {
     const bool pages = view->frame.textures.background.bits != 0;
     if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
-        return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN;
-    return pages ? HG_FEATURE_SKY_PAGES : HG_FEATURE_SKY_PLAIN;
+        return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN | HG_FEATURE_SKY_MIPS;
+    const struct hg_gpu_textures *t = &view->frame.textures;
+    const bool mips = t->background_lod + t->bias > 0.0f;
+    return !pages ? HG_FEATURE_SKY_PLAIN : HG_FEATURE_SKY_PAGES | (mips ? HG_FEATURE_SKY_MIPS : 0);
 }
 
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)

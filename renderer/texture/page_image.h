@@ -53,6 +53,7 @@ struct hg_page_image {
     unsigned tries;                  // that ended for want of memory
     uint64_t retry_ns;               // not before this time (another process is baking)
     uint64_t used_ns;                // last read; 0: never
+    uint64_t reads;                  // pages that were read
     uint64_t texels_baked;           // of mip 0, by the bake that runs
     struct hg_mips preview;          // from hg_page_preview_mip on; count 0 = none
     uint32_t preview_number;         // grows with each one

@@ -87,6 +87,15 @@ struct work {
     struct hg_page_image *wanted, *early, *bake;
 };
 
+// What somebody waits for, then what was looked at most: a process that ends soon has baked what
+// the next one asks for first.
+static bool bakes_before(const struct hg_page_image *a, const struct hg_page_image *b)
+{
+    if (b == NULL || a->bake_wanted != b->bake_wanted)
+        return b == NULL || a->bake_wanted;
+    return a->reads > b->reads;
+}
+
 static struct work find_work(struct hg_page_sources *s, uint64_t now)
 {
     struct work w = {0};
@@ -98,7 +107,8 @@ static struct work find_work(struct hg_page_sources *s, uint64_t now)
             w.wanted = i;
         else if (none && i->early && !is_large(s, i) && has_room(s, i))
             w.early = i;
-        else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && hg_page_can_bake(s, i))
+        else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && hg_page_can_bake(s, i) &&
+                 bakes_before(i, w.bake))
             w.bake = i;
     }
     return w;

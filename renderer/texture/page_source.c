@@ -433,6 +433,7 @@ static enum hg_status take_backing(
     if (image->backing != NULL) {
         atomic_fetch_add(&image->backing->refs, 1);
         image->used_ns = hg_clock_now_ns();
+        image->reads++;
         prepare_alpha(source, image->backing);
     } else if (image->failed) {
         status = image->err.status;

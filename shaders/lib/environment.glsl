@@ -61,7 +61,9 @@ vec3 hg_environment_seen(vec3 dir_ws, float lod)
     hg_texture_place p;
     p.uv = clamp(hg_environment_uv(dir_ws), 0.0, 1.0);
     p.size = hg_texture_size(t);
-    p.mip = uint(min(floor(clamp(lod, 0.0, last) + hg_texture_xi.x), last));
+    p.mip = 0u;
+    if (HG_HAS(HG_FEATURE_SKY_MIPS))
+        p.mip = uint(min(floor(clamp(lod, 0.0, last) + hg_texture_xi.x), last));
     p.blend = 0.0;
     p.nearest = false;
     p.note = 0u;

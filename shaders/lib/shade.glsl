@@ -43,8 +43,11 @@ vec4 background()
         ray = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
             gl_FragCoord.y * hg_frame.camera.ray_y_ws;
     // Off the middle a pixel is a smaller angle; `ray` is 1 deep.
-    hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
-    float lod = hg_frame.textures.background_lod - 0.5 * log2(dot(ray, ray));
+    float lod = 0.0;
+    if (HG_HAS(HG_FEATURE_SKY_MIPS)) {
+        hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
+        lod = hg_frame.textures.background_lod - 0.5 * log2(dot(ray, ray));
+    }
     return vec4(hg_environment_seen(ray, lod), 1.0);
 }
 

@@ -27,6 +27,7 @@
 #define HG_FEATURE_UNCOMMON    0x80000u // unlit, occlusion, scaled normals, an index other than 1.5
 #define HG_FEATURE_SKY_PAGES 0x100000u // of backgrounds alone: the environment has pages
 #define HG_FEATURE_SKY_PLAIN 0x200000u // or an image of its own, or none
+#define HG_FEATURE_SKY_MIPS  0x400000u // which may be smaller than its texels
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif
