@@ -128,7 +128,7 @@ static void spawn_daemon(struct daemon *d)
     assert_int_equal(posix_spawn(&d->pid, args[0], &actions, NULL, args, environ), 0);
     posix_spawn_file_actions_destroy(&actions);
     unsetenv("LISTEN_FDS");
-    if (!running)
+    if (!running || strcmp(running_folder, d->folder) != 0) // of a test that failed
         daemon_watch(d);
 }
 
