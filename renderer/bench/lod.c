@@ -1,7 +1,8 @@
 // lod.c - frame time and picture of scenes with many triangles (helio bench lod).
 //
-// Both scenes are a land of tiles^2 meshes with many statues on it, as many objects in the same
-// places; those of the small scene have a hundredth of the triangles. Frames of both alternate in
+// All scenes are a land of tiles^2 meshes with many statues on it, as many objects in the same
+// places; those of the small scene have a hundredth of the triangles, too few to cover the screen
+// with (one to several pixels each), those of the covering one a tenth. Frames of all take turns in
 // one renderer, when everything is baked.
 #include <math.h>
 #include <string.h>
@@ -20,10 +21,11 @@
 #define VFOV_RAD      0.8f
 #define STILL_STATUES 24 // drawn whole for comparison
 #define THIN          100
+#define THIN_COVERING 10
 #define BAKE_FROM     512       // triangles: the thin statue has levels as well
 #define BAKE_POLL_NS  100000000 // between looks at what is baked
 
-enum { SMALL, LARGE, SIDES, STILL = SIDES, SCENES };
+enum { SMALL, COVERING, LARGE, SIDES, STILL = SIDES, SCENES };
 
 struct run {
     const struct hg_bench_lod *bench;
@@ -69,7 +71,9 @@ static enum hg_status make_scene(
         .tiles = tiles,
         .statues = statues,
         .cells = run->bench->cells,
-        .thin = which == SMALL ? THIN : 0};
+        .thin = which == SMALL      ? THIN
+                : which == COVERING ? THIN_COVERING
+                                    : 0};
     enum hg_status status = load_statue(run, &land.statue, err);
     if (status == HG_OK) {
         status =
@@ -116,8 +120,8 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
         run->renderer->context.bake_from = BAKE_FROM;
     if (status == HG_OK)
         status = make_scene(run, SMALL, b->tiles, b->statues, err);
-    if (status == HG_OK)
-        status = make_scene(run, LARGE, b->tiles, b->statues, err);
+    for (int side = COVERING; side <= LARGE && status == HG_OK; side++)
+        status = make_scene(run, side, b->tiles, b->statues, err);
     const uint32_t few = b->statues < STILL_STATUES ? b->statues : STILL_STATUES;
     if (status == HG_OK)
         status = make_scene(run, STILL, 1, few, err);
@@ -133,11 +137,11 @@ static enum hg_status visit_all(struct run *run, struct hg_error *err)
 {
     const uint32_t frames = run->bench->stream.frames;
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
+    for (uint32_t i = 0; i < SIDES * frames && status == HG_OK; i++) {
         struct hg_bench_pose pose;
         uint64_t ns;
-        hg_bench_land_pose(i / 2, frames, &pose);
-        status = hg_bench_view_sharpen(&run->views[i % 2], &pose, &ns, err);
+        hg_bench_land_pose(i / SIDES, frames, &pose);
+        status = hg_bench_view_sharpen(&run->views[i % SIDES], &pose, &ns, err);
         if (status == HG_OK)
             status = step_done(run, err);
     }
@@ -148,11 +152,12 @@ static enum hg_status fly(struct run *run, struct hg_error *err)
 {
     const uint32_t frames = run->bench->stream.frames;
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < 2 * frames && status == HG_OK; i++) {
-        const int side = (i % 2 == 0) == (i / 2 % 2 == 0) ? SMALL : LARGE;
+    for (uint32_t i = 0; i < SIDES * frames && status == HG_OK; i++) {
+        const uint32_t at = i / SIDES, turn = i % SIDES;
+        const uint32_t side = at % 2 == 0 ? turn : SIDES - 1 - turn;
         struct hg_bench_pose pose;
         uint64_t ns;
-        hg_bench_land_pose(i / 2, frames, &pose);
+        hg_bench_land_pose(at, frames, &pose);
         status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
         if (status == HG_OK && hg_bench_times_add(&run->frames[side], ns) != HG_OK)
             status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
@@ -284,9 +289,14 @@ static void put_scale(const struct run *run, struct hg_writer *w)
 {
     const double small = hg_bench_times_at(&run->frames[SMALL], 0.5);
     const double large = hg_bench_times_at(&run->frames[LARGE], 0.5);
+    const double covering = hg_bench_times_at(&run->frames[COVERING], 0.5);
     const uint64_t few = run->triangles[SMALL] > 0 ? run->triangles[SMALL] : 1;
-    hg_json_put(w, "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,",
-        (double)run->triangles[LARGE] / (double)few, small > 0 ? large / small : 0);
+    hg_json_put(w,
+        "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,"
+        "\"covered_frame_time_ratio\":%.4f,\"covering_triangles\":%llu,\"covering_drawn\":%llu,",
+        (double)run->triangles[LARGE] / (double)few, small > 0 ? large / small : 0,
+        covering > 0 ? large / covering : 0, (unsigned long long)run->triangles[COVERING],
+        (unsigned long long)run->drawn[COVERING]);
     hg_json_put(w,
         "\"small_triangles\":%llu,\"large_triangles\":%llu,\"large_unique_triangles\":%llu,"
         "\"small_drawn\":%llu,\"large_drawn\":%llu,",
@@ -294,6 +304,8 @@ static void put_scale(const struct run *run, struct hg_writer *w)
         (unsigned long long)run->scenes[LARGE].unique_triangles,
         (unsigned long long)run->drawn[SMALL], (unsigned long long)run->drawn[LARGE]);
     hg_bench_put_times(w, "small_ms", &run->frames[SMALL]);
+    hg_json_put(w, ",");
+    hg_bench_put_times(w, "covering_ms", &run->frames[COVERING]);
     hg_json_put(w, ",");
     hg_bench_put_times(w, "large_ms", &run->frames[LARGE]);
     hg_json_put(w, "}");
@@ -368,8 +380,8 @@ enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, s
     *text = NULL;
     struct hg_bench_lod full = *bench;
     set_defaults(&full);
-    struct run run = {
-        .bench = &full, .total = 2 * SCENES + 1 + 4 * full.stream.frames + full.stream.stills};
+    struct run run = {.bench = &full,
+        .total = 2 * SCENES + 1 + 2 * SIDES * full.stream.frames + full.stream.stills};
     enum hg_status status = measure(&run, err);
     if (status == HG_OK)
         status = write_report(&run, text);

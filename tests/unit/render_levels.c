@@ -412,13 +412,81 @@ static void test_depth_is_that_of_the_whole(void **state)
     rig_close(&whole);
 }
 
+// --- specks --------------------------------------------------------------------------------------
+
+static float light_at(const struct hg_refbuf *picture, uint32_t x, uint32_t y)
+{
+    const float *p = (const float *)(const void *)picture->data + ((size_t)y * VIEW_PX + x) * 4;
+    return p[0] + p[1] + p[2];
+}
+
+// Pixels of a picture that are darker by a third than all that the other has within two pixels.
+static uint32_t count_dark(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    uint32_t dark = 0;
+    for (uint32_t y = 2; y + 2 < VIEW_PX; y++) {
+        for (uint32_t x = 2; x + 2 < VIEW_PX; x++) {
+            float least = 1e9f;
+            for (uint32_t i = 0; i < 25; i++)
+                least = fminf(least, light_at(b, x + i % 5 - 2, y + i / 5 - 2));
+            dark += light_at(a, x, y) < 0.67f * least;
+        }
+    }
+    return dark;
+}
+
+static struct hg_refbuf *settled(struct rig *rig, float error_px)
+{
+    const struct hg_view_params view = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = error_px};
+    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+    look(rig, 0.02f, 0.45f);
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 100 && !info.settled; i++)
+        info = rig_step(rig, 16);
+    assert_true(info.settled);
+    return rig_pixels(rig, HG_PIXEL_RGBA32F);
+}
+
+// Shadow maps show levels of their own: where they lie above those of the view, surfaces would be
+// in their own shadow, in specks of a pixel or a few. There are hardly more of them than the whole
+// mesh has against the levels.
+static void test_no_specks(void **state)
+{
+    (void)state;
+    struct rig levels, whole;
+    open_rig(&levels, 0);
+    open_rig(&whole, 0);
+    hg_view_destroy(whole.view);
+    whole.renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+    test_ok(hg_view_create(whole.renderer, whole.scene, &whole.view, &whole.err), &whole.err);
+    static const float errors[] = {0.25f, 1.0f};
+    struct hg_refbuf *full = settled(&whole, 1.0f);
+    for (int i = 0; i < 2; i++) {
+        struct hg_refbuf *picture = settled(&levels, errors[i]);
+        const uint32_t dark = count_dark(picture, full), other = count_dark(full, picture);
+        print_message(
+            "%.2f px: %u dark specks, the whole mesh has %u\n", (double)errors[i], dark, other);
+        assert_true(dark <= other + 8);
+        hg_refbuf_unref(picture);
+    }
+    struct hg_refbuf *coarse = settled(&levels, 24.0f);
+    const uint32_t noticed = count_dark(coarse, full);
+    print_message("24 px: %u\n", noticed);
+    assert_true(noticed > 8);
+    hg_refbuf_unref(coarse);
+    hg_refbuf_unref(full);
+    rig_close(&levels);
+    rig_close(&whole);
+}
+
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
         cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
-        cmocka_unit_test(test_zoom_does_not_pop),
-        cmocka_unit_test(test_depth_is_that_of_the_whole)};
+        cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_depth_is_that_of_the_whole),
+        cmocka_unit_test(test_no_specks)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
