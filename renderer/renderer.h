@@ -159,7 +159,8 @@ struct hg_bench_pose {
 struct hg_bench_realtime {  // zero of each field = default
     uint32_t width, height; // px; 1280 x 720
     float vfov_rad;         // 45 degrees
-    uint32_t rounds;        // walks along the path that are measured; 3. One more warms up
+    uint32_t rounds;        // walks along the path that are measured; 3. Others come before, until
+                            // nothing is streamed or baked any more, at most two minutes
     const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
     uint32_t path_count;
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
@@ -168,8 +169,9 @@ struct hg_bench_realtime {  // zero of each field = default
 };
 
 // Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
-// object: frames_ms, frame_ms (median), passes[] (name, ms: medians over the frames in which they
-// ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
+// object: frames_ms, frame_ms (median), at_rest (nothing was streamed or baked meanwhile), passes[]
+// (name, ms: medians over the frames in which they ran, frames), triangles_total, triangles_drawn,
+// memory. HG_E_INVAL; errors of hg_view_step.
 enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
