@@ -110,6 +110,18 @@ static enum hg_status make_image(
     return status;
 }
 
+static enum hg_status name_source(
+    const char *path, struct hg_environment_file *out, struct hg_error *err)
+{
+    const char *name = strrchr(path, '/');
+    out->source = hg_image_source_create(name != NULL ? name + 1 : path);
+    if (out->source != NULL)
+        out->source->path = hg_strdup(path);
+    if (out->source == NULL || out->source->path == NULL)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for an environment");
+    return HG_OK;
+}
+
 enum hg_status hg_environment_file_read(const char *path, const atomic_bool *cancel,
     struct hg_environment_file *out, struct hg_error *err)
 {
@@ -123,14 +135,8 @@ enum hg_status hg_environment_file_read(const char *path, const atomic_bool *can
     if (status == HG_OK)
         status = make_image(reader, &r, err);
     hg_image_reader_close(reader);
-    if (status == HG_OK) {
-        const char *name = strrchr(path, '/');
-        out->source = hg_image_source_create(name != NULL ? name + 1 : path);
-        if (out->source != NULL)
-            out->source->path = hg_strdup(path);
-        if (out->source == NULL || out->source->path == NULL)
-            status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for an environment");
-    }
+    if (status == HG_OK && (uint64_t)r.width * r.height > HG_ENVIRONMENT_PLAIN_TEXELS)
+        status = name_source(path, out, err);
     if (status != HG_OK)
         hg_environment_file_finish(out);
     return status;
