@@ -118,9 +118,7 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
         status = hg_image_read_file(b->heights, HG_PIXEL_RGBA16, NULL, &run->heights, err);
     if (status == HG_OK)
         run->renderer->context.bake_from = BAKE_FROM;
-    if (status == HG_OK)
-        status = make_scene(run, SMALL, b->tiles, b->statues, err);
-    for (int side = COVERING; side <= LARGE && status == HG_OK; side++)
+    for (int side = SMALL; side <= LARGE && status == HG_OK; side++)
         status = make_scene(run, side, b->tiles, b->statues, err);
     const uint32_t few = b->statues < STILL_STATUES ? b->statues : STILL_STATUES;
     if (status == HG_OK)

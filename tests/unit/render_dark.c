@@ -138,8 +138,7 @@ static float share(const struct rig *rig)
 static struct hg_refbuf *settle(struct rig *rig, const struct hg_view_camera *camera)
 {
     test_ok(hg_view_set_camera(rig->view, camera, &rig->err), &rig->err);
-    while (!rig_step(rig, 2).settled)
-        ;
+    rig_settle(rig, 2);
     return rig_pixels(rig, HG_PIXEL_RGBA32F);
 }
 

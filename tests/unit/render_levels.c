@@ -96,6 +96,15 @@ static void look(struct rig *rig, float x, float distance)
     test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
 }
 
+// The same without levels.
+static void open_whole(struct rig *rig)
+{
+    open_rig(rig, 0);
+    hg_view_destroy(rig->view);
+    rig->renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
+    test_ok(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
+}
+
 static struct hg_geometry_stats geometry_stats(const struct rig *rig)
 {
     struct hg_geometry_stats stats;
@@ -309,22 +318,8 @@ static void settle_at_one_pixel(struct rig *rig, float distance, struct hg_refbu
         .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
     test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
     look(rig, 0, distance);
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < 4000 && !info.settled; i++)
-        info = rig_step(rig, 16);
-    assert_true(info.settled);
+    rig_settle(rig, 16);
     *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
-}
-
-// Mean over the channels of |b - a|.
-static double change(const struct hg_refbuf *a, const struct hg_refbuf *b)
-{
-    const float *p = (const float *)(const void *)a->data,
-                *q = (const float *)(const void *)b->data;
-    double sum = 0.0;
-    for (size_t i = 0; i < a->size / 4; i++)
-        sum += (double)fabsf(q[i] - p[i]);
-    return sum / (double)(a->size / 4);
 }
 
 // A zoom by a tenth of a pixel at a time never changes more than with the whole mesh, shadows
@@ -336,19 +331,16 @@ static void test_zoom_does_not_pop(void **state)
     struct hg_refbuf *frames[2][ZOOMS];
     double worst = 0.0;
     for (int side = 0; side < 2; side++) {
-        open_rig(&rigs[side], 0);
-        if (side == 1) {
-            hg_view_destroy(rigs[1].view);
-            rigs[1].renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
-            test_ok(hg_view_create(rigs[1].renderer, rigs[1].scene, &rigs[1].view, &rigs[1].err),
-                &rigs[1].err);
-        }
+        if (side == 0)
+            open_rig(&rigs[0], 0);
+        else
+            open_whole(&rigs[1]);
         for (int i = 0; i < ZOOMS; i++)
             settle_at_one_pixel(&rigs[side], 0.8f * powf(0.998f, (float)i), &frames[side][i]);
     }
     for (int i = 0; i + 1 < ZOOMS; i++) {
         struct hg_refbuf **l = &frames[0][i], **w = &frames[1][i];
-        const double levels = change(l[0], l[1]), whole = change(w[0], w[1]);
+        const double levels = rig_difference(l[0], l[1]), whole = rig_difference(w[0], w[1]);
         print_message("zoom %d: %.5f, whole mesh %.5f\n", i, levels, whole);
         worst = fmax(worst, levels / whole);
     }
@@ -370,12 +362,9 @@ static struct hg_bench_depth_gap depth_gap(struct rig *levels, struct rig *whole
     struct rig *rigs[2] = {levels, whole};
     struct hg_bench_depth depth[2];
     for (int side = 0; side < 2; side++) {
-        struct hg_frame_info info = {0};
         test_ok(hg_view_set_params(rigs[side]->view, &view, &rigs[side]->err), &rigs[side]->err);
         look(rigs[side], 0.02f, 0.45f);
-        for (int i = 0; i < 100 && !info.settled; i++)
-            info = rig_step(rigs[side], 16);
-        assert_true(info.settled);
+        rig_settle(rigs[side], 16);
         test_ok(hg_bench_depth_read(rigs[side]->view, &depth[side], &rigs[side]->err),
             &rigs[side]->err);
     }
@@ -396,10 +385,7 @@ static void test_depth_is_that_of_the_whole(void **state)
     (void)state;
     struct rig levels, whole;
     open_rig(&levels, 0);
-    open_rig(&whole, 0);
-    hg_view_destroy(whole.view);
-    whole.renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
-    test_ok(hg_view_create(whole.renderer, whole.scene, &whole.view, &whole.err), &whole.err);
+    open_whole(&whole);
     static const float errors[] = {0.25f, 0.5f, 1.0f};
     for (int i = 0; i < 3; i++) {
         const struct hg_bench_depth_gap gap = depth_gap(&levels, &whole, errors[i]);
@@ -441,10 +427,7 @@ static struct hg_refbuf *settled(struct rig *rig, float error_px)
         .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = error_px};
     test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
     look(rig, 0.02f, 0.45f);
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < 100 && !info.settled; i++)
-        info = rig_step(rig, 16);
-    assert_true(info.settled);
+    rig_settle(rig, 16);
     return rig_pixels(rig, HG_PIXEL_RGBA32F);
 }
 
@@ -456,10 +439,7 @@ static void test_no_specks(void **state)
     (void)state;
     struct rig levels, whole;
     open_rig(&levels, 0);
-    open_rig(&whole, 0);
-    hg_view_destroy(whole.view);
-    whole.renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
-    test_ok(hg_view_create(whole.renderer, whole.scene, &whole.view, &whole.err), &whole.err);
+    open_whole(&whole);
     static const float errors[] = {0.25f, 1.0f};
     struct hg_refbuf *full = settled(&whole, 1.0f);
     for (int i = 0; i < 2; i++) {

@@ -191,11 +191,7 @@ static struct hg_frame_info look(struct rig *rig, float distance)
     const struct hg_view_camera camera = {
         .eye = {0.4f * distance, 0.9f + 0.2f * distance, 0.9f * distance}, .target = {0, 0.8f, 0}};
     test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < 100 && !info.settled; i++)
-        info = rig_step(rig, 16);
-    assert_true(info.settled);
-    return info;
+    return rig_settle(rig, 16);
 }
 
 static struct hg_image picture(struct rig *rig)
@@ -266,16 +262,6 @@ static void test_picks_name_the_source(void **state)
 
 // --- zoom ----------------------------------------------------------------------------------------
 
-static double change(const struct hg_refbuf *a, const struct hg_refbuf *b)
-{
-    const float *p = (const float *)(const void *)a->data,
-                *q = (const float *)(const void *)b->data;
-    double sum = 0.0;
-    for (size_t i = 0; i < a->size / 4; i++)
-        sum += (double)fabsf(q[i] - p[i]);
-    return sum / (double)(a->size / 4);
-}
-
 // A zoom by three percent at a time changes levels, and no picture by much more than the whole
 // mesh changes it.
 static void test_zoom_does_not_pop(void **state)
@@ -293,7 +279,7 @@ static void test_zoom_does_not_pop(void **state)
         for (int side = 0; side < 2; side++) {
             const uint64_t drawn = look(&rigs[side], 4.0f * powf(1.03f, (float)i)).triangles_drawn;
             struct hg_refbuf *now = rig_pixels(&rigs[side], HG_PIXEL_RGBA32F);
-            changes[side] = last[side] != NULL ? change(last[side], now) : 0.0;
+            changes[side] = last[side] != NULL ? rig_difference(last[side], now) : 0.0;
             hg_refbuf_unref(last[side]);
             last[side] = now;
             counts += side == 0 && drawn != before;

@@ -25,6 +25,15 @@ struct hg_frame_info rig_step(struct rig *rig, uint32_t samples)
     return info;
 }
 
+struct hg_frame_info rig_settle(struct rig *rig, uint32_t samples)
+{
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 4000 && !info.settled; i++)
+        info = rig_step(rig, samples);
+    assert_true(info.settled);
+    return info;
+}
+
 struct hg_refbuf *rig_pixels(struct rig *rig, enum hg_pixel_format format)
 {
     struct hg_refbuf *out;
@@ -43,6 +52,16 @@ void rig_assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
 }
 
 // --- scenes --------------------------------------------------------------------------------------
+
+double rig_difference(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    const float *p = (const float *)(const void *)a->data,
+                *q = (const float *)(const void *)b->data;
+    double sum = 0.0;
+    for (size_t i = 0; i < a->size / 4; i++)
+        sum += (double)fabsf(q[i] - p[i]);
+    return sum / (double)(a->size / 4);
+}
 
 void *rig_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id)
 {

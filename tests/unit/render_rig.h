@@ -29,10 +29,14 @@ void rig_close(struct rig *rig);
 // A view of rig->scene.
 void rig_view(struct rig *rig, const struct hg_view_params *params);
 struct hg_frame_info rig_step(struct rig *rig, uint32_t samples);
+// Steps of so many samples until the picture is settled, however long what is streamed takes.
+struct hg_frame_info rig_settle(struct rig *rig, uint32_t samples);
 // Of the newest picture; free with hg_refbuf_unref.
 struct hg_refbuf *rig_pixels(struct rig *rig, enum hg_pixel_format format);
 // RGBA32F, bit by bit; the test ends with the number of pixels that differ.
 void rig_assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b);
+// RGBA32F: mean over the channels of |b - a|.
+double rig_difference(const struct hg_refbuf *a, const struct hg_refbuf *b);
 
 void *rig_add(struct hg_scene *scene, enum hg_object_kind kind, uint64_t id);
 // Of the allocator that meshes free their arrays with.
