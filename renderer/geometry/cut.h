@@ -1,0 +1,49 @@
+// cut.h - the triangles that rays see: every draw at one level of detail, on the host.
+// Floor 2 (geometry). Thread: the render thread.
+//
+// A cut does not depend on what is resident, on budgets or on the pictures before: two cuts of the
+// same scene for the same lens are the same. Draws that nothing simplifies have one piece, all of
+// their part. Positions are where the device reads them (object space; skinned and morphed parts
+// have been deformed), or copies where the host cannot.
+#ifndef HG_RENDERER_GEOMETRY_CUT_H
+#define HG_RENDERER_GEOMETRY_CUT_H
+
+#include "base/jobs.h"
+#include "renderer/geometry/geometry.h"
+
+// Consecutive triangles of one piece of geometry. Pieces with the same key have the same positions
+// and triangles, in this cut and in later ones.
+struct hg_cut_piece {
+    uint64_t key;
+    uint32_t draw;            // index of the device's draws
+    uint32_t first_primitive; // number of the first one in hits: HG_LOD_SHIFT
+    uint32_t triangle_count, vertex_count;
+    const float *positions;   // [vertex_count * 3]
+    const uint32_t *indices;  // [triangle_count * 3]
+    float world[12];          // object to world: 4 columns of 3
+    float previous[12];       // at the opening of the shutter
+    uint32_t flags;           // HG_DRAW_*
+    bool deforms;             // positions change under the same key: poses
+};
+
+struct hg_cut_lens {
+    float eye[3];   // relative to the geometry's origin
+    float px_scale; // pixels per radian, or per metre when orthographic
+    bool orthographic;
+    float near;     // metres, > 0
+    float error_px; // greatest projected error; 0: everything as fine as it is
+};
+
+struct hg_cut;
+
+// Loads what the cut wants and is not there. HG_E_LIMIT: the geometry budget does not hold it.
+// HG_E_NOMEM, device errors. *out: kept and brought up to date when it is not NULL; its chunks stay
+// resident until it is freed or made anew.
+enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_lens *lens,
+    struct hg_jobs *jobs, struct hg_cut **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cut_free(struct hg_cut *cut); // accepts NULL
+uint32_t hg_cut_count(const struct hg_cut *cut);
+const struct hg_cut_piece *hg_cut_pieces(const struct hg_cut *cut); // by draw, then primitive
+uint64_t hg_cut_revision(const struct hg_cut *cut); // differs when anything of it does
+
+#endif

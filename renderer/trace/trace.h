@@ -1,0 +1,71 @@
+// trace.h - what rays hit: acceleration structures of a scene and the backends that walk them.
+// Floor 2 (trace). Thread: the render thread; tracing is spread over jobs.
+//
+// Rays come as wavefronts (shaders/shared/ray.h) in buffers that host and device share. Three
+// backends stand behind one interface: Embree on the host, a compute shader over a quantised BVH2,
+// and ray queries of the device. Which triangles there are is said by a cut (geometry/cut.h): each
+// draw at one level of detail, the same for all rays of a picture. Backends hit the same triangles
+// but for rays that pass within rounding of an edge.
+//
+// Alpha is not looked at here: masked and blended triangles are hit like others, and whoever shades
+// the hit lets the ray go on behind it (mask and t_min).
+#ifndef HG_RENDERER_TRACE_TRACE_H
+#define HG_RENDERER_TRACE_TRACE_H
+
+#include "base/jobs.h"
+#include "renderer/geometry/cut.h"
+#include "renderer/gpu/gpu.h"
+#include "shaders/shared/ray.h"
+
+struct hg_trace;
+
+enum hg_trace_backend {
+    HG_TRACE_AUTO, // Embree on CPU devices, else ray queries, else compute
+    HG_TRACE_EMBREE,
+    HG_TRACE_COMPUTE,
+    HG_TRACE_KHR,
+};
+
+struct hg_trace_params {
+    enum hg_trace_backend backend;
+    struct hg_jobs *jobs;
+    uint64_t budget_bytes; // of acceleration structures; 0 = unlimited
+};
+
+// HG_E_DEVICE: the backend is not to be had here, with the reason. HG_E_NOMEM. `gpu` is borrowed.
+enum hg_status hg_trace_create(struct hg_gpu *gpu, const struct hg_trace_params *params,
+    struct hg_trace **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_trace_destroy(struct hg_trace *trace); // accepts NULL
+enum hg_trace_backend hg_trace_backend(const struct hg_trace *trace); // never AUTO
+const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree", ...
+
+// Brings the structures in line with the cut; what it shares with the one before is kept, what only
+// moved is refitted. No batch may be open. HG_E_LIMIT (budget, said before memory is taken),
+// HG_E_NOMEM, device errors; then there is no scene until the next sync.
+enum hg_status hg_trace_sync(
+    struct hg_trace *trace, const struct hg_cut *cut, struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_trace_wave {
+    const struct hg_gpu_buffer *rays, *hits; // hits: of hg_trace_closest
+    const struct hg_gpu_buffer *blocked;     // of hg_trace_blocked: [count] words, 0 or 1
+    uint64_t first_ray, first_hit;           // index of the wave's first; first_hit: of blocked, too
+    uint32_t count;
+    bool coherent; // neighbours go about the same way: primary rays, shadow rays of one light
+};
+
+// Each returns when the results are there. No batch may be open. Device errors.
+enum hg_status hg_trace_closest(
+    struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
+// 1: anything of the ray's mask lies between t_min and t_max.
+enum hg_status hg_trace_blocked(
+    struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_trace_stats {
+    uint64_t triangles, instances;      // of the structures: unique, placed
+    uint64_t bytes, peak_bytes;         // of the structures
+    uint64_t build_ns, refit_ns;        // of the newest sync
+    uint64_t rays, trace_ns;            // since creation
+};
+void hg_trace_stats(const struct hg_trace *trace, struct hg_trace_stats *out);
+
+#endif
