@@ -19,6 +19,7 @@
 #define DEFAULT_HEIGHT   720
 #define DEFAULT_SAMPLES  32
 #define DEFAULT_ERROR_PX 1.0f
+#define DEFAULT_BOUNCES  16
 
 // --- renderer ------------------------------------------------------------------------------------
 
@@ -159,6 +160,29 @@ static enum hg_status bad(struct hg_error *err, const char *what, const char *fi
     return hg_error_set(err, HG_E_INVAL, what, field, "outside its range");
 }
 
+static enum hg_status check_path(const struct hg_view_params *p, struct hg_error *err)
+{
+    if (p->mode == HG_MODE_PATH)
+        return hg_error_set(err, HG_E_INVAL, "view", "mode", "this build has no path tracer");
+    if ((unsigned)p->mode > HG_MODE_PATH)
+        return bad(err, "view", "mode");
+    if ((unsigned)p->trace > HG_VIEW_TRACE_KHR)
+        return bad(err, "view", "trace");
+    if (p->max_bounces > HG_VIEW_MAX_BOUNCES)
+        return bad(err, "view", "max_bounces");
+    if (!(p->noise >= 0.0f && p->noise <= 1.0f))
+        return bad(err, "view", "noise");
+    if (!(p->time_s >= 0.0f && p->time_s <= 1e9f))
+        return bad(err, "view", "time_s");
+    if ((unsigned)p->filter > HG_FILTER_GAUSSIAN)
+        return bad(err, "view", "filter");
+    if (!(p->filter_radius_px >= 0.0f && p->filter_radius_px <= 8.0f))
+        return bad(err, "view", "filter_radius_px");
+    if (!(p->clamp_indirect >= 0.0f && p->clamp_indirect <= 1e9f))
+        return bad(err, "view", "clamp_indirect");
+    return p->planes >> HG_PLANE_COUNT == 0 ? HG_OK : bad(err, "view", "planes");
+}
+
 static enum hg_status check_params(const struct hg_view_params *p, struct hg_error *err)
 {
     if (p->width > HG_VIEW_MAX_SIDE_PX)
@@ -181,7 +205,22 @@ static enum hg_status check_params(const struct hg_view_params *p, struct hg_err
         return bad(err, "view", "error_px");
     if (!(p->target_ms >= 0.0f && p->target_ms <= 1e5f))
         return bad(err, "view", "target_ms");
-    return p->samples <= HG_VIEW_MAX_SAMPLES ? HG_OK : bad(err, "view", "samples");
+    if (p->samples > HG_VIEW_MAX_SAMPLES)
+        return bad(err, "view", "samples");
+    return check_path(p, err);
+}
+
+static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s)
+{
+    static const float radius_px[] = {1.5f, 0.5f, 1.0f, 1.5f};
+    s->trace = (uint32_t)p->trace; // same values as enum hg_trace_backend
+    s->filter = (uint32_t)p->filter;
+    s->filter_radius_px = p->filter_radius_px > 0 ? p->filter_radius_px : radius_px[p->filter];
+    s->max_bounces = p->max_bounces > 0 ? p->max_bounces : DEFAULT_BOUNCES;
+    s->planes = p->planes;
+    s->noise = p->noise;
+    s->time_s = p->time_s;
+    s->clamp_indirect = p->clamp_indirect;
 }
 
 enum hg_status hg_view_set_params(
@@ -203,6 +242,9 @@ enum hg_status hg_view_set_params(
     s.debug = (uint32_t)p->debug;
     s.error_px = p->error_px > 0 ? p->error_px : DEFAULT_ERROR_PX;
     s.target_ms = p->target_ms;
+    s.mode = (uint32_t)p->mode;
+    if (p->mode == HG_MODE_PATH)
+        fill_path(p, &s.path);
     if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
         s.samples = 1;
         s.exposure = 1.0f;
@@ -232,6 +274,10 @@ static enum hg_status check_camera(const struct hg_view_camera *c, struct hg_err
         return bad(err, "camera", "near");
     if (!isfinite(c->far) || c->far < 0.0f || (c->far > 0.0f && c->far <= c->near))
         return bad(err, "camera", "far");
+    if (!(c->lens_radius >= 0.0f && c->lens_radius <= 1e6f))
+        return bad(err, "camera", "lens_radius");
+    if (!(c->focus_distance >= 0.0f) || !isfinite(c->focus_distance))
+        return bad(err, "camera", "focus_distance");
     return HG_OK;
 }
 
@@ -254,6 +300,8 @@ enum hg_status hg_view_set_camera(
     s.half_height = c->half_height > 0 ? c->half_height : 1.0f;
     s.near = c->near;
     s.far = c->far;
+    s.lens_radius = c->lens_radius;
+    s.focus_distance = c->focus_distance;
     s.input_seq = c->input_seq;
     hg_view_state_look(&view->state, &s);
     return HG_OK;
@@ -332,6 +380,54 @@ enum hg_status hg_view_read_pixels(
     if ((unsigned)format > HG_PIXEL_RGBA32F)
         return bad(err, "pixels", "format");
     return hg_view_state_read(&view->state, (uint32_t)format, out, err);
+}
+
+static const struct {
+    const char *name;
+    uint32_t channels;
+} planes[HG_PLANE_COUNT] = {{"color", 4}, {"albedo", 3}, {"normal", 3}, {"geometric_normal", 3},
+    {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
+    {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
+    {"indirect_transmission", 3}, {"motion", 2}, {"object", 1}, {"material", 1}, {"samples", 1},
+    {"variance", 1}};
+
+uint32_t hg_plane_channels(enum hg_plane plane)
+{
+    return (unsigned)plane < HG_PLANE_COUNT ? planes[plane].channels : 0;
+}
+
+const char *hg_plane_name(enum hg_plane plane)
+{
+    return (unsigned)plane < HG_PLANE_COUNT ? planes[plane].name : "";
+}
+
+static enum hg_status not_traced(const struct hg_view *view, struct hg_error *err)
+{
+    return hg_error_set(err, HG_E_STATE, "view", NULL, "view of %ux%u px is not path-traced",
+        view->state.settings.width, view->state.settings.height);
+}
+
+enum hg_status hg_view_read_plane(
+    struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    if ((unsigned)plane >= HG_PLANE_COUNT)
+        return bad(err, "planes", "plane");
+    return not_traced(view, err);
+}
+
+enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    return not_traced(view, err);
+}
+
+enum hg_status hg_view_load(
+    struct hg_view *view, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    if (data == NULL || size_bytes == 0)
+        return bad(err, "checkpoint", "size");
+    return not_traced(view, err);
 }
 
 enum hg_status hg_view_pick(

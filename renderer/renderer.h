@@ -56,7 +56,49 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_OVERDRAW,
 };
 
+enum hg_render_mode {
+    HG_MODE_REALTIME,
+    HG_MODE_PATH, // path tracing: while the view moves it is drawn as in realtime
+};
+enum hg_view_trace { // who walks the rays of HG_MODE_PATH; as enum hg_trace_backend
+    HG_VIEW_TRACE_AUTO,
+    HG_VIEW_TRACE_EMBREE,
+    HG_VIEW_TRACE_COMPUTE,
+    HG_VIEW_TRACE_KHR,
+};
+enum hg_filter {               // of pixels in HG_MODE_PATH, with their default radius
+    HG_FILTER_BLACKMAN_HARRIS, // 1.5 px, as in realtime
+    HG_FILTER_BOX,             // 0.5 px
+    HG_FILTER_TENT,            // 1 px
+    HG_FILTER_GAUSSIAN,        // 1.5 px, standard deviation a third of the radius
+};
+
+// Float planes of a path-traced film, for compositing. Means over the samples of a pixel, those of
+// samples that hit nothing are 0. Radiance is linear, without exposure, premultiplied.
+enum hg_plane {
+    HG_PLANE_COLOR,                 // 4: radiance, coverage; sum of all lights
+    HG_PLANE_ALBEDO,                // 3
+    HG_PLANE_NORMAL,                // 3: shading normal, world space
+    HG_PLANE_GEOMETRIC_NORMAL,      // 3
+    HG_PLANE_DEPTH,                 // 1: along the view direction, metres; of samples that hit
+    HG_PLANE_POSITION,              // 3: scene space, of samples that hit
+    HG_PLANE_EMISSION,              // 3: seen directly, background included
+    HG_PLANE_DIRECT_DIFFUSE,        // 3: light that was reflected or let through once;
+    HG_PLANE_DIRECT_SPECULAR,       // 3  by what the first surface did with it
+    HG_PLANE_DIRECT_TRANSMISSION,   // 3
+    HG_PLANE_INDIRECT_DIFFUSE,      // 3: more than once
+    HG_PLANE_INDIRECT_SPECULAR,     // 3
+    HG_PLANE_INDIRECT_TRANSMISSION, // 3
+    HG_PLANE_MOTION,                // 2: px, from the pose before to this one
+    HG_PLANE_OBJECT,                // 1: number of the node, 0 = none; of the pixel's middle sample
+    HG_PLANE_MATERIAL,              // 1: number of the material, 0 = none
+    HG_PLANE_SAMPLES,               // 1: samples of the pixel
+    HG_PLANE_VARIANCE,              // 1: of the mean's luminance
+    HG_PLANE_COUNT
+};
+
 #define HG_VIEW_MAX_SAMPLES 65536 // also the limit of the protocol
+#define HG_VIEW_MAX_BOUNCES 256
 
 struct hg_view_params {     // zero of each field = default
     uint32_t width, height; // px, 1..16384; default 1280 x 720
@@ -69,15 +111,27 @@ struct hg_view_params {     // zero of each field = default
     enum hg_debug_view debug; // other than OFF: one sample per pixel, no tone curve
     float error_px;           // greatest projected error of geometry, 0.01..1024; default 1
     float target_ms;          // frame time in motion that quality gives way to; 0 = none
+    enum hg_render_mode mode;
+    // Of HG_MODE_PATH alone:
+    enum hg_view_trace trace;
+    uint32_t max_bounces; // 1..HG_VIEW_MAX_BOUNCES; default 16
+    float noise;          // a part of the picture is done when its relative error is below; 0 = off
+    float time_s;         // settled after this long, whatever there is; 0 = no limit
+    enum hg_filter filter;
+    float filter_radius_px; // 0 = the filter's; at most 8
+    float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
+    uint32_t planes;        // 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR
 };
 
 struct hg_view_camera {             // world space, metres
     float eye[3], target[3], up[3]; // up is made orthogonal; 0 = +Y
     bool orthographic;
-    float vfov_rad;     // vertical; default 45 degrees
-    float half_height;  // orthographic
-    float near, far;    // near 0 = from the scene; far 0 = infinite
-    uint64_t input_seq; // returned in frames
+    float vfov_rad;    // vertical; default 45 degrees
+    float half_height; // orthographic
+    float near, far;   // near 0 = from the scene; far 0 = infinite
+    // Thin lens of HG_MODE_PATH, perspective only. Radius 0 = all is sharp.
+    float lens_radius, focus_distance; // metres; distance 0 = that of the target
+    uint64_t input_seq;                // returned in frames
 };
 
 // The view keeps a pointer to the scene, which must outlive it.
@@ -103,6 +157,7 @@ struct hg_frame_info {
     uint64_t number, scene_revision, input_seq;
     uint32_t width, height;
     uint32_t samples; // accumulated per pixel
+    float noise;      // estimated relative error of a path-traced picture; 0 = not known
     uint32_t missing_pages, missing_clusters;
     float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
     float error_px; // projected error of geometry in this picture, >= that of the parameters
@@ -126,6 +181,22 @@ enum hg_status hg_view_step(struct hg_view *view, uint32_t max_samples, struct h
 // RGBA16: as RGBA8 with 16 bits. HG_E_STATE before the first step.
 enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Plane of a path-traced film as [height][width][channels] floats: COLOR, SAMPLES, VARIANCE, or one
+// of those that the view's parameters ask for. HG_E_STATE: not path-traced (yet), or not asked for.
+enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out,
+    struct hg_error *err) HG_MUST_CHECK;
+uint32_t hg_plane_channels(enum hg_plane plane);
+const char *hg_plane_name(enum hg_plane plane); // "direct_diffuse", ...
+
+// Checkpoints of a path-traced view: all it needs to go on, to the bit, in another process with the
+// same scene, camera and parameters. HG_E_STATE: nothing to save.
+enum hg_status hg_view_save(
+    struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// HG_E_INVAL: made of another size, camera, scene or parameters, or damaged; the view stays as it
+// was. Call after parameters and camera are set.
+enum hg_status hg_view_load(struct hg_view *view, const void *data, uint64_t size_bytes,
+    struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_pick {
     bool hit;

@@ -6,6 +6,7 @@
 #include "base/refbuf.h"
 #include "renderer/frame/ahead.h"
 #include "renderer/frame/camera.h"
+#include "renderer/frame/path.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/rooms.h"
 #include "renderer/frame/stream.h"
@@ -35,6 +36,8 @@ struct hg_view_settings {
     uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
+    uint32_t mode;   // enum hg_render_mode of renderer.h
+    struct hg_path_settings path;
 };
 
 // In scene space; jitter and near and far are filled in by each step.
@@ -42,6 +45,7 @@ struct hg_view_camera_state {
     double eye[3], target[3], up[3];
     bool orthographic;
     float vfov_rad, half_height, near, far;
+    float lens_radius, focus_distance; // metres; 0 = no lens, at the target
     uint64_t input_seq;
 };
 
