@@ -258,13 +258,15 @@ struct hg_bench_stream {                       // zero of each field = default
     void *progress_user;
 };
 
-// `helio bench vt`: textures many times larger than their budget against all of them resident.
+// `helio bench vt`: textures many times larger than their budget against all of them resident, and
+// page packs beside OpenImageIO's texture system (needs a cache folder).
 struct hg_bench_vt {
     struct hg_bench_stream stream; // budget: 64 MiB of texture pages
     uint32_t made, side_px;        // textures that are made on demand; 12 of 4096 px
     const char *const *images;     // [image_count] further ones, from files
     uint32_t image_count;
     uint32_t teleports;        // 40
+    uint32_t peer_mib;         // memory for texels beside OpenImageIO's texture system; 32
     const uint32_t *sheets_px; // [sheet_count] sides of single pictures, up to 131072
     uint32_t sheet_count;
 };

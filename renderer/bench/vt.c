@@ -2,14 +2,16 @@
 //
 // Two renderers look at the same gallery: one streams under the budget, one has no budget and has
 // seen every pose before it is measured. Frames of both alternate, so that what else the machine
-// does hits both alike.
+// does hits both alike. Then pages are sampled by the host, beside OpenImageIO's texture system.
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/bench/bench.h"
+#include "renderer/bench/peer.h"
 #include "renderer/bench/scene.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
@@ -17,6 +19,8 @@
 
 #define VFOV_RAD   0.8f
 #define ZOOM_STEPS 24
+
+enum { PEER_MADE = 6, PEER_SIDE_PX = 2048 }; // most made textures beside files, and their sides
 
 enum { STREAMED, RESIDENT, SIDES };
 
@@ -35,11 +39,15 @@ struct run {
     struct hg_bench_view views[SIDES];
     struct hg_bench_times frames[SIDES], teleports;
     uint64_t missing_frames, missing_pages; // of the flight, streamed
+    uint64_t set_bytes;                     // of the gallery's textures
     uint32_t stills_same;
     double still_max; // largest difference of stills, 0..1
     struct hg_textures_stats streamed;
     uint64_t rss_bytes, rss_before_bytes;
     struct sheet_result *sheets;
+    struct hg_bench_peer_params peer;
+    struct hg_bench_peer_result peer_result;
+    char device[256];
     uint32_t done, total;
 };
 
@@ -177,6 +185,7 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
     if (status == HG_OK)
         status = teleport(run, err);
     run->rss_bytes = hg_bench_peak_rss_bytes();
+    run->set_bytes = run->scene.texture_bytes;
     if (status == HG_OK)
         status = open_side(run, RESIDENT, err);
     if (status == HG_OK)
@@ -185,9 +194,38 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
         status = fly(run, err);
     for (uint32_t i = 0; i < b->stream.stills && status == HG_OK; i++)
         status = compare_still(run, i, err);
-    if (status == HG_OK)
+    if (status == HG_OK) {
         hg_textures_stats(run->views[STREAMED].view->state.rooms->textures, &run->streamed);
+        snprintf(run->device, sizeof run->device, "%s",
+            hg_gpu_get_caps(run->renderers[STREAMED]->gpu)->device_name);
+    }
+    for (int side = 0; side < SIDES; side++)
+        close_side(run, side);
     return status;
+}
+
+static bool peer_progress(void *user, uint32_t done)
+{
+    struct run *run = user;
+    (void)done;
+    return step_done(run, &(struct hg_error){0}) == HG_OK;
+}
+
+// With nothing else under way in this process.
+static enum hg_status measure_peer(struct run *run, struct hg_error *err)
+{
+    const struct hg_bench_vt *b = run->bench;
+    run->peer = (struct hg_bench_peer_params){.cache_dir = b->stream.renderer->cache_dir,
+        .memory_bytes = (uint64_t)b->peer_mib << 20,
+        .host_bytes = b->stream.renderer->host_budget_bytes,
+        .made = b->made < PEER_MADE ? b->made : PEER_MADE,
+        .side_px = b->side_px < PEER_SIDE_PX ? b->side_px : PEER_SIDE_PX,
+        .images = b->images,
+        .image_count = b->image_count,
+        .moments = b->stream.frames * 5 / 2,
+        .progress = peer_progress,
+        .progress_user = run};
+    return hg_bench_peer_run(&run->peer, &run->peer_result, err);
 }
 
 // --- single pictures -----------------------------------------------------------------------------
@@ -302,15 +340,14 @@ static void put_flight(const struct run *run, struct hg_writer *w)
 static void put_memory(const struct run *run, struct hg_writer *w)
 {
     const struct hg_bench_vt *b = run->bench;
-    const double ratio = b->stream.budget_bytes > 0
-                             ? (double)run->scene.texture_bytes / (double)b->stream.budget_bytes
-                             : 0;
+    const double ratio =
+        b->stream.budget_bytes > 0 ? (double)run->set_bytes / (double)b->stream.budget_bytes : 0;
     hg_json_put(w,
         ",\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"set_bytes\":%llu,\"set_ratio\":%.2f,"
         "\"process\":{\"before_bytes\":%llu,\"streamed_peak_rss_bytes\":%llu}",
         (unsigned long long)b->stream.budget_bytes, (unsigned long long)run->streamed.peak_bytes,
-        (unsigned long long)run->scene.texture_bytes, ratio,
-        (unsigned long long)run->rss_before_bytes, (unsigned long long)run->rss_bytes);
+        (unsigned long long)run->set_bytes, ratio, (unsigned long long)run->rss_before_bytes,
+        (unsigned long long)run->rss_bytes);
     hg_json_put(w, ",\"final\":{\"pictures\":%u,\"identical\":%u,\"max_difference\":%.6f}",
         b->stream.stills, run->stills_same, run->still_max);
 }
@@ -337,8 +374,10 @@ static enum hg_status write_report(const struct run *run, char **text)
     put_flight(run, &w);
     put_memory(run, &w);
     put_sheets(run, &w);
+    hg_json_put(&w, ",");
+    hg_bench_peer_put(&w, &run->peer, &run->peer_result);
     hg_json_put(&w, ",\"device\":");
-    hg_json_string(&w, hg_gpu_get_caps(run->renderers[STREAMED]->gpu)->device_name);
+    hg_json_string(&w, run->device);
     hg_json_put(&w, "}");
     return hg_json_take(&w, text);
 }
@@ -358,6 +397,7 @@ static void set_defaults(struct hg_bench_vt *b)
     b->made = hg_bench_or(b->made, 12);
     b->side_px = hg_bench_or(b->side_px, 4096);
     b->teleports = hg_bench_or(b->teleports, 40);
+    b->peer_mib = hg_bench_or(b->peer_mib, 32);
     if (b->sheets_px == NULL) {
         b->sheets_px = sheets;
         b->sheet_count = 2;
@@ -372,7 +412,10 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
         run->sheets[i].side_px = b->sheets_px[i];
         status = measure_sheet(run, &run->sheets[i], err);
     }
-    return status == HG_OK ? measure_gallery(run, err) : status;
+    if (status == HG_OK)
+        status = measure_gallery(run, err);
+    hg_bench_scene_finish(&run->scene);
+    return status == HG_OK ? measure_peer(run, err) : status;
 }
 
 enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, struct hg_error *err)
@@ -382,7 +425,7 @@ enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, str
     set_defaults(&full);
     struct run run = {.bench = &full,
         .total = 4 * full.stream.frames + full.teleports + full.stream.stills +
-                 full.sheet_count * ZOOM_STEPS};
+                 full.sheet_count * ZOOM_STEPS + HG_BENCH_PEER_STEPS};
     run.sheets = hg_calloc(full.sheet_count, sizeof *run.sheets);
     enum hg_status status = run.sheets != NULL
                                 ? measure(&run, err)

@@ -12,6 +12,7 @@
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+#include <OpenImageIO/texture.h>
 
 // C lets a struct and a function share a name; C++ warns that one hides the other.
 #pragma GCC diagnostic push
@@ -20,6 +21,8 @@ extern "C" {
 #include "base/alloc.h"
 #include "renderer/image/oiio.h"
 #include "renderer/image/reader.h"
+#include "renderer/image/texture_system.h"
+#include "renderer/image/writer.h"
 }
 #pragma GCC diagnostic pop
 
@@ -637,4 +640,185 @@ hg_status hg_oiio_reader_rect(hg_oiio_reader *r, uint32_t mip, const uint32_t at
         std::lock_guard<std::mutex> guard(r->lock);
         return read_rect(*r, mip, at, size, format, pixels, bytes, err);
     });
+}
+
+// --- files written piece by piece
+
+struct hg_image_writer {
+    std::unique_ptr<ImageOutput> output;
+    ImageSpec spec;
+    std::string path;
+    uint32_t width = 0, height = 0, mip = 0;
+    int next_row = 0;
+};
+
+namespace
+{
+
+hg_status fail_write(const hg_image_writer &w, hg_error *err)
+{
+    return fail(err, HG_E_IO, w.path.c_str(), w.output->geterror());
+}
+
+hg_status begin_file(hg_image_writer &w, const hg_image_writer_params &p, hg_error *err)
+{
+    set_up_library();
+    w.path = p.path;
+    w.width = p.width;
+    w.height = p.height;
+    w.spec = ImageSpec(int(p.width), int(p.height), int(p.channels), TypeDesc::UINT8);
+    w.spec.tile_width = w.spec.tile_height = int(p.tile_px);
+    w.spec.attribute("oiio:UnassociatedAlpha", 1);
+    if (strcmp(p.format, "tiff") == 0)
+        w.spec.attribute("compression", "zip");
+    else
+        w.spec.attribute("png:compressionLevel", 1);
+    if (w.spec.image_bytes(true) > UINT64_C(2) << 30)
+        w.spec.attribute("tiff:bigtiff", 1);
+    if (p.tile_px) { // for programs that look for textures
+        w.spec.attribute("textureformat", "Plain Texture");
+        w.spec.attribute("wrapmodes", "periodic,periodic");
+    }
+    w.output = ImageOutput::create(p.format);
+    if (!w.output)
+        return fail(err, HG_E_UNSUPPORTED, p.path, OIIO::geterror());
+    return w.output->open(w.path, w.spec) ? HG_OK : fail_write(w, err);
+}
+
+} // namespace
+
+hg_status hg_image_writer_begin(
+    const struct hg_image_writer_params *params, hg_image_writer **out, hg_error *err)
+{
+    *out = nullptr;
+    hg_image_writer *writer = nullptr;
+    hg_status st = guarded(params->path, err, [&]() -> hg_status {
+        writer = new hg_image_writer;
+        return begin_file(*writer, *params, err);
+    });
+    if (st)
+        hg_image_writer_abort(writer);
+    else
+        *out = writer;
+    return st;
+}
+
+hg_status hg_image_writer_rows(
+    hg_image_writer *w, uint32_t count, const void *pixels, hg_error *err)
+{
+    return guarded(w->path.c_str(), err, [&]() -> hg_status {
+        int first = w->next_row;
+        w->next_row += int(count);
+        return w->output->write_scanlines(first, w->next_row, 0, TypeDesc::UINT8, pixels)
+                   ? HG_OK
+                   : fail_write(*w, err);
+    });
+}
+
+hg_status hg_image_writer_tile(
+    hg_image_writer *w, uint32_t x, uint32_t y, const void *pixels, hg_error *err)
+{
+    return guarded(w->path.c_str(), err, [&]() -> hg_status {
+        return w->output->write_tile(int(x), int(y), 0, TypeDesc::UINT8, pixels)
+                   ? HG_OK
+                   : fail_write(*w, err);
+    });
+}
+
+hg_status hg_image_writer_next_mip(hg_image_writer *w, hg_error *err)
+{
+    return guarded(w->path.c_str(), err, [&]() -> hg_status {
+        w->mip++;
+        w->spec.width = w->spec.full_width = int(std::max(w->width >> w->mip, 1u));
+        w->spec.height = w->spec.full_height = int(std::max(w->height >> w->mip, 1u));
+        return w->output->open(w->path, w->spec, ImageOutput::AppendSubimage) ? HG_OK
+                                                                              : fail_write(*w, err);
+    });
+}
+
+hg_status hg_image_writer_end(hg_image_writer *w, hg_error *err)
+{
+    hg_status st = guarded(w->path.c_str(), err,
+        [&]() -> hg_status { return w->output->close() ? HG_OK : fail_write(*w, err); });
+    hg_image_writer_abort(w);
+    return st;
+}
+
+void hg_image_writer_abort(hg_image_writer *w)
+{
+    (void)guarded("image", nullptr, [&]() -> hg_status {
+        delete w;
+        return HG_OK;
+    });
+}
+
+// --- the library's texture system
+
+struct hg_texture_system {
+    decltype(OIIO::TextureSystem::create(false)) system; // a pointer, shared in later versions
+    OIIO::TextureSystem::Perthread *thread;
+    std::vector<OIIO::TextureSystem::TextureHandle *> handles;
+    OIIO::TextureOpt options;
+};
+
+hg_status hg_texture_system_create(uint64_t memory_bytes, hg_texture_system **out, hg_error *err)
+{
+    *out = nullptr;
+    return guarded("textures", err, [&]() -> hg_status {
+        set_up_library();
+        std::unique_ptr<hg_texture_system> t(new hg_texture_system);
+        t->system = OIIO::TextureSystem::create(false);
+        t->system->attribute("max_memory_MB", float(double(memory_bytes) / 1048576.0));
+        t->system->attribute("max_open_files", 1000);
+        t->thread = t->system->get_perthread_info();
+        t->options.swrap = t->options.twrap = OIIO::TextureOpt::WrapPeriodic;
+        t->options.mipmode = OIIO::TextureOpt::MipModeTrilinear;
+        t->options.interpmode = OIIO::TextureOpt::InterpBilinear;
+        *out = t.release();
+        return HG_OK;
+    });
+}
+
+void hg_texture_system_destroy(hg_texture_system *t)
+{
+    (void)guarded("textures", nullptr, [&]() -> hg_status {
+        if (t)
+            OIIO::TextureSystem::destroy(t->system, true);
+        delete t;
+        return HG_OK;
+    });
+}
+
+hg_status hg_texture_system_add(hg_texture_system *t, const char *path, hg_error *err)
+{
+    return guarded(path, err, [&]() -> hg_status {
+        auto *handle = t->system->get_texture_handle(OIIO::ustring(path), t->thread);
+        if (!handle || !t->system->good(handle))
+            return fail(err, HG_E_IO, path, t->system->geterror());
+        t->handles.push_back(handle);
+        return HG_OK;
+    });
+}
+
+bool hg_texture_system_sample(
+    hg_texture_system *t, uint32_t texture, float u, float v, float footprint, float rgba[4])
+{
+    return guarded("textures", nullptr, [&]() -> hg_status {
+        return t->system->texture(t->handles[texture], t->thread, t->options, u, v, footprint, 0, 0,
+                   footprint, 4, rgba)
+                   ? HG_OK
+                   : HG_E_IO;
+    }) == HG_OK;
+}
+
+uint64_t hg_texture_system_decoded_bytes(const hg_texture_system *t)
+{
+    long long bytes = 0;
+    t->system->getattribute("stat:bytes_read", TypeDesc::INT64, &bytes);
+    return uint64_t(bytes);
+}
+
+const char *hg_texture_system_version(void)
+{
+    return "OpenImageIO " OIIO_VERSION_STRING;
 }

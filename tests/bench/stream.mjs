@@ -28,18 +28,27 @@ const small = { width: 320, height: 180, frames: 6, stills: 2, samples: 2 };
 const runs = {
     vt: {
         options: () => ({ ...small, made: 4, side_px: 1024, teleports: 6, sheets: [4096],
-            budget_mib: 32,
+            budget_mib: 32, peer_mib: 2,
             images: [file("big-textures/solarsystemscope/8k_earth_nightmap.jpg")] }),
         keys: ["slowdown", "frame_ms.streamed", "frame_ms.resident", "teleport_ms.p50",
             "teleport_ms.p95", "peak_bytes", "budget_bytes", "set_bytes", "set_ratio",
             "final.pictures", "final.identical", "sheets.0.side_px", "sheets.0.sharp_ms.p50",
-            "sheets.0.texel_error", "process.streamed_peak_rss_bytes", "device"],
+            "sheets.0.texel_error", "process.streamed_peak_rss_bytes", "peer.system",
+            "peer.samples_ratio", "peer.bytes_ratio", "device"],
         check(r) {
             assert.equal(r.final.identical, r.final.pictures, "pictures depend on the budget");
             assert.ok(r.peak_bytes > 0 && r.peak_bytes <= r.budget_bytes, "the budget is exceeded");
             assert.equal(r.teleport_ms.count, 6);
             assert.ok(r.set_ratio > 5, "everything fits: nothing is streamed");
             assert.ok(r.sheets[0].texel_error <= 6, JSON.stringify(r.sheets));
+            const p = r.peer; // both really sampled the same textures, which they had to read
+            assert.ok(p.images === 5 && p.samples > 1e6, JSON.stringify(p));
+            assert.ok(p.samples_per_s > 0 && p.our_samples_per_s > 0, JSON.stringify(p));
+            assert.ok(p.set_bytes > 10 * p.memory_bytes, JSON.stringify(p));
+            assert.ok(p.bytes_read > 1e5 && p.our_bytes_read > 1e5, JSON.stringify(p));
+            assert.ok(p.texel_bytes > p.memory_bytes && p.our_texel_bytes > p.memory_bytes,
+                JSON.stringify(p));
+            assert.ok(p.mean_difference < 0.002, JSON.stringify(p));
         },
     },
     lod: {
