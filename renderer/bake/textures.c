@@ -39,9 +39,6 @@ struct textures {
 
 // --- what materials use --------------------------------------------------------------------------
 
-static const enum hg_texture_slot slots[] = {HG_SLOT_BASE_COLOR, HG_SLOT_EMISSIVE, HG_SLOT_NORMAL,
-    HG_SLOT_METALLIC_ROUGHNESS, HG_SLOT_OCCLUSION};
-
 // As textures.c does: packs are found by it.
 static uint8_t quantise_cutoff(enum hg_texture_use use, float cutoff)
 {
@@ -60,7 +57,7 @@ static enum hg_status add_slot(
     struct textures *t, const struct hg_material *material, enum hg_texture_slot slot)
 {
     const struct hg_texture *texture = material->slots[slot].texture;
-    if (texture == NULL || texture->image == NULL)
+    if (!hg_material_uses_slot(material, slot) || texture->image == NULL)
         return HG_OK;
     const enum hg_texture_use use = hg_texture_slot_use(material, slot);
     const struct hg_page_source_params params = {.image = texture->image,
@@ -83,8 +80,9 @@ static enum hg_status collect(struct textures *t)
     const struct hg_object_list *list = &t->bake->scene->objects[HG_OBJECT_MATERIAL];
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < list->count && status == HG_OK; i++) {
-        for (size_t k = 0; k < sizeof slots / sizeof *slots && status == HG_OK; k++)
-            status = add_slot(t, (const struct hg_material *)list->items[i], slots[k]);
+        for (int k = HG_SLOT_BASE_COLOR; k < HG_SLOT_COUNT && status == HG_OK; k++)
+            status =
+                add_slot(t, (const struct hg_material *)list->items[i], (enum hg_texture_slot)k);
     }
     return status;
 }

@@ -168,13 +168,17 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
 // What the scene and its lights make use of. Devices that branch get one pipeline for all.
 static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
 {
-    const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
+    const uint32_t sampled =
+        HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
     const struct hg_gpu_lighting *l = &view->frame.lighting;
     uint32_t features = view->rooms->features;
     struct hg_lighting_stats stats;
     hg_lighting_stats(view->lighting, &stats);
-    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables)
-        return HG_FEATURE_ALL & ~(sampled & ~features); // a table that is not there is not read
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables) {
+        // A table that is not there is not read.
+        const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
+        return HG_FEATURE_ALL & ~absent;
+    }
     features |= view->stream.on ? HG_FEATURE_STREAM : 0;
     features |= hg_geometry_has_levels(view->rooms->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;

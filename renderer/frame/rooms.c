@@ -23,10 +23,12 @@ static uint32_t material_features(const struct hg_material *m)
         [HG_SLOT_NORMAL] = HG_FEATURE_TEXTURES,
         [HG_SLOT_OCCLUSION] = HG_FEATURE_OCCLUSION,
         [HG_SLOT_EMISSIVE] = HG_FEATURE_EMISSIVE};
-    uint32_t features = 0;
-    for (int slot = HG_SLOT_BASE_COLOR; slot <= HG_SLOT_EMISSIVE; slot++) {
-        if (m->slots[slot].texture != NULL)
-            features |= bits[slot] | (is_plain(&m->slots[slot]) ? 0 : HG_FEATURE_SAMPLERS);
+    uint32_t features = hg_material_lobes(m);
+    for (int i = HG_SLOT_BASE_COLOR; i < HG_SLOT_COUNT; i++) {
+        if (!hg_material_uses_slot(m, (enum hg_texture_slot)i))
+            continue;
+        features |= i <= HG_SLOT_EMISSIVE ? bits[i] : 0;
+        features |= is_plain(&m->slots[i]) ? 0 : HG_FEATURE_SAMPLERS;
     }
     if (m->emissive[0] != 0.0f || m->emissive[1] != 0.0f || m->emissive[2] != 0.0f)
         features |= HG_FEATURE_EMITS;
@@ -52,7 +54,8 @@ static uint32_t part_features(const struct hg_mesh_part *part)
 
 static uint32_t scene_features(const struct hg_scene *scene, const struct hg_textures *textures)
 {
-    const uint32_t sampled = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE;
+    const uint32_t sampled =
+        HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
     uint32_t features = 0;
     struct hg_textures_stats stats;
     for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MATERIAL].count; i++)

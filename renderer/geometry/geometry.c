@@ -25,6 +25,7 @@ enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_p
     g->instance_table.name = "instances";
     g->part_table.name = "parts";
     g->material_table.name = "materials";
+    g->lobe_table.name = "material lobes";
     g->bounds = hg_box_empty();
     enum hg_status status = HG_OK;
     if (g->params.jobs != NULL && g->params.bake_from != HG_GEOMETRY_BAKE_NONE) {
@@ -54,6 +55,7 @@ void hg_geometry_destroy(struct hg_geometry *g)
     hg_table_finish(g->gpu, &g->instance_table);
     hg_table_finish(g->gpu, &g->part_table);
     hg_table_finish(g->gpu, &g->material_table);
+    hg_table_finish(g->gpu, &g->lobe_table);
     hg_free(g->meshes);
     hg_free(g->deforms);
     hg_free(g->changed);
@@ -155,6 +157,8 @@ struct sync {
     struct hg_gpu_material *materials; // [0] is the default material
     struct material_index *material_ids;
     uint32_t material_count;
+    struct hg_gpu_lobes *lobes; // of the materials that have some
+    uint32_t lobe_count;
     bool one_shape; // of the textures of each material
     struct hg_gpu_instance *instances;
     uint32_t instance_count, instance_limit;
@@ -295,7 +299,10 @@ static enum hg_status collect_nodes(struct sync *s, struct hg_error *err)
     s->part_count = s->deform_count;
     for (uint32_t i = 0; i < s->mesh_count; i++)
         s->part_count += s->meshes[i].part_count;
-    s->material_count = s->scene->objects[HG_OBJECT_MATERIAL].count + 1;
+    const struct hg_object_list *materials = &s->scene->objects[HG_OBJECT_MATERIAL];
+    s->material_count = materials->count + 1;
+    for (uint32_t i = 0; i < materials->count; i++)
+        s->lobe_count += hg_material_lobes((const struct hg_material *)materials->items[i]) != 0;
     return HG_OK;
 }
 
@@ -304,7 +311,8 @@ static uint64_t bytes_of(const struct sync *s)
     uint64_t bytes = s->draw_limit * sizeof(struct hg_gpu_draw) +
                      s->instance_limit * sizeof(struct hg_gpu_instance) +
                      s->part_count * sizeof(struct hg_gpu_part) +
-                     s->material_count * sizeof(struct hg_gpu_material);
+                     s->material_count * sizeof(struct hg_gpu_material) +
+                     s->lobe_count * sizeof(struct hg_gpu_lobes);
     bytes += bytes / 2; // tables grow by half
     for (uint32_t i = 0; i < s->mesh_count; i++)
         bytes += s->meshes[i].bytes;
@@ -398,6 +406,7 @@ static void fill_materials(struct sync *s)
 {
     const struct hg_object_list *list = &s->scene->objects[HG_OBJECT_MATERIAL];
     struct hg_material defaults;
+    uint32_t lobes = 0;
     memset(&defaults, 0, sizeof defaults);
     hg_material_set_defaults(&defaults);
     s->one_shape = hg_material_pack(&defaults, NULL, &s->materials[0]);
@@ -405,6 +414,10 @@ static void fill_materials(struct sync *s)
         s->material_ids[i] = (struct material_index){list->items[i]->id, i + 1};
         const struct hg_material *material = (const struct hg_material *)list->items[i];
         s->one_shape &= hg_material_pack(material, s->textures, &s->materials[i + 1]);
+        if (hg_material_lobes(material) != 0) {
+            hg_material_pack_lobes(material, s->textures, &s->lobes[lobes++]);
+            s->materials[i + 1].lobes = lobes;
+        }
     }
     if (list->count > 0)
         qsort(s->material_ids, list->count, sizeof *s->material_ids, compare_materials);
@@ -548,11 +561,13 @@ static enum hg_status make_tables(struct sync *s, struct hg_error *err)
     s->parts = hg_calloc(s->part_count, sizeof *s->parts);
     s->materials = hg_calloc(s->material_count, sizeof *s->materials);
     s->material_ids = hg_calloc(s->material_count, sizeof *s->material_ids);
+    s->lobes = hg_calloc(s->lobe_count, sizeof *s->lobes);
     s->instances = hg_calloc(s->instance_limit, sizeof *s->instances);
     s->draws = hg_calloc(s->draw_limit, sizeof *s->draws);
     s->gpu_draws = hg_calloc(s->draw_limit, sizeof *s->gpu_draws);
     if (s->parts == NULL || s->materials == NULL || s->material_ids == NULL ||
-        s->instances == NULL || s->draws == NULL || s->gpu_draws == NULL)
+        (s->lobes == NULL && s->lobe_count > 0) || s->instances == NULL || s->draws == NULL ||
+        s->gpu_draws == NULL)
         return out_of_memory(err);
     s->bounds = hg_box_empty();
     fill_parts(s);
@@ -573,6 +588,9 @@ static enum hg_status write_tables(struct sync *s, struct hg_error *err)
     if (status == HG_OK)
         status = hg_table_write(g->gpu, &g->material_table, s->materials,
             s->material_count * sizeof *s->materials, &s->written, err);
+    if (status == HG_OK)
+        status = hg_table_write(
+            g->gpu, &g->lobe_table, s->lobes, s->lobe_count * sizeof *s->lobes, &s->written, err);
     if (status == HG_OK)
         status = hg_table_write(g->gpu, &g->instance_table, s->instances,
             s->instance_count * sizeof *s->instances, &s->written, err);
@@ -726,6 +744,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     hg_free(s.deforms);
     hg_free(s.materials);
     hg_free(s.material_ids);
+    hg_free(s.lobes);
     hg_free(s.instances);
     hg_free(s.draws);
     hg_free(s.parts);
@@ -741,6 +760,7 @@ void hg_geometry_fill(const struct hg_geometry *g, struct hg_gpu_geometry *out)
         .instances = g->instance_table.buffer.address,
         .parts = g->part_table.buffer.address,
         .materials = g->material_table.buffer.address,
+        .lobes = g->lobe_table.buffer.address,
         .draw_count = g->draw_count,
         .instance_count = g->instance_count,
         .part_count = g->part_count,

@@ -132,6 +132,9 @@ void hg_deform_finish(struct hg_gpu *gpu, struct hg_deform_entry *entry);
 // False when it has textures of more than one shape.
 bool hg_material_pack(const struct hg_material *material, const struct hg_textures *textures,
     struct hg_gpu_material *out);
+// The second record, of materials with hg_material_features (geometry.h).
+void hg_material_pack_lobes(const struct hg_material *material, const struct hg_textures *textures,
+    struct hg_gpu_lobes *out);
 
 // --- geometry.c ---
 struct hg_draw_entry {
@@ -176,7 +179,7 @@ struct hg_geometry {
     struct hg_draw_entry *draws; // in draw order
     uint32_t draw_count;
     struct hg_facets facets;
-    struct hg_table draw_table, instance_table, part_table, material_table;
+    struct hg_table draw_table, instance_table, part_table, material_table, lobe_table;
     uint32_t instance_count, part_count, material_count;
     uint64_t signature; // of the scene at the last sync, 0 = none
     uint64_t shape_signature;

@@ -1,4 +1,5 @@
 // materials.c - materials as shaders read them. See internal.h.
+#include <math.h>
 #include <string.h>
 
 #include "renderer/geometry/internal.h"
@@ -11,24 +12,42 @@ static const enum hg_texture_slot slots[HG_MATERIAL_SLOTS] = {
     [HG_MATERIAL_OCCLUSION] = HG_SLOT_OCCLUSION,
 };
 
-static void pack_slot(const struct hg_material *m, const struct hg_textures *textures,
-    uint32_t slot, struct hg_gpu_material *out)
+static const enum hg_texture_slot lobe_slots[HG_LOBES_SLOTS] = {
+    [HG_LOBES_SHEEN_COLOR] = HG_SLOT_SHEEN_COLOR,
+    [HG_LOBES_SPECULAR_COLOR] = HG_SLOT_SPECULAR_COLOR,
+    [HG_LOBES_DIFFUSE_TRANSMISSION_COLOR] = HG_SLOT_DIFFUSE_TRANSMISSION_COLOR,
+    [HG_LOBES_CLEARCOAT] = HG_SLOT_CLEARCOAT,
+    [HG_LOBES_CLEARCOAT_ROUGHNESS] = HG_SLOT_CLEARCOAT_ROUGHNESS,
+    [HG_LOBES_CLEARCOAT_NORMAL] = HG_SLOT_CLEARCOAT_NORMAL,
+    [HG_LOBES_SHEEN_ROUGHNESS] = HG_SLOT_SHEEN_ROUGHNESS,
+    [HG_LOBES_TRANSMISSION] = HG_SLOT_TRANSMISSION,
+    [HG_LOBES_THICKNESS] = HG_SLOT_THICKNESS,
+    [HG_LOBES_SPECULAR] = HG_SLOT_SPECULAR,
+    [HG_LOBES_IRIDESCENCE] = HG_SLOT_IRIDESCENCE,
+    [HG_LOBES_IRIDESCENCE_THICKNESS] = HG_SLOT_IRIDESCENCE_THICKNESS,
+    [HG_LOBES_ANISOTROPY] = HG_SLOT_ANISOTROPY,
+    [HG_LOBES_DIFFUSE_TRANSMISSION] = HG_SLOT_DIFFUSE_TRANSMISSION,
+};
+
+// False where the slot has no texture.
+static bool pack_texture(const struct hg_material *m, const struct hg_textures *textures,
+    enum hg_texture_slot slot, struct hg_gpu_texture *out, float transform[6])
 {
     static const float identity[6] = {1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f};
-    const struct hg_texture_ref *ref = &m->slots[slots[slot]];
+    const struct hg_texture_ref *ref = &m->slots[slot];
     if (ref->texture == NULL || textures == NULL)
-        return;
-    const uint32_t index = hg_textures_find(
-        textures, ref->texture, hg_texture_slot_use(m, slots[slot]), m->alpha_cutoff);
+        return false;
+    const uint32_t index =
+        hg_textures_find(textures, ref->texture, hg_texture_slot_use(m, slot), m->alpha_cutoff);
     if (index == HG_TEXTURE_NONE)
-        return;
-    out->flags |= HG_MATERIAL_HAS(slot);
-    out->slots[slot] = hg_textures_record(textures, index);
+        return false;
+    *out = hg_textures_record(textures, index);
     if (ref->uv_set == 1)
-        out->slots[slot].bits |= HG_TEX_UV1;
-    memcpy(out->transforms + slot * 6, ref->uv_transform, sizeof ref->uv_transform);
+        out->bits |= HG_TEX_UV1;
+    memcpy(transform, ref->uv_transform, sizeof ref->uv_transform);
     if (memcmp(ref->uv_transform, identity, sizeof identity) != 0)
-        out->slots[slot].bits |= HG_TEX_TRANSFORM;
+        out->bits |= HG_TEX_TRANSFORM;
+    return true;
 }
 
 // Occlusion in the red of the metallic-roughness texture costs no lookup of its own.
@@ -85,7 +104,54 @@ bool hg_material_pack(
                  (m->double_sided ? HG_MATERIAL_DOUBLE_SIDED : 0u) |
                  (m->unlit ? HG_MATERIAL_UNLIT : 0u);
     for (uint32_t i = 0; i < HG_MATERIAL_SLOTS; i++)
-        pack_slot(m, textures, i, out);
+        if (pack_texture(m, textures, slots[i], &out->slots[i], out->transforms + i * 6))
+            out->flags |= HG_MATERIAL_HAS(i);
     merge_occlusion(out);
     return share_shape(out);
+}
+
+// --- lobes ---------------------------------------------------------------------------------------
+
+static struct hg_vec3 vec3_of(const float v[3])
+{
+    return (struct hg_vec3){v[0], v[1], v[2]};
+}
+
+// Absorption per metre from the colour that is left after a distance (KHR_materials_volume); what
+// lets nothing through becomes 2^-40 there.
+static float absorption(float color, float distance)
+{
+    return isfinite(distance) ? -logf(fmaxf(fminf(color, 1.0f), 0x1p-40f)) / distance : 0.0f;
+}
+
+void hg_material_pack_lobes(
+    const struct hg_material *m, const struct hg_textures *textures, struct hg_gpu_lobes *out)
+{
+    memset(out, 0, sizeof *out);
+    const float *tint = m->attenuation_color, distance = m->attenuation_distance;
+    *out = (struct hg_gpu_lobes){.ior = m->ior > 0.0f ? m->ior : 10000.0f,
+        .specular = m->specular,
+        .specular_color = vec3_of(m->specular_color),
+        .clearcoat = m->clearcoat,
+        .clearcoat_roughness = m->clearcoat_roughness,
+        .clearcoat_normal_scale = m->clearcoat_normal_scale,
+        .sheen_color = vec3_of(m->sheen_color),
+        .sheen_roughness = m->sheen_roughness,
+        .transmission = m->transmission,
+        .thickness = m->thickness,
+        .attenuation = {absorption(tint[0], distance), absorption(tint[1], distance),
+            absorption(tint[2], distance)},
+        .dispersion = m->dispersion,
+        .iridescence = m->iridescence,
+        .iridescence_ior = m->iridescence_ior,
+        .iridescence_min = m->iridescence_thickness_min,
+        .iridescence_max = m->iridescence_thickness_max,
+        .anisotropy = m->anisotropy,
+        .anisotropy_direction = {cosf(m->anisotropy_rotation), sinf(m->anisotropy_rotation)},
+        .diffuse_transmission = m->diffuse_transmission,
+        .diffuse_transmission_color = vec3_of(m->diffuse_transmission_color)};
+    for (uint32_t i = 0; i < HG_LOBES_SLOTS; i++)
+        if (hg_material_uses_slot(m, lobe_slots[i]) &&
+            pack_texture(m, textures, lobe_slots[i], &out->slots[i], out->transforms + i * 6))
+            out->flags |= HG_LOBES_HAS(i);
 }

@@ -92,7 +92,7 @@ struct hg_material {
     enum hg_alpha_mode alpha_mode;
     float alpha_cutoff; // default 0.5
     bool double_sided, unlit;
-    // Read and kept now, shaded by the path tracer (KHR_materials_*), defaults as specified there.
+    // KHR_materials_*, defaults as specified there.
     float ior, specular, specular_color[3];
     float clearcoat, clearcoat_roughness, clearcoat_normal_scale;
     float sheen_color[3], sheen_roughness;
@@ -106,6 +106,10 @@ struct hg_material {
 
 // Fills the defaults of glTF 2.0 (and of every extension).
 void hg_material_set_defaults(struct hg_material *material);
+// HG_FEATURE_* of shaders/shared/features.h within HG_FEATURE_LOBES; 0: metallic-roughness alone.
+uint32_t hg_material_lobes(const struct hg_material *material);
+// The slot has a texture, and its lobe is in use.
+bool hg_material_uses_slot(const struct hg_material *material, enum hg_texture_slot slot);
 
 // Deltas of one morph target; NULL arrays are zero.
 struct hg_morph_target {
@@ -249,8 +253,8 @@ struct hg_environment {
     uint64_t revision;
     struct hg_image image; // IMAGE: RGBA32F equirectangular radiance; direction convention below
     // IMAGE: the file behind `image`, which then is what light is made from and may be smaller
-    // (renderer/light/env_file.h); what is seen comes from the file's pages. Its image is NULL: what
-    // is seen is `image`. head.revision grows with every exchange.
+    // (renderer/light/env_file.h); what is seen comes from the file's pages. Its image is NULL:
+    // what is seen is `image`. head.revision grows with every exchange.
     struct hg_texture background;
     // u = atan2(d.z, d.x) / (2 pi) + 0.5, v = 0.5 - asin(d.y) / pi (v from the top)
     uint8_t image_hash[32]; // SHA-256 of the file, key of prefilter caches

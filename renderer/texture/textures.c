@@ -140,16 +140,12 @@ static const struct want *find_want(
     return count == 0 ? NULL : bsearch(key, wants, count, sizeof *wants, compare_wants);
 }
 
-// Slots that are shaded today; the others are loaded when the path tracer reads them.
-static const enum hg_texture_slot shaded_slots[] = {HG_SLOT_BASE_COLOR, HG_SLOT_EMISSIVE,
-    HG_SLOT_NORMAL, HG_SLOT_METALLIC_ROUGHNESS, HG_SLOT_OCCLUSION};
-
 static enum hg_status add_material_wants(struct sync *s, const struct hg_material *material)
 {
-    for (size_t i = 0; i < sizeof shaded_slots / sizeof *shaded_slots; i++) {
-        const enum hg_texture_slot slot = shaded_slots[i];
+    for (int i = HG_SLOT_BASE_COLOR; i < HG_SLOT_COUNT; i++) {
+        const enum hg_texture_slot slot = (enum hg_texture_slot)i;
         const struct hg_texture *texture = material->slots[slot].texture;
-        if (texture == NULL || texture->image == NULL)
+        if (!hg_material_uses_slot(material, slot) || texture->image == NULL)
             continue;
         const enum hg_status status =
             hg_grow(&s->wants, &s->want_capacity, s->want_count + 1, sizeof *s->wants);

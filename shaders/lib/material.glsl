@@ -23,7 +23,38 @@ struct hg_surface {
     float occlusion; // 0..1, strength applied; for indirect light only
     float f0;        // dielectric reflectance at normal incidence
     bool unlit;      // the colour is base_color + emissive
+    bool front;      // seen from the front side: from outside of closed surfaces
+    // KHR_materials_*; what a scene has none of (HG_FEATURE_*) is constant.
+    float ior, specular;
+    vec3 specular_color;
+    float clearcoat, clearcoat_roughness; // perceptual
+    vec3 clearcoat_normal;                // as `normal`
+    vec3 sheen_color;
+    float sheen_roughness; // perceptual
+    float transmission;
+    float thickness;  // metres in the space of the mesh; 0: thin-walled
+    vec3 attenuation; // absorption of the volume behind, 1 / m of world space
+    float dispersion; // 20 / Abbe number
+    float iridescence, iridescence_ior, iridescence_nm; // thickness of the film
+    float anisotropy;
+    vec3 tangent; // along which the surface is rough, unit, not always orthogonal to the normal
+    float diffuse_transmission;
+    vec3 diffuse_transmission_color;
 };
+
+// Coordinates of a slot whose transform has these rows, for looking up in its texture.
+hg_texture_place hg_material_place_by(hg_gpu_texture t, vec3 r0, vec3 r1, hg_vertex v)
+{
+    bool second = (t.bits & HG_TEX_UV1) != 0u;
+    vec2 uv = second ? v.uv1 : v.uv0;
+    vec2 dx = second ? v.uv1_dx : v.uv0_dx, dy = second ? v.uv1_dy : v.uv0_dy;
+    if ((t.bits & HG_TEX_TRANSFORM) != 0u) {
+        uv = vec2(dot(r0, vec3(uv, 1.0)), dot(r1, vec3(uv, 1.0)));
+        dx = vec2(dot(r0.xy, dx), dot(r1.xy, dx));
+        dy = vec2(dot(r0.xy, dy), dot(r1.xy, dy));
+    }
+    return hg_texture_find(t, uv, dx, dy);
+}
 
 // Coordinates of a slot at a surface point, for looking up in its texture.
 hg_texture_place hg_material_place(hg_gpu_texture t, uint material, uint slot, hg_vertex v)
@@ -81,6 +112,129 @@ float hg_material_alpha(uint material, hg_vertex v)
         alpha *= hg_material_sample(material, HG_MATERIAL_BASE_COLOR, false, v).w;
     return alpha;
 }
+
+// --- KHR_materials_* -----------------------------------------------------------------------------
+
+// Texels of the slots that have textures, white elsewhere. One lookup per round of the loop, so
+// that absent slots cost nothing on devices that run both sides of branches.
+void hg_lobes_sample(uint index, uint flags, hg_vertex v, inout vec4 texels[HG_LOBES_SLOTS])
+{
+    uint left = flags & HG_LOBES_TEXTURES;
+    while (left != 0u) { // at most once per slot
+        uint slot = uint(findLSB(left));
+        left &= left - 1u;
+        hg_gpu_texture t = hg_frame.geometry.lobes.v[index].slots[slot];
+        vec3 r0 = vec3(1.0, 0.0, 0.0), r1 = vec3(0.0, 1.0, 0.0);
+        if (HG_HAS(HG_FEATURE_SAMPLERS)) {
+            for (uint k = 0u; k < 3u; k++) {
+                r0[k] = hg_frame.geometry.lobes.v[index].transforms[slot * 6u + k];
+                r1[k] = hg_frame.geometry.lobes.v[index].transforms[slot * 6u + 3u + k];
+            }
+        }
+        hg_texture_place p = hg_material_place_by(t, r0, r1, v);
+        p.note = HG_TEXTURE_NO_NOTE;
+        vec4 texel = hg_texture_fetch(hg_pages_linear, t, p);
+        if (slot < HG_LOBES_SRGB_SLOTS)
+            texel = hg_texture_fetch(hg_pages_srgb, t, p);
+        if (HG_HAS(HG_FEATURE_FLOAT)) {
+            if (bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
+                texel = hg_texture_fetch(hg_pages_float, t, p);
+        }
+        texels[slot] = texel;
+    }
+}
+
+// No lobes but the base's.
+void hg_lobes_none(inout hg_surface s, vec3 coat_normal, vec3 tangent)
+{
+    s.ior = 1.5;
+    s.specular = 1.0;
+    s.specular_color = vec3(1.0);
+    s.clearcoat = s.clearcoat_roughness = 0.0;
+    s.clearcoat_normal = coat_normal;
+    s.sheen_color = vec3(0.0);
+    s.sheen_roughness = 0.0;
+    s.transmission = s.thickness = s.dispersion = 0.0;
+    s.attenuation = vec3(0.0);
+    s.iridescence = s.iridescence_nm = 0.0;
+    s.iridescence_ior = 1.3;
+    s.anisotropy = 0.0;
+    s.tangent = tangent;
+    s.diffuse_transmission = 0.0;
+    s.diffuse_transmission_color = vec3(1.0);
+}
+
+#define HG_LOBE_AT(field) hg_frame.geometry.lobes.v[i].field
+
+// Fills in what hg_gpu_lobes of the material say. side: -1 where the back is seen.
+void hg_lobes_evaluate(hg_vertex v, float side, inout hg_surface s)
+{
+    hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
+    uint number = HG_MATERIAL_AT(v.material, lobes);
+    if (number == 0u)
+        return;
+    uint i = number - 1u, flags = HG_LOBE_AT(flags);
+    vec4 texels[HG_LOBES_SLOTS];
+    for (uint k = 0u; k < HG_LOBES_SLOTS; k++)
+        texels[k] = vec4(1.0);
+    if (HG_HAS(HG_FEATURE_LOBE_TEXTURES))
+        hg_lobes_sample(i, flags, v, texels);
+    s.ior = HG_LOBE_AT(ior);
+    vec3 bitangent = cross(v.normal_ws, v.tangent_ws.xyz) * v.tangent_ws.w;
+    if (HG_HAS(HG_FEATURE_SPECULAR)) {
+        s.specular = HG_LOBE_AT(specular) * texels[HG_LOBES_SPECULAR].a;
+        s.specular_color = HG_LOBE_AT(specular_color) * texels[HG_LOBES_SPECULAR_COLOR].rgb;
+    }
+    if (HG_HAS(HG_FEATURE_CLEARCOAT)) {
+        s.clearcoat = HG_LOBE_AT(clearcoat) * texels[HG_LOBES_CLEARCOAT].r;
+        s.clearcoat_roughness =
+            HG_LOBE_AT(clearcoat_roughness) * texels[HG_LOBES_CLEARCOAT_ROUGHNESS].g;
+        if ((flags & HG_LOBES_HAS(HG_LOBES_CLEARCOAT_NORMAL)) != 0u) {
+            vec3 n = texels[HG_LOBES_CLEARCOAT_NORMAL].xyz * 2.0 - 1.0;
+            n.xy *= HG_LOBE_AT(clearcoat_normal_scale);
+            n = v.tangent_ws.xyz * n.x + bitangent * n.y + v.normal_ws * n.z;
+            s.clearcoat_normal = n * (inversesqrt(max(dot(n, n), 1e-20)) * side);
+        }
+    }
+    if (HG_HAS(HG_FEATURE_SHEEN)) {
+        s.sheen_color = HG_LOBE_AT(sheen_color) * texels[HG_LOBES_SHEEN_COLOR].rgb;
+        s.sheen_roughness = HG_LOBE_AT(sheen_roughness) * texels[HG_LOBES_SHEEN_ROUGHNESS].a;
+    }
+    if (HG_HAS(HG_FEATURE_TRANSMISSION)) {
+        s.transmission = HG_LOBE_AT(transmission) * texels[HG_LOBES_TRANSMISSION].r;
+        s.dispersion = HG_LOBE_AT(dispersion);
+    }
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) || HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
+        s.thickness = HG_LOBE_AT(thickness) * texels[HG_LOBES_THICKNESS].g;
+        s.attenuation = HG_LOBE_AT(thickness) > 0.0 ? HG_LOBE_AT(attenuation) : vec3(0.0);
+    }
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE)) {
+        s.iridescence = HG_LOBE_AT(iridescence) * texels[HG_LOBES_IRIDESCENCE].r;
+        s.iridescence_ior = HG_LOBE_AT(iridescence_ior);
+        s.iridescence_nm = mix(HG_LOBE_AT(iridescence_min), HG_LOBE_AT(iridescence_max),
+            texels[HG_LOBES_IRIDESCENCE_THICKNESS].g);
+    }
+    if (HG_HAS(HG_FEATURE_ANISOTROPY)) {
+        vec2 d = HG_LOBE_AT(anisotropy_direction);
+        s.anisotropy = HG_LOBE_AT(anisotropy);
+        if ((flags & HG_LOBES_HAS(HG_LOBES_ANISOTROPY)) != 0u) {
+            vec3 texel = texels[HG_LOBES_ANISOTROPY].xyz;
+            vec2 t = texel.xy * 2.0 - 1.0;
+            d = vec2(d.x * t.x - d.y * t.y, d.y * t.x + d.x * t.y);
+            s.anisotropy *= texel.z;
+        }
+        d = dot(d, d) > 1e-8 ? normalize(d) : vec2(1.0, 0.0);
+        s.tangent = v.tangent_ws.xyz * d.x + bitangent * d.y;
+    }
+    if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
+        s.diffuse_transmission =
+            HG_LOBE_AT(diffuse_transmission) * texels[HG_LOBES_DIFFUSE_TRANSMISSION].a;
+        s.diffuse_transmission_color = HG_LOBE_AT(diffuse_transmission_color) *
+            texels[HG_LOBES_DIFFUSE_TRANSMISSION_COLOR].rgb;
+    }
+}
+
+// --- surfaces ------------------------------------------------------------------------------------
 
 // Straight-line code: absent slots of a material cost a lookup that is thrown away, slots that no
 // material of the scene uses cost nothing (HG_HAS).
@@ -140,6 +294,11 @@ hg_surface hg_material_evaluate(hg_vertex v)
         s.normal = n * inversesqrt(max(dot(n, n), 1e-20));
     }
     s.normal *= side;
+    s.front = v.front;
+    if (HG_HAS(HG_FEATURE_LOBES))
+        hg_lobes_evaluate(v, side, s);
+    else
+        hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
     return s;
 }
 

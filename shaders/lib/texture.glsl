@@ -52,6 +52,10 @@ float hg_texture_most_taps = 16.0;
 uint hg_texture_coarser = 0u;
 // Whether this invocation's misses count; set by the pass before it samples.
 bool hg_texture_counts = true;
+// Lookups without a note of their own are reported where they happen; `drawn`: as used, too
+// (hg_texture_draws). Set by the pass.
+bool hg_texture_drawn = false;
+#define HG_TEXTURE_NO_NOTE 5u
 // Entries of the page table that were asked for, by note.
 uint hg_texture_note0 = HG_TEXTURE_NONE, hg_texture_note1 = HG_TEXTURE_NONE;
 uint hg_texture_note2 = HG_TEXTURE_NONE, hg_texture_note3 = HG_TEXTURE_NONE;
@@ -64,7 +68,7 @@ struct hg_texture_place {
     uint mip;     // lower mip; the next one counts by `blend`
     float blend;  // 0..1
     bool nearest; // within a mip
-    uint note;    // 0..4, a constant: which one keeps the page that is asked for
+    uint note;    // 0..4, a constant: which one keeps the page that is asked for; or NO_NOTE
 };
 
 vec2 hg_texture_wrap(vec2 uv, uint bits)
@@ -148,6 +152,12 @@ uint hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
             atomicAdd(HG_TEXTURES.feedback.v[entry * 2u], 1u);
         return coarser;
     }
+    if (note == HG_TEXTURE_NO_NOTE) {
+        bool asks = (coarser != 0u || hg_textures_exact()) && hg_texture_counts;
+        if (there && (asks || hg_texture_drawn))
+            atomicAdd(HG_TEXTURES.feedback.v[entry * 2u + (asks ? 0u : 1u)], 1u);
+        return coarser;
+    }
     entry = there ? entry : HG_TEXTURE_NONE;
     if (note == 0u)
         hg_texture_note0 = entry;
@@ -162,13 +172,19 @@ uint hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
     return coarser;
 }
 
+// Whether a pixel tells what it uses in this sample.
+bool hg_texture_draws(uvec2 pixel)
+{
+    return ((pixel.x & 7u) | ((pixel.y & 7u) << 3u)) == HG_TEXTURES.lottery;
+}
+
 // Tells the host what this invocation asked for: all of it as needed when something was missing
 // (and counts), as used when its pixel is drawn. One loop: where nobody has anything to say it is
 // left at once, also on devices that run both sides of branches.
 void hg_texture_report(uvec2 pixel)
 {
     bool missed = hg_texture_coarser != 0u && hg_texture_counts;
-    bool drawn = ((pixel.x & 7u) | ((pixel.y & 7u) << 3u)) == HG_TEXTURES.lottery;
+    bool drawn = hg_texture_draws(pixel);
     uint left = (hg_texture_note0 != HG_TEXTURE_NONE ? 1u : 0u) |
         (hg_texture_note1 != HG_TEXTURE_NONE ? 2u : 0u) |
         (hg_texture_note2 != HG_TEXTURE_NONE ? 4u : 0u) |

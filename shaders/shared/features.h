@@ -28,6 +28,16 @@
 #define HG_FEATURE_SKY_PAGES 0x100000u // of backgrounds alone: the environment has pages
 #define HG_FEATURE_SKY_PLAIN 0x200000u // or an image of its own, or none
 #define HG_FEATURE_SKY_MIPS  0x400000u // which may be smaller than its texels
+// Materials with lobes besides metallic-roughness (hg_gpu_lobes):
+#define HG_FEATURE_CLEARCOAT            0x00800000u
+#define HG_FEATURE_SHEEN                0x01000000u
+#define HG_FEATURE_IRIDESCENCE          0x02000000u
+#define HG_FEATURE_ANISOTROPY           0x04000000u
+#define HG_FEATURE_SPECULAR             0x08000000u
+#define HG_FEATURE_TRANSMISSION         0x10000000u // volume and dispersion too
+#define HG_FEATURE_DIFFUSE_TRANSMISSION 0x20000000u
+#define HG_FEATURE_LOBE_TEXTURES        0x40000000u // textures of any of these
+#define HG_FEATURE_LOBES                0x7f800000u // all of these
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

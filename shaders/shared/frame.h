@@ -61,6 +61,6 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_textures) textures;
     HG_STRUCT(hg_gpu_geometry) geometry;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 760);
+HG_SHARED_SIZE(hg_gpu_frame, 768);
 
 #endif

@@ -92,9 +92,10 @@ struct hg_gpu_geometry {
     HG_PTR(hg_instance_list) instances;
     HG_PTR(hg_part_list) parts;
     HG_PTR(hg_material_list) materials;
+    HG_PTR(hg_lobes_list) lobes; // 0 where no material has any
     HG_UINT draw_count, instance_count, part_count, material_count;
 };
-HG_SHARED_SIZE(hg_gpu_geometry, 48);
+HG_SHARED_SIZE(hg_gpu_geometry, 56);
 
 // One skinned or morphed part of one node, input of passes/skin.comp.
 #define HG_DEFORM_NORMALS   0x1u
