@@ -18,8 +18,10 @@ struct hg_chunk_state {
     uint32_t slot;           // HG_RESIDENCY_NONE: not resident
     uint32_t mark;           // hg_cluster_pool_mark
     uint32_t children;       // resident chunks that need this one, without loose ones
+    uint32_t held;           // by cuts, resident or not: it is not evicted
     bool loose;              // without its parents
     const uint32_t *indices; // while resident, host memory
+    const float *positions;  // likewise; NULL: the host cannot read them
     uint32_t *host_indices;  // where device memory is slow to read
     struct hg_gpu_part part; // its streams
 };
@@ -79,5 +81,13 @@ bool hg_cluster_pool_request(
 // HG_E_AGAIN: no room beside what this frame uses. Other statuses as of opening.
 enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *pool, const struct hg_chunk_want *wants,
     uint32_t count, bool loose, struct hg_error *err) HG_MUST_CHECK;
+// Keeps a chunk from being evicted (counted); a smaller budget may take it away all the same. What
+// is held is let go by the number of its mesh, which may be closed.
+void hg_cluster_pool_hold(
+    struct hg_cluster_pool *pool, struct hg_cluster_mesh *mesh, uint32_t chunk);
+void hg_cluster_pool_let_go(struct hg_cluster_pool *pool, uint32_t number, uint32_t chunk);
+// Decodes a chunk to dst (hg_lod_chunk_layout). Thread-safe. Statuses as of opening.
+enum hg_status hg_cluster_mesh_decode(const struct hg_cluster_mesh *mesh, uint32_t chunk,
+    uint8_t *dst, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

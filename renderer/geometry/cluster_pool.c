@@ -60,7 +60,7 @@ static uint64_t key_of(const struct hg_cluster_mesh *mesh, uint32_t chunk)
 
 // --- decoding ------------------------------------------------------------------------------------
 
-static enum hg_status decode(
+enum hg_status hg_cluster_mesh_decode(
     const struct hg_cluster_mesh *mesh, uint32_t chunk, uint8_t *dst, struct hg_error *err)
 {
     const struct hg_lod_chunk *c = &mesh->lod->chunks[chunk];
@@ -83,8 +83,9 @@ static void run_task(struct task *task)
     struct hg_error ignored;
     hg_lod_chunk_layout(task->mesh->lod, task->chunk, &layout);
     task->bytes = hg_calloc(layout.total_bytes, 1);
-    task->status =
-        task->bytes == NULL ? HG_E_NOMEM : decode(task->mesh, task->chunk, task->bytes, &ignored);
+    task->status = task->bytes == NULL
+                       ? HG_E_NOMEM
+                       : hg_cluster_mesh_decode(task->mesh, task->chunk, task->bytes, &ignored);
     task->ns = hg_clock_now_ns() - start;
 }
 
@@ -283,6 +284,7 @@ static void leave_slot(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, 
     hg_free(c->host_indices);
     c->host_indices = NULL;
     c->indices = NULL;
+    c->positions = NULL;
     if (!c->loose)
         let_parents_go(p, mesh, chunk);
     c->loose = false;
@@ -338,6 +340,8 @@ static enum hg_status take_slot(struct hg_cluster_pool *p, struct hg_cluster_mes
     if (evicted != HG_RESIDENCY_NO_KEY)
         leave_slot(p, mesh_of(p, evicted), (uint32_t)evicted);
     c->slot = slot;
+    if (c->held > 0)
+        hg_residency_pin(p->residency, slot);
     return HG_OK;
 }
 
@@ -360,6 +364,7 @@ static enum hg_status fill_slot(struct hg_cluster_pool *p, struct hg_cluster_mes
         .extra = at + l.extra};
     if (block->mapped != NULL && hg_gpu_get_caps(p->gpu)->is_cpu) {
         c->indices = (const uint32_t *)(void *)((uint8_t *)block->mapped + offset + l.indices);
+        c->positions = (const float *)(void *)((uint8_t *)block->mapped + offset + l.positions);
     } else {
         const size_t size = (size_t)mesh->lod->chunks[chunk].index_count * 4;
         c->host_indices = hg_calloc(size, 1);
@@ -452,6 +457,23 @@ void hg_cluster_pool_pin(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh
     p->root_count++;
 }
 
+void hg_cluster_pool_hold(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
+{
+    struct hg_chunk_state *c = &mesh->chunks[chunk];
+    if (c->held++ == 0 && c->slot != HG_RESIDENCY_NONE)
+        hg_residency_pin(p->residency, c->slot);
+}
+
+void hg_cluster_pool_let_go(struct hg_cluster_pool *p, uint32_t number, uint32_t chunk)
+{
+    struct hg_cluster_mesh *mesh = p->meshes[number]; // held, so it was placed
+    if (mesh == NULL)
+        return;
+    struct hg_chunk_state *c = &mesh->chunks[chunk];
+    if (--c->held == 0 && c->slot != HG_RESIDENCY_NONE)
+        hg_residency_unpin(p->residency, c->slot);
+}
+
 void hg_cluster_pool_use(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32_t chunk)
 {
     hg_residency_use(p->residency, mesh->chunks[chunk].slot);
@@ -501,6 +523,8 @@ void hg_cluster_pool_forget(struct hg_cluster_pool *p, struct hg_cluster_mesh *m
         hg_residency_remove(p->residency, slot);
         leave_slot(p, mesh, c - 1);
     }
+    if (mesh->number < p->mesh_capacity)
+        p->meshes[mesh->number] = NULL;
 }
 
 static struct task *take_done(struct hg_cluster_pool *p)
@@ -604,7 +628,7 @@ static enum hg_status load_one(struct hg_cluster_pool *p, const struct hg_chunk_
         return HG_E_AGAIN;
     }
     const uint64_t start = hg_clock_now_ns();
-    const enum hg_status status = decode(mesh, chunk, bytes, err);
+    const enum hg_status status = hg_cluster_mesh_decode(mesh, chunk, bytes, err);
     p->stats.decode_ns += hg_clock_now_ns() - start;
     c->loose = status == HG_OK && loose; // also where parents are: they need not stay
     return status == HG_OK ? settle(p, mesh, chunk, bytes, HG_RESIDENCY_UNUSED, err) : status;

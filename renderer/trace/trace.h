@@ -7,6 +7,9 @@
 // draw at one level of detail, the same for all rays of a picture. Backends hit the same triangles
 // but for rays that pass within rounding of an edge.
 //
+// Lines and points are not hit. Of hits at the same distance any one may be named, but always the
+// same one for the same wave.
+//
 // Alpha is not looked at here: masked and blended triangles are hit like others, and whoever shades
 // the hit lets the ray go on behind it (mask and t_min).
 #ifndef HG_RENDERER_TRACE_TRACE_H
@@ -35,7 +38,7 @@ struct hg_trace_params {
 // HG_E_DEVICE: the backend is not to be had here, with the reason. HG_E_NOMEM. `gpu` is borrowed.
 enum hg_status hg_trace_create(struct hg_gpu *gpu, const struct hg_trace_params *params,
     struct hg_trace **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_trace_destroy(struct hg_trace *trace); // accepts NULL
+void hg_trace_destroy(struct hg_trace *trace);                        // accepts NULL
 enum hg_trace_backend hg_trace_backend(const struct hg_trace *trace); // never AUTO
 const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree", ...
 
@@ -45,10 +48,11 @@ const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree
 enum hg_status hg_trace_sync(
     struct hg_trace *trace, const struct hg_cut *cut, struct hg_error *err) HG_MUST_CHECK;
 
+// Buffers that the host reaches (HG_GPU_BUFFER_READBACK).
 struct hg_trace_wave {
     const struct hg_gpu_buffer *rays, *hits; // hits: of hg_trace_closest
     const struct hg_gpu_buffer *blocked;     // of hg_trace_blocked: [count] words, 0 or 1
-    uint64_t first_ray, first_hit;           // index of the wave's first; first_hit: of blocked, too
+    uint64_t first_ray, first_hit; // index of the wave's first; first_hit: of blocked, too
     uint32_t count;
     bool coherent; // neighbours go about the same way: primary rays, shadow rays of one light
 };
@@ -61,10 +65,10 @@ enum hg_status hg_trace_blocked(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_trace_stats {
-    uint64_t triangles, instances;      // of the structures: unique, placed
-    uint64_t bytes, peak_bytes;         // of the structures
-    uint64_t build_ns, refit_ns;        // of the newest sync
-    uint64_t rays, trace_ns;            // since creation
+    uint64_t triangles, instances; // of the structures: unique, placed
+    uint64_t bytes, peak_bytes;    // of the structures
+    uint64_t build_ns, refit_ns;   // of the newest sync
+    uint64_t rays, trace_ns;       // since creation
 };
 void hg_trace_stats(const struct hg_trace *trace, struct hg_trace_stats *out);
 

@@ -16,7 +16,7 @@
 // "World space" is that of the frame: relative to the origin of the geometry room.
 struct hg_gpu_ray {
     HG_VEC3 origin_ws;
-    float t_min;
+    float t_min;         // negative counts as 0
     HG_VEC3 direction_ws; // any length but 0; t counts in it
     float t_max;          // < t_min: no ray, it misses
     float time;           // 0..1 in the shutter

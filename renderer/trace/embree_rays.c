@@ -1,0 +1,277 @@
+// embree_rays.c - waves through Embree: packets where neighbours go the same way, else one by one.
+//
+// Flat triangles and instances are two scenes: a ray goes through the first, then through the
+// second as far as the hit. Packets change which rays are walked together, and with it the order of
+// roundings: what a ray hits may depend on the rays of its packet in the last bits, so packets are
+// always the same rays of a wave, by place. Embree's own switch for coherent rays stays off: its
+// walk by frustum never ends for some waves of 3.13.
+#include <math.h>
+#include <string.h>
+#ifdef __SSE2__
+#include <xmmintrin.h>
+#endif
+
+#include "renderer/trace/embree.h"
+
+// Denormals are zero while Embree works, which wants it so.
+#ifdef __SSE2__
+static uint32_t flush_to_zero(void)
+{
+    const uint32_t mode = _mm_getcsr();
+    _mm_setcsr(mode | 0x8040u);
+    return mode;
+}
+
+static void restore_mode(uint32_t mode)
+{
+    _mm_setcsr(mode);
+}
+#else
+static uint32_t flush_to_zero(void)
+{
+    return 0;
+}
+
+static void restore_mode(uint32_t mode)
+{
+    (void)mode;
+}
+#endif
+
+// The next floats: t_min and t_max themselves are not hit. Denormals count as 0.
+static float above(float t)
+{
+    uint32_t bits;
+    if (!(t >= 0x1p-126f))
+        return 0x1p-126f;
+    memcpy(&bits, &t, sizeof bits);
+    bits++;
+    memcpy(&t, &bits, sizeof t);
+    return t;
+}
+
+static float below(float t)
+{
+    uint32_t bits;
+    memcpy(&bits, &t, sizeof bits);
+    bits -= bits > 0 && bits <= 0x7f7fffffu;
+    if (bits > 0x7f7fffffu)
+        bits = 0x7f7fffffu;
+    memcpy(&t, &bits, sizeof t);
+    return t;
+}
+
+static float clamp01(float x)
+{
+    return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
+}
+
+static void fill_ray(const struct hg_gpu_ray *from, struct RTCRay *to)
+{
+    *to = (struct RTCRay){.org_x = from->origin_ws.x,
+        .org_y = from->origin_ws.y,
+        .org_z = from->origin_ws.z,
+        .tnear = above(from->t_min),
+        .dir_x = from->direction_ws.x,
+        .dir_y = from->direction_ws.y,
+        .dir_z = from->direction_ws.z,
+        .time = clamp01(from->time),
+        .tfar = below(from->t_max),
+        .mask = from->mask};
+}
+
+static uint32_t number_of(const struct hg_embree *e, uint32_t instance, uint32_t geometry,
+    uint32_t primitive, uint32_t *draw)
+{
+    const struct hg_embree_body *body =
+        instance != RTC_INVALID_GEOMETRY_ID ? e->instances[instance].body : &e->flat;
+    const struct hg_embree_geometry *g = &body->geometries[geometry];
+    *draw = instance != RTC_INVALID_GEOMETRY_ID ? e->instances[instance].draw : g->draw;
+    return g->first_primitive + primitive;
+}
+
+// --- the two Embrees -----------------------------------------------------------------------------
+
+#if HELIO_EMBREE == 4
+#define CONTEXT(name)                                                                              \
+    struct RTCIntersectArguments name##_i;                                                         \
+    struct RTCOccludedArguments name##_o;                                                          \
+    rtcInitIntersectArguments(&name##_i);                                                          \
+    rtcInitOccludedArguments(&name##_o);                                                           \
+    name##_i.flags = name##_o.flags = RTC_RAY_QUERY_FLAG_INCOHERENT
+#define INTERSECT1(scene, c, r)      rtcIntersect1(scene, r, &c##_i)
+#define OCCLUDED1(scene, c, r)       rtcOccluded1(scene, r, &c##_o)
+#define INTERSECT(n, scene, c, v, r) rtcIntersect##n(v, scene, r, &c##_i)
+#define OCCLUDED(n, scene, c, v, r)  rtcOccluded##n(v, scene, r, &c##_o)
+#else
+#define CONTEXT(name)                                                                              \
+    struct RTCIntersectContext name;                                                               \
+    rtcInitIntersectContext(&name);                                                                \
+    name.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT
+#define INTERSECT1(scene, c, r)      rtcIntersect1(scene, &c, r)
+#define OCCLUDED1(scene, c, r)       rtcOccluded1(scene, &c, r)
+#define INTERSECT(n, scene, c, v, r) rtcIntersect##n(v, scene, &c, r)
+#define OCCLUDED(n, scene, c, v, r)  rtcOccluded##n(v, scene, &c, r)
+#endif
+
+// --- one by one ----------------------------------------------------------------------------------
+
+static void closest_one(
+    const struct hg_embree *e, const struct hg_gpu_ray *ray, struct hg_gpu_hit *out)
+{
+    struct RTCRayHit r;
+    CONTEXT(context);
+    out->draw = HG_HIT_NONE;
+    if (!hg_trace_is_ray(ray))
+        return;
+    fill_ray(ray, &r.ray);
+    for (int scene = 0; scene < 2; scene++) {
+        r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        if (scene == 0 && e->flat_there)
+            INTERSECT1(e->flat.scene, context, &r);
+        if (scene == 1 && e->top != NULL)
+            INTERSECT1(e->top, context, &r);
+        if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+            continue;
+        out->t = r.ray.tfar;
+        out->u = r.hit.u;
+        out->v = r.hit.v;
+        out->primitive = number_of(e, r.hit.instID[0], r.hit.geomID, r.hit.primID, &out->draw);
+    }
+}
+
+static uint32_t blocked_one(const struct hg_embree *e, const struct hg_gpu_ray *ray)
+{
+    struct RTCRay r;
+    CONTEXT(context);
+    if (!hg_trace_is_ray(ray))
+        return 0;
+    fill_ray(ray, &r);
+    if (e->flat_there)
+        OCCLUDED1(e->flat.scene, context, &r);
+    if (e->top != NULL && r.tfar >= 0.0f)
+        OCCLUDED1(e->top, context, &r);
+    return r.tfar < 0.0f;
+}
+
+// --- packets -------------------------------------------------------------------------------------
+
+#define PACKET(N)                                                                                  \
+    static void load##N(                                                                           \
+        const struct hg_gpu_ray *rays, uint32_t count, int valid[N], struct RTCRay##N *to)         \
+    {                                                                                              \
+        struct RTCRay r = {0};                                                                     \
+        for (uint32_t i = 0; i < N; i++) {                                                         \
+            valid[i] = i < count && hg_trace_is_ray(&rays[i]) ? -1 : 0;                            \
+            if (valid[i] != 0)                                                                     \
+                fill_ray(&rays[i], &r);                                                            \
+            to->org_x[i] = r.org_x;                                                                \
+            to->org_y[i] = r.org_y;                                                                \
+            to->org_z[i] = r.org_z;                                                                \
+            to->tnear[i] = r.tnear;                                                                \
+            to->dir_x[i] = r.dir_x;                                                                \
+            to->dir_y[i] = r.dir_y;                                                                \
+            to->dir_z[i] = r.dir_z;                                                                \
+            to->time[i] = r.time;                                                                  \
+            to->tfar[i] = r.tfar;                                                                  \
+            to->mask[i] = r.mask;                                                                  \
+            to->id[i] = to->flags[i] = 0;                                                          \
+        }                                                                                          \
+    }                                                                                              \
+                                                                                                   \
+    static void closest##N(const struct hg_embree *e, const struct hg_gpu_ray *rays,               \
+        uint32_t count, struct hg_gpu_hit *out)                                                    \
+    {                                                                                              \
+        struct RTCRayHit##N r;                                                                     \
+        int valid[N] __attribute__((aligned(64)));                                                 \
+        CONTEXT(context);                                                                          \
+        load##N(rays, count, valid, &r.ray);                                                       \
+        for (uint32_t i = 0; i < count; i++)                                                       \
+            out[i].draw = HG_HIT_NONE;                                                             \
+        for (int scene = 0; scene < 2; scene++) {                                                  \
+            if (scene == 0 ? !e->flat_there : e->top == NULL)                                      \
+                continue;                                                                          \
+            memset(r.hit.geomID, 0xff, sizeof r.hit.geomID);                                       \
+            memset(r.hit.instID, 0xff, sizeof r.hit.instID);                                       \
+            INTERSECT(N, scene == 0 ? e->flat.scene : e->top, context, valid, &r);                 \
+            for (uint32_t i = 0; i < count; i++) {                                                 \
+                if (valid[i] == 0 || r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)                   \
+                    continue;                                                                      \
+                out[i].t = r.ray.tfar[i];                                                          \
+                out[i].u = r.hit.u[i];                                                             \
+                out[i].v = r.hit.v[i];                                                             \
+                out[i].primitive = number_of(                                                      \
+                    e, r.hit.instID[0][i], r.hit.geomID[i], r.hit.primID[i], &out[i].draw);        \
+            }                                                                                      \
+        }                                                                                          \
+    }                                                                                              \
+                                                                                                   \
+    static void blocked##N(                                                                        \
+        const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count, uint32_t *out)   \
+    {                                                                                              \
+        struct RTCRay##N r;                                                                        \
+        int valid[N] __attribute__((aligned(64)));                                                 \
+        CONTEXT(context);                                                                          \
+        load##N(rays, count, valid, &r);                                                           \
+        if (e->flat_there)                                                                         \
+            OCCLUDED(N, e->flat.scene, context, valid, &r);                                        \
+        for (uint32_t i = 0; i < count; i++) {                                                     \
+            out[i] = valid[i] != 0 && r.tfar[i] < 0.0f;                                            \
+            if (out[i] != 0)                                                                       \
+                valid[i] = 0;                                                                      \
+        }                                                                                          \
+        if (e->top == NULL)                                                                        \
+            return;                                                                                \
+        OCCLUDED(N, e->top, context, valid, &r);                                                   \
+        for (uint32_t i = 0; i < count; i++)                                                       \
+            out[i] |= valid[i] != 0 && r.tfar[i] < 0.0f;                                           \
+    }
+
+PACKET(8)
+PACKET(16)
+
+// --- a block -------------------------------------------------------------------------------------
+
+static void closest_block(const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count,
+    uint32_t packet, struct hg_gpu_hit *hits)
+{
+    for (uint32_t i = 0; i < count; i += packet) {
+        const uint32_t n = count - i < packet ? count - i : packet;
+        if (packet == 16)
+            closest16(e, rays + i, n, hits + i);
+        else if (packet == 8)
+            closest8(e, rays + i, n, hits + i);
+        else
+            closest_one(e, rays + i, hits + i);
+    }
+}
+
+static void blocked_block(const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count,
+    uint32_t packet, uint32_t *out)
+{
+    for (uint32_t i = 0; i < count; i += packet) {
+        const uint32_t n = count - i < packet ? count - i : packet;
+        if (packet == 16)
+            blocked16(e, rays + i, n, out + i);
+        else if (packet == 8)
+            blocked8(e, rays + i, n, out + i);
+        else
+            out[i] = blocked_one(e, rays + i);
+    }
+}
+
+void hg_embree_trace(const struct hg_embree *e, const struct hg_trace_wave *w, bool any,
+    uint32_t first, uint32_t count)
+{
+    const uint32_t mode = flush_to_zero();
+    const struct hg_gpu_ray *rays =
+        (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + first;
+    const uint32_t packet = w->coherent ? e->packet : 1;
+    if (any)
+        blocked_block(
+            e, rays, count, packet, (uint32_t *)w->blocked->mapped + w->first_hit + first);
+    else
+        closest_block(
+            e, rays, count, packet, (struct hg_gpu_hit *)w->hits->mapped + w->first_hit + first);
+    restore_mode(mode);
+}

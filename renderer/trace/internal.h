@@ -1,0 +1,37 @@
+// internal.h - what the files of renderer/trace/ share. Private to this room.
+#ifndef HG_RENDERER_TRACE_INTERNAL_H
+#define HG_RENDERER_TRACE_INTERNAL_H
+
+#include "renderer/trace/layout.h"
+#include "renderer/trace/trace.h"
+
+// What a backend does. `self` is what create made; sync gets a layout that lives until the next.
+struct hg_trace_ops {
+    const char *name;
+    enum hg_status (*create)(struct hg_trace *trace, void **self, struct hg_error *err);
+    void (*destroy)(void *self); // accepts NULL
+    // changed: the cut is another one than before; else only statistics are to be kept.
+    enum hg_status (*sync)(void *self, const struct hg_trace_layout *layout, struct hg_error *err);
+    // any: hits are not wanted, only whether there are any.
+    enum hg_status (*trace)(
+        void *self, const struct hg_trace_wave *wave, bool any, struct hg_error *err);
+};
+extern const struct hg_trace_ops hg_trace_embree;
+
+struct hg_trace {
+    struct hg_gpu *gpu;
+    struct hg_trace_params params;
+    const struct hg_trace_ops *ops;
+    void *self;
+    struct hg_trace_layout layout;
+    uint64_t revision; // of the cut
+    bool synced;
+    struct hg_trace_stats stats;
+};
+
+// Class of a draw as rays ask for it: HG_RAY_*.
+uint32_t hg_trace_mask(uint32_t draw_flags);
+// Rays that no backend is to follow: not finite, without direction or interval.
+bool hg_trace_is_ray(const struct hg_gpu_ray *ray);
+
+#endif

@@ -1,0 +1,226 @@
+// layout.c - see layout.h.
+#include "renderer/trace/layout.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/trace/internal.h"
+
+// Triangles of all places of a body up to which it is flat though it is placed more than once.
+#define FLAT_TRIANGLES 65536u
+
+static uint64_t mix(uint64_t h, uint64_t v)
+{
+    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
+    h ^= h >> 32;
+    h *= 0xbf58476d1ce4e5b9ull;
+    return h ^ h >> 29;
+}
+
+static uint64_t mix_matrix(uint64_t h, const float m[12])
+{
+    for (int i = 0; i < 12; i += 2) {
+        uint64_t v;
+        memcpy(&v, m + i, sizeof v);
+        h = mix(h, v);
+    }
+    return h;
+}
+
+bool hg_trace_is_invertible(const float m[12])
+{
+    double length[3], det = 0.0;
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        const double x = m[i], cross = (double)m[3 + j] * m[6 + k] - (double)m[3 + k] * m[6 + j];
+        det += x * cross;
+        length[i] = sqrt((double)m[i * 3] * m[i * 3] + (double)m[i * 3 + 1] * m[i * 3 + 1] +
+                         (double)m[i * 3 + 2] * m[i * 3 + 2]);
+        if (!isfinite(m[9 + i]) || !(length[i] > 1e-18 && length[i] < 1e18))
+            return false;
+    }
+    return fabs(det) > 1e-5 * length[0] * length[1] * length[2];
+}
+
+static int by_key(const void *a, const void *b)
+{
+    const struct hg_trace_place *x = a, *y = b;
+    if (x->key != y->key)
+        return x->key < y->key ? -1 : 1;
+    return x->draw < y->draw ? -1 : x->draw > y->draw;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+// One place per draw.
+static enum hg_status list_places(
+    struct hg_trace_layout *l, const struct hg_cut_piece *pieces, uint32_t count)
+{
+    l->place_count = 0;
+    for (uint32_t i = 0, n; i < count; i += n) {
+        uint64_t key = mix(3, pieces[i].key);
+        for (n = 1; i + n < count && pieces[i + n].draw == pieces[i].draw; n++)
+            key = mix(key, pieces[i + n].key);
+        const enum hg_status status =
+            hg_grow(&l->places, &l->place_capacity, l->place_count + 1, sizeof *l->places);
+        if (status != HG_OK)
+            return status;
+        l->places[l->place_count++] = (struct hg_trace_place){.draw = pieces[i].draw,
+            .mask = hg_trace_mask(pieces[i].flags),
+            .first_piece = i,
+            .piece_count = n,
+            .key = key};
+    }
+    if (l->place_count > 0)
+        qsort(l->places, l->place_count, sizeof *l->places, by_key);
+    return HG_OK;
+}
+
+static void measure_body(const struct hg_trace_layout *l, struct hg_trace_body *body)
+{
+    const struct hg_trace_place *place = &l->places[body->first_place];
+    for (uint32_t i = 0; i < place->piece_count; i++) {
+        const struct hg_cut_piece *piece = hg_trace_piece(l, place, i);
+        body->triangles += piece->triangle_count;
+        if (i == 0 || piece->positions != piece[-1].positions)
+            body->vertices += piece->vertex_count;
+        body->deforms = body->deforms || piece->deforms;
+        body->moves = body->moves || piece->opening != NULL;
+    }
+}
+
+static const struct hg_trace_known *find_known(const struct hg_trace_layout *l, uint64_t key)
+{
+    return l->known_count > 0 ? bsearch(&key, l->known, l->known_count, sizeof *l->known, by_number)
+                              : NULL;
+}
+
+static bool is_moving(const struct hg_trace_layout *l, uint64_t key)
+{
+    return l->moving_count > 0 &&
+           bsearch(&key, l->moving, l->moving_count, sizeof *l->moving, by_number) != NULL;
+}
+
+static enum hg_status note_moving(struct hg_trace_layout *l, uint64_t key)
+{
+    const enum hg_status status =
+        hg_grow(&l->moving, &l->moving_capacity, l->moving_count + 1, sizeof *l->moving);
+    if (status == HG_OK) {
+        l->moving[l->moving_count++] = key;
+        qsort(l->moving, l->moving_count, sizeof *l->moving, by_number);
+    }
+    return status;
+}
+
+// Whether rays would rather have the body in world space. places: hash of where it is.
+static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *body, uint64_t places)
+{
+    bool invertible = true, still = !body->deforms;
+    for (uint32_t i = 0; i < body->place_count; i++) {
+        const struct hg_cut_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
+        invertible =
+            invertible && hg_trace_is_invertible(p->world) && hg_trace_is_invertible(p->previous);
+        still = still && memcmp(p->world, p->previous, sizeof p->world) == 0;
+    }
+    const struct hg_trace_known *known = find_known(l, body->key);
+    if (known != NULL && known->places != places && invertible && !is_moving(l, body->key)) {
+        const enum hg_status status = note_moving(l, body->key);
+        if (status != HG_OK)
+            return status;
+    }
+    const bool small = body->triangles * body->place_count <= FLAT_TRIANGLES;
+    body->flat =
+        !invertible || (still && (body->place_count == 1 || small) && !is_moving(l, body->key));
+    return HG_OK;
+}
+
+static uint64_t hash_places(const struct hg_trace_layout *l, const struct hg_trace_body *body)
+{
+    uint64_t h = 4;
+    for (uint32_t i = 0; i < body->place_count; i++)
+        h = mix_matrix(h, l->pieces[l->places[body->first_place + i].first_piece].world);
+    return h;
+}
+
+// What decides the flat structure: also draws, classes, and where its input lies.
+static uint64_t hash_flat(
+    const struct hg_trace_layout *l, const struct hg_trace_body *body, uint64_t h)
+{
+    for (uint32_t i = 0; i < body->place_count; i++) {
+        const struct hg_trace_place *place = &l->places[body->first_place + i];
+        h = mix(mix(h, place->key), (uint64_t)place->draw << 32 | place->mask);
+        h = mix_matrix(h, l->pieces[place->first_piece].world);
+        for (uint32_t k = 0; k < place->piece_count; k++) {
+            const struct hg_cut_piece *piece = hg_trace_piece(l, place, k);
+            h = mix(mix(h, (uintptr_t)piece->positions), (uintptr_t)piece->indices);
+        }
+    }
+    return h | 1;
+}
+
+static enum hg_status list_bodies(struct hg_trace_layout *l)
+{
+    enum hg_status status = HG_OK;
+    l->body_count = 0;
+    for (uint32_t i = 0, n; i < l->place_count && status == HG_OK; i += n) {
+        for (n = 1; i + n < l->place_count && l->places[i + n].key == l->places[i].key;)
+            n++;
+        status = hg_grow(&l->bodies, &l->body_capacity, l->body_count + 1, sizeof *l->bodies);
+        if (status != HG_OK)
+            return status;
+        struct hg_trace_body *body = &l->bodies[l->body_count++];
+        *body = (struct hg_trace_body){.key = l->places[i].key, .first_place = i, .place_count = n};
+        measure_body(l, body);
+        status = choose(l, body, hash_places(l, body));
+    }
+    return status;
+}
+
+static enum hg_status sum_up(struct hg_trace_layout *l)
+{
+    l->flat_key = l->flat_triangles = l->triangles = 0;
+    l->instances = l->known_count = 0;
+    l->flat_deforms = false;
+    for (uint32_t i = 0; i < l->body_count; i++) {
+        const struct hg_trace_body *body = &l->bodies[i];
+        l->triangles += body->triangles * (body->flat ? body->place_count : 1);
+        if (!body->flat) {
+            l->instances += body->place_count;
+            continue;
+        }
+        l->flat_deforms = l->flat_deforms || body->deforms;
+        l->flat_triangles += body->triangles * body->place_count;
+        l->flat_key = hash_flat(l, body, l->flat_key);
+        const enum hg_status status =
+            hg_grow(&l->known, &l->known_capacity, l->known_count + 1, sizeof *l->known);
+        if (status != HG_OK)
+            return status;
+        l->known[l->known_count++] = (struct hg_trace_known){body->key, hash_places(l, body)};
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_trace_layout_make(
+    struct hg_trace_layout *l, const struct hg_cut_piece *pieces, uint32_t count)
+{
+    l->pieces = pieces;
+    enum hg_status status = list_places(l, pieces, count);
+    if (status == HG_OK)
+        status = list_bodies(l);
+    return status == HG_OK ? sum_up(l) : status;
+}
+
+void hg_trace_layout_finish(struct hg_trace_layout *l)
+{
+    hg_free(l->places);
+    hg_free(l->bodies);
+    hg_free(l->known);
+    hg_free(l->moving);
+    memset(l, 0, sizeof *l);
+}

@@ -1,0 +1,66 @@
+// layout.h - what of a cut is built once and placed often, and what is flattened into the world.
+// Floor 2 (trace). Thread: any; no shared state. Private to the room.
+//
+// The pieces of a draw are a *body*; draws whose pieces have the same keys share it, each at a
+// *place* of its own. A body that is placed once, or is small, is *flat*: its triangles go with all
+// others of that kind into one structure in world space, so that rays need not enter an instance
+// for each draw (the boxes of draws overlap). Bodies that were flat and then moved stay instances
+// from there on, so that an animation does not build the flat structure for each frame.
+#ifndef HG_RENDERER_TRACE_LAYOUT_H
+#define HG_RENDERER_TRACE_LAYOUT_H
+
+#include "renderer/geometry/cut.h"
+
+struct hg_trace_body {
+    uint64_t key;
+    uint64_t triangles, vertices;      // vertices: of the pieces, shared ones once
+    uint32_t first_place, place_count; // consecutive in `places`
+    bool flat, deforms;
+    bool moves; // positions are others at the opening of the shutter
+};
+
+struct hg_trace_place {
+    uint32_t draw, mask;
+    uint32_t first_piece, piece_count; // of the cut
+    uint64_t key;                      // of the body
+};
+
+struct hg_trace_known {
+    uint64_t key, places; // places: hash of where it was
+};
+
+struct hg_trace_layout {               // zeroed = empty; keeps its memory
+    const struct hg_cut_piece *pieces; // of the cut
+    struct hg_trace_place *places;     // by body, then draw
+    size_t place_capacity;
+    uint32_t place_count;
+    struct hg_trace_body *bodies; // by key
+    size_t body_capacity;
+    uint32_t body_count;
+    uint64_t flat_key;            // of all flat bodies and where they are; 0 = there are none
+    uint64_t flat_triangles;      // placed
+    bool flat_deforms;            // under the same key
+    uint64_t triangles;           // of all bodies, those of flat ones as often as they are placed
+    uint32_t instances;           // places of bodies that are not flat
+    struct hg_trace_known *known; // flat bodies of the layout before, by key
+    size_t known_capacity;
+    uint32_t known_count;
+    uint64_t *moving; // keys, ascending
+    size_t moving_capacity;
+    uint32_t moving_count;
+};
+
+// HG_E_NOMEM.
+enum hg_status hg_trace_layout_make(struct hg_trace_layout *layout,
+    const struct hg_cut_piece *pieces, uint32_t count) HG_MUST_CHECK;
+void hg_trace_layout_finish(struct hg_trace_layout *layout);
+// The piece of a place, with where it is.
+static inline const struct hg_cut_piece *hg_trace_piece(
+    const struct hg_trace_layout *layout, const struct hg_trace_place *place, uint32_t index)
+{
+    return &layout->pieces[place->first_piece + index];
+}
+// False for matrices that instances cannot have: not finite or (nearly) singular.
+bool hg_trace_is_invertible(const float world[12]);
+
+#endif

@@ -1,0 +1,160 @@
+// trace.c - see trace.h: choosing a backend, and what all of them share.
+#include "renderer/trace/trace.h"
+
+#include <math.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/trace/internal.h"
+
+static const struct hg_trace_ops *const backends[] = {
+    [HG_TRACE_EMBREE] = &hg_trace_embree,
+};
+#define BACKEND_COUNT (sizeof backends / sizeof backends[0])
+
+static const char *const names[] = {
+    [HG_TRACE_AUTO] = "auto",
+    [HG_TRACE_EMBREE] = "embree",
+    [HG_TRACE_COMPUTE] = "compute",
+    [HG_TRACE_KHR] = "khr",
+};
+
+const char *hg_trace_backend_name(enum hg_trace_backend backend)
+{
+    return (size_t)backend < sizeof names / sizeof names[0] ? names[backend] : "unknown";
+}
+
+uint32_t hg_trace_mask(uint32_t flags)
+{
+    return flags & HG_DRAW_BLEND  ? HG_RAY_BLEND
+           : flags & HG_DRAW_MASK ? HG_RAY_MASK
+                                  : HG_RAY_OPAQUE;
+}
+
+bool hg_trace_is_ray(const struct hg_gpu_ray *r)
+{
+    const float *o = &r->origin_ws.x, *d = &r->direction_ws.x;
+    const float at = fabsf(o[0]) + fabsf(o[1]) + fabsf(o[2]);
+    const float length = fabsf(d[0]) + fabsf(d[1]) + fabsf(d[2]);
+    return at <= 1e30f && length > 0.0f && length <= 1e30f && r->t_max > r->t_min &&
+           r->t_max > 0.0f;
+}
+
+static enum hg_status create_backend(
+    struct hg_trace *t, enum hg_trace_backend backend, struct hg_error *err)
+{
+    if ((size_t)backend >= BACKEND_COUNT || backends[backend] == NULL)
+        return hg_error_set(err, HG_E_DEVICE, "ray tracing", hg_trace_backend_name(backend),
+            "this build has no such backend");
+    t->ops = backends[backend];
+    t->params.backend = backend;
+    return t->ops->create(t, &t->self, err);
+}
+
+static enum hg_status create_best(struct hg_trace *t, struct hg_error *err)
+{
+    static const enum hg_trace_backend cpu[] = {HG_TRACE_EMBREE, HG_TRACE_COMPUTE};
+    static const enum hg_trace_backend gpu[] = {HG_TRACE_KHR, HG_TRACE_COMPUTE, HG_TRACE_EMBREE};
+    const bool is_cpu = hg_gpu_get_caps(t->gpu)->is_cpu;
+    const enum hg_trace_backend *list = is_cpu ? cpu : gpu;
+    const size_t count = is_cpu ? sizeof cpu / sizeof cpu[0] : sizeof gpu / sizeof gpu[0];
+    enum hg_status status = HG_E_DEVICE;
+    for (size_t i = 0; i < count && status == HG_E_DEVICE; i++)
+        status = create_backend(t, list[i], err);
+    return status;
+}
+
+enum hg_status hg_trace_create(struct hg_gpu *gpu, const struct hg_trace_params *params,
+    struct hg_trace **out, struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_trace *t = hg_calloc(1, sizeof *t);
+    if (t == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "ray tracing", NULL, "no memory");
+    t->gpu = gpu;
+    t->params = *params;
+    const enum hg_status status = params->backend == HG_TRACE_AUTO
+                                      ? create_best(t, err)
+                                      : create_backend(t, params->backend, err);
+    if (status != HG_OK) {
+        hg_trace_destroy(t);
+        return status;
+    }
+    *out = t;
+    return HG_OK;
+}
+
+void hg_trace_destroy(struct hg_trace *t)
+{
+    if (t == NULL)
+        return;
+    if (t->ops != NULL)
+        t->ops->destroy(t->self);
+    hg_trace_layout_finish(&t->layout);
+    hg_free(t);
+}
+
+enum hg_trace_backend hg_trace_backend(const struct hg_trace *t)
+{
+    return t->params.backend;
+}
+
+enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_cut *cut, struct hg_error *err)
+{
+    t->stats.build_ns = t->stats.refit_ns = 0;
+    if (t->synced && t->revision == hg_cut_revision(cut))
+        return HG_OK;
+    t->synced = false;
+    enum hg_status status = hg_trace_layout_make(&t->layout, hg_cut_pieces(cut), hg_cut_count(cut));
+    if (status != HG_OK)
+        return hg_error_set(err, status, "ray tracing", NULL, "no memory");
+    status = t->ops->sync(t->self, &t->layout, err);
+    if (status != HG_OK)
+        return status;
+    t->synced = true;
+    t->revision = hg_cut_revision(cut);
+    t->stats.triangles = t->layout.triangles;
+    t->stats.instances = t->layout.instances;
+    return HG_OK;
+}
+
+static bool holds(const struct hg_gpu_buffer *buffer, uint64_t first, uint32_t count, uint64_t size)
+{
+    return buffer != NULL && first <= UINT32_MAX * 64ull &&
+           (first + count) * size <= buffer->size_bytes;
+}
+
+static enum hg_status trace(
+    struct hg_trace *t, const struct hg_trace_wave *w, bool any, struct hg_error *err)
+{
+    const bool to_fits = any ? holds(w->blocked, w->first_hit, w->count, sizeof(uint32_t))
+                             : holds(w->hits, w->first_hit, w->count, sizeof(struct hg_gpu_hit));
+    if (!to_fits || !holds(w->rays, w->first_ray, w->count, sizeof(struct hg_gpu_ray)))
+        return hg_error_set(err, HG_E_INVAL, "ray tracing", NULL, "the wave is not in its buffers");
+    if (!t->synced)
+        return hg_error_set(err, HG_E_STATE, "ray tracing", NULL, "there is no scene");
+    if (w->count == 0)
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    const enum hg_status status = t->ops->trace(t->self, w, any, err);
+    t->stats.trace_ns += hg_clock_now_ns() - start;
+    t->stats.rays += w->count;
+    return status;
+}
+
+enum hg_status hg_trace_closest(
+    struct hg_trace *t, const struct hg_trace_wave *wave, struct hg_error *err)
+{
+    return trace(t, wave, false, err);
+}
+
+enum hg_status hg_trace_blocked(
+    struct hg_trace *t, const struct hg_trace_wave *wave, struct hg_error *err)
+{
+    return trace(t, wave, true, err);
+}
+
+void hg_trace_stats(const struct hg_trace *t, struct hg_trace_stats *out)
+{
+    *out = t->stats;
+}

@@ -1,0 +1,374 @@
+// trace_hits.c - what rays hit, against trying every triangle, for each backend.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "trace_rig.h"
+
+#include "base/alloc.h"
+#include "base/clock.h"
+
+static enum hg_trace_backend backend;
+
+static const float MIRRORED[16] = {
+    -0.5f, 0, 0, 0, 0, 1.2f, 0.3f, 0, 0, 0, 0.7f, 0, 0.4f, -0.3f, 0.2f, 1};
+static const float SHEARED[16] = {
+    0.6f, 0.2f, 0, 0, -0.3f, 0.4f, 0, 0, 0.1f, 0, 1.4f, 0, -0.5f, 0.5f, 0, 1};
+
+static void soup(void **state)
+{
+    (void)state;
+    struct rig *r = rig_open(backend);
+    rig_node(r, rig_soup(r, 600, 0.3), NULL);
+    rig_sync(r);
+    rig_fill_rays(r, 4000);
+    assert_in_range(rig_compare(r, 4000, false), 0, 4);
+    assert_in_range(rig_compare(r, 4000, true), 0, 4);
+    rig_close(r);
+}
+
+// Few triangles are flattened; many that are placed twice are instances.
+static void instances(void **state)
+{
+    (void)state;
+    for (uint32_t many = 0; many < 2; many++) {
+        struct rig *r = rig_open(backend);
+        struct hg_mesh *mesh = rig_soup(r, many ? 40000 : 300, many ? 0.02 : 0.3);
+        rig_node(r, mesh, NULL);
+        rig_node(r, mesh, MIRRORED);
+        rig_node(r, mesh, SHEARED);
+        rig_node(r, rig_soup(r, 100, 0.3), SHEARED);
+        rig_sync(r);
+        struct hg_trace_stats stats;
+        hg_trace_stats(r->trace, &stats);
+        assert_int_equal(stats.instances, many ? 3 : 0);
+        const uint32_t rays = many ? 300 : 3000;
+        rig_fill_rays(r, rays);
+        assert_in_range(rig_compare(r, rays, false), 0, 6);
+        assert_in_range(rig_compare(r, rays, true), 0, 6);
+        rig_close(r);
+    }
+}
+
+static void masks(void **state)
+{
+    (void)state;
+    static const enum hg_alpha_mode modes[] = {HG_ALPHA_OPAQUE, HG_ALPHA_MASK, HG_ALPHA_BLEND};
+    const float quad[] = {-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0};
+    const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+    struct rig *r = rig_open(backend);
+    for (int i = 0; i < 3; i++) {
+        const float at[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, (float)-i, 1};
+        struct hg_mesh *mesh = rig_mesh(r, quad, 4, indices, 6);
+        mesh->parts->material = rig_material(r, modes[i]);
+        rig_node(r, mesh, at);
+    }
+    rig_sync(r);
+    struct hg_gpu_ray *rays = rig_rays(r, 8);
+    for (uint32_t i = 0; i < 8; i++)
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {0.25f, 0.5f, 1.0f},
+            .direction_ws = {0, 0, -1},
+            .t_max = 1e30f,
+            .mask = i};
+    static const float first[8] = {0, 1, 2, 1, 3, 1, 2, 1};
+    for (int coherent = 0; coherent < 2; coherent++) {
+        const struct hg_gpu_hit *hits = rig_closest(r, 8, coherent != 0);
+        const uint32_t *blocked = rig_blocked(r, 8, coherent != 0);
+        for (uint32_t i = 0; i < 8; i++) {
+            assert_int_equal(hits[i].draw != HG_HIT_NONE, i != 0);
+            assert_int_equal(blocked[i], i != 0);
+            if (i != 0)
+                assert_true(fabsf(hits[i].t - first[i]) < 1e-6f);
+        }
+    }
+    rig_close(r);
+}
+
+static void interval(void **state)
+{
+    (void)state;
+    const float triangle[] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    const uint32_t indices[] = {0, 1, 2};
+    struct rig *r = rig_open(backend);
+    rig_node(r, rig_mesh(r, triangle, 3, indices, 3), NULL);
+    rig_sync(r);
+    static const struct {
+        float t_min, t_max, direction;
+        bool hit;
+    } cases[] = {{0, 1e30f, -1, true}, {0, 1, -1, false}, {1, 2, -1, false},
+        {0.99f, 1.01f, -1, true}, {0, 0.5f, -2, false}, {0, 0.51f, -2, true}, {0, 2, 1, false},
+        {2, 1, -1, false}, {NAN, 2, -1, false}, {0, NAN, -1, false}, {0, 2, NAN, false},
+        {0, 2, 0, false}, {0, INFINITY, -1, true}, {0, 1e30f, -1e-20f, true}};
+    enum { COUNT = sizeof cases / sizeof cases[0] };
+    struct hg_gpu_ray *rays = rig_rays(r, COUNT);
+    for (uint32_t i = 0; i < COUNT; i++)
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {0.1f, 0, 1},
+            .direction_ws = {0, 0, cases[i].direction},
+            .t_min = cases[i].t_min,
+            .t_max = cases[i].t_max,
+            .mask = HG_RAY_ALL};
+    for (int coherent = 0; coherent < 2; coherent++) {
+        const struct hg_gpu_hit *hits = rig_closest(r, COUNT, coherent != 0);
+        const uint32_t *blocked = rig_blocked(r, COUNT, coherent != 0);
+        for (uint32_t i = 0; i < COUNT; i++)
+            if ((hits[i].draw != HG_HIT_NONE) != cases[i].hit || (blocked[i] != 0) != cases[i].hit)
+                fail_msg("case %u: %s, blocked %u", i, hits[i].draw != HG_HIT_NONE ? "hit" : "none",
+                    blocked[i]);
+    }
+    rig_close(r);
+}
+
+static void hostile(void **state)
+{
+    (void)state;
+    struct rig *r = rig_open(backend);
+    struct hg_mesh *mesh = rig_soup(r, 400, 0.3);
+    float *p = mesh->parts->positions;
+    for (uint32_t i = 0; i < 400; i += 10) { // of ten triangles three are no triangles
+        p[i * 9] = NAN;
+        p[(i + 1) * 9 + 4] = INFINITY;
+        memcpy(p + (i + 2) * 9 + 3, p + (i + 2) * 9, 12);
+    }
+    rig_node(r, mesh, NULL);
+    const float flat[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0.1f, 1};
+    rig_node(r, rig_soup(r, 50, 0.3), flat); // a matrix without inverse: shadows of themselves
+    const float broken[16] = {1, 0, 0, 0, 0, NAN, 0, 0, 0, 0, 1, 0, 0, 0, 0.1f, 1};
+    rig_node(r, rig_soup(r, 50, 0.3), broken);
+    const float huge[16] = {1e30f, 0, 0, 0, 0, 1e30f, 0, 0, 0, 0, 1e30f, 0, 0, 1e35f, 0, 1};
+    rig_node(r, rig_soup(r, 50, 0.3), huge);
+    rig_sync(r);
+    rig_fill_rays(r, 3000);
+    assert_in_range(rig_compare(r, 3000, false), 0, 6);
+    assert_in_range(rig_compare(r, 3000, true), 0, 6);
+    rig_close(r);
+}
+
+static void empty(void **state)
+{
+    (void)state;
+    struct rig *r = rig_open(backend);
+    rig_sync(r);
+    rig_fill_rays(r, 100);
+    assert_int_equal(rig_compare(r, 100, false), 0);
+    assert_int_equal(rig_compare(r, 100, true), 0);
+    const float dot[] = {0, 0, 0};
+    const uint32_t indices[] = {0, 0, 0};
+    rig_node(r, rig_mesh(r, dot, 1, indices, 3), NULL);
+    struct hg_mesh *lines = rig_soup(r, 20, 1.0);
+    lines->parts->topology = HG_TOPOLOGY_LINES;
+    rig_node(r, lines, NULL);
+    struct hg_mesh *points = rig_soup(r, 20, 1.0);
+    points->parts->topology = HG_TOPOLOGY_POINTS;
+    rig_node(r, points, NULL);
+    rig_sync(r);
+    assert_int_equal(rig_compare(r, 100, false), 0);
+    rig_close(r);
+}
+
+// A closed surface has no gaps: rays from inside that aim at edges and corners stay inside.
+static void closed(void **state)
+{
+    (void)state;
+    enum { SIDE = 24, ROUND = 48, COUNT = (SIDE - 1) * ROUND + 2 };
+    struct rig *r = rig_open(backend);
+    float positions[COUNT * 3];
+    uint32_t indices[SIDE * ROUND * 6], n = 0;
+    for (int i = 1; i < SIDE; i++)
+        for (int k = 0; k < ROUND; k++) {
+            const double a = M_PI * i / SIDE, b = 2.0 * M_PI * k / ROUND;
+            float *p = positions + ((i - 1) * ROUND + k) * 3;
+            p[0] = (float)(sin(a) * cos(b));
+            p[1] = (float)cos(a);
+            p[2] = (float)(sin(a) * sin(b));
+        }
+    const float poles[6] = {0, 1, 0, 0, -1, 0};
+    memcpy(positions + (COUNT - 2) * 3, poles, sizeof poles);
+    for (uint32_t i = 0; i < SIDE; i++)
+        for (uint32_t k = 0; k < ROUND; k++) {
+            const uint32_t next = (k + 1) % ROUND;
+            const uint32_t a = i == 0 ? COUNT - 2 : (i - 1) * ROUND + k;
+            const uint32_t b = i == 0 ? COUNT - 2 : (i - 1) * ROUND + next;
+            const uint32_t c = i == SIDE - 1 ? COUNT - 1 : i * ROUND + k;
+            const uint32_t d = i == SIDE - 1 ? COUNT - 1 : i * ROUND + next;
+            const uint32_t two[6] = {a, c, d, a, d, b};
+            memcpy(indices + n, two, sizeof two);
+            n += 6;
+        }
+    rig_node(r, rig_mesh(r, positions, COUNT, indices, n), SHEARED);
+    rig_sync(r);
+    const float *m = SHEARED;
+    const uint32_t count = 60000;
+    struct hg_gpu_ray *rays = rig_rays(r, count);
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t triangle = (uint32_t)rig_random(r, 0, n / 3 - 0.01) * 3;
+        const float *a = positions + indices[triangle + i % 3] * 3;
+        const float *b = positions + indices[triangle + (i + 1) % 3] * 3;
+        const double s = i % 2 ? rig_random(r, 0.0, 1.0) : 0.0;
+        double local[3], to[3];
+        for (int c = 0; c < 3; c++)
+            local[c] = a[c] + s * ((double)b[c] - a[c]);
+        for (int c = 0; c < 3; c++)
+            to[c] = m[c] * local[0] + m[4 + c] * local[1] + m[8 + c] * local[2];
+        rays[i] = (struct hg_gpu_ray){.t_max = 1e30f, .mask = HG_RAY_ALL};
+        for (int c = 0; c < 3; c++) {
+            (&rays[i].origin_ws.x)[c] = m[12 + c] + 0.02f * (float)(c + 1);
+            (&rays[i].direction_ws.x)[c] =
+                (float)(to[c] + m[12 + c] - (double)(&rays[i].origin_ws.x)[c]);
+        }
+    }
+    for (int coherent = 0; coherent < 2; coherent++) {
+        const struct hg_gpu_hit *hits = rig_closest(r, count, coherent != 0);
+        const uint32_t *blocked = rig_blocked(r, count, coherent != 0);
+        uint32_t out = 0;
+        for (uint32_t i = 0; i < count; i++)
+            out += hits[i].draw == HG_HIT_NONE || blocked[i] == 0;
+        assert_int_equal(out, 0);
+    }
+    rig_close(r);
+}
+
+// A million triangles in one place: no tree can part them.
+static void coincident(void **state)
+{
+    (void)state;
+    const uint32_t count = 1000000;
+    const float triangle[] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    uint32_t *indices = hg_calloc(count * 3ull, sizeof *indices);
+    assert_non_null(indices);
+    for (uint32_t i = 0; i < count * 3; i++)
+        indices[i] = i % 3;
+    struct rig *r = rig_open(backend);
+    rig_node(r, rig_mesh(r, triangle, 3, indices, count * 3), NULL);
+    hg_free(indices);
+    const uint64_t start = hg_clock_now_ns();
+    rig_sync(r);
+    struct hg_gpu_ray *rays = rig_rays(r, 64);
+    for (uint32_t i = 0; i < 64; i++)
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {0.01f * (float)i - 0.3f, -0.5f, 1},
+            .direction_ws = {0, 0, -1},
+            .t_max = 1e30f,
+            .mask = HG_RAY_ALL};
+    const struct hg_gpu_hit *hits = rig_closest(r, 64, false);
+    for (uint32_t i = 0; i < 64; i++)
+        assert_true(hits[i].draw != HG_HIT_NONE && fabsf(hits[i].t - 1.0f) < 1e-6f);
+    assert_true(hg_clock_now_ns() - start < 120ull * 1000000000);
+    rig_close(r);
+}
+
+// The same bytes for any number of threads, of the jobs that trace.
+static void threads(void **state)
+{
+    (void)state;
+    enum { COUNT = 20000 };
+    struct rig *r = rig_open(backend);
+    struct hg_mesh *mesh = rig_soup(r, 40000, 0.05);
+    rig_node(r, mesh, NULL);
+    rig_node(r, mesh, MIRRORED);
+    rig_node(r, rig_soup(r, 5000, 0.05), NULL);
+    rig_sync(r);
+    rig_fill_rays(r, COUNT);
+    struct hg_gpu_hit *first = hg_calloc(COUNT, sizeof *first);
+    assert_non_null(first);
+    memcpy(first, rig_closest(r, COUNT, false), COUNT * sizeof *first);
+    for (unsigned n = 1; n <= 5; n += 2) {
+        hg_trace_destroy(r->trace);
+        hg_jobs_destroy(r->jobs);
+        r->trace = NULL;
+        r->jobs = hg_jobs_create(n);
+        assert_non_null(r->jobs);
+        rig_sync(r);
+        const struct hg_gpu_hit *hits = rig_closest(r, COUNT, false);
+        for (uint32_t i = 0; i < COUNT; i++) {
+            assert_int_equal(hits[i].draw, first[i].draw);
+            if (hits[i].draw != HG_HIT_NONE)
+                assert_memory_equal(&hits[i], &first[i], sizeof *first);
+        }
+    }
+    hg_free(first);
+    rig_close(r);
+}
+
+// What moves is brought up to date, what stays is kept.
+static void changes(void **state)
+{
+    (void)state;
+    struct rig *r = rig_open(backend);
+    struct hg_mesh *mesh = rig_soup(r, 30000, 0.03);
+    struct hg_node *still = rig_node(r, mesh, NULL);
+    struct hg_node *node = rig_node(r, rig_soup(r, 300, 0.3), NULL);
+    rig_node(r, mesh, SHEARED);
+    rig_node(r, mesh, MIRRORED);
+    rig_sync(r);
+    for (int i = 0; i < 4; i++) {
+        node->translation[0] += 0.2f;
+        hg_scene_touch(r->scene, &node->head);
+        if (i == 2)
+            still->visible = false;
+        hg_scene_touch(r->scene, &still->head);
+        rig_sync(r);
+        rig_fill_rays(r, 200);
+        if (i == 2)
+            continue; // the reference knows nothing of what is not visible
+        if (i == 3) {
+            still->visible = true;
+            hg_scene_touch(r->scene, &still->head);
+            rig_sync(r);
+        }
+        assert_in_range(rig_compare(r, 200, i % 2 == 0), 0, 3);
+    }
+    rig_close(r);
+}
+
+static void budget(void **state)
+{
+    (void)state;
+    struct rig *r = rig_open(backend);
+    rig_node(r, rig_soup(r, 100000, 0.1), NULL);
+    assert_int_equal(rig_try(r, 1 << 20), HG_E_LIMIT);
+    assert_int_equal(r->err.status, HG_E_LIMIT);
+    struct hg_trace_wave wave = {.rays = &r->rays, .hits = &r->hits, .count = 1};
+    rig_fill_rays(r, 10);
+    assert_int_equal(hg_trace_closest(r->trace, &wave, &r->err), HG_E_STATE);
+    hg_trace_destroy(r->trace);
+    r->trace = NULL;
+    rig_check(r, rig_try(r, 64 << 20));
+    struct hg_trace_stats stats;
+    hg_trace_stats(r->trace, &stats);
+    assert_int_equal(stats.triangles, 100000);
+    assert_in_range(stats.peak_bytes, stats.bytes, 64 << 20);
+    assert_in_range(stats.bytes, 100000 * 12, 64 << 20);
+    assert_in_range(rig_compare(r, 10, false), 0, 1);
+    rig_close(r);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 2)
+        return 2;
+    for (int b = HG_TRACE_EMBREE; b <= HG_TRACE_KHR; b++)
+        if (strcmp(argv[1], hg_trace_backend_name((enum hg_trace_backend)b)) == 0)
+            backend = (enum hg_trace_backend)b;
+    if (backend == HG_TRACE_AUTO)
+        return 2;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(soup),
+        cmocka_unit_test(instances),
+        cmocka_unit_test(masks),
+        cmocka_unit_test(interval),
+        cmocka_unit_test(hostile),
+        cmocka_unit_test(empty),
+        cmocka_unit_test(closed),
+        cmocka_unit_test(coincident),
+        cmocka_unit_test(threads),
+        cmocka_unit_test(changes),
+        cmocka_unit_test(budget),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
