@@ -66,8 +66,7 @@ static void paint_row(void *user, size_t y)
 {
     const struct painting *p = user;
     uint8_t *rgba = (uint8_t *)p->image->pixels + y * p->image->width * 4;
-    for (uint32_t x = 0; x < p->image->width; x++, rgba += 4)
-        hg_bench_pattern_texel(&p->pattern, 0, x, (uint32_t)y, rgba);
+    hg_bench_pattern_row(&p->pattern, 0, 0, (uint32_t)y, p->image->width, rgba);
 }
 
 static enum hg_status paint(

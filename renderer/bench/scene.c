@@ -45,38 +45,64 @@ static uint8_t to_byte(float v)
     return (uint8_t)(v <= 0.0f ? 0 : v >= 1.0f ? 255 : (int)(v * 255.0f + 0.5f));
 }
 
+// One octave along a row of texels: the corners of a cell are made once.
+struct octave {
+    uint32_t seed, cell, corner_y;
+    float f, sy, corners[4];
+};
+
+static struct octave octave_of(uint32_t seed, uint32_t period_log2, float ty)
+{
+    const float f = ldexpf(1.0f, -(int)period_log2), y = ty * f, fy = floorf(y), t = y - fy;
+    return (struct octave){.seed = seed,
+        .cell = UINT32_MAX,
+        .corner_y = (uint32_t)(int32_t)fy,
+        .f = f,
+        .sy = t * t * (3.0f - 2.0f * t)};
+}
+
+static float octave_at(struct octave *o, float tx)
+{
+    const float x = tx * o->f, fx = floorf(x), t = x - fx;
+    const uint32_t cell = (uint32_t)(int32_t)fx;
+    float *c = o->corners;
+    for (uint32_t i = 0; cell != o->cell && i < 4; i++)
+        c[i] = lattice(o->seed, cell + (i & 1), o->corner_y + (i >> 1));
+    o->cell = cell;
+    const float sx = t * t * (3.0f - 2.0f * t);
+    return (c[0] + (c[1] - c[0]) * sx) * (1.0f - o->sy) + (c[2] + (c[3] - c[2]) * sx) * o->sy;
+}
+
 // The octaves have periods of 2^2, 2^5, 2^8, ... texels of mip 0. One whose period is less than
 // four texels of the mip is grey there.
-void hg_bench_pattern_texel(
-    const struct hg_bench_pattern *pattern, uint32_t mip, uint32_t x, uint32_t y, uint8_t rgba[4])
+void hg_bench_pattern_row(const struct hg_bench_pattern *pattern, uint32_t mip, uint32_t x,
+    uint32_t y, uint32_t width, uint8_t *rgba)
 {
-    const float scale = ldexpf(1.0f, (int)mip);
-    const float tx = ((float)x + 0.5f) * scale, ty = ((float)y + 0.5f) * scale;
-    float sum = 0.0f, tint = 0.5f;
-    for (uint32_t o = 0; o < OCTAVES; o++) {
-        const uint32_t period = 2 + 3 * o;
-        if (period < mip + 2)
-            continue;
-        const float f = ldexpf(1.0f, -(int)period);
-        const float n = hg_bench_noise(pattern->seed * 31u + o, tx * f, ty * f) - 0.5f;
-        sum += n * 0.4f;
-        tint = o == OCTAVES - 1 ? n + 0.5f : tint;
-    }
+    const float scale = ldexpf(1.0f, (int)mip), ty = ((float)y + 0.5f) * scale;
     const float hue = (float)(mix_bits(pattern->seed) & 255u) * (6.2832f / 256.0f);
-    rgba[0] = to_byte(0.5f + sum + 0.25f * cosf(hue) * tint);
-    rgba[1] = to_byte(0.5f + sum + 0.25f * cosf(hue + 2.1f) * tint);
-    rgba[2] = to_byte(0.5f + sum + 0.25f * cosf(hue + 4.2f) * tint);
-    rgba[3] = 255;
+    const float tints[3] = {0.25f * cosf(hue), 0.25f * cosf(hue + 2.1f), 0.25f * cosf(hue + 4.2f)};
+    struct octave octaves[OCTAVES];
+    for (uint32_t o = 0; o < OCTAVES; o++)
+        octaves[o] = octave_of(pattern->seed * 31u + o, 2 + 3 * o, ty);
+    for (uint32_t i = 0; i < width; i++, rgba += 4) {
+        const float tx = ((float)(x + i) + 0.5f) * scale;
+        float sum = 0.0f, tint = 0.5f;
+        for (uint32_t o = mip > 0 ? (mip + 2) / 3 : 0; o < OCTAVES; o++) {
+            const float n = octave_at(&octaves[o], tx) - 0.5f;
+            sum += n * 0.4f;
+            tint = o == OCTAVES - 1 ? n + 0.5f : tint;
+        }
+        for (int c = 0; c < 3; c++)
+            rgba[c] = to_byte(0.5f + sum + tints[c] * tint);
+        rgba[3] = 255;
+    }
 }
 
 static bool make_rectangle(
     void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height, void *pixels)
 {
-    uint8_t *rgba = pixels;
-    for (uint32_t j = 0; j < height; j++) {
-        for (uint32_t i = 0; i < width; i++, rgba += 4)
-            hg_bench_pattern_texel(user, mip, x + i, y + j, rgba);
-    }
+    for (uint32_t j = 0; j < height; j++)
+        hg_bench_pattern_row(user, mip, x, y + j, width, (uint8_t *)pixels + (size_t)j * width * 4);
     return true;
 }
 
@@ -248,6 +274,17 @@ void hg_bench_gallery_pose(
     pose->target[0] = pose->eye[0] + sinf(heading + swing);
     pose->target[1] = pose->eye[1];
     pose->target[2] = pose->eye[2] - cosf(heading + swing);
+}
+
+void hg_bench_gallery_walk(uint32_t at, struct hg_bench_pose *pose)
+{
+    const float heading = 0.5f * sinf((float)at * (2.0f * (float)M_PI / 60.0f));
+    pose->eye[0] = 0.0f;
+    pose->eye[1] = 0.45f * PANEL_M;
+    pose->eye[2] = -0.2f * (float)at;
+    pose->target[0] = sinf(heading);
+    pose->target[1] = pose->eye[1];
+    pose->target[2] = pose->eye[2] - cosf(heading);
 }
 
 // --- the sheet -----------------------------------------------------------------------------------

@@ -13,8 +13,9 @@ struct hg_bench_pose;
 struct hg_bench_pattern {
     uint32_t seed;
 };
-void hg_bench_pattern_texel(
-    const struct hg_bench_pattern *pattern, uint32_t mip, uint32_t x, uint32_t y, uint8_t rgba[4]);
+// `width` texels of a row of a mip, from (x, y) on, as RGBA8.
+void hg_bench_pattern_row(const struct hg_bench_pattern *pattern, uint32_t mip, uint32_t x,
+    uint32_t y, uint32_t width, uint8_t *rgba);
 
 struct hg_bench_scene {
     struct hg_scene *scene;
@@ -39,6 +40,9 @@ enum hg_status hg_bench_gallery_make(const struct hg_bench_gallery *gallery,
 // Pose number `at` of `count` of a flight through it and back, looking from wall to wall.
 void hg_bench_gallery_pose(const struct hg_bench_gallery *gallery, uint32_t at, uint32_t count,
     struct hg_bench_pose *pose);
+// Pose number `at` of a walk along it: 0.2 m from one to the next, turning to either wall and back
+// in 60 steps, 3 degrees at most from one to the next.
+void hg_bench_gallery_walk(uint32_t at, struct hg_bench_pose *pose);
 
 // One unlit picture of side_px in the plane z = 0, a millimetre a texel, centre at the origin.
 enum hg_status hg_bench_sheet_make(

@@ -12,6 +12,7 @@
 #include "base/clock.h"
 #include "renderer/bench/bench.h"
 #include "renderer/bench/peer.h"
+#include "renderer/bench/prefetch.h"
 #include "renderer/bench/scene.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
@@ -45,6 +46,7 @@ struct run {
     struct hg_textures_stats streamed;
     uint64_t rss_bytes, rss_before_bytes;
     struct sheet_result *sheets;
+    struct hg_bench_prefetch_result prefetch;
     struct hg_bench_peer_params peer;
     struct hg_bench_peer_result peer_result;
     char device[256];
@@ -204,6 +206,20 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
     return status;
 }
 
+static enum hg_status measure_prefetch(struct run *run, struct hg_error *err)
+{
+    struct hg_renderer_params params = *run->bench->stream.renderer;
+    params.texture_budget_bytes = run->bench->stream.budget_bytes;
+    params.geometry_budget_bytes = 0;
+    const struct hg_bench_prefetch bench = {.renderer = &params,
+        .stream = &run->bench->stream,
+        .gallery = &run->gallery,
+        .scene = run->scene.scene,
+        .vfov_rad = VFOV_RAD};
+    const enum hg_status status = hg_bench_prefetch_run(&bench, &run->prefetch, err);
+    return status == HG_OK ? step_done(run, err) : status;
+}
+
 static bool peer_progress(void *user, uint32_t done)
 {
     struct run *run = user;
@@ -252,7 +268,7 @@ static void expected_texel(const struct hg_bench_pattern *pattern, float x, floa
         out[c] = 0;
     for (uint32_t i = 0; i < 4; i++) {
         uint8_t rgba[4];
-        hg_bench_pattern_texel(pattern, 0, (uint32_t)fx + (i & 1), (uint32_t)fy + (i >> 1), rgba);
+        hg_bench_pattern_row(pattern, 0, (uint32_t)fx + (i & 1), (uint32_t)fy + (i >> 1), 1, rgba);
         const float weight = ((i & 1) != 0 ? tx : 1 - tx) * ((i >> 1) != 0 ? ty : 1 - ty);
         for (int c = 0; c < 3; c++) // filtered in linear light; close enough to a power of 2.2
             out[c] += weight * powf((float)rgba[c] / 255.0f, 2.2f);
@@ -375,6 +391,8 @@ static enum hg_status write_report(const struct run *run, char **text)
     put_memory(run, &w);
     put_sheets(run, &w);
     hg_json_put(&w, ",");
+    hg_bench_prefetch_put(&w, &run->prefetch);
+    hg_json_put(&w, ",");
     hg_bench_peer_put(&w, &run->peer, &run->peer_result);
     hg_json_put(&w, ",\"device\":");
     hg_json_string(&w, run->device);
@@ -414,6 +432,8 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
     }
     if (status == HG_OK)
         status = measure_gallery(run, err);
+    if (status == HG_OK)
+        status = measure_prefetch(run, err);
     hg_bench_scene_finish(&run->scene);
     return status == HG_OK ? measure_peer(run, err) : status;
 }
@@ -425,7 +445,7 @@ enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, str
     set_defaults(&full);
     struct run run = {.bench = &full,
         .total = 4 * full.stream.frames + full.teleports + full.stream.stills +
-                 full.sheet_count * ZOOM_STEPS + HG_BENCH_PEER_STEPS};
+                 full.sheet_count * ZOOM_STEPS + 1 + HG_BENCH_PEER_STEPS};
     run.sheets = hg_calloc(full.sheet_count, sizeof *run.sheets);
     enum hg_status status = run.sheets != NULL
                                 ? measure(&run, err)
@@ -439,6 +459,7 @@ enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, str
     for (uint32_t i = 0; run.sheets != NULL && i < full.sheet_count; i++)
         hg_bench_times_finish(&run.sheets[i].sharp);
     hg_bench_times_finish(&run.teleports);
+    hg_bench_prefetch_finish(&run.prefetch);
     hg_bench_scene_finish(&run.scene);
     hg_free(run.sheets);
     return status;

@@ -9,9 +9,10 @@
 #include "renderer/passes/visibility.h"
 
 #define SMALLER     8           // by which the sides of the picture are
+#define WIDER       1.3         // than the view: turns are foreseen only nearly
 #define HORIZON_NS  300000000u  // how far ahead, or two changes of the camera
 #define STEADY_NS   1500000000u // longest time between three places that belong to one movement
-#define SHARE       24          // of the time is spent, one part in so many
+#define SHARE       16          // of the time is spent, one part in so many
 #define TURN_MOST   0.8         // radians ahead
 #define FASTER_MOST 4.0         // from one change to the next, in a steady movement
 
@@ -51,7 +52,8 @@ static bool agree(const double a[3], const double b[3])
     return la <= FASTER_MOST * lb && lb <= FASTER_MOST * la && dot(a, b) > 0.5 * la * lb;
 }
 
-bool hg_ahead_predict(const struct hg_ahead_place places[3], struct hg_view_camera_state *camera)
+bool hg_ahead_predict(
+    const struct hg_ahead_place places[3], uint64_t horizon_ns, struct hg_view_camera_state *camera)
 {
     const struct hg_ahead_place *p = places;
     double move[2][3], turn[2][3], direction[3];
@@ -66,7 +68,7 @@ bool hg_ahead_predict(const struct hg_ahead_place places[3], struct hg_view_came
     if (!agree(move[0], move[1]) || !agree(turn[0], turn[1]))
         return false;
     // In units of the time between the first and the last place.
-    double time = (double)HORIZON_NS / (double)(p[0].ns - p[2].ns);
+    double time = (double)horizon_ns / (double)(p[0].ns - p[2].ns);
     time = time > 1 ? time : 1; // two changes ahead at least
     for (int k = 0; k < 3; k++) {
         move[0][k] += move[1][k];
@@ -113,8 +115,8 @@ static enum hg_status make(struct hg_view_state *view, VkFormat format, const ch
     struct hg_gpu_image *image, struct hg_error *err)
 {
     const struct hg_gpu_image_params params = {.format = format,
-        .width = view->settings.width / SMALLER + 1,
-        .height = view->settings.height / SMALLER + 1,
+        .width = (uint32_t)(view->settings.width * WIDER) / SMALLER + 1,
+        .height = (uint32_t)(view->settings.height * WIDER) / SMALLER + 1,
         .attachment = true,
         .name = name};
     if (image->width == params.width && image->height == params.height)
@@ -157,6 +159,7 @@ static void look_ahead(
     view->depth = view->ahead.depth;
     view->accumulated = view->ahead.color;
     view->stream.finding = SMALLER;
+    view->stream.wider = (float)WIDER;
 }
 
 static void look_back(struct hg_view_state *view, const struct aside *aside)
@@ -172,6 +175,7 @@ static void look_back(struct hg_view_state *view, const struct aside *aside)
     view->accumulated = aside->accumulated;
     view->missing_clusters = aside->missing_clusters;
     view->stream.finding = 0;
+    view->stream.wider = 0;
 }
 
 static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
@@ -199,6 +203,21 @@ static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
+static void widen(struct hg_view_camera_state *camera)
+{
+    camera->half_height *= (float)WIDER;
+    camera->vfov_rad = 2.0f * atanf((float)WIDER * tanf(0.5f * camera->vfov_rad));
+}
+
+// Pictures that come seldom look further, else what is seen between two of them is missed.
+static uint64_t horizon(const struct hg_ahead *a, uint64_t now_ns)
+{
+    const uint64_t since = now_ns - a->begun_ns, needed = since + HORIZON_NS / 2;
+    if (a->begun_ns == 0 || since > STEADY_NS || needed < HORIZON_NS)
+        return HORIZON_NS;
+    return needed;
+}
+
 enum hg_status hg_ahead_draw(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_ahead *a = &view->ahead;
@@ -206,8 +225,10 @@ enum hg_status hg_ahead_draw(struct hg_view_state *view, struct hg_error *err)
     const uint64_t start = hg_clock_now_ns();
     if (view->context->no_ahead || !note_place(view) || a->place_count < 3)
         return HG_OK;
-    if (!view->stream.on || start < a->next_ns || !hg_ahead_predict(a->places, &camera))
+    if (!view->stream.on || start < a->next_ns ||
+        !hg_ahead_predict(a->places, horizon(a, start), &camera))
         return HG_OK;
+    widen(&camera);
     enum hg_status status = make_all(view, err);
     if (status != HG_OK)
         return status;
@@ -216,6 +237,7 @@ enum hg_status hg_ahead_draw(struct hg_view_state *view, struct hg_error *err)
     status = draw(view, err);
     look_back(view, &aside);
     const uint64_t end = hg_clock_now_ns();
+    a->begun_ns = start;
     a->next_ns = end + SHARE * (end - start);
     a->drawn++;
     hg_view_add_stage(view, "ahead", end - start);

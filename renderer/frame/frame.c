@@ -24,7 +24,9 @@ _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block
 static VkExtent2D size_of(const struct hg_view_state *view)
 {
     const uint32_t less = view->stream.finding > 0 ? view->stream.finding : 1;
-    const uint32_t width = view->settings.width / less, height = view->settings.height / less;
+    const float wider = view->stream.wider > 0.0f ? view->stream.wider : 1.0f;
+    const uint32_t width = (uint32_t)((float)view->settings.width * wider) / less;
+    const uint32_t height = (uint32_t)((float)view->settings.height * wider) / less;
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 

@@ -34,6 +34,7 @@ struct hg_stream {
     bool on;           // pages may be missing: shaders report what they ask for
     bool exact;        // drawing the second way
     uint32_t finding;  // drawing only to learn which pages are needed: how many times smaller
+    float wider;       // then: than the view's picture is; 0 = not at all
     bool inexact;      // the newest sample shows coarser texels than it should: it is drawn again
     bool shadows;      // shadow maps were drawn with coarser texels
     bool uneven;       // pixels have different numbers of samples

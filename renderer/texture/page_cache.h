@@ -99,7 +99,8 @@ struct hg_page_demand {
     bool shadows;     // shadow maps were drawn with coarser texels
     bool fits;        // EXACT: all that its unfinished pixels need fits the pools at once
 };
-// Reads the feedback of a batch that was waited for: marks uses, asks for what was missing.
+// Reads the feedback of a batch that was waited for: marks uses, asks for what was missing, and but
+// for EXACT has threads read it at once.
 void hg_page_cache_collect(
     struct hg_page_cache *cache, enum hg_page_mode mode, struct hg_page_demand *out);
 

@@ -434,11 +434,12 @@ void hg_page_cache_collect(
     }
     c->asked = true;
     out->missing = tally.missing;
-    if (mode == HG_PAGES_AHEAD)
-        return;
-    note_missing(c, tally.missing);
+    if (mode != HG_PAGES_AHEAD)
+        note_missing(c, tally.missing);
     if (mode == HG_PAGES_SHOW)
         steer_bias(c, &tally);
+    if (mode != HG_PAGES_EXACT) // until the next update there is time to read
+        start_reads(c, HG_PAGES_SHOW);
 }
 
 // --- everything ----------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ const runs = {
         keys: ["slowdown", "frame_ms.streamed", "frame_ms.resident", "teleport_ms.p50",
             "teleport_ms.p95", "peak_bytes", "budget_bytes", "set_bytes", "set_ratio",
             "final.pictures", "final.identical", "sheets.0.side_px", "sheets.0.sharp_ms.p50",
-            "sheets.0.texel_error", "process.streamed_peak_rss_bytes", "peer.system",
+            "sheets.0.texel_error", "process.streamed_peak_rss_bytes", "prefetch.pages_missing_ratio", "peer.system",
             "peer.samples_ratio", "peer.bytes_ratio", "device"],
         check(r) {
             assert.equal(r.final.identical, r.final.pictures, "pictures depend on the budget");
@@ -41,6 +41,10 @@ const runs = {
             assert.equal(r.teleport_ms.count, 6);
             assert.ok(r.set_ratio > 5, "everything fits: nothing is streamed");
             assert.ok(r.sheets[0].texel_error <= 6, JSON.stringify(r.sheets));
+            const { off, on } = r.prefetch;
+            assert.ok(off.frame_ms.count === 18 && on.frame_ms.count === 18);
+            assert.ok(off.pages_missing > 0 && off.pages_loaded > 0, JSON.stringify(r.prefetch));
+            assert.ok(on.pages_missing <= 2 * off.pages_missing, JSON.stringify(r.prefetch));
             const p = r.peer; // both really sampled the same textures, which they had to read
             assert.ok(p.images === 5 && p.samples > 1e6, JSON.stringify(p));
             assert.ok(p.samples_per_s > 0 && p.our_samples_per_s > 0, JSON.stringify(p));

@@ -258,24 +258,24 @@ static void test_prediction(void **state)
     struct hg_view_camera_state c = {0};
     struct hg_ahead_place steady[3] = {
         place(1.2, 0.02, 200), place(1.1, 0.01, 100), place(1.0, 0.0, 0)};
-    assert_true(hg_ahead_predict(steady, &c));
+    assert_true(hg_ahead_predict(steady, 300000000, &c));
     assert_float_equal(c.eye[0], 1.5, 1e-6); // 300 ms at 1 m/s
     assert_float_equal(c.eye[1], 1, 1e-6);
     assert_float_equal((c.target[0] - c.eye[0]) / 2, sin(0.05), 1e-4);
     struct hg_ahead_place slow[3] = {place(3, 0, 1200), place(2, 0, 600), place(1, 0, 0)};
-    assert_true(hg_ahead_predict(slow, &c)); // two changes, not 300 ms
+    assert_true(hg_ahead_predict(slow, 300000000, &c)); // two changes, not 300 ms
     assert_float_equal(c.eye[0], 5, 1e-6);
     struct hg_ahead_place spin[3] = {
         place(1, 1.8, 200), place(1, 0.9, 100), place(1, 0, 0)}; // never more than it can know
-    assert_true(hg_ahead_predict(spin, &c));
+    assert_true(hg_ahead_predict(spin, 300000000, &c));
     const double turned = atan2(c.target[0] - c.eye[0], -(c.target[2] - c.eye[2]));
     assert_true(turned > 1.8 && turned < 2.7);
     struct hg_ahead_place jump[3] = {place(9, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(jump, &c));
+    assert_false(hg_ahead_predict(jump, 300000000, &c));
     struct hg_ahead_place back[3] = {place(1, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(back, &c));
+    assert_false(hg_ahead_predict(back, 300000000, &c));
     struct hg_ahead_place late[3] = {place(1.2, 0, 9000), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(late, &c));
+    assert_false(hg_ahead_predict(late, 300000000, &c));
 }
 
 // In steady motion it is looked ahead, at the same pictures in the end and within the budget.
