@@ -62,6 +62,7 @@ static enum hg_status init(
     status = hg_gpu_create(&gpu, &r->gpu, err);
     const char *culling = getenv("HELIO_CULLING"), *tables = getenv("HELIO_GPU_TABLES");
     const char *ahead = getenv("HELIO_PREFETCH"), *dark = getenv("HELIO_DARK");
+    const char *raster = getenv("HELIO_RASTER");
     r->context = (struct hg_frame_context){.gpu = r->gpu,
         .jobs = r->jobs,
         .cache_dir = r->cache_dir,
@@ -71,6 +72,7 @@ static enum hg_status init(
         .store = r->store,
         .no_ahead = ahead != NULL && strcmp(ahead, "off") == 0,
         .no_culling = culling != NULL && strcmp(culling, "off") == 0,
+        .no_host = raster != NULL && strcmp(raster, "device") == 0,
         .dark = dark == NULL               ? HG_FRAME_DARK_WHERE_IT_PAYS
                 : strcmp(dark, "off") == 0 ? HG_FRAME_DARK_OFF
                 : strcmp(dark, "on") == 0  ? HG_FRAME_DARK_ON

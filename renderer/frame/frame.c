@@ -16,7 +16,8 @@
 #include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
-#define MARGIN_PX 2.0f // jitter and rounding
+#define MARGIN_PX      2.0f    // jitter and rounding
+#define MOST_HOSTED_PX 4000000 // of a batch that the host draws, 12 bytes each
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 
@@ -340,6 +341,15 @@ static struct hg_visible_lens lens_of(const struct hg_view_state *view, uint32_t
     return lens;
 }
 
+// Of the picture without its jitter, or of its newest sample.
+static struct hg_visible_lens host_lens(const struct hg_gpu_camera *camera, VkExtent2D size)
+{
+    struct hg_visible_lens lens = {.width = size.width, .height = size.height};
+    memcpy(lens.view_proj, camera->view_proj.m, sizeof lens.view_proj);
+    memcpy(lens.clip, camera->proj.m + 12, sizeof lens.clip);
+    return lens;
+}
+
 static VkRect2D area_of(const struct hg_view_state *view)
 {
     const struct hg_stream *s = &view->stream;
@@ -355,8 +365,15 @@ static enum hg_status select_sets(
     struct hg_jobs *jobs = view->context->jobs;
     struct hg_visible_view look = camera_view(view, area_of(view));
     const struct hg_visible_lens lens = lens_of(view, samples);
-    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_culling)
+    const bool is_cpu = hg_gpu_get_caps(view->context->gpu)->is_cpu;
+    if (is_cpu && !view->context->no_culling)
         look.lens = &lens;
+    struct hg_gpu_camera camera;
+    const struct hg_camera_setup setup = camera_setup(view);
+    hg_camera_fill(&setup, &camera);
+    const struct hg_visible_lens host = host_lens(&camera, size_of(view));
+    if (is_cpu && !view->context->no_host && view->settings.debug == 0)
+        look.host = &host;
     struct hg_shadow_choice choice = {
         .coarse = view->coarse, .wait = look.wait, .whole = look.whole};
     enum hg_status status = HG_OK;
@@ -454,7 +471,7 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
 static enum hg_status record_layers(
     struct hg_view_state *view, struct hg_pass *pass, uint32_t slot, struct hg_error *err)
 {
-    const struct hg_visibility_scene scene = {view->visible, 0};
+    const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < view->layer_limit && status == HG_OK; i++) {
         const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
@@ -483,7 +500,7 @@ static enum hg_status record_debug(
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const bool counts = view->settings.debug == HG_DEBUG_VIEW_OVERDRAW;
     const bool sampled = view->settings.debug <= HG_DEBUG_VIEW_MISSING;
-    const struct hg_visibility_scene scene = {view->visible, 0};
+    const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && counts)
         status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
@@ -519,15 +536,32 @@ static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
     return view->dark_wait == 0;
 }
 
+// What the host draws of a sample; the frame block is that of the sample.
+static enum hg_status draw_hosted(
+    struct hg_view_state *view, uint32_t slot, uint32_t slots, struct hg_error *err)
+{
+    if (!hg_visible_set(view->visible, 0)->hosted)
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_visible_lens lens = host_lens(&view->frame.camera, size_of(view));
+    const enum hg_status status =
+        hg_visible_host(view->visible, &lens, slot, slots, view->context->jobs, err);
+    hg_view_add_stage(view, "host raster", hg_clock_now_ns() - start);
+    return status;
+}
+
+// slot: of the sample in this batch, of `slots`.
 static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
-    uint32_t sample, uint32_t slot, struct hg_error *err)
+    uint32_t sample, uint32_t slot, uint32_t slots, struct hg_error *err)
 {
     hg_frame_fill(view, sample, true, slot);
     struct hg_pass pass = hg_frame_pass(view, cmd, slot);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const bool blend = has_blend(view);
-    const struct hg_visibility_scene scene = {view->visible, 0};
-    enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
+    const struct hg_visibility_scene scene = {view->visible, 0, slot};
+    enum hg_status status = draw_hosted(view, slot, slots, err);
+    if (status == HG_OK)
+        status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && blend)
         status = make_layers(view, err);
     if (status == HG_OK && blend)
@@ -596,6 +630,15 @@ void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
         view->dark_wait = DARK_REST;
 }
 
+uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples)
+{
+    const VkExtent2D size = size_of(view);
+    const uint64_t most = MOST_HOSTED_PX / ((uint64_t)size.width * size.height);
+    if (!hg_visible_set(view->visible, 0)->hosted || samples <= most)
+        return samples;
+    return most > 0 ? (uint32_t)most : 1;
+}
+
 enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
@@ -608,7 +651,7 @@ enum hg_status hg_frame_record(
         status = record_shadows(view, cmd, 1, err);
     const uint32_t first = first_sample(view);
     for (uint32_t i = 0; i < samples && status == HG_OK; i++)
-        status = record_sample(view, cmd, first + i, i, err);
+        status = record_sample(view, cmd, first + i, i, samples, err);
     return status;
 }
 
@@ -635,7 +678,7 @@ enum hg_status hg_frame_record_ahead(
         return status;
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
-    const struct hg_visibility_scene scene = {view->visible, 0};
+    const struct hg_visibility_scene scene = {view->visible, 0, 0};
     status = hg_visibility_record(&pass, &scene, &target, err);
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,

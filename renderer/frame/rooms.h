@@ -26,6 +26,7 @@ struct hg_frame_context {
     uint32_t bake_from;          // as of struct hg_geometry_params
     bool no_ahead;               // read no page before it is missing, for comparisons
     bool no_culling;             // draw everything, for tests
+    bool no_host;                // the device draws every triangle, for tests
     enum hg_frame_dark dark;     // for tests
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };

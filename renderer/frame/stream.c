@@ -363,8 +363,10 @@ static enum hg_status draw_area(
             force_or_split(s, s->areas, &s->area_count);
         return HG_OK;
     }
-    if (status == HG_OK)
-        status = run_batch(view, count, false, &demand, err);
+    if (status != HG_OK)
+        return status;
+    count = hg_frame_batch(view, count);
+    status = run_batch(view, count, false, &demand, err);
     if (status != HG_OK)
         return status;
     hg_frame_note_drawn(view, count);

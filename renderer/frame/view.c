@@ -289,7 +289,7 @@ static enum hg_status draw_shown(
         status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    count = view->clipped ? 1 : count;
+    count = view->clipped ? 1 : hg_frame_batch(view, count);
     memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
     hg_page_cache_begin(pages, cmd);
     status = hg_frame_record(view, cmd, count, err);
@@ -462,7 +462,7 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
     view->stream.exact = exact;
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
-    const struct hg_visibility_scene scene = {view->pick_visible, 0};
+    const struct hg_visibility_scene scene = {view->pick_visible, 0, 0};
     enum hg_status status = hg_visibility_record_pick(&pass, &scene, &target, area, err);
     return status == HG_OK ? hg_pick_record(&pass, &view->visibility, x, y, &view->pick, err)
                            : status;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/geometry/hosted.h"
 #include "renderer/geometry/listed.h"
 #include "renderer/geometry/select.h"
 
@@ -28,6 +29,7 @@ struct hg_visible {
     size_t item_capacity;
     uint32_t item_count;
     struct hg_listing listing;
+    struct hg_hosted hosted;
     struct hg_gpu_candidate *candidates;
     uint32_t *candidate_bits, *candidate_triangles;
     size_t candidate_capacity, bit_capacity, triangle_capacity;
@@ -52,7 +54,7 @@ struct hg_visible {
 #define BUFFERS(v)                                                                                 \
     {                                                                                              \
         &(v)->indices, &(v)->ids, &(v)->vertices, &(v)->candidate_buffer, &(v)->command_buffer,    \
-            &(v)->flags, &(v)->depth, &(v)->blocks, &(v)->seen                                     \
+            &(v)->flags, &(v)->depth, &(v)->blocks, &(v)->seen, &(v)->hosted.pixels                \
     }
 
 enum hg_status hg_visible_create(struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err)
@@ -77,6 +79,7 @@ void hg_visible_destroy(struct hg_visible *v)
     hg_free(v->sets);
     hg_free(v->items);
     hg_listing_finish(&v->listing);
+    hg_hosted_finish(v->gpu, &v->hosted);
     hg_free(v->candidates);
     hg_free(v->candidate_bits);
     hg_free(v->candidate_triangles);
@@ -143,10 +146,17 @@ static enum hg_status keep_history(struct hg_visible *v, const struct hg_geometr
     return HG_OK;
 }
 
+static struct hg_hosted_history history_of(const struct hg_visible *v, bool known)
+{
+    return (struct hg_hosted_history){known ? v->history : NULL, known ? v->history_bits : 0};
+}
+
 void hg_visible_reset(struct hg_visible *v)
 {
+    const struct hg_hosted_history history = history_of(v, true);
     if (v->tested && v->set_count > 0)
         learn(v);
+    hg_hosted_reset(&v->hosted, &history);
     // Evenly coarser while not all fits; finer again, slowly, when it does.
     if (v->crowded)
         v->bias = fminf(fmaxf(v->bias, 1.0f) * ERROR_STEP, MOST_ERROR_PX);
@@ -485,6 +495,7 @@ static void tick(const struct hg_visible *v, const struct hg_geometry *g)
         if (v->items[i].chunk != HG_LOD_NONE)
             hg_cluster_pool_use(
                 g->pool, g->draws[v->items[i].first_draw].part->clusters, v->items[i].chunk);
+    hg_hosted_use(&v->hosted, g);
 }
 
 // One attempt to have all that is missing. *fits: there is some left that found no room.
@@ -553,7 +564,14 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
     set.crowded = crowded || view.error_px > wanted->error_px;
     if (view.history)
         status = keep_history(v, geometry);
-    const bool occlusion = view.history && triangles_of(&v->runs) >= v->occlusion_from;
+    const struct hg_hosted_history history = history_of(v, view.history);
+    if (status == HG_OK && view.host != NULL)
+        status =
+            hg_hosted_take(&v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
+    set.hosted = v->hosted.count > 0 && v->hosted.set == v->set_count;
+    // What is in front of the host's pixels at the same depth must not depend on phases.
+    const bool occlusion =
+        view.history && !set.hosted && triangles_of(&v->runs) >= v->occlusion_from;
     if (status == HG_OK)
         status = add_items(v, &(struct adding){geometry, &view, &set, occlusion ? &late : NULL});
     hg_free(late.items);
@@ -683,6 +701,20 @@ void hg_visible_fill(
         out->primitives = v->ids.address + item->first_primitive * 4ull;
 }
 
+// --- what the host draws -------------------------------------------------------------------------
+
+enum hg_status hg_visible_host(struct hg_visible *v, const struct hg_visible_lens *lens,
+    uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err)
+{
+    return hg_hosted_draw(&v->hosted, v->gpu, lens, slot, slots, jobs, err);
+}
+
+void hg_visible_copy_hosted(const struct hg_visible *v, struct hg_gpu_cmd *cmd, uint32_t slot,
+    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
+{
+    hg_hosted_copy(&v->hosted, cmd, slot, visibility, depth, area);
+}
+
 // --- occlusion -----------------------------------------------------------------------------------
 
 static enum hg_status reserve_pyramid(
@@ -765,7 +797,7 @@ void hg_visible_stats(const struct hg_visible *v, struct hg_visible_stats *out)
     if (v->set_count == 0)
         return;
     const struct hg_visible_set *set = &v->sets[0];
-    out->triangles = set->triangles;
+    out->triangles = set->triangles + (set->hosted ? hg_hosted_triangles(&v->hosted) : 0);
     out->late = set->late_count;
     for (uint32_t i = 0; i < set->item_count; i++)
         out->draws += v->items[set->first_item + i].draw_count;

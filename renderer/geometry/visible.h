@@ -53,6 +53,9 @@ struct hg_visible_view {
                        // then the set must not be drawn
     bool history;      // what the last view with history saw comes first, the rest may be late
     const struct hg_visible_lens *lens; // with numbered: drop triangles that show at no sample
+    // What the host can draw it draws (hg_visible_host): the whole picture without its jitter.
+    // NULL: the device draws all. Of the first set that has some.
+    const struct hg_visible_lens *host;
 };
 
 // Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, 0, 0, first_draw) with
@@ -86,6 +89,7 @@ struct hg_visible_set {
     uint64_t triangles, late_triangles;        // triangles: of items that are not late; without
                                                // what is left out one by one, once uploaded
     bool numbered;                             // as in the view
+    bool hosted;                               // the host draws some of it, not in its items
 };
 
 // The camera moved: what did not fit the budget may fit now. Views that do not wait and want more
@@ -117,6 +121,15 @@ void hg_visible_fill(
 enum hg_status hg_visible_test(struct hg_visible *visible, struct hg_gpu_cmd *cmd, uint32_t set,
     struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
     struct hg_error *err) HG_MUST_CHECK;
+
+// Of a set that is hosted: draws the host's part of one sample to slot `slot` of `slots`; the lens
+// has no shift. Slots keep what they hold until slot 0 is drawn. HG_E_NOMEM, device errors.
+enum hg_status hg_visible_host(struct hg_visible *visible, const struct hg_visible_lens *lens,
+    uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+// Copies a slot to the visibility buffer and its depth, all of it or `area` (zero: all). Outside
+// rendering, and before the items are drawn.
+void hg_visible_copy_hosted(const struct hg_visible *visible, struct hg_gpu_cmd *cmd, uint32_t slot,
+    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
 
 struct hg_visible_stats {
     uint32_t draws, late, hidden; // of the first set; draws: instances; hidden: by the newest test

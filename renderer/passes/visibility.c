@@ -160,14 +160,20 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
 {
     const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
     const struct manner manner = {.solid = SOLID, .mask = MASK};
+    const uint32_t first = set->class_first[HG_DRAW_CLASS_OPAQUE];
+    const uint32_t end = set->class_first[HG_DRAW_CLASS_BLEND];
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
-    begin(pass, target, pass->area, true);
-    status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_OPAQUE],
-        set->class_first[HG_DRAW_CLASS_BLEND], &manner, err);
-    hg_gpu_cmd_end_rendering(pass->cmd);
+    if (set->hosted)
+        hg_visible_copy_hosted(scene->visible, pass->cmd, scene->slot, target->visibility,
+            target->depth, pass->area);
+    if (!set->hosted || end > first) {
+        begin(pass, target, pass->area, !set->hosted);
+        status = draw_items(pass, scene->visible, first, end, &manner, err);
+        hg_gpu_cmd_end_rendering(pass->cmd);
+    }
     hg_gpu_cmd_end_stage(pass->cmd);
     return status == HG_OK && set->candidate_count > 0 ? record_late(pass, scene, target, err)
                                                        : status;

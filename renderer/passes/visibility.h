@@ -21,6 +21,7 @@ struct hg_visibility_target {
 struct hg_visibility_scene {
     struct hg_visible *visible;
     uint32_t set;
+    uint32_t slot; // of what the host drew, where the set is hosted
 };
 
 // Opaque and masked draws; clears the target first.
