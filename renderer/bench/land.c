@@ -80,6 +80,42 @@ static enum hg_status add_material(
     return HG_OK;
 }
 
+// Which of the land's meshes is the tile at a place of the grid: neighbours meet where one is
+// mirrored and the other is not.
+static uint32_t mesh_at(const struct hg_bench_land *land, uint32_t at)
+{
+    const uint32_t fitting = (land->tiles + 1 - at % 2) / 2;
+    return land->copies < 2 ? at : fitting > 0 ? at % 2 + 2 * (at / 2 % fitting) : 0;
+}
+
+static uint32_t tiles_per_side(const struct hg_bench_land *land)
+{
+    return land->tiles * (land->copies > 1 ? land->copies : 1);
+}
+
+// All places of one mesh.
+static enum hg_status place_tiles(
+    const struct hg_bench_land *land, const struct heights *h, struct hg_node *node)
+{
+    const uint32_t side = tiles_per_side(land);
+    const float side_m = SIDE_M / (float)side, scale = (float)land->tiles / (float)side;
+    node->instances = hg_calloc((size_t)side * side, sizeof *node->instances);
+    if (node->instances == NULL)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < side * side; i++) {
+        const uint32_t x = i % side, z = i / side;
+        if (mesh_at(land, x) != h->x || mesh_at(land, z) != h->z)
+            continue;
+        float *m = node->instances[node->instance_count++];
+        memset(m, 0, 16 * sizeof *m);
+        m[0] = m[5] = m[10] = scale;
+        m[12] = side_m * (float)x - 0.5f * SIDE_M;
+        m[14] = side_m * (float)z - 0.5f * SIDE_M;
+        m[15] = 1.0f;
+    }
+    return HG_OK;
+}
+
 static enum hg_status add_tiles(const struct hg_bench_land *land, struct heights *h,
     struct hg_jobs *jobs, struct hg_bench_scene *s)
 {
@@ -99,6 +135,10 @@ static enum hg_status add_tiles(const struct hg_bench_land *land, struct heights
         if (status != HG_OK)
             break;
         node->mesh = mesh;
+        if (land->copies > 1) {
+            status = place_tiles(land, h, node);
+            continue;
+        }
         node->translation[0] = side_m * (float)h->x - 0.5f * SIDE_M;
         node->translation[2] = side_m * (float)h->z - 0.5f * SIDE_M;
     }
@@ -108,10 +148,13 @@ static enum hg_status add_tiles(const struct hg_bench_land *land, struct heights
 // Height of the land at a place of the whole, 0..1.
 static float ground(const struct hg_bench_land *land, struct heights *h, float u, float v)
 {
-    const float tu = u * (float)land->tiles, tv = v * (float)land->tiles;
-    h->x = (uint32_t)tu < land->tiles ? (uint32_t)tu : land->tiles - 1;
-    h->z = (uint32_t)tv < land->tiles ? (uint32_t)tv : land->tiles - 1;
-    return tile_height(h, tu - (float)h->x, tv - (float)h->z);
+    const uint32_t side = tiles_per_side(land);
+    const float tu = u * (float)side, tv = v * (float)side;
+    const uint32_t x = (uint32_t)tu < side ? (uint32_t)tu : side - 1;
+    const uint32_t z = (uint32_t)tv < side ? (uint32_t)tv : side - 1;
+    h->x = mesh_at(land, x);
+    h->z = mesh_at(land, z);
+    return tile_height(h, tu - (float)x, tv - (float)z) * (float)land->tiles / (float)side;
 }
 
 // A row of `columns` squares; statue number `i` stands in its square, turned its own way.

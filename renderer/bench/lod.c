@@ -1,10 +1,16 @@
 // lod.c - frame time and picture of scenes with many triangles (helio bench lod).
 //
-// All scenes are a land of tiles^2 meshes with many statues on it, as many objects in the same
-// places; those of the small scene have a hundredth of the triangles, too few to cover the screen
-// with (one to several pixels each), those of the covering one a tenth. Frames of all take turns in
-// one renderer, when everything is baked.
+// All scenes are a land of tiles^2 meshes under the same flight, with statues on it, and the land
+// fills what is not sky in all of them. Two pairs of comparisons:
+//  - base and hundred: the base has triangles of less than a pixel everywhere (it is covered with
+//    them); the hundred has a hundred times as many: a hundred smaller copies of the land's tiles
+//    in place of each, and a hundred times as many statues.
+//  - small, covering and large: as many objects in the same places, of a hundredth, a tenth and all
+//    of their triangles. Those of the small scene are several pixels large, so that it has less
+//    detail than the screen could show.
+// Frames of all take turns in one renderer, when everything is baked.
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 
@@ -25,15 +31,19 @@
 #define BAKE_FROM     512       // triangles: the thin statue has levels as well
 #define BAKE_POLL_NS  100000000 // between looks at what is baked
 
-enum { SMALL, COVERING, LARGE, SIDES, STILL = SIDES, SCENES };
+#define GROWTH      100 // of triangles, from base to hundred
+#define GROWTH_SIDE 10  // its root: copies of tiles per side
+
+enum { SMALL, COVERING, LARGE, BASE, HUNDRED, SIDES, STILL = SIDES, SCENES };
+static const char *const side_names[SIDES] = {"small", "covering", "large", "base", "hundred"};
 
 struct run {
     const struct hg_bench_lod *bench;
     struct hg_image heights;              // empty: made
     struct hg_renderer *renderer, *whole; // whole: without levels of detail
     struct hg_bench_scene scenes[SCENES];
-    struct hg_bench_view views[SCENES], whole_view; // whole_view: of scenes[STILL]
-    struct hg_bench_times frames[SIDES];
+    struct hg_bench_view views[SCENES], whole_view;  // whole_view: of scenes[STILL]
+    struct hg_bench_times frames[SIDES], cpu[SIDES]; // cpu: of all threads
     uint64_t triangles[SIDES], drawn[SIDES];
     double psnr_db, flip; // the worst of the stills
     uint64_t holes_px;    // all stills
@@ -73,7 +83,8 @@ static enum hg_status make_scene(
         .cells = run->bench->cells,
         .thin = which == SMALL      ? THIN
                 : which == COVERING ? THIN_COVERING
-                                    : 0};
+                                    : 0,
+        .copies = which == HUNDRED ? GROWTH_SIDE : 1};
     enum hg_status status = load_statue(run, &land.statue, err);
     if (status == HG_OK) {
         status =
@@ -118,8 +129,9 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
         status = hg_image_read_file(b->heights, HG_PIXEL_RGBA16, NULL, &run->heights, err);
     if (status == HG_OK)
         run->renderer->context.bake_from = BAKE_FROM;
-    for (int side = SMALL; side <= LARGE && status == HG_OK; side++)
-        status = make_scene(run, side, b->tiles, b->statues, err);
+    const uint32_t sparse = b->statues / GROWTH;
+    for (int side = 0; side < SIDES && status == HG_OK; side++)
+        status = make_scene(run, side, b->tiles, side == BASE ? sparse : b->statues, err);
     const uint32_t few = b->statues < STILL_STATUES ? b->statues : STILL_STATUES;
     if (status == HG_OK)
         status = make_scene(run, STILL, 1, few, err);
@@ -156,8 +168,11 @@ static enum hg_status fly(struct run *run, struct hg_error *err)
         struct hg_bench_pose pose;
         uint64_t ns;
         hg_bench_land_pose(at, frames, &pose);
+        const uint64_t cpu = hg_clock_cpu_ns();
         status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
-        if (status == HG_OK && hg_bench_times_add(&run->frames[side], ns) != HG_OK)
+        const uint64_t cpu_ns = hg_clock_cpu_ns() - cpu;
+        if (status == HG_OK && (hg_bench_times_add(&run->frames[side], ns) != HG_OK ||
+                                   hg_bench_times_add(&run->cpu[side], cpu_ns) != HG_OK))
             status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
         const struct hg_frame_info *info = &run->views[side].info;
         run->triangles[side] = info->triangles_total;
@@ -283,29 +298,51 @@ static enum hg_status compare_stills(struct run *run, struct hg_error *err)
 
 // --- report --------------------------------------------------------------------------------------
 
+static double ratio(const struct hg_bench_times *more, const struct hg_bench_times *less)
+{
+    const double base = hg_bench_times_at(less, 0.5);
+    return base > 0 ? hg_bench_times_at(more, 0.5) / base : 0;
+}
+
+static double triangle_ratio(const struct run *run, int more, int less)
+{
+    return (double)run->triangles[more] /
+           (double)(run->triangles[less] > 0 ? run->triangles[less] : 1);
+}
+
+static void put_side(const struct run *run, int side, struct hg_writer *w)
+{
+    char key[32];
+    hg_json_put(w, ",\"%s_triangles\":%llu,\"%s_drawn\":%llu,", side_names[side],
+        (unsigned long long)run->triangles[side], side_names[side],
+        (unsigned long long)run->drawn[side]);
+    snprintf(key, sizeof key, "%s_ms", side_names[side]);
+    hg_bench_put_times(w, key, &run->frames[side]);
+    hg_json_put(w, ",");
+    snprintf(key, sizeof key, "%s_cpu_ms", side_names[side]);
+    hg_bench_put_times(w, key, &run->cpu[side]);
+}
+
 static void put_scale(const struct run *run, struct hg_writer *w)
 {
-    const double small = hg_bench_times_at(&run->frames[SMALL], 0.5);
-    const double large = hg_bench_times_at(&run->frames[LARGE], 0.5);
-    const double covering = hg_bench_times_at(&run->frames[COVERING], 0.5);
-    const uint64_t few = run->triangles[SMALL] > 0 ? run->triangles[SMALL] : 1;
     hg_json_put(w,
-        "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,"
-        "\"covered_frame_time_ratio\":%.4f,\"covering_triangles\":%llu,\"covering_drawn\":%llu,",
-        (double)run->triangles[LARGE] / (double)few, small > 0 ? large / small : 0,
-        covering > 0 ? large / covering : 0, (unsigned long long)run->triangles[COVERING],
-        (unsigned long long)run->drawn[COVERING]);
+        "\"scale\":{\"triangle_ratio\":%.3f,\"frame_time_ratio\":%.4f,\"cpu_time_ratio\":%.4f,",
+        triangle_ratio(run, HUNDRED, BASE), ratio(&run->frames[HUNDRED], &run->frames[BASE]),
+        ratio(&run->cpu[HUNDRED], &run->cpu[BASE]));
     hg_json_put(w,
-        "\"small_triangles\":%llu,\"large_triangles\":%llu,\"large_unique_triangles\":%llu,"
-        "\"small_drawn\":%llu,\"large_drawn\":%llu,",
-        (unsigned long long)run->triangles[SMALL], (unsigned long long)run->triangles[LARGE],
+        "\"thin_triangle_ratio\":%.3f,\"thin_frame_time_ratio\":%.4f,\"thin_cpu_time_ratio\":%.4f,",
+        triangle_ratio(run, LARGE, SMALL), ratio(&run->frames[LARGE], &run->frames[SMALL]),
+        ratio(&run->cpu[LARGE], &run->cpu[SMALL]));
+    hg_json_put(w,
+        "\"covered_triangle_ratio\":%.3f,\"covered_frame_time_ratio\":%.4f,"
+        "\"covered_cpu_time_ratio\":%.4f,\"large_unique_triangles\":%llu,"
+        "\"hundred_unique_triangles\":%llu",
+        triangle_ratio(run, LARGE, COVERING), ratio(&run->frames[LARGE], &run->frames[COVERING]),
+        ratio(&run->cpu[LARGE], &run->cpu[COVERING]),
         (unsigned long long)run->scenes[LARGE].unique_triangles,
-        (unsigned long long)run->drawn[SMALL], (unsigned long long)run->drawn[LARGE]);
-    hg_bench_put_times(w, "small_ms", &run->frames[SMALL]);
-    hg_json_put(w, ",");
-    hg_bench_put_times(w, "covering_ms", &run->frames[COVERING]);
-    hg_json_put(w, ",");
-    hg_bench_put_times(w, "large_ms", &run->frames[LARGE]);
+        (unsigned long long)run->scenes[HUNDRED].unique_triangles);
+    for (int side = 0; side < SIDES; side++)
+        put_side(run, side, w);
     hg_json_put(w, "}");
 }
 
@@ -389,8 +426,10 @@ enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, s
         hg_bench_view_finish(&run.views[i]);
         hg_bench_scene_finish(&run.scenes[i]);
     }
-    for (int side = 0; side < SIDES; side++)
+    for (int side = 0; side < SIDES; side++) {
         hg_bench_times_finish(&run.frames[side]);
+        hg_bench_times_finish(&run.cpu[side]);
+    }
     hg_image_finish(&run.heights);
     hg_renderer_destroy(run.renderer);
     return status;

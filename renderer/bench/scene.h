@@ -54,8 +54,10 @@ struct hg_bench_land {
     const struct hg_image *heights; // RGBA16, grey: metres above -0; borrowed. NULL: made
     struct hg_asset *statue;        // taken, also on failure; NULL: a made one
     uint32_t tiles, statues;
-    uint32_t cells; // per side of a tile; statues that are made have about 16 cells^2 / 100
-    uint32_t thin;  // tiles and statues have one triangle in so many; 0 = all
+    uint32_t cells;  // per side of a tile; statues that are made have about 16 cells^2 / 100
+    uint32_t thin;   // tiles and statues have one triangle in so many; 0 = all
+    uint32_t copies; // per side: the land is made of so many times more tiles, so many times
+                     // smaller, of the same meshes; 0 = 1
 };
 enum hg_status hg_bench_land_make(const struct hg_bench_land *land, struct hg_jobs *jobs,
     struct hg_bench_scene *out, struct hg_error *err) HG_MUST_CHECK;

