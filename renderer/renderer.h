@@ -147,6 +147,14 @@ enum hg_status hg_view_set_camera(
 enum hg_status hg_view_set_camera_node(
     struct hg_view *view, uint64_t node_id, uint64_t input_seq, struct hg_error *err) HG_MUST_CHECK;
 
+// Of the view's camera, column-major, without lens or jitter. Camera space looks along -z, y is up.
+// NDC: x and y in -1..1, y up; z 1 at the near plane of the newest step, 0 at the far one or at
+// infinity.
+struct hg_view_matrices {
+    float world_to_camera[16], world_to_ndc[16];
+};
+void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out);
+
 struct hg_stage_time {
     char name[32];
     uint64_t ns;

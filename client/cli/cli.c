@@ -367,6 +367,15 @@ enum hg_status hg_cli_server_path(
     return *out ? HG_OK : hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
 }
 
+enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err)
+{
+    char what[264], where[136];
+    hg_cli_clean(what, sizeof what, e->what.data, e->what.size);
+    hg_cli_clean(where, sizeof where, e->where.data, e->where.size);
+    return hg_error_set(err, e->code ? (enum hg_status)e->code : HG_E_INTERNAL, what, where, "%.*s",
+        (int)e->reason.size, e->reason.data ? e->reason.data : "");
+}
+
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)
 {
     struct helio_message *m;
@@ -374,12 +383,7 @@ enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)
     struct hg_error ignored;
     while (helio_next(cli->h, &m, &ignored) == HG_OK) {
         if (m->type == HGP_T_error && !found) {
-            const struct hgp_error *e = &m->body->error;
-            char what[264], where[136];
-            hg_cli_clean(what, sizeof what, e->what.data, e->what.size);
-            hg_cli_clean(where, sizeof where, e->where.data, e->where.size);
-            found = hg_error_set(err, (enum hg_status)e->code, what, where, "%.*s",
-                (int)e->reason.size, e->reason.data ? e->reason.data : "");
+            found = hg_cli_error_of(&m->body->error, err);
         } else if (m->type == HGP_T_notice) {
             hg_cli_on_notice(&cli->progress, &m->body->notice);
         }

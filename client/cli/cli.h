@@ -70,6 +70,9 @@ bool hg_cli_is_stopped(void);
 enum hg_status hg_cli_server_path(
     const struct hg_cli *cli, const char *path, char **out, struct hg_error *err) HG_MUST_CHECK;
 
+// Turns the other side's error into *err (may be NULL), peer bytes made harmless.
+enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err);
+
 // Errors of messages that nobody waited for (view_camera), and other stray messages, are taken
 // from the queue; the first error is returned.
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;

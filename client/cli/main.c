@@ -50,8 +50,12 @@ int main(int argc, char **argv)
         return generate(argv[2]);
     static struct hg_cli_options options;
     struct hg_error err = {0};
-    if (hg_cli_parse(argc, (const char *const *)argv, &options, &err))
-        return hg_cli_report(NULL, HG_CLI_DOING_ARGUMENTS, &err);
+    if (hg_cli_parse(argc, (const char *const *)argv, &options, &err)) {
+        enum hg_cli_exit code = hg_cli_report(NULL, HG_CLI_DOING_ARGUMENTS, &err);
+        if (strcmp(err.what, "--time") == 0)
+            fprintf(stderr, "helio: --time limits the rendering; --at S poses the animations\n");
+        return code;
+    }
     int index = __builtin_ctz((unsigned)options.command);
     if (options.help)
         return hg_cli_help_command(stdout, &hg_cli_commands[index]), HG_CLI_EXIT_OK;

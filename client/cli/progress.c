@@ -21,6 +21,43 @@ void hg_cli_progress_init(struct hg_cli_progress *p, const char *mode)
         p->mode = HG_CLI_PROGRESS_LINE;
 }
 
+// Of the stage at hand: as fast as it has been so far. Other stages tell nothing about the frame.
+static double stage_left(const struct hg_cli_progress *p, uint64_t now)
+{
+    if (strcmp(p->stage, "samples") != 0 || p->done <= p->stage_done || p->total < p->done)
+        return -1;
+    double spent = (double)(now - p->stage_ns) / 1e9;
+    return spent * (double)(p->total - p->done) / (double)(p->done - p->stage_done);
+}
+
+double hg_cli_progress_left(const struct hg_cli_progress *p, uint64_t now_ns)
+{
+    double left = stage_left(p, now_ns);
+    if (p->frames < 2)
+        return left;
+    if (left < 0 && !p->frames_made)
+        return -1;
+    double at_hand = (double)(now_ns - p->frame_begin_ns) / 1e9;
+    double each = p->frames_made ? (double)p->frames_ns / p->frames_made / 1e9 : at_hand + left;
+    if (left < 0)
+        left = each > at_hand ? each - at_hand : 0;
+    return left + each * (double)(p->frames - p->frames_done - 1);
+}
+
+void hg_cli_progress_frames(struct hg_cli_progress *p, uint32_t count)
+{
+    p->frames = count;
+    p->frame_begin_ns = hg_clock_now_ns();
+}
+
+void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns)
+{
+    p->frames_done += p->frames_done < p->frames;
+    p->frames_made += took_ns != 0;
+    p->frames_ns += took_ns;
+    p->frame_begin_ns = hg_clock_now_ns();
+}
+
 static void print_json(
     const struct hg_cli_progress *p, const char *stage, uint64_t done, uint64_t total, uint64_t now)
 {
@@ -28,6 +65,9 @@ static void print_json(
         (json_int_t)total, "elapsed_s", (double)(now - p->begin_ns) / 1e9);
     if (o && p->prefix[0])
         json_object_set_new(o, "of", json_string(p->prefix));
+    double left = hg_cli_progress_left(p, now);
+    if (o && left >= 0)
+        json_object_set_new(o, "left_s", json_real(left));
     char *text = o ? json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
     if (text)
         fprintf(stderr, "%s\n", text);
@@ -46,6 +86,9 @@ static void print_line(struct hg_cli_progress *p, uint64_t now)
     else if (p->done)
         fprintf(stderr, " %llu", (unsigned long long)p->done);
     fprintf(stderr, "  %.0f s", (double)(now - p->begin_ns) / 1e9);
+    double left = hg_cli_progress_left(p, now);
+    if (left >= 0)
+        fprintf(stderr, ", %.0f s left", left);
     fflush(stderr);
 }
 
@@ -68,6 +111,10 @@ void hg_cli_progress_update(
 {
     bool changed = strcmp(p->stage, stage) != 0;
     snprintf(p->stage, sizeof p->stage, "%s", stage);
+    if (changed || done < p->stage_done) {
+        p->stage_ns = hg_clock_now_ns();
+        p->stage_done = done;
+    }
     p->done = done;
     p->total = total;
     show(p, changed || (total && done >= total));

@@ -17,7 +17,10 @@ struct hg_cli_progress {
     char prefix[64];             // "frame 3 of 10"; may be empty
     char stage[72];              // the newest stage and how far it is
     uint64_t done, total;
-    uint32_t warnings; // printed and not printed
+    uint64_t stage_ns, stage_done;             // when the stage was first seen, how far it was then
+    uint32_t frames, frames_done, frames_made; // all to come; there; those of them made now
+    uint64_t frames_ns, frame_begin_ns;        // taken by those made; start of the one at hand
+    uint32_t warnings;                         // printed and not printed
 };
 
 // "auto" (NULL too), "json" or "none".
@@ -26,6 +29,11 @@ void hg_cli_progress_update(
     struct hg_cli_progress *p, const char *stage, uint64_t done, uint64_t total);
 // A step of the command begins; shown until the server names a stage itself.
 void hg_cli_progress_stage(struct hg_cli_progress *p, const char *stage);
+// So many frames are to come; one of them is there (made in `took_ns`, 0 = it was there before).
+void hg_cli_progress_frames(struct hg_cli_progress *p, uint32_t count);
+void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns);
+// Estimated seconds until the command is done; negative = unknown.
+double hg_cli_progress_left(const struct hg_cli_progress *p, uint64_t now_ns);
 // Says how many warnings were left out. Call once, at the end.
 void hg_cli_progress_finish(struct hg_cli_progress *p);
 // Removes an open progress line, before anything else is printed.

@@ -1,4 +1,4 @@
-// render.c - helio render: a scene to image files.
+// render.c - helio render: its arguments, the scene and the view. What is written: frames.c.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,21 +7,9 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "base/file.h"
-#include "client/cli/cli.h"
+#include "client/cli/render.h"
 
 static const double pi = 3.14159265358979323846;
-
-struct render {
-    struct hg_cli cli;
-    const struct hg_cli_options *o;
-    struct hg_cli_format format;
-    struct hg_cli_size size;
-    struct hgp_asset_loaded loaded;
-    enum hg_cli_doing doing;
-    uint64_t load_ns, upload_bytes, first_frame_ns;
-    json_t *frames, *last; // one object per frame written; the newest of them (borrowed)
-};
 
 // ---- arguments ---------------------------------------------------------------------------------
 
@@ -30,16 +18,18 @@ static enum hg_status usage(struct hg_error *err, const char *option, const char
     return hg_error_set(err, HG_E_INVAL, option, NULL, "%s", reason);
 }
 
-// Options that this protocol version has no words for yet.
-static enum hg_status check_available(const struct hg_cli_options *o, struct hg_error *err)
+// Options that say something about path tracing only.
+static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error *err)
 {
-    if (o->has_aov)
-        return usage(err, "--aov", "further images are not available in this version");
-    if (o->has_noise)
-        return usage(
-            err, "--noise", "a noise level is not available in this version; use --samples");
-    if (o->has_trace)
-        return usage(err, "--trace", "choosing the ray tracer is not available in this version");
+    const char *name = o->has_aov           ? "--aov"
+                       : o->has_noise       ? "--noise"
+                       : o->has_trace       ? "--trace"
+                       : o->has_max_bounces ? "--max-bounces"
+                       : o->has_resume      ? "--resume"
+                       : o->has_checkpoint  ? "--checkpoint"
+                                            : NULL;
+    if (name && !(o->mode && strcmp(o->mode, "path") == 0))
+        return usage(err, name, "needs --mode path");
     return HG_OK;
 }
 
@@ -64,8 +54,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--output", "is needed: the file to write");
     if (o->has_samples && o->has_spp && o->samples != o->spp)
         return usage(err, "--spp", "and --samples differ");
-    if (o->has_time && o->has_frames)
-        return usage(err, "--time", "cannot be combined with --frames");
+    if (o->has_at && o->has_frames)
+        return usage(err, "--at", "cannot be combined with --frames");
     if (o->has_fps && !o->has_frames)
         return usage(err, "--fps", "needs --frames");
     if (o->has_upload && !o->has_connect)
@@ -78,40 +68,27 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
     return HG_OK;
 }
 
-// Writes `pattern` with the frame's number: a run of #, or %d / %0Nd. False without a place.
-static bool frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
-{
-    const char *at = strchr(pattern, '#');
-    if (at) {
-        int width = (int)strspn(at, "#");
-        snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + width);
-        return true;
-    }
-    at = strchr(pattern, '%');
-    size_t digits = at ? strspn(at + 1, "0123456789") : 0;
-    if (!at || digits > 2 || at[1 + digits] != 'd' || (digits && at[1] != '0'))
-        return false;
-    int width = digits ? atoi(at + 1) : 1;
-    snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + digits + 2);
-    return true;
-}
-
-static enum hg_status check_output(struct render *r, struct hg_error *err)
+static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err)
 {
     char name[4096];
     const struct hg_cli_options *o = r->o;
     if (strlen(o->output) + 32 >= sizeof name)
         return usage(err, "--output", "the name is too long");
-    bool numbered = frame_name(o->output, 0, name, sizeof name);
+    bool numbered = hg_cli_frame_name(o->output, 0, name, sizeof name);
     if (o->has_frames && !numbered && o->frames.first != o->frames.last)
         return usage(err, "--output", "needs #### or %04d for the number of the frame");
     enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
-    return status;
+    if (status || !o->has_aov)
+        return status;
+    bool exr =
+        r->format.encoding == HGP_encoding_EXR_HALF || r->format.encoding == HGP_encoding_EXR_FLOAT;
+    return exr ? hg_cli_parse_planes("--aov", o->aov, &r->planes, err)
+               : usage(err, "--aov", "needs a file that ends in .exr");
 }
 
-static enum hg_status check_arguments(struct render *r, struct hg_error *err)
+static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
-    enum hg_status status = check_available(r->o, err);
+    enum hg_status status = check_mode(r->o, err);
     if (!status)
         status = check_combinations(r->o, err);
     if (!status)
@@ -128,7 +105,7 @@ static bool is_env_file(const struct hg_cli_options *o)
     return o->has_env && strcmp(o->env, "none") != 0 && strcmp(o->env, "sky") != 0;
 }
 
-static enum hg_status upload_asset(struct render *r, struct hgp_asset_load *load,
+static enum hg_status upload_asset(struct hg_cli_render *r, struct hgp_asset_load *load,
     struct hgp_asset_file **list, struct hg_error *err)
 {
     struct hg_cli_files files;
@@ -166,7 +143,7 @@ static enum hg_status upload_asset(struct render *r, struct hgp_asset_load *load
     return status;
 }
 
-static enum hg_status load_scene(struct render *r, struct hg_error *err)
+static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     struct hgp_asset_load load = {.asset = r->cli.scene.first_id};
@@ -203,7 +180,7 @@ static enum hg_status load_scene(struct render *r, struct hg_error *err)
 }
 
 // Without --env, a scene that brings no light is lit by the sky; the demo brings its own.
-static enum hg_status set_environment(struct render *r, struct hg_error *err)
+static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     bool bare = r->loaded.lights == 0 && strcmp(o->args[0], "demo:") != 0;
@@ -239,7 +216,7 @@ static enum hg_status set_environment(struct render *r, struct hg_error *err)
 
 // ---- view --------------------------------------------------------------------------------------
 
-static enum hg_status set_view(struct render *r, struct hg_error *err)
+static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     uint32_t value;
@@ -261,10 +238,22 @@ static enum hg_status set_view(struct render *r, struct hg_error *err)
         .seed = o->seed,
         .has_error_px = o->has_error_px,
         .error_px = (float)o->error_px,
+        .has_max_bounces = o->has_max_bounces,
+        .max_bounces = o->max_bounces,
+        .has_noise = o->has_noise,
+        .noise = (float)o->noise,
+        .has_time_limit_s = o->has_time,
+        .time_limit_s = (float)o->time,
+        .has_planes = r->planes != 0,
+        .planes = r->planes,
     };
     if (o->has_mode && hgp_enum_value("render_mode", o->mode, &value)) {
         view.has_mode = true;
         view.mode = (enum hgp_render_mode)value;
+    }
+    if (o->has_trace && hgp_enum_value("trace_backend", o->trace, &value)) {
+        view.has_trace = true;
+        view.trace = (enum hgp_trace_backend)value;
     }
     if (o->has_debug_view && hgp_enum_value("debug_view", o->debug_view, &value)) {
         view.has_debug_view = true;
@@ -284,10 +273,13 @@ static enum hg_status set_view(struct render *r, struct hg_error *err)
             view.background_color[i] = (float)o->background.color[i];
     }
     r->doing = HG_CLI_DOING_ARGUMENTS;
-    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+    enum hg_status status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+    if (status == HG_E_UNSUPPORTED) // the words are right; the device or the build cannot
+        r->doing = HG_CLI_DOING_RENDER;
+    return status;
 }
 
-static enum hg_status set_camera(struct render *r, struct hg_error *err)
+static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     double fov = (o->has_fov ? o->fov : 45) * pi / 180;
@@ -319,160 +311,9 @@ static enum hg_status set_camera(struct render *r, struct hg_error *err)
     return status ? status : hg_cli_send_camera(&r->cli, &camera, err);
 }
 
-// ---- frames ------------------------------------------------------------------------------------
-
-static enum hg_status note_frame(struct render *r, const struct hgp_frame *frame, const char *name,
-    uint64_t total_ns, struct hg_error *err)
-{
-    json_t *stages = json_array();
-    for (uint32_t i = 0; i < frame->stages.count; i++) {
-        const struct hgp_stage_time *s = &frame->stages.items[i];
-        json_array_append_new(
-            stages, json_pack("{s:o?, s:f}", "name",
-                        json_stringn(s->name.data ? s->name.data : "", s->name.size), "ms",
-                        (double)s->ns / 1e6));
-    }
-    json_t *o = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:b, s:b, s:I, s:f, s:o}", "file", name,
-        "width", (json_int_t)frame->width, "height", (json_int_t)frame->height, "samples",
-        (json_int_t)frame->samples, "missing_pages", (json_int_t)frame->missing_pages,
-        "missing_clusters", (json_int_t)frame->missing_clusters, "settled", frame->settled,
-        "lossless", frame->lossless, "bytes", (json_int_t)frame->data.size, "total_ms",
-        (double)total_ns / 1e6, "stages", stages);
-    if (!o || json_array_append_new(r->frames, o))
-        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
-    r->last = o;
-    if (frame->has_hash) {
-        char hex[65];
-        for (int i = 0; i < 32; i++)
-            snprintf(hex + 2 * i, 3, "%02x", frame->hash[i]);
-        json_object_set_new(o, "hash", json_string(hex));
-    }
-    return HG_OK;
-}
-
-static enum hg_status render_frame(struct render *r, const char *name, struct hg_error *err)
-{
-    struct hgp_frame_request request = {
-        .view = HG_CLI_VIEW,
-        .settled = true,
-        .has_encoding = true,
-        .encoding = r->format.encoding,
-        .has_quality = true,
-        .quality = r->format.quality,
-    };
-    struct helio_message *answer;
-    uint64_t begin = hg_clock_now_ns();
-    r->doing = HG_CLI_DOING_RENDER;
-    hg_cli_progress_stage(&r->cli.progress, "rendering");
-    enum hg_status status = helio_frame(r->cli.h, &request, &answer, err);
-    if (!status)
-        status = hg_cli_drain_queue(&r->cli, err);
-    if (!status) {
-        r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
-        status = hg_cli_check_warnings(&r->cli, err);
-    }
-    if (status) {
-        helio_message_free(answer);
-        return status;
-    }
-    r->doing = HG_CLI_DOING_RENDER;
-    const struct hgp_frame *frame = &answer->body->frame;
-    uint64_t now = hg_clock_now_ns();
-    if (!r->first_frame_ns)
-        r->first_frame_ns = now - r->cli.begin_ns;
-    if (frame->encoding != r->format.encoding || !frame->data.size)
-        status = hg_error_set(err, HG_E_FORMAT, "frame", "encoding",
-            "the server sent another encoding than the one asked for");
-    if (!status)
-        status = note_frame(r, frame, name, now - begin, err);
-    if (!status) {
-        r->doing = HG_CLI_DOING_OUTPUT;
-        status = hg_file_write_atomic(name, frame->data.data, frame->data.size, err);
-    }
-    helio_message_free(answer);
-    return status;
-}
-
-static enum hg_status set_time(struct render *r, double time_s, struct hg_error *err)
-{
-    struct hgp_animation_set animation = {
-        .asset = r->cli.scene.first_id, .animation = -1, .time_s = time_s};
-    r->doing = HG_CLI_DOING_RENDER;
-    return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
-}
-
-static enum hg_status render_frames(struct render *r, struct hg_error *err)
-{
-    const struct hg_cli_options *o = r->o;
-    const struct hg_cli_frames *f = &o->frames;
-    char name[4096];
-    if (!o->has_frames) {
-        enum hg_status status = o->has_time ? set_time(r, o->time, err) : HG_OK;
-        return status ? status : render_frame(r, o->output, err);
-    }
-    double fps = o->has_fps ? o->fps : 24;
-    uint32_t count = (f->last - f->first) / f->step + 1;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t number = f->first + i * f->step;
-        if (!frame_name(o->output, number, name, sizeof name))
-            snprintf(name, sizeof name, "%s", o->output);
-        snprintf(
-            r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
-        enum hg_status status = set_time(r, number / fps, err);
-        if (!status)
-            status = render_frame(r, name, err);
-        if (status)
-            return status;
-    }
-    return HG_OK;
-}
-
-// ---- statistics --------------------------------------------------------------------------------
-
-static void set_ms(json_t *object, const char *key, uint64_t ns)
-{
-    json_object_set_new(object, key, json_real((double)ns / 1e6));
-}
-
-// The worker's statistics, with the newest frame's provenance and the client's own times.
-static enum hg_status write_stats(struct render *r, struct hg_error *err)
-{
-    json_t *stats;
-    r->doing = HG_CLI_DOING_RENDER;
-    enum hg_status status = hg_cli_stats(&r->cli, &stats, err);
-    if (status)
-        return status;
-    json_t *frame = json_object_get(stats, "frame");
-    if (!json_is_object(frame)) {
-        frame = json_object();
-        json_object_set_new(stats, "frame", frame);
-    }
-    json_object_update_missing(frame, r->last);
-    json_t *client = json_object();
-    set_ms(client, "connect_ms", r->cli.connect_ns);
-    set_ms(client, "load_ms", r->load_ns);
-    set_ms(client, "first_frame_ms", r->first_frame_ns);
-    set_ms(client, "total_ms", hg_clock_now_ns() - r->cli.begin_ns);
-    json_object_set_new(client, "uploaded_bytes", json_integer((json_int_t)r->upload_bytes));
-    json_object_set_new(client, "embedded", json_boolean(r->cli.embedded));
-    json_object_set_new(client, "version", json_string(HELIO_VERSION));
-    json_object_set_new(stats, "client", client);
-    json_object_set(stats, "frames", r->frames);
-    char *text = json_dumps(stats, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
-    json_decref(stats);
-    if (!text)
-        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
-    size_t length = strlen(text);
-    text[length] = '\n'; // over the terminator, which is not written
-    r->doing = HG_CLI_DOING_OUTPUT;
-    status = hg_file_write_atomic(r->o->stats_file, text, length + 1, err);
-    free(text);
-    return status;
-}
-
 // ---- the command -------------------------------------------------------------------------------
 
-static enum hg_status check_files(struct render *r, struct hg_error *err)
+static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = hg_cli_check_output(r->o->output, err);
@@ -492,7 +333,7 @@ static enum hg_status check_files(struct render *r, struct hg_error *err)
     return status;
 }
 
-static enum hg_status render_all(struct render *r, struct hg_error *err)
+static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
 {
     struct hg_cli_texts files = {.items = {r->o->args[0]}, .count = 1};
     if (is_env_file(r->o))
@@ -511,15 +352,15 @@ static enum hg_status render_all(struct render *r, struct hg_error *err)
     if (!status)
         status = set_camera(r, err);
     if (!status)
-        status = render_frames(r, err);
+        status = hg_cli_render_frames(r, err);
     if (!status && r->o->stats_file)
-        status = write_stats(r, err);
+        status = hg_cli_render_stats(r, err);
     return status;
 }
 
 enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
 {
-    struct render r = {.o = options, .size = {1280, 720}, .doing = HG_CLI_DOING_ARGUMENTS};
+    struct hg_cli_render r = {.o = options, .size = {1280, 720}, .doing = HG_CLI_DOING_ARGUMENTS};
     struct hg_error err = {0};
     if (options->has_size)
         r.size = options->size;
@@ -529,11 +370,8 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
-    size_t done = json_array_size(r.frames);
-    if (code == HG_CLI_EXIT_STOPPED && options->has_frames && done)
-        fprintf(stderr, "helio: %zu frames are written; --frames %u-%u:%u renders the rest\n", done,
-            options->frames.first + (uint32_t)done * options->frames.step, options->frames.last,
-            options->frames.step);
+    if (code == HG_CLI_EXIT_STOPPED)
+        hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);
     return code;

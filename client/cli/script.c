@@ -278,6 +278,32 @@ static enum hg_status set_mode(struct words *w, struct hg_cli_step *s, struct hg
     return status;
 }
 
+static enum hg_status set_trace(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    uint32_t value = 0;
+    enum hg_status status = take_enum(w, "trace_backend", &value, err);
+    s->view.has_trace = !status;
+    s->view.trace = (enum hgp_trace_backend)value;
+    return status;
+}
+
+static enum hg_status set_noise(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(w, "noise", 0, 1, &s->view.noise, &s->view.has_noise, err);
+}
+
+static enum hg_status set_time_limit(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(
+        w, "time", 0, 1e6, &s->view.time_limit_s, &s->view.has_time_limit_s, err);
+}
+
+static enum hg_status set_max_bounces(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    s->view.has_max_bounces = true;
+    return take_u32(w, "max-bounces", 1, 256, &s->view.max_bounces, err);
+}
+
 static enum hg_status set_debug_view(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     uint32_t value = 0;
@@ -437,7 +463,8 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
         {"mode", set_mode}, {"exposure", set_exposure}, {"samples", set_samples},
         {"seed", set_seed}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
         {"material", set_material}, {"debug-view", set_debug_view}, {"error-px", set_error_px},
-        {"target-ms", set_target_ms}};
+        {"target-ms", set_target_ms}, {"spp", set_samples}, {"trace", set_trace},
+        {"noise", set_noise}, {"time", set_time_limit}, {"max-bounces", set_max_bounces}};
     s->kind = HG_CLI_STEP_VIEW;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (accept(w, keys[i].key))
@@ -633,7 +660,7 @@ static enum hg_status parse_words(struct words *w, struct hg_cli_step *s, struct
         const char *verb;
         enum hg_status (*parse)(struct words *, struct hg_cli_step *, struct hg_error *);
     } verbs[] = {{"connect", parse_connect}, {"load", parse_load}, {"set", parse_set},
-        {"camera", parse_camera}, {"time", parse_time}, {"frame", parse_frame},
+        {"camera", parse_camera}, {"time", parse_time}, {"at", parse_time}, {"frame", parse_frame},
         {"wait", parse_wait}, {"expect", parse_expect}};
     for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
         if (!accept(w, verbs[i].verb))

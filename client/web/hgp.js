@@ -39,6 +39,8 @@ export const enums = {
     role: { NONE: 0, VIEW: 1, EDIT: 2, ADMIN: 3 },
     encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7 },
     render_mode: { REALTIME: 0, PATH: 1 },
+    trace_backend: { AUTO: 0, EMBREE: 1, COMPUTE: 2, KHR: 3 },
+    plane: { COLOR: 0, ALBEDO: 1, NORMAL: 2, GEOMETRIC_NORMAL: 3, DEPTH: 4, POSITION: 5, EMISSION: 6, DIRECT_DIFFUSE: 7, DIRECT_SPECULAR: 8, DIRECT_TRANSMISSION: 9, INDIRECT_DIFFUSE: 10, INDIRECT_SPECULAR: 11, INDIRECT_TRANSMISSION: 12, MOTION: 13, OBJECT: 14, MATERIAL: 15, SAMPLES: 16, VARIANCE: 17, LIGHT_GROUPS: 18, CRYPTO_OBJECT: 19, CRYPTO_MATERIAL: 20, CRYPTO_ASSET: 21 },
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3 },
@@ -448,6 +450,11 @@ export const messages = {
             { name: "debug_view", kind: "enum", values: "debug_view", since: 1, optional: true },
             { name: "error_px", kind: "f32", least: 0.01, most: 1024, since: 1, optional: true },
             { name: "target_ms", kind: "f32", least: 0, most: 1e+05, since: 1, optional: true },
+            { name: "trace", kind: "enum", values: "trace_backend", since: 1, optional: true },
+            { name: "max_bounces", kind: "u32", least: 1, most: 256, since: 1, optional: true },
+            { name: "noise", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "time_limit_s", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "planes", kind: "u32", least: 0, most: 4194303, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -521,6 +528,50 @@ export const messages = {
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
             { name: "mip_bias", kind: "f32", least: 0, most: 32, since: 1, optional: true },
             { name: "error_px", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "mode", kind: "enum", values: "render_mode", since: 1, optional: true },
+            { name: "noise", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
+            { name: "job", kind: "hash", since: 1, optional: true },
+        ],
+    },
+    // what would a settled frame of this view be made from? From here on its settled frames say it, too
+    job_query: {
+        type: 0x0308, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
+            { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
+        ],
+    },
+    // answer
+    job: {
+        type: 0x0309, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "hash", kind: "hash", since: 1 },
+            { name: "scene_revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // the film of a PATH view as it is, to go on with later
+    checkpoint_query: {
+        type: 0x030a, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+        ],
+    },
+    // answer
+    checkpoint: {
+        type: 0x030b, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "job", kind: "hash", since: 1 },
+            { name: "samples", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "data", kind: "bytes", max: 536870912, since: 1 },
+        ],
+    },
+    // go on from a checkpoint; refused when it is of another job
+    checkpoint_set: {
+        type: 0x030c, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "data", kind: "bytes", max: 536870912, since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?
@@ -640,6 +691,13 @@ export const messages = {
         type: 0x040e, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
         fields: [
             { name: "options", kind: "str", max: 65536, since: 1 },
+        ],
+    },
+    // is this image file whole, and what does it say about itself? All of it is decoded; json: format, width, height, parts[], channels, job; error FORMAT or TRUNCATED when it is not whole
+    image_query: {
+        type: 0x040f, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "data", kind: "bytes", max: 536870912, since: 1 },
         ],
     },
     // the worker accepts sessions

@@ -26,7 +26,9 @@ enum hg_status hg_image_encode(const struct hg_image *image, const struct hg_ima
     int quality = params->quality ? params->quality : 90;
     if (quality < 1 || quality > 100)
         return hg_error_set(err, HG_E_INVAL, "image", "quality", "%d is not in 1..100", quality);
+    struct hg_image_encode complete = *params;
+    complete.quality = quality;
     if (params->file == HG_IMAGE_JPEG)
-        return hg_jpeg_encode(image, quality, out, err);
+        return hg_jpeg_encode(image, &complete, out, err);
     return hg_oiio_encode(image, params, out, err);
 }

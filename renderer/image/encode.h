@@ -5,9 +5,10 @@
 
 #include "renderer/image/image.h"
 
-// JPEG from RGBA8 through libjpeg-turbo; quality 1..100. HG_E_NOMEM, HG_E_LIMIT, HG_E_IO.
-enum hg_status hg_jpeg_encode(const struct hg_image *image, int quality, struct hg_writer *out,
-    struct hg_error *err) HG_MUST_CHECK;
+// JPEG from RGBA8 through libjpeg-turbo; params->quality 1..100; text attributes become comments.
+// HG_E_NOMEM, HG_E_LIMIT, HG_E_IO.
+enum hg_status hg_jpeg_encode(const struct hg_image *image, const struct hg_image_encode *params,
+    struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
 
 // Decodes to RGBA8 (alpha 1, *decoded true), or leaves *decoded false when the file is of a kind
 // that needs OpenImageIO (CMYK, or a header that is not understood). `limits` is complete.

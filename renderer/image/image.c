@@ -1,5 +1,6 @@
 #include "renderer/image/image.h"
 
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
@@ -128,6 +129,43 @@ enum hg_status hg_image_read_memory(const void *data, size_t size, const char *n
     if (!st && format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
         st = hg_jpeg_decode(data, size, name, &l, out, &decoded, err);
     return st || decoded ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
+}
+
+// A JPEG that is cut short would still be shown; its comments hold "key=value".
+static enum hg_status examine_jpeg(const uint8_t *data, size_t size, const char *name,
+    const char *key, struct hg_image_told *out, struct hg_error *err)
+{
+    if (size < 4 || data[size - 2] != 0xff || data[size - 1] != 0xd9)
+        return hg_error_set(err, HG_E_FORMAT, name, NULL, "the end of the picture is missing");
+    size_t length = strlen(key);
+    for (size_t at = 2; at + 4 <= size && data[at] == 0xff && data[at + 1] != 0xda;) {
+        size_t segment = (size_t)data[at + 2] << 8 | data[at + 3];
+        const uint8_t *text = data + at + 4;
+        if (segment < 2 || segment > size - at - 2)
+            break;
+        if (data[at + 1] == 0xfe && segment - 2 > length && memcmp(text, key, length) == 0 &&
+            text[length] == '=')
+            snprintf(out->value, sizeof out->value, "%.*s", (int)(segment - 3 - length),
+                (const char *)text + length + 1);
+        at += 2 + segment;
+    }
+    return HG_OK;
+}
+
+enum hg_status hg_image_examine(const void *data, size_t size, const char *name, const char *key,
+    const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
+{
+    const char *format;
+    struct hg_image_limits l = complete_limits(limits);
+    memset(out, 0, sizeof *out);
+    enum hg_status st = choose_reader(data, size, name, &format, err);
+    if (!st)
+        st = hg_oiio_examine(data, size, name, format, key, &l, out, err);
+    if (!st && strcmp(format, "jpeg") == 0)
+        st = examine_jpeg(data, size, name, key, out, err);
+    if (st)
+        memset(out, 0, sizeof *out);
+    return st;
 }
 
 enum hg_status hg_image_probe_file(

@@ -63,6 +63,20 @@ enum hg_status hg_image_read_memory(const void *data, size_t size, const char *n
     enum hg_pixel_format format, const struct hg_image_limits *limits, struct hg_image *out,
     struct hg_error *err) HG_MUST_CHECK;
 
+// What a file that is whole says about itself.
+struct hg_image_told {
+    uint32_t width, height; // of the first part
+    uint32_t parts;
+    char file_format[16];
+    char value[160]; // of the attribute asked for; empty when there is none
+};
+
+// Decodes all of a file, every part of it, and reads the text attribute `key` that
+// hg_image_encode has written. HG_E_FORMAT when anything of it is missing or damaged; HG_E_LIMIT.
+enum hg_status hg_image_examine(const void *data, size_t size, const char *name, const char *key,
+    const struct hg_image_limits *limits, struct hg_image_told *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
 // Zeroed pixels. HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_image_create(uint32_t width, uint32_t height, enum hg_pixel_format format,
     const struct hg_image_limits *limits, struct hg_image *out) HG_MUST_CHECK;
@@ -90,7 +104,7 @@ struct hg_image_encode {
     enum hg_image_file file;
     int quality;                                 // JPEG 1..100, default 90
     bool opaque;                                 // drop alpha: RGB instead of RGBA
-    const struct hg_image_attribute *attributes; // [attribute_count]; EXR and PNG text
+    const struct hg_image_attribute *attributes; // [attribute_count]; EXR, PNG and JPEG text
     size_t attribute_count;
 };
 

@@ -1,3 +1,4 @@
+#include <string.h>
 #include <turbojpeg.h>
 
 #include "base/alloc.h"
@@ -5,9 +6,32 @@
 
 enum { max_jpeg_side_px = 65500 };
 
-static enum hg_status compress(tjhandle handle, const struct hg_image *image, int quality,
-    struct hg_writer *out, struct hg_error *err)
+// Attributes become comments "name=value" behind the JFIF header, which is 20 bytes long.
+static void write_commented(struct hg_writer *out, const unsigned char *bytes, size_t size,
+    const struct hg_image_encode *params)
 {
+    static const size_t head = 20;
+    size_t first = size > head && bytes[2] == 0xff && bytes[3] == 0xe0 ? head : 2;
+    hg_write_bytes(out, bytes, first);
+    for (size_t i = 0; i < params->attribute_count; i++) {
+        const struct hg_image_attribute *a = &params->attributes[i];
+        size_t name = strlen(a->name), value = a->type == HG_ATTR_STRING ? strlen(a->string) : 0;
+        size_t length = 2 + name + 1 + value;
+        if (!value || length > 0xffff)
+            continue;
+        const uint8_t mark[4] = {0xff, 0xfe, (uint8_t)(length >> 8), (uint8_t)length};
+        hg_write_bytes(out, mark, sizeof mark);
+        hg_write_bytes(out, a->name, name);
+        hg_write_u8(out, '=');
+        hg_write_bytes(out, a->string, value);
+    }
+    hg_write_bytes(out, bytes + first, size - first);
+}
+
+static enum hg_status compress(tjhandle handle, const struct hg_image *image,
+    const struct hg_image_encode *params, struct hg_writer *out, struct hg_error *err)
+{
+    int quality = params->quality;
     int subsampling = quality >= 90 ? TJSAMP_444 : TJSAMP_420;
     unsigned long capacity = tjBufSize((int)image->width, (int)image->height, subsampling);
     unsigned char *bytes = hg_calloc(capacity, 1);
@@ -17,7 +41,7 @@ static enum hg_status compress(tjhandle handle, const struct hg_image *image, in
     int rc = tjCompress2(handle, image->pixels, (int)image->width, 0, (int)image->height, TJPF_RGBX,
         &bytes, &size, subsampling, quality, TJFLAG_NOREALLOC);
     if (rc == 0)
-        hg_write_bytes(out, bytes, size);
+        write_commented(out, bytes, size, params);
     hg_free(bytes);
     if (rc)
         return hg_error_set(err, HG_E_IO, "jpeg", NULL, "%s", tjGetErrorStr2(handle));
@@ -25,8 +49,8 @@ static enum hg_status compress(tjhandle handle, const struct hg_image *image, in
                        : HG_OK;
 }
 
-enum hg_status hg_jpeg_encode(
-    const struct hg_image *image, int quality, struct hg_writer *out, struct hg_error *err)
+enum hg_status hg_jpeg_encode(const struct hg_image *image, const struct hg_image_encode *params,
+    struct hg_writer *out, struct hg_error *err)
 {
     if (image->width > max_jpeg_side_px || image->height > max_jpeg_side_px)
         return hg_error_set(err, HG_E_LIMIT, "jpeg", "size", "%ux%u is larger than a JPEG can be",
@@ -34,7 +58,7 @@ enum hg_status hg_jpeg_encode(
     tjhandle handle = tjInitCompress();
     if (!handle)
         return hg_error_set(err, HG_E_NOMEM, "jpeg", NULL, "no memory for the encoder");
-    enum hg_status st = compress(handle, image, quality, out, err);
+    enum hg_status st = compress(handle, image, params, out, err);
     tjDestroy(handle);
     return st;
 }

@@ -379,6 +379,87 @@ hg_status encode(
     return out->failed ? fail(err, HG_E_NOMEM, format, "no room for the file") : HG_OK;
 }
 
+// --- parts
+
+ImageSpec part_spec(const uint32_t size_px[2], const hg_exr_part &p)
+{
+    static const float rec709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
+    TypeDesc type = p.type == HG_EXR_UINT    ? TypeDesc::UINT32
+                    : p.type == HG_EXR_FLOAT ? TypeDesc::FLOAT
+                                             : TypeDesc::HALF;
+    const int width = int(size_px[0]), height = int(size_px[1]);
+    ImageSpec spec(width, height, int(p.channel_count), type);
+    for (uint32_t i = 0; i < p.channel_count; i++)
+        spec.channelnames[i] = p.channels[i];
+    spec.attribute("compression", "zip");
+    spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
+    spec.attribute("DateTime", "");
+    for (uint32_t i = 0; i < p.attribute_count; i++)
+        add_typed(spec, p.attributes[i]);
+    return spec;
+}
+
+hg_status encode_part(
+    const uint32_t size_px[2], const hg_exr_part &p, hg_writer *out, hg_error *err)
+{
+    set_up_library();
+    std::vector<unsigned char> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    std::unique_ptr<ImageOutput> output = ImageOutput::create("openexr");
+    if (!output || !output->set_ioproxy(&memory))
+        return fail(err, HG_E_UNSUPPORTED, "openexr", OIIO::geterror());
+    if (!output->open("memory.exr", part_spec(size_px, p)))
+        return fail(err, HG_E_IO, p.name, output->geterror());
+    TypeDesc from = p.type == HG_EXR_UINT ? TypeDesc::UINT32 : TypeDesc::FLOAT;
+    if (!output->write_image(from, p.pixels, OIIO::stride_t(p.stride) * 4) || !output->close())
+        return fail(err, HG_E_IO, p.name, output->geterror());
+    hg_write_bytes(out, bytes.data(), bytes.size());
+    return out->failed ? fail(err, HG_E_NOMEM, p.name, "no room for the part") : HG_OK;
+}
+
+// Rows in bands, as stored; decoding is what checks them.
+hg_status read_whole_part(Source &source, int part, const char *name, hg_error *err)
+{
+    ImageSpec s = source.input->spec(part);
+    constexpr int band = 64;
+    std::vector<unsigned char> rows(s.scanline_bytes(true) * band);
+    if (s.tile_width) {
+        rows.resize(s.image_bytes(true));
+        if (!source.input->read_image(part, 0, 0, s.nchannels, TypeDesc::UNKNOWN, rows.data()))
+            return fail(err, HG_E_FORMAT, name, source.input->geterror());
+        return HG_OK;
+    }
+    for (int y = 0; y < s.height; y += band)
+        if (!source.input->read_scanlines(part, 0, s.y + y, s.y + std::min(y + band, s.height), 0,
+                0, s.nchannels, TypeDesc::UNKNOWN, rows.data()))
+            return fail(err, HG_E_FORMAT, name, source.input->geterror());
+    return HG_OK;
+}
+
+hg_status examine(Source &source, const char *name, const char *format, const char *key,
+    const hg_image_limits &limits, hg_image_told *out, hg_error *err)
+{
+    hg_status st = open_source(source, name, format, err);
+    if (!st)
+        st = check_limits(source.spec, name, source.spec.pixel_bytes(true), limits, err);
+    if (st)
+        return st;
+    out->width = uint32_t(source.spec.width);
+    out->height = uint32_t(source.spec.height);
+    snprintf(out->file_format, sizeof out->file_format, "%s", format);
+    snprintf(out->value, sizeof out->value, "%s",
+        std::string(source.spec.get_string_attribute(key)).c_str());
+    for (int part = 0; !st && part < HG_EXR_MAX_PARTS; part++) {
+        if (!source.input->seek_subimage(part, 0))
+            break;
+        st = check_limits(source.input->spec(part), name, 1, limits, err);
+        if (!st)
+            st = read_whole_part(source, part, name, err);
+        out->parts++;
+    }
+    return st;
+}
+
 // --- piece by piece
 
 constexpr uint64_t max_tile_px = 1 << 24;
@@ -580,6 +661,21 @@ hg_status hg_oiio_encode(
     const hg_image *image, const struct hg_image_encode *params, hg_writer *out, hg_error *err)
 {
     return guarded("image", err, [&] { return encode(image, params, out, err); });
+}
+
+hg_status hg_oiio_encode_part(
+    const uint32_t size_px[2], const hg_exr_part *part, hg_writer *out, hg_error *err)
+{
+    return guarded(part->name, err, [&] { return encode_part(size_px, *part, out, err); });
+}
+
+hg_status hg_oiio_examine(const void *data, size_t size, const char *name, const char *format,
+    const char *key, const hg_image_limits *limits, hg_image_told *out, hg_error *err)
+{
+    return guarded(name, err, [&]() -> hg_status {
+        Source source(data, size);
+        return examine(source, name, format, key, *limits, out, err);
+    });
 }
 
 hg_status hg_oiio_reader_open(FILE *file, const void *data, size_t size, const char *name,

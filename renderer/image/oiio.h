@@ -5,6 +5,7 @@
 
 #include <stdio.h>
 
+#include "renderer/image/exr.h"
 #include "renderer/image/image.h"
 #include "renderer/image/reader.h"
 
@@ -21,6 +22,14 @@ enum hg_status hg_oiio_read(const void *data, size_t size, const char *name, con
 // PNG and EXR files. The image has the pixel format the file needs (checked by the caller).
 enum hg_status hg_oiio_encode(const struct hg_image *image, const struct hg_image_encode *params,
     struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+
+// An OpenEXR file of one part; what the caller checked fits together.
+enum hg_status hg_oiio_encode_part(const uint32_t size_px[2], const struct hg_exr_part *part,
+    struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+// Decodes all pixels of all parts and forgets them; see hg_image_examine.
+enum hg_status hg_oiio_examine(const void *data, size_t size, const char *name, const char *format,
+    const char *key, const struct hg_image_limits *limits, struct hg_image_told *out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_oiio_reader; // see reader.h
 

@@ -254,6 +254,7 @@ void edit_animation_set(const struct request *r)
         serve_fail(r, &err);
         return;
     }
+    r->session->scene->time_s = m->time_s;
     serve_edited(r);
 }
 
@@ -281,6 +282,8 @@ void task_finish(const struct request *r, struct task *task)
 {
     if (task->kind == TASK_ASSET) {
         finish_asset(r, task);
+    } else if (task->kind == TASK_IMAGE && !task->status) {
+        query_image_finish(r, &task->told);
     } else if (task->status) {
         serve_fail(r, &task->err);
     } else if (task->kind == TASK_ENVIRONMENT) {

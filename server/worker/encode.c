@@ -37,10 +37,6 @@ static enum hg_image_file file_kind(enum hgp_encoding encoding)
         return HG_IMAGE_PNG16;
     case HGP_encoding_JPEG:
         return HG_IMAGE_JPEG;
-    case HGP_encoding_EXR_HALF:
-        return HG_IMAGE_EXR_HALF;
-    case HGP_encoding_EXR_FLOAT:
-        return HG_IMAGE_EXR_FLOAT;
     default:
         return HG_IMAGE_PNG8;
     }
@@ -50,14 +46,8 @@ static enum hg_status encode_file(
     const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
 {
     const struct hgp_frame *f = &job->frame;
-    char revision[32];
-    snprintf(revision, sizeof revision, "%llu", (unsigned long long)f->scene_revision);
-    struct hg_image_attribute attributes[] = {
-        {.name = "heliograph:version", .type = HG_ATTR_STRING, .string = HELIO_VERSION},
-        {.name = "heliograph:sceneRevision", .type = HG_ATTR_STRING, .string = revision},
-        {.name = "heliograph:samples", .type = HG_ATTR_INT, .integer = (int)f->samples},
-    };
-    bool is_exr = f->encoding == HGP_encoding_EXR_HALF || f->encoding == HGP_encoding_EXR_FLOAT;
+    const struct hg_image_attribute made_from = {
+        .name = ENCODE_JOB_KEY, .type = HG_ATTR_STRING, .string = job->notes.job};
     struct hg_image image = {
         .width = f->width,
         .height = f->height,
@@ -70,8 +60,8 @@ static enum hg_status encode_file(
         &(struct hg_image_encode){.file = file_kind(f->encoding),
             .quality = job->quality,
             .opaque = job->opaque,
-            .attributes = attributes,
-            .attribute_count = is_exr ? sizeof attributes / sizeof *attributes : 0},
+            .attributes = &made_from,
+            .attribute_count = job->notes.job[0] != 0},
         out, err);
 }
 
@@ -84,6 +74,9 @@ static enum hg_status encode_pixels(
         return HG_OK; // sent as they are
     case HGP_encoding_ZSTD_RGBA8:
         return hg_zstd_encode(job->pixels->data, job->pixels->size, 1, out, err);
+    case HGP_encoding_EXR_HALF:
+    case HGP_encoding_EXR_FLOAT:
+        return encode_exr(job, out, err);
     default:
         return encode_file(job, out, err);
     }
@@ -145,8 +138,11 @@ static void run_job(struct worker *w, struct encode_job *job)
 
 void encode_job_destroy(struct encode_job *job)
 {
-    if (job)
-        hg_refbuf_unref(job->pixels);
+    if (!job)
+        return;
+    for (uint32_t i = 0; i < job->plane_count; i++)
+        hg_refbuf_unref(job->planes[i].values);
+    hg_refbuf_unref(job->pixels);
     hg_free(job);
 }
 

@@ -196,3 +196,18 @@ void query_compare(const struct request *r)
 {
     serve_start_task(r, TASK_COMPARE, HGP_T_compare);
 }
+
+void query_image(const struct request *r)
+{
+    serve_start_task(r, TASK_IMAGE, HGP_T_image_query);
+}
+
+void query_image_finish(const struct request *r, const struct hg_image_told *told)
+{
+    json_t *root = json_pack("{s:s, s:I, s:I, s:I}", "format", told->file_format, "width",
+        (json_int_t)told->width, "height", (json_int_t)told->height, "parts",
+        (json_int_t)told->parts);
+    if (root && told->value[0])
+        json_object_set_new(root, "job", json_string(told->value));
+    answer_json(r, root);
+}

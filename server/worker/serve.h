@@ -16,6 +16,8 @@ struct scene_slot {
     bool dirty; // edits since the last publish, inside somebody's batch
     uint32_t open_batches;
     uint64_t batch_started_ns;
+    double time_s;                      // of the newest pose
+    struct hg_fingerprint *fingerprint; // NULL until a job is asked for
 };
 
 // A client waiting for one frame of a view.
@@ -52,8 +54,12 @@ struct view_slot {
     uint64_t failed_revision;  // of the scene then
     struct hg_frame_info info; // of the newest step
     bool stepped;
-    uint32_t told_failures; // textures that could not be read, as far as the client knows
-    uint64_t step_ns;       // per sample, of the newest step
+    uint32_t told_failures;         // textures that could not be read, as far as the client knows
+    uint64_t step_ns;               // per sample, of the newest step
+    uint64_t spent_ns;              // rendering, since the state was new
+    bool job_asked;                 // its settled frames say what they were made from
+    enum hgp_encoding job_encoding; // that was asked about
+    uint8_t job_quality;
 };
 
 struct session {
@@ -81,6 +87,7 @@ struct serve {
     struct session *sessions;
     struct scene_slot *scenes;
     struct view_slot *turn; // view that was stepped last
+    char device[128];       // name, once told
     uint32_t tasks;         // running
 };
 
@@ -146,6 +153,10 @@ void view_camera(const struct request *r);
 void view_frame_request(const struct request *r);
 void view_subscribe(const struct request *r);
 void view_credit(const struct request *r);
+// film.c
+void view_job_query(const struct request *r);
+void view_checkpoint_query(const struct request *r);
+void view_checkpoint_set(const struct request *r);
 // query.c
 void query_pick(const struct request *r);
 void query_bounds(const struct request *r);
@@ -153,6 +164,8 @@ void query_nodes(const struct request *r);
 void query_stats(const struct request *r);
 void query_info(const struct request *r);
 void query_compare(const struct request *r);
+void query_image(const struct request *r);
+void query_image_finish(const struct request *r, const struct hg_image_told *told);
 // bench.c, bake.c
 void query_bench(const struct request *r);
 void query_bake(const struct request *r);
@@ -161,6 +174,18 @@ void query_bake(const struct request *r);
 void task_finish(const struct request *r, struct task *task);
 // Starts a task for the request; the message is decoded again so that it outlives the request.
 void serve_start_task(const struct request *r, enum task_kind kind, enum hgp_type type);
+
+// ---- film.c: what a frame is made from and goes with --------------------------------------------
+
+// Planes of the protocol to those of the renderer. HG_E_UNSUPPORTED names one that it has not.
+enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err) HG_MUST_CHECK;
+// Of the frame that the view would give when settled, in an encoding.
+enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
+    enum hgp_encoding encoding, uint8_t quality, uint8_t hash[32],
+    struct hg_error *err) HG_MUST_CHECK;
+// Fills notes and planes of a frame that is about to be encoded, and frame.job.
+enum hg_status film_attach(struct serve *s, struct session *session, struct view_slot *view,
+    struct encode_job *job, struct hg_error *err) HG_MUST_CHECK;
 
 // ---- view.c: the schedule -----------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/scene/fingerprint.h"
 #include "server/worker/serve.h"
 
 struct session *session_find(struct serve *s, uint32_t channel)
@@ -53,6 +54,7 @@ static void scene_release(struct serve *s, struct scene_slot *slot)
     while (*link != slot)
         link = &(*link)->next;
     *link = slot->next;
+    hg_fingerprint_destroy(slot->fingerprint);
     hg_scene_destroy(slot->scene);
     hg_free(slot->key);
     hg_free(slot);

@@ -243,6 +243,13 @@ static enum hg_status compare_images(struct task *task)
     return status;
 }
 
+static enum hg_status examine_image(struct task *task)
+{
+    const struct hgp_bytes *file = &task->message.image_query.data;
+    return hg_image_examine(
+        file->data, file->size, "image", ENCODE_JOB_KEY, NULL, &task->told, &task->err);
+}
+
 // ---- threads ------------------------------------------------------------------------------------
 
 static void *task_main(void *arg)
@@ -257,6 +264,9 @@ static void *task_main(void *arg)
         break;
     case TASK_COMPARE:
         task->status = compare_images(task);
+        break;
+    case TASK_IMAGE:
+        task->status = examine_image(task);
         break;
     }
     if (task->status && !task->err.status)

@@ -4,9 +4,10 @@
 #define HG_SERVER_WORKER_TASK_H
 
 #include "renderer/light/env_file.h"
+#include "renderer/renderer.h"
 #include "server/worker/worker.h"
 
-enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE };
+enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE, TASK_IMAGE };
 
 // One job with its own thread. While it runs its session's later messages wait, so that every
 // session sees its messages take effect in order.
@@ -27,6 +28,7 @@ struct task {
     struct hg_asset *asset;
     struct hg_environment_file environment;
     double value;
+    struct hg_image_told told;
     struct hg_writer diff;
     uint32_t width, height;
 };
@@ -34,6 +36,18 @@ struct task {
 // Starts `task` (owned by its thread until it comes back through the inbox). HG_E_LIMIT.
 enum hg_status task_start(struct task *task) HG_MUST_CHECK;
 void task_destroy(struct task *task); // accepts NULL
+
+// What a file says besides its pixels.
+struct encode_notes {
+    char device[128];
+    uint32_t seed;
+    double time_s; // the scene's pose
+    float exposure;
+    float world_to_camera[16], world_to_ndc[16];
+    char job[65]; // hexadecimal, or empty
+};
+
+enum { ENCODE_MAX_PLANES = 24 };
 
 // Pixels of a frame on their way to the encoder thread.
 struct encode_job {
@@ -44,7 +58,20 @@ struct encode_job {
     struct hg_refbuf *pixels;
     struct hg_frame_info info;
     uint64_t read_ns;
+    struct encode_notes notes;
+    struct encode_plane {
+        enum hg_plane plane;
+        struct hg_refbuf *values; // floats
+    } planes[ENCODE_MAX_PLANES];  // EXR only
+    uint32_t plane_count;
 };
+
+// Key of the text attribute that holds the hash of what a file was made from.
+#define ENCODE_JOB_KEY "heliograph:job"
+
+// An EXR file of the picture and its planes (encode_exr.c).
+enum hg_status encode_exr(
+    const struct encode_job *job, struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
 
 // Pixel format that an encoding starts from.
 enum hg_pixel_format encode_pixel_format(enum hgp_encoding encoding);

@@ -1,4 +1,5 @@
 // view.c - views: their parameters, the frames they owe, and whose turn it is to render.
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -71,6 +72,26 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->error_px = m->error_px;
     if (m->has_target_ms)
         p->target_ms = m->target_ms;
+    if (m->has_mode)
+        p->mode = (enum hg_render_mode)m->mode;
+    if (m->has_trace)
+        p->trace = (enum hg_view_trace)m->trace;
+    if (m->has_max_bounces)
+        p->max_bounces = m->max_bounces;
+    if (m->has_noise)
+        p->noise = m->noise;
+    if (m->has_time_limit_s)
+        p->time_s = m->time_limit_s;
+}
+
+static enum hg_status overlay_planes(
+    struct hg_view_params *p, const struct hgp_view_set *m, struct hg_error *err)
+{
+    enum hg_status status = m->has_planes ? film_planes(m->planes, &p->planes, err) : HG_OK;
+    if (!status && p->planes && p->mode != HG_MODE_PATH)
+        status = hg_error_set(
+            err, HG_E_UNSUPPORTED, "view_set", "planes", "only path-traced views keep planes");
+    return status;
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
@@ -119,9 +140,7 @@ void view_set(const struct request *r)
     struct hg_view_params params = view ? view->params : (struct hg_view_params){0};
     enum hg_status status = HG_OK;
     overlay_params(&params, m);
-    if (m->has_mode && m->mode != HGP_render_mode_REALTIME)
-        status = hg_error_set(
-            &err, HG_E_UNSUPPORTED, "view_set", "mode", "this daemon renders realtime only");
+    status = overlay_planes(&params, m, &err);
     if (!status)
         status = check_quota(r, view, &params, &err);
     if (!status && !view)
@@ -307,7 +326,16 @@ static enum hg_status queue_frame(struct serve *s, struct session *session, stru
         .mip_bias = info->mip_bias,
         .has_error_px = info->error_px > asked_error_px(&view->params),
         .error_px = info->error_px,
+        .has_mode = view->params.mode == HG_MODE_PATH,
+        .mode = HGP_render_mode_PATH,
+        .has_noise = info->noise > 0,
+        .noise = info->noise,
     };
+    status = film_attach(s, session, view, job, err);
+    if (status) {
+        encode_job_destroy(job);
+        return status;
+    }
     while ((status = hg_queue_push(&s->w->encode, job)) == HG_E_AGAIN)
         hg_clock_sleep_ns(500000); // at most a few frames are under way; the encoder is catching up
     if (status)
@@ -344,6 +372,22 @@ static void send_baking(
                 .total = wait->most_baking});
 }
 
+// How many samples a settled frame will have, as far as can be told: what the parameters allow, or
+// what fits into the time limit, or what brings the error down to the one asked for.
+static uint32_t expected_samples(const struct view_slot *view)
+{
+    const struct hg_view_params *p = &view->params;
+    const struct hg_frame_info *info = &view->info;
+    double total = p->samples ? p->samples : 32, n = info->samples;
+    double spent_s = (double)view->spent_ns * 1e-9;
+    if (p->time_s > 0 && n > 0 && spent_s > 0)
+        total = fmin(total, n * (double)p->time_s / spent_s);
+    if (p->noise > 0 && info->noise > 0) // falls with the square root
+        total = fmin(total,
+            n * (double)info->noise * (double)info->noise / ((double)p->noise * (double)p->noise));
+    return (uint32_t)fmax(ceil(total), n);
+}
+
 static void send_progress(
     struct serve *s, struct session *session, struct view_slot *view, struct frame_wait *wait)
 {
@@ -356,7 +400,7 @@ static void send_progress(
     send_baking(s, session, view, wait);
     struct hgp_progress progress = {.stage = hgp_str_make("samples"),
         .done = view->info.samples,
-        .total = view->params.samples ? view->params.samples : 32};
+        .total = expected_samples(view)};
     if (missing)
         progress = (struct hgp_progress){.stage = hgp_str_make("streaming"),
             .done = wait->most_missing - missing,
@@ -461,6 +505,17 @@ static bool is_final(const struct view_slot *view)
     return final;
 }
 
+// The time limit of realtime views; path-traced ones keep to it themselves. A picture with
+// something missing is not settled.
+static void keep_to_time(struct view_slot *view)
+{
+    const struct hg_view_params *p = &view->params;
+    struct hg_frame_info *info = &view->info;
+    if (p->mode == HG_MODE_REALTIME && p->time_s > 0 && info->samples > 0 && !info->missing_pages &&
+        !info->missing_clusters && (double)view->spent_ns * 1e-9 >= (double)p->time_s)
+        info->settled = true;
+}
+
 static enum hg_status step(
     struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
 {
@@ -473,7 +528,8 @@ static enum hg_status step(
         view->camera_node_revision = scene->revision;
     }
     // A failed step leaves no info behind: what comes after it is a new state, too.
-    view->fresh |= is_stale(session, view);
+    const bool restarted = is_stale(session, view);
+    view->fresh |= restarted;
     uint64_t start = hg_clock_now_ns();
     hg_view_set_final(view->view, is_final(view));
     if (!status)
@@ -481,8 +537,11 @@ static enum hg_status step(
     view->changed = false;
     if (status)
         return status;
-    view->step_ns = (hg_clock_now_ns() - start) / samples;
+    uint64_t took_ns = hg_clock_now_ns() - start;
+    view->spent_ns = restarted ? took_ns : view->spent_ns + took_ns;
+    view->step_ns = took_ns / samples;
     view->stepped = true;
+    keep_to_time(view);
     return HG_OK;
 }
 

@@ -15,6 +15,7 @@
 //   stray=1             send unrelated messages between the answers
 //   quiet=1             do not warn when an asset is loaded
 //   lost=N              warn with the N-th frame
+//   job=N               what frames are made from: the first byte of its hash; default 1
 //   log=PATH            append "MESSAGE detail" for everything received
 #include <errno.h>
 #include <fcntl.h>
@@ -125,6 +126,32 @@ static void send_frame(const struct hgp_header *h, const struct hgp_frame_reques
     answer(h, HGP_T_frame, &frame);
 }
 
+static uint8_t job_byte(void)
+{
+    return word("job") ? (uint8_t)atoi(word("job")) : 1;
+}
+
+// A frame's file is whole when its line ends, and is of the job 1.
+static void send_image(const struct hgp_header *h, const struct hgp_image_query *query)
+{
+    struct hgp_error cut = {.code = HG_E_FORMAT, .reason = hgp_str_make("cut short")};
+    if (!query->data.size || query->data.data[query->data.size - 1] != '\n') {
+        answer(h, HGP_T_error, &cut);
+        return;
+    }
+    char text[128] = "{\"job\":\"01";
+    memset(text + 10, '0', 62);
+    strcpy(text + 72, "\"}");
+    answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+}
+
+static void send_checkpoint(const struct hgp_header *h)
+{
+    struct hgp_checkpoint c = {
+        .job = {job_byte()}, .samples = 16, .data = {(const uint8_t *)"film", 4}};
+    answer(h, HGP_T_checkpoint, &c);
+}
+
 static void send_have(const struct hgp_header *h, const struct hgp_upload_query *query)
 {
     static struct hgp_flag flags[1024];
@@ -181,6 +208,12 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
         fprintf(out, " eye=%.6g,%.6g,%.6g camera=%llu", (double)m->view_camera.eye[0],
             (double)m->view_camera.eye[1], (double)m->view_camera.eye[2],
             (unsigned long long)m->view_camera.camera);
+    if (type == HGP_T_checkpoint_set)
+        fprintf(out, " %.*s", (int)m->checkpoint_set.data.size, m->checkpoint_set.data.data);
+    if (type == HGP_T_view_set && m->view_set.has_mode)
+        fprintf(out, " mode=%u trace=%u bounces=%u noise=%g time=%g planes=%x", m->view_set.mode,
+            m->view_set.trace, m->view_set.max_bounces, (double)m->view_set.noise,
+            (double)m->view_set.time_limit_s, m->view_set.planes);
     if (type == HGP_T_view_set)
         fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
             m->view_set.samples);
@@ -221,6 +254,15 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
         break;
     case HGP_T_compare:
         send_compared(h, &m->compare);
+        break;
+    case HGP_T_job_query:
+        answer(h, HGP_T_job, &(struct hgp_job){.hash = {job_byte()}});
+        break;
+    case HGP_T_image_query:
+        send_image(h, &m->image_query);
+        break;
+    case HGP_T_checkpoint_query:
+        send_checkpoint(h);
         break;
     default:
         answer(h, HGP_T_ok, &(struct hgp_ok){.revision = 1});

@@ -87,8 +87,84 @@ static void test_frames(void **state)
     expect_run(0, NULL, "", "$HELIO render s.gltf -o g%03d.png --frames 7-7");
     expect_file("g007.png", "frame 1 ");
     expect_run(2, "--output", "", "$HELIO render s.gltf -o g.png --frames 1-2");
-    expect_run(0, NULL, "log=logt", "$HELIO render s.gltf -o a.png --time 2.5");
+    expect_run(0, NULL, "log=logt", "$HELIO render s.gltf -o a.png --at 2.5");
     expect_file("logt", "animation_set time=2.5\n");
+}
+
+static void test_path(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logp",
+        "$HELIO render s.gltf -o p.exr --mode path --trace compute --max-bounces 4 --noise 0.25 "
+        "--time 2 --aov depth,Direct,crypto_asset");
+    // trace 2; bits of depth, the three direct ones, crypto_asset
+    expect_file("logp", "view_set mode=1 trace=2 bounces=4 noise=0.25 time=2 planes=200390 size");
+    expect_run(0, NULL, "log=logq", "$HELIO render s.gltf -o p.exr --mode path --aov all");
+    expect_file("logq", "planes=3ffffe");
+    expect_run(7, "as the test wants", "fail=view_set:7",
+        "$HELIO render s.gltf -o p.exr --mode path --trace khr");
+    expect_run(7, "as the test wants", "fail=view_set:19",
+        "$HELIO render s.gltf -o p.exr --mode path --trace khr");
+}
+
+// Files that are whole and of this job are left alone; others are made again, and said why.
+static void test_skip_existing(void **state)
+{
+    (void)state;
+    static const char command[] =
+        "$HELIO render s.gltf -o k-##.png --frames 1-3 --skip-existing --stats k.json";
+    expect_run(0, NULL, "", command);
+    expect_file("k-03.png", "frame 3 ");
+    expect_run(0, NULL, "", command);
+    expect_file("k-03.png", "frame 3 ");
+    expect_file("k.json", "\"skipped_frames\": 3");
+    harness_write(&h, "k-02.png", "frame 2", 7);
+    expect_run(0, "k-02.png: cut short; it is made again", "log=logk", command);
+    expect_file("k-02.png", "frame 1 ");
+    expect_file("k-03.png", "frame 3 ");
+    expect_file("logk", "image_query\n");
+    expect_run(0, "k-01.png: was made from something else; it is made again", "job=2", command);
+    expect_file("k-01.png", "frame 1 ");
+    expect_file("k-03.png", "frame 3 as");
+    expect_run(7, NULL, "die=image_query", command);
+}
+
+static void test_checkpoints(void **state)
+{
+    (void)state;
+    static const char stop[] =
+        "rm -f logc; $HELIO render s.gltf -o cp.png --mode path & p=$!; "
+        "until grep -qs frame_request logc; do sleep 0.05; kill -0 $p || break; done; "
+        "kill -TERM $p; wait $p";
+    static const char resume[] = "$HELIO render s.gltf -o cp.png --mode path --resume";
+    expect_run(8, "the same command with --resume", "silent=frame_request log=logc", stop);
+    expect_no_file("cp.png");
+    expect_file("cp.png.checkpoint", "HGCK");
+    expect_run(0, "is of another picture", "job=3 log=logd", resume);
+    expect_run(8, NULL, "silent=frame_request log=logc", stop);
+    expect_run(0, "goes on from 16 samples", "log=loge", resume);
+    expect_file("loge", "checkpoint_set film\n");
+    expect_file("cp.png", "frame 1 ");
+    expect_no_file("cp.png.checkpoint"); // it has done its duty
+    expect_run(0, NULL, "", resume);    // and is not needed
+    // Cut short and damaged ones, in intervals, and none at all.
+    expect_run(8, NULL, "silent=frame_request log=logc", stop);
+    expect_run(0, "is cut short", "",
+        "head -c 86 cp.png.checkpoint >t && mv t cp.png.checkpoint; "
+        "$HELIO render s.gltf -o cp.png --mode path --resume");
+    expect_run(8, NULL, "silent=frame_request log=logc", stop);
+    expect_run(0, "is damaged", "",
+        "sed -i s/film/firm/ cp.png.checkpoint; "
+        "$HELIO render s.gltf -o cp.png --mode path --resume");
+    expect_run(8, NULL, "silent=frame_request fail=checkpoint_query:12 log=logc", stop);
+    expect_no_file("cp.png.checkpoint");
+    expect_run(0, "as the test wants; the picture begins anew", "fail=checkpoint_set:1",
+        "FAKE=\"silent=frame_request log=logc\"; rm -f logc; $HELIO render s.gltf -o cp.png --mode "
+        "path & p=$!; until grep -qs frame_request logc; do sleep 0.05; done; kill -TERM $p; "
+        "wait $p; FAKE=fail=checkpoint_set:1; $HELIO render s.gltf -o cp.png --mode path --resume");
+    expect_run(7, NULL, "silent=frame_request log=logi",
+        "$HELIO render s.gltf -o v.png --mode path --checkpoint 1 --timeout 3");
+    expect_file("v.png.checkpoint", "HGCK");
 }
 
 static void test_stats(void **state)
@@ -114,9 +190,17 @@ static void test_usage(void **state)
     (void)state;
     static const char *const bad[][2] = {{"", "needs a command"}, {"fly", "unknown command"},
         {"view s.gltf", "unknown command"}, {"render", "SCENE"}, {"render s.gltf", "--output"},
-        {"render s.gltf -o a.bmp", ".png"}, {"render s.gltf -o a.png --aov depth", "--aov"},
-        {"render s.gltf -o a.png --noise 0.1", "--noise"},
-        {"render s.gltf -o a.png --trace embree", "--trace"},
+        {"render s.gltf -o a.bmp", ".png"},
+        {"render s.gltf -o a.exr --aov depth", "--aov: needs --mode path"},
+        {"render s.gltf -o a.png --mode path --aov depth", "--aov: needs a file that ends in .exr"},
+        {"render s.gltf -o a.exr --mode path --aov depht",
+            "'depht' is none of: albedo normal geometric-normal depth"},
+        {"render s.gltf -o a.exr --mode path --aov depth,", "'' is none of"},
+        {"render s.gltf -o a.png --noise 0.1", "--noise: needs --mode path"},
+        {"render s.gltf -o a.png --trace embree", "--trace: needs --mode path"},
+        {"render s.gltf -o a.png --mode realtime --resume", "--resume: needs --mode path"},
+        {"render s.gltf -o a.png --checkpoint 5", "--checkpoint: needs --mode path"},
+        {"render s.gltf -o a.png --time 0", "--at S poses the animations"},
         {"render s.gltf -o a.png --orbit 1,2,3 --eye 1,2,3", "--orbit"},
         {"render s.gltf -o a.png --camera x --fov 30", "--camera"},
         {"render s.gltf -o a.png --target 1,2,3", "--target"},
@@ -127,7 +211,7 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --quality 3", "--quality"},
         {"render s.gltf -o nowhere/a.png", "nowhere"}, {"render s.gltf -o .", "-o"},
         {"render s.gltf -o a.png --samples 3 --spp 4", "--spp"},
-        {"render s.gltf -o a.png --frames 1-2 --time 3", "--time"},
+        {"render s.gltf -o a.png --frames 1-2 --at 3", "--at"},
         {"render s.gltf -o a.png --connect ftp:x", "unix:PATH"},
         {"render s.gltf -o a.png --connect tcp:x", "tcp:HOST:PORT"},
         {"render s.gltf -o a.png --connect unix:sock --device 0", "--device"},
@@ -168,7 +252,7 @@ static void test_exit_codes_worker(void **state)
         {"fail=asset_load:2", 6, NULL},
         {"fail=environment_set:6", 3, NULL},
         {"fail=view_set:1", 2, NULL},
-        {"fail=view_set:7", 2, NULL},
+        {"fail=view_set:7", 7, NULL},
         {"fail=view_set:3", 6, NULL},
         {"fail=frame_request:19", 7, NULL},
         {"fail=frame_request:24", 7, NULL},
@@ -407,6 +491,9 @@ int main(void)
         cmocka_unit_test(test_render),
         cmocka_unit_test(test_default_camera_and_light),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_path),
+        cmocka_unit_test(test_skip_existing),
+        cmocka_unit_test(test_checkpoints),
         cmocka_unit_test(test_stats),
         cmocka_unit_test(test_usage),
         cmocka_unit_test(test_exit_codes_worker),

@@ -147,7 +147,7 @@ static void test_values(void **state)
     assert_string_equal(o.asset_root.items[1], "b");
     assert_true(o.has_exposure && o.exposure == -1.5);
     assert_int_equal(o.seed, 4294967295u);
-    assert_false(o.has_time);
+    assert_false(o.has_at);
     const char *dashes[] = {"helio", "info", "--", "--odd.glb"};
     assert_int_equal(hg_cli_parse(4, dashes, &o, NULL), HG_OK);
     assert_string_equal(o.args[0], "--odd.glb");

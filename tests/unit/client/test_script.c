@@ -89,6 +89,25 @@ static void test_good(void **state)
     hg_cli_script_finish(&s);
 }
 
+static void test_path_keys(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    parse_good("set mode path\nset spp 7\nset trace khr\nset noise 0.5\nset time 3\n"
+               "set max-bounces 9\nat 2.5\n",
+        &s);
+    assert_int_equal(s.count, 7);
+    assert_true(s.steps[0].view.has_mode && s.steps[0].view.mode == HGP_render_mode_PATH);
+    assert_true(s.steps[1].view.has_samples && s.steps[1].view.samples == 7);
+    assert_true(s.steps[2].view.has_trace && s.steps[2].view.trace == HGP_trace_backend_KHR);
+    assert_true(s.steps[3].view.has_noise && s.steps[3].view.noise == 0.5f);
+    assert_true(s.steps[4].view.has_time_limit_s && s.steps[4].view.time_limit_s == 3);
+    assert_true(s.steps[5].view.has_max_bounces && s.steps[5].view.max_bounces == 9);
+    assert_int_equal(s.steps[6].kind, HG_CLI_STEP_TIME);
+    assert_true(s.steps[6].number == 2.5);
+    hg_cli_script_finish(&s);
+}
+
 static void test_bad(void **state)
 {
     (void)state;
@@ -183,6 +202,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_good),
+        cmocka_unit_test(test_path_keys),
         cmocka_unit_test(test_bad),
         cmocka_unit_test(test_robust),
         cmocka_unit_test(test_ops),

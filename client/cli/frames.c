@@ -1,0 +1,422 @@
+// frames.c - helio render: from the settled view to files, one or many, taken up where they were
+// left.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/sha256.h"
+#include "client/cli/render.h"
+
+enum {
+    EXISTING_BYTES = 256 << 20, // a larger file is not read to be verified, but made again
+    PATIENCE_S = 120,           // for the film of a view that is stopped in the middle of a step
+};
+
+bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
+{
+    const char *at = strchr(pattern, '#');
+    if (at) {
+        int width = (int)strspn(at, "#");
+        snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + width);
+        return true;
+    }
+    at = strchr(pattern, '%');
+    size_t digits = at ? strspn(at + 1, "0123456789") : 0;
+    if (!at || digits > 2 || at[1 + digits] != 'd' || (digits && at[1] != '0'))
+        return false;
+    int width = digits ? atoi(at + 1) : 1;
+    snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + digits + 2);
+    return true;
+}
+
+static bool is_path(const struct hg_cli_render *r)
+{
+    return r->o->mode && strcmp(r->o->mode, "path") == 0;
+}
+
+// ---- what is noted of a frame ------------------------------------------------------------------
+
+static void set_hash(json_t *object, const char *key, const uint8_t hash[32])
+{
+    char hex[HG_SHA256_HEX];
+    hg_sha256_hex(hash, hex);
+    json_object_set_new(object, key, json_string(hex));
+}
+
+static enum hg_status note_frame(struct hg_cli_render *r, const struct hgp_frame *frame,
+    const char *name, uint64_t total_ns, struct hg_error *err)
+{
+    json_t *stages = json_array();
+    for (uint32_t i = 0; i < frame->stages.count; i++) {
+        const struct hgp_stage_time *s = &frame->stages.items[i];
+        json_array_append_new(
+            stages, json_pack("{s:o?, s:f}", "name",
+                        json_stringn(s->name.data ? s->name.data : "", s->name.size), "ms",
+                        (double)s->ns / 1e6));
+    }
+    json_t *o = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:b, s:b, s:I, s:f, s:o}", "file", name,
+        "width", (json_int_t)frame->width, "height", (json_int_t)frame->height, "samples",
+        (json_int_t)frame->samples, "missing_pages", (json_int_t)frame->missing_pages,
+        "missing_clusters", (json_int_t)frame->missing_clusters, "settled", frame->settled,
+        "lossless", frame->lossless, "bytes", (json_int_t)frame->data.size, "total_ms",
+        (double)total_ns / 1e6, "stages", stages);
+    if (!o || json_array_append_new(r->frames, o))
+        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
+    r->last = o;
+    if (frame->has_mode)
+        json_object_set_new(
+            o, "mode", json_string(frame->mode == HGP_render_mode_PATH ? "path" : "realtime"));
+    if (frame->has_noise)
+        json_object_set_new(o, "noise", json_real((double)frame->noise));
+    if (frame->has_job)
+        set_hash(o, "job", frame->job);
+    if (frame->has_hash)
+        set_hash(o, "hash", frame->hash);
+    return HG_OK;
+}
+
+// ---- jobs and files that are there already -----------------------------------------------------
+
+// Only files that may be met again are worth looking at the whole scene for.
+static bool wants_job(const struct hg_cli_render *r)
+{
+    return is_path(r) || r->o->has_frames || r->o->skip_existing;
+}
+
+static enum hg_status ask_job(struct hg_cli_render *r, uint8_t job[32], struct hg_error *err)
+{
+    struct helio_message *answer;
+    struct hgp_job_query query = {
+        .view = HG_CLI_VIEW,
+        .has_encoding = true,
+        .encoding = r->format.encoding,
+        .has_quality = true,
+        .quality = r->format.quality,
+    };
+    memset(job, 0, 32);
+    if (!wants_job(r))
+        return HG_OK;
+    enum hg_status status =
+        helio_call_for(r->cli.h, HGP_T_job_query, &query, HGP_T_job, &answer, err);
+    if (status)
+        return status;
+    memcpy(job, answer->body->job.hash, 32);
+    helio_message_free(answer);
+    return HG_OK;
+}
+
+// NULL: the file is whole and of this job. Else why it is made again; "" when there is none.
+static const char *why_not(const char *json, const uint8_t job[32])
+{
+    char hex[HG_SHA256_HEX];
+    hg_sha256_hex(job, hex);
+    json_t *told = json_loads(json, 0, NULL);
+    const char *of = json_string_value(json_object_get(told, "job"));
+    const char *why = !of                    ? "does not say what it was made from"
+                      : strcmp(of, hex) != 0 ? "was made from something else"
+                                             : NULL;
+    json_decref(told);
+    return why;
+}
+
+// Does `name` hold what this command would write? The worker decodes all of it.
+static enum hg_status check_existing(struct hg_cli_render *r, const char *name,
+    const uint8_t job[32], bool *good, struct hg_error *err)
+{
+    uint8_t *data;
+    size_t size;
+    struct helio_message *answer = NULL;
+    struct hg_error wrong = {0};
+    *good = false;
+    enum hg_status status = hg_file_read(name, EXISTING_BYTES, &data, &size, &wrong);
+    if (status == HG_E_NOTFOUND)
+        return HG_OK;
+    if (!status) {
+        struct hgp_image_query query = {.data = {data, (uint32_t)size}};
+        status = helio_call_for(r->cli.h, HGP_T_image_query, &query, HGP_T_json, &answer, &wrong);
+        hg_free(data);
+    }
+    const char *why = wrong.reason;
+    if (!status) {
+        char *text = hg_strndup(answer->body->json.text.data ? answer->body->json.text.data : "",
+            answer->body->json.text.size);
+        why = text ? why_not(text, job) : "no memory to look at it";
+        *good = why == NULL;
+        hg_free(text);
+        helio_message_free(answer);
+    } else if (status != HG_E_FORMAT && status != HG_E_TRUNCATED && status != HG_E_LIMIT &&
+               status != HG_E_UNSUPPORTED) {
+        *err = wrong;
+        return status;
+    }
+    if (!*good) {
+        char clean[300];
+        hg_cli_clean(clean, sizeof clean, why, strlen(why));
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s: %s; it is made again\n", name, clean);
+    }
+    return HG_OK;
+}
+
+// ---- waiting for a frame -----------------------------------------------------------------------
+
+// Messages that came: progress and notices are shown; true when the frame or its error is there.
+static bool take_messages(
+    struct hg_cli *cli, uint32_t request, struct helio_message **frame, struct hg_error *err)
+{
+    struct helio_message *m;
+    struct hg_error ignored;
+    while (helio_next(cli->h, &m, &ignored) == HG_OK) {
+        bool ours = m->request == request;
+        if (m->type == HGP_T_progress && ours)
+            hg_cli_on_progress(&cli->progress, &m->body->progress);
+        else if (m->type == HGP_T_notice)
+            hg_cli_on_notice(&cli->progress, &m->body->notice);
+        else if (m->type == HGP_T_error) // ours, or of a message that nobody waited for: a camera
+            hg_cli_error_of(&m->body->error, err);
+        if (ours && m->type == HGP_T_frame) {
+            *frame = m;
+            return true;
+        }
+        helio_message_free(m);
+        if (err->status)
+            return true;
+    }
+    return false;
+}
+
+static uint64_t add_s(uint64_t ns, double s)
+{
+    return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
+}
+
+// The settled frame; on the way there the film is written to OUT.checkpoint in intervals.
+static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
+    struct helio_message **frame, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    struct hg_cli *cli = &r->cli;
+    struct hgp_frame_request request = {
+        .view = HG_CLI_VIEW,
+        .settled = true,
+        .has_encoding = true,
+        .encoding = r->format.encoding,
+        .has_quality = true,
+        .quality = r->format.quality,
+    };
+    uint32_t id;
+    *frame = NULL;
+    enum hg_status status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
+    uint64_t now = hg_clock_now_ns();
+    uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
+    uint64_t save = o->has_checkpoint ? add_s(now, o->checkpoint) : UINT64_MAX;
+    struct hg_error told = {0};
+    while (!status && !take_messages(cli, id, frame, &told)) {
+        uint64_t until = save < deadline ? save : deadline;
+        now = hg_clock_now_ns();
+        status = helio_wait(cli->h,
+            until == UINT64_MAX ? HELIO_NO_TIMEOUT
+            : until > now       ? until - now
+                                : 0,
+            err);
+        now = hg_clock_now_ns();
+        if (status == HG_E_TIMEOUT && now < deadline)
+            status = HG_OK;
+        if (status || now < save)
+            continue;
+        status = hg_cli_checkpoint_save(cli, name, job, PATIENCE_S, err);
+        if (status == HG_E_STATE) // nothing worth keeping yet
+            status = HG_OK;
+        save = add_s(hg_clock_now_ns(), o->checkpoint);
+    }
+    if (!status && told.status) {
+        status = told.status;
+        *err = told;
+    }
+    return status;
+}
+
+// What a command that is stopped leaves of the frame it was at.
+static void leave_checkpoint(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    struct hg_error err = {0};
+    if (!is_path(r) || !hg_cli_is_stopped())
+        return;
+    enum hg_status status = hg_cli_checkpoint_save(&r->cli, name, job, PATIENCE_S, &err);
+    r->left_checkpoint = status == HG_OK;
+    if (status && status != HG_E_STATE)
+        fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
+            err.reason[0] ? err.reason : hg_status_text(status));
+}
+
+static enum hg_status resume(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    uint32_t samples = 0;
+    if (!r->o->resume)
+        return HG_OK;
+    enum hg_status status = hg_cli_checkpoint_load(&r->cli, name, job, &samples, err);
+    if (!status && samples) {
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
+    }
+    return status;
+}
+
+// ---- frames ------------------------------------------------------------------------------------
+
+static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_frame *frame,
+    const char *name, uint64_t took_ns, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (frame->encoding != r->format.encoding || !frame->data.size)
+        status = hg_error_set(err, HG_E_FORMAT, "frame", "encoding",
+            "the server sent another encoding than the one asked for");
+    if (!status)
+        status = note_frame(r, frame, name, took_ns, err);
+    if (!status) {
+        r->doing = HG_CLI_DOING_OUTPUT;
+        status = hg_file_write_atomic(name, frame->data.data, frame->data.size, err);
+    }
+    if (!status && is_path(r))
+        hg_cli_checkpoint_remove(name);
+    return status;
+}
+
+static enum hg_status make_frame(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    struct helio_message *answer;
+    uint64_t begin = hg_clock_now_ns();
+    hg_cli_progress_stage(&r->cli.progress, "rendering");
+    enum hg_status status = resume(r, name, job, err);
+    if (!status)
+        status = wait_frame(r, name, job, &answer, err);
+    if (status) {
+        leave_checkpoint(r, name, job);
+        return status;
+    }
+    r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
+    status = hg_cli_check_warnings(&r->cli, err);
+    if (!status) {
+        r->doing = HG_CLI_DOING_RENDER;
+        uint64_t now = hg_clock_now_ns();
+        if (!r->first_frame_ns)
+            r->first_frame_ns = now - r->cli.begin_ns;
+        status = write_frame(r, &answer->body->frame, name, now - begin, err);
+        hg_cli_progress_frame(&r->cli.progress, now - begin);
+    }
+    helio_message_free(answer);
+    return status;
+}
+
+static enum hg_status render_frame(struct hg_cli_render *r, const char *name, struct hg_error *err)
+{
+    uint8_t job[32];
+    bool there = false;
+    r->doing = HG_CLI_DOING_RENDER;
+    enum hg_status status = ask_job(r, job, err);
+    if (!status && r->o->skip_existing)
+        status = check_existing(r, name, job, &there, err);
+    if (status)
+        return status;
+    if (!there)
+        return make_frame(r, name, job, err);
+    r->skipped++;
+    hg_cli_progress_frame(&r->cli.progress, 0);
+    return HG_OK;
+}
+
+static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
+{
+    struct hgp_animation_set animation = {
+        .asset = r->cli.scene.first_id, .animation = -1, .time_s = time_s};
+    r->doing = HG_CLI_DOING_RENDER;
+    return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
+}
+
+enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    const struct hg_cli_frames *f = &o->frames;
+    char name[4096];
+    if (!o->has_frames) {
+        enum hg_status status = o->has_at ? set_time(r, o->at, err) : HG_OK;
+        return status ? status : render_frame(r, o->output, err);
+    }
+    double fps = o->has_fps ? o->fps : 24;
+    uint32_t count = (f->last - f->first) / f->step + 1;
+    hg_cli_progress_frames(&r->cli.progress, count);
+    for (uint32_t i = 0; i < count; i++) {
+        r->next_frame = f->first + i * f->step;
+        if (!hg_cli_frame_name(o->output, r->next_frame, name, sizeof name))
+            snprintf(name, sizeof name, "%s", o->output);
+        snprintf(
+            r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
+        enum hg_status status = set_time(r, r->next_frame / fps, err);
+        if (!status)
+            status = render_frame(r, name, err);
+        if (status)
+            return status;
+    }
+    return HG_OK;
+}
+
+void hg_cli_render_stopped(const struct hg_cli_render *r)
+{
+    const struct hg_cli_frames *f = &r->o->frames;
+    if (r->o->has_frames && r->next_frame > f->first)
+        fprintf(stderr, "helio: %zu frames are written; --frames %u-%u:%u renders the rest\n",
+            json_array_size(r->frames), r->next_frame, f->last, f->step);
+    if (r->left_checkpoint)
+        fprintf(
+            stderr, "helio: stopped early; the same command with --resume goes on from there\n");
+}
+
+// ---- statistics --------------------------------------------------------------------------------
+
+static void set_ms(json_t *object, const char *key, uint64_t ns)
+{
+    json_object_set_new(object, key, json_real((double)ns / 1e6));
+}
+
+// The worker's statistics, with the newest frame's provenance and the client's own times.
+enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err)
+{
+    json_t *stats;
+    r->doing = HG_CLI_DOING_RENDER;
+    enum hg_status status = hg_cli_stats(&r->cli, &stats, err);
+    if (status)
+        return status;
+    json_t *frame = json_object_get(stats, "frame");
+    if (!json_is_object(frame)) {
+        frame = json_object();
+        json_object_set_new(stats, "frame", frame);
+    }
+    if (r->last)
+        json_object_update_missing(frame, r->last);
+    json_t *client = json_object();
+    set_ms(client, "connect_ms", r->cli.connect_ns);
+    set_ms(client, "load_ms", r->load_ns);
+    set_ms(client, "first_frame_ms", r->first_frame_ns);
+    set_ms(client, "total_ms", hg_clock_now_ns() - r->cli.begin_ns);
+    json_object_set_new(client, "uploaded_bytes", json_integer((json_int_t)r->upload_bytes));
+    json_object_set_new(client, "skipped_frames", json_integer(r->skipped));
+    json_object_set_new(client, "embedded", json_boolean(r->cli.embedded));
+    json_object_set_new(client, "version", json_string(HELIO_VERSION));
+    json_object_set_new(stats, "client", client);
+    json_object_set(stats, "frames", r->frames);
+    char *text = json_dumps(stats, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    json_decref(stats);
+    if (!text)
+        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
+    size_t length = strlen(text);
+    text[length] = '\n'; // over the terminator, which is not written
+    r->doing = HG_CLI_DOING_OUTPUT;
+    status = hg_file_write_atomic(r->o->stats_file, text, length + 1, err);
+    free(text);
+    return status;
+}

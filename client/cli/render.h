@@ -1,0 +1,48 @@
+// render.h - what the files of `helio render` share. Floor 6 (client). One thread.
+#ifndef HG_CLIENT_CLI_RENDER_H
+#define HG_CLIENT_CLI_RENDER_H
+
+#include "client/cli/cli.h"
+
+struct hg_cli_render {
+    struct hg_cli cli;
+    const struct hg_cli_options *o;
+    struct hg_cli_format format;
+    struct hg_cli_size size;
+    uint32_t planes; // bits of enum hgp_plane
+    struct hgp_asset_loaded loaded;
+    enum hg_cli_doing doing;
+    uint64_t load_ns, upload_bytes, first_frame_ns;
+    json_t *frames, *last; // one object per frame written; the newest of them (borrowed)
+    uint32_t skipped;      // files that were left as they were
+    uint32_t next_frame;   // number of the first frame that is not there yet
+    bool left_checkpoint;  // of it
+};
+
+// Writes `pattern` with the frame's number: a run of #, or %d / %0Nd. False without a place for it.
+bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size);
+
+// "depth,normal,direct", names of enum hgp_plane with - or _; `direct` and `indirect` stand for
+// their three, `cryptomatte` for its three, `all` for every one. HG_E_INVAL lists the names.
+enum hg_status hg_cli_parse_planes(
+    const char *what, const char *text, uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+
+// frames.c: renders and writes what the options ask for; the view and its camera are set.
+enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+// Says how a command that was stopped is taken up again.
+void hg_cli_render_stopped(const struct hg_cli_render *r);
+
+// checkpoint.c: the file OUT.checkpoint, which holds a film and the hash of the job it belongs to.
+
+// Asks the worker for the view's film and writes it. HG_E_STATE: there is none yet; nothing is
+// written. `seconds`: how long to wait for the answer.
+enum hg_status hg_cli_checkpoint_save(struct hg_cli *cli, const char *output, const uint8_t job[32],
+    double seconds, struct hg_error *err) HG_MUST_CHECK;
+// Gives the film of OUT.checkpoint to the view. *samples: per pixel it holds, 0 when there is no
+// file or it is of another job, cut short or damaged (said as a notice on the error stream).
+enum hg_status hg_cli_checkpoint_load(struct hg_cli *cli, const char *output, const uint8_t job[32],
+    uint32_t *samples, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_checkpoint_remove(const char *output);
+
+#endif

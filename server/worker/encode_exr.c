@@ -1,0 +1,190 @@
+// encode_exr.c - EXR frames: the picture, its planes as further parts, and where they come from.
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/image/exr.h"
+#include "server/worker/task.h"
+
+enum { ATTRIBUTES = 16 };
+
+#define PIXELS_LIMIT_BYTES (UINT64_C(4) << 30) // of all parts; the file must fit a message
+
+enum kind {
+    RADIANCE, // as the picture: its type, its exposure
+    HALVES,
+    FLOATS,
+    NUMBERS, // whole ones
+};
+
+// How a plane stands in the file.
+static const struct layout {
+    const char *suffixes[3];
+    enum kind kind;
+} layouts[HG_PLANE_COUNT] = {
+    [HG_PLANE_COLOR] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_ALBEDO] = {{"R", "G", "B"}, HALVES},
+    [HG_PLANE_NORMAL] = {{"X", "Y", "Z"}, HALVES},
+    [HG_PLANE_GEOMETRIC_NORMAL] = {{"X", "Y", "Z"}, HALVES},
+    [HG_PLANE_DEPTH] = {{"Z"}, FLOATS},
+    [HG_PLANE_POSITION] = {{"X", "Y", "Z"}, FLOATS},
+    [HG_PLANE_EMISSION] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_DIRECT_DIFFUSE] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_DIRECT_SPECULAR] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_DIRECT_TRANSMISSION] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_INDIRECT_DIFFUSE] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_INDIRECT_SPECULAR] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_INDIRECT_TRANSMISSION] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_MOTION] = {{"X", "Y"}, FLOATS},
+    [HG_PLANE_OBJECT] = {{"I"}, NUMBERS},
+    [HG_PLANE_MATERIAL] = {{"I"}, NUMBERS},
+    [HG_PLANE_SAMPLES] = {{"I"}, NUMBERS},
+    [HG_PLANE_VARIANCE] = {{"V"}, FLOATS},
+};
+
+// A file in the making; its pixel buffers and names live as long.
+struct file {
+    const struct encode_job *job;
+    struct hg_exr_part parts[ENCODE_MAX_PLANES + 1];
+    uint32_t count;
+    char names[ENCODE_MAX_PLANES + 1][4][32];
+    void *buffers[ENCODE_MAX_PLANES + 1];
+    struct hg_image_attribute attributes[ATTRIBUTES];
+    char revision[32];
+};
+
+// ---- what the file says ------------------------------------------------------------------------
+
+static void add_text(struct file *f, uint32_t *n, const char *name, const char *text)
+{
+    if (text[0])
+        f->attributes[(*n)++] =
+            (struct hg_image_attribute){.name = name, .type = HG_ATTR_STRING, .string = text};
+}
+
+static void add_number(struct file *f, uint32_t *n, const char *name, const float *value)
+{
+    f->attributes[(*n)++] =
+        (struct hg_image_attribute){.name = name, .type = HG_ATTR_FLOAT, .floats = value};
+}
+
+static uint32_t list_attributes(struct file *f, const float *time_s)
+{
+    const struct hgp_frame *frame = &f->job->frame;
+    const struct encode_notes *notes = &f->job->notes;
+    uint32_t n = 0;
+    snprintf(f->revision, sizeof f->revision, "%llu", (unsigned long long)frame->scene_revision);
+    add_text(f, &n, "heliograph:version", HELIO_VERSION);
+    add_text(f, &n, "heliograph:renderer", frame->has_mode ? "path" : "realtime");
+    add_text(f, &n, "heliograph:device", notes->device);
+    add_text(f, &n, "heliograph:sceneRevision", f->revision);
+    add_text(f, &n, ENCODE_JOB_KEY, notes->job);
+    f->attributes[n++] = (struct hg_image_attribute){
+        .name = "heliograph:samples", .type = HG_ATTR_INT, .integer = (int)frame->samples};
+    f->attributes[n++] = (struct hg_image_attribute){
+        .name = "heliograph:seed", .type = HG_ATTR_INT, .integer = (int)notes->seed};
+    add_number(f, &n, "heliograph:time", time_s);
+    add_number(f, &n, "heliograph:exposure", &notes->exposure);
+    if (frame->has_noise)
+        add_number(f, &n, "heliograph:noise", &frame->noise);
+    // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.
+    f->attributes[n++] = (struct hg_image_attribute){
+        .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = notes->world_to_camera};
+    f->attributes[n++] = (struct hg_image_attribute){
+        .name = "worldToNDC", .type = HG_ATTR_MAT4, .floats = notes->world_to_ndc};
+    return n;
+}
+
+// ---- pixels ------------------------------------------------------------------------------------
+
+// EXR holds colour times alpha by definition of the format.
+static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
+{
+    const struct encode_job *job = f->job;
+    const size_t count = (size_t)job->frame.width * job->frame.height;
+    const float *from = (const float *)job->pixels->data;
+    struct hg_exr_part *part = &f->parts[f->count];
+    *part = (struct hg_exr_part){.name = "rgba",
+        .channels = {"R", "G", "B", "A"},
+        .channel_count = job->opaque ? 3 : 4,
+        .stride = 4,
+        .type = job->frame.encoding == HGP_encoding_EXR_FLOAT ? HG_EXR_FLOAT : HG_EXR_HALF,
+        .pixels = from,
+        .size_bytes = job->pixels->size,
+        .attributes = f->attributes,
+        .attribute_count = attribute_count};
+    if (!job->opaque) {
+        float *to = hg_calloc(count, 16);
+        if (!to)
+            return HG_E_NOMEM;
+        for (size_t i = 0; i < 4 * count; i++)
+            to[i] = i % 4 == 3 ? from[i] : from[i] * from[i | 3];
+        part->pixels = f->buffers[f->count] = to;
+    }
+    f->count++;
+    return HG_OK;
+}
+
+// Values as they stand in the file: radiance with the picture's exposure, numbers as such.
+static enum hg_status convert(
+    struct file *f, const struct encode_plane *p, enum kind kind, const void **pixels)
+{
+    const float exposure = f->job->notes.exposure;
+    const size_t count = p->values->size / sizeof(float);
+    const float *from = (const float *)p->values->data;
+    *pixels = from;
+    if (kind != NUMBERS && !(kind == RADIANCE && exposure != 1.0f))
+        return HG_OK;
+    float *to = hg_calloc(count, sizeof *to);
+    if (!to)
+        return HG_E_NOMEM;
+    f->buffers[f->count] = to;
+    *pixels = to;
+    for (size_t i = 0; i < count; i++) {
+        if (kind == RADIANCE)
+            to[i] = from[i] * exposure;
+        else
+            ((uint32_t *)to)[i] = from[i] > 0 ? (uint32_t)(from[i] + 0.5f) : 0;
+    }
+    return HG_OK;
+}
+
+static enum hg_status add_plane(struct file *f, const struct encode_plane *p)
+{
+    static const enum hg_exr_type types[] = {
+        [HALVES] = HG_EXR_HALF, [FLOATS] = HG_EXR_FLOAT, [NUMBERS] = HG_EXR_UINT};
+    const struct layout *layout = &layouts[p->plane];
+    const char *name = hg_plane_name(p->plane);
+    const uint32_t channels = hg_plane_channels(p->plane);
+    struct hg_exr_part *part = &f->parts[f->count];
+    *part = (struct hg_exr_part){.name = name,
+        .channel_count = channels < 3 ? channels : 3,
+        .stride = channels,
+        .type = layout->kind == RADIANCE ? f->parts[0].type : types[layout->kind],
+        .size_bytes = p->values->size};
+    for (uint32_t i = 0; i < part->channel_count; i++) {
+        char *channel = f->names[f->count][i];
+        snprintf(channel, sizeof f->names[0][0], "%s.%s", name, layout->suffixes[i]);
+        part->channels[i] = channel;
+    }
+    enum hg_status status = convert(f, p, layout->kind, &part->pixels);
+    f->count++;
+    return status;
+}
+
+enum hg_status encode_exr(const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
+{
+    struct file f = {.job = job};
+    const uint32_t size_px[2] = {job->frame.width, job->frame.height};
+    const float time_s = (float)job->notes.time_s;
+    enum hg_status status = add_picture(&f, list_attributes(&f, &time_s));
+    for (uint32_t i = 0; !status && i < job->plane_count; i++)
+        status = add_plane(&f, &job->planes[i]);
+    if (status)
+        hg_error_set(err, status, "frame", NULL, "no memory for the parts of an EXR file");
+    else
+        status = hg_exr_encode(size_px, f.parts, f.count, PIXELS_LIMIT_BYTES, out, err);
+    for (uint32_t i = 0; i <= ENCODE_MAX_PLANES; i++)
+        hg_free(f.buffers[i]);
+    return status;
+}

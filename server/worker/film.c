@@ -1,0 +1,294 @@
+// film.c - what a view's frames are made from, what goes with them, and films kept for later.
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/sha256.h"
+#include "renderer/image/zstd.h"
+#include "renderer/scene/fingerprint.h"
+#include "server/worker/serve.h"
+
+#define FILM_LIMIT_BYTES (UINT64_C(16) << 30) // of a checkpoint when unpacked
+
+enum { ANSWER_LIMIT_BYTES = 320 << 20 };
+
+// ---- planes ------------------------------------------------------------------------------------
+
+enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err)
+{
+    static const uint8_t known[] = {
+        [HGP_plane_ALBEDO] = HG_PLANE_ALBEDO,
+        [HGP_plane_NORMAL] = HG_PLANE_NORMAL,
+        [HGP_plane_GEOMETRIC_NORMAL] = HG_PLANE_GEOMETRIC_NORMAL,
+        [HGP_plane_DEPTH] = HG_PLANE_DEPTH,
+        [HGP_plane_POSITION] = HG_PLANE_POSITION,
+        [HGP_plane_EMISSION] = HG_PLANE_EMISSION,
+        [HGP_plane_DIRECT_DIFFUSE] = HG_PLANE_DIRECT_DIFFUSE,
+        [HGP_plane_DIRECT_SPECULAR] = HG_PLANE_DIRECT_SPECULAR,
+        [HGP_plane_DIRECT_TRANSMISSION] = HG_PLANE_DIRECT_TRANSMISSION,
+        [HGP_plane_INDIRECT_DIFFUSE] = HG_PLANE_INDIRECT_DIFFUSE,
+        [HGP_plane_INDIRECT_SPECULAR] = HG_PLANE_INDIRECT_SPECULAR,
+        [HGP_plane_INDIRECT_TRANSMISSION] = HG_PLANE_INDIRECT_TRANSMISSION,
+        [HGP_plane_MOTION] = HG_PLANE_MOTION,
+        [HGP_plane_OBJECT] = HG_PLANE_OBJECT,
+        [HGP_plane_MATERIAL] = HG_PLANE_MATERIAL,
+        [HGP_plane_SAMPLES] = HG_PLANE_SAMPLES,
+        [HGP_plane_VARIANCE] = HG_PLANE_VARIANCE,
+    };
+    uint32_t found = 0;
+    for (uint32_t i = 1; i < 32; i++) {
+        if (!(bits >> i & 1))
+            continue;
+        if (i >= sizeof known || !known[i]) {
+            const char *name = hgp_enum_name("plane", i);
+            return hg_error_set(err, HG_E_UNSUPPORTED, "view_set", "planes",
+                "%s is not kept by this renderer", name ? name : "?");
+        }
+        found |= 1u << known[i];
+    }
+    *planes = found;
+    return HG_OK;
+}
+
+// ---- jobs --------------------------------------------------------------------------------------
+
+static const char *device_name(struct serve *s)
+{
+    char *text = NULL;
+    if (s->device[0] || !s->renderer || hg_renderer_device_json(s->renderer, &text))
+        return s->device;
+    json_t *root = json_loads(text, 0, NULL);
+    const char *name = json_string_value(json_object_get(root, "name"));
+    if (!name)
+        name = json_string_value(json_object_get(json_object_get(root, "device"), "name"));
+    snprintf(s->device, sizeof s->device, "%s", name ? name : "unknown");
+    json_decref(root);
+    hg_free(text);
+    return s->device;
+}
+
+static void put_floats(struct hg_writer *w, const float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        hg_write_f32(w, values[i]);
+}
+
+static void put_params(struct hg_writer *w, const struct hg_view_params *p)
+{
+    const uint32_t words[] = {p->width ? p->width : 1280, p->height ? p->height : 720,
+        (uint32_t)p->tonemap, (uint32_t)p->background, p->samples ? p->samples : 32, p->seed,
+        (uint32_t)p->debug, (uint32_t)p->mode, (uint32_t)p->trace, p->max_bounces,
+        (uint32_t)p->filter, p->planes};
+    const float floats[] = {p->exposure_ev, p->background_color[0], p->background_color[1],
+        p->background_color[2], p->error_px > 0 ? p->error_px : 1, p->noise, p->time_s,
+        p->filter_radius_px, p->clamp_indirect};
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        hg_write_u32(w, words[i]);
+    put_floats(w, floats, sizeof floats / sizeof *floats);
+}
+
+// A camera of the scene counts by its pose and lens, not by its number.
+static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const struct view_slot *v)
+{
+    const struct hg_node *node = v->camera_node ? (const struct hg_node *)hg_scene_find(
+                                                      scene, HG_OBJECT_NODE, v->camera_node)
+                                                : NULL;
+    hg_write_u8(w, node && node->camera);
+    if (node && node->camera) {
+        const struct hg_camera *c = node->camera;
+        const float lens[] = {c->vfov_rad, c->half_height, c->near, c->far};
+        put_floats(w, node->world, 16);
+        hg_write_u32(w, (uint32_t)c->kind);
+        put_floats(w, lens, 4);
+        return;
+    }
+    const struct hg_view_camera *c = &v->camera;
+    const float lens[] = {
+        c->vfov_rad, c->half_height, c->near, c->far, c->lens_radius, c->focus_distance};
+    put_floats(w, c->eye, 3);
+    put_floats(w, c->target, 3);
+    put_floats(w, c->up, 3);
+    hg_write_u8(w, c->orthographic);
+    put_floats(w, lens, 6);
+}
+
+enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
+    enum hgp_encoding encoding, uint8_t quality, uint8_t hash[32], struct hg_error *err)
+{
+    struct scene_slot *slot = session->scene;
+    const char *device = device_name(s);
+    uint8_t scene[32];
+    memset(hash, 0, 32);
+    if (!slot->fingerprint)
+        slot->fingerprint = hg_fingerprint_create();
+    if (!slot->fingerprint)
+        return hg_error_set(err, HG_E_NOMEM, "job", NULL, "no memory");
+    hg_scene_update(slot->scene);
+    enum hg_status status = hg_fingerprint_scene(slot->fingerprint, slot->scene, scene, err);
+    if (status)
+        return status;
+    struct hg_writer w = {0};
+    hg_write_bytes(&w, HELIO_VERSION, sizeof HELIO_VERSION);
+    hg_write_bytes(&w, device, strlen(device) + 1);
+    hg_write_bytes(&w, scene, sizeof scene);
+    put_params(&w, &view->params);
+    put_camera(&w, slot->scene, view);
+    hg_write_u32(&w, (uint32_t)encoding);
+    hg_write_u8(&w, encoding == HGP_encoding_JPEG ? quality : 0);
+    status = w.failed ? HG_E_NOMEM : hg_sha256(w.data, w.size, hash);
+    hg_writer_finish(&w);
+    return status ? hg_error_set(err, status, "job", NULL, "no memory") : HG_OK;
+}
+
+static struct view_slot *find_view(const struct request *r, uint32_t number)
+{
+    struct view_slot *view = session_find_view(r->session, number);
+    struct hg_error err = {0};
+    if (!view) {
+        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
+        serve_fail(r, &err);
+    }
+    return view;
+}
+
+void view_job_query(const struct request *r)
+{
+    const struct hgp_job_query *m = &r->message->job_query;
+    struct view_slot *view = find_view(r, m->view);
+    struct hgp_job answer = {.scene_revision = r->session->scene->scene->revision};
+    struct hg_error err = {0};
+    if (!view)
+        return;
+    view->job_encoding = m->has_encoding ? m->encoding : view->still_encoding;
+    view->job_quality = m->has_quality ? m->quality : view->quality;
+    if (film_job(
+            r->s, r->session, view, view->job_encoding, view->job_quality, answer.hash, &err)) {
+        serve_fail(r, &err);
+        return;
+    }
+    view->job_asked = true;
+    serve_answer(r, HGP_T_job, &answer);
+}
+
+// ---- what goes with a frame --------------------------------------------------------------------
+
+static enum hg_status read_planes(
+    struct view_slot *view, struct encode_job *job, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; !status && i < HG_PLANE_COUNT; i++) {
+        if (!(view->params.planes >> i & 1) || i == HG_PLANE_COLOR)
+            continue;
+        struct encode_plane *p = &job->planes[job->plane_count];
+        p->plane = (enum hg_plane)i;
+        status = hg_view_read_plane(view->view, p->plane, &p->values, err);
+        job->plane_count += !status;
+    }
+    return status;
+}
+
+enum hg_status film_attach(struct serve *s, struct session *session, struct view_slot *view,
+    struct encode_job *job, struct hg_error *err)
+{
+    struct encode_notes *notes = &job->notes;
+    struct hgp_frame *frame = &job->frame;
+    enum hg_status status = HG_OK;
+    if (frame->settled && view->job_asked) {
+        status = film_job(s, session, view, frame->encoding, job->quality, frame->job, err);
+        frame->has_job = !status;
+        if (!status)
+            hg_sha256_hex(frame->job, notes->job);
+    }
+    if (status ||
+        (frame->encoding != HGP_encoding_EXR_HALF && frame->encoding != HGP_encoding_EXR_FLOAT))
+        return status;
+    struct hg_view_matrices matrices;
+    hg_view_matrices(view->view, &matrices);
+    memcpy(notes->world_to_camera, matrices.world_to_camera, sizeof notes->world_to_camera);
+    memcpy(notes->world_to_ndc, matrices.world_to_ndc, sizeof notes->world_to_ndc);
+    snprintf(notes->device, sizeof notes->device, "%s", device_name(s));
+    notes->seed = view->params.seed;
+    notes->time_s = session->scene->time_s;
+    notes->exposure = exp2f(view->params.exposure_ev);
+    return view->params.planes ? read_planes(view, job, err) : HG_OK;
+}
+
+// ---- films kept for later ----------------------------------------------------------------------
+
+// A checkpoint: u64 size, then the film packed by zstd.
+static enum hg_status pack(
+    const struct hg_refbuf *film, struct hg_writer *out, struct hg_error *err)
+{
+    hg_write_u64(out, film->size);
+    enum hg_status status = hg_zstd_encode(film->data, film->size, 1, out, err);
+    if (!status && out->size > ANSWER_LIMIT_BYTES)
+        status = hg_error_set(err, HG_E_LIMIT, "checkpoint", NULL,
+            "%zu bytes are more than a message holds (%d)", out->size, ANSWER_LIMIT_BYTES);
+    return status;
+}
+
+void view_checkpoint_query(const struct request *r)
+{
+    struct view_slot *view = find_view(r, r->message->checkpoint_query.view);
+    struct hg_error err = {0};
+    struct hg_refbuf *film = NULL;
+    struct hg_writer data = {0};
+    if (!view)
+        return;
+    struct hgp_checkpoint answer = {.samples = view->info.samples};
+    enum hgp_encoding encoding = view->job_asked ? view->job_encoding : view->still_encoding;
+    uint8_t quality = view->job_asked ? view->job_quality : view->quality;
+    enum hg_status status = hg_view_save(view->view, &film, &err);
+    if (!status)
+        status = film_job(r->s, r->session, view, encoding, quality, answer.job, &err);
+    if (!status)
+        status = pack(film, &data, &err);
+    if (status) {
+        serve_fail(r, &err);
+    } else {
+        answer.data = (struct hgp_bytes){data.data, (uint32_t)data.size};
+        serve_answer(r, HGP_T_checkpoint, &answer);
+    }
+    hg_writer_finish(&data);
+    hg_refbuf_unref(film);
+}
+
+static enum hg_status unpack(
+    const struct hgp_bytes *data, void **film, uint64_t *size, struct hg_error *err)
+{
+    struct hg_reader r = hg_reader_make(data->data, data->size);
+    *film = NULL;
+    *size = hg_read_u64(&r);
+    if (r.failed || *size < 1)
+        return hg_error_set(err, HG_E_FORMAT, "checkpoint_set", "data", "not a checkpoint");
+    if (*size > FILM_LIMIT_BYTES)
+        return hg_error_set(err, HG_E_LIMIT, "checkpoint_set", "data", "%llu bytes of film",
+            (unsigned long long)*size);
+    *film = hg_calloc(1, (size_t)*size);
+    if (!*film)
+        return hg_error_set(err, HG_E_NOMEM, "checkpoint_set", NULL, "no memory for the film");
+    return hg_zstd_decode(r.data + r.pos, r.size - r.pos, *film, (size_t)*size, err);
+}
+
+void view_checkpoint_set(const struct request *r)
+{
+    const struct hgp_checkpoint_set *m = &r->message->checkpoint_set;
+    struct view_slot *view = find_view(r, m->view);
+    struct hg_error err = {0};
+    void *film;
+    uint64_t size;
+    if (!view)
+        return;
+    enum hg_status status = unpack(&m->data, &film, &size, &err);
+    if (!status)
+        status = hg_view_load(view->view, film, size, &err);
+    hg_free(film);
+    if (status) {
+        serve_fail(r, &err);
+        return;
+    }
+    view->failed = false;
+    serve_ok(r);
+}
