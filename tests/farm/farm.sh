@@ -1,0 +1,118 @@
+#!/bin/bash
+# farm.sh - many frames on machines that stop: whole files, files that are there already, commands that
+# are killed and run again, embedded and through a daemon. Uses HELIO_BUILD_DIR and HELIO_TEST_DATA.
+set -u
+helio=$HELIO_BUILD_DIR/bin/helio
+heliod=$HELIO_BUILD_DIR/bin/heliod
+data=$HELIO_TEST_DATA
+tmpdir=${TMPDIR:-}
+[ ${#tmpdir} -lt 64 ] || export TMPDIR=/tmp # names of sockets have room for 108 bytes
+temp=$(mktemp -d)
+daemon= client=
+trap 'kill $client $daemon 2>/dev/null; wait 2>/dev/null; rm -rf "$temp"' EXIT
+export XDG_CACHE_HOME=$temp/cache
+failures=0
+
+fail() { echo "FAILED: $*"; failures=$((failures + 1)); }
+expect() { # code command...
+    local want=$1 got
+    shift
+    "$@" >"$temp/out" 2>&1
+    got=$?
+    [ "$got" = "$want" ] || fail "exit $got instead of $want: $* ($(tail -n 2 "$temp/out"))"
+}
+same() { cmp "$1" "$2" || fail "$1 and $2 differ"; }
+told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not told: $(tail -n 3 "$temp/out")"; }
+stat_is() { # key value
+    grep -q "\"$1\": $2,\?\$" "$temp/stats.json" || fail "$1 is not $2: $(grep "\"$1\"" "$temp/stats.json")"
+}
+need() { [ -e "$1" ] || { echo "$1 is missing"; exit 1; }; }
+until_true() { # command...: waits for it, a minute at most
+    for i in $(seq 1200); do "$@" && return 0; sleep 0.05; done
+    fail "never came true: $*"
+}
+
+fox=$data/khronos/Fox/glTF-Binary/Fox.glb
+duck=$data/khronos/Duck/glTF/Duck.gltf
+for file in "$helio" "$heliod" "$fox" "$duck"; do need "$file"; done
+
+render() { # folder options...: twelve frames of the fox
+    local folder=$1
+    shift
+    ${run:-} "$helio" render "$fox" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --frames 0-22:2 --fps 20 \
+        --stats "$temp/stats.json" "$@"
+}
+mkdir "$temp/once" "$temp/again"
+expect 0 render once --progress json
+told '"of":"frame 1 of 12"'
+told '"left_s"'
+
+# What is there and whole is left alone; what is cut short, damaged, of another frame or of another
+# program is made again, and then all is as it was.
+cp "$temp"/once/*.png "$temp/again"
+expect 0 render again --skip-existing
+stat_is skipped_frames 12
+truncate -s -20 "$temp/again/f-02.png"
+printf 'x' | dd of="$temp/again/f-04.png" bs=1 seek=200 conv=notrunc 2>/dev/null
+cp "$temp/once/f-00.png" "$temp/again/f-06.png"
+echo "not a picture" >"$temp/again/f-08.png"
+: >"$temp/again/f-10.png"
+rm "$temp/again/f-12.png"
+expect 0 render again --skip-existing
+stat_is skipped_frames 6
+told 'f-06.png: was made from something else; it is made again'
+told 'f-02.png: .*; it is made again'
+for f in "$temp"/once/*.png; do same "$f" "$temp/again/${f##*/}"; done
+expect 0 render again --skip-existing --seed 1 --frames 0-0
+stat_is skipped_frames 0
+
+# Other kinds of files.
+for kind in exr jpg; do
+    one=("$helio" render "$duck" -o "$temp/one.$kind" --size 64x48 --samples 2 --skip-existing
+        --stats "$temp/stats.json")
+    expect 0 "${one[@]}"
+    stat_is skipped_frames 0
+    cp "$temp/one.$kind" "$temp/kept.$kind"
+    expect 0 "${one[@]}"
+    stat_is skipped_frames 1
+    truncate -s -9 "$temp/one.$kind"
+    expect 0 "${one[@]}"
+    stat_is skipped_frames 0
+    same "$temp/one.$kind" "$temp/kept.$kind"
+    expect 0 "${one[@]}" --exposure 1
+    stat_is skipped_frames 0
+done
+
+# The same scene elsewhere, through a daemon, is the same job.
+url=unix:$temp/sock
+"$heliod" --listen "$url" --asset-root "$data" --asset-root "$temp" --log warn &
+daemon=$!
+answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
+until_true answers
+expect 0 render once --skip-existing --connect "$url"
+stat_is skipped_frames 12
+expect 0 render once --skip-existing --connect "$url" --upload
+stat_is skipped_frames 12
+mkdir "$temp/moved"
+cp "$fox" "$temp/moved/renamed.glb"
+fox=$temp/moved/renamed.glb expect 0 render once --skip-existing
+stat_is skipped_frames 12
+
+# Killed in the middle: whole files only; the same command finishes the rest.
+mkdir "$temp/killed"
+: >"$temp/out"
+run=exec render killed --progress none >"$temp/out" 2>&1 & # in place of the shell: it gets the signal
+client=$!
+begun() { [ -e "$temp/killed/f-04.png" ] || ! kill -0 $client 2>/dev/null; }
+until_true begun
+kill -TERM $client
+wait $client
+code=$?
+[ $code = 8 ] || fail "exit $code instead of 8 when stopped"
+ls "$temp/killed" | grep -v '^f-[0-9][0-9]\.png$' && fail "a stopped command left something else"
+[ -e "$temp/killed/f-22.png" ] && fail "the command was not stopped"
+expect 0 render killed --skip-existing
+for f in "$temp"/once/*.png; do same "$f" "$temp/killed/${f##*/}"; done
+
+[ $failures = 0 ] || exit 1
+echo "farm: good"
