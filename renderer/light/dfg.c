@@ -82,7 +82,60 @@ static void fill_row(void *user, size_t row)
     out[HG_DFG_SIZE * HG_DFG_SIZE + row] = (struct hg_vec2){(float)sum[0], (float)sum[1]};
 }
 
+// --- sheen ---------------------------------------------------------------------------------------
+
+// Lambda of the distribution. Estevez and Kulla 2017, section 3, fitted.
+static float sheen_l(float x, float alpha)
+{
+    const float t = (1 - alpha) * (1 - alpha);
+    const float a = 21.5473f + t * (25.3245f - 21.5473f), b = 3.82987f + t * (3.32435f - 3.82987f);
+    const float c = 0.19823f + t * (0.16801f - 0.19823f), d = -1.97760f + t * (1.97760f - 1.27393f);
+    const float e = -4.32054f + t * (4.32054f - 4.85967f);
+    return a / (1 + b * powf(x, c)) + d * x + e;
+}
+
+static float sheen_lambda(float x, float alpha)
+{
+    return x < 0.5f ? expf(sheen_l(x, alpha))
+                    : expf(2 * sheen_l(0.5f, alpha) - sheen_l(1 - x, alpha));
+}
+
+float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
+{
+    const float alpha = fmaxf(roughness * roughness, HG_SHEEN_MIN_ALPHA);
+    const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
+    const float lambda_v = sheen_lambda(n_dot_v, alpha);
+    double sum = 0;
+    for (uint32_t j = 0; j < n; j++) {
+        // Cosines t^2: grazing directions, which get most of it, lie denser.
+        const float t = ((float)j + 0.5f) / (float)n, z = t * t, s = sqrtf(1 - z * z);
+        const float lambda = sheen_lambda(z, alpha) + lambda_v;
+        double ring = 0;
+        for (uint32_t i = 0; i < n; i++) {
+            const float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n;
+            float h[3] = {v[0] + s * cosf(phi), s * sinf(phi), v[2] + z};
+            const float scale = 1 / hg_dot3(h, h), sin2 = (h[0] * h[0] + h[1] * h[1]) * scale;
+            ring += (double)powf(sin2, 0.5f / alpha);
+        }
+        sum += ring * (double)(2 * t / ((1 + lambda) * 4 * n_dot_v));
+    }
+    // D of the rest: (2 + 1 / alpha) / 2 pi; both halves of the ring: 2 pi.
+    return (float)(sum * (double)(2 + 1 / alpha) / ((double)n * n));
+}
+
+static void fill_sheen(void *user, size_t row)
+{
+    struct hg_vec2 *out = user;
+    out += HG_SHEEN_FIRST + row * HG_SHEEN_SIZE;
+    for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++) {
+        const float s = (float)i / (HG_SHEEN_SIZE - 1);
+        const float roughness = (float)row / (HG_SHEEN_SIZE - 1);
+        out[i].x = fminf(hg_sheen_integrate(fmaxf(s * s, 1e-3f), roughness, 64) / HG_SHEEN_MOST, 1);
+    }
+}
+
 void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
 {
     hg_jobs_for(jobs, HG_DFG_SIZE, fill_row, out);
+    hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen, out);
 }

@@ -1,12 +1,26 @@
 // bsdf.glsl - everything that happens to light at one surface point: evaluate, sample, pdf.
 //
 // Include lib/frame.glsl and lib/material.glsl first. Directions leave the surface, unit length,
-// world space. The base layer is hg_brdf (lib/brdf.glsl), so that real-time passes and the path
-// tracer agree.
+// world space; v leads to where the ray came from. Real-time passes and the path tracer share all of
+// it. The layers are those of appendix B of the glTF 2.0 specification and of KHR_materials_*:
+//
+//   clearcoat over sheen over base,  base = mix(dielectric, metal, metallic)
+//   dielectric = specular reflection over mix(mix(diffuse, diffuse behind), transmission)
+//
+// The base is hg_brdf (lib/brdf.glsl) where there is nothing else. What the specification leaves
+// open, or cannot be had from it with energy kept:
+// - Layers let through T = (1 - clearcoat E_coat) (1 - max(sheen) E_sheen). Specular lobes below get
+//   min(T(v), T(l)), as the specification scales albedo below sheen, but for the coat too: it is
+//   reciprocal and never gains energy. Diffuse ones get S(v) S(l) / S_avg with S = T (1 - E), which
+//   is reciprocal and exact: E is the albedo of the specular part, S_avg the cosine-weighted mean.
+// - Where light goes through, reflection takes Fresnel's equations in place of Schlick's
+//   approximation, scaled to the material's f0 and f90: both sides and total reflection are right.
+// - Radiance is scaled with (n_v / n_l)^2 where the path changes its medium.
 #ifndef HG_LIB_BSDF_GLSL
 #define HG_LIB_BSDF_GLSL
 
 #include "lib/brdf.glsl"
+#include "lib/lobes.glsl"
 #include "lib/material.glsl"
 
 // Bits of hg_bsdf_sample_result.lobe.
@@ -20,11 +34,33 @@
 
 struct hg_bsdf {
     hg_brdf base;
-    bool delta;         // the base's specular lobe is a mirror
-    bool thin;          // transmission does not lead into another medium
-    float eta;          // index of refraction behind the surface over that in front of it
-    vec3 attenuation;   // of the medium behind the surface, 1 / m (hg_bsdf_attenuation)
-    float p_specular;   // of hg_bsdf_sample
+    bool delta;          // the base's specular lobe is a mirror
+    float p_specular;    // probabilities of hg_bsdf_sample; specular includes transmission
+    // All that follows is for HG_FEATURE_LOBES.
+    float p_coat, p_sheen, p_behind; // the rest is p_diffuse
+    float p_diffuse;
+    vec3 t, s;           // tangent frame with base.n
+    vec3 v_ts;
+    vec2 alpha;          // along t and s
+    float mean_roughness; // of the tables of albedo
+    vec3 f0_dielectric;
+    float f90, f90_dielectric;
+    float metallic;
+    float eta;           // index of refraction behind the surface over that in front of it
+    bool thin;           // transmission does not lead into another medium
+    bool inside;         // the ray came from inside of a volume
+    float transmission;  // share of all, metals taken off
+    vec3 tint;           // of transmission, f0 of metal: the base colour
+    vec3 behind;         // colour of what is diffusely transmitted, times its share
+    vec3 attenuation;    // of the medium behind the surface, 1 / m (hg_bsdf_attenuation)
+    float iridescence, film_ior, film_nm;
+    vec3 coat_n;
+    float coat, coat_roughness, coat_alpha, coat_n_dot_v;
+    bool coat_delta;
+    vec3 sheen;
+    float sheen_max, sheen_roughness, sheen_albedo_v;
+    float coat_v, through_v; // T(v): of the coat, of all layers
+    float enter_v, enter_avg; // S(v), S_avg
 };
 
 struct hg_bsdf_sample_result {
@@ -40,8 +76,220 @@ vec3 hg_bsdf_attenuation(vec3 attenuation, float distance)
     return exp(-attenuation * distance);
 }
 
-// view leads to where the ray came from; s.normal faces it. ior_outside: of the medium around closed
-// surfaces, 1 for air.
+// For path tracing dispersion: gives the surface the index of one channel, chosen by u at the first
+// surface that disperses (`channel` is 3 before). Returns what the path's throughput is multiplied
+// with: three times its colour in that channel, so that the mean is right.
+vec3 hg_surface_disperse(inout hg_surface s, inout uint channel, float u)
+{
+    if (!HG_HAS(HG_FEATURE_TRANSMISSION) || s.dispersion <= 0.0 || s.transmission <= 0.0)
+        return vec3(1.0);
+    vec3 factor = vec3(1.0);
+    if (channel > 2u) {
+        channel = min(uint(u * 3.0), 2u);
+        factor = vec3(channel == 0u, channel == 1u, channel == 2u) * 3.0;
+    }
+    s.ior = hg_dispersed_ior(s.ior, s.dispersion, channel);
+    s.f0 = hg_ior_f0(s.ior);
+    return factor;
+}
+
+// --- albedos -------------------------------------------------------------------------------------
+
+// a and b of the split sum in a direction.
+vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
+{
+    float c = abs(w_ts.z);
+    if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y)
+        c = hg_aniso_cosine(w_ts, b.alpha, b.mean_roughness);
+    return hg_dfg(c, b.mean_roughness);
+}
+
+// f0 of the Schlick term that equals the film's reflectance at this angle.
+vec3 hg_bsdf_film_f0(hg_bsdf b, float cos_theta)
+{
+    float w = min(hg_schlick_weight(cos_theta), 0.999);
+    vec3 film = hg_film_fresnel(cos_theta, b.film_ior, b.film_nm, b.base.f0);
+    return clamp((film - w) / (1.0 - w), 0.0, 1.0);
+}
+
+// Share of light that the dielectric's specular part keeps from what is below, its largest channel.
+float hg_bsdf_dielectric_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+{
+    float miss = 1.0 - dfg.x - dfg.y;
+    float e = b.base.f0_dielectric * dfg.x + b.f90_dielectric * dfg.y + b.base.f_ms_dielectric * miss;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
+        float film = hg_max3(hg_bsdf_film_f0(b, cos_theta));
+        e = mix(e, film * dfg.x + dfg.y + b.base.f_ms_dielectric * miss, b.iridescence);
+    }
+    return min(e, 1.0);
+}
+
+// Share of light that the coat lets through; a coat that faces away does nothing.
+float hg_bsdf_coat_through(hg_bsdf b, float cos_theta)
+{
+    if (!HG_HAS(HG_FEATURE_CLEARCOAT) || cos_theta <= 0.0)
+        return 1.0;
+    vec2 dfg = hg_dfg(cos_theta, b.coat_roughness);
+    return 1.0 - b.coat * (HG_DIELECTRIC_F0 * dfg.x + dfg.y);
+}
+
+float hg_bsdf_sheen_through(hg_bsdf b, float albedo)
+{
+    return 1.0 - b.sheen_max * min(albedo, 1.0);
+}
+
+// T of both layers, for cosines against the coat's normal and against the base's.
+float hg_bsdf_through(hg_bsdf b, float coat_cos, float cos_theta)
+{
+    float through = hg_bsdf_coat_through(b, coat_cos);
+    if (HG_HAS(HG_FEATURE_SHEEN))
+        through *= hg_bsdf_sheen_through(b, hg_sheen_albedo(cos_theta, b.sheen_roughness));
+    return through;
+}
+
+// Cosine-weighted mean of S: Gauss-Legendre over cos^2, which layers bend.
+float hg_bsdf_enter_average(hg_bsdf b)
+{
+    const vec4 x = vec4(0.06943184, 0.33000948, 0.66999052, 0.93056816);
+    const vec4 w = vec4(0.17392742, 0.32607258, 0.32607258, 0.17392742);
+    float sum = 0.0;
+    for (int i = 0; i < 4; i++) {
+        float c = sqrt(x[i]);
+        vec2 dfg = hg_dfg(c, b.mean_roughness);
+        sum += w[i] * hg_bsdf_through(b, c, c) * (1.0 - hg_bsdf_dielectric_albedo(b, c, dfg));
+    }
+    return max(sum, 1e-4);
+}
+
+// --- making one ----------------------------------------------------------------------------------
+
+// The base's parameters where the dielectric has a colour, another index or another f90.
+void hg_bsdf_make_base(inout hg_bsdf b, hg_surface s, float f0)
+{
+    b.f0_dielectric = min(vec3(f0) * s.specular_color, 1.0) * s.specular;
+    b.f90_dielectric = s.specular;
+    b.metallic = clamp(s.metallic, 0.0, 1.0);
+    b.f90 = mix(b.f90_dielectric, 1.0, b.metallic);
+    b.base.f0_dielectric = hg_max3(b.f0_dielectric);
+    b.base.f0 = mix(b.f0_dielectric, s.base_color, b.metallic);
+    vec3 d = vec3(dot(b.t, b.base.v), dot(b.s, b.base.v), dot(b.base.n, b.base.v));
+    b.v_ts = normalize(vec3(d.xy, max(d.z, 1e-4)));
+    b.alpha = vec2(b.base.alpha);
+    b.mean_roughness = b.base.roughness;
+    if (HG_HAS(HG_FEATURE_ANISOTROPY)) {
+        b.alpha = hg_aniso_alpha(b.base.alpha, s.anisotropy);
+        if (b.alpha.x != b.alpha.y)
+            b.mean_roughness = hg_aniso_roughness(b.alpha);
+    }
+    b.base.dfg_v = hg_bsdf_dfg(b, b.v_ts);
+    b.base.dfg_avg = hg_dfg_average(b.mean_roughness);
+    float e_avg = b.base.dfg_avg.x + b.base.dfg_avg.y;
+    // The mean of Schlick's term with f90 is f0 + (f90 - f0) / 21, linear as with 1.
+    vec3 shift = vec3(20.0 / 21.0 * b.f0_dielectric + b.f90_dielectric / 21.0);
+    vec3 ms = shift * shift * e_avg / (1.0 - shift * (1.0 - e_avg));
+    b.base.f_ms_dielectric = hg_max3(ms);
+    b.base.f_ms = mix(ms, hg_multiple_scattering_color(s.base_color, e_avg), b.metallic);
+}
+
+void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
+{
+    b.coat = 0.0;
+    b.coat_v = 1.0;
+    b.coat_n = b.base.n;
+    b.coat_n_dot_v = b.base.n_dot_v;
+    b.coat_delta = false;
+    b.coat_roughness = b.coat_alpha = 0.0;
+    if (HG_HAS(HG_FEATURE_CLEARCOAT)) {
+        b.coat_n = s.clearcoat_normal;
+        b.coat_n_dot_v = max(dot(b.coat_n, b.base.v), 1e-4);
+        b.coat_roughness = clamp(s.clearcoat_roughness, 0.0, 1.0);
+        float clamped = max(b.coat_roughness, HG_MIN_ROUGHNESS);
+        b.coat_alpha = clamped * clamped;
+        b.coat_delta = b.coat_roughness < HG_DELTA_ROUGHNESS;
+        b.coat = s.clearcoat;
+        b.coat_v = b.inside ? 1.0 : hg_bsdf_coat_through(b, dot(b.coat_n, b.base.v));
+    }
+    b.sheen = vec3(0.0);
+    b.sheen_max = b.sheen_albedo_v = 0.0;
+    b.sheen_roughness = s.sheen_roughness;
+    b.through_v = b.coat_v;
+    if (HG_HAS(HG_FEATURE_SHEEN)) {
+        b.sheen = s.sheen_color;
+        b.sheen_max = min(hg_max3(b.sheen), 1.0);
+        b.sheen_albedo_v = hg_sheen_albedo(b.base.n_dot_v, b.sheen_roughness);
+        b.through_v *= b.inside ? 1.0 : hg_bsdf_sheen_through(b, b.sheen_albedo_v);
+    }
+}
+
+// Shares of what leaves under uniform light, about: the chances of the lobes.
+void hg_bsdf_make_chances(inout hg_bsdf b)
+{
+    float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
+    float e_d = hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v);
+    vec3 reflected = b.base.f0 * b.base.dfg_v.x + b.f90 * b.base.dfg_v.y;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
+        reflected = max(reflected, vec3(e_d));
+    float through = b.transmission * hg_max3(b.tint) * (1.0 - e_d);
+    float wide = b.thin ? through * miss : 0.0; // scattered twice or more, to both sides
+    float specular = hg_max3(reflected) + through;
+    float diffuse =
+        hg_max3(b.base.diffuse) * (1.0 - e_d) + hg_max3(b.base.f_ms) * miss + 0.5 * wide;
+    float behind = hg_max3(b.behind) * (1.0 - e_d) + 0.5 * wide;
+    specular = max(specular, 0.1 * (specular + diffuse + behind)) * b.through_v;
+    diffuse *= b.through_v;
+    behind *= b.through_v;
+    float coat = b.inside ? 0.0 : 1.0 - b.coat_v;
+    float sheen = b.inside ? 0.0 : b.sheen_max * min(b.sheen_albedo_v, 1.0) * b.coat_v;
+    float sum = 1.0 / max(specular + diffuse + behind + coat + sheen, 1e-6);
+    b.p_coat = coat * sum;
+    b.p_sheen = sheen * sum;
+    b.p_specular = specular * sum;
+    b.p_diffuse = diffuse * sum;
+    b.p_behind = behind * sum;
+}
+
+void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
+{
+    hg_basis(b.base.n, b.t, b.s);
+    if (HG_HAS(HG_FEATURE_ANISOTROPY)) {
+        b.t = hg_orthogonal(s.tangent, b.base.n);
+        b.s = cross(b.base.n, b.t);
+    }
+    bool lets_through = (HG_HAS(HG_FEATURE_TRANSMISSION) && s.transmission > 0.0) ||
+        (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && s.diffuse_transmission > 0.0);
+    b.thin = s.thickness <= 0.0 || !lets_through;
+    b.inside = !b.thin && !s.front;
+    b.attenuation = s.attenuation;
+    float ior = s.ior, f0 = s.f0;
+    if (ior_outside != 1.0) {
+        float root = sqrt(min(s.f0, 0.9999));
+        ior = (1.0 + root) / (1.0 - root);
+        f0 = hg_ior_f0(ior / ior_outside);
+    }
+    b.eta = b.inside ? ior_outside / ior : ior / ior_outside;
+    hg_bsdf_make_base(b, s, f0);
+    float dielectric = 1.0 - b.metallic;
+    b.transmission = HG_HAS(HG_FEATURE_TRANSMISSION) ? s.transmission * dielectric : 0.0;
+    b.tint = s.base_color;
+    b.iridescence = b.film_ior = b.film_nm = 0.0;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE)) {
+        b.iridescence = s.iridescence_nm > 0.0 ? s.iridescence : 0.0;
+        b.film_ior = s.iridescence_ior;
+        b.film_nm = s.iridescence_nm;
+    }
+    float spread = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) ? s.diffuse_transmission : 0.0;
+    float opaque = HG_HAS(HG_FEATURE_TRANSMISSION) ? dielectric * (1.0 - s.transmission) : dielectric;
+    b.base.diffuse = s.base_color * (opaque * (1.0 - spread));
+    b.behind = s.diffuse_transmission_color * (opaque * spread);
+    hg_bsdf_make_layers(b, s);
+    b.enter_v =
+        b.through_v * (1.0 - hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v));
+    b.enter_avg = hg_bsdf_enter_average(b);
+    b.delta = b.delta && b.alpha.x < 1e-2;
+    hg_bsdf_make_chances(b);
+}
+
+// s.normal faces view_ws. ior_outside: of the medium around closed surfaces, 1 for air.
 hg_bsdf hg_bsdf_make(hg_surface s, vec3 view_ws, float ior_outside)
 {
     hg_bsdf b;
@@ -49,12 +297,26 @@ hg_bsdf hg_bsdf_make(hg_surface s, vec3 view_ws, float ior_outside)
     vec3 n = n_dot_v < 1e-3 ? normalize(s.normal + view_ws * (1e-3 - n_dot_v)) : s.normal;
     b.base = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, n, view_ws);
     b.delta = s.roughness < HG_DELTA_ROUGHNESS;
-    b.thin = true;
-    b.eta = 1.0;
-    b.attenuation = vec3(0.0);
     b.p_specular = hg_brdf_specular_probability(b.base);
+    if (HG_HAS(HG_FEATURE_LOBES))
+        hg_bsdf_make_lobes(b, s, ior_outside);
+    else {
+        b.thin = true;
+        b.inside = false;
+        b.eta = 1.0;
+        b.transmission = 0.0;
+        b.attenuation = vec3(0.0);
+    }
     return b;
 }
+
+// Emission towards v below the coat, of what the material emits.
+vec3 hg_bsdf_emission(hg_bsdf b, vec3 emissive)
+{
+    return HG_HAS(HG_FEATURE_CLEARCOAT) ? emissive * b.coat_v : emissive;
+}
+
+// --- the base alone ------------------------------------------------------------------------------
 
 // Diffuse and multiple-scattering parts of the base, f n.l.
 vec3 hg_bsdf_evaluate_wide(hg_brdf b, float n_dot_l)
@@ -68,8 +330,7 @@ vec3 hg_bsdf_evaluate_wide(hg_brdf b, float n_dot_l)
         (HG_INV_PI * n_dot_l);
 }
 
-// f(v, l) |n.l| of all lobes that are not delta, and the density of hg_bsdf_sample.
-vec3 hg_bsdf_evaluate(hg_bsdf b, vec3 l, out float pdf)
+vec3 hg_bsdf_evaluate_base(hg_bsdf b, vec3 l, out float pdf)
 {
     float n_dot_l = min(dot(b.base.n, l), 1.0);
     pdf = 0.0;
@@ -83,8 +344,7 @@ vec3 hg_bsdf_evaluate(hg_bsdf b, vec3 l, out float pdf)
     return hg_brdf_evaluate(b.base, l);
 }
 
-// Direction of an incoming path for three random numbers in [0, 1).
-hg_bsdf_sample_result hg_bsdf_sample(hg_bsdf b, vec3 u)
+hg_bsdf_sample_result hg_bsdf_sample_base(hg_bsdf b, vec3 u)
 {
     hg_bsdf_sample_result r;
     bool specular = u.z < b.p_specular;
@@ -97,9 +357,276 @@ hg_bsdf_sample_result hg_bsdf_sample(hg_bsdf b, vec3 u)
         return r;
     }
     r.direction = hg_brdf_sample(b.base, u);
-    vec3 f = hg_bsdf_evaluate(b, r.direction, r.pdf);
+    vec3 f = hg_bsdf_evaluate_base(b, r.direction, r.pdf);
     r.weight = r.pdf > 0.0 ? f / r.pdf : vec3(0.0);
     return r;
+}
+
+// --- facets: reflection and transmission ---------------------------------------------------------
+
+// What a facet does: colours that it reflects and lets through, and the chance that it reflects.
+struct hg_facet_light {
+    vec3 reflected, transmitted;
+    float p_reflect;
+};
+
+// v_dot_h: against the facet's normal on the side of v.
+hg_facet_light hg_bsdf_facet(hg_bsdf b, float v_dot_h)
+{
+    float schlick = hg_schlick_weight(v_dot_h), w = schlick, outside = v_dot_h;
+    bool total = false;
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
+        float exact = hg_fresnel_dielectric(v_dot_h, b.eta), normal = hg_ior_f0(b.eta);
+        total = exact >= 1.0 && b.eta < 1.0;
+        w = clamp((exact - normal) / max(1.0 - normal, 1e-6), 0.0, 1.0);
+        if (b.inside) // the angle in front of the film
+            outside = sqrt(max(1.0 - (1.0 - v_dot_h * v_dot_h) / (b.eta * b.eta), 0.0));
+    }
+    vec3 dielectric = b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * w;
+    hg_facet_light f;
+    f.reflected = mix(dielectric, b.tint + (1.0 - b.tint) * schlick, b.metallic);
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
+        vec3 film = hg_film_fresnel(outside, b.film_ior, b.film_nm, b.base.f0);
+        f.reflected = mix(f.reflected, film, b.iridescence);
+        dielectric = mix(dielectric, film, b.iridescence);
+    }
+    f.transmitted = vec3(0.0);
+    f.p_reflect = 1.0;
+    if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.transmission <= 0.0)
+        return f;
+    if (total) {
+        f.reflected = mix(vec3(1.0), f.reflected, b.metallic);
+        dielectric = vec3(1.0);
+    }
+    f.transmitted = b.tint * (1.0 - dielectric) * b.transmission;
+    float r = hg_max3(f.reflected), t = hg_max3(f.transmitted);
+    f.p_reflect = r / max(r + t, 1e-9);
+    return f;
+}
+
+// f |cos| of single scattering without layers, and its density within the specular lobe.
+vec3 hg_bsdf_evaluate_facets(hg_bsdf b, vec3 l_ts, out float pdf)
+{
+    bool behind = l_ts.z < 0.0;
+    vec3 up = vec3(l_ts.xy, abs(l_ts.z)); // thin-walled: reflected, then let through
+    bool bent = behind && !b.thin;
+    vec3 h = bent ? b.v_ts + b.eta * l_ts : b.v_ts + up;
+    h *= inversesqrt(max(dot(h, h), 1e-20));
+    h *= h.z < 0.0 ? -1.0 : 1.0;
+    float v_dot_h = min(dot(b.v_ts, h), 1.0), l_dot_h = dot(l_ts, h);
+    pdf = 0.0;
+    if (v_dot_h <= 0.0 || (bent && l_dot_h >= 0.0))
+        return vec3(0.0);
+    float lambda_v = hg_aniso_lambda(b.v_ts, b.alpha), lambda_l = hg_aniso_lambda(up, b.alpha);
+    float d = hg_aniso_d(h, b.alpha);
+    float g2 = 1.0 / (1.0 + lambda_v + lambda_l); // Heitz 2014 eq. 99
+    hg_facet_light f = hg_bsdf_facet(b, v_dot_h);
+    // Density of facets seen from v, and of directions over that of facets: Walter et al. 2007
+    // eq. 14 and 17.
+    float jacobian = 1.0 / (4.0 * v_dot_h), scale = 1.0;
+    if (bent) {
+        float k = v_dot_h + b.eta * l_dot_h;
+        jacobian = b.eta * b.eta * -l_dot_h / max(k * k, 1e-12);
+        scale = 1.0 / (b.eta * b.eta);
+    }
+    float seen = d * v_dot_h / b.v_ts.z * jacobian; // without shadowing of either side
+    pdf = seen / (1.0 + lambda_v) * (behind ? 1.0 - f.p_reflect : f.p_reflect);
+    return (behind ? f.transmitted * scale : f.reflected) * (seen * g2);
+}
+
+// --- wide lobes: diffuse to both sides, multiple scattering --------------------------------------
+
+// f |cos| without the layers above multiple scattering (through_l: T(l)).
+vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, float through_l)
+{
+    float cos_l = abs(l_ts.z), shape = HG_INV_PI * cos_l;
+    bool behind = l_ts.z < 0.0;
+    vec2 dfg_l = hg_bsdf_dfg(b, l_ts);
+    float miss_v = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
+    float miss_l = 1.0 - dfg_l.x - dfg_l.y;
+    float miss_avg = max(1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y, 1e-4);
+    float twice = miss_v * miss_l / miss_avg * min(b.through_v, through_l);
+    float enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, cos_l, dfg_l));
+    float enter = b.enter_v * enter_l / b.enter_avg;
+    vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
+        sum += b.tint * (0.5 * b.transmission * (1.0 - b.base.f_ms_dielectric) * twice);
+    return sum * shape;
+}
+
+// --- layers --------------------------------------------------------------------------------------
+
+// f cos of the coat, and its density. No lobe of a mirror.
+vec3 hg_bsdf_evaluate_coat(hg_bsdf b, vec3 l, out float pdf)
+{
+    float n_dot_l = dot(b.coat_n, l);
+    pdf = 0.0;
+    if (b.coat_v >= 1.0 || b.coat_delta || n_dot_l <= 0.0)
+        return vec3(0.0);
+    vec3 h = normalize(b.base.v + l), c = cross(b.coat_n, h);
+    float v_dot_h = clamp(dot(b.base.v, h), 0.0, 1.0);
+    float d = hg_ggx_d(clamp(dot(b.coat_n, h), 0.0, 1.0), dot(c, c), b.coat_alpha);
+    pdf = hg_smith_g1(b.coat_n_dot_v, b.coat_alpha) * d / (4.0 * b.coat_n_dot_v);
+    float f = hg_schlick(vec3(HG_DIELECTRIC_F0), v_dot_h).x;
+    return vec3(b.coat * f * d * hg_smith_v(n_dot_l, b.coat_n_dot_v, b.coat_alpha) * n_dot_l);
+}
+
+// f cos of the sheen below the coat (coat_l: what that lets through from l).
+vec3 hg_bsdf_evaluate_sheen(hg_bsdf b, vec3 l, float n_dot_l, float albedo_l, float coat_l)
+{
+    float alpha = hg_sheen_alpha(b.sheen_roughness);
+    vec3 c = cross(b.base.n, normalize(b.base.v + l));
+    float d = hg_sheen_d(dot(c, c), alpha);
+    float lambda = hg_sheen_lambda(b.base.n_dot_v, alpha) + hg_sheen_lambda(n_dot_l, alpha);
+    // Single scattering alone gives more than arrives where its albedo is above 1.
+    float most = max(max(b.sheen_albedo_v, albedo_l), 1.0);
+    return b.sheen * (d * min(b.coat_v, coat_l) / ((1.0 + lambda) * 4.0 * b.base.n_dot_v * most));
+}
+
+// --- all of it -----------------------------------------------------------------------------------
+
+vec3 hg_bsdf_evaluate_lobes(hg_bsdf b, vec3 l, out float pdf)
+{
+    vec3 l_ts = vec3(dot(b.t, l), dot(b.s, l), dot(b.base.n, l));
+    bool behind = l_ts.z < 0.0;
+    float cos_l = min(abs(l_ts.z), 1.0), part = 0.0;
+    pdf = 0.0;
+    if (cos_l < 1e-6 || (behind && b.transmission <= 0.0 && hg_max3(b.behind) <= 0.0))
+        return vec3(0.0);
+    // Layers are on the outside of volumes, on both sides of what is thin.
+    bool passes = b.thin || b.inside == behind;
+    float coat_l = 1.0, albedo_l = 0.0, through_l = 1.0;
+    if (HG_HAS(HG_FEATURE_CLEARCOAT))
+        coat_l = hg_bsdf_coat_through(b, min(dot(b.coat_n, l) * (behind ? -1.0 : 1.0), 1.0));
+    through_l = coat_l;
+    if (HG_HAS(HG_FEATURE_SHEEN)) {
+        albedo_l = hg_sheen_albedo(cos_l, b.sheen_roughness);
+        through_l *= hg_bsdf_sheen_through(b, albedo_l);
+    }
+    through_l = passes ? through_l : 1.0;
+    vec3 sum = vec3(0.0);
+    if (!b.delta) {
+        sum = hg_bsdf_evaluate_facets(b, l_ts, part) * min(b.through_v, through_l);
+        pdf += b.p_specular * part;
+    }
+    sum += hg_bsdf_evaluate_diffuse(b, l_ts, through_l);
+    pdf += (behind ? b.p_behind : b.p_diffuse) * cos_l * HG_INV_PI;
+    if (HG_HAS(HG_FEATURE_SHEEN) && !behind && !b.inside) {
+        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, albedo_l, coat_l);
+        pdf += b.p_sheen * (0.5 * HG_INV_PI);
+    }
+    if (HG_HAS(HG_FEATURE_CLEARCOAT) && !behind) {
+        sum += hg_bsdf_evaluate_coat(b, l, part);
+        pdf += b.p_coat * part;
+    }
+    return sum;
+}
+
+// One facet's direction: h and the choice between reflection and transmission.
+vec3 hg_bsdf_sample_facet(hg_bsdf b, vec3 h, float choice, inout hg_bsdf_sample_result r)
+{
+    float v_dot_h = dot(b.v_ts, h);
+    hg_facet_light f = hg_bsdf_facet(b, v_dot_h);
+    bool reflects = choice < f.p_reflect;
+    vec3 mirrored = 2.0 * v_dot_h * h - b.v_ts, l = mirrored;
+    float radiance = 1.0;
+    bool good = true;
+    if (!reflects) {
+        r.lobe |= HG_LOBE_TRANSMISSION;
+        l = vec3(mirrored.xy, -mirrored.z);
+        if (!b.thin) {
+            good = hg_refract(b.v_ts, h, b.eta, l);
+            radiance = 1.0 / (b.eta * b.eta);
+        }
+    }
+    if (b.delta) {
+        float p = b.p_specular * (reflects ? f.p_reflect : 1.0 - f.p_reflect);
+        r.lobe |= HG_LOBE_DELTA;
+        r.pdf = good && p > 0.0 ? p : 0.0;
+        r.weight = (reflects ? f.reflected : f.transmitted * radiance) / max(p, 1e-9);
+    } else if (!good || (l.z > 0.0) != reflects)
+        r.lobe = 0u; // back into the surface
+    return l;
+}
+
+hg_bsdf_sample_result hg_bsdf_sample_lobes(hg_bsdf b, vec3 u)
+{
+    hg_bsdf_sample_result r;
+    r.weight = vec3(0.0);
+    r.pdf = 0.0;
+    r.direction = b.base.n;
+    vec3 n = b.base.n, t = b.t, s = b.s, d = vec3(0.0, 0.0, 1.0);
+    float z = u.z;
+    bool coat = z < b.p_coat;
+    z -= b.p_coat;
+    bool specular = !coat && z < b.p_specular;
+    float choice = clamp(z / max(b.p_specular, 1e-9), 0.0, 0.99999994);
+    z -= b.p_specular;
+    bool sheen = !coat && !specular && z < b.p_sheen;
+    z -= b.p_sheen;
+    bool behind = !coat && !specular && !sheen && z < b.p_behind;
+    r.lobe = coat || specular || sheen ? HG_LOBE_SPECULAR : HG_LOBE_DIFFUSE;
+    if (sheen) // uniform
+        r.lobe = HG_LOBE_DIFFUSE;
+    if (coat) {
+        n = b.coat_n;
+        hg_basis(n, t, s);
+        vec3 v = normalize(vec3(dot(b.base.v, t), dot(b.base.v, s), b.coat_n_dot_v));
+        vec3 h = vec3(0.0, 0.0, 1.0);
+        if (!b.coat_delta)
+            h = hg_sample_ggx_vndf(v, b.coat_alpha, u.xy);
+        d = 2.0 * dot(v, h) * h - v;
+    } else if (specular) {
+        vec3 h = vec3(0.0, 0.0, 1.0);
+        if (!b.delta)
+            h = hg_sample_aniso_vndf(b.v_ts, b.alpha, u.xy);
+        d = hg_bsdf_sample_facet(b, h, choice, r);
+    } else if (sheen) {
+        float sine = sqrt(max(0.0, 1.0 - u.x * u.x)), phi = 2.0 * HG_PI * u.y;
+        d = vec3(sine * cos(phi), sine * sin(phi), u.x);
+    } else {
+        d = hg_sample_cosine(u.xy);
+        d.z = behind ? -d.z : d.z;
+        r.lobe |= behind ? HG_LOBE_TRANSMISSION : 0u;
+    }
+    r.direction = normalize(t * d.x + s * d.y + n * d.z);
+    if (coat && b.coat_delta) {
+        r.lobe |= HG_LOBE_DELTA;
+        r.pdf = b.p_coat;
+        r.weight = vec3(b.coat * hg_schlick(vec3(HG_DIELECTRIC_F0), b.coat_n_dot_v).x / b.p_coat);
+        return r;
+    }
+    if (specular && b.delta) {
+        float through_l = 1.0;
+        bool below = (r.lobe & HG_LOBE_TRANSMISSION) != 0u;
+        if (b.thin || b.inside == below)
+            through_l = hg_bsdf_through(
+                b, dot(b.coat_n, r.direction) * (below ? -1.0 : 1.0), abs(d.z));
+        r.weight *= min(b.through_v, through_l);
+        return r;
+    }
+    if (r.lobe == 0u)
+        return r;
+    vec3 f = hg_bsdf_evaluate_lobes(b, r.direction, r.pdf);
+    r.weight = r.pdf > 0.0 ? f / r.pdf : vec3(0.0);
+    return r;
+}
+
+// f(v, l) |n.l| of all lobes that are not delta, and the density of hg_bsdf_sample. l may lie on
+// either side.
+vec3 hg_bsdf_evaluate(hg_bsdf b, vec3 l, out float pdf)
+{
+    if (HG_HAS(HG_FEATURE_LOBES))
+        return hg_bsdf_evaluate_lobes(b, l, pdf);
+    return hg_bsdf_evaluate_base(b, l, pdf);
+}
+
+// Direction of an incoming path for three random numbers in [0, 1).
+hg_bsdf_sample_result hg_bsdf_sample(hg_bsdf b, vec3 u)
+{
+    if (HG_HAS(HG_FEATURE_LOBES))
+        return hg_bsdf_sample_lobes(b, u);
+    return hg_bsdf_sample_base(b, u);
 }
 
 #endif

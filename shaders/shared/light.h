@@ -19,6 +19,11 @@
 #define HG_ENV_KIND_IMAGE 2
 
 #define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
+#define HG_SHEEN_SIZE      16 // likewise
+#define HG_SHEEN_FIRST     (HG_DFG_SIZE * HG_DFG_SIZE + HG_DFG_SIZE) // word of the table
+#define HG_DFG_WORDS       (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
+#define HG_SHEEN_MIN_ALPHA 0.005f
+#define HG_SHEEN_MOST      4.0f // the table holds albedo over this: single scattering alone exceeds 1
 #define HG_IRRADIANCE_SIZE 60 // side of the octahedral irradiance map, without its border of one
 
 // One punctual light (KHR_lights_punctual).
@@ -83,7 +88,7 @@ struct hg_gpu_lighting {
     HG_PTR(hg_light_list_ref) clusters;      // [x * y * z + 1] first index of each cluster's list
     HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
     HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
-    HG_PTR(hg_light_list_ref) dfg;           // [size^2] (a, b), 16 bits each, then [size] averages
+    HG_PTR(hg_light_list_ref) dfg;           // [HG_DFG_WORDS] of 2 x 16 bits: renderer/light/dfg.h
     HG_UINT light_count, global_count;
     HG_UINT clustered; // 0: all lights are looped over
     HG_UINT cluster_x, cluster_y, cluster_z;

@@ -72,7 +72,7 @@ struct push {
     uint32_t count;
 };
 
-static void record(struct probe *probe, enum probe_op op, struct hg_gpu_cmd *cmd,
+static void record(struct probe *probe, const char *shader, uint32_t op, struct hg_gpu_cmd *cmd,
     const struct hg_gpu_buffer *frame, const struct push *push)
 {
     struct hg_error err = {0};
@@ -81,16 +81,15 @@ static void record(struct probe *probe, enum probe_op op, struct hg_gpu_cmd *cmd
     bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(probe->lighting);
     bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(probe->lighting);
     test_ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
-    struct hg_gpu_pipeline_params pipeline = {
-        .compute = "probe.comp", .spec = {(uint32_t)op}, .spec_count = 1};
+    struct hg_gpu_pipeline_params pipeline = {.compute = shader, .spec = {op}, .spec_count = 1};
     test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &err), &err);
     hg_gpu_cmd_push(cmd, push, sizeof *push);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (push->count + GROUP - 1) / GROUP, 1, 1);
     hg_gpu_memory_barrier(cmd);
 }
 
-void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const struct hg_vec4 *in,
-    struct hg_vec4 *out)
+void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint32_t count,
+    const struct hg_vec4 *in, uint32_t in_size, struct hg_vec4 *out, uint32_t out_size)
 {
     struct hg_error err = {0};
     struct hg_gpu_buffer frame = {0}, input = {0}, output = {0};
@@ -102,25 +101,31 @@ void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const stru
                 probe->gpu, HG_GPU_BUFFER_UPLOAD, sizeof *block, "frame", &frame, &err),
         &err);
     test_ok(hg_gpu_buffer_create(
-                probe->gpu, HG_GPU_BUFFER_UPLOAD, count * 2 * sizeof *in, "in", &input, &err),
+                probe->gpu, HG_GPU_BUFFER_UPLOAD, in_size * sizeof *in, "in", &input, &err),
         &err);
     test_ok(hg_gpu_buffer_create(
-                probe->gpu, HG_GPU_BUFFER_READBACK, count * sizeof *out, "out", &output, &err),
+                probe->gpu, HG_GPU_BUFFER_READBACK, out_size * sizeof *out, "out", &output, &err),
         &err);
     memcpy(frame.mapped, block, sizeof *block);
-    memcpy(input.mapped, in, count * 2 * sizeof *in);
+    memcpy(input.mapped, in, in_size * sizeof *in);
     struct push push = {input.address, output.address, count};
     struct hg_gpu_cmd *cmd;
     uint64_t value;
     test_ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
-    record(probe, op, cmd, &frame, &push);
+    record(probe, shader, op, cmd, &frame, &push);
     test_ok(hg_gpu_submit(probe->gpu, cmd, &value, &err), &err);
     test_ok(hg_gpu_wait(probe->gpu, value, &err), &err);
-    memcpy(out, output.mapped, count * sizeof *out);
+    memcpy(out, output.mapped, out_size * sizeof *out);
     hg_gpu_buffer_destroy(probe->gpu, &frame);
     hg_gpu_buffer_destroy(probe->gpu, &input);
     hg_gpu_buffer_destroy(probe->gpu, &output);
     hg_free(block);
+}
+
+void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const struct hg_vec4 *in,
+    struct hg_vec4 *out)
+{
+    probe_run_shader(probe, "probe.comp", (uint32_t)op, count, in, 2 * count, out, count);
 }
 
 const char *probe_data(const char *relative)

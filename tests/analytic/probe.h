@@ -56,6 +56,10 @@ void probe_sync(struct probe *probe);
 void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const struct hg_vec4 *in,
     struct hg_vec4 *out);
 
+// Any shader that pushes {source, result, count}: `in_size` vec4 as they are, `out_size` vec4 back.
+void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint32_t count,
+    const struct hg_vec4 *in, uint32_t in_size, struct hg_vec4 *out, uint32_t out_size);
+
 // Path below the folder of test data; fails the test when the file is missing.
 const char *probe_data(const char *relative);
 

@@ -1,0 +1,155 @@
+// lib/bsdf.glsl over many directions; see enum op in tests/analytic/bsdf.c.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+#include "lib/frame.glsl"
+#include "lib/vertex.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
+#include "lib/bsdf.glsl"
+
+layout(local_size_x = 32) in;
+layout(constant_id = 0) const uint op = 0u;
+
+#define MATERIAL_VECTORS 8u
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer probe_vectors
+{
+    vec4 v[];
+};
+layout(push_constant, scalar) uniform probe_push
+{
+    probe_vectors source, result;
+    uint count;
+} push;
+
+// The surface lies in the plane z = 0, its outside up. v.z < 0: seen from behind.
+hg_bsdf make(vec3 v, float front)
+{
+    vec4 m[MATERIAL_VECTORS];
+    for (uint i = 0u; i < MATERIAL_VECTORS; i++)
+        m[i] = push.source.v[i];
+    hg_surface s;
+    float side = v.z >= 0.0 ? 1.0 : -1.0;
+    s.base_color = m[0].rgb;
+    s.alpha = 1.0;
+    s.normal = s.geometric_normal = vec3(0.0, 0.0, side);
+    s.metallic = m[0].w;
+    s.roughness = m[1].x;
+    s.emissive = vec3(0.0);
+    s.occlusion = 1.0;
+    s.unlit = false;
+    s.front = front > 0.0;
+    s.ior = m[1].y;
+    s.f0 = hg_ior_f0(s.ior);
+    s.specular = m[1].z;
+    s.transmission = m[1].w;
+    s.specular_color = m[2].rgb;
+    s.thickness = m[2].w;
+    s.clearcoat = m[3].x;
+    s.clearcoat_roughness = m[3].y;
+    s.anisotropy = m[3].z;
+    s.diffuse_transmission = m[3].w;
+    s.sheen_color = m[4].rgb;
+    s.sheen_roughness = m[4].w;
+    s.iridescence = m[5].x;
+    s.iridescence_ior = m[5].y;
+    s.iridescence_nm = m[5].z;
+    s.dispersion = m[5].w;
+    s.diffuse_transmission_color = m[6].rgb;
+    s.attenuation = vec3(0.0);
+    s.clearcoat_normal = normalize(vec3(m[7].x, 0.0, side));
+    s.tangent = vec3(cos(m[7].y), sin(m[7].y), 0.0);
+    return hg_bsdf_make(s, v, m[6].w);
+}
+
+// Share of the light that arrives in thermal equilibrium: radiance is n^2 there.
+vec3 balance(hg_bsdf b, hg_bsdf_sample_result r)
+{
+    bool bent = (r.lobe & HG_LOBE_TRANSMISSION) != 0u && !b.thin &&
+        (r.lobe & HG_LOBE_SPECULAR) != 0u;
+    return r.weight * (bent ? b.eta * b.eta : 1.0);
+}
+
+// Sum of the weights of samples: rgb; w: share of samples that end.
+vec4 albedo(hg_bsdf b)
+{
+    const uint n = 16384u;
+    vec4 sum = vec4(0.0);
+    for (uint i = 0u; i < n; i++) {
+        vec3 u = vec3(hg_hammersley(i, n), fract((float(i) + 0.5) * 0.618033988));
+        hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
+        if (r.pdf > 0.0)
+            sum.rgb += balance(b, r);
+        else
+            sum.w += 1.0;
+    }
+    return sum / float(n);
+}
+
+// Integrals over the sphere on a grid: f |cos| of reflection and transmission (their first channel;
+// transmission without its n^2), density.
+vec4 integrals(hg_bsdf b)
+{
+    const uint n = 180u;
+    vec4 sum = vec4(0.0);
+    for (uint k = 0u; k < 2u * n * n; k++) { // 64800: llvmpipe ends loops after 65535 rounds
+        float side = k < n * n ? 1.0 : -1.0;
+        uint j = k % (n * n);
+        float z = (float(j / n) + 0.5) / float(n), phi = 2.0 * HG_PI * (float(j % n) + 0.5) / float(n);
+        float s = sqrt(1.0 - z * z), pdf;
+        vec3 l = vec3(s * cos(phi), s * sin(phi), z * side);
+        vec3 f = hg_bsdf_evaluate(b, l, pdf);
+        bool behind = dot(l, b.base.n) < 0.0;
+        sum += vec4(behind ? 0.0 : f.x, behind ? f.x : 0.0, pdf, 0.0);
+    }
+    return sum * (2.0 * HG_PI / float(n * n));
+}
+
+// f |cos| and its reverse, both over |cos| and with n^2; relative difference.
+vec4 reciprocity(vec3 v, vec3 l, float front)
+{
+    float pdf;
+    hg_bsdf there = make(v, front);
+    vec3 f = hg_bsdf_evaluate(there, l, pdf) / abs(l.z);
+    float other = v.z * l.z < 0.0 ? 1.0 - front : front;
+    hg_bsdf back = make(l, other);
+    vec3 g = hg_bsdf_evaluate(back, v, pdf) / abs(v.z);
+    if (v.z * l.z < 0.0 && !there.thin && there.transmission > 0.0)
+        f *= there.eta * there.eta;
+    vec3 d = abs(f - g) / max(max(f, g), 1e-6);
+    return vec4(f.x, g.x, hg_max3(d), 0.0);
+}
+
+void main()
+{
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= push.count)
+        return;
+    vec4 a = push.source.v[MATERIAL_VECTORS + 2u * i];
+    vec4 c = push.source.v[MATERIAL_VECTORS + 2u * i + 1u];
+    hg_bsdf b = make(a.xyz, a.w);
+    vec4 x = vec4(0.0), y = vec4(0.0);
+    float pdf;
+    if (op == 0u) {
+        hg_bsdf_sample_result r = hg_bsdf_sample(b, c.xyz);
+        x = vec4(r.direction, r.pdf);
+        y = vec4(balance(b, r), float(r.lobe));
+    } else if (op == 1u) {
+        x.rgb = hg_bsdf_evaluate(b, c.xyz, pdf);
+        x.w = pdf;
+    } else if (op == 2u) {
+        x = albedo(b);
+    } else if (op == 3u) {
+        x = integrals(b);
+    } else if (op == 4u) {
+        x = reciprocity(a.xyz, c.xyz, a.w);
+    } else if (op == 5u) {
+        x = vec4(hg_film_fresnel(a.x, c.x, c.y, vec3(c.z)), hg_fresnel_dielectric(a.x, c.w));
+        y = vec4(hg_sheen_albedo(a.x, c.z), hg_bsdf_attenuation(vec3(c.y), c.x).x, 0.0, 0.0);
+    }
+    push.result.v[2u * i] = x;
+    push.result.v[2u * i + 1u] = y;
+}
