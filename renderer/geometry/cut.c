@@ -377,6 +377,16 @@ static void fill_whole(
                                       : NULL;
 }
 
+// The other vertex stream of a chunk, from its positions.
+static const struct hg_gpu_vertex *vertices_of(
+    const struct hg_lod *lod, uint32_t chunk, const float *positions)
+{
+    struct hg_lod_layout layout;
+    hg_lod_chunk_layout(lod, chunk, &layout);
+    const uint8_t *first = (const uint8_t *)(const void *)positions - layout.positions;
+    return positions != NULL ? (const void *)(first + layout.vertices) : NULL;
+}
+
 static void fill_chunk(
     const struct hg_draw_entry *d, const struct hg_run *run, struct hg_cut_piece *piece)
 {
@@ -384,6 +394,7 @@ static void fill_chunk(
     piece->vertex_count = d->part->clusters->lod->chunks[run->chunk].vertex_count;
     piece->indices = chunk->indices;
     piece->positions = chunk->positions;
+    piece->vertices = vertices_of(d->part->clusters->lod, run->chunk, chunk->positions);
     piece->indices_address = chunk->part.indices;
     piece->positions_address = chunk->part.positions;
 }
@@ -475,8 +486,10 @@ static enum hg_status fill_copies(struct hg_cut *c, struct hg_jobs *jobs, struct
         if (copy->status != HG_OK)
             return hg_error_set(err, copy->status, "cut", NULL, "a cluster could not be read");
         hg_lod_chunk_layout(copy->mesh->lod, copy->chunk, &layout);
-        for (uint32_t p = copy->first_piece; p < copy->end_piece; p++)
+        for (uint32_t p = copy->first_piece; p < copy->end_piece; p++) {
             c->pieces[p].positions = (const float *)(void *)(copy->bytes + layout.positions);
+            c->pieces[p].vertices = (const void *)(copy->bytes + layout.vertices);
+        }
     }
     return HG_OK;
 }

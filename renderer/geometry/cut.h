@@ -26,6 +26,9 @@ struct hg_cut_piece {
     const float *positions;  // [vertex_count * 3], and 4 bytes more may be read
     const float *opening;    // the same at the opening of the shutter; NULL: they do not change
     const uint32_t *indices; // [triangle_count * 3]
+    // [vertex_count] of parts with levels of detail, whose vertices are not those of the mesh; else
+    // NULL.
+    const struct hg_gpu_vertex *vertices;
     VkDeviceAddress positions_address, indices_address; // the same on the device
     float world[12];                                    // object to world: 4 columns of 3
     float previous[12];                                 // at the opening of the shutter, or `world`

@@ -10,13 +10,17 @@ static bool emits(const struct hg_material *m)
 // Vertices of parts without levels of detail are numbered as in their mesh.
 static void find_coordinates(const struct hg_draw_info *info, struct hg_emitter_part *part)
 {
+    const struct hg_cut_piece *piece = part->piece;
     const struct hg_mesh_part *mesh = &info->mesh->parts[info->part];
     const uint32_t set = info->material->slots[HG_SLOT_EMISSIVE].uv_set;
-    if ((part->piece->flags & HG_DRAW_LOD) != 0 || set > 1 ||
-        mesh->vertex_count != part->piece->vertex_count)
-        return;
-    part->uv = mesh->uv[set];
-    part->uv_stride = 2;
+    if (piece->vertices && set == 0) {
+        part->uv = &piece->vertices->uv.x;
+        part->uv_stride = sizeof *piece->vertices / sizeof(float);
+    } else if (!(piece->flags & HG_DRAW_LOD) && set <= 1 &&
+               mesh->vertex_count == piece->vertex_count) {
+        part->uv = mesh->uv[set];
+        part->uv_stride = 2;
+    }
 }
 
 enum hg_status hg_emitters_sync(struct hg_emitters *e, const struct hg_geometry *geometry,

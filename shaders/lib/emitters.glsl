@@ -2,10 +2,11 @@
 //
 // Define HG_EMITTERS as an expression of type hg_gpu_emitters first, and include lib/frame.glsl.
 // Positions are those of the frame (relative to the geometry's origin), directions are unit length.
-// normal_ws: of the side that light has to come from; vec3(0): light from every side counts (let
-// through, volumes). A direction is drawn by hg_emitter_pick with the density that the two pdf
-// functions return for the same position and normal; where they return 0 it never is, and light
-// found there by other means counts in full.
+// normal_ws: of the side that light has to come from; vec3(0): light from every side counts. Surfaces
+// that let light through have to ask with vec3(0), else what shines on their back is never chosen. A
+// direction is drawn by hg_emitter_pick with the density that the two pdf functions return for the
+// same position and normal; where they return 0 it never is, and light found there by other means
+// counts in full.
 //
 // Emissive triangles shine from their front side, from both when they are double-sided; unlit ones
 // are never chosen (their colour is no light). What is chosen does not depend on what is resident.
@@ -538,6 +539,12 @@ float hg_emitter_warp_pdf(vec3 direction_ws)
     return weight / ((root.x + root.y) * hg_emitter_cell_angle(cell.y, levels));
 }
 
+// Light from behind a surface that lets none through is nothing that was chosen.
+bool hg_emitter_faces(vec3 direction, vec3 normal_ws)
+{
+    return normal_ws == vec3(0.0) || dot(direction, normal_ws) > 0.0;
+}
+
 hg_emitter_sample hg_emitter_pick_environment(float share, vec3 normal_ws, vec2 u)
 {
     hg_emitter_sample s = hg_emitter_nothing();
@@ -557,9 +564,8 @@ hg_emitter_sample hg_emitter_pick_environment(float share, vec3 normal_ws, vec2 
         s.direction = normalize(t * d.x + b * d.y + normal_ws * d.z);
         s.pdf = d.z * HG_INV_PI;
     }
-    s.pdf *= share;
-    bool above = normal_ws == vec3(0.0) || dot(s.direction, normal_ws) > 0.0;
-    if (s.pdf > 0.0 && above)
+    s.pdf *= hg_emitter_faces(s.direction, normal_ws) ? share : 0.0;
+    if (s.pdf > 0.0)
         s.radiance = hg_emitter_environment(s.direction);
     return s;
 }
@@ -615,7 +621,8 @@ float hg_emitter_pdf_triangle(vec3 position_ws, vec3 normal_ws, uint draw, uint 
 // Density with which hg_emitter_pick would have chosen a direction that leads to the environment.
 float hg_emitter_pdf_environment(vec3 position_ws, vec3 normal_ws, vec3 direction_ws)
 {
-    if (HG_EMITTERS.environment_kind == HG_ENV_KIND_NONE)
+    if (HG_EMITTERS.environment_kind == HG_ENV_KIND_NONE ||
+        !hg_emitter_faces(direction_ws, normal_ws))
         return 0.0;
     float share = hg_emitter_shares(position_ws, normal_ws).z;
     if (HG_EMITTERS.environment_kind == HG_ENV_KIND_IMAGE)

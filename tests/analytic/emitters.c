@@ -37,6 +37,8 @@ struct rig {
     struct hg_gpu_buffer draws, instances, parts, materials;
     struct hg_gpu_emitters block;
     uint64_t next_id, budget_bytes;
+    struct hg_geometry *geometry; // of test_textured alone, in place of tables by hand
+    struct hg_textures *textures;
 };
 
 // --- the scene -----------------------------------------------------------------------------------
@@ -59,6 +61,8 @@ static void rig_close(struct rig *r)
 {
     struct hg_gpu *gpu = r->probe.gpu;
     hg_emitters_destroy(r->emitters);
+    hg_geometry_destroy(r->geometry);
+    hg_textures_destroy(r->textures);
     for (uint32_t i = 0; i < r->mesh_count; i++) {
         struct mesh *m = &r->meshes[i];
         hg_free(m->positions);
@@ -253,9 +257,11 @@ static void record(struct rig *r, enum op op, struct hg_gpu_cmd *cmd,
     bindings.images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(r->probe.lighting);
     bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(r->probe.lighting);
     bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(r->probe.lighting);
+    for (uint32_t i = 0; i < HG_POOL_COUNT && r->textures; i++)
+        bindings.images[HG_BIND_PAGES_SRGB + i] = hg_textures_pool(r->textures, i);
     test_ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
-    const uint32_t without = HG_FEATURE_TEXTURES | HG_FEATURE_EMISSIVE | HG_FEATURE_OCCLUSION |
-                             HG_FEATURE_SKY_PAGES | HG_FEATURE_LOD;
+    const uint32_t without = HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_SKY_PAGES |
+                             (r->textures ? 0 : HG_FEATURE_EMISSIVE | HG_FEATURE_LOD);
     struct hg_gpu_pipeline_params pipeline = {.compute = "emitters.comp",
         .spec = {(uint32_t)op, 0, HG_FEATURE_ALL & ~without},
         .spec_count = 3};
@@ -283,6 +289,10 @@ static void run(
         .instance_count = r->mesh_count,
         .part_count = r->mesh_count,
         .material_count = r->mesh_count};
+    if (r->geometry)
+        hg_geometry_fill(r->geometry, &block.geometry);
+    if (r->textures)
+        hg_textures_fill(r->textures, HG_TEXTURES_SHOW, &block.textures);
     table(r, &frame, &block, sizeof block);
     table(r, &input, in, (uint64_t)count * 2 * sizeof *in);
     table(r, &emitters, &r->block, sizeof r->block);
@@ -613,6 +623,112 @@ static void test_left_out(void **state)
     assert_int_equal(stats.leaves, 0);
     assert_true(estimate(&r, p, up).mean == 0.0);
     rig_close(&r);
+}
+
+// --- textures ------------------------------------------------------------------------------------
+
+// A square of the texture shines, the rest is black: u 1/4 .. 1/2, v 1/2 .. 3/4.
+static struct hg_texture *add_texture(struct rig *r, uint32_t side)
+{
+    struct hg_texture *t = add(r, HG_OBJECT_TEXTURE);
+    t->image = hg_calloc(1, sizeof *t->image);
+    assert_non_null(t->image);
+    t->image->refs = 1;
+    t->image->label = hg_strdup("square");
+    t->image->pixels_srgb = true;
+    test_ok(hg_image_create(side, side, HG_PIXEL_RGBA8, NULL, &t->image->pixels), NULL);
+    for (uint32_t i = 0; i < side * side; i++) {
+        const uint32_t x = 4 * (i % side) / side, y = 4 * (i / side) / side;
+        memset((uint8_t *)t->image->pixels.pixels + (size_t)i * 4, x == 1 && y == 2 ? 255 : 0, 4);
+    }
+    return t;
+}
+
+static void *copy(const void *data, size_t bytes)
+{
+    void *out = hg_calloc(1, bytes);
+    assert_non_null(out);
+    return memcpy(out, data, bytes);
+}
+
+// The ceiling as an object of the scene.
+static void add_textured_node(struct rig *r, const struct mesh *m, uint32_t squares, uint32_t side)
+{
+    struct hg_mesh *mesh = add(r, HG_OBJECT_MESH);
+    struct hg_node *node = add(r, HG_OBJECT_NODE);
+    struct hg_material *material = add(r, HG_OBJECT_MATERIAL);
+    struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
+    assert_non_null(part);
+    *part = (struct hg_mesh_part){.topology = HG_TOPOLOGY_TRIANGLES,
+        .vertex_count = m->vertices,
+        .index_count = m->triangles * 3,
+        .indices = copy(m->indices, m->triangles * 12),
+        .positions = copy(m->positions, m->vertices * 12),
+        .normals = hg_calloc(m->vertices, 12),
+        .uv = {hg_calloc(m->vertices, 8), NULL},
+        .material = material,
+        .bounds_min = {-1, 1, -0.5f},
+        .bounds_max = {1, 1, 0.5f}};
+    assert_true(part->normals && part->uv[0]);
+    for (uint32_t i = 0; i < m->vertices; i++) {
+        part->normals[i * 3 + 1] = -1;
+        part->uv[0][i * 2] = (float)(i % (squares + 1)) / (float)squares;
+        part->uv[0][i * 2 + 1] = (float)(i / (squares + 1)) / (float)squares;
+    }
+    for (int c = 0; c < 3; c++)
+        material->emissive[c] = 3;
+    material->slots[HG_SLOT_EMISSIVE].texture = add_texture(r, side);
+    mesh->parts = part;
+    mesh->part_count = 1;
+    node->mesh = mesh;
+}
+
+static struct hg_emitters_stats sync_rooms(struct rig *r)
+{
+    struct hg_error err = {0};
+    struct hg_emitters_stats stats;
+    struct hg_cut *cut = NULL;
+    const struct hg_textures_params textures = {.budget_bytes = 64 << 20};
+    const struct hg_geometry_params geometry = {0};
+    const struct hg_cut_lens lens = {.px_scale = 500, .near = 0.1f};
+    probe_sync(&r->probe);
+    hg_scene_publish(r->probe.scene);
+    test_ok(hg_textures_create(r->probe.gpu, &textures, &r->textures, &err), &err);
+    test_ok(hg_textures_sync(r->textures, r->probe.scene, r->probe.jobs, &err), &err);
+    test_ok(hg_textures_load_all(r->textures, &err), &err);
+    test_ok(hg_geometry_create(r->probe.gpu, &geometry, &r->geometry, &err), &err);
+    test_ok(hg_geometry_sync(r->geometry, r->probe.scene, r->textures, &err), &err);
+    test_ok(hg_cut_make(r->geometry, &lens, r->probe.jobs, &cut, &err), &err);
+    test_ok(hg_emitters_create(r->probe.gpu, r->probe.jobs, NULL, &r->emitters, &err), &err);
+    test_ok(
+        hg_emitters_sync(r->emitters, r->geometry, cut, r->probe.scene, r->textures, &err), &err);
+    hg_emitters_fill(r->emitters, &r->block);
+    hg_emitters_stats(r->emitters, &stats);
+    hg_cut_free(cut);
+    return stats;
+}
+
+// What a texture leaves black is hardly ever chosen, and the light is that of what shines.
+static void test_textured(void **state)
+{
+    (void)state;
+    static struct rig r;
+    const float center[3] = {0, 1, 0}, p[3] = {0.3f, 0, 0.1f};
+    const double lit[4][3] = {{-0.5, 1, 0}, {0, 1, 0}, {0, 1, 0.25}, {-0.5, 1, 0.25}};
+    const uint32_t squares[2] = {1, 32}, sides[2] = {64, 1024};
+    for (int i = 0; i < 2; i++) {
+        rig_open(&r);
+        struct mesh *m = add_ceiling(&r, center, 1, 0.5f, squares[i], 3);
+        add_textured_node(&r, m, squares[i], sides[i]);
+        const struct hg_emitters_stats stats = sync_rooms(&r);
+        const struct estimate e = estimate(&r, p, up);
+        print_message("%u of %llu triangles\n", stats.leaves, (unsigned long long)stats.triangles);
+        expect("textured", e, 3 * polygon(lit, 4, p, up), 0.01);
+        // A sixteenth of them shines, and their neighbours may.
+        assert_true(i == 0 || (stats.leaves >= 128 && stats.leaves < 256));
+        assert_true(i == 0 || e.sigma < 0.7 * e.mean);
+        rig_close(&r);
+    }
 }
 
 // --- environments --------------------------------------------------------------------------------
@@ -1091,7 +1207,7 @@ static void test_kept(void **state)
     rig_close(&r);
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_one_light),
@@ -1101,6 +1217,7 @@ int main(void)
         cmocka_unit_test(test_sphere),
         cmocka_unit_test(test_runs),
         cmocka_unit_test(test_left_out),
+        cmocka_unit_test(test_textured),
         cmocka_unit_test(test_environment),
         cmocka_unit_test(test_constant_environment),
         cmocka_unit_test(test_sky),
@@ -1113,5 +1230,7 @@ int main(void)
         cmocka_unit_test(test_tree),
         cmocka_unit_test(test_kept),
     };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     return cmocka_run_group_tests(tests, setup, teardown);
 }
