@@ -328,12 +328,15 @@ static void measure_vertices(struct measure *m)
 // How many vertices there are at the position of each.
 static enum hg_status count_shared(const struct hg_mesh_part *part, uint32_t *shared)
 {
-    const uint32_t n = part->vertex_count;
+    const uint32_t n = part->vertex_count, whole = (n + 2) / 3 * 3; // it asks for triangles
     const struct meshopt_Stream positions = {part->positions, 12, 12};
     uint32_t *first = hg_calloc(n, sizeof *first), *uses = hg_calloc(n, sizeof *uses);
-    const bool taken = first != NULL && uses != NULL;
+    uint32_t *all = hg_calloc(whole, sizeof *all);
+    const bool taken = first != NULL && uses != NULL && all != NULL;
     if (taken) {
-        meshopt_generateVertexRemapMulti(first, NULL, n, n, &positions, 1);
+        for (uint32_t v = 0; v < n; v++)
+            all[v] = v;
+        meshopt_generateVertexRemapMulti(first, all, whole, n, &positions, 1);
         for (uint32_t v = 0; v < n; v++)
             uses[first[v]]++;
         for (uint32_t v = 0; v < n; v++)
@@ -341,6 +344,7 @@ static enum hg_status count_shared(const struct hg_mesh_part *part, uint32_t *sh
     }
     hg_free(first);
     hg_free(uses);
+    hg_free(all);
     return taken ? HG_OK : HG_E_NOMEM;
 }
 

@@ -16,9 +16,9 @@
 // --- errors --------------------------------------------------------------------------------------
 
 // A torus of two joints, the second one moves its right half, and a target that squeezes it.
-static struct hg_mesh_part make_posed(void)
+static struct hg_mesh_part make_posed_of(uint32_t around, uint32_t across)
 {
-    struct hg_mesh_part p = lod_torus(90, 44, 1.0f);
+    struct hg_mesh_part p = lod_torus(around, across, 1.0f);
     p.joint_sets = 1;
     p.joints = hg_calloc(p.vertex_count * 4ul, sizeof *p.joints);
     p.weights = hg_calloc(p.vertex_count * 4ul, sizeof *p.weights);
@@ -34,6 +34,11 @@ static struct hg_mesh_part make_posed(void)
         p.targets[0].positions[v * 3 + 1] = 0.4f * sinf(4.0f * at[0]) * at[1];
     }
     return p;
+}
+
+static struct hg_mesh_part make_posed(void)
+{
+    return make_posed_of(90, 44);
 }
 
 static void finish_posed(struct hg_mesh_part *p)
@@ -155,6 +160,23 @@ static void test_lists_are_sound(void **state)
     assert_int_equal(levels.count, 0);
     p.joints = joints;
     finish_posed(&p);
+}
+
+// Vertices need not come in threes.
+static void test_any_number_of_vertices(void **state)
+{
+    (void)state;
+    uint32_t remainders = 0;
+    for (uint32_t i = 0; i < 3; i++) {
+        struct hg_mesh_part p = make_posed_of(60 + i, 42 + i);
+        struct hg_posed_levels levels;
+        remainders |= 1u << p.vertex_count % 3;
+        assert_int_equal(hg_posed_build(&p, 1, &levels), HG_OK);
+        assert_true(levels.count > 0);
+        hg_posed_finish(&levels);
+        finish_posed(&p);
+    }
+    assert_true((remainders & 6) != 0); // not all of them were multiples
 }
 
 // --- pictures ------------------------------------------------------------------------------------
@@ -301,7 +323,8 @@ int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_errors_hold_in_poses),
-        cmocka_unit_test(test_lists_are_sound), cmocka_unit_test(test_views_choose),
-        cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_zoom_does_not_pop)};
+        cmocka_unit_test(test_lists_are_sound), cmocka_unit_test(test_any_number_of_vertices),
+        cmocka_unit_test(test_views_choose), cmocka_unit_test(test_picks_name_the_source),
+        cmocka_unit_test(test_zoom_does_not_pop)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
