@@ -26,6 +26,8 @@ enum hg_status hg_status_from_errno(int e)
     case EFBIG:
         return HG_E_NOSPACE;
     case ENOMEM:
+    case EMFILE:
+    case ENFILE:
         return HG_E_NOMEM;
     default:
         return HG_E_IO;

@@ -34,7 +34,7 @@ void hg_file_abort(struct hg_file_out *out);
 enum hg_status hg_file_write_atomic(const char *path, const void *data, size_t size,
     struct hg_error *err) HG_MUST_CHECK;
 // Maps errno to a status (ENOENT -> NOTFOUND, EACCES/EPERM/EROFS -> PERM, ENOSPC/EDQUOT -> NOSPACE,
-// ENOMEM -> NOMEM, else IO).
+// ENOMEM and no more descriptors -> NOMEM, else IO).
 enum hg_status hg_status_from_errno(int error_number);
 
 #endif

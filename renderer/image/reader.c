@@ -16,8 +16,10 @@
 enum { HEAD_BYTES = 1 << 20 }; // of a file, in which its header has to lie
 
 struct hg_image_reader {
-    FILE *file; // NULL: bytes
+    char *path; // NULL: bytes
+    FILE *file; // NULL: bytes, or it sleeps
     struct stat stat;
+    uint32_t max_side_px;
     const void *data; // borrowed
     size_t size;
     struct hg_oiio_reader *inner;
@@ -71,22 +73,23 @@ static enum hg_status check_head(struct hg_image_reader *r, const char *path, ui
     enum hg_status status = hg_image_sniff(head, size, path, format, err);
     if (status != HG_OK)
         return status;
-    return strcmp(*format, "png") == 0
-               ? check_png_file(fd, (uint64_t)r->stat.st_size, path, err)
-               : hg_check_bytes(*format, head, size, path, err);
+    return strcmp(*format, "png") == 0 ? check_png_file(fd, (uint64_t)r->stat.st_size, path, err)
+                                       : hg_check_bytes(*format, head, size, path, err);
 }
 
-static enum hg_status open_file(struct hg_image_reader *r, const char *path, struct hg_error *err)
+static enum hg_status open_file(
+    const char *path, FILE **file, struct stat *st, struct hg_error *err)
 {
+    *file = NULL;
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0)
         return fail_errno(path, "cannot open", err);
-    if (fstat(fd, &r->stat) != 0 || !S_ISREG(r->stat.st_mode)) {
+    if (fstat(fd, st) != 0 || !S_ISREG(st->st_mode)) {
         close(fd);
         return hg_error_set(err, HG_E_IO, path, NULL, "not a regular file");
     }
-    r->file = fdopen(fd, "rb");
-    if (r->file != NULL)
+    *file = fdopen(fd, "rb");
+    if (*file != NULL)
         return HG_OK;
     close(fd);
     return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
@@ -99,14 +102,15 @@ static enum hg_status open_inner(struct hg_image_reader *r, const void *data, si
         hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
     if (status == HG_OK) {
         r->info = *hg_oiio_reader_info(r->inner);
+        r->max_side_px = max_side_px;
         r->data = data;
         r->size = size;
         r->info.file_bytes = size;
     }
     if (status == HG_OK && r->file != NULL) {
         r->info.file_bytes = (uint64_t)r->stat.st_size;
-        r->info.file_time_ns = (uint64_t)r->stat.st_mtim.tv_sec * 1000000000u +
-                               (uint64_t)r->stat.st_mtim.tv_nsec;
+        r->info.file_time_ns =
+            (uint64_t)r->stat.st_mtim.tv_sec * 1000000000u + (uint64_t)r->stat.st_mtim.tv_nsec;
         r->info.file_id = r->stat.st_ino;
         r->info.device_id = r->stat.st_dev;
     }
@@ -121,10 +125,10 @@ enum hg_status hg_image_reader_open(
     uint8_t *head = hg_calloc(HEAD_BYTES, 1);
     const char *format;
     enum hg_status status = HG_OK;
-    if (r == NULL || head == NULL)
+    if (r == NULL || head == NULL || (r->path = hg_strdup(path)) == NULL)
         status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
     if (status == HG_OK)
-        status = open_file(r, path, err);
+        status = open_file(path, &r->file, &r->stat, err);
     if (status == HG_OK)
         status = check_head(r, path, head, &format, err);
     if (status == HG_OK)
@@ -161,9 +165,9 @@ void hg_image_reader_close(struct hg_image_reader *reader)
 {
     if (reader == NULL)
         return;
+    hg_image_reader_sleep(reader);
     hg_oiio_reader_close(reader->inner);
-    if (reader->file != NULL)
-        fclose(reader->file);
+    hg_free(reader->path);
     hg_free(reader);
 }
 
@@ -172,13 +176,54 @@ const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_re
     return &reader->info;
 }
 
+static bool same_stat(const struct stat *a, const struct stat *b)
+{
+    return a->st_size == b->st_size && a->st_mtim.tv_sec == b->st_mtim.tv_sec &&
+           a->st_mtim.tv_nsec == b->st_mtim.tv_nsec && a->st_ino == b->st_ino &&
+           a->st_dev == b->st_dev;
+}
+
 bool hg_image_reader_is_unchanged(const struct hg_image_reader *r)
 {
     struct stat now;
-    return r->file == NULL ||
-           (fstat(fileno(r->file), &now) == 0 && now.st_size == r->stat.st_size &&
-               now.st_mtim.tv_sec == r->stat.st_mtim.tv_sec &&
-               now.st_mtim.tv_nsec == r->stat.st_mtim.tv_nsec);
+    if (r->path == NULL)
+        return true;
+    const int failed = r->file != NULL ? fstat(fileno(r->file), &now) : stat(r->path, &now);
+    return failed == 0 && same_stat(&now, &r->stat);
+}
+
+bool hg_image_reader_can_sleep(const struct hg_image_reader *r)
+{
+    return r->path != NULL;
+}
+
+void hg_image_reader_sleep(struct hg_image_reader *r)
+{
+    if (r->path == NULL || r->file == NULL)
+        return;
+    hg_oiio_reader_close(r->inner);
+    r->inner = NULL;
+    fclose(r->file);
+    r->file = NULL;
+}
+
+enum hg_status hg_image_reader_wake(struct hg_image_reader *r, struct hg_error *err)
+{
+    struct stat now;
+    if (r->path == NULL || r->file != NULL)
+        return HG_OK;
+    enum hg_status status = open_file(r->path, &r->file, &now, err);
+    if (status == HG_OK && !same_stat(&now, &r->stat))
+        status =
+            hg_error_set(err, HG_E_HASH, r->path, NULL, "the file is not the one that was opened");
+    if (status == HG_OK)
+        status = hg_oiio_reader_open(
+            r->file, NULL, 0, r->path, r->info.file_format, r->max_side_px, &r->inner, err);
+    if (status != HG_OK && r->file != NULL) {
+        fclose(r->file);
+        r->file = NULL;
+    }
+    return status;
 }
 
 static enum hg_status hash_file(

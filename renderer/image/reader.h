@@ -30,8 +30,18 @@ enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const 
 void hg_image_reader_close(struct hg_image_reader *reader); // accepts NULL
 const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_reader *reader);
 
-// Whether the file has the size and time that it had when it was opened.
+// Whether the file has the size and time that it had when it was opened; of a reader that sleeps,
+// whether it is also the same file.
 bool hg_image_reader_is_unchanged(const struct hg_image_reader *reader);
+
+// A reader that sleeps holds neither a descriptor nor the decoder; only what is said above may be
+// asked of it. Nobody else may use it meanwhile. Rows begin at the top again. Bytes cannot sleep.
+bool hg_image_reader_can_sleep(const struct hg_image_reader *reader);
+void hg_image_reader_sleep(struct hg_image_reader *reader);
+// Opens it again, if it sleeps. HG_E_HASH: the file is not the one that was opened; HG_E_NOMEM (also
+// for want of descriptors), HG_E_IO, HG_E_NOTFOUND: it sleeps on.
+enum hg_status hg_image_reader_wake(
+    struct hg_image_reader *reader, struct hg_error *err) HG_MUST_CHECK;
 
 // SHA-256 of the file or the bytes. HG_E_NOMEM, HG_E_IO.
 enum hg_status hg_image_reader_hash(struct hg_image_reader *reader, uint8_t digest[32],

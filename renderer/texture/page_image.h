@@ -29,7 +29,7 @@ struct hg_page_backing {
     struct hg_page_pack pack;
     struct hg_page_histograms *histograms; // of `mips`
     const struct hg_image_tiles *tiles;
-    struct hg_image_reader *file; // or this
+    struct hg_open_file *file;    // or this
     enum hg_pixel_format format;  // what `file` is read as
 };
 
@@ -84,6 +84,7 @@ struct hg_page_sources {
     uint64_t revision, memory_bytes;
     struct hg_page_sources_stats stats;
     struct hg_tile_cache *tiles;
+    struct hg_open_files *files;
     struct hg_jobs *jobs; // compresses pages of large images; NULL with one thread
     atomic_bool stop;
     bool warned;

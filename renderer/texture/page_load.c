@@ -28,7 +28,7 @@ void hg_page_backing_unref(struct hg_page_sources *s, struct hg_page_backing *b)
     hg_page_pack_finish(&b->pack);
     if (b->file != NULL)
         hg_tile_cache_forget(s->tiles, b->file);
-    hg_image_reader_close(b->file);
+    hg_open_file_remove(b->file);
     hg_free(b->histograms);
     hg_free(b);
 }

@@ -37,7 +37,7 @@ static enum hg_status make_pixels(
     const enum hg_status status = hg_tile_cache_rect(
         m->tiles, m->backing->file, mip, at, size, m->backing->format, pixels, &bytes, m->err);
     m->bytes += bytes;
-    if (status == HG_OK && !hg_image_reader_is_unchanged(m->backing->file))
+    if (status == HG_OK && !hg_open_file_is_unchanged(m->backing->file))
         return hg_error_set(m->err, HG_E_HASH, "image", NULL, "the file was changed");
     return status;
 }

@@ -51,7 +51,9 @@ enum hg_status hg_page_sources_create(
         return no_memory(err);
     s->params = params != NULL ? *params : (struct hg_page_sources_params){0};
     complete_params(&s->params);
-    if (hg_tile_cache_create(s->params.memory_bytes / TILE_SHARE, &s->tiles) != HG_OK) {
+    if (hg_tile_cache_create(s->params.memory_bytes / TILE_SHARE, &s->tiles) != HG_OK ||
+        hg_open_files_create(s->params.files, &s->files) != HG_OK) {
+        hg_tile_cache_destroy(s->tiles);
         hg_free(s);
         return no_memory(err);
     }
@@ -89,6 +91,7 @@ void hg_page_sources_destroy(struct hg_page_sources *s)
         pthread_join(s->threads[i], NULL);
     hg_jobs_destroy(s->jobs);
     hg_tile_cache_destroy(s->tiles);
+    hg_open_files_destroy(s->files);
     for (size_t i = 0; i < s->scratch_count; i++)
         hg_page_scratch_destroy(s->scratches[i]);
     hg_free(s->scratches);
@@ -113,6 +116,10 @@ void hg_page_sources_stats(struct hg_page_sources *s, struct hg_page_sources_sta
     *out = s->stats;
     out->memory_bytes = s->memory_bytes;
     out->tile_bytes = tiles.bytes;
+    struct hg_open_files_stats files;
+    hg_open_files_stats(s->files, &files);
+    out->files_open = files.open;
+    out->files_reopened = files.reopened;
     out->tiles_found = tiles.tiles_found;
     out->tiles_decoded = tiles.tiles_decoded;
     for (const struct hg_page_image *i = s->images; i != NULL; i = i->next) {
@@ -179,8 +186,11 @@ static void choose_format(const struct hg_page_source_params *p, struct hg_page_
 static enum hg_status describe_image(struct hg_page_sources *s,
     const struct hg_page_source_params *p, struct hg_page_image *image, struct hg_error *err)
 {
-    const enum hg_status status =
-        hg_source_identify_with(s->params.store, p->image, &image->info, err);
+    enum hg_status status = hg_source_identify_with(s->params.store, p->image, &image->info, err);
+    if (status == HG_E_NOMEM) { // maybe for want of descriptors
+        hg_open_files_give_up(s->files);
+        status = hg_source_identify_with(s->params.store, p->image, &image->info, err);
+    }
     if (status != HG_OK)
         return status;
     const uint64_t pixels = (uint64_t)image->info.width * image->info.height;
@@ -242,6 +252,22 @@ static void join_image(
     hg_free(fresh);
 }
 
+// A file that is read in place, one of a bounded number that is open.
+static enum hg_status open_in_place(struct hg_page_sources *s, const struct hg_image_source *origin,
+    const struct hg_source_info *info, struct hg_open_file **out, struct hg_error *err)
+{
+    struct hg_image_reader *reader;
+    enum hg_status status = hg_source_open_file(origin, info, &reader, err);
+    if (status == HG_E_NOMEM) {
+        hg_open_files_give_up(s->files);
+        status = hg_source_open_file(origin, info, &reader, err);
+    }
+    *out = NULL;
+    if (status != HG_OK)
+        return status;
+    return hg_open_files_add(s->files, reader, out) == HG_OK ? HG_OK : no_memory(err);
+}
+
 // What can be read at once: tiles, files in place, a pack that is there.
 static enum hg_status find_backing(struct hg_page_sources *s, const struct hg_page_source_params *p,
     struct hg_page_image *image, struct hg_error *err)
@@ -260,7 +286,7 @@ static enum hg_status find_backing(struct hg_page_sources *s, const struct hg_pa
         status = HG_OK;
     } else if (in_place) {
         b->kind = HG_PAGES_ON_DEMAND;
-        status = hg_source_open_file(p->image, &image->info, &b->file, err);
+        status = open_in_place(s, p->image, &image->info, &b->file, err);
     } else if (s->params.store != NULL) {
         b->kind = HG_PAGES_IN_PACK;
         status = hg_page_pack_open(s->params.store, &image->chain, &b->pack, NULL);

@@ -30,6 +30,7 @@ struct hg_page_sources_params {
     uint64_t image_bytes;          // images whose pixels take more are never decoded whole;
                                    // default memory_bytes / 4
     unsigned threads;              // that load and bake; default 1 per core
+    uint32_t files;                // read in place that may stay open; default: open_files.h
     struct hg_image_limits limits; // zero fields: 131072 texels a side, 2^34 in all
 };
 
@@ -43,6 +44,7 @@ struct hg_page_sources_stats {
     // Of files read in place: decoded tiles that are kept (an eighth of memory_bytes at most, and
     // no more than images leave of it), and how often they were there.
     uint64_t tile_bytes, tiles_found, tiles_decoded;
+    uint64_t files_open, files_reopened; // of those files: now; since creation
     uint64_t pages_baked, packs_baked, packs_found, pack_bytes, bake_ns;
 };
 

@@ -11,7 +11,7 @@
 
 struct tile {
     struct tile *newer, *older, *next; // next: of the bucket
-    const struct hg_image_reader *reader;
+    const struct hg_open_file *file;
     uint32_t mip, x, y; // in tiles
     uint32_t bucket;
     uint64_t bytes;
@@ -28,7 +28,7 @@ struct hg_tile_cache {
 
 // What is asked for.
 struct want {
-    struct hg_image_reader *reader;
+    struct hg_open_file *file;
     uint32_t mip;
     const uint32_t *at, *size;
     enum hg_pixel_format format;
@@ -53,10 +53,9 @@ enum hg_status hg_tile_cache_create(uint64_t limit_bytes, struct hg_tile_cache *
 
 // --- tiles that are here (the lock is held) ------------------------------------------------------
 
-static uint32_t bucket_of(
-    const struct hg_image_reader *reader, uint32_t mip, uint32_t x, uint32_t y)
+static uint32_t bucket_of(const struct hg_open_file *file, uint32_t mip, uint32_t x, uint32_t y)
 {
-    uint64_t h = (uint64_t)(uintptr_t)reader / 16;
+    uint64_t h = (uint64_t)(uintptr_t)file / 16;
     h = (h ^ (uint64_t)mip << 40 ^ (uint64_t)y << 20 ^ x) * UINT64_C(0x9e3779b97f4a7c15);
     return (uint32_t)(h >> 32) & (BUCKETS - 1);
 }
@@ -94,9 +93,8 @@ static void trim(struct hg_tile_cache *c, uint64_t bytes)
 
 static struct tile *find(struct hg_tile_cache *c, const struct want *w, const struct place *p)
 {
-    struct tile *t = c->buckets[bucket_of(w->reader, w->mip, p->x, p->y)];
-    while (
-        t != NULL && (t->reader != w->reader || t->mip != w->mip || t->x != p->x || t->y != p->y))
+    struct tile *t = c->buckets[bucket_of(w->file, w->mip, p->x, p->y)];
+    while (t != NULL && (t->file != w->file || t->mip != w->mip || t->x != p->x || t->y != p->y))
         t = t->next;
     return t;
 }
@@ -117,13 +115,13 @@ void hg_tile_cache_trim(struct hg_tile_cache *c, uint64_t bytes)
     pthread_mutex_unlock(&c->lock);
 }
 
-void hg_tile_cache_forget(struct hg_tile_cache *c, const struct hg_image_reader *reader)
+void hg_tile_cache_forget(struct hg_tile_cache *c, const struct hg_open_file *file)
 {
     struct tile *next;
     pthread_mutex_lock(&c->lock);
     for (struct tile *t = c->newest; t != NULL; t = next) {
         next = t->older;
-        if (t->reader == reader)
+        if (t->file == file)
             remove_tile(c, t);
     }
     pthread_mutex_unlock(&c->lock);
@@ -177,11 +175,11 @@ static void keep(
     if (find(c, w, p) != NULL) { // another thread was faster
         hg_free(t);
     } else {
-        t->reader = w->reader;
+        t->file = w->file;
         t->mip = w->mip;
         t->x = p->x;
         t->y = p->y;
-        t->bucket = bucket_of(w->reader, w->mip, p->x, p->y);
+        t->bucket = bucket_of(w->file, w->mip, p->x, p->y);
         t->next = c->buckets[t->bucket];
         c->buckets[t->bucket] = t;
         trim(c, c->limit_bytes - t->bytes);
@@ -203,8 +201,8 @@ static enum hg_status copy_tile(struct hg_tile_cache *c, const struct want *w,
     if (t == NULL)
         return hg_error_set(err, HG_E_NOMEM, "image", NULL, "no memory for a tile");
     uint64_t decoded;
-    const enum hg_status status = hg_image_reader_rect(
-        w->reader, w->mip, p->at, p->size, w->format, t->texels, &decoded, err);
+    const enum hg_status status =
+        hg_open_file_rect(w->file, w->mip, p->at, p->size, w->format, t->texels, &decoded, err);
     if (status != HG_OK) {
         hg_free(t);
         return status;
@@ -216,19 +214,19 @@ static enum hg_status copy_tile(struct hg_tile_cache *c, const struct want *w,
     return HG_OK;
 }
 
-enum hg_status hg_tile_cache_rect(struct hg_tile_cache *c, struct hg_image_reader *reader,
-    uint32_t mip, const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format,
-    void *pixels, uint64_t *bytes, struct hg_error *err)
+enum hg_status hg_tile_cache_rect(struct hg_tile_cache *c, struct hg_open_file *file, uint32_t mip,
+    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
+    uint64_t *bytes, struct hg_error *err)
 {
-    const struct hg_image_reader_info *info = hg_image_reader_info(reader);
-    const struct want w = {reader, mip, at, size, format, pixels};
+    const struct hg_image_reader_info *info = hg_open_file_info(file);
+    const struct want w = {file, mip, at, size, format, pixels};
     const uint32_t tile[2] = {info->tile_width, info->tile_height};
     const uint32_t side[2] = {hg_mips_side(info->width, mip), hg_mips_side(info->height, mip)};
     const uint64_t most =
         (uint64_t)tile[0] * tile[1] * hg_pixel_bytes(format) + sizeof(struct tile);
     *bytes = 0;
     if (most > c->limit_bytes / LARGE_PART)
-        return hg_image_reader_rect(reader, mip, at, size, format, pixels, bytes, err);
+        return hg_open_file_rect(file, mip, at, size, format, pixels, bytes, err);
     enum hg_status status = HG_OK;
     for (uint32_t y = at[1] / tile[1]; y * tile[1] < at[1] + size[1]; y++)
         for (uint32_t x = at[0] / tile[0]; x * tile[0] < at[0] + size[0] && status == HG_OK; x++) {

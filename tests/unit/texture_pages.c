@@ -1,12 +1,15 @@
 // texture_pages.c - pages are the same in every byte whichever way they come: cut from a chain in
 // memory, from a pack that was just baked, from one that was there, from tiles made on demand.
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -369,10 +372,15 @@ static void test_few_tiles(void **state)
     char *path = path_of("few.tif");
     assert_true(write_tiled_file(
         path, w, h, tile, own.mips.count, (const uint8_t *const *)own.mips.levels, false));
-    struct hg_image_reader *reader;
+    struct hg_image_reader *reader, *second;
+    struct hg_open_files *files;
+    struct hg_open_file *file;
     struct hg_tile_cache *cache;
     const uint64_t limit = 10 * (tile * tile * 4 + 100);
     assert_int_equal(hg_image_reader_open(path, 4096, &reader, NULL), HG_OK);
+    assert_int_equal(hg_image_reader_open(path, 4096, &second, NULL), HG_OK);
+    assert_int_equal(hg_open_files_create(4, &files), HG_OK);
+    assert_int_equal(hg_open_files_add(files, second, &file), HG_OK);
     assert_int_equal(hg_tile_cache_create(limit, &cache), HG_OK);
     static uint8_t got[132 * 132 * 4], expected[132 * 132 * 4];
     uint32_t n = 1;
@@ -383,7 +391,7 @@ static void test_few_tiles(void **state)
             (n >> 12) % (hg_mips_side(h, mip) - size[1] + 1)};
         uint64_t bytes, direct;
         assert_int_equal(
-            hg_tile_cache_rect(cache, reader, mip, at, size, HG_PIXEL_RGBA8, got, &bytes, NULL),
+            hg_tile_cache_rect(cache, file, mip, at, size, HG_PIXEL_RGBA8, got, &bytes, NULL),
             HG_OK);
         assert_int_equal(
             hg_image_reader_rect(reader, mip, at, size, HG_PIXEL_RGBA8, expected, &direct, NULL),
@@ -398,8 +406,102 @@ static void test_few_tiles(void **state)
     hg_tile_cache_stats(cache, &stats);
     assert_int_equal(stats.bytes, 0);
     hg_tile_cache_destroy(cache);
+    hg_open_file_remove(file);
+    hg_open_files_destroy(files);
     hg_image_reader_close(reader);
     hg_mips_finish(&own.mips);
+    hg_image_finish(&image);
+}
+
+enum { MANY = 48, MANY_SIDE = 200 };
+
+struct many {
+    struct hg_page_source *sources[MANY];
+    struct reference reference;
+    uint8_t brightness[MANY]; // of mip 0 of each file, all texels
+    atomic_uint wrong, reads;
+};
+
+// Each file has one value in all texels, that of no other file.
+static void write_many(struct many *many, uint32_t i, const char *path)
+{
+    struct hg_mips *m = &many->reference.mips;
+    many->brightness[i] = (uint8_t)(i * 5 + 1);
+    memset(m->levels[0], many->brightness[i], m->bytes);
+    assert_true(write_tiled_file(
+        path, MANY_SIDE, MANY_SIDE, 64, m->count, (const uint8_t *const *)m->levels, false));
+}
+
+static void *read_many(void *user)
+{
+    struct many *many = user;
+    const struct hg_page_layout *l = &many->reference.layout;
+    uint8_t *texels = malloc((size_t)SLOT * 4);
+    for (uint32_t round = 0; round < 3; round++)
+        for (uint32_t i = 0; i < MANY; i++) {
+            const bool tail = round == 2;
+            const enum hg_status status = hg_page_source_read(
+                many->sources[i], tail ? l->tail : 0, 0, tail ? 0 : round, texels, NULL);
+            many->wrong +=
+                status != HG_OK || texels[(HG_PAGE_PITCH * 10 + 10) * 4] != many->brightness[i];
+            many->reads++;
+        }
+    free(texels);
+    return NULL;
+}
+
+// More tiled files than the process may have descriptors: few are open at a time, and one that was
+// exchanged or overwritten while it was closed is refused.
+static void test_many_tiled_files(void **state)
+{
+    (void)state;
+    static struct many many;
+    struct rlimit before, few;
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &before), 0);
+    few = (struct rlimit){40, before.rlim_max};
+    struct hg_image image = make_image(MANY_SIDE, MANY_SIDE, HG_PIXEL_RGBA8);
+    many.reference = make_reference(&image, false, false, HG_TEXTURE_DATA, 0);
+    static struct hg_image_source origins[MANY];
+    static char paths[MANY][TEST_FOLDER_MAX + 32];
+    for (uint32_t i = 0; i < MANY; i++) {
+        snprintf(paths[i], sizeof paths[i], "%s/many-%u.tif", folder, i);
+        write_many(&many, i, paths[i]);
+    }
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &few), 0);
+    struct hg_page_sources *s;
+    const struct hg_page_sources_params params = {.memory_bytes = 1 << 20, .threads = 1};
+    assert_int_equal(hg_page_sources_create(&params, &s, NULL), HG_OK);
+    for (uint32_t i = 0; i < MANY; i++)
+        many.sources[i] = open_path(s, &origins[i], paths[i], HG_TEXTURE_DATA);
+    pthread_t threads[4];
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, read_many, &many), 0);
+    for (int i = 0; i < 4; i++)
+        pthread_join(threads[i], NULL);
+    struct hg_page_sources_stats st;
+    hg_page_sources_stats(s, &st);
+    assert_int_equal(many.reads, 4 * 3 * MANY);
+    assert_int_equal(many.wrong, 0);
+    assert_in_range(st.files_open, 1, 10);
+    assert_true(st.files_reopened >= MANY - 10);
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &before), 0);
+    // The first two were read longest ago: they are closed.
+    char other[TEST_FOLDER_MAX + 32];
+    uint8_t *texels = malloc((size_t)SLOT * 4);
+    snprintf(other, sizeof other, "%s/other.tif", folder);
+    write_many(&many, 0, other);
+    assert_int_equal(rename(other, paths[0]), 0);
+    write_many(&many, 1, paths[1]);
+    for (uint32_t i = 0; i < 2; i++)
+        assert_int_equal(hg_page_source_read(many.sources[i], 0, 1, 1, texels, NULL), HG_E_HASH);
+    assert_int_equal(hg_page_source_read(many.sources[2], 0, 1, 1, texels, NULL), HG_OK);
+    free(texels);
+    for (uint32_t i = 0; i < MANY; i++)
+        hg_page_source_close(many.sources[i]);
+    hg_page_sources_stats(s, &st);
+    assert_int_equal(st.files_open, 0);
+    hg_page_sources_destroy(s);
+    hg_mips_finish(&many.reference.mips);
     hg_image_finish(&image);
 }
 
@@ -519,6 +621,6 @@ int main(void)
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_codec), TEST(test_ways),
         TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files), TEST(test_few_tiles),
-        TEST(test_tiled_files), TEST(test_udim)};
+        TEST(test_tiled_files), TEST(test_many_tiled_files), TEST(test_udim)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
