@@ -164,8 +164,6 @@ static enum hg_status bad(struct hg_error *err, const char *what, const char *fi
 
 static enum hg_status check_path(const struct hg_view_params *p, struct hg_error *err)
 {
-    if (p->mode == HG_MODE_PATH)
-        return hg_error_set(err, HG_E_INVAL, "view", "mode", "this build has no path tracer");
     if ((unsigned)p->mode > HG_MODE_PATH)
         return bad(err, "view", "mode");
     if ((unsigned)p->trace > HG_VIEW_TRACE_KHR)
@@ -244,8 +242,8 @@ enum hg_status hg_view_set_params(
     s.debug = (uint32_t)p->debug;
     s.error_px = p->error_px > 0 ? p->error_px : DEFAULT_ERROR_PX;
     s.target_ms = p->target_ms;
-    s.mode = (uint32_t)p->mode;
-    if (p->mode == HG_MODE_PATH)
+    s.mode = p->debug == HG_DEBUG_OFF ? (uint32_t)p->mode : HG_VIEW_MODE_REALTIME;
+    if (s.mode == HG_VIEW_MODE_PATH)
         fill_path(p, &s.path);
     if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
         s.samples = 1;
@@ -346,6 +344,7 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .width = s->settings.width,
         .height = s->settings.height,
         .samples = s->samples,
+        .noise = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_noise(s->path) : 0.0f,
         .missing_pages = s->stream.missing,
         .mip_bias = s->stream.bias,
         .missing_clusters = s->missing_clusters,
@@ -403,33 +402,24 @@ const char *hg_plane_name(enum hg_plane plane)
     return (unsigned)plane < HG_PLANE_COUNT ? planes[plane].name : "";
 }
 
-static enum hg_status not_traced(const struct hg_view *view, struct hg_error *err)
-{
-    return hg_error_set(err, HG_E_STATE, "view", NULL, "view of %ux%u px is not path-traced",
-        view->state.settings.width, view->state.settings.height);
-}
-
 enum hg_status hg_view_read_plane(
     struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
     if ((unsigned)plane >= HG_PLANE_COUNT)
         return bad(err, "planes", "plane");
-    return not_traced(view, err);
+    return hg_path_read(&view->state, (uint32_t)plane, planes[plane].channels, out, err);
 }
 
 enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
 {
-    *out = NULL;
-    return not_traced(view, err);
+    return hg_path_save(&view->state, out, err);
 }
 
 enum hg_status hg_view_load(
     struct hg_view *view, const void *data, uint64_t size_bytes, struct hg_error *err)
 {
-    if (data == NULL || size_bytes == 0)
-        return bad(err, "checkpoint", "size");
-    return not_traced(view, err);
+    return hg_path_load(&view->state, data, size_bytes, err);
 }
 
 enum hg_status hg_view_pick(

@@ -127,6 +127,16 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
 }
 
+void hg_frame_fill_path(struct hg_view_state *view)
+{
+    hg_frame_fill(view, 0, false, 0);
+    struct hg_gpu_frame *f = &view->frame;
+    hg_textures_fill(view->rooms->textures, HG_TEXTURES_EXACT, &f->textures);
+    f->textures.mode = HG_TEXTURES_EXACT;
+    fill_background(view, f);
+    memcpy(view->blocks.mapped, f, sizeof *f);
+}
+
 static void bind_table(struct hg_pass *pass, uint32_t binding, VkDeviceAddress address,
     uint64_t count, uint64_t element_bytes)
 {

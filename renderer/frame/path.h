@@ -1,9 +1,24 @@
 // path.h - pictures made by following light (HG_MODE_PATH).
 // Floor 4. Thread: the render thread.
+//
+// The picture is cut in tiles of HG_PATH_TILE_SIDE px. A wave is one sample of each pixel of some
+// tiles, at most HG_PATH_WAVE_TILES; a pass gives each tile that is not done one sample more. Rays
+// of a wave are traced by a backend of renderer/trace/, hits shaded on the device, again and again,
+// until all paths have ended; then they are added to the film. Paths whose textures are not there
+// wait at that place and are shaded again when these have come; when all that waiting paths need at
+// once does not fit the budget, part of them is shaded first. What a path brings does not depend on
+// that, nor on which paths are in its wave: the film is the same whatever the budget, the machine's
+// threads, and where work was interrupted.
 #ifndef HG_RENDERER_FRAME_PATH_H
 #define HG_RENDERER_FRAME_PATH_H
 
+#include <stdbool.h>
 #include <stdint.h>
+
+#include "base/refbuf.h"
+#include "base/status.h"
+
+#define HG_PATH_WAVE_TILES 512 // 2^17 paths, about 25 MiB
 
 // What a path-traced picture depends on besides the settings of every view. Compared as bytes.
 struct hg_path_settings {
@@ -13,5 +28,39 @@ struct hg_path_settings {
     uint32_t planes; // 1 << enum hg_plane of renderer.h
     float filter_radius_px, noise, time_s, clamp_indirect;
 };
+
+struct hg_path;
+struct hg_view_state;
+
+void hg_path_destroy(struct hg_path *path); // accepts NULL
+
+// One slice of work for a view of that mode, made on first use in view->path. changed: what was
+// there counts no longer. Errors of tracing, budgets and devices; then the next slice starts anew.
+enum hg_status hg_path_step(
+    struct hg_view_state *view, bool changed, struct hg_error *err) HG_MUST_CHECK;
+// All tiles are done, or the time is over.
+bool hg_path_done(const struct hg_path *path); // NULL: false
+// Brings what the film holds to view->accumulated, if it does not show it yet.
+enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+uint32_t hg_path_samples(const struct hg_path *path); // that all pixels have
+float hg_path_noise(const struct hg_path *path);      // estimate, 0 = not known
+
+// Planes of the film by enum hg_plane of renderer.h: [height][width][channels] floats.
+// HG_E_STATE: not asked for, or nothing there.
+enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// Checkpoints (renderer.h). Load: takes effect with the next step, which makes sure of the rest.
+enum hg_status hg_path_save(
+    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_path_load(struct hg_view_state *view, const void *data, uint64_t size_bytes,
+    struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_path_stats {
+    uint64_t rays, shadow_rays; // since the picture was begun
+    uint64_t trace_ns, shadow_ns, shade_ns, host_ns, film_ns, page_ns; // wall time
+    uint64_t build_ns;                                                 // of acceleration structures
+    uint64_t paths, waves;
+};
+void hg_path_get_stats(const struct hg_path *path, struct hg_path_stats *out);
 
 #endif

@@ -28,6 +28,7 @@ struct hg_frame_context {
     bool no_culling;             // draw everything, for tests
     bool no_host;                // the device draws every triangle, for tests
     enum hg_frame_dark dark;     // for tests
+    uint32_t estimators;         // HG_PATH_USE_* of paths, for tests; 0 = all
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };
 

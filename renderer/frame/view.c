@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
@@ -116,6 +117,8 @@ void hg_view_state_finish(struct hg_view_state *view)
         return;
     struct hg_gpu *gpu = view->context->gpu;
     destroy_extras(view);
+    hg_path_destroy(view->path);
+    hg_free(view->path_checkpoint);
     hg_gpu_image_destroy(gpu, &view->visibility);
     hg_gpu_image_destroy(gpu, &view->depth);
     hg_gpu_image_destroy(gpu, &view->accumulated);
@@ -168,8 +171,10 @@ static struct hg_view_key present_key(const struct hg_view_state *view)
 bool hg_view_state_settled(const struct hg_view_state *view)
 {
     const struct hg_view_key key = present_key(view);
-    return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0 &&
-           view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
+    const bool same = view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0;
+    if (view->settings.mode == HG_VIEW_MODE_PATH)
+        return same && !view->path_begins && hg_path_done(view->path);
+    return same && view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
            !view->direct && !view->stream.inexact && !view->eased && !view->clipped &&
            view->missing_clusters == 0 && hg_geometry_baking(view->rooms->geometry) == 0;
 }
@@ -355,6 +360,47 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     return status;
 }
 
+// A picture of the new state at once, until light has been followed.
+static enum hg_status draw_preview(struct hg_view_state *view, struct hg_error *err)
+{
+    const uint32_t samples = view->settings.samples;
+    hg_stream_restart(view);
+    view->settings.samples = 1;
+    view->accumulate = true;
+    enum hg_status status = draw_shown(view, true, 1, err);
+    view->accumulate = false;
+    view->settings.samples = samples;
+    view->samples = 0;
+    view->path_preview = status == HG_OK;
+    return status;
+}
+
+static enum hg_status draw_path(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    choose_error(view, max_samples);
+    view->wait = true;
+    enum hg_status status = hg_frame_sync(view, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_view_key key = present_key(view);
+    const bool changed = memcmp(&key, &view->key, sizeof key) != 0;
+    if (changed) {
+        hg_stream_restart(view);
+        view->path_begins = true;
+        view->path_preview = false;
+        view->samples = 0;
+        view->key = key;
+    }
+    if (changed && !view->final)
+        return draw_preview(view, err);
+    const bool begins = view->path_begins;
+    view->path_begins = false;
+    status = hg_path_step(view, begins, err);
+    view->path_begins |= status != HG_OK;
+    return status;
+}
+
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
@@ -365,7 +411,9 @@ enum hg_status hg_view_state_step(
     const bool moves =
         max_samples <= 1 && !view->final && memcmp(&key, &view->key, sizeof key) != 0;
     view->stage_count = 0;
-    enum hg_status status = draw(view, max_samples > 0 ? max_samples : 1, err);
+    const uint32_t most = max_samples > 0 ? max_samples : 1;
+    enum hg_status status = view->settings.mode == HG_VIEW_MODE_PATH ? draw_path(view, most, err)
+                                                                     : draw(view, most, err);
     view->step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK && moves)
         hg_quality_note(
@@ -390,7 +438,8 @@ static enum hg_status record_read(
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
     const struct hg_resolve resolve = {.accumulated = &view->accumulated,
         .target = &view->pixels[format],
-        .samples = view->samples > 0 ? view->samples : 1,
+        .samples =
+            view->samples > 0 && view->settings.mode != HG_VIEW_MODE_PATH ? view->samples : 1,
         .progress = view->stream.uneven ? view->stream.progress.address : 0,
         .fallback = view->stream.has_fallback ? &view->stream.fallback : NULL,
         .exposure = view->settings.exposure,
@@ -433,13 +482,16 @@ enum hg_status hg_view_state_read(
     struct hg_view_state *view, uint32_t format, struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
-    if (view->samples == 0 && !view->stream.has_fallback)
+    const bool path = view->settings.mode == HG_VIEW_MODE_PATH;
+    if (path ? view->number == 0 : view->samples == 0 && !view->stream.has_fallback)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
     const uint64_t size =
         (uint64_t)view->accumulated.width * view->accumulated.height * formats[format].bytes;
     const bool ready = format == 0 && view->key.settings == view->settings_revision;
     enum hg_status status = HG_OK;
-    if (view->direct && !ready)
+    if (path)
+        status = hg_path_show(view, err);
+    else if (view->direct && !ready)
         status = draw_accumulated(view, err);
     if (status == HG_OK && !view->direct)
         status = fetch_pixels(view, format, err);
@@ -472,7 +524,8 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
     struct hg_gpu_pick *out, struct hg_error *err)
 {
     memset(out, 0, sizeof *out);
-    if (view->samples == 0 && !view->stream.has_fallback)
+    if (view->number == 0 || (view->settings.mode != HG_VIEW_MODE_PATH && view->samples == 0 &&
+                                 !view->stream.has_fallback))
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
     if (x >= view->visibility.width || y >= view->visibility.height)
         return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");

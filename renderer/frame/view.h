@@ -19,11 +19,13 @@
 #define HG_VIEW_MAX_SIDE_PX          16384
 // Layers of blended surfaces: peeled at first, and at most. What lies deeper than those is not
 // seen.
-#define HG_VIEW_FIRST_LAYERS 8
-#define HG_VIEW_MAX_LAYERS   64
-#define HG_FRAME_BLOCK_BYTES 1024
-#define HG_VIEW_MAX_STAGES   64
-#define HG_VIEW_DARK_AFTER   4 // pictures in motion before dark cells are told apart (passes/dark.h)
+#define HG_VIEW_FIRST_LAYERS  8
+#define HG_VIEW_MAX_LAYERS    64
+#define HG_FRAME_BLOCK_BYTES  1024
+#define HG_VIEW_MAX_STAGES    64
+#define HG_VIEW_MODE_REALTIME 0 // as enum hg_render_mode of renderer.h
+#define HG_VIEW_MODE_PATH     1
+#define HG_VIEW_DARK_AFTER    4 // pictures in motion before dark cells are told apart (passes/dark.h)
 
 struct hg_view_settings {
     uint32_t width, height; // px
@@ -36,7 +38,7 @@ struct hg_view_settings {
     uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
-    uint32_t mode;   // enum hg_render_mode of renderer.h
+    uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };
 
@@ -80,6 +82,10 @@ struct hg_view_state {
     struct hg_gpu_frame frame;  // of the newest sample
     struct hg_stream stream;
     struct hg_ahead ahead;
+    struct hg_path *path;     // made when the mode asks for it
+    uint8_t *path_checkpoint; // to go on from (path_save.c); NULL = none
+    bool path_begins;         // its next step begins a picture
+    bool path_preview;        // `accumulated` holds a real-time sample of the same state
 
     uint64_t number; // frames that changed something
     uint32_t samples;
@@ -160,6 +166,8 @@ enum hg_status hg_frame_record_shadows(
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot);
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);
+// For paths: no jitter, pages waited for.
+void hg_frame_fill_path(struct hg_view_state *view);
 void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns);
 
 #endif

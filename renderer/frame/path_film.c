@@ -1,0 +1,298 @@
+// path_film.c - the film: sums of samples, how good they are, planes.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/frame/path_state.h"
+
+#define PLANE_COLOR    0u  // enum hg_plane of renderer.h
+#define PLANE_SAMPLES  16u // stored by tile; its place in the film is taken by HG_PATH_PLANE_HITS
+#define PLANE_VARIANCE 17u
+
+// --- filters -------------------------------------------------------------------------------------
+
+enum filter { FILTER_BLACKMAN_HARRIS, FILTER_BOX, FILTER_TENT, FILTER_GAUSSIAN };
+
+// Height at x in -1..1.
+static double filter_at(uint32_t filter, double x)
+{
+    switch (filter) {
+    case FILTER_BOX:
+        return 1.0;
+    case FILTER_TENT:
+        return 1.0 - fabs(x);
+    case FILTER_GAUSSIAN: // less its height at the end
+        return exp(-4.5 * x * x) - exp(-4.5);
+    default: // window of Harris 1978, four terms
+        return 0.35875 + 0.48829 * cos(M_PI * x) + 0.14128 * cos(2.0 * M_PI * x) +
+               0.01168 * cos(3.0 * M_PI * x);
+    }
+}
+
+// Entry i: where the filter's integral from its left end is (1 - cos(pi i / steps)) / 2 of the
+// whole; so steps are small at both ends, where the filter is low.
+void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1])
+{
+    enum { FINE = 8192 };
+    double total = 0.0, sum = 0.0;
+    uint32_t next = 1;
+    for (int i = 0; i < FINE; i++)
+        total += filter_at(filter, (i + 0.5) * 2.0 / FINE - 1.0);
+    for (int i = 0; i < FINE && next < HG_PATH_FILTER_STEPS; i++) {
+        const double h = filter_at(filter, (i + 0.5) * 2.0 / FINE - 1.0) / total;
+        double want = 0.5 - 0.5 * cos(M_PI * next / HG_PATH_FILTER_STEPS);
+        while (next < HG_PATH_FILTER_STEPS && want <= sum + h) {
+            const double part = h > 0.0 ? (want - sum) / h : 0.5;
+            out[next++] = radius_px * (float)((i + part) * 2.0 / FINE - 1.0);
+            want = 0.5 - 0.5 * cos(M_PI * next / HG_PATH_FILTER_STEPS);
+        }
+        sum += h;
+    }
+    while (next < HG_PATH_FILTER_STEPS)
+        out[next++] = radius_px;
+    out[0] = -radius_px;
+    out[HG_PATH_FILTER_STEPS] = radius_px;
+}
+
+// --- memory --------------------------------------------------------------------------------------
+
+static uint32_t channels_of(uint32_t plane)
+{
+    switch (plane) {
+    case HG_PATH_PLANE_DEPTH:
+    case HG_PATH_PLANE_OBJECT:
+    case HG_PATH_PLANE_MATERIAL:
+    case HG_PATH_PLANE_HITS:
+        return 1;
+    case HG_PATH_PLANE_MOTION:
+        return 2;
+    default:
+        return 3;
+    }
+}
+
+static void plan_channels(struct hg_path *p, uint32_t planes)
+{
+    p->channels = HG_PATH_FILM_WORDS;
+    for (uint32_t i = 0; i < HG_PATH_PLANE_COUNT; i++) {
+        bool stored = i != PLANE_COLOR && i < PLANE_SAMPLES && (planes >> i & 1u) != 0;
+        if (i == HG_PATH_PLANE_HITS)
+            stored = (planes & (1u << HG_PATH_PLANE_DEPTH | 1u << HG_PATH_PLANE_POSITION)) != 0;
+        p->planes[i] = stored ? p->channels : HG_PATH_NO_PLANE;
+        p->channels += stored ? channels_of(i) : 0;
+    }
+}
+
+void hg_path_film_destroy(struct hg_path *p)
+{
+    struct hg_gpu *gpu = p->context->gpu;
+    hg_gpu_buffer_destroy(gpu, &p->film);
+    hg_gpu_buffer_destroy(gpu, &p->film_read);
+    hg_gpu_buffer_destroy(gpu, &p->samples);
+    hg_free(p->done);
+    hg_free(p->errors);
+    p->done = NULL;
+    p->errors = NULL;
+}
+
+static uint64_t film_bytes(const struct hg_path *p)
+{
+    return (uint64_t)p->channels * p->width * p->height * sizeof(float);
+}
+
+enum hg_status hg_path_film_create(
+    struct hg_path *p, const struct hg_view_settings *settings, struct hg_error *err)
+{
+    struct hg_gpu *gpu = p->context->gpu;
+    hg_path_film_destroy(p);
+    p->width = settings->width;
+    p->height = settings->height;
+    p->columns = (p->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    p->rows = (p->height + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    p->tile_count = p->columns * p->rows;
+    plan_channels(p, settings->path.planes);
+    enum hg_status status =
+        hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, film_bytes(p), "film", &p->film, err);
+    if (status == HG_OK)
+        status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_UPLOAD, (uint64_t)p->tile_count * 4,
+            "tile samples", &p->samples, err);
+    p->done = hg_calloc(p->tile_count, 1);
+    p->errors = hg_calloc(p->tile_count, sizeof *p->errors);
+    if (status == HG_OK && (p->done == NULL || p->errors == NULL))
+        status = hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
+    return status;
+}
+
+enum hg_status hg_path_film_fetch(
+    struct hg_path *p, uint32_t channels, const float **out, struct hg_error *err)
+{
+    struct hg_gpu *gpu = p->context->gpu;
+    const uint64_t bytes = film_bytes(p) / p->channels * channels;
+    *out = p->film.mapped;
+    if (p->film.mapped != NULL && hg_gpu_get_caps(gpu)->is_cpu)
+        return HG_OK;
+    struct hg_gpu_cmd *cmd;
+    uint64_t value;
+    enum hg_status status = hg_gpu_buffer_reserve(
+        gpu, HG_GPU_BUFFER_READBACK, bytes, "film readback", &p->film_read, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    const VkBufferCopy region = {.size = bytes};
+    vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), p->film.handle, p->film_read.handle, 1, &region);
+    hg_gpu_memory_barrier(cmd);
+    status = hg_gpu_submit(gpu, cmd, &value, err);
+    *out = p->film_read.mapped;
+    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+}
+
+// --- noise ---------------------------------------------------------------------------------------
+
+static double luminance(const float *film, uint64_t at, uint64_t pixels)
+{
+    return 0.2126 * (double)film[at] + 0.7152 * (double)film[pixels + at] +
+           0.0722 * (double)film[2 * pixels + at];
+}
+
+// Variance of a pixel's mean, of its luminance; n >= 2.
+static double variance(const float *film, uint64_t at, uint64_t pixels, double n, double *mean)
+{
+    const double squares = film[HG_PATH_FILM_SQUARES * pixels + at];
+    *mean = luminance(film, at, pixels) / n;
+    const double v = (squares / n - *mean * *mean) / (n - 1.0);
+    return v > 0.0 ? v : 0.0;
+}
+
+// Root of the mean of variance over squared luminance; floor2 keeps black pixels from counting.
+static float tile_error(const struct hg_path *p, const float *film, uint32_t tile, double floor2)
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    const uint32_t x0 = tile % p->columns * HG_PATH_TILE_SIDE;
+    const uint32_t y0 = tile / p->columns * HG_PATH_TILE_SIDE;
+    const double n = ((const uint32_t *)p->samples.mapped)[tile];
+    double sum = 0.0, mean;
+    uint32_t count = 0;
+    if (n < 2.0)
+        return INFINITY;
+    for (uint32_t y = y0; y < y0 + HG_PATH_TILE_SIDE && y < p->height; y++) {
+        for (uint32_t x = x0; x < x0 + HG_PATH_TILE_SIDE && x < p->width; x++) {
+            const double v = variance(film, (uint64_t)y * p->width + x, pixels, n, &mean);
+            sum += v / (mean * mean + floor2);
+            count++;
+        }
+    }
+    return (float)sqrt(sum / count);
+}
+
+static double mean_luminance(const struct hg_path *p, const float *film)
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    const uint32_t *samples = p->samples.mapped;
+    double sum = 0.0;
+    for (uint32_t y = 0; y < p->height; y++) {
+        for (uint32_t x = 0; x < p->width; x++) {
+            const uint32_t tile = y / HG_PATH_TILE_SIDE * p->columns + x / HG_PATH_TILE_SIDE;
+            if (samples[tile] > 0)
+                sum += luminance(film, (uint64_t)y * p->width + x, pixels) / samples[tile];
+        }
+    }
+    return sum / (double)pixels;
+}
+
+// A tile is done when those around it are good enough as well: by itself it may have been lucky.
+static bool is_good(const struct hg_path *p, uint32_t tile, float noise)
+{
+    const int32_t x = (int32_t)(tile % p->columns), y = (int32_t)(tile / p->columns);
+    for (int32_t j = y - 1; j <= y + 1; j++) {
+        for (int32_t i = x - 1; i <= x + 1; i++) {
+            const bool inside = i >= 0 && j >= 0 && i < (int32_t)p->columns && j < (int32_t)p->rows;
+            if (inside && !(p->errors[(uint32_t)j * p->columns + (uint32_t)i] <= noise))
+                return false;
+        }
+    }
+    return true;
+}
+
+enum hg_status hg_path_film_judge(struct hg_path *p, float noise, struct hg_error *err)
+{
+    const float *film;
+    enum hg_status status = hg_path_film_fetch(p, HG_PATH_FILM_WORDS, &film, err);
+    if (status != HG_OK)
+        return status;
+    const double low = 0.05 * mean_luminance(p, film);
+    double sum = 0.0;
+    for (uint32_t i = 0; i < p->tile_count; i++) {
+        p->errors[i] = tile_error(p, film, i, low * low + 1e-20);
+        sum += (double)p->errors[i] * (double)p->errors[i];
+    }
+    p->noise = (float)sqrt(sum / p->tile_count);
+    const uint32_t *samples = p->samples.mapped;
+    for (uint32_t i = 0; i < p->tile_count && noise > 0.0f; i++)
+        p->done[i] |= samples[i] >= HG_PATH_LEAST_SAMPLES && is_good(p, i, noise);
+    return HG_OK;
+}
+
+// --- planes --------------------------------------------------------------------------------------
+
+static bool is_id(uint32_t plane)
+{
+    return plane == HG_PATH_PLANE_OBJECT || plane == HG_PATH_PLANE_MATERIAL;
+}
+
+static bool is_of_hits(uint32_t plane)
+{
+    return plane == HG_PATH_PLANE_DEPTH || plane == HG_PATH_PLANE_POSITION;
+}
+
+// One pixel of a plane from the film.
+static void plane_pixel(const struct hg_path *p, const float *film, uint32_t plane,
+    uint32_t channels, uint64_t at, float *out)
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    const uint32_t x = (uint32_t)(at % p->width), y = (uint32_t)(at / p->width);
+    const uint32_t tile = y / HG_PATH_TILE_SIDE * p->columns + x / HG_PATH_TILE_SIDE;
+    const uint32_t n = ((const uint32_t *)p->samples.mapped)[tile];
+    const float scale = n > 0 ? 1.0f / (float)n : 0.0f;
+    double mean;
+    if (plane == PLANE_SAMPLES) {
+        out[0] = (float)n;
+        return;
+    }
+    if (plane == PLANE_VARIANCE) {
+        out[0] = n > 1 ? (float)variance(film, at, pixels, n, &mean) : 0.0f;
+        return;
+    }
+    const uint32_t first = plane == PLANE_COLOR ? HG_PATH_FILM_COLOR : p->planes[plane];
+    float share = is_id(plane) ? (n > 0 ? 1.0f : 0.0f) : scale;
+    if (is_of_hits(plane)) {
+        const float hits = film[p->planes[HG_PATH_PLANE_HITS] * pixels + at];
+        share = n > 0 && hits > 0.0f ? 1.0f / hits : 0.0f;
+    }
+    for (uint32_t c = 0; c < channels; c++)
+        out[c] = film[(first + c) * pixels + at] * share;
+}
+
+enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
+    struct hg_refbuf **out, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    const float *film;
+    *out = NULL;
+    if (p == NULL || p->film.handle == VK_NULL_HANDLE)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was path-traced yet");
+    const bool made = plane == PLANE_COLOR || plane == PLANE_SAMPLES || plane == PLANE_VARIANCE;
+    if (!made && p->planes[plane] == HG_PATH_NO_PLANE)
+        return hg_error_set(err, HG_E_STATE, "view", "planes", "was not asked for");
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    enum hg_status status = hg_path_film_fetch(p, p->channels, &film, err);
+    if (status != HG_OK)
+        return status;
+    *out = hg_refbuf_create(pixels * channels * sizeof(float));
+    if (*out == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "planes", NULL, "out of host memory");
+    float *to = (float *)(void *)(*out)->data;
+    for (uint64_t i = 0; i < pixels; i++)
+        plane_pixel(p, film, plane, channels, i, to + i * channels);
+    return HG_OK;
+}

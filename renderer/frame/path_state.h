@@ -1,0 +1,92 @@
+// path_state.h - what the files of path tracing share. Private to renderer/frame/path*.c.
+#ifndef HG_RENDERER_FRAME_PATH_STATE_H
+#define HG_RENDERER_FRAME_PATH_STATE_H
+
+#include "renderer/frame/view.h"
+#include "renderer/light/emitters.h"
+#include "renderer/passes/path.h"
+#include "renderer/trace/trace.h"
+
+#define HG_PATH_WAVE_PX       (HG_PATH_WAVE_TILES * HG_PATH_TILE_PX)
+#define HG_PATH_LEAST_SAMPLES 16 // before a tile can be done by its noise
+#define HG_PATH_NOISE_EVERY   8  // samples between estimates
+
+enum hg_path_phase {      // what the next piece of work does
+    HG_PATH_PHASE_NONE,   // begins a wave, or a pass
+    HG_PATH_PHASE_TRACE,  // follows rays
+    HG_PATH_PHASE_SHADE,  // looks at what they found
+    HG_PATH_PHASE_SHADOW, // follows rays to lights
+    HG_PATH_PHASE_HOLES,  // further behind surfaces with holes
+    HG_PATH_PHASE_FILM,   // adds what they brought
+};
+
+// Slots of a wave, for kernels.
+struct hg_path_list {
+    struct hg_gpu_buffer buffer; // [HG_PATH_WAVE_PX] words
+    uint32_t count;
+};
+
+struct hg_path {
+    struct hg_frame_context *context;
+    struct hg_trace *trace;
+    struct hg_cut *cut;
+    uint64_t cut_revision; // that `trace` has
+    struct hg_emitters *emitters;
+    uint32_t backend; // asked for when `trace` was made
+
+    // Of the picture.
+    uint32_t width, height, columns, rows, tile_count;
+    uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
+    struct hg_gpu_buffer film, film_read;
+    struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
+    uint8_t *done;                // [tile_count] by its noise
+    float *errors;                // [tile_count]
+    float noise;
+    uint32_t pass;                 // samples of the tiles that this pass has finished, less one
+    uint32_t next_tile;            // of the pass
+    bool finished, late;           // late: the time is over
+    bool stale;                    // the film holds more than view->accumulated
+    uint64_t started_ns, spent_ns; // spent: by the run before a checkpoint
+
+    // Of the wave.
+    struct hg_gpu_path block;
+    struct hg_gpu_buffer block_buffer, rays, shadow_rays, hits, shadow_hits, blocked, status, state;
+    struct hg_gpu_buffer tiles, tile_samples; // [HG_PATH_WAVE_TILES]
+    uint32_t tile_index[HG_PATH_WAVE_TILES];
+    uint32_t wave_tiles, slots;
+    enum hg_path_phase phase;
+    struct hg_path_list live, waiting, shadows;
+    uint32_t part;      // most paths that are shaded at once
+    uint32_t fruitless; // rounds in which no waiting path got on
+    uint32_t bounce, holes;
+    bool wait_pages;
+    uint32_t missing;
+
+    struct hg_path_stats stats;
+};
+
+// path_wave.c: one piece of work. *over: the wave is over, and its samples are in the film.
+enum hg_status hg_path_advance(
+    struct hg_view_state *view, bool *over, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_path_wave_create(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
+void hg_path_wave_destroy(struct hg_path *path);
+// The tiles of the next wave are in tile_index.
+enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+
+// path_save.c: what was loaded takes the place of the empty film of a picture that was just begun.
+enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+
+// path_film.c
+enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_path_film_destroy(struct hg_path *path);
+// Estimates the error of tiles and says which ones are done.
+enum hg_status hg_path_film_judge(
+    struct hg_path *path, float noise, struct hg_error *err) HG_MUST_CHECK;
+// The first `channels` of the film where the host can read them.
+enum hg_status hg_path_film_fetch(
+    struct hg_path *path, uint32_t channels, const float **out, struct hg_error *err) HG_MUST_CHECK;
+// Table of offsets of a filter for hg_gpu_path.
+void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1]);
+
+#endif

@@ -1,0 +1,377 @@
+// path_wave.c - one wave of paths: from the camera until all have ended.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/frame/path_state.h"
+#include "shaders/shared/features.h"
+
+#define PAGE_WAIT_NS   40000000u // per piece of work
+#define MOST_FRUITLESS 4096u
+
+static struct hg_page_cache *pages_of(const struct hg_view_state *view)
+{
+    return hg_textures_cache(view->rooms->textures);
+}
+
+// --- memory --------------------------------------------------------------------------------------
+
+void hg_path_wave_destroy(struct hg_path *p)
+{
+    struct hg_gpu *gpu = p->context->gpu;
+    struct hg_gpu_buffer *all[] = {&p->rays, &p->shadow_rays, &p->hits, &p->shadow_hits,
+        &p->blocked, &p->status, &p->state, &p->tiles, &p->tile_samples, &p->block_buffer,
+        &p->live.buffer, &p->waiting.buffer, &p->shadows.buffer};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        hg_gpu_buffer_destroy(gpu, all[i]);
+}
+
+enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
+{
+    const uint64_t n = HG_PATH_WAVE_PX, words = HG_PATH_WORDS + p->channels - 1;
+    const bool shared = hg_trace_backend(p->trace) == HG_TRACE_EMBREE;
+    const enum hg_gpu_buffer_kind kind = shared ? HG_GPU_BUFFER_READBACK : HG_GPU_BUFFER_DEVICE;
+    const struct {
+        struct hg_gpu_buffer *buffer;
+        uint64_t bytes;
+        enum hg_gpu_buffer_kind kind;
+        const char *name;
+    } all[] = {{&p->rays, n * sizeof(struct hg_gpu_ray), kind, "rays"},
+        {&p->shadow_rays, n * sizeof(struct hg_gpu_ray), kind, "shadow rays"},
+        {&p->hits, n * sizeof(struct hg_gpu_hit), kind, "hits"},
+        {&p->shadow_hits, n * sizeof(struct hg_gpu_hit), kind, "shadow hits"},
+        {&p->blocked, n * 4, kind, "blocked"},
+        {&p->status, n * 4, HG_GPU_BUFFER_READBACK, "path status"},
+        {&p->state, n * 4 * words, HG_GPU_BUFFER_DEVICE, "path state"},
+        {&p->live.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "live paths"},
+        {&p->waiting.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "waiting paths"},
+        {&p->shadows.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "shadow paths"},
+        {&p->tiles, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave tiles"},
+        {&p->tile_samples, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave samples"},
+        {&p->block_buffer, (sizeof p->block + 255) / 256 * 256, HG_GPU_BUFFER_UPLOAD, "path"}};
+    enum hg_status status = HG_OK;
+    for (size_t i = 0; i < sizeof all / sizeof *all && status == HG_OK; i++)
+        status = hg_gpu_buffer_reserve(
+            p->context->gpu, all[i].kind, all[i].bytes, all[i].name, all[i].buffer, err);
+    return status;
+}
+
+// --- kernels -------------------------------------------------------------------------------------
+
+static void fill_lens(const struct hg_view_state *view, struct hg_gpu_path *block)
+{
+    const struct hg_gpu_camera *c = &view->frame.camera;
+    const struct hg_view_camera_state *s = &view->camera;
+    const float radius = c->orthographic != 0 ? 0.0f : s->lens_radius;
+    const float *inverse = c->inv_view.m;
+    double distance = s->focus_distance;
+    if (!(distance > 0.0)) {
+        distance = 0.0;
+        for (int i = 0; i < 3; i++)
+            distance += (s->target[i] - s->eye[i]) * (double)(&c->forward_ws.x)[i];
+    }
+    block->lens_x_ws =
+        (struct hg_vec3){inverse[0] * radius, inverse[1] * radius, inverse[2] * radius};
+    block->lens_y_ws =
+        (struct hg_vec3){inverse[4] * radius, inverse[5] * radius, inverse[6] * radius};
+    block->focus_distance = distance > 1e-6 ? (float)distance : 1e-6f;
+}
+
+static uint32_t sample_bits(uint32_t samples)
+{
+    uint32_t bits = 0;
+    while (bits < 16 && (1u << bits) < samples)
+        bits++;
+    return bits;
+}
+
+static void fill_block(struct hg_view_state *view)
+{
+    struct hg_path *p = view->path;
+    const struct hg_path_settings *s = &view->settings.path;
+    p->block = (struct hg_gpu_path){.rays = p->rays.address,
+        .shadow_rays = p->shadow_rays.address,
+        .hits = p->hits.address,
+        .shadow_hits = p->shadow_hits.address,
+        .blocked = p->blocked.address,
+        .status = p->status.address,
+        .state = p->state.address,
+        .tiles = p->tiles.address,
+        .tile_samples = p->tile_samples.address,
+        .film = p->film.address,
+        .capacity = HG_PATH_WAVE_PX,
+        .channels = p->channels,
+        .sample_bits = sample_bits(view->settings.samples),
+        .max_bounces = s->max_bounces,
+        .clamp_indirect = s->clamp_indirect,
+        .holes = p->holes,
+        .estimators = view->context->estimators != 0 ? view->context->estimators
+                                                     : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
+    hg_emitters_fill(p->emitters, &p->block.emitters);
+    memcpy(p->block.planes, p->planes, sizeof p->planes);
+    fill_lens(view, &p->block);
+    hg_path_filter_fill(s->filter, s->filter_radius_px, p->block.filter_px);
+    memcpy(p->block_buffer.mapped, &p->block, sizeof p->block);
+}
+
+static enum hg_status submit(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    uint64_t value;
+    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
+    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
+}
+
+// Runs a kernel on `count` slots of a list (from `first`). *demand: what it missed.
+static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel,
+    const struct hg_path_list *list, uint32_t first, uint32_t count, struct hg_page_demand *demand,
+    struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_gpu_cmd *cmd;
+    *demand = (struct hg_page_demand){.fits = true};
+    const bool samples = kernel == HG_PATH_SHADE || kernel == HG_PATH_HOLES;
+    view->stream.on = samples && !hg_page_cache_is_complete(pages_of(view));
+    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    hg_frame_fill_path(view);
+    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
+    const struct hg_gpu_uniform block = {p->block_buffer.address, p->block_buffer.size_bytes};
+    const struct hg_gpu_path_push push = {list->buffer.address + (uint64_t)first * 4, count, 0};
+    if (view->stream.on)
+        hg_page_cache_begin(pages_of(view), cmd);
+    status = hg_path_record(&pass, kernel, &block, &push, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(view->context->gpu, cmd);
+        return status;
+    }
+    if (view->stream.on)
+        hg_page_cache_end(pages_of(view), cmd);
+    status = submit(view, cmd, err);
+    if (status == HG_OK && view->stream.on)
+        hg_page_cache_collect(pages_of(view), HG_PAGES_EXACT, demand);
+    p->missing = demand->missing;
+    return status;
+}
+
+// --- the way of a wave ---------------------------------------------------------------------------
+
+enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    const uint64_t start = hg_clock_now_ns();
+    struct hg_page_demand demand;
+    uint32_t *tiles = p->tiles.mapped, *numbers = p->tile_samples.mapped, *list;
+    const uint32_t *samples = p->samples.mapped;
+    for (uint32_t i = 0; i < p->wave_tiles; i++) {
+        const uint32_t tile = p->tile_index[i];
+        tiles[i] = tile % p->columns | tile / p->columns << 16;
+        numbers[i] = samples[tile];
+    }
+    p->slots = p->wave_tiles * HG_PATH_TILE_PX;
+    list = p->live.buffer.mapped;
+    for (uint32_t i = 0; i < p->slots; i++)
+        list[i] = i;
+    p->live.count = p->slots;
+    p->waiting.count = p->shadows.count = p->bounce = p->fruitless = 0;
+    p->part = HG_PATH_WAVE_PX;
+    p->wait_pages = false;
+    fill_block(view);
+    enum hg_status status = run(view, HG_PATH_BEGIN, &p->live, 0, p->live.count, &demand, err);
+    p->stats.shade_ns += hg_clock_now_ns() - start;
+    p->stats.waves++;
+    p->stats.paths += p->slots;
+    p->phase = HG_PATH_PHASE_TRACE;
+    return status;
+}
+
+// Of the first `count` slots those stay whose status has `bits` of `mask`; so do all others.
+static void keep(const struct hg_path *p, struct hg_path_list *list, uint32_t count, uint32_t mask,
+    uint32_t bits)
+{
+    const uint32_t *status = p->status.mapped, all = list->count;
+    uint32_t *slots = list->buffer.mapped;
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t slot = slots[i];
+        slots[kept] = slot;
+        kept += (status[slot] & mask) == bits;
+    }
+    memmove(slots + kept, slots + count, (size_t)(all - count) * 4);
+    list->count = kept + all - count;
+}
+
+static void copy(const struct hg_path_list *from, struct hg_path_list *to)
+{
+    to->count = from->count;
+    memcpy(to->buffer.mapped, from->buffer.mapped, (size_t)from->count * 4);
+}
+
+static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_trace_wave wave = {
+        .rays = &p->rays, .hits = &p->hits, .count = p->slots, .coherent = p->bounce == 0};
+    const enum hg_status status = hg_trace_closest(p->trace, &wave, err);
+    p->stats.rays += p->live.count;
+    p->stats.trace_ns += hg_clock_now_ns() - start;
+    copy(&p->live, &p->waiting);
+    p->part = p->live.count;
+    p->phase = HG_PATH_PHASE_SHADE;
+    return status;
+}
+
+static enum hg_status wait_for_pages(
+    struct hg_view_state *view, bool *arrived, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
+    uint64_t spent = 0;
+    while (status == HG_OK && hg_page_cache_under_way(pages_of(view)) > 0 && spent < PAGE_WAIT_NS) {
+        hg_page_cache_wait(pages_of(view), PAGE_WAIT_NS - spent);
+        status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
+        spent = hg_clock_now_ns() - start;
+    }
+    *arrived = hg_page_cache_under_way(pages_of(view)) == 0;
+    p->stats.page_ns += hg_clock_now_ns() - start;
+    return status;
+}
+
+// After a kernel that may have missed pages: what is left to do, and how much of it at once.
+static enum hg_status note_demand(
+    struct hg_path *p, const struct hg_page_demand *demand, bool got_on, struct hg_error *err)
+{
+    p->wait_pages = demand->missing > 0;
+    if (!demand->fits)
+        p->part = p->part > 1 ? (p->part + 1) / 2 : 1;
+    p->fruitless = got_on ? 0 : p->fruitless + 1;
+    return p->fruitless < MOST_FRUITLESS ? HG_OK
+                                         : hg_error_set(err, HG_E_LIMIT, "path", "textures",
+                                               "paths wait for texture pages that do not come");
+}
+
+static enum hg_path_phase after_light(const struct hg_path *p)
+{
+    return p->live.count > 0 ? HG_PATH_PHASE_TRACE : HG_PATH_PHASE_FILM;
+}
+
+static enum hg_status shade(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_page_demand demand;
+    const uint64_t start = hg_clock_now_ns();
+    const uint32_t before = p->waiting.count, count = before < p->part ? before : p->part;
+    enum hg_status status = run(view, HG_PATH_SHADE, &p->waiting, 0, count, &demand, err);
+    p->stats.shade_ns += hg_clock_now_ns() - start;
+    if (status != HG_OK)
+        return status;
+    keep(p, &p->waiting, count, HG_PATH_STATUS_MASK, HG_PATH_WAITS);
+    status = note_demand(p, &demand, p->waiting.count < before, err);
+    if (p->waiting.count > 0 || status != HG_OK)
+        return status;
+    p->wait_pages = false;
+    copy(&p->live, &p->shadows);
+    keep(p, &p->shadows, p->shadows.count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    keep(p, &p->live, p->live.count, HG_PATH_STATUS_MASK, HG_PATH_LIVE);
+    p->phase = p->shadows.count > 0 ? HG_PATH_PHASE_SHADOW : after_light(p);
+    p->bounce++;
+    return HG_OK;
+}
+
+static enum hg_status shadow(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_page_demand demand;
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_trace_wave wave = {.rays = &p->shadow_rays,
+        .blocked = &p->blocked,
+        .count = p->slots,
+        .coherent = p->bounce == 1};
+    enum hg_status status = hg_trace_blocked(p->trace, &wave, err);
+    const uint64_t middle = hg_clock_now_ns();
+    if (status == HG_OK)
+        status = run(view, HG_PATH_ARRIVE, &p->shadows, 0, p->shadows.count, &demand, err);
+    p->stats.shadow_rays += p->shadows.count;
+    p->stats.shadow_ns += middle - start;
+    p->stats.film_ns += hg_clock_now_ns() - middle;
+    if (status != HG_OK)
+        return status;
+    keep(p, &p->shadows, p->shadows.count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    p->part = p->shadows.count;
+    p->phase = p->shadows.count > 0 ? HG_PATH_PHASE_HOLES : after_light(p);
+    return HG_OK;
+}
+
+// Paths that went past a surface and paths that wait alike: their rays are followed once more.
+static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_page_demand demand = {.fits = true};
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_trace_wave wave = {
+        .rays = &p->shadow_rays, .hits = &p->shadow_hits, .count = p->slots};
+    enum hg_status status = hg_trace_closest(p->trace, &wave, err);
+    const uint64_t middle = hg_clock_now_ns();
+    const uint32_t count = p->shadows.count < p->part ? p->shadows.count : p->part;
+    if (status == HG_OK)
+        status = run(view, HG_PATH_HOLES, &p->shadows, 0, count, &demand, err);
+    p->stats.shadow_rays += p->shadows.count;
+    p->stats.shadow_ns += middle - start;
+    p->stats.film_ns += hg_clock_now_ns() - middle;
+    if (status != HG_OK)
+        return status;
+    keep(p, &p->shadows, count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    status = note_demand(p, &demand, demand.missing == 0 || p->shadows.count < count, err);
+    if (p->shadows.count == 0) {
+        p->wait_pages = false;
+        p->phase = after_light(p);
+    }
+    return status;
+}
+
+static enum hg_status add(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_page_demand demand;
+    const uint64_t start = hg_clock_now_ns();
+    uint32_t *samples = p->samples.mapped;
+    p->live.count = p->slots; // for its address alone: the kernel goes by slot
+    enum hg_status status = run(view, HG_PATH_ADD, &p->live, 0, p->slots, &demand, err);
+    for (uint32_t i = 0; i < p->wave_tiles && status == HG_OK; i++)
+        samples[p->tile_index[i]]++;
+    p->stats.film_ns += hg_clock_now_ns() - start;
+    p->phase = HG_PATH_PHASE_NONE;
+    p->stale = true;
+    return status;
+}
+
+enum hg_status hg_path_advance(struct hg_view_state *view, bool *over, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    *over = false;
+    if (p->wait_pages) {
+        bool arrived;
+        const enum hg_status status = wait_for_pages(view, &arrived, err);
+        if (status != HG_OK || !arrived)
+            return status;
+        p->wait_pages = false;
+    }
+    switch (p->phase) {
+    case HG_PATH_PHASE_TRACE:
+        return trace(view, err);
+    case HG_PATH_PHASE_SHADE:
+        return shade(view, err);
+    case HG_PATH_PHASE_SHADOW:
+        return shadow(view, err);
+    case HG_PATH_PHASE_HOLES:
+        return holes(view, err);
+    case HG_PATH_PHASE_FILM:
+    case HG_PATH_PHASE_NONE:
+        break;
+    }
+    *over = true;
+    return p->phase == HG_PATH_PHASE_FILM ? add(view, err) : HG_OK;
+}

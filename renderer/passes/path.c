@@ -1,0 +1,63 @@
+#include "renderer/passes/path.h"
+
+_Static_assert(HG_BIND_PATH == HG_BIND_SHADOWS, "paths have no shadow maps");
+
+static const struct {
+    const char *shader, *stage;
+    uint32_t variant;
+} kernels[] = {{"path_begin.comp", "path begin", 0}, {"path_shade.comp", "path shade", 0},
+    {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
+    {"path_add.comp", "path film", 0}};
+
+enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
+    const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)
+{
+    struct hg_gpu_bindings bindings = pass->bindings;
+    bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
+    const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
+        .spec = {kernels[kernel].variant, pass->tables & ~HG_TABLE_BIT(HG_BIND_PATH),
+            pass->features | pass->background},
+        .spec_count = 3};
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    if (status == HG_OK)
+        status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_cmd_begin_stage(pass->cmd, kernels[kernel].stage);
+    hg_gpu_cmd_push(pass->cmd, push, sizeof *push);
+    vkCmdDispatch(
+        hg_gpu_cmd_handle(pass->cmd), (push->count + HG_PATH_GROUP - 1) / HG_PATH_GROUP, 1, 1);
+    hg_gpu_memory_barrier(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    return HG_OK;
+}
+
+enum hg_status hg_path_show_record(
+    struct hg_pass *pass, const struct hg_path_show *show, struct hg_error *err)
+{
+    const struct hg_gpu_pipeline_params params = {.vertex = "fullscreen.vert",
+        .fragment = "path_show.frag",
+        .colors = {show->target->format},
+        .color_count = 1,
+        .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST};
+    const struct hg_gpu_rendering rendering = {
+        .colors = {{.image = show->target, .clear = show->clear}}, .color_count = 1};
+    const struct {
+        uint64_t film, samples;
+        uint32_t width, height, columns, reserved;
+    } push = {show->film, show->samples, show->target->width, show->target->height,
+        (show->target->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE, 0};
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_cmd_begin_stage(pass->cmd, "path show");
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
+    if (status == HG_OK) {
+        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
+        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
+    }
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    hg_gpu_cmd_end_stage(pass->cmd);
+    return status;
+}

@@ -1,0 +1,30 @@
+// path.h - kernels over waves of light paths (shaders/shared/path.h).
+// Floor 3. Thread: the render thread.
+#ifndef HG_RENDERER_PASSES_PATH_H
+#define HG_RENDERER_PASSES_PATH_H
+
+#include "renderer/passes/pass.h"
+#include "shaders/shared/path.h"
+
+enum hg_path_kernel {
+    HG_PATH_BEGIN,  // camera rays
+    HG_PATH_SHADE,  // what rays have found
+    HG_PATH_ARRIVE, // light whose way past opaque surfaces is known
+    HG_PATH_HOLES,  // the next surface with holes on its way
+    HG_PATH_ADD,    // paths to the film
+};
+
+// `block`: struct hg_gpu_path of the wave. Its results are visible to later commands and the host.
+enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
+    const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
+    struct hg_error *err) HG_MUST_CHECK;
+
+struct hg_path_show {
+    VkDeviceAddress film, samples; // samples: of each tile
+    struct hg_gpu_image *target;   // gets the mean of the samples
+    bool clear;                    // pixels without samples; else they are kept
+};
+enum hg_status hg_path_show_record(
+    struct hg_pass *pass, const struct hg_path_show *show, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

@@ -1,0 +1,119 @@
+// path.glsl - what the kernels of path tracing have in common: the block of the wave, words of
+// state, footprints, random numbers. Include lib/frame.glsl first.
+#ifndef HG_LIB_PATH_GLSL
+#define HG_LIB_PATH_GLSL
+
+#include "lib/octahedral.glsl"
+#include "lib/sobol.glsl"
+#include "shared/path.h"
+
+layout(set = 0, binding = HG_BIND_PATH, scalar) uniform hg_path_block
+{
+    hg_gpu_path hg_path;
+};
+layout(push_constant, scalar) uniform hg_push
+{
+    hg_gpu_path_push push;
+};
+
+float hg_path_get(uint word, uint slot)
+{
+    return hg_path.state.v[word * hg_path.capacity + slot];
+}
+
+vec3 hg_path_get3(uint word, uint slot)
+{
+    return vec3(hg_path_get(word, slot), hg_path_get(word + 1u, slot), hg_path_get(word + 2u, slot));
+}
+
+void hg_path_set(uint word, uint slot, float value)
+{
+    hg_path.state.v[word * hg_path.capacity + slot] = value;
+}
+
+void hg_path_set3(uint word, uint slot, vec3 value)
+{
+    hg_path_set(word, slot, value.x);
+    hg_path_set(word + 1u, slot, value.y);
+    hg_path_set(word + 2u, slot, value.z);
+}
+
+void hg_path_add3(uint word, uint slot, vec3 value)
+{
+    hg_path_set3(word, slot, hg_path_get3(word, slot) + value);
+}
+
+// Two positive floats of 8 digits.
+float hg_path_pack_cone(float width, float spread)
+{
+    return uintBitsToFloat((floatBitsToUint(width) & 0xffff0000u) | (floatBitsToUint(spread) >> 16u));
+}
+
+vec2 hg_path_unpack_cone(float word)
+{
+    uint bits = floatBitsToUint(word);
+    return uintBitsToFloat(uvec2(bits & 0xffff0000u, bits << 16u));
+}
+
+uvec2 hg_path_pixel(uint slot)
+{
+    uint tile = hg_path.tiles.v[slot / HG_PATH_TILE_PX], i = slot % HG_PATH_TILE_PX;
+    uvec2 p = uvec2(i, i >> 1u) & 0x55u; // even bits: x, odd bits: y
+    p = (p | (p >> 1u)) & 0x33u;
+    p = (p | (p >> 2u)) & 0x0fu;
+    return uvec2(tile & 0xffffu, tile >> 16u) * HG_PATH_TILE_SIDE + p;
+}
+
+uint hg_path_sample(uint slot)
+{
+    return hg_path.tile_samples.v[slot / HG_PATH_TILE_PX];
+}
+
+// Pairs of random numbers: the camera uses the first HG_PATH_CAMERA_PAIRS, each step of a path as
+// many as HG_PATH_STEP_PAIRS.
+#define HG_PATH_CAMERA_PAIRS 2u
+#define HG_PATH_STEP_PAIRS   4u
+
+hg_sampler hg_path_sampler(uvec2 pixel, uint number)
+{
+    return hg_sampler_make(pixel, number, hg_path.sample_bits, hg_frame.seed);
+}
+
+// Channel of a plane in the words of a path that the film adds up; the film's squares have none.
+uint hg_path_out(uint channel)
+{
+    return HG_PATH_OUT + (channel < HG_PATH_FILM_SQUARES ? channel : channel - 1u);
+}
+
+#define HG_PATH_HAS(plane) (hg_path.planes[plane] != HG_PATH_NO_PLANE)
+
+void hg_path_put3(uint plane, uint slot, vec3 value)
+{
+    if (HG_PATH_HAS(plane))
+        hg_path_set3(hg_path_out(hg_path.planes[plane]), slot, value);
+}
+
+void hg_path_put(uint plane, uint slot, float value)
+{
+    if (HG_PATH_HAS(plane))
+        hg_path_set(hg_path_out(hg_path.planes[plane]), slot, value);
+}
+
+// Light that reached the camera: by the whole, and by the way it came.
+void hg_path_light(uint slot, uint flags, uint bounce, vec3 radiance)
+{
+    hg_path_add3(HG_PATH_OUT, slot, radiance);
+    uint plane = HG_PATH_PLANE_EMISSION;
+    if (bounce > 0u)
+        plane = (bounce == 1u ? HG_PATH_PLANE_DIRECT : HG_PATH_PLANE_INDIRECT) +
+            bitfieldExtract(flags, HG_PATH_LOBE_SHIFT, 2);
+    if (HG_PATH_HAS(plane))
+        hg_path_add3(hg_path_out(hg_path.planes[plane]), slot, radiance);
+}
+
+vec3 hg_path_finite(vec3 v)
+{
+    return any(isnan(v)) || any(isinf(v)) ? vec3(0.0) : v;
+}
+
+#endif

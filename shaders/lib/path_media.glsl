@@ -1,0 +1,68 @@
+// path_media.glsl - which media a path is in: nested dielectrics.
+//
+// A path keeps the materials of the closed surfaces that it has gone into and not out of, innermost
+// last entered, at most four; what it enters beyond that is not kept. The one entered last is the
+// one around: its absorption counts on the way, and its index of refraction is what is outside of
+// the next surface that is entered. Behind a surface that is left lies what was around it before it
+// was entered, also when others were entered since (volumes that overlap). A camera starts in air.
+// Include lib/path.glsl, lib/material.glsl and lib/bsdf.glsl first.
+#ifndef HG_LIB_PATH_MEDIA_GLSL
+#define HG_LIB_PATH_MEDIA_GLSL
+
+#define HG_MEDIA HG_HAS(HG_FEATURE_TRANSMISSION | HG_FEATURE_DIFFUSE_TRANSMISSION)
+
+// media: material + 1 in 16 bits each, innermost in the lowest; 0: air.
+vec3 hg_media_attenuation(uvec2 media)
+{
+    uint material = media.x & 0xffffu;
+    if (!HG_MEDIA || material == 0u)
+        return vec3(0.0);
+    uint lobes = HG_MATERIAL_AT(material - 1u, lobes);
+    if (lobes == 0u || hg_frame.geometry.lobes.v[lobes - 1u].thickness == 0.0)
+        return vec3(0.0);
+    return hg_frame.geometry.lobes.v[lobes - 1u].attenuation;
+}
+
+float hg_media_ior(uint material)
+{
+    if (material == 0u)
+        return 1.0;
+    uint lobes = HG_MATERIAL_AT(material - 1u, lobes);
+    return lobes != 0u ? hg_frame.geometry.lobes.v[lobes - 1u].ior : 1.5;
+}
+
+uvec2 hg_media_without(uvec2 media, uint material)
+{
+    uvec4 m = uvec4(media.x & 0xffffu, media.x >> 16u, media.y & 0xffffu, media.y >> 16u);
+    if (m.x == material)
+        m = uvec4(m.yzw, 0u);
+    else if (m.y == material)
+        m = uvec4(m.x, m.zw, 0u);
+    else if (m.z == material)
+        m = uvec4(m.xy, m.w, 0u);
+    else if (m.w == material)
+        m.w = 0u;
+    return uvec2(m.x | (m.y << 16u), m.z | (m.w << 16u));
+}
+
+// Index of refraction outside of a surface that was hit.
+float hg_media_outside(uvec2 media, uint material, bool front)
+{
+    if (!HG_MEDIA)
+        return 1.0;
+    uvec2 around = front ? media : hg_media_without(media, material + 1u);
+    return hg_media_ior(around.x & 0xffffu);
+}
+
+// The path goes through a surface: into what it bounds, from the front, or out of it.
+void hg_media_cross(inout uvec2 media, uint material, bool front)
+{
+    if (!HG_MEDIA)
+        return;
+    if (!front)
+        media = hg_media_without(media, material + 1u);
+    else if (material < 0xffffu)
+        media = uvec2((media.x << 16u) | (material + 1u), (media.y << 16u) | (media.x >> 16u));
+}
+
+#endif

@@ -1,0 +1,283 @@
+// What the rays of a wave have found: light that the path runs into, a ray to a light, and where
+// the path goes on.
+//
+// A path whose textures are not all there writes nothing but that it waits.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+#define HG_TEXTURE_STOCHASTIC true
+#define HG_TEXTURE_NOTE       true
+
+#include "lib/frame.glsl"
+#include "lib/tables.glsl"
+#include "lib/vertex.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
+#include "lib/brdf.glsl"
+#include "lib/light.glsl"
+#include "lib/environment.glsl"
+#include "lib/hit.glsl"
+#include "lib/path.glsl"
+#include "lib/bsdf.glsl"
+#include "lib/path_media.glsl"
+
+#define HG_EMITTERS hg_path.emitters
+#include "lib/emitters.glsl"
+
+layout(local_size_x = HG_PATH_GROUP) in;
+
+#define ROULETTE_AFTER 3u // bounces
+#define ROULETTE_LEAST 0.05
+#define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
+
+// A path as far as it has come.
+struct path {
+    uint slot, flags, steps, bounce;
+    uvec2 media; // around the ray
+    vec3 throughput;
+    float pdf;
+    vec3 normal; // of the surface it left
+    hg_gpu_ray ray;
+};
+
+// Power heuristic for one sample of each. Veach 1997, section 9.2.4.
+float mis(float pdf, float other)
+{
+    float a = pdf * pdf, b = other * other;
+    return a > 0.0 ? a / (a + b) : 0.0;
+}
+
+// Weight of light that the path ran into, which lights would have been sampled for with `other`.
+float weight_found(path p, float other)
+{
+    if (p.pdf <= 0.0) // the only way
+        return 1.0;
+    if ((hg_path.estimators & HG_PATH_USE_SURFACES) == 0u)
+        return other > 0.0 ? 0.0 : 1.0;
+    return (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u ? mis(p.pdf, other) : 1.0;
+}
+
+vec3 clamped(vec3 radiance, uint bounce)
+{
+    float most = max(radiance.r, max(radiance.g, radiance.b));
+    bool above = hg_path.clamp_indirect > 0.0 && bounce > 1u && most > hg_path.clamp_indirect;
+    return hg_path_finite(above ? radiance * (hg_path.clamp_indirect / most) : radiance);
+}
+
+// The ray left the scene.
+uint miss(path p)
+{
+    vec3 radiance = vec3(0.0);
+    float alpha = 1.0;
+    if (p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_NONE) {
+        alpha = 0.0;
+    } else if (p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR) {
+        radiance = hg_frame.background_color;
+    } else {
+        vec3 d = p.ray.direction_ws;
+        if (p.bounce == 0u && hg_frame.camera.orthographic == 0u)
+            hg_emitter_environment_lod = hg_frame.textures.background_lod;
+        radiance = hg_emitter_environment(d) *
+            weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d));
+    }
+    if (hg_texture_coarser != 0u)
+        return HG_PATH_WAITS;
+    hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * radiance, p.bounce));
+    if (p.bounce == 0u)
+        hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
+    return HG_PATH_DONE;
+}
+
+// What the camera sees first.
+void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
+{
+    hg_path_set(HG_PATH_OUT + 3u, p.slot, 1.0);
+    hg_path_put3(HG_PATH_PLANE_ALBEDO, p.slot, s.base_color);
+    hg_path_put3(HG_PATH_PLANE_NORMAL, p.slot, s.normal);
+    hg_path_put3(HG_PATH_PLANE_GEOMETRIC_NORMAL, p.slot, s.geometric_normal);
+    hg_path_put(HG_PATH_PLANE_HITS, p.slot, 1.0);
+    hg_path_put(HG_PATH_PLANE_DEPTH, p.slot, v.depth);
+    hg_path_put3(HG_PATH_PLANE_POSITION, p.slot, v.position_ws);
+    hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(draw + 1u));
+    hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
+}
+
+// A ray to a light; true when there is one.
+bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
+{
+    float pdf_surface;
+    vec3 f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
+    float weight = 1.0;
+    if (!e.delta)
+        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u ? mis(e.pdf, pdf_surface) : 1.0) /
+            max(e.pdf, 1e-20);
+    vec3 light = clamped(p.throughput * f * e.radiance * weight, p.bounce + 1u);
+    float side = dot(s.geometric_normal, e.direction);
+    bool any = max(light.r, max(light.g, light.b)) > 0.0 && (e.delta || e.pdf > 0.0) &&
+        (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
+    any = any && side * dot(s.normal, e.direction) > 0.0;
+    hg_gpu_ray ray;
+    ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
+    ray.direction_ws = e.direction;
+    ray.t_min = 0.0;
+    ray.t_max = any ? e.distance : -1.0;
+    ray.time = p.ray.time;
+    ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
+    hg_path.shadow_rays.v[p.slot] = ray;
+    hg_path_set3(HG_PATH_PENDING, p.slot, light);
+    return any;
+}
+
+uint lobe_of(uint lobe)
+{
+    if ((lobe & HG_LOBE_TRANSMISSION) != 0u)
+        return HG_PATH_LOBE_TRANSMISSION;
+    return (lobe & HG_LOBE_DIFFUSE) != 0u ? HG_PATH_LOBE_DIFFUSE : HG_PATH_LOBE_SPECULAR;
+}
+
+// Where the path goes from here; false: nowhere.
+bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float survive, float width,
+    float spread)
+{
+    hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
+    float side = dot(s.geometric_normal, r.direction);
+    bool through = (r.lobe & HG_LOBE_TRANSMISSION) != 0u;
+    bool on = r.pdf > 0.0 && (through ? side < 0.0 : side > 0.0);
+    p.throughput = hg_path_finite(p.throughput * r.weight);
+    float most = max(p.throughput.r, max(p.throughput.g, p.throughput.b));
+    float chance = p.bounce >= ROULETTE_AFTER ? clamp(most, ROULETTE_LEAST, 1.0) : 1.0;
+    on = on && most > 0.0 && survive < chance;
+    p.throughput /= chance;
+    p.pdf = (r.lobe & HG_LOBE_DELTA) != 0u ? 0.0 : r.pdf;
+    if (p.bounce == 0u)
+        p.flags |= lobe_of(r.lobe) << HG_PATH_LOBE_SHIFT;
+    if (through && !b.thin)
+        hg_media_cross(p.media, v.material, s.front);
+    bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
+    float more = diffuse ? SPREAD_DIFFUSE : SPREAD_DIFFUSE * s.roughness * s.roughness;
+    hg_path_set(HG_PATH_CONE, p.slot, hg_path_pack_cone(width, spread + more));
+    p.ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
+    p.ray.direction_ws = normalize(r.direction);
+    p.ray.t_min = 0.0;
+    p.ray.t_max = 1e30;
+    return on;
+}
+
+void store(path p, float normal)
+{
+    hg_path.rays.v[p.slot] = p.ray;
+    hg_path_set3(HG_PATH_THROUGHPUT, p.slot, p.throughput);
+    hg_path_set(HG_PATH_PDF, p.slot, p.pdf);
+    hg_path_set(HG_PATH_NORMAL, p.slot, normal);
+    if (HG_MEDIA) {
+        hg_path_set(HG_PATH_MEDIA, p.slot, uintBitsToFloat(p.media.x));
+        hg_path_set(HG_PATH_MEDIA + 1u, p.slot, uintBitsToFloat(p.media.y));
+    }
+}
+
+uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
+{
+    vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
+    float width = cone.x + cone.y * hit.t;
+    uint number = hg_path_sample(p.slot);
+    hg_vertex v = hg_fetch_hit(hit, p.ray.direction_ws, width);
+    hg_surface s = hg_material_evaluate(v);
+    s.normal -= s.geometric_normal * (2.0 * min(dot(s.normal, s.geometric_normal), 0.0));
+    if (hg_texture_coarser != 0u)
+        return HG_PATH_WAITS;
+    hg_sampler points = hg_path_sampler(pixel, number);
+    points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
+    vec4 ua = hg_sobol4(points), ub = hg_sobol4(points);
+
+    // Nothing there: holes, and what the camera sees from behind.
+    p.steps++;
+    bool culled = p.bounce == 0u && !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u &&
+        s.transmission == 0.0;
+    if (culled || ub.w >= s.alpha) {
+        hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
+        return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
+    }
+
+    p.throughput *= hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
+    // Lights count on the side of the normal, or on both; as stored, so that both ways agree.
+    uint packed = hg_encode_normal(s.normal);
+    bool both = s.transmission > 0.0 || s.diffuse_transmission > 0.0;
+    hg_emitter_cone_width = width;
+    hg_emitter_cone_spread = cone.y;
+    hg_emitter_sample light =
+        hg_emitter_pick(v.position_ws, both ? vec3(0.0) : hg_decode_normal(packed), ua.xyz);
+    if (hg_texture_coarser != 0u)
+        return HG_PATH_WAITS;
+
+    if ((p.flags & HG_PATH_SEEN) == 0u)
+        note_seen(p, v, s, hit.draw);
+    p.flags |= HG_PATH_SEEN;
+    float other = 0.0;
+    if (HG_HAS(HG_FEATURE_EMITS))
+        other = hg_emitter_pdf_triangle(p.ray.origin_ws, p.normal, hit.draw, hit.primitive,
+            v.position_ws, v.geometric_ws);
+    vec3 emitted = s.emissive * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
+    if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
+        hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * emitted, p.bounce));
+    if (s.unlit || p.bounce >= hg_path.max_bounces)
+        return HG_PATH_DONE;
+
+    float outside = hg_media_outside(p.media, v.material, s.front);
+    hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
+    uint status = HG_PATH_DONE;
+    if (ask_light(p, b, v, s, light))
+        status |= HG_PATH_SHADOW;
+    if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y))
+        status |= HG_PATH_LIVE;
+    p.bounce++;
+    p.flags = both ? p.flags | HG_PATH_BOTH_SIDES : p.flags & ~HG_PATH_BOTH_SIDES;
+    if ((status & HG_PATH_LIVE) != 0u)
+        store(p, uintBitsToFloat(packed));
+    return status;
+}
+
+void main()
+{
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= push.count)
+        return;
+    path p;
+    p.slot = push.list.v[i];
+    uvec2 pixel = hg_path_pixel(p.slot);
+    p.flags = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, p.slot));
+    p.steps = p.flags & HG_PATH_STEPS_MASK;
+    p.bounce = bitfieldExtract(p.flags, HG_PATH_BOUNCE_SHIFT, 9);
+    p.throughput = hg_path_get3(HG_PATH_THROUGHPUT, p.slot);
+    p.pdf = hg_path_get(HG_PATH_PDF, p.slot);
+    p.normal = hg_decode_normal(floatBitsToUint(hg_path_get(HG_PATH_NORMAL, p.slot)));
+    if ((p.flags & HG_PATH_BOTH_SIDES) != 0u)
+        p.normal = vec3(0.0);
+    p.media = uvec2(0u);
+    if (HG_MEDIA)
+        p.media = floatBitsToUint(vec2(hg_path_get(HG_PATH_MEDIA, p.slot),
+            hg_path_get(HG_PATH_MEDIA + 1u, p.slot)));
+    p.ray = hg_path.rays.v[p.slot];
+    hg_gpu_hit hit = hg_path.hits.v[p.slot];
+
+    uint status;
+    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(p.slot) * 1024u + p.steps +
+        hg_frame.seed * 0x9e3779b1u));
+    hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
+    if (hit.draw == HG_HIT_NONE)
+        status = miss(p);
+    else
+        status = surface(p, hit, pixel);
+    hg_texture_report(pixel);
+    hg_path.status.v[p.slot] = status;
+    if (status == HG_PATH_WAITS)
+        return;
+    if ((status & HG_PATH_LIVE) == 0u)
+        hg_path.rays.v[p.slot].t_max = -1.0;
+    if ((status & HG_PATH_SHADOW) == 0u)
+        hg_path.shadow_rays.v[p.slot].t_max = -1.0;
+    hg_path_set(HG_PATH_FLAGS, p.slot,
+        uintBitsToFloat((p.flags & ~(HG_PATH_STEPS_MASK | (HG_PATH_BOUNCE_MASK << HG_PATH_BOUNCE_SHIFT))) |
+            p.steps | (p.bounce << HG_PATH_BOUNCE_SHIFT)));
+}

@@ -1,0 +1,90 @@
+// Light that paths asked for, once it is known what lies between: nothing, something opaque, or
+// surfaces with holes, one after the other.
+//
+// First opaque surfaces have been looked for, then the next one of the others.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+#define HG_TEXTURE_STOCHASTIC true
+#define HG_TEXTURE_NOTE       true
+
+#include "lib/frame.glsl"
+#include "lib/tables.glsl"
+#include "lib/vertex.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
+#include "lib/hit.glsl"
+#include "lib/path.glsl"
+
+layout(local_size_x = HG_PATH_GROUP) in;
+
+layout(constant_id = 0) const bool hg_holes = false; // of the second kind
+
+// Share of the light that the surface lets through.
+float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
+{
+    vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, slot));
+    uvec2 pixel = hg_path_pixel(slot);
+    uint steps = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot)) & HG_PATH_STEPS_MASK;
+    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(slot) * 1024u + steps +
+        (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u) * 0x9e3779b1u));
+    hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
+    hg_vertex v = hg_fetch_hit(hit, ray.direction_ws, cone.x + cone.y * hit.t);
+    uint flags = HG_MATERIAL_AT(v.material, flags);
+    float alpha = clamp(hg_material_alpha(v.material, v), 0.0, 1.0);
+    if ((flags & HG_MATERIAL_MASK) != 0u)
+        alpha = alpha >= HG_MATERIAL_AT(v.material, alpha_cutoff) ? 1.0 : 0.0;
+    return 1.0 - alpha;
+}
+
+// The light is on its way's end: it counts.
+void arrive(uint slot, vec3 light)
+{
+    uint flags = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot));
+    uint bounce = bitfieldExtract(flags, HG_PATH_BOUNCE_SHIFT, 9);
+    hg_path_light(slot, flags, bounce, light);
+}
+
+void main()
+{
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= push.count)
+        return;
+    uint slot = push.list.v[i];
+    vec3 light = hg_path_get3(HG_PATH_PENDING, slot);
+    bool over = true;
+    if (!hg_holes) {
+        bool blocked = hg_path.blocked.v[slot] != 0u;
+        over = blocked || hg_path.holes == 0u;
+        if (over && !blocked)
+            arrive(slot, light);
+        if (!over)
+            hg_path.shadow_rays.v[slot].mask = HG_RAY_MASK | HG_RAY_BLEND;
+    } else {
+        hg_gpu_ray ray = hg_path.shadow_rays.v[slot];
+        hg_gpu_hit hit = hg_path.shadow_hits.v[slot];
+        bool more = hit.draw != HG_HIT_NONE;
+        float share = 1.0;
+        if (more)
+            share = let_through(slot, ray, hit);
+        hg_texture_report(hg_path_pixel(slot));
+        if (hg_texture_coarser != 0u)
+            return; // once more
+        if (more && share < 1.0)
+            hg_path_set3(HG_PATH_PENDING, slot, light * share);
+        uint passed = (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u;
+        over = !more || share == 0.0 || passed >= HG_PATH_MOST_HOLES;
+        if (!more)
+            arrive(slot, light);
+        else
+            hg_path.shadow_rays.v[slot].t_min = hit.t * (1.0 + 1e-6);
+        hg_path.status.v[slot] = (hg_path.status.v[slot] & ((1u << HG_PATH_HOLES_SHIFT) - 1u)) |
+            (passed << HG_PATH_HOLES_SHIFT);
+    }
+    if (over) {
+        hg_path.shadow_rays.v[slot].t_max = -1.0;
+        hg_path.status.v[slot] &= ~HG_PATH_SHADOW;
+    }
+}

@@ -1,0 +1,121 @@
+// path.h - waves of light paths. Floor 0, shared by C and GLSL (scalar layout).
+//
+// A wave is one sample of each pixel of some tiles. Slot i of a wave is pixel i % HG_PATH_TILE_PX of
+// its tile i / HG_PATH_TILE_PX, in Morton order, so that neighbours in memory are neighbours in the
+// picture. All that is known of a path is stored by slot: rays, hits and words of state, word k of
+// slot i at k * capacity + i.
+#ifndef HG_SHADERS_SHARED_PATH_H
+#define HG_SHADERS_SHARED_PATH_H
+
+#include "shared/emitters.h"
+#include "shared/ray.h"
+#include "shared/types.h"
+
+#define HG_PATH_TILE_SIDE 16
+#define HG_PATH_TILE_PX   256
+#define HG_PATH_GROUP     64 // paths per workgroup
+
+// hg_gpu_path.status: what happens to a path next
+#define HG_PATH_DONE  0u
+#define HG_PATH_LIVE  1u // its ray is to be followed
+#define HG_PATH_WAITS 2u // for texture pages: nothing was written, it is shaded again
+// and bits for paths of any kind:
+#define HG_PATH_SHADOW 4u // it has a shadow ray
+#define HG_PATH_STATUS_MASK 3u
+#define HG_PATH_HOLES_SHIFT 8    // surfaces with holes that the shadow ray has passed
+#define HG_PATH_MOST_HOLES  256u // then it is blocked
+
+// Words of state.
+#define HG_PATH_THROUGHPUT 0  // rgb
+#define HG_PATH_PENDING    3  // rgb: what the shadow ray brings if nothing is in its way
+#define HG_PATH_PDF        6  // solid angle density of the ray's direction; 0 = no other way to it
+#define HG_PATH_FLAGS      7  // HG_PATH_FLAG_*
+#define HG_PATH_CONE       8  // bfloat16 width (metres), spread (radians) of the ray's footprint
+#define HG_PATH_NORMAL     9  // of the surface that the ray left, octahedral
+#define HG_PATH_MEDIA      10 // two words: materials of the media around, innermost first, 16 bits
+#define HG_PATH_OUT        12 // from here on what the film adds up, one word per channel
+#define HG_PATH_WORDS      12 // before that
+
+// HG_PATH_FLAGS
+#define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind holes included
+#define HG_PATH_BOUNCE_SHIFT  10
+#define HG_PATH_BOUNCE_MASK   0x000001ffu
+#define HG_PATH_LOBE_SHIFT    19 // 2 bits: HG_PATH_LOBE_* of the first surface
+#define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
+#define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
+#define HG_PATH_LOBE_DIFFUSE      0u
+#define HG_PATH_LOBE_SPECULAR     1u
+#define HG_PATH_LOBE_TRANSMISSION 2u
+#define HG_PATH_MOST_STEPS        1000u // of one path
+
+// Channels of the film, [channel][height][width] floats, sums over samples. Planes follow in the
+// order of HG_PLANE_* as asked for; hg_gpu_path.planes says where (HG_PATH_NO_PLANE: nowhere).
+#define HG_PATH_FILM_COLOR   0 // rgb, coverage
+#define HG_PATH_FILM_SQUARES 4 // of luminance
+#define HG_PATH_FILM_WORDS   5
+#define HG_PATH_NO_PLANE     0xffffffffu
+
+#define HG_PATH_PLANE_ALBEDO           1 // same values as enum hg_plane of renderer.h
+#define HG_PATH_PLANE_NORMAL           2
+#define HG_PATH_PLANE_GEOMETRIC_NORMAL 3
+#define HG_PATH_PLANE_DEPTH            4
+#define HG_PATH_PLANE_POSITION         5
+#define HG_PATH_PLANE_EMISSION         6
+#define HG_PATH_PLANE_DIRECT           7  // + HG_PATH_LOBE_*
+#define HG_PATH_PLANE_INDIRECT         10 // + HG_PATH_LOBE_*
+#define HG_PATH_PLANE_MOTION           13
+#define HG_PATH_PLANE_OBJECT           14
+#define HG_PATH_PLANE_MATERIAL         15
+#define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
+#define HG_PATH_PLANE_COUNT            18
+
+#define HG_PATH_FILTER_STEPS 128 // of the table of filter offsets
+
+#ifndef __STDC__
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_words {
+    uint v[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_floats {
+    float v[];
+};
+#endif
+
+// Uniform block HG_BIND_PATH.
+struct hg_gpu_path {
+    HG_PTR(hg_ray_list) rays;        // [capacity]
+    HG_PTR(hg_ray_list) shadow_rays; // [capacity]
+    HG_PTR(hg_hit_list) hits;        // [capacity]
+    HG_PTR(hg_hit_list) shadow_hits; // [capacity], of surfaces with holes
+    HG_PTR(hg_path_words) blocked;   // [capacity]
+    HG_PTR(hg_path_words) status;    // [capacity]
+    HG_PTR(hg_path_floats) state;    // [words][capacity]
+    HG_PTR(hg_path_words) tiles;     // [tile_count] column | row << 16, in tiles
+    HG_PTR(hg_path_words) tile_samples; // [tile_count] index of the sample of each tile
+    HG_PTR(hg_path_floats) film;     // [channels][height][width]
+    HG_STRUCT(hg_gpu_emitters) emitters;
+    HG_UINT capacity, channels;      // of the film
+    HG_UINT sample_bits;             // the sequence has 2^sample_bits points per pixel
+    HG_UINT max_bounces;
+    HG_VEC3 lens_x_ws; // metres: half axes of the lens, 0 = a pinhole
+    float focus_distance;
+    HG_VEC3 lens_y_ws;
+    float clamp_indirect; // 0 = off
+    HG_UINT holes; // 1: there are masked or blended surfaces
+    HG_UINT estimators; // HG_PATH_USE_*
+    HG_UINT planes[HG_PATH_PLANE_COUNT]; // first channel of each
+    float filter_px[HG_PATH_FILTER_STEPS + 1]; // offsets at equal steps of the filter's integral
+};
+
+#define HG_PATH_USE_EMITTERS 1u // rays to lights
+#define HG_PATH_USE_SURFACES 2u // light that paths run into; both: weighted
+
+struct hg_gpu_path_push {
+    HG_PTR(hg_path_words) list; // [count] slots
+    HG_UINT count;
+    HG_UINT reserved;
+};
+
+// The shadow table has the binding of the path block: paths use no shadow maps.
+#define HG_BIND_PATH 19
+
+#endif
