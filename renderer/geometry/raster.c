@@ -9,6 +9,7 @@
 #include "renderer/geometry/raster_kernel.h"
 
 #define RUNS_PER_JOB 256
+#define CACHE_LINE   64
 #define MARGIN_PX    1.0f // rounding of corners, here and in drivers
 
 // What llvmpipe cuts reaches beyond twice the image or its depth: parts of the size to each side.
@@ -18,7 +19,8 @@
 #define MOST_DEPTH  0.9999f
 
 #define BLOCK_SHIFT 3 // of the depth that boxes are held against
-#define BLOCKS      (HG_RASTER_TILE >> BLOCK_SHIFT)
+#define BLOCKS_WIDE (HG_RASTER_WIDE >> BLOCK_SHIFT)
+#define BLOCKS      (BLOCKS_WIDE * (HG_RASTER_HIGH >> BLOCK_SHIFT))
 
 // Where a run is on the screen: pixels [x, end_x) x [y, end_y), none when it is outside.
 struct place {
@@ -174,10 +176,10 @@ static struct tiles tiles_of(const struct place *p)
 {
     if (p->x >= p->end_x || p->y >= p->end_y)
         return (struct tiles){0};
-    return (struct tiles){(uint32_t)p->x >> HG_RASTER_TILE_SHIFT,
-        (uint32_t)p->y >> HG_RASTER_TILE_SHIFT,
-        ((uint32_t)(p->end_x - 1) >> HG_RASTER_TILE_SHIFT) + 1,
-        ((uint32_t)(p->end_y - 1) >> HG_RASTER_TILE_SHIFT) + 1};
+    return (struct tiles){(uint32_t)p->x >> HG_RASTER_WIDE_SHIFT,
+        (uint32_t)p->y >> HG_RASTER_HIGH_SHIFT,
+        ((uint32_t)(p->end_x - 1) >> HG_RASTER_WIDE_SHIFT) + 1,
+        ((uint32_t)(p->end_y - 1) >> HG_RASTER_HIGH_SHIFT) + 1};
 }
 
 // Lists of the runs of each tile, in draw order.
@@ -247,36 +249,52 @@ static void take_apart(const struct hg_raster_run *run, struct apart *to, struct
     s->vertex_count = run->count * 3;
 }
 
-static void draw_run(const struct picture *p, uint32_t index, const struct hg_raster_tile *tile,
-    struct hg_raster_shot *s)
+// Vertices of a run.
+struct range {
+    uint32_t low, high;
+};
+
+static struct range range_of(const struct hg_raster_run *run)
+{
+    struct range r = {UINT32_MAX, 0};
+    for (uint32_t i = 0; i < run->count * 3; i++) {
+        r.low = run->indices[i] < r.low ? run->indices[i] : r.low;
+        r.high = run->indices[i] > r.high ? run->indices[i] : r.high;
+    }
+    return r;
+}
+
+static void draw_run(const struct picture *p, uint32_t index, struct range range,
+    const struct hg_raster_tile *tile, struct hg_raster_shot *s)
 {
     const struct hg_raster_run *run = &p->runs[index];
     struct apart apart;
-    uint32_t low = UINT32_MAX, high = 0;
-    for (uint32_t i = 0; i < run->count * 3; i++) {
-        low = run->indices[i] < low ? run->indices[i] : low;
-        high = run->indices[i] > high ? run->indices[i] : high;
-    }
     fill_draw(p, run, s);
     s->indices = run->indices;
     s->count = run->count;
     s->order = UINT32_MAX - index * HG_RASTER_MOST_TRIANGLES;
-    s->first_vertex = low;
-    s->vertex_count = high - low + 1;
-    s->positions = run->positions + (size_t)low * 3;
+    s->first_vertex = range.low;
+    s->vertex_count = range.high - range.low + 1;
+    s->positions = run->positions + (size_t)range.low * 3;
     if (s->vertex_count > HG_RASTER_MOST_VERTICES)
         take_apart(run, &apart, s);
     p->raster->kernel(s, tile);
 }
 
-// Farthest depth of blocks of pixels; what lies outside of the image hides.
-static void reduce(const struct hg_raster_tile *tile, float blocks[BLOCKS * BLOCKS])
+static void fetch(const void *from, size_t bytes)
 {
-    for (int i = 0; i < BLOCKS * BLOCKS; i++)
+    for (size_t i = 0; i < bytes; i += CACHE_LINE)
+        __builtin_prefetch((const uint8_t *)from + i);
+}
+
+// Farthest depth of blocks of pixels; what lies outside of the image hides.
+static void reduce(const struct hg_raster_tile *tile, float blocks[BLOCKS])
+{
+    for (int i = 0; i < BLOCKS; i++)
         blocks[i] = 1.0f;
     for (int32_t y = tile->y; y < tile->end_y; y++) {
-        const uint64_t *row = tile->keys + (size_t)(y - tile->y) * HG_RASTER_TILE;
-        float *to = blocks + ((y - tile->y) >> BLOCK_SHIFT) * BLOCKS;
+        const uint64_t *row = tile->keys + (size_t)(y - tile->y) * HG_RASTER_WIDE;
+        float *to = blocks + ((y - tile->y) >> BLOCK_SHIFT) * BLOCKS_WIDE;
         for (int32_t x = 0; x < tile->end_x - tile->x; x++) {
             const uint32_t bits = (uint32_t)(row[x] >> 32);
             float depth;
@@ -286,8 +304,8 @@ static void reduce(const struct hg_raster_tile *tile, float blocks[BLOCKS * BLOC
     }
 }
 
-static bool is_hidden(const struct hg_raster_tile *tile, const struct place *place,
-    const float blocks[BLOCKS * BLOCKS])
+static bool is_hidden(
+    const struct hg_raster_tile *tile, const struct place *place, const float blocks[BLOCKS])
 {
     const int32_t low_x = place->x > tile->x ? place->x : tile->x;
     const int32_t low_y = place->y > tile->y ? place->y : tile->y;
@@ -297,7 +315,7 @@ static bool is_hidden(const struct hg_raster_tile *tile, const struct place *pla
          y++)
         for (int32_t x = (low_x - tile->x) >> BLOCK_SHIFT;
              x <= (end_x - 1 - tile->x) >> BLOCK_SHIFT; x++)
-            if (place->nearest >= blocks[y * BLOCKS + x])
+            if (place->nearest >= blocks[y * BLOCKS_WIDE + x])
                 return false;
     return true;
 }
@@ -326,37 +344,65 @@ static void write_row(const struct picture *p, const uint64_t *keys, uint32_t co
     }
 }
 
+// Runs lie all over memory: indices are asked for two runs ahead, positions one. Returns whether
+// there are late runs.
+static bool draw_early(const struct picture *p, size_t index, const struct hg_raster_tile *tile)
+{
+    const uint32_t *list = p->raster->list, end = p->raster->firsts[index + 1];
+    uint32_t i = p->raster->firsts[index];
+    struct range next = {0, 0};
+    struct hg_raster_shot shot;
+    bool late = false;
+    if (i < end)
+        next = range_of(&p->runs[list[i]]);
+    for (; i < end; i++) {
+        const struct range range = next;
+        if (i + 2 < end)
+            fetch(p->runs[list[i + 2]].indices, (size_t)p->runs[list[i + 2]].count * 12);
+        if (i + 1 < end) {
+            const struct hg_raster_run *run = &p->runs[list[i + 1]];
+            next = range_of(run);
+            fetch(run->positions + (size_t)next.low * 3, (size_t)(next.high - next.low) * 12);
+        }
+        late = late || p->runs[list[i]].late;
+        if (p->runs[list[i]].late)
+            continue;
+        draw_run(p, list[i], range, tile, &shot);
+        mark(p, list[i], HG_RASTER_DRAWN);
+    }
+    return late;
+}
+
+static void draw_late(const struct picture *p, size_t index, const struct hg_raster_tile *tile)
+{
+    const struct hg_raster *r = p->raster;
+    float blocks[BLOCKS];
+    struct hg_raster_shot shot;
+    reduce(tile, blocks);
+    for (uint32_t i = r->firsts[index]; i < r->firsts[index + 1]; i++) {
+        const uint32_t run = r->list[i];
+        if (!p->runs[run].late || is_hidden(tile, &r->places[run], blocks))
+            continue;
+        draw_run(p, run, range_of(&p->runs[run]), tile, &shot);
+        mark(p, run, HG_RASTER_DRAWN);
+    }
+}
+
 static void draw_tile(void *user, size_t index)
 {
     const struct picture *p = user;
-    const struct hg_raster *r = p->raster;
-    uint64_t keys[HG_RASTER_TILE * HG_RASTER_TILE];
-    float blocks[BLOCKS * BLOCKS];
+    uint64_t keys[HG_RASTER_WIDE * HG_RASTER_HIGH];
     struct hg_raster_tile tile = {.keys = keys,
-        .x = (int32_t)(index % p->tiles_x) * HG_RASTER_TILE,
-        .y = (int32_t)(index / p->tiles_x) * HG_RASTER_TILE};
+        .x = (int32_t)(index % p->tiles_x) * HG_RASTER_WIDE,
+        .y = (int32_t)(index / p->tiles_x) * HG_RASTER_HIGH};
     const int32_t width = (int32_t)p->view->width, height = (int32_t)p->view->height;
-    tile.end_x = tile.x + HG_RASTER_TILE < width ? tile.x + HG_RASTER_TILE : width;
-    tile.end_y = tile.y + HG_RASTER_TILE < height ? tile.y + HG_RASTER_TILE : height;
+    tile.end_x = tile.x + HG_RASTER_WIDE < width ? tile.x + HG_RASTER_WIDE : width;
+    tile.end_y = tile.y + HG_RASTER_HIGH < height ? tile.y + HG_RASTER_HIGH : height;
     memset(keys, 0, sizeof keys);
-    struct hg_raster_shot shot;
-    for (int late = 0; late < 2; late++) {
-        bool reduced = false;
-        for (uint32_t i = r->firsts[index]; i < r->firsts[index + 1]; i++) {
-            const uint32_t run = r->list[i];
-            if (p->runs[run].late != (late == 1))
-                continue;
-            if (late == 1 && !reduced)
-                reduce(&tile, blocks);
-            reduced = true;
-            if (late == 1 && is_hidden(&tile, &r->places[run], blocks))
-                continue;
-            draw_run(p, run, &tile, &shot);
-            mark(p, run, HG_RASTER_DRAWN);
-        }
-    }
+    if (draw_early(p, index, &tile))
+        draw_late(p, index, &tile);
     for (int32_t y = tile.y; y < tile.end_y; y++)
-        write_row(p, keys + (size_t)(y - tile.y) * HG_RASTER_TILE, (uint32_t)(tile.end_x - tile.x),
+        write_row(p, keys + (size_t)(y - tile.y) * HG_RASTER_WIDE, (uint32_t)(tile.end_x - tile.x),
             (size_t)y * p->view->width + (size_t)tile.x);
 }
 
@@ -377,8 +423,8 @@ enum hg_status hg_raster_draw(struct hg_raster *r, const struct hg_raster_view *
         .view = view,
         .runs = runs,
         .count = count,
-        .tiles_x = (view->width + HG_RASTER_TILE - 1) / HG_RASTER_TILE,
-        .tiles_y = (view->height + HG_RASTER_TILE - 1) / HG_RASTER_TILE,
+        .tiles_x = (view->width + HG_RASTER_WIDE - 1) / HG_RASTER_WIDE,
+        .tiles_y = (view->height + HG_RASTER_HIGH - 1) / HG_RASTER_HIGH,
         .target = target,
         .marks = marks};
     enum hg_status status =

@@ -1,4 +1,5 @@
 // raster_avx2.c - eight vertices or triangles at a time. See raster_kernel.h.
+#include <stdlib.h>
 #include <string.h>
 
 #include "renderer/geometry/raster_kernel.h"
@@ -10,7 +11,9 @@
 #define TARGET __attribute__((target("avx2,fma")))
 #define INLINE TARGET __attribute__((always_inline)) static inline
 
-#define MOST_WAITING 136 // 128 triangles, and what is stored behind them
+#define MANY_PIXELS  32           // in the box of a triangle that is drawn by itself
+#define HUGE_SIZE    (1024 * 256) // 1/256 px: edges of longer triangles need 64 bits
+#define MOST_WAITING 136          // 128 triangles, and what is stored behind them
 
 // Triangles that may cover the centre of a pixel, waiting for company.
 struct queue {
@@ -87,7 +90,7 @@ TARGET static void project_all(const struct hg_raster_shot *s, struct hg_raster_
     project_eight(s, load_points(rest), out, i);
 }
 
-// --- triangles that may show ---------------------------------------------------------------------
+// --- corners -------------------------------------------------------------------------------------
 
 INLINE __m256i snap(__m256 v)
 {
@@ -148,46 +151,6 @@ INLINE void span(__m256i low, __m256i high, int32_t first, int32_t end, __m256i 
     const __m256i last = _mm256_add_epi32(_mm256_srai_epi32(high, 8), _mm256_set1_epi32(1));
     *at = _mm256_max_epi32(begin, _mm256_set1_epi32(first));
     *count = _mm256_sub_epi32(_mm256_min_epi32(last, _mm256_set1_epi32(end)), *at);
-}
-
-// Eight triangles, of which `valid` exist. Long ones are drawn at once.
-TARGET static void sort_eight(const struct hg_raster_shot *s, const struct hg_raster_tile *tile,
-    const struct hg_raster_vertices *v, const uint32_t *indices, uint32_t first, __m256i valid,
-    struct queue *q)
-{
-    __m256i corner[3], x[3], y[3], box[4];
-    load_corners(indices, s->first_vertex, corner);
-    for (int k = 0; k < 3; k++) {
-        corner[k] = _mm256_and_si256(corner[k], valid);
-        x[k] = snap(_mm256_i32gather_ps(v->x, corner[k], 4));
-        y[k] = snap(_mm256_i32gather_ps(v->y, corner[k], 4));
-    }
-    const __m256i low_x = least3(x), high_x = most3(x), low_y = least3(y), high_y = most3(y);
-    span(low_x, high_x, tile->x, tile->end_x, &box[0], &box[2]);
-    span(low_y, high_y, tile->y, tile->end_y, &box[1], &box[3]);
-    const __m256i zero = _mm256_setzero_si256();
-    const __m256i shows = _mm256_and_si256(valid,
-        _mm256_and_si256(_mm256_cmpgt_epi32(box[2], zero), _mm256_cmpgt_epi32(box[3], zero)));
-    const __m256i size =
-        _mm256_or_si256(_mm256_sub_epi32(high_x, low_x), _mm256_sub_epi32(high_y, low_y));
-    const __m256i large = _mm256_cmpgt_epi32(size, _mm256_set1_epi32(HG_RASTER_LARGE - 1));
-    const __m256i area = _mm256_sub_epi32(
-        _mm256_mullo_epi32(_mm256_sub_epi32(x[0], x[1]), _mm256_sub_epi32(y[2], y[0])),
-        _mm256_mullo_epi32(_mm256_sub_epi32(x[2], x[0]), _mm256_sub_epi32(y[0], y[1])));
-    const __m256i ccw = _mm256_cmpgt_epi32(area, zero), cw = _mm256_cmpgt_epi32(zero, area);
-    __m256i side = zero;
-    if (s->sides & HG_RASTER_SHOWS_CCW)
-        side = _mm256_or_si256(side, ccw);
-    if (s->sides & HG_RASTER_SHOWS_CW)
-        side = _mm256_or_si256(side, cw);
-    const __m256i take = _mm256_andnot_si256(large, _mm256_and_si256(shows, side));
-    uint32_t rest =
-        (uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_and_si256(large, shows)));
-    const uint32_t mask = (uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(take));
-    if (mask != 0)
-        push(q, corner, cw, box, first, mask, s->pack);
-    for (; rest != 0; rest &= rest - 1)
-        hg_raster_triangle(s, tile, v, first + (uint32_t)__builtin_ctz(rest));
 }
 
 // --- pixels --------------------------------------------------------------------------------------
@@ -276,7 +239,7 @@ TARGET static void fill_eight(const struct hg_raster_shot *s, const struct hg_ra
     const __m256i order =
         _mm256_sub_epi32(_mm256_set1_epi32((int)s->order), load_queue(q->triangle + first));
     const __m256i place = _mm256_add_epi32(
-        _mm256_slli_epi32(_mm256_sub_epi32(py, _mm256_set1_epi32(tile->y)), HG_RASTER_TILE_SHIFT),
+        _mm256_slli_epi32(_mm256_sub_epi32(py, _mm256_set1_epi32(tile->y)), HG_RASTER_WIDE_SHIFT),
         _mm256_sub_epi32(px, _mm256_set1_epi32(tile->x)));
     struct edges e;
     for (int k = 0; k < 3; k++)
@@ -303,7 +266,7 @@ TARGET static void fill_eight(const struct hg_raster_shot *s, const struct hg_ra
                 const uint32_t mask = (uint32_t)_mm256_movemask_ps(
                     _mm256_and_ps(inside, _mm256_cmp_ps(depth, zero, _CMP_GT_OQ)));
                 put(tile, _mm256_min_ps(depth, one),
-                    _mm256_add_epi32(place, _mm256_set1_epi32(j * HG_RASTER_TILE + i)), order,
+                    _mm256_add_epi32(place, _mm256_set1_epi32(j * HG_RASTER_WIDE + i)), order,
                     mask);
             }
             for (int k = 0; k < 3; k++)
@@ -312,6 +275,184 @@ TARGET static void fill_eight(const struct hg_raster_shot *s, const struct hg_ra
         for (int k = 0; k < 3; k++)
             e.at[k] = _mm256_add_epi32(e.at[k], e.dy[k]);
     }
+}
+
+// --- one large triangle --------------------------------------------------------------------------
+
+// Eight pixels of a row from `keys` on.
+INLINE void put_row(uint64_t *keys, __m256i depth, __m256i order, __m256i inside)
+{
+    const __m256i low = _mm256_unpacklo_epi32(order, depth);
+    const __m256i high = _mm256_unpackhi_epi32(order, depth);
+    const __m256i may_low = _mm256_unpacklo_epi32(inside, inside);
+    const __m256i may_high = _mm256_unpackhi_epi32(inside, inside);
+    const __m256i mine[2] = {
+        _mm256_permute2x128_si256(low, high, 0x20), _mm256_permute2x128_si256(low, high, 0x31)};
+    const __m256i may[2] = {_mm256_permute2x128_si256(may_low, may_high, 0x20),
+        _mm256_permute2x128_si256(may_low, may_high, 0x31)};
+    for (int i = 0; i < 2; i++) {
+        __m256i *at = (__m256i *)(void *)(keys + 4 * i);
+        const __m256i old = _mm256_loadu_si256(at);
+        const __m256i wins = _mm256_and_si256(may[i], _mm256_cmpgt_epi64(mine[i], old));
+        _mm256_storeu_si256(at, _mm256_blendv_epi8(old, mine[i], wins));
+    }
+}
+
+// Edges at the first pixel, by 256: pixels are whole numbers of 256 apart, so signs stay.
+struct whole_edges {
+    int32_t at[3], dx[3], dy[3];
+};
+
+static void open_edges(const int32_t x[3], const int32_t y[3], int32_t first_x, int32_t first_y,
+    struct whole_edges *out)
+{
+    for (int a = 0; a < 3; a++) {
+        const int b = (a + 1) % 3;
+        const int64_t dx = x[b] - x[a], dy = y[b] - y[a];
+        const int64_t on_edge = dy > 0 || (dy == 0 && dx < 0) ? 0 : 1;
+        const int64_t at = dy * (first_x * 256 - x[a]) - dx * (first_y * 256 - y[a]) - on_edge;
+        out->at[a] = (int32_t)(at >> 8);
+        out->dx[a] = (int32_t)dy;
+        out->dy[a] = (int32_t)-dx;
+    }
+}
+
+struct single {
+    __m256 fx[3], fy[3], fz[3]; // px, depth; all lanes alike
+    int32_t x[3], y[3];         // 1/256 px
+};
+
+static bool is_huge(const struct single *t)
+{
+    for (int k = 0; k < 3; k++)
+        if (abs(t->x[k] - t->x[(k + 1) % 3]) > HUGE_SIZE ||
+            abs(t->y[k] - t->y[(k + 1) % 3]) > HUGE_SIZE)
+            return true;
+    return false;
+}
+
+TARGET static void load_single(
+    const struct hg_raster_vertices *v, const int32_t corner[3], struct single *out)
+{
+    for (int k = 0; k < 3; k++) {
+        out->fx[k] = _mm256_broadcast_ss(&v->x[corner[k]]);
+        out->fy[k] = _mm256_broadcast_ss(&v->y[corner[k]]);
+        out->fz[k] = _mm256_broadcast_ss(&v->z[corner[k]]);
+        out->x[k] = _mm256_extract_epi32(snap(out->fx[k]), 0);
+        out->y[k] = _mm256_extract_epi32(snap(out->fy[k]), 0);
+    }
+}
+
+// Rows of eight pixels, from a multiple of eight on. t: counter-clockwise on the screen, no longer
+// than HUGE_SIZE.
+TARGET static void fill_single(const struct hg_raster_shot *s, const struct hg_raster_tile *tile,
+    const struct single *t, const int32_t box[4], uint32_t triangle)
+{
+    const struct planes p = depth_planes(t->fx, t->fy, t->fz);
+    const int32_t first_x = tile->x + ((box[0] - tile->x) & ~7), end_x = box[0] + box[2];
+    const __m256i steps = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256i order = _mm256_set1_epi32((int)(s->order - triangle));
+    const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps();
+    struct whole_edges e;
+    open_edges(t->x, t->y, first_x, box[1], &e);
+    for (int32_t j = 0; j < box[3]; j++) {
+        uint64_t *keys = tile->keys + (box[1] + j - tile->y) * HG_RASTER_WIDE + (first_x - tile->x);
+        const __m256 down = _mm256_set1_ps((float)(box[1] + j));
+        __m256i at[3], step[3];
+        for (int k = 0; k < 3; k++) {
+            const __m256i dx = _mm256_set1_epi32(e.dx[k]);
+            at[k] = _mm256_add_epi32(
+                _mm256_set1_epi32(e.at[k] + e.dy[k] * j), _mm256_mullo_epi32(dx, steps));
+            step[k] = _mm256_slli_epi32(dx, 3);
+        }
+        for (int32_t i = first_x; i < end_x; i += 8, keys += 8) {
+            const __m256i outside = _mm256_or_si256(_mm256_or_si256(at[0], at[1]), at[2]);
+            for (int k = 0; k < 3; k++)
+                at[k] = _mm256_add_epi32(at[k], step[k]);
+            if (_mm256_movemask_ps(_mm256_castsi256_ps(outside)) == 0xff)
+                continue;
+            const __m256 right = _mm256_cvtepi32_ps(_mm256_add_epi32(_mm256_set1_epi32(i), steps));
+            const __m256 depth = _mm256_fmadd_ps(p.dy, down, _mm256_fmadd_ps(p.dx, right, p.at));
+            const __m256 shows =
+                _mm256_andnot_ps(_mm256_castsi256_ps(_mm256_srai_epi32(outside, 31)),
+                    _mm256_cmp_ps(depth, zero, _CMP_GT_OQ));
+            put_row(keys, _mm256_castps_si256(_mm256_min_ps(depth, one)), order,
+                _mm256_castps_si256(shows));
+        }
+    }
+}
+
+// Lanes of eight triangles, one by one.
+TARGET static void fill_each(const struct hg_raster_shot *s, const struct hg_raster_tile *tile,
+    const struct hg_raster_vertices *v, const __m256i corner[3], const __m256i box[4],
+    uint32_t first, uint32_t mask)
+{
+    int32_t corners[3][8], boxes[4][8];
+    for (int k = 0; k < 3; k++)
+        _mm256_storeu_si256((__m256i *)(void *)corners[k], corner[k]);
+    for (int k = 0; k < 4; k++)
+        _mm256_storeu_si256((__m256i *)(void *)boxes[k], box[k]);
+    for (; mask != 0; mask &= mask - 1) {
+        const uint32_t i = (uint32_t)__builtin_ctz(mask);
+        const int32_t b[4] = {boxes[0][i], boxes[1][i], boxes[2][i], boxes[3][i]};
+        int32_t c[3] = {corners[0][i], corners[1][i], corners[2][i]};
+        struct single t;
+        load_single(v, c, &t);
+        const int64_t area = (int64_t)(t.x[0] - t.x[1]) * (t.y[2] - t.y[0]) -
+                             (int64_t)(t.x[2] - t.x[0]) * (t.y[0] - t.y[1]);
+        if (area == 0 || (s->sides & (area > 0 ? HG_RASTER_SHOWS_CCW : HG_RASTER_SHOWS_CW)) == 0)
+            continue;
+        if (area < 0)
+            load_single(v, (const int32_t[]){c[0], c[2], c[1]}, &t);
+        if (is_huge(&t))
+            hg_raster_triangle(s, tile, v, first + i);
+        else
+            fill_single(s, tile, &t, b, first + i);
+    }
+}
+
+// --- triangles that may show ---------------------------------------------------------------------
+
+INLINE uint32_t mask_of(__m256i lanes)
+{
+    return (uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(lanes));
+}
+
+// Eight triangles, of which `valid` exist. Those of many pixels are drawn at once.
+TARGET static void sort_eight(const struct hg_raster_shot *s, const struct hg_raster_tile *tile,
+    const struct hg_raster_vertices *v, const uint32_t *indices, uint32_t first, __m256i valid,
+    struct queue *q)
+{
+    __m256i corner[3], x[3], y[3], box[4];
+    load_corners(indices, s->first_vertex, corner);
+    for (int k = 0; k < 3; k++) {
+        corner[k] = _mm256_and_si256(corner[k], valid);
+        x[k] = snap(_mm256_i32gather_ps(v->x, corner[k], 4));
+        y[k] = snap(_mm256_i32gather_ps(v->y, corner[k], 4));
+    }
+    const __m256i low_x = least3(x), high_x = most3(x), low_y = least3(y), high_y = most3(y);
+    span(low_x, high_x, tile->x, tile->end_x, &box[0], &box[2]);
+    span(low_y, high_y, tile->y, tile->end_y, &box[1], &box[3]);
+    const __m256i zero = _mm256_setzero_si256();
+    const __m256i shows = _mm256_and_si256(valid,
+        _mm256_and_si256(_mm256_cmpgt_epi32(box[2], zero), _mm256_cmpgt_epi32(box[3], zero)));
+    const __m256i size =
+        _mm256_or_si256(_mm256_sub_epi32(high_x, low_x), _mm256_sub_epi32(high_y, low_y));
+    const __m256i large =
+        _mm256_or_si256(_mm256_cmpgt_epi32(size, _mm256_set1_epi32(HG_RASTER_LARGE - 1)),
+            _mm256_cmpgt_epi32(_mm256_mullo_epi32(box[2], box[3]), _mm256_set1_epi32(MANY_PIXELS)));
+    const __m256i area = _mm256_sub_epi32(
+        _mm256_mullo_epi32(_mm256_sub_epi32(x[0], x[1]), _mm256_sub_epi32(y[2], y[0])),
+        _mm256_mullo_epi32(_mm256_sub_epi32(x[2], x[0]), _mm256_sub_epi32(y[0], y[1])));
+    const __m256i ccw = _mm256_cmpgt_epi32(area, zero), cw = _mm256_cmpgt_epi32(zero, area);
+    const __m256i side = _mm256_or_si256((s->sides & HG_RASTER_SHOWS_CCW) != 0 ? ccw : zero,
+        (s->sides & HG_RASTER_SHOWS_CW) != 0 ? cw : zero);
+    const uint32_t few = mask_of(_mm256_andnot_si256(large, _mm256_and_si256(shows, side)));
+    if (few != 0)
+        push(q, corner, cw, box, first, few, s->pack);
+    const uint32_t many = mask_of(_mm256_and_si256(large, shows));
+    if (many != 0)
+        fill_each(s, tile, v, corner, box, first, many);
 }
 
 // The first `count` of eight; all when there are more.

@@ -9,14 +9,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define HG_RASTER_TILE_SHIFT 7 // px
-#define HG_RASTER_TILE       (1 << HG_RASTER_TILE_SHIFT)
+#define HG_RASTER_WIDE_SHIFT 8 // of tiles: 256 x 128 px
+#define HG_RASTER_HIGH_SHIFT 7
+#define HG_RASTER_WIDE       (1 << HG_RASTER_WIDE_SHIFT)
+#define HG_RASTER_HIGH       (1 << HG_RASTER_HIGH_SHIFT)
 
 #define HG_RASTER_SHOWS_CCW 1u // counter-clockwise on the screen
 #define HG_RASTER_SHOWS_CW  2u
 
 #define HG_RASTER_MOST_VERTICES 384u       // of a shot: three for each of 128 triangles
-#define HG_RASTER_LARGE         (64 * 256) // 1/256 px: longer triangles are drawn in 64 bits
+#define HG_RASTER_LARGE         (64 * 256) // 1/256 px: longer triangles are drawn by themselves
 
 // A run as one sample sees it.
 struct hg_raster_shot {
@@ -40,7 +42,7 @@ struct hg_raster_vertices {
 
 // Keys: bits of the depth, then order. The largest is seen.
 struct hg_raster_tile {
-    uint64_t *keys;       // rows of HG_RASTER_TILE
+    uint64_t *keys;       // rows of HG_RASTER_WIDE
     int32_t x, y;         // px, of keys[0]
     int32_t end_x, end_y; // px
 };

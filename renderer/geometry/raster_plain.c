@@ -112,7 +112,7 @@ static void bounds(const int64_t at[3], int64_t low, int64_t high, int64_t *firs
 static void put(
     const struct hg_raster_tile *tile, int64_t x, int64_t y, float depth, uint32_t order)
 {
-    uint64_t *key = &tile->keys[(y - tile->y) * HG_RASTER_TILE + (x - tile->x)];
+    uint64_t *key = &tile->keys[(y - tile->y) * HG_RASTER_WIDE + (x - tile->x)];
     uint32_t bits;
     if (!(depth > 0.0f))
         return;
