@@ -6,7 +6,7 @@
 #include "renderer/bench/mesh.h"
 #include "renderer/renderer.h"
 
-#define SIDE_M   900.0f // of the whole land, however many tiles it has
+#define SIDE_M   900.0f // of the land without copies, however many tiles it has
 #define RELIEF_M 40.0f
 #define STATUE_M 5.0f
 #define DETAIL_M 0.15f
@@ -98,7 +98,7 @@ static enum hg_status place_tiles(
     const struct hg_bench_land *land, const struct heights *h, struct hg_node *node)
 {
     const uint32_t side = tiles_per_side(land);
-    const float side_m = SIDE_M / (float)side, scale = (float)land->tiles / (float)side;
+    const float side_m = SIDE_M / (float)land->tiles, corner_m = -0.5f * side_m * (float)side;
     node->instances = hg_calloc((size_t)side * side, sizeof *node->instances);
     if (node->instances == NULL)
         return HG_E_NOMEM;
@@ -108,9 +108,9 @@ static enum hg_status place_tiles(
             continue;
         float *m = node->instances[node->instance_count++];
         memset(m, 0, 16 * sizeof *m);
-        m[0] = m[5] = m[10] = scale;
-        m[12] = side_m * (float)x - 0.5f * SIDE_M;
-        m[14] = side_m * (float)z - 0.5f * SIDE_M;
+        m[0] = m[5] = m[10] = 1.0f;
+        m[12] = corner_m + side_m * (float)x;
+        m[14] = corner_m + side_m * (float)z;
         m[15] = 1.0f;
     }
     return HG_OK;
@@ -154,7 +154,7 @@ static float ground(const struct hg_bench_land *land, struct heights *h, float u
     const uint32_t z = (uint32_t)tv < side ? (uint32_t)tv : side - 1;
     h->x = mesh_at(land, x);
     h->z = mesh_at(land, z);
-    return tile_height(h, tu - (float)x, tv - (float)z) * (float)land->tiles / (float)side;
+    return tile_height(h, tu - (float)x, tv - (float)z);
 }
 
 // A row of `columns` squares; statue number `i` stands in its square, turned its own way.
@@ -167,14 +167,15 @@ static void place_statue(const struct hg_bench_land *land, struct heights *h, co
     const float u = ((float)(i % columns) + 0.5f + 0.5f * jx) / (float)columns;
     const float v = ((float)(i / columns) + 0.5f + 0.5f * jz) / (float)columns;
     const float scale = STATUE_M / size[1], turn = 2.4f * (float)i;
+    const float side_m = SIDE_M * (float)tiles_per_side(land) / (float)land->tiles;
     memset(m, 0, 16 * sizeof *m);
     m[0] = m[10] = scale * cosf(turn);
     m[8] = scale * sinf(turn);
     m[2] = -m[8];
     m[5] = scale;
-    m[12] = (u - 0.5f) * SIDE_M;
+    m[12] = (u - 0.5f) * side_m;
     m[13] = ground(land, h, u, v) - scale * size[0];
-    m[14] = (v - 0.5f) * SIDE_M;
+    m[14] = (v - 0.5f) * side_m;
     m[15] = 1.0f;
 }
 

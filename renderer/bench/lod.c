@@ -1,13 +1,13 @@
 // lod.c - frame time and picture of scenes with many triangles (helio bench lod).
 //
-// All scenes are a land of tiles^2 meshes under the same flight, with statues on it, and the land
-// fills what is not sky in all of them. Two pairs of comparisons:
-//  - base and hundred: the base has triangles of less than a pixel everywhere (it is covered with
-//    them); the hundred has a hundred times as many: a hundred smaller copies of the land's tiles
-//    in place of each, and a hundred times as many statues.
-//  - small, covering and large: as many objects in the same places, of a hundredth, a tenth and all
-//    of their triangles. Those of the small scene are several pixels large, so that it has less
-//    detail than the screen could show.
+// All scenes are a land of tiles^2 meshes under the same flight, with statues on it. Two kinds of
+// comparisons:
+//  - base and hundred, looking down, so that land covers every pixel of both: the base has all
+//    triangles and few statues; in the hundred the land goes on in all directions, a hundred times
+//    as large, with a hundred times as many triangles and statues, instances of the same meshes.
+//  - small, covering and large, looking to the horizon: as many objects in the same places, of a
+//    hundredth, a tenth and all of their triangles. Triangles of the small scene are several pixels
+//    large: it has less detail than the screen could show.
 // Frames of all take turns in one renderer, when everything is baked.
 #include <math.h>
 #include <stdio.h>
@@ -31,8 +31,9 @@
 #define BAKE_FROM     512       // triangles: the thin statue has levels as well
 #define BAKE_POLL_NS  100000000 // between looks at what is baked
 
-#define GROWTH      100 // of triangles, from base to hundred
-#define GROWTH_SIDE 10  // its root: copies of tiles per side
+#define LOOK_DOWN   1.0f // metres per metre ahead: 45 degrees
+#define GROWTH      100  // of triangles, from base to hundred
+#define GROWTH_SIDE 10   // its root: copies of tiles per side
 
 enum { SMALL, COVERING, LARGE, BASE, HUNDRED, SIDES, STILL = SIDES, SCENES };
 static const char *const side_names[SIDES] = {"small", "covering", "large", "base", "hundred"};
@@ -45,8 +46,9 @@ struct run {
     struct hg_bench_view views[SCENES], whole_view;  // whole_view: of scenes[STILL]
     struct hg_bench_times frames[SIDES], cpu[SIDES]; // cpu: of all threads
     uint64_t triangles[SIDES], drawn[SIDES];
-    double psnr_db, flip; // the worst of the stills
-    uint64_t holes_px;    // all stills
+    double covered[SIDES]; // least share of the pixels of a frame that show something
+    double psnr_db, flip;  // the worst of the stills
+    uint64_t holes_px;     // all stills
     struct hg_bench_depth_gap depth;
     uint64_t rss_bytes;
     struct hg_geometry_stats geometry;
@@ -143,6 +145,28 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
 
 // --- measurements --------------------------------------------------------------------------------
 
+static void pose_of(int side, uint32_t at, uint32_t count, struct hg_bench_pose *pose)
+{
+    hg_bench_land_pose(at, count, pose);
+    if (side == BASE || side == HUNDRED)
+        pose->target[1] = pose->eye[1] - LOOK_DOWN;
+}
+
+// The least share of the pixels of a frame that show something.
+static enum hg_status note_covered(struct run *run, uint32_t side, struct hg_error *err)
+{
+    struct hg_bench_depth depth = {0};
+    const enum hg_status status = hg_bench_depth_read(run->views[side].view, &depth, err);
+    const size_t count = (size_t)depth.width * depth.height;
+    size_t shown = 0;
+    for (size_t i = 0; status == HG_OK && i < count; i++)
+        shown += isfinite(depth.metres[i]) ? 1 : 0;
+    if (status == HG_OK)
+        run->covered[side] = fmin(run->covered[side], (double)shown / (double)count);
+    hg_bench_depth_finish(&depth);
+    return status;
+}
+
 static enum hg_status visit_all(struct run *run, struct hg_error *err)
 {
     const uint32_t frames = run->bench->stream.frames;
@@ -150,7 +174,7 @@ static enum hg_status visit_all(struct run *run, struct hg_error *err)
     for (uint32_t i = 0; i < SIDES * frames && status == HG_OK; i++) {
         struct hg_bench_pose pose;
         uint64_t ns;
-        hg_bench_land_pose(i / SIDES, frames, &pose);
+        pose_of((int)(i % SIDES), i / SIDES, frames, &pose);
         status = hg_bench_view_sharpen(&run->views[i % SIDES], &pose, &ns, err);
         if (status == HG_OK)
             status = step_done(run, err);
@@ -167,7 +191,7 @@ static enum hg_status fly(struct run *run, struct hg_error *err)
         const uint32_t side = at % 2 == 0 ? turn : SIDES - 1 - turn;
         struct hg_bench_pose pose;
         uint64_t ns;
-        hg_bench_land_pose(at, frames, &pose);
+        pose_of((int)side, at, frames, &pose);
         const uint64_t cpu = hg_clock_cpu_ns();
         status = hg_bench_view_draw(&run->views[side], &pose, &ns, err);
         const uint64_t cpu_ns = hg_clock_cpu_ns() - cpu;
@@ -178,6 +202,8 @@ static enum hg_status fly(struct run *run, struct hg_error *err)
         run->triangles[side] = info->triangles_total;
         run->drawn[side] =
             info->triangles_drawn > run->drawn[side] ? info->triangles_drawn : run->drawn[side];
+        if (status == HG_OK)
+            status = note_covered(run, side, err);
         if (status == HG_OK)
             status = step_done(run, err);
     }
@@ -313,9 +339,9 @@ static double triangle_ratio(const struct run *run, int more, int less)
 static void put_side(const struct run *run, int side, struct hg_writer *w)
 {
     char key[32];
-    hg_json_put(w, ",\"%s_triangles\":%llu,\"%s_drawn\":%llu,", side_names[side],
-        (unsigned long long)run->triangles[side], side_names[side],
-        (unsigned long long)run->drawn[side]);
+    hg_json_put(w, ",\"%s_triangles\":%llu,\"%s_drawn\":%llu,\"%s_covered\":%.5f,",
+        side_names[side], (unsigned long long)run->triangles[side], side_names[side],
+        (unsigned long long)run->drawn[side], side_names[side], run->covered[side]);
     snprintf(key, sizeof key, "%s_ms", side_names[side]);
     hg_bench_put_times(w, key, &run->frames[side]);
     hg_json_put(w, ",");
@@ -417,6 +443,8 @@ enum hg_status hg_bench_lod_run(const struct hg_bench_lod *bench, char **text, s
     set_defaults(&full);
     struct run run = {.bench = &full,
         .total = 2 * SCENES + 1 + 2 * SIDES * full.stream.frames + full.stream.stills};
+    for (int side = 0; side < SIDES; side++)
+        run.covered[side] = 1;
     enum hg_status status = measure(&run, err);
     if (status == HG_OK)
         status = write_report(&run, text);

@@ -56,8 +56,8 @@ struct hg_bench_land {
     uint32_t tiles, statues;
     uint32_t cells;  // per side of a tile; statues that are made have about 16 cells^2 / 100
     uint32_t thin;   // tiles and statues have one triangle in so many; 0 = all
-    uint32_t copies; // per side: the land is made of so many times more tiles, so many times
-                     // smaller, of the same meshes; 0 = 1
+    uint32_t copies; // per side: the land goes on, so many times as wide, with tiles of the same
+                     // meshes; 0 = 1
 };
 enum hg_status hg_bench_land_make(const struct hg_bench_land *land, struct hg_jobs *jobs,
     struct hg_bench_scene *out, struct hg_error *err) HG_MUST_CHECK;

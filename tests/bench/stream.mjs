@@ -67,6 +67,7 @@ const runs = {
         check(r) {
             assert.ok(r.scale.large_triangles > 9e6 && r.scale.thin_triangle_ratio > 10);
             assert.ok(r.scale.triangle_ratio > 90, JSON.stringify(r.scale));
+            assert.ok(r.scale.base_covered > 0.999 && r.scale.hundred_covered > 0.999);
             assert.ok(r.image.psnr_db >= 38 && r.image.flip <= 0.02, JSON.stringify(r.image));
             assert.equal(r.image.holes_px, 0);
             assert.ok(r.image.depth_far_px <= 1, JSON.stringify(r.image));
