@@ -1,0 +1,324 @@
+#!/usr/bin/python3
+"""cycles.py - Heliograph's path tracer and Blender Cycles on the CPU, the same scenes.
+
+  cycles.py means [--scene NAME]...   converged means, region by region
+  cycles.py speed [--scene NAME]...   time to a relative mean squared error of 1e-2
+
+Options: --helio PROGRAM, --data FOLDER (default $HELIO_TEST_DATA or ../shared/data), --size WxH,
+--spp N (means: samples of each picture), --reference-spp N, --rounds N, --threads N, --json FILE,
+--keep FOLDER. Needs Debian's packages blender, python3-openimageio and python3-numpy.
+
+Both engines read the same glTF file, the same environment, camera and bounces; no denoiser, no
+clamping, a Blackman-Harris filter of 3 pixels. Scenes called "diffuse" have Lambert's law on every surface, which both
+engines describe in the same way; in the others Cycles has its Principled BSDF, whose diffuse lobe
+is Disney's and which does not couple it to the highlight as glTF's BRDF does.
+
+means: the picture is cut into 8 x 8 regions; printed is how far the regions' means differ, leaving
+out regions darker than a hundredth of the picture's mean. speed: each engine is held against its
+own converged picture, so that only noise counts; relMSE = mean((x - r)^2 / (r^2 + (0.01 mean)^2))
+over pixels and channels, without the thousandth with the largest errors. Noise falls as 1/N, so
+the samples for 1e-2 follow from a picture near it; the time of one follows from two sample counts,
+measured in turn, medians over the rounds. What comes before the first sample is printed apart.
+"""
+import argparse
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy
+import OpenImageIO as oiio
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.abspath(os.path.join(HERE, "../../../.."))
+BOUNCES = 16
+REGIONS = 8
+TARGET = 1e-2
+
+SUN = {"towards": (0.25, 0.93, 0.27), "lux": 3.0}
+NAVE = {"eye": (6.0, 1.6, 0.0), "target": (5.0, 1.7, 0.0), "vfov_deg": 60.0}
+SCENES = {
+    "sponza": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True,
+               "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
+    "sponza-diffuse": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True, "diffuse": True,
+                       "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
+    "duck": {"file": "khronos/Duck/glTF/Duck.gltf", "fit": True,
+             "env": "hdr/royal_esplanade_1k.hdr"},
+    "cornell-diffuse": {"file": "extra-gltf/bevy-CornellBox/CornellBox.glb", "diffuse": True,
+                        "fit": True},
+    "duck-diffuse": {"file": "khronos/Duck/glTF/Duck.gltf", "diffuse": True, "fit": True,
+                     "env": "hdr/noon_grass_1k.hdr"},
+    "fox-diffuse": {"file": "khronos/Fox/glTF/Fox.gltf", "diffuse": True, "fit": True,
+                    "env": "hdr/narrow_moonlit_road_1k.hdr"},
+    "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF/"
+                            "MetalRoughSpheresNoTextures.gltf", "fit": True,
+                    "env": "hdr/royal_esplanade_1k.hdr"},
+}
+
+
+def fail(text):
+    sys.exit(f"cycles.py: {text}")
+
+
+# --- scenes ---------------------------------------------------------------------------------------
+
+def sun_node():
+    """Quaternion that turns -Z, where a glTF light shines, away from the sun."""
+    x, y, z = (-v for v in SUN["towards"])
+    length = (x * x + y * y + z * z) ** 0.5
+    x, y, z = x / length, y / length, z / length
+    q = (y, -x, 0.0, 1.0 - z)
+    m = sum(v * v for v in q) ** 0.5
+    return {"name": "sun", "rotation": [v / m for v in q],
+            "extensions": {"KHR_lights_punctual": {"light": 0}}}
+
+
+def add_sun(gltf):
+    extensions = gltf.setdefault("extensionsUsed", [])
+    if "KHR_lights_punctual" not in extensions:
+        extensions.append("KHR_lights_punctual")
+    gltf.setdefault("extensions", {})["KHR_lights_punctual"] = {
+        "lights": [{"type": "directional", "intensity": SUN["lux"], "color": [1, 1, 1]}]}
+    gltf["nodes"].append(sun_node())
+    gltf["scenes"][gltf.get("scene", 0)]["nodes"].append(len(gltf["nodes"]) - 1)
+
+
+def make_lambert(gltf):
+    """No highlight, no metal: what is left of glTF's BRDF is Lambert's law."""
+    for material in gltf.get("materials", []):
+        pbr = material.setdefault("pbrMetallicRoughness", {})
+        pbr["metallicFactor"], pbr["roughnessFactor"] = 0.0, 1.0
+        pbr.pop("metallicRoughnessTexture", None)
+        material.pop("occlusionTexture", None)
+        kept = {k: v for k, v in material.get("extensions", {}).items()
+                if k == "KHR_materials_emissive_strength"}
+        kept["KHR_materials_specular"] = {"specularFactor": 0.0}
+        material["extensions"] = kept
+    used = set(gltf.get("extensionsUsed", [])) | {"KHR_materials_specular"}
+    gltf["extensionsUsed"] = sorted(used)
+
+
+def read_gltf(file):
+    """JSON and, of a .glb, its binary chunk."""
+    with open(file, "rb") as f:
+        data = f.read()
+    if data[:4] != b"glTF":
+        return json.loads(data), None
+    size = int.from_bytes(data[12:16], "little")
+    chunk = data[20 + size + 8:] if len(data) > 20 + size + 8 else b""
+    return json.loads(data[20:20 + size]), chunk
+
+
+def make_scene(spec, data, folder):
+    """The scene as both engines read it, beside links to the files it names."""
+    source = os.path.join(data, spec["file"])
+    if not os.path.exists(source):
+        fail(f"{source} is missing")
+    for name in os.listdir(os.path.dirname(source)):
+        os.symlink(os.path.join(os.path.dirname(source), name), os.path.join(folder, name))
+    gltf, chunk = read_gltf(source)
+    if chunk is not None:
+        with open(os.path.join(folder, "chunk.bin"), "wb") as f:
+            f.write(chunk)
+        gltf["buffers"][0]["uri"] = "chunk.bin"
+    if spec.get("sun"):
+        add_sun(gltf)
+    if spec.get("diffuse"):
+        make_lambert(gltf)
+    out = os.path.join(folder, "peer-scene.gltf")
+    with open(out, "w", encoding="utf8") as f:
+        json.dump(gltf, f)
+    return out
+
+
+def fitted_camera(options, scene, roots):
+    """A camera that sees all of the scene from the front, right and above."""
+    text = subprocess.run([options.helio, "info", scene, "--json", *roots], check=True,
+                          capture_output=True, text=True).stdout
+    bounds = json.loads(text)["bounds"]
+    low, high = numpy.array(bounds["min"]), numpy.array(bounds["max"])
+    center, radius = (low + high) / 2, float(numpy.linalg.norm(high - low)) / 2
+    towards = numpy.array((0.35, 0.25, 1.0))
+    eye = center + towards / numpy.linalg.norm(towards) * radius * 2.4
+    return {"eye": eye.tolist(), "target": center.tolist(), "vfov_deg": 40.0}
+
+
+class Scene:
+    def __init__(self, name, options):
+        spec = SCENES[name]
+        self.name, self.folder = name, tempfile.mkdtemp(dir=options.keep)
+        self.file = make_scene(spec, options.data, self.folder)
+        self.env = os.path.join(options.data, spec["env"]) if "env" in spec else None
+        self.roots = ["--asset-root", options.data, "--asset-root", self.folder]
+        camera = fitted_camera(options, self.file, self.roots) if spec.get("fit") else spec
+        self.camera = {k: camera[k] for k in ("eye", "target", "vfov_deg")}
+        self.materials = "diffuse" if spec.get("diffuse") else "principled"
+
+
+# --- the two engines ------------------------------------------------------------------------------
+
+def comma(values):
+    return ",".join(f"{v:.9g}" for v in values)
+
+
+def render_ours(options, scene, samples, seed, out):
+    command = [options.helio, "render", scene.file, "-o", out, "--exr", "float", "--mode", "path",
+               "--spp", str(samples), "--seed", str(seed), "--max-bounces", str(BOUNCES),
+               "--size", options.size, "--eye=" + comma(scene.camera["eye"]),
+               "--target=" + comma(scene.camera["target"]), "--fov", str(scene.camera["vfov_deg"]),
+               "--env", scene.env or "none", "--progress", "none", "--log", "error", *scene.roots]
+    environment = dict(os.environ, HELIO_THREADS=str(options.threads))
+    start = time.monotonic()
+    subprocess.run(command, check=True, env=environment, stderr=subprocess.DEVNULL)
+    return time.monotonic() - start
+
+
+def render_cycles(options, scene, renders):
+    """renders: (samples, seed, out). Seconds of each."""
+    width, height = (int(v) for v in options.size.split("x"))
+    job = {"scene": scene.file, "environment": scene.env, "width": width, "height": height,
+           "bounces": BOUNCES, "threads": options.threads, "materials": scene.materials,
+           "renders": [dict(zip(("samples", "seed", "out"), r)) for r in renders], **scene.camera}
+    file = os.path.join(scene.folder, "job.json")
+    with open(file, "w", encoding="utf8") as f:
+        json.dump(job, f)
+    run = subprocess.run(["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-P",
+                          os.path.join(HERE, "blender_scene.py"), "--", file],
+                         capture_output=True, text=True)
+    if run.returncode != 0:
+        fail(f"{scene.name}: Blender failed:\n{run.stdout[-2000:]}{run.stderr[-2000:]}")
+    return [json.loads(line[len("cycles: "):])["seconds"]
+            for line in run.stdout.splitlines() if line.startswith("cycles: ")]
+
+
+def read(file):
+    image = oiio.ImageBuf(file)
+    if image.has_error:
+        fail(f"{file}: {image.geterror()}")
+    pixels = numpy.asarray(image.get_pixels(oiio.FLOAT), dtype=numpy.float64)[:, :, :3]
+    if not numpy.isfinite(pixels).all():
+        fail(f"{file}: has pixels that are no numbers")
+    return pixels
+
+
+# --- means ----------------------------------------------------------------------------------------
+
+def regions(pixels):
+    height, width = pixels.shape[:2]
+    rows = numpy.array_split(numpy.arange(height), REGIONS)
+    columns = numpy.array_split(numpy.arange(width), REGIONS)
+    return numpy.array([[pixels[numpy.ix_(r, c)].mean(axis=(0, 1)) for c in columns] for r in rows])
+
+
+def compare_means(options, scene):
+    ours, theirs = (os.path.join(scene.folder, f"{n}.exr") for n in ("ours", "cycles"))
+    render_ours(options, scene, options.spp, 1, ours)
+    render_cycles(options, scene, [(options.spp, 1, theirs)])
+    a, b = regions(read(ours)), regions(read(theirs))
+    floor = 0.01 * b.mean()
+    counted = b.mean(axis=2) > floor
+    off = numpy.abs(a - b).max(axis=2) / numpy.maximum(b.mean(axis=2), 1e-12)
+    off = off[counted]
+    result = {"regions": int(counted.sum()), "mean_ratio": float(a.mean() / b.mean()),
+              "median_percent": float(numpy.median(off) * 100),
+              "p95_percent": float(numpy.percentile(off, 95) * 100),
+              "max_percent": float(off.max() * 100),
+              "within_2_percent": float((off <= 0.02).mean())}
+    print(f"{scene.name:18} mean {result['mean_ratio']:.4f}  regions off by median "
+          f"{result['median_percent']:.2f} %, p95 {result['p95_percent']:.2f} %, worst "
+          f"{result['max_percent']:.2f} %; {result['within_2_percent'] * 100:.0f} % within 2 %")
+    return result
+
+
+# --- speed ----------------------------------------------------------------------------------------
+
+def relative_error(pixels, reference):
+    floor = (0.01 * reference.mean()) ** 2
+    error = numpy.sort(((pixels - reference) ** 2 / (reference ** 2 + floor)).mean(axis=2), axis=None)
+    return float(error[:max(1, int(error.size * 0.999))].mean())
+
+
+def samples_to_target(options, file, samples, reference):
+    """The reference has noise of its own: its share of what is measured is taken off."""
+    measured = relative_error(read(file), reference)
+    alone = measured * options.reference_spp / (options.reference_spp + samples)
+    return alone, samples * alone / TARGET
+
+
+def compare_speed(options, scene):
+    few, many = 2, options.spp
+    path = lambda name: os.path.join(scene.folder, name + ".exr")
+    print(f"{scene.name}: references", file=sys.stderr)
+    render_ours(options, scene, options.reference_spp, 1001, path("ours-reference"))
+    render_cycles(options, scene, [(options.reference_spp, 1001, path("cycles-reference"))])
+    seconds = {"ours": [], "cycles": []}
+    for i in range(options.rounds):
+        t = [render_ours(options, scene, n, 1 + i, path(f"ours-{n}")) for n in (few, many)]
+        seconds["ours"].append(t)
+        seconds["cycles"].append(render_cycles(
+            options, scene, [(n, 1 + i, path(f"cycles-{n}")) for n in (few, many)]))
+        print(f"{scene.name}: round {i + 1} of {options.rounds}", file=sys.stderr)
+    result = {}
+    for engine, rounds in seconds.items():
+        per_sample = statistics.median((b - a) / (many - few) for a, b in rounds)
+        error, needed = samples_to_target(
+            options, path(f"{engine}-{many}"), many, read(path(f"{engine}-reference")))
+        result[engine] = {"s_per_sample": per_sample, "relmse": error, "at_samples": many,
+                          "samples_to_target": needed, "s_to_target": needed * per_sample,
+                          "s_before": statistics.median(a - few * per_sample for a, _ in rounds)}
+    ratio = result["cycles"]["s_to_target"] / result["ours"]["s_to_target"]
+    result["ratio"] = ratio
+    for engine in ("ours", "cycles"):
+        r = result[engine]
+        print(f"{scene.name:18} {engine:6} {r['s_per_sample']:.3f} s per sample, relMSE "
+              f"{r['relmse']:.4f} at {many}, 1e-2 after {r['samples_to_target']:.0f} samples = "
+              f"{r['s_to_target']:.1f} s; before the first sample {r['s_before']:.1f} s")
+    print(f"{scene.name:18} Heliograph is {ratio:.2f} times as fast to equal error")
+    return result
+
+
+def parse():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("what", choices=("means", "speed"))
+    parser.add_argument("--scene", action="append", choices=sorted(SCENES))
+    parser.add_argument("--helio", default=os.path.join(ROOT, "build/bin/helio"))
+    parser.add_argument("--data", default=os.environ.get(
+        "HELIO_TEST_DATA", os.path.join(ROOT, "../shared/data")))
+    parser.add_argument("--size", default="320x180")
+    parser.add_argument("--spp", type=int, default=0)
+    parser.add_argument("--reference-spp", type=int, default=2048)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--json")
+    parser.add_argument("--keep")
+    options = parser.parse_args()
+    options.data = os.path.realpath(options.data)
+    options.spp = options.spp or (1024 if options.what == "means" else 34)
+    for program in (options.helio, "blender"):
+        if shutil.which(program) is None:
+            fail(f"{program} is missing")
+    return options
+
+
+def main():
+    options = parse()
+    own = options.keep is None
+    options.keep = options.keep or tempfile.mkdtemp()
+    os.makedirs(options.keep, exist_ok=True)
+    run = compare_means if options.what == "means" else compare_speed
+    names = options.scene or (list(SCENES) if options.what == "means" else ["sponza", "duck"])
+    try:
+        results = {name: run(options, Scene(name, options)) for name in names}
+    finally:
+        if own:
+            shutil.rmtree(options.keep)
+    if options.json:
+        with open(options.json, "w", encoding="utf8") as f:
+            json.dump(results, f, indent=2)
+
+
+main()
