@@ -398,36 +398,42 @@ static enum hg_status build_roots(struct hg_lod_build *b, uint32_t *root_chunks)
 
 // ---- all of it ----------------------------------------------------------------------------------
 
+static enum hg_status cut_mesh(struct hg_lod_build *b, uint32_t *starts, uint32_t *count)
+{
+    const uint32_t n = b->mesh.triangle_count;
+    const uint64_t scratch = b->budget.used + n * 28ull; // of the cut
+    if (b->budget.limit > 0 && scratch > b->budget.limit)
+        return HG_E_LIMIT;
+    b->budget.peak = scratch > b->budget.peak ? scratch : b->budget.peak;
+    enum hg_status status =
+        hg_lod_cut(&b->mesh, b->mesh.triangles, n, starts, count, NULL, b->params->jobs);
+    if (status == HG_OK)
+        status = hg_lod_mesh_reorder(&b->mesh, &b->budget);
+    return status == HG_OK ? hg_lod_find_pieces(&b->mesh, &b->budget) : status;
+}
+
 static enum hg_status begin(struct hg_lod_build *b, const struct hg_mesh_part *part)
 {
     uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_lod_weld(part, b->params, &b->budget, &b->mesh, b->err);
-    if (status == HG_OK)
-        status = hg_lod_find_pieces(&b->mesh, &b->budget);
     b->report.weld_ns = hg_clock_now_ns() - start;
-    const uint32_t n = b->mesh.triangle_count;
     if (status != HG_OK)
         return status;
-    b->total = n * 2ull + 1;
-    const uint64_t positions = b->mesh.position_count;
-    uint32_t *starts = NULL, count = 0, bound = hg_lod_cut_bound(n) + 1;
-    if ((status = hg_lod_take(&b->budget, positions, 1, &b->locked)) != HG_OK ||
-        (status = hg_lod_take(&b->budget, positions, 1, &b->open)) != HG_OK ||
-        (status = hg_lod_take(&b->budget, positions, 4, &b->owner)) != HG_OK ||
-        (status = hg_lod_take(&b->budget, bound, 4, &starts)) != HG_OK)
-        return status;
-    const uint64_t scratch = b->budget.used + n * 28ull; // of the cut
-    if (b->budget.limit > 0 && scratch > b->budget.limit)
-        status = HG_E_LIMIT;
-    b->budget.peak = scratch > b->budget.peak ? scratch : b->budget.peak;
+    b->total = b->mesh.triangle_count * 2ull + 1;
+    uint32_t *starts = NULL, count = 0, bound = hg_lod_cut_bound(b->mesh.triangle_count) + 1;
+    status = hg_lod_take(&b->budget, bound, 4, &starts);
     start = hg_clock_now_ns();
     if (status == HG_OK)
-        status = hg_lod_cut(&b->mesh, b->mesh.triangles, n, starts, &count, NULL, b->params->jobs);
+        status = cut_mesh(b, starts, &count);
     if (status == HG_OK && count > 0)
         status = hg_lod_first_pieces(&b->mesh, starts, count, &b->pool);
     b->report.cluster_ns = hg_clock_now_ns() - start;
     hg_lod_give(&b->budget, &starts, bound, 4);
-    return status;
+    const uint64_t positions = b->mesh.position_count;
+    if (status != HG_OK || (status = hg_lod_take(&b->budget, positions, 1, &b->locked)) != HG_OK ||
+        (status = hg_lod_take(&b->budget, positions, 1, &b->open)) != HG_OK)
+        return status;
+    return hg_lod_take(&b->budget, positions, 4, &b->owner);
 }
 
 static void finish(struct hg_lod_build *b)

@@ -57,33 +57,55 @@ static void swap_items(struct item *a, struct item *b)
     *b = t;
 }
 
-static float pivot_of(const struct item *items, uint32_t low, uint32_t high, int axis)
+// A total order, so that a cut does not depend on how it is found.
+static inline bool before(const struct item *a, const struct item *b, int axis)
 {
-    const float a = items[low].center[axis], b = items[low + (high - low) / 2].center[axis],
-                c = items[high].center[axis];
-    const float small = a < b ? a : b, large = a < b ? b : a;
-    return c < small ? small : c > large ? large : c;
+    const float x = a->center[axis], y = b->center[axis];
+    return (x < y) | ((x == y) & (a->triangle < b->triangle));
 }
 
-// Moves the `nth` smallest centres to the front (Hoare 1961, "Algorithm 65: find").
+static struct item median3(
+    const struct item *a, const struct item *b, const struct item *c, int axis)
+{
+    const struct item *small = before(a, b, axis) ? a : b, *large = small == a ? b : a;
+    return before(c, small, axis) ? *small : before(large, c, axis) ? *large : *c;
+}
+
+static struct item pivot_of(const struct item *items, uint32_t count, int axis)
+{
+    struct item m[3];
+    if (count < 64)
+        return median3(&items[0], &items[count / 2], &items[count - 1], axis);
+    for (uint32_t i = 0; i < 3; i++) {
+        const struct item *at = items + (uint64_t)(count - 3) * i / 3;
+        m[i] = median3(at, at + count / 9, at + count / 9 * 2, axis);
+    }
+    return median3(&m[0], &m[1], &m[2], axis);
+}
+
+// Moves the `nth` first to the front (Hoare 1961, "Algorithm 65: find"); the loop that parts them
+// is Lomuto's and has no branches to guess.
 static void select_items(struct item *items, uint32_t count, uint32_t nth, int axis)
 {
-    int64_t low = 0, high = (int64_t)count - 1;
-    while (low < high) {
-        const float pivot = pivot_of(items, (uint32_t)low, (uint32_t)high, axis);
-        int64_t i = low, j = high;
-        while (i <= j) {
-            while (items[i].center[axis] < pivot)
-                i++;
-            while (items[j].center[axis] > pivot)
-                j--;
-            if (i <= j)
-                swap_items(&items[i++], &items[j--]);
+    uint32_t low = 0, high = count;
+    while (high - low > 1 && nth > low && nth < high) {
+        const struct item pivot = pivot_of(items + low, high - low, axis);
+        uint32_t less = low;
+        for (uint32_t i = low; i < high; i++) {
+            const struct item t = items[i];
+            items[i] = items[less];
+            items[less] = t;
+            less += before(&t, &pivot, axis);
         }
-        if (j < (int64_t)nth)
-            low = i;
-        if ((int64_t)nth < i)
-            high = j;
+        if (nth <= less) {
+            high = less;
+        } else if (less > low) {
+            low = less;
+        } else { // the pivot was the least
+            while (items[less].triangle != pivot.triangle)
+                less++;
+            swap_items(&items[less], &items[low++]);
+        }
     }
 }
 
@@ -104,12 +126,28 @@ static void split_range(void *user, size_t index)
     to[1] = (struct range){r.first + half, r.count - half, r.clusters - left};
 }
 
+// At least as many as there are distinct vertices: what is forgotten is counted again.
+static uint32_t vertex_bound(const struct cutter *c, const struct range *r)
+{
+    uint32_t table[256] = {0}, bound = 0;
+    for (uint32_t i = 0; i < r->count; i++) {
+        const uint32_t *t = c->triangles + (size_t)c->items[r->first + i].triangle * 3;
+        for (int k = 0; k < 3; k++) {
+            uint32_t *slot = &table[t[k] * 0x9e3779b1u >> 24];
+            bound += *slot != t[k] + 1;
+            *slot = t[k] + 1;
+        }
+    }
+    return bound;
+}
+
 // A cluster of triangles that share few vertices must be cut once more.
 static void limit_vertices(void *user, size_t index)
 {
     struct cutter *c = user;
     struct range *r = &c->from[index];
-    if (r->clusters != 1 || r->count * 3 <= HG_LOD_CLUSTER_VERTICES)
+    if (r->clusters != 1 || r->count * 3 <= HG_LOD_CLUSTER_VERTICES ||
+        vertex_bound(c, r) <= HG_LOD_CLUSTER_VERTICES)
         return;
     uint32_t table[1024] = {0}, distinct = 0;
     for (uint32_t i = 0; i < r->count; i++) {

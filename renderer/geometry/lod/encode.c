@@ -46,38 +46,48 @@ static uint32_t *slot_of(struct encoder *e, uint32_t vertex, bool *found)
     return &e->table[slot];
 }
 
-// Numbers vertices in the order of their first use.
-static void number(struct encoder *e, const uint32_t *triangles, uint32_t index_count)
-{
-    for (uint32_t i = 0; i < index_count; i++) {
-        bool found;
-        uint32_t *slot = slot_of(e, triangles[i], &found);
-        if (!found) {
-            e->vertices[e->vertex_count] = triangles[i];
-            *slot = ++e->vertex_count;
-        }
-        e->indices[e->index_count++] = *slot - 1;
-    }
-}
+struct cluster_order {
+    uint32_t vertices[HG_LOD_CLUSTER_TRIANGLES * 3], vertex_count; // distinct
+    uint32_t indices[HG_LOD_CLUSTER_TRIANGLES * 3];                // into `vertices`
+};
 
 // Triangles of one cluster in an order in which neighbours follow each other.
-static void order_cluster(const uint32_t *in, uint32_t count, uint32_t *out)
+static void order_cluster(const uint32_t *in, uint32_t count, struct cluster_order *out)
 {
-    uint32_t table[1024] = {0}, vertices[HG_LOD_CLUSTER_TRIANGLES * 3], n = 0;
-    uint32_t local[HG_LOD_CLUSTER_TRIANGLES * 3], sorted[HG_LOD_CLUSTER_TRIANGLES * 3];
+    uint16_t table[1024] = {0};
+    uint32_t local[HG_LOD_CLUSTER_TRIANGLES * 3], n = 0;
     for (uint32_t i = 0; i < count * 3; i++) {
         uint32_t slot = in[i] * 0x9e3779b1u >> 22;
-        while (table[slot] != 0 && vertices[table[slot] - 1] != in[i])
+        while (table[slot] != 0 && out->vertices[table[slot] - 1] != in[i])
             slot = (slot + 1) & 1023;
         if (table[slot] == 0) {
-            vertices[n] = in[i];
-            table[slot] = ++n;
+            out->vertices[n] = in[i];
+            table[slot] = (uint16_t)++n;
         }
-        local[i] = table[slot] - 1;
+        local[i] = table[slot] - 1u;
     }
-    meshopt_optimizeVertexCacheFifo(sorted, local, (size_t)count * 3, n, 16);
-    for (uint32_t i = 0; i < count * 3; i++)
-        out[i] = vertices[sorted[i]];
+    out->vertex_count = n;
+    meshopt_optimizeVertexCacheFifo(out->indices, local, (size_t)count * 3, n, 16);
+}
+
+// Numbers vertices in the order of their first use.
+static void number(struct encoder *e, const struct cluster_order *order, uint32_t index_count)
+{
+    uint32_t numbers[HG_LOD_CLUSTER_TRIANGLES * 3];
+    memset(numbers, 0xff, order->vertex_count * sizeof *numbers);
+    for (uint32_t i = 0; i < index_count; i++) {
+        uint32_t *to = &numbers[order->indices[i]];
+        if (*to == HG_LOD_NONE) {
+            bool found;
+            uint32_t *slot = slot_of(e, order->vertices[order->indices[i]], &found);
+            if (!found) {
+                e->vertices[e->vertex_count] = order->vertices[order->indices[i]];
+                *slot = ++e->vertex_count;
+            }
+            *to = *slot - 1;
+        }
+        e->indices[e->index_count++] = *to;
+    }
 }
 
 // The codec turns corners of triangles round; the vertices follow the turned ones.
@@ -261,10 +271,10 @@ enum hg_status hg_lod_encode(const struct hg_lod_mesh *mesh, const uint32_t *tri
         count += cluster_triangles[i] * 3;
     enum hg_status status = take(&e, count);
     if (status == HG_OK) {
-        uint32_t sorted[HG_LOD_CLUSTER_TRIANGLES * 3];
+        struct cluster_order sorted;
         for (uint32_t i = 0; i < cluster_count; i++) {
-            order_cluster(triangles, cluster_triangles[i], sorted);
-            number(&e, sorted, cluster_triangles[i] * 3);
+            order_cluster(triangles, cluster_triangles[i], &sorted);
+            number(&e, &sorted, cluster_triangles[i] * 3);
             triangles += cluster_triangles[i] * 3;
         }
         const size_t first = out->size;

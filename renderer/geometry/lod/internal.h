@@ -6,6 +6,8 @@
 #ifndef HG_RENDERER_GEOMETRY_LOD_INTERNAL_H
 #define HG_RENDERER_GEOMETRY_LOD_INTERNAL_H
 
+#include <math.h>
+
 #include "base/bytes.h"
 #include "renderer/geometry/lod/lod.h"
 
@@ -34,9 +36,9 @@ struct hg_lod_mesh {
     uint32_t *position_of; // [vertex_count]
     uint32_t *words;       // [vertex_count * format.words]
     uint32_t *triangles;   // [triangle_count * 3] vertices
-    uint64_t capacity[2];  // vertices and indices that memory was taken for
-    uint32_t *piece_of;    // [position_count] connected piece; NULL: there is one
-    float *pieces;         // [piece_count] diagonals of their boxes, metres; NULL: there is one
+    uint64_t room[4];   // entries that memory was taken for: lattice, position_of, words, triangles
+    uint32_t *piece_of; // [position_count] connected piece; NULL: there is one
+    float *pieces;      // [piece_count] diagonals of their boxes, metres; NULL: there is one
     uint32_t piece_count;
 };
 
@@ -53,13 +55,20 @@ void hg_lod_give(struct hg_lod_budget *budget, void *ptr_to_ptr, uint64_t count,
 // Checks the part and welds it onto the lattice. HG_E_INVAL, HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     struct hg_lod_budget *budget, struct hg_lod_mesh *out, struct hg_error *err) HG_MUST_CHECK;
+// Numbers positions and vertices in the order in which the triangles name them, so that what is
+// near in space is near in memory. Before hg_lod_find_pieces. HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_lod_mesh_reorder(
+    struct hg_lod_mesh *mesh, struct hg_lod_budget *budget) HG_MUST_CHECK;
 void hg_lod_mesh_finish(struct hg_lod_mesh *mesh, struct hg_lod_budget *budget);
 
 // Finds what is connected; after welding. HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_lod_find_pieces(
     struct hg_lod_mesh *mesh, struct hg_lod_budget *budget) HG_MUST_CHECK;
 // Metres; INFINITY when all is one piece.
-float hg_lod_piece_size(const struct hg_lod_mesh *mesh, uint32_t position);
+static inline float hg_lod_piece_size(const struct hg_lod_mesh *mesh, uint32_t position)
+{
+    return mesh->pieces != NULL ? mesh->pieces[mesh->piece_of[position]] : INFINITY;
+}
 
 // Attributes of a vertex as floats: normal, uv, uv1, colour, as far as present; returns their
 // count.
@@ -148,11 +157,6 @@ struct hg_lod_simplify_job {
 // be done. Locked positions and the edges between them stay. HG_E_NOMEM. Cost O(n log n).
 enum hg_status hg_lod_simplify(struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 
-struct hg_lod_shape { // of a triangle abc
-    float a[4], ab[4], ac[4];
-    float bb, bc, cc, spare; // ab.ab, ab.ac, ac.ac
-};
-
 // The triangles of a job in a frame of their own: lengths in `unit`s about `origin`.
 struct hg_lod_patch {
     const struct hg_lod_simplify_job *job;
@@ -163,7 +167,6 @@ struct hg_lod_patch {
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
     uint32_t (*triangles)[4];        // vertices, [3] unused; [0] HG_LOD_NONE: removed
     uint32_t (*places)[4];           // their positions
-    struct hg_lod_shape *shapes;     // [triangle_count] for measuring
     uint32_t *next;         // [triangle_count * 4] corner after 4 triangle + k at its position
     uint32_t *head, *tail;  // [position_count] corners
     float (*point)[4];      // [position_count], [3] is 0; aligned to 16 bytes
@@ -182,14 +185,13 @@ enum hg_status hg_lod_patch_init(
     struct hg_lod_patch *patch, const struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 void hg_lod_patch_finish(struct hg_lod_patch *patch);
 uint32_t hg_lod_patch_find(const struct hg_lod_patch *patch, uint32_t global); // HG_LOD_NONE: none
-// Squared distance of a point to triangle abc; at[3] is 0.
-float hg_lod_distance2(const float at[4], const float a[3], const float b[3], const float c[3]);
+// Squared distance of a point to triangle abc.
+float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3]);
 // The same, and the barycentric weights of the nearest point.
 float hg_lod_closest(
-    const float at[4], const float a[3], const float b[3], const float c[3], float weights[3]);
-// Measures the job's samples against what is left of the patch; returns the error in metres. Writes
-// to patch->shapes.
-float hg_lod_measure(const struct hg_lod_patch *patch);
+    const float at[3], const float a[3], const float b[3], const float c[3], float weights[3]);
+// Measures the job's samples against what is left of the patch; *error in metres. HG_E_NOMEM.
+enum hg_status hg_lod_measure(const struct hg_lod_patch *patch, float *error) HG_MUST_CHECK;
 
 // ---- clusters and groups while they are built ---------------------------------------------------
 

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "renderer/geometry/lod/internal.h"
 #include "renderer/geometry/lod/quadric.h"
 
@@ -20,6 +21,21 @@ struct nearest {
     float weight[3]; // barycentric
 };
 
+typedef int32_t mask __attribute__((vector_size(16)));
+
+// Four triangles abc around a position; the last ones of a ring are its last one again.
+struct block {
+    hg_lod_vec a[3], ab[3], ac[3];
+    hg_lod_vec bb, bc, cc; // ab.ab, ab.ac, ac.ac
+    mask triangle;
+};
+
+struct rings {
+    uint32_t *first; // [position_count + 1] block of each position's ring
+    struct block *blocks;
+    void *memory;
+};
+
 static float dot(const float a[3], const float b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -31,88 +47,195 @@ static void sub(const float a[3], const float b[3], float out[3])
         out[k] = a[k] - b[k];
 }
 
-static void set_shape(struct hg_lod_shape *s, const float a[3], const float b[3], const float c[3])
+// ---- the point of a triangle that is nearest ----------------------------------------------------
+
+static inline hg_lod_vec choose(mask m, hg_lod_vec yes, hg_lod_vec no)
 {
-    *s = (struct hg_lod_shape){.a = {a[0], a[1], a[2], 0.0f}};
-    sub(b, a, s->ab);
-    sub(c, a, s->ac);
-    s->bb = dot(s->ab, s->ab);
-    s->bc = dot(s->ab, s->ac);
-    s->cc = dot(s->ac, s->ac);
+    return (hg_lod_vec)((m & (mask)yes) | (~m & (mask)no));
 }
 
-// Barycentric weights of b and c of the point of a triangle that is nearest to a + ap;
-// d1, d2: ap times ab and ac.
-static inline void closest(const struct hg_lod_shape *s, float d1, float d2, float *wb, float *wc)
+static inline hg_lod_vec splat(float v)
 {
-    const float d3 = d1 - s->bb, d4 = d2 - s->bc; // of b
-    const float d5 = d1 - s->bc, d6 = d2 - s->cc; // of c
-    *wb = *wc = 0.0f;
-    if (d1 <= 0.0f && d2 <= 0.0f)
-        return;
-    if (d3 >= 0.0f && d4 <= d3) {
-        *wb = 1.0f;
-        return;
-    }
-    const float vc = d1 * d4 - d3 * d2;
-    if (vc <= 0.0f && d1 >= 0.0f && d3 <= 0.0f) {
-        *wb = d1 / (d1 - d3);
-        return;
-    }
-    if (d6 >= 0.0f && d5 <= d6) {
-        *wc = 1.0f;
-        return;
-    }
-    const float vb = d5 * d2 - d1 * d6;
-    if (vb <= 0.0f && d2 >= 0.0f && d6 <= 0.0f) {
-        *wc = d2 / (d2 - d6);
-        return;
-    }
-    const float va = d3 * d6 - d5 * d4;
-    if (va <= 0.0f && d4 - d3 >= 0.0f && d5 - d6 >= 0.0f) {
-        const float sum = (d4 - d3) + (d5 - d6);
-        *wc = sum > 0.0f ? (d4 - d3) / sum : 0.0f;
-        *wb = 1.0f - *wc;
-        return;
-    }
-    const float sum = va + vb + vc, inverse = sum > 0.0f ? 1.0f / sum : 0.0f;
-    *wb = vb * inverse;
-    *wc = vc * inverse;
+    return (hg_lod_vec){v, v, v, v};
 }
 
-static inline float shape_distance2(
-    const struct hg_lod_shape *s, const float at[4], float *wb, float *wc)
+static inline hg_lod_vec dot4(const hg_lod_vec a[3], const hg_lod_vec b[3])
 {
-    const hg_lod_vec ap = hg_lod_vec_load(at) - hg_lod_vec_load(s->a);
-    const hg_lod_vec ab = hg_lod_vec_load(s->ab), ac = hg_lod_vec_load(s->ac);
-    closest(s, hg_lod_vec_sum(ap * ab), hg_lod_vec_sum(ap * ac), wb, wc);
-    const hg_lod_vec gap = ap - ab * *wb - ac * *wc;
-    return hg_lod_vec_sum(gap * gap);
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-float hg_lod_distance2(const float at[4], const float a[3], const float b[3], const float c[3])
+// Barycentric weights of b and c of the points of four triangles that are nearest to a + ap;
+// d1, d2: ap times ab and ac. All cases are computed; those that come later win.
+static inline void closest(
+    const struct block *s, hg_lod_vec d1, hg_lod_vec d2, hg_lod_vec *wb, hg_lod_vec *wc)
 {
-    struct hg_lod_shape s;
-    float wb, wc;
-    set_shape(&s, a, b, c);
-    return shape_distance2(&s, at, &wb, &wc);
+    const hg_lod_vec none = splat(0.0f), one = splat(1.0f);
+    const hg_lod_vec d3 = d1 - s->bb, d4 = d2 - s->bc; // of b
+    const hg_lod_vec d5 = d1 - s->bc, d6 = d2 - s->cc; // of c
+    const hg_lod_vec va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+    const hg_lod_vec to_c = d4 - d3, to_b = d5 - d6;
+    const mask edge_bc = (va <= none) & (to_c >= none) & (to_b >= none);
+    const mask edge_ac = (vb <= none) & (d2 >= none) & (d6 <= none);
+    const mask corner_c = (d6 >= none) & (d5 <= d6);
+    const mask edge_ab = (vc <= none) & (d1 >= none) & (d3 <= none);
+    const mask corner_b = (d3 >= none) & (d4 <= d3);
+    const mask corner_a = (d1 <= none) & (d2 <= none);
+    hg_lod_vec b = choose(edge_bc, to_b, vb), c = choose(edge_bc, to_c, vc);
+    hg_lod_vec all = choose(edge_bc, to_b + to_c, va + vb + vc);
+    b = choose(edge_ac, none, b);
+    c = choose(edge_ac, d2, c);
+    all = choose(edge_ac, s->cc, all);
+    b = choose(corner_c, none, b);
+    c = choose(corner_c, one, c);
+    all = choose(corner_c, one, all);
+    b = choose(edge_ab, d1, b);
+    c = choose(edge_ab, none, c);
+    all = choose(edge_ab, s->bb, all);
+    b = choose(corner_b, one, b);
+    c = choose(corner_b | corner_a, none, c);
+    all = choose(corner_b | corner_a, one, all);
+    b = choose(corner_a, none, b);
+    const mask some = all > none;
+    const hg_lod_vec inverse = one / choose(some, all, one);
+    *wb = choose(some, b * inverse, none);
+    *wc = choose(some, c * inverse, none);
 }
 
-static inline void visit(
-    const struct hg_lod_patch *p, uint32_t triangle, const float at[4], struct nearest *best)
+static inline hg_lod_vec distances2(
+    const struct block *s, const hg_lod_vec at[3], hg_lod_vec *wb, hg_lod_vec *wc)
 {
-    float wb, wc;
-    const float distance2 = shape_distance2(&p->shapes[triangle], at, &wb, &wc);
-    if (distance2 < best->distance2)
-        *best = (struct nearest){distance2, triangle, {1.0f - wb - wc, wb, wc}};
+    const hg_lod_vec ap[3] = {at[0] - s->a[0], at[1] - s->a[1], at[2] - s->a[2]};
+    closest(s, dot4(ap, s->ab), dot4(ap, s->ac), wb, wc);
+    hg_lod_vec gap[3];
+    for (int k = 0; k < 3; k++)
+        gap[k] = ap[k] - s->ab[k] * *wb - s->ac[k] * *wc;
+    return dot4(gap, gap);
 }
 
-static void visit_around(
-    const struct hg_lod_patch *p, uint32_t position, const float at[4], struct nearest *best)
+static inline void set_lane(
+    struct block *s, int lane, const float a[3], const float b[3], const float c[3])
 {
-    for (uint32_t c = p->head[position]; c != HG_LOD_NONE; c = p->next[c])
-        if (p->triangles[c / 4][0] != HG_LOD_NONE)
-            visit(p, c / 4, at, best);
+    for (int k = 0; k < 3; k++) {
+        s->a[k][lane] = a[k];
+        s->ab[k][lane] = b[k] - a[k];
+        s->ac[k][lane] = c[k] - a[k];
+    }
+}
+
+static inline void set_products(struct block *s)
+{
+    s->bb = dot4(s->ab, s->ab);
+    s->bc = dot4(s->ab, s->ac);
+    s->cc = dot4(s->ac, s->ac);
+}
+
+static struct nearest nearest_of(const float at[3], const float *const corners[3])
+{
+    struct block s = {0};
+    hg_lod_vec wb, wc;
+    set_lane(&s, 0, corners[0], corners[1], corners[2]);
+    set_products(&s);
+    const hg_lod_vec p[3] = {splat(at[0]), splat(at[1]), splat(at[2])};
+    const hg_lod_vec d2 = distances2(&s, p, &wb, &wc);
+    return (struct nearest){d2[0], 0, {1.0f - wb[0] - wc[0], wb[0], wc[0]}};
+}
+
+float hg_lod_distance2(const float at[3], const float a[3], const float b[3], const float c[3])
+{
+    return nearest_of(at, (const float *const[3]){a, b, c}).distance2;
+}
+
+float hg_lod_closest(
+    const float at[3], const float a[3], const float b[3], const float c[3], float weights[3])
+{
+    const struct nearest n = nearest_of(at, (const float *const[3]){a, b, c});
+    memcpy(weights, n.weight, sizeof n.weight);
+    return n.distance2;
+}
+
+// ---- rings --------------------------------------------------------------------------------------
+
+static void fill_rings(const struct hg_lod_patch *p, const struct rings *r, uint32_t *used)
+{
+    for (uint32_t t = 0; t < p->triangle_count; t++) {
+        if (p->triangles[t][0] == HG_LOD_NONE)
+            continue;
+        const uint32_t *at = p->places[t];
+        for (int k = 0; k < 3; k++) {
+            const uint32_t n = used[at[k]]++;
+            struct block *s = &r->blocks[r->first[at[k]] + n / 4];
+            set_lane(s, (int)(n % 4), p->point[at[0]], p->point[at[1]], p->point[at[2]]);
+            s->triangle[n % 4] = (int32_t)t;
+        }
+    }
+    for (uint32_t i = 0; i < p->position_count; i++) {
+        for (uint32_t b = r->first[i]; b < r->first[i + 1]; b++) {
+            struct block *s = &r->blocks[b];
+            const uint32_t n = used[i] - (b - r->first[i]) * 4;
+            for (int lane = (int)n; lane < 4; lane++) {
+                for (int k = 0; k < 3; k++) {
+                    s->a[k][lane] = s->a[k][n - 1];
+                    s->ab[k][lane] = s->ab[k][n - 1];
+                    s->ac[k][lane] = s->ac[k][n - 1];
+                }
+                s->triangle[lane] = s->triangle[n - 1];
+            }
+            set_products(s);
+        }
+    }
+}
+
+// The live triangles around every position.
+static enum hg_status make_rings(const struct hg_lod_patch *p, struct rings *r)
+{
+    uint32_t *counts = hg_calloc((size_t)p->position_count * 2 + 1, sizeof *counts), n = 0;
+    *r = (struct rings){.memory = counts};
+    if (counts == NULL)
+        return HG_E_NOMEM;
+    r->first = counts + p->position_count;
+    for (uint32_t t = 0; t < p->triangle_count; t++)
+        for (int k = 0; p->triangles[t][0] != HG_LOD_NONE && k < 3; k++)
+            counts[p->places[t][k]]++;
+    for (uint32_t i = 0; i < p->position_count; i++) {
+        r->first[i] = n;
+        n += (counts[i] + 3) / 4;
+        counts[i] = 0;
+    }
+    r->first[p->position_count] = n;
+    r->blocks = hg_realloc(NULL, n, sizeof *r->blocks);
+    if (r->blocks == NULL && n > 0)
+        return HG_E_NOMEM;
+    fill_rings(p, r, counts);
+    return HG_OK;
+}
+
+static void drop_rings(struct rings *r)
+{
+    hg_free(r->blocks);
+    hg_free(r->memory);
+}
+
+// The nearest point of the triangles around a position, if it is nearer than *best.
+static inline void visit_ring(
+    const struct rings *r, uint32_t position, const hg_lod_vec at[3], struct nearest *best)
+{
+    hg_lod_vec least = splat(best->distance2), b = {0}, c = {0};
+    mask triangle = {-1, -1, -1, -1};
+    for (uint32_t i = r->first[position]; i < r->first[position + 1]; i++) {
+        hg_lod_vec wb, wc;
+        const hg_lod_vec d2 = distances2(&r->blocks[i], at, &wb, &wc);
+        const mask nearer = d2 < least;
+        least = choose(nearer, d2, least);
+        b = choose(nearer, wb, b);
+        c = choose(nearer, wc, c);
+        triangle = (nearer & r->blocks[i].triangle) | (~nearer & triangle);
+    }
+    int lane = 0;
+    for (int k = 1; k < 4; k++)
+        lane = least[k] < least[lane] ? k : lane;
+    if (least[lane] < best->distance2)
+        *best = (struct nearest){
+            least[lane], (uint32_t)triangle[lane], {1.0f - b[lane] - c[lane], b[lane], c[lane]}};
 }
 
 // Whether all of a triangle lies beyond one side of the cube of half size `reach` around `at`.
@@ -131,23 +254,31 @@ static bool is_beyond(
 
 // Looks at all triangles.
 static void search(
-    const struct hg_lod_patch *p, const float at[4], struct nearest *best, uint32_t *anchor)
+    const struct hg_lod_patch *p, const float at[3], struct nearest *best, uint32_t *anchor)
 {
     const float before = best->distance2;
-    for (uint32_t t = 0; t < p->triangle_count; t++)
-        if (p->triangles[t][0] != HG_LOD_NONE && !is_beyond(p, t, at, sqrtf(best->distance2)))
-            visit(p, t, at, best);
+    for (uint32_t t = 0; t < p->triangle_count; t++) {
+        if (p->triangles[t][0] == HG_LOD_NONE || is_beyond(p, t, at, sqrtf(best->distance2)))
+            continue;
+        const uint32_t *places = p->places[t];
+        struct nearest n = nearest_of(at,
+            (const float *const[3]){p->point[places[0]], p->point[places[1]], p->point[places[2]]});
+        n.triangle = t;
+        *best = n.distance2 < best->distance2 ? n : *best;
+    }
     if (best->distance2 < before)
         *anchor = p->places[best->triangle][0];
 }
 
 // The walk. *anchor is the position to begin at and becomes the nearest corner.
-static struct nearest walk(const struct hg_lod_patch *p, const float at[4], uint32_t *anchor)
+static struct nearest walk(
+    const struct hg_lod_patch *p, const struct rings *r, const float at[3], uint32_t *anchor)
 {
+    const hg_lod_vec point[3] = {splat(at[0]), splat(at[1]), splat(at[2])};
     struct nearest best = {INFINITY, HG_LOD_NONE, {0}};
     for (int step = 0; step < WALK_MAX; step++) {
         const float before = best.distance2;
-        visit_around(p, *anchor, at, &best);
+        visit_ring(r, *anchor, point, &best);
         if (best.triangle == HG_LOD_NONE || !(best.distance2 < before))
             break;
         const uint32_t *places = p->places[best.triangle];
@@ -164,16 +295,6 @@ static struct nearest walk(const struct hg_lod_patch *p, const float at[4], uint
     if (best.triangle == HG_LOD_NONE) // what it lay on has gone altogether
         search(p, at, &best, anchor);
     return best;
-}
-
-float hg_lod_closest(
-    const float at[4], const float a[3], const float b[3], const float c[3], float weights[3])
-{
-    struct hg_lod_shape s;
-    set_shape(&s, a, b, c);
-    const float distance2 = shape_distance2(&s, at, &weights[1], &weights[2]);
-    weights[0] = 1.0f - weights[1] - weights[2];
-    return distance2;
 }
 
 // ---- open edges ---------------------------------------------------------------------------------
@@ -258,25 +379,37 @@ static uint32_t survivor(const struct hg_lod_patch *p, uint32_t position)
 }
 
 // A sample whose own position is still there lies on the surface.
-static bool still_there(const struct hg_lod_patch *p, const struct hg_lod_sample *s,
-    uint32_t anchor, struct nearest *near)
+static bool still_there(const struct hg_lod_patch *p, const struct rings *r,
+    const struct hg_lod_sample *s, uint32_t anchor, struct nearest *near)
 {
-    if (p->job->mesh->position_of[s->vertex] != p->global[anchor])
+    if (r->first[anchor] == r->first[anchor + 1] ||
+        p->job->mesh->position_of[s->vertex] != p->global[anchor])
         return false;
-    for (uint32_t c = p->head[anchor]; c != HG_LOD_NONE; c = p->next[c]) {
-        if (p->triangles[c / 4][0] == HG_LOD_NONE)
-            continue;
-        *near = (struct nearest){.distance2 = 0.0f, .triangle = c / 4};
-        near->weight[c % 4] = 1.0f;
-        return true;
-    }
-    return false;
+    *near = (struct nearest){.triangle = (uint32_t)r->blocks[r->first[anchor]].triangle[0]};
+    return true;
+}
+
+static struct nearest look(const struct hg_lod_patch *p, const struct rings *r,
+    const struct hg_lod_sample *s, float worst, uint32_t *anchor)
+{
+    const struct hg_lod_mesh *m = p->job->mesh;
+    const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
+    float at[3];
+    for (int k = 0; k < 3; k++)
+        at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
+    struct nearest near = walk(p, r, at, anchor);
+    // The farthest sample decides the error: was there nothing nearer than the walk found?
+    if (near.distance2 > LOOK_AGAIN && sqrtf(near.distance2) * p->unit > worst)
+        search(p, at, &near, anchor);
+    const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, *anchor, at) : INFINITY;
+    near.distance2 = open < INFINITY ? open : near.distance2;
+    return near;
 }
 
 // Brings one sample up to date (worst: the largest distance yet); what it says about attributes
 // goes to *looks.
-static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float worst,
-    float *looks, uint32_t *compared)
+static void measure(const struct hg_lod_patch *p, const struct rings *r, struct hg_lod_sample *s,
+    float worst, float *looks, uint32_t *compared)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
     uint32_t anchor = hg_lod_patch_find(p, s->anchor);
@@ -285,20 +418,11 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
         return;
     anchor = survivor(p, anchor);
     struct nearest near;
-    if (!still_there(p, s, anchor, &near)) {
-        const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
-        float at[4] = {0};
-        for (int k = 0; k < 3; k++)
-            at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
-        near = walk(p, at, &anchor);
-        // The farthest sample decides the error: was there nothing nearer than the walk found?
-        if (near.distance2 > LOOK_AGAIN && sqrtf(near.distance2) * p->unit > worst)
-            search(p, at, &near, &anchor);
-        const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, anchor, at) : INFINITY;
-        near.distance2 = open < INFINITY ? open : near.distance2;
-    }
+    if (!still_there(p, r, s, anchor, &near))
+        near = look(p, r, s, worst, &anchor);
     const float distance = sqrtf(near.distance2) * p->unit;
-    const float piece = hg_lod_piece_size(m, m->position_of[s->vertex]);
+    const float piece =
+        near.distance2 > 0.0f ? hg_lod_piece_size(m, m->position_of[s->vertex]) : INFINITY;
     // What is near to a piece that has gone altogether says nothing about its looks.
     if (near.triangle != HG_LOD_NONE && p->attribute_count > 0 && distance <= piece &&
         !(s->flags & HG_LOD_SAMPLE_SEAM)) {
@@ -307,22 +431,22 @@ static void measure(const struct hg_lod_patch *p, struct hg_lod_sample *s, float
     }
     s->triangle = near.triangle;
     s->anchor = p->global[anchor] & 0x3fffffffu;
-    s->distance = fminf(distance, piece);
+    s->distance = distance < piece ? distance : piece;
 }
 
-float hg_lod_measure(const struct hg_lod_patch *p)
+enum hg_status hg_lod_measure(const struct hg_lod_patch *p, float *error)
 {
     float worst = 0.0f, looks = 0.0f;
     uint32_t compared = 0;
-    for (uint32_t t = 0; t < p->triangle_count; t++)
-        if (p->triangles[t][0] != HG_LOD_NONE)
-            set_shape(&p->shapes[t], p->point[p->places[t][0]], p->point[p->places[t][1]],
-                p->point[p->places[t][2]]);
-    for (uint32_t i = 0; i < p->job->sample_count; i++) {
+    struct rings rings;
+    const enum hg_status status = make_rings(p, &rings);
+    for (uint32_t i = 0; status == HG_OK && i < p->job->sample_count; i++) {
         struct hg_lod_sample *s = &p->job->samples[i];
-        measure(p, s, worst, &looks, &compared);
-        worst = fmaxf(worst, s->distance);
+        measure(p, &rings, s, worst, &looks, &compared);
+        worst = s->distance > worst ? s->distance : worst;
     }
+    drop_rings(&rings);
     const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->unit : 0.0f;
-    return fmaxf(worst, mean);
+    *error = worst > mean ? worst : mean;
+    return status;
 }

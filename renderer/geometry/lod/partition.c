@@ -44,9 +44,9 @@ static uint32_t hash_edge(uint64_t key)
 static uint32_t open_edges(const struct hg_lod_mesh *m, const uint32_t *triangles, uint32_t count,
     uint64_t out[HG_LOD_CLUSTER_TRIANGLES * 3])
 {
-    uint64_t keys[HG_LOD_CLUSTER_TRIANGLES * 3];
-    uint8_t uses[HG_LOD_CLUSTER_TRIANGLES * 3];
-    uint16_t table[1024] = {0}; // edge + 1
+    uint64_t keys[1024];
+    uint8_t uses[1024] = {0}; // 0: the slot is free
+    uint16_t slots[HG_LOD_CLUSTER_TRIANGLES * 3 + 1];
     uint32_t edges = 0, n = 0;
     for (uint32_t t = 0; t < count; t++) {
         const uint32_t *v = triangles + (size_t)t * 3;
@@ -56,20 +56,17 @@ static uint32_t open_edges(const struct hg_lod_mesh *m, const uint32_t *triangle
             const uint32_t a = at[k], b = at[k + 1];
             const uint64_t key = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
             uint32_t slot = hash_edge(key) & 1023;
-            while (table[slot] != 0 && keys[table[slot] - 1] != key)
+            while (uses[slot] != 0 && keys[slot] != key)
                 slot = (slot + 1) & 1023;
-            if (table[slot] == 0) {
-                keys[edges] = key;
-                uses[edges] = 0;
-                table[slot] = (uint16_t)++edges;
-            }
-            uint8_t *use = &uses[table[slot] - 1];
-            *use = (uint8_t)(*use < 2 ? *use + 1 : 2);
+            keys[slot] = key; // whether it is new or not: nothing to guess
+            slots[edges] = (uint16_t)slot;
+            edges += uses[slot] == 0;
+            uses[slot] = (uint8_t)(uses[slot] + (uses[slot] < 2));
         }
     }
     for (uint32_t i = 0; i < edges; i++) {
-        out[n] = keys[i];
-        n += uses[i] == 1;
+        out[n] = keys[slots[i]];
+        n += uses[slots[i]] == 1;
     }
     return n;
 }

@@ -19,8 +19,7 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     while (table < corners)
         table *= 2;
     p->table_mask = (uint32_t)table - 1;
-    const size_t words =
-        (size_t)triangles * (12 + sizeof *p->shapes / 4) + corners * (8 + 4 + attributes) + table;
+    const size_t words = (size_t)triangles * 12 + corners * (8 + 4 + attributes) + table;
     uint32_t *at =
         hg_realloc(NULL, words + corners / 4 + 4, 4); // not cleared: all but `table` is set
     p->memory = at;
@@ -35,8 +34,6 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     at += (size_t)triangles * 4;
     p->next = at;
     at += (size_t)triangles * 4;
-    p->shapes = (struct hg_lod_shape *)(void *)at;
-    at += (size_t)triangles * (sizeof *p->shapes / 4);
     p->point = (float(*)[4])(void *)at; // all before it are of multiples of 16 bytes
     at += corners * 4;
     uint32_t **arrays[] = {&p->head, &p->tail, &p->global, &p->into, &p->vertex_first,

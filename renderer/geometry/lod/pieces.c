@@ -91,8 +91,3 @@ enum hg_status hg_lod_find_pieces(struct hg_lod_mesh *m, struct hg_lod_budget *b
     hg_lod_give(budget, &m->piece_of, m->position_count, 4);
     return HG_OK;
 }
-
-float hg_lod_piece_size(const struct hg_lod_mesh *m, uint32_t position)
-{
-    return m->pieces != NULL ? m->pieces[m->piece_of[position]] : INFINITY;
-}

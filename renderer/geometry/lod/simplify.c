@@ -22,7 +22,8 @@
 #define SLIVER      1e-7f  // squared sine below which a triangle has no gradients
 #define FLIP_COSINE 0.2f   // a triangle may turn by less than this says
 #define FLIP_LOOSE  0.0f
-#define JUMP        2.5f // an error so many times that of the level below is looked into
+#define SHORT       2e-6f // of a collapse's squared length: where nothing else tells, short ones go
+#define JUMP        2.5f  // an error so many times that of the level below is looked into
 
 struct ring {
     uint32_t at[RING_MAX];  // neighbour positions
@@ -30,11 +31,6 @@ struct ring {
     uint32_t count, odd;    // odd: edges without exactly two triangles
     uint32_t twisted;       // edges that two triangles have in the same direction
     bool full;
-};
-
-struct entry { // of the heap
-    float cost;
-    uint32_t position;
 };
 
 struct simplifier {
@@ -47,7 +43,7 @@ struct simplifier {
     float *root;                  // [position_count] of `area`
     float *cost;                  // [position_count] of the best collapse
     uint32_t *target;             // [position_count]
-    struct entry *heap;           // [position_count]
+    uint64_t *heap;               // [position_count] bits of the cost, then the position
     uint32_t *place;              // in the heap, HG_LOD_NONE: not in it
     uint32_t heap_count;
     uint32_t *stamp, now; // [position_count] marks of a search
@@ -62,34 +58,37 @@ struct simplifier {
 
 // ---- heap of positions by cost ------------------------------------------------------------------
 
-static bool before(const struct entry *a, const struct entry *b)
+// Costs are not negative, so their bits have the order of their values.
+static uint64_t entry_of(float cost, uint32_t position)
 {
-    return a->cost < b->cost || (a->cost == b->cost && a->position < b->position);
+    uint32_t bits;
+    memcpy(&bits, &cost, sizeof bits);
+    return (uint64_t)bits << 32 | position;
 }
 
-static void put(struct simplifier *s, uint32_t slot, struct entry e)
+static void put(struct simplifier *s, uint32_t slot, uint64_t e)
 {
     s->heap[slot] = e;
-    s->place[e.position] = slot;
+    s->place[(uint32_t)e] = slot;
 }
 
-static uint32_t sift_up(struct simplifier *s, uint32_t slot, struct entry e)
+static uint32_t sift_up(struct simplifier *s, uint32_t slot, uint64_t e)
 {
-    while (slot > 0 && before(&e, &s->heap[(slot - 1) / 2])) {
+    while (slot > 0 && e < s->heap[(slot - 1) / 2]) {
         put(s, slot, s->heap[(slot - 1) / 2]);
         slot = (slot - 1) / 2;
     }
     return slot;
 }
 
-static uint32_t sift_down(struct simplifier *s, uint32_t slot, struct entry e)
+static uint32_t sift_down(struct simplifier *s, uint32_t slot, uint64_t e)
 {
     for (;;) {
         uint32_t child = slot * 2 + 1;
         if (child >= s->heap_count)
             return slot;
-        child += child + 1 < s->heap_count && before(&s->heap[child + 1], &s->heap[child]);
-        if (!before(&s->heap[child], &e))
+        child += child + 1 < s->heap_count && s->heap[child + 1] < s->heap[child];
+        if (s->heap[child] >= e)
             return slot;
         put(s, slot, s->heap[child]);
         slot = child;
@@ -97,7 +96,7 @@ static uint32_t sift_down(struct simplifier *s, uint32_t slot, struct entry e)
 }
 
 // Puts an entry where it belongs, from a slot that is free.
-static void settle(struct simplifier *s, uint32_t slot, struct entry e)
+static void settle(struct simplifier *s, uint32_t slot, uint64_t e)
 {
     const uint32_t up = sift_up(s, slot, e);
     put(s, up < slot ? up : sift_down(s, slot, e), e);
@@ -117,7 +116,7 @@ static void heap_remove(struct simplifier *s, uint32_t p)
 static void heap_set(struct simplifier *s, uint32_t p, float cost)
 {
     s->cost[p] = cost;
-    settle(s, s->place[p] == HG_LOD_NONE ? s->heap_count++ : s->place[p], (struct entry){cost, p});
+    settle(s, s->place[p] == HG_LOD_NONE ? s->heap_count++ : s->place[p], entry_of(cost, p));
 }
 
 // ---- neighbours ---------------------------------------------------------------------------------
@@ -226,6 +225,41 @@ static void gather_plain(struct simplifier *s, uint32_t position, struct ring *r
     s->patch.tail[position] = last;
 }
 
+typedef int32_t lanes __attribute__((vector_size(32)));
+
+// Whether every edge of a position has two triangles that are turned the same way: then it has as
+// many neighbours as triangles, and each of them is once the next and once the last corner. Fills
+// the ring when it is so. Positions with more than 8 triangles are not looked at.
+static bool gather_if_plain(struct simplifier *s, uint32_t position, struct ring *r)
+{
+    const struct hg_lod_patch *p = &s->patch;
+    union {
+        lanes all;
+        int32_t at[8];
+    } next = {{-1, -1, -1, -1, -1, -1, -1, -1}};
+    int32_t last[8];
+    uint32_t n = 0;
+    for (uint32_t c = p->head[position]; c != HG_LOD_NONE; c = p->next[c]) {
+        uint32_t at[3];
+        if (n == 8)
+            return false;
+        corner_places(p, c, at);
+        next.at[n] = (int32_t)at[1];
+        last[n++] = (int32_t)at[2];
+    }
+    lanes twice = {0};
+    for (uint32_t i = 0; i < n; i++)
+        twice += (next.all == next.at[i]) + (next.all == last[i]) * 16;
+    for (uint32_t i = 0; i < n; i++)
+        if (twice[i] != -17)
+            return false;
+    memcpy(r->at, next.at, sizeof next.at);
+    r->count = n;
+    r->odd = r->twisted = 0;
+    r->full = false;
+    return true;
+}
+
 // ---- quadrics -----------------------------------------------------------------------------------
 
 static hg_lod_vec vec_cross(hg_lod_vec a, hg_lod_vec b)
@@ -320,6 +354,11 @@ static void add_upright(
             &s->shape[position], upright / length, weight * vec_dot(edge, edge));
 }
 
+static bool is_seam(const struct hg_lod_patch *p, uint32_t position)
+{
+    return p->vertex_next[p->vertex_first[position]] != HG_LOD_NONE;
+}
+
 // Planes along open edges and seams, so that they keep their shape.
 static void add_edges(struct simplifier *s, uint32_t position)
 {
@@ -327,8 +366,7 @@ static void add_edges(struct simplifier *s, uint32_t position)
     struct ring r;
     gather(s, position, &r);
     s->plain[position] = r.odd == 0 && r.twisted == 0 && !r.full;
-    const bool seam = p->vertex_next[p->vertex_first[position]] != HG_LOD_NONE;
-    if (r.odd == 0 && !seam)
+    if (r.odd == 0 && !is_seam(p, position))
         return;
     uint32_t sides[RING_MAX][2]; // vertex at the neighbour and here, of the first triangle
     memset(sides, 0xff, sizeof sides);
@@ -394,24 +432,34 @@ static uint32_t partner(const struct hg_lod_patch *p, uint32_t v, uint32_t to)
     return best;
 }
 
-// Cost of a collapse; anything not below `limit` when it is not below that.
-static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t to, float limit)
+// What the quadrics of a position say about a place that lies by (at, 1) away, and those of its
+// vertices about the ones of `to`; anything not below `bound` when it is not below that.
+static inline float collapse_sum(const struct simplifier *s, const struct hg_lod_quadric *shape,
+    uint32_t from, uint32_t to, hg_lod_vec at, float bound)
 {
     const struct hg_lod_patch *p = &s->patch;
     const uint32_t n = p->attribute_count;
-    hg_lod_vec at = vec_at(p, to) - vec_at(p, from);
-    at[3] = 1.0f;
-    const float bound = limit * s->root[from];
-    float sum = fabsf(hg_lod_quadric_at(&s->shape[from], at));
+    float sum = fabsf(hg_lod_quadric_at(shape, at)) +
+                SHORT * s->area[from] * (hg_lod_vec_sum(at * at) - 1.0f);
     for (uint32_t v = p->vertex_first[from]; n > 0 && sum < bound && v != HG_LOD_NONE;
          v = p->vertex_next[v]) {
         if (!(s->looks_area[v] > 0.0f))
             continue;
-        const uint32_t w = partner(p, v, to);
+        uint32_t w = p->vertex_first[to];
+        if (p->vertex_next[w] != HG_LOD_NONE)
+            w = partner(p, v, to);
         sum += fabsf(hg_lod_looks_at(&s->looks[v], &s->gradients[(size_t)v * n], n,
             s->looks_area[v], at, p->attributes + (size_t)v * n, p->attributes + (size_t)w * n));
     }
-    return sum / s->root[from];
+    return sum;
+}
+
+// Cost of a collapse; anything not below `limit` when it is not below that.
+static float collapse_cost(const struct simplifier *s, uint32_t from, uint32_t to, float limit)
+{
+    hg_lod_vec at = vec_at(&s->patch, to) - vec_at(&s->patch, from);
+    at[3] = 1.0f;
+    return collapse_sum(s, &s->shape[from], from, to, at, limit * s->root[from]) / s->root[from];
 }
 
 static bool turns(const struct hg_lod_patch *p, uint32_t corner, hg_lod_vec to, float cosine)
@@ -528,39 +576,77 @@ static float depth_cost(const struct simplifier *s, uint32_t from, uint32_t to, 
     return least * root;
 }
 
-// Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
-static void evaluate(struct simplifier *s, uint32_t from, bool check)
+static void choose(struct simplifier *s, uint32_t from, uint32_t target, float cost)
 {
-    const struct hg_lod_patch *p = &s->patch;
-    struct ring r;
-    if (p->fixed[from] || p->into[from] != from)
-        return;
-    if (s->plain[from])
-        gather_plain(s, from, &r);
-    else
-        gather(s, from, &r);
-    float best = INFINITY;
-    uint32_t target = HG_LOD_NONE;
-    for (uint32_t i = 0; i < r.count && !r.full; i++) {
-        // An open edge (or one where sheets meet) is followed along, and its ends stay.
-        if (r.odd > 0 && !s->permissive && (r.uses[i] == 2 || r.odd != 2))
-            continue;
-        float cost = collapse_cost(s, from, r.at[i], best);
-        if (check && cost < best)
-            cost = fmaxf(cost, depth_cost(s, from, r.at[i], cost));
-        if (cost < best && (!check || is_valid(s, from, r.at[i]))) {
-            best = cost;
-            target = r.at[i];
-        }
-    }
     s->target[from] = target;
-    s->rim[from] = r.odd > 0;
-    s->sure[from] = check;
     s->stale[from] = false;
     if (target == HG_LOD_NONE)
         heap_remove(s, from);
     else
-        heap_set(s, from, best);
+        heap_set(s, from, cost);
+}
+
+// The cheapest of all neighbours of a position without open edges, whether it may be or not.
+static void choose_plain(struct simplifier *s, uint32_t from, const struct ring *r)
+{
+    const struct hg_lod_quadric shape = s->shape[from];
+    const hg_lod_vec here = vec_at(&s->patch, from);
+    float best = INFINITY;
+    uint32_t target = HG_LOD_NONE;
+    for (uint32_t i = 0; i < r->count && !r->full; i++) {
+        hg_lod_vec at = vec_at(&s->patch, r->at[i]) - here;
+        at[3] = 1.0f;
+        const float sum = collapse_sum(s, &shape, from, r->at[i], at, best);
+        if (sum < best) {
+            best = sum;
+            target = r->at[i];
+        }
+    }
+    s->rim[from] = s->sure[from] = false;
+    choose(s, from, target, best / s->root[from]);
+}
+
+// The same with `check` only among valid ones and by depth too, and at open edges.
+static void choose_any(struct simplifier *s, uint32_t from, const struct ring *r, bool check)
+{
+    float best = INFINITY;
+    uint32_t target = HG_LOD_NONE;
+    for (uint32_t i = 0; i < r->count && !r->full; i++) {
+        // An open edge (or one where sheets meet) is followed along, and its ends stay.
+        if (r->odd > 0 && !s->permissive && (r->uses[i] == 2 || r->odd != 2))
+            continue;
+        float cost = collapse_cost(s, from, r->at[i], best);
+        if (check && cost < best)
+            cost = fmaxf(cost, depth_cost(s, from, r->at[i], cost));
+        if (cost < best && (!check || is_valid(s, from, r->at[i]))) {
+            best = cost;
+            target = r->at[i];
+        }
+    }
+    s->rim[from] = r->odd > 0;
+    s->sure[from] = check;
+    choose(s, from, target, best);
+}
+
+static void gather_any(struct simplifier *s, uint32_t position, struct ring *r)
+{
+    if (s->plain[position])
+        gather_plain(s, position, r);
+    else
+        gather(s, position, r);
+}
+
+// Finds the best collapse of a position; with `check` only among valid ones, and by depth too.
+static void evaluate(struct simplifier *s, uint32_t from, bool check)
+{
+    struct ring r;
+    if (s->patch.fixed[from] || s->patch.into[from] != from)
+        return;
+    gather_any(s, from, &r);
+    if (s->plain[from] && !check)
+        choose_plain(s, from, &r);
+    else
+        choose_any(s, from, &r, check);
 }
 
 // ---- the collapse -------------------------------------------------------------------------------
@@ -640,10 +726,7 @@ static void collapse(struct simplifier *s, uint32_t from, uint32_t to)
 {
     struct hg_lod_patch *p = &s->patch;
     struct ring r;
-    if (s->plain[from])
-        gather_plain(s, from, &r);
-    else
-        gather(s, from, &r);
+    gather_any(s, from, &r);
     heap_remove(s, from);
     move_triangles(s, from, to);
     if (!p->fixed[to]) {
@@ -653,6 +736,7 @@ static void collapse(struct simplifier *s, uint32_t from, uint32_t to)
         s->root[to] = sqrtf(s->area[to] + LEAST_AREA);
     }
     p->into[from] = to;
+    s->plain[to] = s->plain[to] && s->plain[from]; // sheets may meet at `to` now
     for (uint32_t i = 0; i < r.count; i++)
         update(s, r.at[i], from, to);
 }
@@ -668,12 +752,10 @@ static uint32_t vertices_at(const struct hg_lod_patch *p, uint32_t position)
 static void run(struct simplifier *s, uint32_t target)
 {
     struct hg_lod_patch *p = &s->patch;
-    for (uint32_t i = 0; i < p->position_count; i++)
-        evaluate(s, i, false);
     while (p->live > target && s->heap_count > 0) {
-        const uint32_t from = s->heap[0].position;
+        const uint32_t from = (uint32_t)s->heap[0];
         const uint32_t to = s->target[from];
-        if (s->stale[from]) {
+        if (s->stale[from] || p->into[to] != to) {
             evaluate(s, from, false);
             continue;
         }
@@ -691,6 +773,8 @@ static void run_permissive(struct simplifier *s, uint32_t target)
 {
     s->permissive = true;
     memset(s->plain, 0, s->patch.position_count);
+    for (uint32_t i = 0; i < s->patch.position_count; i++)
+        evaluate(s, i, false);
     run(s, target);
 }
 
@@ -707,7 +791,7 @@ static enum hg_status take(struct simplifier *s)
     s->looks = s->shape + n;
     s->gradients = (hg_lod_vec *)(void *)(s->looks + v);
     s->mean = s->gradients + gradients;
-    s->heap = (struct entry *)(void *)(s->mean + v);
+    s->heap = (uint64_t *)(void *)(s->mean + v);
     s->area = (float *)(void *)(s->heap + n);
     s->looks_area = s->area + n;
     s->root = s->looks_area + v;
@@ -729,6 +813,19 @@ static bool has_normals(const struct hg_lod_patch *p)
     return p->job->mesh->format.normal >= 0 && p->weight[0] > 0.0f;
 }
 
+// Finds what kind of position it is and its first collapse.
+static void prepare_position(struct simplifier *s, uint32_t position)
+{
+    struct ring r;
+    if (!is_seam(&s->patch, position) && gather_if_plain(s, position, &r)) {
+        s->plain[position] = true;
+        choose_plain(s, position, &r);
+        return;
+    }
+    add_edges(s, position);
+    evaluate(s, position, false);
+}
+
 static enum hg_status prepare(struct simplifier *s)
 {
     const struct hg_lod_patch *p = &s->patch;
@@ -739,9 +836,9 @@ static enum hg_status prepare(struct simplifier *s)
     for (uint32_t i = 0; i < p->position_count; i++) {
         if (vertices_at(p, i) >= RING_MAX)
             s->patch.fixed[i] = 1;
-        if (!p->fixed[i])
-            add_edges(s, i);
         s->root[i] = sqrtf(s->area[i] + LEAST_AREA);
+        if (!p->fixed[i])
+            prepare_position(s, i);
     }
     for (uint32_t v = 0; has_normals(p) && v < p->vertex_count; v++)
         for (int k = 0; k < 3; k++)
@@ -806,7 +903,7 @@ static enum hg_status attempt(
         run_permissive(s, job->target_count);
     status = turn_normals(s, job);
     if (status == HG_OK)
-        job->error = hg_lod_measure(&s->patch);
+        status = hg_lod_measure(&s->patch, &job->error);
     return status;
 }
 

@@ -273,11 +273,14 @@ static uint32_t mix(uint32_t h, uint32_t v)
     return h ^ h >> 15;
 }
 
+#define LOOKS_MAX 64u // vertices at one position that a new one is compared with: the latest
+
 struct welder {
     const struct hg_mesh_part *part;
     struct hg_lod_mesh *mesh;
-    uint32_t *positions, *vertices; // hash tables of index + 1
+    uint32_t *positions; // hash table of index + 1
     uint32_t mask;
+    uint32_t *first, *next; // the latest vertex at each position + 1; the one before each vertex
 };
 
 static uint32_t weld_position(struct welder *w, const int32_t p[3])
@@ -296,19 +299,15 @@ static uint32_t weld_vertex(struct welder *w, uint32_t position, const uint32_t 
 {
     struct hg_lod_mesh *m = w->mesh;
     const uint32_t n = m->format.words;
-    uint32_t hash = mix(0, position);
-    for (uint32_t i = 0; i < n; i++)
-        hash = mix(hash, words[i]);
-    uint32_t slot = hash & w->mask;
-    for (; w->vertices[slot] != 0; slot = (slot + 1) & w->mask) {
-        const uint32_t v = w->vertices[slot] - 1;
-        if (m->position_of[v] == position && memcmp(m->words + (size_t)v * n, words, n * 4) == 0)
-            return v;
-    }
+    uint32_t link = w->first[position];
+    for (uint32_t i = 0; i < LOOKS_MAX && link != 0; i++, link = w->next[link - 1])
+        if (memcmp(m->words + (size_t)(link - 1) * n, words, n * 4) == 0)
+            return link - 1;
     const uint32_t v = m->vertex_count++;
     m->position_of[v] = position;
     memcpy(m->words + (size_t)v * n, words, n * 4);
-    w->vertices[slot] = v + 1;
+    w->next[v] = w->first[position];
+    w->first[position] = v + 1;
     return v;
 }
 
@@ -370,32 +369,92 @@ enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_
     const uint64_t word_count = (uint64_t)n * out->format.words;
     if ((status = choose_steps(part, params, &out->format)) != HG_OK ||
         (status = hg_lod_take(budget, size, 4, &w.positions)) != HG_OK ||
-        (status = hg_lod_take(budget, size, 4, &w.vertices)) != HG_OK ||
+        (status = hg_lod_take(budget, n, 4, &w.first)) != HG_OK ||
+        (status = hg_lod_take(budget, n, 4, &w.next)) != HG_OK ||
         (status = hg_lod_take(budget, n, 4, &remap)) != HG_OK ||
         (status = hg_lod_take(budget, n, sizeof *out->lattice, &out->lattice)) != HG_OK ||
         (status = hg_lod_take(budget, n, 4, &out->position_of)) != HG_OK ||
         (status = hg_lod_take(budget, word_count, 4, &out->words)) != HG_OK ||
         (status = hg_lod_take(budget, part->index_count, 4, &out->triangles)) != HG_OK)
         (void)hg_error_set(err, status, "part", NULL, "no memory to weld %u vertices", n);
-    out->capacity[0] = n;
-    out->capacity[1] = part->index_count;
+    out->room[0] = out->room[1] = out->room[2] = n;
+    out->room[3] = part->index_count;
     if (status == HG_OK)
         weld_triangles(&w, remap);
     hg_lod_give(budget, &w.positions, size, 4);
-    hg_lod_give(budget, &w.vertices, size, 4);
+    hg_lod_give(budget, &w.first, n, 4);
+    hg_lod_give(budget, &w.next, n, 4);
     hg_lod_give(budget, &remap, n, 4);
     if (status != HG_OK)
         hg_lod_mesh_finish(out, budget);
     return status;
 }
 
+// ---- order --------------------------------------------------------------------------------------
+
+// Numbers by first use: of vertices to vertex[], of positions to position[], both 0 at first.
+static void number_by_use(
+    const struct hg_lod_mesh *m, uint32_t *vertex, uint32_t *position, uint32_t counts[2])
+{
+    counts[0] = counts[1] = 0;
+    for (size_t i = 0; i < (size_t)m->triangle_count * 3; i++) {
+        const uint32_t v = m->triangles[i], p = m->position_of[v];
+        if (vertex[v] == 0)
+            vertex[v] = ++counts[1];
+        if (position[p] == 0)
+            position[p] = ++counts[0];
+    }
+}
+
+// Moves `count` elements of `size` bytes to their new numbers, 1..kept; `room`: the old memory's.
+static enum hg_status move(struct hg_lod_budget *budget, void *array_ptr, uint64_t *room,
+    const uint32_t *number, const uint32_t counts[2], size_t size)
+{
+    uint8_t *from, *to = NULL;
+    memcpy(&from, array_ptr, sizeof from);
+    const enum hg_status status = hg_lod_take(budget, counts[1], size, &to);
+    if (status != HG_OK)
+        return status;
+    for (size_t i = 0; i < counts[0]; i++)
+        if (number[i] > 0)
+            memcpy(to + (number[i] - 1) * size, from + i * size, size);
+    hg_lod_give(budget, &from, *room, size);
+    memcpy(array_ptr, &to, sizeof to);
+    *room = counts[1];
+    return HG_OK;
+}
+
+enum hg_status hg_lod_mesh_reorder(struct hg_lod_mesh *m, struct hg_lod_budget *budget)
+{
+    const uint64_t positions = m->position_count, vertices = m->vertex_count;
+    uint32_t *number = NULL, counts[2];
+    enum hg_status status = hg_lod_take(budget, positions + vertices, 4, &number);
+    if (status != HG_OK)
+        return status;
+    uint32_t *vertex = number, *position = number + vertices;
+    number_by_use(m, vertex, position, counts);
+    for (size_t i = 0; i < (size_t)m->triangle_count * 3; i++)
+        m->triangles[i] = vertex[m->triangles[i]] - 1;
+    for (size_t v = 0; v < vertices; v++)
+        m->position_of[v] = vertex[v] > 0 ? position[m->position_of[v]] - 1 : 0;
+    const uint32_t p[2] = {m->position_count, counts[0]}, v[2] = {m->vertex_count, counts[1]};
+    status = move(budget, &m->lattice, &m->room[0], position, p, sizeof *m->lattice);
+    if (status == HG_OK)
+        status = move(budget, &m->position_of, &m->room[1], vertex, v, 4);
+    if (status == HG_OK)
+        status = move(budget, &m->words, &m->room[2], vertex, v, 4 * (size_t)m->format.words);
+    m->position_count = counts[0];
+    m->vertex_count = counts[1];
+    hg_lod_give(budget, &number, positions + vertices, 4);
+    return status;
+}
+
 void hg_lod_mesh_finish(struct hg_lod_mesh *m, struct hg_lod_budget *budget)
 {
-    const uint64_t n = m->capacity[0];
-    hg_lod_give(budget, &m->lattice, n, sizeof *m->lattice);
-    hg_lod_give(budget, &m->position_of, n, 4);
-    hg_lod_give(budget, &m->words, n * m->format.words, 4);
-    hg_lod_give(budget, &m->triangles, m->capacity[1], 4);
+    hg_lod_give(budget, &m->lattice, m->room[0], sizeof *m->lattice);
+    hg_lod_give(budget, &m->position_of, m->room[1], 4);
+    hg_lod_give(budget, &m->words, m->room[2] * m->format.words, 4);
+    hg_lod_give(budget, &m->triangles, m->room[3], 4);
     hg_lod_give(budget, &m->piece_of, m->position_count, 4);
     hg_lod_give(budget, &m->pieces, m->piece_count, sizeof *m->pieces);
     memset(m, 0, sizeof *m);
