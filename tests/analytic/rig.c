@@ -187,7 +187,10 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
         .height = c->height,
         .tonemap = HG_TONEMAP_LINEAR,
         .background = HG_BACKGROUND_NONE,
-        .samples = c->samples};
+        .samples = c->samples,
+        .mode = c->mode,
+        .max_bounces = c->max_bounces,
+        .filter = HG_FILTER_BOX};
     struct hg_view_camera camera = {.vfov_rad = (float)c->vfov_rad};
     for (int a = 0; a < 3; a++) {
         camera.eye[a] = (float)c->eye[a];

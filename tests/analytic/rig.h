@@ -41,6 +41,8 @@ struct hg_node *rig_node_of(struct rig *rig, const struct hg_light *light);
 struct rig_camera {
     double eye[3], target[3], vfov_rad;
     uint32_t width, height, samples;
+    enum hg_render_mode mode; // PATH: box filter
+    uint32_t max_bounces;
 };
 
 // Settled linear pixels, 4 floats each, from the top; free with hg_refbuf_unref.
