@@ -193,6 +193,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
         return HG_FEATURE_ALL & ~absent;
     }
     features |= view->stream.on ? HG_FEATURE_STREAM : 0;
+    features |= view->frame.textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
     features |= hg_geometry_has_levels(view->rooms->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;

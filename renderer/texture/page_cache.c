@@ -21,7 +21,7 @@ static enum hg_status init(struct hg_page_cache *c, struct hg_error *err)
         .store = c->params.store, .memory_bytes = c->params.host_bytes, .limits = c->params.limits};
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < POOLS; i++) {
-        hg_pool_init(&c->pools[i], c->gpu, i == POOL_8 ? 4 : 8);
+        hg_pool_init(&c->pools[i], c->gpu, i == POOL_8 ? 4 : 8, false);
         if (status == HG_OK)
             status = hg_residency_create(&residency, &c->residency[i]);
     }
@@ -422,24 +422,50 @@ static enum hg_status resize_pools(
     return status;
 }
 
+static void drop_pool(struct hg_page_cache *c, uint32_t pool, bool small)
+{
+    struct hg_pool *p = &c->pools[pool];
+    const uint32_t texel_bytes = p->texel_bytes;
+    empty_pool(c, pool);
+    hg_pool_finish(p);
+    hg_pool_init(p, c->gpu, texel_bytes, small);
+    if (hg_residency_resize(c->residency[pool], 0) != HG_OK)
+        hg_debug(TEXTURE, "slots stay reserved"); // fewer slots take no memory
+    note_peak(c, 0);
+}
+
 static void drop_pools(struct hg_page_cache *c)
 {
-    for (uint32_t i = 0; i < POOLS; i++) {
-        empty_pool(c, i);
-        const uint32_t texel_bytes = c->pools[i].texel_bytes;
-        hg_pool_finish(&c->pools[i]);
-        hg_pool_init(&c->pools[i], c->gpu, texel_bytes);
-        if (hg_residency_resize(c->residency[i], 0) != HG_OK)
-            hg_debug(TEXTURE, "slots stay reserved"); // fewer slots take no memory
-    }
-    note_peak(c, 0);
+    for (uint32_t i = 0; i < POOLS; i++)
+        drop_pool(c, i, hg_pool_is_small(&c->pools[i]));
+}
+
+// Large layers hold more pages per byte; small ones leave room for the other pool.
+static enum hg_status choose_layers(struct hg_page_cache *c, struct hg_error *err)
+{
+    bool uses[POOLS] = {false};
+    for (uint32_t i = 0; i < c->set_count; i++)
+        uses[c->sets[i]->pool] |= c->sets[i]->refs > 0;
+    const uint64_t large = (uint64_t)HG_POOL_SIDE * HG_POOL_SIDE * 4;
+    const uint64_t half = uses[POOL_HALF] ? hg_pool_layer_bytes(&c->pools[POOL_HALF]) : 0;
+    const bool small = uses[POOL_8] && large + half > c->budget_bytes;
+    enum hg_status status = HG_OK;
+    if (small == hg_pool_is_small(&c->pools[POOL_8]) || !uses[POOL_8])
+        return HG_OK;
+    if (c->pools[POOL_8].layers > 0)
+        status = resize_pool(c, POOL_8, 0, err); // waits for what was recorded
+    if (status == HG_OK)
+        drop_pool(c, POOL_8, small);
+    return status;
 }
 
 enum hg_status hg_page_cache_fit(struct hg_page_cache *c, struct hg_error *err)
 {
     struct plan plan;
     hg_page_cache_sweep(c);
-    enum hg_status status = make_plan(c, &plan, err);
+    enum hg_status status = choose_layers(c, err);
+    if (status == HG_OK)
+        status = make_plan(c, &plan, err);
     if (status != HG_OK)
         return status;
     while (c->set_count > 0 && c->sets[0]->table == 0)

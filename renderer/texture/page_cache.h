@@ -110,7 +110,7 @@ bool hg_page_cache_is_complete(const struct hg_page_cache *cache);
 enum hg_status hg_page_cache_load_all(
     struct hg_page_cache *cache, struct hg_error *err) HG_MUST_CHECK;
 
-// table, feedback, layers, lottery, bias (0 in EXACT); the rest is not touched.
+// table, feedback, pool_scale, lottery, bias (0 in EXACT); the rest is not touched.
 void hg_page_cache_fill(
     struct hg_page_cache *cache, enum hg_page_mode mode, struct hg_gpu_textures *out);
 // Image of a pool (HG_POOL_*), NULL while it is empty.

@@ -487,8 +487,7 @@ void hg_page_cache_fill(
 {
     out->table = c->table_buffer.address;
     out->feedback = c->feedback.address;
-    out->layers[HG_POOL_SRGB] = out->layers[HG_POOL_LINEAR] = c->pools[POOL_8].layers;
-    out->layers[HG_POOL_FLOAT] = c->pools[POOL_HALF].layers;
+    out->pool_scale = (float)HG_POOL_SIDE / (float)c->pools[POOL_8].side;
     out->bias = mode == HG_PAGES_SHOW ? c->stats.bias : 0.0f;
     // All 64 pixels of a block in 64 frames, far apart from one to the next.
     c->lottery = (c->lottery + 27) % 64;

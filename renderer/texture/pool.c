@@ -3,13 +3,21 @@
 
 #include <string.h>
 
-void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes)
+void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes, bool small)
 {
-    const bool half = texel_bytes == 8;
-    *pool = (struct hg_pool){.gpu = gpu,
-        .texel_bytes = texel_bytes,
-        .side = half ? HG_POOL_HALF_SIDE : HG_POOL_SIDE,
-        .row = half ? HG_POOL_HALF_SLOTS : HG_POOL_SLOTS};
+    *pool = (struct hg_pool){.gpu = gpu, .texel_bytes = texel_bytes};
+    if (texel_bytes == 8) {
+        pool->side = HG_POOL_HALF_SIDE;
+        pool->row = HG_POOL_HALF_SLOTS;
+    } else {
+        pool->side = small ? HG_POOL_SMALL_SIDE : HG_POOL_SIDE;
+        pool->row = small ? HG_POOL_SMALL_SLOTS : HG_POOL_SLOTS;
+    }
+}
+
+bool hg_pool_is_small(const struct hg_pool *pool)
+{
+    return pool->texel_bytes == 4 && pool->side == HG_POOL_SMALL_SIDE;
 }
 
 uint32_t hg_pool_slots(const struct hg_pool *pool)

@@ -15,7 +15,8 @@ struct hg_pool {
     uint32_t layers;
 };
 
-void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes);
+// small: layers of RGBA8 texels are half as wide and high (4 MiB in place of 16).
+void hg_pool_init(struct hg_pool *pool, struct hg_gpu *gpu, uint32_t texel_bytes, bool small);
 void hg_pool_finish(struct hg_pool *pool); // accepts a zeroed pool
 
 // Slots are numbered from 0, layer by layer; their places are those of the page table.
@@ -23,6 +24,7 @@ uint32_t hg_pool_slots(const struct hg_pool *pool);
 uint32_t hg_pool_place(const struct hg_pool *pool, uint32_t slot);
 uint32_t hg_pool_slot(const struct hg_pool *pool, uint32_t place);
 uint64_t hg_pool_layer_bytes(const struct hg_pool *pool);
+bool hg_pool_is_small(const struct hg_pool *pool);
 // Makes the pool `layers` large. keep: old layers are copied by a batch of its own (none may be
 // open), so that old and new exist for a while; else the old memory is given back first and what
 // the slots held is lost. HG_E_LIMIT, HG_E_NOMEM: as it was, without `keep` it may be empty.

@@ -280,6 +280,8 @@ vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
     int j = int(mip - level); // place in the tail; 0 for all others
     corner += ivec2(HG_TAIL_X(j), HG_TAIL_Y(j)) - int(HG_POOL_ROUND);
     float scale = 1.0 / float(HG_POOL_SIDE);
+    if (HG_HAS(HG_FEATURE_SMALL_LAYERS))
+        scale *= HG_TEXTURES.pool_scale;
     if (HG_HAS(HG_FEATURE_FLOAT) && bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
         scale = 1.0 / float(HG_POOL_HALF_SIDE);
     // Rounded in the page, not in the layer: the same for every slot.

@@ -38,6 +38,7 @@
 #define HG_FEATURE_DIFFUSE_TRANSMISSION 0x20000000u
 #define HG_FEATURE_LOBE_TEXTURES        0x40000000u // textures of any of these
 #define HG_FEATURE_LOBES                0x7f800000u // all of these
+#define HG_FEATURE_SMALL_LAYERS         0x80000000u // layers of RGBA8 pages may be small (texture.h)
 #define HG_FEATURE_ALL         0xffffffffu
 
 #endif

@@ -30,6 +30,8 @@
 // exact coordinates in every slot: filtering gives the same bits wherever a page lies.
 #define HG_POOL_SIDE       2048 // RGBA8: 15 x 15 slots
 #define HG_POOL_SLOTS      15
+#define HG_POOL_SMALL_SIDE  1024 // where the budget holds no more: 7 x 7 (HG_FEATURE_SMALL_LAYERS)
+#define HG_POOL_SMALL_SLOTS 7
 #define HG_POOL_HALF_SIDE  1024 // RGBA16F: 7 x 7 slots
 #define HG_POOL_HALF_SLOTS 7
 #define HG_POOL_ROUND      2048.0 // floats of this size have a last place of HG_POOL_STEP: 1 / 4096
@@ -113,7 +115,9 @@ struct hg_gpu_textures {
     HG_PTR(hg_page_feedback) feedback;   // [2 * entries]
     HG_PTR(hg_pixel_progress) progress;  // [height][width] of the view
     HG_UINT count;
-    HG_UINT layers[HG_POOL_COUNT]; // of each pool, 0 = none
+    HG_FLOAT pool_scale; // HG_POOL_SIDE / the side of the layers of RGBA8 pages
+    HG_UINT unused_0;
+    HG_UINT unused_1;
     HG_UINT mode;    // HG_TEXTURES_*
     HG_UINT run;     // of a sample, 1..HG_PROGRESS_RUNS
     HG_UINT lottery; // pixels that tell what they use: x & 7 | (y & 7) << 3

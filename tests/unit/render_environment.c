@@ -13,6 +13,9 @@
 #define HEIGHT  512u
 #define LEAST   (8ull << 20) // 49 slots
 #define VIEW_PX 256
+#define PANEL   1500u
+
+#define LEAST_OF_BOTH (12ull << 20) // a layer of 4 MiB and one of 8
 
 static char folder[TEST_FOLDER_MAX];
 static struct hg_image made; // what the file holds
@@ -233,6 +236,58 @@ static void test_budgets_do_not_show(void **state)
         hg_refbuf_unref(pictures[i]);
 }
 
+// A textured quad in front of the environment.
+static void add_panel(struct rig *rig)
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static const float normals[12] = {0, 0, -1, 0, 0, -1, 0, 0, -1, 0, 0, -1};
+    static const float uv[8] = {0, 1, 1, 1, 1, 0, 0, 0};
+    static const float positions[12] = {-1, -0.5f, 2, 2, -0.5f, 2, 2, 1.5f, 2, -1, 1.5f, 2};
+    struct hg_texture *t = rig_add(rig->scene, HG_OBJECT_TEXTURE, 1);
+    t->image = hg_calloc(1, sizeof *t->image);
+    assert_non_null(t->image);
+    t->image->refs = 1;
+    t->image->label = hg_strdup("panel");
+    t->image->pixels_srgb = true;
+    make_image(PANEL, PANEL, &t->image->pixels);
+    struct hg_material *m = rig_add(rig->scene, HG_OBJECT_MATERIAL, 2);
+    m->unlit = m->double_sided = true;
+    m->slots[HG_SLOT_BASE_COLOR].texture = t;
+    struct hg_mesh *mesh = rig_add(rig->scene, HG_OBJECT_MESH, 3);
+    struct hg_mesh_part *part = rig_part(mesh, 4, positions, normals, 6, indices);
+    part->material = m;
+    part->uv[0] = rig_copy(uv, sizeof uv);
+    struct hg_node *node = rig_add(rig->scene, HG_OBJECT_NODE, 4);
+    node->mesh = mesh;
+    hg_scene_publish(rig->scene);
+}
+
+// Surfaces and environment together within 16 MiB, and within the least there is: layers of RGBA8
+// pages are small then. Nothing of that shows.
+static void test_both_kinds_fit_small_budgets(void **state)
+{
+    (void)state;
+    static const uint64_t budgets[] = {0, 16ull << 20, LEAST_OF_BOTH};
+    struct hg_refbuf *pictures[3];
+    uint32_t missing;
+    for (int i = 0; i < 3; i++) {
+        struct rig rig;
+        open_rig(&rig, budgets[i], true);
+        add_panel(&rig);
+        look(&rig, 0.2f, 0.3f, 1.2f);
+        pictures[i] = settle(&rig, &missing);
+        struct hg_page_cache_stats stats;
+        hg_page_cache_stats(rig.renderer->context.pages, &stats);
+        assert_true(i == 0 || stats.peak_bytes <= budgets[i]);
+        assert_true(stats.slots >= 98);
+        if (i > 0)
+            rig_assert_same(pictures[0], pictures[i]);
+        rig_close(&rig);
+    }
+    for (int i = 0; i < 3; i++)
+        hg_refbuf_unref(pictures[i]);
+}
+
 static double difference(const struct hg_refbuf *a, const struct hg_refbuf *b)
 {
     const float *x = (const float *)(const void *)a->data;
@@ -330,6 +385,7 @@ int main(void)
         cmocka_unit_test(test_reading_stops),
         cmocka_unit_test(test_pages_match_an_image),
         cmocka_unit_test(test_budgets_do_not_show),
+        cmocka_unit_test(test_both_kinds_fit_small_budgets),
         cmocka_unit_test(test_large_images_show_a_preview),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
