@@ -17,6 +17,7 @@ static const struct hg_image_limits default_limits = {
     .max_bytes = UINT64_C(1) << 31,
 };
 static const uint64_t max_file_bytes = UINT64_C(1) << 31;
+static const uint64_t max_probe_bytes = UINT64_C(1) << 26; // larger files are not held to be probed
 
 // First bytes of each format that is read. Nothing else is tried: a file never chooses a parser
 // (video containers, camera raw, vendor formats) that nobody expects.
@@ -168,13 +169,37 @@ enum hg_status hg_image_examine(const void *data, size_t size, const char *name,
     return st;
 }
 
+// From its head alone.
+static enum hg_status probe_large_file(
+    const char *path, struct hg_image_info *out, struct hg_error *err)
+{
+    struct hg_image_reader *reader;
+    enum hg_status st = hg_image_reader_open(path, UINT32_MAX, &reader, err);
+    if (st)
+        return st;
+    const struct hg_image_reader_info *info = hg_image_reader_info(reader);
+    *out = (struct hg_image_info){.width = info->width,
+        .height = info->height,
+        .channels = info->channels,
+        .is_float = info->is_float,
+        .is_16bit = info->is_16bit};
+    snprintf(out->file_format, sizeof out->file_format, "%s", info->file_format);
+    hg_image_reader_close(reader);
+    return HG_OK;
+}
+
 enum hg_status hg_image_probe_file(
     const char *path, struct hg_image_info *out, struct hg_error *err)
 {
     uint8_t *data;
     size_t size;
     memset(out, 0, sizeof *out);
-    enum hg_status st = hg_file_read(path, max_file_bytes, &data, &size, err);
+    enum hg_status st = hg_file_read(path, max_probe_bytes, &data, &size, err);
+    if (st == HG_E_LIMIT) {
+        if (err)
+            *err = (struct hg_error){0};
+        return probe_large_file(path, out, err);
+    }
     if (st)
         return st;
     st = hg_image_probe_memory(data, size, path, out, err);

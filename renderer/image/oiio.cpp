@@ -524,6 +524,7 @@ hg_status describe(hg_oiio_reader &r, const char *format, uint32_t max_side_px, 
             i.tile_width, i.tile_height);
     if (!i.tile_width || !i.tile_height)
         i.tile_width = i.tile_height = 0;
+    i.channels = uint32_t(s.nchannels);
     i.is_float = s.format.is_floating_point();
     i.is_16bit = s.format.size() == 2;
     i.has_alpha = has_alpha(s);

@@ -13,6 +13,7 @@ struct hg_image_reader;
 struct hg_image_reader_info {
     uint32_t width, height;
     uint32_t tile_width, tile_height; // 0: rows
+    uint32_t channels;                // as stored
     uint32_t mips;                    // mips in the file whose sides are max(1, side >> mip); >= 1
     bool is_float, is_16bit, has_alpha;
     char file_format[16];
