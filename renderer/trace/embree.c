@@ -123,4 +123,4 @@ static enum hg_status trace(
 }
 
 const struct hg_trace_ops hg_trace_embree = {
-    .name = "embree", .create = create, .destroy = destroy, .sync = sync, .trace = trace};
+    .create = create, .destroy = destroy, .sync = sync, .trace = trace};

@@ -32,11 +32,8 @@ static RTCBuffer world_positions(
     float *out = buffer != NULL ? rtcGetBufferData(buffer) : NULL;
     if (out == NULL)
         return NULL;
-    for (size_t i = 0; i < count; i++) {
-        const float *p = piece->positions + i * 3;
-        for (int c = 0; c < 3; c++)
-            out[i * 3 + c] = m[c] * p[0] + m[3 + c] * p[1] + m[6 + c] * p[2] + m[9 + c];
-    }
+    for (size_t i = 0; i < count; i++)
+        hg_trace_to_world(m, piece->positions + i * 3, out + i * 3);
     return buffer;
 }
 

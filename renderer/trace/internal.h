@@ -7,16 +7,14 @@
 
 // What a backend does. `self` is what create made; sync gets a layout that lives until the next.
 struct hg_trace_ops {
-    const char *name;
     enum hg_status (*create)(struct hg_trace *trace, void **self, struct hg_error *err);
     void (*destroy)(void *self); // accepts NULL
-    // changed: the cut is another one than before; else only statistics are to be kept.
     enum hg_status (*sync)(void *self, const struct hg_trace_layout *layout, struct hg_error *err);
     // any: hits are not wanted, only whether there are any.
     enum hg_status (*trace)(
         void *self, const struct hg_trace_wave *wave, bool any, struct hg_error *err);
 };
-extern const struct hg_trace_ops hg_trace_embree;
+extern const struct hg_trace_ops hg_trace_embree, hg_trace_compute;
 
 struct hg_trace {
     struct hg_gpu *gpu;

@@ -60,6 +60,12 @@ static inline const struct hg_cut_piece *hg_trace_piece(
 {
     return &layout->pieces[place->first_piece + index];
 }
+// A corner in world space, the same bits for all backends.
+static inline void hg_trace_to_world(const float m[12], const float p[3], float out[3])
+{
+    for (int c = 0; c < 3; c++)
+        out[c] = m[c] * p[0] + m[3 + c] * p[1] + m[6 + c] * p[2] + m[9 + c];
+}
 // False for matrices that instances cannot have: not finite or (nearly) singular.
 bool hg_trace_is_invertible(const float world[12]);
 

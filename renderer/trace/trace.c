@@ -9,6 +9,7 @@
 
 static const struct hg_trace_ops *const backends[] = {
     [HG_TRACE_EMBREE] = &hg_trace_embree,
+    [HG_TRACE_COMPUTE] = &hg_trace_compute,
 };
 #define BACKEND_COUNT (sizeof backends / sizeof backends[0])
 
