@@ -4,7 +4,7 @@
 #include <inttypes.h>
 
 #include "base/alloc.h"
-#include "base/log.h"
+#include "base/clock.h"
 
 #define BLOCK_RAYS 1024u // of one job
 
@@ -122,5 +122,49 @@ static enum hg_status trace(
     return HG_OK;
 }
 
+// --- raw -----------------------------------------------------------------------------------------
+
+struct raw {
+    struct run run;
+    uint8_t *packets;
+};
+
+static uint8_t *packets_of(const struct raw *raw, size_t block)
+{
+    return raw->packets + block * (BLOCK_RAYS / HG_EMBREE_PACKET) * hg_embree_packet_bytes();
+}
+
+static void raw_block(void *user, size_t index)
+{
+    const struct raw *raw = user;
+    const uint32_t left = raw->run.wave->count - (uint32_t)index * BLOCK_RAYS;
+    hg_embree_walk(raw->run.e, raw->run.wave, raw->run.any, packets_of(raw, index),
+        left < BLOCK_RAYS ? left : BLOCK_RAYS);
+}
+
+static enum hg_status trace_raw(
+    void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err)
+{
+    const struct hg_embree *e = self;
+    struct raw raw = {.run = {e, wave, any}};
+    const size_t blocks = (wave->count + BLOCK_RAYS - 1) / BLOCK_RAYS;
+    raw.packets =
+        hg_calloc_aligned(64, blocks * (BLOCK_RAYS / HG_EMBREE_PACKET) * hg_embree_packet_bytes());
+    if (raw.packets == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "ray tracing", NULL, "no memory");
+    for (uint32_t i = 0; i < wave->count; i += BLOCK_RAYS)
+        hg_embree_lay_out(e, wave, i, wave->count - i < BLOCK_RAYS ? wave->count - i : BLOCK_RAYS,
+            packets_of(&raw, i / BLOCK_RAYS));
+    const uint64_t start = hg_clock_now_ns();
+    if (e->trace->params.jobs != NULL)
+        hg_jobs_for(e->trace->params.jobs, blocks, raw_block, &raw);
+    else
+        for (size_t i = 0; i < blocks; i++)
+            raw_block(&raw, i);
+    *ns = hg_clock_now_ns() - start;
+    hg_free(raw.packets);
+    return HG_OK;
+}
+
 const struct hg_trace_ops hg_trace_embree = {
-    .create = create, .destroy = destroy, .sync = sync, .trace = trace};
+    .create = create, .destroy = destroy, .sync = sync, .trace = trace, .raw = trace_raw};

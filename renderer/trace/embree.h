@@ -60,5 +60,13 @@ void hg_embree_clear(struct hg_embree *e);
 // Rays [first, first + count) of a wave. Thread-safe.
 void hg_embree_trace(const struct hg_embree *e, const struct hg_trace_wave *wave, bool any,
     uint32_t first, uint32_t count);
+// The two halves of it, for hg_trace_raw: rays to packets of hg_embree_packet_bytes for every 16
+// rays, and packets through the scene.
+#define HG_EMBREE_PACKET 16u
+size_t hg_embree_packet_bytes(void);
+void hg_embree_lay_out(const struct hg_embree *e, const struct hg_trace_wave *wave, uint32_t first,
+    uint32_t count, void *packets);
+void hg_embree_walk(const struct hg_embree *e, const struct hg_trace_wave *wave, bool any,
+    void *packets, uint32_t count);
 
 #endif

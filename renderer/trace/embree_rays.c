@@ -275,3 +275,96 @@ void hg_embree_trace(const struct hg_embree *e, const struct hg_trace_wave *w, b
             e, rays, count, packet, (struct hg_gpu_hit *)w->hits->mapped + w->first_hit + first);
     restore_mode(mode);
 }
+
+// --- raw -----------------------------------------------------------------------------------------
+
+struct packet { // of 16 rays
+    int valid[16];
+    union {
+        struct RTCRayHit16 wide;
+        struct RTCRayHit8 half[2];
+        struct RTCRayHit one[16];
+    };
+} __attribute__((aligned(64)));
+
+size_t hg_embree_packet_bytes(void)
+{
+    return sizeof(struct packet);
+}
+
+static void lay_out_one(const struct hg_gpu_ray *from, struct RTCRayHit *to, int *valid)
+{
+    to->hit.geomID = to->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    *valid = hg_trace_is_ray(from) ? -1 : 0;
+    if (*valid != 0)
+        fill_ray(from, &to->ray);
+}
+
+void hg_embree_lay_out(const struct hg_embree *e, const struct hg_trace_wave *w, uint32_t first,
+    uint32_t count, void *packets)
+{
+    const struct hg_gpu_ray *rays =
+        (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + first;
+    struct packet *p = packets;
+    memset(p, 0, (count + 15) / 16 * sizeof *p);
+    for (uint32_t i = 0; i < count; i++, p += i % 16 == 0) {
+        const uint32_t at = i % 16;
+        if (!w->coherent || e->packet == 1)
+            lay_out_one(&rays[i], &p->one[at], &p->valid[at]);
+        else if (at == 0 && e->packet == 16)
+            load16(&rays[i], count - i, p->valid, &p->wide.ray);
+        else if (at % 8 == 0 && e->packet == 8)
+            load8(&rays[i], count - i, p->valid + at, &p->half[at / 8].ray);
+        if (at == 0 && w->coherent && e->packet == 16)
+            memset(&p->wide.hit, 0xff, sizeof p->wide.hit);
+        else if (at % 8 == 0 && w->coherent && e->packet == 8)
+            memset(&p->half[at / 8].hit, 0xff, sizeof p->half[0].hit);
+    }
+}
+
+static void walk_packet(const struct hg_embree *e, RTCScene scene, struct packet *p, bool any)
+{
+    CONTEXT(context);
+    if (e->packet == 16) {
+        if (any)
+            OCCLUDED(16, scene, context, p->valid, &p->wide.ray);
+        else
+            INTERSECT(16, scene, context, p->valid, &p->wide);
+        return;
+    }
+    for (int i = 0; i < 2; i++) {
+        if (any)
+            OCCLUDED(8, scene, context, p->valid + i * 8, &p->half[i].ray);
+        else
+            INTERSECT(8, scene, context, p->valid + i * 8, &p->half[i]);
+    }
+}
+
+static void walk_ones(RTCScene scene, struct packet *p, bool any)
+{
+    for (int i = 0; i < 16; i++) {
+        CONTEXT(context);
+        if (p->valid[i] == 0 || p->one[i].ray.tfar < 0.0f)
+            continue;
+        if (any)
+            OCCLUDED1(scene, context, &p->one[i].ray);
+        else
+            INTERSECT1(scene, context, &p->one[i]);
+    }
+}
+
+void hg_embree_walk(const struct hg_embree *e, const struct hg_trace_wave *w, bool any,
+    void *packets, uint32_t count)
+{
+    const uint32_t mode = flush_to_zero();
+    struct packet *p = packets;
+    const RTCScene scenes[2] = {e->flat_there ? e->flat.scene : NULL, e->top};
+    for (uint32_t i = 0; i < count; i += 16, p++)
+        for (int s = 0; s < 2; s++) {
+            if (scenes[s] != NULL && w->coherent && e->packet > 1)
+                walk_packet(e, scenes[s], p, any);
+            else if (scenes[s] != NULL)
+                walk_ones(scenes[s], p, any);
+        }
+    restore_mode(mode);
+}

@@ -13,6 +13,9 @@ struct hg_trace_ops {
     // any: hits are not wanted, only whether there are any.
     enum hg_status (*trace)(
         void *self, const struct hg_trace_wave *wave, bool any, struct hg_error *err);
+    // hg_trace_raw; NULL: not to be had.
+    enum hg_status (*raw)(
+        void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err);
 };
 extern const struct hg_trace_ops hg_trace_embree, hg_trace_compute;
 

@@ -155,6 +155,16 @@ enum hg_status hg_trace_blocked(
     return trace(t, wave, true, err);
 }
 
+enum hg_status hg_trace_raw(struct hg_trace *t, const struct hg_trace_wave *wave, bool any,
+    uint64_t *ns, struct hg_error *err)
+{
+    *ns = 0;
+    if (t->ops->raw == NULL || !t->synced)
+        return hg_error_set(err, HG_E_STATE, "ray tracing",
+            hg_trace_backend_name(t->params.backend), "there is no Embree in it");
+    return t->ops->raw(t->self, wave, any, ns, err);
+}
+
 void hg_trace_stats(const struct hg_trace *t, struct hg_trace_stats *out)
 {
     *out = t->stats;

@@ -64,6 +64,11 @@ enum hg_status hg_trace_closest(
 enum hg_status hg_trace_blocked(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
 
+// For benchmarks: how long Embree itself takes for the wave, its rays laid out before and its hits
+// left where they are. HG_E_STATE: another backend. Other statuses as above.
+enum hg_status hg_trace_raw(struct hg_trace *trace, const struct hg_trace_wave *wave, bool any,
+    uint64_t *ns, struct hg_error *err) HG_MUST_CHECK;
+
 struct hg_trace_stats {
     uint64_t triangles, instances; // of the structures: unique, placed
     uint64_t bytes, peak_bytes;    // of the structures

@@ -11,7 +11,7 @@
 #include "renderer/scene/demo.h"
 #include "server/worker/bench.h"
 
-// Options of `realtime` (all optional): scene (file; default the built-in demo), environment (file;
+// Options of `realtime` and `trace` (all optional): scene (file; default the built-in demo), environment (file;
 // default the demo's), width, height, vfov_deg, rounds, path (list of {eye: [x,y,z], target:
 // [x,y,z]} in metres). Those of the others: bench_stream.c.
 enum { MAX_POSES = 4096, PROGRESS_NS = 100 * 1000 * 1000 };
@@ -168,8 +168,11 @@ static char *complete(const struct bench *b, const char *text)
     return copy;
 }
 
-static enum hg_status run_realtime(
-    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+typedef enum hg_status run_scene_fn(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_realtime *bench, char **text, struct hg_error *err);
+
+static enum hg_status run_scene(struct bench *b, const json_t *options, run_scene_fn *run,
+    char **text, struct hg_error *err)
 {
     enum hg_status st = read_options(b, options, err);
     st = st ? st : serve_need_renderer(b->r->s, err);
@@ -178,15 +181,15 @@ static enum hg_status run_realtime(
     b->load_ms = (double)(hg_clock_now_ns() - start) * 1e-6;
     b->run.progress = bench_progress;
     b->run.progress_user = b;
-    return st ? st : hg_renderer_bench_realtime(b->r->s->renderer, b->scene, &b->run, text, err);
+    return st ? st : run(b->r->s->renderer, b->scene, &b->run, text, err);
 }
 
-static enum hg_status bench_realtime(
-    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+static enum hg_status bench_scene(struct bench *b, const json_t *options, run_scene_fn *run,
+    char **text, struct hg_error *err)
 {
     char *report = NULL;
     *text = NULL;
-    enum hg_status st = run_realtime(b, options, &report, err);
+    enum hg_status st = run_scene(b, options, run, &report, err);
     if (!st && !(*text = complete(b, report)))
         st = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "no memory for the report");
     hg_free(report);
@@ -195,10 +198,23 @@ static enum hg_status bench_realtime(
     return st;
 }
 
+static enum hg_status bench_realtime(
+    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+{
+    return bench_scene(b, options, hg_renderer_bench_realtime, text, err);
+}
+
+static enum hg_status bench_trace(
+    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+{
+    return bench_scene(b, options, hg_renderer_bench_trace, text, err);
+}
+
 static const struct {
     const char *name;
     enum hg_status (*run)(struct bench *, const json_t *, char **, struct hg_error *);
-} benchmarks[] = {{"realtime", bench_realtime}, {"vt", bench_vt}, {"lod", bench_lod}};
+} benchmarks[] = {{"realtime", bench_realtime}, {"vt", bench_vt}, {"lod", bench_lod},
+    {"trace", bench_trace}};
 
 static enum hg_status run_named(
     struct bench *b, const json_t *options, char **text, struct hg_error *err)
