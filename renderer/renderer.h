@@ -257,8 +257,8 @@ enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct h
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all
 // pixels), diffuse (one cosine-distributed bounce each, in any direction) and shadow (whether a
 // light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One JSON
-// object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s, build_ms,
-// bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays that hit something else than
+// object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s, cpu_ns_per_ray
+// of each, build_ms, bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays that hit something else than
 // Embree's)} or {refused}; raw: Embree alone on the same rays; ratio: embree over raw.
 enum hg_status hg_renderer_bench_trace(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;

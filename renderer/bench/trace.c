@@ -24,6 +24,7 @@ struct result {
     bool refused;
     char reason[512];
     uint64_t ns[KINDS], raw_ns[KINDS], build_ns; // the least of all rounds
+    uint64_t cpu_ns[KINDS];
     uint64_t bytes, peak_bytes, triangles;
     uint32_t differ; // rays
 };
@@ -307,8 +308,10 @@ static enum hg_status measure(
     enum hg_status status = build(run, b, err);
     for (int kind = 0; kind < KINDS && status == HG_OK && !r->refused; kind++) {
         uint64_t ns;
+        const uint64_t cpu = hg_clock_cpu_ns();
         status = trace_all(run, b, (enum kind)kind, false, &ns, err);
         keep_least(&r->ns[kind], ns);
+        keep_least(&r->cpu_ns[kind], hg_clock_cpu_ns() - cpu);
         if (kind == PRIMARY && b == HG_TRACE_EMBREE && status == HG_OK) {
             memcpy(run->first_hits, run->hits.mapped, run->rays * sizeof *run->first_hits);
             fill_secondary(run, scene);
@@ -357,8 +360,12 @@ static void put_backend(struct hg_writer *w, const struct run *run, enum hg_trac
     }
     for (int kind = 0; kind < KINDS; kind++)
         hg_json_put(w, "\"%s\":%.3f,", kind_names[kind], mrays(run, r->ns[kind]));
+    hg_json_put(w, "\"cpu_ns_per_ray\":{");
+    for (int kind = 0; kind < KINDS; kind++)
+        hg_json_put(w, "%s\"%s\":%.1f", kind > 0 ? "," : "", kind_names[kind],
+            (double)r->cpu_ns[kind] / run->rays);
     hg_json_put(w,
-        "\"build_ms\":%.3f,\"bytes\":%llu,\"bytes_per_triangle\":%.1f,\"peak_bytes\":%llu,"
+        "},\"build_ms\":%.3f,\"bytes\":%llu,\"bytes_per_triangle\":%.1f,\"peak_bytes\":%llu,"
         "\"differ_per_million\":%.1f}",
         (double)r->build_ns * 1e-6, (unsigned long long)r->bytes,
         r->triangles > 0 ? (double)r->bytes / (double)r->triangles : 0.0,

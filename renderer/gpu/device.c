@@ -325,6 +325,62 @@ static enum hg_status choose_device(struct hg_gpu *gpu, const char *wanted, stru
         "no usable Vulkan 1.3 device%s%s", count > 0 ? ": " : " (none is installed)", reasons);
 }
 
+// --- ray queries ---------------------------------------------------------------------------------
+
+static const char *const ray_extensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+    VK_KHR_RAY_QUERY_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME};
+#define RAY_EXTENSIONS (sizeof ray_extensions / sizeof ray_extensions[0])
+
+struct ray_features {
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structure;
+    VkPhysicalDeviceRayQueryFeaturesKHR query;
+};
+
+static void chain_rays(struct ray_features *f)
+{
+    *f = (struct ray_features){
+        .structure = {.sType =
+                          VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR,
+            .pNext = &f->query},
+        .query = {.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR}};
+}
+
+static bool has_ray_extensions(VkPhysicalDevice device)
+{
+    uint32_t count = 0, found = 0;
+    if (vkEnumerateDeviceExtensionProperties(device, NULL, &count, NULL) < 0)
+        return false;
+    VkExtensionProperties *list = hg_calloc(count, sizeof *list);
+    if (list == NULL || vkEnumerateDeviceExtensionProperties(device, NULL, &count, list) < 0)
+        count = 0;
+    for (uint32_t i = 0; i < count; i++)
+        for (size_t k = 0; k < RAY_EXTENSIONS; k++)
+            found += strcmp(list[i].extensionName, ray_extensions[k]) == 0;
+    hg_free(list);
+    return found == RAY_EXTENSIONS;
+}
+
+static bool has_ray_query(VkPhysicalDevice device)
+{
+    struct ray_features have;
+    chain_rays(&have);
+    if (!has_ray_extensions(device))
+        return false;
+    VkPhysicalDeviceFeatures2 features = {
+        .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, .pNext = &have.structure};
+    vkGetPhysicalDeviceFeatures2(device, &features);
+    return have.structure.accelerationStructure && have.query.rayQuery;
+}
+
+static void want_rays(struct ray_features *want, struct features *others)
+{
+    chain_rays(want);
+    want->structure.accelerationStructure = VK_TRUE;
+    want->query.rayQuery = VK_TRUE;
+    want->query.pNext = others->core.pNext;
+    others->core.pNext = &want->structure;
+}
+
 // --- capabilities --------------------------------------------------------------------------------
 
 static bool is_mapped(const VkPhysicalDeviceMemoryProperties *memory)
@@ -382,6 +438,7 @@ static void fill_caps(struct hg_gpu *gpu, const struct hg_gpu_params *params)
     gpu->caps.depth_clamp = have.core.features.depthClamp;
     gpu->caps.anisotropy = have.core.features.samplerAnisotropy;
     gpu->caps.large_points = have.core.features.largePoints;
+    gpu->caps.ray_query = has_ray_query(gpu->physical);
     vkGetPhysicalDeviceMemoryProperties(gpu->physical, &gpu->memory_types);
     const char *force = getenv("HELIO_GPU_FORCE_STAGING");
     gpu->force_staging = params->force_staging || (force != NULL && strcmp(force, "1") == 0);
@@ -394,11 +451,16 @@ static void fill_caps(struct hg_gpu *gpu, const struct hg_gpu_params *params)
     }
 }
 
+// --- the device ----------------------------------------------------------------------------------
+
 static enum hg_status create_device(struct hg_gpu *gpu, struct hg_error *err)
 {
     struct features have, want;
     query_features(gpu->physical, &have);
     enable_features(&have, &want);
+    struct ray_features rays;
+    if (gpu->caps.ray_query)
+        want_rays(&rays, &want);
     if (!find_queue(gpu->physical, &gpu->queue_family))
         return hg_error_set(err, HG_E_DEVICE, gpu->caps.device_name, NULL, "no queue");
     const float priority = 1.0f;
@@ -409,7 +471,9 @@ static enum hg_status create_device(struct hg_gpu *gpu, struct hg_error *err)
     const VkDeviceCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
         .pNext = &want.core,
         .queueCreateInfoCount = 1,
-        .pQueueCreateInfos = &queue};
+        .pQueueCreateInfos = &queue,
+        .enabledExtensionCount = gpu->caps.ray_query ? RAY_EXTENSIONS : 0,
+        .ppEnabledExtensionNames = ray_extensions};
     enum hg_status status =
         HG_VK(gpu, err, vkCreateDevice, gpu->physical, &info, NULL, &gpu->device);
     if (status != HG_OK)
@@ -565,6 +629,7 @@ static void write_fallbacks(struct hg_writer *w, const struct hg_gpu *gpu)
     const struct fallback list[] = {
         {!gpu->caps.mapped, "staging", "device memory is not mapped: uploads go through copies"},
         {!gpu->caps.depth_clamp, "depth_clamp", "shadow casters in front of a cascade are clipped"},
+        {!gpu->caps.ray_query, "ray_query", "no ray queries: rays go through Embree or compute"},
         {!gpu->caps.large_points, "large_points", "points are drawn one pixel wide"},
         {gpu->caps.timestamp_period_ns <= 0, "timestamps", "passes are not timed on the device"},
         {gpu->caps.is_cpu, "cpu_device", "software rasteriser: textures stay RGBA8"},

@@ -49,6 +49,10 @@ static void forget(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
     memmove(gpu->live + i - 1, gpu->live + i, (gpu->live_count - (i - 1)) * sizeof *gpu->live);
 }
 
+#define RAY_USAGE                                                                                  \
+    (VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |                        \
+        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR)
+
 // --- buffers -------------------------------------------------------------------------------------
 
 static void retire_buffer(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
@@ -112,7 +116,8 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
                  VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT |
                  VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
-                 (kind == HG_GPU_BUFFER_TEXELS ? VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT : 0u),
+                 (kind == HG_GPU_BUFFER_TEXELS ? VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT : 0u) |
+                 (gpu->caps.ray_query ? RAY_USAGE : 0u),
     };
     enum hg_status status = HG_VK(gpu, err, vkCreateBuffer, gpu->device, &info, NULL, &out->handle);
     if (status != HG_OK)

@@ -15,8 +15,8 @@
 
 #define MOST_REFITS    64u
 #define PIECE_NS       8000000u // of a wave
-#define FIRST_PIECE    8192u    // rays
-#define LEAST_PIECE    1024u
+#define FIRST_PIECE    16384u   // rays
+#define LEAST_PIECE    8192u    // on a busy machine clocks run ahead of the work
 #define MOST_PIECE     (1u << 20)
 #define TRIANGLE_BYTES 80u   // of the structure, at most about
 #define LARGEST        1e18f // coordinates beyond it are no triangle: products overflow

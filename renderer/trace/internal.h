@@ -17,13 +17,16 @@ struct hg_trace_ops {
     enum hg_status (*raw)(
         void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err);
 };
-extern const struct hg_trace_ops hg_trace_embree, hg_trace_compute;
+extern const struct hg_trace_ops hg_trace_embree, hg_trace_compute, hg_trace_khr;
 
 struct hg_trace {
     struct hg_gpu *gpu;
     struct hg_trace_params params;
     const struct hg_trace_ops *ops;
     void *self;
+    // Takes over scenes that the backend cannot show (HG_E_UNSUPPORTED: motion): the compute one.
+    void *spare;
+    bool uses_spare;
     struct hg_trace_layout layout;
     uint64_t revision; // of the cut
     bool synced;

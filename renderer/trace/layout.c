@@ -121,7 +121,7 @@ static enum hg_status note_moving(struct hg_trace_layout *l, uint64_t key)
 // Whether rays would rather have the body in world space. places: hash of where it is.
 static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *body, uint64_t places)
 {
-    bool invertible = true, still = !body->deforms;
+    bool invertible = true, still = true;
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_cut_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
         invertible =
@@ -134,9 +134,10 @@ static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *bo
         if (status != HG_OK)
             return status;
     }
+    body->still = still || !invertible; // what is flat without choice is shown as it is at the end
     const bool small = body->triangles * body->place_count <= FLAT_TRIANGLES;
-    body->flat =
-        !invertible || (still && (body->place_count == 1 || small) && !is_moving(l, body->key));
+    body->flat = !invertible || (still && !body->deforms && (body->place_count == 1 || small) &&
+                                    !is_moving(l, body->key));
     return HG_OK;
 }
 
@@ -186,9 +187,10 @@ static enum hg_status sum_up(struct hg_trace_layout *l)
 {
     l->flat_key = l->flat_triangles = l->triangles = 0;
     l->instances = l->known_count = 0;
-    l->flat_deforms = false;
+    l->flat_deforms = l->motion = false;
     for (uint32_t i = 0; i < l->body_count; i++) {
         const struct hg_trace_body *body = &l->bodies[i];
+        l->motion = l->motion || body->moves || !body->still;
         l->triangles += body->triangles * (body->flat ? body->place_count : 1);
         if (!body->flat) {
             l->instances += body->place_count;

@@ -16,6 +16,7 @@ struct hg_trace_body {
     uint64_t triangles, vertices;      // vertices: of the pieces, shared ones once
     uint32_t first_place, place_count; // consecutive in `places`
     bool flat, deforms;
+    bool still; // matrices are the same at both ends of the shutter
     bool moves; // positions are others at the opening of the shutter
 };
 
@@ -42,6 +43,7 @@ struct hg_trace_layout {               // zeroed = empty; keeps its memory
     bool flat_deforms;            // under the same key
     uint64_t triangles;           // of all bodies, those of flat ones as often as they are placed
     uint32_t instances;           // places of bodies that are not flat
+    bool motion;                  // something moves while the shutter is open
     struct hg_trace_known *known; // flat bodies of the layout before, by key
     size_t known_capacity;
     uint32_t known_count;

@@ -10,6 +10,7 @@
 static const struct hg_trace_ops *const backends[] = {
     [HG_TRACE_EMBREE] = &hg_trace_embree,
     [HG_TRACE_COMPUTE] = &hg_trace_compute,
+    [HG_TRACE_KHR] = &hg_trace_khr,
 };
 #define BACKEND_COUNT (sizeof backends / sizeof backends[0])
 
@@ -91,6 +92,7 @@ void hg_trace_destroy(struct hg_trace *t)
         return;
     if (t->ops != NULL)
         t->ops->destroy(t->self);
+    hg_trace_compute.destroy(t->spare);
     hg_trace_layout_finish(&t->layout);
     hg_free(t);
 }
@@ -98,6 +100,19 @@ void hg_trace_destroy(struct hg_trace *t)
 enum hg_trace_backend hg_trace_backend(const struct hg_trace *t)
 {
     return t->params.backend;
+}
+
+static enum hg_status sync_backend(struct hg_trace *t, struct hg_error *err)
+{
+    enum hg_status status = t->ops->sync(t->self, &t->layout, err);
+    t->uses_spare = status == HG_E_UNSUPPORTED;
+    if (!t->uses_spare) {
+        hg_trace_compute.destroy(t->spare);
+        t->spare = NULL;
+        return status;
+    }
+    status = t->spare == NULL ? hg_trace_compute.create(t, &t->spare, err) : HG_OK;
+    return status == HG_OK ? hg_trace_compute.sync(t->spare, &t->layout, err) : status;
 }
 
 enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_cut *cut, struct hg_error *err)
@@ -109,7 +124,7 @@ enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_cut *cut, struc
     enum hg_status status = hg_trace_layout_make(&t->layout, hg_cut_pieces(cut), hg_cut_count(cut));
     if (status != HG_OK)
         return hg_error_set(err, status, "ray tracing", NULL, "no memory");
-    status = t->ops->sync(t->self, &t->layout, err);
+    status = sync_backend(t, err);
     if (status != HG_OK)
         return status;
     t->synced = true;
@@ -137,7 +152,8 @@ static enum hg_status trace(
     if (w->count == 0)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const enum hg_status status = t->ops->trace(t->self, w, any, err);
+    const enum hg_status status = t->uses_spare ? hg_trace_compute.trace(t->spare, w, any, err)
+                                                : t->ops->trace(t->self, w, any, err);
     t->stats.trace_ns += hg_clock_now_ns() - start;
     t->stats.rays += w->count;
     return status;

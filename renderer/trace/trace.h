@@ -5,7 +5,8 @@
 // backends stand behind one interface: Embree on the host, a compute shader over a quantised BVH2,
 // and ray queries of the device. Which triangles there are is said by a cut (geometry/cut.h): each
 // draw at one level of detail, the same for all rays of a picture. Backends hit the same triangles
-// but for rays that pass within rounding of an edge.
+// but for rays that pass within rounding of an edge. Ray queries know no time: cuts in which
+// something moves while the shutter is open are walked by the compute shader there, too.
 //
 // Lines and points are not hit. Of hits at the same distance any one may be named, but always the
 // same one for the same wave.
