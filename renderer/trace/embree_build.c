@@ -7,8 +7,6 @@
 #include "base/clock.h"
 #include "renderer/trace/embree.h"
 
-// Triangles up to which the best builder (spatial splits) is worth its time.
-#define BEST_TRIANGLES 1000000u
 // Refits of a pose before its tree is made anew: it fits the pose that it was built for.
 #define MOST_REFITS 64u
 // Bytes that a triangle takes at most, by measurement (docs/internals/trace.md), and a vertex that
@@ -64,19 +62,16 @@ static void attach(RTCScene scene, RTCGeometry geometry, uint32_t mask, uint32_t
     rtcReleaseGeometry(geometry);
 }
 
-static enum RTCBuildQuality quality_for(uint64_t triangles)
-{
-    return triangles <= BEST_TRIANGLES ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
-}
-
-static RTCScene open_scene(struct hg_embree *e, enum RTCBuildQuality quality, bool dynamic)
+// Robust: no ray leaks between triangles that share an edge. It costs an eighth of the rays per
+// second, and spatial splits, of which Embree then makes none.
+static RTCScene open_scene(struct hg_embree *e, bool dynamic)
 {
     const RTCScene scene = rtcNewScene(e->device);
     if (scene == NULL)
         return NULL;
     rtcSetSceneFlags(
         scene, RTC_SCENE_FLAG_ROBUST | (dynamic ? RTC_SCENE_FLAG_DYNAMIC : RTC_SCENE_FLAG_NONE));
-    rtcSetSceneBuildQuality(scene, quality);
+    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
     return scene;
 }
 
@@ -88,12 +83,12 @@ static void release_body(struct hg_embree_body *body)
     memset(body, 0, sizeof *body);
 }
 
-static enum hg_status start_body(struct hg_embree *e, struct hg_embree_body *body,
-    uint32_t geometries, enum RTCBuildQuality quality, bool dynamic)
+static enum hg_status start_body(
+    struct hg_embree *e, struct hg_embree_body *body, uint32_t geometries, bool dynamic)
 {
     body->geometry_count = geometries;
     body->geometries = hg_calloc(geometries, sizeof *body->geometries);
-    body->scene = open_scene(e, quality, dynamic);
+    body->scene = open_scene(e, dynamic);
     return body->geometries != NULL && body->scene != NULL ? HG_OK : HG_E_NOMEM;
 }
 
@@ -113,7 +108,7 @@ static enum hg_status add_flat_place(
             buffer = world_positions(b->e, piece, piece->world);
         }
         const RTCGeometry geometry =
-            buffer != NULL ? open_geometry(b->e, piece, RTC_BUILD_QUALITY_HIGH) : NULL;
+            buffer != NULL ? open_geometry(b->e, piece, RTC_BUILD_QUALITY_MEDIUM) : NULL;
         if (geometry == NULL) {
             status = HG_E_NOMEM;
             break;
@@ -148,8 +143,7 @@ static enum hg_status build_flat(const struct build *b)
     e->flat_there = false;
     if (l->flat_key == 0)
         return HG_OK;
-    enum hg_status status =
-        start_body(e, &e->flat, flat_pieces(l), quality_for(l->flat_triangles), false);
+    enum hg_status status = start_body(e, &e->flat, flat_pieces(l), false);
     uint32_t id = 0;
     for (uint32_t i = 0; i < l->body_count; i++)
         for (uint32_t p = 0; status == HG_OK && l->bodies[i].flat && p < l->bodies[i].place_count;
@@ -181,15 +175,13 @@ static enum hg_status build_body(
 {
     const struct hg_trace_place *place = &b->layout->places[from->first_place];
     const enum RTCBuildQuality quality =
-        from->deforms ? RTC_BUILD_QUALITY_MEDIUM : quality_for(from->triangles);
-    const enum hg_status status =
-        start_body(b->e, body, place->piece_count, quality, from->deforms);
+        from->deforms ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM;
+    const enum hg_status status = start_body(b->e, body, place->piece_count, from->deforms);
     if (status != HG_OK)
         return status;
     for (uint32_t i = 0; i < place->piece_count; i++) {
         const struct hg_cut_piece *piece = hg_trace_piece(b->layout, place, i);
-        const RTCGeometry geometry =
-            open_geometry(b->e, piece, from->deforms ? RTC_BUILD_QUALITY_REFIT : quality);
+        const RTCGeometry geometry = open_geometry(b->e, piece, quality);
         if (geometry == NULL)
             return HG_E_NOMEM;
         const bool moves = piece->opening != NULL;
@@ -300,7 +292,7 @@ static enum hg_status build_instances(const struct build *b)
         return HG_OK;
     enum hg_status status =
         hg_grow(&e->instances, &e->instance_capacity, l->instances, sizeof *e->instances);
-    e->top = open_scene(e, RTC_BUILD_QUALITY_MEDIUM, false);
+    e->top = open_scene(e, false);
     if (e->top == NULL)
         status = HG_E_NOMEM;
     uint32_t id = 0, at = 0;

@@ -3,10 +3,11 @@
 // Structures are built from positions and indices where the device has them; flat bodies are one
 // structure per class of draw (a ray's mask is asked of instances only), brought to world space by
 // the build. What does not deform is compacted. Ray queries know no time: layouts in which anything
-// moves while the shutter is open go to the compute backend (trace.c). What vertices that are not
-// finite do is up to the driver.
-#include <string.h>
+// moves while the shutter is open go to the compute backend (trace.c). Triangles whose corners are
+// not finite are made to points where the host can see them; else what they do is up to the driver.
+#include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -64,6 +65,9 @@ struct input {
     uint32_t *counts; // of primitives
     size_t geometry_capacity, range_capacity, count_capacity;
     uint32_t count;
+    struct hg_gpu_buffer *indices; // [index_count] in place of those of pieces, until it is built
+    size_t index_capacity;
+    uint32_t index_count;
 };
 
 static enum hg_status no_memory(struct hg_error *err)
@@ -308,8 +312,11 @@ static enum hg_status compact(
 
 // --- input ---------------------------------------------------------------------------------------
 
-static void input_finish(struct input *in)
+static void input_finish(struct khr *k, struct input *in)
 {
+    for (uint32_t i = 0; i < in->index_count; i++)
+        hg_gpu_buffer_destroy(k->trace->gpu, &in->indices[i]);
+    hg_free(in->indices);
     hg_free(in->geometries);
     hg_free(in->ranges);
     hg_free(in->counts);
@@ -325,11 +332,66 @@ static enum hg_status input_grow(struct input *in)
     return HG_OK;
 }
 
-// transform: address of a row-major 3 x 4 matrix; 0 = none.
-static enum hg_status add_piece(
-    struct input *in, const struct hg_cut_piece *piece, VkDeviceAddress transform)
+static bool is_corner(const struct hg_cut_piece *p, uint32_t index)
 {
-    const enum hg_status status = input_grow(in);
+    const float *v = p->positions + (size_t)index * 3;
+    return index < p->vertex_count && fabsf(v[0]) <= 1e18f && fabsf(v[1]) <= 1e18f &&
+           fabsf(v[2]) <= 1e18f;
+}
+
+static bool is_triangle(const struct hg_cut_piece *p, uint32_t triangle)
+{
+    const uint32_t *i = p->indices + (size_t)triangle * 3;
+    return is_corner(p, i[0]) && is_corner(p, i[1]) && is_corner(p, i[2]);
+}
+
+// Indices of a piece some of whose triangles are none: those become points. *address: where, or
+// that of the piece when all are.
+static enum hg_status mend_indices(struct khr *k, struct input *in,
+    const struct hg_cut_piece *piece, VkDeviceAddress *address, struct hg_error *err)
+{
+    uint32_t good = 0, bad = 0;
+    *address = piece->indices_address;
+    if (piece->positions == NULL || piece->indices == NULL)
+        return HG_OK;
+    for (uint32_t i = 0; i < piece->triangle_count; i++) {
+        if (!is_triangle(piece, i))
+            bad++;
+        else
+            good = piece->indices[(size_t)i * 3];
+    }
+    if (bad == 0)
+        return HG_OK;
+    uint32_t *mended = hg_calloc((size_t)piece->triangle_count * 3, sizeof *mended);
+    if (mended == NULL || hg_grow(&in->indices, &in->index_capacity, in->index_count + 1,
+                              sizeof *in->indices) != HG_OK) {
+        hg_free(mended);
+        return no_memory(err);
+    }
+    for (uint32_t i = 0; i < piece->triangle_count; i++)
+        for (uint32_t c = 0; c < 3; c++)
+            mended[i * 3 + c] = is_triangle(piece, i) ? piece->indices[(size_t)i * 3 + c] : good;
+    const uint64_t bytes = piece->triangle_count * 12ull;
+    struct hg_gpu_buffer *buffer = &in->indices[in->index_count];
+    enum hg_status status =
+        hg_gpu_buffer_create(k->trace->gpu, HG_GPU_BUFFER_DEVICE, bytes, "indices", buffer, err);
+    if (status == HG_OK) {
+        in->index_count++;
+        *address = buffer->address;
+        status = hg_gpu_buffer_upload(k->trace->gpu, buffer, 0, mended, bytes, err);
+    }
+    hg_free(mended);
+    return status;
+}
+
+// transform: address of a row-major 3 x 4 matrix; 0 = none.
+static enum hg_status add_piece(struct khr *k, struct input *in, const struct hg_cut_piece *piece,
+    VkDeviceAddress transform, struct hg_error *err)
+{
+    VkDeviceAddress indices;
+    enum hg_status status = input_grow(in) == HG_OK ? HG_OK : no_memory(err);
+    if (status == HG_OK)
+        status = mend_indices(k, in, piece, &indices, err);
     if (status != HG_OK)
         return status;
     in->geometries[in->count] = (VkAccelerationStructureGeometryKHR){
@@ -342,7 +404,7 @@ static enum hg_status add_piece(
                 .vertexStride = 12,
                 .maxVertex = piece->vertex_count > 0 ? piece->vertex_count - 1 : 0,
                 .indexType = VK_INDEX_TYPE_UINT32,
-                .indexData.deviceAddress = piece->indices_address,
+                .indexData.deviceAddress = indices,
                 .transformData.deviceAddress = transform},
         .flags = VK_GEOMETRY_OPAQUE_BIT_KHR};
     in->ranges[in->count] =
@@ -425,7 +487,7 @@ static enum hg_status upload_transforms(
 
 // Pieces of one class; geometry numbers go to the tables whether they are built again or not.
 static enum hg_status list_flat(struct khr *k, const struct hg_trace_layout *l, uint32_t class,
-    struct input *in, struct tables *t)
+    struct input *in, struct tables *t, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     k->flat[class].first_geometry = t->geometry_count;
@@ -437,10 +499,11 @@ static enum hg_status list_flat(struct khr *k, const struct hg_trace_layout *l, 
             for (uint32_t n = 0;
                  place->mask == 1u << class && n < place->piece_count && status == HG_OK; n++) {
                 const struct hg_cut_piece *piece = hg_trace_piece(l, place, n);
-                status =
-                    add_piece(in, piece, k->transforms.address + at * sizeof(VkTransformMatrixKHR));
-                if (status == HG_OK)
-                    status = add_geometry(t, place->draw, piece->first_primitive);
+                status = add_piece(
+                    k, in, piece, k->transforms.address + at * sizeof(VkTransformMatrixKHR), err);
+                if (status == HG_OK &&
+                    add_geometry(t, place->draw, piece->first_primitive) != HG_OK)
+                    status = no_memory(err);
             }
         }
     }
@@ -456,11 +519,10 @@ static enum hg_status build_flat(
         struct input in = {0};
         if (!same)
             release(k, &k->flat[class].tree);
-        if (list_flat(k, l, class, &in, t) != HG_OK)
-            status = no_memory(err);
-        else if (!same && in.count > 0)
+        status = list_flat(k, l, class, &in, t, err);
+        if (status == HG_OK && !same && in.count > 0)
             status = build_body(k, &in, false, &k->flat[class], err);
-        input_finish(&in);
+        input_finish(k, &in);
     }
     k->flat_key = l->flat_key;
     return status;
@@ -468,16 +530,16 @@ static enum hg_status build_flat(
 
 // --- bodies --------------------------------------------------------------------------------------
 
-static enum hg_status list_body(const struct hg_trace_layout *l, const struct hg_trace_body *from,
-    struct input *in, struct tables *t)
+static enum hg_status list_body(struct khr *k, const struct hg_trace_layout *l,
+    const struct hg_trace_body *from, struct input *in, struct tables *t, struct hg_error *err)
 {
     const struct hg_trace_place *place = &l->places[from->first_place];
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++) {
         const struct hg_cut_piece *piece = hg_trace_piece(l, place, i);
-        status = add_piece(in, piece, 0);
-        if (status == HG_OK)
-            status = add_geometry(t, 0, piece->first_primitive);
+        status = add_piece(k, in, piece, 0, err);
+        if (status == HG_OK && add_geometry(t, 0, piece->first_primitive) != HG_OK)
+            status = no_memory(err);
     }
     return status;
 }
@@ -544,10 +606,10 @@ static enum hg_status build_bodies(
         struct body *found =
             old_count > 0 ? bsearch(&l->bodies[i].key, old, old_count, sizeof *old, by_key) : NULL;
         k->bodies[k->body_count++].first_geometry = t->geometry_count;
-        status = list_body(l, &l->bodies[i], &in, t) == HG_OK
-                     ? bring_body(k, &l->bodies[i], &in, found, err)
-                     : no_memory(err);
-        input_finish(&in);
+        status = list_body(k, l, &l->bodies[i], &in, t, err);
+        if (status == HG_OK)
+            status = bring_body(k, &l->bodies[i], &in, found, err);
+        input_finish(k, &in);
     }
     for (uint32_t i = 0; i < old_count; i++)
         release(k, &old[i].tree);

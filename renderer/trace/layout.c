@@ -44,6 +44,15 @@ bool hg_trace_is_invertible(const float m[12])
     return fabs(det) > 1e-5 * length[0] * length[1] * length[2];
 }
 
+// Draws elsewhere than in space, or larger than it, are not there.
+static bool is_somewhere(const float m[12])
+{
+    for (int i = 0; i < 12; i++)
+        if (!(fabsf(m[i]) <= 1e15f))
+            return false;
+    return true;
+}
+
 static int by_key(const void *a, const void *b)
 {
     const struct hg_trace_place *x = a, *y = b;
@@ -67,6 +76,8 @@ static enum hg_status list_places(
         uint64_t key = mix(3, pieces[i].key);
         for (n = 1; i + n < count && pieces[i + n].draw == pieces[i].draw; n++)
             key = mix(key, pieces[i + n].key);
+        if (!is_somewhere(pieces[i].world) || !is_somewhere(pieces[i].previous))
+            continue;
         const enum hg_status status =
             hg_grow(&l->places, &l->place_capacity, l->place_count + 1, sizeof *l->places);
         if (status != HG_OK)

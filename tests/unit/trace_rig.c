@@ -133,7 +133,7 @@ struct hg_node *rig_node(struct rig *r, struct hg_mesh *mesh, const float matrix
     return node;
 }
 
-static void sync_geometry(struct rig *r)
+void rig_pose(struct rig *r)
 {
     struct hg_gpu_cmd *cmd;
     uint64_t value;
@@ -147,17 +147,28 @@ static void sync_geometry(struct rig *r)
     hg_geometry_deforms_done(r->geometry);
 }
 
-enum hg_status rig_try(struct rig *r, uint64_t budget_bytes)
+static enum hg_status try_trace(
+    struct rig *r, const struct hg_cut_lens *lens, uint64_t budget_bytes)
 {
-    const struct hg_cut_lens lens = {.px_scale = 1000.0f, .near = 0.01f};
-    sync_geometry(r);
-    rig_check(r, hg_cut_make(r->geometry, &lens, r->jobs, &r->cut, &r->err));
+    rig_check(r, hg_cut_make(r->geometry, lens, r->jobs, &r->cut, &r->err));
     if (r->trace == NULL) {
         const struct hg_trace_params params = {
             .backend = r->backend, .jobs = r->jobs, .budget_bytes = budget_bytes};
         rig_check(r, hg_trace_create(r->gpu, &params, &r->trace, &r->err));
     }
     return hg_trace_sync(r->trace, r->cut, &r->err);
+}
+
+void rig_trace(struct rig *r, const struct hg_cut_lens *lens, uint64_t budget_bytes)
+{
+    rig_check(r, try_trace(r, lens, budget_bytes));
+}
+
+enum hg_status rig_try(struct rig *r, uint64_t budget_bytes)
+{
+    const struct hg_cut_lens lens = {.px_scale = 1000.0f, .near = 0.01f};
+    rig_pose(r);
+    return try_trace(r, &lens, budget_bytes);
 }
 
 void rig_sync(struct rig *r)
