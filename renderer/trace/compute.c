@@ -38,6 +38,7 @@ struct compute {
     struct hg_gpu_buffer top;
     uint64_t instances_at;
     struct hg_bvh top_bvh;
+    uint32_t features; // HG_BVH_* of any instance
     uint32_t piece[2]; // rays of a dispatch: closest, blocked
 };
 
@@ -499,6 +500,9 @@ static enum hg_status build_top(
     enum hg_status status = p.instances != NULL && p.boxes != NULL ? HG_OK : no_memory(err);
     if (status == HG_OK)
         place_all(c, l, &p);
+    c->features = 0;
+    for (uint32_t i = 0; i < p.count; i++)
+        c->features |= p.instances[i].flags;
     hg_bvh_finish(&c->top_bvh);
     c->top_bvh.root = HG_BVH_NONE;
     if (status == HG_OK) {
@@ -554,7 +558,7 @@ static enum hg_status dispatch(
 {
     struct hg_gpu *gpu = c->trace->gpu;
     const struct hg_gpu_pipeline_params params = {
-        .compute = "trace_bvh.comp", .spec = {any}, .spec_count = 1};
+        .compute = "trace_bvh.comp", .spec = {any, c->features}, .spec_count = 2};
     struct hg_gpu_cmd *cmd;
     uint64_t value;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);

@@ -1,8 +1,13 @@
 // bvh.glsl - a ray through the two-level tree of shared/bvh.h.
+//
+// Software devices run both sides of a branch for all rays of a group, but no loop that no ray is in.
+// So what few steps need (instances, leaves) stands in loops that run once or not at all.
 #ifndef HG_LIB_BVH_GLSL
 #define HG_LIB_BVH_GLSL
 
 #include "shared/bvh.h"
+
+layout(constant_id = 1) const uint hg_bvh_features = 0u; // HG_BVH_* of any instance
 
 struct hg_bvh_ray { // in the space of the tree that is being walked
     vec3 origin, direction;
@@ -68,7 +73,7 @@ bool hg_bvh_triangle(hg_bvh_ray r, vec3 p0, vec3 p1, vec3 p2, float t_min, inout
 // World to object at a time in the shutter.
 void hg_bvh_to_object(hg_gpu_bvh_instance i, hg_gpu_ray ray, out vec3 origin, out vec3 direction)
 {
-    if ((i.flags & HG_BVH_MOVES) == 0u) {
+    if ((hg_bvh_features & HG_BVH_MOVES) == 0u || (i.flags & HG_BVH_MOVES) == 0u) {
         origin = i.to_object * vec4(ray.origin_ws, 1.0);
         direction = mat3(i.to_object) * ray.direction_ws;
         return;
@@ -94,7 +99,7 @@ bool hg_bvh_leaf(hg_bvh_body i, hg_bvh_ray r, hg_gpu_ray ray, uint leaf, inout h
         hg_gpu_bvh_triangle p = i.triangles.v[k];
         if ((p.owner >> 28 & ray.mask) == 0u)
             continue;
-        if ((i.flags & HG_BVH_DEFORMS) != 0u) {
+        if ((hg_bvh_features & i.flags & HG_BVH_DEFORMS) != 0u) {
             hg_gpu_bvh_corners q = i.openings.v[k];
             p.p0 = mix(q.p0, p.p0, ray.time);
             p.p1 = mix(q.p1, p.p1, ray.time);
@@ -130,35 +135,41 @@ bool hg_bvh_trace(hg_gpu_bvh_wave wave, hg_gpu_ray ray, bool any, out hg_gpu_hit
     bool inside = false; // of an instance
     hg_bvh_body body;
     for (uint step = 0u; step < HG_BVH_STEPS; step++) {
+        bool descends = false;
         if ((ref & HG_BVH_LEAF) == 0u) {
             hg_gpu_bvh_node n = nodes.v[ref];
             float t0 = hg_bvh_box(r, uvec3(n.x0, n.y0, n.z0), ray.t_min, hit.t);
             float t1 = hg_bvh_box(r, uvec3(n.x1, n.y1, n.z1), ray.t_min, hit.t);
-            if (t0 >= 0.0 || t1 >= 0.0) {
-                bool second = t0 < 0.0 || (t1 >= 0.0 && t1 < t0);
-                if (t0 >= 0.0 && t1 >= 0.0 && depth < 2u * HG_BVH_DEPTH)
-                    stack[depth++] = second ? n.child0 : n.child1;
-                ref = second ? n.child1 : n.child0;
-                continue;
-            }
-        } else if (!inside) {
-            uint next = ref & HG_BVH_FIRST;
-            if ((wave.instances.v[next].mask & ray.mask) != 0u) {
-                hg_gpu_bvh_instance i = wave.instances.v[next];
+            bool second = t0 < 0.0 || (t1 >= 0.0 && t1 < t0);
+            if (t0 >= 0.0 && t1 >= 0.0 && depth < 2u * HG_BVH_DEPTH)
+                stack[depth++] = second ? n.child0 : n.child1;
+            descends = t0 >= 0.0 || t1 >= 0.0;
+            ref = second ? n.child1 : n.child0;
+        } else {
+            uint leaves = inside ? 1u : 0u;
+            for (; leaves > 0u; leaves--)
+                if (hg_bvh_leaf(body, r, ray, ref, hit) && any)
+                    return true;
+            uint entered = inside ? 0u : 1u;
+            for (; entered > 0u; entered--) {
+                hg_gpu_bvh_instance i = wave.instances.v[ref & HG_BVH_FIRST];
+                if ((i.mask & ray.mask) == 0u)
+                    break;
                 vec3 origin, direction;
                 hg_bvh_to_object(i, ray, origin, direction);
                 r = hg_bvh_enter(origin, direction, i.origin, i.step);
                 nodes = i.nodes;
                 body = hg_bvh_body(i.triangles, i.openings, i.draw, i.flags);
                 inside = true;
+                descends = true;
                 base = depth;
                 ref = i.root;
-                continue;
             }
-        } else if (hg_bvh_leaf(body, r, ray, ref, hit) && any) {
-            return true;
         }
-        if (inside && depth == base) {
+        if (descends)
+            continue;
+        uint left = inside && depth == base ? 1u : 0u;
+        for (; left > 0u; left--) {
             inside = false;
             nodes = wave.nodes;
             r = hg_bvh_enter(ray.origin_ws, ray.direction_ws, wave.origin, wave.step);
