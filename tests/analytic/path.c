@@ -1,0 +1,318 @@
+// path.c - path-traced pictures against closed forms: white furnace, a sphere light over a plane,
+// slabs that absorb and reflect; estimators against each other; interrupted renders against whole
+// ones.
+#include <math.h>
+#include <string.h>
+
+#include "renderer/internal.h"
+#include "shaders/shared/path.h"
+#include "tests/analytic/rig.h"
+
+enum { SIDE = 48 };
+
+static const struct hg_view_params defaults = {.width = SIDE,
+    .height = SIDE,
+    .tonemap = HG_TONEMAP_LINEAR,
+    .mode = HG_MODE_PATH,
+    .filter = HG_FILTER_BOX,
+    .samples = 64,
+    .seed = 7};
+
+static void look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad)
+{
+    struct hg_error err = {0};
+    struct hg_view_camera camera = {.vfov_rad = vfov_rad};
+    memcpy(camera.eye, eye, sizeof camera.eye);
+    memcpy(camera.target, target, sizeof camera.target);
+    camera.up[fabsf(eye[1] - target[1]) > 10.0f * fabsf(eye[2] - target[2]) ? 2 : 1] = 1.0f;
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+}
+
+static struct hg_view *open_view(struct rig *rig, const struct hg_view_params *params)
+{
+    struct hg_error err = {0};
+    struct hg_view *view;
+    hg_scene_publish(rig->scene);
+    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, params, &err), &err);
+    hg_view_set_final(view, true);
+    return view;
+}
+
+static void settle(struct hg_view *view, int steps)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < steps && !info.settled; i++)
+        test_ok(hg_view_step(view, 8, &info, &err), &err);
+}
+
+static struct hg_refbuf *plane_of(struct hg_view *view, enum hg_plane plane)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_plane(view, plane, &out, &err), &err);
+    return out;
+}
+
+// Mean of a channel over the middle of the picture, `share` of its width.
+static double middle(struct hg_view *view, double share, int channel)
+{
+    struct hg_refbuf *color = plane_of(view, HG_PLANE_COLOR);
+    const float *at = (const float *)(const void *)color->data;
+    const int from = (int)(SIDE * 0.5 * (1.0 - share)), to = SIDE - from;
+    double sum = 0;
+    for (int y = from; y < to; y++)
+        for (int x = from; x < to; x++)
+            sum += (double)at[(y * SIDE + x) * 4 + channel];
+    hg_refbuf_unref(color);
+    return sum / ((to - from) * (to - from));
+}
+
+static void environment(struct rig *rig, float radiance)
+{
+    struct hg_environment *e = &rig->scene->environment;
+    e->kind = HG_ENV_COLOR;
+    e->intensity = 1.0f;
+    e->color[0] = e->color[1] = e->color[2] = radiance;
+    e->revision++;
+}
+
+static double render(struct rig *rig, const struct hg_view_params *params, const float eye[3],
+    const float target[3], float vfov_rad, double share)
+{
+    struct hg_view *view = open_view(rig, params);
+    look(view, eye, target, vfov_rad);
+    settle(view, 100000);
+    const double mean = middle(view, share, 0);
+    hg_view_destroy(view);
+    return mean;
+}
+
+// Base without any specular part: exactly Lambert.
+static struct hg_material *lambert(struct rig *rig, float albedo)
+{
+    struct hg_material *m = rig_material(rig);
+    m->specular = 0.0f;
+    m->has_specular = true;
+    for (int i = 0; i < 3; i++)
+        m->base_color[i] = albedo;
+    return m;
+}
+
+static void test_furnace(void **state)
+{
+    struct rig *rig = *state;
+    static const float center[3] = {0, 0, 0}, eye[3] = {0, 0, 3};
+    for (int metallic = 0; metallic < 2; metallic++) {
+        for (int i = 0; i < 4; i++) {
+            const float roughness[4] = {0.0f, 0.25f, 0.6f, 1.0f};
+            rig_scene(rig);
+            environment(rig, 1.0f);
+            struct hg_material *m = rig_material(rig);
+            m->metallic = (float)metallic;
+            m->roughness = roughness[i];
+            rig_sphere(rig, m, center, 1.0f, 96);
+            const double mean = render(rig, &defaults, eye, center, 0.6f, 0.6);
+            print_message(
+                "furnace: metallic %d roughness %g: %.4f\n", metallic, (double)roughness[i], mean);
+            assert_true(fabs(mean - 1.0) < 0.01);
+        }
+    }
+}
+
+static void plane(struct rig *rig, struct hg_material *m, float half)
+{
+    const float corners[4][3] = {
+        {-half, 0, half}, {half, 0, half}, {half, 0, -half}, {-half, 0, -half}};
+    rig_quad(rig, m, corners);
+}
+
+// E = pi L (r / h)^2 below the middle of a sphere: a Lambert plane sends back L (r / h)^2.
+static void test_sphere_light(void **state)
+{
+    struct rig *rig = *state;
+    static const float at[3] = {0, 2, 0}, eye[3] = {0, 0.6f, 1.2f}, origin[3] = {0, 0, 0};
+    rig_scene(rig);
+    plane(rig, lambert(rig, 1.0f), 5);
+    struct hg_material *light = lambert(rig, 0.0f);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 10.0f;
+    rig_sphere(rig, light, at, 0.5f, 64);
+    struct hg_view_params params = defaults;
+    params.samples = 256;
+    const double mean = render(rig, &params, eye, origin, 0.02f, 1.0);
+    const double expected = 10.0 * 0.25 * 0.25;
+    print_message("sphere light: %.5f, %.5f expected\n", mean, expected);
+    assert_true(fabs(mean / expected - 1.0) < 0.005);
+}
+
+static void lit_room(struct rig *rig)
+{
+    const float lamp[4][3] = {
+        {-0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, 0.4f}, {-0.4f, 1.5f, 0.4f}};
+    const float wall[4][3] = {{-2, 0, -1}, {2, 0, -1}, {2, 2, -1}, {-2, 2, -1}};
+    const float center[3] = {0.2f, 0.4f, 0};
+    rig_scene(rig);
+    environment(rig, 0.2f);
+    plane(rig, lambert(rig, 0.6f), 3);
+    struct hg_material *shiny = rig_material(rig);
+    shiny->roughness = 0.4f;
+    shiny->metallic = 1.0f;
+    rig_quad(rig, shiny, wall);
+    rig_sphere(rig, rig_material(rig), center, 0.4f, 48);
+    struct hg_material *light = lambert(rig, 0.0f);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 4.0f;
+    light->double_sided = true;
+    rig_quad(rig, light, lamp);
+}
+
+// Rays to lights alone, light that is run into alone, and both weighted: the same mean.
+static void test_estimators(void **state)
+{
+    struct rig *rig = *state;
+    static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
+    double mean[3];
+    for (uint32_t use = 1; use <= 3; use++) {
+        lit_room(rig);
+        rig->renderer->context.estimators = use;
+        struct hg_view_params params = defaults;
+        params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
+        params.max_bounces = 4;
+        mean[use - 1] = render(rig, &params, eye, target, 0.8f, 1.0);
+    }
+    rig->renderer->context.estimators = 0;
+    print_message("estimators: %.5f %.5f %.5f\n", mean[0], mean[1], mean[2]);
+    assert_true(fabs(mean[0] / mean[2] - 1.0) < 0.01);
+    assert_true(fabs(mean[1] / mean[2] - 1.0) < 0.01);
+}
+
+// A closed box between -x..x, -y..y, -z..z.
+static void box(struct rig *rig, struct hg_material *m, float x, float y, float z)
+{
+    float positions[72], normals[72];
+    uint32_t index[36];
+    for (int face = 0; face < 6; face++) {
+        const int axis = face / 2;
+        const float side = face % 2 ? 1.0f : -1.0f;
+        for (int k = 0; k < 4; k++) {
+            float *p = positions + (face * 4 + k) * 3, *n = normals + (face * 4 + k) * 3;
+            const float a = k == 1 || k == 2 ? 1.0f : -1.0f, b = k >= 2 ? 1.0f : -1.0f;
+            n[0] = n[1] = n[2] = 0.0f;
+            n[axis] = p[axis] = side;
+            p[(axis + 1) % 3] = side > 0 ? a : b;
+            p[(axis + 2) % 3] = side > 0 ? b : a;
+            p[0] *= x;
+            p[1] *= y;
+            p[2] *= z;
+        }
+        const uint32_t quad[6] = {0, 1, 2, 0, 2, 3};
+        for (int k = 0; k < 6; k++)
+            index[face * 6 + k] = (uint32_t)face * 4 + quad[k];
+    }
+    rig_mesh(rig, m, 24, positions, normals, 36, index);
+}
+
+static void back_light(struct rig *rig)
+{
+    const float corners[4][3] = {{-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}};
+    struct hg_material *light = lambert(rig, 0.0f);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 1.0f;
+    rig_quad(rig, light, corners);
+}
+
+// Light straight through a slab: (1 - R) / (1 + R) with R = ((n - 1) / (n + 1))^2, all orders of
+// reflection between its sides; exp(-sigma d) where it absorbs and does not reflect.
+static void test_slabs(void **state)
+{
+    struct rig *rig = *state;
+    static const float eye[3] = {0, 0, 4}, origin[3] = {0, 0, 0};
+    struct hg_view_params params = defaults;
+    params.samples = 1024;
+    rig_scene(rig);
+    back_light(rig);
+    struct hg_material *glass = rig_material(rig);
+    glass->roughness = 0.0f;
+    glass->transmission = glass->thickness = 1.0f;
+    box(rig, glass, 2, 2, 0.25f);
+    const double through = render(rig, &params, eye, origin, 0.02f, 1.0);
+    const double expected = (1 - 0.04) / (1 + 0.04);
+    print_message("Fresnel slab: %.5f, %.5f expected\n", through, expected);
+
+    rig_scene(rig);
+    back_light(rig);
+    struct hg_material *dark = rig_material(rig);
+    dark->roughness = 0.0f;
+    dark->transmission = dark->thickness = 1.0f;
+    dark->ior = 1.0f;
+    dark->has_ior = true;
+    dark->attenuation_distance = 0.5f;
+    dark->attenuation_color[0] = dark->attenuation_color[1] = dark->attenuation_color[2] = 0.3f;
+    box(rig, dark, 2, 2, 0.25f);
+    params.samples = 64;
+    const double left = render(rig, &params, eye, origin, 0.02f, 1.0);
+    print_message("absorbing slab: %.5f, 0.3 expected\n", left);
+    assert_true(fabs(through / expected - 1.0) < 0.005);
+    assert_true(fabs(left / 0.3 - 1.0) < 0.005);
+}
+
+// Saved in the middle and gone on with in another view: the same bits.
+static void test_resume(void **state)
+{
+    struct rig *rig = *state;
+    static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
+    struct hg_error err = {0};
+    struct hg_refbuf *saved, *whole, *resumed;
+    struct hg_view_params params = defaults;
+    params.samples = 40;
+    params.noise = 0.08f;
+    params.planes = 1u << HG_PLANE_ALBEDO | 1u << HG_PLANE_DEPTH;
+    lit_room(rig);
+    struct hg_view *a = open_view(rig, &params);
+    look(a, eye, target, 0.8f);
+    settle(a, 7);
+    test_ok(hg_view_save(a, &saved, &err), &err);
+    settle(a, 100000);
+    whole = plane_of(a, HG_PLANE_COLOR);
+    hg_view_destroy(a);
+
+    struct hg_view *b = open_view(rig, &params);
+    look(b, eye, target, 0.8f);
+    saved->data[saved->size - 1] ^= 1;
+    assert_int_equal(hg_view_load(b, saved->data, saved->size, &err), HG_E_INVAL);
+    saved->data[saved->size - 1] ^= 1;
+    assert_int_equal(hg_view_load(b, saved->data, saved->size - 1, &err), HG_E_INVAL);
+    test_ok(hg_view_load(b, saved->data, saved->size, &err), &err);
+    settle(b, 100000);
+    resumed = plane_of(b, HG_PLANE_COLOR);
+    assert_int_equal(whole->size, resumed->size);
+    assert_memory_equal(whole->data, resumed->data, whole->size);
+    params.seed++;
+    test_ok(hg_view_set_params(b, &params, &err), &err);
+    assert_int_equal(hg_view_load(b, saved->data, saved->size, &err), HG_E_INVAL);
+    hg_view_destroy(b);
+    hg_refbuf_unref(saved);
+    hg_refbuf_unref(whole);
+    hg_refbuf_unref(resumed);
+}
+
+static int set_up(void **state)
+{
+    static struct rig rig;
+    rig_init(&rig);
+    *state = &rig;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    rig_finish(*state);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
+        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_estimators),
+        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
