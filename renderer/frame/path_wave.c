@@ -48,7 +48,7 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
         {&p->shadows.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "shadow paths"},
         {&p->tiles, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave tiles"},
         {&p->tile_samples, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave samples"},
-        {&p->block_buffer, (sizeof p->block + 255) / 256 * 256, HG_GPU_BUFFER_UPLOAD, "path"}};
+        {&p->block_buffer, (2 * sizeof p->block + 255) / 256 * 256, HG_GPU_BUFFER_UPLOAD, "path"}};
     enum hg_status status = HG_OK;
     for (size_t i = 0; i < sizeof all / sizeof *all && status == HG_OK; i++)
         status = hg_gpu_buffer_reserve(

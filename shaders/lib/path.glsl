@@ -7,14 +7,18 @@
 #include "lib/sobol.glsl"
 #include "shared/path.h"
 
+// Mesa 22.3 makes words of uniform blocks that branches depend on constants of the shader, and
+// writes beyond its own table of them when they are those of this block. It leaves out what has no
+// constant offset: the block is the first of an array, by an index that only the host knows.
 layout(set = 0, binding = HG_BIND_PATH, scalar) uniform hg_path_block
 {
-    hg_gpu_path hg_path;
+    hg_gpu_path hg_path_blocks[2];
 };
 layout(push_constant, scalar) uniform hg_push
 {
     hg_gpu_path_push push;
 };
+#define hg_path hg_path_blocks[push.block]
 
 float hg_path_get(uint word, uint slot)
 {

@@ -112,7 +112,7 @@ struct hg_gpu_path {
 struct hg_gpu_path_push {
     HG_PTR(hg_path_words) list; // [count] slots
     HG_UINT count;
-    HG_UINT reserved;
+    HG_UINT block; // 0: see lib/path.glsl
 };
 
 // The shadow table has the binding of the path block: paths use no shadow maps.
