@@ -479,12 +479,33 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
     return status;
 }
 
+static bool transmits(const struct hg_view_state *view)
+{
+    return (view->rooms->features & HG_FEATURE_TRANSMISSION) != 0;
+}
+
+// The opaque scene as it is seen through layers.
+static enum hg_status record_behind(
+    struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
+{
+    enum hg_status status = make(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
+    const struct hg_shade shade = {.visibility = &view->visibility,
+        .depth = &view->depth,
+        .target = &view->behind,
+        .clear = true,
+        .counted = view->stream.exact,
+        .alone = true};
+    return status == HG_OK ? hg_shade_record(pass, &shade, err) : status;
+}
+
 static enum hg_status record_layers(
     struct hg_view_state *view, struct hg_pass *pass, uint32_t slot, struct hg_error *err)
 {
     const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < view->layer_limit && status == HG_OK; i++) {
+    // What lets light through shows what is behind it by itself: it hides further layers.
+    const bool holes = view->rooms->has_holes;
+    for (uint32_t i = 0; i < (holes ? view->layer_limit : 1) && status == HG_OK; i++) {
         const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
         status = hg_visibility_record_layer(
             pass, &scene, &target, &view->depth, i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
@@ -493,13 +514,15 @@ static enum hg_status record_layers(
             .target = &view->layer_color,
             .clear = i == 0,
             .counted = view->stream.exact,
-            .layer = true};
+            .layer = true,
+            .behind = transmits(view) ? &view->behind : NULL,
+            .behind_depth = transmits(view) ? &view->depth : NULL};
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
     }
     struct hg_gpu_image *last = &view->layers[(view->layer_limit - 1) % 2];
-    return status == HG_OK ? hg_layer_any_record(pass, last, &view->layers_full, slot, err)
-                           : status;
+    return status == HG_OK && holes ? hg_layer_any_record(pass, last, &view->layers_full, slot, err)
+                                    : status;
 }
 
 // A debug view takes one sample through the pixels' centres and needs no light.
@@ -575,6 +598,8 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
         status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && blend)
         status = make_layers(view, err);
+    if (status == HG_OK && blend && transmits(view))
+        status = record_behind(view, &pass, err);
     if (status == HG_OK && blend)
         status = record_layers(view, &pass, slot, err);
     const bool dark = tells_dark(view, &pass);

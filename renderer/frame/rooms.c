@@ -77,6 +77,19 @@ static uint32_t scene_features(const struct hg_scene *scene, const struct hg_tex
     return features;
 }
 
+// Alpha blends, or cuts holes into what lets light through.
+static bool has_holes(const struct hg_scene *scene)
+{
+    bool holes = false;
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MATERIAL].count; i++) {
+        const struct hg_material *m =
+            (const struct hg_material *)scene->objects[HG_OBJECT_MATERIAL].items[i];
+        holes |= m->alpha_mode == HG_ALPHA_BLEND ||
+                 (m->alpha_mode == HG_ALPHA_MASK && m->transmission > 0.0f);
+    }
+    return holes;
+}
+
 // --- rooms ---------------------------------------------------------------------------------------
 
 static void destroy(struct hg_frame_context *context, struct hg_rooms *rooms)
@@ -172,6 +185,7 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
         status = hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
     if (status == HG_OK) {
         rooms->features = scene_features(rooms->scene, rooms->textures);
+        rooms->has_holes = has_holes(rooms->scene);
         rooms->scene_revision = rooms->scene->revision;
     }
     return status;

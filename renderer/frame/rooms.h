@@ -37,6 +37,7 @@ struct hg_rooms {
     struct hg_scene *scene;
     uint32_t refs;
     uint32_t features;       // HG_FEATURE_* of its materials and meshes
+    bool has_holes;          // some surface that is drawn in layers is not there everywhere
     uint64_t scene_revision; // brought to the device, UINT64_MAX = none
     struct hg_textures *textures;
     struct hg_geometry *geometry;

@@ -32,6 +32,7 @@ static void destroy_extras(struct hg_view_state *view)
         hg_gpu_image_destroy(gpu, &view->layers[i]);
     hg_gpu_image_destroy(gpu, &view->layer_visibility);
     hg_gpu_image_destroy(gpu, &view->layer_color);
+    hg_gpu_image_destroy(gpu, &view->behind);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->pixels[i]);
     hg_stream_finish(gpu, &view->stream);

@@ -102,7 +102,8 @@ bool hg_material_pack(
     out->flags = (m->alpha_mode == HG_ALPHA_MASK ? HG_MATERIAL_MASK : 0u) |
                  (m->alpha_mode == HG_ALPHA_BLEND ? HG_MATERIAL_BLEND : 0u) |
                  (m->double_sided ? HG_MATERIAL_DOUBLE_SIDED : 0u) |
-                 (m->unlit ? HG_MATERIAL_UNLIT : 0u);
+                 (m->unlit ? HG_MATERIAL_UNLIT : 0u) |
+                 (m->transmission > 0.0f && !m->unlit ? HG_MATERIAL_TRANSMITS : 0u);
     for (uint32_t i = 0; i < HG_MATERIAL_SLOTS; i++)
         if (pack_texture(m, textures, slots[i], &out->slots[i], out->transforms + i * 6))
             out->flags |= HG_MATERIAL_HAS(i);

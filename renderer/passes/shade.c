@@ -3,8 +3,8 @@
 #include "shaders/shared/dark.h"
 #include "shaders/shared/features.h"
 
-// Values of the specialisation constant of shade.frag.
-enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS };
+// Values of the specialisation constant of shade.frag. ALONE: what layers let through.
+enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS };
 
 struct style {
     enum variant variant;
@@ -23,6 +23,8 @@ static struct hg_gpu_pipeline_params pipeline_of(
 {
     if (style->dark)
         features &= ~LIGHT_FEATURES;
+    if (style->variant != LAYER) // what lets light through is drawn as a layer
+        features &= ~HG_FEATURE_TRANSMISSION;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? "shade_flat.frag" : "shade.frag",
@@ -102,10 +104,12 @@ enum hg_status hg_shade_record(
 {
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
-    bindings.images[HG_BIND_COLOR_A] = shade->front;
+    bindings.images[HG_BIND_COLOR_A] = shade->layer ? shade->behind : shade->front;
+    bindings.images[HG_BIND_DEPTH] = shade->layer ? shade->behind_depth : NULL;
     const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER
+                                           : shade->alone         ? ALONE
                                            : shade->front != NULL ? OPAQUE_BEHIND
                                                                   : OPAQUE,
         .first = picture || shade->clear,

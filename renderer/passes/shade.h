@@ -23,6 +23,10 @@ struct hg_shade {
     bool dark;  // surfaces at HG_DARK_DEPTH are reached by no light, others lie in front of it. Not
                 // for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
+    // The opaque scene alone, to be seen through layers that let light through: alpha is 0 where it
+    // is not as it will be, since texels are missing. Needs `clear`; keeps no count.
+    bool alone;
+    struct hg_gpu_image *behind, *behind_depth; // of layers: that picture and its depth
 };
 
 enum hg_status hg_shade_record(

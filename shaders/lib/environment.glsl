@@ -142,6 +142,55 @@ vec3 hg_environment_brdf(hg_brdf b, float occlusion)
     return single * radiance + (b.f_ms * miss + b.diffuse * (1.0 - e_dielectric)) * irradiance;
 }
 
+#ifdef HG_LIB_BSDF_GLSL
+// Direction in which the base reflects: the mirror's, for anisotropic ones about a facet that xi
+// chooses among those that are tilted along the rough axis only; the roughness across it is left to
+// the prefiltered images.
+vec3 hg_environment_mirror(hg_bsdf b, vec2 xi)
+{
+    vec3 r = 2.0 * dot(b.base.n, b.base.v) * b.base.n - b.base.v;
+    if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x <= b.alpha.y)
+        return r;
+    vec2 alpha = vec2(sqrt(b.alpha.x * b.alpha.x - b.alpha.y * b.alpha.y), 1e-4);
+    vec3 h = hg_sample_aniso_vndf(b.v_ts, alpha, xi);
+    vec3 l = 2.0 * dot(b.v_ts, h) * h - b.v_ts;
+    return normalize(b.t * l.x + b.s * l.y + b.base.n * abs(l.z));
+}
+
+// hg_environment_brdf for all lobes but transmission. xi: two random numbers of the sample.
+vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
+{
+    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE)
+        return vec3(0.0);
+    vec3 r = hg_environment_mirror(b, xi);
+    float r2 = b.base.roughness * b.base.roughness, shade = 1.0;
+    if (occlusion < 1.0)
+        shade = hg_specular_occlusion(b.base.n_dot_v, occlusion, b.base.alpha);
+    vec3 irradiance = hg_environment_irradiance(b.base.n) * occlusion;
+    vec3 lobe = normalize(mix(r, b.base.n, r2 * r2));
+    vec3 radiance = hg_environment_prefiltered(lobe, b.base.roughness) * shade;
+    vec3 f0 = b.base.f0;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
+        f0 = mix(f0, hg_bsdf_film_f0(b, b.base.n_dot_v), b.iridescence);
+    float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
+    vec3 sum = (f0 * b.base.dfg_v.x + b.f90 * b.base.dfg_v.y) * radiance * b.through_v;
+    sum += b.base.f_ms * (miss * b.through_v) * irradiance + b.base.diffuse * b.enter_v * irradiance;
+    if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
+        sum += b.behind * b.enter_v * hg_environment_irradiance(-b.base.n) * occlusion;
+    if (HG_HAS(HG_FEATURE_SHEEN))
+        sum += b.sheen * (min(b.sheen_albedo_v, 1.0) * b.coat_v) * irradiance;
+    if (HG_HAS(HG_FEATURE_CLEARCOAT)) {
+        vec3 coat = 2.0 * dot(b.coat_n, b.base.v) * b.coat_n - b.base.v;
+        float c2 = b.coat_roughness * b.coat_roughness;
+        coat = normalize(mix(coat, b.coat_n, c2 * c2));
+        if (occlusion < 1.0)
+            shade = hg_specular_occlusion(b.coat_n_dot_v, occlusion, b.coat_alpha);
+        sum += hg_environment_prefiltered(coat, b.coat_roughness) * ((1.0 - b.coat_v) * shade);
+    }
+    return sum;
+}
+#endif
+
 #ifdef HG_LIB_MATERIAL_GLSL
 // The same for an evaluated material (include lib/material.glsl first).
 vec3 hg_environment_light(hg_surface s, vec3 view_ws)

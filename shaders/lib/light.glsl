@@ -6,6 +6,7 @@
 #define HG_LIB_LIGHT_GLSL
 
 #include "lib/brdf.glsl"
+// Includes of lib/bsdf.glsl come first, where materials may have lobes (HG_FEATURE_LOBES).
 
 layout(set = 0, binding = HG_BIND_SHADOW) uniform sampler2D hg_shadow_atlas;
 
@@ -192,6 +193,43 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
     return light.color * e;
 }
 
+#ifdef HG_LIB_BSDF_GLSL
+hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
+#endif
+
+// f(v, l) |n.l| of what light falls on.
+vec3 hg_light_reflected(hg_brdf b, vec3 l)
+{
+#ifdef HG_LIB_BSDF_GLSL
+    float pdf;
+    if (HG_HAS(HG_FEATURE_LOBES))
+        return hg_bsdf_evaluate(hg_light_bsdf, l, pdf);
+#endif
+    return hg_brdf_evaluate(b, l);
+}
+
+// Whether light from l may show: from behind, it goes through what is thin.
+bool hg_light_reaches(hg_brdf b, vec3 l)
+{
+#ifdef HG_LIB_BSDF_GLSL
+    if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) || HG_HAS(HG_FEATURE_TRANSMISSION)) {
+        if (hg_light_bsdf.transmission > 0.0 || hg_max3(hg_light_bsdf.behind) > 0.0)
+            return true;
+    }
+#endif
+    return dot(b.n, l) > 0.0;
+}
+
+// The side of the surface that is lit, as its normal: shadows are those of that side.
+vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
+{
+#ifdef HG_LIB_BSDF_GLSL
+    if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) || HG_HAS(HG_FEATURE_TRANSMISSION))
+        return dot(b.n, l) < 0.0 ? -n_geometric : n_geometric;
+#endif
+    return n_geometric;
+}
+
 // Light that arrives at a surface from one light. A surface that faces away lies in its own shadow,
 // whatever its normal map says.
 vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
@@ -199,9 +237,10 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
-    if (dot(b.n, l) <= 0.0 || max(e.r, max(e.g, e.b)) <= 0.0)
+    if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
-    vec3 sum = e * hg_brdf_evaluate(b, l);
+    vec3 sum = e * hg_light_reflected(b, l);
+    n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
         sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l) : 0.0;
     return sum;
@@ -211,7 +250,8 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
 vec3 hg_light_sun(hg_brdf b, vec3 pos_ws, vec3 n_geometric)
 {
     vec3 l = -hg_sun.direction_ws;
-    vec3 sum = hg_sun.color * hg_brdf_evaluate(b, l);
+    vec3 sum = hg_sun.color * hg_light_reflected(b, l);
+    n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && hg_sun.shadow != HG_SHADOW_NONE)
         sum *= dot(n_geometric, l) > 0.0 ? hg_shadow_of_sun(pos_ws, n_geometric, l) : 0.0;
     return sum;

@@ -122,7 +122,7 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
     vec3 r23 = hg_schlick(at_base * at_base, cos_film);
     vec3 shift = vec3(eta < 1.0 ? 0.0 : HG_PI) + HG_PI * vec3(lessThan(base, vec3(eta)));
     float path_nm = 2.0 * eta * thickness_nm * cos_film;
-    vec3 r123 = clamp(r12 * r23, 1e-5, 0.9999), root123 = sqrt(r123);
+    vec3 r123 = clamp(r12 * r23, 0.0, 0.9999), root123 = sqrt(r123);
     vec3 rs = t12 * t12 * r23 / (1.0 - r123);
     vec3 sum = r12 + rs, c = rs - t12;
     for (int m = 1; m <= 2; m++) {

@@ -3,7 +3,8 @@
 #ifndef HG_LIB_SHADE_GLSL
 #define HG_LIB_SHADE_GLSL
 
-layout(constant_id = 0) const uint hg_variant = 0u; // 0 opaque, 1 opaque behind layers, 2 layer
+// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers
+layout(constant_id = 0) const uint hg_variant = 0u;
 // 0: radiance, to be accumulated; else a picture at once, with the curve of this number less one.
 layout(constant_id = 4) const uint hg_picture = 0u;
 layout(constant_id = 3) const bool hg_background = false; // where nothing is; the depth test chooses
@@ -22,19 +23,21 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"
+#include "lib/bsdf.glsl"
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
 #include "lib/resolve.glsl"
 
 layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
+layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front; // of layers: what is behind
+layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_behind_depth;
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
 
 vec4 background()
 {
-    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE && hg_variant != 3u)
         return vec4(0.0);
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
         return vec4(hg_frame.background_color, 1.0);
@@ -51,6 +54,100 @@ vec4 background()
     return vec4(hg_environment_seen(ray, lod), 1.0);
 }
 
+// Metres of the world per unit of an instance's own space.
+float hg_world_scale(uint instance)
+{
+    mat4x3 m = hg_world_at(instance);
+    return pow(abs(determinant(mat3(m))), 1.0 / 3.0);
+}
+
+// Perceptual roughness of the mirror lobe that is as wide as the one behind the surface: refraction
+// widens by eta - 1 over eta times what facets tilt, reflection by twice that.
+float hg_refracted_roughness(hg_bsdf b)
+{
+    float width = b.thin ? 1.0 : clamp(2.0 * abs(b.eta - 1.0) / max(b.eta, 1.0), 0.0, 1.0);
+    return sqrt(b.base.roughness * b.base.roughness * width);
+}
+
+// Where the opaque scene lies at a pixel; false: there is none.
+bool behind_position(ivec2 pixel, out vec3 position_ws)
+{
+    float depth = texelFetch(hg_behind_depth, pixel, 0).x;
+    vec2 ndc = (vec2(pixel) + 0.5) * 2.0 * hg_frame.inv_size - 1.0;
+    vec4 p = hg_frame.camera.inv_view_proj * vec4(ndc, max(depth, 1e-9), 1.0);
+    position_ws = p.xyz / p.w;
+    return depth > 0.0;
+}
+
+// Radiance of what lies behind a layer's point, in a direction that was bent there, and after
+// `inside` metres of it leads on along `out_ws`: the opaque scene as this view has it, as far away as
+// it is at this pixel. Where the view does not have it, the environment.
+vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness)
+{
+    ivec2 here = ivec2(gl_FragCoord.xy);
+    vec3 far_ws, leaves = position_ws + in_ws * inside;
+    float reach = behind_position(here, far_ws) ? max(dot(far_ws - leaves, out_ws), 0.0) : 1e4;
+    vec3 to = leaves + out_ws * reach - hg_frame.camera.eye_ws;
+    vec4 clip = hg_frame.camera.view_proj * vec4(to, 0.0) + hg_frame.camera.proj[3];
+    vec2 at = (clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5) * vec2(hg_frame.width, hg_frame.height);
+    bool seen = clip.w > 0.0 && all(greaterThanEqual(at, vec2(0.0))) &&
+        all(lessThan(at, vec2(hg_frame.width, hg_frame.height)));
+    ivec2 pixel = seen ? ivec2(at) : here;
+    bool something = behind_position(pixel, far_ws);
+    // What stands in front of the layer is not behind it.
+    if (something && dot(far_ws - position_ws, hg_frame.camera.forward_ws) < 0.0)
+        pixel = here;
+    vec4 color = texelFetch(hg_front, pixel, 0);
+    if (HG_HAS(HG_FEATURE_STREAM) && hg_textures_exact() && color.a < 0.5)
+        hg_texture_coarser = max(hg_texture_coarser, 1u);
+    return seen ? color.rgb : hg_environment_prefiltered(out_ws, roughness);
+}
+
+// Light that comes through the surface from what lies behind it. Rough ones bend at a facet of their
+// own in each sample; a picture of one sample takes several.
+#define TRANSMITTED_TAPS 8u
+vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
+{
+    if (b.transmission <= 0.0)
+        return vec3(0.0);
+    float thickness = b.thin ? 0.0 : s.thickness * hg_world_scale(v.instance);
+    float roughness = hg_refracted_roughness(b), eta = max(b.eta, 1.0001);
+    vec3 straight = -b.base.v, sum = vec3(0.0);
+    if (!b.thin)
+        hg_refract(b.base.v, b.base.n, eta, straight);
+    uint taps = hg_frame.sample_index == 0u ? TRANSMITTED_TAPS : 1u, tap = 0u;
+    do {
+        vec2 xi = hg_random3(uvec2(gl_FragCoord.xy), 3u + tap).xy;
+        vec3 h = hg_sample_aniso_vndf(b.v_ts, b.alpha, xi);
+        h = b.base.roughness < HG_DELTA_ROUGHNESS ? vec3(0.0, 0.0, 1.0) : h;
+        vec3 l = vec3(2.0 * dot(b.v_ts, h) * h.xy - b.v_ts.xy, 0.0);
+        l.z = -abs(2.0 * dot(b.v_ts, h) * h.z - b.v_ts.z);
+        if (!b.thin)
+            hg_refract(b.v_ts, h, eta, l);
+        vec3 l_ws = normalize(b.t * l.x + b.s * l.y + b.base.n * l.z);
+        // It leaves the other side as it came, but for what the facet turned it.
+        vec3 out_ws = normalize((l_ws - straight) * (b.thin ? 1.0 : eta) - b.base.v);
+        sum += behind(v.position_ws, l_ws, thickness, out_ws, roughness);
+    } while (++tap < taps);
+    float e = hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v);
+    return b.tint * hg_bsdf_attenuation(b.attenuation, thickness) * sum *
+        (b.transmission * (1.0 - e) * b.through_v / float(taps));
+}
+
+// hg_bsdf of all lobes, and the light of the whole scene on it.
+vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
+{
+    hg_bsdf b = hg_bsdf_make(s, view, 1.0);
+    b.delta = b.coat_delta = false; // highlights of point lights are to be seen
+    vec3 radiance = hg_bsdf_emission(b, s.emissive);
+    radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(gl_FragCoord.xy), 2u).xy);
+    if (HG_HAS(HG_FEATURE_TRANSMISSION))
+        radiance += transmitted(b, s, v);
+    hg_light_bsdf = b;
+    return radiance +
+        hg_light_brdf(b.base, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
+}
+
 vec4 surface(uvec2 id)
 {
     // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
@@ -61,6 +158,8 @@ vec4 surface(uvec2 id)
     hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
+    if (HG_HAS(HG_FEATURE_LOBE_TEXTURES) && HG_HAS(HG_FEATURE_STREAM))
+        hg_texture_drawn = hg_texture_draws(uvec2(gl_FragCoord.xy));
     hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
@@ -69,6 +168,8 @@ vec4 surface(uvec2 id)
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    if (HG_HAS(HG_FEATURE_LOBES))
+        return vec4(lobes(s, v, view), 1.0) * alpha;
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
     radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
@@ -81,7 +182,7 @@ void main()
     hg_flat_receive();
 #endif
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    hg_texture_counts = hg_progress_waits(pixel);
+    hg_texture_counts = hg_variant == 3u || hg_progress_waits(pixel);
     vec4 color;
     if (hg_background)
         color = background();
@@ -100,6 +201,8 @@ void main()
             hg_texture_report(pixel);
         if (hg_variant == 2u)
             hg_progress_spoil(pixel);
+        else if (hg_variant == 3u)
+            color.a = hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }

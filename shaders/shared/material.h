@@ -18,6 +18,7 @@
 #define HG_MATERIAL_BLEND        0x0200u // alpha is coverage; neither: alpha is 1
 #define HG_MATERIAL_DOUBLE_SIDED 0x0400u
 #define HG_MATERIAL_UNLIT        0x0800u
+#define HG_MATERIAL_TRANSMITS    0x1000u // light goes through (hg_gpu_lobes)
 #define HG_MATERIAL_PACKED_ORM   0x2000u // occlusion is the red of the metallic-roughness texture
 
 #define HG_MATERIAL_F0 0.0400000028312206 // f0 of an index of refraction of 1.5, as a float
