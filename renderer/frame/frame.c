@@ -489,13 +489,17 @@ static enum hg_status record_behind(
     struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
 {
     enum hg_status status = make(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
+    struct hg_pass whole =
+        *pass; // what a part shows of the others is as fine as happens to be there
+    whole.area = (VkRect2D){0};
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->behind,
         .clear = true,
         .counted = view->stream.exact,
-        .alone = true};
-    return status == HG_OK ? hg_shade_record(pass, &shade, err) : status;
+        .alone = true,
+        .parts = pass->area.extent.width > 0};
+    return status == HG_OK ? hg_shade_record(&whole, &shade, err) : status;
 }
 
 static enum hg_status record_layers(

@@ -3,7 +3,8 @@
 #ifndef HG_LIB_SHADE_GLSL
 #define HG_LIB_SHADE_GLSL
 
-// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers
+// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers, 4 the same where
+// the picture is drawn in parts
 layout(constant_id = 0) const uint hg_variant = 0u;
 // 0: radiance, to be accumulated; else a picture at once, with the curve of this number less one.
 layout(constant_id = 4) const uint hg_picture = 0u;
@@ -37,7 +38,7 @@ layout(location = 0) out vec4 out_color;
 
 vec4 background()
 {
-    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE && hg_variant != 3u)
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE && hg_variant < 3u)
         return vec4(0.0);
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
         return vec4(hg_frame.background_color, 1.0);
@@ -182,7 +183,7 @@ void main()
     hg_flat_receive();
 #endif
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    hg_texture_counts = hg_variant == 3u || hg_progress_waits(pixel);
+    hg_texture_counts = hg_variant == 3u || (hg_variant < 3u && hg_progress_waits(pixel));
     vec4 color;
     if (hg_background)
         color = background();
@@ -201,8 +202,8 @@ void main()
             hg_texture_report(pixel);
         if (hg_variant == 2u)
             hg_progress_spoil(pixel);
-        else if (hg_variant == 3u)
-            color.a = hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
+        else if (hg_variant >= 3u)
+            color.a = hg_variant == 3u && hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }

@@ -177,6 +177,18 @@ void store(path p, float normal)
     }
 }
 
+// The first surface that disperses leaves the path one channel, each with a chance of a third.
+void disperse(inout path p, inout hg_surface s, uvec2 pixel, uint number)
+{
+    if (!HG_HAS(HG_FEATURE_TRANSMISSION))
+        return;
+    uint kept = bitfieldExtract(p.flags, HG_PATH_CHANNEL_SHIFT, 2);
+    uint channel = kept == 0u ? 3u : kept - 1u;
+    uvec3 h = hg_hash3(uvec3(pixel, number * 64u + 63u + hg_frame.seed * 65536u));
+    p.throughput *= hg_surface_disperse(s, channel, float(h.x >> 8u) * (1.0 / 16777216.0));
+    p.flags = bitfieldInsert(p.flags, channel == 3u ? 0u : channel + 1u, HG_PATH_CHANNEL_SHIFT, 2);
+}
+
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
@@ -224,6 +236,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (s.unlit || p.bounce >= hg_path.max_bounces)
         return HG_PATH_DONE;
 
+    disperse(p, s, pixel, number);
     float outside = hg_media_outside(p.media, v.material, s.front);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
     uint status = HG_PATH_DONE;

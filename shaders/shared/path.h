@@ -42,6 +42,7 @@
 #define HG_PATH_BOUNCE_MASK   0x000001ffu
 #define HG_PATH_LOBE_SHIFT    19 // 2 bits: HG_PATH_LOBE_* of the first surface
 #define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
+#define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u

@@ -9,7 +9,7 @@
 
 #define PI 3.14159265358979
 
-enum op { SAMPLE, EVALUATE, ALBEDO, INTEGRALS, RECIPROCITY, TERMS }; // of bsdf.comp
+enum op { SAMPLE, EVALUATE, ALBEDO, INTEGRALS, RECIPROCITY, TERMS, DISPERSION }; // of bsdf.comp
 
 struct material { // as bsdf.comp reads it
     float base[3], metallic;
@@ -468,11 +468,37 @@ static void test_smooth_glass(void **state)
     }
 }
 
+// Paths of one channel each: their mean is all of the light. Indices of KHR_materials_dispersion:
+// the Abbe number (n_d - 1) / (n_F - n_C) is 20 / dispersion, red to blue.
+static void test_dispersion(void **state)
+{
+    enum { N = 300 };
+    static struct hg_vec4 in[2 * N], out[2 * N];
+    double sum[3] = {0, 0, 0}, ior[3] = {0, 0, 0};
+    for (int i = 0; i < N; i++)
+        in[2 * i + 1] = (struct hg_vec4){1.5f, 4, ((float)i + 0.5f) / N, 0};
+    run(*state, DISPERSION, &white, N, in, out);
+    for (int i = 0; i < N; i++) {
+        const int channel = (int)out[2 * i + 1].y;
+        sum[0] += (double)out[2 * i].x;
+        sum[1] += (double)out[2 * i].y;
+        sum[2] += (double)out[2 * i].z;
+        ior[channel] = (double)out[2 * i + 1].x;
+        probe_near(out[2 * i + 1].z, 1, 0);
+        probe_near(out[2 * i + 1].w, 1, 0);
+    }
+    for (int k = 0; k < 3; k++)
+        probe_near(sum[k] / N, 1, 1e-6);
+    probe_near(ior[1], 1.5, 1e-6);
+    probe_near((1.5 - 1) / (ior[2] - ior[0]), 20.0 / 4, 1e-4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_terms),
         cmocka_unit_test(test_smooth_glass),
+        cmocka_unit_test(test_dispersion),
         cmocka_unit_test(test_white_furnace),
         cmocka_unit_test(test_lobes_against_integrals),
         cmocka_unit_test(test_reciprocity),

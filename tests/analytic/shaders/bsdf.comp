@@ -150,6 +150,17 @@ void main()
         x = vec4(hg_film_fresnel(a.x, c.x, c.y, vec3(c.z)), hg_fresnel_dielectric(a.x, c.w));
         y = vec4(hg_sheen_albedo(a.x, c.z), hg_bsdf_attenuation(vec3(c.y), c.x).x, 0.0, 0.0);
     }
+    if (op == 6u) {
+        hg_surface s;
+        s.transmission = 1.0;
+        s.ior = c.x;
+        s.dispersion = c.y;
+        uint channel = 3u;
+        x.rgb = hg_surface_disperse(s, channel, c.z);
+        y.x = s.ior;
+        y.y = float(channel);
+        y.zw = hg_surface_disperse(s, channel, 0.5).xy; // once per path
+    }
     push.result.v[2u * i] = x;
     push.result.v[2u * i + 1u] = y;
 }
