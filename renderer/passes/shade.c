@@ -25,9 +25,13 @@ static struct hg_gpu_pipeline_params pipeline_of(
         features &= ~LIGHT_FEATURES;
     if (style->variant != LAYER) // what lets light through is drawn as a layer
         features &= ~HG_FEATURE_TRANSMISSION;
+    const bool lobes = (features & HG_FEATURE_LOBES) != 0 && !style->background;
+    if (!lobes)
+        features &= ~HG_FEATURE_LOBES;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
-        .fragment = style->flat ? "shade_flat.frag" : "shade.frag",
+        .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
+                                : (lobes ? "shade_lobes.frag" : "shade.frag"),
         .spec = {style->variant, tables, features, style->background, style->picture},
         .spec_count = 5,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
@@ -148,7 +152,8 @@ enum hg_status hg_shade_warm_up(
         .background = index % (2 * VARIANTS - 1) >= VARIANTS,
         .first = true,
         .flat = hg_gpu_get_caps(gpu)->is_cpu};
-    const struct hg_gpu_pipeline_params params = pipeline_of(&style, 0, HG_FEATURE_ALL);
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(&style, 0, HG_FEATURE_ALL & ~HG_FEATURE_LOBES);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

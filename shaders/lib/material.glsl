@@ -115,6 +115,7 @@ float hg_material_alpha(uint material, hg_vertex v)
 
 // --- KHR_materials_* -----------------------------------------------------------------------------
 
+#ifndef HG_NO_LOBES // for passes of which there are two: what is compiled costs time even if unused
 // Texels of the slots that have textures, white elsewhere. One lookup per round of the loop, so
 // that absent slots cost nothing on devices that run both sides of branches.
 void hg_lobes_sample(uint index, uint flags, hg_vertex v, inout vec4 texels[HG_LOBES_SLOTS])
@@ -144,6 +145,8 @@ void hg_lobes_sample(uint index, uint flags, hg_vertex v, inout vec4 texels[HG_L
     }
 }
 
+#endif
+
 // No lobes but the base's.
 void hg_lobes_none(inout hg_surface s, vec3 coat_normal, vec3 tangent)
 {
@@ -164,12 +167,12 @@ void hg_lobes_none(inout hg_surface s, vec3 coat_normal, vec3 tangent)
     s.diffuse_transmission_color = vec3(1.0);
 }
 
+#ifndef HG_NO_LOBES
 #define HG_LOBE_AT(field) hg_frame.geometry.lobes.v[i].field
 
 // Fills in what hg_gpu_lobes of the material say. side: -1 where the back is seen.
 void hg_lobes_evaluate(hg_vertex v, float side, inout hg_surface s)
 {
-    hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
     uint number = HG_MATERIAL_AT(v.material, lobes);
     if (number == 0u)
         return;
@@ -234,6 +237,8 @@ void hg_lobes_evaluate(hg_vertex v, float side, inout hg_surface s)
     }
 }
 
+#endif
+
 // --- surfaces ------------------------------------------------------------------------------------
 
 // Straight-line code: absent slots of a material cost a lookup that is thrown away, slots that no
@@ -295,10 +300,11 @@ hg_surface hg_material_evaluate(hg_vertex v)
     }
     s.normal *= side;
     s.front = v.front;
+    hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
+#ifndef HG_NO_LOBES
     if (HG_HAS(HG_FEATURE_LOBES))
         hg_lobes_evaluate(v, side, s);
-    else
-        hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
+#endif
     return s;
 }
 

@@ -1,5 +1,5 @@
-// shade.glsl - all of shade.frag and shade_flat.frag, which differ in where words of the frame come
-// from (lib/flat.glsl).
+// shade.glsl - all of shade*.frag, which differ in where words of the frame come from (lib/flat.glsl)
+// and in whether materials may have lobes besides metallic-roughness.
 #ifndef HG_LIB_SHADE_GLSL
 #define HG_LIB_SHADE_GLSL
 
@@ -24,7 +24,9 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"
+#ifndef HG_NO_LOBES
 #include "lib/bsdf.glsl"
+#endif
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
 #include "lib/resolve.glsl"
@@ -55,6 +57,7 @@ vec4 background()
     return vec4(hg_environment_seen(ray, lod), 1.0);
 }
 
+#ifndef HG_NO_LOBES
 // Metres of the world per unit of an instance's own space.
 float hg_world_scale(uint instance)
 {
@@ -149,6 +152,8 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
         hg_light_brdf(b.base, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
 }
 
+#endif
+
 vec4 surface(uvec2 id)
 {
     // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
@@ -159,8 +164,10 @@ vec4 surface(uvec2 id)
     hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
+#ifndef HG_NO_LOBES
     if (HG_HAS(HG_FEATURE_LOBE_TEXTURES) && HG_HAS(HG_FEATURE_STREAM))
         hg_texture_drawn = hg_texture_draws(uvec2(gl_FragCoord.xy));
+#endif
     hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
@@ -169,8 +176,10 @@ vec4 surface(uvec2 id)
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+#ifndef HG_NO_LOBES
     if (HG_HAS(HG_FEATURE_LOBES))
         return vec4(lobes(s, v, view), 1.0) * alpha;
+#endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
     radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);

@@ -4,4 +4,5 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
+#define HG_NO_LOBES
 #include "lib/shade.glsl"

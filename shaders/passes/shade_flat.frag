@@ -6,4 +6,5 @@
 #extension GL_EXT_buffer_reference2 : require
 
 #define HG_FRAME_FLAT
+#define HG_NO_LOBES
 #include "lib/shade.glsl"
