@@ -280,9 +280,14 @@ static enum hg_status select_draw(
         is_box_outside(view, &d->bounds))
         return HG_OK;
     if (d->part->clusters != NULL) {
+        const uint32_t first = b->selection.count;
         open_object(view, world, both_sides, &object);
-        return hg_select_lod(view, index, run->geometry->bit_count, d->part->clusters, world,
-            &object, &b->selection);
+        const enum hg_status status = hg_select_lod(view, index, run->geometry->bit_count,
+            d->part->clusters, world, &object, &b->selection);
+        // Layers are never candidates of the second phase, which draws opaque surfaces.
+        for (uint32_t i = first; i < b->selection.count && d->gpu.flags & HG_DRAW_BLEND; i++)
+            b->selection.items[i].bit = HG_RUN_NO_BIT;
+        return status;
     }
     if (d->deform != NULL && d->part->posed.count > 0 && view->error_px > 0.0f)
         return add_posed(run, b, index, d, world);
