@@ -17,7 +17,7 @@
 #include "shaders/shared/features.h"
 
 #define MARGIN_PX      2.0f    // jitter and rounding
-#define MOST_HOSTED_PX 4000000 // of a batch that the host draws, 12 bytes each
+#define MOST_HOSTED_PX 2000000 // of a batch that the host draws, 12 bytes each
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 

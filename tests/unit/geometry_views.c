@@ -383,8 +383,9 @@ static void check_control(struct fixture *f, const struct world *w,
     f->spoiled += memcmp(off, &on, sizeof on) != 0;
 }
 
-// What the host draws is what the device draws: the same bytes where nothing is cut, and nearly the
-// same at the border of the image; with the history of the device, and with its own.
+// What the host draws is what the device draws: the same bytes where nothing is cut (by the driver
+// whose arithmetic the host repeats), and nearly the same at the border of the image; with the
+// history of the device, and with its own.
 static void check_host(struct fixture *f, const struct world *w,
     const struct hg_camera_setup *setup, struct hg_visible_view view, const struct picture *off,
     const char *name)
@@ -405,7 +406,7 @@ static void check_host(struct fixture *f, const struct world *w,
         view.host = pass < 2 ? &inner : &whole;
         draw(f, w, &view, &sample, &on, &stats);
         f->hosted_views += pass >= 2 && hg_visible_set(f->visible, 0)->hosted;
-        if (pass < 2)
+        if (pass < 2 && strstr(hg_gpu_get_caps(f->gpu)->driver, "Mesa 22.3.") != NULL)
             assert_same(off, &on, name);
         else
             compare(f, off, &on);
