@@ -97,6 +97,12 @@ enum hg_status hg_renderer_create(
     return HG_OK;
 }
 
+void hg_renderer_linger(struct hg_renderer *renderer, uint64_t most_ns)
+{
+    if (renderer != NULL && renderer->context.pages != NULL)
+        hg_page_sources_linger(hg_page_cache_sources(renderer->context.pages), most_ns);
+}
+
 void hg_renderer_destroy(struct hg_renderer *renderer)
 {
     if (renderer == NULL)

@@ -34,6 +34,9 @@ struct hg_renderer_params {
 enum hg_status hg_renderer_create(const struct hg_renderer_params *params, struct hg_renderer **out,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_renderer_destroy(struct hg_renderer *renderer); // views first; accepts NULL
+// To be called before the views go when the process is about to end: for at most `most_ns` textures
+// that are in memory are kept as packs, so that the next process finds them.
+void hg_renderer_linger(struct hg_renderer *renderer, uint64_t most_ns); // accepts NULL
 // One JSON object: device, driver, features, fallbacks in use (heliod --device-info).
 enum hg_status hg_renderer_device_json(struct hg_renderer *renderer, char **text) HG_MUST_CHECK;
 struct hg_jobs *hg_renderer_jobs(struct hg_renderer *renderer);

@@ -82,6 +82,7 @@ struct hg_page_sources {
     struct hg_page_scratch **scratches; // free ones
     size_t scratch_capacity, scratch_count;
     uint64_t revision, memory_bytes;
+    uint64_t linger_ns; // the process ends: nothing is begun after this; 0: it goes on
     struct hg_page_sources_stats stats;
     struct hg_tile_cache *tiles;
     struct hg_open_files *files;

@@ -89,8 +89,11 @@ struct work {
 
 // What somebody waits for, then what was looked at most: a process that ends soon has baked what
 // the next one asks for first.
-static bool bakes_before(const struct hg_page_image *a, const struct hg_page_image *b)
+static bool bakes_before(
+    const struct hg_page_sources *s, const struct hg_page_image *a, const struct hg_page_image *b)
 {
+    if (b != NULL && s->linger_ns > 0) // as many as may be
+        return hg_page_image_texels(a) < hg_page_image_texels(b);
     if (b == NULL || a->bake_wanted != b->bake_wanted)
         return b == NULL || a->bake_wanted;
     return a->reads > b->reads;
@@ -103,12 +106,14 @@ static struct work find_work(struct hg_page_sources *s, uint64_t now)
         if (!is_idle(i, now))
             continue;
         const bool none = i->backing == NULL;
+        if (none && s->linger_ns > 0)
+            continue;
         if (none && (i->wanted || i->bake_wanted))
             w.wanted = i;
         else if (none && i->early && !is_large(s, i) && has_room(s, i))
             w.early = i;
         else if (!none && i->backing->kind == HG_PAGES_IN_MEMORY && hg_page_can_bake(s, i) &&
-                 bakes_before(i, w.bake))
+                 (s->linger_ns == 0 || now < s->linger_ns) && bakes_before(s, i, w.bake))
             w.bake = i;
     }
     return w;

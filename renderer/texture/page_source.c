@@ -155,6 +155,34 @@ void hg_page_sources_wait(struct hg_page_sources *s, uint64_t seen, uint64_t tim
     pthread_mutex_unlock(&s->lock);
 }
 
+// Whether there is a pack to wait for.
+static bool is_baking(const struct hg_page_sources *s)
+{
+    const uint64_t now = hg_clock_now_ns();
+    for (const struct hg_page_image *i = s->images; i != NULL; i = i->next) {
+        if (i->backing == NULL || i->backing->kind != HG_PAGES_IN_MEMORY || !hg_page_can_bake(s, i))
+            continue;
+        if (i->busy || (i->retry_ns <= now && !i->failed && now < s->linger_ns))
+            return true;
+    }
+    return false;
+}
+
+void hg_page_sources_linger(struct hg_page_sources *s, uint64_t most_ns)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    const uint64_t ns = (uint64_t)until.tv_nsec + most_ns;
+    until.tv_sec += (time_t)(ns / 1000000000u);
+    until.tv_nsec = (long)(ns % 1000000000u);
+    pthread_mutex_lock(&s->lock);
+    s->linger_ns = hg_clock_now_ns() + most_ns;
+    pthread_cond_broadcast(&s->work);
+    while (is_baking(s) && pthread_cond_timedwait(&s->changed, &s->lock, &until) != ETIMEDOUT)
+        ;
+    pthread_mutex_unlock(&s->lock);
+}
+
 void hg_page_sources_hurry(struct hg_page_sources *s, bool hurry)
 {
     pthread_mutex_lock(&s->lock);

@@ -59,6 +59,10 @@ uint64_t hg_page_sources_revision(struct hg_page_sources *sources);
 // Waits until the revision is no longer `seen`, or the time is over.
 void hg_page_sources_wait(struct hg_page_sources *sources, uint64_t seen, uint64_t timeout_ns);
 
+// The process is about to end: for at most `most_ns` images that are in memory are made into packs,
+// the smallest first; nothing is loaded any more. Returns early when there is nothing left to do.
+void hg_page_sources_linger(struct hg_page_sources *sources, uint64_t most_ns);
+
 // Somebody who draws can do nothing but wait (counted): until the matching call with false images
 // are loaded at full priority, not behind the threads that draw.
 void hg_page_sources_hurry(struct hg_page_sources *sources, bool hurry);

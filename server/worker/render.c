@@ -318,9 +318,17 @@ static void handle(struct serve *s, struct command *c)
 
 // ---- the thread ---------------------------------------------------------------------------------
 
+// What has been read is worth keeping: a tenth of the time that the worker has run may go to that.
+static void linger(struct serve *s)
+{
+    const uint64_t most_ns = 1000000000, ran_ns = hg_clock_now_ns() - s->started_ns;
+    hg_renderer_linger(s->renderer, ran_ns / 10 < most_ns ? ran_ns / 10 : most_ns);
+}
+
 // Messages that are still in the inbox take no effect: nobody is there to be answered.
 static void shut_down(struct serve *s)
 {
+    linger(s);
     while (s->sessions)
         session_detach(s, s->sessions);
     while (s->tasks) { // cancelled; each comes back once
@@ -348,7 +356,7 @@ static void take_messages(struct serve *s, struct command *first)
 
 void *render_main(void *arg)
 {
-    struct serve s = {.w = arg};
+    struct serve s = {.w = arg, .started_ns = hg_clock_now_ns()};
     uint64_t wait_ns = UINT64_MAX;
     if (s.w->options.warm_up) {
         struct hg_error err = {0};

@@ -81,6 +81,7 @@ struct session {
 
 struct serve {
     struct worker *w;
+    uint64_t started_ns;
     struct hg_renderer *renderer; // created when the first view needs it
     struct opener opener;         // or earlier
     struct hg_jobs *jobs;         // for loads before there is a renderer

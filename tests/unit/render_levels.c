@@ -18,6 +18,7 @@
 #define ERROR_PX 0.25f
 
 static char cache_dir[TEST_FOLDER_MAX];
+static bool without_sun; // shadow maps have parts of their own
 
 // --- the scene -----------------------------------------------------------------------------------
 
@@ -69,7 +70,8 @@ static struct hg_scene *make_scene(struct hg_jobs *jobs)
         m[13] = -0.053f;
         m[14] = i == 0 ? 0.0f : -0.2f * (float)i;
     }
-    rig_sun(scene, 3, -0.5f, 0.8660254f);
+    if (!without_sun)
+        rig_sun(scene, 3, -0.5f, 0.8660254f);
     rig_environment(scene, 0.5f, 0.5f, 0.5f);
     hg_scene_publish(scene);
     return scene;
@@ -353,6 +355,114 @@ static void test_zoom_does_not_pop(void **state)
     }
 }
 
+// Straight down on the plate, with everything above it cut off: nothing is seen but what is lit and
+// what lies in the shadow of the dragons.
+static void settle_on_shadows(struct rig *rig, float height, struct hg_refbuf **out)
+{
+    const struct hg_view_params view = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
+    const struct hg_view_camera camera = {.eye = {0, height, -0.15f},
+        .target = {0, 0, -0.15f},
+        .up = {0, 0, -1},
+        .near = height - 0.002f};
+    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+    rig_settle(rig, 16);
+    *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
+}
+
+// Share of the pixels that get less than 0.7 times the light of the brightest.
+static double share_in_shadow(const struct hg_refbuf *picture)
+{
+    const float *p = (const float *)(const void *)picture->data;
+    float most = 0.0f;
+    uint32_t dark = 0;
+    for (size_t i = 0; i < (size_t)VIEW_PX * VIEW_PX; i++)
+        most = fmaxf(most, p[i * 4 + 1]);
+    for (size_t i = 0; i < (size_t)VIEW_PX * VIEW_PX; i++)
+        dark += p[i * 4 + 1] < 0.7f * most;
+    return (double)dark / (VIEW_PX * VIEW_PX);
+}
+
+// The same of shadows alone: levels of what casts them must not show when they change.
+static void test_shadows_do_not_pop(void **state)
+{
+    (void)state;
+    struct rig rigs[2];
+    struct hg_refbuf *frames[2][ZOOMS];
+    double worst = 0.0;
+    for (int side = 0; side < 2; side++) {
+        if (side == 0)
+            open_rig(&rigs[0], 0);
+        else
+            open_whole(&rigs[1]);
+        for (int i = 0; i < ZOOMS; i++)
+            settle_on_shadows(&rigs[side], 0.8f * powf(0.998f, (float)i), &frames[side][i]);
+    }
+    const double dark = share_in_shadow(frames[1][0]);
+    print_message("%.1f %% of the pixels in shadow, levels differ from the whole mesh by %.5f\n",
+        100.0 * dark, rig_difference(frames[0][0], frames[1][0]));
+    assert_true(dark > 0.02 && dark < 0.9);
+    for (int i = 0; i + 1 < ZOOMS; i++) {
+        const double levels = rig_difference(frames[0][i], frames[0][i + 1]);
+        const double whole = rig_difference(frames[1][i], frames[1][i + 1]);
+        print_message("zoom %d: %.5f, whole mesh %.5f\n", i, levels, whole);
+        worst = fmax(worst, levels / whole);
+    }
+    print_message("at most %.3f times the change of the whole mesh\n", worst);
+    assert_true(worst <= 1.1);
+    for (int side = 0; side < 2; side++) {
+        for (int i = 0; i < ZOOMS; i++)
+            hg_refbuf_unref(frames[side][i]);
+        rig_close(&rigs[side]);
+    }
+}
+
+// --- a pixel that is too much --------------------------------------------------------------------
+
+static struct hg_frame_info settle_far(struct rig *rig, struct hg_refbuf **out)
+{
+    const struct hg_view_params view = {
+        .width = 32, .height = 32, .samples = 4, .seed = 5, .error_px = 0.01f};
+    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
+    look(rig, 0, 4.0f); // the dragon is some pixels wide
+    const struct hg_frame_info info = rig_settle(rig, 16);
+    assert_int_equal(info.missing_clusters, 0);
+    *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
+    return info;
+}
+
+// Within a hundredth of a pixel a single one needs more chunks than the budget holds: the picture
+// settles, coarser where it must be, within the budget, and says so. It is hardly another one.
+static void test_pixel_over_budget(void **state)
+{
+    (void)state;
+    const uint64_t budget = MIB;
+    struct hg_refbuf *pictures[3];
+    struct hg_frame_info info[3];
+    without_sun = true;
+    for (int i = 0; i < 3; i++) { // without a limit, with one, with one again
+        struct rig rig;
+        open_rig(&rig, i == 0 ? 0 : budget);
+        info[i] = settle_far(&rig, &pictures[i]);
+        print_message("budget %llu KiB: error %.3f px, peak %llu KiB\n",
+            (unsigned long long)(i == 0 ? 0 : budget) >> 10, (double)info[i].error_px,
+            (unsigned long long)geometry_stats(&rig).peak_bytes >> 10);
+        assert_true(i == 0 || geometry_stats(&rig).peak_bytes <= budget);
+        rig_close(&rig);
+    }
+    without_sun = false;
+    assert_true(info[0].error_px == 0.01f);
+    assert_true(info[1].error_px > 0.01f && info[1].error_px < 2.0f);
+    assert_true(info[1].error_px == info[2].error_px);
+    rig_assert_same(pictures[1], pictures[2]);
+    const double apart = rig_difference(pictures[0], pictures[1]);
+    print_message("the pictures differ by %.5f\n", apart);
+    assert_true(apart < 0.01);
+    for (int i = 0; i < 3; i++)
+        hg_refbuf_unref(pictures[i]);
+}
+
 // --- depth ---------------------------------------------------------------------------------------
 
 static struct hg_bench_depth_gap depth_gap(struct rig *levels, struct rig *whole, float error_px)
@@ -466,7 +576,8 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
         cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
-        cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_depth_is_that_of_the_whole),
+        cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_shadows_do_not_pop),
+        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_depth_is_that_of_the_whole),
         cmocka_unit_test(test_no_specks)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -194,6 +194,46 @@ static void test_ways(void **state)
 }
 
 // Transfers that do not fit the use become floats, and masks of two cutoffs share a pack.
+// A process that ends turns what it has in memory into packs, if it is given the time for them.
+static void test_linger(void **state)
+{
+    (void)state;
+    enum { IMAGES = 12 };
+    struct hg_image image[IMAGES];
+    struct hg_image_source origin[IMAGES];
+    struct hg_page_source *source[IMAGES];
+    struct hg_store *store = open_store();
+    struct hg_page_sources_stats st;
+    uint8_t *texels = malloc((size_t)SLOT * 8);
+    for (int pass = 0; pass < 2; pass++) { // no time at all; as much as it takes
+        struct hg_page_sources *s = make_sources(store, 2);
+        for (uint32_t i = 0; i < IMAGES; i++) {
+            image[i] = make_image(64 + 48 * (IMAGES - i), 200, HG_PIXEL_RGBA8);
+            origin[i] =
+                (struct hg_image_source){.label = "test", .pixels = image[i], .pixels_srgb = true};
+            const struct hg_page_source_params params = {
+                &origin[i], HG_TEXTURE_COLOR, 0, HG_WRAP_CLAMP, HG_WRAP_CLAMP};
+            assert_int_equal(hg_page_source_open(s, &params, &source[i], NULL), HG_OK);
+        }
+        if (pass == 0)
+            hg_page_sources_linger(s, 0);
+        for (uint32_t i = 0; pass == 1 && i < IMAGES; i++)
+            while (hg_page_source_read(source[i], 0, 0, 0, texels, NULL) == HG_E_AGAIN)
+                assert_int_equal(hg_page_source_wait(source[i], NULL), HG_OK);
+        if (pass == 1)
+            hg_page_sources_linger(s, UINT64_C(60000000000));
+        hg_page_sources_stats(s, &st);
+        assert_int_equal(st.packs_baked + st.packs_found, pass == 0 ? 0 : IMAGES);
+        for (uint32_t i = 0; i < IMAGES; i++) {
+            hg_page_source_close(source[i]);
+            hg_image_finish(&image[i]);
+        }
+        hg_page_sources_destroy(s);
+    }
+    free(texels);
+    hg_store_close(store);
+}
+
 static void test_uses(void **state)
 {
     (void)state;
@@ -620,7 +660,7 @@ int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_codec), TEST(test_ways),
-        TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files), TEST(test_few_tiles),
-        TEST(test_tiled_files), TEST(test_many_tiled_files), TEST(test_udim)};
+        TEST(test_linger), TEST(test_uses), TEST(test_tiles), TEST(test_streamed_files),
+        TEST(test_few_tiles), TEST(test_tiled_files), TEST(test_many_tiled_files), TEST(test_udim)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
