@@ -487,13 +487,15 @@ void hg_posed_errors(const struct hg_posed_levels *levels, const struct hg_mesh_
     float last = 0.0f;
     for (uint32_t i = 0; i < levels->count; i++) {
         const struct hg_posed_level *l = &levels->items[i];
-        float error = l->error;
+        float morphs = 0.0f;
         for (uint32_t t = 0;
              pose->weights != NULL && l->morph_errors != NULL && t < pose->target_count; t++)
-            error += fabsf(pose->weights[t]) * l->morph_errors[t];
-        error *= pose->stretch;
+            morphs += fabsf(pose->weights[t]) * l->morph_errors[t];
+        morphs *= pose->stretch;
+        // Samples are posed without their targets, so what these part them by comes on top.
+        float error = l->error * pose->stretch + morphs;
         for (uint32_t k = 0; pose->matrices != NULL && k < l->sample_count; k++)
-            error = fmaxf(error, BETWEEN * posed_gap(part, pose, &l->samples[k]));
+            error = fmaxf(error, BETWEEN * posed_gap(part, pose, &l->samples[k]) + morphs);
         errors[i] = last = fmaxf(last, error);
     }
 }

@@ -104,16 +104,24 @@ static void test_errors_hold_in_poses(void **state)
     assert_int_equal(hg_posed_build(&p, 1, &levels), HG_OK);
     assert_true(levels.count >= 4);
     float(*posed)[3] = hg_calloc(p.vertex_count, sizeof *posed);
-    static const float poses[][3] = {{0, 1, 0}, {1.2f, 1, 0}, {0, 1, 1}, {-0.8f, 1.5f, -0.7f}};
-    float tight = 0.0f;
-    for (int i = 0; i < 4; i++) {
+    // Turn, scale and weight; then as they come: what is stated is sampled, pose by pose.
+    enum { POSES = 20 };
+    float poses[POSES][3] = {{0, 1, 0}, {1.2f, 1, 0}, {0, 1, 1}, {-0.8f, 1.5f, -0.7f}},
+          tight = 0.0f;
+    uint32_t seed = 11;
+    for (int i = 4; i < POSES; i++) {
+        poses[i][0] = 3.2f * lod_random_unit(&seed) - 1.6f;
+        poses[i][1] = 0.7f + lod_random_unit(&seed);
+        poses[i][2] = 2.0f * lod_random_unit(&seed) - 1.0f;
+    }
+    for (int i = 0; i < POSES; i++) {
         struct hg_mat4x3 joints[2];
         set_joints(poses[i][0], poses[i][1], joints);
         const struct hg_posed_pose pose = {.matrices = joints,
             .joint_count = 2,
             .weights = &poses[i][2],
             .target_count = 1,
-            .stretch = poses[i][1]};
+            .stretch = fmaxf(1.0f, poses[i][1])};
         float errors[HG_POSED_LEVELS];
         hg_posed_errors(&levels, &p, &pose, errors);
         pose_all(&p, joints, poses[i][2], posed);
@@ -121,7 +129,8 @@ static void test_errors_hold_in_poses(void **state)
             const float d = distance_to(&p, &levels, l, (const float(*)[3])posed);
             print_message("pose %d level %u: %u triangles, %.4f, stated %.4f\n", i, l,
                 levels.items[l].count, (double)d, (double)errors[l]);
-            assert_true(d <= errors[l] * 1.001f);
+            assert_true(
+                d <= errors[l] * (i < 4 ? 1.001f : 1.15f)); // between samples it may be more
             assert_true(l == 0 || errors[l] >= errors[l - 1]);
             tight = fmaxf(tight, d / errors[l]);
         }
