@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "renderer/bench/bench.h"
+#include "renderer/frame/path.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
 
@@ -136,6 +137,22 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
         l.clusters);
 }
 
+static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_path_stats t = {0};
+    if (s->path == NULL)
+        return;
+    hg_path_get_stats(s->path, &t);
+    const uint64_t rays = t.rays + t.shadow_rays, ns = t.trace_ns + t.shadow_ns;
+    hg_json_put(w,
+        ",\"trace\":{\"rays\":%llu,\"shadow_rays\":%llu,\"paths\":%llu,\"waves\":%llu,"
+        "\"mrays_per_s\":%.4f,\"trace_ms\":%.3f,\"shade_ms\":%.3f,\"film_ms\":%.3f,"
+        "\"page_ms\":%.3f,\"host_ms\":%.3f,\"build_ms\":%.3f}",
+        (unsigned long long)rays, (unsigned long long)t.shadow_rays, (unsigned long long)t.paths,
+        (unsigned long long)t.waves, ns > 0 ? (double)rays * 1e3 / (double)ns : 0.0, ms(ns),
+        ms(t.shade_ns), ms(t.film_ns), ms(t.page_ns), ms(t.host_ns), ms(t.build_ns));
+}
+
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w, ",\"passes\":[");
@@ -177,6 +194,7 @@ enum hg_status hg_renderer_stats_json(
         put_frame(&w, &view->state);
         put_geometry(&w, &view->state);
         put_light(&w, &view->state);
+        put_trace(&w, &view->state);
         put_passes(&w, &view->state);
     }
     hg_json_put(&w, "}");

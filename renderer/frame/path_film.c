@@ -29,8 +29,7 @@ static double filter_at(uint32_t filter, double x)
     }
 }
 
-// Entry i: where the filter's integral from its left end is (1 - cos(pi i / steps)) / 2 of the
-// whole; so steps are small at both ends, where the filter is low.
+// Entry i: where the filter's integral from its left end is i / steps of the whole.
 void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1])
 {
     enum { FINE = 8192 };
@@ -40,11 +39,11 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
         total += filter_at(filter, (i + 0.5) * 2.0 / FINE - 1.0);
     for (int i = 0; i < FINE && next < HG_PATH_FILTER_STEPS; i++) {
         const double h = filter_at(filter, (i + 0.5) * 2.0 / FINE - 1.0) / total;
-        double want = 0.5 - 0.5 * cos(M_PI * next / HG_PATH_FILTER_STEPS);
+        double want = (double)next / HG_PATH_FILTER_STEPS;
         while (next < HG_PATH_FILTER_STEPS && want <= sum + h) {
             const double part = h > 0.0 ? (want - sum) / h : 0.5;
             out[next++] = radius_px * (float)((i + part) * 2.0 / FINE - 1.0);
-            want = 0.5 - 0.5 * cos(M_PI * next / HG_PATH_FILTER_STEPS);
+            want = (double)next / HG_PATH_FILTER_STEPS;
         }
         sum += h;
     }

@@ -186,10 +186,11 @@ enum hg_status hg_exr_join(
 static enum hg_status check_part(
     const uint32_t size_px[2], const struct hg_exr_part *p, struct hg_error *err)
 {
-    size_t bytes = 0;
+    size_t values = 0, bytes = 0; // up to the last value that is read
     size_t name = p->name ? strlen(p->name) : 0;
-    bool fits = hg_mul_size(size_px[0], size_px[1], &bytes) &&
-                hg_mul_size(bytes, p->stride, &bytes) && hg_mul_size(bytes, 4, &bytes);
+    bool fits = hg_mul_size(size_px[0], size_px[1], &values) &&
+                hg_mul_size(values - 1, p->stride, &values) &&
+                hg_add_size(values, p->channel_count, &values) && hg_mul_size(values, 4, &bytes);
     if (name < 1 || name > NAME_LIMIT || p->channel_count < 1 ||
         p->channel_count > HG_EXR_MAX_CHANNELS || p->stride < p->channel_count || !p->pixels ||
         !fits || p->size_bytes < bytes)

@@ -19,13 +19,13 @@ enum hg_exr_type {
 };
 
 struct hg_exr_part {
-    const char *name;                            // "depth"; unique in the file, <= 31 bytes
-    const char *channels[HG_EXR_MAX_CHANNELS];   // [channel_count] "depth.Z"
-    uint32_t channel_count;                      // 1..4
-    uint32_t stride;                             // values from pixel to pixel, >= channel_count
-    enum hg_exr_type type;                       //
-    const void *pixels;                          // [height][width][stride] f32 or u32, borrowed
-    size_t size_bytes;                           // of pixels; must fit
+    const char *name;                          // "depth"; unique in the file, <= 31 bytes
+    const char *channels[HG_EXR_MAX_CHANNELS]; // [channel_count] "depth.Z"
+    uint32_t channel_count;                    // 1..4
+    uint32_t stride;                           // values from pixel to pixel, >= channel_count
+    enum hg_exr_type type;                     //
+    const void *pixels; // of pixel i from i * stride on; f32 or u32; borrowed
+    size_t size_bytes;  // of pixels; must fit
     const struct hg_image_attribute *attributes; // [attribute_count], borrowed
     uint32_t attribute_count;
 };

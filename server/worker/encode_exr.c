@@ -6,15 +6,14 @@
 #include "renderer/image/exr.h"
 #include "server/worker/task.h"
 
-enum { ATTRIBUTES = 16 };
+enum { ATTRIBUTES = 16, MOST_PARTS = 1 + ENCODE_MAX_PLANES };
 
 #define PIXELS_LIMIT_BYTES (UINT64_C(4) << 30) // of all parts; the file must fit a message
 
 enum kind {
     RADIANCE, // as the picture: its type, its exposure
     HALVES,
-    FLOATS,
-    NUMBERS, // whole ones
+    FLOATS, // also whole numbers: few programs read those of the file format
 };
 
 // How a plane stands in the file.
@@ -35,20 +34,20 @@ static const struct layout {
     [HG_PLANE_INDIRECT_DIFFUSE] = {{"R", "G", "B"}, RADIANCE},
     [HG_PLANE_INDIRECT_SPECULAR] = {{"R", "G", "B"}, RADIANCE},
     [HG_PLANE_INDIRECT_TRANSMISSION] = {{"R", "G", "B"}, RADIANCE},
-    [HG_PLANE_MOTION] = {{"X", "Y"}, FLOATS},
-    [HG_PLANE_OBJECT] = {{"I"}, NUMBERS},
-    [HG_PLANE_MATERIAL] = {{"I"}, NUMBERS},
-    [HG_PLANE_SAMPLES] = {{"I"}, NUMBERS},
+    [HG_PLANE_MOTION] = {{"X", "Y", "Z"}, FLOATS}, // Z: 0, since some programs read no pairs
+    [HG_PLANE_OBJECT] = {{"I"}, FLOATS},
+    [HG_PLANE_MATERIAL] = {{"I"}, FLOATS},
+    [HG_PLANE_SAMPLES] = {{"I"}, FLOATS},
     [HG_PLANE_VARIANCE] = {{"V"}, FLOATS},
 };
 
 // A file in the making; its pixel buffers and names live as long.
 struct file {
     const struct encode_job *job;
-    struct hg_exr_part parts[ENCODE_MAX_PLANES + 1];
+    struct hg_exr_part parts[MOST_PARTS];
     uint32_t count;
-    char names[ENCODE_MAX_PLANES + 1][4][32];
-    void *buffers[ENCODE_MAX_PLANES + 1];
+    char names[MOST_PARTS][4][32]; // of the channels
+    void *buffers[MOST_PARTS];
     struct hg_image_attribute attributes[ATTRIBUTES];
     char revision[32];
 };
@@ -125,49 +124,48 @@ static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
     return HG_OK;
 }
 
-// Values as they stand in the file: radiance with the picture's exposure, numbers as such.
+// Values as they stand in the file: radiance with the picture's exposure, pairs with a third.
 static enum hg_status convert(
-    struct file *f, const struct encode_plane *p, enum kind kind, const void **pixels)
+    struct file *f, const struct encode_plane *p, enum kind kind, struct hg_exr_part *part)
 {
-    const float exposure = f->job->notes.exposure;
-    const size_t count = p->values->size / sizeof(float);
+    const float exposure = kind == RADIANCE ? f->job->notes.exposure : 1.0f;
+    const size_t values = p->values->size / sizeof(float), pixels = values / part->stride;
     const float *from = (const float *)p->values->data;
-    *pixels = from;
-    if (kind != NUMBERS && !(kind == RADIANCE && exposure != 1.0f))
+    const size_t stride = part->stride == 2 ? 3 : part->stride;
+    part->pixels = from;
+    part->size_bytes = p->values->size;
+    if (exposure == 1.0f && stride == part->stride)
         return HG_OK;
-    float *to = hg_calloc(count, sizeof *to);
+    float *to = hg_calloc(pixels * stride, sizeof *to);
     if (!to)
         return HG_E_NOMEM;
+    for (size_t i = 0; i < pixels; i++)
+        for (size_t c = 0; c < part->stride; c++)
+            to[i * stride + c] = from[i * part->stride + c] * exposure;
     f->buffers[f->count] = to;
-    *pixels = to;
-    for (size_t i = 0; i < count; i++) {
-        if (kind == RADIANCE)
-            to[i] = from[i] * exposure;
-        else
-            ((uint32_t *)to)[i] = from[i] > 0 ? (uint32_t)(from[i] + 0.5f) : 0;
-    }
+    part->pixels = to;
+    part->size_bytes = pixels * stride * sizeof *to;
+    part->stride = part->channel_count = (uint32_t)stride;
     return HG_OK;
 }
 
 static enum hg_status add_plane(struct file *f, const struct encode_plane *p)
 {
-    static const enum hg_exr_type types[] = {
-        [HALVES] = HG_EXR_HALF, [FLOATS] = HG_EXR_FLOAT, [NUMBERS] = HG_EXR_UINT};
     const struct layout *layout = &layouts[p->plane];
-    const char *name = hg_plane_name(p->plane);
     const uint32_t channels = hg_plane_channels(p->plane);
     struct hg_exr_part *part = &f->parts[f->count];
-    *part = (struct hg_exr_part){.name = name,
+    *part = (struct hg_exr_part){.name = hg_plane_name(p->plane),
         .channel_count = channels < 3 ? channels : 3,
         .stride = channels,
-        .type = layout->kind == RADIANCE ? f->parts[0].type : types[layout->kind],
-        .size_bytes = p->values->size};
+        .type = layout->kind == RADIANCE ? f->parts[0].type
+                : layout->kind == HALVES ? HG_EXR_HALF
+                                         : HG_EXR_FLOAT};
+    enum hg_status status = convert(f, p, layout->kind, part);
     for (uint32_t i = 0; i < part->channel_count; i++) {
         char *channel = f->names[f->count][i];
-        snprintf(channel, sizeof f->names[0][0], "%s.%s", name, layout->suffixes[i]);
+        snprintf(channel, sizeof f->names[0][0], "%s.%s", part->name, layout->suffixes[i]);
         part->channels[i] = channel;
     }
-    enum hg_status status = convert(f, p, layout->kind, &part->pixels);
     f->count++;
     return status;
 }
@@ -184,7 +182,7 @@ enum hg_status encode_exr(const struct encode_job *job, struct hg_writer *out, s
         hg_error_set(err, status, "frame", NULL, "no memory for the parts of an EXR file");
     else
         status = hg_exr_encode(size_px, f.parts, f.count, PIXELS_LIMIT_BYTES, out, err);
-    for (uint32_t i = 0; i <= ENCODE_MAX_PLANES; i++)
+    for (uint32_t i = 0; i < MOST_PARTS; i++)
         hg_free(f.buffers[i]);
     return status;
 }

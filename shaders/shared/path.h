@@ -70,7 +70,7 @@
 #define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
 #define HG_PATH_PLANE_COUNT            18
 
-#define HG_PATH_FILTER_STEPS 128 // of the table of filter offsets
+#define HG_PATH_FILTER_STEPS 512 // of the table of filter offsets
 
 #ifndef __STDC__
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_words {

@@ -114,5 +114,43 @@ ls "$temp/killed" | grep -v '^f-[0-9][0-9]\.png$' && fail "a stopped command lef
 expect 0 render killed --skip-existing
 for f in "$temp"/once/*.png; do same "$f" "$temp/killed/${f##*/}"; done
 
+# Path tracing: a film that is taken up gives the same file as one that was never stopped, planes and
+# all; intervals; other jobs' checkpoints.
+trace() { # out options...
+    local out=$1
+    shift
+    ${run:-} "$helio" render "$duck" -o "$out" --size 96x64 --mode path --env sky --exr float --spp 96 \
+        --aov depth,object,variance --stats "$temp/stats.json" "$@"
+}
+expect 0 trace "$temp/whole.exr"
+stat_is samples 96
+grep -q '"rays": [1-9]' "$temp/stats.json" || fail "no rays were counted"
+for round in 1 2 3; do # quick machines get another chance to be too quick
+    : >"$temp/out"
+    run=exec trace "$temp/part.exr" --progress json >"$temp/out" 2>&1 &
+    client=$!
+    begun() { grep -q '"samples","done":[1-9]' "$temp/out" || ! kill -0 $client 2>/dev/null; }
+    until_true begun
+    kill -TERM $client 2>/dev/null
+    wait $client
+    code=$?
+    [ $code = 8 ] && break
+    rm -f "$temp/part.exr"
+done
+[ $code = 8 ] || fail "exit $code instead of 8 when stopped in path mode"
+[ -e "$temp/part.exr" ] && fail "half a picture was written"
+[ -s "$temp/part.exr.checkpoint" ] || fail "no checkpoint was left"
+expect 0 trace "$temp/other.exr" --resume --seed 3
+cp "$temp/part.exr.checkpoint" "$temp/other.exr.checkpoint"
+expect 0 trace "$temp/other.exr" --resume --seed 3
+told 'is of another picture'
+expect 0 trace "$temp/part.exr" --resume --connect "$url"
+told 'goes on from [1-9][0-9]* samples'
+same "$temp/whole.exr" "$temp/part.exr"
+[ -e "$temp/part.exr.checkpoint" ] && fail "the checkpoint is still there"
+expect 0 trace "$temp/part.exr" --skip-existing
+stat_is skipped_frames 1
+expect 0 trace "$temp/limit.exr" --spp 60000 --time 1
+
 [ $failures = 0 ] || exit 1
 echo "farm: good"
