@@ -412,7 +412,7 @@ static void make_bench(struct terrace *t)
 static void cypress_surface(const void *user, float s, float t, float position[3], float uv[2])
 {
     (void)user;
-    float angle = -s * 2 * (float)M_PI, y = 1 - t;
+    float angle = s * 2 * (float)M_PI, y = 1 - t;
     float body = 0.34f * powf(y < 0 ? 0 : y, 0.62f) * powf(fmaxf(1 - y * 0.985f, 0), 0.28f) * 1.5f;
     float lobes = 1 + 0.09f * sinf(9 * angle + 31 * y) + 0.05f * sinf(17 * angle - 53 * y) +
                   0.04f * sinf(29 * angle + 97 * y);
