@@ -203,11 +203,15 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
     vec4 ua = hg_sobol4(points), ub = hg_sobol4(points);
 
-    // Nothing there: holes, and what the camera sees from behind.
+    // Surfaces with one side reflect on both, as those of other path tracers; only colour that is no
+    // light (unlit) is not seen from behind, nor is emission.
+    bool behind = !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u;
+    if (behind)
+        s.emissive = vec3(0.0);
+
+    // Nothing there: holes, and what only has a front.
     p.steps++;
-    bool culled = p.bounce == 0u && !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u &&
-        s.transmission == 0.0;
-    if (culled || ub.w >= s.alpha) {
+    if (ub.w >= s.alpha || (s.unlit && behind && p.bounce == 0u)) {
         hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
         return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
     }

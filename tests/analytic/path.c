@@ -146,6 +146,26 @@ static void test_sphere_light(void **state)
     assert_true(fabs(mean / expected - 1.0) < 0.005);
 }
 
+// A surface with one side from behind, where nothing is black: it reflects as from the front, and
+// what it emits is not seen there.
+static void test_back_face(void **state)
+{
+    struct rig *rig = *state;
+    static const float above[3] = {0, 2, 0}, below[3] = {0, -2, 0}, origin[3] = {0, 0, 0};
+    double mean[2];
+    for (int i = 0; i < 2; i++) {
+        rig_scene(rig);
+        environment(rig, 1.0f);
+        struct hg_material *m = lambert(rig, 0.5f);
+        m->emissive[0] = m->emissive[1] = m->emissive[2] = 2.0f;
+        plane(rig, m, 5);
+        mean[i] = render(rig, &defaults, i == 0 ? above : below, origin, 0.2f, 1.0);
+    }
+    print_message("back face: %.5f in front, %.5f behind\n", mean[0], mean[1]);
+    assert_true(fabs(mean[0] - 2.5) < 0.02);
+    assert_true(fabs(mean[1] - 0.5) < 0.005);
+}
+
 static void lit_room(struct rig *rig)
 {
     const float lamp[4][3] = {
@@ -312,7 +332,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
-        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_estimators),
-        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
+        cmocka_unit_test(test_back_face), cmocka_unit_test(test_sphere_light),
+        cmocka_unit_test(test_estimators), cmocka_unit_test(test_slabs),
+        cmocka_unit_test(test_resume)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
