@@ -77,7 +77,8 @@ enum hg_filter {               // of pixels in HG_MODE_PATH, with their default 
 };
 
 // Float planes of a path-traced film, for compositing. Means over the samples of a pixel, those of
-// samples that hit nothing are 0. Radiance is linear, without exposure, premultiplied.
+// samples that hit nothing are 0. Radiance is linear, without exposure, premultiplied. OBJECT and
+// MATERIAL are those of a pixel's first sample; 0 = none.
 enum hg_plane {
     HG_PLANE_COLOR,                 // 4: radiance, coverage; sum of all lights
     HG_PLANE_ALBEDO,                // 3
@@ -92,9 +93,9 @@ enum hg_plane {
     HG_PLANE_INDIRECT_DIFFUSE,      // 3: more than once
     HG_PLANE_INDIRECT_SPECULAR,     // 3
     HG_PLANE_INDIRECT_TRANSMISSION, // 3
-    HG_PLANE_MOTION,                // 2: px, from the pose before to this one
-    HG_PLANE_OBJECT,                // 1: number of the node, 0 = none; of the pixel's middle sample
-    HG_PLANE_MATERIAL,              // 1: number of the material, 0 = none
+    HG_PLANE_MOTION,                // 2: px; 0, since pictures are of one pose
+    HG_PLANE_OBJECT,                // 1: low 32 bits of the node's id, plus 1; exact to 2^24
+    HG_PLANE_MATERIAL,              // 1: number of the material in the picture, from 1
     HG_PLANE_SAMPLES,               // 1: samples of the pixel
     HG_PLANE_VARIANCE,              // 1: of the mean's luminance
     HG_PLANE_COUNT

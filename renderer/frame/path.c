@@ -154,6 +154,7 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
         return status;
     memset(p->samples.mapped, 0, (size_t)p->tile_count * 4);
     p->holes = has_holes(p->cut);
+    hg_geometry_origin(view->rooms->geometry, p->origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
     p->started_ns = hg_clock_now_ns();
     hg_view_add_stage(view, "path build", p->stats.build_ns);

@@ -268,8 +268,11 @@ static void plane_pixel(const struct hg_path *p, const float *film, uint32_t pla
         const float hits = film[p->planes[HG_PATH_PLANE_HITS] * pixels + at];
         share = n > 0 && hits > 0.0f ? 1.0f / hits : 0.0f;
     }
-    for (uint32_t c = 0; c < channels; c++)
-        out[c] = film[(first + c) * pixels + at] * share;
+    const bool moved = plane == HG_PATH_PLANE_POSITION && share > 0.0f;
+    for (uint32_t c = 0; c < channels; c++) {
+        const float value = film[(first + c) * pixels + at] * share;
+        out[c] = moved ? (float)((double)value + p->origin[c]) : value;
+    }
 }
 
 enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,

@@ -37,6 +37,7 @@ struct hg_path {
     // Of the picture.
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
+    double origin[3]; // scene space, metres: what positions in the film are relative to
     struct hg_gpu_buffer film, film_read;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
     uint8_t *done;                // [tile_count] by its noise

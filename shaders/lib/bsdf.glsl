@@ -124,13 +124,18 @@ float hg_bsdf_dielectric_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
     return min(e, 1.0);
 }
 
-// Share of light that the coat lets through; a coat that faces away does nothing.
-float hg_bsdf_coat_through(hg_bsdf b, float cos_theta)
+// Share of light that a coat lets through; one that faces away does nothing.
+float hg_coat_through(float coat, float roughness, float cos_theta)
 {
     if (!HG_HAS(HG_FEATURE_CLEARCOAT) || cos_theta <= 0.0)
         return 1.0;
-    vec2 dfg = hg_dfg(cos_theta, b.coat_roughness);
-    return 1.0 - b.coat * (HG_DIELECTRIC_F0 * dfg.x + dfg.y);
+    vec2 dfg = hg_dfg(cos_theta, roughness);
+    return 1.0 - coat * (HG_DIELECTRIC_F0 * dfg.x + dfg.y);
+}
+
+float hg_bsdf_coat_through(hg_bsdf b, float cos_theta)
+{
+    return hg_coat_through(b.coat, b.coat_roughness, cos_theta);
 }
 
 float hg_bsdf_sheen_through(hg_bsdf b, float albedo)
@@ -314,6 +319,16 @@ hg_bsdf hg_bsdf_make(hg_surface s, vec3 view_ws, float ior_outside)
 vec3 hg_bsdf_emission(hg_bsdf b, vec3 emissive)
 {
     return HG_HAS(HG_FEATURE_CLEARCOAT) ? emissive * b.coat_v : emissive;
+}
+
+// The same where no BSDF was made yet.
+vec3 hg_surface_emission(hg_surface s, vec3 view_ws)
+{
+    bool closed = s.thickness > 0.0 && (s.transmission > 0.0 || s.diffuse_transmission > 0.0);
+    if (!HG_HAS(HG_FEATURE_CLEARCOAT) || (closed && !s.front))
+        return s.emissive;
+    float roughness = clamp(s.clearcoat_roughness, 0.0, 1.0);
+    return s.emissive * hg_coat_through(s.clearcoat, roughness, dot(s.clearcoat_normal, view_ws));
 }
 
 // --- the base alone ------------------------------------------------------------------------------

@@ -91,7 +91,7 @@ uint miss(path p)
 }
 
 // What the camera sees first.
-void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
+void note_seen(path p, hg_vertex v, hg_surface s)
 {
     hg_path_set(HG_PATH_OUT + 3u, p.slot, 1.0);
     hg_path_put3(HG_PATH_PLANE_ALBEDO, p.slot, s.base_color);
@@ -100,7 +100,8 @@ void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
     hg_path_put(HG_PATH_PLANE_HITS, p.slot, 1.0);
     hg_path_put(HG_PATH_PLANE_DEPTH, p.slot, v.depth);
     hg_path_put3(HG_PATH_PLANE_POSITION, p.slot, v.position_ws);
-    hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(draw + 1u));
+    uint node = hg_frame.geometry.instances.v[v.instance].node;
+    hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(node + 1u));
     hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
 }
 
@@ -228,13 +229,15 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         return HG_PATH_WAITS;
 
     if ((p.flags & HG_PATH_SEEN) == 0u)
-        note_seen(p, v, s, hit.draw);
+        note_seen(p, v, s);
     p.flags |= HG_PATH_SEEN;
     float other = 0.0;
     if (HG_HAS(HG_FEATURE_EMITS))
         other = hg_emitter_pdf_triangle(p.ray.origin_ws, p.normal, hit.draw, hit.primitive,
             v.position_ws, v.geometric_ws);
-    vec3 emitted = s.emissive * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
+    // Rays to lights know of no coats: one counts where they are not the other way.
+    vec3 emitted = p.pdf > 0.0 || s.unlit ? s.emissive : hg_surface_emission(s, -p.ray.direction_ws);
+    emitted = emitted * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
         hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * emitted, p.bounce));
     if (s.unlit || p.bounce >= hg_path.max_bounces)

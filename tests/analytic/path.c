@@ -166,6 +166,41 @@ static void test_back_face(void **state)
     assert_true(fabs(mean[1] - 0.5) < 0.005);
 }
 
+// Far from the origin: positions in scene space, the node's number, emission below a coat.
+static void test_planes(void **state)
+{
+    struct rig *rig = *state;
+    const float far = 100000.0f;
+    const float corners[4][3] = {
+        {far - 5, 0, 5}, {far + 5, 0, 5}, {far + 5, 0, -5}, {far - 5, 0, -5}};
+    const float eye[3] = {far, 2, 0}, target[3] = {far, 0, 0};
+    rig_scene(rig);
+    struct hg_material *m = lambert(rig, 0.0f);
+    m->emissive[0] = m->emissive[1] = m->emissive[2] = 2.0f;
+    m->clearcoat = 1.0f;
+    struct hg_node *node = rig_quad(rig, m, corners);
+    struct hg_view_params params = defaults;
+    params.planes = 1u << HG_PLANE_POSITION | 1u << HG_PLANE_OBJECT | 1u << HG_PLANE_EMISSION;
+    struct hg_view *view = open_view(rig, &params);
+    look(view, eye, target, 0.02f);
+    settle(view, 100000);
+    struct hg_refbuf *position = plane_of(view, HG_PLANE_POSITION);
+    struct hg_refbuf *object = plane_of(view, HG_PLANE_OBJECT);
+    struct hg_refbuf *emission = plane_of(view, HG_PLANE_EMISSION);
+    const float *at = (const float *)(const void *)position->data;
+    const float *number = (const float *)(const void *)object->data;
+    const float *seen = (const float *)(const void *)emission->data;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        assert_true(fabsf(at[i * 3] - far) < 0.1f && fabsf(at[i * 3 + 2]) < 0.1f);
+        assert_true(number[i] == (float)((uint32_t)node->head.id + 1));
+        assert_true(fabsf(seen[i * 3] - 2.0f * 0.96f) < 0.01f);
+    }
+    hg_refbuf_unref(position);
+    hg_refbuf_unref(object);
+    hg_refbuf_unref(emission);
+    hg_view_destroy(view);
+}
+
 static void lit_room(struct rig *rig)
 {
     const float lamp[4][3] = {
@@ -332,8 +367,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
-        cmocka_unit_test(test_back_face), cmocka_unit_test(test_sphere_light),
-        cmocka_unit_test(test_estimators), cmocka_unit_test(test_slabs),
-        cmocka_unit_test(test_resume)};
+        cmocka_unit_test(test_back_face), cmocka_unit_test(test_planes),
+        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_estimators),
+        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
