@@ -390,8 +390,12 @@ static enum hg_status select_sets(
     enum hg_status status = HG_OK;
     if (part == HG_FRAME_PICTURE)
         status = hg_visible_add(view->visible, view->rooms->geometry, &look, jobs, err);
-    else if (s->shadow_count > 0)
-        choice.area = s->shadow_areas[s->shadow_count - 1].rect;
+    else if (s->shadow_count > 0) {
+        const struct hg_stream_area *top = &s->shadow_areas[s->shadow_count - 1];
+        choice.area = top->rect;
+        choice.share = top->share;
+        choice.shares = s->forced ? 0 : top->shares; // a coarser cut is another, and drawn whole
+    }
     return status == HG_OK && view->settings.debug == 0
                ? hg_shadow_select(
                      view->rooms->geometry, view->lighting, &choice, jobs, view->visible, err)
@@ -407,8 +411,14 @@ static void note_sets(struct hg_view_state *view, enum hg_frame_part part)
         view->missing_clusters += set->missing;
         view->crowded |= set->crowded;
     }
-    if (part == HG_FRAME_SHADOWS)
+    if (part == HG_FRAME_SHADOWS) { // those that are coarser than a texel make the picture so
+        for (uint32_t i = 0; i < hg_visible_count(view->visible); i++) {
+            const float texels = hg_visible_set(view->visible, i)->error_px;
+            float *most_px = &view->stream.shadow_error_px;
+            *most_px = texels > 1.0f ? fmaxf(*most_px, view->error_px * texels) : *most_px;
+        }
         return;
+    }
     const float error_px = hg_visible_set(view->visible, 0)->error_px;
     view->shown_error_px = view->stream.exact ? fmaxf(view->shown_error_px, error_px) : error_px;
 }
@@ -634,6 +644,7 @@ static enum hg_status record_shadows(
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_stream *s = &view->stream;
     pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
+    pass.adds = s->shadow_count > 0 && s->shadow_begun;
     return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, first_set, err);
 }
 

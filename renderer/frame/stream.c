@@ -13,6 +13,7 @@
 #define EXACT_WAIT_NS  50000000u  // per step
 #define STILL_SAMPLES  8          // of a debug view that will not get sharper
 #define AREA_LEAST_PX  8          // areas are cut at multiples of this
+#define MOST_SHARES    (1u << 20) // of the geometry of shadow maps
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
@@ -28,11 +29,28 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
     s->area_count = 0;
 }
 
+static void mark_shadows(struct hg_view_state *view, bool stale)
+{
+    uint32_t count;
+    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
+    for (uint32_t i = 0; i < count; i++)
+        maps[i].stale = stale;
+}
+
+static void forget_shadows(struct hg_view_state *view)
+{
+    mark_shadows(view, true);
+    view->stream.shadows = false;
+}
+
 void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = s->forced = false;
     s->area_count = s->shadow_count = s->still = 0;
+    if (s->shadow_error_px > 0.0f) // coarse maps are not kept
+        forget_shadows(view);
+    s->shadow_error_px = 0.0f;
 }
 
 enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err)
@@ -104,25 +122,11 @@ static enum hg_status start_exact(
     view->clipped = false;
     s->has_fallback = s->uneven = samples == 0;
     s->bias = 0.0f;
-    s->areas[0] =
-        (struct hg_stream_area){{{0, 0}, {view->settings.width, view->settings.height}}, samples};
+    s->areas[0] = (struct hg_stream_area){
+        .rect = {{0, 0}, {view->settings.width, view->settings.height}}, .samples = samples};
     s->area_count = 1;
     view->samples = samples;
     return status;
-}
-
-static void mark_shadows(struct hg_view_state *view, bool stale)
-{
-    uint32_t count;
-    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
-    for (uint32_t i = 0; i < count; i++)
-        maps[i].stale = stale;
-}
-
-static void forget_shadows(struct hg_view_state *view)
-{
-    mark_shadows(view, true);
-    view->stream.shadows = false;
 }
 
 bool hg_stream_is_blank(const struct hg_view_state *view)
@@ -226,11 +230,16 @@ static bool split(struct hg_stream_area *areas, uint32_t *count)
     return true;
 }
 
-// An area whose geometry does not fit the budget. What even one pixel needs may be more than that:
-// such a pixel is drawn coarser, and the picture says so by its error.
-static void force_or_split(struct hg_stream *s, struct hg_stream_area *areas, uint32_t *count)
+// Cuts the share of the geometry on top in two. False when hardly more than a chunk can be in it.
+static bool share(struct hg_stream_area *areas, uint32_t *count)
 {
-    s->forced = !split(areas, count);
+    struct hg_stream_area *a = &areas[*count - 1], b = *a;
+    if (a->shares >= MOST_SHARES || *count == HG_STREAM_MAX_AREAS)
+        return false;
+    a->shares = b.shares = a->shares > 0 ? 2 * a->shares : 2;
+    b.share += b.shares / 2;
+    areas[(*count)++] = b;
+    return true;
 }
 
 static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bool shadows,
@@ -306,20 +315,26 @@ static enum hg_status wait_pages(struct hg_view_state *view, bool *arrived, stru
     return status;
 }
 
-// Shadow maps are made whole before anything is drawn with them, in parts of their atlas if need
-// be.
+// Shadow maps are made whole before anything is drawn with them. Depths may come in any order, so
+// what does not fit the budget comes in shares of the geometry, each of which is loaded once, and
+// not in parts of the atlas: a single texel may lie below more than the budget holds. Casters with
+// holes leave out what misses a texel and are drawn again, in parts of the atlas if need be.
 static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
     struct hg_page_demand demand;
     const struct hg_gpu_image *atlas = hg_lighting_image_shadow(view->lighting);
-    if (s->shadow_count == 0)
-        s->shadow_areas[s->shadow_count++].rect = (VkRect2D){{0, 0}, {atlas->width, atlas->height}};
+    if (s->shadow_count == 0) {
+        s->shadow_areas[s->shadow_count++] =
+            (struct hg_stream_area){.rect = {{0, 0}, {atlas->width, atlas->height}}};
+        s->shadow_begun = false;
+        s->shadow_error_px = 0.0f;
+    }
     forget_shadows(view);
     enum hg_status status = hg_frame_cull(view, HG_FRAME_SHADOWS, 0, err);
     s->shadows = true;
     if (status == HG_OK && view->crowded && !s->forced) {
-        force_or_split(s, s->shadow_areas, &s->shadow_count);
+        s->forced = !share(s->shadow_areas, &s->shadow_count);
         return HG_OK;
     }
     if (status == HG_OK)
@@ -327,6 +342,7 @@ static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error
     if (status != HG_OK)
         return status;
     s->forced = false;
+    s->shadow_begun = true;
     s->missing = demand.missing;
     s->waiting = demand.missing > 0;
     if (!demand.shadows)
@@ -359,8 +375,10 @@ static enum hg_status draw_area(
     enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && view->crowded && !s->forced) {
         s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
+        // What even one pixel needs may be more than the budget holds: it is drawn coarser, and the
+        // picture says so by its error.
         if (!s->shadows)
-            force_or_split(s, s->areas, &s->area_count);
+            s->forced = !split(s->areas, &s->area_count);
         return HG_OK;
     }
     if (status != HG_OK)

@@ -7,7 +7,8 @@
 //          sample, and what was missing is loaded before it is tried again. When all that waiting
 //          pixels need at once does not fit the budget, the picture is cut in two areas that are
 //          finished one after the other, as often as it takes. So it is when the geometry of an
-//          area does not fit its budget; shadow maps are then made first, in parts as well.
+//          area does not fit its budget; shadow maps are then made first, from one share of the
+//          geometry after the other.
 // A view that rests goes from show to exact as soon as nothing is missing, nothing more can be
 // loaded, or the mip bias or coarser geometry say that a budget is too small. One that nobody looks
 // at before it is settled is exact from the start: its first batch finds out what it needs. Each
@@ -24,10 +25,12 @@
 
 struct hg_view_state;
 
-// All pixels inside have at least that many samples.
+// All pixels inside have at least that many samples. Shadow maps have no samples: depths of one
+// share of the geometry after the other are added to them.
 struct hg_stream_area {
     VkRect2D rect;
     uint32_t samples;
+    uint32_t share, shares; // of shadow maps: the share of the geometry; shares 0 or 1: all of it
 };
 
 struct hg_stream {
@@ -44,13 +47,15 @@ struct hg_stream {
     bool has_fallback; // the picture shown by pixels without a sample
     uint32_t missing;  // pages that the newest batch asked for in vain
     float bias;        // of the newest sample
-    float fallback_error_px;                          // of geometry in the picture that stands in
-    uint32_t run;                                     // of the newest sample
+    float fallback_error_px; // of geometry in the picture that stands in
+    float shadow_error_px;   // the view's, times the texels that casters may be off; 0: one
+    uint32_t run;            // of the newest sample
     struct hg_stream_area areas[HG_STREAM_MAX_AREAS]; // a stack; what is not in it is finished
     uint32_t area_count;
     struct hg_stream_area
         shadow_areas[HG_STREAM_MAX_AREAS]; // the same for the atlas of shadow maps
     uint32_t shadow_count;
+    bool shadow_begun;                            // maps were cleared: all else adds to them
     struct hg_gpu_buffer progress, progress_read; // [height][width] u32; read: a copy for the host
     struct hg_gpu_image fallback;
 };

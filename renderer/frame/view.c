@@ -183,8 +183,9 @@ bool hg_view_state_settled(const struct hg_view_state *view)
 float hg_view_error_px(const struct hg_view_state *view)
 {
     const struct hg_stream *s = &view->stream;
-    const float shown =
+    const float drawn =
         view->shown_error_px > 0.0f ? view->shown_error_px : view->settings.error_px;
+    const float shown = drawn > s->shadow_error_px ? drawn : s->shadow_error_px;
     return s->uneven && s->has_fallback && s->fallback_error_px > shown ? s->fallback_error_px
                                                                         : shown;
 }

@@ -72,7 +72,7 @@ struct hg_view_state {
 
     struct hg_gpu_image visibility, depth, accumulated;
     struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
-    struct hg_gpu_image behind; // the opaque scene, while draws that let light through are
+    struct hg_gpu_image behind;    // the opaque scene, while draws that let light through are
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something

@@ -289,6 +289,8 @@ static enum hg_status select_draw(
             b->selection.items[i].bit = HG_RUN_NO_BIT;
         return status;
     }
+    if (view->shares > 1 && view->share > 0)
+        return HG_OK;
     if (d->deform != NULL && d->part->posed.count > 0 && view->error_px > 0.0f)
         return add_posed(run, b, index, d, world);
     if (d->deformed || d->part->meshlets.count < 2 || (d->gpu.flags & HG_DRAW_BLEND) != 0 ||

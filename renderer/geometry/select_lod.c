@@ -112,11 +112,18 @@ static bool add_cluster(struct walk *w, uint32_t index, uint32_t chunk)
     return true;
 }
 
+// Chunks that follow each other are in different shares, so that these are of about one size.
+static bool is_shared(const struct walk *w, uint32_t chunk)
+{
+    const uint32_t key = w->mesh->number * 0x9e3779b9u + chunk;
+    return w->view->shares < 2 || key % w->view->shares == w->view->share;
+}
+
 static void visit_group(struct walk *w, uint32_t index)
 {
     const struct hg_lod_group *g = &w->lod->groups[index];
     float px;
-    if (!is_wanted(w, g, &px))
+    if (!is_shared(w, g->chunk) || !is_wanted(w, g, &px))
         return;
     bool there = w->view->whole || is_resident(w, g->chunk);
     const uint32_t end = there ? g->first_cluster + g->cluster_count : g->first_cluster;

@@ -51,7 +51,9 @@ struct hg_visible_view {
     bool numbered;     // lists of numbered.h, where there are
     bool whole;        // with wait: never coarser than asked; what does not fit is missing, and
                        // then the set must not be drawn
-    bool history;      // what the last view with history saw comes first, the rest may be late
+    uint32_t share, shares; // with whole: one of that many shares of the chunks, which make up the
+                            // whole cut; the first has the parts without chunks. 0 = all of it
+    bool history;           // what the last view with history saw comes first, the rest may be late
     const struct hg_visible_lens *lens; // with numbered: drop triangles that show at no sample
     // What the host can draw it draws (hg_visible_host): the whole picture without its jitter.
     // NULL: the device draws all. Of the first set that has some.

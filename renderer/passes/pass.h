@@ -16,10 +16,11 @@ struct hg_pass {
     // tables are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
     uint32_t tables, features;
     uint32_t background; // HG_FEATURE_SKY_*: what backgrounds have besides
-    VkRect2D area; // of the view that is drawn, clears included; zero = all of it
+    VkRect2D area;       // of the view that is drawn, clears included; zero = all of it
     // Only what is asked of textures counts, nothing that is drawn: a small view fills the area,
     // and of shadow casters those with holes are drawn, whatever hides them.
     bool find;
+    bool adds; // shadow maps: to what is in them already
 };
 
 // After beginning a rendering with the pass's area: what is drawn covers the view, not the area.

@@ -93,7 +93,7 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
     const VkRect2D whole = rect_of(&map->gpu);
     const uint32_t side = whole.extent.width;
     const struct hg_gpu_rendering rendering = {
-        .depth = {.image = atlas, .clear = true}, .area = cut(whole, pass->area)};
+        .depth = {.image = atlas, .clear = !pass->adds}, .area = cut(whole, pass->area)};
     if (rendering.area.extent.width == 0 || rendering.area.extent.height == 0)
         return HG_OK;
     const VkViewport viewport = {
@@ -151,7 +151,9 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
             .error_px = 1.0f,
             .near = 1e-3f,
             .wait = choice->wait,
-            .whole = choice->whole};
+            .whole = choice->whole,
+            .share = choice->share,
+            .shares = choice->shares};
         const VkRect2D whole = rect_of(s);
         view.plane_count =
             choice->area.extent.width == 0

@@ -13,8 +13,9 @@
 struct hg_shadow_choice {
     bool coarse; // leave out (and leave stale) what only refines the map of the whole scene; the
                  // frame block must carry HG_FRAME_COARSE_SHADOWS then
-    bool wait, whole; // as of struct hg_visible_view
-    VkRect2D area;    // of the atlas; nothing else will be drawn. Zero = all of it
+    bool wait, whole;       // as of struct hg_visible_view
+    VkRect2D area;          // of the atlas; nothing else will be drawn. Zero = all of it
+    uint32_t share, shares; // as of struct hg_visible_view
 };
 // Once per step, before hg_visible_upload: adds a set for each map that is stale. Levels of detail
 // are as fine as the map's texels, wherever the camera is, so that a map that is kept fits every

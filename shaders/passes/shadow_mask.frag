@@ -24,8 +24,11 @@ void main()
     v.uv1_dy = dFdy(in_uv.zw);
     v.color = vec4(1.0, 1.0, 1.0, in_alpha);
     float alpha = hg_material_alpha(in_material, v);
-    if (HG_HAS(HG_FEATURE_STREAM) && hg_texture_coarser != 0u)
+    if (HG_HAS(HG_FEATURE_STREAM) && hg_texture_coarser != 0u) {
         atomicAdd(HG_TEXTURES.feedback.v[HG_FEEDBACK_SHADOWS], 1u); // this map has to be drawn again
+        if (hg_textures_exact())
+            discard; // on top of what is there now
+    }
     if (alpha < HG_MATERIAL_AT(in_material, alpha_cutoff))
         discard;
 }

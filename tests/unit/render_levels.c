@@ -463,6 +463,41 @@ static void test_pixel_over_budget(void **state)
         hg_refbuf_unref(pictures[i]);
 }
 
+// Shadow maps are made of shares of the geometry: where a few chunks fit, the picture is that of
+// all the memory there is. The work is bounded: a few batches for each share and pixel.
+static void test_shadows_in_shares(void **state)
+{
+    (void)state;
+    static const uint64_t budgets[] = {0, MIB / 2, MIB, 2 * MIB};
+    struct hg_refbuf *pictures[4];
+    for (int i = 0; i < 4; i++) {
+        const struct hg_view_params view = {
+            .width = 64, .height = 64, .samples = 2, .seed = 5, .error_px = 1.0f};
+        struct rig rig;
+        struct hg_frame_info info = {0};
+        int steps = 0;
+        open_rig(&rig, budgets[i]);
+        hg_view_set_final(rig.view, i == 2);
+        test_ok(hg_view_set_params(rig.view, &view, &rig.err), &rig.err);
+        look(&rig, 0, 0.8f);
+        for (; !info.settled && steps < 1000; steps++)
+            info = rig_step(&rig, 16);
+        print_message("budget %llu KiB: %d steps, error %.3f px, peak %llu KiB\n",
+            (unsigned long long)budgets[i] >> 10, steps, (double)info.error_px,
+            (unsigned long long)geometry_stats(&rig).peak_bytes >> 10);
+        assert_true(info.settled);
+        assert_int_equal(info.missing_clusters, 0);
+        assert_true(info.error_px == 1.0f);
+        // The coarsest level is above the least budget for a moment.
+        assert_true(i == 0 || geometry_stats(&rig).peak_bytes <= budgets[i] + MIB / 8);
+        pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_assert_same(pictures[0], pictures[i]);
+        rig_close(&rig);
+    }
+    for (int i = 0; i < 4; i++)
+        hg_refbuf_unref(pictures[i]);
+}
+
 // --- depth ---------------------------------------------------------------------------------------
 
 static struct hg_bench_depth_gap depth_gap(struct rig *levels, struct rig *whole, float error_px)
@@ -577,7 +612,7 @@ int main(void)
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
         cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
         cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_shadows_do_not_pop),
-        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_depth_is_that_of_the_whole),
-        cmocka_unit_test(test_no_specks)};
+        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_shadows_in_shares),
+        cmocka_unit_test(test_depth_is_that_of_the_whole), cmocka_unit_test(test_no_specks)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
