@@ -396,7 +396,7 @@ static const struct {
     {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
     {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
     {"indirect_transmission", 3}, {"motion", 2}, {"object", 1}, {"material", 1}, {"samples", 1},
-    {"variance", 1}};
+    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}};
 
 uint32_t hg_plane_channels(enum hg_plane plane)
 {

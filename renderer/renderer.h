@@ -98,8 +98,12 @@ enum hg_plane {
     HG_PLANE_MATERIAL,              // 1: number of the material in the picture, from 1
     HG_PLANE_SAMPLES,               // 1: samples of the pixel
     HG_PLANE_VARIANCE,              // 1: of the mean's luminance
+    HG_PLANE_DRAWS, // 2 HG_PLANE_DRAWS_LENGTH: draws that samples met, in the order in which they
+                    // came: number of the draw + 1 (0: no more), samples. What comes when there is
+                    // no room is left out. For hg_view_read_matte
     HG_PLANE_COUNT
 };
+#define HG_PLANE_DRAWS_LENGTH 8
 
 #define HG_VIEW_MAX_SAMPLES 65536 // also the limit of the protocol
 #define HG_VIEW_MAX_BOUNCES 256
@@ -200,6 +204,19 @@ enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, str
     struct hg_error *err) HG_MUST_CHECK;
 uint32_t hg_plane_channels(enum hg_plane plane);
 const char *hg_plane_name(enum hg_plane plane); // "direct_diffuse", ...
+
+// Cryptomatte of a view that keeps HG_PLANE_DRAWS, by the names of nodes, materials or assets
+// (renderer/image/cryptomatte.h). What has no name goes by its kind and number.
+enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
+#define HG_MATTE_RANKS 6
+struct hg_matte {
+    struct hg_refbuf *ranks; // [height][width][HG_MATTE_RANKS][id, coverage] floats
+    char *manifest;          // JSON of the names met; NULL when longer than 16 MiB
+};
+// HG_E_STATE as for planes; HG_E_NOMEM. Freed with hg_matte_finish, which accepts a zeroed one.
+enum hg_status hg_view_read_matte(struct hg_view *view, enum hg_matte_kind kind,
+    struct hg_matte *out, struct hg_error *err) HG_MUST_CHECK;
+void hg_matte_finish(struct hg_matte *matte);
 
 // Checkpoints of a path-traced view: all it needs to go on, to the bit, in another process with the
 // same scene, camera and parameters. HG_E_STATE: nothing to save.

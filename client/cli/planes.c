@@ -17,7 +17,7 @@ static const struct {
     {"direct", BIT(DIRECT_DIFFUSE) | BIT(DIRECT_SPECULAR) | BIT(DIRECT_TRANSMISSION)},
     {"indirect", BIT(INDIRECT_DIFFUSE) | BIT(INDIRECT_SPECULAR) | BIT(INDIRECT_TRANSMISSION)},
     {"cryptomatte", BIT(CRYPTO_OBJECT) | BIT(CRYPTO_MATERIAL) | BIT(CRYPTO_ASSET)},
-    {"all", (1u << HGP_plane_LIGHT_GROUPS) - 1 - BIT(COLOR)},
+    {"all", (1u << PLANE_COUNT) - 1 - BIT(COLOR) - BIT(LIGHT_GROUPS)},
 };
 
 static uint32_t bits_of(const char *name)

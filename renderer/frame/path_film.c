@@ -65,6 +65,8 @@ static uint32_t channels_of(uint32_t plane)
         return 1;
     case HG_PATH_PLANE_MOTION:
         return 2;
+    case HG_PATH_PLANE_DRAWS:
+        return 2 * HG_PATH_DRAWS_LENGTH;
     default:
         return 3;
     }
@@ -74,7 +76,8 @@ static void plan_channels(struct hg_path *p, uint32_t planes)
 {
     p->channels = HG_PATH_FILM_WORDS;
     for (uint32_t i = 0; i < HG_PATH_PLANE_COUNT; i++) {
-        bool stored = i != PLANE_COLOR && i < PLANE_SAMPLES && (planes >> i & 1u) != 0;
+        bool stored = i != PLANE_COLOR && i != PLANE_SAMPLES && i != PLANE_VARIANCE &&
+                      (planes >> i & 1u) != 0;
         if (i == HG_PATH_PLANE_HITS)
             stored = (planes & (1u << HG_PATH_PLANE_DEPTH | 1u << HG_PATH_PLANE_POSITION)) != 0;
         p->planes[i] = stored ? p->channels : HG_PATH_NO_PLANE;
@@ -236,7 +239,8 @@ enum hg_status hg_path_film_judge(struct hg_path *p, float noise, struct hg_erro
 
 static bool is_id(uint32_t plane)
 {
-    return plane == HG_PATH_PLANE_OBJECT || plane == HG_PATH_PLANE_MATERIAL;
+    return plane == HG_PATH_PLANE_OBJECT || plane == HG_PATH_PLANE_MATERIAL ||
+           plane == HG_PATH_PLANE_DRAWS;
 }
 
 static bool is_of_hits(uint32_t plane)

@@ -142,6 +142,8 @@ void encode_job_destroy(struct encode_job *job)
         return;
     for (uint32_t i = 0; i < job->plane_count; i++)
         hg_refbuf_unref(job->planes[i].values);
+    for (uint32_t i = 0; i < ENCODE_MATTES; i++)
+        hg_matte_finish(&job->mattes[i]);
     hg_refbuf_unref(job->pixels);
     hg_free(job);
 }

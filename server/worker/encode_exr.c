@@ -3,10 +3,16 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/image/cryptomatte.h"
 #include "renderer/image/exr.h"
 #include "server/worker/task.h"
 
-enum { ATTRIBUTES = 16, MOST_PARTS = 1 + ENCODE_MAX_PLANES };
+enum {
+    ATTRIBUTES = 16,
+    MATTE_ATTRIBUTES = 4,
+    MATTE_LAYERS = HG_MATTE_RANKS / 2, // parts of a matte
+    MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
+};
 
 #define PIXELS_LIMIT_BYTES (UINT64_C(4) << 30) // of all parts; the file must fit a message
 
@@ -46,10 +52,10 @@ struct file {
     const struct encode_job *job;
     struct hg_exr_part parts[MOST_PARTS];
     uint32_t count;
-    char names[MOST_PARTS][4][32]; // of the channels
+    char names[MOST_PARTS][5][32]; // of the channels, and of the part where we make it
     void *buffers[MOST_PARTS];
-    struct hg_image_attribute attributes[ATTRIBUTES];
-    char revision[32];
+    struct hg_image_attribute attributes[ATTRIBUTES + ENCODE_MATTES * MATTE_ATTRIBUTES];
+    char revision[32], keys[ENCODE_MATTES * MATTE_ATTRIBUTES][40];
 };
 
 // ---- what the file says ------------------------------------------------------------------------
@@ -170,14 +176,66 @@ static enum hg_status add_plane(struct file *f, const struct encode_plane *p)
     return status;
 }
 
+static const char *const matte_names[ENCODE_MATTES] = {
+    [HG_MATTE_OBJECT] = "CryptoObject",
+    [HG_MATTE_MATERIAL] = "CryptoMaterial",
+    [HG_MATTE_ASSET] = "CryptoAsset",
+};
+
+// Cryptomatte's own attributes, in the first part with the others.
+static uint32_t list_mattes(struct file *f, uint32_t n)
+{
+    static const char *const keys[MATTE_ATTRIBUTES] = {"name", "hash", "conversion", "manifest"};
+    for (uint32_t i = 0; i < ENCODE_MATTES; i++) {
+        const struct hg_matte *m = &f->job->mattes[i];
+        const char *const values[MATTE_ATTRIBUTES] = {
+            matte_names[i], "MurmurHash3_32", "uint32_to_float32", m->manifest};
+        char prefix[24];
+        hg_cryptomatte_prefix(matte_names[i], prefix);
+        for (uint32_t k = 0; m->ranks && k < MATTE_ATTRIBUTES; k++) {
+            char *key = f->keys[i * MATTE_ATTRIBUTES + k];
+            snprintf(key, sizeof f->keys[0], "%s%s", prefix, keys[k]);
+            if (values[k])
+                add_text(f, &n, key, values[k]);
+        }
+    }
+    return n;
+}
+
+// Two ranks a part: CryptoObject00, CryptoObject01, ...
+static void add_matte(struct file *f, const char *name, const struct hg_refbuf *ranks)
+{
+    static const char *const suffixes[] = {"R", "G", "B", "A"};
+    for (uint32_t layer = 0; layer < MATTE_LAYERS; layer++) {
+        struct hg_exr_part *part = &f->parts[f->count];
+        char(*names)[32] = f->names[f->count];
+        const size_t offset = (size_t)layer * 4 * sizeof(float);
+        snprintf(names[4], sizeof names[4], "%s%02u", name, layer);
+        *part = (struct hg_exr_part){.name = names[4],
+            .channel_count = 4,
+            .stride = 2 * HG_MATTE_RANKS,
+            .type = HG_EXR_FLOAT,
+            .pixels = ranks->data + offset,
+            .size_bytes = ranks->size - offset};
+        for (uint32_t i = 0; i < 4; i++) {
+            snprintf(names[i], sizeof names[i], "%s.%s", names[4], suffixes[i]);
+            part->channels[i] = names[i];
+        }
+        f->count++;
+    }
+}
+
 enum hg_status encode_exr(const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
 {
     struct file f = {.job = job};
     const uint32_t size_px[2] = {job->frame.width, job->frame.height};
     const float time_s = (float)job->notes.time_s;
-    enum hg_status status = add_picture(&f, list_attributes(&f, &time_s));
+    enum hg_status status = add_picture(&f, list_mattes(&f, list_attributes(&f, &time_s)));
     for (uint32_t i = 0; !status && i < job->plane_count; i++)
         status = add_plane(&f, &job->planes[i]);
+    for (uint32_t i = 0; !status && i < ENCODE_MATTES; i++)
+        if (job->mattes[i].ranks)
+            add_matte(&f, matte_names[i], job->mattes[i].ranks);
     if (status)
         hg_error_set(err, status, "frame", NULL, "no memory for the parts of an EXR file");
     else

@@ -16,7 +16,7 @@ enum { ANSWER_LIMIT_BYTES = 320 << 20 };
 
 // ---- planes ------------------------------------------------------------------------------------
 
-enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err)
+enum hg_status film_planes(uint32_t bits, uint32_t *planes, uint32_t *mattes, struct hg_error *err)
 {
     static const uint8_t known[] = {
         [HGP_plane_ALBEDO] = HG_PLANE_ALBEDO,
@@ -36,6 +36,9 @@ enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err
         [HGP_plane_MATERIAL] = HG_PLANE_MATERIAL,
         [HGP_plane_SAMPLES] = HG_PLANE_SAMPLES,
         [HGP_plane_VARIANCE] = HG_PLANE_VARIANCE,
+        [HGP_plane_CRYPTO_OBJECT] = HG_PLANE_DRAWS,
+        [HGP_plane_CRYPTO_MATERIAL] = HG_PLANE_DRAWS,
+        [HGP_plane_CRYPTO_ASSET] = HG_PLANE_DRAWS,
     };
     uint32_t found = 0;
     for (uint32_t i = 1; i < 32; i++) {
@@ -49,6 +52,9 @@ enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err
         found |= 1u << known[i];
     }
     *planes = found;
+    *mattes = (bits >> HGP_plane_CRYPTO_OBJECT & 1) << HG_MATTE_OBJECT |
+              (bits >> HGP_plane_CRYPTO_MATERIAL & 1) << HG_MATTE_MATERIAL |
+              (bits >> HGP_plane_CRYPTO_ASSET & 1) << HG_MATTE_ASSET;
     return HG_OK;
 }
 
@@ -134,6 +140,7 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     hg_write_bytes(&w, device, strlen(device) + 1);
     hg_write_bytes(&w, scene, sizeof scene);
     put_params(&w, &view->params);
+    hg_write_u32(&w, view->mattes);
     put_camera(&w, slot->scene, view);
     hg_write_u32(&w, (uint32_t)encoding);
     hg_write_u8(&w, encoding == HGP_encoding_JPEG ? quality : 0);
@@ -179,13 +186,16 @@ static enum hg_status read_planes(
 {
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; !status && i < HG_PLANE_COUNT; i++) {
-        if (!(view->params.planes >> i & 1) || i == HG_PLANE_COLOR)
+        if (!(view->params.planes >> i & 1) || i == HG_PLANE_COLOR || i == HG_PLANE_DRAWS)
             continue;
         struct encode_plane *p = &job->planes[job->plane_count];
         p->plane = (enum hg_plane)i;
         status = hg_view_read_plane(view->view, p->plane, &p->values, err);
         job->plane_count += !status;
     }
+    for (uint32_t i = 0; !status && i < ENCODE_MATTES; i++)
+        if (view->mattes >> i & 1)
+            status = hg_view_read_matte(view->view, (enum hg_matte_kind)i, &job->mattes[i], err);
     return status;
 }
 

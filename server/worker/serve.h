@@ -39,6 +39,7 @@ struct view_slot {
     uint32_t number;
     struct hg_view *view;
     struct hg_view_params params;
+    uint32_t mattes; // bits of enum hg_matte_kind
     enum hgp_encoding encoding, still_encoding;
     uint8_t quality;
     float max_fps;
@@ -178,8 +179,10 @@ void serve_start_task(const struct request *r, enum task_kind kind, enum hgp_typ
 
 // ---- film.c: what a frame is made from and goes with --------------------------------------------
 
-// Planes of the protocol to those of the renderer. HG_E_UNSUPPORTED names one that it has not.
-enum hg_status film_planes(uint32_t bits, uint32_t *planes, struct hg_error *err) HG_MUST_CHECK;
+// Planes of the protocol to those of the renderer and bits of enum hg_matte_kind. HG_E_UNSUPPORTED
+// names one that there is not.
+enum hg_status film_planes(
+    uint32_t bits, uint32_t *planes, uint32_t *mattes, struct hg_error *err) HG_MUST_CHECK;
 // Of the frame that the view would give when settled, in an encoding.
 enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
     enum hgp_encoding encoding, uint8_t quality, uint8_t hash[32],

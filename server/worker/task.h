@@ -47,7 +47,7 @@ struct encode_notes {
     char job[65]; // hexadecimal, or empty
 };
 
-enum { ENCODE_MAX_PLANES = 24 };
+enum { ENCODE_MAX_PLANES = 24, ENCODE_MATTES = 3 };
 
 // Pixels of a frame on their way to the encoder thread.
 struct encode_job {
@@ -64,6 +64,7 @@ struct encode_job {
         struct hg_refbuf *values; // floats
     } planes[ENCODE_MAX_PLANES];  // EXR only
     uint32_t plane_count;
+    struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not asked for
 };
 
 // Key of the text attribute that holds the hash of what a file was made from.

@@ -85,9 +85,9 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
 }
 
 static enum hg_status overlay_planes(
-    struct hg_view_params *p, const struct hgp_view_set *m, struct hg_error *err)
+    struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
 {
-    enum hg_status status = m->has_planes ? film_planes(m->planes, &p->planes, err) : HG_OK;
+    enum hg_status status = m->has_planes ? film_planes(m->planes, &p->planes, mattes, err) : HG_OK;
     if (!status && p->planes && p->mode != HG_MODE_PATH)
         status = hg_error_set(
             err, HG_E_UNSUPPORTED, "view_set", "planes", "only path-traced views keep planes");
@@ -140,7 +140,8 @@ void view_set(const struct request *r)
     struct hg_view_params params = view ? view->params : (struct hg_view_params){0};
     enum hg_status status = HG_OK;
     overlay_params(&params, m);
-    status = overlay_planes(&params, m, &err);
+    uint32_t mattes = view ? view->mattes : 0;
+    status = overlay_planes(&params, &mattes, m, &err);
     if (!status)
         status = check_quota(r, view, &params, &err);
     if (!status && !view)
@@ -156,6 +157,7 @@ void view_set(const struct request *r)
         return;
     }
     view->params = params;
+    view->mattes = mattes;
     view->changed = true;
     overlay_delivery(view, m);
     serve_ok(r);

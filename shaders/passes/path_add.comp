@@ -9,6 +9,23 @@
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
+// One more sample for the draw that it met, in the pixel's list of draws.
+void list_draw(uint at, uint pixels, uint slot, bool first)
+{
+    uint list = hg_path.planes[HG_PATH_PLANE_DRAWS] * pixels + at;
+    float draw = hg_path_get(hg_path_out(hg_path.planes[HG_PATH_PLANE_DRAWS]), slot);
+    bool open = draw > 0.0;
+    for (uint i = 0u; i < HG_PATH_DRAWS_LENGTH; i++) {
+        uint k = list + 2u * i * pixels;
+        float there = first ? 0.0 : hg_path.film.v[k];
+        float count = first ? 0.0 : hg_path.film.v[k + pixels];
+        bool here = open && (there == 0.0 || there == draw);
+        hg_path.film.v[k] = here ? draw : there;
+        hg_path.film.v[k + pixels] = count + (here ? 1.0 : 0.0);
+        open = open && !here;
+    }
+}
+
 void main()
 {
     uint slot = gl_GlobalInvocationID.x;
@@ -21,6 +38,9 @@ void main()
     float luminance = dot(color, vec3(0.2126, 0.7152, 0.0722));
     uint object = hg_path.planes[HG_PATH_PLANE_OBJECT];
     uint material = hg_path.planes[HG_PATH_PLANE_MATERIAL];
+    uint draws = hg_path.planes[HG_PATH_PLANE_DRAWS];
+    if (draws != HG_PATH_NO_PLANE)
+        list_draw(at, pixels, slot, first);
     for (uint c = 0u; c < hg_path.channels; c++) {
         float value = luminance * luminance;
         if (c != HG_PATH_FILM_SQUARES)
@@ -29,6 +49,7 @@ void main()
         float before = first ? 0.0 : hg_path.film.v[k];
         if (c == object || c == material) // of the first sample
             value = first ? value : 0.0;
-        hg_path.film.v[k] = before + value;
+        if (c < draws || c >= draws + 2u * HG_PATH_DRAWS_LENGTH) // not the list's
+            hg_path.film.v[k] = before + value;
     }
 }

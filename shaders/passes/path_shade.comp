@@ -91,7 +91,7 @@ uint miss(path p)
 }
 
 // What the camera sees first.
-void note_seen(path p, hg_vertex v, hg_surface s)
+void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
 {
     hg_path_set(HG_PATH_OUT + 3u, p.slot, 1.0);
     hg_path_put3(HG_PATH_PLANE_ALBEDO, p.slot, s.base_color);
@@ -103,6 +103,7 @@ void note_seen(path p, hg_vertex v, hg_surface s)
     uint node = hg_frame.geometry.instances.v[v.instance].node;
     hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(node + 1u));
     hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
+    hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(draw + 1u)); // only the first word is used
 }
 
 // A ray to a light; true when there is one.
@@ -229,7 +230,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         return HG_PATH_WAITS;
 
     if ((p.flags & HG_PATH_SEEN) == 0u)
-        note_seen(p, v, s);
+        note_seen(p, v, s, hit.draw);
     p.flags |= HG_PATH_SEEN;
     float other = 0.0;
     if (HG_HAS(HG_FEATURE_EMITS))

@@ -68,7 +68,10 @@
 #define HG_PATH_PLANE_OBJECT           14
 #define HG_PATH_PLANE_MATERIAL         15
 #define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
-#define HG_PATH_PLANE_COUNT            18
+#define HG_PATH_PLANE_DRAWS            18 // pairs (draw + 1, samples), see path_add.comp
+#define HG_PATH_PLANE_COUNT            19
+
+#define HG_PATH_DRAWS_LENGTH 8 // pairs of a pixel; HG_PLANE_DRAWS_LENGTH
 
 #define HG_PATH_FILTER_STEPS 512 // of the table of filter offsets
 

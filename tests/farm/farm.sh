@@ -120,7 +120,7 @@ trace() { # out options...
     local out=$1
     shift
     ${run:-} "$helio" render "$duck" -o "$out" --size 96x64 --mode path --env sky --exr float --spp 96 \
-        --aov depth,object,variance --stats "$temp/stats.json" "$@"
+        --aov depth,cryptomatte,variance --stats "$temp/stats.json" "$@"
 }
 expect 0 trace "$temp/whole.exr"
 stat_is samples 96
