@@ -100,7 +100,7 @@ static void test_path(void **state)
     // trace 2; bits of depth, the three direct ones, crypto_asset
     expect_file("logp", "view_set mode=1 trace=2 bounces=4 noise=0.25 time=2 planes=200390 size");
     expect_run(0, NULL, "log=logq", "$HELIO render s.gltf -o p.exr --mode path --aov all");
-    expect_file("logq", "planes=3fffe");
+    expect_file("logq", "planes=3bfffe");
     expect_run(7, "as the test wants", "fail=view_set:7",
         "$HELIO render s.gltf -o p.exr --mode path --trace khr");
     expect_run(7, "as the test wants", "fail=view_set:19",
