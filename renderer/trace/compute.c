@@ -14,10 +14,7 @@
 #include "renderer/trace/internal.h"
 
 #define MOST_REFITS    64u
-#define PIECE_NS       8000000u // of a wave
-#define FIRST_PIECE    16384u   // rays
-#define LEAST_PIECE    8192u    // on a busy machine clocks run ahead of the work
-#define MOST_PIECE     (1u << 20)
+#define LEAST_PIECE    8192u // on a busy machine clocks run ahead of the work
 #define TRIANGLE_BYTES 80u   // of the structure, at most about
 #define LARGEST        1e18f // coordinates beyond it are no triangle: products overflow
 
@@ -84,7 +81,7 @@ static enum hg_status create(struct hg_trace *trace, void **self, struct hg_erro
         return no_memory(err);
     *self = c;
     c->trace = trace;
-    c->piece[0] = c->piece[1] = FIRST_PIECE;
+    c->piece[0] = c->piece[1] = HG_TRACE_FIRST_PIECE;
     c->top_bvh.root = HG_BVH_NONE;
     return hg_bvh_builder_create(&c->builder, err);
 }
@@ -576,15 +573,6 @@ static enum hg_status dispatch(
     return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
 }
 
-// What took too long goes in smaller pieces from here on.
-static void adapt(uint32_t *piece, uint32_t count, uint64_t ns)
-{
-    if (ns > PIECE_NS && *piece > LEAST_PIECE)
-        *piece /= 2;
-    else if (ns < PIECE_NS / 3 && count == *piece && *piece < MOST_PIECE)
-        *piece *= 2;
-}
-
 static enum hg_status trace(
     void *self, const struct hg_trace_wave *w, bool any, struct hg_error *err)
 {
@@ -607,7 +595,7 @@ static enum hg_status trace(
         memcpy(&wave.step, c->top_bvh.step, sizeof wave.step);
         const uint64_t start = hg_clock_now_ns();
         status = dispatch(c, &wave, any, err);
-        adapt(piece, n, hg_clock_now_ns() - start);
+        hg_trace_adapt(piece, LEAST_PIECE, n, hg_clock_now_ns() - start);
     }
     return status;
 }

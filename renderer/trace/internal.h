@@ -38,4 +38,9 @@ uint32_t hg_trace_mask(uint32_t draw_flags);
 // Rays that no backend is to follow: not finite, without direction or interval.
 bool hg_trace_is_ray(const struct hg_gpu_ray *ray);
 
+// Waves go to the device in pieces of about 8 ms: the next one, in rays, after `count` of them took
+// ns. least: clocks of busy machines run ahead of the work.
+#define HG_TRACE_FIRST_PIECE 16384u
+void hg_trace_adapt(uint32_t *piece, uint32_t least, uint32_t count, uint64_t ns);
+
 #endif

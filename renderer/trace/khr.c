@@ -15,10 +15,7 @@
 #include "shaders/shared/khr.h"
 
 #define MOST_REFITS 64u
-#define PIECE_NS    8000000u // of a wave
-#define FIRST_PIECE 16384u   // rays
 #define LEAST_PIECE 2048u
-#define MOST_PIECE  (1u << 20)
 #define CLASSES     3 // of flat structures
 
 struct functions {
@@ -145,7 +142,7 @@ static enum hg_status create(struct hg_trace *trace, void **self, struct hg_erro
         return no_memory(err);
     *self = k;
     k->trace = trace;
-    k->piece[0] = k->piece[1] = FIRST_PIECE;
+    k->piece[0] = k->piece[1] = HG_TRACE_FIRST_PIECE;
     if (!load_functions(hg_gpu_device(gpu), &k->vk))
         return hg_error_set(
             err, HG_E_DEVICE, "ray tracing", "khr", "the driver lacks functions of its extension");
@@ -738,14 +735,6 @@ static enum hg_status dispatch(
     return finish_batch(gpu, cmd, err);
 }
 
-static void adapt(uint32_t *piece, uint32_t count, uint64_t ns)
-{
-    if (ns > PIECE_NS && *piece > LEAST_PIECE)
-        *piece /= 2;
-    else if (ns < PIECE_NS / 3 && count == *piece && *piece < MOST_PIECE)
-        *piece *= 2;
-}
-
 static enum hg_status trace(
     void *self, const struct hg_trace_wave *w, bool any, struct hg_error *err)
 {
@@ -766,7 +755,7 @@ static enum hg_status trace(
             wave.hits = w->hits->address + (w->first_hit + at) * sizeof(struct hg_gpu_hit);
         const uint64_t start = hg_clock_now_ns();
         status = dispatch(k, &wave, any, err);
-        adapt(piece, n, hg_clock_now_ns() - start);
+        hg_trace_adapt(piece, LEAST_PIECE, n, hg_clock_now_ns() - start);
     }
     return status;
 }

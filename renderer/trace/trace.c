@@ -42,6 +42,17 @@ bool hg_trace_is_ray(const struct hg_gpu_ray *r)
            r->t_max > 0.0f;
 }
 
+#define PIECE_NS   8000000u
+#define MOST_PIECE (1u << 20)
+
+void hg_trace_adapt(uint32_t *piece, uint32_t least, uint32_t count, uint64_t ns)
+{
+    if (ns > PIECE_NS && *piece > least)
+        *piece /= 2;
+    else if (ns < PIECE_NS / 3 && count == *piece && *piece < MOST_PIECE)
+        *piece *= 2;
+}
+
 static enum hg_status create_backend(
     struct hg_trace *t, enum hg_trace_backend backend, struct hg_error *err)
 {

@@ -149,21 +149,10 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     return status ? hg_error_set(err, status, "job", NULL, "no memory") : HG_OK;
 }
 
-static struct view_slot *find_view(const struct request *r, uint32_t number)
-{
-    struct view_slot *view = session_find_view(r->session, number);
-    struct hg_error err = {0};
-    if (!view) {
-        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
-        serve_fail(r, &err);
-    }
-    return view;
-}
-
 void view_job_query(const struct request *r)
 {
     const struct hgp_job_query *m = &r->message->job_query;
-    struct view_slot *view = find_view(r, m->view);
+    struct view_slot *view = session_need_view(r, m->view);
     struct hgp_job answer = {.scene_revision = r->session->scene->scene->revision};
     struct hg_error err = {0};
     if (!view)
@@ -241,7 +230,7 @@ static enum hg_status pack(
 
 void view_checkpoint_query(const struct request *r)
 {
-    struct view_slot *view = find_view(r, r->message->checkpoint_query.view);
+    struct view_slot *view = session_need_view(r, r->message->checkpoint_query.view);
     struct hg_error err = {0};
     struct hg_refbuf *film = NULL;
     struct hg_writer data = {0};
@@ -285,7 +274,7 @@ static enum hg_status unpack(
 void view_checkpoint_set(const struct request *r)
 {
     const struct hgp_checkpoint_set *m = &r->message->checkpoint_set;
-    struct view_slot *view = find_view(r, m->view);
+    struct view_slot *view = session_need_view(r, m->view);
     struct hg_error err = {0};
     void *film;
     uint64_t size;

@@ -30,21 +30,10 @@ static void answer_json(const struct request *r, json_t *root)
     free(text);
 }
 
-static struct view_slot *find_view(const struct request *r, uint32_t number)
-{
-    struct view_slot *view = session_find_view(r->session, number);
-    struct hg_error err = {0};
-    if (!view) {
-        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
-        serve_fail(r, &err);
-    }
-    return view;
-}
-
 void query_pick(const struct request *r)
 {
     const struct hgp_pick *m = &r->message->pick;
-    struct view_slot *view = find_view(r, m->view);
+    struct view_slot *view = session_need_view(r, m->view);
     if (!view)
         return;
     struct hg_error err = {0};
@@ -142,7 +131,7 @@ static json_t *child_object(json_t *root, const char *key)
 void query_stats(const struct request *r)
 {
     uint32_t number = r->message->stats_query.view;
-    struct view_slot *view = number ? find_view(r, number) : NULL;
+    struct view_slot *view = number ? session_need_view(r, number) : NULL;
     if (number && !view)
         return;
     char *text = NULL;

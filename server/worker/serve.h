@@ -123,6 +123,8 @@ void session_detach(struct serve *s, struct session *session);
 // Publishes what the session's open batch changed, if there is one.
 void session_close_batch(struct session *session);
 struct view_slot *session_find_view(struct session *session, uint32_t number);
+// NULL: the request was answered with the error.
+struct view_slot *session_need_view(const struct request *r, uint32_t number);
 void view_slot_destroy(struct serve *s, struct session *session, struct view_slot *view);
 
 // ---- handlers: each answers the request ---------------------------------------------------------

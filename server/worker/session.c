@@ -22,6 +22,17 @@ struct view_slot *session_find_view(struct session *session, uint32_t number)
     return NULL;
 }
 
+struct view_slot *session_need_view(const struct request *r, uint32_t number)
+{
+    struct view_slot *view = session_find_view(r->session, number);
+    if (!view) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
+        serve_fail(r, &err);
+    }
+    return view;
+}
+
 // ---- scenes -------------------------------------------------------------------------------------
 
 static struct scene_slot *scene_hold(struct serve *s, struct hgp_str key)

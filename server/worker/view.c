@@ -18,17 +18,6 @@ static const uint64_t batch_patience_ns = 2000000000u;
 
 // ---- messages -----------------------------------------------------------------------------------
 
-static struct view_slot *need_view(const struct request *r, uint32_t number)
-{
-    struct view_slot *view = session_find_view(r->session, number);
-    if (!view) {
-        struct hg_error err = {0};
-        hg_error_set(&err, HG_E_NOTFOUND, "view", NULL, "this session has no view %u", number);
-        serve_fail(r, &err);
-    }
-    return view;
-}
-
 static uint64_t pixels_of(const struct hg_view_params *p)
 {
     return (uint64_t)(p->width ? p->width : 1280) * (p->height ? p->height : 720);
@@ -165,7 +154,7 @@ void view_set(const struct request *r)
 
 void view_close(const struct request *r)
 {
-    struct view_slot *view = need_view(r, r->message->view_close.view);
+    struct view_slot *view = session_need_view(r, r->message->view_close.view);
     if (!view)
         return;
     struct hg_error err = {0};
@@ -200,7 +189,7 @@ static void overlay_camera(struct hg_view_camera *c, const struct hgp_view_camer
 void view_camera(const struct request *r)
 {
     const struct hgp_view_camera *m = &r->message->view_camera;
-    struct view_slot *view = need_view(r, m->view);
+    struct view_slot *view = session_need_view(r, m->view);
     if (!view)
         return;
     struct hg_error err = {0};
@@ -225,7 +214,7 @@ void view_camera(const struct request *r)
 void view_frame_request(const struct request *r)
 {
     const struct hgp_frame_request *m = &r->message->frame_request;
-    struct view_slot *view = need_view(r, m->view);
+    struct view_slot *view = session_need_view(r, m->view);
     if (!view)
         return;
     struct frame_wait *wait = hg_calloc(1, sizeof *wait);
@@ -250,7 +239,7 @@ void view_frame_request(const struct request *r)
 
 void view_subscribe(const struct request *r)
 {
-    struct view_slot *view = need_view(r, r->message->subscribe.view);
+    struct view_slot *view = session_need_view(r, r->message->subscribe.view);
     if (!view)
         return;
     view->credit = r->message->subscribe.credit_frames;
@@ -262,7 +251,7 @@ void view_subscribe(const struct request *r)
 
 void view_credit(const struct request *r)
 {
-    struct view_slot *view = need_view(r, r->message->credit.view);
+    struct view_slot *view = session_need_view(r, r->message->credit.view);
     if (view && view->credit < UINT32_MAX - 1024)
         view->credit += r->message->credit.frames;
 }

@@ -401,29 +401,13 @@ static void refused(void **state)
     rig_close(r);
 }
 
-static bool has_ray_query(void)
-{
-    struct hg_gpu *gpu;
-    struct hg_error err;
-    const struct hg_gpu_params params = {0};
-    if (hg_gpu_create(&params, &gpu, &err) != HG_OK)
-        return false;
-    const bool has = hg_gpu_get_caps(gpu)->ray_query;
-    hg_gpu_destroy(gpu);
-    return has;
-}
-
 int main(int argc, char **argv)
 {
-    if (argc != 2)
-        return 2;
-    for (int b = HG_TRACE_EMBREE; b <= HG_TRACE_KHR; b++)
-        if (strcmp(argv[1], hg_trace_backend_name((enum hg_trace_backend)b)) == 0)
-            backend = (enum hg_trace_backend)b;
+    backend = rig_backend(argc, argv);
     if (backend == HG_TRACE_AUTO)
         return 2;
     const struct CMUnitTest refusal[] = {cmocka_unit_test(refused)};
-    if (backend == HG_TRACE_KHR && !has_ray_query()) {
+    if (backend == HG_TRACE_KHR && !rig_has_ray_query()) {
         printf("no ray queries on this device: only that they are refused is tested\n");
         return cmocka_run_group_tests(refusal, NULL, NULL);
     }

@@ -365,3 +365,23 @@ uint32_t rig_compare(struct rig *r, uint32_t count, bool coherent)
     }
     return edges;
 }
+
+enum hg_trace_backend rig_backend(int argc, char **argv)
+{
+    for (int b = HG_TRACE_EMBREE; b <= HG_TRACE_KHR && argc == 2; b++)
+        if (strcmp(argv[1], hg_trace_backend_name((enum hg_trace_backend)b)) == 0)
+            return (enum hg_trace_backend)b;
+    return HG_TRACE_AUTO;
+}
+
+bool rig_has_ray_query(void)
+{
+    struct hg_gpu *gpu;
+    struct hg_error err;
+    const struct hg_gpu_params params = {0};
+    if (hg_gpu_create(&params, &gpu, &err) != HG_OK)
+        return false;
+    const bool has = hg_gpu_get_caps(gpu)->ray_query;
+    hg_gpu_destroy(gpu);
+    return has;
+}

@@ -53,4 +53,8 @@ void rig_position(const struct rig *r, const struct hg_gpu_hit *hit, double out[
 // Compares a wave with the reference; returns how many rays near an edge came out otherwise.
 uint32_t rig_compare(struct rig *r, uint32_t count, bool coherent);
 
+// The backend that the only argument names; HG_TRACE_AUTO: none does.
+enum hg_trace_backend rig_backend(int argc, char **argv);
+bool rig_has_ray_query(void); // of the device that tests run on
+
 #endif
