@@ -1,35 +1,11 @@
 #!/bin/bash
 # farm.sh - many frames on machines that stop: whole files, files that are there already, commands that
 # are killed and run again, embedded and through a daemon. Uses HELIO_BUILD_DIR and HELIO_TEST_DATA.
-set -u
-helio=$HELIO_BUILD_DIR/bin/helio
-heliod=$HELIO_BUILD_DIR/bin/heliod
-data=$HELIO_TEST_DATA
-tmpdir=${TMPDIR:-}
-[ ${#tmpdir} -lt 64 ] || export TMPDIR=/tmp # names of sockets have room for 108 bytes
-temp=$(mktemp -d)
-daemon= client=
-trap 'kill $client $daemon 2>/dev/null; wait 2>/dev/null; rm -rf "$temp"' EXIT
-export XDG_CACHE_HOME=$temp/cache
-failures=0
+. "$(dirname "$0")/../support/shell.sh"
 
-fail() { echo "FAILED: $*"; failures=$((failures + 1)); }
-expect() { # code command...
-    local want=$1 got
-    shift
-    "$@" >"$temp/out" 2>&1
-    got=$?
-    [ "$got" = "$want" ] || fail "exit $got instead of $want: $* ($(tail -n 2 "$temp/out"))"
-}
-same() { cmp "$1" "$2" || fail "$1 and $2 differ"; }
 told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not told: $(tail -n 3 "$temp/out")"; }
 stat_is() { # key value
     grep -q "\"$1\": $2,\?\$" "$temp/stats.json" || fail "$1 is not $2: $(grep "\"$1\"" "$temp/stats.json")"
-}
-need() { [ -e "$1" ] || { echo "$1 is missing"; exit 1; }; }
-until_true() { # command...: waits for it, a minute at most
-    for i in $(seq 1200); do "$@" && return 0; sleep 0.05; done
-    fail "never came true: $*"
 }
 
 fox=$data/khronos/Fox/glTF-Binary/Fox.glb
