@@ -18,7 +18,7 @@
 #include "base/refbuf.h"
 #include "base/status.h"
 
-#define HG_PATH_WAVE_TILES 512 // 2^17 paths, about 25 MiB
+#define HG_PATH_WAVE_TILES 512 // 2^17 paths, 26 MiB
 
 // What a path-traced picture depends on besides the settings of every view. Compared as bytes.
 struct hg_path_settings {
