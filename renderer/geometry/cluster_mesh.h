@@ -81,6 +81,9 @@ bool hg_cluster_pool_request(
 // HG_E_AGAIN: no room beside what this frame uses. Other statuses as of opening.
 enum hg_status hg_cluster_pool_load(struct hg_cluster_pool *pool, const struct hg_chunk_want *wants,
     uint32_t count, bool loose, struct hg_error *err) HG_MUST_CHECK;
+// All that is there stays, but nothing keeps its parents any more: the next frame may replace
+// whatever it does not use. What a view needs with its parents is bound again when it is loaded.
+void hg_cluster_pool_loosen(struct hg_cluster_pool *pool);
 // Keeps a chunk from being evicted (counted); a smaller budget may take it away all the same. What
 // is held is let go by the number of its mesh, which may be closed.
 void hg_cluster_pool_hold(

@@ -310,6 +310,21 @@ static bool bind(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh, uint32
     return true;
 }
 
+void hg_cluster_pool_loosen(struct hg_cluster_pool *p)
+{
+    for (uint32_t slot = 0; slot < p->slot_count; slot++) {
+        const uint64_t key = hg_residency_item(p->residency, slot);
+        const uint32_t chunk = (uint32_t)key;
+        if (key == HG_RESIDENCY_NO_KEY)
+            continue;
+        struct hg_cluster_mesh *mesh = mesh_of(p, key);
+        if (chunk < mesh->lod->root_chunk_count || mesh->chunks[chunk].loose)
+            continue;
+        let_parents_go(p, mesh, chunk);
+        mesh->chunks[chunk].loose = true;
+    }
+}
+
 // A slot for the chunk, which is then resident but not yet filled. Parents are pinned first, so
 // that they are not what goes.
 static enum hg_status take_slot(struct hg_cluster_pool *p, struct hg_cluster_mesh *mesh,

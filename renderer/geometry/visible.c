@@ -498,7 +498,9 @@ static void tick(const struct hg_visible *v, const struct hg_geometry *g)
     hg_hosted_use(&v->hosted, g);
 }
 
-// One attempt to have all that is missing. *fits: there is some left that found no room.
+// One attempt to have all that is missing. *fits: all of it found room. What earlier frames left
+// must not decide that: when there is no room, their chunks go, and what these are parts of as
+// well.
 static enum hg_status load_wanted(struct hg_visible *v, const struct hg_geometry *g,
     const struct hg_visible_view *view, struct hg_jobs *jobs, bool *fits, struct hg_error *err)
 {
@@ -510,6 +512,7 @@ static enum hg_status load_wanted(struct hg_visible *v, const struct hg_geometry
         status = hg_cluster_pool_load(g->pool, v->runs.wants, v->runs.want_count, view->whole, err);
         *fits = status == HG_OK;
         if (status == HG_E_AGAIN) {
+            hg_cluster_pool_loosen(g->pool);
             tick(v, g);
             status = HG_OK;
         }

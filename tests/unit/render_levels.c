@@ -418,48 +418,98 @@ static void test_shadows_do_not_pop(void **state)
     }
 }
 
-// --- a pixel that is too much --------------------------------------------------------------------
+// --- far below what a picture needs --------------------------------------------------------------
 
-static struct hg_frame_info settle_far(struct rig *rig, struct hg_refbuf **out)
+struct far_run {
+    uint64_t budget_bytes;
+    bool final, flown; // flown: other views were shown before
+};
+
+static struct hg_frame_info settle_far(
+    struct rig *rig, const struct far_run *run, int *steps, struct hg_refbuf **out)
 {
     const struct hg_view_params view = {
         .width = 32, .height = 32, .samples = 4, .seed = 5, .error_px = 0.01f};
+    struct hg_frame_info info = {0};
+    without_sun = true;
+    open_rig(rig, run->budget_bytes);
+    without_sun = false;
+    hg_view_set_final(rig->view, run->final);
+    for (int i = 0; i < 24 && run->flown; i++) {
+        look(rig, 0.1f * sinf((float)i), 0.15f + 0.6f * (float)(i % 7));
+        rig_step(rig, 1);
+    }
     test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
     look(rig, 0, 4.0f); // the dragon is some pixels wide
-    const struct hg_frame_info info = rig_settle(rig, 16);
+    for (*steps = 0; !info.settled && *steps < 4000; ++*steps)
+        info = rig_step(rig, 16);
+    assert_true(info.settled);
     assert_int_equal(info.missing_clusters, 0);
+    const uint64_t peak_bytes = geometry_stats(rig).peak_bytes;
+    assert_true(run->budget_bytes == 0 || peak_bytes <= run->budget_bytes);
     *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
+    print_message("budget %llu KiB, %s%s: %d steps, error %.3f px, peak %llu KiB\n",
+        (unsigned long long)run->budget_bytes >> 10, run->final ? "final" : "watched",
+        run->flown ? " after a flight" : "", *steps, (double)info.error_px,
+        (unsigned long long)peak_bytes >> 10);
     return info;
 }
 
-// Within a hundredth of a pixel a single one needs more chunks than the budget holds: the picture
-// settles, coarser where it must be, within the budget, and says so. It is hardly another one.
-static void test_pixel_over_budget(void **state)
+static void settle_runs(const struct far_run *runs, int count, struct hg_frame_info *info,
+    int *steps, struct hg_refbuf **pictures)
 {
-    (void)state;
-    const uint64_t budget = MIB;
-    struct hg_refbuf *pictures[3];
-    struct hg_frame_info info[3];
-    without_sun = true;
-    for (int i = 0; i < 3; i++) { // without a limit, with one, with one again
+    for (int i = 0; i < count; i++) {
         struct rig rig;
-        open_rig(&rig, i == 0 ? 0 : budget);
-        info[i] = settle_far(&rig, &pictures[i]);
-        print_message("budget %llu KiB: error %.3f px, peak %llu KiB\n",
-            (unsigned long long)(i == 0 ? 0 : budget) >> 10, (double)info[i].error_px,
-            (unsigned long long)geometry_stats(&rig).peak_bytes >> 10);
-        assert_true(i == 0 || geometry_stats(&rig).peak_bytes <= budget);
+        info[i] = settle_far(&rig, &runs[i], &steps[i], &pictures[i]);
+        assert_true(
+            runs[i].budget_bytes == 0 || geometry_stats(&rig).peak_bytes <= runs[i].budget_bytes);
         rig_close(&rig);
     }
     without_sun = false;
+}
+
+// What was shown before keeps nothing in memory that the picture could not be made beside: a fifth
+// of what it needs at once is enough for every pixel, and areas stay large.
+static void test_far_below_needs(void **state)
+{
+    (void)state;
+    static const struct far_run runs[] = {{0, false, false}, {MIB, false, false},
+        {MIB, false, true}, {MIB, true, false}, {MIB, true, true}};
+    struct hg_frame_info info[5];
+    struct hg_refbuf *pictures[5];
+    int steps[5];
+    settle_runs(runs, 5, info, steps, pictures);
+    for (int i = 0; i < 5; i++) {
+        assert_true(info[i].error_px == 0.01f);
+        assert_true(steps[i] <= 8);
+        rig_assert_same(pictures[0], pictures[i]);
+    }
+    for (int i = 0; i < 5; i++)
+        hg_refbuf_unref(pictures[i]);
+}
+
+// Within a hundredth of a pixel a single one needs more chunks than the budget holds: the picture
+// settles, coarser where it must be, within the budget, and says so. It is hardly another one, and
+// the same whatever was shown before.
+static void test_pixel_over_budget(void **state)
+{
+    (void)state;
+    static const struct far_run runs[] = {{0, false, false}, {5 * MIB / 16, false, false},
+        {5 * MIB / 16, false, true}, {5 * MIB / 16, true, false}, {5 * MIB / 16, true, true}};
+    struct hg_refbuf *pictures[5];
+    struct hg_frame_info info[5];
+    int steps[5];
+    settle_runs(runs, 5, info, steps, pictures);
     assert_true(info[0].error_px == 0.01f);
     assert_true(info[1].error_px > 0.01f && info[1].error_px < 2.0f);
-    assert_true(info[1].error_px == info[2].error_px);
-    rig_assert_same(pictures[1], pictures[2]);
+    for (int i = 2; i < 5; i++) {
+        assert_true(info[1].error_px == info[i].error_px);
+        rig_assert_same(pictures[1], pictures[i]);
+    }
     const double apart = rig_difference(pictures[0], pictures[1]);
     print_message("the pictures differ by %.5f\n", apart);
     assert_true(apart < 0.01);
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 5; i++)
         hg_refbuf_unref(pictures[i]);
 }
 
@@ -612,7 +662,8 @@ int main(void)
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
         cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
         cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_shadows_do_not_pop),
-        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_shadows_in_shares),
-        cmocka_unit_test(test_depth_is_that_of_the_whole), cmocka_unit_test(test_no_specks)};
+        cmocka_unit_test(test_far_below_needs), cmocka_unit_test(test_pixel_over_budget),
+        cmocka_unit_test(test_shadows_in_shares), cmocka_unit_test(test_depth_is_that_of_the_whole),
+        cmocka_unit_test(test_no_specks)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }
