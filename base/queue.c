@@ -1,11 +1,10 @@
 #include "base/queue.h"
 
-#include <errno.h>
 #include <sys/eventfd.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "base/cond.h"
 
 enum hg_status hg_queue_init(struct hg_queue *q, size_t capacity)
 {
@@ -19,12 +18,8 @@ enum hg_status hg_queue_init(struct hg_queue *q, size_t capacity)
         q->items = NULL;
         return HG_E_LIMIT;
     }
-    pthread_condattr_t attr;
-    pthread_condattr_init(&attr);
-    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
     pthread_mutex_init(&q->lock, NULL);
-    pthread_cond_init(&q->not_empty, &attr);
-    pthread_condattr_destroy(&attr);
+    hg_cond_init(&q->not_empty);
     return HG_OK;
 }
 
@@ -83,18 +78,10 @@ void *hg_queue_try_pop(struct hg_queue *q)
 
 void *hg_queue_pop(struct hg_queue *q, uint64_t timeout_ns)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    if (timeout_ns != UINT64_MAX) {
-        uint64_t ns = (uint64_t)until.tv_nsec + timeout_ns % 1000000000u;
-        until.tv_sec += (time_t)(timeout_ns / 1000000000u + ns / 1000000000u);
-        until.tv_nsec = (long)(ns % 1000000000u);
-    }
+    const uint64_t until_ns = hg_cond_after(timeout_ns);
     pthread_mutex_lock(&q->lock);
-    int rc = 0;
-    while (q->count == 0 && !q->closed && rc != ETIMEDOUT)
-        rc = timeout_ns == UINT64_MAX ? pthread_cond_wait(&q->not_empty, &q->lock)
-                                      : pthread_cond_timedwait(&q->not_empty, &q->lock, &until);
+    while (q->count == 0 && !q->closed && hg_cond_wait(&q->not_empty, &q->lock, until_ns))
+        ;
     void *item = take(q);
     pthread_mutex_unlock(&q->lock);
     return item;

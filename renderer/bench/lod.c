@@ -110,7 +110,7 @@ static enum hg_status wait_baked(struct run *run, int which, struct hg_error *er
     const struct timespec pause = {.tv_nsec = BAKE_POLL_NS};
     enum hg_status status = HG_OK;
     do {
-        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, false, err);
+        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, 0, err);
         if (status == HG_OK && hg_geometry_baking(view->rooms->geometry) > 0)
             nanosleep(&pause, NULL);
         run->done--; // the same step, told again

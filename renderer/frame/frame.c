@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/cond.h"
 #include "base/log.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/debug.h"
@@ -16,8 +17,9 @@
 #include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
-#define MARGIN_PX      2.0f    // jitter and rounding
-#define MOST_HOSTED_PX 2000000 // of a batch that the host draws, 12 bytes each
+#define MARGIN_PX      2.0f               // jitter and rounding
+#define BAKE_WAIT_NS   UINT64_C(20000000) // of a step, for levels that are being made
+#define MOST_HOSTED_PX 2000000            // of a batch that the host draws, 12 bytes each
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 
@@ -256,8 +258,9 @@ static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error 
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
+    const uint64_t until_ns = view->wait ? hg_cond_after(BAKE_WAIT_NS) : 0;
     enum hg_status status =
-        hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
+        hg_rooms_sync(view->context, view->rooms, view->camera.eye, until_ns, err);
     if (status != HG_OK)
         return status;
     const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables &&

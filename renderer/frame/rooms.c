@@ -171,9 +171,9 @@ void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms)
 }
 
 static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], bool wait, struct hg_error *err)
+    const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
-    const bool came = hg_geometry_poll(rooms->geometry, wait);
+    const bool came = hg_geometry_poll(rooms->geometry, until_ns);
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
     if (rooms->scene_revision == rooms->scene->revision && !moved && !came &&
         !hg_textures_is_stale(rooms->textures))
@@ -192,11 +192,11 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
 }
 
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], bool wait, struct hg_error *err)
+    const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
-    const enum hg_status status = sync(context, rooms, eye_ws, wait, err);
+    const enum hg_status status = sync(context, rooms, eye_ws, until_ns, err);
     // Parts that were queued just now: the one who waits does so for them too.
-    return status == HG_OK && wait && hg_geometry_baking(rooms->geometry) > 0
-               ? sync(context, rooms, eye_ws, wait, err)
+    return status == HG_OK && until_ns > 0 && hg_geometry_baking(rooms->geometry) > 0
+               ? sync(context, rooms, eye_ws, until_ns, err)
                : status;
 }

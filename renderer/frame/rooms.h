@@ -53,8 +53,9 @@ void hg_frame_context_finish(struct hg_frame_context *context);
 
 // Brings textures and geometry in line with the scene; no batch may be open. Nothing happens when
 // the scene's revision is known already and nothing came in from threads. eye_ws: scene space.
-// wait: for levels of detail that are being made.
+// Waits for levels of detail that are being made, at most until that time of hg_clock_now_ns; 0 =
+// does not.
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
-    const double eye_ws[3], bool wait, struct hg_error *err) HG_MUST_CHECK;
+    const double eye_ws[3], uint64_t until_ns, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -169,7 +169,13 @@ static struct hg_view_key present_key(const struct hg_view_state *view)
         .camera = view->camera_revision};
 }
 
-bool hg_view_state_settled(const struct hg_view_state *view)
+static bool bakes(const struct hg_view_state *view)
+{
+    return hg_geometry_baking(view->rooms->geometry) > 0;
+}
+
+// Nothing is left to do with the geometry that is there.
+static bool is_complete(const struct hg_view_state *view)
 {
     const struct hg_view_key key = present_key(view);
     const bool same = view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0;
@@ -177,7 +183,12 @@ bool hg_view_state_settled(const struct hg_view_state *view)
         return same && !view->path_begins && hg_path_done(view->path);
     return same && view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
            !view->direct && !view->stream.inexact && !view->eased && !view->clipped &&
-           view->missing_clusters == 0 && hg_geometry_baking(view->rooms->geometry) == 0;
+           view->missing_clusters == 0;
+}
+
+bool hg_view_state_settled(const struct hg_view_state *view)
+{
+    return is_complete(view) && !bakes(view);
 }
 
 float hg_view_error_px(const struct hg_view_state *view)
@@ -336,7 +347,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
 {
     choose_error(view, max_samples);
     enum hg_status status = hg_frame_sync(view, err);
-    if (status != HG_OK)
+    if (status != HG_OK || (bakes(view) && (view->final || is_complete(view))))
         return status;
     const struct hg_view_key key = present_key(view);
     const bool blank = hg_stream_is_blank(view) && !view->final; // somebody wants to look now
@@ -380,10 +391,11 @@ static enum hg_status draw_preview(struct hg_view_state *view, struct hg_error *
 static enum hg_status draw_path(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
+    const struct hg_view_key before = present_key(view);
     choose_error(view, max_samples);
-    view->wait = true;
+    view->wait = view->final || memcmp(&before, &view->key, sizeof before) == 0;
     enum hg_status status = hg_frame_sync(view, err);
-    if (status != HG_OK)
+    if (status != HG_OK || (bakes(view) && view->final))
         return status;
     const struct hg_view_key key = present_key(view);
     const bool changed = memcmp(&key, &view->key, sizeof key) != 0;
@@ -396,6 +408,8 @@ static enum hg_status draw_path(
     }
     if (changed && !view->final)
         return draw_preview(view, err);
+    if (bakes(view))
+        return HG_OK; // light is followed through what is there at last
     const bool begins = view->path_begins;
     view->path_begins = false;
     status = hg_path_step(view, begins, err);

@@ -102,22 +102,22 @@ static bool take_in(
 }
 
 bool hg_baked_collect(
-    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait)
+    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, uint64_t until_ns)
 {
     struct hg_baked baked;
     bool some = false;
-    while (g->baker != NULL && hg_baker_take(g->baker, wait, &baked))
+    while (g->baker != NULL && hg_baker_take(g->baker, until_ns, &baked))
         some = take_in(g, meshes, count, &baked) || some;
     return some;
 }
 
-bool hg_geometry_poll(struct hg_geometry *g, bool wait)
+bool hg_geometry_poll(struct hg_geometry *g, uint64_t until_ns)
 {
     if (g->pool == NULL)
         return false;
     hg_geometry_note_peak(g);
     hg_cluster_pool_tick(g->pool);
-    if (!hg_baked_collect(g, g->meshes, g->mesh_count, wait))
+    if (!hg_baked_collect(g, g->meshes, g->mesh_count, until_ns))
         return false;
     g->signature = 0;
     g->shape_revision++;

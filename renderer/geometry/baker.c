@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/cond.h"
 #include "base/log.h"
 
 struct task {
@@ -151,7 +152,7 @@ enum hg_status hg_baker_create(
     b->todo.last = &b->todo.first;
     b->done.last = &b->done.first;
     pthread_mutex_init(&b->lock, NULL);
-    pthread_cond_init(&b->changed, NULL);
+    hg_cond_init(&b->changed);
     if (pthread_create(&b->thread, NULL, thread_main, b) != 0) {
         pthread_cond_destroy(&b->changed);
         pthread_mutex_destroy(&b->lock);
@@ -231,17 +232,15 @@ enum hg_status hg_baker_add(
     return HG_OK;
 }
 
-bool hg_baker_take(struct hg_baker *b, bool wait, struct hg_baked *out)
+bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
 {
     memset(out, 0, sizeof *out);
     if (b->pending == 0)
         return false;
     pthread_mutex_lock(&b->lock);
     struct task *task = pop(&b->done);
-    while (task == NULL && wait) {
-        pthread_cond_wait(&b->changed, &b->lock);
+    while (task == NULL && hg_cond_wait(&b->changed, &b->lock, until_ns))
         task = pop(&b->done);
-    }
     pthread_mutex_unlock(&b->lock);
     if (task == NULL)
         return false;

@@ -23,8 +23,9 @@ void hg_baker_destroy(struct hg_baker *baker); // cancels; accepts NULL
 // Queues a part; its arrays and the mesh's name are copied. HG_E_NOMEM.
 enum hg_status hg_baker_add(struct hg_baker *baker, const struct hg_mesh *mesh, uint64_t id,
     uint64_t revision, uint32_t index) HG_MUST_CHECK;
-// Takes a result; wait: until there is one. False: none (and with wait, none to come).
-bool hg_baker_take(struct hg_baker *baker, bool wait, struct hg_baked *out);
+// Takes a result, waits for one at most until a time of hg_clock_now_ns, HG_COND_FOREVER = as long as
+// it takes. False: none.
+bool hg_baker_take(struct hg_baker *baker, uint64_t until_ns, struct hg_baked *out);
 // Parts that were added and not taken.
 uint32_t hg_baker_pending(const struct hg_baker *baker);
 

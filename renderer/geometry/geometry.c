@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/cond.h"
 #include "renderer/geometry/internal.h"
 
 enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_params *params,
@@ -343,7 +344,7 @@ static enum hg_status check_budget(struct sync *s, struct hg_error *err)
     if (budget > 0 && g->pool != NULL && bytes + chunks > budget) {
         // Not all parts fit as they are: what can have levels gets them before anything is shown.
         hg_baked_queue(g, s->meshes, s->mesh_count);
-        hg_baked_collect(g, s->meshes, s->mesh_count, true);
+        hg_baked_collect(g, s->meshes, s->mesh_count, HG_COND_FOREVER);
         bytes = bytes_of(s);
         chunks = pool_bytes(g, bytes);
     }

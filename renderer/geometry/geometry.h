@@ -70,9 +70,9 @@ void hg_geometry_origin(const struct hg_geometry *geometry, double out[3]);
 // device errors. Nothing is written when nothing changed.
 enum hg_status hg_geometry_sync(struct hg_geometry *geometry, const struct hg_scene *scene,
     const struct hg_textures *textures, struct hg_error *err) HG_MUST_CHECK;
-// In front of each frame: brings in what threads have made. True: sync again. wait: until all
-// parts are baked.
-bool hg_geometry_poll(struct hg_geometry *geometry, bool wait);
+// In front of each frame: brings in what threads have made. True: sync again. Waits until
+// all parts are baked or that time of hg_clock_now_ns has come; 0 = does not, HG_COND_FOREVER.
+bool hg_geometry_poll(struct hg_geometry *geometry, uint64_t until_ns);
 uint32_t hg_geometry_baking(const struct hg_geometry *geometry); // parts that are not yet
 bool hg_geometry_has_levels(const struct hg_geometry *geometry); // baked parts
 // Shadow maps may show other levels than views: of baked parts or of posed ones.

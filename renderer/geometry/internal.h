@@ -88,7 +88,7 @@ void hg_mesh_entry_finish(
 
 // --- baked.c ---
 // Queues parts of many triangles for baking; brings finished ones into their entries (true when
-// there were some). wait: until all are done.
+// there were some). Waits for all of them, at most until that time of hg_clock_now_ns.
 void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count);
 // Triangles from which parts are baked; UINT32_MAX: none are.
 uint32_t hg_baked_from(const struct hg_geometry *g);
@@ -96,7 +96,7 @@ uint32_t hg_baked_from(const struct hg_geometry *g);
 uint32_t hg_baked_nearest(
     const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3]);
 bool hg_baked_collect(
-    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, bool wait);
+    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, uint64_t until_ns);
 
 // --- geometry.c: keeps the largest sum of what is in use; before anything is given back ---
 void hg_geometry_note_peak(struct hg_geometry *g);

@@ -2,11 +2,11 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/cond.h"
 #include "base/log.h"
 #include "renderer/texture/page_preview.h"
 
@@ -511,14 +511,10 @@ static void refuse_image(struct hg_page_sources *s, struct hg_page_image *image)
 // Waits for work, a short while when some is only put off.
 static void wait_for_work(struct hg_page_sources *s)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_REALTIME, &until);
-    until.tv_nsec += (long)RETRY_NS;
-    until.tv_sec += until.tv_nsec / 1000000000;
-    until.tv_nsec %= 1000000000;
+    const uint64_t until_ns = hg_cond_after(RETRY_NS);
     for (const struct hg_page_image *i = s->images; i != NULL; i = i->next)
         if (i->retry_ns > 0 && !i->busy && !i->failed) {
-            pthread_cond_timedwait(&s->work, &s->lock, &until);
+            (void)hg_cond_wait(&s->work, &s->lock, until_ns);
             return;
         }
     pthread_cond_wait(&s->work, &s->lock);

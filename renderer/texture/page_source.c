@@ -1,14 +1,13 @@
 // page_source.c - see page_source.h: opening, reading and waiting. The work is in page_load.c.
 #include "renderer/texture/page_source.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/cond.h"
 #include "base/refbuf.h"
 #include "renderer/texture/page_image.h"
 #include "renderer/texture/page_preview.h"
@@ -58,13 +57,9 @@ enum hg_status hg_page_sources_create(
         return no_memory(err);
     }
     pthread_mutex_init(&s->lock, NULL);
-    pthread_cond_init(&s->work, NULL);
-    pthread_cond_init(&s->rush, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    hg_cond_init(&s->work);
+    hg_cond_init(&s->rush);
+    hg_cond_init(&s->changed);
     if (s->params.threads > 1)
         s->jobs = hg_jobs_create(s->params.threads); // without it pages are compressed one by one
     while (s->thread_count < 2 * s->params.threads &&
@@ -142,15 +137,9 @@ uint64_t hg_page_sources_revision(struct hg_page_sources *s)
 
 void hg_page_sources_wait(struct hg_page_sources *s, uint64_t seen, uint64_t timeout_ns)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    const uint64_t most = timeout_ns < UINT64_C(1) << 60 ? timeout_ns : UINT64_C(1) << 60;
-    const uint64_t ns = (uint64_t)until.tv_nsec + most;
-    until.tv_sec += (time_t)(ns / 1000000000u);
-    until.tv_nsec = (long)(ns % 1000000000u);
+    const uint64_t until_ns = hg_cond_after(timeout_ns);
     pthread_mutex_lock(&s->lock);
-    while (
-        s->revision == seen && pthread_cond_timedwait(&s->changed, &s->lock, &until) != ETIMEDOUT)
+    while (s->revision == seen && hg_cond_wait(&s->changed, &s->lock, until_ns))
         ;
     pthread_mutex_unlock(&s->lock);
 }
@@ -170,15 +159,11 @@ static bool is_baking(const struct hg_page_sources *s)
 
 void hg_page_sources_linger(struct hg_page_sources *s, uint64_t most_ns)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    const uint64_t ns = (uint64_t)until.tv_nsec + most_ns;
-    until.tv_sec += (time_t)(ns / 1000000000u);
-    until.tv_nsec = (long)(ns % 1000000000u);
+    const uint64_t until_ns = hg_cond_after(most_ns);
     pthread_mutex_lock(&s->lock);
-    s->linger_ns = hg_clock_now_ns() + most_ns;
+    s->linger_ns = until_ns;
     pthread_cond_broadcast(&s->work);
-    while (is_baking(s) && pthread_cond_timedwait(&s->changed, &s->lock, &until) != ETIMEDOUT)
+    while (is_baking(s) && hg_cond_wait(&s->changed, &s->lock, until_ns))
         ;
     pthread_mutex_unlock(&s->lock);
 }

@@ -1,8 +1,6 @@
 #include "server/worker/opener.h"
 
-#include <errno.h>
-#include <time.h>
-
+#include "base/cond.h"
 #include "base/log.h"
 
 enum { MOMENT_NS = 20 * 1000 * 1000 };
@@ -10,14 +8,9 @@ enum { MOMENT_NS = 20 * 1000 * 1000 };
 // True when the device is to be opened.
 static bool wait_a_moment(struct opener *o)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_nsec += MOMENT_NS;
-    until.tv_sec += until.tv_nsec / 1000000000;
-    until.tv_nsec %= 1000000000;
+    const uint64_t until_ns = hg_cond_after(MOMENT_NS);
     pthread_mutex_lock(&o->lock);
-    while (
-        !o->hurry && !o->stop && pthread_cond_timedwait(&o->changed, &o->lock, &until) != ETIMEDOUT)
+    while (!o->hurry && !o->stop && hg_cond_wait(&o->changed, &o->lock, until_ns))
         ;
     const bool open = !o->stop;
     pthread_mutex_unlock(&o->lock);
@@ -39,12 +32,8 @@ void opener_start(struct opener *o, const struct hg_renderer_params *params)
     if (o->started)
         return;
     *o = (struct opener){.params = *params};
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_mutex_init(&o->lock, NULL);
-    pthread_cond_init(&o->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    hg_cond_init(&o->changed);
     o->started = pthread_create(&o->thread, NULL, opener_main, o) == 0;
     if (!o->started) {
         pthread_cond_destroy(&o->changed);

@@ -6,7 +6,7 @@
 
 #include "renderer/internal.h"
 #include "shaders/shared/path.h"
-#include "tests/analytic/rig.h"
+#include "tests/analytic/path_rig.h"
 
 enum { SIDE = 48 };
 
@@ -18,47 +18,10 @@ static const struct hg_view_params defaults = {.width = SIDE,
     .samples = 64,
     .seed = 7};
 
-static void look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad)
-{
-    struct hg_error err = {0};
-    struct hg_view_camera camera = {.vfov_rad = vfov_rad};
-    memcpy(camera.eye, eye, sizeof camera.eye);
-    memcpy(camera.target, target, sizeof camera.target);
-    camera.up[fabsf(eye[1] - target[1]) > 10.0f * fabsf(eye[2] - target[2]) ? 2 : 1] = 1.0f;
-    test_ok(hg_view_set_camera(view, &camera, &err), &err);
-}
-
-static struct hg_view *open_view(struct rig *rig, const struct hg_view_params *params)
-{
-    struct hg_error err = {0};
-    struct hg_view *view;
-    hg_scene_publish(rig->scene);
-    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    test_ok(hg_view_set_params(view, params, &err), &err);
-    hg_view_set_final(view, true);
-    return view;
-}
-
-static void settle(struct hg_view *view, int steps)
-{
-    struct hg_error err = {0};
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < steps && !info.settled; i++)
-        test_ok(hg_view_step(view, 8, &info, &err), &err);
-}
-
-static struct hg_refbuf *plane_of(struct hg_view *view, enum hg_plane plane)
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *out;
-    test_ok(hg_view_read_plane(view, plane, &out, &err), &err);
-    return out;
-}
-
 // Mean of a channel over the middle of the picture, `share` of its width.
 static double middle(struct hg_view *view, double share, int channel)
 {
-    struct hg_refbuf *color = plane_of(view, HG_PLANE_COLOR);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
     const float *at = (const float *)(const void *)color->data;
     const int from = (int)(SIDE * 0.5 * (1.0 - share)), to = SIDE - from;
     double sum = 0;
@@ -69,35 +32,15 @@ static double middle(struct hg_view *view, double share, int channel)
     return sum / ((to - from) * (to - from));
 }
 
-static void environment(struct rig *rig, float radiance)
-{
-    struct hg_environment *e = &rig->scene->environment;
-    e->kind = HG_ENV_COLOR;
-    e->intensity = 1.0f;
-    e->color[0] = e->color[1] = e->color[2] = radiance;
-    e->revision++;
-}
-
 static double render(struct rig *rig, const struct hg_view_params *params, const float eye[3],
     const float target[3], float vfov_rad, double share)
 {
-    struct hg_view *view = open_view(rig, params);
-    look(view, eye, target, vfov_rad);
-    settle(view, 100000);
+    struct hg_view *view = path_rig_view(rig, params);
+    path_rig_look(view, eye, target, vfov_rad);
+    path_rig_settle(view, 100000);
     const double mean = middle(view, share, 0);
     hg_view_destroy(view);
     return mean;
-}
-
-// Base without any specular part: exactly Lambert.
-static struct hg_material *lambert(struct rig *rig, float albedo)
-{
-    struct hg_material *m = rig_material(rig);
-    m->specular = 0.0f;
-    m->has_specular = true;
-    for (int i = 0; i < 3; i++)
-        m->base_color[i] = albedo;
-    return m;
 }
 
 static void test_furnace(void **state)
@@ -108,7 +51,7 @@ static void test_furnace(void **state)
         for (int i = 0; i < 4; i++) {
             const float roughness[4] = {0.0f, 0.25f, 0.6f, 1.0f};
             rig_scene(rig);
-            environment(rig, 1.0f);
+            path_rig_environment(rig, 1.0f);
             struct hg_material *m = rig_material(rig);
             m->metallic = (float)metallic;
             m->roughness = roughness[i];
@@ -121,21 +64,14 @@ static void test_furnace(void **state)
     }
 }
 
-static void plane(struct rig *rig, struct hg_material *m, float half)
-{
-    const float corners[4][3] = {
-        {-half, 0, half}, {half, 0, half}, {half, 0, -half}, {-half, 0, -half}};
-    rig_quad(rig, m, corners);
-}
-
 // E = pi L (r / h)^2 below the middle of a sphere: a Lambert plane sends back L (r / h)^2.
 static void test_sphere_light(void **state)
 {
     struct rig *rig = *state;
     static const float at[3] = {0, 2, 0}, eye[3] = {0, 0.6f, 1.2f}, origin[3] = {0, 0, 0};
     rig_scene(rig);
-    plane(rig, lambert(rig, 1.0f), 5);
-    struct hg_material *light = lambert(rig, 0.0f);
+    path_rig_floor(rig, path_rig_lambert(rig, 1.0f), 5);
+    struct hg_material *light = path_rig_lambert(rig, 0.0f);
     light->emissive[0] = light->emissive[1] = light->emissive[2] = 10.0f;
     rig_sphere(rig, light, at, 0.5f, 64);
     struct hg_view_params params = defaults;
@@ -155,10 +91,10 @@ static void test_back_face(void **state)
     double mean[2];
     for (int i = 0; i < 2; i++) {
         rig_scene(rig);
-        environment(rig, 1.0f);
-        struct hg_material *m = lambert(rig, 0.5f);
+        path_rig_environment(rig, 1.0f);
+        struct hg_material *m = path_rig_lambert(rig, 0.5f);
         m->emissive[0] = m->emissive[1] = m->emissive[2] = 2.0f;
-        plane(rig, m, 5);
+        path_rig_floor(rig, m, 5);
         mean[i] = render(rig, &defaults, i == 0 ? above : below, origin, 0.2f, 1.0);
     }
     print_message("back face: %.5f in front, %.5f behind\n", mean[0], mean[1]);
@@ -175,18 +111,18 @@ static void test_planes(void **state)
         {far - 5, 0, 5}, {far + 5, 0, 5}, {far + 5, 0, -5}, {far - 5, 0, -5}};
     const float eye[3] = {far, 2, 0}, target[3] = {far, 0, 0};
     rig_scene(rig);
-    struct hg_material *m = lambert(rig, 0.0f);
+    struct hg_material *m = path_rig_lambert(rig, 0.0f);
     m->emissive[0] = m->emissive[1] = m->emissive[2] = 2.0f;
     m->clearcoat = 1.0f;
     struct hg_node *node = rig_quad(rig, m, corners);
     struct hg_view_params params = defaults;
     params.planes = 1u << HG_PLANE_POSITION | 1u << HG_PLANE_OBJECT | 1u << HG_PLANE_EMISSION;
-    struct hg_view *view = open_view(rig, &params);
-    look(view, eye, target, 0.02f);
-    settle(view, 100000);
-    struct hg_refbuf *position = plane_of(view, HG_PLANE_POSITION);
-    struct hg_refbuf *object = plane_of(view, HG_PLANE_OBJECT);
-    struct hg_refbuf *emission = plane_of(view, HG_PLANE_EMISSION);
+    struct hg_view *view = path_rig_view(rig, &params);
+    path_rig_look(view, eye, target, 0.02f);
+    path_rig_settle(view, 100000);
+    struct hg_refbuf *position = path_rig_plane(view, HG_PLANE_POSITION);
+    struct hg_refbuf *object = path_rig_plane(view, HG_PLANE_OBJECT);
+    struct hg_refbuf *emission = path_rig_plane(view, HG_PLANE_EMISSION);
     const float *at = (const float *)(const void *)position->data;
     const float *number = (const float *)(const void *)object->data;
     const float *seen = (const float *)(const void *)emission->data;
@@ -201,26 +137,6 @@ static void test_planes(void **state)
     hg_view_destroy(view);
 }
 
-static void lit_room(struct rig *rig)
-{
-    const float lamp[4][3] = {
-        {-0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, 0.4f}, {-0.4f, 1.5f, 0.4f}};
-    const float wall[4][3] = {{-2, 0, -1}, {2, 0, -1}, {2, 2, -1}, {-2, 2, -1}};
-    const float center[3] = {0.2f, 0.4f, 0};
-    rig_scene(rig);
-    environment(rig, 0.2f);
-    plane(rig, lambert(rig, 0.6f), 3);
-    struct hg_material *shiny = rig_material(rig);
-    shiny->roughness = 0.4f;
-    shiny->metallic = 1.0f;
-    rig_quad(rig, shiny, wall);
-    rig_sphere(rig, rig_material(rig), center, 0.4f, 48);
-    struct hg_material *light = lambert(rig, 0.0f);
-    light->emissive[0] = light->emissive[1] = light->emissive[2] = 4.0f;
-    light->double_sided = true;
-    rig_quad(rig, light, lamp);
-}
-
 // Rays to lights alone, light that is run into alone, and both weighted: the same mean.
 static void test_estimators(void **state)
 {
@@ -228,7 +144,7 @@ static void test_estimators(void **state)
     static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
     double mean[3];
     for (uint32_t use = 1; use <= 3; use++) {
-        lit_room(rig);
+        path_rig_room(rig);
         rig->renderer->context.estimators = use;
         struct hg_view_params params = defaults;
         params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
@@ -270,7 +186,7 @@ static void box(struct rig *rig, struct hg_material *m, float x, float y, float 
 static void back_light(struct rig *rig)
 {
     const float corners[4][3] = {{-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}};
-    struct hg_material *light = lambert(rig, 0.0f);
+    struct hg_material *light = path_rig_lambert(rig, 0.0f);
     light->emissive[0] = light->emissive[1] = light->emissive[2] = 1.0f;
     rig_quad(rig, light, corners);
 }
@@ -321,24 +237,24 @@ static void test_resume(void **state)
     params.samples = 40;
     params.noise = 0.08f;
     params.planes = 1u << HG_PLANE_ALBEDO | 1u << HG_PLANE_DEPTH;
-    lit_room(rig);
-    struct hg_view *a = open_view(rig, &params);
-    look(a, eye, target, 0.8f);
-    settle(a, 7);
+    path_rig_room(rig);
+    struct hg_view *a = path_rig_view(rig, &params);
+    path_rig_look(a, eye, target, 0.8f);
+    path_rig_settle(a, 7);
     test_ok(hg_view_save(a, &saved, &err), &err);
-    settle(a, 100000);
-    whole = plane_of(a, HG_PLANE_COLOR);
+    path_rig_settle(a, 100000);
+    whole = path_rig_plane(a, HG_PLANE_COLOR);
     hg_view_destroy(a);
 
-    struct hg_view *b = open_view(rig, &params);
-    look(b, eye, target, 0.8f);
+    struct hg_view *b = path_rig_view(rig, &params);
+    path_rig_look(b, eye, target, 0.8f);
     saved->data[saved->size - 1] ^= 1;
     assert_int_equal(hg_view_load(b, saved->data, saved->size, &err), HG_E_INVAL);
     saved->data[saved->size - 1] ^= 1;
     assert_int_equal(hg_view_load(b, saved->data, saved->size - 1, &err), HG_E_INVAL);
     test_ok(hg_view_load(b, saved->data, saved->size, &err), &err);
-    settle(b, 100000);
-    resumed = plane_of(b, HG_PLANE_COLOR);
+    path_rig_settle(b, 100000);
+    resumed = path_rig_plane(b, HG_PLANE_COLOR);
     assert_int_equal(whole->size, resumed->size);
     assert_memory_equal(whole->data, resumed->data, whole->size);
     params.seed++;

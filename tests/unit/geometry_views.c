@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
+#include "base/cond.h"
 #include "base/log.h"
 #include "renderer/frame/camera.h"
 #include "renderer/geometry/geometry.h"
@@ -126,7 +127,7 @@ static void sync(struct fixture *f, struct world *w)
     hg_scene_update(w->scene);
     do
         check(f, hg_geometry_sync(w->geometry, w->scene, NULL, &f->err));
-    while (hg_geometry_poll(w->geometry, true));
+    while (hg_geometry_poll(w->geometry, HG_COND_FOREVER));
     struct hg_gpu_cmd *cmd;
     check(f, hg_gpu_begin(f->gpu, &cmd, &f->err));
     check(f, hg_skin_record(cmd, w->geometry, &f->err));

@@ -169,6 +169,53 @@ static int teardown(void **state)
     return test_folder_remove(cache_dir) ? 0 : -1;
 }
 
+static uint32_t mesh_parts_baking(struct rig *rig)
+{
+    struct hg_baking baking;
+    hg_view_baking(rig->view, &baking);
+    return baking.mesh_parts;
+}
+
+// With an empty cache: who looks gets pictures of the whole mesh meanwhile, in both modes, also
+// with steps of many samples; who wants the result gets control back at once, and nothing half
+// made.
+static void test_baking_holds_nobody_up(void **state)
+{
+    (void)state;
+    char filled[TEST_FOLDER_MAX];
+    struct rig rig;
+    for (int i = 0; i < 3; i++) {
+        memcpy(filled, cache_dir, sizeof filled);
+        assert_true(test_folder_make(cache_dir, "render-levels-empty"));
+        open_rig(&rig, 0);
+        const struct hg_view_params path = {.width = VIEW_PX,
+            .height = VIEW_PX,
+            .samples = 1,
+            .error_px = ERROR_PX,
+            .mode = HG_MODE_PATH};
+        if (i == 2)
+            test_ok(hg_view_set_params(rig.view, &path, &rig.err), &rig.err);
+        look(&rig, 0, 0.3f);
+        hg_view_set_final(rig.view, i == 1);
+        struct hg_frame_info info = rig_step(&rig, 16);
+        assert_false(info.settled);
+        assert_true(mesh_parts_baking(&rig) > 0);
+        assert_int_equal(info.number > 0, i != 1);
+        assert_true(i == 1 || info.triangles_drawn > 200000);
+        info = rig_settle(&rig, 16);
+        assert_int_equal(mesh_parts_baking(&rig), 0);
+        assert_int_equal(info.samples, i == 2 ? 1 : SAMPLES);
+        if (i < 2) {
+            struct hg_refbuf *picture = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+            rig_assert_same(unlimited, picture);
+            hg_refbuf_unref(picture);
+        }
+        rig_close(&rig);
+        assert_true(test_folder_remove(cache_dir));
+        memcpy(cache_dir, filled, sizeof filled);
+    }
+}
+
 // What settles in a fraction of the memory, in parts, is what settles without a limit: for those
 // who watch, for those who take several samples at once, and for those who only want the result.
 static void test_budgets_do_not_show(void **state)
@@ -658,12 +705,12 @@ static void test_no_specks(void **state)
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
-        cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_picks),
-        cmocka_unit_test(test_picks_name_the_source), cmocka_unit_test(test_motion_is_steady),
-        cmocka_unit_test(test_zoom_does_not_pop), cmocka_unit_test(test_shadows_do_not_pop),
-        cmocka_unit_test(test_far_below_needs), cmocka_unit_test(test_pixel_over_budget),
-        cmocka_unit_test(test_shadows_in_shares), cmocka_unit_test(test_depth_is_that_of_the_whole),
-        cmocka_unit_test(test_no_specks)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_baking_holds_nobody_up),
+        cmocka_unit_test(test_budgets_do_not_show), cmocka_unit_test(test_history_does_not_show),
+        cmocka_unit_test(test_picks), cmocka_unit_test(test_picks_name_the_source),
+        cmocka_unit_test(test_motion_is_steady), cmocka_unit_test(test_zoom_does_not_pop),
+        cmocka_unit_test(test_shadows_do_not_pop), cmocka_unit_test(test_far_below_needs),
+        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_shadows_in_shares),
+        cmocka_unit_test(test_depth_is_that_of_the_whole), cmocka_unit_test(test_no_specks)};
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -13,6 +13,7 @@
 #include "trace_rig.h"
 
 #include "base/alloc.h"
+#include "base/cond.h"
 
 static enum hg_trace_backend backend;
 
@@ -62,7 +63,7 @@ static void bake_all(struct rig *r)
 {
     rig_pose(r);
     while (hg_geometry_baking(r->geometry) > 0)
-        if (hg_geometry_poll(r->geometry, true))
+        if (hg_geometry_poll(r->geometry, HG_COND_FOREVER))
             rig_pose(r);
     assert_true(hg_geometry_has_levels(r->geometry));
 }

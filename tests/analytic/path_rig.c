@@ -1,0 +1,88 @@
+// path_rig.c - views and scenes of the tests of path-traced pictures.
+#include "tests/analytic/path_rig.h"
+
+#include <math.h>
+#include <string.h>
+
+void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad)
+{
+    struct hg_error err = {0};
+    struct hg_view_camera camera = {.vfov_rad = vfov_rad};
+    memcpy(camera.eye, eye, sizeof camera.eye);
+    memcpy(camera.target, target, sizeof camera.target);
+    camera.up[fabsf(eye[1] - target[1]) > 10.0f * fabsf(eye[2] - target[2]) ? 2 : 1] = 1.0f;
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+}
+
+struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *params)
+{
+    struct hg_error err = {0};
+    struct hg_view *view;
+    hg_scene_publish(rig->scene);
+    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, params, &err), &err);
+    hg_view_set_final(view, true);
+    return view;
+}
+
+void path_rig_settle(struct hg_view *view, int steps)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < steps && !info.settled; i++)
+        test_ok(hg_view_step(view, 8, &info, &err), &err);
+}
+
+struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_plane(view, plane, &out, &err), &err);
+    return out;
+}
+
+void path_rig_environment(struct rig *rig, float radiance)
+{
+    struct hg_environment *e = &rig->scene->environment;
+    e->kind = HG_ENV_COLOR;
+    e->intensity = 1.0f;
+    e->color[0] = e->color[1] = e->color[2] = radiance;
+    e->revision++;
+}
+
+struct hg_material *path_rig_lambert(struct rig *rig, float albedo)
+{
+    struct hg_material *m = rig_material(rig);
+    m->specular = 0.0f;
+    m->has_specular = true;
+    for (int i = 0; i < 3; i++)
+        m->base_color[i] = albedo;
+    return m;
+}
+
+void path_rig_floor(struct rig *rig, struct hg_material *m, float half)
+{
+    const float corners[4][3] = {
+        {-half, 0, half}, {half, 0, half}, {half, 0, -half}, {-half, 0, -half}};
+    rig_quad(rig, m, corners);
+}
+
+void path_rig_room(struct rig *rig)
+{
+    const float lamp[4][3] = {
+        {-0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, -0.4f}, {0.4f, 1.5f, 0.4f}, {-0.4f, 1.5f, 0.4f}};
+    const float wall[4][3] = {{-2, 0, -1}, {2, 0, -1}, {2, 2, -1}, {-2, 2, -1}};
+    const float center[3] = {0.2f, 0.4f, 0};
+    rig_scene(rig);
+    path_rig_environment(rig, 0.2f);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.6f), 3);
+    struct hg_material *shiny = rig_material(rig);
+    shiny->roughness = 0.4f;
+    shiny->metallic = 1.0f;
+    rig_quad(rig, shiny, wall);
+    rig_sphere(rig, rig_material(rig), center, 0.4f, 48);
+    struct hg_material *light = path_rig_lambert(rig, 0.0f);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 4.0f;
+    light->double_sided = true;
+    rig_quad(rig, light, lamp);
+}

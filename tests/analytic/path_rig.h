@@ -1,0 +1,25 @@
+// path_rig.h - views of HG_MODE_PATH over the scenes of rig.h, and a room that has a bit of all.
+// Failures end the test with the reason.
+#ifndef HG_TESTS_ANALYTIC_PATH_RIG_H
+#define HG_TESTS_ANALYTIC_PATH_RIG_H
+
+#include "tests/analytic/rig.h"
+
+// A view of the scene as it stands now, that only settled pictures are wanted of.
+struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *params);
+// Up is +y, or +z when looking straight up or down.
+void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad);
+// At most so many steps.
+void path_rig_settle(struct hg_view *view, int steps);
+// Free with hg_refbuf_unref.
+struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane);
+
+void path_rig_environment(struct rig *rig, float radiance); // the same from everywhere
+// Base without any specular part: exactly Lambert.
+struct hg_material *path_rig_lambert(struct rig *rig, float albedo);
+// A square in y = 0 that faces up.
+void path_rig_floor(struct rig *rig, struct hg_material *m, float half);
+// Floor, mirror-like wall, sphere, lamp that shines to both sides, dim environment.
+void path_rig_room(struct rig *rig);
+
+#endif

@@ -1,0 +1,221 @@
+// path_view.c - path-traced views as they are looked at: a preview in motion that settles at rest,
+// a thin lens against its circle of confusion, one picture whoever walks the rays.
+#include <math.h>
+#include <string.h>
+
+#include "tests/analytic/path_rig.h"
+
+enum { SIDE = 48 };
+
+static const struct hg_view_params defaults = {.width = SIDE,
+    .height = SIDE,
+    .tonemap = HG_TONEMAP_LINEAR,
+    .mode = HG_MODE_PATH,
+    .filter = HG_FILTER_BOX,
+    .samples = 256,
+    .seed = 7};
+
+static const float room_eye[3] = {0.5f, 1.2f, 3.5f}, room_target[3] = {0, 0.5f, 0};
+
+static struct hg_frame_info step(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    return info;
+}
+
+static struct hg_refbuf *pixels_of(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &out, &err), &err);
+    return out;
+}
+
+static double mean_of(const struct hg_refbuf *pixels)
+{
+    const float *at = (const float *)(const void *)pixels->data;
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        sum += (double)at[i * 4 + 1];
+    return sum / (SIDE * SIDE);
+}
+
+// Root of the mean square of what differs, over the mean of the first.
+static double difference(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    const float *p = (const float *)(const void *)a->data;
+    const float *q = (const float *)(const void *)b->data;
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const double d = (double)p[i * 4 + 1] - (double)q[i * 4 + 1];
+        sum += d * d;
+    }
+    return sqrt(sum / (SIDE * SIDE)) / mean_of(a);
+}
+
+static struct hg_refbuf *whole(struct rig *rig, const float eye[3])
+{
+    struct hg_view *view = path_rig_view(rig, &defaults);
+    path_rig_look(view, eye, room_target, 0.8f);
+    path_rig_settle(view, 100000);
+    struct hg_refbuf *out = pixels_of(view);
+    hg_view_destroy(view);
+    return out;
+}
+
+// Steps of a view that somebody looks at: the first is a picture in real time, then samples come
+// one by one, each picture nearer to the end; at last it is the one that a farm gets.
+static void watch(struct hg_view *view, const struct hg_refbuf *end)
+{
+    struct hg_frame_info info = step(view);
+    assert_int_equal(info.samples, 0);
+    assert_false(info.settled);
+    struct hg_refbuf *preview = pixels_of(view);
+    assert_true(fabs(mean_of(preview) / mean_of(end) - 1.0) < 0.5);
+    uint32_t seen = 0, pictures = 0;
+    double first = 0, late = 0;
+    while (!info.settled) {
+        const uint64_t number = info.number;
+        info = step(view);
+        if (info.number == number || info.samples == seen)
+            continue;
+        assert_true(info.samples > seen);
+        seen = info.samples;
+        struct hg_refbuf *now = pixels_of(view);
+        late = info.settled ? late : difference(end, now);
+        first = pictures++ == 0 ? late : first;
+        hg_refbuf_unref(now);
+    }
+    print_message("a view at rest: %u pictures, off by %.3f at first, by %.4f before the last\n",
+        pictures, first, late);
+    assert_int_equal(seen, defaults.samples);
+    assert_true(pictures > 3 && late > 0 && late < 0.5 * first);
+    struct hg_refbuf *last = pixels_of(view);
+    assert_int_equal(last->size, end->size);
+    assert_memory_equal(last->data, end->data, end->size);
+    hg_refbuf_unref(last);
+    hg_refbuf_unref(preview);
+}
+
+static void test_resting_view(void **state)
+{
+    struct rig *rig = *state;
+    static const float elsewhere[3] = {-0.8f, 0.9f, 3.0f};
+    path_rig_room(rig);
+    struct hg_view *view = path_rig_view(rig, &defaults);
+    hg_view_set_final(view, false);
+    for (int i = 0; i < 2; i++) {
+        const float *eye = i == 0 ? room_eye : elsewhere;
+        struct hg_refbuf *end = whole(rig, eye);
+        path_rig_look(view, eye, room_target, 0.8f);
+        watch(view, end);
+        hg_refbuf_unref(end);
+    }
+    hg_view_destroy(view);
+}
+
+// Share of a disk of radius 1 on one side of a chord at t: t = 1 all of it, -1 nothing.
+static double disk_share(double t)
+{
+    const double c = fmin(fmax(t, -1.0), 1.0);
+    return 0.5 + (asin(c) + c * sqrt(1.0 - c * c)) / 3.14159265358979323846;
+}
+
+// An edge that shines, behind the plane in focus. A ray from the place u of the lens through the
+// place x of that plane, at distance f, meets the edge's plane, at distance d, at u (1 - d / f) +
+// x d / f: a pixel sees the share of the lens from which that lies on the bright side.
+static void test_lens(void **state)
+{
+    struct rig *rig = *state;
+    const float f = 2.0f, d = 5.0f, radius = 0.3f, vfov_rad = 0.8f;
+    const float light[4][3] = {{0, -9, 0}, {9, -9, 0}, {9, 9, 0}, {0, 9, 0}};
+    struct hg_error err = {0};
+    rig_scene(rig);
+    struct hg_material *m = path_rig_lambert(rig, 0.0f);
+    m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
+    rig_quad(rig, m, light);
+    struct hg_view_params params = defaults;
+    params.samples = 256;
+    struct hg_view *view = path_rig_view(rig, &params);
+    const struct hg_view_camera camera = {.eye = {0, 0, d},
+        .up = {0, 1, 0},
+        .vfov_rad = vfov_rad,
+        .lens_radius = radius,
+        .focus_distance = f};
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    path_rig_settle(view, 100000);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
+    const float *at = (const float *)(const void *)color->data;
+    const double half = (double)f * tan(0.5 * (double)vfov_rad);
+    double most = 0;
+    int between = 0;
+    for (int x = 0; x < SIDE; x++) {
+        double seen = 0, expected = 0;
+        for (int y = 0; y < SIDE; y++)
+            seen += (double)at[(y * SIDE + x) * 4] / SIDE;
+        for (int k = 0; k < 16; k++) { // over the width of a pixel
+            const double place = half * (2.0 * (x + (k + 0.5) / 16) / SIDE - 1.0);
+            const double t = place * (double)d / (double)f / ((double)radius * (double)(d / f - 1));
+            expected += disk_share(t) / 16;
+        }
+        between += expected > 0.02 && expected < 0.98;
+        most = fmax(most, fabs(seen - expected));
+    }
+    print_message("lens: %d columns out of focus, off by %.4f at most\n", between, most);
+    assert_true(between > 6);
+    assert_true(most < 0.005);
+    hg_refbuf_unref(color);
+    hg_view_destroy(view);
+}
+
+// Embree and the compute kernel follow the same paths; rounding at edges makes a few others.
+static void test_backends(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_refbuf *color[2];
+    static const enum hg_view_trace trace[2] = {HG_VIEW_TRACE_EMBREE, HG_VIEW_TRACE_COMPUTE};
+    for (int i = 0; i < 2; i++) {
+        path_rig_room(rig);
+        struct hg_view_params params = defaults;
+        params.trace = trace[i];
+        struct hg_view *view = path_rig_view(rig, &params);
+        path_rig_look(view, room_eye, room_target, 0.8f);
+        path_rig_settle(view, 100000);
+        color[i] = path_rig_plane(view, HG_PLANE_COLOR);
+        hg_view_destroy(view);
+    }
+    const float *a = (const float *)(const void *)color[0]->data;
+    const float *b = (const float *)(const void *)color[1]->data;
+    int same = 0;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        same += fabsf(a[i * 4] - b[i * 4]) <= 1e-3f * (1.0f + a[i * 4]);
+    const double means = mean_of(color[1]) / mean_of(color[0]);
+    print_message("backends: mean %.5f, %d of %d px alike\n", means, same, SIDE * SIDE);
+    assert_true(fabs(means - 1.0) < 0.002);
+    assert_true(same > SIDE * SIDE * 9 / 10);
+    hg_refbuf_unref(color[0]);
+    hg_refbuf_unref(color[1]);
+}
+
+static int set_up(void **state)
+{
+    static struct rig rig;
+    rig_init(&rig);
+    *state = &rig;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    rig_finish(*state);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
+        cmocka_unit_test(test_lens), cmocka_unit_test(test_backends)};
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
