@@ -581,16 +581,18 @@ static enum hg_status trace(
     for (uint32_t at = 0, n; at < w->count && status == HG_OK; at += n) {
         uint32_t *piece = &c->piece[any];
         n = w->count - at < *piece ? w->count - at : *piece;
+        const uint32_t skip = w->list != NULL ? 0 : at; // lists tell places in the whole
         struct hg_gpu_bvh_wave wave = {
-            .rays = w->rays->address + (w->first_ray + at) * sizeof(struct hg_gpu_ray),
+            .rays = w->rays->address + (w->first_ray + skip) * sizeof(struct hg_gpu_ray),
+            .list = w->list != NULL ? w->list->address + at * sizeof(uint32_t) : 0,
             .nodes = c->top.address,
             .instances = c->top.address + c->instances_at,
             .root = c->top_bvh.root,
             .count = n};
         if (any)
-            wave.blocked = w->blocked->address + (w->first_hit + at) * sizeof(uint32_t);
+            wave.blocked = w->blocked->address + (w->first_hit + skip) * sizeof(uint32_t);
         else
-            wave.hits = w->hits->address + (w->first_hit + at) * sizeof(struct hg_gpu_hit);
+            wave.hits = w->hits->address + (w->first_hit + skip) * sizeof(struct hg_gpu_hit);
         memcpy(&wave.origin, c->top_bvh.origin, sizeof wave.origin);
         memcpy(&wave.step, c->top_bvh.step, sizeof wave.step);
         const uint64_t start = hg_clock_now_ns();

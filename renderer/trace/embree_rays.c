@@ -120,6 +120,18 @@ static uint32_t number_of(const struct hg_embree *e, uint32_t instance, uint32_t
 #define OCCLUDED(n, scene, c, v, r)  rtcOccluded##n(v, scene, &c, r)
 #endif
 
+// Place of ray i of a wave.
+static uint32_t place_of(const uint32_t *list, uint32_t i)
+{
+    return list != NULL ? list[i] : i;
+}
+
+// The part of a list that is a block's; NULL: there is none.
+static const uint32_t *list_of(const struct hg_trace_wave *w, uint32_t first)
+{
+    return w->list != NULL ? (const uint32_t *)w->list->mapped + first : NULL;
+}
+
 // --- one by one ----------------------------------------------------------------------------------
 
 static void closest_one(
@@ -177,14 +189,15 @@ static bool is_alike(const int *valid, const float *x, const float *y, const flo
 }
 
 #define PACKET(N)                                                                                  \
-    static void load##N(                                                                           \
-        const struct hg_gpu_ray *rays, uint32_t count, int valid[N], struct RTCRay##N *to)         \
+    static void load##N(const struct hg_gpu_ray *rays, const uint32_t *list, uint32_t count,       \
+        int valid[N], struct RTCRay##N *to)                                                        \
     {                                                                                              \
         struct RTCRay r = {0};                                                                     \
         for (uint32_t i = 0; i < N; i++) {                                                         \
-            valid[i] = i < count && hg_trace_is_ray(&rays[i]) ? -1 : 0;                            \
+            const struct hg_gpu_ray *ray = &rays[i < count ? place_of(list, i) : 0];               \
+            valid[i] = i < count && hg_trace_is_ray(ray) ? -1 : 0;                                 \
             if (valid[i] != 0)                                                                     \
-                fill_ray(&rays[i], &r);                                                            \
+                fill_ray(ray, &r);                                                                 \
             to->org_x[i] = r.org_x;                                                                \
             to->org_y[i] = r.org_y;                                                                \
             to->org_z[i] = r.org_z;                                                                \
@@ -200,15 +213,15 @@ static bool is_alike(const int *valid, const float *x, const float *y, const flo
     }                                                                                              \
                                                                                                    \
     static void closest##N(const struct hg_embree *e, const struct hg_gpu_ray *rays,               \
-        uint32_t count, struct hg_gpu_hit *out)                                                    \
+        const uint32_t *list, uint32_t count, struct hg_gpu_hit *out)                              \
     {                                                                                              \
         struct RTCRayHit##N r;                                                                     \
         int valid[N] __attribute__((aligned(64)));                                                 \
-        load##N(rays, count, valid, &r.ray);                                                       \
+        load##N(rays, list, count, valid, &r.ray);                                                 \
         CONTEXT(flat, is_alike(valid, r.ray.dir_x, r.ray.dir_y, r.ray.dir_z, N));                  \
         CONTEXT(placed, false);                                                                    \
         for (uint32_t i = 0; i < count; i++)                                                       \
-            out[i].draw = HG_HIT_NONE;                                                             \
+            out[place_of(list, i)].draw = HG_HIT_NONE;                                             \
         for (int scene = 0; scene < 2; scene++) {                                                  \
             if (scene == 0 ? !e->flat_there : e->top == NULL)                                      \
                 continue;                                                                          \
@@ -221,35 +234,37 @@ static bool is_alike(const int *valid, const float *x, const float *y, const flo
             for (uint32_t i = 0; i < count; i++) {                                                 \
                 if (valid[i] == 0 || r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)                   \
                     continue;                                                                      \
-                out[i].t = r.ray.tfar[i];                                                          \
-                out[i].u = r.hit.u[i];                                                             \
-                out[i].v = r.hit.v[i];                                                             \
-                out[i].primitive = number_of(                                                      \
-                    e, r.hit.instID[0][i], r.hit.geomID[i], r.hit.primID[i], &out[i].draw);        \
+                struct hg_gpu_hit *hit = &out[place_of(list, i)];                                  \
+                hit->t = r.ray.tfar[i];                                                            \
+                hit->u = r.hit.u[i];                                                               \
+                hit->v = r.hit.v[i];                                                               \
+                hit->primitive = number_of(                                                        \
+                    e, r.hit.instID[0][i], r.hit.geomID[i], r.hit.primID[i], &hit->draw);          \
             }                                                                                      \
         }                                                                                          \
     }                                                                                              \
                                                                                                    \
-    static void blocked##N(                                                                        \
-        const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count, uint32_t *out)   \
+    static void blocked##N(const struct hg_embree *e, const struct hg_gpu_ray *rays,               \
+        const uint32_t *list, uint32_t count, uint32_t *out)                                       \
     {                                                                                              \
         struct RTCRay##N r;                                                                        \
         int valid[N] __attribute__((aligned(64)));                                                 \
-        load##N(rays, count, valid, &r);                                                           \
+        load##N(rays, list, count, valid, &r);                                                     \
         CONTEXT(flat, is_alike(valid, r.dir_x, r.dir_y, r.dir_z, N));                              \
         CONTEXT(placed, false);                                                                    \
         if (e->flat_there)                                                                         \
             OCCLUDED(N, e->flat.scene, flat, valid, &r);                                           \
         for (uint32_t i = 0; i < count; i++) {                                                     \
-            out[i] = valid[i] != 0 && r.tfar[i] < 0.0f;                                            \
-            if (out[i] != 0)                                                                       \
+            const bool met = valid[i] != 0 && r.tfar[i] < 0.0f;                                    \
+            out[place_of(list, i)] = met;                                                          \
+            if (met)                                                                               \
                 valid[i] = 0;                                                                      \
         }                                                                                          \
         if (e->top == NULL)                                                                        \
             return;                                                                                \
         OCCLUDED(N, e->top, placed, valid, &r);                                                    \
         for (uint32_t i = 0; i < count; i++)                                                       \
-            out[i] |= valid[i] != 0 && r.tfar[i] < 0.0f;                                           \
+            out[place_of(list, i)] |= valid[i] != 0 && r.tfar[i] < 0.0f;                           \
     }
 
 PACKET(8)
@@ -257,47 +272,55 @@ PACKET(16)
 
 // --- a block -------------------------------------------------------------------------------------
 
-static void closest_block(const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count,
-    uint32_t packet, struct hg_gpu_hit *hits)
+struct block {
+    const struct hg_gpu_ray *rays; // of the wave
+    const uint32_t *list;          // of the block; NULL: rays are the block's
+    uint32_t count, packet;
+};
+
+static void closest_block(const struct hg_embree *e, const struct block *b, struct hg_gpu_hit *hits)
 {
-    for (uint32_t i = 0; i < count; i += packet) {
-        const uint32_t n = count - i < packet ? count - i : packet;
-        if (packet == 16)
-            closest16(e, rays + i, n, hits + i);
-        else if (packet == 8)
-            closest8(e, rays + i, n, hits + i);
+    for (uint32_t i = 0; i < b->count; i += b->packet) {
+        const uint32_t n = b->count - i < b->packet ? b->count - i : b->packet;
+        const uint32_t *list = b->list != NULL ? b->list + i : NULL;
+        const uint32_t at = list != NULL ? 0 : i;
+        if (b->packet == 16)
+            closest16(e, b->rays + at, list, n, hits + at);
+        else if (b->packet == 8)
+            closest8(e, b->rays + at, list, n, hits + at);
         else
-            closest_one(e, rays + i, hits + i);
+            closest_one(e, b->rays + place_of(b->list, i), hits + place_of(b->list, i));
     }
 }
 
-static void blocked_block(const struct hg_embree *e, const struct hg_gpu_ray *rays, uint32_t count,
-    uint32_t packet, uint32_t *out)
+static void blocked_block(const struct hg_embree *e, const struct block *b, uint32_t *out)
 {
-    for (uint32_t i = 0; i < count; i += packet) {
-        const uint32_t n = count - i < packet ? count - i : packet;
-        if (packet == 16)
-            blocked16(e, rays + i, n, out + i);
-        else if (packet == 8)
-            blocked8(e, rays + i, n, out + i);
+    for (uint32_t i = 0; i < b->count; i += b->packet) {
+        const uint32_t n = b->count - i < b->packet ? b->count - i : b->packet;
+        const uint32_t *list = b->list != NULL ? b->list + i : NULL;
+        const uint32_t at = list != NULL ? 0 : i;
+        if (b->packet == 16)
+            blocked16(e, b->rays + at, list, n, out + at);
+        else if (b->packet == 8)
+            blocked8(e, b->rays + at, list, n, out + at);
         else
-            out[i] = blocked_one(e, rays + i);
+            out[place_of(b->list, i)] = blocked_one(e, b->rays + place_of(b->list, i));
     }
 }
 
 void hg_embree_trace(const struct hg_embree *e, const struct hg_trace_wave *w, bool any,
     uint32_t first, uint32_t count)
 {
-    const uint32_t mode = flush_to_zero();
-    const struct hg_gpu_ray *rays =
-        (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + first;
-    const uint32_t packet = w->coherent ? e->packet : 1;
+    const uint32_t mode = flush_to_zero(), skip = w->list != NULL ? 0 : first;
+    const struct block block = {
+        .rays = (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + skip,
+        .list = list_of(w, first),
+        .count = count,
+        .packet = w->coherent ? e->packet : 1};
     if (any)
-        blocked_block(
-            e, rays, count, packet, (uint32_t *)w->blocked->mapped + w->first_hit + first);
+        blocked_block(e, &block, (uint32_t *)w->blocked->mapped + w->first_hit + skip);
     else
-        closest_block(
-            e, rays, count, packet, (struct hg_gpu_hit *)w->hits->mapped + w->first_hit + first);
+        closest_block(e, &block, (struct hg_gpu_hit *)w->hits->mapped + w->first_hit + skip);
     restore_mode(mode);
 }
 
@@ -328,18 +351,21 @@ static void lay_out_one(const struct hg_gpu_ray *from, struct RTCRayHit *to, int
 void hg_embree_lay_out(const struct hg_embree *e, const struct hg_trace_wave *w, uint32_t first,
     uint32_t count, void *packets)
 {
+    const uint32_t *list = list_of(w, first);
     const struct hg_gpu_ray *rays =
-        (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + first;
+        (const struct hg_gpu_ray *)w->rays->mapped + w->first_ray + (list != NULL ? 0 : first);
     struct packet *p = packets;
     memset(p, 0, (count + 15) / 16 * sizeof *p);
     for (uint32_t i = 0; i < count; i++, p += i % 16 == 0) {
         const uint32_t at = i % 16;
+        const uint32_t *here = list != NULL ? list + i : NULL;
+        const struct hg_gpu_ray *from = list != NULL ? rays : rays + i;
         if (!w->coherent || e->packet == 1)
-            lay_out_one(&rays[i], &p->one[at], &p->valid[at]);
+            lay_out_one(&rays[place_of(list, i)], &p->one[at], &p->valid[at]);
         else if (at == 0 && e->packet == 16)
-            load16(&rays[i], count - i, p->valid, &p->wide.ray);
+            load16(from, here, count - i, p->valid, &p->wide.ray);
         else if (at % 8 == 0 && e->packet == 8)
-            load8(&rays[i], count - i, p->valid + at, &p->half[at / 8].ray);
+            load8(from, here, count - i, p->valid + at, &p->half[at / 8].ray);
         if (at == 0 && w->coherent && e->packet == 16)
             memset(&p->wide.hit, 0xff, sizeof p->wide.hit);
         else if (at % 8 == 0 && w->coherent && e->packet == 8)

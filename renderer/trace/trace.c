@@ -154,9 +154,11 @@ static bool holds(const struct hg_gpu_buffer *buffer, uint64_t first, uint32_t c
 static enum hg_status trace(
     struct hg_trace *t, const struct hg_trace_wave *w, bool any, struct hg_error *err)
 {
-    const bool to_fits = any ? holds(w->blocked, w->first_hit, w->count, sizeof(uint32_t))
-                             : holds(w->hits, w->first_hit, w->count, sizeof(struct hg_gpu_hit));
-    if (!to_fits || !holds(w->rays, w->first_ray, w->count, sizeof(struct hg_gpu_ray)))
+    const uint32_t most = w->list != NULL ? 1 : w->count; // what a list names is not looked at
+    const bool to_fits = any ? holds(w->blocked, w->first_hit, most, sizeof(uint32_t))
+                             : holds(w->hits, w->first_hit, most, sizeof(struct hg_gpu_hit));
+    if (!to_fits || !holds(w->rays, w->first_ray, most, sizeof(struct hg_gpu_ray)) ||
+        (w->list != NULL && !holds(w->list, 0, w->count, sizeof(uint32_t))))
         return hg_error_set(err, HG_E_INVAL, "ray tracing", NULL, "the wave is not in its buffers");
     if (!t->synced)
         return hg_error_set(err, HG_E_STATE, "ray tracing", NULL, "there is no scene");

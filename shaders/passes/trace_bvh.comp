@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
 
 #include "lib/bvh.glsl"
 
@@ -18,6 +19,8 @@ void main()
     uint at = gl_GlobalInvocationID.x;
     if (at >= wave.count)
         return;
+    if (uvec2(wave.list) != uvec2(0u))
+        at = wave.list.v[at];
     hg_gpu_hit hit;
     bool found = hg_bvh_trace(wave, wave.rays.v[at], any != 0u, hit);
     if (any != 0u)

@@ -4,6 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_ray_query : require
 
 #include "shared/khr.h"
@@ -63,6 +64,8 @@ void main()
     uint at = gl_GlobalInvocationID.x;
     if (at >= wave.count)
         return;
+    if (uvec2(wave.list) != uvec2(0u))
+        at = wave.list.v[at];
     hg_gpu_hit hit = trace(wave.rays.v[at]);
     if (any != 0u)
         wave.blocked.v[at] = hit.draw != HG_HIT_NONE ? 1u : 0u;

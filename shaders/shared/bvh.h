@@ -81,9 +81,10 @@ struct hg_gpu_bvh_wave {
     HG_PTR(hg_blocked_list) blocked;
     HG_PTR(hg_bvh_nodes) nodes; // over instances
     HG_PTR(hg_bvh_instances) instances;
+    HG_PTR(hg_ray_slots) list; // which rays; 0: the first `count`
     HG_VEC3 origin, step;
     HG_UINT root, count;
 };
-HG_SHARED_SIZE(hg_gpu_bvh_wave, 72);
+HG_SHARED_SIZE(hg_gpu_bvh_wave, 80);
 
 #endif

@@ -47,8 +47,9 @@ struct hg_gpu_khr_wave {
     HG_PTR(hg_khr_instances) instances;
     HG_PTR(hg_khr_geometries) geometries;
     HG_KHR_SCENE scene; // address of the acceleration structure; 0: there is nothing
+    HG_PTR(hg_ray_slots) list; // which rays; 0: the first `count`
     HG_UINT count, reserved;
 };
-HG_SHARED_SIZE(hg_gpu_khr_wave, 56);
+HG_SHARED_SIZE(hg_gpu_khr_wave, 64);
 
 #endif

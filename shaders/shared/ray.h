@@ -42,6 +42,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_ray_list 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_hit_list {
     hg_gpu_hit v[];
 };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_ray_slots {
+    uint v[];
+};
 #endif
 
 #endif
