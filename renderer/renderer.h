@@ -284,6 +284,14 @@ enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct h
 enum hg_status hg_renderer_bench_trace(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
+// Where the time of a path-traced picture goes, at the first pose of the path. Fields are those of
+// realtime; rounds: samples per pixel; 8. One JSON object: ms, cpu_ms (processor time of all
+// threads), cpu_us_per_path, pieces[] (name, items: rays or paths, ms, cpu_ms, share of the
+// processor time, cpu_ns_per_item), mrays_per_s {closest, shadow}, raw_mrays_per_s: Embree alone
+// with the same rays, ratio: the former over the latter.
+enum hg_status hg_renderer_bench_path(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
 // What the benchmarks of streaming have in common. They make renderers of their own.
 struct hg_bench_stream {                       // zero of each field = default
     const struct hg_renderer_params *renderer; // device, caches, threads; budgets are set here

@@ -143,14 +143,22 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
     if (s->path == NULL)
         return;
     hg_path_get_stats(s->path, &t);
-    const uint64_t rays = t.rays + t.shadow_rays, ns = t.trace_ns + t.shadow_ns;
+    const struct hg_path_time *p = t.pieces;
+    const uint64_t shadow_rays = p[HG_PATH_PIECE_SHADOW].items + p[HG_PATH_PIECE_HOLES].items;
+    const uint64_t rays = p[HG_PATH_PIECE_TRACE].items + shadow_rays;
+    const uint64_t ns = p[HG_PATH_PIECE_TRACE].ns + p[HG_PATH_PIECE_SHADOW].ns;
+    const uint64_t shade =
+        p[HG_PATH_PIECE_BEGIN].ns + p[HG_PATH_PIECE_MISS].ns + p[HG_PATH_PIECE_SHADE].ns;
+    const uint64_t film =
+        p[HG_PATH_PIECE_LIGHT].ns + p[HG_PATH_PIECE_HOLES].ns + p[HG_PATH_PIECE_FILM].ns;
     hg_json_put(w,
         ",\"trace\":{\"rays\":%llu,\"shadow_rays\":%llu,\"paths\":%llu,\"waves\":%llu,"
         "\"mrays_per_s\":%.4f,\"trace_ms\":%.3f,\"shade_ms\":%.3f,\"film_ms\":%.3f,"
         "\"page_ms\":%.3f,\"host_ms\":%.3f,\"build_ms\":%.3f}",
-        (unsigned long long)rays, (unsigned long long)t.shadow_rays, (unsigned long long)t.paths,
+        (unsigned long long)rays, (unsigned long long)shadow_rays, (unsigned long long)t.paths,
         (unsigned long long)t.waves, ns > 0 ? (double)rays * 1e3 / (double)ns : 0.0, ms(ns),
-        ms(t.shade_ns), ms(t.film_ns), ms(t.page_ns), ms(t.host_ns), ms(t.build_ns));
+        ms(shade), ms(film), ms(p[HG_PATH_PIECE_PAGES].ns), ms(p[HG_PATH_PIECE_LISTS].ns),
+        ms(t.build_ns));
 }
 
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)

@@ -242,11 +242,11 @@ static bool is_late(const struct hg_view_state *view)
 static void add_stages(struct hg_view_state *view, const struct hg_path_stats *before)
 {
     const struct hg_path_stats *now = &view->path->stats;
-    hg_view_add_stage(view, "path trace", now->trace_ns - before->trace_ns);
-    hg_view_add_stage(view, "path shadow", now->shadow_ns - before->shadow_ns);
-    hg_view_add_stage(view, "path shade", now->shade_ns - before->shade_ns);
-    hg_view_add_stage(view, "path light", now->film_ns - before->film_ns);
-    hg_view_add_stage(view, "pages", now->page_ns - before->page_ns);
+    for (int i = 0; i < HG_PATH_PIECES; i++) {
+        const uint64_t ns = now->pieces[i].ns - before->pieces[i].ns;
+        if (ns > 0)
+            hg_view_add_stage(view, hg_path_piece_name((enum hg_path_piece)i), ns);
+    }
 }
 
 static enum hg_status work(struct hg_view_state *view, struct hg_error *err)

@@ -55,11 +55,33 @@ enum hg_status hg_path_save(
 enum hg_status hg_path_load(struct hg_view_state *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
-struct hg_path_stats {
-    uint64_t rays, shadow_rays; // since the picture was begun
-    uint64_t trace_ns, shadow_ns, shade_ns, host_ns, film_ns, page_ns; // wall time
-    uint64_t build_ns;                                                 // of acceleration structures
+enum hg_path_piece {      // what the time of a picture goes into
+    HG_PATH_PIECE_BEGIN,  // camera rays
+    HG_PATH_PIECE_TRACE,  // nearest hits
+    HG_PATH_PIECE_MISS,   // shading of rays that left the scene
+    HG_PATH_PIECE_SHADE,  // shading of surfaces (of all rays, where the host does not see hits)
+    HG_PATH_PIECE_SHADOW, // rays to lights
+    HG_PATH_PIECE_LIGHT,  // what they bring
+    HG_PATH_PIECE_HOLES,  // surfaces with holes on their way: rays and shading
+    HG_PATH_PIECE_FILM,
+    HG_PATH_PIECE_LISTS, // the host's lists
+    HG_PATH_PIECE_PAGES, // waiting for textures
+    HG_PATH_PIECES,
+};
+const char *hg_path_piece_name(enum hg_path_piece piece);
+
+struct hg_path_time {
+    uint64_t ns, cpu_ns; // wall time; processor time of the whole process meanwhile
+    uint64_t items;      // rays or paths
+};
+
+struct hg_path_stats { // since the picture was begun
+    struct hg_path_time pieces[HG_PATH_PIECES];
+    uint64_t build_ns; // of acceleration structures
     uint64_t paths, waves;
+    // Embree alone on the same rays, where hg_frame_context.trace_raw asks for it: nearest hits,
+    // and rays to lights.
+    uint64_t raw_ns[2], raw_rays[2];
 };
 void hg_path_get_stats(const struct hg_path *path, struct hg_path_stats *out);
 

@@ -57,6 +57,8 @@ struct hg_path {
     uint32_t wave_tiles, slots;
     enum hg_path_phase phase;
     struct hg_path_list live, waiting, shadows;
+    uint32_t missed;    // the first of `waiting` have rays that left the scene
+    bool sees_hits;     // the host does
     uint32_t part;      // most paths that are shaded at once
     uint32_t fruitless; // rounds in which no waiting path got on
     uint32_t bounce, holes;

@@ -14,6 +14,36 @@ static struct hg_page_cache *pages_of(const struct hg_view_state *view)
     return hg_textures_cache(view->rooms->textures);
 }
 
+// --- times ---------------------------------------------------------------------------------------
+
+static const char *const piece_names[HG_PATH_PIECES] = {"path begin", "path trace", "path miss",
+    "path shade", "path shadow", "path light", "path holes", "path film", "path lists", "pages"};
+
+const char *hg_path_piece_name(enum hg_path_piece piece)
+{
+    return piece_names[piece];
+}
+
+struct lap { // of a watch
+    uint64_t ns, cpu_ns;
+};
+
+static struct lap lap_start(void)
+{
+    return (struct lap){hg_clock_now_ns(), hg_clock_cpu_ns()};
+}
+
+// The time since the start or the last stop counts for a piece.
+static void lap_stop(struct lap *lap, struct hg_path *p, enum hg_path_piece piece, uint64_t items)
+{
+    const struct lap now = lap_start();
+    struct hg_path_time *time = &p->stats.pieces[piece];
+    time->ns += now.ns - lap->ns;
+    time->cpu_ns += now.cpu_ns - lap->cpu_ns;
+    time->items += items;
+    *lap = now;
+}
+
 // --- memory --------------------------------------------------------------------------------------
 
 void hg_path_wave_destroy(struct hg_path *p)
@@ -53,6 +83,7 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
     for (size_t i = 0; i < sizeof all / sizeof *all && status == HG_OK; i++)
         status = hg_gpu_buffer_reserve(
             p->context->gpu, all[i].kind, all[i].bytes, all[i].name, all[i].buffer, err);
+    p->sees_hits = shared;
     return status;
 }
 
@@ -130,7 +161,8 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     struct hg_path *p = view->path;
     struct hg_gpu_cmd *cmd;
     *demand = (struct hg_page_demand){.fits = true};
-    const bool samples = kernel == HG_PATH_SHADE || kernel == HG_PATH_HOLES;
+    const bool samples =
+        kernel != HG_PATH_BEGIN && kernel != HG_PATH_ARRIVE && kernel != HG_PATH_ADD;
     view->stream.on = samples && !hg_page_cache_is_complete(pages_of(view));
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
@@ -160,7 +192,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
 enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
-    const uint64_t start = hg_clock_now_ns();
+    struct lap lap = lap_start();
     struct hg_page_demand demand;
     uint32_t *tiles = p->tiles.mapped, *numbers = p->tile_samples.mapped, *list;
     const uint32_t *samples = p->samples.mapped;
@@ -174,12 +206,12 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
     for (uint32_t i = 0; i < p->slots; i++)
         list[i] = i;
     p->live.count = p->slots;
-    p->waiting.count = p->shadows.count = p->bounce = p->fruitless = 0;
+    p->waiting.count = p->shadows.count = p->bounce = p->fruitless = p->missed = 0;
     p->part = HG_PATH_WAVE_PX;
     p->wait_pages = false;
     fill_block(view);
     enum hg_status status = run(view, HG_PATH_BEGIN, &p->live, 0, p->live.count, &demand, err);
-    p->stats.shade_ns += hg_clock_now_ns() - start;
+    lap_stop(&lap, p, HG_PATH_PIECE_BEGIN, p->slots);
     p->stats.waves++;
     p->stats.paths += p->slots;
     p->phase = HG_PATH_PHASE_TRACE;
@@ -208,18 +240,60 @@ static void copy(const struct hg_path_list *from, struct hg_path_list *to)
     memcpy(to->buffer.mapped, from->buffer.mapped, (size_t)from->count * 4);
 }
 
+// Embree alone on the same rays, for benchmarks; costs no time that counts.
+static enum hg_status trace_raw(struct hg_view_state *view, const struct hg_trace_wave *wave,
+    bool any, struct lap *lap, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    uint64_t ns = 0;
+    if (!view->context->trace_raw || hg_trace_backend(p->trace) != HG_TRACE_EMBREE)
+        return HG_OK;
+    const enum hg_status status = hg_trace_raw(p->trace, wave, any, &ns, err);
+    p->stats.raw_ns[any] += ns;
+    p->stats.raw_rays[any] += wave->count;
+    *lap = lap_start();
+    return status;
+}
+
+// Slots to shade: first those whose rays left the scene, then the others, each in their order.
+static void sort_hits(struct hg_path *p)
+{
+    const struct hg_gpu_hit *hits = p->hits.mapped;
+    const uint32_t *live = p->live.buffer.mapped, count = p->live.count;
+    uint32_t *out = p->waiting.buffer.mapped, at = 0;
+    p->missed = 0;
+    for (uint32_t i = 0; i < count; i++)
+        p->missed += hits[live[i]].draw == HG_HIT_NONE;
+    for (uint32_t i = 0, hit = p->missed; i < count; i++) {
+        const bool none = hits[live[i]].draw == HG_HIT_NONE;
+        out[none ? at : hit] = live[i];
+        at += none;
+        hit += !none;
+    }
+    p->waiting.count = count;
+}
+
 static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
-    const uint64_t start = hg_clock_now_ns();
-    const struct hg_trace_wave wave = {
-        .rays = &p->rays, .hits = &p->hits, .count = p->slots, .coherent = p->bounce == 0};
-    const enum hg_status status = hg_trace_closest(p->trace, &wave, err);
-    p->stats.rays += p->live.count;
-    p->stats.trace_ns += hg_clock_now_ns() - start;
-    copy(&p->live, &p->waiting);
+    struct lap lap = lap_start();
+    const struct hg_trace_wave wave = {.rays = &p->rays,
+        .hits = &p->hits,
+        .list = &p->live.buffer,
+        .count = p->live.count,
+        .coherent = p->bounce == 0};
+    enum hg_status status = trace_raw(view, &wave, false, &lap, err);
+    if (status == HG_OK)
+        status = hg_trace_closest(p->trace, &wave, err);
+    lap_stop(&lap, p, HG_PATH_PIECE_TRACE, p->live.count);
+    p->missed = 0;
+    if (p->sees_hits)
+        sort_hits(p);
+    else
+        copy(&p->live, &p->waiting);
     p->part = p->live.count;
     p->phase = HG_PATH_PHASE_SHADE;
+    lap_stop(&lap, p, HG_PATH_PIECE_LISTS, p->live.count);
     return status;
 }
 
@@ -227,7 +301,8 @@ static enum hg_status wait_for_pages(
     struct hg_view_state *view, bool *arrived, struct hg_error *err)
 {
     struct hg_path *p = view->path;
-    const uint64_t start = hg_clock_now_ns();
+    struct lap lap = lap_start();
+    const uint64_t start = lap.ns;
     enum hg_status status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
     uint64_t spent = 0;
     while (status == HG_OK && hg_page_cache_under_way(pages_of(view)) > 0 && spent < PAGE_WAIT_NS) {
@@ -236,7 +311,7 @@ static enum hg_status wait_for_pages(
         spent = hg_clock_now_ns() - start;
     }
     *arrived = hg_page_cache_under_way(pages_of(view)) == 0;
-    p->stats.page_ns += hg_clock_now_ns() - start;
+    lap_stop(&lap, p, HG_PATH_PIECE_PAGES, 0);
     return status;
 }
 
@@ -258,17 +333,52 @@ static enum hg_path_phase after_light(const struct hg_path *p)
     return p->live.count > 0 ? HG_PATH_PHASE_TRACE : HG_PATH_PHASE_FILM;
 }
 
+// The first `count` of those that wait, in two kernels where it is known what their rays found.
+static enum hg_status shade_some(
+    struct hg_view_state *view, uint32_t count, struct hg_page_demand *demand, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct lap lap = lap_start();
+    struct hg_page_demand other = {.fits = true};
+    const uint32_t missed = p->missed < count ? p->missed : count, rest = count - missed;
+    enum hg_status status = HG_OK;
+    *demand = other;
+    if (missed > 0)
+        status = run(view, HG_PATH_MISS, &p->waiting, 0, missed, demand, err);
+    lap_stop(&lap, p, HG_PATH_PIECE_MISS, missed);
+    if (rest > 0 && status == HG_OK)
+        status = run(view, p->sees_hits ? HG_PATH_SURFACE : HG_PATH_SHADE, &p->waiting, missed,
+            rest, &other, err);
+    lap_stop(&lap, p, HG_PATH_PIECE_SHADE, rest);
+    demand->missing += other.missing;
+    demand->fits = demand->fits && other.fits;
+    p->missing = demand->missing;
+    return status;
+}
+
+static uint32_t count_missed(const struct hg_path *p)
+{
+    const struct hg_gpu_hit *hits = p->hits.mapped;
+    const uint32_t *slots = p->waiting.buffer.mapped,
+                   most = p->missed < p->waiting.count ? p->missed : p->waiting.count;
+    uint32_t n = 0;
+    while (n < most && hits[slots[n]].draw == HG_HIT_NONE)
+        n++;
+    return n;
+}
+
 static enum hg_status shade(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
-    const uint64_t start = hg_clock_now_ns();
     const uint32_t before = p->waiting.count, count = before < p->part ? before : p->part;
-    enum hg_status status = run(view, HG_PATH_SHADE, &p->waiting, 0, count, &demand, err);
-    p->stats.shade_ns += hg_clock_now_ns() - start;
+    enum hg_status status = shade_some(view, count, &demand, err);
     if (status != HG_OK)
         return status;
+    struct lap lap = lap_start();
     keep(p, &p->waiting, count, HG_PATH_STATUS_MASK, HG_PATH_WAITS);
+    if (p->missed > 0)
+        p->missed = count_missed(p);
     status = note_demand(p, &demand, p->waiting.count < before, err);
     if (p->waiting.count > 0 || status != HG_OK)
         return status;
@@ -278,6 +388,7 @@ static enum hg_status shade(struct hg_view_state *view, struct hg_error *err)
     keep(p, &p->live, p->live.count, HG_PATH_STATUS_MASK, HG_PATH_LIVE);
     p->phase = p->shadows.count > 0 ? HG_PATH_PHASE_SHADOW : after_light(p);
     p->bounce++;
+    lap_stop(&lap, p, HG_PATH_PIECE_LISTS, 0);
     return HG_OK;
 }
 
@@ -285,18 +396,19 @@ static enum hg_status shadow(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
-    const uint64_t start = hg_clock_now_ns();
+    struct lap lap = lap_start();
     const struct hg_trace_wave wave = {.rays = &p->shadow_rays,
         .blocked = &p->blocked,
-        .count = p->slots,
+        .list = &p->shadows.buffer,
+        .count = p->shadows.count,
         .coherent = p->bounce == 1};
-    enum hg_status status = hg_trace_blocked(p->trace, &wave, err);
-    const uint64_t middle = hg_clock_now_ns();
+    enum hg_status status = trace_raw(view, &wave, true, &lap, err);
+    if (status == HG_OK)
+        status = hg_trace_blocked(p->trace, &wave, err);
+    lap_stop(&lap, p, HG_PATH_PIECE_SHADOW, p->shadows.count);
     if (status == HG_OK)
         status = run(view, HG_PATH_ARRIVE, &p->shadows, 0, p->shadows.count, &demand, err);
-    p->stats.shadow_rays += p->shadows.count;
-    p->stats.shadow_ns += middle - start;
-    p->stats.film_ns += hg_clock_now_ns() - middle;
+    lap_stop(&lap, p, HG_PATH_PIECE_LIGHT, p->shadows.count);
     if (status != HG_OK)
         return status;
     keep(p, &p->shadows, p->shadows.count, HG_PATH_SHADOW, HG_PATH_SHADOW);
@@ -310,17 +422,16 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand = {.fits = true};
-    const uint64_t start = hg_clock_now_ns();
-    const struct hg_trace_wave wave = {
-        .rays = &p->shadow_rays, .hits = &p->shadow_hits, .count = p->slots};
+    struct lap lap = lap_start();
+    const struct hg_trace_wave wave = {.rays = &p->shadow_rays,
+        .hits = &p->shadow_hits,
+        .list = &p->shadows.buffer,
+        .count = p->shadows.count};
     enum hg_status status = hg_trace_closest(p->trace, &wave, err);
-    const uint64_t middle = hg_clock_now_ns();
     const uint32_t count = p->shadows.count < p->part ? p->shadows.count : p->part;
     if (status == HG_OK)
         status = run(view, HG_PATH_HOLES, &p->shadows, 0, count, &demand, err);
-    p->stats.shadow_rays += p->shadows.count;
-    p->stats.shadow_ns += middle - start;
-    p->stats.film_ns += hg_clock_now_ns() - middle;
+    lap_stop(&lap, p, HG_PATH_PIECE_HOLES, p->shadows.count);
     if (status != HG_OK)
         return status;
     keep(p, &p->shadows, count, HG_PATH_SHADOW, HG_PATH_SHADOW);
@@ -336,13 +447,13 @@ static enum hg_status add(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
-    const uint64_t start = hg_clock_now_ns();
+    struct lap lap = lap_start();
     uint32_t *samples = p->samples.mapped;
     p->live.count = p->slots; // for its address alone: the kernel goes by slot
     enum hg_status status = run(view, HG_PATH_ADD, &p->live, 0, p->slots, &demand, err);
     for (uint32_t i = 0; i < p->wave_tiles && status == HG_OK; i++)
         samples[p->tile_index[i]]++;
-    p->stats.film_ns += hg_clock_now_ns() - start;
+    lap_stop(&lap, p, HG_PATH_PIECE_FILM, p->slots);
     p->phase = HG_PATH_PHASE_NONE;
     p->stale = true;
     return status;

@@ -6,6 +6,7 @@ static const struct {
     const char *shader, *stage;
     uint32_t variant;
 } kernels[] = {{"path_begin.comp", "path begin", 0}, {"path_shade.comp", "path shade", 0},
+    {"path_shade.comp", "path miss", 1}, {"path_shade.comp", "path shade", 2},
     {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
     {"path_add.comp", "path film", 0}};
 

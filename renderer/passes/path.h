@@ -7,11 +7,13 @@
 #include "shaders/shared/path.h"
 
 enum hg_path_kernel {
-    HG_PATH_BEGIN,  // camera rays
-    HG_PATH_SHADE,  // what rays have found
-    HG_PATH_ARRIVE, // light whose way past opaque surfaces is known
-    HG_PATH_HOLES,  // the next surface with holes on its way
-    HG_PATH_ADD,    // paths to the film
+    HG_PATH_BEGIN,   // camera rays
+    HG_PATH_SHADE,   // what rays have found
+    HG_PATH_MISS,    // the same of rays that left the scene,
+    HG_PATH_SURFACE, // and of those that did not
+    HG_PATH_ARRIVE,  // light whose way past opaque surfaces is known
+    HG_PATH_HOLES,   // the next surface with holes on its way
+    HG_PATH_ADD,     // paths to the film
 };
 
 // `block`: struct hg_gpu_path of the wave. Its results are visible to later commands and the host.

@@ -210,11 +210,17 @@ static enum hg_status bench_trace(
     return bench_scene(b, options, hg_renderer_bench_trace, text, err);
 }
 
+static enum hg_status bench_path(
+    struct bench *b, const json_t *options, char **text, struct hg_error *err)
+{
+    return bench_scene(b, options, hg_renderer_bench_path, text, err);
+}
+
 static const struct {
     const char *name;
     enum hg_status (*run)(struct bench *, const json_t *, char **, struct hg_error *);
 } benchmarks[] = {{"realtime", bench_realtime}, {"vt", bench_vt}, {"lod", bench_lod},
-    {"trace", bench_trace}};
+    {"trace", bench_trace}, {"path", bench_path}};
 
 static enum hg_status run_named(
     struct bench *b, const json_t *options, char **text, struct hg_error *err)

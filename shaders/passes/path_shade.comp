@@ -28,6 +28,10 @@
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
+// 0: rays of all kinds; 1: all have left the scene; 2: none has. For devices that run both sides of
+// branches.
+layout(constant_id = 0) const uint kind = 0u;
+
 #define ROULETTE_AFTER 3u // bounces
 #define ROULETTE_LEAST 0.05
 #define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
@@ -286,7 +290,7 @@ void main()
     uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(p.slot) * 1024u + p.steps +
         hg_frame.seed * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
-    if (hit.draw == HG_HIT_NONE)
+    if (kind == 1u || (kind == 0u && hit.draw == HG_HIT_NONE))
         status = miss(p);
     else
         status = surface(p, hit, pixel);
