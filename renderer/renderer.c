@@ -9,6 +9,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/frame/shutter.h"
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
@@ -186,6 +187,12 @@ static enum hg_status check_path(const struct hg_view_params *p, struct hg_error
         return bad(err, "view", "filter_radius_px");
     if (!(p->clamp_indirect >= 0.0f && p->clamp_indirect <= 1e9f))
         return bad(err, "view", "clamp_indirect");
+    if (!(p->frame_s >= 0.0f && p->frame_s <= 1e9f))
+        return bad(err, "view", "frame_s");
+    if (!(fabsf(p->shutter_open) <= 1.0f))
+        return bad(err, "view", "shutter_open");
+    if (!(fabsf(p->shutter_close) <= 1.0f && p->shutter_close >= p->shutter_open))
+        return bad(err, "view", "shutter_close");
     return p->planes >> HG_PLANE_COUNT == 0 ? HG_OK : bad(err, "view", "planes");
 }
 
@@ -227,6 +234,9 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
     s->noise = p->noise;
     s->time_s = p->time_s;
     s->clamp_indirect = p->clamp_indirect;
+    s->frame_s = p->frame_s > 0.0f ? p->frame_s : 1.0f / 24.0f;
+    s->shutter_open = p->shutter_close > p->shutter_open ? p->shutter_open : 0.0f;
+    s->shutter_close = p->shutter_close > p->shutter_open ? p->shutter_close : 0.0f;
 }
 
 enum hg_status hg_view_set_params(
@@ -284,11 +294,19 @@ static enum hg_status check_camera(const struct hg_view_camera *c, struct hg_err
         return bad(err, "camera", "lens_radius");
     if (!(c->focus_distance >= 0.0f) || !isfinite(c->focus_distance))
         return bad(err, "camera", "focus_distance");
+    if (c->moves && !is_finite3(c->next_eye))
+        return bad(err, "camera", "next_eye");
+    if (c->moves && (!is_finite3(c->next_target) ||
+                        memcmp(c->next_eye, c->next_target, sizeof c->next_eye) == 0))
+        return bad(err, "camera", "next_target");
+    if (c->moves && !is_finite3(c->next_up))
+        return bad(err, "camera", "next_up");
     return HG_OK;
 }
 
-enum hg_status hg_view_set_camera(
-    struct hg_view *view, const struct hg_view_camera *c, struct hg_error *err)
+// node: that it was taken from, or 0.
+static enum hg_status set_camera(
+    struct hg_view *view, const struct hg_view_camera *c, uint64_t node, struct hg_error *err)
 {
     enum hg_status status = check_camera(c, err);
     if (status != HG_OK)
@@ -309,8 +327,22 @@ enum hg_status hg_view_set_camera(
     s.lens_radius = c->lens_radius;
     s.focus_distance = c->focus_distance;
     s.input_seq = c->input_seq;
+    s.node = node;
+    s.moves = c->moves;
+    const bool has_next_up = c->next_up[0] != 0 || c->next_up[1] != 0 || c->next_up[2] != 0;
+    for (int i = 0; i < 3 && c->moves; i++) {
+        s.next_eye[i] = c->next_eye[i];
+        s.next_target[i] = c->next_target[i];
+        s.next_up[i] = has_next_up ? c->next_up[i] : s.up[i];
+    }
     hg_view_state_look(&view->state, &s);
     return HG_OK;
+}
+
+enum hg_status hg_view_set_camera(
+    struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err)
+{
+    return set_camera(view, camera, 0, err);
 }
 
 enum hg_status hg_view_set_camera_node(
@@ -329,12 +361,8 @@ enum hg_status hg_view_set_camera_node(
         .near = camera->near,
         .far = camera->far,
         .input_seq = input_seq};
-    for (int i = 0; i < 3; i++) {
-        c.eye[i] = node->world[12 + i];
-        c.target[i] = node->world[12 + i] - node->world[8 + i]; // along the node's -z
-        c.up[i] = node->world[4 + i];
-    }
-    return hg_view_set_camera(view, &c, err);
+    hg_shutter_look_along(node, c.eye, c.target, c.up);
+    return set_camera(view, &c, node_id, err);
 }
 
 // --- frames --------------------------------------------------------------------------------------
@@ -395,7 +423,7 @@ static const struct {
 } planes[HG_PLANE_COUNT] = {{"color", 4}, {"albedo", 3}, {"normal", 3}, {"geometric_normal", 3},
     {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
     {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
-    {"indirect_transmission", 3}, {"motion", 2}, {"object", 1}, {"material", 1}, {"samples", 1},
+    {"indirect_transmission", 3}, {"motion", 4}, {"object", 1}, {"material", 1}, {"samples", 1},
     {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}};
 
 uint32_t hg_plane_channels(enum hg_plane plane)

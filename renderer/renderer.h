@@ -93,7 +93,7 @@ enum hg_plane {
     HG_PLANE_INDIRECT_DIFFUSE,      // 3: more than once
     HG_PLANE_INDIRECT_SPECULAR,     // 3
     HG_PLANE_INDIRECT_TRANSMISSION, // 3
-    HG_PLANE_MOTION,                // 2: px; 0, since pictures are of one pose
+    HG_PLANE_MOTION,                // 4: px, see below
     HG_PLANE_OBJECT,                // 1: low 32 bits of the node's id, plus 1; exact to 2^24
     HG_PLANE_MATERIAL,              // 1: number of the material in the picture, from 1
     HG_PLANE_SAMPLES,               // 1: samples of the pixel
@@ -104,6 +104,11 @@ enum hg_plane {
     HG_PLANE_COUNT
 };
 #define HG_PLANE_DRAWS_LENGTH 8
+// MOTION: x, y: where what the pixel shows was a frame (frame_s) before, less where it is at the
+// pose; then z, w: where it will be a frame after, less where it is. x to the right, y down, so
+// that pixel + (x, y) is the pixel of the frame before. Camera, transforms, skins and morphs count,
+// a shutter does not. Backgrounds move as what is infinitely far. 0 where that was or will be
+// behind the camera. Mean over the samples of a pixel, those that hit nothing included.
 
 #define HG_VIEW_MAX_SAMPLES 65536 // also the limit of the protocol
 #define HG_VIEW_MAX_BOUNCES 256
@@ -129,6 +134,12 @@ struct hg_view_params {     // zero of each field = default
     float filter_radius_px; // 0 = the filter's; at most 8
     float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
     uint32_t planes;        // 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR
+    // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
+    // go on before and after the pose.
+    float frame_s; // from one frame to the next, seconds; default 1/24
+    // Motion blur: the shutter is open from shutter_open to shutter_close, in frames from the pose
+    // (-1..1). Equal = all light comes at one moment, that of the pose.
+    float shutter_open, shutter_close;
 };
 
 struct hg_view_camera {             // world space, metres
@@ -140,6 +151,9 @@ struct hg_view_camera {             // world space, metres
     // Thin lens of HG_MODE_PATH, perspective only. Radius 0 = all is sharp.
     float lens_radius, focus_distance; // metres; distance 0 = that of the target
     uint64_t input_seq;                // returned in frames
+    // Where it will be a frame later, for motion; between and before on the straight line.
+    bool moves;
+    float next_eye[3], next_target[3], next_up[3]; // up 0 = as `up`
 };
 
 // The view keeps a pointer to the scene, which must outlive it.
@@ -277,10 +291,11 @@ enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct h
 
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all
 // pixels), diffuse (one cosine-distributed bounce each, in any direction) and shadow (whether a
-// light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One JSON
-// object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s, cpu_ns_per_ray
-// of each, build_ms, bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays that hit something else than
-// Embree's)} or {refused}; raw: Embree alone on the same rays; ratio: embree over raw.
+// light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One
+// JSON object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s,
+// cpu_ns_per_ray of each, build_ms, bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays
+// that hit something else than Embree's)} or {refused}; raw: Embree alone on the same rays; ratio:
+// embree over raw.
 enum hg_status hg_renderer_bench_trace(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 

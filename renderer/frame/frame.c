@@ -33,9 +33,9 @@ static VkExtent2D size_of(const struct hg_view_state *view)
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 
-static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
+static struct hg_camera_setup setup_of(
+    const struct hg_view_state *view, const struct hg_view_camera_state *c)
 {
-    const struct hg_view_camera_state *c = &view->camera;
     struct hg_camera_setup setup = {.orthographic = c->orthographic,
         .vfov_rad = c->vfov_rad,
         .half_height = c->half_height,
@@ -54,6 +54,18 @@ static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
     const bool has_bounds = hg_geometry_bounds(view->rooms->geometry, min, max);
     hg_camera_fit_depth(&setup, has_bounds, min, max);
     return setup;
+}
+
+static struct hg_camera_setup camera_setup(const struct hg_view_state *view)
+{
+    return setup_of(view, &view->camera);
+}
+
+void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_camera_state *camera,
+    struct hg_gpu_camera *out)
+{
+    const struct hg_camera_setup setup = setup_of(view, camera);
+    hg_camera_fill(&setup, out);
 }
 
 static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)

@@ -6,7 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "renderer/passes/skin.h"
+#include "renderer/frame/shutter.h"
 
 #define STEP_NS 35000000u // a slice of work ends with the piece that passes this
 
@@ -26,6 +26,7 @@ void hg_path_destroy(struct hg_path *p)
     hg_trace_destroy(p->trace);
     hg_emitters_destroy(p->emitters);
     hg_cut_free(p->cut);
+    hg_path_time_destroy(p);
     hg_free(p);
 }
 
@@ -59,30 +60,6 @@ static enum hg_status make_trace(struct hg_view_state *view, struct hg_error *er
 
 // --- sync ----------------------------------------------------------------------------------------
 
-// Poses are on the device before the cut reads them.
-static enum hg_status deform(struct hg_view_state *view, struct hg_error *err)
-{
-    struct hg_gpu *gpu = view->context->gpu;
-    struct hg_gpu_cmd *cmd;
-    uint64_t value;
-    if (hg_geometry_deform_count(view->rooms->geometry) == 0)
-        return HG_OK;
-    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = hg_skin_record(cmd, view->rooms->geometry, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
-    if (status == HG_OK)
-        hg_geometry_deforms_done(view->rooms->geometry);
-    return status;
-}
-
 static enum hg_status sync_cut(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
@@ -92,6 +69,7 @@ static enum hg_status sync_cut(struct hg_view_state *view, struct hg_error *err)
         .px_scale = 1.0f / (flat ? c->pixel_size : c->pixel_angle),
         .orthographic = flat,
         .near = fmaxf(c->near, 1e-6f),
+        .motion = (p->options & HG_PATH_BLURS) != 0,
         .error_px = view->settings.error_px};
     enum hg_status status =
         hg_cut_make(view->rooms->geometry, &lens, view->context->jobs, &p->cut, err);
@@ -128,6 +106,30 @@ static uint32_t has_holes(const struct hg_cut *cut)
     return 0;
 }
 
+// What rays meet, and what shines.
+static enum hg_status sync_scene(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    enum hg_status status = sync_cut(view, err);
+    if (status == HG_OK)
+        status = sync_emitters(view, err);
+    if (status == HG_OK)
+        p->holes = has_holes(p->cut);
+    return status;
+}
+
+// The part of the shutter's time that the pass has.
+static enum hg_status open_shutter(struct hg_view_state *view, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    const enum hg_status status = hg_path_time_open(view, err);
+    if (status != HG_OK)
+        return status;
+    const enum hg_status synced = sync_scene(view, err);
+    view->path->stats.build_ns += hg_clock_now_ns() - start;
+    return synced;
+}
+
 // Everything that does not change while a picture is made.
 static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error *err)
 {
@@ -141,11 +143,11 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     p->spent_ns = 0;
     enum hg_status status = make_trace(view, err);
     if (status == HG_OK)
-        status = deform(view, err);
+        status = hg_shutter_deform(view, err);
     if (status == HG_OK)
-        status = sync_cut(view, err);
-    if (status == HG_OK)
-        status = sync_emitters(view, err);
+        status = hg_path_time_begin(view, err);
+    if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
+        status = sync_scene(view, err);
     if (status == HG_OK)
         status = hg_path_film_create(p, &view->settings, err);
     if (status == HG_OK)
@@ -153,7 +155,6 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     if (status != HG_OK)
         return status;
     memset(p->samples.mapped, 0, (size_t)p->tile_count * 4);
-    p->holes = has_holes(p->cut);
     hg_geometry_origin(view->rooms->geometry, p->origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
     p->started_ns = hg_clock_now_ns();
@@ -214,6 +215,10 @@ static enum hg_status next_wave(struct hg_view_state *view, struct hg_error *err
             return status;
         (void)choose_tiles(p); // tiles that are not done are all there
     }
+    if (hg_path_time_passes(p))
+        status = open_shutter(view, err);
+    if (status != HG_OK)
+        return status;
     return hg_path_wave_begin(view, err);
 }
 
@@ -284,9 +289,16 @@ enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_
         status = begin_picture(view, err);
     } else {
         status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
+        if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
+            view->rooms->posed != p) { // others have looked at the scene in between
+            status = open_shutter(view, err);
+            hg_path_wave_fill(view);
+        }
     }
     if (status == HG_OK && !hg_path_done(p))
         status = work(view, err);
+    if (status == HG_OK && hg_path_done(p) && view->rooms->posed == p)
+        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
     view->stream.missing = status == HG_OK ? p->missing : 0;
     if (status != HG_OK)
         hg_path_film_destroy(p); // begins anew

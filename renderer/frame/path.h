@@ -27,6 +27,8 @@ struct hg_path_settings {
     uint32_t max_bounces;
     uint32_t planes; // 1 << enum hg_plane of renderer.h
     float filter_radius_px, noise, time_s, clamp_indirect;
+    float frame_s;                     // from one frame to the next
+    float shutter_open, shutter_close; // frames from the pose of the scene; equal = no motion blur
 };
 
 struct hg_path;
@@ -38,6 +40,10 @@ void hg_path_destroy(struct hg_path *path); // accepts NULL
 // there counts no longer. Errors of tracing, budgets and devices; then the next slice starts anew.
 enum hg_status hg_path_step(
     struct hg_view_state *view, bool changed, struct hg_error *err) HG_MUST_CHECK;
+// The picture goes on from a pose of the geometry that is still there: nothing is to be synced.
+bool hg_path_is_posed(const struct hg_view_state *view);
+// The settings ask for other times than that of the pose, and something moves.
+bool hg_path_needs_time(const struct hg_view_state *view);
 // All tiles are done, or the time is over.
 bool hg_path_done(const struct hg_path *path); // NULL: false
 // Brings what the film holds to view->accumulated, if it does not show it yet.

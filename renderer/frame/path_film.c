@@ -64,7 +64,7 @@ static uint32_t channels_of(uint32_t plane)
     case HG_PATH_PLANE_HITS:
         return 1;
     case HG_PATH_PLANE_MOTION:
-        return 2;
+        return 4;
     case HG_PATH_PLANE_DRAWS:
         return 2 * HG_PATH_DRAWS_LENGTH;
     default:

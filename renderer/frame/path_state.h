@@ -3,6 +3,7 @@
 #define HG_RENDERER_FRAME_PATH_STATE_H
 
 #include "renderer/frame/view.h"
+#include "renderer/geometry/moment.h"
 #include "renderer/light/emitters.h"
 #include "renderer/passes/path.h"
 #include "renderer/trace/trace.h"
@@ -33,6 +34,13 @@ struct hg_path {
     uint64_t cut_revision; // that `trace` has
     struct hg_emitters *emitters;
     uint32_t backend; // asked for when `trace` was made
+
+    // Time. A pass has one part of the time that the shutter is open.
+    struct hg_moment *kept[HG_PATH_MOMENTS];            // made when first asked for
+    struct hg_gpu_path_moment moments[HG_PATH_MOMENTS]; // for the block
+    uint32_t options;                                   // HG_PATH_BLURS, ...
+    uint32_t time_parts,
+        time_part; // of the shutter's time: how many (a power of two); what is posed
 
     // Of the picture.
     uint32_t width, height, columns, rows, tile_count;
@@ -76,8 +84,19 @@ void hg_path_wave_destroy(struct hg_path *path);
 // The tiles of the next wave are in tile_index.
 enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
+// The block, when what it leads to may lie elsewhere while a wave is under way.
+void hg_path_wave_fill(struct hg_view_state *view);
+
 // path_save.c: what was loaded takes the place of the empty film of a picture that was just begun.
 enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+
+// path_time.c: where things are at other times than the pose. Before the cut is made; the geometry
+// may be posed otherwise than the scene afterwards.
+enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// The part of the shutter's time that the next pass has is posed: the cut has to be made anew.
+bool hg_path_time_passes(const struct hg_path *path);
+enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+void hg_path_time_destroy(struct hg_path *path);
 
 // path_film.c
 enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,

@@ -116,7 +116,7 @@ static uint32_t sample_bits(uint32_t samples)
     return bits;
 }
 
-static void fill_block(struct hg_view_state *view)
+void hg_path_wave_fill(struct hg_view_state *view)
 {
     struct hg_path *p = view->path;
     const struct hg_path_settings *s = &view->settings.path;
@@ -139,6 +139,7 @@ static void fill_block(struct hg_view_state *view)
         .estimators = view->context->estimators != 0 ? view->context->estimators
                                                      : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
     hg_emitters_fill(p->emitters, &p->block.emitters);
+    memcpy(p->block.moments, p->moments, sizeof p->moments);
     memcpy(p->block.planes, p->planes, sizeof p->planes);
     fill_lens(view, &p->block);
     hg_path_filter_fill(s->filter, s->filter_radius_px, p->block.filter_px);
@@ -173,7 +174,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     const struct hg_gpu_path_push push = {list->buffer.address + (uint64_t)first * 4, count, 0};
     if (view->stream.on)
         hg_page_cache_begin(pages_of(view), cmd);
-    status = hg_path_record(&pass, kernel, &block, &push, err);
+    status = hg_path_record(&pass, kernel, p->options, &block, &push, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
@@ -209,7 +210,7 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
     p->waiting.count = p->shadows.count = p->bounce = p->fruitless = p->missed = 0;
     p->part = HG_PATH_WAVE_PX;
     p->wait_pages = false;
-    fill_block(view);
+    hg_path_wave_fill(view);
     enum hg_status status = run(view, HG_PATH_BEGIN, &p->live, 0, p->live.count, &demand, err);
     lap_stop(&lap, p, HG_PATH_PIECE_BEGIN, p->slots);
     p->stats.waves++;

@@ -175,9 +175,12 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
 {
     const bool came = hg_geometry_poll(rooms->geometry, until_ns);
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
-    if (rooms->scene_revision == rooms->scene->revision && !moved && !came &&
-        !hg_textures_is_stale(rooms->textures))
+    const bool same = rooms->scene_revision == rooms->scene->revision && !moved && !came &&
+                      !hg_textures_is_stale(rooms->textures);
+    if (same && rooms->posed == NULL)
         return HG_OK;
+    const uint64_t before = hg_geometry_revision(rooms->geometry);
+    rooms->posed = NULL;
     rooms->scene_revision = UINT64_MAX; // a failure is tried again
     hg_scene_update(rooms->scene);
     enum hg_status status = hg_textures_sync(rooms->textures, rooms->scene, context->jobs, err);
@@ -187,8 +190,22 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
         rooms->features = scene_features(rooms->scene, rooms->textures);
         rooms->has_holes = has_holes(rooms->scene);
         rooms->scene_revision = rooms->scene->revision;
+        if (!same && hg_geometry_revision(rooms->geometry) != before)
+            rooms->geometry_revision = hg_geometry_revision(rooms->geometry);
     }
     return status;
+}
+
+enum hg_status hg_rooms_pose(struct hg_rooms *rooms, const void *who, struct hg_error *err)
+{
+    rooms->posed = who;
+    return hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
+}
+
+bool hg_rooms_are_posed(const struct hg_rooms *rooms, const void *who)
+{
+    return rooms->posed == who && rooms->scene_revision == rooms->scene->revision &&
+           hg_geometry_baking(rooms->geometry) == 0 && !hg_textures_is_stale(rooms->textures);
 }
 
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,

@@ -37,9 +37,11 @@ struct hg_rooms {
     struct hg_rooms *next;
     struct hg_scene *scene;
     uint32_t refs;
-    uint32_t features;       // HG_FEATURE_* of its materials and meshes
-    bool has_holes;          // some surface that is drawn in layers is not there everywhere
-    uint64_t scene_revision; // brought to the device, UINT64_MAX = none
+    uint32_t features;          // HG_FEATURE_* of its materials and meshes
+    bool has_holes;             // some surface that is drawn in layers is not there everywhere
+    uint64_t scene_revision;    // brought to the device, UINT64_MAX = none
+    uint64_t geometry_revision; // of the geometry when it last showed something new
+    const void *posed;          // who has posed the geometry otherwise than the scene; NULL: nobody
     struct hg_textures *textures;
     struct hg_geometry *geometry;
 };
@@ -58,5 +60,12 @@ void hg_frame_context_finish(struct hg_frame_context *context);
 // does not.
 enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err) HG_MUST_CHECK;
+
+// The geometry shows another time of the scene until the next sync, which puts things back; that is
+// no change of geometry_revision. hg_scene_update was called in the pose; `who` is only compared.
+enum hg_status hg_rooms_pose(
+    struct hg_rooms *rooms, const void *who, struct hg_error *err) HG_MUST_CHECK;
+// It still does, for `who`, and a sync would find nothing else to do.
+bool hg_rooms_are_posed(const struct hg_rooms *rooms, const void *who);
 
 #endif

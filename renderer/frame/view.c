@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "renderer/geometry/moment.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
@@ -164,7 +165,7 @@ static struct hg_view_key present_key(const struct hg_view_state *view)
 {
     return (struct hg_view_key){.scene = view->rooms->scene->revision,
         .environment = view->rooms->scene->environment.revision,
-        .geometry = hg_geometry_revision(view->rooms->geometry),
+        .geometry = view->rooms->geometry_revision,
         .settings = view->settings_revision,
         .camera = view->camera_revision};
 }
@@ -391,13 +392,19 @@ static enum hg_status draw_preview(struct hg_view_state *view, struct hg_error *
 static enum hg_status draw_path(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
-    const struct hg_view_key before = present_key(view);
+    struct hg_view_key key = present_key(view);
+    const bool known = memcmp(&key, &view->key, sizeof key) == 0;
+    const bool posed = known && hg_path_is_posed(view);
+    enum hg_status status = HG_OK;
     choose_error(view, max_samples);
-    view->wait = view->final || memcmp(&before, &view->key, sizeof before) == 0;
-    enum hg_status status = hg_frame_sync(view, err);
+    view->wait = view->final || known;
+    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->rooms->geometry))
+        view->rooms->scene_revision = UINT64_MAX;
+    if (!posed)
+        status = hg_frame_sync(view, err);
     if (status != HG_OK || (bakes(view) && view->final))
         return status;
-    const struct hg_view_key key = present_key(view);
+    key = present_key(view);
     const bool changed = memcmp(&key, &view->key, sizeof key) != 0;
     if (changed) {
         hg_stream_restart(view);

@@ -49,6 +49,9 @@ struct hg_view_camera_state {
     float vfov_rad, half_height, near, far;
     float lens_radius, focus_distance; // metres; 0 = no lens, at the target
     uint64_t input_seq;
+    uint64_t node;                                  // that it was taken from; 0 = none
+    bool moves;                                     // a frame later it stands
+    double next_eye[3], next_target[3], next_up[3]; // here; at other times on the line
 };
 
 // What the accumulated samples were made of; any difference restarts.
@@ -169,6 +172,9 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);
 // For paths: no jitter, pages waited for.
 void hg_frame_fill_path(struct hg_view_state *view);
+// Another camera for the same picture, without jitter.
+void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_camera_state *camera,
+    struct hg_gpu_camera *out);
 void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns);
 
 #endif

@@ -247,7 +247,7 @@ static enum hg_status add_node_deforms(
     for (uint32_t part = 0; part < mesh->part_count; part++)
         if (mesh->parts[part].clusters != NULL)
             return HG_OK; // has neither joints nor targets
-    if (!hg_deform_is_needed(node) &&
+    if (!hg_deform_is_needed(node) && !(g->deform_all && mesh->target_count > 0) &&
         find_deform(g->deforms, g->deform_count, node->head.id, 0) == NULL)
         return HG_OK;
     for (uint32_t part = 0; part < mesh->part_count; part++) {

@@ -189,6 +189,7 @@ struct hg_geometry {
     uint64_t bit_layout; // changes when bits of histories mean something else
     uint32_t bit_count;
     bool one_shape; // of the textures of each material
+    bool deform_all; // see moment.h
     struct hg_box bounds;
     struct hg_geometry_stats stats;
 };

@@ -11,14 +11,15 @@ static const struct {
     {"path_add.comp", "path film", 0}};
 
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
-    const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)
+    uint32_t options, const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
+    struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
         .spec = {kernels[kernel].variant, pass->tables & ~HG_TABLE_BIT(HG_BIND_PATH),
-            pass->features | pass->background},
-        .spec_count = 3};
+            pass->features | pass->background, options},
+        .spec_count = 4};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)
         status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);

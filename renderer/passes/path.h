@@ -16,9 +16,9 @@ enum hg_path_kernel {
     HG_PATH_ADD,     // paths to the film
 };
 
-// `block`: struct hg_gpu_path of the wave. Its results are visible to later commands and the host.
+// `block`: struct hg_gpu_path of the wave; options: HG_PATH_BLURS and its like. Its results are visible to later commands and the host.
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
-    const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
+    uint32_t options, const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
     struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_path_show {

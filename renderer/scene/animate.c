@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "renderer/scene/xform.h"
 
 // Index of the last key at or before t, and the fraction to the next key.
@@ -100,8 +101,95 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
         return HG_E_NOTFOUND;
     uint32_t first = animation < 0 ? 0 : (uint32_t)animation;
     uint32_t end = animation < 0 ? asset->animation_count : first + 1;
-    for (uint32_t i = first; i < end; i++)
-        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
-            pose_channel(asset->scene, &asset->animations[i].channels[c], (float)time_s);
+    for (uint32_t i = first; i < end; i++) {
+        struct hg_animation *a = &asset->animations[i];
+        for (uint32_t c = 0; c < a->channel_count; c++)
+            pose_channel(asset->scene, &a->channels[c], (float)time_s);
+        a->posed = true;
+        a->time_s = time_s;
+    }
     return HG_OK;
+}
+
+// --- other times ---------------------------------------------------------------------------------
+
+typedef void (*channel_fn)(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user);
+
+// Channels of all animations that were posed, in order.
+static void for_posed(const struct hg_scene *scene, channel_fn call, void *user)
+{
+    for (uint32_t i = 0; i < scene->asset_count; i++) {
+        const struct hg_asset *asset = scene->assets[i];
+        for (uint32_t k = 0; k < asset->animation_count; k++) {
+            const struct hg_animation *a = &asset->animations[k];
+            for (uint32_t c = 0; a->posed && c < a->channel_count; c++)
+                if (a->channels[c].key_count > 0 && channel_target(&a->channels[c]) != NULL)
+                    call(a, &a->channels[c], user);
+        }
+    }
+}
+
+static void count_values(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
+{
+    (void)animation;
+    *(size_t *)user += channel->width;
+}
+
+bool hg_scene_moves(const struct hg_scene *scene)
+{
+    size_t values = 0;
+    for_posed(scene, count_values, &values);
+    return values > 0;
+}
+
+static void keep_values(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
+{
+    float **at = user;
+    (void)animation;
+    memcpy(*at, channel_target(channel), channel->width * sizeof **at);
+    *at += channel->width;
+}
+
+static void put_values(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
+{
+    const float **at = user;
+    (void)animation;
+    memcpy(channel_target(channel), *at, channel->width * sizeof **at);
+    *at += channel->width;
+}
+
+static void shift_values(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
+{
+    const double *offset_s = user;
+    pose_channel(NULL, channel, (float)(animation->time_s + *offset_s));
+}
+
+enum hg_status hg_scene_pose_shift(
+    struct hg_scene *scene, double offset_s, struct hg_pose_kept *kept)
+{
+    if (!kept->taken) {
+        size_t values = 0;
+        for_posed(scene, count_values, &values);
+        if (hg_grow(&kept->values, &kept->capacity, values + 1, sizeof *kept->values) != HG_OK)
+            return HG_E_NOMEM;
+        float *at = kept->values;
+        for_posed(scene, keep_values, &at);
+        kept->taken = true;
+    }
+    for_posed(scene, shift_values, &offset_s);
+    return HG_OK;
+}
+
+void hg_scene_pose_restore(struct hg_scene *scene, struct hg_pose_kept *kept)
+{
+    const float *at = kept->values;
+    if (kept->taken)
+        for_posed(scene, put_values, &at);
+    hg_free(kept->values);
+    *kept = (struct hg_pose_kept){0};
 }

@@ -207,6 +207,8 @@ struct hg_animation {
     struct hg_anim_channel *channels;
     uint32_t channel_count;
     double duration_s;
+    bool posed;    // by hg_asset_pose, at
+    double time_s; // this time
 };
 
 struct hg_warning { // about an asset, kept for `helio info` and sent as notices
@@ -317,6 +319,19 @@ void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; acce
 // animation.
 enum hg_status hg_asset_pose(
     struct hg_asset *asset, int32_t animation, double time_s) HG_MUST_CHECK;
+// Whether any of the scene's animations was posed: only then anything moves in time.
+bool hg_scene_moves(const struct hg_scene *scene);
+// For a look at other times: poses what was posed before at its time plus offset_s, without a change
+// of revisions, and keeps what was there (a zeroed *kept; further calls leave it). The caller
+// updates the scene and puts things back before anybody else looks at it. HG_E_NOMEM.
+struct hg_pose_kept {
+    float *values;
+    size_t capacity;
+    bool taken;
+};
+enum hg_status hg_scene_pose_shift(
+    struct hg_scene *scene, double offset_s, struct hg_pose_kept *kept) HG_MUST_CHECK;
+void hg_scene_pose_restore(struct hg_scene *scene, struct hg_pose_kept *kept); // frees, too
 // Material that a part shows under the asset's chosen variant; NULL = default material.
 struct hg_material *hg_asset_part_material(
     const struct hg_asset *asset, const struct hg_mesh_part *part);

@@ -19,12 +19,13 @@ enum {
 enum kind {
     RADIANCE, // as the picture: its type, its exposure
     HALVES,
-    FLOATS, // also whole numbers: few programs read those of the file format
+    FLOATS,  // also whole numbers: few programs read those of the file format
+    VECTORS, // x, y pairs with y down, which point up in files
 };
 
 // How a plane stands in the file.
 static const struct layout {
-    const char *suffixes[3];
+    const char *suffixes[4];
     enum kind kind;
 } layouts[HG_PLANE_COUNT] = {
     [HG_PLANE_COLOR] = {{"R", "G", "B"}, RADIANCE},
@@ -40,7 +41,7 @@ static const struct layout {
     [HG_PLANE_INDIRECT_DIFFUSE] = {{"R", "G", "B"}, RADIANCE},
     [HG_PLANE_INDIRECT_SPECULAR] = {{"R", "G", "B"}, RADIANCE},
     [HG_PLANE_INDIRECT_TRANSMISSION] = {{"R", "G", "B"}, RADIANCE},
-    [HG_PLANE_MOTION] = {{"X", "Y", "Z"}, FLOATS}, // Z: 0, since some programs read no pairs
+    [HG_PLANE_MOTION] = {{"X", "Y", "Z", "W"}, VECTORS},
     [HG_PLANE_OBJECT] = {{"I"}, FLOATS},
     [HG_PLANE_MATERIAL] = {{"I"}, FLOATS},
     [HG_PLANE_SAMPLES] = {{"I"}, FLOATS},
@@ -130,28 +131,24 @@ static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
     return HG_OK;
 }
 
-// Values as they stand in the file: radiance with the picture's exposure, pairs with a third.
+// Values as they stand in the file: radiance with the picture's exposure, y up.
 static enum hg_status convert(
     struct file *f, const struct encode_plane *p, enum kind kind, struct hg_exr_part *part)
 {
     const float exposure = kind == RADIANCE ? f->job->notes.exposure : 1.0f;
-    const size_t values = p->values->size / sizeof(float), pixels = values / part->stride;
+    const size_t values = p->values->size / sizeof(float);
     const float *from = (const float *)p->values->data;
-    const size_t stride = part->stride == 2 ? 3 : part->stride;
     part->pixels = from;
     part->size_bytes = p->values->size;
-    if (exposure == 1.0f && stride == part->stride)
+    if (exposure == 1.0f && kind != VECTORS)
         return HG_OK;
-    float *to = hg_calloc(pixels * stride, sizeof *to);
+    float *to = hg_calloc(values, sizeof *to);
     if (!to)
         return HG_E_NOMEM;
-    for (size_t i = 0; i < pixels; i++)
-        for (size_t c = 0; c < part->stride; c++)
-            to[i * stride + c] = from[i * part->stride + c] * exposure;
+    for (size_t i = 0; i < values; i++)
+        to[i] = kind == VECTORS && i % 2 == 1 ? 0.0f - from[i] : from[i] * exposure;
     f->buffers[f->count] = to;
     part->pixels = to;
-    part->size_bytes = pixels * stride * sizeof *to;
-    part->stride = part->channel_count = (uint32_t)stride;
     return HG_OK;
 }
 
@@ -161,7 +158,7 @@ static enum hg_status add_plane(struct file *f, const struct encode_plane *p)
     const uint32_t channels = hg_plane_channels(p->plane);
     struct hg_exr_part *part = &f->parts[f->count];
     *part = (struct hg_exr_part){.name = hg_plane_name(p->plane),
-        .channel_count = channels < 3 ? channels : 3,
+        .channel_count = channels < 3 || layout->kind == VECTORS ? channels : 3,
         .stride = channels,
         .type = layout->kind == RADIANCE ? f->parts[0].type
                 : layout->kind == HALVES ? HG_EXR_HALF

@@ -39,8 +39,11 @@ struct hg_emitter_sample {
 float hg_emitter_cone_width = 0.0, hg_emitter_cone_spread = 0.0;
 // Mip of environments that have pages. 0: the finest.
 float hg_emitter_environment_lod = 0.0;
-// When, in the shutter: 0 at its opening, 1 at the pose of the frame.
-float hg_emitter_time = 1.0;
+// Emissive triangles of a time other than that of the tables: define both, as expressions.
+#ifndef HG_EMITTER_WORLD
+#define HG_EMITTER_WORLD(draw) hg_world_at((draw).instance)
+#define HG_EMITTER_POSITION(draw, part, vertex) (part).positions.v[vertex]
+#endif
 
 // Defined before: nodes that were looked at are counted.
 #ifdef HG_EMITTER_COUNT_WORK
@@ -243,18 +246,14 @@ hg_emitter_triangle hg_emitter_fetch(uint draw, uint primitive)
         t.part = hg_part_list(t.part.indices).v[primitive >> HG_LOD_SHIFT];
         primitive &= (1u << HG_LOD_SHIFT) - 1u;
     }
-    mat4x3 world = hg_world_at(d.instance);
-    if (hg_emitter_time < 1.0) {
-        mat4x3 previous = hg_frame.geometry.instances.v[d.instance].previous;
-        world = previous * (1.0 - hg_emitter_time) + world * hg_emitter_time;
-    }
+    mat4x3 world = HG_EMITTER_WORLD(d);
     uint first = primitive * 3u;
     t.corners = uvec3(
         t.part.indices.v[first], t.part.indices.v[first + 1u], t.part.indices.v[first + 2u]);
-    vec3 a = t.part.positions.v[t.corners.x];
+    vec3 a = HG_EMITTER_POSITION(d, t.part, t.corners.x);
     t.p0 = world * vec4(a, 1.0);
-    t.e1 = mat3(world) * (t.part.positions.v[t.corners.y] - a);
-    t.e2 = mat3(world) * (t.part.positions.v[t.corners.z] - a);
+    t.e1 = mat3(world) * (HG_EMITTER_POSITION(d, t.part, t.corners.y) - a);
+    t.e2 = mat3(world) * (HG_EMITTER_POSITION(d, t.part, t.corners.z) - a);
     vec3 face = cross(t.e1, t.e2) * ((d.flags & HG_DRAW_MIRRORED) != 0u ? -1.0 : 1.0);
     float twice = length(face);
     bool good = twice > 0.0 && !isinf(twice);

@@ -1,6 +1,6 @@
 // hit.glsl - the surface point that a ray has hit, with the footprint of the ray in its textures.
 //
-// Include lib/frame.glsl and lib/vertex.glsl first.
+// Include lib/frame.glsl, lib/vertex.glsl and lib/path.glsl first; hg_path_time says when.
 #ifndef HG_LIB_HIT_GLSL
 #define HG_LIB_HIT_GLSL
 
@@ -19,16 +19,23 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
         part = hg_part_list(part.indices).v[triangle >> HG_LOD_SHIFT];
         triangle &= (1u << HG_LOD_SHIFT) - 1u;
     }
-    mat4x3 world = hg_world_at(d.instance);
+    mat4x3 world = hg_path_world(d.instance);
     uint first = triangle * 3u;
     uint i0 = part.indices.v[first], i1 = part.indices.v[first + 1u], i2 = part.indices.v[first + 2u];
     vec3 p0 = part.positions.v[i0], p1 = part.positions.v[i1], p2 = part.positions.v[i2];
+    hg_gpu_part before = part;
+    if (HG_PATH_CAN(HG_PATH_BLURS)) {
+        before = hg_path_part_before(d, part);
+        p0 = HG_PATH_BETWEEN(before.positions.v[i0], p0);
+        p1 = HG_PATH_BETWEEN(before.positions.v[i1], p1);
+        p2 = HG_PATH_BETWEEN(before.positions.v[i2], p2);
+    }
     vec3 at = vec3(1.0 - hit.u - hit.v, hit.u, hit.v);
     vec3 e1 = mat3(world) * (p1 - p0), e2 = mat3(world) * (p2 - p0);
 
     hg_vertex o;
     o.position_ws = world * vec4(p0 + (p1 - p0) * hit.u + (p2 - p0) * hit.v, 1.0);
-    o.depth = dot(o.position_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
+    o.depth = dot(o.position_ws - hg_path_eye(), hg_path_forward());
     o.material = d.material;
     o.flags = d.flags;
     o.instance = d.instance;
@@ -54,6 +61,12 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
     if ((d.flags & HG_DRAW_NORMALS) != 0u) {
         vec3 n = hg_decode_normal(a0.normal) * at.x + hg_decode_normal(a1.normal) * at.y +
             hg_decode_normal(a2.normal) * at.z;
+        if (HG_PATH_CAN(HG_PATH_BLURS)) {
+            vec3 m = hg_decode_normal(before.vertices.v[i0].normal) * at.x +
+                hg_decode_normal(before.vertices.v[i1].normal) * at.y +
+                hg_decode_normal(before.vertices.v[i2].normal) * at.z;
+            n = HG_PATH_BETWEEN(m, n);
+        }
         n = (cross(world[1], world[2]) * n.x + cross(world[2], world[0]) * n.y +
             cross(world[0], world[1]) * n.z) * handed;
         float length2 = dot(n, n);
@@ -67,6 +80,12 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
         vec4 t0 = hg_decode_tangent(a0.tangent);
         vec3 t = t0.xyz * at.x + hg_decode_tangent(a1.tangent).xyz * at.y +
             hg_decode_tangent(a2.tangent).xyz * at.z;
+        if (HG_PATH_CAN(HG_PATH_BLURS)) {
+            vec3 m = hg_decode_tangent(before.vertices.v[i0].tangent).xyz * at.x +
+                hg_decode_tangent(before.vertices.v[i1].tangent).xyz * at.y +
+                hg_decode_tangent(before.vertices.v[i2].tangent).xyz * at.z;
+            t = HG_PATH_BETWEEN(m, t);
+        }
         t = mat3(world) * t;
         o.tangent_ws = vec4(t * inversesqrt(max(dot(t, t), 1e-30)), t0.w * handed);
     } else {

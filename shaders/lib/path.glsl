@@ -4,6 +4,7 @@
 #define HG_LIB_PATH_GLSL
 
 #include "lib/octahedral.glsl"
+#include "lib/tables.glsl"
 #include "lib/sobol.glsl"
 #include "shared/path.h"
 
@@ -19,6 +20,9 @@ layout(push_constant, scalar) uniform hg_push
     hg_gpu_path_push push;
 };
 #define hg_path hg_path_blocks[push.block]
+
+layout(constant_id = 3) const uint hg_path_options = 0u;
+#define HG_PATH_CAN(option) ((hg_path_options & (option)) != 0u)
 
 float hg_path_get(uint word, uint slot)
 {
@@ -77,6 +81,7 @@ uint hg_path_sample(uint slot)
 // many as HG_PATH_STEP_PAIRS.
 #define HG_PATH_CAMERA_PAIRS 2u
 #define HG_PATH_STEP_PAIRS   4u
+#define HG_PATH_TIME_PAIR    0xfff0u // one of its own, so that the others do not depend on it
 
 hg_sampler hg_path_sampler(uvec2 pixel, uint number)
 {
@@ -113,6 +118,48 @@ void hg_path_light(uint slot, uint flags, uint bounce, vec3 radiance)
             bitfieldExtract(flags, HG_PATH_LOBE_SHIFT, 2);
     if (HG_PATH_HAS(plane))
         hg_path_add3(hg_path_out(hg_path.planes[plane]), slot, radiance);
+}
+
+// --- time ----------------------------------------------------------------------------------------
+
+float hg_path_time = 1.0; // of the ray, 0..1 in the shutter
+
+// Between the opening and the closing; without a shutter what is there now. Things that stand still
+// stay where they are to the bit.
+#define HG_PATH_BETWEEN(before, now) ((before) + ((now) - (before)) * hg_path_time)
+
+vec3 hg_path_eye()
+{
+    if (!HG_PATH_CAN(HG_PATH_BLURS))
+        return hg_frame.camera.eye_ws;
+    return HG_PATH_BETWEEN(hg_path.moments[HG_PATH_OPENING].eye_ws,
+        hg_path.moments[HG_PATH_CLOSING].eye_ws);
+}
+
+vec3 hg_path_forward()
+{
+    if (!HG_PATH_CAN(HG_PATH_BLURS))
+        return hg_frame.camera.forward_ws;
+    return normalize(HG_PATH_BETWEEN(hg_path.moments[HG_PATH_OPENING].forward_ws,
+        hg_path.moments[HG_PATH_CLOSING].forward_ws));
+}
+
+mat4x3 hg_path_world(uint instance)
+{
+    mat4x3 world = hg_world_at(instance);
+    if (HG_PATH_CAN(HG_PATH_BLURS)) {
+        mat4x3 before = hg_path.moments[HG_PATH_OPENING].scene.worlds.v[instance];
+        world = HG_PATH_BETWEEN(before, world);
+    }
+    return world;
+}
+
+// The part as it was when the shutter opened: only positions and vertices of deformed ones differ.
+hg_gpu_part hg_path_part_before(hg_gpu_draw d, hg_gpu_part now)
+{
+    if ((d.flags & HG_DRAW_LOD) != 0u)
+        return now;
+    return hg_path.moments[HG_PATH_OPENING].scene.parts.v[d.part];
 }
 
 vec3 hg_path_finite(vec3 v)

@@ -40,9 +40,23 @@ void main()
     hg_sampler s = hg_path_sampler(pixel, hg_path_sample(slot));
     vec2 u = hg_sobol2(s), lens = disk(hg_sobol2(s));
     vec2 at = vec2(pixel) + 0.5 + vec2(filter_offset(u.x), filter_offset(u.y));
-    vec3 across = hg_frame.camera.ray_origin_ws + at.x * hg_frame.camera.ray_x_ws +
-        at.y * hg_frame.camera.ray_y_ws;
-    vec3 forward = hg_frame.camera.forward_ws;
+    vec3 from = hg_frame.camera.ray_origin_ws;
+    vec3 x = hg_frame.camera.ray_x_ws, y = hg_frame.camera.ray_y_ws;
+    vec3 lens_x = hg_path.lens_x_ws, lens_y = hg_path.lens_y_ws;
+    if (HG_PATH_CAN(HG_PATH_BLURS)) {
+        s.dimension = HG_PATH_TIME_PAIR;
+        hg_path_time = hg_sobol2(s).x;
+        from = HG_PATH_BETWEEN(hg_path.moments[HG_PATH_OPENING].ray_origin_ws,
+            hg_path.moments[HG_PATH_CLOSING].ray_origin_ws);
+        x = HG_PATH_BETWEEN(hg_path.moments[HG_PATH_OPENING].ray_x_ws,
+            hg_path.moments[HG_PATH_CLOSING].ray_x_ws);
+        y = HG_PATH_BETWEEN(hg_path.moments[HG_PATH_OPENING].ray_y_ws,
+            hg_path.moments[HG_PATH_CLOSING].ray_y_ws);
+        lens_x = length(lens_x) * normalize(x);
+        lens_y = -length(lens_y) * normalize(y);
+    }
+    vec3 across = from + at.x * x + at.y * y;
+    vec3 forward = hg_path_forward();
 
     hg_gpu_ray ray;
     float width = hg_frame.camera.pixel_size, spread = 0.0;
@@ -50,8 +64,8 @@ void main()
         ray.origin_ws = across;
         ray.direction_ws = forward;
     } else { // `across` is 1 deep
-        vec3 off = lens.x * hg_path.lens_x_ws + lens.y * hg_path.lens_y_ws;
-        ray.origin_ws = hg_frame.camera.eye_ws + off;
+        vec3 off = lens.x * lens_x + lens.y * lens_y;
+        ray.origin_ws = hg_path_eye() + off;
         ray.direction_ws = normalize(across - off / hg_path.focus_distance);
         width = 0.0;
         spread = hg_frame.camera.pixel_angle * dot(ray.direction_ws, forward);
@@ -66,7 +80,7 @@ void main()
     }
     if (!inside)
         ray.t_max = -1.0;
-    ray.time = 0.0;
+    ray.time = HG_PATH_CAN(HG_PATH_BLURS) ? hg_path_time : 0.0;
     ray.mask = HG_RAY_ALL;
     hg_path.rays.v[slot] = ray;
     hg_path.status.v[slot] = inside ? HG_PATH_LIVE : HG_PATH_DONE;

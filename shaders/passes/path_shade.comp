@@ -18,12 +18,22 @@
 #include "lib/brdf.glsl"
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
-#include "lib/hit.glsl"
 #include "lib/path.glsl"
+#include "lib/hit.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/path_media.glsl"
 
+vec3 emitter_position(hg_gpu_draw d, hg_gpu_part part, uint vertex)
+{
+    vec3 p = part.positions.v[vertex];
+    if (HG_PATH_CAN(HG_PATH_BLURS))
+        p = HG_PATH_BETWEEN(hg_path_part_before(d, part).positions.v[vertex], p);
+    return p;
+}
+
 #define HG_EMITTERS hg_path.emitters
+#define HG_EMITTER_WORLD(draw) hg_path_world((draw).instance)
+#define HG_EMITTER_POSITION(draw, part, vertex) emitter_position(draw, part, vertex)
 #include "lib/emitters.glsl"
 
 layout(local_size_x = HG_PATH_GROUP) in;
@@ -70,6 +80,53 @@ vec3 clamped(vec3 radiance, uint bounce)
     return hg_path_finite(above ? radiance * (hg_path.clamp_indirect / most) : radiance);
 }
 
+// Where a point of a triangle is at one of the block's moments; w = 1.
+vec4 position_at(uint moment, hg_gpu_hit hit)
+{
+    uint triangle = hit.primitive;
+    hg_gpu_draw d = hg_draw_at(hit.draw);
+    hg_gpu_part part = hg_path.moments[moment].scene.parts.v[d.part];
+    if (HG_HAS(HG_FEATURE_LOD) && (d.flags & HG_DRAW_LOD) != 0u) {
+        part = hg_part_list(hg_part_at(d.part).indices).v[triangle >> HG_LOD_SHIFT];
+        triangle &= (1u << HG_LOD_SHIFT) - 1u;
+    }
+    uint first = triangle * 3u;
+    vec3 p0 = part.positions.v[part.indices.v[first]];
+    vec3 p1 = part.positions.v[part.indices.v[first + 1u]];
+    vec3 p2 = part.positions.v[part.indices.v[first + 2u]];
+    vec3 p = p0 + (p1 - p0) * hit.u + (p2 - p0) * hit.v;
+    return vec4(hg_path.moments[moment].scene.worlds.v[d.instance] * vec4(p, 1.0), 1.0);
+}
+
+// Place in the picture of a point (w = 1) or a direction (w = 0), px; false: not in front.
+bool project(uint moment, vec4 at, out vec2 px)
+{
+    vec3 x = hg_path.moments[moment].ray_x_ws, y = hg_path.moments[moment].ray_y_ws;
+    vec3 from = hg_path.moments[moment].ray_origin_ws, to = at.xyz;
+    bool flat_view = hg_frame.camera.orthographic != 0u;
+    float depth = 1.0;
+    if (!flat_view) {
+        to -= at.w * hg_path.moments[moment].eye_ws;
+        depth = dot(to, hg_path.moments[moment].forward_ws);
+        to /= max(depth, 1e-30);
+    }
+    px = vec2(dot(to - from, x) / dot(x, x), dot(to - from, y) / dot(y, y));
+    return depth > 0.0 && (!flat_view || at.w > 0.0);
+}
+
+void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
+{
+    uint at = hg_path_out(hg_path.planes[HG_PATH_PLANE_MOTION]);
+    vec2 a, b, c;
+    bool here = project(HG_PATH_NOW, now, b);
+    vec2 back = here && project(HG_PATH_PREVIOUS, before, a) ? a - b : vec2(0.0);
+    vec2 on = here && project(HG_PATH_NEXT, after, c) ? c - b : vec2(0.0);
+    hg_path_set(at, slot, back.x);
+    hg_path_set(at + 1u, slot, back.y);
+    hg_path_set(at + 2u, slot, on.x);
+    hg_path_set(at + 3u, slot, on.y);
+}
+
 // The ray left the scene.
 uint miss(path p)
 {
@@ -91,11 +148,15 @@ uint miss(path p)
     hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * radiance, p.bounce));
     if (p.bounce == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
+    if (HG_PATH_CAN(HG_PATH_MOTION) && (p.flags & HG_PATH_SEEN) == 0u) {
+        vec4 far = vec4(p.ray.direction_ws, 0.0);
+        put_motion(p.slot, far, far, far);
+    }
     return HG_PATH_DONE;
 }
 
 // What the camera sees first.
-void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
+void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 {
     hg_path_set(HG_PATH_OUT + 3u, p.slot, 1.0);
     hg_path_put3(HG_PATH_PLANE_ALBEDO, p.slot, s.base_color);
@@ -104,10 +165,13 @@ void note_seen(path p, hg_vertex v, hg_surface s, uint draw)
     hg_path_put(HG_PATH_PLANE_HITS, p.slot, 1.0);
     hg_path_put(HG_PATH_PLANE_DEPTH, p.slot, v.depth);
     hg_path_put3(HG_PATH_PLANE_POSITION, p.slot, v.position_ws);
+    if (HG_PATH_CAN(HG_PATH_MOTION))
+        put_motion(p.slot, position_at(HG_PATH_PREVIOUS, hit), position_at(HG_PATH_NOW, hit),
+            position_at(HG_PATH_NEXT, hit));
     uint node = hg_frame.geometry.instances.v[v.instance].node;
     hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(node + 1u));
     hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
-    hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(draw + 1u)); // only the first word is used
+    hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(hit.draw + 1u)); // only the first word is used
 }
 
 // A ray to a light; true when there is one.
@@ -234,7 +298,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         return HG_PATH_WAITS;
 
     if ((p.flags & HG_PATH_SEEN) == 0u)
-        note_seen(p, v, s, hit.draw);
+        note_seen(p, v, s, hit);
     p.flags |= HG_PATH_SEEN;
     float other = 0.0;
     if (HG_HAS(HG_FEATURE_EMITS))
@@ -284,6 +348,7 @@ void main()
         p.media = floatBitsToUint(vec2(hg_path_get(HG_PATH_MEDIA, p.slot),
             hg_path_get(HG_PATH_MEDIA + 1u, p.slot)));
     p.ray = hg_path.rays.v[p.slot];
+    hg_path_time = p.ray.time;
     hg_gpu_hit hit = hg_path.hits.v[p.slot];
 
     uint status;

@@ -15,8 +15,8 @@
 #include "lib/vertex.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
-#include "lib/hit.glsl"
 #include "lib/path.glsl"
+#include "lib/hit.glsl"
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
@@ -31,6 +31,7 @@ float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
     uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(slot) * 1024u + steps +
         (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u) * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
+    hg_path_time = ray.time;
     hg_vertex v = hg_fetch_hit(hit, ray.direction_ws, cone.x + cone.y * hit.t);
     uint flags = HG_MATERIAL_AT(v.material, flags);
     float alpha = clamp(hg_material_alpha(v.material, v), 0.0, 1.0);

@@ -86,6 +86,18 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer hg_
 };
 #endif
 
+// Where instances and deformed parts are at another time (renderer/geometry/moment.h).
+#ifndef __STDC__
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_world_list {
+    mat4x3 v[];
+};
+#endif
+struct hg_gpu_moment {
+    HG_PTR(hg_world_list) worlds; // [instances]
+    HG_PTR(hg_part_list) parts;   // [parts]; positions and vertices of deformed ones
+};
+HG_SHARED_SIZE(hg_gpu_moment, 16);
+
 // Part of hg_gpu_frame.
 struct hg_gpu_geometry {
     HG_PTR(hg_draw_list) draws;

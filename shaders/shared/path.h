@@ -8,6 +8,7 @@
 #define HG_SHADERS_SHARED_PATH_H
 
 #include "shared/emitters.h"
+#include "shared/geometry.h"
 #include "shared/ray.h"
 #include "shared/types.h"
 
@@ -84,6 +85,28 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_floa
 };
 #endif
 
+// hg_gpu_path.moments; the geometry's own tables show HG_PATH_CLOSING, or the pose.
+#define HG_PATH_OPENING  0 // of the shutter, or of the part of its time that this wave has
+#define HG_PATH_CLOSING  1
+#define HG_PATH_PREVIOUS 2 // a frame before the pose
+#define HG_PATH_NOW      3 // the pose
+#define HG_PATH_NEXT     4 // a frame after
+#define HG_PATH_MOMENTS  5
+
+// A time: where things are, and the camera (as in hg_gpu_camera).
+struct hg_gpu_path_moment {
+    HG_STRUCT(hg_gpu_moment) scene; // not of HG_PATH_CLOSING
+    HG_VEC3 eye_ws;
+    HG_VEC3 forward_ws;
+    HG_VEC3 ray_origin_ws, ray_x_ws, ray_y_ws;
+    HG_UINT reserved;
+};
+HG_SHARED_SIZE(hg_gpu_path_moment, 80);
+
+// What kernels may be asked for, a specialisation constant.
+#define HG_PATH_BLURS  0x1u // something moves while the shutter is open
+#define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
+
 // Uniform block HG_BIND_PATH.
 struct hg_gpu_path {
     HG_PTR(hg_ray_list) rays;        // [capacity]
@@ -97,6 +120,7 @@ struct hg_gpu_path {
     HG_PTR(hg_path_words) tile_samples; // [tile_count] index of the sample of each tile
     HG_PTR(hg_path_floats) film;     // [channels][height][width]
     HG_STRUCT(hg_gpu_emitters) emitters;
+    HG_STRUCT(hg_gpu_path_moment) moments[HG_PATH_MOMENTS];
     HG_UINT capacity, channels;      // of the film
     HG_UINT sample_bits;             // the sequence has 2^sample_bits points per pixel
     HG_UINT max_bounces;
