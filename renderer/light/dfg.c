@@ -1,5 +1,6 @@
 #include "renderer/light/dfg.h"
 
+#include "renderer/light/dfg_lobes.h"
 #include "renderer/light/vec.h"
 
 static float smith_g2_over_g1(float n_dot_l, float n_dot_v, float a2)
@@ -138,4 +139,5 @@ void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
 {
     hg_jobs_for(jobs, HG_DFG_SIZE, fill_row, out);
     hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen, out);
+    hg_dfg_fill_lobes(jobs, out);
 }

@@ -18,10 +18,33 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2]);
 // Source: Estevez and Kulla 2017, "Production Friendly Microfacet Sheen BRDF".
 float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n);
 
-// Table of lib/brdf.glsl, hg_dfg(): column i is cos = (i / (size - 1))^2, row j perceptual
-// roughness j / (size - 1); behind it one row of cosine-weighted averages by roughness;
-// behind that, from HG_SHEEN_FIRST, the sheen's albedo / HG_SHEEN_MOST in x, by the same
-// coordinates. About 20 ms on two cores.
+// Share of light that an interface of glass neither reflects nor lets through when every ray meets
+// one facet only: 1 - E, by Fresnel's equations and Walter's refraction, over n x n / 2 visible
+// normals. eta: index of refraction behind over that in front.
+// Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
+float hg_glass_miss_integrate(float n_dot_v, float alpha, float eta, uint32_t n);
+
+// Two cosines v.h and the second one's weight, with the first three moments of the cosines at the
+// facets that reflect light of all directions to v: a function of the angle at the facet has the
+// mean (1 - w) f(out[0]) + w f(out[1]), out[2] = w. Gauss's quadrature with two nodes.
+void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, float out[3]);
+
+// hg_dfg_integrate of a surface that is rougher along x than along y. v: unit, in its frame.
+void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, float ab[2]);
+
+// The tables of lib/brdf.glsl and lib/lobes.glsl, 16 bits a number. s_i = i / (size - 1);
+// cosines are s^2, roughness is s and perceptual.
+//   hg_dfg              column cosine, row roughness; behind it one row of cosine-weighted means
+//   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise
+//   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
+//                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
+//   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
+//   HG_ANGLES_FIRST     hg_facet_angles: two words (c0, c1), (w, 0) for each cosine and roughness
+//   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
+//                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (linear),
+//                       strength (linear), roughness, the first one fastest
+//   HG_ANISO_MEANS      likewise of the means: strength, roughness
+// About 35 ms on two cores.
 void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES]);
 
 #endif

@@ -13,6 +13,12 @@
 //   min(T(v), T(l)), as the specification scales albedo below sheen, but for the coat too: it is
 //   reciprocal and never gains energy. Diffuse ones get S(v) S(l) / S_avg with S = T (1 - E), which
 //   is reciprocal and exact: E is the albedo of the specular part, S_avg the cosine-weighted mean.
+//   Under a film it is that of each colour: what the film does not reflect enters.
+// - What rough glass scatters more than once between its facets leaves on both sides in lobes like
+//   those of metals (Kulla and Conty 2017): a m(v) m(l) / m_avg in front, (1 - a) m(v) m'(l) / m'_avg
+//   behind, m and m' what single scattering misses from this side and from the other. Lossless and
+//   reciprocal where (1 - a) m_avg n^2 is the same from both sides; it is that of all light that
+//   Fresnel's equations let through on average, of the lesser of m_avg and m'_avg.
 // - Where light goes through, reflection takes Fresnel's equations in place of Schlick's
 //   approximation, scaled to the material's f0 and f90: both sides and total reflection are right.
 // - Radiance is scaled with (n_v / n_l)^2 where the path changes its medium.
@@ -43,6 +49,10 @@ struct hg_bsdf {
     vec3 v_ts;
     vec2 alpha;          // along t and s
     float mean_roughness; // of the tables of albedo
+    float anisotropy;
+    vec3 ms_dielectric;  // colour of the dielectric's several bounces
+    vec2 glass_avg;      // m_avg and m'_avg of glass
+    float glass_v, glass_front; // m(v), a
     vec3 f0_dielectric;
     float f90, f90_dielectric;
     float metallic;
@@ -60,7 +70,7 @@ struct hg_bsdf {
     vec3 sheen;
     float sheen_max, sheen_roughness, sheen_albedo_v;
     float coat_v, through_v; // T(v): of the coat, of all layers
-    float enter_v, enter_avg; // S(v), S_avg
+    vec3 enter_v, enter_avg; // S(v), S_avg
 };
 
 struct hg_bsdf_sample_result {
@@ -95,33 +105,53 @@ vec3 hg_surface_disperse(inout hg_surface s, inout uint channel, float u)
 
 // --- albedos -------------------------------------------------------------------------------------
 
-// a and b of the split sum in a direction.
-vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
+// Cosine at which the tables hold the albedo in a direction.
+float hg_bsdf_cosine(hg_bsdf b, vec3 w_ts)
 {
     float c = abs(w_ts.z);
     if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y)
         c = hg_aniso_cosine(w_ts, b.alpha, b.mean_roughness);
-    return hg_dfg(c, b.mean_roughness);
+    return c;
 }
 
-// f0 of the Schlick term that equals the film's reflectance at this angle.
-vec3 hg_bsdf_film_f0(hg_bsdf b, float cos_theta)
+// a and b of the split sum in a direction.
+vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
 {
-    float w = min(hg_schlick_weight(cos_theta), 0.999);
-    vec3 film = hg_film_fresnel(cos_theta, b.film_ior, b.film_nm, b.base.f0);
-    return clamp((film - w) / (1.0 - w), 0.0, 1.0);
+    vec2 dfg = hg_dfg(hg_bsdf_cosine(b, w_ts), b.mean_roughness);
+    if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y) {
+        dfg = max(dfg + hg_aniso_correction(w_ts, b.base.roughness, b.anisotropy), 0.0);
+        dfg /= max(dfg.x + dfg.y, 1.0);
+    }
+    return dfg;
 }
 
-// Share of light that the dielectric's specular part keeps from what is below, its largest channel.
-float hg_bsdf_dielectric_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+// Directional albedo of the film's single reflection.
+vec3 hg_bsdf_film_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+{
+    vec3 at = hg_facet_angles_at(cos_theta, b.mean_roughness);
+    vec3 x = hg_film_fresnel(at.x, b.film_ior, b.film_nm, b.base.f0);
+    vec3 y = hg_film_fresnel(at.y, b.film_ior, b.film_nm, b.base.f0);
+    return mix(x, y, at.z) * (dfg.x + dfg.y);
+}
+
+// Directional albedo of the base's single reflection.
+vec3 hg_bsdf_single_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+{
+    vec3 e = b.base.f0 * dfg.x + b.f90 * dfg.y;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
+        e = mix(e, hg_bsdf_film_albedo(b, cos_theta, dfg), b.iridescence);
+    return e;
+}
+
+// Share of light that the dielectric's specular part keeps from what is below: of the largest
+// channel for all, of each below a film.
+vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
 {
     float miss = 1.0 - dfg.x - dfg.y;
-    float e = b.base.f0_dielectric * dfg.x + b.f90_dielectric * dfg.y + b.base.f_ms_dielectric * miss;
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
-        float film = hg_max3(hg_bsdf_film_f0(b, cos_theta));
-        e = mix(e, film * dfg.x + dfg.y + b.base.f_ms_dielectric * miss, b.iridescence);
-    }
-    return min(e, 1.0);
+    vec3 e = vec3(b.base.f0_dielectric * dfg.x + b.f90_dielectric * dfg.y);
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
+        e = mix(e, hg_bsdf_film_albedo(b, cos_theta, dfg), b.iridescence);
+    return min(e + b.ms_dielectric * miss, 1.0);
 }
 
 // Share of light that a coat lets through; one that faces away does nothing.
@@ -152,21 +182,69 @@ float hg_bsdf_through(hg_bsdf b, float coat_cos, float cos_theta)
     return through;
 }
 
-// Cosine-weighted mean of S: Gauss-Legendre over cos^2, which layers bend.
-float hg_bsdf_enter_average(hg_bsdf b)
+// Gauss-Legendre over cos^2, for cosine-weighted means.
+const vec4 hg_gauss_x = vec4(0.06943184, 0.33000948, 0.66999052, 0.93056816);
+const vec4 hg_gauss_w = vec4(0.17392742, 0.32607258, 0.32607258, 0.17392742);
+
+// Mean of S, which layers bend.
+vec3 hg_bsdf_enter_average(hg_bsdf b)
 {
-    const vec4 x = vec4(0.06943184, 0.33000948, 0.66999052, 0.93056816);
-    const vec4 w = vec4(0.17392742, 0.32607258, 0.32607258, 0.17392742);
-    float sum = 0.0;
+    vec3 sum = vec3(0.0);
     for (int i = 0; i < 4; i++) {
-        float c = sqrt(x[i]);
+        float c = sqrt(hg_gauss_x[i]);
         vec2 dfg = hg_dfg(c, b.mean_roughness);
-        sum += w[i] * hg_bsdf_through(b, c, c) * (1.0 - hg_bsdf_dielectric_albedo(b, c, dfg));
+        sum += hg_gauss_w[i] * hg_bsdf_through(b, c, c) *
+            (1.0 - hg_bsdf_dielectric_albedo(b, c, dfg));
     }
     return max(sum, 1e-4);
 }
 
 // --- making one ----------------------------------------------------------------------------------
+
+void hg_bsdf_make_film(inout hg_bsdf b, hg_surface s)
+{
+    b.iridescence = b.film_ior = b.film_nm = 0.0;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE)) {
+        b.iridescence = s.iridescence_nm > 0.0 ? s.iridescence : 0.0;
+        b.film_ior = s.iridescence_ior;
+        b.film_nm = s.iridescence_nm;
+    }
+}
+
+// Colours of what is reflected twice or more. See hg_multiple_scattering_color.
+void hg_bsdf_make_several(inout hg_bsdf b, hg_surface s)
+{
+    float e_avg = b.base.dfg_avg.x + b.base.dfg_avg.y;
+    // The mean of Schlick's term with f90 is f0 + (f90 - f0) / 21, linear as with 1.
+    vec3 dielectric = 20.0 / 21.0 * b.f0_dielectric + b.f90_dielectric / 21.0;
+    vec3 metal = 20.0 / 21.0 * s.base_color + 1.0 / 21.0;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
+        vec3 film = vec3(0.0);
+        for (int i = 0; i < 4; i++)
+            film += hg_gauss_w[i] *
+                hg_film_fresnel(sqrt(hg_gauss_x[i]), b.film_ior, b.film_nm, b.base.f0);
+        dielectric = mix(dielectric, film, b.iridescence);
+        metal = mix(metal, film, b.iridescence);
+    }
+    vec3 below = dielectric * dielectric * e_avg / (1.0 - dielectric * (1.0 - e_avg));
+    b.base.f_ms = mix(below, metal * metal * e_avg / (1.0 - metal * (1.0 - e_avg)), b.metallic);
+    b.base.f_ms_dielectric = hg_max3(below);
+    b.ms_dielectric = b.iridescence > 0.0 ? below : vec3(b.base.f_ms_dielectric);
+}
+
+// What facets of glass give back after several bounces, and what that leaves to opaque layers.
+void hg_bsdf_make_glass(inout hg_bsdf b)
+{
+    b.glass_v = b.glass_front = 0.0;
+    b.glass_avg = vec2(1.0);
+    if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.thin || b.transmission <= 0.0)
+        return;
+    b.glass_v = hg_glass_miss(hg_bsdf_cosine(b, b.v_ts), b.mean_roughness, b.eta).x;
+    b.glass_avg = max(hg_glass_miss_average(b.mean_roughness, b.eta), 1e-4);
+    float enters = (1.0 - hg_fresnel_average(b.eta)) * min(b.glass_avg.x, b.glass_avg.y);
+    b.glass_front = 1.0 - enters / b.glass_avg.x;
+    b.base.f_ms -= b.transmission * b.ms_dielectric;
+}
 
 // The base's parameters where the dielectric has a colour, another index or another f90.
 void hg_bsdf_make_base(inout hg_bsdf b, hg_surface s, float f0)
@@ -181,19 +259,19 @@ void hg_bsdf_make_base(inout hg_bsdf b, hg_surface s, float f0)
     b.v_ts = normalize(vec3(d.xy, max(d.z, 1e-4)));
     b.alpha = vec2(b.base.alpha);
     b.mean_roughness = b.base.roughness;
+    b.anisotropy = 0.0;
     if (HG_HAS(HG_FEATURE_ANISOTROPY)) {
-        b.alpha = hg_aniso_alpha(b.base.alpha, s.anisotropy);
+        b.anisotropy = clamp(s.anisotropy, 0.0, 1.0);
+        b.alpha = hg_aniso_alpha(b.base.alpha, b.anisotropy);
         if (b.alpha.x != b.alpha.y)
             b.mean_roughness = hg_aniso_roughness(b.alpha);
     }
     b.base.dfg_v = hg_bsdf_dfg(b, b.v_ts);
     b.base.dfg_avg = hg_dfg_average(b.mean_roughness);
-    float e_avg = b.base.dfg_avg.x + b.base.dfg_avg.y;
-    // The mean of Schlick's term with f90 is f0 + (f90 - f0) / 21, linear as with 1.
-    vec3 shift = vec3(20.0 / 21.0 * b.f0_dielectric + b.f90_dielectric / 21.0);
-    vec3 ms = shift * shift * e_avg / (1.0 - shift * (1.0 - e_avg));
-    b.base.f_ms_dielectric = hg_max3(ms);
-    b.base.f_ms = mix(ms, hg_multiple_scattering_color(s.base_color, e_avg), b.metallic);
+    if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y)
+        b.base.dfg_avg += hg_aniso_average_correction(b.base.roughness, b.anisotropy);
+    hg_bsdf_make_film(b, s);
+    hg_bsdf_make_several(b, s);
 }
 
 void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
@@ -227,19 +305,21 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
 }
 
 // Shares of what leaves under uniform light, about: the chances of the lobes.
-void hg_bsdf_make_chances(inout hg_bsdf b)
+// e_d: hg_bsdf_dielectric_albedo at v, cos_v: hg_bsdf_cosine.
+void hg_bsdf_make_chances(inout hg_bsdf b, vec3 e_d, float cos_v)
 {
     float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-    float e_d = hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v);
-    vec3 reflected = b.base.f0 * b.base.dfg_v.x + b.f90 * b.base.dfg_v.y;
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
-        reflected = max(reflected, vec3(e_d));
-    float through = b.transmission * hg_max3(b.tint) * (1.0 - e_d);
-    float wide = b.thin ? through * miss : 0.0; // scattered twice or more, to both sides
-    float specular = hg_max3(reflected) + through;
-    float diffuse =
-        hg_max3(b.base.diffuse) * (1.0 - e_d) + hg_max3(b.base.f_ms) * miss + 0.5 * wide;
-    float behind = hg_max3(b.behind) * (1.0 - e_d) + 0.5 * wide;
+    vec3 below = 1.0 - e_d;
+    vec3 reflected = hg_bsdf_single_albedo(b, cos_v, b.base.dfg_v);
+    float through = b.transmission * hg_max3(b.tint * below);
+    // Scattered twice or more, to both sides.
+    vec2 wide = vec2(b.thin ? 0.5 * through * miss : 0.0);
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin)
+        wide = b.transmission * b.glass_v *
+            vec2(b.glass_front, (1.0 - b.glass_front) * hg_max3(b.tint));
+    float specular = hg_max3(reflected) + max(through - wide.x - wide.y, 0.0);
+    float diffuse = hg_max3(b.base.diffuse * below) + hg_max3(b.base.f_ms) * miss + wide.x;
+    float behind = hg_max3(b.behind * below) + wide.y;
     specular = max(specular, 0.1 * (specular + diffuse + behind)) * b.through_v;
     diffuse *= b.through_v;
     behind *= b.through_v;
@@ -276,22 +356,18 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     float dielectric = 1.0 - b.metallic;
     b.transmission = HG_HAS(HG_FEATURE_TRANSMISSION) ? s.transmission * dielectric : 0.0;
     b.tint = s.base_color;
-    b.iridescence = b.film_ior = b.film_nm = 0.0;
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE)) {
-        b.iridescence = s.iridescence_nm > 0.0 ? s.iridescence : 0.0;
-        b.film_ior = s.iridescence_ior;
-        b.film_nm = s.iridescence_nm;
-    }
+    hg_bsdf_make_glass(b);
     float spread = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) ? s.diffuse_transmission : 0.0;
     float opaque = HG_HAS(HG_FEATURE_TRANSMISSION) ? dielectric * (1.0 - s.transmission) : dielectric;
     b.base.diffuse = s.base_color * (opaque * (1.0 - spread));
     b.behind = s.diffuse_transmission_color * (opaque * spread);
     hg_bsdf_make_layers(b, s);
-    b.enter_v =
-        b.through_v * (1.0 - hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v));
+    float cos_v = hg_bsdf_cosine(b, b.v_ts);
+    vec3 e_d = hg_bsdf_dielectric_albedo(b, cos_v, b.base.dfg_v);
+    b.enter_v = b.through_v * (1.0 - e_d);
     b.enter_avg = hg_bsdf_enter_average(b);
     b.delta = b.delta && b.alpha.x < 1e-2;
-    hg_bsdf_make_chances(b);
+    hg_bsdf_make_chances(b, e_d, cos_v);
 }
 
 // s.normal faces view_ws. ior_outside: of the medium around closed surfaces, 1 for air.
@@ -460,12 +536,21 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, float through_l)
     float miss_v = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
     float miss_l = 1.0 - dfg_l.x - dfg_l.y;
     float miss_avg = max(1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y, 1e-4);
-    float twice = miss_v * miss_l / miss_avg * min(b.through_v, through_l);
-    float enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, cos_l, dfg_l));
-    float enter = b.enter_v * enter_l / b.enter_avg;
+    float layers = min(b.through_v, through_l), twice = miss_v * miss_l / miss_avg * layers;
+    float table_l = hg_bsdf_cosine(b, l_ts);
+    vec3 enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, table_l, dfg_l));
+    vec3 enter = b.enter_v * enter_l / b.enter_avg;
     vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
-        sum += b.tint * (0.5 * b.transmission * (1.0 - b.base.f_ms_dielectric) * twice);
+        sum += b.tint * (0.5 * b.transmission) * (1.0 - b.ms_dielectric) * twice;
+    else if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
+        vec2 glass_l = hg_glass_miss(table_l, b.mean_roughness, b.eta) / b.glass_avg;
+        float glass = b.transmission * b.glass_v * layers;
+        if (behind)
+            sum += b.tint * (glass * (1.0 - b.glass_front) * glass_l.y / (b.eta * b.eta));
+        else
+            sum += glass * b.glass_front * glass_l.x;
+    }
     return sum * shape;
 }
 
@@ -620,6 +705,9 @@ hg_bsdf_sample_result hg_bsdf_sample_lobes(hg_bsdf b, vec3 u)
         r.weight *= min(b.through_v, through_l);
         return r;
     }
+    // Back into the surface, where other lobes may lead but this one has no density.
+    if (coat && min(dot(b.coat_n, r.direction), dot(b.base.n, r.direction)) <= 0.0)
+        return r;
     if (r.lobe == 0u)
         return r;
     vec3 f = hg_bsdf_evaluate_lobes(b, r.direction, r.pdf);

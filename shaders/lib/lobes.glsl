@@ -50,7 +50,8 @@ vec3 hg_sample_aniso_vndf(vec3 v_ts, vec2 alpha, vec2 u)
 // Perceptual roughness of the isotropic surface whose albedo is about that of an anisotropic one, and
 // the cosine at which it is so: where masking is the same, alpha tan(theta) in Heitz 2014 eq. 85. The
 // width between mean and quadratic mean fits the integrals best: for all strengths and directions
-// the albedo is at most 0.02 too low and 0.05 too high, 0.01 in quadratic mean.
+// the albedo is at most 0.02 too low and 0.05 too high, 0.01 in quadratic mean. The rest is in a
+// table (hg_aniso_correction).
 float hg_aniso_roughness(vec2 alpha)
 {
     float rms = sqrt(0.5 * dot(alpha, alpha)), mean = 0.5 * (alpha.x + alpha.y);
@@ -62,6 +63,45 @@ float hg_aniso_cosine(vec3 w_ts, vec2 alpha, float roughness)
     vec2 e = w_ts.xy * alpha;
     float z2 = w_ts.z * w_ts.z, width = roughness * roughness;
     return abs(w_ts.z) * inversesqrt(max(z2 + dot(e, e) / max(width * width, 1e-12), 1e-12));
+}
+
+vec2 hg_dfg_signed(uint i)
+{
+    return (hg_dfg_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
+}
+
+// What is missing in hg_dfg of an anisotropic surface: see HG_ANISO_FIRST in renderer/light/dfg.h.
+vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
+{
+    const uvec4 last = uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS,
+        HG_ANISO_ROUGHS) - 1u;
+    float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
+    vec4 p = vec4(sqrt(min(abs(w_ts.z), 1.0)), azimuth, strength, roughness) * vec4(last);
+    uvec4 i = uvec4(min(p, vec4(last) - 1.0));
+    vec4 f = p - vec4(i);
+    vec2 sum = vec2(0.0);
+    for (uint k = 0u; k < 8u; k++) {
+        uvec3 o = uvec3(k, k >> 1u, k >> 2u) & 1u;
+        vec3 w = mix(1.0 - f.yzw, f.yzw, vec3(o));
+        uvec3 j = i.yzw + o;
+        uint at = HG_ANISO_FIRST + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
+            HG_ANISO_COSINES + i.x;
+        sum += w.x * w.y * w.z * mix(hg_dfg_signed(at), hg_dfg_signed(at + 1u), f.x);
+    }
+    return sum;
+}
+
+// Likewise in hg_dfg_average.
+vec2 hg_aniso_average_correction(float roughness, float strength)
+{
+    const uvec2 last = uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS) - 1u;
+    vec2 p = vec2(strength, roughness) * vec2(last);
+    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
+    vec2 f = p - vec2(i);
+    uint k = HG_ANISO_MEANS + i.y * HG_ANISO_STRENGTHS + i.x;
+    return mix(mix(hg_dfg_signed(k), hg_dfg_signed(k + 1u), f.x),
+        mix(hg_dfg_signed(k + HG_ANISO_STRENGTHS), hg_dfg_signed(k + HG_ANISO_STRENGTHS + 1u), f.x),
+        f.y);
 }
 
 // --- Fresnel terms -------------------------------------------------------------------------------
@@ -77,6 +117,15 @@ float hg_fresnel_dielectric(float cos_theta, float eta)
     float g = sqrt(g2), a = (g - c) / (g + c);
     float b = (c * (g + c) - 1.0) / (c * (g - c) + 1.0);
     return 0.5 * a * a * (1.0 + b * b);
+}
+
+// Cosine-weighted mean of that. Fit of Kulla and Conty 2017 for eta > 1, within 0.002 up to 3; what
+// enters is what leaves, n^2 taken off.
+float hg_fresnel_average(float eta)
+{
+    float e = max(eta, 1.0 / max(eta, 1e-3));
+    float enters = 1.0 - (e - 1.0) / (4.08567 + 1.00071 * e);
+    return 1.0 - enters * min(eta * eta, 1.0);
 }
 
 float hg_ior_f0(float eta)
@@ -132,6 +181,22 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
     return clamp(sum, 0.0, 1.0);
 }
 
+// Cosines at facets that stand for all that a direction sees: the mean of a function of them is
+// mix(f(x), f(y), z). See hg_facet_angles in renderer/light/dfg.h.
+vec3 hg_facet_angles_at(float cos_theta, float roughness)
+{
+    const float last = float(HG_ANGLES_SIZE - 1);
+    vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
+    uvec2 i = uvec2(min(p, vec2(last - 1.0)));
+    vec2 f = p - vec2(i);
+    uint k = HG_ANGLES_FIRST + 2u * (i.y * HG_ANGLES_SIZE + i.x), row = 2u * HG_ANGLES_SIZE;
+    vec2 angles = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 2u), f.x),
+        mix(hg_dfg_at(k + row), hg_dfg_at(k + row + 2u), f.x), f.y);
+    float weight = mix(mix(hg_dfg_at(k + 1u).x, hg_dfg_at(k + 3u).x, f.x),
+        mix(hg_dfg_at(k + row + 1u).x, hg_dfg_at(k + row + 3u).x, f.x), f.y);
+    return vec3(angles, weight);
+}
+
 // --- sheen ---------------------------------------------------------------------------------------
 
 float hg_sheen_alpha(float roughness)
@@ -180,6 +245,49 @@ float hg_dispersed_ior(float ior, float dispersion, uint channel)
 {
     float half_spread = (ior - 1.0) * 0.025 * dispersion;
     return max(ior + half_spread * (float(channel) - 1.0), 1.0);
+}
+
+// Layer of the tables of glass and how far it is to the next one.
+float hg_glass_layer(float eta, out uint layer)
+{
+    float e = max(eta, 1.0 / max(eta, 1e-3)), x = (e - 1.0) / (e + 1.0);
+    float p = sqrt(min(x / HG_GLASS_FAR, 1.0)) * float(HG_GLASS_IORS - 1);
+    layer = min(uint(p), uint(HG_GLASS_IORS - 2));
+    return p - float(layer);
+}
+
+// Share of light that facets of glass lose when they are met once: from the side where eta is the
+// index behind over that in front (x), from the other side (y). HG_GLASS_FIRST of
+// renderer/light/dfg.h.
+vec2 hg_glass_miss(float cos_theta, float roughness, float eta)
+{
+    const float last = float(HG_GLASS_SIZE - 1);
+    uint layer;
+    float far = hg_glass_layer(eta, layer);
+    vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
+    uvec2 i = uvec2(min(p, vec2(last - 1.0)));
+    vec2 f = p - vec2(i), sum[2];
+    for (uint n = 0u; n < 2u; n++) {
+        uint k = HG_GLASS_FIRST + ((layer + n) * HG_GLASS_SIZE + i.y) * HG_GLASS_SIZE + i.x;
+        sum[n] = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
+            mix(hg_dfg_at(k + HG_GLASS_SIZE), hg_dfg_at(k + HG_GLASS_SIZE + 1u), f.x), f.y);
+    }
+    vec2 miss = mix(sum[0], sum[1], far);
+    return eta < 1.0 ? miss.yx : miss;
+}
+
+// Cosine-weighted means of both.
+vec2 hg_glass_miss_average(float roughness, float eta)
+{
+    const float last = float(HG_GLASS_SIZE - 1);
+    uint layer;
+    float far = hg_glass_layer(eta, layer);
+    float p = clamp(roughness, 0.0, 1.0) * last;
+    uint i = uint(min(p, last - 1.0)), k = HG_GLASS_MEANS + layer * HG_GLASS_SIZE + i;
+    vec2 near = mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i));
+    k += HG_GLASS_SIZE;
+    vec2 miss = mix(near, mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i)), far);
+    return eta < 1.0 ? miss.yx : miss;
 }
 
 // Direction behind a facet, unit; false: all is reflected. v leads away from it in front.

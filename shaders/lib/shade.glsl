@@ -133,9 +133,10 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
         vec3 out_ws = normalize((l_ws - straight) * (b.thin ? 1.0 : eta) - b.base.v);
         sum += behind(v.position_ws, l_ws, thickness, out_ws, roughness);
     } while (++tap < taps);
-    float e = hg_bsdf_dielectric_albedo(b, b.base.n_dot_v, b.base.dfg_v);
+    vec3 e = hg_bsdf_dielectric_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.base.dfg_v);
     return b.tint * hg_bsdf_attenuation(b.attenuation, thickness) * sum *
-        (b.transmission * (1.0 - e) * b.through_v / float(taps));
+        max(1.0 - e - b.glass_v * b.glass_front, 0.0) *
+        (b.transmission * b.through_v / float(taps));
 }
 
 // hg_bsdf of all lobes, and the light of the whole scene on it.

@@ -21,7 +21,24 @@
 #define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
 #define HG_SHEEN_SIZE      16 // likewise
 #define HG_SHEEN_FIRST     (HG_DFG_SIZE * HG_DFG_SIZE + HG_DFG_SIZE) // word of the table
-#define HG_DFG_WORDS       (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
+#define HG_GLASS_FIRST     (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
+#define HG_GLASS_SIZE      16 // samples of cos(theta) and of perceptual roughness
+#define HG_GLASS_IORS      8
+#define HG_GLASS_MEANS     (HG_GLASS_FIRST + HG_GLASS_IORS * HG_GLASS_SIZE * HG_GLASS_SIZE)
+#define HG_ANGLES_FIRST    (HG_GLASS_MEANS + HG_GLASS_IORS * HG_GLASS_SIZE)
+#define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness, two words each
+#define HG_ANISO_FIRST     (HG_ANGLES_FIRST + 2 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
+#define HG_ANISO_COSINES   8
+#define HG_ANISO_AZIMUTHS  4
+#define HG_ANISO_STRENGTHS 5
+#define HG_ANISO_ROUGHS    8
+#define HG_ANISO_MEANS                                                            \
+    (HG_ANISO_FIRST +                                                             \
+        HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS * HG_ANISO_AZIMUTHS * HG_ANISO_COSINES)
+#define HG_DFG_WORDS       (HG_ANISO_MEANS + HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS)
+#define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
+#define HG_ANISO_RANGE     1.0f  // largest correction, either way
+#define HG_MIN_ALPHA       0.002025f // of HG_MIN_ROUGHNESS in lib/brdf.glsl
 #define HG_SHEEN_MIN_ALPHA 0.005f
 #define HG_SHEEN_MOST      4.0f // the table holds albedo over this: single scattering alone exceeds 1
 #define HG_IRRADIANCE_SIZE 60 // side of the octahedral irradiance map, without its border of one

@@ -68,8 +68,7 @@ hg_bsdf make(vec3 v, float front)
 // Share of the light that arrives in thermal equilibrium: radiance is n^2 there.
 vec3 balance(hg_bsdf b, hg_bsdf_sample_result r)
 {
-    bool bent = (r.lobe & HG_LOBE_TRANSMISSION) != 0u && !b.thin &&
-        (r.lobe & HG_LOBE_SPECULAR) != 0u;
+    bool bent = (r.lobe & HG_LOBE_TRANSMISSION) != 0u && !b.thin && b.transmission > 0.0;
     return r.weight * (bent ? b.eta * b.eta : 1.0);
 }
 
