@@ -193,6 +193,8 @@ static enum hg_status check_path(const struct hg_view_params *p, struct hg_error
         return bad(err, "view", "shutter_open");
     if (!(fabsf(p->shutter_close) <= 1.0f && p->shutter_close >= p->shutter_open))
         return bad(err, "view", "shutter_close");
+    if ((unsigned)p->denoise > HG_DENOISE_ANIMATION)
+        return bad(err, "view", "denoise");
     return p->planes >> HG_PLANE_COUNT == 0 ? HG_OK : bad(err, "view", "planes");
 }
 
@@ -237,6 +239,7 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
     s->frame_s = p->frame_s > 0.0f ? p->frame_s : 1.0f / 24.0f;
     s->shutter_open = p->shutter_close > p->shutter_open ? p->shutter_open : 0.0f;
     s->shutter_close = p->shutter_close > p->shutter_open ? p->shutter_close : 0.0f;
+    s->denoise = (uint32_t)p->denoise;
 }
 
 enum hg_status hg_view_set_params(
@@ -424,7 +427,7 @@ static const struct {
     {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
     {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
     {"indirect_transmission", 3}, {"motion", 4}, {"object", 1}, {"material", 1}, {"samples", 1},
-    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}};
+    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3}};
 
 uint32_t hg_plane_channels(enum hg_plane plane)
 {

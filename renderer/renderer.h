@@ -76,6 +76,12 @@ enum hg_filter {               // of pixels in HG_MODE_PATH, with their default 
     HG_FILTER_GAUSSIAN,        // 1.5 px, standard deviation a third of the radius
 };
 
+enum hg_view_denoise {   // of HG_MODE_PATH: the picture, not its planes
+    HG_DENOISE_OFF,
+    HG_DENOISE_STILL,     // from its own samples
+    HG_DENOISE_ANIMATION, // and from the pictures that the view made before
+};
+
 // Float planes of a path-traced film, for compositing. Means over the samples of a pixel, those of
 // samples that hit nothing are 0. Radiance is linear, without exposure, premultiplied. OBJECT and
 // MATERIAL are those of a pixel's first sample; 0 = none.
@@ -101,6 +107,7 @@ enum hg_plane {
     HG_PLANE_DRAWS, // 2 HG_PLANE_DRAWS_LENGTH: draws that samples met, in the order in which they
                     // came: number of the draw + 1 (0: no more), samples. What comes when there is
                     // no room is left out. For hg_view_read_matte
+    HG_PLANE_NOISY, // 3: the colour before it was denoised
     HG_PLANE_COUNT
 };
 #define HG_PLANE_DRAWS_LENGTH 8
@@ -133,6 +140,7 @@ struct hg_view_params {     // zero of each field = default
     enum hg_filter filter;
     float filter_radius_px; // 0 = the filter's; at most 8
     float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
+    enum hg_view_denoise denoise;
     uint32_t planes;        // 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR
     // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
     // go on before and after the pose.

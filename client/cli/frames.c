@@ -338,6 +338,16 @@ static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg
     return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
 }
 
+// Frames that are averaged must not have the same noise: each one has a seed of its own.
+static enum hg_status set_seed(struct hg_cli_render *r, struct hg_error *err)
+{
+    struct hgp_view_set view = {
+        .view = HG_CLI_VIEW, .has_seed = true, .seed = r->o->seed + r->next_frame};
+    if (!r->o->denoise)
+        return HG_OK;
+    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+}
+
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
@@ -357,6 +367,8 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         snprintf(
             r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
         enum hg_status status = set_time(r, r->next_frame / fps, err);
+        if (!status)
+            status = set_seed(r, err);
         if (!status)
             status = render_frame(r, name, err);
         if (status)

@@ -5,7 +5,7 @@
 
 #include "client/cli/render.h"
 
-enum { PLANE_COUNT = 22, NAME_BYTES = 64 };
+enum { PLANE_COUNT = 23, NAME_BYTES = 64 };
 
 #define BIT(name) (1u << HGP_plane_##name)
 
@@ -17,7 +17,7 @@ static const struct {
     {"direct", BIT(DIRECT_DIFFUSE) | BIT(DIRECT_SPECULAR) | BIT(DIRECT_TRANSMISSION)},
     {"indirect", BIT(INDIRECT_DIFFUSE) | BIT(INDIRECT_SPECULAR) | BIT(INDIRECT_TRANSMISSION)},
     {"cryptomatte", BIT(CRYPTO_OBJECT) | BIT(CRYPTO_MATERIAL) | BIT(CRYPTO_ASSET)},
-    {"all", (1u << PLANE_COUNT) - 1 - BIT(COLOR) - BIT(LIGHT_GROUPS)},
+    {"all", (1u << PLANE_COUNT) - 1 - BIT(COLOR) - BIT(LIGHT_GROUPS) - BIT(NOISY)},
 };
 
 static uint32_t bits_of(const char *name)

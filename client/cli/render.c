@@ -25,6 +25,7 @@ static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error
                        : o->has_noise       ? "--noise"
                        : o->has_trace       ? "--trace"
                        : o->has_max_bounces ? "--max-bounces"
+                       : o->has_denoise     ? "--denoise"
                        : o->has_resume      ? "--resume"
                        : o->has_checkpoint  ? "--checkpoint"
                                             : NULL;
@@ -82,8 +83,11 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         return status;
     bool exr =
         r->format.encoding == HGP_encoding_EXR_HALF || r->format.encoding == HGP_encoding_EXR_FLOAT;
-    return exr ? hg_cli_parse_planes("--aov", o->aov, &r->planes, err)
-               : usage(err, "--aov", "needs a file that ends in .exr");
+    if (!exr)
+        return usage(err, "--aov", "needs a file that ends in .exr");
+    status = hg_cli_parse_planes("--aov", o->aov, &r->planes, err);
+    r->planes |= o->denoise ? 1u << HGP_plane_NOISY : 0; // goes with the other planes
+    return status;
 }
 
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
@@ -216,6 +220,11 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
 
 // ---- view --------------------------------------------------------------------------------------
 
+static bool is_animation(const struct hg_cli_options *o)
+{
+    return o->has_frames && o->frames.first != o->frames.last;
+}
+
 static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
@@ -244,6 +253,8 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
         .noise = (float)o->noise,
         .has_time_limit_s = o->has_time,
         .time_limit_s = (float)o->time,
+        .has_denoise = o->denoise,
+        .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
         .has_planes = r->planes != 0,
         .planes = r->planes,
     };

@@ -292,6 +292,15 @@ static enum hg_status set_noise(struct words *w, struct hg_cli_step *s, struct h
     return take_f32_in(w, "noise", 0, 1, &s->view.noise, &s->view.has_noise, err);
 }
 
+static enum hg_status set_denoise(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    uint32_t value = 0;
+    enum hg_status status = take_enum(w, "denoise", &value, err);
+    s->view.has_denoise = !status;
+    s->view.denoise = (enum hgp_denoise)value;
+    return status;
+}
+
 static enum hg_status set_time_limit(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     return take_f32_in(
@@ -464,7 +473,7 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
         {"seed", set_seed}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
         {"material", set_material}, {"debug-view", set_debug_view}, {"error-px", set_error_px},
         {"target-ms", set_target_ms}, {"spp", set_samples}, {"trace", set_trace},
-        {"noise", set_noise}, {"time", set_time_limit}, {"max-bounces", set_max_bounces}};
+        {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit}, {"max-bounces", set_max_bounces}};
     s->kind = HG_CLI_STEP_VIEW;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (accept(w, keys[i].key))

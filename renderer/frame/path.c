@@ -23,6 +23,7 @@ void hg_path_destroy(struct hg_path *p)
         return;
     hg_path_film_destroy(p);
     hg_path_wave_destroy(p);
+    hg_denoise_destroy(p->history);
     hg_trace_destroy(p->trace);
     hg_emitters_destroy(p->emitters);
     hg_cut_free(p->cut);
@@ -141,7 +142,9 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     p->noise = 0.0f;
     p->stats = (struct hg_path_stats){0};
     p->spent_ns = 0;
-    enum hg_status status = make_trace(view, err);
+    enum hg_status status = hg_path_denoise_begin(view, err);
+    if (status == HG_OK)
+        status = make_trace(view, err);
     if (status == HG_OK)
         status = hg_shutter_deform(view, err);
     if (status == HG_OK)
@@ -333,11 +336,16 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
     uint64_t value;
     if (p == NULL || p->film.handle == VK_NULL_HANDLE || !p->stale)
         return HG_OK;
-    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
+    const bool denoise = view->settings.path.denoise != 0 && p->pass > 0;
+    if (denoise && !hg_path_denoise_due(p))
+        return HG_OK; // what was made of fewer samples stays until then
+    enum hg_status status = denoise ? hg_path_denoise(view, err) : HG_OK;
+    if (status == HG_OK)
+        status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
     struct hg_pass pass = {.gpu = gpu, .cmd = cmd};
-    const struct hg_path_show show = {.film = p->film.address,
+    const struct hg_path_show show = {.film = denoise ? p->denoised.address : p->film.address,
         .samples = p->samples.address,
         .target = &view->accumulated,
         .clear = p->pass > 0 || !view->path_preview};

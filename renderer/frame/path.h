@@ -26,6 +26,7 @@ struct hg_path_settings {
     uint32_t filter; // enum hg_filter of renderer.h
     uint32_t max_bounces;
     uint32_t planes; // 1 << enum hg_plane of renderer.h
+    uint32_t denoise; // enum hg_view_denoise of renderer.h
     float filter_radius_px, noise, time_s, clamp_indirect;
     float frame_s;                     // from one frame to the next
     float shutter_open, shutter_close; // frames from the pose of the scene; equal = no motion blur
@@ -84,6 +85,7 @@ struct hg_path_time {
 struct hg_path_stats { // since the picture was begun
     struct hg_path_time pieces[HG_PATH_PIECES];
     uint64_t build_ns; // of acceleration structures
+    uint64_t denoise_ns;
     uint64_t paths, waves;
     // Embree alone on the same rays, where hg_frame_context.trace_raw asks for it: nearest hits,
     // and rays to lights.

@@ -8,6 +8,7 @@
 #define PLANE_COLOR    0u  // enum hg_plane of renderer.h
 #define PLANE_SAMPLES  16u // stored by tile; its place in the film is taken by HG_PATH_PLANE_HITS
 #define PLANE_VARIANCE 17u
+#define PLANE_NOISY    19u // the colour
 
 // --- filters -------------------------------------------------------------------------------------
 
@@ -67,22 +68,29 @@ static uint32_t channels_of(uint32_t plane)
         return 4;
     case HG_PATH_PLANE_DRAWS:
         return 2 * HG_PATH_DRAWS_LENGTH;
+    case HG_PATH_PLANE_GUIDE:
+        return HG_PATH_GUIDE_CHANNELS;
     default:
         return 3;
     }
 }
 
-static void plan_channels(struct hg_path *p, uint32_t planes)
+static void plan_channels(struct hg_path *p, const struct hg_path_settings *settings)
 {
+    const uint32_t planes = settings->planes;
     p->channels = HG_PATH_FILM_WORDS;
     for (uint32_t i = 0; i < HG_PATH_PLANE_COUNT; i++) {
         bool stored = i != PLANE_COLOR && i != PLANE_SAMPLES && i != PLANE_VARIANCE &&
-                      (planes >> i & 1u) != 0;
+                      i != PLANE_NOISY && (planes >> i & 1u) != 0;
         if (i == HG_PATH_PLANE_HITS)
             stored = (planes & (1u << HG_PATH_PLANE_DEPTH | 1u << HG_PATH_PLANE_POSITION)) != 0;
+        if (i == HG_PATH_PLANE_GUIDE)
+            stored = settings->denoise != 0;
         p->planes[i] = stored ? p->channels : HG_PATH_NO_PLANE;
         p->channels += stored ? channels_of(i) : 0;
     }
+    p->sampled_channels = p->channels;
+    p->channels += settings->denoise != 0 ? HG_PATH_GUIDE_CHANNELS : 0;
 }
 
 void hg_path_film_destroy(struct hg_path *p)
@@ -91,6 +99,7 @@ void hg_path_film_destroy(struct hg_path *p)
     hg_gpu_buffer_destroy(gpu, &p->film);
     hg_gpu_buffer_destroy(gpu, &p->film_read);
     hg_gpu_buffer_destroy(gpu, &p->samples);
+    hg_gpu_buffer_destroy(gpu, &p->denoised);
     hg_free(p->done);
     hg_free(p->errors);
     p->done = NULL;
@@ -112,7 +121,7 @@ enum hg_status hg_path_film_create(
     p->columns = (p->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     p->rows = (p->height + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     p->tile_count = p->columns * p->rows;
-    plan_channels(p, settings->path.planes);
+    plan_channels(p, &settings->path);
     enum hg_status status =
         hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, film_bytes(p), "film", &p->film, err);
     if (status == HG_OK)
@@ -266,7 +275,8 @@ static void plane_pixel(const struct hg_path *p, const float *film, uint32_t pla
         out[0] = n > 1 ? (float)variance(film, at, pixels, n, &mean) : 0.0f;
         return;
     }
-    const uint32_t first = plane == PLANE_COLOR ? HG_PATH_FILM_COLOR : p->planes[plane];
+    const bool is_color = plane == PLANE_COLOR || plane == PLANE_NOISY;
+    const uint32_t first = is_color ? HG_PATH_FILM_COLOR : p->planes[plane];
     float share = is_id(plane) ? (n > 0 ? 1.0f : 0.0f) : scale;
     if (is_of_hits(plane)) {
         const float hits = film[p->planes[HG_PATH_PLANE_HITS] * pixels + at];
@@ -287,7 +297,8 @@ enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t
     *out = NULL;
     if (p == NULL || p->film.handle == VK_NULL_HANDLE)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was path-traced yet");
-    const bool made = plane == PLANE_COLOR || plane == PLANE_SAMPLES || plane == PLANE_VARIANCE;
+    const bool made = plane == PLANE_COLOR || plane == PLANE_NOISY || plane == PLANE_SAMPLES ||
+                      plane == PLANE_VARIANCE;
     if (!made && p->planes[plane] == HG_PATH_NO_PLANE)
         return hg_error_set(err, HG_E_STATE, "view", "planes", "was not asked for");
     const uint64_t pixels = (uint64_t)p->width * p->height;

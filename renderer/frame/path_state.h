@@ -2,6 +2,7 @@
 #ifndef HG_RENDERER_FRAME_PATH_STATE_H
 #define HG_RENDERER_FRAME_PATH_STATE_H
 
+#include "renderer/denoise/denoise.h"
 #include "renderer/frame/view.h"
 #include "renderer/geometry/moment.h"
 #include "renderer/light/emitters.h"
@@ -45,6 +46,7 @@ struct hg_path {
     // Of the picture.
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
+    uint32_t sampled_channels; // those that each sample brings; sums over halves follow
     double origin[3]; // scene space, metres: what positions in the film are relative to
     struct hg_gpu_buffer film, film_read;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
@@ -54,6 +56,9 @@ struct hg_path {
     uint32_t pass;                 // samples of the tiles that this pass has finished, less one
     uint32_t next_tile;            // of the pass
     bool finished, late;           // late: the time is over
+    struct hg_gpu_buffer denoised; // [4][height][width] as the film's colour, mapped
+    struct hg_denoise *history;    // of views that show an animation
+    uint32_t denoised_pass;        // that it was made of; 0 = none
     bool stale;                    // the film holds more than view->accumulated
     uint64_t started_ns, spent_ns; // spent: by the run before a checkpoint
 
@@ -97,6 +102,12 @@ enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *e
 bool hg_path_time_passes(const struct hg_path *path);
 enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_time_destroy(struct hg_path *path);
+
+// path_denoise.c: another picture begins.
+enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// What the film holds, without noise, to p->denoised.
+bool hg_path_denoise_due(const struct hg_path *path);
+enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
 // path_film.c
 enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,

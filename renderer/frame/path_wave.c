@@ -58,7 +58,7 @@ void hg_path_wave_destroy(struct hg_path *p)
 
 enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
 {
-    const uint64_t n = HG_PATH_WAVE_PX, words = HG_PATH_WORDS + p->channels - 1;
+    const uint64_t n = HG_PATH_WAVE_PX, words = HG_PATH_WORDS + p->sampled_channels - 1;
     const bool shared = hg_trace_backend(p->trace) == HG_TRACE_EMBREE;
     const enum hg_gpu_buffer_kind kind = shared ? HG_GPU_BUFFER_READBACK : HG_GPU_BUFFER_DEVICE;
     const struct {
@@ -131,7 +131,7 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .tile_samples = p->tile_samples.address,
         .film = p->film.address,
         .capacity = HG_PATH_WAVE_PX,
-        .channels = p->channels,
+        .channels = p->sampled_channels,
         .sample_bits = sample_bits(view->settings.samples),
         .max_bounces = s->max_bounces,
         .clamp_indirect = s->clamp_indirect,

@@ -46,6 +46,7 @@ static const struct layout {
     [HG_PLANE_MATERIAL] = {{"I"}, FLOATS},
     [HG_PLANE_SAMPLES] = {{"I"}, FLOATS},
     [HG_PLANE_VARIANCE] = {{"V"}, FLOATS},
+    [HG_PLANE_NOISY] = {{"R", "G", "B"}, RADIANCE},
 };
 
 // A file in the making; its pixel buffers and names live as long.
@@ -93,6 +94,8 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_number(f, &n, "heliograph:exposure", &notes->exposure);
     if (frame->has_noise)
         add_number(f, &n, "heliograph:noise", &frame->noise);
+    static const char *const denoise[] = {"", "still", "animation"};
+    add_text(f, &n, "heliograph:denoise", denoise[notes->denoise]);
     // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.
     f->attributes[n++] = (struct hg_image_attribute){
         .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = notes->world_to_camera};

@@ -39,6 +39,7 @@ enum hg_status film_planes(uint32_t bits, uint32_t *planes, uint32_t *mattes, st
         [HGP_plane_CRYPTO_OBJECT] = HG_PLANE_DRAWS,
         [HGP_plane_CRYPTO_MATERIAL] = HG_PLANE_DRAWS,
         [HGP_plane_CRYPTO_ASSET] = HG_PLANE_DRAWS,
+        [HGP_plane_NOISY] = HG_PLANE_NOISY,
     };
     uint32_t found = 0;
     for (uint32_t i = 1; i < 32; i++) {
@@ -93,6 +94,8 @@ static void put_params(struct hg_writer *w, const struct hg_view_params *p)
     for (size_t i = 0; i < sizeof words / sizeof *words; i++)
         hg_write_u32(w, words[i]);
     put_floats(w, floats, sizeof floats / sizeof *floats);
+    if (p->denoise != HG_DENOISE_OFF)
+        hg_write_u32(w, (uint32_t)p->denoise);
 }
 
 // A camera of the scene counts by its pose and lens, not by its number.
@@ -210,6 +213,7 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
     snprintf(notes->device, sizeof notes->device, "%s", device_name(s));
     notes->seed = view->params.seed;
     notes->time_s = session->scene->time_s;
+    notes->denoise = view->params.mode == HG_MODE_PATH ? view->params.denoise : HG_DENOISE_OFF;
     notes->exposure = exp2f(view->params.exposure_ev);
     return view->params.planes ? read_planes(view, job, err) : HG_OK;
 }

@@ -43,6 +43,7 @@ struct encode_notes {
     uint32_t seed;
     double time_s; // the scene's pose
     float exposure;
+    enum hg_view_denoise denoise;
     float world_to_camera[16], world_to_ndc[16];
     char job[65]; // hexadecimal, or empty
 };

@@ -71,6 +71,8 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->noise = m->noise;
     if (m->has_time_limit_s)
         p->time_s = m->time_limit_s;
+    if (m->has_denoise)
+        p->denoise = (enum hg_view_denoise)m->denoise;
 }
 
 static enum hg_status overlay_planes(

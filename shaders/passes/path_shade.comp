@@ -174,6 +174,24 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(hit.draw + 1u)); // only the first word is used
 }
 
+// What the denoiser is guided by.
+void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
+{
+    uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
+    vec3 reflection = hg_specular_albedo(b.base.f0, b.base.f_ms, b.base.dfg_v);
+    vec3 albedo = b.base.diffuse;
+    if (HG_HAS(HG_FEATURE_LOBES)) {
+        reflection += b.transmission * b.tint + b.coat * 0.04;
+        albedo += b.behind + b.sheen;
+    }
+    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, albedo);
+    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, reflection);
+    hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
+    hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
+    hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
+    hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
+}
+
 // A ray to a light; true when there is one.
 bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
 {
@@ -315,6 +333,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     disperse(p, s, pixel, number);
     float outside = hg_media_outside(p.media, v.material, s.front);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
+    if (p.bounce == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
+        note_guide(p, b, v, s);
     uint status = HG_PATH_DONE;
     if (ask_light(p, b, v, s, light))
         status |= HG_PATH_SHADOW;

@@ -70,7 +70,24 @@
 #define HG_PATH_PLANE_MATERIAL         15
 #define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
 #define HG_PATH_PLANE_DRAWS            18 // pairs (draw + 1, samples), see path_add.comp
-#define HG_PATH_PLANE_COUNT            19
+#define HG_PATH_PLANE_GUIDE            20 // what the denoiser wants to know: HG_PATH_GUIDE_*
+#define HG_PATH_PLANE_COUNT            21
+
+// Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
+// samples (HG_PATH_IS_FIRST_HALF) follow behind.
+#define HG_PATH_GUIDE_DIFFUSE    0  // rgb: light that the first surface scattered
+#define HG_PATH_GUIDE_SPECULAR   3  // rgb: that it mirrored or let through
+#define HG_PATH_GUIDE_ALBEDO     6  // rgb: of the first; what the light was multiplied by, about
+#define HG_PATH_GUIDE_REFLECTION 9  // rgb: of the second
+#define HG_PATH_GUIDE_NORMAL     12
+#define HG_PATH_GUIDE_DEPTH      15 // natural logarithm of metres along the view direction
+#define HG_PATH_GUIDE_ROUGHNESS  16
+#define HG_PATH_GUIDE_HITS       17 // 1 for samples that hit something
+#define HG_PATH_GUIDE_CHANNELS   18
+
+// Samples that count for the first of two halves, whose difference says how noisy a pixel is: every
+// second one at first, then every second four, so that each half is well distributed.
+#define HG_PATH_IS_FIRST_HALF(sample) (((sample) < 8u ? (sample) : (sample) >> 2u) % 2u == 0u)
 
 #define HG_PATH_DRAWS_LENGTH 8 // pairs of a pixel; HG_PLANE_DRAWS_LENGTH
 

@@ -26,7 +26,7 @@ FLOORS = {
     "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "base/store": 1,
     "renderer/residency": 1, "shaders/lib": 1,
     "renderer/scene": 2, "renderer/texture": 2, "renderer/geometry": 2, "renderer/light": 2,
-    "renderer/trace": 2, "shaders/passes": 2,
+    "renderer/trace": 2, "renderer/denoise": 2, "shaders/passes": 2,
     "renderer/passes": 3,
     "renderer/frame": 4,
     "renderer": 5,

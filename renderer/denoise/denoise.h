@@ -1,0 +1,54 @@
+// denoise.h - pictures of few samples without their noise.
+// Floor 2. Thread: any, one at a time per object; work is spread over jobs. Pure functions of their
+// input: the same bytes for any number of threads.
+//
+// Light that the first surface scattered and light that it mirrored or let through are filtered
+// apart, each divided by the surface's albedo, so that textures are not in what is filtered. A
+// pixel becomes a mean of pixels around it that show the same kind of surface, and whose light does
+// not differ by more than its noise explains (non-local means of patches). Two halves of the
+// samples tell how large the noise is; each half is weighted by what the other one looks like, so
+// that a sample cannot vote for itself. With the noise the width of the filter goes to nothing.
+// Sources: Rousselle, Knaus and Zwicker 2012, "Adaptive Rendering with Non-Local Means Filtering"
+// (patch distance, halves); Rousselle, Manzi and Zwicker 2013, "Robust Denoising using Feature and
+// Color Information"; Bitterli et al. 2016, "Nonlinearly Weighted First-order Regression for
+// Denoising Monte Carlo Renderings" (regression on features).
+#ifndef HG_RENDERER_DENOISE_DENOISE_H
+#define HG_RENDERER_DENOISE_DENOISE_H
+
+#include <stdbool.h>
+
+#include "base/jobs.h"
+#include "base/status.h"
+#include "shaders/shared/path.h"
+
+#define HG_DENOISE_LIGHT 6 // channels: rgb of HG_PATH_GUIDE_DIFFUSE, of HG_PATH_GUIDE_SPECULAR
+
+// Where pixels look: from the eye through across + px x + py y, a metre deep; orthographic: from
+// there along forward. Scene space; x, y and forward are at right angles.
+struct hg_denoise_camera {
+    double eye[3], forward[3], across[3], x[3], y[3];
+    bool orthographic;
+};
+
+// Pictures before this one, for those of an animation.
+struct hg_denoise;
+struct hg_denoise *hg_denoise_create(void) HG_MUST_CHECK; // NULL: no memory
+void hg_denoise_destroy(struct hg_denoise *history);      // accepts NULL
+// Another picture begins; what was run last is the one before. A picture that is run again, with
+// more samples, takes its own place.
+void hg_denoise_next(struct hg_denoise *history);
+
+struct hg_denoise_input {
+    uint32_t width, height;          // px
+    const float *sums;               // [HG_PATH_GUIDE_CHANNELS][height][width] over all samples
+    const float *halves;             // the same over those with HG_PATH_IS_FIRST_HALF
+    const uint32_t *samples;         // of each tile of HG_PATH_TILE_SIDE px, row by row
+    struct hg_denoise *history;      // NULL: by itself
+    struct hg_denoise_camera camera; // with a history
+};
+
+// Means of light without noise: out [HG_DENOISE_LIGHT][height][width]. HG_E_NOMEM.
+enum hg_status hg_denoise_run(struct hg_jobs *jobs, const struct hg_denoise_input *input,
+    float *out, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

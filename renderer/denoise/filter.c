@@ -1,0 +1,293 @@
+// filter.c - means over windows of pixels that are alike: by their patches, and by their surface.
+#include <math.h>
+#include <stdatomic.h>
+
+#include "base/alloc.h"
+#include "renderer/denoise/internal.h"
+
+enum {
+    TILE_X = 32, // px that are filtered together; distances of their patches stay in the cache
+    TILE_Y = 8,
+    MOST_PATCH = 3,
+    SETS = 2 * HG_DN_KINDS,
+    WIDE = TILE_X + 2 * MOST_PATCH,
+    TALL = TILE_Y + 2 * MOST_PATCH,
+    TERMS = 4,                        // of the model: 1 and the normal
+    MATRIX = TERMS * (TERMS + 1) / 2, // its upper triangle
+};
+
+// Alikeness of features.
+#define NORMAL_REACH    0.25f // of unit normals
+#define DISPARITY_REACH 0.02f // of the disparity itself
+#define SLOPE_REACH     0.25f // of what the surface's slope explains
+#define TONE_REACH      0.3f  // of the larger albedo
+#define ROUGH_REACH     0.15f
+#define RIDGE           0.02f // what a slope along the normal has to be worth, as variance of normals
+
+struct tile {
+    float distance[SETS][TALL][WIDE]; // of pixels, then of patches
+    float rows[TALL][WIDE];
+    float kind[HG_DN_KINDS][TILE_Y][TILE_X]; // weights by features
+    float matrix[SETS][MATRIX][TILE_Y][TILE_X];
+    float right[SETS][TERMS][3][TILE_Y][TILE_X];
+};
+
+struct work {
+    const struct hg_dn_planes *p;
+    const struct hg_dn_filter *f;
+    uint32_t columns;
+    atomic_bool failed;
+};
+
+// Eight at a time where the processor can; without fused operations the results are the same. Not
+// with sanitizers, which are not ready yet when the choice is made.
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&                \
+    !defined(__SANITIZE_THREAD__)
+#define WIDE_LOOP __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE_LOOP
+#endif
+// What a loop writes is not what it reads.
+#ifdef __clang__
+#define APART _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define APART _Pragma("GCC ivdep")
+#endif
+
+// Falls to 0 at x = 8 as exp(-x) does, nearly.
+static inline float falloff(float x)
+{
+    const float low = x > 0.0f ? x : 0.0f;
+    const float y = 1.0f - (low < 8.0f ? low : 8.0f) * 0.125f;
+    const float y2 = y * y, y4 = y2 * y2;
+    return y4 * y4;
+}
+
+// --- patches -------------------------------------------------------------------------------------
+
+// Squared differences of two pixels less what noise explains, in units of noise.
+WIDE_LOOP static void pixel_distances(
+    const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
+{
+    const int patch = w->f->patch;
+    const float *restrict guide = w->f->guide[set / 2][set % 2];
+    const float *restrict variance = w->f->variance[set / 2];
+    const float k2 = w->f->strength * w->f->strength;
+    for (int y = 0; y < TILE_Y + 2 * patch; y++) {
+        const size_t row = at + (size_t)((y - patch) * (ptrdiff_t)w->p->stride) - (size_t)patch;
+        const float *restrict a = guide + row, *restrict b = guide + row + (size_t)to;
+        const float *restrict va = variance + row, *restrict vb = variance + row + (size_t)to;
+        float *restrict out = t->distance[set][y];
+        for (int x = 0; x < TILE_X + 2 * patch; x++) {
+            const float d = a[x] - b[x], least = va[x] < vb[x] ? va[x] : vb[x];
+            const float floor = 1e-6f * (a[x] * a[x] + b[x] * b[x]) + 1e-12f;
+            out[x] = (d * d - va[x] - least) / (k2 * (va[x] + vb[x]) + floor);
+        }
+    }
+}
+
+// Means over patches, in place: the result of pixel (x, y) of the tile lies there.
+WIDE_LOOP static void patch_distances(const struct work *w, struct tile *t, int set)
+{
+    const int patch = w->f->patch, side = 2 * patch + 1;
+    const float scale = 1.0f / (float)(side * side);
+    for (int y = 0; y < TILE_Y + 2 * patch; y++) {
+        const float *restrict in = t->distance[set][y];
+        float *restrict out = t->rows[y];
+        for (int x = 0; x < TILE_X; x++)
+            out[x] = in[x];
+        for (int i = 1; i < side; i++) {
+            for (int x = 0; x < TILE_X; x++)
+                out[x] += in[x + i];
+        }
+    }
+    for (int y = 0; y < TILE_Y; y++) {
+        float *restrict out = t->distance[set][y];
+        for (int x = 0; x < TILE_X; x++)
+            out[x] = t->rows[y][x];
+        for (int i = 1; i < side; i++) {
+            for (int x = 0; x < TILE_X; x++)
+                out[x] += t->rows[y + i][x];
+        }
+        APART
+        for (int x = 0; x < TILE_X; x++)
+            out[x] = falloff(out[x] * scale);
+    }
+}
+
+// --- features ------------------------------------------------------------------------------------
+
+static inline float least(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+static inline float most(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+WIDE_LOOP static void feature_weights(
+    const struct hg_dn_planes *p, struct tile *t, size_t at, int dx, int dy)
+{
+    const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
+    const float length = sqrtf((float)(dx * dx + dy * dy));
+    for (int y = 0; y < TILE_Y; y++) {
+        const size_t row = at + (size_t)y * p->stride;
+        const float *n0 = p->normal[0] + row, *n1 = p->normal[1] + row, *n2 = p->normal[2] + row;
+        const float *nv = p->normal_var + row, *z = p->disparity + row;
+        const float *zv = p->disparity_var + row;
+        const float *zx = p->disparity_dx + row, *zy = p->disparity_dy + row;
+        const float *rough = p->roughness + row, *seen = p->seen + row;
+        const float *t0 = p->tone[0] + row, *t1 = p->tone[1] + row;
+        const float *v0 = p->tone_var[0] + row, *v1 = p->tone_var[1] + row;
+        APART
+        for (int x = 0; x < TILE_X; x++) {
+            const ptrdiff_t q = x + to;
+            const float a = n0[x] - n0[q], b = n1[x] - n1[q], c = n2[x] - n2[q];
+            float d = most(a * a + b * b + c * c - nv[x] - least(nv[x], nv[q]), 0.0f) /
+                      (NORMAL_REACH * NORMAL_REACH + nv[x]);
+            const float step = zx[x] * (float)dx + zy[x] * (float)dy;
+            const float off = z[q] - z[x] - step;
+            const float reach = DISPARITY_REACH * z[x] +
+                                SLOPE_REACH * (fabsf(zx[x]) + fabsf(zy[x])) * length + 1e-12f;
+            d += most(off * off - zv[x] - least(zv[x], zv[q]), 0.0f) / (reach * reach + zv[x]);
+            const float e0 = t0[x] - t0[q], e1 = t1[x] - t1[q], r = rough[x] - rough[q];
+            const float m0 = TONE_REACH * most(t0[x], t0[q]), m1 = TONE_REACH * most(t1[x], t1[q]);
+            const float d0 =
+                most(e0 * e0 - v0[x] - least(v0[x], v0[q]), 0.0f) / (m0 * m0 + v0[x] + 1e-6f);
+            const float d1 =
+                most(e1 * e1 - v1[x] - least(v1[x], v1[q]), 0.0f) / (m1 * m1 + v1[x] + 1e-6f);
+            t->kind[0][y][x] = seen[q] * falloff(d + d0);
+            t->kind[1][y][x] = seen[q] * falloff(d + d1 + r * r / (ROUGH_REACH * ROUGH_REACH));
+        }
+    }
+}
+
+// --- sums ----------------------------------------------------------------------------------------
+
+// One more neighbour of each pixel. Light of one half counts by what the other half looks like.
+WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
+{
+    const struct hg_dn_planes *p = w->p;
+    const struct hg_dn_light *light = &p->light[set / 2][set % 2];
+    const int other = p->halves ? set ^ 1 : set;
+    for (int y = 0; y < TILE_Y; y++) {
+        const size_t row = at + (size_t)y * p->stride, q = row + (size_t)to;
+        const float *patch = t->distance[other][y], *kind = t->kind[set / 2][y];
+        float f[TERMS][TILE_X], wf[TERMS][TILE_X];
+        for (int x = 0; x < TILE_X; x++) {
+            f[0][x] = 1.0f;
+            wf[0][x] = patch[x] * kind[x];
+        }
+        for (int i = 1; i < TERMS; i++) {
+            const float *n = p->normal[i - 1];
+            for (int x = 0; x < TILE_X; x++) {
+                f[i][x] = n[q + (size_t)x] - n[row + (size_t)x];
+                wf[i][x] = wf[0][x] * f[i][x];
+            }
+        }
+        int k = 0;
+        for (int i = 0; i < TERMS; i++) {
+            for (int j = i; j < TERMS; j++, k++) {
+                float *restrict sum = t->matrix[set][k][y];
+                for (int x = 0; x < TILE_X; x++)
+                    sum[x] += wf[i][x] * f[j][x];
+            }
+            for (int j = 0; j < 3; j++) {
+                const float *restrict c = light->rgb[j] + q;
+                float *restrict sum = t->right[set][i][j][y];
+                for (int x = 0; x < TILE_X; x++)
+                    sum[x] += wf[i][x] * c[x];
+            }
+        }
+    }
+}
+
+// --- solving -------------------------------------------------------------------------------------
+
+// Cholesky's decomposition of the normal equations; the value at the pixel itself is the model's
+// constant term. Ridge: without normals that differ, the mean.
+static void solve(const struct tile *t, int set, int y, int x, float out[3])
+{
+    double a[TERMS][TERMS], b[TERMS][3];
+    int k = 0;
+    for (int i = 0; i < TERMS; i++) {
+        for (int j = i; j < TERMS; j++)
+            a[i][j] = a[j][i] = (double)t->matrix[set][k++][y][x];
+        for (int c = 0; c < 3; c++)
+            b[i][c] = (double)t->right[set][i][c][y][x];
+    }
+    for (int i = 1; i < TERMS; i++)
+        a[i][i] += (double)RIDGE * a[0][0];
+    // Eliminates from the last term on, so that the first row is left with the constant.
+    for (int i = TERMS - 1; i > 0; i--) {
+        for (int r = 0; r < i; r++) {
+            const double factor = a[r][i] / a[i][i];
+            for (int j = 0; j < i; j++)
+                a[r][j] -= factor * a[i][j];
+            for (int c = 0; c < 3; c++)
+                b[r][c] -= factor * b[i][c];
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        out[c] = a[0][0] > 0.0 ? (float)(b[0][c] / a[0][0]) : 0.0f;
+}
+
+static void finish(
+    const struct work *w, const struct tile *t, int set, size_t at, int rows, int columns)
+{
+    const struct hg_dn_light *out = &w->f->out[set / 2][set % 2];
+    for (int y = 0; y < rows; y++) {
+        for (int x = 0; x < columns; x++) {
+            const size_t i = at + (size_t)y * w->p->stride + (size_t)x;
+            float value[3] = {0};
+            if (w->p->seen[i] > 0.0f && t->matrix[set][0][y][x] > 0.0f)
+                solve(t, set, y, x, value);
+            for (int c = 0; c < 3; c++)
+                out->rgb[c][i] = value[c] > 0.0f ? value[c] : 0.0f;
+            out->luma[i] = hg_dn_luma(out->rgb[0][i], out->rgb[1][i], out->rgb[2][i]);
+        }
+    }
+}
+
+static void filter_tile(void *user, size_t index)
+{
+    struct work *w = user;
+    const struct hg_dn_planes *p = w->p;
+    const uint32_t x0 = (uint32_t)(index % w->columns) * TILE_X;
+    const uint32_t y0 = (uint32_t)(index / w->columns) * TILE_Y;
+    const size_t at = hg_dn_at(p, x0, y0);
+    const int radius = w->f->radius, step = w->f->step, sets = p->halves ? 2 : 1;
+    struct tile *t = hg_calloc(1, sizeof *t);
+    if (t == NULL) {
+        w->failed = true;
+        return;
+    }
+    for (int dy = -radius; dy <= radius; dy += step) {
+        for (int dx = -radius; dx <= radius; dx += step) {
+            const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
+            feature_weights(p, t, at, dx, dy);
+            for (int set = 0; set < SETS; set += 3 - sets) {
+                pixel_distances(w, t, set, at, to);
+                patch_distances(w, t, set);
+            }
+            for (int set = 0; set < SETS; set += 3 - sets)
+                add(w, t, set, at, to);
+        }
+    }
+    const int rows = p->height - y0 < TILE_Y ? (int)(p->height - y0) : TILE_Y;
+    const int columns = p->width - x0 < TILE_X ? (int)(p->width - x0) : TILE_X;
+    for (int set = 0; set < SETS; set += 3 - sets)
+        finish(w, t, set, at, rows, columns);
+    hg_free(t);
+}
+
+enum hg_status hg_dn_filter_run(
+    const struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_dn_filter *filter)
+{
+    struct work work = {.p = p, .f = filter, .columns = (p->width + TILE_X - 1) / TILE_X};
+    const size_t rows = (p->height + TILE_Y - 1) / TILE_Y;
+    hg_jobs_for(jobs, rows * work.columns, filter_tile, &work);
+    return work.failed ? HG_E_NOMEM : HG_OK;
+}

@@ -1,0 +1,67 @@
+// internal.h - what the files of the denoiser share. Private to renderer/denoise/.
+//
+// Planes have a border, so that filters may look beyond the picture; nothing counts there (`seen`
+// is 0). Index of pixel (x, y): (y + BORDER) * stride + x + BORDER.
+#ifndef HG_RENDERER_DENOISE_INTERNAL_H
+#define HG_RENDERER_DENOISE_INTERNAL_H
+
+#include <stdbool.h>
+
+#include "renderer/denoise/denoise.h"
+
+#define HG_DN_BORDER 32 // px
+
+enum { HG_DN_DIFFUSE, HG_DN_SPECULAR, HG_DN_KINDS };
+
+// Light of one kind in one half of the samples, divided by its albedo.
+struct hg_dn_light {
+    float *rgb[3];
+    float *luma;
+};
+
+struct hg_dn_planes {
+    uint32_t width, height;
+    size_t stride, count; // floats of a row, of a plane
+    bool halves;          // there are two; else the first one holds all samples
+    float *seen;          // share of samples that hit a lit surface
+    float *share;         // of the first half among the samples, 0..1
+    float *normal[3], *normal_var;
+    float *disparity, *disparity_dx, *disparity_dy, *disparity_var; // 1 / metres
+    float *roughness;
+    float *albedo[HG_DN_KINDS][3];                    // of all samples
+    float *tone[HG_DN_KINDS], *tone_var[HG_DN_KINDS]; // luma of it where seen
+    struct hg_dn_light light[HG_DN_KINDS][2];
+    float *variance[HG_DN_KINDS]; // of the luma of a half
+    float *scratch[3];
+    float *memory;
+};
+
+// planes.c
+enum hg_status hg_dn_planes_init(
+    struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_denoise_input *input);
+void hg_dn_planes_finish(struct hg_dn_planes *p);
+// Means over 5x5 px of what is seen; *plane changes places with a scratch plane.
+void hg_dn_smooth(struct hg_dn_planes *p, struct hg_jobs *jobs, float **plane);
+
+static inline size_t hg_dn_at(const struct hg_dn_planes *p, uint32_t x, uint32_t y)
+{
+    return (size_t)(y + HG_DN_BORDER) * p->stride + x + HG_DN_BORDER;
+}
+
+static inline float hg_dn_luma(float r, float g, float b)
+{
+    return 0.2126f * r + 0.7152f * g + 0.0722f * b;
+}
+
+// filter.c: weights by the patches of `guide` and its variance, and by features.
+struct hg_dn_filter {
+    const float *guide[HG_DN_KINDS][2], *variance[HG_DN_KINDS];
+    struct hg_dn_light out[HG_DN_KINDS][2];
+    int radius, step; // px: of the window, between its pixels
+    int patch;        // radius of patches
+    float strength;   // distances in standard deviations that are still alike
+};
+enum hg_status hg_dn_filter_run(
+    const struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_dn_filter *filter);
+
+#endif

@@ -1,0 +1,357 @@
+// planes.c - what the film holds, as the filter wants it.
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/denoise/internal.h"
+
+#define LEAST_ALBEDO                                                                               \
+    0.01f // of a surface that is lit; the filter divides by it and multiplies again
+
+// --- memory --------------------------------------------------------------------------------------
+
+static void place(struct hg_dn_planes *p, float **at, float **plane)
+{
+    *plane = *at;
+    *at += p->count;
+}
+
+static void place_light(struct hg_dn_planes *p, float **at, struct hg_dn_light *light)
+{
+    for (int c = 0; c < 3; c++)
+        place(p, at, &light->rgb[c]);
+    place(p, at, &light->luma);
+}
+
+static void place_all(struct hg_dn_planes *p, float *at)
+{
+    float **single[] = {&p->seen, &p->share, &p->normal[0], &p->normal[1], &p->normal[2],
+        &p->normal_var, &p->disparity, &p->disparity_dx, &p->disparity_dy, &p->disparity_var,
+        &p->roughness, &p->tone[0], &p->tone[1], &p->tone_var[0], &p->tone_var[1], &p->variance[0],
+        &p->variance[1], &p->scratch[0], &p->scratch[1], &p->scratch[2]};
+    for (size_t i = 0; i < sizeof single / sizeof *single; i++)
+        place(p, &at, single[i]);
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        for (int c = 0; c < 3; c++)
+            place(p, &at, &p->albedo[k][c]);
+        for (int j = 0; j < 2; j++)
+            place_light(p, &at, &p->light[k][j]);
+    }
+}
+
+#define PLANES (20 + HG_DN_KINDS * (3 + 2 * 4))
+
+// --- one row -------------------------------------------------------------------------------------
+
+struct work {
+    struct hg_dn_planes *p;
+    const struct hg_denoise_input *input;
+};
+
+// Samples of the first half among the first n.
+static uint32_t first_half(uint32_t n)
+{
+    const uint32_t rest = n > 8 ? (n - 8) % 8 : 0;
+    return n <= 8 ? (n + 1) / 2 : 4 + (n - 8) / 8 * 4 + (rest < 4 ? rest : 4);
+}
+
+// Means of all channels of a pixel: of all samples, and of both halves.
+struct pixel {
+    float whole[HG_PATH_GUIDE_CHANNELS], half[2][HG_PATH_GUIDE_CHANNELS];
+};
+
+static void load(const struct hg_denoise_input *in, size_t at, uint32_t n, struct pixel *out)
+{
+    const size_t pixels = (size_t)in->width * in->height;
+    const uint32_t n0 = first_half(n), n1 = n - n0;
+    for (size_t c = 0; c < HG_PATH_GUIDE_CHANNELS; c++) {
+        const float all = in->sums[c * pixels + at], first = in->halves[c * pixels + at];
+        out->whole[c] = n > 0 ? all / (float)n : 0.0f;
+        out->half[0][c] = n0 > 0 ? first / (float)n0 : 0.0f;
+        out->half[1][c] = n1 > 0 ? (all - first) / (float)n1 : out->half[0][c];
+    }
+}
+
+static void load_light(
+    struct hg_dn_planes *p, size_t at, int kind, int half, const struct pixel *pixel)
+{
+    const int light = kind == HG_DN_DIFFUSE ? HG_PATH_GUIDE_DIFFUSE : HG_PATH_GUIDE_SPECULAR;
+    const int albedo = kind == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+    const float *from = pixel->half[half];
+    if (!(from[HG_PATH_GUIDE_HITS] > 0.0f)) // none of its samples met the surface
+        from = pixel->whole;
+    const float least = LEAST_ALBEDO * from[HG_PATH_GUIDE_HITS];
+    struct hg_dn_light *to = &p->light[kind][half];
+    for (int c = 0; c < 3; c++) {
+        const float divisor = from[albedo + c] + least;
+        to->rgb[c][at] = divisor > 0.0f ? from[light + c] / divisor : 0.0f;
+    }
+    to->luma[at] = hg_dn_luma(to->rgb[0][at], to->rgb[1][at], to->rgb[2][at]);
+}
+
+// Mean of a channel over what was hit.
+static float of_hits(const float *from, const float *whole, int channel)
+{
+    const float *there = from[HG_PATH_GUIDE_HITS] > 0.0f ? from : whole;
+    return there[channel] / there[HG_PATH_GUIDE_HITS];
+}
+
+static float tone_of(const float *from, const float *whole, int albedo)
+{
+    return hg_dn_luma(of_hits(from, whole, albedo), of_hits(from, whole, albedo + 1),
+        of_hits(from, whole, albedo + 2));
+}
+
+static float square(float x)
+{
+    return x * x;
+}
+
+static void load_features(struct hg_dn_planes *p, size_t at, const struct pixel *pixel)
+{
+    const float *w = pixel->whole, *a = pixel->half[0], *b = pixel->half[1];
+    float var = 0.0f;
+    for (int c = 0; c < 3; c++) {
+        const int channel = HG_PATH_GUIDE_NORMAL + c;
+        p->normal[c][at] = of_hits(w, w, channel);
+        var += square(of_hits(a, w, channel) - of_hits(b, w, channel));
+    }
+    p->normal_var[at] = 0.25f * var;
+    p->disparity[at] = expf(-of_hits(w, w, HG_PATH_GUIDE_DEPTH));
+    p->disparity_var[at] = 0.25f * square(expf(-of_hits(a, w, HG_PATH_GUIDE_DEPTH)) -
+                                          expf(-of_hits(b, w, HG_PATH_GUIDE_DEPTH)));
+    p->roughness[at] = of_hits(w, w, HG_PATH_GUIDE_ROUGHNESS);
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        const int albedo = k == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+        p->tone[k][at] = tone_of(w, w, albedo);
+        p->tone_var[k][at] = 0.25f * square(tone_of(a, w, albedo) - tone_of(b, w, albedo));
+    }
+}
+
+static void load_row(void *user, size_t y)
+{
+    const struct work *work = user;
+    struct hg_dn_planes *p = work->p;
+    const struct hg_denoise_input *in = work->input;
+    const uint32_t columns = (in->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    struct pixel pixel;
+    for (uint32_t x = 0; x < in->width; x++) {
+        const size_t at = hg_dn_at(p, x, (uint32_t)y);
+        const uint32_t n = in->samples[y / HG_PATH_TILE_SIDE * columns + x / HG_PATH_TILE_SIDE];
+        load(in, y * in->width + x, n, &pixel);
+        const float hits = pixel.whole[HG_PATH_GUIDE_HITS];
+        p->seen[at] = hits;
+        p->share[at] = n > 0 ? (float)first_half(n) / (float)n : 0.5f;
+        if (!(hits > 0.0f))
+            continue;
+        load_features(p, at, &pixel);
+        for (int k = 0; k < HG_DN_KINDS; k++) {
+            const int albedo = k == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+            for (int c = 0; c < 3; c++)
+                p->albedo[k][c][at] = pixel.whole[albedo + c] + LEAST_ALBEDO * hits;
+            for (int j = 0; j < 2; j++)
+                load_light(p, at, k, j, &pixel);
+        }
+    }
+}
+
+// --- gradients -----------------------------------------------------------------------------------
+
+// The smaller one of the slopes to both sides: the one that leads over no edge.
+static float slope(const float *f, const float *seen, size_t at, size_t step)
+{
+    const bool left = seen[at - step] > 0.0f, right = seen[at + step] > 0.0f;
+    const float l = f[at] - f[at - step], r = f[at + step] - f[at];
+    if (left && right)
+        return fabsf(l) < fabsf(r) ? l : r;
+    return left ? l : right ? r : 0.0f;
+}
+
+static void slope_row(void *user, size_t y)
+{
+    struct hg_dn_planes *p = ((const struct work *)user)->p;
+    for (uint32_t x = 0; x < p->width; x++) {
+        const size_t at = hg_dn_at(p, x, (uint32_t)y);
+        p->disparity_dx[at] = slope(p->disparity, p->seen, at, 1);
+        p->disparity_dy[at] = slope(p->disparity, p->seen, at, p->stride);
+    }
+}
+
+// --- fireflies -----------------------------------------------------------------------------------
+
+// No half of a pixel may make up more than a part of what its surroundings bring, unless the other
+// half says the same: one sample in a thousand that is a thousand times too bright would be a spot
+// as wide as the filter. Where such samples are many they are the light, and stay.
+#define FIREFLY_REACH  8    // px
+#define FIREFLY_SHARE  0.2f // of the sum around
+#define FIREFLY_AGREES 4.0f // times the other half
+
+struct firefly {
+    struct hg_dn_planes *p;
+    struct hg_dn_light *light;
+    const float *other; // luma, as it was; NULL = there is none
+    float *sums;        // of rows
+    float *luma;        // out
+};
+
+static void sum_row(void *user, size_t y)
+{
+    const struct firefly *f = user;
+    const struct hg_dn_planes *p = f->p;
+    for (uint32_t x = 0; x < p->width; x++) {
+        const size_t at = hg_dn_at(p, x, (uint32_t)y);
+        float sum = 0.0f;
+        for (int dx = -FIREFLY_REACH; dx <= FIREFLY_REACH; dx++)
+            sum += f->light->luma[at + (size_t)dx];
+        f->sums[at] = sum;
+    }
+}
+
+static void firefly_row(void *user, size_t y)
+{
+    const struct firefly *f = user;
+    const struct hg_dn_planes *p = f->p;
+    for (uint32_t x = 0; x < p->width; x++) {
+        const size_t at = hg_dn_at(p, x, (uint32_t)y);
+        const float own = f->light->luma[at];
+        float sum = -own;
+        for (int dy = -FIREFLY_REACH; dy <= FIREFLY_REACH; dy++)
+            sum += f->sums[at + (size_t)(dy * (ptrdiff_t)p->stride)];
+        float limit = FIREFLY_SHARE * (sum > 0.0f ? sum : 0.0f);
+        if (f->other != NULL && FIREFLY_AGREES * f->other[at] > limit)
+            limit = FIREFLY_AGREES * f->other[at];
+        const float scale = own > limit ? limit / own : 1.0f;
+        f->luma[at] = own * scale;
+        for (int c = 0; c < 3; c++)
+            f->light->rgb[c][at] *= scale;
+    }
+}
+
+static void limit_fireflies(struct hg_dn_planes *p, struct hg_jobs *jobs)
+{
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        struct hg_dn_light *light = p->light[k];
+        for (int j = 0; j < (p->halves ? 2 : 1); j++) {
+            struct firefly f = {.p = p,
+                .light = &light[j],
+                .other = p->halves ? light[1 - j].luma : NULL,
+                .sums = p->scratch[0],
+                .luma = p->scratch[1 + j]};
+            hg_jobs_for(jobs, p->height, sum_row, &f);
+            hg_jobs_for(jobs, p->height, firefly_row, &f);
+        }
+        for (int j = 0; j < (p->halves ? 2 : 1); j++) {
+            float *luma = p->scratch[1 + j];
+            p->scratch[1 + j] = light[j].luma;
+            light[j].luma = luma;
+        }
+    }
+}
+
+// --- variance ------------------------------------------------------------------------------------
+
+static const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
+
+struct smooth {
+    const struct hg_dn_planes *p;
+    float *plane, *to;
+    bool spatial; // of what is in the plane: its variance over space
+};
+
+// Mean of 5x5 px, or variance.
+static void smooth_row(void *user, size_t y)
+{
+    const struct smooth *s = user;
+    const struct hg_dn_planes *p = s->p;
+    for (uint32_t x = 0; x < p->width; x++) {
+        const size_t at = hg_dn_at(p, x, (uint32_t)y);
+        float sum = 0.0f, squares = 0.0f, weights = 0.0f;
+        for (int dy = -2; dy <= 2; dy++) {
+            for (int dx = -2; dx <= 2; dx++) {
+                const size_t q = at + (size_t)(dy * (ptrdiff_t)p->stride + dx);
+                const float w = binomial[dy + 2] * binomial[dx + 2] * p->seen[q];
+                sum += w * s->plane[q];
+                squares += w * s->plane[q] * s->plane[q];
+                weights += w;
+            }
+        }
+        const float mean = weights > 0.0f ? sum / weights : 0.0f;
+        const float spread = weights > 0.0f ? squares / weights - mean * mean : 0.0f;
+        s->to[at] = !s->spatial ? mean : spread > 0.0f ? spread : 0.0f;
+    }
+}
+
+void hg_dn_smooth(struct hg_dn_planes *p, struct hg_jobs *jobs, float **plane)
+{
+    struct smooth s = {.p = p, .plane = *plane, .to = p->scratch[0]};
+    hg_jobs_for(jobs, p->height, smooth_row, &s);
+    p->scratch[0] = *plane;
+    *plane = s.to;
+}
+
+static void difference_row(void *user, size_t y)
+{
+    struct hg_dn_planes *p = ((const struct work *)user)->p;
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        for (uint32_t x = 0; x < p->width; x++) {
+            const size_t at = hg_dn_at(p, x, (uint32_t)y);
+            p->variance[k][at] = 0.5f * square(p->light[k][0].luma[at] - p->light[k][1].luma[at]);
+        }
+    }
+}
+
+static void find_variance(struct hg_dn_planes *p, struct hg_jobs *jobs, struct work *work)
+{
+    if (p->halves)
+        hg_jobs_for(jobs, p->height, difference_row, work);
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        struct smooth s = {
+            .p = p, .plane = p->light[k][0].luma, .to = p->variance[k], .spatial = true};
+        if (!p->halves)
+            hg_jobs_for(jobs, p->height, smooth_row, &s);
+        hg_dn_smooth(p, jobs, &p->variance[k]);
+        hg_dn_smooth(p, jobs, &p->tone_var[k]);
+    }
+    hg_dn_smooth(p, jobs, &p->normal_var);
+    hg_dn_smooth(p, jobs, &p->disparity_var);
+}
+
+// --- all -----------------------------------------------------------------------------------------
+
+static bool has_halves(const struct hg_denoise_input *in)
+{
+    const uint32_t side = HG_PATH_TILE_SIDE;
+    const size_t tiles = (size_t)((in->width + side - 1) / side) * ((in->height + side - 1) / side);
+    for (size_t i = 0; i < tiles; i++) {
+        if (in->samples[i] >= 2)
+            return true;
+    }
+    return false;
+}
+
+enum hg_status hg_dn_planes_init(
+    struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_denoise_input *input)
+{
+    const size_t border = 2 * HG_DN_BORDER;
+    *p = (struct hg_dn_planes){.width = input->width,
+        .height = input->height,
+        .stride = (input->width + border + 7) & ~(size_t)7,
+        .halves = has_halves(input)};
+    p->count = p->stride * (input->height + border);
+    p->memory = hg_calloc(PLANES * p->count, sizeof *p->memory);
+    if (p->memory == NULL)
+        return HG_E_NOMEM;
+    place_all(p, p->memory);
+    struct work work = {p, input};
+    hg_jobs_for(jobs, p->height, load_row, &work);
+    hg_jobs_for(jobs, p->height, slope_row, &work);
+    limit_fireflies(p, jobs);
+    find_variance(p, jobs, &work);
+    return HG_OK;
+}
+
+void hg_dn_planes_finish(struct hg_dn_planes *p)
+{
+    hg_free(p->memory);
+    *p = (struct hg_dn_planes){0};
+}
