@@ -292,6 +292,34 @@ static void test_soup(void **state)
     lod_part_finish(&part);
 }
 
+// Triangles that are there many times, whatever their first corner is, are there once; turned over
+// they are others.
+static void test_repeats(void **state)
+{
+    (void)state;
+    struct hg_mesh_part part = lod_terrain(40), heap = part;
+    const uint32_t count = part.index_count, copies = 7;
+    heap.index_count = copies * count;
+    heap.indices = hg_calloc(heap.index_count, sizeof *heap.indices);
+    assert_non_null(heap.indices);
+    for (uint32_t i = 0; i < copies * count; i++) {
+        const uint32_t copy = i / count, at = i % count, turned = (at + copy) % 3;
+        const uint32_t corner = copy % 2 == 0 ? turned : (3 - turned) % 3;
+        heap.indices[i] = part.indices[at - at % 3 + corner];
+    }
+    struct baked b = {0};
+    bake(&heap, NULL, &b);
+    uint64_t finest = 0;
+    for (uint32_t i = 0; i < b.lod->cluster_count; i++)
+        if (b.lod->clusters[i].made_from == HG_LOD_NONE)
+            finest += b.lod->clusters[i].triangle_count;
+    assert_int_equal(finest, 2 * count / 3);
+    check_structure(&b);
+    finish(&b);
+    hg_free(heap.indices);
+    lod_part_finish(&part);
+}
+
 static void test_same_bytes_on_any_threads(void **state)
 {
     (void)state;
@@ -319,6 +347,7 @@ int main(void)
         cmocka_unit_test(test_open_terrain),
         cmocka_unit_test(test_flat_shaded),
         cmocka_unit_test(test_soup),
+        cmocka_unit_test(test_repeats),
         cmocka_unit_test(test_same_bytes_on_any_threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -349,6 +349,46 @@ static uint32_t table_size(uint32_t count)
     return size;
 }
 
+// The least vertex first.
+static void turn(const uint32_t from[3], uint32_t out[3])
+{
+    const uint32_t k =
+        from[0] < from[1] ? (from[0] < from[2] ? 0 : 2) : (from[1] < from[2] ? 1 : 2);
+    for (uint32_t i = 0; i < 3; i++)
+        out[i] = from[(k + i) % 3];
+}
+
+static bool is_at(const struct hg_lod_mesh *m, uint32_t triangle, const uint32_t turned[3])
+{
+    uint32_t other[3];
+    turn(m->triangles + (size_t)triangle * 3, other);
+    return memcmp(other, turned, sizeof other) == 0;
+}
+
+// Of triangles with the same vertices the first stays: a heap of them in one place looks like one,
+// but no tree would keep a ray from meeting all. Turned over they are others.
+static enum hg_status drop_repeats(struct hg_lod_mesh *m, struct hg_lod_budget *budget)
+{
+    const uint32_t size = table_size(m->triangle_count);
+    uint32_t *table = NULL, kept = 0; // index + 1
+    const enum hg_status status = hg_lod_take(budget, size, 4, &table);
+    for (uint32_t t = 0; status == HG_OK && t < m->triangle_count; t++) {
+        uint32_t v[3];
+        turn(m->triangles + (size_t)t * 3, v);
+        uint32_t slot = mix(mix(mix(0, v[0]), v[1]), v[2]) & (size - 1);
+        while (table[slot] != 0 && !is_at(m, table[slot] - 1, v))
+            slot = (slot + 1) & (size - 1);
+        if (table[slot] != 0)
+            continue;
+        memmove(m->triangles + (size_t)kept * 3, m->triangles + (size_t)t * 3, sizeof v);
+        table[slot] = ++kept;
+    }
+    if (status == HG_OK)
+        m->triangle_count = kept;
+    hg_lod_give(budget, &table, size, 4);
+    return status;
+}
+
 enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     struct hg_lod_budget *budget, struct hg_lod_mesh *out, struct hg_error *err)
 {
@@ -381,6 +421,8 @@ enum hg_status hg_lod_weld(const struct hg_mesh_part *part, const struct hg_lod_
     out->room[3] = part->index_count;
     if (status == HG_OK)
         weld_triangles(&w, remap);
+    if (status == HG_OK && (status = drop_repeats(out, budget)) != HG_OK)
+        (void)hg_error_set(err, status, "part", NULL, "no memory to find repeated triangles");
     hg_lod_give(budget, &w.positions, size, 4);
     hg_lod_give(budget, &w.first, n, 4);
     hg_lod_give(budget, &w.next, n, 4);
