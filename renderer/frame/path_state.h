@@ -72,6 +72,7 @@ struct hg_path {
     struct hg_path_list live, waiting, shadows;
     uint32_t missed;    // the first of `waiting` have rays that left the scene
     bool sees_hits;     // the host does
+    uint32_t may;       // HG_PATH_PLANES, HG_EMITTER_KIND_*
     uint32_t part;      // most paths that are shaded at once
     uint32_t fruitless; // rounds in which no waiting path got on
     uint32_t bounce, holes;

@@ -116,6 +116,22 @@ static uint32_t sample_bits(uint32_t samples)
     return bits;
 }
 
+// Fewer pipelines on devices that skip what is not there.
+static uint32_t may_of(const struct hg_view_state *view, const struct hg_gpu_emitters *e)
+{
+    uint32_t may = view->path->channels > HG_PATH_FILM_WORDS ? HG_PATH_PLANES : 0;
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
+        return HG_PATH_PLANES | HG_EMITTER_KIND_ALL;
+    may |= e->node_count > 0 ? HG_EMITTER_KIND_TREE : 0;
+    may |= e->directional_count > 0 ? HG_EMITTER_KIND_SUN : 0;
+    may |= e->directional_count > 1 ? HG_EMITTER_KIND_SUNS : 0;
+    if (e->environment_kind == HG_ENV_KIND_IMAGE)
+        may |= HG_EMITTER_KIND_IMAGE;
+    else if (e->environment_kind != HG_ENV_KIND_NONE)
+        may |= HG_EMITTER_KIND_PLAIN;
+    return may;
+}
+
 void hg_path_wave_fill(struct hg_view_state *view)
 {
     struct hg_path *p = view->path;
@@ -140,6 +156,7 @@ void hg_path_wave_fill(struct hg_view_state *view)
                                                      : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
     hg_emitters_fill(p->emitters, &p->block.emitters);
     memcpy(p->block.moments, p->moments, sizeof p->moments);
+    p->may = may_of(view, &p->block.emitters);
     memcpy(p->block.planes, p->planes, sizeof p->planes);
     fill_lens(view, &p->block);
     hg_path_filter_fill(s->filter, s->filter_radius_px, p->block.filter_px);
@@ -174,7 +191,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     const struct hg_gpu_path_push push = {list->buffer.address + (uint64_t)first * 4, count, 0};
     if (view->stream.on)
         hg_page_cache_begin(pages_of(view), cmd);
-    status = hg_path_record(&pass, kernel, p->options, &block, &push, err);
+    status = hg_path_record(&pass, kernel, p->options | p->may, &block, &push, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;

@@ -23,6 +23,12 @@
 #include "lib/light.glsl"
 #include "shared/emitters.h"
 
+// Defined before: HG_EMITTER_KIND_* of the kinds of light that there are, a constant.
+#ifndef HG_EMITTER_KINDS
+#define HG_EMITTER_KINDS HG_EMITTER_KIND_ALL
+#endif
+#define HG_EMITTER_MAY(kind) ((HG_EMITTER_KINDS & (kind)) != 0u)
+
 struct hg_emitter_sample {
     vec3 direction; // to the light
     float distance; // to its surface or place, a little less; 1e30 = infinity
@@ -197,6 +203,8 @@ float hg_emitter_sun(uint i, vec3 normal_ws)
 
 float hg_emitter_suns(vec3 normal_ws)
 {
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
+        return hg_emitter_sun(0u, normal_ws);
     if (HG_EMITTERS.directional_count > HG_EMITTER_SUNS)
         return HG_EMITTERS.directional_lux;
     float sum = 0.0;
@@ -210,11 +218,12 @@ float hg_emitter_suns(vec3 normal_ws)
 vec3 hg_emitter_shares(vec3 position_ws, vec3 normal_ws)
 {
     vec3 light = vec3(0.0);
-    if (HG_EMITTERS.node_count != 0u)
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_TREE) && HG_EMITTERS.node_count != 0u)
         light.x = hg_emitter_importance(HG_EMITTERS.nodes.v[0], position_ws, normal_ws);
-    if (HG_EMITTERS.directional_count != 0u)
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && HG_EMITTERS.directional_count != 0u)
         light.y = hg_emitter_suns(normal_ws);
-    if (HG_EMITTERS.environment_kind != HG_ENV_KIND_NONE)
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE | HG_EMITTER_KIND_PLAIN) &&
+        HG_EMITTERS.environment_kind != HG_ENV_KIND_NONE)
         light.z = HG_EMITTERS.environment_mean * HG_PI *
             hg_emitter_luminance(hg_frame.lighting.env_color);
     light = mix(vec3(0.0), min(light, vec3(1e30)), greaterThan(light, vec3(0.0)));
@@ -433,6 +442,8 @@ hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
 hg_emitter_sample hg_emitter_pick_sun(
     float share, vec3 position_ws, vec3 normal_ws, hg_emitter_dice dice)
 {
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
+        return hg_emitter_delta(0u, share, position_ws);
     uint count = HG_EMITTERS.directional_count;
     if (count <= HG_EMITTER_SUNS) {
         float sum = hg_emitter_suns(normal_ws), at = dice.u * sum, mine = 0.0;
@@ -549,7 +560,10 @@ hg_emitter_sample hg_emitter_pick_environment(float share, vec3 normal_ws, vec2 
     hg_emitter_sample s = hg_emitter_nothing();
     s.distance = HG_EMITTER_FAR;
     s.group = HG_EMITTER_GROUP_ENVIRONMENT;
-    if (HG_EMITTERS.environment_kind == HG_ENV_KIND_IMAGE) {
+    bool image = HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE) &&
+        (!HG_EMITTER_MAY(HG_EMITTER_KIND_PLAIN) ||
+            HG_EMITTERS.environment_kind == HG_ENV_KIND_IMAGE);
+    if (image) {
         vec3 d = hg_emitter_warp(u, s.pdf);
         float c = hg_frame.lighting.env_rotation_cos, r = hg_frame.lighting.env_rotation_sin;
         s.direction = vec3(c * d.x + r * d.z, d.y, c * d.z - r * d.x); // hg_environment_rotate back
@@ -579,10 +593,12 @@ hg_emitter_sample hg_emitter_pick(vec3 position_ws, vec3 normal_ws, vec3 u)
     if (shares.x + shares.y + shares.z <= 0.0)
         return hg_emitter_nothing();
     float others = shares.x + shares.y;
-    if (shares.z > 0.0 && (others <= 0.0 || hg_emitter_throw(dice, shares.z)))
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE | HG_EMITTER_KIND_PLAIN) && shares.z > 0.0 && (others <= 0.0 || hg_emitter_throw(dice, shares.z)))
         return hg_emitter_pick_environment(shares.z, normal_ws, u.yz);
-    if (shares.y > 0.0 && (shares.x <= 0.0 || hg_emitter_throw(dice, shares.y / others)))
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && shares.y > 0.0 && (shares.x <= 0.0 || hg_emitter_throw(dice, shares.y / others)))
         return hg_emitter_pick_sun(shares.y, position_ws, normal_ws, dice);
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_TREE))
+        return hg_emitter_nothing();
     float chance;
     uint found = hg_emitter_descend(position_ws, normal_ws, dice, chance);
     if (found >= HG_EMITTERS.leaf_count)
@@ -599,6 +615,8 @@ float hg_emitter_pdf_triangle(vec3 position_ws, vec3 normal_ws, uint draw, uint 
     vec3 hit_position_ws, vec3 hit_geometric_normal)
 {
     uint found, part;
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_TREE))
+        return 0.0;
     if (!hg_emitter_find(draw, primitive, found, part))
         return 0.0;
     uint trail = HG_EMITTERS.trails.v[found];
@@ -620,11 +638,12 @@ float hg_emitter_pdf_triangle(vec3 position_ws, vec3 normal_ws, uint draw, uint 
 // Density with which hg_emitter_pick would have chosen a direction that leads to the environment.
 float hg_emitter_pdf_environment(vec3 position_ws, vec3 normal_ws, vec3 direction_ws)
 {
-    if (HG_EMITTERS.environment_kind == HG_ENV_KIND_NONE ||
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE | HG_EMITTER_KIND_PLAIN) ||
+        HG_EMITTERS.environment_kind == HG_ENV_KIND_NONE ||
         !hg_emitter_faces(direction_ws, normal_ws))
         return 0.0;
     float share = hg_emitter_shares(position_ws, normal_ws).z;
-    if (HG_EMITTERS.environment_kind == HG_ENV_KIND_IMAGE)
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE) && HG_EMITTERS.environment_kind == HG_ENV_KIND_IMAGE)
         return share * hg_emitter_warp_pdf(direction_ws);
     if (normal_ws == vec3(0.0))
         return share * 0.25 * HG_INV_PI;

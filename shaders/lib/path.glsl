@@ -94,7 +94,8 @@ uint hg_path_out(uint channel)
     return HG_PATH_OUT + (channel < HG_PATH_FILM_SQUARES ? channel : channel - 1u);
 }
 
-#define HG_PATH_HAS(plane) (hg_path.planes[plane] != HG_PATH_NO_PLANE)
+#define HG_PATH_HAS(plane) \
+    (HG_PATH_CAN(HG_PATH_PLANES) && hg_path.planes[plane] != HG_PATH_NO_PLANE)
 
 void hg_path_put3(uint plane, uint slot, vec3 value)
 {

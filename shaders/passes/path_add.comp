@@ -41,7 +41,7 @@ void main()
     uint draws = hg_path.planes[HG_PATH_PLANE_DRAWS];
     uint guide = hg_path.planes[HG_PATH_PLANE_GUIDE];
     bool first_half = HG_PATH_IS_FIRST_HALF(hg_path_sample(slot));
-    if (draws != HG_PATH_NO_PLANE)
+    if (HG_PATH_CAN(HG_PATH_PLANES) && draws != HG_PATH_NO_PLANE)
         list_draw(at, pixels, slot, first);
     for (uint c = 0u; c < hg_path.channels; c++) {
         float value = luminance * luminance;
@@ -53,7 +53,7 @@ void main()
             value = first ? value : 0.0;
         if (c < draws || c >= draws + 2u * HG_PATH_DRAWS_LENGTH) // not the list's
             hg_path.film.v[k] = before + value;
-        if (c >= guide && first_half) {
+        if (HG_PATH_CAN(HG_PATH_PLANES) && c >= guide && first_half) {
             uint h = k + HG_PATH_GUIDE_CHANNELS * pixels;
             hg_path.film.v[h] = (first ? 0.0 : hg_path.film.v[h]) + value;
         }

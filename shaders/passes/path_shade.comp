@@ -32,6 +32,7 @@ vec3 emitter_position(hg_gpu_draw d, hg_gpu_part part, uint vertex)
 }
 
 #define HG_EMITTERS hg_path.emitters
+#define HG_EMITTER_KINDS hg_path_options
 #define HG_EMITTER_WORLD(draw) hg_path_world((draw).instance)
 #define HG_EMITTER_POSITION(draw, part, vertex) emitter_position(draw, part, vertex)
 #include "lib/emitters.glsl"

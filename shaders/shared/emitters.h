@@ -21,6 +21,15 @@
 #define HG_EMITTER_GROUP_EMISSIVE    2u
 #define HG_EMITTER_GROUPS            3u
 
+// What there is to choose from; code for what is nowhere can be left out.
+// Bits that leave room for others in a specialisation constant.
+#define HG_EMITTER_KIND_TREE  0x010000u // lights in the tree
+#define HG_EMITTER_KIND_SUN   0x020000u // directional lights
+#define HG_EMITTER_KIND_SUNS  0x040000u // more than one of them
+#define HG_EMITTER_KIND_IMAGE 0x080000u // an environment with an image
+#define HG_EMITTER_KIND_PLAIN 0x100000u // an environment without one
+#define HG_EMITTER_KIND_ALL   0x1f0000u
+
 // Bounds of the light that leaves a set of emitters: it starts in the box, within theta_e of normals
 // that lie within theta_o of the axis, and ends at the range.
 // Source: Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree

@@ -123,6 +123,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 // What kernels may be asked for, a specialisation constant.
 #define HG_PATH_BLURS  0x1u // something moves while the shutter is open
 #define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
+#define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
 // Uniform block HG_BIND_PATH.
 struct hg_gpu_path {
