@@ -69,10 +69,11 @@ struct hg_path {
     uint32_t tile_index[HG_PATH_WAVE_TILES];
     uint32_t wave_tiles, slots;
     enum hg_path_phase phase;
-    struct hg_path_list live, waiting, shadows;
+    struct hg_path_list live, waiting, shadows, suns; // suns: paths whose second ray comes next
     uint32_t missed;    // the first of `waiting` have rays that left the scene
     bool sees_hits;     // the host does
     uint32_t may;       // HG_PATH_PLANES, HG_EMITTER_KIND_*
+    uint32_t second;    // 1: `shadows` have rays to directional lights
     uint32_t part;      // most paths that are shaded at once
     uint32_t fruitless; // rounds in which no waiting path got on
     uint32_t bounce, holes;

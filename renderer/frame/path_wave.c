@@ -51,7 +51,7 @@ void hg_path_wave_destroy(struct hg_path *p)
     struct hg_gpu *gpu = p->context->gpu;
     struct hg_gpu_buffer *all[] = {&p->rays, &p->shadow_rays, &p->hits, &p->shadow_hits,
         &p->blocked, &p->status, &p->state, &p->tiles, &p->tile_samples, &p->block_buffer,
-        &p->live.buffer, &p->waiting.buffer, &p->shadows.buffer};
+        &p->live.buffer, &p->waiting.buffer, &p->shadows.buffer, &p->suns.buffer};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         hg_gpu_buffer_destroy(gpu, all[i]);
 }
@@ -67,7 +67,7 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
         enum hg_gpu_buffer_kind kind;
         const char *name;
     } all[] = {{&p->rays, n * sizeof(struct hg_gpu_ray), kind, "rays"},
-        {&p->shadow_rays, n * sizeof(struct hg_gpu_ray), kind, "shadow rays"},
+        {&p->shadow_rays, 2 * n * sizeof(struct hg_gpu_ray), kind, "shadow rays"},
         {&p->hits, n * sizeof(struct hg_gpu_hit), kind, "hits"},
         {&p->shadow_hits, n * sizeof(struct hg_gpu_hit), kind, "shadow hits"},
         {&p->blocked, n * 4, kind, "blocked"},
@@ -76,6 +76,7 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
         {&p->live.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "live paths"},
         {&p->waiting.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "waiting paths"},
         {&p->shadows.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "shadow paths"},
+        {&p->suns.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "sun paths"},
         {&p->tiles, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave tiles"},
         {&p->tile_samples, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave samples"},
         {&p->block_buffer, (2 * sizeof p->block + 255) / 256 * 256, HG_GPU_BUFFER_UPLOAD, "path"}};
@@ -120,8 +121,10 @@ static uint32_t sample_bits(uint32_t samples)
 static uint32_t may_of(const struct hg_view_state *view, const struct hg_gpu_emitters *e)
 {
     uint32_t may = view->path->channels > HG_PATH_FILM_WORDS ? HG_PATH_PLANES : 0;
+    const bool others = e->node_count > 0 || e->environment_kind != HG_ENV_KIND_NONE;
+    const uint32_t apart = e->directional_count > 0 && others ? HG_PATH_SUNS_APART : 0;
     if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
-        return HG_PATH_PLANES | HG_EMITTER_KIND_ALL;
+        return HG_PATH_PLANES | HG_EMITTER_KIND_ALL | apart;
     may |= e->node_count > 0 ? HG_EMITTER_KIND_TREE : 0;
     may |= e->directional_count > 0 ? HG_EMITTER_KIND_SUN : 0;
     may |= e->directional_count > 1 ? HG_EMITTER_KIND_SUNS : 0;
@@ -129,7 +132,7 @@ static uint32_t may_of(const struct hg_view_state *view, const struct hg_gpu_emi
         may |= HG_EMITTER_KIND_IMAGE;
     else if (e->environment_kind != HG_ENV_KIND_NONE)
         may |= HG_EMITTER_KIND_PLAIN;
-    return may;
+    return may | apart;
 }
 
 void hg_path_wave_fill(struct hg_view_state *view)
@@ -188,7 +191,8 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     hg_frame_fill_path(view);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_gpu_uniform block = {p->block_buffer.address, p->block_buffer.size_bytes};
-    const struct hg_gpu_path_push push = {list->buffer.address + (uint64_t)first * 4, count, 0};
+    const struct hg_gpu_path_push push = {
+        list->buffer.address + (uint64_t)first * 4, count, 0, p->second, 0};
     if (view->stream.on)
         hg_page_cache_begin(pages_of(view), cmd);
     status = hg_path_record(&pass, kernel, p->options | p->may, &block, &push, err);
@@ -224,7 +228,8 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
     for (uint32_t i = 0; i < p->slots; i++)
         list[i] = i;
     p->live.count = p->slots;
-    p->waiting.count = p->shadows.count = p->bounce = p->fruitless = p->missed = 0;
+    p->waiting.count = p->shadows.count = p->suns.count = p->second = p->bounce = p->fruitless =
+        p->missed = 0;
     p->part = HG_PATH_WAVE_PX;
     p->wait_pages = false;
     hg_path_wave_fill(view);
@@ -346,8 +351,15 @@ static enum hg_status note_demand(
                                                "paths wait for texture pages that do not come");
 }
 
-static enum hg_path_phase after_light(const struct hg_path *p)
+// Rays to directional lights come after those to the others.
+static enum hg_path_phase after_light(struct hg_path *p)
 {
+    if (p->suns.count > 0) {
+        copy(&p->suns, &p->shadows);
+        p->suns.count = 0;
+        p->second = 1;
+        return HG_PATH_PHASE_SHADOW;
+    }
     return p->live.count > 0 ? HG_PATH_PHASE_TRACE : HG_PATH_PHASE_FILM;
 }
 
@@ -402,7 +414,10 @@ static enum hg_status shade(struct hg_view_state *view, struct hg_error *err)
         return status;
     p->wait_pages = false;
     copy(&p->live, &p->shadows);
+    copy(&p->live, &p->suns);
+    p->second = 0;
     keep(p, &p->shadows, p->shadows.count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    keep(p, &p->suns, p->suns.count, HG_PATH_SUN, HG_PATH_SUN);
     keep(p, &p->live, p->live.count, HG_PATH_STATUS_MASK, HG_PATH_LIVE);
     p->phase = p->shadows.count > 0 ? HG_PATH_PHASE_SHADOW : after_light(p);
     p->bounce++;
@@ -414,10 +429,12 @@ static enum hg_status shadow(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
+    const uint32_t bit = HG_PATH_SHADOW << p->second;
     struct lap lap = lap_start();
     const struct hg_trace_wave wave = {.rays = &p->shadow_rays,
         .blocked = &p->blocked,
         .list = &p->shadows.buffer,
+        .first_ray = (uint64_t)p->second * HG_PATH_WAVE_PX,
         .count = p->shadows.count,
         .coherent = p->bounce == 1};
     enum hg_status status = trace_raw(view, &wave, true, &lap, err);
@@ -429,7 +446,7 @@ static enum hg_status shadow(struct hg_view_state *view, struct hg_error *err)
     lap_stop(&lap, p, HG_PATH_PIECE_LIGHT, p->shadows.count);
     if (status != HG_OK)
         return status;
-    keep(p, &p->shadows, p->shadows.count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    keep(p, &p->shadows, p->shadows.count, bit, bit);
     p->part = p->shadows.count;
     p->phase = p->shadows.count > 0 ? HG_PATH_PHASE_HOLES : after_light(p);
     return HG_OK;
@@ -440,10 +457,12 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand = {.fits = true};
+    const uint32_t bit = HG_PATH_SHADOW << p->second;
     struct lap lap = lap_start();
     const struct hg_trace_wave wave = {.rays = &p->shadow_rays,
         .hits = &p->shadow_hits,
         .list = &p->shadows.buffer,
+        .first_ray = (uint64_t)p->second * HG_PATH_WAVE_PX,
         .count = p->shadows.count};
     enum hg_status status = hg_trace_closest(p->trace, &wave, err);
     const uint32_t count = p->shadows.count < p->part ? p->shadows.count : p->part;
@@ -452,7 +471,7 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
     lap_stop(&lap, p, HG_PATH_PIECE_HOLES, p->shadows.count);
     if (status != HG_OK)
         return status;
-    keep(p, &p->shadows, count, HG_PATH_SHADOW, HG_PATH_SHADOW);
+    keep(p, &p->shadows, count, bit, bit);
     status = note_demand(p, &demand, demand.missing == 0 || p->shadows.count < count, err);
     if (p->shadows.count == 0) {
         p->wait_pages = false;

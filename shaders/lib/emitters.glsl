@@ -29,6 +29,11 @@
 #endif
 #define HG_EMITTER_MAY(kind) ((HG_EMITTER_KINDS & (kind)) != 0u)
 
+// Defined before: hg_emitter_pick leaves out directional lights, hg_emitter_pick_apart chooses them.
+#ifndef HG_EMITTER_APART
+#define HG_EMITTER_APART false
+#endif
+
 struct hg_emitter_sample {
     vec3 direction; // to the light
     float distance; // to its surface or place, a little less; 1e30 = infinity
@@ -220,7 +225,8 @@ vec3 hg_emitter_shares(vec3 position_ws, vec3 normal_ws)
     vec3 light = vec3(0.0);
     if (HG_EMITTER_MAY(HG_EMITTER_KIND_TREE) && HG_EMITTERS.node_count != 0u)
         light.x = hg_emitter_importance(HG_EMITTERS.nodes.v[0], position_ws, normal_ws);
-    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && HG_EMITTERS.directional_count != 0u)
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && !HG_EMITTER_APART &&
+        HG_EMITTERS.directional_count != 0u)
         light.y = hg_emitter_suns(normal_ws);
     if (HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE | HG_EMITTER_KIND_PLAIN) &&
         HG_EMITTERS.environment_kind != HG_ENV_KIND_NONE)
@@ -595,7 +601,7 @@ hg_emitter_sample hg_emitter_pick(vec3 position_ws, vec3 normal_ws, vec3 u)
     float others = shares.x + shares.y;
     if (HG_EMITTER_MAY(HG_EMITTER_KIND_IMAGE | HG_EMITTER_KIND_PLAIN) && shares.z > 0.0 && (others <= 0.0 || hg_emitter_throw(dice, shares.z)))
         return hg_emitter_pick_environment(shares.z, normal_ws, u.yz);
-    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && shares.y > 0.0 && (shares.x <= 0.0 || hg_emitter_throw(dice, shares.y / others)))
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && !HG_EMITTER_APART && shares.y > 0.0 && (shares.x <= 0.0 || hg_emitter_throw(dice, shares.y / others)))
         return hg_emitter_pick_sun(shares.y, position_ws, normal_ws, dice);
     if (!HG_EMITTER_MAY(HG_EMITTER_KIND_TREE))
         return hg_emitter_nothing();
@@ -607,6 +613,14 @@ hg_emitter_sample hg_emitter_pick(vec3 position_ws, vec3 normal_ws, vec3 u)
     if ((leaf.count & HG_EMITTER_IS_LIGHT) != 0u)
         return hg_emitter_delta(leaf.draw, chance * shares.x, position_ws);
     return hg_emitter_pick_triangle(leaf, chance * shares.x, position_ws, dice.u, u.yz);
+}
+
+// A directional light, besides what hg_emitter_pick chooses.
+hg_emitter_sample hg_emitter_pick_apart(vec3 position_ws, vec3 normal_ws, float u)
+{
+    if (!HG_EMITTER_APART || hg_emitter_suns(normal_ws) <= 0.0)
+        return hg_emitter_nothing();
+    return hg_emitter_pick_sun(1.0, position_ws, normal_ws, hg_emitter_dice_of(u, position_ws));
 }
 
 // Density with which hg_emitter_pick would have chosen a point of a triangle. What the point's

@@ -33,6 +33,7 @@ vec3 emitter_position(hg_gpu_draw d, hg_gpu_part part, uint vertex)
 
 #define HG_EMITTERS hg_path.emitters
 #define HG_EMITTER_KINDS hg_path_options
+#define HG_EMITTER_APART HG_PATH_CAN(HG_PATH_SUNS_APART)
 #define HG_EMITTER_WORLD(draw) hg_path_world((draw).instance)
 #define HG_EMITTER_POSITION(draw, part, vertex) emitter_position(draw, part, vertex)
 #include "lib/emitters.glsl"
@@ -193,8 +194,8 @@ void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
     hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
 }
 
-// A ray to a light; true when there is one.
-bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
+// A ray to a light, the second one to a directional light; true when there is one.
+bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e, bool second)
 {
     float pdf_surface;
     vec3 f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
@@ -214,8 +215,8 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e
     ray.t_max = any ? e.distance : -1.0;
     ray.time = p.ray.time;
     ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
-    hg_path.shadow_rays.v[p.slot] = ray;
-    hg_path_set3(HG_PATH_PENDING, p.slot, light);
+    hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
+    hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, light);
     return any;
 }
 
@@ -337,8 +338,13 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (p.bounce == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
     uint status = HG_PATH_DONE;
-    if (ask_light(p, b, v, s, light))
+    if (ask_light(p, b, v, s, light, false))
         status |= HG_PATH_SHADOW;
+    if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
+        light = hg_emitter_pick_apart(v.position_ws, both ? vec3(0.0) : hg_decode_normal(packed), ua.x);
+        if (ask_light(p, b, v, s, light, true))
+            status |= HG_PATH_SUN;
+    }
     if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y))
         status |= HG_PATH_LIVE;
     p.bounce++;
@@ -388,6 +394,8 @@ void main()
         hg_path.rays.v[p.slot].t_max = -1.0;
     if ((status & HG_PATH_SHADOW) == 0u)
         hg_path.shadow_rays.v[p.slot].t_max = -1.0;
+    if (HG_PATH_CAN(HG_PATH_SUNS_APART) && (status & HG_PATH_SUN) == 0u)
+        hg_path.shadow_rays.v[p.slot + hg_path.capacity].t_max = -1.0;
     hg_path_set(HG_PATH_FLAGS, p.slot,
         uintBitsToFloat((p.flags & ~(HG_PATH_STEPS_MASK | (HG_PATH_BOUNCE_MASK << HG_PATH_BOUNCE_SHIFT))) |
             p.steps | (p.bounce << HG_PATH_BOUNCE_SHIFT)));

@@ -53,8 +53,9 @@ void main()
     uint i = gl_GlobalInvocationID.x;
     if (i >= push.count)
         return;
-    uint slot = push.list.v[i];
-    vec3 light = hg_path_get3(HG_PATH_PENDING, slot);
+    uint slot = push.list.v[i], at = slot + push.second * hg_path.capacity;
+    uint pending = push.second != 0u ? HG_PATH_PENDING_SUN : HG_PATH_PENDING;
+    vec3 light = hg_path_get3(pending, slot);
     bool over = true;
     if (!hg_holes) {
         bool blocked = hg_path.blocked.v[slot] != 0u;
@@ -62,9 +63,9 @@ void main()
         if (over && !blocked)
             arrive(slot, light);
         if (!over)
-            hg_path.shadow_rays.v[slot].mask = HG_RAY_MASK | HG_RAY_BLEND;
+            hg_path.shadow_rays.v[at].mask = HG_RAY_MASK | HG_RAY_BLEND;
     } else {
-        hg_gpu_ray ray = hg_path.shadow_rays.v[slot];
+        hg_gpu_ray ray = hg_path.shadow_rays.v[at];
         hg_gpu_hit hit = hg_path.shadow_hits.v[slot];
         bool more = hit.draw != HG_HIT_NONE;
         float share = 1.0;
@@ -74,18 +75,19 @@ void main()
         if (hg_texture_coarser != 0u)
             return; // once more
         if (more && share < 1.0)
-            hg_path_set3(HG_PATH_PENDING, slot, light * share);
+            hg_path_set3(pending, slot, light * share);
         uint passed = (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u;
         over = !more || share == 0.0 || passed >= HG_PATH_MOST_HOLES;
         if (!more)
             arrive(slot, light);
         else
-            hg_path.shadow_rays.v[slot].t_min = hit.t * (1.0 + 1e-6);
+            hg_path.shadow_rays.v[at].t_min = hit.t * (1.0 + 1e-6);
         hg_path.status.v[slot] = (hg_path.status.v[slot] & ((1u << HG_PATH_HOLES_SHIFT) - 1u)) |
             (passed << HG_PATH_HOLES_SHIFT);
     }
     if (over) {
-        hg_path.shadow_rays.v[slot].t_max = -1.0;
-        hg_path.status.v[slot] &= ~HG_PATH_SHADOW;
+        hg_path.shadow_rays.v[at].t_max = -1.0;
+        hg_path.status.v[slot] &=
+            ((1u << HG_PATH_HOLES_SHIFT) - 1u) & ~(HG_PATH_SHADOW << push.second);
     }
 }

@@ -22,6 +22,7 @@
 #define HG_PATH_WAITS 2u // for texture pages: nothing was written, it is shaded again
 // and bits for paths of any kind:
 #define HG_PATH_SHADOW 4u // it has a shadow ray
+#define HG_PATH_SUN    8u // and one to a directional light (HG_PATH_SUNS_APART)
 #define HG_PATH_STATUS_MASK 3u
 #define HG_PATH_HOLES_SHIFT 8    // surfaces with holes that the shadow ray has passed
 #define HG_PATH_MOST_HOLES  256u // then it is blocked
@@ -34,8 +35,9 @@
 #define HG_PATH_CONE       8  // bfloat16 width (metres), spread (radians) of the ray's footprint
 #define HG_PATH_NORMAL     9  // of the surface that the ray left, octahedral
 #define HG_PATH_MEDIA      10 // two words: materials of the media around, innermost first, 16 bits
-#define HG_PATH_OUT        12 // from here on what the film adds up, one word per channel
-#define HG_PATH_WORDS      12 // before that
+#define HG_PATH_PENDING_SUN 12 // rgb: of the ray to a directional light
+#define HG_PATH_OUT        15 // from here on what the film adds up, one word per channel
+#define HG_PATH_WORDS      15 // before that
 
 // HG_PATH_FLAGS
 #define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind holes included
@@ -123,12 +125,13 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 // What kernels may be asked for, a specialisation constant.
 #define HG_PATH_BLURS  0x1u // something moves while the shutter is open
 #define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
+#define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
 // Uniform block HG_BIND_PATH.
 struct hg_gpu_path {
     HG_PTR(hg_ray_list) rays;        // [capacity]
-    HG_PTR(hg_ray_list) shadow_rays; // [capacity]
+    HG_PTR(hg_ray_list) shadow_rays; // [2][capacity] the second ones to directional lights
     HG_PTR(hg_hit_list) hits;        // [capacity]
     HG_PTR(hg_hit_list) shadow_hits; // [capacity], of surfaces with holes
     HG_PTR(hg_path_words) blocked;   // [capacity]
@@ -159,6 +162,8 @@ struct hg_gpu_path_push {
     HG_PTR(hg_path_words) list; // [count] slots
     HG_UINT count;
     HG_UINT block; // 0: see lib/path.glsl
+    HG_UINT second; // 1: of rays to lights, those to directional ones
+    HG_UINT reserved;
 };
 
 // The shadow table has the binding of the path block: paths use no shadow maps.
