@@ -16,12 +16,15 @@ is Disney's and which does not couple it to the highlight as glTF's BRDF does.
 means: the picture is cut into 8 x 8 regions; printed is how far the regions' means differ, leaving
 out regions darker than a hundredth of the picture's mean. speed: each engine is held against its
 own converged picture, so that only noise counts; relMSE = mean((x - r)^2 / (r^2 + (0.01 mean)^2))
-over pixels and channels, without the thousandth with the largest errors. Noise falls as 1/N, so
-the samples for 1e-2 follow from a picture near it; the time of one follows from two sample counts,
-measured in turn, medians over the rounds. What comes before the first sample is printed apart.
+over pixels and channels, without the thousandth with the largest errors. Each round renders a
+quarter of --spp and --spp itself, both engines in turn. The time of a sample follows from the two;
+so does the power of N with which noise falls, by which the samples for 1e-2 are reckoned: choose
+--spp near them. What comes before the first sample is printed apart. "head" is Blender's Suzanne
+with three textures of Sponza, in place of a helmet.
 """
 import argparse
 import json
+import math
 import os
 import shutil
 import statistics
@@ -54,6 +57,8 @@ SCENES = {
                      "env": "hdr/noon_grass_1k.hdr"},
     "fox-diffuse": {"file": "khronos/Fox/glTF/Fox.gltf", "diffuse": True, "fit": True,
                     "env": "hdr/narrow_moonlit_road_1k.hdr"},
+    "head": {"file": "khronos/IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", "fit": True,
+             "wear": ("scenes/Sponza/glTF/Sponza.gltf", 5), "env": "hdr/royal_esplanade_1k.hdr"},
     "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF/"
                             "MetalRoughSpheresNoTextures.gltf", "fit": True,
                     "env": "hdr/royal_esplanade_1k.hdr"},
@@ -102,6 +107,31 @@ def make_lambert(gltf):
     gltf["extensionsUsed"] = sorted(used)
 
 
+def wear(gltf, source, number, folder):
+    """The first mesh alone, with a material of another file."""
+    with open(source, encoding="utf8") as f:
+        other = json.load(f)
+    material = other["materials"][number]
+    gltf["textures"], gltf["images"], gltf["samplers"] = [], [], [{}]
+    pbr = material["pbrMetallicRoughness"]
+    slots = {k: pbr[k] for k in ("baseColorTexture", "metallicRoughnessTexture")}
+    for name, slot in [*slots.items(), ("normalTexture", material["normalTexture"])]:
+        image = other["images"][other["textures"][slot["index"]]["source"]]["uri"]
+        os.symlink(os.path.join(os.path.dirname(source), image), os.path.join(folder, image))
+        slots[name] = {"index": len(gltf["textures"])}
+        gltf["textures"].append({"source": len(gltf["images"]), "sampler": 0})
+        gltf["images"].append({"uri": image})
+    normal = slots.pop("normalTexture")
+    gltf["materials"] = [{"pbrMetallicRoughness": slots, "normalTexture": normal}]
+    gltf["meshes"] = gltf["meshes"][:1]
+    for primitive in gltf["meshes"][0]["primitives"]:
+        primitive["material"] = 0
+    gltf["nodes"] = [{"mesh": 0}]
+    gltf["scenes"], gltf["scene"] = [{"nodes": [0]}], 0
+    for key in ("extensions", "extensionsUsed", "extensionsRequired", "cameras", "animations"):
+        gltf.pop(key, None)
+
+
 def read_gltf(file):
     """JSON and, of a .glb, its binary chunk."""
     with open(file, "rb") as f:
@@ -125,6 +155,8 @@ def make_scene(spec, data, folder):
         with open(os.path.join(folder, "chunk.bin"), "wb") as f:
             f.write(chunk)
         gltf["buffers"][0]["uri"] = "chunk.bin"
+    if "wear" in spec:
+        wear(gltf, os.path.join(data, spec["wear"][0]), spec["wear"][1], folder)
     if spec.get("sun"):
         add_sun(gltf)
     if spec.get("diffuse"):
@@ -242,41 +274,53 @@ def relative_error(pixels, reference):
     return float(error[:max(1, int(error.size * 0.999))].mean())
 
 
-def samples_to_target(options, file, samples, reference):
-    """The reference has noise of its own: its share of what is measured is taken off."""
-    measured = relative_error(read(file), reference)
-    alone = measured * options.reference_spp / (options.reference_spp + samples)
-    return alone, samples * alone / TARGET
+def samples_to_target(options, pictures, reference):
+    """pictures: {samples: files}. The error at the most samples, the power of N with which it falls,
+    and the samples for the target. The reference has noise of its own, which falls alike: its share
+    of what is measured is taken off."""
+    few, many = sorted(pictures)
+    measured = {n: statistics.median(relative_error(read(f), reference) for f in files)
+                for n, files in pictures.items()}
+    power, alone = 1.0, dict(measured)
+    for _ in range(20):
+        alone = {n: m / (1 + (n / options.reference_spp) ** power) for n, m in measured.items()}
+        power = math.log(alone[few] / alone[many]) / math.log(many / few)
+    return alone[many], power, many * (alone[many] / TARGET) ** (1 / power)
 
 
 def compare_speed(options, scene):
-    few, many = 2, options.spp
+    many, few = options.spp, max(options.spp // 4, 1)
     path = lambda name: os.path.join(scene.folder, name + ".exr")
     print(f"{scene.name}: references", file=sys.stderr)
     render_ours(options, scene, options.reference_spp, 1001, path("ours-reference"))
     render_cycles(options, scene, [(options.reference_spp, 1001, path("cycles-reference"))])
     seconds = {"ours": [], "cycles": []}
+    pictures = {e: {few: [], many: []} for e in seconds}
     for i in range(options.rounds):
-        t = [render_ours(options, scene, n, 1 + i, path(f"ours-{n}")) for n in (few, many)]
-        seconds["ours"].append(t)
-        seconds["cycles"].append(render_cycles(
-            options, scene, [(n, 1 + i, path(f"cycles-{n}")) for n in (few, many)]))
+        jobs = {e: [(n, 1 + i, path(f"{e}-{n}-{i}")) for n in (few, many)] for e in seconds}
+        seconds["ours"].append([render_ours(options, scene, *job) for job in jobs["ours"]])
+        seconds["cycles"].append(render_cycles(options, scene, jobs["cycles"]))
+        for engine, done in jobs.items():
+            for samples, _, file in done:
+                pictures[engine][samples].append(file)
         print(f"{scene.name}: round {i + 1} of {options.rounds}", file=sys.stderr)
     result = {}
     for engine, rounds in seconds.items():
         per_sample = statistics.median((b - a) / (many - few) for a, b in rounds)
-        error, needed = samples_to_target(
-            options, path(f"{engine}-{many}"), many, read(path(f"{engine}-reference")))
+        error, power, needed = samples_to_target(
+            options, pictures[engine], read(path(f"{engine}-reference")))
         result[engine] = {"s_per_sample": per_sample, "relmse": error, "at_samples": many,
-                          "samples_to_target": needed, "s_to_target": needed * per_sample,
+                          "power": power, "samples_to_target": needed,
+                          "s_to_target": needed * per_sample,
                           "s_before": statistics.median(a - few * per_sample for a, _ in rounds)}
     ratio = result["cycles"]["s_to_target"] / result["ours"]["s_to_target"]
     result["ratio"] = ratio
     for engine in ("ours", "cycles"):
         r = result[engine]
         print(f"{scene.name:18} {engine:6} {r['s_per_sample']:.3f} s per sample, relMSE "
-              f"{r['relmse']:.4f} at {many}, 1e-2 after {r['samples_to_target']:.0f} samples = "
-              f"{r['s_to_target']:.1f} s; before the first sample {r['s_before']:.1f} s")
+              f"{r['relmse']:.4f} at {many}, falls with N^-{r['power']:.2f}, 1e-2 after "
+              f"{r['samples_to_target']:.0f} samples = {r['s_to_target']:.1f} s; before the first "
+              f"sample {r['s_before']:.1f} s")
     print(f"{scene.name:18} Heliograph is {ratio:.2f} times as fast to equal error")
     return result
 
@@ -297,7 +341,7 @@ def parse():
     parser.add_argument("--keep")
     options = parser.parse_args()
     options.data = os.path.realpath(options.data)
-    options.spp = options.spp or (1024 if options.what == "means" else 34)
+    options.spp = options.spp or (1024 if options.what == "means" else 64)
     for program in (options.helio, "blender"):
         if shutil.which(program) is None:
             fail(f"{program} is missing")
@@ -310,7 +354,7 @@ def main():
     options.keep = options.keep or tempfile.mkdtemp()
     os.makedirs(options.keep, exist_ok=True)
     run = compare_means if options.what == "means" else compare_speed
-    names = options.scene or (list(SCENES) if options.what == "means" else ["sponza", "duck"])
+    names = options.scene or (list(SCENES) if options.what == "means" else ["sponza", "head"])
     try:
         results = {name: run(options, Scene(name, options)) for name in names}
     finally:
