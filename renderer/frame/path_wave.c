@@ -182,8 +182,8 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     struct hg_path *p = view->path;
     struct hg_gpu_cmd *cmd;
     *demand = (struct hg_page_demand){.fits = true};
-    const bool samples =
-        kernel != HG_PATH_BEGIN && kernel != HG_PATH_ARRIVE && kernel != HG_PATH_ADD;
+    const bool samples = kernel != HG_PATH_BEGIN && kernel != HG_PATH_ARRIVE &&
+                         kernel != HG_PATH_CLEAR && kernel != HG_PATH_ADD;
     view->stream.on = samples && !hg_page_cache_is_complete(pages_of(view));
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
@@ -278,22 +278,24 @@ static enum hg_status trace_raw(struct hg_view_state *view, const struct hg_trac
     return status;
 }
 
-// Slots to shade: first those whose rays left the scene, then the others, each in their order.
-static void sort_hits(struct hg_path *p)
+// Slots of a list, first those whose rays hit nothing, then the others, each in their order.
+// Returns how many the first are.
+static uint32_t sort_hits(
+    const struct hg_gpu_buffer *buffer, const struct hg_path_list *from, struct hg_path_list *to)
 {
-    const struct hg_gpu_hit *hits = p->hits.mapped;
-    const uint32_t *live = p->live.buffer.mapped, count = p->live.count;
-    uint32_t *out = p->waiting.buffer.mapped, at = 0;
-    p->missed = 0;
+    const struct hg_gpu_hit *hits = buffer->mapped;
+    const uint32_t *slots = from->buffer.mapped, count = from->count;
+    uint32_t *out = to->buffer.mapped, missed = 0, at = 0;
     for (uint32_t i = 0; i < count; i++)
-        p->missed += hits[live[i]].draw == HG_HIT_NONE;
-    for (uint32_t i = 0, hit = p->missed; i < count; i++) {
-        const bool none = hits[live[i]].draw == HG_HIT_NONE;
-        out[none ? at : hit] = live[i];
+        missed += hits[slots[i]].draw == HG_HIT_NONE;
+    for (uint32_t i = 0, hit = missed; i < count; i++) {
+        const bool none = hits[slots[i]].draw == HG_HIT_NONE;
+        out[none ? at : hit] = slots[i];
         at += none;
         hit += !none;
     }
-    p->waiting.count = count;
+    to->count = count;
+    return missed;
 }
 
 static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
@@ -311,7 +313,7 @@ static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
     lap_stop(&lap, p, HG_PATH_PIECE_TRACE, p->live.count);
     p->missed = 0;
     if (p->sees_hits)
-        sort_hits(p);
+        p->missed = sort_hits(&p->hits, &p->live, &p->waiting);
     else
         copy(&p->live, &p->waiting);
     p->part = p->live.count;
@@ -465,9 +467,18 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
         .first_ray = (uint64_t)p->second * HG_PATH_WAVE_PX,
         .count = p->shadows.count};
     enum hg_status status = hg_trace_closest(p->trace, &wave, err);
-    const uint32_t count = p->shadows.count < p->part ? p->shadows.count : p->part;
-    if (status == HG_OK)
-        status = run(view, HG_PATH_HOLES, &p->shadows, 0, count, &demand, err);
+    uint32_t clear = 0;
+    if (status == HG_OK && p->sees_hits) {
+        clear = sort_hits(&p->shadow_hits, &p->shadows, &p->waiting);
+        copy(&p->waiting, &p->shadows);
+        p->waiting.count = 0;
+    }
+    if (status == HG_OK && clear > 0)
+        status = run(view, HG_PATH_CLEAR, &p->shadows, 0, clear, &demand, err);
+    const uint32_t left = p->shadows.count - clear, some = left < p->part ? left : p->part;
+    const uint32_t count = clear + some;
+    if (status == HG_OK && some > 0)
+        status = run(view, HG_PATH_HOLES, &p->shadows, clear, some, &demand, err);
     lap_stop(&lap, p, HG_PATH_PIECE_HOLES, p->shadows.count);
     if (status != HG_OK)
         return status;

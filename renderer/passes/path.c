@@ -8,6 +8,7 @@ static const struct {
 } kernels[] = {{"path_begin.comp", "path begin", 0}, {"path_shade.comp", "path shade", 0},
     {"path_shade.comp", "path miss", 1}, {"path_shade.comp", "path shade", 2},
     {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
+    {"path_shadow.comp", "path light", 2},
     {"path_add.comp", "path film", 0}};
 
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,

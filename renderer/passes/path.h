@@ -13,6 +13,7 @@ enum hg_path_kernel {
     HG_PATH_SURFACE, // and of those that did not
     HG_PATH_ARRIVE,  // light whose way past opaque surfaces is known
     HG_PATH_HOLES,   // the next surface with holes on its way
+    HG_PATH_CLEAR,   // there is none
     HG_PATH_ADD,     // paths to the film
 };
 

@@ -83,6 +83,15 @@ static void release_body(struct hg_embree_body *body)
     memset(body, 0, sizeof *body);
 }
 
+static void release_flat(struct hg_embree *e)
+{
+    release_body(&e->flat);
+    if (e->flat_holes != NULL)
+        rtcReleaseScene(e->flat_holes);
+    e->flat_holes = NULL;
+    e->flat_there = false;
+}
+
 static enum hg_status start_body(
     struct hg_embree *e, struct hg_embree_body *body, uint32_t geometries, bool dynamic)
 {
@@ -117,6 +126,12 @@ static enum hg_status add_flat_place(
             piece->vertex_count);
         b->e->flat.geometries[*id] =
             (struct hg_embree_geometry){place->draw, piece->first_primitive};
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes == NULL)
+            b->e->flat_holes = open_scene(b->e, false);
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes != NULL)
+            rtcAttachGeometryByID(b->e->flat_holes, geometry, *id);
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes == NULL)
+            status = HG_E_NOMEM;
         attach(b->e->flat.scene, geometry, place->mask, (*id)++);
     }
     if (buffer != NULL)
@@ -139,8 +154,7 @@ static enum hg_status build_flat(const struct build *b)
     const struct hg_trace_layout *l = b->layout;
     if (e->flat_there && e->flat.key == l->flat_key && !l->flat_deforms)
         return HG_OK;
-    release_body(&e->flat);
-    e->flat_there = false;
+    release_flat(e);
     if (l->flat_key == 0)
         return HG_OK;
     enum hg_status status = start_body(e, &e->flat, flat_pieces(l), false);
@@ -152,6 +166,8 @@ static enum hg_status build_flat(const struct build *b)
     if (status != HG_OK)
         return status;
     rtcCommitScene(e->flat.scene);
+    if (e->flat_holes != NULL)
+        rtcCommitScene(e->flat_holes);
     e->flat.key = l->flat_key;
     e->flat_there = true;
     return HG_OK;
@@ -321,8 +337,7 @@ void hg_embree_clear(struct hg_embree *e)
     hg_free(e->bodies);
     e->bodies = NULL;
     e->body_count = 0;
-    release_body(&e->flat);
-    e->flat_there = false;
+    release_flat(e);
 }
 
 static enum hg_status check_budget(const struct build *b, struct hg_error *err)

@@ -94,6 +94,14 @@ static uint32_t number_of(const struct hg_embree *e, uint32_t instance, uint32_t
     return g->first_primitive + primitive;
 }
 
+// The flat scene for one ray; NULL: it has nothing that the ray looks for.
+static RTCScene flat_scene(const struct hg_embree *e, uint32_t mask)
+{
+    if (!e->flat_there)
+        return NULL;
+    return (mask & HG_RAY_OPAQUE) != 0 ? e->flat.scene : e->flat_holes;
+}
+
 // --- the two Embrees -----------------------------------------------------------------------------
 
 #if HELIO_EMBREE == 4
@@ -143,10 +151,11 @@ static void closest_one(
     if (!hg_trace_is_ray(ray))
         return;
     fill_ray(ray, &r.ray);
+    const RTCScene flat = flat_scene(e, ray->mask);
     for (int scene = 0; scene < 2; scene++) {
         r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-        if (scene == 0 && e->flat_there)
-            INTERSECT1(e->flat.scene, context, &r);
+        if (scene == 0 && flat != NULL)
+            INTERSECT1(flat, context, &r);
         if (scene == 1 && e->top != NULL)
             INTERSECT1(e->top, context, &r);
         if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
@@ -164,9 +173,10 @@ static uint32_t blocked_one(const struct hg_embree *e, const struct hg_gpu_ray *
     CONTEXT(context, false);
     if (!hg_trace_is_ray(ray))
         return 0;
+    const RTCScene flat = flat_scene(e, ray->mask);
     fill_ray(ray, &r);
-    if (e->flat_there)
-        OCCLUDED1(e->flat.scene, context, &r);
+    if (flat != NULL)
+        OCCLUDED1(flat, context, &r);
     if (e->top != NULL && r.tfar >= 0.0f)
         OCCLUDED1(e->top, context, &r);
     return r.tfar < 0.0f;

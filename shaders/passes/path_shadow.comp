@@ -20,7 +20,8 @@
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
-layout(constant_id = 0) const bool hg_holes = false; // of the second kind
+// 0: opaque surfaces were looked for; 1: the next one of the others, 2: and there is none.
+layout(constant_id = 0) const uint kind = 0u;
 
 // Share of the light that the surface lets through.
 float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
@@ -57,7 +58,9 @@ void main()
     uint pending = push.second != 0u ? HG_PATH_PENDING_SUN : HG_PATH_PENDING;
     vec3 light = hg_path_get3(pending, slot);
     bool over = true;
-    if (!hg_holes) {
+    if (kind == 2u) {
+        arrive(slot, light);
+    } else if (kind == 0u) {
         bool blocked = hg_path.blocked.v[slot] != 0u;
         over = blocked || hg_path.holes == 0u;
         if (over && !blocked)
