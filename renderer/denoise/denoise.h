@@ -21,7 +21,7 @@
 #include "base/status.h"
 #include "shaders/shared/path.h"
 
-#define HG_DENOISE_LIGHT 6 // channels: rgb of HG_PATH_GUIDE_DIFFUSE, of HG_PATH_GUIDE_SPECULAR
+#define HG_DENOISE_LIGHT 9 // channels: rgb of HG_PATH_GUIDE_DIRECT, _INDIRECT, _SPECULAR
 
 // Where pixels look: from the eye through across + px x + py y, a metre deep; orthographic: from
 // there along forward. Scene space; x, y and forward are at right angles.

@@ -27,7 +27,7 @@ enum {
 struct tile {
     float distance[SETS][TALL][WIDE]; // of pixels, then of patches
     float rows[TALL][WIDE];
-    float kind[HG_DN_KINDS][TILE_Y][TILE_X]; // weights by features
+    float lobe[HG_DN_LOBES][TILE_Y][TILE_X]; // weights by features
     float matrix[SETS][MATRIX][TILE_Y][TILE_X];
     float right[SETS][TERMS][3][TILE_Y][TILE_X];
 };
@@ -158,8 +158,9 @@ WIDE_LOOP static void feature_weights(
                 most(e0 * e0 - v0[x] - least(v0[x], v0[q]), 0.0f) / (m0 * m0 + v0[x] + 1e-6f);
             const float d1 =
                 most(e1 * e1 - v1[x] - least(v1[x], v1[q]), 0.0f) / (m1 * m1 + v1[x] + 1e-6f);
-            t->kind[0][y][x] = seen[q] * falloff(d + d0);
-            t->kind[1][y][x] = seen[q] * falloff(d + d1 + r * r / (ROUGH_REACH * ROUGH_REACH));
+            t->lobe[HG_DN_SCATTERS][y][x] = seen[q] * falloff(d + d0);
+            t->lobe[HG_DN_MIRRORS][y][x] =
+                seen[q] * falloff(d + d1 + r * r / (ROUGH_REACH * ROUGH_REACH));
         }
     }
 }
@@ -174,11 +175,11 @@ WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size_t 
     const int other = p->halves ? set ^ 1 : set;
     for (int y = 0; y < TILE_Y; y++) {
         const size_t row = at + (size_t)y * p->stride, q = row + (size_t)to;
-        const float *patch = t->distance[other][y], *kind = t->kind[set / 2][y];
+        const float *patch = t->distance[other][y], *lobe = t->lobe[hg_dn_lobe(set / 2)][y];
         float f[TERMS][TILE_X], wf[TERMS][TILE_X];
         for (int x = 0; x < TILE_X; x++) {
             f[0][x] = 1.0f;
-            wf[0][x] = patch[x] * kind[x];
+            wf[0][x] = patch[x] * lobe[x];
         }
         for (int i = 1; i < TERMS; i++) {
             const float *n = p->normal[i - 1];
@@ -258,14 +259,14 @@ static void filter_tile(void *user, size_t index)
     const uint32_t x0 = (uint32_t)(index % w->columns) * TILE_X;
     const uint32_t y0 = (uint32_t)(index / w->columns) * TILE_Y;
     const size_t at = hg_dn_at(p, x0, y0);
-    const int radius = w->f->radius, step = w->f->step, sets = p->halves ? 2 : 1;
+    const int radius = w->f->radius, sets = p->halves ? 2 : 1;
     struct tile *t = hg_calloc(1, sizeof *t);
     if (t == NULL) {
         w->failed = true;
         return;
     }
-    for (int dy = -radius; dy <= radius; dy += step) {
-        for (int dx = -radius; dx <= radius; dx += step) {
+    for (int dy = -radius; dy <= radius; dy++) {
+        for (int dx = -radius; dx <= radius; dx++) {
             const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
             feature_weights(p, t, at, dx, dy);
             for (int set = 0; set < SETS; set += 3 - sets) {

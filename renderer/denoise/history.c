@@ -64,12 +64,16 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
     if (past->memory == NULL)
         return HG_E_NOMEM;
     float *at = past->memory;
-    float **single[] = {&past->normal[0], &past->normal[1], &past->normal[2], &past->disparity,
-        &past->seen, &past->variance[0], &past->variance[1], &past->length[0], &past->length[1],
-        &past->rgb[0][0], &past->rgb[0][1], &past->rgb[0][2], &past->rgb[1][0], &past->rgb[1][1],
-        &past->rgb[1][2]};
+    float **single[] = {
+        &past->normal[0], &past->normal[1], &past->normal[2], &past->disparity, &past->seen};
     for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += pixels)
         *single[i] = at;
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        float **each[] = {&past->variance[k], &past->length[k], &past->rgb[k][0], &past->rgb[k][1],
+            &past->rgb[k][2]};
+        for (size_t i = 0; i < sizeof each / sizeof *each; i++, at += pixels)
+            *each[i] = at;
+    }
     past->width = width;
     past->height = height;
     return HG_OK;

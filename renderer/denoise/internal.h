@@ -11,7 +11,14 @@
 
 #define HG_DN_BORDER 32 // px
 
-enum { HG_DN_DIFFUSE, HG_DN_SPECULAR, HG_DN_KINDS };
+// Kinds of light, in the order of HG_PATH_GUIDE_*; what its albedo is.
+enum { HG_DN_DIRECT, HG_DN_INDIRECT, HG_DN_SPECULAR, HG_DN_KINDS };
+enum { HG_DN_SCATTERS, HG_DN_MIRRORS, HG_DN_LOBES };
+
+static inline int hg_dn_lobe(int kind)
+{
+    return kind == HG_DN_SPECULAR ? HG_DN_MIRRORS : HG_DN_SCATTERS;
+}
 
 // Light of one kind in one half of the samples, divided by its albedo.
 struct hg_dn_light {
@@ -28,8 +35,8 @@ struct hg_dn_planes {
     float *normal[3], *normal_var;
     float *disparity, *disparity_dx, *disparity_dy, *disparity_var; // 1 / metres
     float *roughness;
-    float *albedo[HG_DN_KINDS][3];                    // of all samples
-    float *tone[HG_DN_KINDS], *tone_var[HG_DN_KINDS]; // luma of it where seen
+    float *albedo[HG_DN_LOBES][3];                    // of all samples
+    float *tone[HG_DN_LOBES], *tone_var[HG_DN_LOBES]; // luma of it where seen
     struct hg_dn_light light[HG_DN_KINDS][2];
     float *variance[HG_DN_KINDS]; // of the luma of a half
     float *scratch[3];
@@ -57,9 +64,9 @@ static inline float hg_dn_luma(float r, float g, float b)
 struct hg_dn_filter {
     const float *guide[HG_DN_KINDS][2], *variance[HG_DN_KINDS];
     struct hg_dn_light out[HG_DN_KINDS][2];
-    int radius, step; // px: of the window, between its pixels
-    int patch;        // radius of patches
-    float strength;   // distances in standard deviations that are still alike
+    int radius;     // px: of the window
+    int patch;      // radius of patches
+    float strength; // distances in standard deviations that are still alike
 };
 enum hg_status hg_dn_filter_run(
     const struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_dn_filter *filter);

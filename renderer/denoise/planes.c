@@ -27,19 +27,20 @@ static void place_all(struct hg_dn_planes *p, float *at)
 {
     float **single[] = {&p->seen, &p->share, &p->normal[0], &p->normal[1], &p->normal[2],
         &p->normal_var, &p->disparity, &p->disparity_dx, &p->disparity_dy, &p->disparity_var,
-        &p->roughness, &p->tone[0], &p->tone[1], &p->tone_var[0], &p->tone_var[1], &p->variance[0],
-        &p->variance[1], &p->scratch[0], &p->scratch[1], &p->scratch[2]};
+        &p->roughness, &p->tone[0], &p->tone[1], &p->tone_var[0], &p->tone_var[1], &p->scratch[0],
+        &p->scratch[1], &p->scratch[2]};
     for (size_t i = 0; i < sizeof single / sizeof *single; i++)
         place(p, &at, single[i]);
+    for (int i = 0; i < HG_DN_LOBES * 3; i++)
+        place(p, &at, &p->albedo[i / 3][i % 3]);
     for (int k = 0; k < HG_DN_KINDS; k++) {
-        for (int c = 0; c < 3; c++)
-            place(p, &at, &p->albedo[k][c]);
+        place(p, &at, &p->variance[k]);
         for (int j = 0; j < 2; j++)
             place_light(p, &at, &p->light[k][j]);
     }
 }
 
-#define PLANES (20 + HG_DN_KINDS * (3 + 2 * 4))
+#define PLANES (18 + HG_DN_LOBES * 3 + HG_DN_KINDS * (1 + 2 * 4))
 
 // --- one row -------------------------------------------------------------------------------------
 
@@ -72,11 +73,12 @@ static void load(const struct hg_denoise_input *in, size_t at, uint32_t n, struc
     }
 }
 
+static const int albedos[HG_DN_LOBES] = {HG_PATH_GUIDE_ALBEDO, HG_PATH_GUIDE_REFLECTION};
+
 static void load_light(
     struct hg_dn_planes *p, size_t at, int kind, int half, const struct pixel *pixel)
 {
-    const int light = kind == HG_DN_DIFFUSE ? HG_PATH_GUIDE_DIFFUSE : HG_PATH_GUIDE_SPECULAR;
-    const int albedo = kind == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+    const int light = HG_PATH_GUIDE_DIRECT + 3 * kind, albedo = albedos[hg_dn_lobe(kind)];
     const float *from = pixel->half[half];
     if (!(from[HG_PATH_GUIDE_HITS] > 0.0f)) // none of its samples met the surface
         from = pixel->whole;
@@ -121,8 +123,8 @@ static void load_features(struct hg_dn_planes *p, size_t at, const struct pixel 
     p->disparity_var[at] = 0.25f * square(expf(-of_hits(a, w, HG_PATH_GUIDE_DEPTH)) -
                                           expf(-of_hits(b, w, HG_PATH_GUIDE_DEPTH)));
     p->roughness[at] = of_hits(w, w, HG_PATH_GUIDE_ROUGHNESS);
-    for (int k = 0; k < HG_DN_KINDS; k++) {
-        const int albedo = k == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+    for (int k = 0; k < HG_DN_LOBES; k++) {
+        const int albedo = albedos[k];
         p->tone[k][at] = tone_of(w, w, albedo);
         p->tone_var[k][at] = 0.25f * square(tone_of(a, w, albedo) - tone_of(b, w, albedo));
     }
@@ -145,13 +147,10 @@ static void load_row(void *user, size_t y)
         if (!(hits > 0.0f))
             continue;
         load_features(p, at, &pixel);
-        for (int k = 0; k < HG_DN_KINDS; k++) {
-            const int albedo = k == HG_DN_DIFFUSE ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
-            for (int c = 0; c < 3; c++)
-                p->albedo[k][c][at] = pixel.whole[albedo + c] + LEAST_ALBEDO * hits;
-            for (int j = 0; j < 2; j++)
-                load_light(p, at, k, j, &pixel);
-        }
+        for (int i = 0; i < HG_DN_LOBES * 3; i++)
+            p->albedo[i / 3][i % 3][at] = pixel.whole[albedos[i / 3] + i % 3] + LEAST_ALBEDO * hits;
+        for (int i = 0; i < HG_DN_KINDS * 2; i++)
+            load_light(p, at, i / 2, i % 2, &pixel);
     }
 }
 
@@ -182,9 +181,9 @@ static void slope_row(void *user, size_t y)
 // No half of a pixel may make up more than a part of what its surroundings bring, unless the other
 // half says the same: one sample in a thousand that is a thousand times too bright would be a spot
 // as wide as the filter. Where such samples are many they are the light, and stay.
-#define FIREFLY_REACH  8    // px
-#define FIREFLY_SHARE  0.2f // of the sum around
-#define FIREFLY_AGREES 4.0f // times the other half
+#define FIREFLY_REACH  8     // px
+#define FIREFLY_SHARE  0.25f // of the sum around
+#define FIREFLY_AGREES 4.0f  // times the other half
 
 struct firefly {
     struct hg_dn_planes *p;
@@ -310,8 +309,9 @@ static void find_variance(struct hg_dn_planes *p, struct hg_jobs *jobs, struct w
         if (!p->halves)
             hg_jobs_for(jobs, p->height, smooth_row, &s);
         hg_dn_smooth(p, jobs, &p->variance[k]);
-        hg_dn_smooth(p, jobs, &p->tone_var[k]);
     }
+    for (int i = 0; i < HG_DN_LOBES; i++)
+        hg_dn_smooth(p, jobs, &p->tone_var[i]);
     hg_dn_smooth(p, jobs, &p->normal_var);
     hg_dn_smooth(p, jobs, &p->disparity_var);
 }

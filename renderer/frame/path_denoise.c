@@ -28,11 +28,13 @@ static void compose(const struct hg_path *p, const float *film, const float *lig
             const size_t at = (size_t)y * p->width + x;
             const float n = (float)samples_at(p, x, y);
             for (size_t c = 0; c < 3; c++) {
-                const float diffuse = guide[(HG_PATH_GUIDE_DIFFUSE + c) * pixels + at];
-                const float specular = guide[(HG_PATH_GUIDE_SPECULAR + c) * pixels + at];
-                const float rest = film[c * pixels + at] - diffuse - specular;
-                const float clean = n * (light[c * pixels + at] + light[(3 + c) * pixels + at]);
-                out[c * pixels + at] = (rest > 0.0f ? rest : 0.0f) + clean;
+                float noisy = 0.0f, clean = 0.0f;
+                for (size_t k = 0; k < HG_DENOISE_LIGHT; k += 3) {
+                    noisy += guide[(HG_PATH_GUIDE_DIRECT + k + c) * pixels + at];
+                    clean += light[(k + c) * pixels + at];
+                }
+                const float rest = film[c * pixels + at] - noisy;
+                out[c * pixels + at] = (rest > 0.0f ? rest : 0.0f) + n * clean;
             }
             out[3 * pixels + at] = film[3 * pixels + at];
         }

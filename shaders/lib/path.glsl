@@ -121,7 +121,8 @@ void hg_path_light(uint slot, uint flags, uint bounce, vec3 radiance)
         hg_path_add3(hg_path_out(hg_path.planes[plane]), slot, radiance);
     if (HG_PATH_HAS(HG_PATH_PLANE_GUIDE) && bounce > 0u) {
         bool diffuse = bitfieldExtract(flags, HG_PATH_LOBE_SHIFT, 2) == HG_PATH_LOBE_DIFFUSE;
-        uint channel = diffuse ? HG_PATH_GUIDE_DIFFUSE : HG_PATH_GUIDE_SPECULAR;
+        uint channel = bounce == 1u ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_INDIRECT;
+        channel = diffuse ? channel : HG_PATH_GUIDE_SPECULAR;
         hg_path_add3(hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE] + channel), slot, radiance);
     }
 }

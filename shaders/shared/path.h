@@ -77,15 +77,16 @@
 
 // Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
 // samples (HG_PATH_IS_FIRST_HALF) follow behind.
-#define HG_PATH_GUIDE_DIFFUSE    0  // rgb: light that the first surface scattered
-#define HG_PATH_GUIDE_SPECULAR   3  // rgb: that it mirrored or let through
-#define HG_PATH_GUIDE_ALBEDO     6  // rgb: of the first; what the light was multiplied by, about
-#define HG_PATH_GUIDE_REFLECTION 9  // rgb: of the second
-#define HG_PATH_GUIDE_NORMAL     12
-#define HG_PATH_GUIDE_DEPTH      15 // natural logarithm of metres along the view direction
-#define HG_PATH_GUIDE_ROUGHNESS  16
-#define HG_PATH_GUIDE_HITS       17 // 1 for samples that hit something
-#define HG_PATH_GUIDE_CHANNELS   18
+#define HG_PATH_GUIDE_DIRECT     0 // rgb: light that the first surface scattered, once
+#define HG_PATH_GUIDE_INDIRECT   3 // rgb: that came to it by way of other surfaces
+#define HG_PATH_GUIDE_SPECULAR   6 // rgb: that it mirrored or let through
+#define HG_PATH_GUIDE_ALBEDO     9 // rgb: what scattered light was multiplied by, about
+#define HG_PATH_GUIDE_REFLECTION 12 // rgb: what the other was
+#define HG_PATH_GUIDE_NORMAL     15
+#define HG_PATH_GUIDE_DEPTH      18 // natural logarithm of metres along the view direction
+#define HG_PATH_GUIDE_ROUGHNESS  19
+#define HG_PATH_GUIDE_HITS       20 // 1 for samples that hit something
+#define HG_PATH_GUIDE_CHANNELS   21
 
 // Samples that count for the first of two halves, whose difference says how noisy a pixel is: every
 // second one at first, then every second four, so that each half is well distributed.

@@ -52,9 +52,10 @@ static void add_sample(struct picture *p, size_t at, uint32_t number, const stru
 {
     const size_t pixels = (size_t)p->width * p->height;
     const float light = s->irradiance * scatter(s->noise), gloss = s->mirrored * scatter(s->noise);
-    const float values[CHANNELS] = {s->albedo[0] * light, s->albedo[1] * light,
-        s->albedo[2] * light, s->reflection * gloss, s->reflection * gloss, s->reflection * gloss,
-        s->albedo[0], s->albedo[1], s->albedo[2], s->reflection, s->reflection, s->reflection,
+    const float around = 0.5f * s->irradiance * scatter(s->noise);
+    const float *a = s->albedo, m = s->reflection;
+    const float values[CHANNELS] = {a[0] * light, a[1] * light, a[2] * light, a[0] * around,
+        a[1] * around, a[2] * around, m * gloss, m * gloss, m * gloss, a[0], a[1], a[2], m, m, m,
         s->normal[0], s->normal[1], s->normal[2], logf(s->depth), 0.5f, 1.0f};
     for (size_t c = 0; c < CHANNELS; c++) {
         p->sums[c * pixels + at] += values[c];

@@ -1,0 +1,298 @@
+// path_denoise.c - denoised pictures of the path tracer against ones of many samples: how much
+// better they are, that they become the raw picture, what is not touched, and flicker of
+// animations.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/analytic/rig.h"
+
+enum { WIDTH = 128, HEIGHT = 96, PIXELS = WIDTH * HEIGHT, REFERENCE = 256 };
+
+static void quad(struct rig *rig, const float color[3], float emissive, const float at[4][3])
+{
+    struct hg_material *m = rig_material(rig);
+    for (int c = 0; c < 3; c++) {
+        m->base_color[c] = color[c];
+        m->emissive[c] = emissive;
+    }
+    m->double_sided = emissive <= 0.0f;
+    rig_quad(rig, m, at);
+}
+
+// A room with a lamp in its ceiling, coloured walls, and two spheres: rough metal and plastic.
+static void room(struct rig *rig)
+{
+    static const float white[3] = {0.7f, 0.7f, 0.7f}, red[3] = {0.6f, 0.1f, 0.1f};
+    static const float green[3] = {0.1f, 0.5f, 0.1f}, blue[3] = {0.1f, 0.2f, 0.6f};
+    static const float at[2][3] = {{-0.4f, -0.65f, -0.3f}, {0.45f, -0.7f, 0.2f}};
+    static const float walls[][4][3] = {
+        {{-1, -1, 1}, {1, -1, 1}, {1, -1, -1}, {-1, -1, -1}},
+        {{-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1}},
+        {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1}},
+        {{-1, -1, 1}, {-1, -1, -1}, {-1, 1, -1}, {-1, 1, 1}},
+        {{1, -1, -1}, {1, -1, 1}, {1, 1, 1}, {1, 1, -1}},
+    };
+    static const float lamp[4][3] = {
+        {-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f}, {-0.3f, 0.99f, 0.3f}};
+    rig_scene(rig);
+    rig->scene->environment.kind = HG_ENV_NONE;
+    for (int i = 0; i < 5; i++)
+        quad(rig, i == 3 ? red : i == 4 ? green : white, 0.0f, walls[i]);
+    quad(rig, white, 12.0f, lamp);
+    for (int i = 0; i < 2; i++) {
+        struct hg_material *m = rig_material(rig);
+        m->metallic = i == 0 ? 1.0f : 0.0f;
+        m->roughness = i == 0 ? 0.3f : 0.5f;
+        for (int c = 0; c < 3; c++)
+            m->base_color[c] = i == 0 ? 0.9f : blue[c];
+        rig_sphere(rig, m, at[i], 0.3f, 48);
+    }
+    hg_scene_publish(rig->scene);
+}
+
+static struct hg_view *open_room(struct rig *rig, const struct hg_view_params *params)
+{
+    struct hg_error err = {0};
+    struct hg_view *view;
+    const struct hg_view_camera camera = {.eye = {0, 0, 3.6f}, .vfov_rad = 0.6f};
+    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, params, &err), &err);
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    hg_view_set_final(view, true);
+    return view;
+}
+
+static void settle(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 100000 && !info.settled; i++)
+        test_ok(hg_view_step(view, 8, &info, &err), &err);
+    assert_true(info.settled);
+}
+
+static struct hg_view_params params_of(
+    uint32_t samples, uint32_t seed, enum hg_view_denoise denoise)
+{
+    return (struct hg_view_params){.width = WIDTH,
+        .height = HEIGHT,
+        .mode = HG_MODE_PATH,
+        .background = HG_BACKGROUND_NONE,
+        .filter = HG_FILTER_BOX,
+        .samples = samples,
+        .seed = seed,
+        .denoise = denoise};
+}
+
+static struct hg_refbuf *pixels_of(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &out, &err), &err);
+    return out;
+}
+
+static struct hg_refbuf *picture(
+    struct rig *rig, uint32_t samples, uint32_t seed, enum hg_view_denoise denoise)
+{
+    const struct hg_view_params params = params_of(samples, seed, denoise);
+    struct hg_view *view = open_room(rig, &params);
+    settle(view);
+    struct hg_refbuf *out = pixels_of(view);
+    hg_view_destroy(view);
+    return out;
+}
+
+static const float *floats(const struct hg_refbuf *buf)
+{
+    return (const float *)(const void *)buf->data;
+}
+
+// Of what a display shows of them, about.
+static double psnr(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < PIXELS * 4; i++) {
+        const double x = (double)floats(a)[i], y = (double)floats(b)[i];
+        const double d = i % 4 == 3 ? 0.0 : pow(x / (1 + x), 1 / 2.2) - pow(y / (1 + y), 1 / 2.2);
+        sum += d * d;
+    }
+    return -10.0 * log10(sum / (PIXELS * 3));
+}
+
+static double mean(const struct hg_refbuf *a)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < PIXELS * 4; i++)
+        sum += i % 4 == 3 ? 0.0 : (double)floats(a)[i];
+    return sum / (PIXELS * 3);
+}
+
+// --- tests ---------------------------------------------------------------------------------------
+
+static void test_gain(void **state)
+{
+    struct rig *rig = *state;
+    static const struct {
+        uint32_t samples;
+        double gain_db, energy;
+    } cases[] = {{1, 6.5, 0.06}, {4, 7.5, 0.02}, {16, 5.5, 0.01}, {64, 3.5, 0.01}};
+    room(rig);
+    struct hg_refbuf *reference = picture(rig, REFERENCE, 99, HG_DENOISE_OFF);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct hg_refbuf *raw = picture(rig, cases[i].samples, 1, HG_DENOISE_OFF);
+        struct hg_refbuf *clean = picture(rig, cases[i].samples, 1, HG_DENOISE_STILL);
+        const double before = psnr(raw, reference), after = psnr(clean, reference);
+        const double energy = mean(clean) / mean(raw) - 1.0;
+        print_message("%u samples: %.1f dB, denoised %.1f dB; energy %+.2f %%\n", cases[i].samples,
+            before, after, 100.0 * energy);
+        assert_true(after - before > cases[i].gain_db);
+        assert_true(fabs(energy) < cases[i].energy);
+        hg_refbuf_unref(raw);
+        hg_refbuf_unref(clean);
+    }
+    hg_refbuf_unref(reference);
+}
+
+// Planes, alpha, and pixels that see only what shines.
+static void test_untouched(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_refbuf *planes[2][3], *noisy, *pixels[2];
+    static const enum hg_plane which[3] = {HG_PLANE_COLOR, HG_PLANE_DEPTH, HG_PLANE_EMISSION};
+    room(rig);
+    for (int i = 0; i < 2; i++) {
+        struct hg_view_params params = params_of(8, 3, i == 0 ? HG_DENOISE_OFF : HG_DENOISE_STILL);
+        params.planes = 1u << HG_PLANE_DEPTH | 1u << HG_PLANE_EMISSION;
+        struct hg_view *view = open_room(rig, &params);
+        settle(view);
+        for (int k = 0; k < 3; k++)
+            test_ok(hg_view_read_plane(view, which[k], &planes[i][k], &err), &err);
+        pixels[i] = pixels_of(view);
+        if (i == 1)
+            test_ok(hg_view_read_plane(view, HG_PLANE_NOISY, &noisy, &err), &err);
+        hg_view_destroy(view);
+    }
+    for (int k = 0; k < 3; k++)
+        assert_memory_equal(planes[0][k]->data, planes[1][k]->data, planes[0][k]->size);
+    uint32_t shining = 0;
+    for (size_t i = 0; i < PIXELS; i++) {
+        const float *color = floats(planes[0][0]) + 4 * i, *emission = floats(planes[0][2]) + 3 * i;
+        const float *raw = floats(pixels[0]) + 4 * i, *clean = floats(pixels[1]) + 4 * i;
+        assert_memory_equal(floats(noisy) + 3 * i, color, 3 * sizeof(float));
+        assert_true(raw[3] == clean[3]);
+        if (!(emission[0] > 11.99f))
+            continue;
+        shining++;
+        assert_true(fabsf(clean[0] / raw[0] - 1.0f) < 0.05f);
+    }
+    assert_true(shining > 50);
+    for (int i = 0; i < 6; i++)
+        hg_refbuf_unref(planes[i / 3][i % 3]);
+    hg_refbuf_unref(pixels[0]);
+    hg_refbuf_unref(pixels[1]);
+    hg_refbuf_unref(noisy);
+}
+
+// Frames of one view, each with another seed.
+static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_denoise denoise)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf **all = calloc((size_t)frames, sizeof *all);
+    struct hg_view_params params = params_of(4, 0, denoise);
+    struct hg_view *view = open_room(rig, &params);
+    assert_non_null(all);
+    for (int i = 0; i < frames; i++) {
+        params.seed = (uint32_t)i;
+        test_ok(hg_view_set_params(view, &params, &err), &err);
+        settle(view);
+        all[i] = pixels_of(view);
+    }
+    hg_view_destroy(view);
+    return all;
+}
+
+static double last_change(struct hg_refbuf **frames, int count)
+{
+    return pow(10.0, -psnr(frames[count - 1], frames[count - 2]) / 20.0);
+}
+
+static void drop(struct hg_refbuf **frames, int count)
+{
+    for (int i = 0; i < count; i++)
+        hg_refbuf_unref(frames[i]);
+    free(frames);
+}
+
+static void test_flicker(void **state)
+{
+    struct rig *rig = *state;
+    enum { FRAMES = 8 };
+    room(rig);
+    struct hg_refbuf **raw = animation(rig, FRAMES, HG_DENOISE_OFF);
+    struct hg_refbuf **still = animation(rig, FRAMES, HG_DENOISE_STILL);
+    struct hg_refbuf **smooth = animation(rig, FRAMES, HG_DENOISE_ANIMATION);
+    struct hg_refbuf **again = animation(rig, FRAMES, HG_DENOISE_ANIMATION);
+    const double changes[3] = {
+        last_change(raw, FRAMES), last_change(still, FRAMES), last_change(smooth, FRAMES)};
+    print_message("from frame to frame: raw %.4f, each by itself %.4f, with history %.4f\n",
+        changes[0], changes[1], changes[2]);
+    assert_true(changes[1] < 0.4 * changes[0]);
+    assert_true(changes[2] < 0.5 * changes[1]);
+    assert_memory_equal(still[0]->data, smooth[0]->data, still[0]->size);
+    for (int i = 0; i < FRAMES; i++)
+        assert_memory_equal(smooth[i]->data, again[i]->data, smooth[i]->size);
+    drop(raw, FRAMES);
+    drop(still, FRAMES);
+    drop(smooth, FRAMES);
+    drop(again, FRAMES);
+}
+
+// While samples come in the view shows something, and the last picture is that of a view that was
+// only looked at when it was done.
+static void test_preview(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    room(rig);
+    const struct hg_view_params params = params_of(12, 5, HG_DENOISE_STILL);
+    struct hg_view *view = open_room(rig, &params);
+    hg_view_set_final(view, false);
+    for (int i = 0; i < 100000 && !info.settled; i++) {
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+        hg_refbuf_unref(pixels_of(view));
+    }
+    struct hg_refbuf *seen = pixels_of(view), *unseen = picture(rig, 12, 5, HG_DENOISE_STILL);
+    assert_memory_equal(seen->data, unseen->data, seen->size);
+    hg_refbuf_unref(seen);
+    hg_refbuf_unref(unseen);
+    hg_view_destroy(view);
+}
+
+static int open_rig(void **state)
+{
+    static struct rig rig;
+    rig_init(&rig);
+    *state = &rig;
+    return 0;
+}
+
+static int close_rig(void **state)
+{
+    rig_finish(*state);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_gain),
+        cmocka_unit_test(test_untouched),
+        cmocka_unit_test(test_flicker),
+        cmocka_unit_test(test_preview),
+    };
+    return cmocka_run_group_tests(tests, open_rig, close_rig);
+}
