@@ -25,14 +25,28 @@ static void visible_normal(const float v[3], const float stretched[3], float alp
     out[1] = 2 * out[0] * h[2] * scale - v[2];
 }
 
-// Adds the points of one height of the cap; the half circle stands for both halves.
-static void integrate_ring(
-    const float v[3], const float stretched[3], float alpha, float u, uint32_t n, double ab[2])
+enum { most_points = 512 };
+
+// Midpoints of n pieces of the half circle, which stands for both halves.
+static uint32_t half_circle(uint32_t n, float circle[most_points][2])
+{
+    n = n < most_points ? n : most_points;
+    for (uint32_t i = 0; i < n; i++) {
+        const float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n;
+        circle[i][0] = cosf(phi);
+        circle[i][1] = sinf(phi);
+    }
+    return n;
+}
+
+// Adds the points of one height of the cap.
+static void integrate_ring(const float v[3], const float stretched[3], float alpha, float u,
+    uint32_t n, const float circle[most_points][2], double ab[2])
 {
     float z = (1 - u) * (1 + stretched[2]) - stretched[2];
     for (uint32_t i = 0; i < n; i++) {
-        float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n, c[2];
-        visible_normal(v, stretched, alpha, (float[2]){cosf(phi), sinf(phi)}, z, c);
+        float c[2];
+        visible_normal(v, stretched, alpha, circle[i], z, c);
         if (c[1] <= 0)
             continue;
         float g = smith_g2_over_g1(c[1], v[2], alpha * alpha);
@@ -48,11 +62,13 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2])
     float stretched[3] = {v[0] * alpha, 0, v[2]};
     hg_normalize3(stretched);
     double sum[2] = {0, 0};
+    float circle[most_points][2];
+    n = half_circle(n, circle);
     for (uint32_t j = 0; j < n; j++) {
         // Midpoints of t with u = t^2 (3 - 2 t): the ends, where the integrand bends, lie denser.
         float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
         double ring[2] = {0, 0};
-        integrate_ring(v, stretched, alpha, u, n, ring);
+        integrate_ring(v, stretched, alpha, u, n, circle, ring);
         sum[0] += ring[0] * (double)(6 * t * (1 - t));
         sum[1] += ring[1] * (double)(6 * t * (1 - t));
     }
@@ -107,14 +123,15 @@ float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
     const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
     const float lambda_v = sheen_lambda(n_dot_v, alpha);
     double sum = 0;
+    float circle[most_points][2];
+    n = half_circle(n, circle);
     for (uint32_t j = 0; j < n; j++) {
         // Cosines t^2: grazing directions, which get most of it, lie denser.
         const float t = ((float)j + 0.5f) / (float)n, z = t * t, s = sqrtf(1 - z * z);
         const float lambda = sheen_lambda(z, alpha) + lambda_v;
         double ring = 0;
         for (uint32_t i = 0; i < n; i++) {
-            const float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n;
-            float h[3] = {v[0] + s * cosf(phi), s * sinf(phi), v[2] + z};
+            float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
             const float scale = 1 / hg_dot3(h, h), sin2 = (h[0] * h[0] + h[1] * h[1]) * scale;
             ring += (double)powf(sin2, 0.5f / alpha);
         }
