@@ -287,6 +287,10 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     hg_vertex v = hg_fetch_hit(hit, p.ray.direction_ws, width);
     hg_surface s = hg_material_evaluate(v);
     s.normal -= s.geometric_normal * (2.0 * min(dot(s.normal, s.geometric_normal), 0.0));
+    s.normal = hg_path_valid_normal(s.normal, s.geometric_normal, -p.ray.direction_ws);
+    if (HG_HAS(HG_FEATURE_CLEARCOAT))
+        s.clearcoat_normal =
+            hg_path_valid_normal(s.clearcoat_normal, s.geometric_normal, -p.ray.direction_ws);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
     hg_sampler points = hg_path_sampler(pixel, number);
