@@ -5,16 +5,19 @@
   cycles.py speed [--scene NAME]...   time to a relative mean squared error of 1e-2
 
 Options: --helio PROGRAM, --data FOLDER (default $HELIO_TEST_DATA or ../shared/data), --size WxH,
---spp N (means: samples of each picture), --reference-spp N, --rounds N, --threads N, --json FILE,
+--spp N (means: samples of each engine), --reference-spp N, --rounds N, --threads N, --json FILE,
 --keep FOLDER. Needs Debian's packages blender, python3-openimageio and python3-numpy.
 
 Both engines read the same glTF file, the same environment, camera and bounces; no denoiser, no
-clamping, a Blackman-Harris filter of 3 pixels. Scenes called "diffuse" have Lambert's law on every surface, which both
-engines describe in the same way; in the others Cycles has its Principled BSDF, whose diffuse lobe
+clamping, a Blackman-Harris filter of 3 pixels. Scenes called "diffuse" have Lambert's law on every
+surface, which both engines describe in the same way; in the others Cycles has its Principled BSDF, whose diffuse lobe
 is Disney's and which does not couple it to the highlight as glTF's BRDF does.
 
-means: the picture is cut into 8 x 8 regions; printed is how far the regions' means differ, leaving
-out regions darker than a hundredth of the picture's mean. speed: each engine is held against its
+means: the picture is cut into --regions (8) in each direction; printed is how far the regions' means
+differ, leaving out regions darker than a hundredth of the picture's mean. Each engine draws four pictures of --spp / 4
+samples with seeds of their own: how these differ is the noise of their mean, printed as the median
+and the largest of one standard deviation of the difference. A region counts as different when it is
+off by more than 2 % and by more than three deviations of its own. speed: each engine is held against its
 own converged picture, so that only noise counts; relMSE = mean((x - r)^2 / (r^2 + (0.01 mean)^2))
 over pixels and channels, without the thousandth with the largest errors. Each round renders a
 quarter of --spp and --spp itself, both engines in turn. The time of a sample follows from the two;
@@ -39,7 +42,6 @@ import OpenImageIO as oiio
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "../../../.."))
 BOUNCES = 16
-REGIONS = 8
 TARGET = 1e-2
 
 SUN = {"towards": (0.25, 0.93, 0.27), "lux": 3.0}
@@ -49,18 +51,22 @@ SCENES = {
                "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
     "sponza-diffuse": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True, "diffuse": True,
                        "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
+    "sponza-flat": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True, "diffuse": True,
+                    "flat": True, "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
     "duck": {"file": "khronos/Duck/glTF/Duck.gltf", "fit": True,
              "env": "hdr/royal_esplanade_1k.hdr"},
     "cornell-diffuse": {"file": "extra-gltf/bevy-CornellBox/CornellBox.glb", "diffuse": True,
                         "fit": True},
     "duck-diffuse": {"file": "khronos/Duck/glTF/Duck.gltf", "diffuse": True, "fit": True,
                      "env": "hdr/noon_grass_1k.hdr"},
-    "fox-diffuse": {"file": "khronos/Fox/glTF/Fox.gltf", "diffuse": True, "fit": True,
+    "fox-diffuse": {"file": "khronos/Fox/glTF-Binary/Fox.glb", "diffuse": True, "fit": True,
                     "env": "hdr/narrow_moonlit_road_1k.hdr"},
     "head": {"file": "khronos/IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", "fit": True,
              "wear": ("scenes/Sponza/glTF/Sponza.gltf", 5), "env": "hdr/royal_esplanade_1k.hdr"},
-    "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF/"
-                            "MetalRoughSpheresNoTextures.gltf", "fit": True,
+    "man-diffuse": {"file": "khronos/CesiumMan/glTF-Binary/CesiumMan.glb", "diffuse": True, "fit": True,
+                    "env": "hdr/royal_esplanade_1k.hdr"},
+    "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF-Binary/"
+                            "MetalRoughSpheresNoTextures.glb", "fit": True,
                     "env": "hdr/royal_esplanade_1k.hdr"},
 }
 
@@ -132,6 +138,16 @@ def wear(gltf, source, number, folder):
         gltf.pop(key, None)
 
 
+def make_flat(gltf):
+    """Normals are those of the triangles: no interpolated ones, no normal maps."""
+    for mesh in gltf["meshes"]:
+        for part in mesh["primitives"]:
+            for name in ("NORMAL", "TANGENT"):
+                part["attributes"].pop(name, None)
+    for material in gltf.get("materials", []):
+        material.pop("normalTexture", None)
+
+
 def read_gltf(file):
     """JSON and, of a .glb, its binary chunk."""
     with open(file, "rb") as f:
@@ -157,10 +173,13 @@ def make_scene(spec, data, folder):
         gltf["buffers"][0]["uri"] = "chunk.bin"
     if "wear" in spec:
         wear(gltf, os.path.join(data, spec["wear"][0]), spec["wear"][1], folder)
+    gltf.pop("animations", None)  # Blender's importer would take the first pose of one
     if spec.get("sun"):
         add_sun(gltf)
     if spec.get("diffuse"):
         make_lambert(gltf)
+    if spec.get("flat"):
+        make_flat(gltf)
     out = os.path.join(folder, "peer-scene.gltf")
     with open(out, "w", encoding="utf8") as f:
         json.dump(gltf, f)
@@ -239,30 +258,52 @@ def read(file):
 
 # --- means ----------------------------------------------------------------------------------------
 
-def regions(pixels):
+def regions(pixels, count):
     height, width = pixels.shape[:2]
-    rows = numpy.array_split(numpy.arange(height), REGIONS)
-    columns = numpy.array_split(numpy.arange(width), REGIONS)
+    rows = numpy.array_split(numpy.arange(height), count)
+    columns = numpy.array_split(numpy.arange(width), count)
     return numpy.array([[pixels[numpy.ix_(r, c)].mean(axis=(0, 1)) for c in columns] for r in rows])
 
 
+SEEDS = 4
+
+
+def region_means(pictures, count):
+    """Means of regions over pictures of several seeds, and the standard deviation of those means."""
+    means = numpy.array([regions(read(p), count) for p in pictures])
+    return means.mean(axis=0), means.std(axis=0, ddof=1) / len(pictures) ** 0.5
+
+
 def compare_means(options, scene):
-    ours, theirs = (os.path.join(scene.folder, f"{n}.exr") for n in ("ours", "cycles"))
-    render_ours(options, scene, options.spp, 1, ours)
-    render_cycles(options, scene, [(options.spp, 1, theirs)])
-    a, b = regions(read(ours)), regions(read(theirs))
+    path = lambda engine, seed: os.path.join(scene.folder, f"{engine}-{seed}.exr")
+    seeds, samples = range(1, SEEDS + 1), max(options.spp // SEEDS, 1)
+    for seed in seeds:
+        render_ours(options, scene, samples, seed, path("ours", seed))
+    render_cycles(options, scene, [(samples, seed, path("cycles", seed)) for seed in seeds])
+    (a, noise_a), (b, noise_b) = (
+        region_means([path(engine, seed) for seed in seeds], options.regions)
+        for engine in ("ours", "cycles"))
     floor = 0.01 * b.mean()
     counted = b.mean(axis=2) > floor
-    off = numpy.abs(a - b).max(axis=2) / numpy.maximum(b.mean(axis=2), 1e-12)
-    off = off[counted]
+    level = numpy.maximum(b.mean(axis=2), 1e-12)
+    off = numpy.abs(a - b).max(axis=2) / level
+    noise = numpy.sqrt((noise_a ** 2 + noise_b ** 2).max(axis=2)) / level
+    different = counted & (off > 0.02) & (off > 3 * noise)
+    off, noise = off[counted], noise[counted]
     result = {"regions": int(counted.sum()), "mean_ratio": float(a.mean() / b.mean()),
               "median_percent": float(numpy.median(off) * 100),
               "p95_percent": float(numpy.percentile(off, 95) * 100),
               "max_percent": float(off.max() * 100),
-              "within_2_percent": float((off <= 0.02).mean())}
+              "noise_median_percent": float(numpy.median(noise) * 100),
+              "noise_max_percent": float(noise.max() * 100),
+              "within_2_percent": float((off <= 0.02).mean()),
+              "different": [[int(y), int(x), float(a[y, x].mean() / b[y, x].mean())]
+                            for y, x in zip(*numpy.nonzero(different))]}
     print(f"{scene.name:18} mean {result['mean_ratio']:.4f}  regions off by median "
           f"{result['median_percent']:.2f} %, p95 {result['p95_percent']:.2f} %, worst "
-          f"{result['max_percent']:.2f} %; {result['within_2_percent'] * 100:.0f} % within 2 %")
+          f"{result['max_percent']:.2f} %; noise median {result['noise_median_percent']:.2f} %, "
+          f"worst {result['noise_max_percent']:.2f} %; {result['within_2_percent'] * 100:.0f} % "
+          f"within 2 %, {len(result['different'])} of {result['regions']} different", flush=True)
     return result
 
 
@@ -334,6 +375,7 @@ def parse():
         "HELIO_TEST_DATA", os.path.join(ROOT, "../shared/data")))
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--spp", type=int, default=0)
+    parser.add_argument("--regions", type=int, default=8)
     parser.add_argument("--reference-spp", type=int, default=2048)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
