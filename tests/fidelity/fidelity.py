@@ -3,12 +3,20 @@
 
 usage: fidelity.py --data DIR --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
                    [--only NAME]... [--jobs N] [--spp N] [--candidate ENGINE]
+                   [--path all|NAME,...] [--path-spp N] [--no-realtime]
 
 Every scenario of DIR/fidelity/scenarios.json is rendered through the command line at the size the
 other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
 metric (see score.h). Rasterisers are compared with rasterisers. A scenario counts when its materials are covered, and passes when
 our median distance to the others is no larger than the typical distance among them. At least 80 %
 must pass, and explanations.txt must explain exactly the others, one line each.
+
+--path-spp N: samples of path mode; 0, the default, chooses 4 to 64 for each scenario, so that noise
+lies some 3 dB below the distance that decides (a full frame at 16 samples is about -31 dB off).
+--path renders scenarios in path mode as well and ranks those pictures among the path tracers. A
+scenario passes there when at most one path tracer has a smaller median distance to the others of
+them than we have; at least 70 % must pass. With names in place of "all" each of them must, unless
+explanations.txt has a line "path NAME: reason". --no-realtime leaves out the rest.
 
 --candidate scores one engine's pictures in place of ours (no rendering): a rehearsal of the
 harness that shows how the engines themselves would rank.
@@ -32,9 +40,11 @@ PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
 OUTLIERS = ("dspbr-pt", "rhodonite")
 NOT_READ = {"KHR_texture_basisu"}
 AIM = 0.8
+PATH_AIM = 0.7
 # Scenarios this near to the line may or may not be explained: versions of Mesa move them across.
 NEAR_DB = 0.3
-SECONDS_PER_SCENARIO = 240
+ALIKE_DB = -10
+SECONDS_PER_SCENARIO = {"realtime": 240, "path": 1800}
 
 
 def extensions_used(path):
@@ -93,19 +103,40 @@ class Harness:
         size = statistics.mode(near)
         return {e: f for e, f in files.items() if sizes[e] == size}, size
 
-    def render(self, scenario, out):
+    def path_samples(self, name, goldens, size, peers):
+        """Samples per pixel whose noise does not decide the place among the path tracers; None:
+        there are no two that show the same."""
+        base = os.path.join(self.options.out, name + ".peers")
+        matrix = self.distances(base, size, [goldens[e] for e in peers])
+        seats = alike(matrix, range(len(peers)))
+        if len(seats) < 2:
+            return None
+        if self.options.path_spp:
+            return self.options.path_spp
+        between = [statistics.median(matrix[e][o] for o in seats if o != e) for e in seats]
+        needed = 16 * 2 ** ((-28 - sorted(between)[1]) / 3)
+        return int(min(max(2 ** math.ceil(math.log2(max(needed, 1))), 4), 64))
+
+    def distances(self, base, size, pictures):
+        """Matrix of distances in dB; draws BASE.strip.png and BASE.png, the first one's thumb."""
+        text = subprocess.run(
+            [self.options.score, "compare", "%dx%d" % size, base + ".strip.png", base + ".png"] +
+            pictures, check=True, stdout=subprocess.PIPE, text=True).stdout
+        return [[float(v) for v in line.split()] for line in text.splitlines()]
+
+    def render(self, scenario, mode, spp, out):
         options = self.options
         command = [options.helio, "render", os.path.join(options.data, scenario["modelFile"]),
                    "-o", out, "--size", "%dx%d" % full_size(scenario),
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
-                   "--tonemap", "aces", "--spp", str(options.spp), "--progress", "none"]
+                   "--tonemap", "aces", "--mode", mode, "--spp", str(spp), "--progress", "none"]
         command += camera_arguments(scenario)
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                  text=True, errors="replace", timeout=SECONDS_PER_SCENARIO)
+                                  text=True, errors="replace", timeout=SECONDS_PER_SCENARIO[mode])
         except subprocess.TimeoutExpired:
-            return "took more than %d s" % SECONDS_PER_SCENARIO
+            return "took more than %d s" % SECONDS_PER_SCENARIO[mode]
         if done.returncode:
             lines = done.stdout.strip().splitlines()
             return "exit code %d: %s" % (done.returncode, lines[-1] if lines else "no message")
@@ -128,36 +159,68 @@ class Harness:
             if mine not in goldens:
                 return dict(record, state="no picture", why="%s has none" % mine)
             first = goldens.pop(mine)
-        group = [e for e in RASTERISERS if e in goldens]
-        if len(group) < 2:
-            return dict(record, state="no peers", why="%d comparable pictures" % len(group))
-        if not mine:
-            first = os.path.join(self.options.out, name + ".full.png")
-            started = time.monotonic()
-            failure = self.render(scenario, first)
-            record["seconds"] = round(time.monotonic() - started, 2)
-            if failure:
-                return dict(record, state="failed", why=failure)
-        return self.score(record, first, goldens, size)
+        for mode, engines, suffix in (("realtime", RASTERISERS, ""), ("path", PATH_TRACERS, ".path")):
+            if not self.wanted(mode, name):
+                continue
+            peers = [e for e in engines if e in goldens]
+            if len(peers) < 2:
+                if mode == "realtime":
+                    record = dict(
+                        record, state="no peers", why="%d comparable pictures" % len(peers))
+                continue
+            if not mine:
+                first = os.path.join(self.options.out, name + suffix + ".full.png")
+                started = time.monotonic()
+                spp = self.options.spp
+                if mode == "path":
+                    spp = self.path_samples(name, goldens, size, peers)
+                if spp is None:
+                    continue
+                failure = self.render(scenario, mode, spp, first)
+                seconds = round(time.monotonic() - started, 2)
+                if failure:
+                    return dict(record, state="failed", why="%s mode: %s" % (mode, failure))
+            scored = self.score(name + suffix, first, goldens, size)
+            if not mine:
+                scored["seconds"], scored["samples"] = seconds, spp
+            if mode == "realtime":
+                record.update(scored)
+                group = record["rasterisers"]
+                record["passes"] = group["ours_db"] <= group["typical_db"]
+            elif "path_tracers" in scored:
+                group = scored["path_tracers"]
+                nearer = sum(db < group["ours_db"] for db in group["each_db"])
+                record["path"] = dict(scored, place=nearer + 1, passes=nearer <= 1)
+        return record
 
-    def score(self, record, first, goldens, size):
+    def wanted(self, mode, name):
+        options = self.options
+        if mode == "realtime":
+            return not options.no_realtime
+        return options.path == "all" or name in options.path.split(",")
+
+    def score(self, name, first, goldens, size):
+        record = {}
         order = [e for e in RASTERISERS + PATH_TRACERS + OUTLIERS if e in goldens]
-        base = os.path.join(self.options.out, record["name"])
-        text = subprocess.run(
-            [self.options.score, "compare", "%dx%d" % size, base + ".strip.png", base + ".png",
-             first] + [goldens[e] for e in order],
-            check=True, stdout=subprocess.PIPE, text=True).stdout
-        matrix = [[float(v) for v in line.split()] for line in text.splitlines()]
+        base = os.path.join(self.options.out, name)
+        matrix = self.distances(base, size, [first] + [goldens[e] for e in order])
         record["engines"] = order
         record["matrix_db"] = matrix
         record["ours_db"] = dict(zip(order, matrix[0][1:]))
         for key, engines in (("rasterisers", RASTERISERS), ("path_tracers", PATH_TRACERS)):
             group = [order.index(e) + 1 for e in engines if e in order]
+            if key == "path_tracers":
+                group = alike(matrix, group)
             if len(group) > 1:
                 record[key] = rank(matrix, group)
-        group = record["rasterisers"]
-        record["passes"] = group["ours_db"] <= group["typical_db"]
         return record
+
+
+def alike(matrix, group):
+    """Those of a group that show what one of the others shows: a picture that is empty, or of
+    something else, is no part of a consensus."""
+    return [e for e in group
+            if min((matrix[e][o] for o in group if o != e), default=0) <= ALIKE_DB]
 
 
 def rank(matrix, group):
@@ -189,7 +252,7 @@ def read_explanations(path):
 
 def judge(records, explanations, checked):
     """(covered, passed, complaints)."""
-    covered = [r for r in records if r["state"] == "scored" and not r["later"]]
+    covered = [r for r in records if "passes" in r and not r["later"]]
     passed = [r for r in covered if r["passes"]]
     complaints = ["%s: not rendered: %s" % (r["name"], r["why"]) for r in records
                   if r["state"] == "failed"]
@@ -212,6 +275,30 @@ def judge(records, explanations, checked):
     return covered, passed, complaints
 
 
+def judge_path(records, explanations, wanted, full):
+    """(covered, passed, complaints) of path mode. wanted: names that must be there."""
+    covered = [r for r in records if "path" in r and not r["later"]]
+    passed = [r for r in covered if r["path"]["passes"]]
+    complaints = []
+    names = {r["name"] for r in covered}
+    for name in wanted:
+        if name not in names:
+            complaints.append("%s: not scored in path mode" % name)
+    if full and len(passed) < PATH_AIM * max(len(covered), 1):
+        complaints.append("%d of %d scenarios pass in path mode, the aim is %d %%" % (
+            len(passed), len(covered), PATH_AIM * 100))
+    for record in covered:
+        group, key = record["path"]["path_tracers"], "path " + record["name"]
+        second = sorted(group["each_db"])[1]
+        if group["ours_db"] > second + NEAR_DB and key not in explanations:
+            complaints.append("%s: in path mode farther off than two path tracers by %.2f dB, and "
+                              "explanations.txt does not say why" % (
+                                  record["name"], group["ours_db"] - second))
+        if group["ours_db"] < second - NEAR_DB and key in explanations:
+            complaints.append("%s: needs no explanation for path mode" % record["name"])
+    return covered, passed, complaints
+
+
 STYLE = """body{font:14px sans-serif;margin:2em;background:#fff;color:#222}
 img{max-width:100%;border:1px solid #ccc}h2{margin:1.6em 0 .2em}
 .good{color:#176e2c}.bad{color:#a11}.grey{color:#777}table{border-collapse:collapse}
@@ -223,7 +310,33 @@ def describe(record, explanations):
     parts = ["<h2 id='%s'>%s</h2>" % (name, name)]
     if record["state"] != "scored":
         parts.append("<p class=grey>%s: %s</p>" % (record["state"], html.escape(record["why"])))
-        return parts
+    if "rasterisers" in record and "passes" in record:
+        parts += describe_realtime(record, explanations, name)
+    if "path" in record:
+        parts += describe_path(record, explanations, name)
+    return parts
+
+
+def distances(record):
+    return "<table><tr><th>ours" + "".join("<th>" + e for e in record["engines"]) + \
+        "</tr><tr><td>" + "".join("<td>%.2f" % record["ours_db"][e] for e in record["engines"]) + \
+        "</tr></table>"
+
+
+def describe_path(record, explanations, name):
+    path = record["path"]
+    group = path["path_tracers"]
+    parts = ["<p class=%s>path mode, place %d among %d path tracers and us: ours %.2f dB, theirs "
+             "%s dB</p>" % ("good" if path["passes"] else "bad", path["place"],
+                            len(group["each_db"]), group["ours_db"],
+                            ", ".join("%.2f" % db for db in group["each_db"]))]
+    if "path " + record["name"] in explanations:
+        parts.append("<p>%s</p>" % html.escape(explanations["path " + record["name"]]))
+    return parts + [distances(path), "<img src='%s.path.strip.png' alt='strip'>" % name]
+
+
+def describe_realtime(record, explanations, name):
+    parts = []
     group = record["rasterisers"]
     kind = "later" if record["later"] else "good" if record["passes"] else "bad"
     word = {"good": "no farther than the others", "bad": "farther than the others",
@@ -237,9 +350,7 @@ def describe(record, explanations):
         traced = record["path_tracers"]
         parts.append("<p class=grey>against path tracers: ours %.2f dB, among them %.2f dB</p>" % (
             traced["ours_db"], traced["typical_db"]))
-    parts.append("<table><tr><th>ours" + "".join("<th>" + e for e in record["engines"]) +
-                 "</tr><tr><td>" + "".join("<td>%.2f" % record["ours_db"][e]
-                                           for e in record["engines"]) + "</tr></table>")
+    parts.append(distances(record))
     parts.append("<img src='%s.strip.png' alt='strip'>" % name)
     return parts
 
@@ -268,6 +379,9 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--spp", type=int, default=5)
     parser.add_argument("--candidate")
+    parser.add_argument("--path", default="")
+    parser.add_argument("--path-spp", type=int, default=0)
+    parser.add_argument("--no-realtime", action="store_true")
     options = parser.parse_args()
     path = os.path.join(options.data, "fidelity", "scenarios.json")
     if not os.path.exists(path):
@@ -281,7 +395,8 @@ def main():
         records = list(pool.map(lambda n: harness.run(n, scenarios[n]), names))
     explanations = read_explanations(options.explanations)
     covered, passed, complaints = judge(
-        records, explanations, not options.only and not options.candidate)
+        records, explanations,
+        not options.only and not options.candidate and not options.no_realtime)
     states = {s: sum(r["state"] == s for r in records)
               for s in ("not held", "no peers", "no picture", "failed")}
     summary = "fidelity: %d of %d covered scenarios no farther than the other engines; %d with " \
@@ -289,6 +404,14 @@ def main():
             len(passed), len(covered),
             sum(r["state"] == "scored" and bool(r["later"]) for r in records),
             "".join("; %d %s" % (n, s) for s, n in states.items() if n))
+    if options.path:
+        everything = options.path == "all"
+        traced, good, more = judge_path(
+            records, explanations, [] if everything else options.path.split(","),
+            everything and not options.only)
+        complaints += more if not options.candidate else []
+        summary += "; path mode: %d of %d closest or second closest to the path tracers" % (
+            len(good), len(traced))
     write_report(options.out, records, explanations, summary)
     for record in records:
         if record["state"] in ("not held", "no peers"):
