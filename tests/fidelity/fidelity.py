@@ -11,8 +11,10 @@ metric (see score.h). Rasterisers are compared with rasterisers. A scenario coun
 our median distance to the others is no larger than the typical distance among them. At least 80 %
 must pass, and explanations.txt must explain exactly the others, one line each.
 
---path-spp N: samples of path mode; 0, the default, chooses 4 to 64 for each scenario, so that noise
+--path-spp N: samples of path mode; 0, the default, chooses 4 or more for each scenario, so that noise
 lies some 3 dB below the distance that decides (a full frame at 16 samples is about -31 dB off).
+--path-most N: no scenario gets more (64). --path-denoise: those that need more get the denoiser, which
+can only take them farther from a picture without noise than more samples would.
 --path renders scenarios in path mode as well and ranks those pictures among the path tracers. A
 scenario passes there when at most one path tracer has a smaller median distance to the others of
 them than we have; at least 70 % must pass. With names in place of "all" each of them must, unless
@@ -115,7 +117,7 @@ class Harness:
             return self.options.path_spp
         between = [statistics.median(matrix[e][o] for o in seats if o != e) for e in seats]
         needed = 16 * 2 ** ((-28 - sorted(between)[1]) / 3)
-        return int(min(max(2 ** math.ceil(math.log2(max(needed, 1))), 4), 64))
+        return int(max(2 ** math.ceil(math.log2(max(needed, 1))), 4))
 
     def distances(self, base, size, pictures):
         """Matrix of distances in dB; draws BASE.strip.png and BASE.png, the first one's thumb."""
@@ -124,14 +126,14 @@ class Harness:
             pictures, check=True, stdout=subprocess.PIPE, text=True).stdout
         return [[float(v) for v in line.split()] for line in text.splitlines()]
 
-    def render(self, scenario, mode, spp, out):
+    def render(self, scenario, mode, spp, out, denoise=False):
         options = self.options
         command = [options.helio, "render", os.path.join(options.data, scenario["modelFile"]),
                    "-o", out, "--size", "%dx%d" % full_size(scenario),
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
                    "--tonemap", "aces", "--mode", mode, "--spp", str(spp), "--progress", "none"]
-        command += camera_arguments(scenario)
+        command += camera_arguments(scenario) + (["--denoise"] if denoise else [])
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                   text=True, errors="replace", timeout=SECONDS_PER_SCENARIO[mode])
@@ -176,7 +178,10 @@ class Harness:
                     spp = self.path_samples(name, goldens, size, peers)
                 if spp is None:
                     continue
-                failure = self.render(scenario, mode, spp, first)
+                most, denoise = self.options.path_most, False
+                if mode == "path" and spp > most:
+                    spp, denoise = most, self.options.path_denoise
+                failure = self.render(scenario, mode, spp, first, denoise)
                 seconds = round(time.monotonic() - started, 2)
                 if failure:
                     return dict(record, state="failed", why="%s mode: %s" % (mode, failure))
@@ -191,6 +196,8 @@ class Harness:
                 group = scored["path_tracers"]
                 nearer = sum(db < group["ours_db"] for db in group["each_db"])
                 record["path"] = dict(scored, place=nearer + 1, passes=nearer <= 1)
+                if not mine:
+                    record["path"]["denoised"] = denoise
         return record
 
     def wanted(self, mode, name):
@@ -381,6 +388,8 @@ def main():
     parser.add_argument("--candidate")
     parser.add_argument("--path", default="")
     parser.add_argument("--path-spp", type=int, default=0)
+    parser.add_argument("--path-most", type=int, default=64)
+    parser.add_argument("--path-denoise", action="store_true")
     parser.add_argument("--no-realtime", action="store_true")
     options = parser.parse_args()
     path = os.path.join(options.data, "fidelity", "scenarios.json")

@@ -4,6 +4,7 @@
 #
 # The job: scene (glTF file), environment (equirectangular file or null), environment_intensity,
 # eye, target (metres, y up), vfov_deg, width, height, bounces, materials (principled|diffuse),
+# blends (true: between texels),
 # renders: [{samples, seed, out (EXR)}]. Prints one line "cycles: JSON" per render: seconds of the
 # whole render, writing the file included.
 import json
@@ -107,10 +108,20 @@ def make_diffuse(material):
             tree.links.new(shader, link.to_socket)
 
 
-def set_materials(kind):
+def filter_linearly(material):
+    """Cycles blends neighbouring texels of 8-bit pictures by their display values, which is darker than
+    the mean of their light; without blending means are right."""
+    for node in material.node_tree.nodes:
+        if node.type == "TEX_IMAGE":
+            node.interpolation = "Closest"
+
+
+def set_materials(kind, blends):
     for material in bpy.data.materials:
         if not material.use_nodes:
             continue
+        if not blends:
+            filter_linearly(material)
         if material.blend_method == "CLIP":
             cut_alpha(material)
         if kind == "diffuse":
@@ -153,7 +164,7 @@ def main():
         filepath=job["scene"], convert_lighting_mode="COMPAT")
     look(job)
     light(job)
-    set_materials(job.get("materials", "principled"))
+    set_materials(job.get("materials", "principled"), job.get("blends", True))
     for item in bpy.data.objects:  # lifts rays off smooth meshes, which brightens them
         item.cycles.shadow_terminator_geometry_offset = 0
     settle(job)

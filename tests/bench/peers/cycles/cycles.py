@@ -233,6 +233,7 @@ def render_cycles(options, scene, renders):
     width, height = (int(v) for v in options.size.split("x"))
     job = {"scene": scene.file, "environment": scene.env, "width": width, "height": height,
            "bounces": BOUNCES, "threads": options.threads, "materials": scene.materials,
+           "blends": options.what != "means",
            "renders": [dict(zip(("samples", "seed", "out"), r)) for r in renders], **scene.camera}
     file = os.path.join(scene.folder, "job.json")
     with open(file, "w", encoding="utf8") as f:
