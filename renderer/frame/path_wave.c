@@ -195,7 +195,10 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
         list->buffer.address + (uint64_t)first * 4, count, 0, p->second, 0};
     if (view->stream.on)
         hg_page_cache_begin(pages_of(view), cmd);
-    status = hg_path_record(&pass, kernel, p->options | p->may, &block, &push, err);
+    const bool shades =
+        kernel == HG_PATH_SHADE || kernel == HG_PATH_MISS || kernel == HG_PATH_SURFACE;
+    const uint32_t options = p->options | p->may | (shades && p->bounce == 0 ? HG_PATH_FIRST : 0);
+    status = hg_path_record(&pass, kernel, options, &block, &push, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;

@@ -85,13 +85,8 @@ void main()
     hg_path.rays.v[slot] = ray;
     hg_path.status.v[slot] = inside ? HG_PATH_LIVE : HG_PATH_DONE;
 
-    hg_path_set3(HG_PATH_THROUGHPUT, slot, vec3(1.0));
-    hg_path_set(HG_PATH_PDF, slot, 0.0);
-    hg_path_set(HG_PATH_FLAGS, slot, uintBitsToFloat(0u));
+    // The rest of the state is known to HG_PATH_FIRST.
     hg_path_set(HG_PATH_CONE, slot, hg_path_pack_cone(width, spread));
-    hg_path_set(HG_PATH_NORMAL, slot, 0.0);
-    hg_path_set(HG_PATH_MEDIA, slot, uintBitsToFloat(0u));
-    hg_path_set(HG_PATH_MEDIA + 1u, slot, uintBitsToFloat(0u));
     for (uint k = 0u; k < hg_path.channels - 1u; k++) // squares are not among them
         hg_path_set(HG_PATH_OUT + k, slot, 0.0);
 }

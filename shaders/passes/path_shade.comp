@@ -306,6 +306,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     // Nothing there: holes, and what only has a front.
     p.steps++;
     if (ub.w >= s.alpha || (s.unlit && behind && p.bounce == 0u)) {
+        if (HG_PATH_CAN(HG_PATH_FIRST))
+            store(p, 0.0);
         hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
         return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
     }
@@ -358,6 +360,28 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     return status;
 }
 
+void load_state(inout path p)
+{
+    p.flags = 0u;
+    p.throughput = vec3(1.0);
+    p.pdf = 0.0;
+    p.normal = vec3(0.0);
+    p.media = uvec2(0u);
+    if (!HG_PATH_CAN(HG_PATH_FIRST)) {
+        p.flags = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, p.slot));
+        p.throughput = hg_path_get3(HG_PATH_THROUGHPUT, p.slot);
+        p.pdf = hg_path_get(HG_PATH_PDF, p.slot);
+        p.normal = hg_decode_normal(floatBitsToUint(hg_path_get(HG_PATH_NORMAL, p.slot)));
+        if (HG_MEDIA)
+            p.media = floatBitsToUint(vec2(hg_path_get(HG_PATH_MEDIA, p.slot),
+                hg_path_get(HG_PATH_MEDIA + 1u, p.slot)));
+    }
+    if ((p.flags & HG_PATH_BOTH_SIDES) != 0u)
+        p.normal = vec3(0.0);
+    p.steps = p.flags & HG_PATH_STEPS_MASK;
+    p.bounce = bitfieldExtract(p.flags, HG_PATH_BOUNCE_SHIFT, 9);
+}
+
 void main()
 {
     uint i = gl_GlobalInvocationID.x;
@@ -366,18 +390,7 @@ void main()
     path p;
     p.slot = push.list.v[i];
     uvec2 pixel = hg_path_pixel(p.slot);
-    p.flags = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, p.slot));
-    p.steps = p.flags & HG_PATH_STEPS_MASK;
-    p.bounce = bitfieldExtract(p.flags, HG_PATH_BOUNCE_SHIFT, 9);
-    p.throughput = hg_path_get3(HG_PATH_THROUGHPUT, p.slot);
-    p.pdf = hg_path_get(HG_PATH_PDF, p.slot);
-    p.normal = hg_decode_normal(floatBitsToUint(hg_path_get(HG_PATH_NORMAL, p.slot)));
-    if ((p.flags & HG_PATH_BOTH_SIDES) != 0u)
-        p.normal = vec3(0.0);
-    p.media = uvec2(0u);
-    if (HG_MEDIA)
-        p.media = floatBitsToUint(vec2(hg_path_get(HG_PATH_MEDIA, p.slot),
-            hg_path_get(HG_PATH_MEDIA + 1u, p.slot)));
+    load_state(p);
     p.ray = hg_path.rays.v[p.slot];
     hg_path_time = p.ray.time;
     hg_gpu_hit hit = hg_path.hits.v[p.slot];
@@ -392,14 +405,8 @@ void main()
         status = surface(p, hit, pixel);
     hg_texture_report(pixel);
     hg_path.status.v[p.slot] = status;
-    if (status == HG_PATH_WAITS)
+    if (status == HG_PATH_WAITS || kind == 1u)
         return;
-    if ((status & HG_PATH_LIVE) == 0u)
-        hg_path.rays.v[p.slot].t_max = -1.0;
-    if ((status & HG_PATH_SHADOW) == 0u)
-        hg_path.shadow_rays.v[p.slot].t_max = -1.0;
-    if (HG_PATH_CAN(HG_PATH_SUNS_APART) && (status & HG_PATH_SUN) == 0u)
-        hg_path.shadow_rays.v[p.slot + hg_path.capacity].t_max = -1.0;
     hg_path_set(HG_PATH_FLAGS, p.slot,
         uintBitsToFloat((p.flags & ~(HG_PATH_STEPS_MASK | (HG_PATH_BOUNCE_MASK << HG_PATH_BOUNCE_SHIFT))) |
             p.steps | (p.bounce << HG_PATH_BOUNCE_SHIFT)));

@@ -88,9 +88,7 @@ void main()
         hg_path.status.v[slot] = (hg_path.status.v[slot] & ((1u << HG_PATH_HOLES_SHIFT) - 1u)) |
             (passed << HG_PATH_HOLES_SHIFT);
     }
-    if (over) {
-        hg_path.shadow_rays.v[at].t_max = -1.0;
+    if (over)
         hg_path.status.v[slot] &=
             ((1u << HG_PATH_HOLES_SHIFT) - 1u) & ~(HG_PATH_SHADOW << push.second);
-    }
 }

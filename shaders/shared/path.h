@@ -127,6 +127,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_BLURS  0x1u // something moves while the shutter is open
 #define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
+#define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
 // Uniform block HG_BIND_PATH.

@@ -82,6 +82,28 @@ static void test_sphere_light(void **state)
     assert_true(fabs(mean / expected - 1.0) < 0.005);
 }
 
+// Two directional lights have a ray of their own beside that to a lamp or the environment: what
+// each of the four brings to a Lambert plane adds up.
+static void test_sun_apart(void **state)
+{
+    struct rig *rig = *state;
+    static const float eye[3] = {0, 0.6f, 1.2f}, origin[3] = {0, 0, 0};
+    static const double high[3] = {0, 2, 0}, down[3] = {0, -1, 0};
+    static const double aslant[3] = {0.8660254037844386, -0.5, 0};
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.5f), 5);
+    path_rig_environment(rig, 0.7f);
+    rig_light(rig, HG_LIGHT_DIRECTIONAL, high, down)->intensity = 2.0f;
+    rig_light(rig, HG_LIGHT_DIRECTIONAL, high, aslant)->intensity = 1.0f;
+    rig_light(rig, HG_LIGHT_POINT, high, down)->intensity = 3.0f;
+    struct hg_view_params params = defaults;
+    params.samples = 256;
+    const double mean = render(rig, &params, eye, origin, 0.02f, 1.0);
+    const double expected = 0.5 * ((2.0 + 0.5 + 3.0 / 4.0) / M_PI + 0.7);
+    print_message("suns, lamp and sky: %.5f, %.5f expected\n", mean, expected);
+    assert_true(fabs(mean / expected - 1.0) < 0.002);
+}
+
 // A surface with one side from behind, where nothing is black: it reflects as from the front, and
 // what it emits is not seen there.
 static void test_back_face(void **state)
@@ -284,7 +306,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
         cmocka_unit_test(test_back_face), cmocka_unit_test(test_planes),
-        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_estimators),
-        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
+        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_sun_apart),
+        cmocka_unit_test(test_estimators), cmocka_unit_test(test_slabs),
+        cmocka_unit_test(test_resume)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
