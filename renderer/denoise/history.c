@@ -8,16 +8,18 @@
 #define NORMAL_LEAST 0.9f  // cosine between normals of the same surface
 #define DEPTH_REACH  0.02f // difference of depths of the same place, relative
 #define CHANGE_REACH 2.0f  // standard deviations of a patch that are no change
+#define STILL_PX     0.02  // px that count as none
+#define ALBEDO_REACH 4.0f  // standard deviations of an albedo that are no change
 #define PATCH        3     // px: radius of what is compared
 
-enum { KEPT = HG_DN_KINDS * 5 + 5 }; // planes of a picture
+enum { KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 5 }; // planes of a picture
 
 // A picture that was made: [height][width] of each plane.
 struct past {
     uint32_t width, height; // 0 = none
     struct hg_denoise_camera camera;
     float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS];
-    float *normal[3], *disparity, *seen;
+    float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen;
     float *memory;
 };
 
@@ -68,6 +70,8 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
         &past->normal[0], &past->normal[1], &past->normal[2], &past->disparity, &past->seen};
     for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += pixels)
         *single[i] = at;
+    for (int i = 0; i < HG_DN_LOBES * 3; i++, at += pixels)
+        past->albedo[i / 3][i % 3] = at;
     for (int k = 0; k < HG_DN_KINDS; k++) {
         float **each[] = {&past->variance[k], &past->length[k], &past->rgb[k][0], &past->rgb[k][1],
             &past->rgb[k][2]};
@@ -89,6 +93,7 @@ struct work {
     struct past *now;
     struct hg_dn_clean old; // of before, where the pixels of now were; its luma: trust
     float *length[HG_DN_KINDS];
+    float *still; // 1 where a pixel showed the same then, to a part of a pixel
 };
 
 static double dot(const double a[3], const double b[3])
@@ -160,6 +165,21 @@ static void scale(struct work *w, size_t at, float factor)
     }
 }
 
+// Nothing has moved: what edges of pixels show is noisy and may be averaged, albedo and all.
+static bool take_still(struct work *w, uint32_t column, uint32_t row, double x, double y)
+{
+    const struct past *past = w->before;
+    const size_t at = hg_dn_at(w->p, column, row), old = (size_t)row * past->width + column;
+    if (!(fabs(x - column) < STILL_PX && fabs(y - row) < STILL_PX) || column >= past->width ||
+        row >= past->height)
+        return false;
+    if (!(past->seen[old] > 0.0f))
+        return false;
+    take(w, at, old, 1.0f);
+    w->still[at] = 1.0f;
+    return true;
+}
+
 // What the four pixels around the place showed then, of those that showed the same surface.
 static void find_row(void *user, size_t row)
 {
@@ -177,6 +197,8 @@ static void find_row(void *user, size_t row)
         x -= 0.5;
         y -= 0.5;
         if (!(x > -1.0 && y > -1.0 && x < past->width && y < past->height))
+            continue;
+        if (take_still(w, column, (uint32_t)row, x, y))
             continue;
         const int x0 = (int)floor(x), y0 = (int)floor(y);
         float sum = 0.0f;
@@ -256,6 +278,23 @@ static void blend_row(void *user, size_t y)
     }
 }
 
+// Albedos at the edges of what stands still, which are noisy as well: the old one of the same pixel
+// counts where both agree.
+static void blend_albedo(const struct work *w, size_t at, size_t pixel)
+{
+    const struct hg_dn_planes *p = w->p;
+    for (int l = 0; l < HG_DN_LOBES; l++) {
+        const int kind = l == HG_DN_SCATTERS ? HG_DN_INDIRECT : HG_DN_SPECULAR;
+        const float off = luma_at(p->albedo[l], at) - luma_at(w->before->albedo[l], pixel);
+        const float reach = ALBEDO_REACH * ALBEDO_REACH * p->tone_var[l][at];
+        const float length = off * off < reach ? w->length[kind][at] - 1.0f : 0.0f;
+        const float old = length / (length + 1.0f);
+        for (int c = 0; c < 3; c++)
+            p->albedo[l][c][at] =
+                (1.0f - old) * p->albedo[l][c][at] + old * w->before->albedo[l][c][pixel];
+    }
+}
+
 static void keep_row(void *user, size_t y)
 {
     const struct work *w = user;
@@ -269,6 +308,10 @@ static void keep_row(void *user, size_t y)
             now->variance[k][to] = w->clean->variance[k][at];
             now->length[k][to] = w->length[k][at] > 0.0f ? w->length[k][at] : 1.0f;
         }
+        if (w->still[at] > 0.0f)
+            blend_albedo(w, at, to);
+        for (int i = 0; i < HG_DN_LOBES * 3; i++)
+            now->albedo[i / 3][i % 3][to] = p->albedo[i / 3][i % 3][at];
         for (int c = 0; c < 3; c++)
             now->normal[c][to] = p->normal[c][at];
         now->disparity[to] = p->disparity[at];
@@ -280,8 +323,10 @@ static void keep_row(void *user, size_t y)
 
 static float *make_work(struct work *w, const struct hg_dn_planes *p)
 {
-    float *memory = hg_calloc(HG_DN_KINDS * 6 * p->count, sizeof(float));
+    float *memory = hg_calloc((HG_DN_KINDS * 6 + 1) * p->count, sizeof(float));
     float *at = memory;
+    w->still = at;
+    at += memory != NULL ? p->count : 0;
     for (int k = 0; k < HG_DN_KINDS && memory != NULL; k++) {
         float **single[] = {&w->old.rgb[k][0], &w->old.rgb[k][1], &w->old.rgb[k][2],
             &w->old.luma[k], &w->old.variance[k], &w->length[k]};

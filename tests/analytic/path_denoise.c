@@ -109,13 +109,17 @@ static const float *floats(const struct hg_refbuf *buf)
     return (const float *)(const void *)buf->data;
 }
 
-// Of what a display shows of them, about.
+// What a display shows of it, about.
+static double shown(float x)
+{
+    return pow((double)x / (1.0 + (double)x), 1.0 / 2.2);
+}
+
 static double psnr(const struct hg_refbuf *a, const struct hg_refbuf *b)
 {
     double sum = 0.0;
     for (size_t i = 0; i < PIXELS * 4; i++) {
-        const double x = (double)floats(a)[i], y = (double)floats(b)[i];
-        const double d = i % 4 == 3 ? 0.0 : pow(x / (1 + x), 1 / 2.2) - pow(y / (1 + y), 1 / 2.2);
+        const double d = i % 4 == 3 ? 0.0 : shown(floats(a)[i]) - shown(floats(b)[i]);
         sum += d * d;
     }
     return -10.0 * log10(sum / (PIXELS * 3));
@@ -202,6 +206,7 @@ static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_de
     struct hg_error err = {0};
     struct hg_refbuf **all = calloc((size_t)frames, sizeof *all);
     struct hg_view_params params = params_of(4, 0, denoise);
+    params.filter = HG_FILTER_BLACKMAN_HARRIS; // wide: edges are noisy
     struct hg_view *view = open_room(rig, &params);
     assert_non_null(all);
     for (int i = 0; i < frames; i++) {
@@ -214,9 +219,21 @@ static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_de
     return all;
 }
 
+// Root of the mean squared difference of the last two, below the lamp and inside of what is seen:
+// edges of what shines and of alpha stay as they are.
 static double last_change(struct hg_refbuf **frames, int count)
 {
-    return pow(10.0, -psnr(frames[count - 1], frames[count - 2]) / 20.0);
+    const float *a = floats(frames[count - 2]), *b = floats(frames[count - 1]);
+    double sum = 0.0;
+    uint32_t values = 0;
+    for (size_t i = (size_t)WIDTH * (HEIGHT / 4) * 4; i < PIXELS * 4; i++) {
+        if (i % 4 == 3 || a[i | 3] < 1.0f || b[i | 3] < 1.0f)
+            continue;
+        sum += pow(shown(a[i]) - shown(b[i]), 2.0);
+        values++;
+    }
+    assert_true(values > PIXELS);
+    return sqrt(sum / values);
 }
 
 static void drop(struct hg_refbuf **frames, int count)
@@ -240,7 +257,7 @@ static void test_flicker(void **state)
     print_message("from frame to frame: raw %.4f, each by itself %.4f, with history %.4f\n",
         changes[0], changes[1], changes[2]);
     assert_true(changes[1] < 0.4 * changes[0]);
-    assert_true(changes[2] < 0.5 * changes[1]);
+    assert_true(changes[2] < 0.35 * changes[1]);
     assert_memory_equal(still[0]->data, smooth[0]->data, still[0]->size);
     for (int i = 0; i < FRAMES; i++)
         assert_memory_equal(smooth[i]->data, again[i]->data, smooth[i]->size);
