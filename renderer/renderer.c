@@ -427,7 +427,8 @@ static const struct {
     {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
     {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
     {"indirect_transmission", 3}, {"motion", 4}, {"object", 1}, {"material", 1}, {"samples", 1},
-    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3}};
+    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3},
+    {"light_groups", 3}};
 
 uint32_t hg_plane_channels(enum hg_plane plane)
 {
@@ -443,9 +444,25 @@ enum hg_status hg_view_read_plane(
     struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
-    if ((unsigned)plane >= HG_PLANE_COUNT)
+    if ((unsigned)plane >= HG_PLANE_COUNT || plane == HG_PLANE_LIGHT_GROUPS)
         return bad(err, "planes", "plane");
     return hg_path_read(&view->state, (uint32_t)plane, planes[plane].channels, out, err);
+}
+
+uint32_t hg_view_light_groups(const struct hg_view *view)
+{
+    return hg_path_group_count(&view->state);
+}
+
+const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group)
+{
+    return hg_path_group_name(&view->state, group);
+}
+
+enum hg_status hg_view_read_light_group(
+    struct hg_view *view, uint32_t group, struct hg_refbuf **out, struct hg_error *err)
+{
+    return hg_path_read_group(&view->state, group, out, err);
 }
 
 enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)

@@ -108,6 +108,7 @@ enum hg_plane {
                     // came: number of the draw + 1 (0: no more), samples. What comes when there is
                     // no room is left out. For hg_view_read_matte
     HG_PLANE_NOISY, // 3: the colour before it was denoised
+    HG_PLANE_LIGHT_GROUPS, // 3 for each group of lights, see hg_view_light_groups
     HG_PLANE_COUNT
 };
 #define HG_PLANE_DRAWS_LENGTH 8
@@ -226,6 +227,15 @@ enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, str
     struct hg_error *err) HG_MUST_CHECK;
 uint32_t hg_plane_channels(enum hg_plane plane);
 const char *hg_plane_name(enum hg_plane plane); // "direct_diffuse", ...
+
+// Groups of lights of a view that keeps HG_PLANE_LIGHT_GROUPS, once it is path-traced: their number,
+// the environment first; the others by the names of lights, and of nodes whose meshes shine. The sum
+// of all is COLOR, but for what shadow catchers show. Radiance by one: 3 floats a pixel.
+// Errors as of hg_view_read_plane.
+uint32_t hg_view_light_groups(const struct hg_view *view);
+const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group);
+enum hg_status hg_view_read_light_group(struct hg_view *view, uint32_t group,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
 // Cryptomatte of a view that keeps HG_PLANE_DRAWS, by the names of nodes, materials or assets
 // (renderer/image/cryptomatte.h). What has no name goes by its kind and number.

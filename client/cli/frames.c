@@ -354,7 +354,9 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
     const struct hg_cli_frames *f = &o->frames;
     char name[4096];
     if (!o->has_frames) {
-        enum hg_status status = o->has_at ? set_time(r, o->at, err) : HG_OK;
+        bool moves =
+            (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
+        enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, o->output, err);
     }
     double fps = o->has_fps ? o->fps : 24;

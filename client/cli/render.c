@@ -26,6 +26,10 @@ static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error
                        : o->has_trace       ? "--trace"
                        : o->has_max_bounces ? "--max-bounces"
                        : o->has_denoise     ? "--denoise"
+                       : o->has_shutter     ? "--shutter"
+                       : o->has_catcher     ? "--catcher"
+                       : o->has_next_eye    ? "--next-eye"
+                       : o->has_next_target ? "--next-target"
                        : o->has_resume      ? "--resume"
                        : o->has_checkpoint  ? "--checkpoint"
                                             : NULL;
@@ -44,6 +48,8 @@ static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_err
         return usage(err, "--target", "needs --orbit or --eye");
     if (o->has_eye && memcmp(&o->eye, &o->target, sizeof o->eye) == 0)
         return usage(err, "--eye", "and --target are the same point");
+    if ((o->has_next_eye || o->has_next_target) && !o->has_eye)
+        return usage(err, o->has_next_eye ? "--next-eye" : "--next-target", "needs --eye");
     if (o->has_orbit && o->orbit.v[2] < 0)
         return usage(err, "--orbit", "the radius is negative");
     return HG_OK;
@@ -57,8 +63,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--spp", "and --samples differ");
     if (o->has_at && o->has_frames)
         return usage(err, "--at", "cannot be combined with --frames");
-    if (o->has_fps && !o->has_frames)
-        return usage(err, "--fps", "needs --frames");
+    if (o->has_fps && !o->has_frames && !o->has_shutter && !o->has_aov)
+        return usage(err, "--fps", "needs --frames, --shutter or --aov");
     if (o->has_upload && !o->has_connect)
         return usage(err, "--upload", "needs --connect");
     if (o->has_upload && strcmp(o->args[0], "demo:") == 0)
@@ -90,9 +96,33 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
     return status;
 }
 
+static enum hg_status parse_shutter(struct hg_cli_render *r, struct hg_error *err)
+{
+    const char *text = r->o->shutter, *colon = r->o->has_shutter ? strchr(text, ':') : NULL;
+    char first[32];
+    double open = 0, close = 0;
+    if (!r->o->has_shutter)
+        return HG_OK;
+    snprintf(first, sizeof first, "%.*s", colon ? (int)(colon - text) : 31, text);
+    enum hg_status status = hg_cli_parse_number("--shutter", first, -1, 2, &open, err);
+    if (!status && colon)
+        status = hg_cli_parse_number("--shutter", colon + 1, -1, 1, &close, err);
+    if (!status && !colon) {
+        close = open / 2;
+        open = -close;
+    }
+    if (!status && (open > 1 || close < open))
+        status = usage(err, "--shutter", "closes before it opens");
+    r->shutter[0] = (float)open;
+    r->shutter[1] = (float)close;
+    return status;
+}
+
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = check_mode(r->o, err);
+    if (!status)
+        status = parse_shutter(r, err);
     if (!status)
         status = check_combinations(r->o, err);
     if (!status)
@@ -225,6 +255,16 @@ static bool is_animation(const struct hg_cli_options *o)
     return o->has_frames && o->frames.first != o->frames.last;
 }
 
+static enum hg_status set_catcher(struct hg_cli_render *r, struct hg_error *err)
+{
+    struct hgp_node_set node = {.has_catches_shadows = true, .catches_shadows = true};
+    if (!r->o->has_catcher)
+        return HG_OK;
+    enum hg_status status = hg_cli_find_node(&r->cli, r->o->catcher, &node.node, err);
+    r->doing = status ? HG_CLI_DOING_ARGUMENTS : r->doing;
+    return status ? status : helio_call_for(r->cli.h, HGP_T_node_set, &node, HGP_T_ok, NULL, err);
+}
+
 static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
@@ -257,6 +297,12 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
         .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
         .has_planes = r->planes != 0,
         .planes = r->planes,
+        .has_frame_s = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1),
+        .frame_s = (float)(1 / (o->has_fps ? o->fps : 24)),
+        .has_shutter_open = o->has_shutter,
+        .shutter_open = r->shutter[0],
+        .has_shutter_close = o->has_shutter,
+        .shutter_close = r->shutter[1],
     };
     if (o->has_mode && hgp_enum_value("render_mode", o->mode, &value)) {
         view.has_mode = true;
@@ -308,6 +354,12 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
             camera.has_up = true; // +Y would be the line of sight
             camera.up[2] = o->eye.v[1] > o->target.v[1] ? -1 : 1;
         }
+        camera.has_next_eye = o->has_next_eye;
+        camera.has_next_target = o->has_next_target;
+        for (int i = 0; i < 3; i++) {
+            camera.next_eye[i] = (float)o->next_eye.v[i];
+            camera.next_target[i] = (float)o->next_target.v[i];
+        }
     } else if (!o->has_fov) {
         status = hg_cli_find_camera(&r->cli, o->camera, &camera.camera, err);
         camera.has_camera = camera.camera != 0;
@@ -358,6 +410,8 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
         status = load_scene(r, err);
     if (!status)
         status = set_environment(r, err);
+    if (!status)
+        status = set_catcher(r, err);
     if (!status)
         status = set_view(r, err);
     if (!status)

@@ -13,6 +13,7 @@ struct hg_cli_render {
     struct hgp_asset_loaded loaded;
     enum hg_cli_doing doing;
     uint64_t load_ns, upload_bytes, first_frame_ns;
+    float shutter[2]; // frames from the pose
     json_t *frames, *last; // one object per frame written; the newest of them (borrowed)
     uint32_t skipped;      // files that were left as they were
     uint32_t next_frame;   // number of the first frame that is not there yet

@@ -353,6 +353,7 @@ export const messages = {
             { name: "light", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "name", kind: "str", max: 256, since: 1, optional: true },
+            { name: "catches_shadows", kind: "bool", since: 1, optional: true },
         ],
     },
     // make or change a light (KHR_lights_punctual)
@@ -457,6 +458,9 @@ export const messages = {
             { name: "time_limit_s", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "planes", kind: "u32", least: 0, most: 8388607, since: 1, optional: true },
             { name: "denoise", kind: "enum", values: "denoise", since: 1, optional: true },
+            { name: "frame_s", kind: "f32", least: 1e-06, most: 1e+06, since: 1, optional: true },
+            { name: "shutter_open", kind: "f32", least: -1, most: 1, since: 1, optional: true },
+            { name: "shutter_close", kind: "f32", least: -1, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -481,6 +485,9 @@ export const messages = {
             { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
             { name: "near", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
             { name: "far", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "next_eye", kind: "vec3", since: 1, optional: true },
+            { name: "next_target", kind: "vec3", since: 1, optional: true },
+            { name: "next_up", kind: "vec3", since: 1, optional: true },
         ],
     },
     // one frame, answered by frame with this request id

@@ -28,6 +28,7 @@ void hg_path_destroy(struct hg_path *p)
     hg_emitters_destroy(p->emitters);
     hg_cut_free(p->cut);
     hg_path_time_destroy(p);
+    hg_path_groups_destroy(p);
     hg_free(p);
 }
 
@@ -151,6 +152,8 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
         status = hg_path_time_begin(view, err);
     if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
         status = sync_scene(view, err);
+    if (status == HG_OK)
+        status = hg_path_groups_make(view, err);
     if (status == HG_OK)
         status = hg_path_film_create(p, &view->settings, err);
     if (status == HG_OK)
@@ -348,6 +351,8 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
     const struct hg_path_show show = {.film = denoise ? p->denoised.address : p->film.address,
         .samples = p->samples.address,
         .target = &view->accumulated,
+        .catcher = denoise ? HG_PATH_NO_PLANE : p->planes[HG_PATH_PLANE_CATCHER],
+        .transparent = view->settings.background == HG_BACKGROUND_MODE_NONE,
         .clear = p->pass > 0 || !view->path_preview};
     status = hg_path_show_record(&pass, &show, err);
     if (status != HG_OK) {

@@ -56,6 +56,13 @@ float hg_path_noise(const struct hg_path *path);      // estimate, 0 = not known
 // HG_E_STATE: not asked for, or nothing there.
 enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// Groups of lights, of a picture that keeps HG_PATH_PLANE_GROUPS: their names, and the radiance by
+// one of them, [height][width][3] floats. 0, HG_E_STATE: not asked for, or nothing there.
+#define HG_PATH_GROUP_NAME 21 // names that begin alike are one
+uint32_t hg_path_group_count(const struct hg_view_state *view);
+const char *hg_path_group_name(const struct hg_view_state *view, uint32_t group);
+enum hg_status hg_path_read_group(struct hg_view_state *view, uint32_t group,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // Checkpoints (renderer.h). Load: takes effect with the next step, which makes sure of the rest.
 enum hg_status hg_path_save(
     struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

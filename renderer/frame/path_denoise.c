@@ -36,7 +36,10 @@ static void compose(const struct hg_path *p, const float *film, const float *lig
                 const float rest = film[c * pixels + at] - noisy;
                 out[c * pixels + at] = (rest > 0.0f ? rest : 0.0f) + n * clean;
             }
-            out[3 * pixels + at] = film[3 * pixels + at];
+            float sum[4] = {out[at], out[pixels + at], out[2 * pixels + at], film[3 * pixels + at]};
+            hg_path_film_catch(p, film, at, sum);
+            for (size_t c = 0; c < 4; c++)
+                out[c * pixels + at] = sum[c];
         }
     }
 }

@@ -56,7 +56,7 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
 
 // --- memory --------------------------------------------------------------------------------------
 
-static uint32_t channels_of(uint32_t plane)
+static uint32_t channels_of(const struct hg_path *p, uint32_t plane)
 {
     switch (plane) {
     case HG_PATH_PLANE_DEPTH:
@@ -70,6 +70,10 @@ static uint32_t channels_of(uint32_t plane)
         return 2 * HG_PATH_DRAWS_LENGTH;
     case HG_PATH_PLANE_GUIDE:
         return HG_PATH_GUIDE_CHANNELS;
+    case HG_PATH_PLANE_GROUPS:
+        return 3 * p->group_count;
+    case HG_PATH_PLANE_CATCHER:
+        return HG_PATH_CATCHER_WORDS;
     default:
         return 3;
     }
@@ -86,8 +90,10 @@ static void plan_channels(struct hg_path *p, const struct hg_path_settings *sett
             stored = (planes & (1u << HG_PATH_PLANE_DEPTH | 1u << HG_PATH_PLANE_POSITION)) != 0;
         if (i == HG_PATH_PLANE_GUIDE)
             stored = settings->denoise != 0;
+        if (i == HG_PATH_PLANE_CATCHER)
+            stored = (p->options & HG_PATH_CATCHER) != 0;
         p->planes[i] = stored ? p->channels : HG_PATH_NO_PLANE;
-        p->channels += stored ? channels_of(i) : 0;
+        p->channels += stored ? channels_of(p, i) : 0;
     }
     p->sampled_channels = p->channels;
     p->channels += settings->denoise != 0 ? HG_PATH_GUIDE_CHANNELS : 0;
@@ -121,6 +127,7 @@ enum hg_status hg_path_film_create(
     p->columns = (p->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     p->rows = (p->height + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     p->tile_count = p->columns * p->rows;
+    p->transparent = settings->background == HG_BACKGROUND_MODE_NONE;
     plan_channels(p, &settings->path);
     enum hg_status status =
         hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, film_bytes(p), "film", &p->film, err);
@@ -175,6 +182,24 @@ static double variance(const float *film, uint64_t at, uint64_t pixels, double n
     return v > 0.0 ? v : 0.0;
 }
 
+// Share of the light that arrives at a shadow catcher, as far as is known.
+static float caught(const struct hg_path *p, const float *film, uint64_t at)
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    const float *from = film + p->planes[HG_PATH_PLANE_CATCHER] * pixels + at;
+    const float unlit = from[HG_PATH_CATCHER_UNLIT * pixels];
+    return unlit > 0.0f ? fminf(from[0] / unlit, 1.0f) : 1.0f;
+}
+
+// Of a shadow catcher's alpha: no more than that of as many yes and no.
+static double caught_error(const struct hg_path *p, const float *film, uint64_t at, double n)
+{
+    if (p->planes[HG_PATH_PLANE_CATCHER] == HG_PATH_NO_PLANE)
+        return 0.0;
+    const double share = (double)caught(p, film, at);
+    return share * (1.0 - share) / n;
+}
+
 // Root of the mean of variance over squared luminance; floor2 keeps black pixels from counting.
 static float tile_error(const struct hg_path *p, const float *film, uint32_t tile, double floor2)
 {
@@ -189,7 +214,8 @@ static float tile_error(const struct hg_path *p, const float *film, uint32_t til
     for (uint32_t y = y0; y < y0 + HG_PATH_TILE_SIDE && y < p->height; y++) {
         for (uint32_t x = x0; x < x0 + HG_PATH_TILE_SIDE && x < p->width; x++) {
             const double v = variance(film, (uint64_t)y * p->width + x, pixels, n, &mean);
-            sum += v / (mean * mean + floor2);
+            sum +=
+                v / (mean * mean + floor2) + caught_error(p, film, (uint64_t)y * p->width + x, n);
             count++;
         }
     }
@@ -228,7 +254,8 @@ static bool is_good(const struct hg_path *p, uint32_t tile, float noise)
 enum hg_status hg_path_film_judge(struct hg_path *p, float noise, struct hg_error *err)
 {
     const float *film;
-    enum hg_status status = hg_path_film_fetch(p, HG_PATH_FILM_WORDS, &film, err);
+    enum hg_status status = hg_path_film_fetch(
+        p, p->options & HG_PATH_CATCHER ? p->channels : HG_PATH_FILM_WORDS, &film, err);
     if (status != HG_OK)
         return status;
     const double low = 0.05 * mean_luminance(p, film);
@@ -257,8 +284,33 @@ static bool is_of_hits(uint32_t plane)
     return plane == HG_PATH_PLANE_DEPTH || plane == HG_PATH_PLANE_POSITION;
 }
 
-// One pixel of a plane from the film.
-static void plane_pixel(const struct hg_path *p, const float *film, uint32_t plane,
+void hg_path_film_catch(const struct hg_path *p, const float *film, uint64_t at, float sum[4])
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    const uint32_t catcher = p->planes[HG_PATH_PLANE_CATCHER];
+    if (catcher == HG_PATH_NO_PLANE)
+        return;
+    const float *from = film + catcher * pixels + at;
+    const float share = caught(p, film, at);
+    for (uint32_t c = 0; c < 3; c++)
+        sum[c] += share * from[(HG_PATH_CATCHER_BEHIND + c) * pixels];
+    sum[3] += from[HG_PATH_CATCHER_SAMPLES * pixels] * (p->transparent ? 1.0f - share : 1.0f);
+}
+
+static void color_pixel(const struct hg_path *p, const float *film, uint64_t at, float scale,
+    uint32_t channels, float *out)
+{
+    const uint64_t pixels = (uint64_t)p->width * p->height;
+    float sum[4];
+    for (uint32_t c = 0; c < 4; c++)
+        sum[c] = film[(HG_PATH_FILM_COLOR + c) * pixels + at];
+    hg_path_film_catch(p, film, at, sum);
+    for (uint32_t c = 0; c < channels; c++)
+        out[c] = sum[c] * scale;
+}
+
+// One pixel of a plane from the film, of its channels from `skip` on.
+static void plane_pixel(const struct hg_path *p, const float *film, uint32_t plane, uint32_t skip,
     uint32_t channels, uint64_t at, float *out)
 {
     const uint64_t pixels = (uint64_t)p->width * p->height;
@@ -275,8 +327,11 @@ static void plane_pixel(const struct hg_path *p, const float *film, uint32_t pla
         out[0] = n > 1 ? (float)variance(film, at, pixels, n, &mean) : 0.0f;
         return;
     }
-    const bool is_color = plane == PLANE_COLOR || plane == PLANE_NOISY;
-    const uint32_t first = is_color ? HG_PATH_FILM_COLOR : p->planes[plane];
+    if (plane == PLANE_COLOR || plane == PLANE_NOISY) {
+        color_pixel(p, film, at, scale, channels, out);
+        return;
+    }
+    const uint32_t first = p->planes[plane] + skip;
     float share = is_id(plane) ? (n > 0 ? 1.0f : 0.0f) : scale;
     if (is_of_hits(plane)) {
         const float hits = film[p->planes[HG_PATH_PLANE_HITS] * pixels + at];
@@ -289,8 +344,8 @@ static void plane_pixel(const struct hg_path *p, const float *film, uint32_t pla
     }
 }
 
-enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
-    struct hg_refbuf **out, struct hg_error *err)
+static enum hg_status read(struct hg_view_state *view, uint32_t plane, uint32_t skip,
+    uint32_t channels, struct hg_refbuf **out, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     const float *film;
@@ -310,6 +365,21 @@ enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t
         return hg_error_set(err, HG_E_NOMEM, "planes", NULL, "out of host memory");
     float *to = (float *)(void *)(*out)->data;
     for (uint64_t i = 0; i < pixels; i++)
-        plane_pixel(p, film, plane, channels, i, to + i * channels);
+        plane_pixel(p, film, plane, skip, channels, i, to + i * channels);
     return HG_OK;
+}
+
+enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
+    struct hg_refbuf **out, struct hg_error *err)
+{
+    return read(view, plane, 0, channels, out, err);
+}
+
+enum hg_status hg_path_read_group(
+    struct hg_view_state *view, uint32_t group, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    if (group >= hg_path_group_count(view))
+        return hg_error_set(err, HG_E_STATE, "view", "planes", "there is no such group of lights");
+    return read(view, HG_PATH_PLANE_GROUPS, 3 * group, 3, out, err);
 }

@@ -126,7 +126,7 @@ static enum hg_status check(const struct hg_view_state *view, const struct heade
         h->header_bytes != sizeof *h)
         return bad(err, "is none, or of another version");
     if (h->width != view->settings.width || h->height != view->settings.height ||
-        h->tile_count != columns * rows || h->channels < HG_PATH_FILM_WORDS || h->channels > 128)
+        h->tile_count != columns * rows || h->channels < HG_PATH_FILM_WORDS || h->channels > 256)
         return bad(err, "is of another size");
     if (size != sizeof *h + body_bytes(h))
         return bad(err, "is cut off");

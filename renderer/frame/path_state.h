@@ -43,6 +43,11 @@ struct hg_path {
     uint32_t time_parts,
         time_part; // of the shutter's time: how many (a power of two); what is posed
 
+    // What lights are called together; group 0 is the environment.
+    char groups[HG_PATH_MOST_GROUPS][HG_PATH_GROUP_NAME];
+    uint32_t group_count;                          // 0: not asked for
+    struct hg_gpu_buffer draw_marks, light_groups; // words, mapped
+
     // Of the picture.
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
@@ -59,6 +64,7 @@ struct hg_path {
     struct hg_gpu_buffer denoised; // [4][height][width] as the film's colour, mapped
     struct hg_denoise *history;    // of views that show an animation
     uint32_t denoised_pass;        // that it was made of; 0 = none
+    bool transparent;              // nothing is behind the scene
     bool stale;                    // the film holds more than view->accumulated
     uint64_t started_ns, spent_ns; // spent: by the run before a checkpoint
 
@@ -110,6 +116,10 @@ enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error
 // What the film holds, without noise, to p->denoised.
 bool hg_path_denoise_due(const struct hg_path *path);
 enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// path_groups.c: which lights belong together, and which draws catch shadows; before the film is
+// made, when the geometry is synced. Adds to options.
+enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+void hg_path_groups_destroy(struct hg_path *path);
 
 // path_film.c
 enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,
@@ -121,6 +131,8 @@ enum hg_status hg_path_film_judge(
 // The first `channels` of the film where the host can read them.
 enum hg_status hg_path_film_fetch(
     struct hg_path *path, uint32_t channels, const float **out, struct hg_error *err) HG_MUST_CHECK;
+// Adds what shadow catchers show to a pixel's sums of colour and coverage, as path_show.frag does.
+void hg_path_film_catch(const struct hg_path *path, const float *film, uint64_t at, float sum[4]);
 // Table of offsets of a filter for hg_gpu_path.
 void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1]);
 

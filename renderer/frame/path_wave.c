@@ -58,7 +58,9 @@ void hg_path_wave_destroy(struct hg_path *p)
 
 enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
 {
-    const uint64_t n = HG_PATH_WAVE_PX, words = HG_PATH_WORDS + p->sampled_channels - 1;
+    const uint64_t n = HG_PATH_WAVE_PX,
+                   words = HG_PATH_WORDS + p->sampled_channels - 1 +
+                           (p->options & (HG_PATH_SPLIT | HG_PATH_GROUPS) ? HG_PATH_SPLIT_WORDS : 0);
     const bool shared = hg_trace_backend(p->trace) == HG_TRACE_EMBREE;
     const enum hg_gpu_buffer_kind kind = shared ? HG_GPU_BUFFER_READBACK : HG_GPU_BUFFER_DEVICE;
     const struct {
@@ -149,6 +151,9 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .tiles = p->tiles.address,
         .tile_samples = p->tile_samples.address,
         .film = p->film.address,
+        .draw_marks = p->draw_marks.address,
+        .light_groups = p->light_groups.address,
+        .split = HG_PATH_WORDS + p->sampled_channels - 1,
         .capacity = HG_PATH_WAVE_PX,
         .channels = p->sampled_channels,
         .sample_bits = sample_bits(view->settings.samples),

@@ -57,10 +57,12 @@ static enum hg_status append(
 {
     size_t need = (size_t)set->count + 1;
     if (hg_grow(&set->items, &set->capacity, need, sizeof *set->items) ||
-        hg_grow(&set->casts, &set->casts_capacity, need, sizeof *set->casts))
+        hg_grow(&set->casts, &set->casts_capacity, need, sizeof *set->casts) ||
+        hg_grow(&set->nodes, &set->node_capacity, need, sizeof *set->nodes))
         return HG_E_NOMEM;
     set->items[set->count] = make_light(node, origin);
     set->items[set->count].id = set->count;
+    set->nodes[set->count] = node;
     set->casts[set->count++] = node->light->casts_shadow;
     return HG_OK;
 }
@@ -92,6 +94,7 @@ void hg_light_set_finish(struct hg_light_set *set)
 {
     hg_free(set->items);
     hg_free(set->casts);
+    hg_free(set->nodes);
     *set = (struct hg_light_set){0};
 }
 

@@ -11,7 +11,8 @@
 struct hg_light_set {
     struct hg_gpu_light *items;
     bool *casts; // asks for shadows
-    size_t capacity, casts_capacity;
+    const struct hg_node **nodes;
+    size_t capacity, casts_capacity, node_capacity;
     uint32_t count, global_count, directional_count;
 };
 

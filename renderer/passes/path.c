@@ -11,9 +11,8 @@ static const struct {
     {"path_shadow.comp", "path light", 2},
     {"path_add.comp", "path film", 0}};
 
-enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
-    uint32_t options, const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
-    struct hg_error *err)
+enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, uint32_t options,
+    const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
@@ -47,9 +46,10 @@ enum hg_status hg_path_show_record(
         .colors = {{.image = show->target, .clear = show->clear}}, .color_count = 1};
     const struct {
         uint64_t film, samples;
-        uint32_t width, height, columns, reserved;
+        uint32_t width, height, columns, catcher, transparent, reserved;
     } push = {show->film, show->samples, show->target->width, show->target->height,
-        (show->target->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE, 0};
+        (show->target->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE, show->catcher,
+        show->transparent, 0};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
         return status;

@@ -25,6 +25,8 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
 struct hg_path_show {
     VkDeviceAddress film, samples; // samples: of each tile
     struct hg_gpu_image *target;   // gets the mean of the samples
+    uint32_t catcher;              // HG_PATH_PLANE_CATCHER in the film, or HG_PATH_NO_PLANE
+    bool transparent;              // nothing is behind the scene
     bool clear;                    // pixels without samples; else they are kept
 };
 enum hg_status hg_path_show_record(

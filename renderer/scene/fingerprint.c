@@ -285,6 +285,11 @@ static enum hg_status add_node(
         return HG_OK;
     add_text(h, node->head.name);
     hg_sha256_update(h, node->world, sizeof node->world);
+    const struct hg_node *catcher = node;
+    while (catcher && !catcher->catches_shadows)
+        catcher = catcher->parent;
+    if (catcher)
+        add_text(h, "catches shadows");
     if (node->light)
         add_light(h, node->light);
     return node->mesh ? add_drawn(w, h, node) : HG_OK;

@@ -177,6 +177,7 @@ struct hg_node {
     bool has_matrix;                             // `matrix` instead of TRS
     float matrix[16];                            // column-major
     bool visible;                                // hides the subtree too
+    bool catches_shadows; // path-traced: seen by the camera only as the shadow on it (subtree too)
     struct hg_mesh *mesh;
     struct hg_light *light;
     struct hg_camera *camera;

@@ -252,6 +252,8 @@ static void set_contents(
 {
     if (m->has_visible)
         node->visible = m->visible;
+    if (m->has_catches_shadows)
+        node->catches_shadows = m->catches_shadows;
     if (m->has_mesh && node->mesh != (struct hg_mesh *)refs->mesh) {
         node->mesh = (struct hg_mesh *)refs->mesh;
         hg_free(node->weights); // they belonged to the old mesh

@@ -8,7 +8,7 @@
 #include "server/worker/task.h"
 
 enum {
-    ATTRIBUTES = 16,
+    ATTRIBUTES = 20,
     MATTE_ATTRIBUTES = 4,
     MATTE_LAYERS = HG_MATTE_RANKS / 2, // parts of a matte
     MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
@@ -47,6 +47,7 @@ static const struct layout {
     [HG_PLANE_SAMPLES] = {{"I"}, FLOATS},
     [HG_PLANE_VARIANCE] = {{"V"}, FLOATS},
     [HG_PLANE_NOISY] = {{"R", "G", "B"}, RADIANCE},
+    [HG_PLANE_LIGHT_GROUPS] = {{"R", "G", "B"}, RADIANCE},
 };
 
 // A file in the making; its pixel buffers and names live as long.
@@ -91,6 +92,11 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     f->attributes[n++] = (struct hg_image_attribute){
         .name = "heliograph:seed", .type = HG_ATTR_INT, .integer = (int)notes->seed};
     add_number(f, &n, "heliograph:time", time_s);
+    if (notes->shutter[1] > notes->shutter[0]) {
+        add_number(f, &n, "heliograph:shutterOpen", &notes->shutter[0]);
+        add_number(f, &n, "heliograph:shutterClose", &notes->shutter[1]);
+        add_number(f, &n, "heliograph:frameTime", &notes->frame_s);
+    }
     add_number(f, &n, "heliograph:exposure", &notes->exposure);
     if (frame->has_noise)
         add_number(f, &n, "heliograph:noise", &frame->noise);
@@ -160,7 +166,7 @@ static enum hg_status add_plane(struct file *f, const struct encode_plane *p)
     const struct layout *layout = &layouts[p->plane];
     const uint32_t channels = hg_plane_channels(p->plane);
     struct hg_exr_part *part = &f->parts[f->count];
-    *part = (struct hg_exr_part){.name = hg_plane_name(p->plane),
+    *part = (struct hg_exr_part){.name = p->name[0] ? p->name : hg_plane_name(p->plane),
         .channel_count = channels < 3 || layout->kind == VECTORS ? channels : 3,
         .stride = channels,
         .type = layout->kind == RADIANCE ? f->parts[0].type

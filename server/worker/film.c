@@ -36,6 +36,7 @@ enum hg_status film_planes(uint32_t bits, uint32_t *planes, uint32_t *mattes, st
         [HGP_plane_MATERIAL] = HG_PLANE_MATERIAL,
         [HGP_plane_SAMPLES] = HG_PLANE_SAMPLES,
         [HGP_plane_VARIANCE] = HG_PLANE_VARIANCE,
+        [HGP_plane_LIGHT_GROUPS] = HG_PLANE_LIGHT_GROUPS,
         [HGP_plane_CRYPTO_OBJECT] = HG_PLANE_DRAWS,
         [HGP_plane_CRYPTO_MATERIAL] = HG_PLANE_DRAWS,
         [HGP_plane_CRYPTO_ASSET] = HG_PLANE_DRAWS,
@@ -90,7 +91,7 @@ static void put_params(struct hg_writer *w, const struct hg_view_params *p)
         (uint32_t)p->filter, p->planes};
     const float floats[] = {p->exposure_ev, p->background_color[0], p->background_color[1],
         p->background_color[2], p->error_px > 0 ? p->error_px : 1, p->noise, p->time_s,
-        p->filter_radius_px, p->clamp_indirect};
+        p->filter_radius_px, p->clamp_indirect, p->frame_s, p->shutter_open, p->shutter_close};
     for (size_t i = 0; i < sizeof words / sizeof *words; i++)
         hg_write_u32(w, words[i]);
     put_floats(w, floats, sizeof floats / sizeof *floats);
@@ -119,8 +120,35 @@ static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const 
     put_floats(w, c->eye, 3);
     put_floats(w, c->target, 3);
     put_floats(w, c->up, 3);
+    hg_write_u8(w, c->moves);
+    put_floats(w, c->next_eye, c->moves ? 3 : 0);
+    put_floats(w, c->next_target, c->moves ? 3 : 0);
+    put_floats(w, c->next_up, c->moves ? 3 : 0);
     hg_write_u8(w, c->orthographic);
     put_floats(w, lens, 6);
+}
+
+// What other times show, where the picture depends on them.
+static void put_motion(
+    struct hg_writer *w, const struct hg_scene *scene, const struct hg_view_params *p)
+{
+    if (p->shutter_close <= p->shutter_open && !(p->planes >> HG_PLANE_MOTION & 1))
+        return;
+    for (uint32_t i = 0; i < scene->asset_count; i++)
+        for (uint32_t k = 0; k < scene->assets[i]->animation_count; k++) {
+            const struct hg_animation *a = &scene->assets[i]->animations[k];
+            for (uint32_t c = 0; a->posed && c < a->channel_count; c++) {
+                const struct hg_anim_channel *channel = &a->channels[c];
+                const size_t width =
+                    (size_t)channel->width * (channel->interpolation == HG_ANIM_CUBIC ? 3 : 1);
+                hg_write_f64(w, a->time_s);
+                hg_write_u64(w, channel->node ? channel->node->head.id : 0);
+                hg_write_u32(w, (uint32_t)channel->path);
+                hg_write_u32(w, (uint32_t)channel->interpolation);
+                put_floats(w, channel->times, channel->key_count);
+                put_floats(w, channel->values, width * channel->key_count);
+            }
+        }
 }
 
 enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
@@ -145,6 +173,7 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     put_params(&w, &view->params);
     hg_write_u32(&w, view->mattes);
     put_camera(&w, slot->scene, view);
+    put_motion(&w, slot->scene, &view->params);
     hg_write_u32(&w, (uint32_t)encoding);
     hg_write_u8(&w, encoding == HGP_encoding_JPEG ? quality : 0);
     status = w.failed ? HG_E_NOMEM : hg_sha256(w.data, w.size, hash);
@@ -173,6 +202,21 @@ void view_job_query(const struct request *r)
 
 // ---- what goes with a frame --------------------------------------------------------------------
 
+static enum hg_status read_groups(
+    struct view_slot *view, struct encode_job *job, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    const uint32_t count = hg_view_light_groups(view->view);
+    for (uint32_t i = 0; !status && i < count && job->plane_count < ENCODE_MAX_PLANES; i++) {
+        struct encode_plane *p = &job->planes[job->plane_count];
+        p->plane = HG_PLANE_LIGHT_GROUPS;
+        snprintf(p->name, sizeof p->name, "light.%s", hg_view_light_group_name(view->view, i));
+        status = hg_view_read_light_group(view->view, i, &p->values, err);
+        job->plane_count += !status;
+    }
+    return status;
+}
+
 static enum hg_status read_planes(
     struct view_slot *view, struct encode_job *job, struct hg_error *err)
 {
@@ -180,6 +224,10 @@ static enum hg_status read_planes(
     for (uint32_t i = 0; !status && i < HG_PLANE_COUNT; i++) {
         if (!(view->params.planes >> i & 1) || i == HG_PLANE_COLOR || i == HG_PLANE_DRAWS)
             continue;
+        if (i == HG_PLANE_LIGHT_GROUPS) {
+            status = read_groups(view, job, err);
+            continue;
+        }
         struct encode_plane *p = &job->planes[job->plane_count];
         p->plane = (enum hg_plane)i;
         status = hg_view_read_plane(view->view, p->plane, &p->values, err);
@@ -212,6 +260,9 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
     memcpy(notes->world_to_ndc, matrices.world_to_ndc, sizeof notes->world_to_ndc);
     snprintf(notes->device, sizeof notes->device, "%s", device_name(s));
     notes->seed = view->params.seed;
+    notes->shutter[0] = view->params.shutter_open;
+    notes->shutter[1] = view->params.shutter_close;
+    notes->frame_s = view->params.frame_s > 0 ? view->params.frame_s : 1.0f / 24.0f;
     notes->time_s = session->scene->time_s;
     notes->denoise = view->params.mode == HG_MODE_PATH ? view->params.denoise : HG_DENOISE_OFF;
     notes->exposure = exp2f(view->params.exposure_ev);

@@ -42,13 +42,14 @@ struct encode_notes {
     char device[128];
     uint32_t seed;
     double time_s; // the scene's pose
+    float shutter[2], frame_s; // frames from the pose; seconds
     float exposure;
     enum hg_view_denoise denoise;
     float world_to_camera[16], world_to_ndc[16];
     char job[65]; // hexadecimal, or empty
 };
 
-enum { ENCODE_MAX_PLANES = 24, ENCODE_MATTES = 3 };
+enum { ENCODE_MAX_PLANES = 40, ENCODE_MATTES = 3 };
 
 // Pixels of a frame on their way to the encoder thread.
 struct encode_job {
@@ -62,6 +63,7 @@ struct encode_job {
     struct encode_notes notes;
     struct encode_plane {
         enum hg_plane plane;
+        char name[32];            // of the part; "": the plane's
         struct hg_refbuf *values; // floats
     } planes[ENCODE_MAX_PLANES];  // EXR only
     uint32_t plane_count;

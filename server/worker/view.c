@@ -73,6 +73,12 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->time_s = m->time_limit_s;
     if (m->has_denoise)
         p->denoise = (enum hg_view_denoise)m->denoise;
+    if (m->has_frame_s)
+        p->frame_s = m->frame_s;
+    if (m->has_shutter_open)
+        p->shutter_open = m->shutter_open;
+    if (m->has_shutter_close)
+        p->shutter_close = m->shutter_close;
 }
 
 static enum hg_status overlay_planes(
@@ -186,6 +192,12 @@ static void overlay_camera(struct hg_view_camera *c, const struct hgp_view_camer
         c->near = m->near;
     if (m->has_far)
         c->far = m->far;
+    c->moves = m->has_next_eye || m->has_next_target;
+    memcpy(c->next_eye, m->has_next_eye ? m->next_eye : c->eye, sizeof c->next_eye);
+    memcpy(c->next_target, m->has_next_target ? m->next_target : c->target, sizeof c->next_target);
+    memset(c->next_up, 0, sizeof c->next_up);
+    if (m->has_next_up)
+        memcpy(c->next_up, m->next_up, sizeof c->next_up);
 }
 
 void view_camera(const struct request *r)

@@ -724,6 +724,36 @@ vec3 hg_bsdf_evaluate(hg_bsdf b, vec3 l, out float pdf)
     return hg_bsdf_evaluate_base(b, l, pdf);
 }
 
+// The part of hg_bsdf_evaluate that is reflected diffusely, sheen with it: all else to this side is
+// specular. l on the side of the viewer.
+vec3 hg_bsdf_evaluate_diffuse_part(hg_bsdf b, vec3 l)
+{
+    if (!HG_HAS(HG_FEATURE_LOBES)) {
+        hg_brdf base = b.base;
+        base.f_ms = vec3(0.0);
+        return hg_bsdf_evaluate_wide(base, clamp(dot(b.base.n, l), 0.0, 1.0));
+    }
+    vec3 l_ts = vec3(dot(b.t, l), dot(b.s, l), dot(b.base.n, l));
+    float cos_l = min(l_ts.z, 1.0), coat_l = 1.0, through_l = 1.0, albedo_l = 0.0;
+    if (cos_l < 1e-6)
+        return vec3(0.0);
+    if (HG_HAS(HG_FEATURE_CLEARCOAT))
+        coat_l = hg_bsdf_coat_through(b, min(dot(b.coat_n, l), 1.0));
+    through_l = coat_l;
+    if (HG_HAS(HG_FEATURE_SHEEN)) {
+        albedo_l = hg_sheen_albedo(cos_l, b.sheen_roughness);
+        through_l *= hg_bsdf_sheen_through(b, albedo_l);
+    }
+    through_l = b.thin || !b.inside ? through_l : 1.0;
+    hg_bsdf wide = b;
+    wide.base.f_ms = vec3(0.0);
+    wide.transmission = 0.0;
+    vec3 sum = hg_bsdf_evaluate_diffuse(wide, l_ts, through_l);
+    if (HG_HAS(HG_FEATURE_SHEEN) && !b.inside)
+        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, albedo_l, coat_l);
+    return sum;
+}
+
 // Direction of an incoming path for three random numbers in [0, 1).
 hg_bsdf_sample_result hg_bsdf_sample(hg_bsdf b, vec3 u)
 {

@@ -41,7 +41,7 @@ struct hg_emitter_sample {
     float pdf;      // per steradian, the choice of the light included; 0: nothing, unless delta
     bool delta;     // found by no direction but this one
     uint group;     // HG_EMITTER_GROUP_*
-    uint draw, primitive; // of emissive triangles
+    uint draw, primitive; // of emissive triangles; of lights draw is hg_gpu_light.id
     vec2 barycentrics;
 };
 
@@ -436,6 +436,7 @@ hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
     vec3 e = hg_light_illuminance(light, position_ws, l);
     s.direction = l;
     s.group = HG_EMITTER_GROUP_PUNCTUAL;
+    s.draw = light.id;
     s.distance = HG_EMITTER_FAR;
     if (light.kind != HG_LIGHT_KIND_DIRECTIONAL)
         s.distance = distance(light.position_ws, position_ws) * HG_EMITTER_NEAR;

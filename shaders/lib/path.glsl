@@ -109,22 +109,47 @@ void hg_path_put(uint plane, uint slot, float value)
         hg_path_set(hg_path_out(hg_path.planes[plane]), slot, value);
 }
 
-// Light that reached the camera: by the whole, and by the way it came.
-void hg_path_light(uint slot, uint flags, uint bounce, vec3 radiance)
+void hg_path_add_plane(uint plane, uint slot, vec3 value)
+{
+    if (HG_PATH_HAS(plane))
+        hg_path_add3(hg_path_out(hg_path.planes[plane]), slot, value);
+}
+
+void hg_path_add_guide(uint channel, uint slot, vec3 value)
+{
+    if (HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
+        hg_path_add3(hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE] + channel), slot, value);
+}
+
+// Light that reached the camera: by the whole, by where it comes from, and by the way it came.
+// way: 0 run into, 1 by a ray to a light, 2 by the second one to a directional light.
+void hg_path_light(uint slot, uint bounce, uint way, uint group, vec3 radiance)
 {
     hg_path_add3(HG_PATH_OUT, slot, radiance);
-    uint plane = HG_PATH_PLANE_EMISSION;
-    if (bounce > 0u)
-        plane = (bounce == 1u ? HG_PATH_PLANE_DIRECT : HG_PATH_PLANE_INDIRECT) +
-            bitfieldExtract(flags, HG_PATH_LOBE_SHIFT, 2);
-    if (HG_PATH_HAS(plane))
-        hg_path_add3(hg_path_out(hg_path.planes[plane]), slot, radiance);
-    if (HG_PATH_HAS(HG_PATH_PLANE_GUIDE) && bounce > 0u) {
-        bool diffuse = bitfieldExtract(flags, HG_PATH_LOBE_SHIFT, 2) == HG_PATH_LOBE_DIFFUSE;
-        uint channel = bounce == 1u ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_INDIRECT;
-        channel = diffuse ? channel : HG_PATH_GUIDE_SPECULAR;
-        hg_path_add3(hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE] + channel), slot, radiance);
+    if (HG_PATH_CAN(HG_PATH_GROUPS))
+        hg_path_add3(hg_path_out(hg_path.planes[HG_PATH_PLANE_GROUPS] + 3u * group), slot, radiance);
+    if (bounce == 0u)
+        hg_path_add_plane(HG_PATH_PLANE_EMISSION, slot, radiance);
+    if (bounce == 0u || !HG_PATH_CAN(HG_PATH_SPLIT))
+        return;
+    uint plane = bounce == 1u ? HG_PATH_PLANE_DIRECT : HG_PATH_PLANE_INDIRECT;
+    uint word = bounce == 1u ? 3u * way : HG_PATH_SPLIT_PATH;
+    vec3 share = hg_path_get3(hg_path.split + word, slot);
+    if (share.x < 0.0) {
+        hg_path_add_plane(plane + HG_PATH_LOBE_TRANSMISSION, slot, radiance);
+        hg_path_add_guide(HG_PATH_GUIDE_SPECULAR, slot, radiance);
+        return;
     }
+    vec3 diffuse = radiance * share;
+    hg_path_add_guide(bounce == 1u ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_INDIRECT, slot, diffuse);
+    hg_path_add_guide(HG_PATH_GUIDE_SPECULAR, slot, radiance - diffuse);
+    hg_path_add_plane(plane + HG_PATH_LOBE_DIFFUSE, slot, diffuse);
+    hg_path_add_plane(plane + HG_PATH_LOBE_SPECULAR, slot, radiance - diffuse);
+}
+
+uint hg_path_mark(uint draw)
+{
+    return HG_PATH_CAN(HG_PATH_GROUPS | HG_PATH_CATCHER) ? hg_path.draw_marks.v[draw] : 0u;
 }
 
 // --- time ----------------------------------------------------------------------------------------

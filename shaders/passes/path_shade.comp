@@ -129,25 +129,34 @@ void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
     hg_path_set(at + 3u, slot, on.y);
 }
 
+// What the camera sees behind everything.
+vec3 background(path p, vec3 direction)
+{
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
+        return vec3(0.0);
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
+        return hg_frame.background_color;
+    if (hg_frame.camera.orthographic == 0u)
+        hg_emitter_environment_lod = hg_frame.textures.background_lod;
+    return hg_emitter_environment(direction) *
+        weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction));
+}
+
 // The ray left the scene.
 uint miss(path p)
 {
+    vec3 d = p.ray.direction_ws;
     vec3 radiance = vec3(0.0);
-    float alpha = 1.0;
-    if (p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_NONE) {
-        alpha = 0.0;
-    } else if (p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR) {
-        radiance = hg_frame.background_color;
-    } else {
-        vec3 d = p.ray.direction_ws;
-        if (p.bounce == 0u && hg_frame.camera.orthographic == 0u)
-            hg_emitter_environment_lod = hg_frame.textures.background_lod;
+    float alpha = p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_NONE ? 0.0 : 1.0;
+    if (p.bounce == 0u)
+        radiance = background(p, d);
+    else
         radiance = hg_emitter_environment(d) *
             weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d));
-    }
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
-    hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * radiance, p.bounce));
+    hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
+        clamped(p.throughput * radiance, p.bounce));
     if (p.bounce == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
     if (HG_PATH_CAN(HG_PATH_MOTION) && (p.flags & HG_PATH_SEEN) == 0u) {
@@ -194,6 +203,31 @@ void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
     hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
 }
 
+uint group_of(hg_emitter_sample e)
+{
+    if (e.group == HG_EMITTER_GROUP_ENVIRONMENT)
+        return HG_EMITTER_GROUP_ENVIRONMENT;
+    return (e.group == HG_EMITTER_GROUP_PUNCTUAL ? hg_path.light_groups.v[e.draw]
+                                                 : hg_path.draw_marks.v[e.draw]) & HG_PATH_GROUP_MASK;
+}
+
+void note_group(uint slot, uint group, bool second)
+{
+    uint word = hg_path.split + HG_PATH_SPLIT_GROUPS;
+    uint groups = floatBitsToUint(hg_path_get(word, slot));
+    groups = bitfieldInsert(second ? groups : 0u, group, second ? 8 : 0, 8);
+    hg_path_set(word, slot, uintBitsToFloat(groups));
+}
+
+// Which share of f, the light by this way, the first surface's diffuse lobe reflects.
+void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
+{
+    vec3 share = vec3(-1.0);
+    if (dot(b.base.n, l) > 0.0)
+        share = clamp(hg_bsdf_evaluate_diffuse_part(b, l) / max(f, 1e-30), 0.0, 1.0);
+    hg_path_set3(hg_path.split + word, slot, share);
+}
+
 // A ray to a light, the second one to a directional light; true when there is one.
 bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e, bool second)
 {
@@ -217,14 +251,11 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e
     ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
     hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
     hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, light);
+    if (HG_PATH_CAN(HG_PATH_GROUPS))
+        note_group(p.slot, group_of(e), second);
+    if (HG_PATH_CAN(HG_PATH_SPLIT) && p.bounce == 0u)
+        note_split(p.slot, second ? HG_PATH_SPLIT_SUN : HG_PATH_SPLIT_ASKED, b, e.direction, f);
     return any;
-}
-
-uint lobe_of(uint lobe)
-{
-    if ((lobe & HG_LOBE_TRANSMISSION) != 0u)
-        return HG_PATH_LOBE_TRANSMISSION;
-    return (lobe & HG_LOBE_DIFFUSE) != 0u ? HG_PATH_LOBE_DIFFUSE : HG_PATH_LOBE_SPECULAR;
 }
 
 // Where the path goes from here; false: nowhere.
@@ -241,8 +272,13 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     on = on && most > 0.0 && survive < chance;
     p.throughput /= chance;
     p.pdf = (r.lobe & HG_LOBE_DELTA) != 0u ? 0.0 : r.pdf;
-    if (p.bounce == 0u)
-        p.flags |= lobe_of(r.lobe) << HG_PATH_LOBE_SHIFT;
+    if (HG_PATH_CAN(HG_PATH_SPLIT) && p.bounce == 0u) {
+        float pdf;
+        if ((r.lobe & HG_LOBE_DELTA) != 0u)
+            hg_path_set3(hg_path.split + HG_PATH_SPLIT_PATH, p.slot, vec3(through ? -1.0 : 0.0));
+        else
+            note_split(p.slot, HG_PATH_SPLIT_PATH, b, r.direction, hg_bsdf_evaluate(b, r.direction, pdf));
+    }
     if (through && !b.thin)
         hg_media_cross(p.media, v.material, s.front);
     bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
@@ -277,6 +313,47 @@ void disperse(inout path p, inout hg_surface s, uvec2 pixel, uint number)
     uvec3 h = hg_hash3(uvec3(pixel, number * 64u + 63u + hg_frame.seed * 65536u));
     p.throughput *= hg_surface_disperse(s, channel, float(h.x >> 8u) * (1.0 / 16777216.0));
     p.flags = bitfieldInsert(p.flags, channel == 3u ? 0u : channel + 1u, HG_PATH_CHANNEL_SHIFT, 2);
+}
+
+// What a light gives a white surface, luminance, and the ray that says whether it does.
+float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool second)
+{
+    float cosine = max(dot(s.normal, e.direction), 0.0) * HG_INV_PI;
+    vec3 radiance = hg_path_finite(e.radiance * (e.delta ? 1.0 : 1.0 / max(e.pdf, 1e-20)));
+    float light = e.delta || e.pdf > 0.0 ? hg_emitter_luminance(radiance) * cosine : 0.0;
+    light = dot(s.geometric_normal, e.direction) > 0.0 ? light : 0.0;
+    hg_gpu_ray ray;
+    ray.origin_ws = hg_hit_offset(v.position_ws, s.geometric_normal);
+    ray.direction_ws = e.direction;
+    ray.t_min = 0.0;
+    ray.t_max = light > 0.0 ? e.distance : -1.0;
+    ray.time = p.ray.time;
+    ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
+    hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
+    hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, vec3(light));
+    return light;
+}
+
+// A shadow catcher in front of the background, which shows as far as light arrives: rays to lights
+// tell, as they do for a white surface.
+uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, float u)
+{
+    vec3 behind = background(p, p.ray.direction_ws) * p.throughput;
+    if (hg_texture_coarser != 0u)
+        return HG_PATH_WAITS;
+    uint status = HG_PATH_DONE;
+    float light = catch_light(p, v, s, e, false), sun = 0.0;
+    status |= light > 0.0 ? HG_PATH_SHADOW : 0u;
+    if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
+        sun = catch_light(p, v, s, hg_emitter_pick_apart(v.position_ws, s.normal, u), true);
+        status |= sun > 0.0 ? HG_PATH_SUN : 0u;
+    }
+    uint at = hg_path_out(hg_path.planes[HG_PATH_PLANE_CATCHER]);
+    hg_path_set(at + HG_PATH_CATCHER_UNLIT, p.slot, light + sun);
+    hg_path_set(at + HG_PATH_CATCHER_SAMPLES, p.slot, 1.0);
+    hg_path_set3(at + HG_PATH_CATCHER_BEHIND, p.slot, behind);
+    p.flags |= HG_PATH_CATCHES;
+    return status;
 }
 
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
@@ -323,6 +400,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
 
+    if (HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u &&
+        (hg_path_mark(hit.draw) & HG_PATH_MARK_CATCHER) != 0u)
+        return catch_shadow(p, v, s, light, ua.x);
     if ((p.flags & HG_PATH_SEEN) == 0u)
         note_seen(p, v, s, hit);
     p.flags |= HG_PATH_SEEN;
@@ -334,7 +414,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     vec3 emitted = p.pdf > 0.0 || s.unlit ? s.emissive : hg_surface_emission(s, -p.ray.direction_ws);
     emitted = emitted * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
-        hg_path_light(p.slot, p.flags, p.bounce, clamped(p.throughput * emitted, p.bounce));
+        hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
+            clamped(p.throughput * emitted, p.bounce));
     if (s.unlit || p.bounce >= hg_path.max_bounces)
         return HG_PATH_DONE;
 

@@ -45,8 +45,16 @@ float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
 void arrive(uint slot, vec3 light)
 {
     uint flags = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot));
-    uint bounce = bitfieldExtract(flags, HG_PATH_BOUNCE_SHIFT, 9);
-    hg_path_light(slot, flags, bounce, light);
+    uint bounce = bitfieldExtract(flags, HG_PATH_BOUNCE_SHIFT, 9), group = 0u;
+    if (HG_PATH_CAN(HG_PATH_CATCHER) && (flags & HG_PATH_CATCHES) != 0u) {
+        uint lit = hg_path_out(hg_path.planes[HG_PATH_PLANE_CATCHER]) + HG_PATH_CATCHER_LIT;
+        hg_path_set(lit, slot, hg_path_get(lit, slot) + light.x);
+        return;
+    }
+    if (HG_PATH_CAN(HG_PATH_GROUPS))
+        group = bitfieldExtract(floatBitsToUint(hg_path_get(hg_path.split + HG_PATH_SPLIT_GROUPS, slot)),
+            push.second != 0u ? 8 : 0, 8);
+    hg_path_light(slot, bounce, 1u + push.second, group, light);
 }
 
 void main()

@@ -35,6 +35,15 @@
 #define HG_PATH_CONE       8  // bfloat16 width (metres), spread (radians) of the ray's footprint
 #define HG_PATH_NORMAL     9  // of the surface that the ray left, octahedral
 #define HG_PATH_MEDIA      10 // two words: materials of the media around, innermost first, 16 bits
+// Behind the words of the film, where the planes of lobes are asked for (hg_gpu_path.split): share
+// of the light by way of the first surface that its diffuse lobe reflects, rgb; below 0: all was let
+// through. Of the path, then of the shadow rays from the first surface. Then the groups of the lights
+// that shadow rays go to, 8 bits each.
+#define HG_PATH_SPLIT_PATH  0
+#define HG_PATH_SPLIT_ASKED 3
+#define HG_PATH_SPLIT_SUN    6
+#define HG_PATH_SPLIT_GROUPS 9
+#define HG_PATH_SPLIT_WORDS  10
 #define HG_PATH_PENDING_SUN 12 // rgb: of the ray to a directional light
 #define HG_PATH_OUT        15 // from here on what the film adds up, one word per channel
 #define HG_PATH_WORDS      15 // before that
@@ -43,10 +52,10 @@
 #define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind holes included
 #define HG_PATH_BOUNCE_SHIFT  10
 #define HG_PATH_BOUNCE_MASK   0x000001ffu
-#define HG_PATH_LOBE_SHIFT    19 // 2 bits: HG_PATH_LOBE_* of the first surface
 #define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
 #define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
+#define HG_PATH_CATCHES       0x00080000u // its shadow ray asks for the light of a shadow catcher
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u
 #define HG_PATH_LOBE_TRANSMISSION 2u
@@ -72,8 +81,10 @@
 #define HG_PATH_PLANE_MATERIAL         15
 #define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
 #define HG_PATH_PLANE_DRAWS            18 // pairs (draw + 1, samples), see path_add.comp
-#define HG_PATH_PLANE_GUIDE            20 // what the denoiser wants to know: HG_PATH_GUIDE_*
-#define HG_PATH_PLANE_COUNT            21
+#define HG_PATH_PLANE_GROUPS           20 // 3 channels for each group of lights
+#define HG_PATH_PLANE_CATCHER          21 // not one of them: HG_PATH_CATCHER_*
+#define HG_PATH_PLANE_GUIDE            22 // what the denoiser wants to know: HG_PATH_GUIDE_*
+#define HG_PATH_PLANE_COUNT            23
 
 // Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
 // samples (HG_PATH_IS_FIRST_HALF) follow behind.
@@ -91,6 +102,18 @@
 // Samples that count for the first of two halves, whose difference says how noisy a pixel is: every
 // second one at first, then every second four, so that each half is well distributed.
 #define HG_PATH_IS_FIRST_HALF(sample) (((sample) < 8u ? (sample) : (sample) >> 2u) % 2u == 0u)
+
+// Sums over samples that a shadow catcher is seen by. Their shadow is what it misses of the light.
+#define HG_PATH_CATCHER_LIT     0 // light that arrived, of a white surface, luminance
+#define HG_PATH_CATCHER_UNLIT   1 // light that would have without anything between
+#define HG_PATH_CATCHER_SAMPLES 2
+#define HG_PATH_CATCHER_BEHIND  3 // rgb: background
+#define HG_PATH_CATCHER_WORDS   6
+
+// Words of hg_gpu_path.draw_marks and light_groups.
+#define HG_PATH_MOST_GROUPS  16
+#define HG_PATH_GROUP_MASK   0xffu
+#define HG_PATH_MARK_CATCHER 0x80000000u
 
 #define HG_PATH_DRAWS_LENGTH 8 // pairs of a pixel; HG_PLANE_DRAWS_LENGTH
 
@@ -126,6 +149,9 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 // What kernels may be asked for, a specialisation constant.
 #define HG_PATH_BLURS  0x1u // something moves while the shutter is open
 #define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
+#define HG_PATH_SPLIT   0x4u // light by what lobes reflect
+#define HG_PATH_GROUPS  0x8u // light by groups
+#define HG_PATH_CATCHER 0x10u // there are shadow catchers
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
@@ -142,6 +168,8 @@ struct hg_gpu_path {
     HG_PTR(hg_path_words) tiles;     // [tile_count] column | row << 16, in tiles
     HG_PTR(hg_path_words) tile_samples; // [tile_count] index of the sample of each tile
     HG_PTR(hg_path_floats) film;     // [channels][height][width]
+    HG_PTR(hg_path_words) draw_marks;   // [draws] group of what it emits, HG_PATH_MARK_CATCHER
+    HG_PTR(hg_path_words) light_groups; // [lights] by hg_gpu_light.id
     HG_STRUCT(hg_gpu_emitters) emitters;
     HG_STRUCT(hg_gpu_path_moment) moments[HG_PATH_MOMENTS];
     HG_UINT capacity, channels;      // of the film
@@ -153,6 +181,7 @@ struct hg_gpu_path {
     float clamp_indirect; // 0 = off
     HG_UINT holes; // 1: there are masked or blended surfaces
     HG_UINT estimators; // HG_PATH_USE_*
+    HG_UINT split;      // first word of HG_PATH_SPLIT_*
     HG_UINT planes[HG_PATH_PLANE_COUNT]; // first channel of each
     float filter_px[HG_PATH_FILTER_STEPS + 1]; // offsets at equal steps of the filter's integral
 };

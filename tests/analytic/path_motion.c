@@ -398,7 +398,7 @@ static void test_lamp(void **state)
         lit_floor(rig, true);
         rig->renderer->context.estimators = use;
         struct hg_view_params params = defaults;
-        params.samples = use == HG_PATH_USE_SURFACES ? 2048 : 512;
+        params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
         params.max_bounces = 2;
         mean[use - 1] = mean_of(rig, &params);
     }
