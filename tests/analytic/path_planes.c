@@ -129,8 +129,8 @@ static void test_groups(void **state)
     struct rig *rig = *state;
     double mean[3];
     struct hg_view_params params = defaults;
-    params.samples = 256;
-    params.max_bounces = 3;
+    params.samples = 128;
+    params.max_bounces = 2;
     params.planes = BIT(LIGHT_GROUPS);
     rig_scene(rig);
     room(rig, rig_material(rig));
@@ -210,7 +210,8 @@ static void test_lobes(void **state)
         m->specular = i == 2 ? 0.0f : m->specular;
         m->has_specular = m->has_specular || i == 2;
         rig_sphere(rig, m, center, 0.5f, 48);
-        params.max_bounces = 8;
+        params.max_bounces = 4;
+        params.samples = 16;
         params.planes = 0;
         for (int k = 0; k < 6; k++)
             params.planes |= 1u << lobes[k];
@@ -299,7 +300,7 @@ static void test_catcher_lamp(void **state)
     light->emissive[0] = light->emissive[1] = light->emissive[2] = 4.0f;
     rig_quad(rig, light, lamp);
     rig_quad(rig, path_rig_lambert(rig, 0.5f), board);
-    struct hg_view *view = above(rig, HG_BACKGROUND_NONE, 1024);
+    struct hg_view *view = above(rig, HG_BACKGROUND_NONE, 512);
     expect_pixel(view, 0, 0.5, 0.03);
     hg_view_destroy(view);
 }
