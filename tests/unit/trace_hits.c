@@ -298,6 +298,70 @@ static void packets(void **state)
     rig_close(r);
 }
 
+static bool is_untouched(const void *at, size_t size)
+{
+    const uint8_t *bytes = at;
+    for (size_t i = 0; i < size; i++)
+        if (bytes[i] != 0x55)
+            return false;
+    return true;
+}
+
+// A wave that names its rays: they hit what they hit in the whole, nothing is written for others.
+static void lists(void **state)
+{
+    (void)state;
+    enum { COUNT = 6000, FIRST = 7 };
+    struct rig *r = rig_open(backend);
+    rig_node(r, rig_soup(r, 2000, 0.4), NULL);
+    rig_sync(r);
+    rig_fill_rays(r, COUNT + FIRST);
+    struct hg_gpu_hit *whole = hg_calloc(COUNT + FIRST, sizeof *whole);
+    assert_non_null(whole);
+    memcpy(whole, rig_closest(r, COUNT + FIRST, false), (COUNT + FIRST) * sizeof *whole);
+    struct hg_gpu_buffer list = {0};
+    rig_check(
+        r, hg_gpu_buffer_create(r->gpu, HG_GPU_BUFFER_UPLOAD, COUNT * 4, "list", &list, &r->err));
+    uint32_t *slots = list.mapped, count = 0, others[2] = {0};
+    for (uint32_t i = 0; i < COUNT; i++) {
+        slots[count] = i;
+        count += i % 7 == 1 || i % 5 == 0;
+    }
+    for (int coherent = 0; coherent < 2; coherent++) {
+        const struct hg_trace_wave wave = {.rays = &r->rays,
+            .hits = &r->hits,
+            .blocked = &r->blocked,
+            .first_ray = FIRST,
+            .first_hit = FIRST,
+            .list = &list,
+            .count = count,
+            .coherent = coherent != 0};
+        memset(r->hits.mapped, 0x55, (COUNT + FIRST) * sizeof *whole);
+        memset(r->blocked.mapped, 0x55, (COUNT + FIRST) * 4);
+        rig_check(r, hg_trace_closest(r->trace, &wave, &r->err));
+        rig_check(r, hg_trace_blocked(r->trace, &wave, &r->err));
+        const struct hg_gpu_hit *hits = (const struct hg_gpu_hit *)r->hits.mapped + FIRST;
+        const uint32_t *blocked = (const uint32_t *)r->blocked.mapped + FIRST;
+        for (uint32_t i = 0, at = 0; i < COUNT; i++) {
+            if (at == count || slots[at] != i) {
+                assert_true(is_untouched(&hits[i], sizeof *hits));
+                assert_true(is_untouched(&blocked[i], sizeof *blocked));
+                continue;
+            }
+            at++;
+            const struct hg_gpu_hit *in = &whole[i + FIRST];
+            const bool hit = in->draw != HG_HIT_NONE;
+            others[coherent] += hit != (hits[i].draw != HG_HIT_NONE) || hit != (blocked[i] != 0) ||
+                                (hit && hits[i].primitive != in->primitive);
+        }
+    }
+    assert_int_equal(others[0], 0);
+    assert_in_range(others[1], 0, 3);
+    hg_gpu_buffer_destroy(r->gpu, &list);
+    hg_free(whole);
+    rig_close(r);
+}
+
 // The same bytes for any number of threads, of the jobs that trace.
 static void threads(void **state)
 {
@@ -421,6 +485,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(closed),
         cmocka_unit_test(coincident),
         cmocka_unit_test(packets),
+        cmocka_unit_test(lists),
         cmocka_unit_test(threads),
         cmocka_unit_test(changes),
         cmocka_unit_test(budget),
