@@ -78,7 +78,9 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
         out->bias -= log2f((float)s->finding);
     out->mode = mode;
     out->run = s->run;
-    out->progress = s->exact ? s->progress.address : out->feedback; // read in no other mode
+    out->progress = s->behind  ? s->behind_progress.address
+                    : s->exact ? s->progress.address
+                               : out->feedback; // read in no other mode
 }
 
 // A texel of mip l is pi / height * 2^l high.
@@ -248,8 +250,8 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     pass.find = view->stream.finding > 0;
     if (pass.find)
         pass.area.extent = size_of(view);
-    else if (view->stream.exact && view->stream.area_count > 0)
-        pass.area = view->stream.areas[view->stream.area_count - 1].rect;
+    else if (hg_stream_area(view) != NULL)
+        pass.area = hg_stream_area(view)->rect;
     return pass;
 }
 
@@ -346,8 +348,8 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view, VkRe
 
 static uint32_t first_sample(const struct hg_view_state *view)
 {
-    const struct hg_stream *s = &view->stream;
-    return s->exact && s->area_count > 0 ? s->areas[s->area_count - 1].samples : view->samples;
+    const struct hg_stream_area *area = hg_stream_area(view);
+    return area != NULL ? area->samples : view->samples;
 }
 
 // Where the samples of the next batch lie. One sample is known to lie there, several only nearly.
@@ -378,10 +380,9 @@ static struct hg_visible_lens host_lens(const struct hg_gpu_camera *camera, VkEx
 
 static VkRect2D area_of(const struct hg_view_state *view)
 {
-    const struct hg_stream *s = &view->stream;
-    return s->exact && s->area_count > 0
-               ? s->areas[s->area_count - 1].rect
-               : (VkRect2D){{0, 0}, {view->settings.width, view->settings.height}};
+    const struct hg_stream_area *area = hg_stream_area(view);
+    return area != NULL ? area->rect
+                        : (VkRect2D){{0, 0}, {view->settings.width, view->settings.height}};
 }
 
 static enum hg_status select_sets(
@@ -504,7 +505,7 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
     return status;
 }
 
-static bool transmits(const struct hg_view_state *view)
+bool hg_frame_transmits(const struct hg_view_state *view)
 {
     return (view->rooms->features & HG_FEATURE_TRANSMISSION) != 0;
 }
@@ -514,17 +515,13 @@ static enum hg_status record_behind(
     struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
 {
     enum hg_status status = make(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
-    struct hg_pass whole =
-        *pass; // what a part shows of the others is as fine as happens to be there
-    whole.area = (VkRect2D){0};
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->behind,
         .clear = true,
         .counted = view->stream.exact,
-        .alone = true,
-        .parts = pass->area.extent.width > 0};
-    return status == HG_OK ? hg_shade_record(&whole, &shade, err) : status;
+        .alone = true};
+    return status == HG_OK ? hg_shade_record(pass, &shade, err) : status;
 }
 
 static enum hg_status record_layers(
@@ -544,8 +541,8 @@ static enum hg_status record_layers(
             .clear = i == 0,
             .counted = view->stream.exact,
             .layer = true,
-            .behind = transmits(view) ? &view->behind : NULL,
-            .behind_depth = transmits(view) ? &view->depth : NULL};
+            .behind = hg_frame_transmits(view) ? &view->behind : NULL,
+            .behind_depth = hg_frame_transmits(view) ? &view->depth : NULL};
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
     }
@@ -625,9 +622,11 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     enum hg_status status = draw_hosted(view, slot, slots, err);
     if (status == HG_OK)
         status = hg_visibility_record(&pass, &scene, &target, err);
+    if (status == HG_OK && view->stream.behind)
+        return record_behind(view, &pass, err);
     if (status == HG_OK && blend)
         status = make_layers(view, err);
-    if (status == HG_OK && blend && transmits(view))
+    if (status == HG_OK && blend && hg_frame_transmits(view) && !view->stream.behind_there)
         status = record_behind(view, &pass, err);
     if (status == HG_OK && blend)
         status = record_layers(view, &pass, slot, err);

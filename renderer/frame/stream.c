@@ -13,6 +13,7 @@
 #define EXACT_WAIT_NS  50000000u  // per step
 #define STILL_SAMPLES  8          // of a debug view that will not get sharper
 #define AREA_LEAST_PX  8          // areas are cut at multiples of this
+#define BEHIND_TRIES   4          // of an area whose pages may drive each other out
 #define MOST_SHARES    (1u << 20) // of the geometry of shadow maps
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
@@ -24,6 +25,7 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
 {
     hg_gpu_buffer_destroy(gpu, &s->progress);
     hg_gpu_buffer_destroy(gpu, &s->progress_read);
+    hg_gpu_buffer_destroy(gpu, &s->behind_progress);
     hg_gpu_image_destroy(gpu, &s->fallback);
     s->exact = s->uneven = s->has_fallback = false;
     s->area_count = 0;
@@ -43,9 +45,24 @@ static void forget_shadows(struct hg_view_state *view)
     view->stream.shadows = false;
 }
 
+void hg_stream_forget_behind(struct hg_view_state *view)
+{
+    view->stream.behind = view->stream.behind_there = false;
+    view->stream.behind_count = 0;
+}
+
+const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view)
+{
+    const struct hg_stream *s = &view->stream;
+    if (!s->exact || s->area_count == 0)
+        return NULL;
+    return s->behind ? &s->behind_areas[s->behind_count - 1] : &s->areas[s->area_count - 1];
+}
+
 void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
+    hg_stream_forget_behind(view);
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = s->forced = false;
     s->area_count = s->shadow_count = s->still = 0;
     if (s->shadow_error_px > 0.0f) // coarse maps are not kept
@@ -115,6 +132,7 @@ static enum hg_status start_exact(
         hg_gpu_cmd_end_rendering(cmd);
     }
     status = submit_and_wait(view, cmd, err);
+    hg_stream_forget_behind(view);
     s->exact = s->on = true; // pixels are counted whatever may be missing
     s->inexact = s->waiting = s->forced = false;
     s->fallback_error_px = hg_view_error_px(view);
@@ -250,6 +268,11 @@ static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bo
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
+    if (s->behind) {
+        vkCmdFillBuffer(
+            hg_gpu_cmd_handle(cmd), s->behind_progress.handle, 0, VK_WHOLE_SIZE, s->behind_sample);
+        hg_gpu_memory_barrier(cmd);
+    }
     memset(view->layers_full.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
     hg_page_cache_begin(pages_of(view), cmd);
     status = shadows ? hg_frame_record_shadows(view, cmd, err)
@@ -363,15 +386,83 @@ static void count_samples(struct hg_view_state *view)
             view->samples = s->areas[i].samples;
 }
 
+// Areas of a picture through which light is let are not finished one after the other, but sample by
+// sample: the one with the fewest comes next. False: nothing is to be made for it first.
+static bool wants_behind(struct hg_view_state *view)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_stream_area *top = &s->areas[s->area_count - 1];
+    const VkExtent2D size = top->rect.extent, whole = {view->settings.width, view->settings.height};
+    if (!hg_frame_transmits(view) || view->settings.debug != 0 ||
+        (size.width == whole.width && size.height == whole.height))
+        return false;
+    for (uint32_t i = 0; i + 1 < s->area_count; i++) {
+        const struct hg_stream_area other = s->areas[i];
+        if (other.samples >= top->samples)
+            continue;
+        s->areas[i] = *top;
+        *top = other;
+    }
+    if (s->behind_there && s->behind_sample == top->samples)
+        return false;
+    if (s->behind_count == 0 || s->behind_sample != top->samples) {
+        s->behind_there = false;
+        s->behind_sample = top->samples;
+        s->behind_tries = 0;
+        s->behind_areas[0] = (struct hg_stream_area){.rect.extent = whole, .samples = top->samples};
+        s->behind_count = 1;
+    }
+    return true;
+}
+
+static enum hg_status draw_behind(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_stream *s = &view->stream;
+    struct hg_page_demand demand;
+    enum hg_status status = hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_DEVICE,
+        s->progress.size_bytes, "progress behind", &s->behind_progress, err);
+    s->behind = true;
+    if (status == HG_OK)
+        status = hg_frame_cull(view, HG_FRAME_PICTURE, 1, err);
+    const bool fits = !view->crowded || s->forced;
+    if (status == HG_OK && fits)
+        status = run_batch(view, 1, false, &demand, err);
+    s->behind = false;
+    if (status != HG_OK)
+        return status;
+    if (!fits) {
+        s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
+        if (!s->shadows)
+            s->forced = !split(s->behind_areas, &s->behind_count);
+        return HG_OK;
+    }
+    s->missing = demand.missing;
+    s->waiting = demand.missing > 0;
+    s->shadows = demand.shadows;
+    if (demand.missing == 0 && !demand.shadows) {
+        s->forced = false;
+        s->behind_tries = 0;
+        s->behind_there = --s->behind_count == 0;
+    } else if (!demand.fits || ++s->behind_tries == BEHIND_TRIES) {
+        s->behind_tries = 0;
+        split(s->behind_areas, &s->behind_count);
+    }
+    view->number++;
+    return HG_OK;
+}
+
 static enum hg_status draw_area(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
     struct hg_stream *s = &view->stream;
+    if (wants_behind(view))
+        return draw_behind(view, err);
     struct hg_stream_area *area = &s->areas[s->area_count - 1];
     struct hg_page_demand demand;
     uint32_t count = view->settings.samples - area->samples;
     count = count < max_samples ? count : max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
+    count = s->behind_there ? 1 : count;
     enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && view->crowded && !s->forced) {
         s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit

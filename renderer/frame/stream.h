@@ -55,7 +55,16 @@ struct hg_stream {
     struct hg_stream_area
         shadow_areas[HG_STREAM_MAX_AREAS]; // the same for the atlas of shadow maps
     uint32_t shadow_count;
+    // What lets light through looks into a picture of all that is behind it. Where a picture is
+    // drawn in parts, that of one sample is made first, in parts of its own; then all areas get the
+    // sample.
+    bool behind;            // it is what is being drawn
+    bool behind_there;      // it is that of sample behind_sample, all of it
+    uint32_t behind_sample; // while it is there or made
+    struct hg_stream_area behind_areas[HG_STREAM_MAX_AREAS];
+    uint32_t behind_count, behind_tries;          // tries: of the area on top that missed pages
     bool shadow_begun;                            // maps were cleared: all else adds to them
+    struct hg_gpu_buffer behind_progress;         // as `progress`: there all pixels wait
     struct hg_gpu_buffer progress, progress_read; // [height][width] u32; read: a copy for the host
     struct hg_gpu_image fallback;
 };
@@ -68,6 +77,10 @@ enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) 
 // After a restart of a view that nobody looks at yet: finds out what it needs and turns to exact.
 enum hg_status hg_stream_begin_exact(
     struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// What lies behind is to be made anew: something else was drawn in its place.
+void hg_stream_forget_behind(struct hg_view_state *view);
+// What is drawn now; NULL: not in areas.
+const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view);
 // There is nothing that could be shown.
 bool hg_stream_is_blank(const struct hg_view_state *view);
 // Before a resting view shows the same again: waits a little for pages, or turns to exact.

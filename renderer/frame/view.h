@@ -154,6 +154,8 @@ enum hg_status hg_frame_cull(struct hg_view_state *view, enum hg_frame_part part
 // What the camera sees of a rectangle of the image, all of it loaded at once.
 enum hg_status hg_frame_cull_part(struct hg_view_state *view, VkRect2D part,
     struct hg_visible *visible, struct hg_error *err) HG_MUST_CHECK;
+// Materials of the scene let light through.
+bool hg_frame_transmits(const struct hg_view_state *view);
 // How many of so many samples one batch takes: what the host draws of them needs memory.
 uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples);
 enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,

@@ -4,7 +4,7 @@
 #include "shaders/shared/features.h"
 
 // Values of the specialisation constant of shade.frag. ALONE: what layers let through.
-enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS, ALONE_IN_PARTS };
+enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS };
 
 struct style {
     enum variant variant;
@@ -113,7 +113,6 @@ enum hg_status hg_shade_record(
     const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER
-                                           : shade->parts         ? ALONE_IN_PARTS
                                            : shade->alone         ? ALONE
                                            : shade->front != NULL ? OPAQUE_BEHIND
                                                                   : OPAQUE,

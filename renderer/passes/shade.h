@@ -26,8 +26,6 @@ struct hg_shade {
     // The opaque scene alone, to be seen through layers that let light through: alpha is 0 where it
     // is not as it will be, since texels are missing. Needs `clear`; keeps no count.
     bool alone;
-    bool parts; // with `alone`: the picture is drawn in parts, so that texels may be missing for
-                // good
     struct hg_gpu_image *behind, *behind_depth; // of layers: that picture and its depth
 };
 

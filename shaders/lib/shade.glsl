@@ -3,8 +3,7 @@
 #ifndef HG_LIB_SHADE_GLSL
 #define HG_LIB_SHADE_GLSL
 
-// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers, 4 the same where
-// the picture is drawn in parts
+// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers
 layout(constant_id = 0) const uint hg_variant = 0u;
 // 0: radiance, to be accumulated; else a picture at once, with the curve of this number less one.
 layout(constant_id = 4) const uint hg_picture = 0u;
@@ -212,8 +211,8 @@ void main()
             hg_texture_report(pixel);
         if (hg_variant == 2u)
             hg_progress_spoil(pixel);
-        else if (hg_variant >= 3u)
-            color.a = hg_variant == 3u && hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
+        else if (hg_variant == 3u)
+            color.a = hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }
