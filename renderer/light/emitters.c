@@ -408,7 +408,8 @@ static struct triangle triangle_at(const struct hg_cut_piece *piece, uint32_t in
 {
     struct triangle t = {.area = 0};
     double p[3][3], e1[3], e2[3], length = 0;
-    bool moves = memcmp(piece->world, piece->previous, sizeof piece->world) != 0, good = true;
+    const bool moves = memcmp(piece->world, piece->previous, sizeof piece->world) != 0;
+    bool good = true;
     for (int c = 0; c < 3; c++) {
         const uint32_t vertex = piece->indices[(size_t)index * 3 + (size_t)c];
         if (vertex >= piece->vertex_count)
@@ -416,9 +417,10 @@ static struct triangle triangle_at(const struct hg_cut_piece *piece, uint32_t in
         const float *at = piece->positions + (size_t)vertex * 3;
         transform(piece->world, at, p[c]);
         grow_box(&t, p[c], c == 0);
-        if (moves) {
+        if (moves || piece->opening != NULL) {
             double before[3];
-            transform(piece->previous, at, before);
+            const float *from = piece->opening != NULL ? piece->opening : piece->positions;
+            transform(piece->previous, from + (size_t)vertex * 3, before);
             grow_box(&t, before, false);
         }
     }
@@ -515,6 +517,13 @@ static void cone_of(struct hg_light_item *item, const struct triangle *triangles
     item->cos_o = length > 0 && least > -1 ? (float)least : -1;
 }
 
+// While the shutter is open: then its normals may go anywhere.
+static bool turns(const struct hg_cut_piece *piece)
+{
+    return piece->opening != NULL ||
+           memcmp(piece->world, piece->previous, 9 * sizeof *piece->world) != 0;
+}
+
 static void fill_leaf(const struct filling *f, const struct source *s, uint32_t leaf)
 {
     const struct hg_cut_piece *piece = s->part->piece;
@@ -541,6 +550,7 @@ static void fill_leaf(const struct filling *f, const struct source *s, uint32_t 
         return;
     item->power = (float)fmin(total, 1e30);
     cone_of(item, triangles, shares, count);
+    item->cos_o = turns(piece) ? -1 : item->cos_o;
     if (shift > 0)
         sum_weights(shares, count, total, f->weights + s->first_weight + first);
 }
