@@ -240,6 +240,8 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
     s->shutter_open = p->shutter_close > p->shutter_open ? p->shutter_open : 0.0f;
     s->shutter_close = p->shutter_close > p->shutter_open ? p->shutter_close : 0.0f;
     s->denoise = (uint32_t)p->denoise;
+    if (p->denoise == HG_DENOISE_ANIMATION) // says what stands still
+        s->planes |= 1u << HG_PLANE_MOTION;
 }
 
 enum hg_status hg_view_set_params(

@@ -146,7 +146,7 @@ enum hg_status hg_denoise_run(
     if (status == HG_OK && input->history != NULL) {
         for (int k = 0; k < HG_DN_KINDS; k++)
             hg_dn_smooth(&p, jobs, &work.clean.variance[k]);
-        status = hg_dn_history_blend(input->history, &p, &input->camera, &work.clean, jobs);
+        status = hg_dn_history_blend(input->history, &p, input, &work.clean, jobs);
     }
     if (status == HG_OK)
         hg_jobs_for(jobs, p.height, put_row, &work);

@@ -45,6 +45,9 @@ struct hg_denoise_input {
     const uint32_t *samples;         // of each tile of HG_PATH_TILE_SIDE px, row by row
     struct hg_denoise *history;      // NULL: by itself
     struct hg_denoise_camera camera; // with a history
+    // [2][height][width] sums: px from where surfaces were in the picture before. NULL: none is
+    // known to stand still, none to move.
+    const float *motion;
 };
 
 // Means of light without noise: out [HG_DENOISE_LIGHT][height][width]. HG_E_NOMEM.

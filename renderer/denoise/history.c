@@ -9,6 +9,7 @@
 #define DEPTH_REACH  0.02f // difference of depths of the same place, relative
 #define CHANGE_REACH 2.0f  // standard deviations of a patch that are no change
 #define STILL_PX     0.02  // px that count as none
+#define MOVED_PX     0.25  // px
 #define ALBEDO_REACH 4.0f  // standard deviations of an albedo that are no change
 #define PATCH        3     // px: radius of what is compared
 
@@ -88,6 +89,7 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
 struct work {
     struct hg_dn_planes *p;
     const struct hg_denoise_camera *camera;
+    const struct hg_denoise_input *input;
     struct hg_dn_clean *clean;
     const struct past *before;
     struct past *now;
@@ -165,9 +167,28 @@ static void scale(struct work *w, size_t at, float factor)
     }
 }
 
+// The surface was not where the camera's move alone leads to: x, y.
+static bool moves_itself(const struct work *w, uint32_t column, uint32_t row, double x, double y)
+{
+    const struct hg_denoise_input *in = w->input;
+    const size_t pixel = (size_t)row * in->width + column, pixels = (size_t)in->width * in->height;
+    const uint32_t columns = (in->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    const uint32_t n = in->samples[row / HG_PATH_TILE_SIDE * columns + column / HG_PATH_TILE_SIDE];
+    if (in->motion == NULL || n == 0)
+        return false;
+    const double mx = (double)in->motion[pixel] / n, my = (double)in->motion[pixels + pixel] / n;
+    return (mx != 0.0 || my != 0.0) &&
+           !(fabs(column + mx - x) < MOVED_PX && fabs(row + my - y) < MOVED_PX);
+}
+
 // Nothing has moved: what edges of pixels show is noisy and may be averaged, albedo and all.
 static bool take_still(struct work *w, uint32_t column, uint32_t row, double x, double y)
 {
+    const size_t pixel = (size_t)row * w->p->width + column;
+    const size_t pixels = (size_t)w->p->width * w->p->height;
+    const float *motion = w->input->motion;
+    if (motion == NULL || motion[pixel] != 0.0f || motion[pixels + pixel] != 0.0f)
+        return false;
     const struct past *past = w->before;
     const size_t at = hg_dn_at(w->p, column, row), old = (size_t)row * past->width + column;
     if (!(fabs(x - column) < STILL_PX && fabs(y - row) < STILL_PX) || column >= past->width ||
@@ -198,7 +219,8 @@ static void find_row(void *user, size_t row)
         y -= 0.5;
         if (!(x > -1.0 && y > -1.0 && x < past->width && y < past->height))
             continue;
-        if (take_still(w, column, (uint32_t)row, x, y))
+        if (moves_itself(w, column, (uint32_t)row, x, y) ||
+            take_still(w, column, (uint32_t)row, x, y))
             continue;
         const int x0 = (int)floor(x), y0 = (int)floor(y);
         float sum = 0.0f;
@@ -337,16 +359,20 @@ static float *make_work(struct work *w, const struct hg_dn_planes *p)
 }
 
 enum hg_status hg_dn_history_blend(struct hg_denoise *history, struct hg_dn_planes *p,
-    const struct hg_denoise_camera *camera, struct hg_dn_clean *clean, struct hg_jobs *jobs)
+    const struct hg_denoise_input *input, struct hg_dn_clean *clean, struct hg_jobs *jobs)
 {
-    struct work w = {
-        .p = p, .camera = camera, .clean = clean, .before = &history->before, .now = &history->now};
+    struct work w = {.p = p,
+        .camera = &input->camera,
+        .input = input,
+        .clean = clean,
+        .before = &history->before,
+        .now = &history->now};
     float *memory = make_work(&w, p);
     enum hg_status status = memory != NULL ? HG_OK : HG_E_NOMEM;
     if (status == HG_OK)
         status = past_init(&history->now, p->width, p->height);
     if (status == HG_OK) {
-        history->now.camera = *camera;
+        history->now.camera = input->camera;
         if (history->before.width > 0) {
             hg_jobs_for(jobs, p->height, find_row, &w);
             hg_jobs_for(jobs, p->height, trust_row, &w);

@@ -21,6 +21,6 @@ struct hg_dn_clean {
 // Averages `clean` with what was seen before, in place, and keeps the result for the next picture.
 // Scratch planes of p are overwritten. HG_E_NOMEM.
 enum hg_status hg_dn_history_blend(struct hg_denoise *history, struct hg_dn_planes *p,
-    const struct hg_denoise_camera *camera, struct hg_dn_clean *clean, struct hg_jobs *jobs);
+    const struct hg_denoise_input *input, struct hg_dn_clean *clean, struct hg_jobs *jobs);
 
 #endif

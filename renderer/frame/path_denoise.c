@@ -101,6 +101,8 @@ enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err)
         .samples = p->samples.mapped,
         .history = p->history};
     fill_camera(view, &input.camera);
+    if (p->planes[HG_PATH_PLANE_MOTION] != HG_PATH_NO_PLANE)
+        input.motion = film + p->planes[HG_PATH_PLANE_MOTION] * pixels;
     status = hg_denoise_run(view->context->jobs, &input, light, err);
     if (status == HG_OK)
         compose(p, film, light, p->denoised.mapped);
