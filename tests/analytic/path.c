@@ -37,7 +37,7 @@ static double render(struct rig *rig, const struct hg_view_params *params, const
 {
     struct hg_view *view = path_rig_view(rig, params);
     path_rig_look(view, eye, target, vfov_rad);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     const double mean = middle(view, share, 0);
     hg_view_destroy(view);
     return mean;
@@ -141,7 +141,7 @@ static void test_planes(void **state)
     params.planes = 1u << HG_PLANE_POSITION | 1u << HG_PLANE_OBJECT | 1u << HG_PLANE_EMISSION;
     struct hg_view *view = path_rig_view(rig, &params);
     path_rig_look(view, eye, target, 0.02f);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     struct hg_refbuf *position = path_rig_plane(view, HG_PLANE_POSITION);
     struct hg_refbuf *object = path_rig_plane(view, HG_PLANE_OBJECT);
     struct hg_refbuf *emission = path_rig_plane(view, HG_PLANE_EMISSION);
@@ -262,9 +262,9 @@ static void test_resume(void **state)
     path_rig_room(rig);
     struct hg_view *a = path_rig_view(rig, &params);
     path_rig_look(a, eye, target, 0.8f);
-    path_rig_settle(a, 7);
+    path_rig_steps(a, 7);
     test_ok(hg_view_save(a, &saved, &err), &err);
-    path_rig_settle(a, 100000);
+    path_rig_settle(a);
     whole = path_rig_plane(a, HG_PLANE_COLOR);
     hg_view_destroy(a);
 
@@ -275,7 +275,7 @@ static void test_resume(void **state)
     saved->data[saved->size - 1] ^= 1;
     assert_int_equal(hg_view_load(b, saved->data, saved->size - 1, &err), HG_E_INVAL);
     test_ok(hg_view_load(b, saved->data, saved->size, &err), &err);
-    path_rig_settle(b, 100000);
+    path_rig_settle(b);
     resumed = path_rig_plane(b, HG_PLANE_COLOR);
     assert_int_equal(whole->size, resumed->size);
     assert_memory_equal(whole->data, resumed->data, whole->size);
@@ -288,20 +288,6 @@ static void test_resume(void **state)
     hg_refbuf_unref(resumed);
 }
 
-static int set_up(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    rig_finish(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
@@ -309,5 +295,5 @@ int main(void)
         cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_sun_apart),
         cmocka_unit_test(test_estimators), cmocka_unit_test(test_slabs),
         cmocka_unit_test(test_resume)};
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tests/analytic/rig.h"
+#include "tests/analytic/path_rig.h"
 
 enum { WIDTH = 128, HEIGHT = 96, PIXELS = WIDTH * HEIGHT, REFERENCE = 256 };
 
@@ -53,23 +53,10 @@ static void room(struct rig *rig)
 
 static struct hg_view *open_room(struct rig *rig, const struct hg_view_params *params)
 {
-    struct hg_error err = {0};
-    struct hg_view *view;
     const struct hg_view_camera camera = {.eye = {0, 0, 3.6f}, .vfov_rad = 0.6f};
-    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    test_ok(hg_view_set_params(view, params, &err), &err);
-    test_ok(hg_view_set_camera(view, &camera, &err), &err);
-    hg_view_set_final(view, true);
+    struct hg_view *view = path_rig_view(rig, params);
+    path_rig_set_camera(view, &camera);
     return view;
-}
-
-static void settle(struct hg_view *view)
-{
-    struct hg_error err = {0};
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < 100000 && !info.settled; i++)
-        test_ok(hg_view_step(view, 8, &info, &err), &err);
-    assert_true(info.settled);
 }
 
 static struct hg_view_params params_of(
@@ -98,7 +85,7 @@ static struct hg_refbuf *picture(
 {
     const struct hg_view_params params = params_of(samples, seed, denoise);
     struct hg_view *view = open_room(rig, &params);
-    settle(view);
+    path_rig_settle(view);
     struct hg_refbuf *out = pixels_of(view);
     hg_view_destroy(view);
     return out;
@@ -171,7 +158,7 @@ static void test_untouched(void **state)
         struct hg_view_params params = params_of(8, 3, i == 0 ? HG_DENOISE_OFF : HG_DENOISE_STILL);
         params.planes = 1u << HG_PLANE_DEPTH | 1u << HG_PLANE_EMISSION;
         struct hg_view *view = open_room(rig, &params);
-        settle(view);
+        path_rig_settle(view);
         for (int k = 0; k < 3; k++)
             test_ok(hg_view_read_plane(view, which[k], &planes[i][k], &err), &err);
         pixels[i] = pixels_of(view);
@@ -212,7 +199,7 @@ static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_de
     for (int i = 0; i < frames; i++) {
         params.seed = (uint32_t)i;
         test_ok(hg_view_set_params(view, &params, &err), &err);
-        settle(view);
+        path_rig_settle(view);
         all[i] = pixels_of(view);
     }
     hg_view_destroy(view);
@@ -289,20 +276,6 @@ static void test_preview(void **state)
     hg_view_destroy(view);
 }
 
-static int open_rig(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int close_rig(void **state)
-{
-    rig_finish(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -311,5 +284,5 @@ int main(void)
         cmocka_unit_test(test_flicker),
         cmocka_unit_test(test_preview),
     };
-    return cmocka_run_group_tests(tests, open_rig, close_rig);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

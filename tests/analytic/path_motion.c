@@ -6,7 +6,7 @@
 #include "base/alloc.h"
 #include "renderer/internal.h"
 #include "shaders/shared/path.h"
-#include "tests/analytic/rig.h"
+#include "tests/analytic/path_rig.h"
 
 enum { WIDTH = 96, HEIGHT = 32 };
 
@@ -99,32 +99,16 @@ static const struct hg_view_camera straight = {
 static struct hg_view *settled(
     struct rig *rig, const struct hg_view_params *params, const struct hg_view_camera *camera)
 {
-    struct hg_error err = {0};
-    struct hg_frame_info info = {0};
-    struct hg_view *view;
-    hg_scene_publish(rig->scene);
-    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    test_ok(hg_view_set_params(view, params, &err), &err);
-    test_ok(hg_view_set_camera(view, camera, &err), &err);
-    hg_view_set_final(view, true);
-    for (int i = 0; i < 100000 && !info.settled; i++)
-        test_ok(hg_view_step(view, 8, &info, &err), &err);
-    assert_true(info.settled);
+    struct hg_view *view = path_rig_view(rig, params);
+    path_rig_set_camera(view, camera);
+    path_rig_settle(view);
     return view;
-}
-
-static struct hg_refbuf *plane_of(struct hg_view *view, enum hg_plane plane)
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *out;
-    test_ok(hg_view_read_plane(view, plane, &out, &err), &err);
-    return out;
 }
 
 // Mean of each column of the picture's first channel.
 static void columns(struct hg_view *view, double out[WIDTH])
 {
-    struct hg_refbuf *color = plane_of(view, HG_PLANE_COLOR);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
     const float *at = (const float *)(const void *)color->data;
     for (int x = 0; x < WIDTH; x++) {
         out[x] = 0;
@@ -310,7 +294,7 @@ static void test_turn(void **state)
     params.samples = 256;
     params.frame_s = 1.0f;
     struct hg_view *view = settled(rig, &params, &straight);
-    struct hg_refbuf *color = plane_of(view, HG_PLANE_COLOR);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
     const float *at = (const float *)(const void *)color->data;
     double sum = 0, want = 0, most = 0, ring[90] = {0}, wants[90] = {0};
     int counts[90] = {0};
@@ -371,7 +355,7 @@ static void test_still(void **state)
         if (i == 0)
             params.shutter_open = params.shutter_close = 0.0f;
         struct hg_view *view = settled(rig, &params, &above);
-        color[i] = plane_of(view, HG_PLANE_COLOR);
+        color[i] = path_rig_plane(view, HG_PLANE_COLOR);
         hg_view_destroy(view);
     }
     assert_memory_equal(color[0]->data, color[1]->data, color[0]->size);
@@ -442,7 +426,7 @@ static void test_vectors(void **state)
         memcpy(camera.next_target, camera.target, sizeof camera.target);
         camera.next_eye[0] = camera.next_target[0] = -0.25f;
         struct hg_view *view = settled(rig, &params, &camera);
-        struct hg_refbuf *motion = plane_of(view, HG_PLANE_MOTION);
+        struct hg_refbuf *motion = path_rig_plane(view, HG_PLANE_MOTION);
         const float *at = (const float *)(const void *)motion->data + HEIGHT / 2 * WIDTH * 4;
         const float pan = camera.moves ? 4.0f : 0.0f;
         const int places[2] = {WIDTH / 2, 4};
@@ -475,7 +459,7 @@ static void test_vectors_turn(void **state)
     camera.next_target[0] = tanf(turn);
     camera.next_target[2] = -1.0f;
     struct hg_view *view = settled(rig, &params, &camera);
-    struct hg_refbuf *motion = plane_of(view, HG_PLANE_MOTION);
+    struct hg_refbuf *motion = path_rig_plane(view, HG_PLANE_MOTION);
     const float *at = (const float *)(const void *)motion->data + HEIGHT / 2 * WIDTH * 4;
     const double focal = HEIGHT / 2 / tan(0.25); // px
     for (int x = 8; x < WIDTH; x += 16) {
@@ -487,20 +471,6 @@ static void test_vectors_turn(void **state)
     }
     hg_refbuf_unref(motion);
     hg_view_destroy(view);
-}
-
-static int setup(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    rig_finish(*state);
-    return 0;
 }
 
 int main(void)
@@ -517,5 +487,5 @@ int main(void)
         cmocka_unit_test(test_vectors),
         cmocka_unit_test(test_vectors_turn),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -67,7 +67,7 @@ static struct hg_view *picture(struct rig *rig, const struct hg_view_params *par
     static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
     struct hg_view *view = path_rig_view(rig, params);
     path_rig_look(view, eye, target, 0.8f);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     return view;
 }
 
@@ -253,7 +253,7 @@ static struct hg_view *above(struct rig *rig, enum hg_background background, uin
     params.background_color[0] = 0.5f;
     struct hg_view *view = path_rig_view(rig, &params);
     path_rig_look(view, eye, target, 0.01f);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     return view;
 }
 
@@ -305,20 +305,6 @@ static void test_catcher_lamp(void **state)
     hg_view_destroy(view);
 }
 
-static int setup(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    rig_finish(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -328,5 +314,5 @@ int main(void)
         cmocka_unit_test(test_catcher),
         cmocka_unit_test(test_catcher_lamp),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -4,14 +4,19 @@
 #include <math.h>
 #include <string.h>
 
-void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad)
+void path_rig_set_camera(struct hg_view *view, const struct hg_view_camera *camera)
 {
     struct hg_error err = {0};
+    test_ok(hg_view_set_camera(view, camera, &err), &err);
+}
+
+void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad)
+{
     struct hg_view_camera camera = {.vfov_rad = vfov_rad};
     memcpy(camera.eye, eye, sizeof camera.eye);
     memcpy(camera.target, target, sizeof camera.target);
     camera.up[fabsf(eye[1] - target[1]) > 10.0f * fabsf(eye[2] - target[2]) ? 2 : 1] = 1.0f;
-    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    path_rig_set_camera(view, &camera);
 }
 
 struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *params)
@@ -25,12 +30,23 @@ struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *para
     return view;
 }
 
-void path_rig_settle(struct hg_view *view, int steps)
+static bool take_steps(struct hg_view *view, int steps)
 {
     struct hg_error err = {0};
     struct hg_frame_info info = {0};
     for (int i = 0; i < steps && !info.settled; i++)
         test_ok(hg_view_step(view, 8, &info, &err), &err);
+    return info.settled;
+}
+
+void path_rig_settle(struct hg_view *view)
+{
+    assert_true(take_steps(view, 100000));
+}
+
+void path_rig_steps(struct hg_view *view, int steps)
+{
+    (void)take_steps(view, steps);
 }
 
 struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane)

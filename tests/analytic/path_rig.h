@@ -9,8 +9,9 @@
 struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *params);
 // Up is +y, or +z when looking straight up or down.
 void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad);
-// At most so many steps.
-void path_rig_settle(struct hg_view *view, int steps);
+void path_rig_set_camera(struct hg_view *view, const struct hg_view_camera *camera);
+void path_rig_settle(struct hg_view *view);
+void path_rig_steps(struct hg_view *view, int steps); // fewer if it settles
 // Free with hg_refbuf_unref.
 struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane);
 

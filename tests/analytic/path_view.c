@@ -59,7 +59,7 @@ static struct hg_refbuf *whole(struct rig *rig, const float eye[3])
 {
     struct hg_view *view = path_rig_view(rig, &defaults);
     path_rig_look(view, eye, room_target, 0.8f);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     struct hg_refbuf *out = pixels_of(view);
     hg_view_destroy(view);
     return out;
@@ -145,7 +145,7 @@ static void test_lens(void **state)
         .lens_radius = radius,
         .focus_distance = f};
     test_ok(hg_view_set_camera(view, &camera, &err), &err);
-    path_rig_settle(view, 100000);
+    path_rig_settle(view);
     struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
     const float *at = (const float *)(const void *)color->data;
     const double half = (double)f * tan(0.5 * (double)vfov_rad);
@@ -182,7 +182,7 @@ static void test_backends(void **state)
         params.trace = trace[i];
         struct hg_view *view = path_rig_view(rig, &params);
         path_rig_look(view, room_eye, room_target, 0.8f);
-        path_rig_settle(view, 100000);
+        path_rig_settle(view);
         color[i] = path_rig_plane(view, HG_PLANE_COLOR);
         hg_view_destroy(view);
     }
@@ -199,23 +199,9 @@ static void test_backends(void **state)
     hg_refbuf_unref(color[1]);
 }
 
-static int set_up(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    rig_finish(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
         cmocka_unit_test(test_lens), cmocka_unit_test(test_backends)};
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

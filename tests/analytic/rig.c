@@ -19,6 +19,20 @@ void rig_finish(struct rig *rig)
     hg_renderer_destroy(rig->renderer);
 }
 
+int rig_set_up(void **state)
+{
+    static struct rig rig;
+    rig_init(&rig);
+    *state = &rig;
+    return 0;
+}
+
+int rig_tear_down(void **state)
+{
+    rig_finish(*state);
+    return 0;
+}
+
 void rig_scene(struct rig *rig)
 {
     struct hg_error err = {0};

@@ -21,6 +21,9 @@ struct rig {
 
 void rig_init(struct rig *rig);
 void rig_finish(struct rig *rig);
+// The same as fixtures of a group: *state is the rig.
+int rig_set_up(void **state);
+int rig_tear_down(void **state);
 void rig_scene(struct rig *rig); // a new, empty scene in place of the one before
 
 // White, rough and not metallic.

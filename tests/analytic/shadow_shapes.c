@@ -342,20 +342,6 @@ static void test_cascades(void **state)
     assert_true(jump < 0.35);
 }
 
-static int setup(void **state)
-{
-    static struct rig rig;
-    rig_init(&rig);
-    *state = &rig;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    rig_finish(*state);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -364,5 +350,5 @@ int main(void)
         cmocka_unit_test(test_edge),
         cmocka_unit_test(test_cascades),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
