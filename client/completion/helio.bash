@@ -24,7 +24,7 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --fov --mode --samples --spp --time --noise --trace --max-bounces --denoise --at --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --mode --samples --spp --time --noise --trace --max-bounces --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     info) options='--scene --json --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
     run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;

@@ -285,7 +285,7 @@ static void test_few_triangles(void **state)
 static void test_fans_and_copies(void **state)
 {
     (void)state;
-    // A book of 300 pages on one spine, every page three times.
+    // A book of 300 pages on one spine, every page three times: once is enough.
     float positions[302 * 3] = {0};
     uint32_t indices[300 * 9];
     positions[5] = 1.0f;
@@ -296,14 +296,14 @@ static void test_fans_and_copies(void **state)
             memcpy(indices + i * 9 + c * 3, (uint32_t[3]){0, 1, i + 2}, 12);
     }
     struct hg_mesh_part part = plain(positions, 302, indices, 300 * 9);
-    assert_int_equal(triangles_of(&part), 900);
+    assert_int_equal(triangles_of(&part), 300);
     // The same triangle two thousand times.
     struct hg_mesh_part copies = lod_part(3, 6000);
     copies.positions[3] = copies.positions[7] = 1.0f;
     copies.normals[2] = copies.normals[5] = copies.normals[8] = 1.0f;
     for (uint32_t i = 0; i < 6000; i++)
         copies.indices[i] = i % 3;
-    assert_int_equal(triangles_of(&copies), 2000);
+    assert_int_equal(triangles_of(&copies), 1);
     // All vertices in one point, and on one line.
     struct hg_mesh_part point = lod_terrain(20);
     memset(point.positions, 0, point.vertex_count * 12ull);
