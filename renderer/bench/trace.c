@@ -70,29 +70,15 @@ static enum hg_status open_scene(struct run *run, struct hg_scene *scene, struct
     struct hg_gpu *gpu = run->renderer->gpu;
     const struct hg_geometry_params params = {.bake_from = HG_GEOMETRY_BAKE_NONE};
     const struct hg_cut_lens lens = {.px_scale = 1.0f, .near = 1.0f};
-    struct hg_gpu_cmd *cmd;
-    uint64_t value;
     hg_scene_update(scene);
     choose_pose(run, scene);
     enum hg_status status = hg_geometry_create(gpu, &params, &run->geometry, err);
     if (status == HG_OK)
         status = hg_geometry_sync(run->geometry, scene, NULL, err);
     if (status == HG_OK)
-        status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = hg_skin_record(cmd, run->geometry, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
-    if (status != HG_OK)
-        return status;
-    hg_geometry_deforms_done(run->geometry);
-    return hg_cut_make(run->geometry, &lens, run->renderer->jobs, &run->cut, err);
+        status = hg_skin_run(gpu, run->geometry, err);
+    return status == HG_OK ? hg_cut_make(run->geometry, &lens, run->renderer->jobs, &run->cut, err)
+                           : status;
 }
 
 // Each backend's structures, made anew in every round: the fastest counts.

@@ -6,7 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "renderer/frame/shutter.h"
+#include "renderer/passes/skin.h"
 
 #define STEP_NS 35000000u // a slice of work ends with the piece that passes this
 
@@ -147,7 +147,7 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     if (status == HG_OK)
         status = make_trace(view, err);
     if (status == HG_OK)
-        status = hg_shutter_deform(view, err);
+        status = hg_skin_run(view->context->gpu, view->rooms->geometry, err);
     if (status == HG_OK)
         status = hg_path_time_begin(view, err);
     if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)

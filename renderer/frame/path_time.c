@@ -9,6 +9,7 @@
 
 #include "renderer/frame/path_state.h"
 #include "renderer/frame/shutter.h"
+#include "renderer/passes/skin.h"
 
 #define MOST_PARTS 16 // no more than HG_PATH_LEAST_SAMPLES
 
@@ -134,5 +135,5 @@ enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *e
     }
     if (status == HG_OK)
         status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
-    return status == HG_OK ? hg_shutter_deform(view, err) : status;
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
 }

@@ -59,30 +59,6 @@ bool hg_shutter_moves(const struct hg_view_state *view)
 
 // --- poses ---------------------------------------------------------------------------------------
 
-enum hg_status hg_shutter_deform(struct hg_view_state *view, struct hg_error *err)
-{
-    struct hg_gpu *gpu = view->context->gpu;
-    struct hg_geometry *geometry = view->rooms->geometry;
-    struct hg_gpu_cmd *cmd;
-    uint64_t value;
-    if (hg_geometry_deform_count(geometry) == 0)
-        return HG_OK;
-    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = hg_skin_record(cmd, geometry, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
-    if (status == HG_OK)
-        hg_geometry_deforms_done(geometry);
-    return status;
-}
-
 static double seconds(const struct hg_view_state *view, double frames)
 {
     return frames * (double)view->settings.path.frame_s;
@@ -107,7 +83,7 @@ enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, doub
     const struct hg_view_camera_state at = camera_at(view, frames);
     hg_frame_camera(view, &at, camera);
     put_back(scene, &kept);
-    return status == HG_OK ? hg_shutter_deform(view, err) : status;
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
 }
 
 // --- how straight motion is ----------------------------------------------------------------------

@@ -17,9 +17,6 @@ bool hg_shutter_moves(const struct hg_view_state *view);
 enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, double frames,
     struct hg_gpu_camera *camera, struct hg_error *err) HG_MUST_CHECK;
 
-// Deformations that the geometry has not run yet.
-enum hg_status hg_shutter_deform(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-
 // Into how many parts of time, a power of two up to `most`, the time between two poses is to be cut
 // so that motion is nearly a straight line in each: what turns, and what moves in curves or jumps,
 // asks for more. HG_E_NOMEM.

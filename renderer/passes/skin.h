@@ -11,5 +11,8 @@
 // Call hg_geometry_deforms_done once the batch is submitted. Device errors.
 enum hg_status hg_skin_record(
     struct hg_gpu_cmd *cmd, const struct hg_geometry *geometry, struct hg_error *err) HG_MUST_CHECK;
+// The same in a batch of its own, and waits for it: poses are there when it returns.
+enum hg_status hg_skin_run(
+    struct hg_gpu *gpu, struct hg_geometry *geometry, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

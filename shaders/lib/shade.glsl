@@ -168,9 +168,9 @@ vec4 surface(uvec2 id)
     if (HG_HAS(HG_FEATURE_LOBE_TEXTURES) && HG_HAS(HG_FEATURE_STREAM))
         hg_texture_drawn = hg_texture_draws(uvec2(gl_FragCoord.xy));
 #endif
-    // Lanes beside what is seen, where nothing was drawn, run along on some devices and load too.
-    bool none = id.x == 0u;
-    hg_vertex v = hg_fetch_surface(none ? 0u : id.x - 1u, none ? 0u : id.y, gl_FragCoord.xy);
+    // Lanes beside what is seen load too on some devices, and where nothing was drawn id is 0.
+    id.x = max(id.x, 1u);
+    hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
     if (s.unlit)
