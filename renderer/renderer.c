@@ -189,6 +189,8 @@ static enum hg_status check_path(const struct hg_view_params *p, struct hg_error
         return bad(err, "view", "clamp_indirect");
     if (!(p->frame_s >= 0.0f && p->frame_s <= 1e9f))
         return bad(err, "view", "frame_s");
+    if (!(p->series_s >= 0.0f && p->series_s <= 1e9f))
+        return bad(err, "view", "series_s");
     if (!(fabsf(p->shutter_open) <= 1.0f))
         return bad(err, "view", "shutter_open");
     if (!(fabsf(p->shutter_close) <= 1.0f && p->shutter_close >= p->shutter_open))
@@ -240,8 +242,8 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
     s->shutter_open = p->shutter_close > p->shutter_open ? p->shutter_open : 0.0f;
     s->shutter_close = p->shutter_close > p->shutter_open ? p->shutter_close : 0.0f;
     s->denoise = (uint32_t)p->denoise;
-    if (p->denoise == HG_DENOISE_ANIMATION) // says what stands still
-        s->planes |= 1u << HG_PLANE_MOTION;
+    if (p->denoise == HG_DENOISE_ANIMATION)
+        s->series_s = p->series_s > 0.0f ? p->series_s : s->frame_s;
 }
 
 enum hg_status hg_view_set_params(

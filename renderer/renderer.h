@@ -146,6 +146,7 @@ struct hg_view_params {     // zero of each field = default
     // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
     // go on before and after the pose.
     float frame_s; // from one frame to the next, seconds; default 1/24
+    float series_s; // of HG_DENOISE_ANIMATION: from the picture before to this one; default frame_s
     // Motion blur: the shutter is open from shutter_open to shutter_close, in frames from the pose
     // (-1..1). Equal = all light comes at one moment, that of the pose.
     float shutter_open, shutter_close;

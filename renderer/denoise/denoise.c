@@ -25,11 +25,20 @@ static enum hg_status pass_init(struct pass *pass, const struct hg_dn_planes *p)
     return HG_OK;
 }
 
+// Looked at around what is wanted: each step by as much less as it looks further itself.
+#define LEFT_REACH   2                        // px: smoothing of what is left of the noise
+#define SECOND_REACH (LEFT_REACH + 7 + 2 + 2) // window, patch and smoothed variance
+#define REACH        40u                      // more than 7 + 3 + 2 again, and the fireflies'
+#define TILE_PX      768u                     // side of parts of large pictures
+
 struct work {
+    const struct hg_denoise_input *input;
+    struct hg_dn_rect rect; // of the picture, that is wanted now
     struct hg_dn_planes *p;
     struct pass *pass;
     struct hg_dn_clean clean;
     float *out;
+    const struct hg_dn_energy *energy;
 };
 
 // Both halves in one, in the place of the first; what is left of the noise, from their difference.
@@ -51,17 +60,32 @@ static void merge_row(void *user, size_t y)
     }
 }
 
-static void put_row(void *user, size_t y)
+static void put_row(void *user, size_t row)
 {
     const struct work *w = user;
     const struct hg_dn_planes *p = w->p;
-    const size_t pixels = (size_t)p->width * p->height;
-    for (uint32_t x = 0; x < p->width; x++) {
-        const size_t at = hg_dn_at(p, x, (uint32_t)y), to = y * p->width + x;
+    const size_t pixels = (size_t)w->input->width * w->input->height;
+    const uint32_t y = w->rect.y + (uint32_t)row;
+    for (uint32_t x = w->rect.x; x < w->rect.x + w->rect.width; x++) {
+        const size_t at = hg_dn_at(p, x - p->x, y - p->y), to = (size_t)y * w->input->width + x;
         for (size_t k = 0; k < HG_DN_KINDS; k++) {
             for (size_t c = 0; c < 3; c++)
                 w->out[(k * 3 + c) * pixels + to] =
                     w->clean.rgb[k][c][at] * p->albedo[hg_dn_lobe((int)k)][c][at];
+        }
+    }
+}
+
+static void give_back_row(void *user, size_t row)
+{
+    const struct work *w = user;
+    const struct hg_denoise_input *in = w->input;
+    const size_t pixels = (size_t)in->width * in->height;
+    for (uint32_t x = 0; x < in->width; x++) {
+        for (size_t k = 0; k < HG_DN_KINDS; k++) {
+            const float factor = hg_dn_energy_at(w->energy, (int)k, x, (uint32_t)row);
+            for (size_t c = 0; c < 3; c++)
+                w->out[(k * 3 + c) * pixels + row * in->width + x] *= factor;
         }
     }
 }
@@ -86,12 +110,27 @@ static void left_row(void *user, size_t y)
     }
 }
 
+// The wanted part and so many px around it, of what the planes hold.
+static struct hg_dn_rect around(const struct work *w, uint32_t px)
+{
+    const struct hg_dn_planes *p = w->p;
+    const uint32_t left = w->rect.x - p->x, above = w->rect.y - p->y;
+    const uint32_t x = left > px ? left - px : 0, y = above > px ? above - px : 0;
+    const uint32_t right = left + w->rect.width + px, below = above + w->rect.height + px;
+    return (struct hg_dn_rect){.x = x,
+        .y = y,
+        .width = (right < p->width ? right : p->width) - x,
+        .height = (below < p->height ? below : p->height) - y};
+}
+
 // Guided by the samples, then, with halves, by what came out: that shows edges which noise hid.
 static enum hg_status filter(struct work *w, struct pass *guide, struct hg_jobs *jobs)
 {
     struct hg_dn_planes *p = w->p;
-    struct hg_dn_filter filter = {
-        .radius = RADIUS, .patch = 3, .strength = p->halves ? FIRST_STRENGTH : ONLY_STRENGTH};
+    struct hg_dn_filter filter = {.rect = around(w, p->halves ? SECOND_REACH : LEFT_REACH),
+        .radius = RADIUS,
+        .patch = 3,
+        .strength = p->halves ? FIRST_STRENGTH : ONLY_STRENGTH};
     for (int i = 0; i < HG_DN_KINDS * 2; i++) {
         const int k = i / 2, j = i % 2;
         filter.variance[k] = p->variance[k];
@@ -105,6 +144,7 @@ static enum hg_status filter(struct work *w, struct pass *guide, struct hg_jobs 
     hg_jobs_for(jobs, p->height, left_row, &left);
     for (int k = 0; k < HG_DN_KINDS; k++)
         hg_dn_smooth(p, jobs, &p->variance[k]);
+    filter.rect = around(w, LEFT_REACH);
     filter.patch = 2;
     filter.strength = 1.0f;
     for (int i = 0; i < HG_DN_KINDS * 2; i++) {
@@ -128,31 +168,78 @@ static void merge(struct work *w, struct hg_jobs *jobs)
     hg_jobs_for(jobs, p->height, merge_row, w);
 }
 
-enum hg_status hg_denoise_run(
-    struct hg_jobs *jobs, const struct hg_denoise_input *input, float *out, struct hg_error *err)
+// --- all -----------------------------------------------------------------------------------------
+
+static enum hg_status run_part(struct work *w, struct hg_jobs *jobs)
 {
+    const struct hg_denoise_input *in = w->input;
+    const struct hg_dn_rect *r = &w->rect;
     struct hg_dn_planes p;
     struct pass pass = {0}, guide = {0};
-    struct work work = {.p = &p, .pass = &pass, .out = out};
-    enum hg_status status = hg_dn_planes_init(&p, jobs, input);
+    struct hg_dn_rect part = {
+        .x = r->x > REACH ? r->x - REACH : 0, .y = r->y > REACH ? r->y - REACH : 0};
+    const uint32_t right = r->x + r->width + REACH, below = r->y + r->height + REACH;
+    part.width = (right < in->width ? right : in->width) - part.x;
+    part.height = (below < in->height ? below : in->height) - part.y;
+    w->p = &p;
+    w->pass = &pass;
+    enum hg_status status = hg_dn_planes_init(&p, jobs, in, &part);
     if (status == HG_OK)
         status = pass_init(&pass, &p);
     if (status == HG_OK && p.halves)
         status = pass_init(&guide, &p);
     if (status == HG_OK)
-        status = filter(&work, &guide, jobs);
-    if (status == HG_OK)
-        merge(&work, jobs);
-    if (status == HG_OK && input->history != NULL) {
-        for (int k = 0; k < HG_DN_KINDS; k++)
-            hg_dn_smooth(&p, jobs, &work.clean.variance[k]);
-        status = hg_dn_history_blend(input->history, &p, input, &work.clean, jobs);
+        status = filter(w, &guide, jobs);
+    if (status == HG_OK) {
+        merge(w, jobs);
+        hg_jobs_for(jobs, r->height, put_row, w);
     }
-    if (status == HG_OK)
-        hg_jobs_for(jobs, p.height, put_row, &work);
+    if (status == HG_OK && in->history != NULL) {
+        for (int k = 0; k < HG_DN_KINDS; k++)
+            hg_dn_smooth(&p, jobs, &w->clean.variance[k]);
+        hg_dn_history_keep(in->history, &p, r, &w->clean, jobs);
+    }
     hg_free(guide.memory);
     hg_free(pass.memory);
     hg_dn_planes_finish(&p);
+    return status;
+}
+
+// Large pictures in parts: the memory that is taken does not grow with them.
+static enum hg_status run_parts(struct work *w, struct hg_jobs *jobs)
+{
+    const struct hg_denoise_input *in = w->input;
+    const uint32_t side = in->part_px > 0 ? in->part_px : TILE_PX;
+    enum hg_status status = HG_OK;
+    for (uint32_t y = 0; y < in->height; y += side) {
+        for (uint32_t x = 0; x < in->width && status == HG_OK; x += side) {
+            w->rect = (struct hg_dn_rect){.x = x,
+                .y = y,
+                .width = in->width - x < side ? in->width - x : side,
+                .height = in->height - y < side ? in->height - y : side};
+            status = run_part(w, jobs);
+        }
+    }
+    return status;
+}
+
+enum hg_status hg_denoise_run(
+    struct hg_jobs *jobs, const struct hg_denoise_input *input, float *out, struct hg_error *err)
+{
+    struct hg_dn_energy energy = {0};
+    struct work work = {.input = input, .out = out, .energy = &energy};
+    enum hg_status status = HG_OK;
+    if (input->history != NULL)
+        status = hg_dn_history_begin(input->history, input);
+    if (status == HG_OK)
+        status = run_parts(&work, jobs);
+    if (status == HG_OK)
+        status = hg_dn_energy_find(&energy, jobs, input, out);
+    if (status == HG_OK && input->history != NULL)
+        status = hg_dn_history_blend(input->history, jobs, input, &energy, out);
+    else if (status == HG_OK)
+        hg_jobs_for(jobs, input->height, give_back_row, &work);
+    hg_dn_energy_finish(&energy);
     return status == HG_OK ? HG_OK
                            : hg_error_set(err, status, "denoise", NULL, "out of host memory");
 }

@@ -43,14 +43,17 @@ struct hg_denoise_input {
     const float *sums;               // [HG_PATH_GUIDE_CHANNELS][height][width] over all samples
     const float *halves;             // the same over those with HG_PATH_IS_FIRST_HALF
     const uint32_t *samples;         // of each tile of HG_PATH_TILE_SIDE px, row by row
+    uint32_t part_px;                // side of parts of large pictures; 0 = usual. Changes nothing
     struct hg_denoise *history;      // NULL: by itself
     struct hg_denoise_camera camera; // with a history
-    // [2][height][width] sums: px from where surfaces were in the picture before. NULL: none is
-    // known to stand still, none to move.
-    const float *motion;
+    // [4][height][width] sums: metres in scene space to where surfaces were in the picture before,
+    // and a number of what the first sample met, 0 = none. NULL: none is known to stand still, none
+    // to move.
+    const float *moved;
 };
 
-// Means of light without noise: out [HG_DENOISE_LIGHT][height][width]. HG_E_NOMEM.
+// Means of light without noise: out [HG_DENOISE_LIGHT][height][width]. Besides it and the history
+// (250 bytes a pixel) takes 0.4 GB at most, however large the picture is. HG_E_NOMEM.
 enum hg_status hg_denoise_run(struct hg_jobs *jobs, const struct hg_denoise_input *input,
     float *out, struct hg_error *err) HG_MUST_CHECK;
 

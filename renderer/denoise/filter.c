@@ -256,8 +256,9 @@ static void filter_tile(void *user, size_t index)
 {
     struct work *w = user;
     const struct hg_dn_planes *p = w->p;
-    const uint32_t x0 = (uint32_t)(index % w->columns) * TILE_X;
-    const uint32_t y0 = (uint32_t)(index / w->columns) * TILE_Y;
+    const struct hg_dn_rect *r = &w->f->rect;
+    const uint32_t x0 = r->x + (uint32_t)(index % w->columns) * TILE_X;
+    const uint32_t y0 = r->y + (uint32_t)(index / w->columns) * TILE_Y;
     const size_t at = hg_dn_at(p, x0, y0);
     const int radius = w->f->radius, sets = p->halves ? 2 : 1;
     struct tile *t = hg_calloc(1, sizeof *t);
@@ -277,8 +278,9 @@ static void filter_tile(void *user, size_t index)
                 add(w, t, set, at, to);
         }
     }
-    const int rows = p->height - y0 < TILE_Y ? (int)(p->height - y0) : TILE_Y;
-    const int columns = p->width - x0 < TILE_X ? (int)(p->width - x0) : TILE_X;
+    const uint32_t below = r->y + r->height - y0, right = r->x + r->width - x0;
+    const int rows = below < TILE_Y ? (int)below : TILE_Y;
+    const int columns = right < TILE_X ? (int)right : TILE_X;
     for (int set = 0; set < SETS; set += 3 - sets)
         finish(w, t, set, at, rows, columns);
     hg_free(t);
@@ -287,8 +289,9 @@ static void filter_tile(void *user, size_t index)
 enum hg_status hg_dn_filter_run(
     const struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_dn_filter *filter)
 {
-    struct work work = {.p = p, .f = filter, .columns = (p->width + TILE_X - 1) / TILE_X};
-    const size_t rows = (p->height + TILE_Y - 1) / TILE_Y;
+    const struct hg_dn_rect *r = &filter->rect;
+    struct work work = {.p = p, .f = filter, .columns = (r->width + TILE_X - 1) / TILE_X};
+    const size_t rows = (r->height + TILE_Y - 1) / TILE_Y;
     hg_jobs_for(jobs, rows * work.columns, filter_tile, &work);
     return work.failed ? HG_E_NOMEM : HG_OK;
 }

@@ -9,23 +9,29 @@
 #define DEPTH_REACH  0.02f // difference of depths of the same place, relative
 #define CHANGE_REACH 2.0f  // standard deviations of a patch that are no change
 #define STILL_PX     0.02  // px that count as none
-#define MOVED_PX     0.25  // px
 #define ALBEDO_REACH 4.0f  // standard deviations of an albedo that are no change
 #define PATCH        3     // px: radius of what is compared
+#define BAND         64u   // rows that are looked up together
 
-enum { KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 5 }; // planes of a picture
+enum {
+    KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 6, // planes of a picture that stay
+    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES + 1,      // that are only there while it is made
+};
 
 // A picture that was made: [height][width] of each plane.
 struct past {
     uint32_t width, height; // 0 = none
     struct hg_denoise_camera camera;
     float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS];
-    float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen;
+    float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen, *id;
     float *memory;
 };
 
 struct hg_denoise {
     struct past before, now; // now: the newest, of the picture that is being made
+    // Of now, until it is blended: as it was sampled; of albedos; of the disparity, relative.
+    float *own_luma[HG_DN_KINDS], *own_variance[HG_DN_KINDS], *tone_var[HG_DN_LOBES], *slope;
+    float *own;
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -47,6 +53,7 @@ void hg_denoise_destroy(struct hg_denoise *d)
         return;
     past_finish(&d->before);
     past_finish(&d->now);
+    hg_free(d->own);
     hg_free(d);
 }
 
@@ -67,8 +74,8 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
     if (past->memory == NULL)
         return HG_E_NOMEM;
     float *at = past->memory;
-    float **single[] = {
-        &past->normal[0], &past->normal[1], &past->normal[2], &past->disparity, &past->seen};
+    float **single[] = {&past->normal[0], &past->normal[1], &past->normal[2], &past->disparity,
+        &past->seen, &past->id};
     for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += pixels)
         *single[i] = at;
     for (int i = 0; i < HG_DN_LOBES * 3; i++, at += pixels)
@@ -84,19 +91,97 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
     return HG_OK;
 }
 
+enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise_input *input)
+{
+    const size_t pixels = (size_t)input->width * input->height;
+    enum hg_status status = past_init(&d->now, input->width, input->height);
+    hg_free(d->own);
+    d->own = status == HG_OK ? hg_calloc(OWN * pixels, sizeof(float)) : NULL;
+    if (d->own == NULL) {
+        past_finish(&d->now);
+        return HG_E_NOMEM;
+    }
+    float *at = d->own;
+    for (int k = 0; k < HG_DN_KINDS; k++, at += 2 * pixels) {
+        d->own_luma[k] = at;
+        d->own_variance[k] = at + pixels;
+    }
+    for (int l = 0; l < HG_DN_LOBES; l++, at += pixels)
+        d->tone_var[l] = at;
+    d->slope = at;
+    d->now.camera = input->camera;
+    return HG_OK;
+}
+
+// --- keeping -------------------------------------------------------------------------------------
+
+struct keep {
+    struct hg_denoise *d;
+    const struct hg_dn_planes *p;
+    const struct hg_dn_rect *rect;
+    const struct hg_dn_clean *clean;
+};
+
+static void keep_pixel(const struct keep *k, size_t at, size_t to)
+{
+    const struct hg_dn_planes *p = k->p;
+    struct hg_denoise *d = k->d;
+    struct past *now = &d->now;
+    for (int i = 0; i < HG_DN_KINDS; i++) {
+        for (int c = 0; c < 3; c++)
+            now->rgb[i][c][to] = k->clean->rgb[i][c][at];
+        now->variance[i][to] = k->clean->variance[i][at];
+    }
+    for (int l = 0; l < HG_DN_LOBES; l++) {
+        for (int c = 0; c < 3; c++)
+            now->albedo[l][c][to] = p->albedo[l][c][at];
+        d->tone_var[l][to] = p->tone_var[l][at];
+    }
+    for (int c = 0; c < 3; c++)
+        now->normal[c][to] = p->normal[c][at];
+    now->disparity[to] = p->disparity[at];
+    now->seen[to] = p->seen[at];
+    d->slope[to] =
+        p->disparity[at] > 0.0f
+            ? (fabsf(p->disparity_dx[at]) + fabsf(p->disparity_dy[at])) / p->disparity[at]
+            : 0.0f;
+}
+
+static void keep_row(void *user, size_t row)
+{
+    const struct keep *k = user;
+    const uint32_t y = k->rect->y + (uint32_t)row;
+    for (uint32_t x = k->rect->x; x < k->rect->x + k->rect->width; x++)
+        keep_pixel(k, hg_dn_at(k->p, x - k->p->x, y - k->p->y), (size_t)y * k->d->now.width + x);
+}
+
+void hg_dn_history_keep(struct hg_denoise *d, const struct hg_dn_planes *p,
+    const struct hg_dn_rect *rect, const struct hg_dn_clean *clean, struct hg_jobs *jobs)
+{
+    struct keep keep = {d, p, rect, clean};
+    hg_jobs_for(jobs, rect->height, keep_row, &keep);
+}
+
 // --- where it was --------------------------------------------------------------------------------
 
 struct work {
-    struct hg_dn_planes *p;
-    const struct hg_denoise_camera *camera;
+    struct hg_denoise *d;
     const struct hg_denoise_input *input;
-    struct hg_dn_clean *clean;
+    const struct hg_dn_energy *energy;
     const struct past *before;
     struct past *now;
-    struct hg_dn_clean old; // of before, where the pixels of now were; its luma: trust
-    float *length[HG_DN_KINDS];
+    float *out;
+    // Of before, where the pixels of now were, in a band of rows of now from `first` on.
+    uint32_t first, skip; // skip: rows of the band before those that are blended
+    float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS], *trust[HG_DN_KINDS];
     float *still; // 1 where a pixel showed the same then, to a part of a pixel
+    float *memory;
 };
+
+static size_t band_at(const struct work *w, uint32_t x, uint32_t y)
+{
+    return (size_t)(y - w->first) * w->now->width + x;
+}
 
 static double dot(const double a[3], const double b[3])
 {
@@ -131,111 +216,127 @@ static bool find(
     return true;
 }
 
-static bool is_same(
-    const struct hg_dn_planes *p, const struct past *past, size_t at, size_t old, double depth)
+// What pixels around an edge of things have met first says nothing of the others' samples.
+static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
 {
+    const float id = now->id[(size_t)y * now->width + x];
+    for (uint32_t j = y > 0 ? y - 1 : 0; j <= y + 1 && j < now->height; j++) {
+        for (uint32_t i = x > 0 ? x - 1 : 0; i <= x + 1 && i < now->width; i++) {
+            if (now->id[(size_t)j * now->width + i] != id)
+                return false;
+        }
+    }
+    return true;
+}
+
+static bool is_same(const struct work *w, size_t at, size_t old, double depth)
+{
+    const struct past *now = w->now, *past = w->before;
     const double there = (double)past->disparity[old] * depth; // 1: as deep as expected
     float cosine = 0.0f, length = 0.0f, length_old = 0.0f;
     for (int c = 0; c < 3; c++) {
-        cosine += p->normal[c][at] * past->normal[c][old];
-        length += p->normal[c][at] * p->normal[c][at];
+        cosine += now->normal[c][at] * past->normal[c][old];
+        length += now->normal[c][at] * now->normal[c][at];
         length_old += past->normal[c][old] * past->normal[c][old];
     }
-    const float slope =
-        (fabsf(p->disparity_dx[at]) + fabsf(p->disparity_dy[at])) / p->disparity[at];
     return past->seen[old] > 0.0f && cosine > NORMAL_LEAST * sqrtf(length * length_old) &&
-           fabs(there - 1.0) < (double)(DEPTH_REACH + 2.0f * slope);
+           fabs(there - 1.0) < (double)(DEPTH_REACH + 2.0f * w->d->slope[at]);
 }
 
-static void take(struct work *w, size_t at, size_t old, float weight)
+static void take(struct work *w, size_t to, size_t old, float weight)
 {
     for (int k = 0; k < HG_DN_KINDS; k++) {
         for (int c = 0; c < 3; c++)
-            w->old.rgb[k][c][at] += weight * w->before->rgb[k][c][old];
-        w->old.variance[k][at] += weight * w->before->variance[k][old];
-        w->length[k][at] += weight * w->before->length[k][old];
+            w->rgb[k][c][to] += weight * w->before->rgb[k][c][old];
+        w->variance[k][to] += weight * w->before->variance[k][old];
+        w->length[k][to] += weight * w->before->length[k][old];
     }
 }
 
-static void scale(struct work *w, size_t at, float factor)
+static void scale(struct work *w, size_t to, float factor)
 {
     for (int k = 0; k < HG_DN_KINDS; k++) {
         for (int c = 0; c < 3; c++)
-            w->old.rgb[k][c][at] *= factor;
-        w->old.variance[k][at] *= factor;
-        w->length[k][at] *= factor;
+            w->rgb[k][c][to] *= factor;
+        w->variance[k][to] *= factor;
+        w->length[k][to] *= factor;
     }
 }
 
-// The surface was not where the camera's move alone leads to: x, y.
-static bool moves_itself(const struct work *w, uint32_t column, uint32_t row, double x, double y)
+// Where the surface of a pixel was; false: it has not moved by itself.
+static bool move(const struct work *w, uint32_t x, uint32_t y, double place[3])
 {
     const struct hg_denoise_input *in = w->input;
-    const size_t pixel = (size_t)row * in->width + column, pixels = (size_t)in->width * in->height;
-    const uint32_t columns = (in->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
-    const uint32_t n = in->samples[row / HG_PATH_TILE_SIDE * columns + column / HG_PATH_TILE_SIDE];
-    if (in->motion == NULL || n == 0)
-        return false;
-    const double mx = (double)in->motion[pixel] / n, my = (double)in->motion[pixels + pixel] / n;
-    return (mx != 0.0 || my != 0.0) &&
-           !(fabs(column + mx - x) < MOVED_PX && fabs(row + my - y) < MOVED_PX);
+    const size_t at = (size_t)y * in->width + x, pixels = (size_t)in->width * in->height;
+    const double hits = (double)w->now->seen[at] * hg_dn_samples(in, x, y);
+    bool moves = false;
+    for (size_t i = 0; i < 3 && in->moved != NULL; i++) {
+        place[i] += (double)in->moved[i * pixels + at] / hits;
+        moves = moves || in->moved[i * pixels + at] != 0.0f;
+    }
+    return moves;
 }
 
 // Nothing has moved: what edges of pixels show is noisy and may be averaged, albedo and all.
 static bool take_still(struct work *w, uint32_t column, uint32_t row, double x, double y)
 {
-    const size_t pixel = (size_t)row * w->p->width + column;
-    const size_t pixels = (size_t)w->p->width * w->p->height;
-    const float *motion = w->input->motion;
-    if (motion == NULL || motion[pixel] != 0.0f || motion[pixels + pixel] != 0.0f)
-        return false;
     const struct past *past = w->before;
-    const size_t at = hg_dn_at(w->p, column, row), old = (size_t)row * past->width + column;
+    const size_t to = band_at(w, column, row), old = (size_t)row * past->width + column;
     if (!(fabs(x - column) < STILL_PX && fabs(y - row) < STILL_PX) || column >= past->width ||
         row >= past->height)
         return false;
     if (!(past->seen[old] > 0.0f))
         return false;
-    take(w, at, old, 1.0f);
-    w->still[at] = 1.0f;
+    take(w, to, old, 1.0f);
+    w->still[to] = 1.0f;
     return true;
 }
 
-// What the four pixels around the place showed then, of those that showed the same surface.
-static void find_row(void *user, size_t row)
+// What the four pixels around x, y showed then, of those that showed the same surface.
+static void take_around(
+    struct work *w, uint32_t column, uint32_t row, const double xy[2], double depth)
+{
+    const struct past *past = w->before;
+    const size_t at = (size_t)row * w->now->width + column, to = band_at(w, column, row);
+    const int x0 = (int)floor(xy[0]), y0 = (int)floor(xy[1]);
+    const bool inside = w->input->moved != NULL && is_inside(w->now, column, row);
+    float sum = 0.0f;
+    for (int i = 0; i < 4; i++) {
+        const int px = x0 + i % 2, py = y0 + i / 2;
+        const float weight = (float)((1.0 - fabs(xy[0] - px)) * (1.0 - fabs(xy[1] - py)));
+        if (px < 0 || py < 0 || px >= (int)past->width || py >= (int)past->height)
+            continue;
+        const size_t old = (size_t)py * past->width + (size_t)px;
+        if ((inside && past->id[old] != w->now->id[at]) || !is_same(w, at, old, depth))
+            continue;
+        take(w, to, old, weight);
+        sum += weight;
+    }
+    scale(w, to, sum > 0.1f ? 1.0f / sum : 0.0f);
+}
+
+static void find_row(void *user, size_t index)
 {
     struct work *w = user;
-    const struct hg_dn_planes *p = w->p;
-    const struct past *past = w->before;
-    double place[3], x, y, depth;
-    for (uint32_t column = 0; column < p->width; column++) {
-        const size_t at = hg_dn_at(p, column, (uint32_t)row);
-        if (!(p->seen[at] > 0.0f) || !(p->disparity[at] > 0.0f))
+    const struct past *now = w->now, *past = w->before;
+    const uint32_t row = w->first + (uint32_t)index;
+    double place[3], xy[2], depth;
+    for (uint32_t column = 0; column < now->width; column++) {
+        const size_t at = (size_t)row * now->width + column;
+        if (!(now->seen[at] > 0.0f) || !(now->disparity[at] > 0.0f))
             continue;
-        place_of(w->camera, column + 0.5, (double)row + 0.5, 1.0 / (double)p->disparity[at], place);
-        if (!find(&past->camera, place, &x, &y, &depth))
+        place_of(
+            &now->camera, column + 0.5, (double)row + 0.5, 1.0 / (double)now->disparity[at], place);
+        const bool moves = move(w, column, row, place);
+        if (!find(&past->camera, place, &xy[0], &xy[1], &depth))
             continue;
-        x -= 0.5;
-        y -= 0.5;
-        if (!(x > -1.0 && y > -1.0 && x < past->width && y < past->height))
+        xy[0] -= 0.5;
+        xy[1] -= 0.5;
+        if (!(xy[0] > -1.0 && xy[1] > -1.0 && xy[0] < past->width && xy[1] < past->height))
             continue;
-        if (moves_itself(w, column, (uint32_t)row, x, y) ||
-            take_still(w, column, (uint32_t)row, x, y))
+        if (!moves && w->input->moved != NULL && take_still(w, column, row, xy[0], xy[1]))
             continue;
-        const int x0 = (int)floor(x), y0 = (int)floor(y);
-        float sum = 0.0f;
-        for (int i = 0; i < 4; i++) {
-            const int px = x0 + i % 2, py = y0 + i / 2;
-            const float weight = (float)((1.0 - fabs(x - px)) * (1.0 - fabs(y - py)));
-            if (px < 0 || py < 0 || px >= (int)past->width || py >= (int)past->height)
-                continue;
-            const size_t old = (size_t)py * past->width + (size_t)px;
-            if (!is_same(p, past, at, old, depth))
-                continue;
-            take(w, at, old, weight);
-            sum += weight;
-        }
-        scale(w, at, sum > 0.1f ? 1.0f / sum : 0.0f);
+        take_around(w, column, row, xy, depth);
     }
 }
 
@@ -247,18 +348,21 @@ static float luma_at(float *const rgb[3], size_t at)
 }
 
 // 1 where both agree, in the mean of a patch, within what noise explains; 0 where they do not.
-static float trust(const struct work *w, int kind, size_t at)
+static float trust(const struct work *w, int kind, uint32_t x, uint32_t y)
 {
-    const struct hg_dn_planes *p = w->p;
     float difference = 0.0f, variance = 0.0f, brightness = 0.0f, count = 0.0f;
     for (int dy = -PATCH; dy <= PATCH; dy++) {
         for (int dx = -PATCH; dx <= PATCH; dx++) {
-            const size_t q = at + (size_t)(dy * (ptrdiff_t)p->stride + dx);
+            const int64_t i = (int64_t)x + dx, j = (int64_t)y + dy;
+            if (i < 0 || j < 0 || i >= w->now->width || j >= w->now->height)
+                continue;
+            const size_t q = band_at(w, (uint32_t)i, (uint32_t)j);
             if (!(w->length[kind][q] > 0.0f))
                 continue;
-            const float now = w->clean->luma[kind][q], then = luma_at(w->old.rgb[kind], q);
+            const size_t own = (size_t)j * w->now->width + (size_t)i;
+            const float now = w->d->own_luma[kind][own], then = luma_at(w->rgb[kind], q);
             difference += now - then;
-            variance += w->clean->variance[kind][q] + w->old.variance[kind][q];
+            variance += w->d->own_variance[kind][own] + w->variance[kind][q];
             brightness += now + then;
             count += 1.0f;
         }
@@ -268,118 +372,152 @@ static float trust(const struct work *w, int kind, size_t at)
     // Noise that is left is alike over many pixels: the patch is not much better than one of them.
     const float off = difference * difference / (count * count);
     const float least = 1e-6f * brightness * brightness / (count * count) + 1e-20f;
-    const float x = off / (CHANGE_REACH * CHANGE_REACH * variance / count + least) - 1.0f;
-    return x <= 0.0f ? 1.0f : x >= 3.0f ? 0.0f : 1.0f - x / 3.0f;
+    const float t = off / (CHANGE_REACH * CHANGE_REACH * variance / count + least) - 1.0f;
+    return t <= 0.0f ? 1.0f : t >= 3.0f ? 0.0f : 1.0f - t / 3.0f;
 }
 
-static void trust_row(void *user, size_t y)
+static void trust_row(void *user, size_t index)
 {
     struct work *w = user;
-    for (uint32_t x = 0; x < w->p->width; x++) {
-        const size_t at = hg_dn_at(w->p, x, (uint32_t)y);
+    const uint32_t y = w->first + w->skip + (uint32_t)index;
+    for (uint32_t x = 0; x < w->now->width; x++) {
+        const size_t at = band_at(w, x, y);
         for (int k = 0; k < HG_DN_KINDS; k++)
-            w->old.luma[k][at] = w->length[k][at] > 0.0f ? trust(w, k, at) : 0.0f;
+            w->trust[k][at] = w->length[k][at] > 0.0f ? trust(w, k, x, y) : 0.0f;
     }
 }
 
-static void blend_row(void *user, size_t y)
+// Fewer digits than floats have, so that what is kept in files is small: the same bytes whether it
+// was kept or not.
+static float trim(float x)
 {
-    struct work *w = user;
-    for (uint32_t x = 0; x < w->p->width; x++) {
-        const size_t at = hg_dn_at(w->p, x, (uint32_t)y);
-        for (int k = 0; k < HG_DN_KINDS; k++) {
-            const float length = w->length[k][at] * w->old.luma[k][at];
-            const float old = length / (length + 1.0f), own = 1.0f - old;
-            for (int c = 0; c < 3; c++)
-                w->clean->rgb[k][c][at] =
-                    own * w->clean->rgb[k][c][at] + old * w->old.rgb[k][c][at];
-            w->clean->variance[k][at] =
-                own * own * w->clean->variance[k][at] + old * old * w->old.variance[k][at];
-            w->length[k][at] = fminf(length + 1.0f, HG_DN_MOST_HISTORY);
-        }
-    }
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    bits = (bits & 0x7f800000u) == 0x7f800000u ? bits : (bits + 0x200u) & ~0x3ffu;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static void blend(struct work *w, int k, size_t at, size_t from)
+{
+    struct past *now = w->now;
+    const float length = w->length[k][from] * w->trust[k][from];
+    const float old = length / (length + 1.0f), own = 1.0f - old;
+    for (int c = 0; c < 3; c++)
+        now->rgb[k][c][at] = own * now->rgb[k][c][at] + old * w->rgb[k][c][from];
+    now->variance[k][at] = own * own * now->variance[k][at] + old * old * w->variance[k][from];
+    now->length[k][at] = fminf(length + 1.0f, HG_DN_MOST_HISTORY);
 }
 
 // Albedos at the edges of what stands still, which are noisy as well: the old one of the same pixel
 // counts where both agree.
-static void blend_albedo(const struct work *w, size_t at, size_t pixel)
+static void blend_albedo(const struct work *w, size_t at)
 {
-    const struct hg_dn_planes *p = w->p;
+    struct past *now = w->now;
     for (int l = 0; l < HG_DN_LOBES; l++) {
         const int kind = l == HG_DN_SCATTERS ? HG_DN_INDIRECT : HG_DN_SPECULAR;
-        const float off = luma_at(p->albedo[l], at) - luma_at(w->before->albedo[l], pixel);
-        const float reach = ALBEDO_REACH * ALBEDO_REACH * p->tone_var[l][at];
-        const float length = off * off < reach ? w->length[kind][at] - 1.0f : 0.0f;
+        const float off = luma_at(now->albedo[l], at) - luma_at(w->before->albedo[l], at);
+        const float reach = ALBEDO_REACH * ALBEDO_REACH * w->d->tone_var[l][at];
+        const float length = off * off < reach ? now->length[kind][at] - 1.0f : 0.0f;
         const float old = length / (length + 1.0f);
         for (int c = 0; c < 3; c++)
-            p->albedo[l][c][at] =
-                (1.0f - old) * p->albedo[l][c][at] + old * w->before->albedo[l][c][pixel];
+            now->albedo[l][c][at] =
+                (1.0f - old) * now->albedo[l][c][at] + old * w->before->albedo[l][c][at];
     }
 }
 
-static void keep_row(void *user, size_t y)
+static void blend_row(void *user, size_t index)
 {
-    const struct work *w = user;
-    const struct hg_dn_planes *p = w->p;
+    struct work *w = user;
     struct past *now = w->now;
-    for (uint32_t x = 0; x < p->width; x++) {
-        const size_t at = hg_dn_at(p, x, (uint32_t)y), to = y * p->width + x;
-        for (int k = 0; k < HG_DN_KINDS; k++) {
-            for (int c = 0; c < 3; c++)
-                now->rgb[k][c][to] = w->clean->rgb[k][c][at];
-            now->variance[k][to] = w->clean->variance[k][at];
-            now->length[k][to] = w->length[k][at] > 0.0f ? w->length[k][at] : 1.0f;
-        }
-        if (w->still[at] > 0.0f)
-            blend_albedo(w, at, to);
-        for (int i = 0; i < HG_DN_LOBES * 3; i++)
-            now->albedo[i / 3][i % 3][to] = p->albedo[i / 3][i % 3][at];
-        for (int c = 0; c < 3; c++)
-            now->normal[c][to] = p->normal[c][at];
-        now->disparity[to] = p->disparity[at];
-        now->seen[to] = p->seen[at];
+    const uint32_t y = w->first + w->skip + (uint32_t)index;
+    const size_t pixels = (size_t)now->width * now->height;
+    for (uint32_t x = 0; x < now->width; x++) {
+        const size_t at = (size_t)y * now->width + x, from = band_at(w, x, y);
+        for (int k = 0; k < HG_DN_KINDS; k++)
+            blend(w, k, at, from);
+        if (w->still[from] > 0.0f)
+            blend_albedo(w, at);
+        for (size_t i = 0; i < HG_DENOISE_LIGHT; i++)
+            w->out[i * pixels + at] =
+                now->rgb[i / 3][i % 3][at] * now->albedo[hg_dn_lobe((int)i / 3)][i % 3][at];
+        for (size_t i = 0; i < KEPT; i++)
+            now->memory[i * pixels + at] = trim(now->memory[i * pixels + at]);
     }
 }
 
 // --- all -----------------------------------------------------------------------------------------
 
-static float *make_work(struct work *w, const struct hg_dn_planes *p)
+// Energy is given back, and what is compared is noted before it is blended.
+static void own_row(void *user, size_t y)
 {
-    float *memory = hg_calloc((HG_DN_KINDS * 6 + 1) * p->count, sizeof(float));
-    float *at = memory;
-    w->still = at;
-    at += memory != NULL ? p->count : 0;
-    for (int k = 0; k < HG_DN_KINDS && memory != NULL; k++) {
-        float **single[] = {&w->old.rgb[k][0], &w->old.rgb[k][1], &w->old.rgb[k][2],
-            &w->old.luma[k], &w->old.variance[k], &w->length[k]};
-        for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += p->count)
-            *single[i] = at;
+    struct work *w = user;
+    struct past *now = w->now;
+    const size_t pixels = (size_t)now->width * now->height;
+    for (uint32_t x = 0; x < now->width; x++) {
+        const size_t at = y * now->width + x;
+        for (int k = 0; k < HG_DN_KINDS; k++) {
+            const float factor = hg_dn_energy_at(w->energy, k, x, (uint32_t)y);
+            for (int c = 0; c < 3; c++)
+                now->rgb[k][c][at] *= factor;
+            now->variance[k][at] *= factor * factor;
+            w->d->own_luma[k][at] = luma_at(now->rgb[k], at);
+            w->d->own_variance[k][at] = now->variance[k][at];
+        }
+        now->id[at] = w->input->moved != NULL ? w->input->moved[3 * pixels + at] : 0.0f;
     }
-    return memory;
 }
 
-enum hg_status hg_dn_history_blend(struct hg_denoise *history, struct hg_dn_planes *p,
-    const struct hg_denoise_input *input, struct hg_dn_clean *clean, struct hg_jobs *jobs)
+static enum hg_status make_work(struct work *w)
 {
-    struct work w = {.p = p,
-        .camera = &input->camera,
-        .input = input,
-        .clean = clean,
-        .before = &history->before,
-        .now = &history->now};
-    float *memory = make_work(&w, p);
-    enum hg_status status = memory != NULL ? HG_OK : HG_E_NOMEM;
-    if (status == HG_OK)
-        status = past_init(&history->now, p->width, p->height);
-    if (status == HG_OK) {
-        history->now.camera = input->camera;
-        if (history->before.width > 0) {
-            hg_jobs_for(jobs, p->height, find_row, &w);
-            hg_jobs_for(jobs, p->height, trust_row, &w);
-        }
-        hg_jobs_for(jobs, p->height, blend_row, &w);
-        hg_jobs_for(jobs, p->height, keep_row, &w);
+    const uint32_t rows = BAND + 2 * PATCH;
+    const size_t count = (size_t)(rows < w->now->height ? rows : w->now->height) * w->now->width;
+    w->memory = hg_calloc((HG_DN_KINDS * 6 + 1) * count, sizeof(float));
+    if (w->memory == NULL)
+        return HG_E_NOMEM;
+    float *at = w->memory;
+    w->still = at;
+    at += count;
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        float **single[] = {&w->rgb[k][0], &w->rgb[k][1], &w->rgb[k][2], &w->variance[k],
+            &w->length[k], &w->trust[k]};
+        for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += count)
+            *single[i] = at;
     }
-    hg_free(memory);
+    return HG_OK;
+}
+
+// Rows y0 to y1 of the picture; those around them are looked up for their patches.
+static void blend_band(struct work *w, struct hg_jobs *jobs, uint32_t y0, uint32_t y1)
+{
+    const uint32_t width = w->now->width, height = w->now->height;
+    const uint32_t first = y0 > PATCH ? y0 - PATCH : 0;
+    const uint32_t end = y1 + PATCH < height ? y1 + PATCH : height;
+    w->first = first;
+    w->skip = y0 - first;
+    memset(w->memory, 0,
+        (HG_DN_KINDS * 6 + 1) * sizeof(float) * width *
+            (size_t)(BAND + 2 * PATCH < height ? BAND + 2 * PATCH : height));
+    if (w->before->width > 0)
+        hg_jobs_for(jobs, end - first, find_row, w);
+    if (w->before->width > 0)
+        hg_jobs_for(jobs, y1 - y0, trust_row, w);
+    hg_jobs_for(jobs, y1 - y0, blend_row, w);
+}
+
+enum hg_status hg_dn_history_blend(struct hg_denoise *d, struct hg_jobs *jobs,
+    const struct hg_denoise_input *input, const struct hg_dn_energy *energy, float *out)
+{
+    struct work w = {
+        .d = d, .input = input, .energy = energy, .before = &d->before, .now = &d->now, .out = out};
+    enum hg_status status = make_work(&w);
+    if (status == HG_OK) {
+        hg_jobs_for(jobs, input->height, own_row, &w);
+        for (uint32_t y = 0; y < input->height; y += BAND)
+            blend_band(&w, jobs, y, input->height - y < BAND ? input->height : y + BAND);
+    }
+    hg_free(w.memory);
+    hg_free(d->own);
+    d->own = NULL;
     return status;
 }

@@ -18,9 +18,16 @@ struct hg_dn_clean {
     float *luma[HG_DN_KINDS], *variance[HG_DN_KINDS]; // of what is left of the noise, in the luma
 };
 
-// Averages `clean` with what was seen before, in place, and keeps the result for the next picture.
-// Scratch planes of p are overwritten. HG_E_NOMEM.
-enum hg_status hg_dn_history_blend(struct hg_denoise *history, struct hg_dn_planes *p,
-    const struct hg_denoise_input *input, struct hg_dn_clean *clean, struct hg_jobs *jobs);
+// A picture is put in the place of the one that is being made. HG_E_NOMEM.
+enum hg_status hg_dn_history_begin(
+    struct hg_denoise *history, const struct hg_denoise_input *input) HG_MUST_CHECK;
+// A part of it.
+void hg_dn_history_keep(struct hg_denoise *history, const struct hg_dn_planes *p,
+    const struct hg_dn_rect *rect, const struct hg_dn_clean *clean, struct hg_jobs *jobs);
+// All of it is there: it gets its energy back, and is averaged with what was seen before. out: the
+// light. HG_E_NOMEM.
+enum hg_status hg_dn_history_blend(struct hg_denoise *history, struct hg_jobs *jobs,
+    const struct hg_denoise_input *input, const struct hg_dn_energy *energy,
+    float *out) HG_MUST_CHECK;
 
 #endif

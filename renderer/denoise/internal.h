@@ -26,12 +26,18 @@ struct hg_dn_light {
     float *luma;
 };
 
+// Pixels of a picture.
+struct hg_dn_rect {
+    uint32_t x, y, width, height;
+};
+
+// All of a picture, or a part of it with what its filters look at around.
 struct hg_dn_planes {
-    uint32_t width, height;
-    size_t stride, count; // floats of a row, of a plane
-    bool halves;          // there are two; else the first one holds all samples
-    float *seen;          // share of samples that hit a lit surface
-    float *share;         // of the first half among the samples, 0..1
+    uint32_t x, y, width, height; // in the picture
+    size_t stride, count;         // floats of a row, of a plane
+    bool halves;                  // there are two; else the first one holds all samples
+    float *seen;                  // share of samples that hit a lit surface
+    float *share;                 // of the first half among the samples, 0..1
     float *normal[3], *normal_var;
     float *disparity, *disparity_dx, *disparity_dy, *disparity_var; // 1 / metres
     float *roughness;
@@ -44,8 +50,8 @@ struct hg_dn_planes {
 };
 
 // planes.c
-enum hg_status hg_dn_planes_init(
-    struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_denoise_input *input);
+enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
+    const struct hg_denoise_input *input, const struct hg_dn_rect *part);
 void hg_dn_planes_finish(struct hg_dn_planes *p);
 // Means over 5x5 px of what is seen; *plane changes places with a scratch plane.
 void hg_dn_smooth(struct hg_dn_planes *p, struct hg_jobs *jobs, float **plane);
@@ -64,11 +70,30 @@ static inline float hg_dn_luma(float r, float g, float b)
 struct hg_dn_filter {
     const float *guide[HG_DN_KINDS][2], *variance[HG_DN_KINDS];
     struct hg_dn_light out[HG_DN_KINDS][2];
-    int radius;     // px: of the window
-    int patch;      // radius of patches
-    float strength; // distances in standard deviations that are still alike
+    struct hg_dn_rect rect; // what is wanted, in the planes
+    int radius;             // px: of the window
+    int patch;              // radius of patches
+    float strength;         // distances in standard deviations that are still alike
 };
 enum hg_status hg_dn_filter_run(
     const struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_dn_filter *filter);
+
+static inline uint32_t hg_dn_samples(const struct hg_denoise_input *in, uint32_t x, uint32_t y)
+{
+    const uint32_t columns = (in->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    return in->samples[y / HG_PATH_TILE_SIDE * columns + x / HG_PATH_TILE_SIDE];
+}
+
+// energy.c: factors of the light of each kind that give back what the filter has lost of it, or
+// added, around: between nodes in a grid.
+struct hg_dn_energy {
+    uint32_t columns, rows;
+    float *factor[HG_DN_KINDS]; // of nodes
+};
+// light: what came out, [HG_DENOISE_LIGHT][height][width], times the albedo. HG_E_NOMEM.
+enum hg_status hg_dn_energy_find(struct hg_dn_energy *e, struct hg_jobs *jobs,
+    const struct hg_denoise_input *input, const float *light);
+void hg_dn_energy_finish(struct hg_dn_energy *e);
+float hg_dn_energy_at(const struct hg_dn_energy *e, int kind, uint32_t x, uint32_t y);
 
 #endif

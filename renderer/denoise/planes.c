@@ -135,12 +135,12 @@ static void load_row(void *user, size_t y)
     const struct work *work = user;
     struct hg_dn_planes *p = work->p;
     const struct hg_denoise_input *in = work->input;
-    const uint32_t columns = (in->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
+    const uint32_t from = p->y + (uint32_t)y;
     struct pixel pixel;
-    for (uint32_t x = 0; x < in->width; x++) {
+    for (uint32_t x = 0; x < p->width; x++) {
         const size_t at = hg_dn_at(p, x, (uint32_t)y);
-        const uint32_t n = in->samples[y / HG_PATH_TILE_SIDE * columns + x / HG_PATH_TILE_SIDE];
-        load(in, y * in->width + x, n, &pixel);
+        const uint32_t n = hg_dn_samples(in, p->x + x, from);
+        load(in, (size_t)from * in->width + p->x + x, n, &pixel);
         const float hits = pixel.whole[HG_PATH_GUIDE_HITS];
         p->seen[at] = hits;
         p->share[at] = n > 0 ? (float)first_half(n) / (float)n : 0.5f;
@@ -329,15 +329,17 @@ static bool has_halves(const struct hg_denoise_input *in)
     return false;
 }
 
-enum hg_status hg_dn_planes_init(
-    struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_denoise_input *input)
+enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
+    const struct hg_denoise_input *input, const struct hg_dn_rect *part)
 {
     const size_t border = 2 * HG_DN_BORDER;
-    *p = (struct hg_dn_planes){.width = input->width,
-        .height = input->height,
-        .stride = (input->width + border + 7) & ~(size_t)7,
+    *p = (struct hg_dn_planes){.x = part->x,
+        .y = part->y,
+        .width = part->width,
+        .height = part->height,
+        .stride = (part->width + border + 7) & ~(size_t)7,
         .halves = has_halves(input)};
-    p->count = p->stride * (input->height + border);
+    p->count = p->stride * (part->height + border);
     p->memory = hg_calloc(PLANES * p->count, sizeof *p->memory);
     if (p->memory == NULL)
         return HG_E_NOMEM;

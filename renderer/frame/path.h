@@ -25,12 +25,15 @@ struct hg_path_settings {
     uint32_t trace;  // enum hg_trace_backend
     uint32_t filter; // enum hg_filter of renderer.h
     uint32_t max_bounces;
-    uint32_t planes; // 1 << enum hg_plane of renderer.h
+    uint32_t planes;  // 1 << enum hg_plane of renderer.h
     uint32_t denoise; // enum hg_view_denoise of renderer.h
     float filter_radius_px, noise, time_s, clamp_indirect;
-    float frame_s;                     // from one frame to the next
+    float frame_s;  // from one frame to the next
+    float series_s; // from the picture before to this one; of a series that is denoised
     float shutter_open, shutter_close; // frames from the pose of the scene; equal = no motion blur
 };
+
+#define HG_PATH_DENOISE_SERIES 2u // of `denoise`: with the pictures before
 
 struct hg_path;
 struct hg_view_state;

@@ -44,13 +44,11 @@ static void compose(const struct hg_path *p, const float *film, const float *lig
     }
 }
 
-#define ANIMATION 2u // enum hg_view_denoise of renderer.h
-
 enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     p->denoised_pass = 0;
-    if (view->settings.path.denoise != ANIMATION) {
+    if (view->settings.path.denoise != HG_PATH_DENOISE_SERIES) {
         hg_denoise_destroy(p->history);
         p->history = NULL;
         return HG_OK;
@@ -101,8 +99,8 @@ enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err)
         .samples = p->samples.mapped,
         .history = p->history};
     fill_camera(view, &input.camera);
-    if (p->planes[HG_PATH_PLANE_MOTION] != HG_PATH_NO_PLANE)
-        input.motion = film + p->planes[HG_PATH_PLANE_MOTION] * pixels;
+    if (p->planes[HG_PATH_PLANE_MOVED] != HG_PATH_NO_PLANE)
+        input.moved = film + p->planes[HG_PATH_PLANE_MOVED] * pixels;
     status = hg_denoise_run(view->context->jobs, &input, light, err);
     if (status == HG_OK)
         compose(p, film, light, p->denoised.mapped);

@@ -66,6 +66,8 @@ static uint32_t channels_of(const struct hg_path *p, uint32_t plane)
         return 1;
     case HG_PATH_PLANE_MOTION:
         return 4;
+    case HG_PATH_PLANE_MOVED:
+        return HG_PATH_MOVED_WORDS;
     case HG_PATH_PLANE_DRAWS:
         return 2 * HG_PATH_DRAWS_LENGTH;
     case HG_PATH_PLANE_GUIDE:
@@ -90,6 +92,8 @@ static void plan_channels(struct hg_path *p, const struct hg_path_settings *sett
             stored = (planes & (1u << HG_PATH_PLANE_DEPTH | 1u << HG_PATH_PLANE_POSITION)) != 0;
         if (i == HG_PATH_PLANE_GUIDE)
             stored = settings->denoise != 0;
+        if (i == HG_PATH_PLANE_MOVED)
+            stored = settings->denoise == HG_PATH_DENOISE_SERIES;
         if (i == HG_PATH_PLANE_CATCHER)
             stored = (p->options & HG_PATH_CATCHER) != 0;
         p->planes[i] = stored ? p->channels : HG_PATH_NO_PLANE;

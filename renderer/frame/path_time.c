@@ -34,9 +34,15 @@ static bool has_motion(const struct hg_view_state *view)
     return (view->settings.path.planes >> HG_PATH_PLANE_MOTION & 1u) != 0;
 }
 
+// The picture is one of a series, and wants to know where things were in the one before.
+static bool is_of_series(const struct hg_view_state *view)
+{
+    return view->settings.path.denoise == HG_PATH_DENOISE_SERIES;
+}
+
 bool hg_path_needs_time(const struct hg_view_state *view)
 {
-    return (is_open(view) || has_motion(view)) && hg_shutter_moves(view);
+    return (is_open(view) || has_motion(view) || is_of_series(view)) && hg_shutter_moves(view);
 }
 
 bool hg_path_is_posed(const struct hg_view_state *view)
@@ -113,6 +119,26 @@ static enum hg_status choose_parts(struct hg_view_state *view, struct hg_error *
         &view->path->time_parts, err);
 }
 
+// What planes of motion are made of.
+static enum hg_status pose_frames(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_path_settings *s = &view->settings.path;
+    const double shown = s->frame_s > 0.0f ? -(double)s->series_s / (double)s->frame_s : 0.0;
+    const struct {
+        uint32_t moment;
+        double frames;
+        bool wanted;
+    } all[] = {{HG_PATH_PREVIOUS, -1.0, has_motion(view)},
+        {HG_PATH_SHOWN, shown, is_of_series(view)}, {HG_PATH_NOW, 0.0, true},
+        {HG_PATH_NEXT, 1.0, has_motion(view)}};
+    enum hg_status status = HG_OK;
+    for (size_t i = 0; i < sizeof all / sizeof *all && status == HG_OK; i++) {
+        if (all[i].wanted)
+            status = pose(view, all[i].moment, all[i].frames, true, err);
+    }
+    return status;
+}
+
 enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
@@ -123,11 +149,9 @@ enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *e
     p->time_part = UINT32_MAX;
     if (!hg_path_needs_time(view))
         return HG_OK;
-    if (has_motion(view)) {
-        static const double frames[3] = {-1.0, 0.0, 1.0};
+    if (has_motion(view) || is_of_series(view)) {
         p->options |= HG_PATH_MOTION;
-        for (uint32_t i = 0; i < 3 && status == HG_OK; i++)
-            status = pose(view, HG_PATH_PREVIOUS + i, frames[i], true, err);
+        status = pose_frames(view, err);
     }
     if (status == HG_OK && is_open(view)) {
         p->options |= HG_PATH_BLURS;

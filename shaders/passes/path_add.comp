@@ -39,6 +39,8 @@ void main()
     uint object = hg_path.planes[HG_PATH_PLANE_OBJECT];
     uint material = hg_path.planes[HG_PATH_PLANE_MATERIAL];
     uint draws = hg_path.planes[HG_PATH_PLANE_DRAWS];
+    uint moved = hg_path.planes[HG_PATH_PLANE_MOVED];
+    uint what = moved == HG_PATH_NO_PLANE ? moved : moved + HG_PATH_MOVED_WHAT;
     uint guide = hg_path.planes[HG_PATH_PLANE_GUIDE];
     bool first_half = HG_PATH_IS_FIRST_HALF(hg_path_sample(slot));
     if (HG_PATH_CAN(HG_PATH_PLANES) && draws != HG_PATH_NO_PLANE)
@@ -49,7 +51,7 @@ void main()
             value = hg_path_get(hg_path_out(c), slot);
         uint k = c * pixels + at;
         float before = first ? 0.0 : hg_path.film.v[k];
-        if (c == object || c == material) // of the first sample
+        if (c == object || c == material || c == what) // of the first sample
             value = first ? value : 0.0;
         if (c < draws || c >= draws + 2u * HG_PATH_DRAWS_LENGTH) // not the list's
             hg_path.film.v[k] = before + value;

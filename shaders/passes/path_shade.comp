@@ -159,7 +159,8 @@ uint miss(path p)
         clamped(p.throughput * radiance, p.bounce));
     if (p.bounce == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
-    if (HG_PATH_CAN(HG_PATH_MOTION) && (p.flags & HG_PATH_SEEN) == 0u) {
+    if (HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
+        (p.flags & HG_PATH_SEEN) == 0u) {
         vec4 far = vec4(p.ray.direction_ws, 0.0);
         put_motion(p.slot, far, far, far);
     }
@@ -176,10 +177,17 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     hg_path_put(HG_PATH_PLANE_HITS, p.slot, 1.0);
     hg_path_put(HG_PATH_PLANE_DEPTH, p.slot, v.depth);
     hg_path_put3(HG_PATH_PLANE_POSITION, p.slot, v.position_ws);
-    if (HG_PATH_CAN(HG_PATH_MOTION))
+    uint node = hg_frame.geometry.instances.v[v.instance].node;
+    if (HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION))
         put_motion(p.slot, position_at(HG_PATH_PREVIOUS, hit), position_at(HG_PATH_NOW, hit),
             position_at(HG_PATH_NEXT, hit));
-    uint node = hg_frame.geometry.instances.v[v.instance].node;
+    if (HG_PATH_HAS(HG_PATH_PLANE_MOVED)) {
+        uint moved = hg_path_out(hg_path.planes[HG_PATH_PLANE_MOVED]);
+        if (HG_PATH_CAN(HG_PATH_MOTION))
+            hg_path_set3(moved + HG_PATH_MOVED_BY, p.slot,
+                (position_at(HG_PATH_SHOWN, hit) - position_at(HG_PATH_NOW, hit)).xyz);
+        hg_path_set(moved + HG_PATH_MOVED_WHAT, p.slot, float(node + 1u));
+    }
     hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(node + 1u));
     hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
     hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(hit.draw + 1u)); // only the first word is used

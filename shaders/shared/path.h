@@ -83,8 +83,14 @@
 #define HG_PATH_PLANE_DRAWS            18 // pairs (draw + 1, samples), see path_add.comp
 #define HG_PATH_PLANE_GROUPS           20 // 3 channels for each group of lights
 #define HG_PATH_PLANE_CATCHER          21 // not one of them: HG_PATH_CATCHER_*
-#define HG_PATH_PLANE_GUIDE            22 // what the denoiser wants to know: HG_PATH_GUIDE_*
-#define HG_PATH_PLANE_COUNT            23
+#define HG_PATH_PLANE_MOVED            22 // of pictures of a series: HG_PATH_MOVED_*
+#define HG_PATH_PLANE_GUIDE            23 // what the denoiser wants to know: HG_PATH_GUIDE_*
+#define HG_PATH_PLANE_COUNT            24
+
+// Channels of HG_PATH_PLANE_MOVED.
+#define HG_PATH_MOVED_BY    0 // xyz: to where the surface was when the picture before was made, metres
+#define HG_PATH_MOVED_WHAT  3 // of the first sample: as HG_PATH_PLANE_OBJECT
+#define HG_PATH_MOVED_WORDS 4
 
 // Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
 // samples (HG_PATH_IS_FIRST_HALF) follow behind.
@@ -134,7 +140,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_floa
 #define HG_PATH_PREVIOUS 2 // a frame before the pose
 #define HG_PATH_NOW      3 // the pose
 #define HG_PATH_NEXT     4 // a frame after
-#define HG_PATH_MOMENTS  5
+#define HG_PATH_SHOWN    5 // of the picture before, in a series
+#define HG_PATH_MOMENTS  6
 
 // A time: where things are, and the camera (as in hg_gpu_camera).
 struct hg_gpu_path_moment {
@@ -148,7 +155,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 
 // What kernels may be asked for, a specialisation constant.
 #define HG_PATH_BLURS  0x1u // something moves while the shutter is open
-#define HG_PATH_MOTION 0x2u // the plane, where something moves between frames
+#define HG_PATH_MOTION 0x2u // the planes, where something moves between frames
 #define HG_PATH_SPLIT   0x4u // light by what lobes reflect
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers

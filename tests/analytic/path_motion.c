@@ -23,52 +23,6 @@ static const struct hg_view_params defaults = {.width = WIDTH,
 
 // --- scenes --------------------------------------------------------------------------------------
 
-static struct hg_asset *asset_of(struct rig *rig)
-{
-    struct hg_asset *asset = hg_scene_find_asset(rig->scene, 7);
-    if (asset != NULL)
-        return asset;
-    asset = hg_calloc(1, sizeof *asset);
-    assert_non_null(asset);
-    asset->number = 7;
-    asset->animations = hg_calloc(1, sizeof *asset->animations);
-    assert_non_null(asset->animations);
-    asset->animation_count = 1;
-    assert_int_equal(hg_scene_add_asset(rig->scene, asset, NULL), HG_OK);
-    return asset;
-}
-
-// Linear keys at 0, 1, ... seconds.
-static void animate(struct rig *rig, struct hg_node *node, enum hg_anim_path path, uint32_t keys,
-    const float *values)
-{
-    struct hg_animation *a = &asset_of(rig)->animations[0];
-    const uint32_t width = path == HG_ANIM_ROTATION  ? 4
-                           : path == HG_ANIM_WEIGHTS ? node->mesh->target_count
-                                                     : 3;
-    struct hg_anim_channel *more =
-        hg_realloc(a->channels, a->channel_count + 1, sizeof *a->channels);
-    assert_non_null(more);
-    a->channels = more;
-    struct hg_anim_channel *c = &a->channels[a->channel_count++];
-    *c = (struct hg_anim_channel){.node = node,
-        .path = path,
-        .interpolation = HG_ANIM_LINEAR,
-        .key_count = keys,
-        .width = width,
-        .times = hg_calloc(keys, sizeof(float)),
-        .values = hg_calloc((size_t)keys * width, sizeof(float))};
-    assert_true(c->times != NULL && c->values != NULL);
-    for (uint32_t i = 0; i < keys; i++)
-        c->times[i] = (float)i;
-    memcpy(c->values, values, (size_t)keys * width * sizeof(float));
-}
-
-static void pose(struct rig *rig, double time_s)
-{
-    assert_int_equal(hg_asset_pose(asset_of(rig), -1, time_s), HG_OK);
-}
-
 static struct hg_material *glow(struct rig *rig, float radiance)
 {
     struct hg_material *m = rig_material(rig);
@@ -162,8 +116,9 @@ static void test_straight(void **state)
     double got[2][WIDTH], apart = 0;
     for (int i = 0; i < 2; i++) {
         rig_scene(rig);
-        animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
-        pose(rig, 1.0);
+        path_rig_animate(
+            rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
+        path_rig_pose(rig, 1.0);
         struct hg_view_params params = defaults;
         params.trace = traces[i];
         render_columns(rig, &params, &straight, got[i]);
@@ -183,8 +138,8 @@ static void test_late(void **state)
     struct rig *rig = *state;
     double got[WIDTH];
     rig_scene(rig);
-    animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
-    pose(rig, 1.0);
+    path_rig_animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
+    path_rig_pose(rig, 1.0);
     struct hg_view_params params = defaults;
     params.shutter_open = 0.0f;
     params.shutter_close = 0.75f;
@@ -227,12 +182,12 @@ static void test_morph(void **state)
     for (int i = 0; i < 4; i++)
         target->positions[i * 3] = 2.0f;
     mesh->parts[0].bounds_max[0] += 2.0f;
-    animate(rig, node, HG_ANIM_WEIGHTS, 3, weights);
-    pose(rig, 1.0);
+    path_rig_animate(rig, node, HG_ANIM_WEIGHTS, 3, weights);
+    path_rig_pose(rig, 1.0);
     render_columns(rig, &defaults, &straight, got);
     print_message("morph: %.4f off at most\n", worst(got, 0.4, -0.25, 0.25));
     assert_true(worst(got, 0.4, -0.25, 0.25) < 0.01);
-    pose(rig, 0.0); // no weight is in effect at the pose itself
+    path_rig_pose(rig, 0.0); // no weight is in effect at the pose itself
     struct hg_view_params params = defaults;
     params.shutter_open = 0.0f;
     render_columns(rig, &params, &straight, got);
@@ -253,7 +208,7 @@ static void test_skin(void **state)
     rig_scene(rig);
     struct hg_node *node = bar(rig, glow(rig, 1.0f), 0, 0.4f), *bone = joint(rig);
     struct hg_mesh_part *part = &node->mesh->parts[0];
-    struct hg_asset *asset = asset_of(rig);
+    struct hg_asset *asset = path_rig_asset(rig);
     asset->skins = hg_calloc(1, sizeof *asset->skins);
     assert_non_null(asset->skins);
     node->skin = asset->skins[0] = hg_calloc(1, sizeof *node->skin);
@@ -269,8 +224,8 @@ static void test_skin(void **state)
     assert_true(part->joints != NULL && part->weights != NULL);
     for (int i = 0; i < 4; i++)
         part->weights[i * 4] = 1.0f;
-    animate(rig, bone, HG_ANIM_TRANSLATION, 3, slide_more);
-    pose(rig, 1.0);
+    path_rig_animate(rig, bone, HG_ANIM_TRANSLATION, 3, slide_more);
+    path_rig_pose(rig, 1.0);
     render_columns(rig, &defaults, &straight, got);
     print_message("skin: %.4f off at most\n", worst(got, 0.4, -0.5, 0.5));
     assert_true(worst(got, 0.4, -0.5, 0.5) < 0.01);
@@ -287,8 +242,8 @@ static void test_turn(void **state)
         0, 0, -0.70710678f, 0.70710678f, 0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f};
     rig_scene(rig);
     struct hg_node *node = rig_quad(rig, glow(rig, 1.0f), corners);
-    animate(rig, node, HG_ANIM_ROTATION, 3, turns); // 90 degrees a second
-    pose(rig, 1.0);
+    path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, turns); // 90 degrees a second
+    path_rig_pose(rig, 1.0);
     struct hg_view_params params = defaults;
     params.width = params.height = 64;
     params.samples = 256;
@@ -335,10 +290,10 @@ static void lit_floor(struct rig *rig, bool moves)
     struct hg_material *light = glow(rig, 4.0f);
     light->double_sided = false; // shines down
     struct hg_node *node = rig_quad(rig, light, lamp);
-    animate(rig, node, HG_ANIM_TRANSLATION, 3, moves ? slide_more : rest);
+    path_rig_animate(rig, node, HG_ANIM_TRANSLATION, 3, moves ? slide_more : rest);
     if (moves)
-        animate(rig, node, HG_ANIM_ROTATION, 3, tilt);
-    pose(rig, 1.0);
+        path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, tilt);
+    path_rig_pose(rig, 1.0);
 }
 
 static const struct hg_view_camera above = {
@@ -389,7 +344,7 @@ static void test_lamp(void **state)
     rig->renderer->context.estimators = 0;
     for (int i = 0; i < 16; i++) {
         lit_floor(rig, true);
-        pose(rig, 1.0 + ((i + 0.5) / 16 - 0.5) * 0.5);
+        path_rig_pose(rig, 1.0 + ((i + 0.5) / 16 - 0.5) * 0.5);
         struct hg_view_params params = defaults;
         params.samples = 64;
         params.max_bounces = 2;
@@ -409,11 +364,11 @@ static void test_vectors(void **state)
 {
     struct rig *rig = *state;
     rig_scene(rig);
-    animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
+    path_rig_animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
     struct hg_material *m = glow(rig, 0.5f);
     const float wall[4][3] = {{-9, -9, -1}, {9, -9, -1}, {9, 9, -1}, {-9, 9, -1}};
     rig_quad(rig, m, wall);
-    pose(rig, 1.0);
+    path_rig_pose(rig, 1.0);
     for (int i = 0; i < 4; i++) {
         struct hg_view_params params = defaults;
         struct hg_view_camera camera = straight;

@@ -4,6 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/alloc.h"
+#include "renderer/internal.h"
+
 void path_rig_set_camera(struct hg_view *view, const struct hg_view_camera *camera)
 {
     struct hg_error err = {0};
@@ -101,4 +104,49 @@ void path_rig_room(struct rig *rig)
     light->emissive[0] = light->emissive[1] = light->emissive[2] = 4.0f;
     light->double_sided = true;
     rig_quad(rig, light, lamp);
+}
+
+struct hg_asset *path_rig_asset(struct rig *rig)
+{
+    struct hg_asset *asset = hg_scene_find_asset(rig->scene, 7);
+    if (asset != NULL)
+        return asset;
+    asset = hg_calloc(1, sizeof *asset);
+    assert_non_null(asset);
+    asset->number = 7;
+    asset->animations = hg_calloc(1, sizeof *asset->animations);
+    assert_non_null(asset->animations);
+    asset->animation_count = 1;
+    assert_int_equal(hg_scene_add_asset(rig->scene, asset, NULL), HG_OK);
+    return asset;
+}
+
+void path_rig_animate(struct rig *rig, struct hg_node *node, enum hg_anim_path path, uint32_t keys,
+    const float *values)
+{
+    struct hg_animation *a = &path_rig_asset(rig)->animations[0];
+    const uint32_t width = path == HG_ANIM_ROTATION  ? 4
+                           : path == HG_ANIM_WEIGHTS ? node->mesh->target_count
+                                                     : 3;
+    struct hg_anim_channel *more =
+        hg_realloc(a->channels, a->channel_count + 1, sizeof *a->channels);
+    assert_non_null(more);
+    a->channels = more;
+    struct hg_anim_channel *c = &a->channels[a->channel_count++];
+    *c = (struct hg_anim_channel){.node = node,
+        .path = path,
+        .interpolation = HG_ANIM_LINEAR,
+        .key_count = keys,
+        .width = width,
+        .times = hg_calloc(keys, sizeof(float)),
+        .values = hg_calloc((size_t)keys * width, sizeof(float))};
+    assert_true(c->times != NULL && c->values != NULL);
+    for (uint32_t i = 0; i < keys; i++)
+        c->times[i] = (float)i;
+    memcpy(c->values, values, (size_t)keys * width * sizeof(float));
+}
+
+void path_rig_pose(struct rig *rig, double time_s)
+{
+    assert_int_equal(hg_asset_pose(path_rig_asset(rig), -1, time_s), HG_OK);
 }

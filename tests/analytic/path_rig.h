@@ -3,6 +3,7 @@
 #ifndef HG_TESTS_ANALYTIC_PATH_RIG_H
 #define HG_TESTS_ANALYTIC_PATH_RIG_H
 
+#include "renderer/scene/scene.h"
 #include "tests/analytic/rig.h"
 
 // A view of the scene as it stands now, that only settled pictures are wanted of.
@@ -22,5 +23,11 @@ struct hg_material *path_rig_lambert(struct rig *rig, float albedo);
 void path_rig_floor(struct rig *rig, struct hg_material *m, float half);
 // Floor, mirror-like wall, sphere, lamp that shines to both sides, dim environment.
 void path_rig_room(struct rig *rig);
+
+struct hg_asset *path_rig_asset(struct rig *rig); // with the animation of the scene
+// The scene's animation: linear keys of a node at 0, 1, ... seconds.
+void path_rig_animate(struct rig *rig, struct hg_node *node, enum hg_anim_path path, uint32_t keys,
+    const float *values);
+void path_rig_pose(struct rig *rig, double time_s);
 
 #endif

@@ -369,6 +369,24 @@ static void test_threads(void **state)
     finish(&b);
 }
 
+// In parts as in one piece, to the bit.
+static void test_parts(void **state)
+{
+    (void)state;
+    static const uint32_t sides[] = {33, 64, 100};
+    struct picture a = make(150, 90, 6, corner), b = make(150, 90, 6, corner);
+    a.sums[40 * 150 + 100] += 300.0f;
+    b.sums[40 * 150 + 100] += 300.0f;
+    run(&a, 2);
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++) {
+        b.input.part_px = sides[i];
+        run(&b, 2);
+        assert_memory_equal(a.out, b.out, 150 * 90 * HG_DENOISE_LIGHT * sizeof(float));
+    }
+    finish(&a);
+    finish(&b);
+}
+
 static struct point sparse(uint32_t x, uint32_t y)
 {
     struct point p = wall(1.0f);
@@ -544,6 +562,7 @@ int main(void)
         cmocka_unit_test(test_curves),
         cmocka_unit_test(test_fireflies),
         cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_parts),
         cmocka_unit_test(test_sizes),
         cmocka_unit_test(test_flicker),
         cmocka_unit_test(test_change),
