@@ -541,8 +541,7 @@ static enum hg_status record_layers(
             .clear = i == 0,
             .counted = view->stream.exact,
             .layer = true,
-            .behind = hg_frame_transmits(view) ? &view->behind : NULL,
-            .behind_depth = hg_frame_transmits(view) ? &view->depth : NULL};
+            .behind = hg_frame_transmits(view) ? &view->behind : NULL};
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
     }

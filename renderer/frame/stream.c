@@ -45,7 +45,7 @@ static void forget_shadows(struct hg_view_state *view)
     view->stream.shadows = false;
 }
 
-void hg_stream_forget_behind(struct hg_view_state *view)
+static void forget_behind(struct hg_view_state *view)
 {
     view->stream.behind = view->stream.behind_there = false;
     view->stream.behind_count = 0;
@@ -62,7 +62,7 @@ const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view)
 void hg_stream_restart(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
-    hg_stream_forget_behind(view);
+    forget_behind(view);
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = s->forced = false;
     s->area_count = s->shadow_count = s->still = 0;
     if (s->shadow_error_px > 0.0f) // coarse maps are not kept
@@ -132,9 +132,10 @@ static enum hg_status start_exact(
         hg_gpu_cmd_end_rendering(cmd);
     }
     status = submit_and_wait(view, cmd, err);
-    hg_stream_forget_behind(view);
+    forget_behind(view);
     s->exact = s->on = true; // pixels are counted whatever may be missing
     s->inexact = s->waiting = s->forced = false;
+    s->most_samples = samples;
     s->fallback_error_px = hg_view_error_px(view);
     view->shown_error_px = view->error_px;
     view->clipped = false;
@@ -387,15 +388,20 @@ static void count_samples(struct hg_view_state *view)
 }
 
 // Areas of a picture through which light is let are not finished one after the other, but sample by
-// sample: the one with the fewest comes next. False: nothing is to be made for it first.
+// sample: the one with the fewest comes next. False: nothing is to be made for it first. Pixels
+// that are ahead ask for nothing that others may see of them.
 static bool wants_behind(struct hg_view_state *view)
 {
     struct hg_stream *s = &view->stream;
     struct hg_stream_area *top = &s->areas[s->area_count - 1];
     const VkExtent2D size = top->rect.extent, whole = {view->settings.width, view->settings.height};
-    if (!hg_frame_transmits(view) || view->settings.debug != 0 ||
-        (size.width == whole.width && size.height == whole.height))
+    if (!hg_frame_transmits(view) || view->settings.debug != 0)
         return false;
+    if (size.width == whole.width && size.height == whole.height &&
+        top->samples == s->most_samples) {
+        forget_behind(view);
+        return false;
+    }
     for (uint32_t i = 0; i + 1 < s->area_count; i++) {
         const struct hg_stream_area other = s->areas[i];
         if (other.samples >= top->samples)
@@ -483,6 +489,7 @@ static enum hg_status draw_area(
     s->waiting = demand.missing > 0;
     s->shadows = demand.shadows;
     const uint32_t reached = area->samples + count;
+    s->most_samples = reached > s->most_samples ? reached : s->most_samples;
     area->samples =
         demand.missing == 0 && !demand.shadows ? reached : least_samples(view, area->rect);
     s->forced = s->forced && area->samples < view->settings.samples;

@@ -52,12 +52,13 @@ struct hg_stream {
     uint32_t run;            // of the newest sample
     struct hg_stream_area areas[HG_STREAM_MAX_AREAS]; // a stack; what is not in it is finished
     uint32_t area_count;
+    uint32_t most_samples; // that any pixel may have
     struct hg_stream_area
         shadow_areas[HG_STREAM_MAX_AREAS]; // the same for the atlas of shadow maps
     uint32_t shadow_count;
     // What lets light through looks into a picture of all that is behind it. Where a picture is
-    // drawn in parts, that of one sample is made first, in parts of its own; then all areas get the
-    // sample.
+    // drawn in parts, or some pixels are ahead of others, that of one sample is made first, in
+    // parts of its own; then all areas get the sample.
     bool behind;            // it is what is being drawn
     bool behind_there;      // it is that of sample behind_sample, all of it
     uint32_t behind_sample; // while it is there or made
@@ -77,8 +78,6 @@ enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) 
 // After a restart of a view that nobody looks at yet: finds out what it needs and turns to exact.
 enum hg_status hg_stream_begin_exact(
     struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-// What lies behind is to be made anew: something else was drawn in its place.
-void hg_stream_forget_behind(struct hg_view_state *view);
 // What is drawn now; NULL: not in areas.
 const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view);
 // There is nothing that could be shown.

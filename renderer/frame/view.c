@@ -535,7 +535,6 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
     hg_frame_fill(view, 0, false, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     view->stream.exact = exact;
-    hg_stream_forget_behind(view); // its depth is drawn over
     const struct hg_visibility_target target = {&view->visibility, &view->depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
     const struct hg_visibility_scene scene = {view->pick_visible, 0, 0};

@@ -109,7 +109,7 @@ enum hg_status hg_shade_record(
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
     bindings.images[HG_BIND_COLOR_A] = shade->layer ? shade->behind : shade->front;
-    bindings.images[HG_BIND_DEPTH] = shade->layer ? shade->behind_depth : NULL;
+    bindings.images[HG_BIND_DEPTH] = NULL;
     const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER

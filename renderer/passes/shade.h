@@ -23,10 +23,11 @@ struct hg_shade {
     bool dark;  // surfaces at HG_DARK_DEPTH are reached by no light, others lie in front of it. Not
                 // for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
-    // The opaque scene alone, to be seen through layers that let light through: alpha is 0 where it
-    // is not as it will be, since texels are missing. Needs `clear`; keeps no count.
+    // The opaque scene alone, to be seen through layers that let light through: alpha is how deep
+    // it lies (shade.glsl), with a minus where it is not as it will be. Needs `clear`; keeps no
+    // count.
     bool alone;
-    struct hg_gpu_image *behind, *behind_depth; // of layers: that picture and its depth
+    struct hg_gpu_image *behind; // of layers: that picture
 };
 
 enum hg_status hg_shade_record(

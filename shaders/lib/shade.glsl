@@ -31,8 +31,10 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/resolve.glsl"
 
 layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front; // of layers: what is behind
-layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_behind_depth;
+// Of layers: the opaque scene. Its alpha is how deep it lies, metres, or NOTHING; with a minus where
+// the sample is not as it will be.
+layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
+#define NOTHING 1e30
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
@@ -72,14 +74,14 @@ float hg_refracted_roughness(hg_bsdf b)
     return sqrt(b.base.roughness * b.base.roughness * width);
 }
 
-// Where the opaque scene lies at a pixel; false: there is none.
-bool behind_position(ivec2 pixel, out vec3 position_ws)
+// Where something is at the centre of a pixel.
+vec3 position_at(ivec2 pixel, float depth)
 {
-    float depth = texelFetch(hg_behind_depth, pixel, 0).x;
-    vec2 ndc = (vec2(pixel) + 0.5) * 2.0 * hg_frame.inv_size - 1.0;
-    vec4 p = hg_frame.camera.inv_view_proj * vec4(ndc, max(depth, 1e-9), 1.0);
-    position_ws = p.xyz / p.w;
-    return depth > 0.0;
+    vec2 at = vec2(pixel) + 0.5;
+    vec3 ray = hg_frame.camera.ray_origin_ws + at.x * hg_frame.camera.ray_x_ws +
+        at.y * hg_frame.camera.ray_y_ws;
+    return hg_frame.camera.orthographic != 0u ? ray + hg_frame.camera.forward_ws * depth
+                                              : hg_frame.camera.eye_ws + ray * depth;
 }
 
 // Radiance of what lies behind a layer's point, in a direction that was bent there, and after
@@ -88,21 +90,22 @@ bool behind_position(ivec2 pixel, out vec3 position_ws)
 vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness)
 {
     ivec2 here = ivec2(gl_FragCoord.xy);
-    vec3 far_ws, leaves = position_ws + in_ws * inside;
-    float reach = behind_position(here, far_ws) ? max(dot(far_ws - leaves, out_ws), 0.0) : 1e4;
+    float deep = texelFetch(hg_front, here, 0).a;
+    vec3 leaves = position_ws + in_ws * inside;
+    float reach =
+        abs(deep) < NOTHING ? max(dot(position_at(here, abs(deep)) - leaves, out_ws), 0.0) : 1e4;
     vec3 to = leaves + out_ws * reach - hg_frame.camera.eye_ws;
     vec4 clip = hg_frame.camera.view_proj * vec4(to, 0.0) + hg_frame.camera.proj[3];
     vec2 at = (clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5) * vec2(hg_frame.width, hg_frame.height);
     bool seen = clip.w > 0.0 && all(greaterThanEqual(at, vec2(0.0))) &&
         all(lessThan(at, vec2(hg_frame.width, hg_frame.height)));
-    ivec2 pixel = seen ? ivec2(at) : here;
-    bool something = behind_position(pixel, far_ws);
-    // What stands in front of the layer is not behind it.
-    if (something && dot(far_ws - position_ws, hg_frame.camera.forward_ws) < 0.0)
-        pixel = here;
-    vec4 color = texelFetch(hg_front, pixel, 0);
-    if (HG_HAS(HG_FEATURE_STREAM) && hg_textures_exact() && color.a < 0.5)
+    vec4 color = texelFetch(hg_front, seen ? ivec2(at) : here, 0);
+    if (HG_HAS(HG_FEATURE_STREAM) && min(deep, color.a) < 0.0)
         hg_texture_coarser = max(hg_texture_coarser, 1u);
+    // What stands in front of the layer is not behind it.
+    float own = dot(position_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
+    if (abs(color.a) < own)
+        color = texelFetch(hg_front, here, 0);
     return seen ? color.rgb : hg_environment_prefiltered(out_ws, roughness);
 }
 
@@ -154,7 +157,7 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
 
 #endif
 
-vec4 surface(uvec2 id)
+vec4 surface(uvec2 id, out float depth)
 {
     // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
     // show, chooses between mips only; later ones spread along the footprint as well, so that the
@@ -171,6 +174,7 @@ vec4 surface(uvec2 id)
     // Lanes beside what is seen load too on some devices, and where nothing was drawn id is 0.
     id.x = max(id.x, 1u);
     hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
+    depth = v.depth;
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u ? s.alpha : 1.0;
     if (s.unlit)
@@ -196,14 +200,17 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     hg_texture_counts = hg_variant == 3u || (hg_variant < 3u && hg_progress_waits(pixel));
     vec4 color;
+    float depth = NOTHING;
     if (hg_background)
         color = background();
     else
-        color = surface(texelFetch(hg_visibility, pixel, 0).xy);
+        color = surface(texelFetch(hg_visibility, pixel, 0).xy, depth);
     // One broken or boundless sample must not spoil the mean.
     color = clamp(color, 0.0, 65504.0);
     if (any(isnan(color)))
         color = vec4(0.0, 0.0, 0.0, 1.0);
+    if (hg_variant == 3u)
+        color.a = depth;
     if (hg_variant == 1u) {
         vec4 front = texelFetch(hg_front, pixel, 0);
         color = front + (1.0 - front.a) * color;
@@ -214,7 +221,7 @@ void main()
         if (hg_variant == 2u)
             hg_progress_spoil(pixel);
         else if (hg_variant == 3u)
-            color.a = hg_texture_coarser != 0u && hg_textures_exact() ? 0.0 : 1.0;
+            color.a = hg_progress_would_take(pixel) ? depth : -depth;
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }

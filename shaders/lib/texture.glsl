@@ -228,17 +228,23 @@ void hg_progress_spoil(uvec2 pixel)
         hg_frame.sample_index | (HG_TEXTURES.run << HG_PROGRESS_RUN_SHIFT);
 }
 
-// The last pass: true when the sample counts; then the pixel has it.
-bool hg_progress_take(uvec2 pixel)
+// Whether all that this sample of the pixel was made of is as it will be. Of one that does not wait
+// nobody knows: what it lacks was not asked for.
+bool hg_progress_would_take(uvec2 pixel)
 {
     if (!hg_textures_exact())
         return true;
-    uint at = hg_progress_index(pixel);
-    uint state = HG_TEXTURES.progress.v[at];
-    bool taken = (state & HG_PROGRESS_SAMPLES_MASK) == hg_frame.sample_index &&
+    uint state = HG_TEXTURES.progress.v[hg_progress_index(pixel)];
+    return (state & HG_PROGRESS_SAMPLES_MASK) == hg_frame.sample_index &&
         (state >> HG_PROGRESS_RUN_SHIFT) != HG_TEXTURES.run && hg_texture_coarser == 0u;
-    if (taken)
-        HG_TEXTURES.progress.v[at] = hg_frame.sample_index + 1u;
+}
+
+// The last pass: true when the sample counts; then the pixel has it.
+bool hg_progress_take(uvec2 pixel)
+{
+    bool taken = hg_progress_would_take(pixel);
+    if (taken && hg_textures_exact())
+        HG_TEXTURES.progress.v[hg_progress_index(pixel)] = hg_frame.sample_index + 1u;
     return taken;
 }
 
