@@ -5,11 +5,13 @@
 #include <string.h>
 
 #include "base/checked.h"
+#include "base/spill.h"
+#include "base/spill_internal.h"
 
 static _Atomic uint64_t alloc_count;
 static _Atomic uint64_t alloc_fail_at;
 
-static bool should_fail(void)
+bool hg_alloc_should_fail(void)
 {
     uint64_t n = atomic_fetch_add_explicit(&alloc_count, 1, memory_order_relaxed) + 1;
     uint64_t at = atomic_load_explicit(&alloc_fail_at, memory_order_relaxed);
@@ -19,14 +21,14 @@ static bool should_fail(void)
 void *hg_calloc(size_t count, size_t size)
 {
     size_t bytes;
-    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || should_fail())
+    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || hg_alloc_should_fail())
         return NULL;
     return calloc(1, bytes ? bytes : 1);
 }
 
 void *hg_calloc_aligned(size_t align, size_t size)
 {
-    if (size > PTRDIFF_MAX || should_fail())
+    if (size > PTRDIFF_MAX || hg_alloc_should_fail())
         return NULL;
     void *ptr = aligned_alloc(align, size ? size : align);
     if (ptr)
@@ -34,11 +36,24 @@ void *hg_calloc_aligned(size_t align, size_t size)
     return ptr;
 }
 
+// A spilled array stays one when it grows.
+static void *realloc_spilled(void *ptr, size_t old_bytes, size_t bytes)
+{
+    void *copy = hg_spill_calloc(bytes, 1);
+    if (copy) {
+        memcpy(copy, ptr, old_bytes < bytes ? old_bytes : bytes);
+        hg_free(ptr);
+    }
+    return copy;
+}
+
 void *hg_realloc(void *ptr, size_t count, size_t size)
 {
-    size_t bytes;
-    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || should_fail())
+    size_t bytes, spilled;
+    if (!hg_mul_size(count, size, &bytes) || bytes > PTRDIFF_MAX || hg_alloc_should_fail())
         return NULL;
+    if ((spilled = hg_spill_size(ptr)) > 0)
+        return realloc_spilled(ptr, spilled, bytes);
     return realloc(ptr, bytes ? bytes : 1);
 }
 
@@ -58,7 +73,8 @@ char *hg_strdup(const char *text)
 
 void hg_free(void *ptr)
 {
-    free(ptr);
+    if (!hg_spill_unref(ptr))
+        free(ptr);
 }
 
 enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size)

@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 
 const uint8_t *hg_read_bytes(struct hg_reader *r, size_t size)
 {
@@ -126,6 +127,14 @@ void hg_write_patch_u32(struct hg_writer *w, size_t pos, uint32_t v)
     assert(hg_range_ok(pos, 4, w->size));
     for (size_t i = 0; i < 4; i++)
         w->data[pos + i] = (uint8_t)(v >> (8 * i));
+}
+
+void hg_writer_spill(struct hg_writer *w, size_t bytes)
+{
+    if (bytes < HG_SPILL_SCRATCH_BYTES || w->data || (w->limit_bytes && bytes > w->limit_bytes))
+        return;
+    w->data = hg_spill_calloc(bytes, 1);
+    w->capacity = w->data ? bytes : 0;
 }
 
 void hg_writer_finish(struct hg_writer *w)

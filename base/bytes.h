@@ -49,6 +49,8 @@ void hg_write_f64(struct hg_writer *w, double v);
 void hg_write_bytes(struct hg_writer *w, const void *data, size_t size);
 // Overwrites 4 bytes at `pos`, which must have been written.
 void hg_write_patch_u32(struct hg_writer *w, size_t pos, uint32_t v);
+// Before the first byte: room for about so many, spilled when that is much (spill.h).
+void hg_writer_spill(struct hg_writer *w, size_t bytes);
 void hg_writer_finish(struct hg_writer *w);
 
 #endif

@@ -5,18 +5,30 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 
-struct hg_refbuf *hg_refbuf_create(size_t size)
+static struct hg_refbuf *create(size_t size, bool spilled)
 {
     size_t total;
     if (!hg_add_size(size, sizeof(struct hg_refbuf), &total) || !hg_align_size(total, 64, &total))
         return NULL;
-    struct hg_refbuf *buf = hg_calloc_aligned(64, total);
+    const bool large = spilled && total >= HG_SPILL_FROM_BYTES;
+    struct hg_refbuf *buf = large ? hg_spill_calloc(1, total) : hg_calloc_aligned(64, total);
     if (!buf)
         return NULL;
     atomic_init(&buf->refs, 1);
     buf->size = size;
     return buf;
+}
+
+struct hg_refbuf *hg_refbuf_create(size_t size)
+{
+    return create(size, false);
+}
+
+struct hg_refbuf *hg_refbuf_create_spilled(size_t size)
+{
+    return create(size, true);
 }
 
 struct hg_refbuf *hg_refbuf_ref(struct hg_refbuf *buf)

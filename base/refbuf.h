@@ -17,6 +17,8 @@ struct hg_refbuf {
 
 // One reference, zeroed bytes; NULL when memory is not to be had.
 struct hg_refbuf *hg_refbuf_create(size_t size) HG_MUST_CHECK;
+// The same for what is kept and seldom looked at: large ones are spilled (spill.h).
+struct hg_refbuf *hg_refbuf_create_spilled(size_t size) HG_MUST_CHECK;
 struct hg_refbuf *hg_refbuf_ref(struct hg_refbuf *buf);
 // Accepts NULL.
 void hg_refbuf_unref(struct hg_refbuf *buf);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/bench/mesh.h"
 #include "renderer/renderer.h"
 
@@ -254,12 +255,14 @@ enum hg_status hg_bench_land_make(const struct hg_bench_land *params, struct hg_
     struct heights h = {.image = land.heights, .tiles = land.tiles};
     if (h.image != NULL)
         measure(&h);
+    hg_spill_begin();
     enum hg_status status = hg_bench_scene_begin(s, 0);
     if (status == HG_OK)
         status = add_tiles(&land, &h, jobs, s);
     if (status == HG_OK && land.statues > 0)
         status = add_statues(&land, &h, s);
     hg_asset_destroy(land.statue);
+    hg_spill_end();
     if (status != HG_OK) {
         hg_bench_scene_finish(s);
         return hg_error_set(err, status, "bench", NULL,

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 
 static enum hg_status add_part(struct hg_bench_scene *s, uint32_t vertices, uint32_t indices,
     struct hg_material *material, struct hg_mesh **out)
@@ -19,9 +20,9 @@ static enum hg_status add_part(struct hg_bench_scene *s, uint32_t vertices, uint
     (*out)->part_count = 1;
     part->topology = HG_TOPOLOGY_TRIANGLES;
     part->material = material;
-    part->positions = hg_calloc(vertices, 3 * sizeof *part->positions);
-    part->normals = hg_calloc(vertices, 3 * sizeof *part->normals);
-    part->indices = hg_calloc(indices, sizeof *part->indices);
+    part->positions = hg_spill_calloc(vertices, 3 * sizeof *part->positions);
+    part->normals = hg_spill_calloc(vertices, 3 * sizeof *part->normals);
+    part->indices = hg_spill_calloc(indices, sizeof *part->indices);
     if (part->positions == NULL || part->normals == NULL || part->indices == NULL)
         return HG_E_NOMEM;
     part->vertex_count = vertices;
@@ -172,7 +173,7 @@ enum hg_status hg_bench_mesh_ball(
 
 static enum hg_status thin_part(struct hg_mesh_part *part, uint32_t thin)
 {
-    uint32_t *indices = hg_calloc(part->index_count, sizeof *indices);
+    uint32_t *indices = hg_spill_calloc(part->index_count, sizeof *indices);
     if (indices == NULL)
         return HG_E_NOMEM;
     const size_t wanted = part->index_count / 3 / thin * 3;

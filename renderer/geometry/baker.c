@@ -9,6 +9,7 @@
 #include "base/alloc.h"
 #include "base/cond.h"
 #include "base/log.h"
+#include "base/spill.h"
 
 struct task {
     struct task *next;
@@ -128,8 +129,10 @@ static void *thread_main(void *user)
             continue;
         }
         pthread_mutex_unlock(&b->lock);
+        hg_spill_begin();
         bake(b, task);
         free_part(&task->part);
+        hg_spill_end();
         pthread_mutex_lock(&b->lock);
         push(&b->done, task);
         pthread_cond_broadcast(&b->changed);
@@ -183,10 +186,13 @@ void hg_baker_destroy(struct hg_baker *b)
 
 // --- the render thread ---------------------------------------------------------------------------
 
-static bool copy_array(void *out, const void *values, size_t count, size_t size)
+// Nobody writes arrays of a mesh any more: what is spilled is shared and not copied.
+static bool copy_array(void *out, void *values, size_t count, size_t size)
 {
     void *copy = NULL;
-    if (values != NULL) {
+    if (hg_spill_share(values)) {
+        copy = values;
+    } else if (values != NULL) {
         copy = hg_calloc(count, size);
         if (copy == NULL)
             return false;

@@ -10,6 +10,7 @@
 
 #include "base/alloc.h"
 #include "base/cond.h"
+#include "base/spill.h"
 #include "renderer/geometry/internal.h"
 
 enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_params *params,
@@ -732,6 +733,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     if (signature == g->signature)
         return HG_OK;
     struct sync s = {.g = g, .scene = scene, .textures = textures};
+    hg_spill_begin();
     const enum hg_status status = sync_changed(&s, err);
     if (status == HG_OK) {
         const uint64_t casters = caster_signature(g, shape, material);
@@ -741,6 +743,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
         g->revision++;
         hg_baked_queue(g, g->meshes, g->mesh_count);
     }
+    hg_spill_end();
     hg_free(s.meshes);
     hg_free(s.deforms);
     hg_free(s.materials);
@@ -838,8 +841,11 @@ uint32_t hg_geometry_source_primitive(
     if (part->clusters != NULL) {
         const struct hg_gpu_instance *instances =
             (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
-        return hg_baked_nearest(
+        hg_spill_begin();
+        primitive = hg_baked_nearest(
             &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
+        hg_spill_end();
+        return primitive;
     }
     if (primitive >= part->primitive_count && primitive < hg_part_primitives(part))
         return part->posed.sources[primitive - part->primitive_count];

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 
 #define DIMENSIONS 6
 
@@ -180,7 +181,7 @@ enum hg_status hg_meshlets_build(const struct hg_mesh_part *part, struct hg_mesh
     if (part->topology != HG_TOPOLOGY_TRIANGLES || count == 0)
         return HG_OK;
     struct split s = {.part = part, .out = out};
-    s.keys = hg_calloc(count, sizeof *s.keys);
+    s.keys = hg_spill_scratch(count, sizeof *s.keys);
     s.order = hg_calloc(count, sizeof *s.order);
     out->items =
         hg_calloc((count + HG_MESHLET_TRIANGLES - 1) / HG_MESHLET_TRIANGLES, sizeof *out->items);

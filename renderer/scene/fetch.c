@@ -141,7 +141,7 @@ enum hg_status hg_fetch_read(
     else if ((uint64_t)info.st_size > limit_bytes)
         status = hg_error_set(err, HG_E_LIMIT, path, NULL, "%llu bytes pass the limit of %llu",
             (unsigned long long)info.st_size, (unsigned long long)limit_bytes);
-    struct hg_refbuf *buf = status ? NULL : hg_refbuf_create((size_t)info.st_size);
+    struct hg_refbuf *buf = status ? NULL : hg_refbuf_create_spilled((size_t)info.st_size);
     if (!status && !buf)
         status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
     if (!status)

@@ -171,7 +171,7 @@ static enum hg_status decode_data_uri(struct hg_gltf *g, const struct hg_gltf_at
     uint64_t need = length / 4 * 3 + 3;
     if (need > g->memory_limit - g->memory_used)
         return hg_gltf_fail(g, at, HG_E_LIMIT, "the data URI passes the memory limit");
-    struct hg_refbuf *buf = hg_refbuf_create((size_t)need);
+    struct hg_refbuf *buf = hg_refbuf_create_spilled((size_t)need);
     if (!buf)
         return hg_gltf_fail(g, at, HG_E_NOMEM, "no memory for a data URI");
     if (!decode_base64(comma + 1, length, buf->data, &buf->size)) {

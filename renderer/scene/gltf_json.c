@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "base/checked.h"
 
 struct hg_gltf_at hg_gltf_key(const struct hg_gltf_at *at, const char *key)
@@ -155,7 +156,7 @@ void *hg_gltf_alloc(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t cou
             (unsigned long long)count, size, (unsigned long long)g->memory_limit);
         return NULL;
     }
-    void *memory = hg_calloc((size_t)count, size);
+    void *memory = hg_spill_calloc((size_t)count, size);
     if (!memory)
         (void)hg_gltf_fail(
             g, at, HG_E_NOMEM, "no memory for %llu bytes", (unsigned long long)bytes);

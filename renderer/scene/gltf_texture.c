@@ -19,7 +19,7 @@ static enum hg_status image_from_view(
         return status;
     if (view->size > g->memory_limit - g->memory_used)
         return hg_gltf_fail(g, at, HG_E_LIMIT, "the image passes the memory limit");
-    source->encoded = hg_refbuf_create(view->size);
+    source->encoded = hg_refbuf_create_spilled(view->size);
     if (!source->encoded)
         return hg_gltf_fail(g, at, HG_E_NOMEM, "no memory for an image");
     g->memory_used += view->size;

@@ -8,6 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 
 #define DEGREE_M 111319.5f // one degree of latitude, and of longitude on the equator
@@ -59,7 +60,7 @@ static enum hg_status read_tile(
         return hg_error_set(err, HG_E_FORMAT, label, NULL,
             "%zu bytes are neither 1201 x 1201 nor 3601 x 3601 samples", data->size);
     h->width = h->height = side;
-    h->samples = hg_calloc((size_t)side * side, sizeof *h->samples);
+    h->samples = hg_spill_scratch((size_t)side * side, sizeof *h->samples);
     if (h->samples == NULL)
         return hg_error_set(err, HG_E_NOMEM, label, NULL, "no memory");
     for (size_t i = 0; i < (size_t)side * side; i++) {
@@ -84,7 +85,7 @@ static enum hg_status read_picture(const struct hg_load_params *params,
     h->width = image.width;
     h->height = image.height;
     const size_t n = (size_t)image.width * image.height;
-    h->samples = hg_calloc(n, sizeof *h->samples);
+    h->samples = hg_spill_scratch(n, sizeof *h->samples);
     const uint16_t *pixels = image.pixels;
     for (size_t i = 0; h->samples != NULL && i < n; i++)
         h->samples[i] = (float)pixels[i * 4];
@@ -176,10 +177,10 @@ static enum hg_status make_part(const struct heights *h, struct hg_mesh_part *pa
     part->topology = HG_TOPOLOGY_TRIANGLES;
     part->vertex_count = h->width * h->height;
     part->index_count = (h->width - 1) * (h->height - 1) * 6;
-    part->indices = hg_calloc(part->index_count, sizeof *part->indices);
-    part->positions = hg_calloc(part->vertex_count, 12);
-    part->normals = hg_calloc(part->vertex_count, 12);
-    part->uv[0] = hg_calloc(part->vertex_count, 8);
+    part->indices = hg_spill_calloc(part->index_count, sizeof *part->indices);
+    part->positions = hg_spill_calloc(part->vertex_count, 12);
+    part->normals = hg_spill_calloc(part->vertex_count, 12);
+    part->uv[0] = hg_spill_calloc(part->vertex_count, 8);
     if (part->indices == NULL || part->positions == NULL || part->normals == NULL ||
         part->uv[0] == NULL)
         return HG_E_NOMEM;

@@ -11,6 +11,7 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 
 static const struct {
     const char *ending, *format;
@@ -40,7 +41,7 @@ void *hg_import_alloc(struct hg_import *im, uint64_t count, size_t size)
     if (!hg_mul_u64(count, size, &bytes) || !hg_add_u64(im->memory_used, bytes, &total) ||
         total > im->memory_limit)
         (void)hg_import_fail(im, HG_E_LIMIT, NULL, "the asset passes the memory limit");
-    else if (!(memory = hg_calloc((size_t)count, size)))
+    else if (!(memory = hg_spill_calloc((size_t)count, size)))
         (void)hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");
     else
         im->memory_used = total;
@@ -180,7 +181,7 @@ enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes
     if (size > limit_bytes)
         return hg_error_set(err, HG_E_LIMIT, label, NULL, "%llu bytes unpacked pass the limit",
             (unsigned long long)size);
-    struct hg_refbuf *buf = hg_refbuf_create((size_t)size);
+    struct hg_refbuf *buf = hg_refbuf_create_spilled((size_t)size);
     if (!buf)
         return hg_error_set(err, HG_E_NOMEM, label, NULL, "no memory");
     z_stream z = {.next_in = (Bytef *)in->data, .avail_in = (uInt)in->size,

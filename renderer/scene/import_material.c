@@ -90,7 +90,7 @@ static enum hg_status embedded_image(
     struct hg_import *im, const struct aiTexture *from, struct hg_image_source *source)
 {
     if (from->mHeight == 0) { // a whole image file
-        source->encoded = hg_refbuf_create(from->mWidth);
+        source->encoded = hg_refbuf_create_spilled(from->mWidth);
         if (!source->encoded)
             return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a texture");
         memcpy(source->encoded->data, from->pcData, from->mWidth);

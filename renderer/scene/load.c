@@ -4,6 +4,7 @@
 #include <strings.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/demo.h"
 #include "renderer/scene/fetch.h"
@@ -78,6 +79,15 @@ static enum hg_status load_main(
     return status;
 }
 
+static enum hg_status load_spilled(
+    const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
+{
+    hg_spill_begin();
+    const enum hg_status status = load_main(params, out, err);
+    hg_spill_end();
+    return status;
+}
+
 enum hg_status hg_load_asset(
     const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
 {
@@ -89,7 +99,7 @@ enum hg_status hg_load_asset(
     if (strcmp(params->path, "demo:") == 0)
         return hg_demo_create(params->asset_number, params->jobs, out, err);
     if (params->fetch)
-        return load_main(params, out, err);
+        return load_spilled(params, out, err);
     struct hg_fetch fetch;
     enum hg_status status = hg_fetch_init(&fetch, params, err);
     if (status)
@@ -97,7 +107,7 @@ enum hg_status hg_load_asset(
     struct hg_load_params with_files = *params;
     with_files.fetch = hg_fetch_file;
     with_files.fetch_user = &fetch;
-    status = load_main(&with_files, out, err);
+    status = load_spilled(&with_files, out, err);
     hg_fetch_finish(&fetch);
     return status;
 }

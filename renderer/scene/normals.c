@@ -1,6 +1,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
 #include "renderer/scene/xform.h"
@@ -30,7 +31,7 @@ static enum hg_status make_target_normals(struct hg_mesh_part *part, struct hg_m
 {
     if (!target->positions || target->normals)
         return HG_OK;
-    target->normals = hg_calloc(part->vertex_count, 3 * sizeof(float));
+    target->normals = hg_spill_calloc(part->vertex_count, 3 * sizeof(float));
     if (!target->normals)
         return HG_E_NOMEM;
     for (uint32_t face = 0; face < part->vertex_count / 3; face++) {
@@ -49,7 +50,7 @@ enum hg_status hg_part_make_flat_normals(struct hg_mesh_part *part, uint32_t tar
     enum hg_status status = hg_mesh_part_remap(part, target_count, part->indices, count);
     if (status)
         return status;
-    part->normals = hg_calloc(count, 3 * sizeof(float));
+    part->normals = hg_spill_calloc(count, 3 * sizeof(float));
     if (!part->normals)
         return HG_E_NOMEM;
     for (uint32_t i = 0; i < count; i++)

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/xform.h"
 
@@ -57,7 +58,7 @@ static bool gather(void *array_ptr, size_t element_bytes, const uint32_t *source
     memcpy(&old, array_ptr, sizeof old);
     if (!old)
         return true;
-    uint8_t *fresh = hg_calloc(count, element_bytes);
+    uint8_t *fresh = hg_spill_calloc(count, element_bytes);
     if (!fresh)
         return false;
     for (uint32_t i = 0; i < count; i++)

@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
 #include "renderer/scene/xform.h"
@@ -115,8 +116,8 @@ static bool weld_vertices(struct mikk *m)
 {
     uint32_t n = m->part->vertex_count;
     size_t size = table_size(n);
-    uint32_t *table = hg_calloc(size, sizeof *table); // 1 + vertex
-    uint32_t *same = hg_calloc(n, sizeof *same);
+    uint32_t *table = hg_spill_scratch(size, sizeof *table); // 1 + vertex
+    uint32_t *same = hg_spill_scratch(n, sizeof *same);
     for (uint32_t v = 0; table && same && v < n; v++) {
         float key[8], other[8];
         load_key(m, v, key);
@@ -215,7 +216,7 @@ static void match_edge(struct mikk *m, struct edge_slot *slot, uint32_t corner)
 static bool find_neighbours(struct mikk *m)
 {
     size_t size = table_size(m->corners);
-    struct edge_slot *table = hg_calloc(size, sizeof *table);
+    struct edge_slot *table = hg_spill_scratch(size, sizeof *table);
     if (!table)
         return false;
     for (uint32_t c = 0; c < m->corners; c++) {
@@ -381,7 +382,7 @@ static void solve_group(struct mikk *m, uint32_t corner)
 // Corners of triangles that collapse in space take the frame of a sound corner at their vertex.
 static bool borrow_frames(struct mikk *m)
 {
-    int32_t *sound = hg_calloc(m->part->vertex_count, sizeof *sound); // 1 + corner
+    int32_t *sound = hg_spill_scratch(m->part->vertex_count, sizeof *sound); // 1 + corner
     if (!sound)
         return false;
     for (uint32_t c = 0; c < m->corners; c++)
@@ -443,10 +444,10 @@ static enum hg_status split_vertices(struct mikk *m, uint32_t target_count)
 {
     struct hg_mesh_part *part = m->part;
     size_t capacity = (size_t)part->vertex_count + m->corners;
-    struct split s = {.source = hg_calloc(capacity, sizeof *s.source),
-        .sibling = hg_calloc(capacity, sizeof *s.sibling),
-        .tangents = hg_calloc(capacity, 4 * sizeof *s.tangents),
-        .set = hg_calloc(part->vertex_count, sizeof *s.set),
+    struct split s = {.source = hg_spill_scratch(capacity, sizeof *s.source),
+        .sibling = hg_spill_scratch(capacity, sizeof *s.sibling),
+        .tangents = hg_spill_scratch(capacity, 4 * sizeof *s.tangents),
+        .set = hg_spill_scratch(part->vertex_count, sizeof *s.set),
         .count = part->vertex_count};
     enum hg_status status = HG_E_NOMEM;
     if (s.source && s.sibling && s.tangents && s.set) {
@@ -475,15 +476,15 @@ static enum hg_status split_vertices(struct mikk *m, uint32_t target_count)
 
 static bool init(struct mikk *m)
 {
-    m->weld = hg_calloc(m->corners, sizeof *m->weld);
-    m->frames = hg_calloc(m->triangles, sizeof *m->frames);
-    m->neighbour = hg_calloc(m->corners, sizeof *m->neighbour);
-    m->next = hg_calloc(m->corners, sizeof *m->next);
-    m->assigned_any = hg_calloc(m->triangles, sizeof *m->assigned_any);
-    m->group = hg_calloc(m->corners, sizeof *m->group);
-    m->stack = hg_calloc((size_t)m->corners + 2, sizeof *m->stack);
-    m->members = hg_calloc(m->triangles, sizeof *m->members);
-    m->result = hg_calloc(m->corners, 4 * sizeof *m->result);
+    m->weld = hg_spill_scratch(m->corners, sizeof *m->weld);
+    m->frames = hg_spill_scratch(m->triangles, sizeof *m->frames);
+    m->neighbour = hg_spill_scratch(m->corners, sizeof *m->neighbour);
+    m->next = hg_spill_scratch(m->corners, sizeof *m->next);
+    m->assigned_any = hg_spill_scratch(m->triangles, sizeof *m->assigned_any);
+    m->group = hg_spill_scratch(m->corners, sizeof *m->group);
+    m->stack = hg_spill_scratch((size_t)m->corners + 2, sizeof *m->stack);
+    m->members = hg_spill_scratch(m->triangles, sizeof *m->members);
+    m->result = hg_spill_scratch(m->corners, 4 * sizeof *m->result);
     return m->weld && m->frames && m->neighbour && m->next && m->assigned_any && m->group &&
            m->stack && m->members && m->result;
 }

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
 #include "server/worker/serve.h"
@@ -16,7 +17,7 @@ static enum hg_status copy_floats(struct hgp_bytes bytes, size_t n, size_t width
     if (bytes.size != n * width * sizeof(float))
         return hg_error_set(err, HG_E_INVAL, "mesh_set", field, "%u bytes where %zu belong",
             bytes.size, n * width * sizeof(float));
-    *out = hg_calloc(n * width, sizeof(float));
+    *out = hg_spill_calloc(n * width, sizeof(float));
     if (!*out)
         return hg_error_set(err, HG_E_NOMEM, "mesh_set", field, "no memory");
     memcpy(*out, bytes.data, bytes.size);
@@ -57,7 +58,7 @@ static enum hg_status expand_indices(const uint32_t *in, uint32_t count,
     uint64_t total = hg_mode_list_count(mode, count);
     if (total > UINT32_MAX)
         return hg_error_set(err, HG_E_LIMIT, "mesh_set", "indices", "too many");
-    part->indices = hg_calloc((size_t)total, sizeof *part->indices);
+    part->indices = hg_spill_calloc((size_t)total, sizeof *part->indices);
     if (!part->indices)
         return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
     part->topology = hg_mode_topology(mode);
@@ -75,7 +76,8 @@ static enum hg_status copy_indices(
         return hg_error_set(err, HG_E_INVAL, "mesh_set", "indices", "not a whole number of u32");
     if (!count)
         return expand_indices(NULL, part->vertex_count, mode, part, err);
-    uint32_t *indices = hg_calloc(count, sizeof *indices); // the message's bytes are not aligned
+    uint32_t *indices =
+        hg_spill_calloc(count, sizeof *indices); // the message's bytes are not aligned
     if (!indices)
         return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
     memcpy(indices, m->indices.data, m->indices.size);
@@ -125,8 +127,10 @@ void edit_mesh_set(const struct request *r)
     struct hg_mesh_part *parts = hg_calloc(count, sizeof *parts);
     enum hg_status status =
         parts ? HG_OK : hg_error_set(&err, HG_E_NOMEM, "mesh_set", NULL, "no memory");
+    hg_spill_begin();
     for (uint32_t i = 0; i < count && !status; i++)
         status = make_part(r, &m->parts.items[i], &parts[i], &err);
+    hg_spill_end();
     if (status)
         serve_fail(r, &err);
     struct hg_mesh *mesh =

@@ -17,6 +17,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "base/spill.h"
 #include "server/worker/task.h"
 #include "server/worker/worker.h"
 
@@ -228,6 +229,14 @@ static void allow_files(void)
     }
 }
 
+// Large meshes lie there while nobody looks at them.
+static void point_spill(const struct worker_options *o)
+{
+    char path[4096];
+    if (o->cache_dir && snprintf(path, sizeof path, "%s/store", o->cache_dir) < (int)sizeof path)
+        hg_spill_set_folder(path);
+}
+
 // The renderer would do it, too, but by then other threads may be reading the environment.
 static void point_mesa_cache(const struct worker_options *o)
 {
@@ -262,6 +271,7 @@ int main(int argc, char **argv)
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
     allow_files();
     point_mesa_cache(&w.options);
+    point_spill(&w.options);
     struct hg_error err = {0};
     enum hg_status status = sandbox_enter(&w.options, &err);
     if (!status)

@@ -7,9 +7,11 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/sha256.h"
+#include "base/spill.h"
 #include "renderer/geometry/lod/build.h"
 
-#define LEVELS_MAX 64u
+#define LEVELS_MAX  64u
+#define BYTES_GUESS ((size_t)8) // of chunks, per triangle
 
 void hg_lod_build_each(const struct hg_lod_build *b, size_t count, hg_jobs_fn *fn, void *user)
 {
@@ -420,6 +422,7 @@ static enum hg_status begin(struct hg_lod_build *b, const struct hg_mesh_part *p
     if (status != HG_OK)
         return status;
     b->total = b->mesh.triangle_count * 2ull + 1;
+    hg_writer_spill(&b->bytes, b->mesh.triangle_count * BYTES_GUESS);
     uint32_t *starts = NULL, count = 0, bound = hg_lod_cut_bound(b->mesh.triangle_count) + 1;
     status = hg_lod_take(&b->budget, bound, 4, &starts);
     start = hg_clock_now_ns();
@@ -483,6 +486,7 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     struct hg_writer out = {0};
     const uint64_t start = hg_clock_now_ns();
     uint32_t root_chunks = 0;
+    hg_spill_begin();
     enum hg_status status = begin(&b, part);
     for (bool more = true; status == HG_OK && more;)
         status = build_level(&b, &more);
@@ -505,6 +509,7 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
         status = fail(&b, status);
     }
     finish(&b);
+    hg_spill_end();
     return status;
 }
 
@@ -536,6 +541,7 @@ enum hg_status hg_lod_key(
     const float floats[] = {
         params->quantum, params->normal_weight, params->color_weight, params->uv_weight};
     const uint64_t n = part->vertex_count;
+    hg_spill_begin();
     hg_sha256_update(h, numbers, sizeof numbers);
     hg_sha256_update(h, floats, sizeof floats);
     hg_sha256_update(h, part->indices, (size_t)part->index_count * 4);
@@ -546,5 +552,6 @@ enum hg_status hg_lod_key(
     hash_array(h, part->uv[1], n * 2);
     hash_array(h, part->colors, n * 4);
     hg_sha256_end(h, key);
+    hg_spill_end();
     return HG_OK;
 }

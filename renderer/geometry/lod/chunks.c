@@ -405,6 +405,8 @@ enum hg_status hg_lod_assemble(struct hg_lod_build *b, uint32_t root_chunks, str
         status = HG_E_NOMEM;
     if (status == HG_OK) {
         fill_head(b, &f, root_chunks);
+        hg_writer_spill(&bytes, b->bytes.size);
+        hg_writer_spill(out, b->bytes.size + b->bytes.size / 4);
         reorder(b, &o, &f, &bytes);
         hg_writer_finish(&b->bytes);
         status = bytes.failed ? HG_E_NOMEM : hg_lod_write(&f, bytes.data, bytes.size, out);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/geometry/lod/internal.h"
 
 struct item {
@@ -233,10 +234,10 @@ enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, u
         return HG_OK;
     const size_t most = hg_lod_cut_bound(count);
     struct cutter c = {.mesh = mesh, .triangles = triangles, .count = count};
-    c.items = hg_calloc(count, sizeof *c.items);
-    c.from = hg_calloc(most, sizeof *c.from);
-    c.to = hg_calloc(most * 2, sizeof *c.to);
-    uint32_t *copy = hg_calloc(count, 12);
+    c.items = hg_spill_scratch(count, sizeof *c.items);
+    c.from = hg_spill_scratch(most, sizeof *c.from);
+    c.to = hg_spill_scratch(most * 2, sizeof *c.to);
+    uint32_t *copy = hg_spill_scratch(count, 12);
     enum hg_status status = HG_OK;
     if (c.items == NULL || c.from == NULL || c.to == NULL || copy == NULL) {
         status = HG_E_NOMEM;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/geometry/lod/internal.h"
 
 #define ENOUGH_NUM 17u // a group is worth a level if at most 17/20 of it is left
@@ -376,8 +377,9 @@ enum hg_status hg_lod_first_samples(
     const struct hg_lod_mesh *m, const uint8_t *open, struct hg_lod_pieces *pieces)
 {
     struct hg_lod_product *product = pieces->items[0].product;
-    uint8_t *seen = hg_calloc(m->position_count, 1), *crowd = hg_calloc(m->position_count, 1);
-    product->samples = hg_calloc(m->position_count, sizeof *product->samples);
+    uint8_t *seen = hg_spill_scratch(m->position_count, 1);
+    uint8_t *crowd = hg_spill_scratch(m->position_count, 1);
+    product->samples = hg_spill_scratch(m->position_count, sizeof *product->samples);
     if (seen == NULL || crowd == NULL || product->samples == NULL) {
         hg_free(seen);
         hg_free(crowd);

@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 #include "renderer/geometry/lod/internal.h"
 #include "renderer/geometry/pack.h"
 
@@ -22,7 +23,7 @@ enum hg_status hg_lod_take(struct hg_lod_budget *budget, uint64_t count, size_t 
     if (!hg_mul_u64(count, size, &bytes) || !hg_add_u64(budget->used, bytes, &total) ||
         (budget->limit > 0 && total > budget->limit))
         return HG_E_LIMIT;
-    *to = hg_calloc((size_t)count, size);
+    *to = hg_spill_scratch((size_t)count, size);
     if (*to == NULL)
         return HG_E_NOMEM;
     budget->used = total;

@@ -1,0 +1,47 @@
+// spill.h - large arrays in pages of unlinked files: they take no memory of their own while nobody
+// looks at them, as the kernel keeps them on disk.
+// Floor 0. Thread-safe. Results are freed with hg_free and grow with hg_realloc like all others.
+//
+// A file's blocks are reserved before it is mapped, so a disk that is full is found then and not by
+// a signal, and it has no name, so that nothing is left of it whenever the process ends. What
+// cannot have a file is in memory as usual.
+//
+// Whoever looks at much of such arrays does it between hg_spill_begin and hg_spill_end. Until the
+// last end about HG_SPILL_WINDOW_BYTES of all of them are resident at a time, whatever the order of
+// the accesses, and nothing after it. Without the two all is right as well; only pages stay.
+#ifndef HG_BASE_SPILL_H
+#define HG_BASE_SPILL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/status.h"
+
+#define HG_SPILL_FROM_BYTES    ((size_t)256 << 10) // smaller arrays are in memory
+#define HG_SPILL_SCRATCH_BYTES ((size_t)4 << 20)   // the same for scratch
+#define HG_SPILL_WINDOW_BYTES  ((size_t)64 << 20)
+#define HG_SPILL_SPARE_BYTES   ((uint64_t)64 << 20) // of the disk, left for others
+
+// The folder of this process's files, from now on; made when it is missing. NULL: no files. A file
+// system that is itself memory does not do.
+void hg_spill_set_folder(const char *dir);
+
+// As hg_calloc.
+void *hg_spill_calloc(size_t count, size_t size) HG_MUST_CHECK;
+// For what is in use as long as it lives, and soon gone: only what is really large is spilled.
+void *hg_spill_scratch(size_t count, size_t size) HG_MUST_CHECK;
+// One more hg_free until it goes; nobody writes it any more. False: it is in memory, or NULL.
+bool hg_spill_share(void *ptr) HG_MUST_CHECK;
+
+void hg_spill_begin(void); // nests, in any threads
+void hg_spill_end(void);
+
+struct hg_spill_stats {
+    uint64_t bytes, peak_bytes; // of the files
+    uint64_t refused_bytes;     // since the start: in memory for want of a file
+    uint32_t arrays;
+};
+void hg_spill_stats(struct hg_spill_stats *out);
+
+#endif
