@@ -480,6 +480,18 @@ enum hg_status hg_view_load(
     return hg_path_load(&view->state, data, size_bytes, err);
 }
 
+enum hg_status hg_view_save_history(
+    struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
+{
+    return hg_path_history_save(&view->state, out, err);
+}
+
+enum hg_status hg_view_load_history(
+    struct hg_view *view, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    return hg_path_history_load(&view->state, data, size_bytes, err);
+}
+
 enum hg_status hg_view_pick(
     struct hg_view *view, uint32_t x, uint32_t y, struct hg_pick *out, struct hg_error *err)
 {

@@ -259,6 +259,14 @@ enum hg_status hg_view_save(
 // was. Call after parameters and camera are set.
 enum hg_status hg_view_load(struct hg_view *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
+// What the next picture of a view of HG_DENOISE_ANIMATION is averaged with: the settled picture, for
+// another process that makes the one after it, to the bit. HG_E_STATE: there is none.
+enum hg_status hg_view_save_history(
+    struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// HG_E_INVAL: damaged, or the view makes no animation; the view stays as it was. Takes the place of
+// what the view made before.
+enum hg_status hg_view_load_history(struct hg_view *view, const void *data, uint64_t size_bytes,
+    struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_pick {
     bool hit;

@@ -1,6 +1,7 @@
-// checkpoint.c - films on the way to a picture, kept beside it.
+// checkpoint.c - films on the way to a picture, and what the next one needs, kept beside it.
 //
-// The file: "HGCK", u32 version, the job's hash, the SHA-256 of the data, u64 size, the data.
+// The file: "HGCK", u32 version, u32 kind, the job's hash, the SHA-256 of the data, u32 samples,
+// u64 size, the data. It goes over the wire in parts, so no message limits how large it is.
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -11,38 +12,42 @@
 #include "base/sha256.h"
 #include "client/cli/render.h"
 
-enum { VERSION = 1, HEADER_BYTES = 4 + 4 + 32 + 32 + 4 + 8 };
+enum { VERSION = 2, HEADER_BYTES = 4 + 4 + 4 + 32 + 32 + 4 + 8, PART_BYTES = 64 << 20 };
 
-#define DATA_LIMIT_BYTES (UINT64_C(512) << 20) // of a message
+#define DATA_LIMIT_BYTES (UINT64_C(16) << 30)
 
 static const char magic[4] = {'H', 'G', 'C', 'K'};
 
-static bool name_of(const char *output, char *dst, size_t size)
+static bool name_of(enum hgp_checkpoint_kind kind, const char *output, char *dst, size_t size)
 {
-    return (size_t)snprintf(dst, size, "%s.checkpoint", output) < size;
+    const char *end = kind == HGP_checkpoint_kind_HISTORY ? "history" : "checkpoint";
+    return (size_t)snprintf(dst, size, "%s.%s", output, end) < size;
 }
 
-static enum hg_status write_file(
-    const char *path, const struct hgp_checkpoint *c, const uint8_t job[32], struct hg_error *err)
+// ---- saving ------------------------------------------------------------------------------------
+
+static enum hg_status write_file(const char *path, const struct hg_cli_kept *kept, uint32_t samples,
+    const struct hg_writer *data, struct hg_error *err)
 {
     struct hg_writer head = {0};
     struct hg_file_out out;
     uint8_t hash[32];
-    enum hg_status status = hg_sha256(c->data.data, c->data.size, hash);
+    enum hg_status status = hg_sha256(data->data, data->size, hash);
     if (status)
         return hg_error_set(err, status, path, NULL, "no memory");
     hg_write_bytes(&head, magic, sizeof magic);
     hg_write_u32(&head, VERSION);
-    hg_write_bytes(&head, job, 32);
+    hg_write_u32(&head, (uint32_t)kept->kind);
+    hg_write_bytes(&head, kept->job, 32);
     hg_write_bytes(&head, hash, sizeof hash);
-    hg_write_u32(&head, c->samples);
-    hg_write_u64(&head, c->data.size);
+    hg_write_u32(&head, samples);
+    hg_write_u64(&head, data->size);
     status = head.failed ? hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory")
                          : hg_file_begin(&out, path, err);
     if (!status) {
         status = hg_file_write(&out, head.data, head.size, err);
         if (!status)
-            status = hg_file_write(&out, c->data.data, c->data.size, err);
+            status = hg_file_write(&out, data->data, data->size, err);
         if (status)
             hg_file_abort(&out);
         else
@@ -52,75 +57,124 @@ static enum hg_status write_file(
     return status;
 }
 
-enum hg_status hg_cli_checkpoint_save(struct hg_cli *cli, const char *output, const uint8_t job[32],
-    double seconds, struct hg_error *err)
+// One more part of the data; *size: of all of it.
+static enum hg_status fetch_part(const struct hg_cli_kept *kept, struct hg_writer *data,
+    uint32_t *samples, uint64_t *size, struct hg_error *err)
 {
-    char path[4200];
     struct helio_message *answer;
-    struct hgp_checkpoint_query query = {.view = HG_CLI_VIEW};
-    if (!name_of(output, path, sizeof path))
-        return hg_error_set(err, HG_E_INVAL, output, NULL, "the name is too long");
-    uint64_t usual =
-        cli->options->has_timeout ? (uint64_t)(cli->options->timeout * 1e9) : HELIO_NO_TIMEOUT;
-    helio_set_timeout(cli->h, (uint64_t)(seconds * 1e9));
-    enum hg_status status =
-        helio_call_for(cli->h, HGP_T_checkpoint_query, &query, HGP_T_checkpoint, &answer, err);
-    helio_set_timeout(cli->h, usual);
+    const struct hgp_checkpoint_query query = {.view = HG_CLI_VIEW,
+        .has_kind = true,
+        .kind = kept->kind,
+        .has_offset = true,
+        .offset = data->size};
+    enum hg_status status = helio_call_for(
+        kept->cli->h, HGP_T_checkpoint_query, &query, HGP_T_checkpoint, &answer, err);
     if (status)
         return status;
-    // A film of another state than the one whose hash was told: nothing to keep.
-    if (memcmp(answer->body->checkpoint.job, job, 32) != 0)
-        status = hg_error_set(err, HG_E_STATE, path, NULL, "the view has changed meanwhile");
-    else
-        status = write_file(path, &answer->body->checkpoint, job, err);
+    const struct hgp_checkpoint *c = &answer->body->checkpoint;
+    *samples = c->samples;
+    *size = c->has_size ? c->size : c->data.size;
+    // Of another state than the one whose hash was told: nothing to keep.
+    if (memcmp(c->job, kept->job, 32) != 0)
+        status =
+            hg_error_set(err, HG_E_STATE, kept->output, NULL, "the view has changed meanwhile");
+    else if (!c->data.size || *size > DATA_LIMIT_BYTES || c->data.size > *size - data->size)
+        status = hg_error_set(err, HG_E_FORMAT, "checkpoint", "size", "parts do not fit together");
+    if (!status) {
+        hg_write_bytes(data, c->data.data, c->data.size);
+        if (data->failed)
+            status = hg_error_set(err, HG_E_NOMEM, kept->output, NULL, "no memory to keep it");
+    }
     helio_message_free(answer);
     return status;
 }
 
-// What is wrong with a file, or NULL. *data points into it.
-static const char *check_file(const uint8_t *file, size_t size, const uint8_t job[32],
-    struct hgp_bytes *data, uint32_t *samples)
+enum hg_status hg_cli_checkpoint_save(
+    const struct hg_cli_kept *kept, double seconds, struct hg_error *err)
+{
+    char path[4200];
+    struct hg_writer data = {0};
+    struct hg_cli *cli = kept->cli;
+    uint32_t samples = 0;
+    uint64_t size = 1;
+    if (!name_of(kept->kind, kept->output, path, sizeof path))
+        return hg_error_set(err, HG_E_INVAL, kept->output, NULL, "the name is too long");
+    uint64_t usual =
+        cli->options->has_timeout ? (uint64_t)(cli->options->timeout * 1e9) : HELIO_NO_TIMEOUT;
+    helio_set_timeout(cli->h, (uint64_t)(seconds * 1e9));
+    enum hg_status status = HG_OK;
+    while (!status && data.size < size)
+        status = fetch_part(kept, &data, &samples, &size, err);
+    helio_set_timeout(cli->h, usual);
+    if (!status)
+        status = write_file(path, kept, samples, &data, err);
+    hg_writer_finish(&data);
+    return status;
+}
+
+// ---- loading -----------------------------------------------------------------------------------
+
+// What is wrong with a file, or NULL. Its data follow the header.
+static const char *check_file(
+    const uint8_t *file, size_t size, const struct hg_cli_kept *kept, uint32_t *samples)
 {
     struct hg_reader r = hg_reader_make(file, size);
     const uint8_t *start = hg_read_bytes(&r, sizeof magic);
-    uint32_t version = hg_read_u32(&r);
+    uint32_t version = hg_read_u32(&r), kind = hg_read_u32(&r);
     const uint8_t *of = hg_read_bytes(&r, 32), *hash = hg_read_bytes(&r, 32);
     *samples = hg_read_u32(&r);
     uint64_t bytes = hg_read_u64(&r);
     if (r.failed || memcmp(start, magic, sizeof magic) != 0)
         return "is not a checkpoint";
-    if (version != VERSION)
+    if (version != VERSION || kind != (uint32_t)kept->kind)
         return "is of another version";
-    if (memcmp(of, job, 32) != 0)
+    if (memcmp(of, kept->job, 32) != 0)
         return "is of another picture";
     uint8_t seen[32];
-    if (bytes != size - HEADER_BYTES)
+    if (!bytes || bytes != size - HEADER_BYTES)
         return "is cut short";
-    *data = (struct hgp_bytes){file + HEADER_BYTES, (uint32_t)bytes};
-    if (hg_sha256(data->data, data->size, seen) || memcmp(seen, hash, 32) != 0)
+    if (hg_sha256(file + HEADER_BYTES, (size_t)bytes, seen) || memcmp(seen, hash, 32) != 0)
         return "is damaged";
     return NULL;
 }
 
-enum hg_status hg_cli_checkpoint_load(struct hg_cli *cli, const char *output, const uint8_t job[32],
-    uint32_t *samples, struct hg_error *err)
+static enum hg_status send_parts(
+    const struct hg_cli_kept *kept, const uint8_t *data, size_t size, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (size_t at = 0; !status && at < size; at += PART_BYTES) {
+        const size_t bytes = size - at < PART_BYTES ? size - at : PART_BYTES;
+        const struct hgp_checkpoint_set set = {.view = HG_CLI_VIEW,
+            .data = {data + at, (uint32_t)bytes},
+            .has_kind = true,
+            .kind = kept->kind,
+            .has_offset = true,
+            .offset = at,
+            .has_size = true,
+            .size = size};
+        status = helio_call_for(kept->cli->h, HGP_T_checkpoint_set, &set, HGP_T_ok, NULL, err);
+    }
+    return status;
+}
+
+enum hg_status hg_cli_checkpoint_load(
+    const struct hg_cli_kept *kept, uint32_t *samples, struct hg_error *err)
 {
     char path[4200];
     uint8_t *file;
     size_t size;
     *samples = 0;
-    if (!name_of(output, path, sizeof path))
+    if (!name_of(kept->kind, kept->output, path, sizeof path))
         return HG_OK; // no file of that name
     enum hg_status status = hg_file_read(path, DATA_LIMIT_BYTES + HEADER_BYTES, &file, &size, err);
     if (status == HG_E_NOTFOUND)
         return HG_OK;
     if (status)
         return status;
-    struct hgp_checkpoint_set set = {.view = HG_CLI_VIEW};
-    const char *wrong = check_file(file, size, job, &set.data, samples);
+    const char *wrong = check_file(file, size, kept, samples);
     struct hg_error refused = {0};
     if (!wrong) {
-        status = helio_call_for(cli->h, HGP_T_checkpoint_set, &set, HGP_T_ok, NULL, &refused);
+        status = send_parts(kept, file + HEADER_BYTES, size - HEADER_BYTES, &refused);
         if (status == HG_E_INVAL || status == HG_E_FORMAT) {
             wrong = refused.reason;
             status = HG_OK;
@@ -130,16 +184,16 @@ enum hg_status hg_cli_checkpoint_load(struct hg_cli *cli, const char *output, co
     }
     if (wrong) {
         *samples = 0;
-        hg_cli_progress_clear(&cli->progress);
+        hg_cli_progress_clear(&kept->cli->progress);
         fprintf(stderr, "helio: %s: %s; the picture begins anew\n", path, wrong);
     }
     hg_free(file);
     return status;
 }
 
-void hg_cli_checkpoint_remove(const char *output)
+void hg_cli_checkpoint_remove(enum hgp_checkpoint_kind kind, const char *output)
 {
     char path[4200];
-    if (name_of(output, path, sizeof path))
+    if (name_of(kind, output, path, sizeof path))
         unlink(path);
 }

@@ -86,7 +86,9 @@ static bool wants_job(const struct hg_cli_render *r)
     return is_path(r) || r->o->has_frames || r->o->skip_existing;
 }
 
-static enum hg_status ask_job(struct hg_cli_render *r, uint8_t job[32], struct hg_error *err)
+// after: job of the picture that this one depends on, or NULL.
+static enum hg_status ask_job(
+    struct hg_cli_render *r, const uint8_t *after, uint8_t job[32], struct hg_error *err)
 {
     struct helio_message *answer;
     struct hgp_job_query query = {
@@ -95,7 +97,10 @@ static enum hg_status ask_job(struct hg_cli_render *r, uint8_t job[32], struct h
         .encoding = r->format.encoding,
         .has_quality = true,
         .quality = r->format.quality,
+        .has_after = after != NULL,
     };
+    if (after)
+        memcpy(query.after, after, 32);
     memset(job, 0, 32);
     if (!wants_job(r))
         return HG_OK;
@@ -207,6 +212,7 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
         .has_quality = true,
         .quality = r->format.quality,
     };
+    const struct hg_cli_kept kept = {cli, HGP_checkpoint_kind_FILM, name, job};
     uint32_t id;
     *frame = NULL;
     enum hg_status status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
@@ -227,7 +233,7 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
             status = HG_OK;
         if (status || now < save)
             continue;
-        status = hg_cli_checkpoint_save(cli, name, job, PATIENCE_S, err);
+        status = hg_cli_checkpoint_save(&kept, PATIENCE_S, err);
         if (status == HG_E_STATE) // nothing worth keeping yet
             status = HG_OK;
         save = add_s(hg_clock_now_ns(), o->checkpoint);
@@ -242,10 +248,11 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
 // What a command that is stopped leaves of the frame it was at.
 static void leave_checkpoint(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
+    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_FILM, name, job};
     struct hg_error err = {0};
     if (!is_path(r) || !hg_cli_is_stopped())
         return;
-    enum hg_status status = hg_cli_checkpoint_save(&r->cli, name, job, PATIENCE_S, &err);
+    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &err);
     r->left_checkpoint = status == HG_OK;
     if (status && status != HG_E_STATE)
         fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
@@ -255,10 +262,11 @@ static void leave_checkpoint(struct hg_cli_render *r, const char *name, const ui
 static enum hg_status resume(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
+    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_FILM, name, job};
     uint32_t samples = 0;
     if (!r->o->resume)
         return HG_OK;
-    enum hg_status status = hg_cli_checkpoint_load(&r->cli, name, job, &samples, err);
+    enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
     if (!status && samples) {
         hg_cli_progress_clear(&r->cli.progress);
         fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
@@ -282,12 +290,26 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
         status = hg_file_write_atomic(name, frame->data.data, frame->data.size, err);
     }
     if (!status && is_path(r))
-        hg_cli_checkpoint_remove(name);
+        hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
     return status;
 }
 
-static enum hg_status make_frame(
-    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+// What the next picture of a series needs is there before the picture itself is: whoever finds the
+// one finds the other.
+static void keep_history(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job};
+    struct hg_error err = {0};
+    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &err);
+    if (status && !hg_cli_is_stopped()) {
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s.history: cannot be written: %s\n", name,
+            err.reason[0] ? err.reason : hg_status_text(status));
+    }
+}
+
+static enum hg_status make_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
+    bool wanted, struct hg_error *err)
 {
     struct helio_message *answer;
     uint64_t begin = hg_clock_now_ns();
@@ -306,10 +328,27 @@ static enum hg_status make_frame(
         uint64_t now = hg_clock_now_ns();
         if (!r->first_frame_ns)
             r->first_frame_ns = now - r->cli.begin_ns;
-        status = write_frame(r, &answer->body->frame, name, now - begin, err);
-        hg_cli_progress_frame(&r->cli.progress, now - begin);
+        if (r->series)
+            keep_history(r, name, job);
+        if (wanted)
+            status = write_frame(r, &answer->body->frame, name, now - begin, err);
+        if (wanted)
+            hg_cli_progress_frame(&r->cli.progress, now - begin);
     }
     helio_message_free(answer);
+    return status;
+}
+
+// A frame that is not there yet, or is not good.
+static enum hg_status check_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
+    bool *there, struct hg_error *err)
+{
+    *there = false;
+    enum hg_status status = r->o->skip_existing ? check_existing(r, name, job, there, err) : HG_OK;
+    if (!status && *there) {
+        r->skipped++;
+        hg_cli_progress_frame(&r->cli.progress, 0);
+    }
     return status;
 }
 
@@ -318,16 +357,10 @@ static enum hg_status render_frame(struct hg_cli_render *r, const char *name, st
     uint8_t job[32];
     bool there = false;
     r->doing = HG_CLI_DOING_RENDER;
-    enum hg_status status = ask_job(r, job, err);
-    if (!status && r->o->skip_existing)
-        status = check_existing(r, name, job, &there, err);
-    if (status)
-        return status;
-    if (!there)
-        return make_frame(r, name, job, err);
-    r->skipped++;
-    hg_cli_progress_frame(&r->cli.progress, 0);
-    return HG_OK;
+    enum hg_status status = ask_job(r, NULL, job, err);
+    if (!status)
+        status = check_frame(r, name, job, &there, err);
+    return status || there ? status : make_frame(r, name, job, true, err);
 }
 
 static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
@@ -339,50 +372,191 @@ static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg
 }
 
 // Frames that are averaged must not have the same noise: each one has a seed of its own.
-static enum hg_status set_seed(struct hg_cli_render *r, struct hg_error *err)
+static enum hg_status set_seed(struct hg_cli_render *r, uint32_t frame, struct hg_error *err)
 {
-    struct hgp_view_set view = {
-        .view = HG_CLI_VIEW, .has_seed = true, .seed = r->o->seed + r->next_frame};
+    struct hgp_view_set view = {.view = HG_CLI_VIEW, .has_seed = true, .seed = r->o->seed + frame};
     if (!r->o->denoise)
         return HG_OK;
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 
+static void name_frame(const struct hg_cli_render *r, uint32_t frame, char *dst, size_t size)
+{
+    if (!hg_cli_frame_name(r->o->output, frame, dst, size))
+        snprintf(dst, size, "%s", r->o->output);
+}
+
+static uint32_t frame_at(const struct hg_cli_render *r, uint32_t index)
+{
+    return r->o->frames.first + index * r->o->frames.step;
+}
+
+static uint32_t frame_count(const struct hg_cli_render *r)
+{
+    const struct hg_cli_frames *f = &r->o->frames;
+    return (f->last - f->first) / f->step + 1;
+}
+
+static enum hg_status go_to(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
+{
+    const uint32_t frame = frame_at(r, index);
+    const double fps = r->o->has_fps ? r->o->fps : 24;
+    enum hg_status status = set_time(r, frame / fps, err);
+    return status ? status : set_seed(r, frame, err);
+}
+
+// ---- series ------------------------------------------------------------------------------------
+
+// Pictures that depend on those before. A picture's job holds that of the one before, so files that
+// are there already are of this series or are made again. Pictures that are left as they are do not
+// bring the view their history: it comes from OUT.history, or they are made once more.
+struct hg_cli_series {
+    uint32_t held; // the view has the history of picture held - 1; 0: of none
+    uint8_t job[][32];
+};
+
+static bool is_series(const struct hg_cli_render *r)
+{
+    return is_path(r) && r->o->denoise && r->o->has_frames && frame_count(r) > 1;
+}
+
+static enum hg_status ask_series_job(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    uint8_t(*job)[32] = r->series->job;
+    enum hg_status status = go_to(r, i, err);
+    return status ? status : ask_job(r, i > 0 ? job[i - 1] : NULL, job[i], err);
+}
+
+// The newest history in a file that is of use for picture i.
+static enum hg_status load_history(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    struct hg_cli_series *s = r->series;
+    char name[4096];
+    uint32_t samples = 0;
+    for (uint32_t j = i; j > s->held; j--) {
+        name_frame(r, frame_at(r, j - 1), name, sizeof name);
+        const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, s->job[j - 1]};
+        enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
+        if (status)
+            return status;
+        if (samples) {
+            s->held = j;
+            return HG_OK;
+        }
+    }
+    return HG_OK;
+}
+
+static void drop_history(const struct hg_cli_render *r, uint32_t i)
+{
+    char name[4096];
+    name_frame(r, frame_at(r, i), name, sizeof name);
+    hg_cli_checkpoint_remove(HGP_checkpoint_kind_HISTORY, name);
+}
+
+static enum hg_status make_series_frame(
+    struct hg_cli_render *r, uint32_t i, bool wanted, struct hg_error *err)
+{
+    char name[4096];
+    name_frame(r, frame_at(r, i), name, sizeof name);
+    enum hg_status status = make_frame(r, name, r->series->job[i], wanted, err);
+    if (status)
+        return status;
+    r->series->held = i + 1;
+    if (!wanted)
+        hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
+    if (i > 0)
+        drop_history(r, i - 1);
+    return HG_OK;
+}
+
+// The view gets the history that picture i is averaged with.
+static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    struct hg_cli_series *s = r->series;
+    enum hg_status status = s->held < i ? load_history(r, i, err) : HG_OK;
+    if (status || s->held == i)
+        return status;
+    hg_cli_progress_clear(&r->cli.progress);
+    fprintf(stderr,
+        "helio: frames %u to %u are made again, unwritten: the next one depends on them\n",
+        frame_at(r, s->held), frame_at(r, i - 1));
+    while (!status && s->held < i) {
+        status = ask_series_job(r, s->held, err);
+        if (!status)
+            status = make_series_frame(r, s->held, false, err);
+    }
+    return status ? status : ask_series_job(r, i, err);
+}
+
+static enum hg_status render_series_frame(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    char name[4096];
+    bool there = false;
+    name_frame(r, frame_at(r, i), name, sizeof name);
+    enum hg_status status = ask_series_job(r, i, err);
+    if (!status)
+        status = check_frame(r, name, r->series->job[i], &there, err);
+    if (status || there)
+        return status;
+    status = reach(r, i, err);
+    return status ? status : make_series_frame(r, i, true, err);
+}
+
+// ---- all ---------------------------------------------------------------------------------------
+
+static enum hg_status render_numbered(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    char name[4096];
+    if (r->series)
+        return render_series_frame(r, i, err);
+    name_frame(r, frame_at(r, i), name, sizeof name);
+    enum hg_status status = go_to(r, i, err);
+    return status ? status : render_frame(r, name, err);
+}
+
+static enum hg_status render_all_frames(struct hg_cli_render *r, struct hg_error *err)
+{
+    const uint32_t count = frame_count(r);
+    enum hg_status status = HG_OK;
+    hg_cli_progress_frames(&r->cli.progress, count);
+    for (uint32_t i = 0; i < count && !status; i++) {
+        r->next_frame = frame_at(r, i);
+        snprintf(
+            r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
+        status = render_numbered(r, i, err);
+    }
+    for (uint32_t i = 0; i < count && !status && r->series; i++)
+        drop_history(r, i);
+    return status;
+}
+
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
-    const struct hg_cli_frames *f = &o->frames;
-    char name[4096];
     if (!o->has_frames) {
         bool moves =
             (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
         enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, o->output, err);
     }
-    double fps = o->has_fps ? o->fps : 24;
-    uint32_t count = (f->last - f->first) / f->step + 1;
-    hg_cli_progress_frames(&r->cli.progress, count);
-    for (uint32_t i = 0; i < count; i++) {
-        r->next_frame = f->first + i * f->step;
-        if (!hg_cli_frame_name(o->output, r->next_frame, name, sizeof name))
-            snprintf(name, sizeof name, "%s", o->output);
-        snprintf(
-            r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
-        enum hg_status status = set_time(r, r->next_frame / fps, err);
-        if (!status)
-            status = set_seed(r, err);
-        if (!status)
-            status = render_frame(r, name, err);
-        if (status)
-            return status;
+    if (is_series(r)) {
+        r->series = hg_calloc(1, sizeof *r->series + (size_t)frame_count(r) * 32);
+        if (!r->series)
+            return hg_error_set(err, HG_E_NOMEM, "--frames", NULL, "no memory for so many");
     }
-    return HG_OK;
+    return render_all_frames(r, err);
 }
 
 void hg_cli_render_stopped(const struct hg_cli_render *r)
 {
     const struct hg_cli_frames *f = &r->o->frames;
-    if (r->o->has_frames && r->next_frame > f->first)
+    if (r->series)
+        fprintf(stderr,
+            "helio: %zu frames are written; the same command with --skip-existing renders the "
+            "rest\n",
+            json_array_size(r->frames));
+    else if (r->o->has_frames && r->next_frame > f->first)
         fprintf(stderr, "helio: %zu frames are written; --frames %u-%u:%u renders the rest\n",
             json_array_size(r->frames), r->next_frame, f->last, f->step);
     if (r->left_checkpoint)

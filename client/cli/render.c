@@ -252,7 +252,7 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
 
 static bool is_animation(const struct hg_cli_options *o)
 {
-    return o->has_frames && o->frames.first != o->frames.last;
+    return o->has_frames && (o->frames.last - o->frames.first) / o->frames.step > 0;
 }
 
 static enum hg_status set_catcher(struct hg_cli_render *r, struct hg_error *err)
@@ -303,6 +303,8 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
         .shutter_open = r->shutter[0],
         .has_shutter_close = o->has_shutter,
         .shutter_close = r->shutter[1],
+        .has_series_s = o->denoise && is_animation(o),
+        .series_s = (float)((o->has_frames ? o->frames.step : 1) / (o->has_fps ? o->fps : 24)),
     };
     if (o->has_mode && hgp_enum_value("render_mode", o->mode, &value)) {
         view.has_mode = true;
@@ -439,5 +441,6 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
         hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);
+    hg_free(r.series);
     return code;
 }

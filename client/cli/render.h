@@ -18,6 +18,7 @@ struct hg_cli_render {
     uint32_t skipped;      // files that were left as they were
     uint32_t next_frame;   // number of the first frame that is not there yet
     bool left_checkpoint;  // of it
+    struct hg_cli_series *series; // of pictures that depend on those before; NULL = of none
 };
 
 // Writes `pattern` with the frame's number: a run of #, or %d / %0Nd. False without a place for it.
@@ -36,14 +37,22 @@ void hg_cli_render_stopped(const struct hg_cli_render *r);
 
 // checkpoint.c: the file OUT.checkpoint, which holds a film and the hash of the job it belongs to.
 
-// Asks the worker for the view's film and writes it. HG_E_STATE: there is none yet; nothing is
-// written. `seconds`: how long to wait for the answer.
-enum hg_status hg_cli_checkpoint_save(struct hg_cli *cli, const char *output, const uint8_t job[32],
-    double seconds, struct hg_error *err) HG_MUST_CHECK;
-// Gives the film of OUT.checkpoint to the view. *samples: per pixel it holds, 0 when there is no
-// file or it is of another job, cut short or damaged (said as a notice on the error stream).
-enum hg_status hg_cli_checkpoint_load(struct hg_cli *cli, const char *output, const uint8_t job[32],
-    uint32_t *samples, struct hg_error *err) HG_MUST_CHECK;
-void hg_cli_checkpoint_remove(const char *output);
+// What is kept of a picture: its film, as OUT.checkpoint, or what comes after it needs, as
+// OUT.history.
+struct hg_cli_kept {
+    struct hg_cli *cli;
+    enum hgp_checkpoint_kind kind;
+    const char *output;
+    const uint8_t *job; // [32]
+};
+// Asks the worker for it and writes it. HG_E_STATE: there is none yet; nothing is written.
+// `seconds`: how long to wait for an answer.
+enum hg_status hg_cli_checkpoint_save(
+    const struct hg_cli_kept *kept, double seconds, struct hg_error *err) HG_MUST_CHECK;
+// Gives the file's to the view. *samples: per pixel it holds, 0 when there is no file or it is of
+// another job, cut short or damaged (said as a notice on the error stream).
+enum hg_status hg_cli_checkpoint_load(
+    const struct hg_cli_kept *kept, uint32_t *samples, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_checkpoint_remove(enum hgp_checkpoint_kind kind, const char *output);
 
 #endif

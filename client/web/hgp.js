@@ -41,6 +41,7 @@ export const enums = {
     render_mode: { REALTIME: 0, PATH: 1 },
     trace_backend: { AUTO: 0, EMBREE: 1, COMPUTE: 2, KHR: 3 },
     denoise: { OFF: 0, STILL: 1, ANIMATION: 2 },
+    checkpoint_kind: { FILM: 0, HISTORY: 1 },
     plane: { COLOR: 0, ALBEDO: 1, NORMAL: 2, GEOMETRIC_NORMAL: 3, DEPTH: 4, POSITION: 5, EMISSION: 6, DIRECT_DIFFUSE: 7, DIRECT_SPECULAR: 8, DIRECT_TRANSMISSION: 9, INDIRECT_DIFFUSE: 10, INDIRECT_SPECULAR: 11, INDIRECT_TRANSMISSION: 12, MOTION: 13, OBJECT: 14, MATERIAL: 15, SAMPLES: 16, VARIANCE: 17, LIGHT_GROUPS: 18, CRYPTO_OBJECT: 19, CRYPTO_MATERIAL: 20, CRYPTO_ASSET: 21, NOISY: 22 },
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2 },
@@ -461,6 +462,7 @@ export const messages = {
             { name: "frame_s", kind: "f32", least: 1e-06, most: 1e+06, since: 1, optional: true },
             { name: "shutter_open", kind: "f32", least: -1, most: 1, since: 1, optional: true },
             { name: "shutter_close", kind: "f32", least: -1, most: 1, since: 1, optional: true },
+            { name: "series_s", kind: "f32", least: 1e-06, most: 1e+06, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -549,6 +551,7 @@ export const messages = {
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
             { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
+            { name: "after", kind: "hash", since: 1, optional: true },
         ],
     },
     // answer
@@ -564,6 +567,8 @@ export const messages = {
         type: 0x030a, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "kind", kind: "enum", values: "checkpoint_kind", since: 1, optional: true },
+            { name: "offset", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // answer
@@ -573,6 +578,7 @@ export const messages = {
             { name: "job", kind: "hash", since: 1 },
             { name: "samples", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
+            { name: "size", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // go on from a checkpoint; refused when it is of another job
@@ -581,6 +587,9 @@ export const messages = {
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
+            { name: "kind", kind: "enum", values: "checkpoint_kind", since: 1, optional: true },
+            { name: "offset", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // what is under a pixel of the newest frame?

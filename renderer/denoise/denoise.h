@@ -18,6 +18,7 @@
 #include <stdbool.h>
 
 #include "base/jobs.h"
+#include "base/refbuf.h"
 #include "base/status.h"
 #include "shaders/shared/path.h"
 
@@ -37,6 +38,14 @@ void hg_denoise_destroy(struct hg_denoise *history);      // accepts NULL
 // Another picture begins; what was run last is the one before. A picture that is run again, with
 // more samples, takes its own place.
 void hg_denoise_next(struct hg_denoise *history);
+
+// The picture that was run last, for another process: what comes after hg_denoise_next is the same
+// to the bit. HG_E_STATE: there is none; HG_E_NOMEM.
+enum hg_status hg_denoise_save(
+    const struct hg_denoise *history, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// HG_E_INVAL: not what was saved; HG_E_NOMEM.
+enum hg_status hg_denoise_load(const void *data, uint64_t size_bytes, struct hg_denoise **out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_denoise_input {
     uint32_t width, height;          // px

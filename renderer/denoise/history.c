@@ -5,13 +5,14 @@
 
 #include "base/alloc.h"
 
-#define NORMAL_LEAST 0.9f  // cosine between normals of the same surface
-#define DEPTH_REACH  0.02f // difference of depths of the same place, relative
-#define CHANGE_REACH 2.0f  // standard deviations of a patch that are no change
-#define STILL_PX     0.02  // px that count as none
-#define ALBEDO_REACH 4.0f  // standard deviations of an albedo that are no change
-#define PATCH        3     // px: radius of what is compared
-#define BAND         64u   // rows that are looked up together
+#define NORMAL_LEAST 0.9f   // cosine between normals of the same surface
+#define DEPTH_REACH  0.02f  // difference of depths of the same place, relative
+#define CHANGE_REACH 2.0f   // standard deviations of a patch that are no change
+#define STILL_PX     0.02   // px that count as none
+#define ALBEDO_REACH 4.0f   // standard deviations of an albedo that are no change
+#define PATCH        3      // px: radius of what is compared
+#define MOST_SIDE    65536u // px
+#define BAND         64u    // rows that are looked up together
 
 enum {
     KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 6, // planes of a picture that stay
@@ -111,6 +112,92 @@ enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise
     d->slope = at;
     d->now.camera = input->camera;
     return HG_OK;
+}
+
+// --- files ---------------------------------------------------------------------------------------
+
+// Then the planes, first byte of each float, second, ...: they are packed better so.
+struct saved {
+    char magic[8];
+    uint32_t width, height, planes, orthographic;
+    double camera[5][3];
+};
+
+#define MAGIC "HGHIST01"
+
+static const double *axis_of(const struct hg_denoise_camera *c, int i)
+{
+    const double *const all[] = {c->eye, c->forward, c->across, c->x, c->y};
+    return all[i];
+}
+
+enum hg_status hg_denoise_save(
+    const struct hg_denoise *d, struct hg_refbuf **out, struct hg_error *err)
+{
+    const struct past *now = &d->now;
+    const size_t count = KEPT * (size_t)now->width * now->height;
+    struct saved head = {.width = now->width,
+        .height = now->height,
+        .planes = KEPT,
+        .orthographic = now->camera.orthographic};
+    *out = NULL;
+    if (now->width == 0)
+        return hg_error_set(err, HG_E_STATE, "history", NULL, "there is no picture");
+    memcpy(head.magic, MAGIC, sizeof head.magic);
+    for (int i = 0; i < 5; i++)
+        memcpy(head.camera[i], axis_of(&now->camera, i), sizeof head.camera[i]);
+    *out = hg_refbuf_create(sizeof head + count * sizeof(float));
+    if (*out == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "history", NULL, "out of host memory");
+    memcpy((*out)->data, &head, sizeof head);
+    uint8_t *to = (*out)->data + sizeof head;
+    for (size_t i = 0; i < count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &now->memory[i], sizeof bits);
+        for (size_t b = 0; b < 4; b++)
+            to[b * count + i] = (uint8_t)(bits >> (8 * b));
+    }
+    return HG_OK;
+}
+
+static enum hg_status load(struct past *now, const struct saved *head, const uint8_t *from)
+{
+    enum hg_status status = past_init(now, head->width, head->height);
+    const size_t count = KEPT * (size_t)head->width * head->height;
+    struct hg_denoise_camera *c = &now->camera;
+    double *const axes[] = {c->eye, c->forward, c->across, c->x, c->y};
+    for (int i = 0; i < 5; i++)
+        memcpy(axes[i], head->camera[i], sizeof head->camera[i]);
+    c->orthographic = head->orthographic != 0;
+    for (size_t i = 0; i < count && status == HG_OK; i++) {
+        uint32_t bits = 0;
+        for (size_t b = 0; b < 4; b++)
+            bits |= (uint32_t)from[b * count + i] << (8 * b);
+        memcpy(&now->memory[i], &bits, sizeof bits);
+    }
+    return status;
+}
+
+enum hg_status hg_denoise_load(
+    const void *data, uint64_t size_bytes, struct hg_denoise **out, struct hg_error *err)
+{
+    struct saved head = {0};
+    *out = NULL;
+    if (data != NULL && size_bytes >= sizeof head)
+        memcpy(&head, data, sizeof head);
+    if (memcmp(head.magic, MAGIC, sizeof head.magic) != 0 || head.planes != KEPT ||
+        head.width < 1 || head.width > MOST_SIDE || head.height < 1 || head.height > MOST_SIDE ||
+        size_bytes - sizeof head != KEPT * sizeof(float) * (uint64_t)head.width * head.height)
+        return hg_error_set(
+            err, HG_E_INVAL, "history", NULL, "is none, cut off, or of another version");
+    *out = hg_denoise_create();
+    enum hg_status status =
+        *out != NULL ? load(&(*out)->now, &head, (const uint8_t *)data + sizeof head) : HG_E_NOMEM;
+    if (status == HG_OK)
+        return HG_OK;
+    hg_denoise_destroy(*out);
+    *out = NULL;
+    return hg_error_set(err, status, "history", NULL, "out of host memory");
 }
 
 // --- keeping -------------------------------------------------------------------------------------

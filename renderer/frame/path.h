@@ -72,6 +72,12 @@ enum hg_status hg_path_save(
 enum hg_status hg_path_load(struct hg_view_state *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
+// The history of a series (renderer.h). Load: takes effect with the next picture.
+enum hg_status hg_path_history_save(
+    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_path_history_load(struct hg_view_state *view, const void *data,
+    uint64_t size_bytes, struct hg_error *err) HG_MUST_CHECK;
+
 enum hg_path_piece {      // what the time of a picture goes into
     HG_PATH_PIECE_BEGIN,  // camera rays
     HG_PATH_PIECE_TRACE,  // nearest hits

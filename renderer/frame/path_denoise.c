@@ -53,6 +53,11 @@ enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error
         p->history = NULL;
         return HG_OK;
     }
+    if (view->path_history != NULL) {
+        hg_denoise_destroy(p->history);
+        p->history = view->path_history;
+        view->path_history = NULL; // counts once
+    }
     if (p->history == NULL)
         p->history = hg_denoise_create();
     else
@@ -60,6 +65,31 @@ enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error
     return p->history != NULL
                ? HG_OK
                : hg_error_set(err, HG_E_NOMEM, "denoise", NULL, "out of host memory");
+}
+
+enum hg_status hg_path_history_save(
+    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err)
+{
+    const struct hg_path *p = view->path;
+    *out = NULL;
+    if (p == NULL || p->history == NULL || !hg_path_done(p) || p->denoised_pass != p->pass)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "has no settled picture of a series");
+    return hg_denoise_save(p->history, out, err);
+}
+
+enum hg_status hg_path_history_load(
+    struct hg_view_state *view, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    struct hg_denoise *history;
+    if (view->settings.mode != HG_VIEW_MODE_PATH ||
+        view->settings.path.denoise != HG_PATH_DENOISE_SERIES)
+        return hg_error_set(err, HG_E_INVAL, "history", NULL, "is for views that make a series");
+    enum hg_status status = hg_denoise_load(data, size_bytes, &history, err);
+    if (status != HG_OK)
+        return status;
+    hg_denoise_destroy(view->path_history);
+    view->path_history = history;
+    return HG_OK;
 }
 
 static void fill_camera(const struct hg_view_state *view, struct hg_denoise_camera *out)

@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "renderer/denoise/denoise.h"
 #include "renderer/geometry/moment.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
@@ -121,6 +122,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     destroy_extras(view);
     hg_path_destroy(view->path);
     hg_free(view->path_checkpoint);
+    hg_denoise_destroy(view->path_history);
     hg_gpu_image_destroy(gpu, &view->visibility);
     hg_gpu_image_destroy(gpu, &view->depth);
     hg_gpu_image_destroy(gpu, &view->accumulated);

@@ -81,7 +81,11 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     const struct hgp_frame *frame = &f->job->frame;
     const struct encode_notes *notes = &f->job->notes;
     uint32_t n = 0;
-    snprintf(f->revision, sizeof f->revision, "%llu", (unsigned long long)frame->scene_revision);
+    if (notes->job[0]) // depends on the scene alone, not on how many edits led to it
+        snprintf(f->revision, sizeof f->revision, "%.16s", notes->scene);
+    else
+        snprintf(
+            f->revision, sizeof f->revision, "%llu", (unsigned long long)frame->scene_revision);
     add_text(f, &n, "heliograph:version", HELIO_VERSION);
     add_text(f, &n, "heliograph:renderer", frame->has_mode ? "path" : "realtime");
     add_text(f, &n, "heliograph:device", notes->device);

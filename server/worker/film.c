@@ -12,7 +12,10 @@
 
 #define FILM_LIMIT_BYTES (UINT64_C(16) << 30) // of a checkpoint when unpacked
 
-enum { ANSWER_LIMIT_BYTES = 320 << 20 };
+enum {
+    ANSWER_LIMIT_BYTES = 320 << 20,
+    PART_BYTES = 64 << 20, // of what is sent in parts
+};
 
 // ---- planes ------------------------------------------------------------------------------------
 
@@ -83,7 +86,7 @@ static void put_floats(struct hg_writer *w, const float *values, size_t count)
         hg_write_f32(w, values[i]);
 }
 
-static void put_params(struct hg_writer *w, const struct hg_view_params *p)
+static void put_params(struct hg_writer *w, const struct hg_view_params *p, const uint8_t after[32])
 {
     const uint32_t words[] = {p->width ? p->width : 1280, p->height ? p->height : 720,
         (uint32_t)p->tonemap, (uint32_t)p->background, p->samples ? p->samples : 32, p->seed,
@@ -97,6 +100,10 @@ static void put_params(struct hg_writer *w, const struct hg_view_params *p)
     put_floats(w, floats, sizeof floats / sizeof *floats);
     if (p->denoise != HG_DENOISE_OFF)
         hg_write_u32(w, (uint32_t)p->denoise);
+    if (p->denoise == HG_DENOISE_ANIMATION) {
+        hg_write_f32(w, p->series_s);
+        hg_write_bytes(w, after, 32);
+    }
 }
 
 // A camera of the scene counts by its pose and lens, not by its number.
@@ -132,7 +139,8 @@ static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const 
 static void put_motion(
     struct hg_writer *w, const struct hg_scene *scene, const struct hg_view_params *p)
 {
-    if (p->shutter_close <= p->shutter_open && !(p->planes >> HG_PLANE_MOTION & 1))
+    if (p->shutter_close <= p->shutter_open && !(p->planes >> HG_PLANE_MOTION & 1) &&
+        p->denoise != HG_DENOISE_ANIMATION)
         return;
     for (uint32_t i = 0; i < scene->asset_count; i++)
         for (uint32_t k = 0; k < scene->assets[i]->animation_count; k++) {
@@ -166,11 +174,12 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     enum hg_status status = hg_fingerprint_scene(slot->fingerprint, slot->scene, scene, err);
     if (status)
         return status;
+    memcpy(slot->hash, scene, sizeof scene);
     struct hg_writer w = {0};
     hg_write_bytes(&w, HELIO_VERSION, sizeof HELIO_VERSION);
     hg_write_bytes(&w, device, strlen(device) + 1);
     hg_write_bytes(&w, scene, sizeof scene);
-    put_params(&w, &view->params);
+    put_params(&w, &view->params, view->job_after);
     hg_write_u32(&w, view->mattes);
     put_camera(&w, slot->scene, view);
     put_motion(&w, slot->scene, &view->params);
@@ -191,6 +200,9 @@ void view_job_query(const struct request *r)
         return;
     view->job_encoding = m->has_encoding ? m->encoding : view->still_encoding;
     view->job_quality = m->has_quality ? m->quality : view->quality;
+    memset(view->job_after, 0, sizeof view->job_after);
+    if (m->has_after)
+        memcpy(view->job_after, m->after, sizeof view->job_after);
     if (film_job(
             r->s, r->session, view, view->job_encoding, view->job_quality, answer.hash, &err)) {
         serve_fail(r, &err);
@@ -252,6 +264,8 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
         frame->has_job = !status;
         if (!status)
             hg_sha256_hex(frame->job, notes->job);
+        if (!status)
+            hg_sha256_hex(session->scene->hash, notes->scene);
     }
     if (status ||
         (frame->encoding != HGP_encoding_EXR_HALF && frame->encoding != HGP_encoding_EXR_FLOAT))
@@ -273,48 +287,80 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
 
 // ---- films kept for later ----------------------------------------------------------------------
 
-// A checkpoint: u64 size, then the film packed by zstd.
+// A checkpoint: u64 size, then the film or the history packed by zstd.
 static enum hg_status pack(
     const struct hg_refbuf *film, struct hg_writer *out, struct hg_error *err)
 {
     hg_write_u64(out, film->size);
-    enum hg_status status = hg_zstd_encode(film->data, film->size, 1, out, err);
-    if (!status && out->size > ANSWER_LIMIT_BYTES)
-        status = hg_error_set(err, HG_E_LIMIT, "checkpoint", NULL,
-            "%zu bytes are more than a message holds (%d)", out->size, ANSWER_LIMIT_BYTES);
+    return hg_zstd_encode(film->data, film->size, 1, out, err);
+}
+
+// What is to be sent, to view->sending.
+static enum hg_status make_checkpoint(const struct request *r, struct view_slot *view,
+    enum hgp_checkpoint_kind kind, struct hg_error *err)
+{
+    const bool history = kind == HGP_checkpoint_kind_HISTORY;
+    enum hgp_encoding encoding = view->job_asked ? view->job_encoding : view->still_encoding;
+    uint8_t quality = view->job_asked ? view->job_quality : view->quality;
+    struct hg_refbuf *film = NULL;
+    hg_writer_finish(&view->sending);
+    view->sending_notes = (struct hgp_checkpoint){.samples = view->info.samples};
+    enum hg_status status = history ? hg_view_save_history(view->view, &film, err)
+                                    : hg_view_save(view->view, &film, err);
+    if (!status)
+        status = film_job(r->s, r->session, view, encoding, quality, view->sending_notes.job, err);
+    if (!status)
+        status = pack(film, &view->sending, err);
+    hg_refbuf_unref(film);
     return status;
+}
+
+// From `offset` on as much as goes into an answer.
+static enum hg_status answer_part(struct view_slot *view, bool part, uint64_t offset,
+    struct hgp_checkpoint *answer, struct hg_error *err)
+{
+    const struct hg_writer *w = &view->sending;
+    *answer = view->sending_notes;
+    if (offset >= w->size)
+        return hg_error_set(
+            err, HG_E_STATE, "checkpoint_query", "offset", "nothing is left to send");
+    if (!part && w->size > ANSWER_LIMIT_BYTES)
+        return hg_error_set(err, HG_E_LIMIT, "checkpoint", NULL,
+            "%zu bytes are more than a message holds (%d)", w->size, ANSWER_LIMIT_BYTES);
+    const uint64_t left = w->size - offset;
+    const uint64_t bytes = part && left > PART_BYTES ? PART_BYTES : left;
+    answer->data = (struct hgp_bytes){w->data + offset, (uint32_t)bytes};
+    answer->has_size = part;
+    answer->size = w->size;
+    return HG_OK;
 }
 
 void view_checkpoint_query(const struct request *r)
 {
-    struct view_slot *view = session_need_view(r, r->message->checkpoint_query.view);
+    const struct hgp_checkpoint_query *m = &r->message->checkpoint_query;
+    struct view_slot *view = session_need_view(r, m->view);
     struct hg_error err = {0};
-    struct hg_refbuf *film = NULL;
-    struct hg_writer data = {0};
+    struct hgp_checkpoint answer;
+    enum hg_status status = HG_OK;
     if (!view)
         return;
-    struct hgp_checkpoint answer = {.samples = view->info.samples};
-    enum hgp_encoding encoding = view->job_asked ? view->job_encoding : view->still_encoding;
-    uint8_t quality = view->job_asked ? view->job_quality : view->quality;
-    enum hg_status status = hg_view_save(view->view, &film, &err);
+    const uint64_t offset = m->has_offset ? m->offset : 0;
+    if (offset == 0)
+        status = make_checkpoint(r, view, m->has_kind ? m->kind : HGP_checkpoint_kind_FILM, &err);
     if (!status)
-        status = film_job(r->s, r->session, view, encoding, quality, answer.job, &err);
-    if (!status)
-        status = pack(film, &data, &err);
-    if (status) {
+        status = answer_part(view, m->has_offset, offset, &answer, &err);
+    if (status)
         serve_fail(r, &err);
-    } else {
-        answer.data = (struct hgp_bytes){data.data, (uint32_t)data.size};
+    else
         serve_answer(r, HGP_T_checkpoint, &answer);
-    }
-    hg_writer_finish(&data);
-    hg_refbuf_unref(film);
+    if (status || offset + answer.data.size == view->sending.size)
+        hg_writer_finish(&view->sending);
 }
 
 static enum hg_status unpack(
-    const struct hgp_bytes *data, void **film, uint64_t *size, struct hg_error *err)
+    const uint8_t *data, size_t bytes, void **film, uint64_t *size, struct hg_error *err)
 {
-    struct hg_reader r = hg_reader_make(data->data, data->size);
+    struct hg_reader r = hg_reader_make(data, bytes);
     *film = NULL;
     *size = hg_read_u64(&r);
     if (r.failed || *size < 1)
@@ -328,23 +374,73 @@ static enum hg_status unpack(
     return hg_zstd_decode(r.data + r.pos, r.size - r.pos, *film, (size_t)*size, err);
 }
 
+static enum hg_status load_checkpoint(struct view_slot *view, enum hgp_checkpoint_kind kind,
+    const uint8_t *data, size_t bytes, struct hg_error *err)
+{
+    void *film;
+    uint64_t size;
+    enum hg_status status = unpack(data, bytes, &film, &size, err);
+    if (!status && kind == HGP_checkpoint_kind_HISTORY)
+        status = hg_view_load_history(view->view, film, size, err);
+    else if (!status)
+        status = hg_view_load(view->view, film, size, err);
+    hg_free(film);
+    return status;
+}
+
+static enum hg_status bad_part(struct view_slot *view, struct hg_error *err, const char *why)
+{
+    hg_writer_finish(&view->receiving);
+    return hg_error_set(err, HG_E_INVAL, "checkpoint_set", "offset", "%s", why);
+}
+
+// One more part; *all: it was the last.
+static enum hg_status take_part(struct view_slot *view, const struct hgp_checkpoint_set *m,
+    enum hgp_checkpoint_kind kind, bool *all, struct hg_error *err)
+{
+    struct hg_writer *w = &view->receiving;
+    *all = false;
+    if (!m->has_size || m->size > FILM_LIMIT_BYTES)
+        return bad_part(view, err, "needs the size of the whole, 16 GiB at most");
+    if (m->offset == 0) {
+        hg_writer_finish(w);
+        view->receiving_kind = kind;
+        view->receive_bytes = m->size;
+    }
+    if (m->offset != w->size || kind != view->receiving_kind || m->size != view->receive_bytes ||
+        m->data.size > m->size - w->size)
+        return bad_part(view, err, "is not where the part before has ended");
+    hg_write_bytes(w, m->data.data, m->data.size);
+    if (w->failed) {
+        hg_writer_finish(w);
+        return hg_error_set(err, HG_E_NOMEM, "checkpoint_set", NULL, "no memory for its parts");
+    }
+    *all = w->size == view->receive_bytes;
+    return HG_OK;
+}
+
 void view_checkpoint_set(const struct request *r)
 {
     const struct hgp_checkpoint_set *m = &r->message->checkpoint_set;
+    const enum hgp_checkpoint_kind kind = m->has_kind ? m->kind : HGP_checkpoint_kind_FILM;
     struct view_slot *view = session_need_view(r, m->view);
     struct hg_error err = {0};
-    void *film;
-    uint64_t size;
+    bool all = true;
+    enum hg_status status = HG_OK;
     if (!view)
         return;
-    enum hg_status status = unpack(&m->data, &film, &size, &err);
-    if (!status)
-        status = hg_view_load(view->view, film, size, &err);
-    hg_free(film);
+    if (!m->has_offset)
+        status = load_checkpoint(view, kind, m->data.data, m->data.size, &err);
+    else
+        status = take_part(view, m, kind, &all, &err);
+    if (!status && m->has_offset && all) {
+        status = load_checkpoint(view, kind, view->receiving.data, view->receiving.size, &err);
+        hg_writer_finish(&view->receiving);
+    }
     if (status) {
         serve_fail(r, &err);
         return;
     }
-    view->failed = false;
+    view->failed = view->failed && !all;
     serve_ok(r);
 }

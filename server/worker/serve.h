@@ -18,6 +18,7 @@ struct scene_slot {
     uint64_t batch_started_ns;
     double time_s;                      // of the newest pose
     struct hg_fingerprint *fingerprint; // NULL until a job is asked for
+    uint8_t hash[32]; // of what it held when a job was asked about last
 };
 
 // A client waiting for one frame of a view.
@@ -61,6 +62,12 @@ struct view_slot {
     bool job_asked;                 // its settled frames say what they were made from
     enum hgp_encoding job_encoding; // that was asked about
     uint8_t job_quality;
+    uint8_t job_after[32]; // job of the picture before in a series; zero = none
+    // Checkpoints on their way in parts: what is sent, what has come of `receive_bytes`.
+    struct hg_writer sending, receiving;
+    enum hgp_checkpoint_kind receiving_kind;
+    uint64_t receive_bytes;
+    struct hgp_checkpoint sending_notes; // without data
 };
 
 struct session {

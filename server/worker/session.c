@@ -121,6 +121,8 @@ void view_slot_destroy(struct serve *s, struct session *session, struct view_slo
         hg_free(wait);
     }
     hg_view_destroy(view->view);
+    hg_writer_finish(&view->sending);
+    hg_writer_finish(&view->receiving);
     hg_free(view);
     atomic_fetch_sub(&s->w->view_count, 1);
 }

@@ -47,6 +47,7 @@ struct encode_notes {
     enum hg_view_denoise denoise;
     float world_to_camera[16], world_to_ndc[16];
     char job[65]; // hexadecimal, or empty
+    char scene[65]; // with a job: hash of what the scene holds
 };
 
 enum { ENCODE_MAX_PLANES = 40, ENCODE_MATTES = 3 };

@@ -79,6 +79,8 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->shutter_open = m->shutter_open;
     if (m->has_shutter_close)
         p->shutter_close = m->shutter_close;
+    if (m->has_series_s)
+        p->series_s = m->series_s;
 }
 
 static enum hg_status overlay_planes(

@@ -128,5 +128,41 @@ expect 0 trace "$temp/part.exr" --skip-existing
 stat_is skipped_frames 1
 expect 0 trace "$temp/limit.exr" --spp 60000 --time 1
 
+# Frames that are denoised with those before: killed at any time and taken up again, with and without
+# what was kept for it, they are those of a command that was never stopped.
+series() { # folder options...
+    local folder=$1
+    shift
+    ${run:-} "$helio" render "$fox" -o "$temp/$folder/s-##.exr" --size 48x36 --mode path --spp 4 --env sky \
+        --exr float --aov motion --frames 2-10:2 --fps 20 --denoise --stats "$temp/stats.json" "$@"
+}
+same_series() { # folder
+    for f in "$temp"/series/*.exr; do same "$f" "$temp/$1/${f##*/}"; done
+    ls "$temp/$1" | grep -v '^s-[0-9][0-9]\.exr$' && fail "$1: something else is left"
+}
+mkdir "$temp/series" "$temp/halted" "$temp/holes"
+expect 0 series series
+same_series series
+: >"$temp/out"
+run=exec series halted --progress none >"$temp/out" 2>&1 &
+client=$!
+begun() { [ -e "$temp/halted/s-06.exr" ] || ! kill -0 $client 2>/dev/null; }
+until_true begun
+kill -KILL $client 2>/dev/null
+wait $client 2>/dev/null
+ls "$temp"/halted/*.history >/dev/null 2>&1 || [ -e "$temp/halted/s-10.exr" ] || fail "no history was left"
+expect 0 series halted --skip-existing
+grep -q 'made again, unwritten' "$temp/out" && fail "the history that was kept was not used"
+same_series halted
+cp "$temp"/series/s-0[246].exr "$temp/holes"
+rm "$temp/holes/s-04.exr"
+expect 0 series holes --skip-existing
+told 'frames 2 to 2 are made again, unwritten'
+told 'frames 6 to 6 are made again, unwritten'
+stat_is skipped_frames 2
+same_series holes
+expect 0 series holes --skip-existing --frames 4-10:2 # no part of the series from 2 on
+stat_is skipped_frames 0
+
 [ $failures = 0 ] || exit 1
 echo "farm: good"
