@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "renderer/internal.h"
 #include "tests/unit/render_rig.h"
 
 #define VIEW_PX 48
@@ -17,8 +18,9 @@
         (1u << HG_PLANE_DEPTH) | (1u << HG_PLANE_POSITION) | (1u << HG_PLANE_EMISSION) |           \
         (1u << HG_PLANE_DIRECT_DIFFUSE) | (1u << HG_PLANE_INDIRECT_DIFFUSE))
 
-static const enum hg_view_trace backends[] = {HG_VIEW_TRACE_EMBREE, HG_VIEW_TRACE_COMPUTE};
-#define BACKENDS (sizeof backends / sizeof backends[0])
+static const enum hg_view_trace backends[] = {
+    HG_VIEW_TRACE_EMBREE, HG_VIEW_TRACE_COMPUTE, HG_VIEW_TRACE_KHR};
+static size_t backend_count; // that the device has
 
 // --- the scene -----------------------------------------------------------------------------------
 
@@ -141,7 +143,7 @@ static double mean_of(const struct hg_refbuf *picture)
 // The picture is that of the scene without what `spoil` adds to it.
 static void assert_unseen(void (*spoil)(struct hg_scene *scene))
 {
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_refbuf *clean = render(make_scene(), backends[i]);
         struct hg_scene *scene = make_scene();
         spoil(scene);
@@ -192,7 +194,7 @@ static void test_lamps_not_finite(void **state)
 static void test_attributes_not_finite(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_scene *scene = make_scene();
         struct hg_mesh *mesh = (struct hg_mesh *)hg_scene_find(scene, HG_OBJECT_MESH, 1);
         struct hg_mesh_part *part = &mesh->parts[0];
@@ -300,7 +302,7 @@ static void add_heap(struct hg_scene *scene, uint32_t count, enum hg_alpha_mode 
 static void test_heap(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_scene *scenes[2] = {make_scene(), make_scene()};
         add_heap(scenes[0], 1, HG_ALPHA_OPAQUE, 1.0f);
         add_heap(scenes[1], HEAP, HG_ALPHA_OPAQUE, 1.0f);
@@ -319,7 +321,7 @@ static void test_heap(void **state)
 static void test_heap_with_holes(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_scene *scene = make_scene();
         add_heap(scene, HEAP, HG_ALPHA_BLEND, 1e-4f);
         hg_refbuf_unref(render(scene, backends[i]));
@@ -333,7 +335,7 @@ static void test_heap_with_holes(void **state)
 static void test_heap_of_lamps(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_scene *scene = make_scene();
         add_heap(scene, HEAP, HG_ALPHA_OPAQUE, 1.0f);
         struct hg_mesh *mesh = (struct hg_mesh *)hg_scene_find(scene, HG_OBJECT_MESH, 10);
@@ -393,11 +395,22 @@ static void add_wild_lights(struct hg_scene *scene)
 static void test_wild_lights(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < BACKENDS; i++) {
+    for (size_t i = 0; i < backend_count; i++) {
         struct hg_scene *scene = make_scene();
         add_wild_lights(scene);
         hg_refbuf_unref(render(scene, backends[i]));
     }
+}
+
+static int find_backends(void **state)
+{
+    (void)state;
+    struct rig rig = {0};
+    const struct hg_renderer_params params = {.threads = 1};
+    test_ok(hg_renderer_create(&params, &rig.renderer, &rig.err), &rig.err);
+    backend_count = hg_gpu_get_caps(rig.renderer->context.gpu)->ray_query ? 3 : 2;
+    hg_renderer_destroy(rig.renderer);
+    return 0;
 }
 
 int main(void)
@@ -408,5 +421,5 @@ int main(void)
         cmocka_unit_test(test_singular), cmocka_unit_test(test_heap),
         cmocka_unit_test(test_heap_with_holes), cmocka_unit_test(test_heap_of_lamps),
         cmocka_unit_test(test_dark_lights), cmocka_unit_test(test_wild_lights)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, find_backends, NULL);
 }
