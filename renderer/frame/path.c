@@ -139,7 +139,7 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     const uint64_t start = hg_clock_now_ns();
     p->phase = HG_PATH_PHASE_NONE;
     p->finished = p->late = false;
-    p->pass = p->next_tile = 0;
+    p->pass = p->next_tile = p->next_row = 0;
     p->noise = 0.0f;
     p->stats = (struct hg_path_stats){0};
     p->spent_ns = 0;
@@ -170,15 +170,25 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
 
 // --- passes --------------------------------------------------------------------------------------
 
-// The tiles of the next wave; false: the pass is over.
+// The tiles of the next wave; false: the pass is over. They have to find room in the ring beside
+// the row in front of those that the film waits for.
 static bool choose_tiles(struct hg_path *p)
 {
-    const uint32_t *samples = p->samples.mapped;
+    uint32_t at = p->next_tile;
     p->wave_tiles = 0;
-    for (; p->next_tile < p->tile_count && p->wave_tiles < HG_PATH_WAVE_TILES; p->next_tile++) {
-        if (!p->done[p->next_tile] && samples[p->next_tile] == p->pass)
-            p->tile_index[p->wave_tiles++] = p->next_tile;
+    while (at < p->tile_count && p->done[at])
+        at++;
+    if (at / p->columns > p->next_row + 1) // no tile before is left
+        p->next_row = at / p->columns - 1;
+    const uint64_t end =
+        ((uint64_t)p->next_row + p->ring_rows - (p->next_row > 0 ? 1 : 0)) * p->columns;
+    for (; at < p->tile_count && at < end && p->wave_tiles < HG_PATH_WAVE_TILES; at++) {
+        if (!p->done[at])
+            p->tile_index[p->wave_tiles++] = at;
     }
+    while (at < p->tile_count && p->done[at])
+        at++;
+    p->next_tile = at;
     return p->wave_tiles > 0;
 }
 
@@ -201,7 +211,7 @@ static enum hg_status end_pass(struct hg_view_state *view, struct hg_error *err)
     struct hg_path *p = view->path;
     enum hg_status status = HG_OK;
     p->pass++;
-    p->next_tile = 0;
+    p->next_tile = p->next_row = 0;
     const bool last = p->pass >= view->settings.samples;
     if (p->pass >= 2 && (last || p->pass % HG_PATH_NOISE_EVERY == 0))
         status = hg_path_film_judge(p, view->settings.path.noise, err);
@@ -236,11 +246,7 @@ static enum hg_status after_wave(struct hg_view_state *view, struct hg_error *er
     struct hg_path *p = view->path;
     if (p->pass == 0)
         view->number++; // tiles that were empty
-    for (uint32_t i = p->next_tile; i < p->tile_count; i++) {
-        if (!p->done[i])
-            return HG_OK;
-    }
-    return end_pass(view, err);
+    return p->next_tile < p->tile_count ? HG_OK : end_pass(view, err);
 }
 
 static bool is_late(const struct hg_view_state *view)

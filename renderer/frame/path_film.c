@@ -54,6 +54,82 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
     out[HG_PATH_FILTER_STEPS] = radius_px;
 }
 
+// --- samples that count for neighbours -----------------------------------------------------------
+
+#define SPLAT_RADIUS_PX 1.5f // of the widest filter that does not reach farther than the next pixel
+
+// The denoiser takes the noise of neighbours to be independent.
+static bool splats(const struct hg_path_settings *s)
+{
+    return s->filter_radius_px <= (s->denoise == 0 ? SPLAT_RADIUS_PX : 0.5f);
+}
+
+static uint32_t mix_bits(uint32_t x)
+{
+    x ^= x >> 16;
+    x *= 0x21f0aaadu;
+    x ^= x >> 15;
+    x *= 0x735a2d97u;
+    return x ^ (x >> 15);
+}
+
+// Each bit is flipped depending on the bits above it: Owen's scrambling, bit by bit.
+static uint32_t scramble(uint32_t x, uint32_t seed)
+{
+    uint32_t out = 0, above = seed;
+    for (int bit = 31; bit >= 0; bit--) {
+        const uint32_t b = x >> bit & 1u;
+        out |= (b ^ (mix_bits(above) & 1u)) << bit;
+        above = mix_bits(above * 2u + b + 0x9e3779b9u);
+    }
+    return out;
+}
+
+// Points of Sobol's second and third dimension, scrambled; -0.5..0.5. The first one is by which
+// parts of the shutter's time follow each other (path_time.c): all three together are well
+// distributed. Source of the direction numbers: Joe and Kuo 2008, "Constructing Sobol Sequences
+// with Better Two-Dimensional Projections".
+static void splat_offset(uint32_t number, uint32_t seed, float out[2])
+{
+    uint32_t v[2] = {1u << 31, 1u << 31}, before = 0, x = 0, y = 0;
+    for (uint32_t i = number, bit = 0; i != 0; i >>= 1, bit++) {
+        x ^= (i & 1u) != 0 ? v[0] : 0;
+        y ^= (i & 1u) != 0 ? v[1] : 0;
+        v[0] ^= v[0] >> 1;
+        const uint32_t next = bit == 0 ? 3u << 30 : v[1] ^ before ^ before >> 2;
+        before = v[1];
+        v[1] = next;
+    }
+    const uint32_t salt = mix_bits(seed ^ 0xb5297a4du);
+    x = scramble(x, mix_bits(salt ^ 0x68bc21ebu));
+    y = scramble(y, mix_bits(salt ^ 0x02e5be93u));
+    out[0] = ((float)(x >> 8) + 0.5f) / 16777216.0f - 0.5f;
+    out[1] = ((float)(y >> 8) + 0.5f) / 16777216.0f - 0.5f;
+}
+
+static struct hg_vec3 splat_weights(const struct hg_path_settings *s, float offset)
+{
+    float w[3], sum = 0.0f;
+    for (int i = 0; i < 3; i++) {
+        const double x = ((double)offset + i - 1) / (double)s->filter_radius_px;
+        w[i] = fabs(x) < 1.0 ? fmaxf((float)filter_at(s->filter, x), 0.0f) : 0.0f;
+        sum += w[i];
+    }
+    if (!(sum > 0.0f)) // between filters that are narrower than pixels
+        return (struct hg_vec3){0.0f, 1.0f, 0.0f};
+    return (struct hg_vec3){w[0] / sum, w[1] / sum, w[2] / sum};
+}
+
+void hg_path_splat_fill(
+    const struct hg_path_settings *s, uint32_t pass, uint32_t seed, struct hg_gpu_path *out)
+{
+    splat_offset(pass, seed, out->splat_offset);
+    for (int i = 0; i < 2 && s->filter_radius_px < 0.5f; i++)
+        out->splat_offset[i] *= 2.0f * s->filter_radius_px;
+    out->splat_x = splat_weights(s, out->splat_offset[0]);
+    out->splat_y = splat_weights(s, out->splat_offset[1]);
+}
+
 // --- memory --------------------------------------------------------------------------------------
 
 static uint32_t channels_of(const struct hg_path *p, uint32_t plane)
@@ -109,6 +185,8 @@ void hg_path_film_destroy(struct hg_path *p)
     hg_gpu_buffer_destroy(gpu, &p->film);
     hg_gpu_buffer_destroy(gpu, &p->film_read);
     hg_gpu_buffer_destroy(gpu, &p->samples);
+    hg_gpu_buffer_destroy(gpu, &p->ring);
+    hg_gpu_buffer_destroy(gpu, &p->traced);
     hg_gpu_buffer_destroy(gpu, &p->denoised);
     hg_free(p->done);
     hg_free(p->errors);
@@ -119,6 +197,26 @@ void hg_path_film_destroy(struct hg_path *p)
 static uint64_t film_bytes(const struct hg_path *p)
 {
     return (uint64_t)p->channels * p->width * p->height * sizeof(float);
+}
+
+#define RING_ROWS                                                                                  \
+    32u // of tiles besides those of a wave, so that waves are full where few tiles are left
+
+static enum hg_status make_ring(struct hg_path *p, struct hg_error *err)
+{
+    struct hg_gpu *gpu = p->context->gpu;
+    const uint32_t rows = HG_PATH_WAVE_TILES / p->columns + RING_ROWS;
+    p->ring_rows = rows < p->rows ? rows : p->rows;
+    const uint64_t words =
+        (uint64_t)p->ring_rows * p->columns * HG_PATH_TILE_PX * (p->sampled_channels - 1);
+    enum hg_status status = hg_gpu_buffer_create(
+        gpu, HG_GPU_BUFFER_DEVICE, words * sizeof(float), "samples of a pass", &p->ring, err);
+    if (status == HG_OK)
+        status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_UPLOAD, (uint64_t)p->tile_count * 4,
+            "traced tiles", &p->traced, err);
+    if (status == HG_OK)
+        memset(p->traced.mapped, 0, (size_t)p->tile_count * 4);
+    return status;
 }
 
 enum hg_status hg_path_film_create(
@@ -132,12 +230,15 @@ enum hg_status hg_path_film_create(
     p->rows = (p->height + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     p->tile_count = p->columns * p->rows;
     p->transparent = settings->background == HG_BACKGROUND_MODE_NONE;
+    p->splats = splats(&settings->path);
     plan_channels(p, &settings->path);
     enum hg_status status =
         hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, film_bytes(p), "film", &p->film, err);
     if (status == HG_OK)
         status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_UPLOAD, (uint64_t)p->tile_count * 4,
             "tile samples", &p->samples, err);
+    if (status == HG_OK)
+        status = make_ring(p, err);
     p->done = hg_calloc(p->tile_count, 1);
     p->errors = hg_calloc(p->tile_count, sizeof *p->errors);
     if (status == HG_OK && (p->done == NULL || p->errors == NULL))

@@ -1,7 +1,8 @@
 // path_save.c - checkpoints: the film between two waves.
 //
-// A wave under way is not kept: its paths are traced again, and bring the same. Layout: struct
-// header, samples of tiles (u32), done (u8), film (f32); little endian, as all hosts we run on.
+// A wave under way is not kept, nor samples that wait for those of their neighbours: their paths
+// are traced again, and bring the same. Layout: struct header, samples of tiles (u32), done (u8),
+// film (f32); little endian, as all hosts we run on.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -11,13 +12,13 @@
 #include "renderer/frame/path_state.h"
 
 #define MAGIC   "HGPATH01"
-#define VERSION 1u
+#define VERSION 2u
 
 struct header {
     char magic[8];
     uint32_t version, header_bytes;
     uint32_t width, height, channels, tile_count;
-    uint32_t pass, next_tile, finished;
+    uint32_t pass, next_row, finished;
     float noise;
     uint64_t spent_ns;
     uint64_t triangles, draws, materials; // of the scene
@@ -87,7 +88,7 @@ enum hg_status hg_path_save(
         .channels = p->channels,
         .tile_count = p->tile_count,
         .pass = p->pass,
-        .next_tile = p->phase == HG_PATH_PHASE_NONE ? p->next_tile : p->tile_index[0],
+        .next_row = p->next_row,
         .finished = p->finished,
         .noise = p->noise,
         .spent_ns = p->spent_ns + hg_clock_now_ns() - p->started_ns};
@@ -187,7 +188,9 @@ enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err)
         status = hg_gpu_buffer_upload(p->context->gpu, &p->film, 0, at,
             (uint64_t)h.channels * h.width * h.height * sizeof(float), err);
         p->pass = h.pass;
-        p->next_tile = h.next_tile;
+        // Samples of the row in front are traced again for those behind, and not added again.
+        p->next_row = h.next_row;
+        p->next_tile = (h.next_row > 0 ? h.next_row - 1 : 0) * p->columns;
         p->finished = h.finished != 0;
         p->noise = h.noise;
         p->spent_ns = h.spent_ns;

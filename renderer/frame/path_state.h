@@ -55,11 +55,16 @@ struct hg_path {
     double origin[3]; // scene space, metres: what positions in the film are relative to
     struct hg_gpu_buffer film, film_read;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
+    struct hg_gpu_buffer ring;    // samples of the pass that wait for their neighbours
+    struct hg_gpu_buffer traced;  // [tile_count] words: samples of each tile that were in it, mapped
+    uint32_t ring_rows;           // of tiles that it holds
+    bool splats;                  // samples count for neighbouring pixels, too
     uint8_t *done;                // [tile_count] by its noise
     float *errors;                // [tile_count]
     float noise;
     uint32_t pass;                 // samples of the tiles that this pass has finished, less one
     uint32_t next_tile;            // of the pass
+    uint32_t next_row;             // of tiles: the first one whose samples the film does not have
     bool finished, late;           // late: the time is over
     struct hg_gpu_buffer denoised; // [4][height][width] as the film's colour, mapped
     struct hg_denoise *history;    // of views that show an animation
@@ -135,5 +140,8 @@ enum hg_status hg_path_film_fetch(
 void hg_path_film_catch(const struct hg_path *path, const float *film, uint64_t at, float sum[4]);
 // Table of offsets of a filter for hg_gpu_path.
 void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1]);
+// Where the samples of a pass are in their pixels, and how much they count for those around.
+void hg_path_splat_fill(
+    const struct hg_path_settings *settings, uint32_t pass, uint32_t seed, struct hg_gpu_path *out);
 
 #endif

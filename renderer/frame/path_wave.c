@@ -59,8 +59,9 @@ void hg_path_wave_destroy(struct hg_path *p)
 enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
 {
     const uint64_t n = HG_PATH_WAVE_PX,
-                   words = HG_PATH_WORDS + p->sampled_channels - 1 +
-                           (p->options & (HG_PATH_SPLIT | HG_PATH_GROUPS) ? HG_PATH_SPLIT_WORDS : 0);
+                   words =
+                       HG_PATH_WORDS + p->sampled_channels - 1 +
+                       (p->options & (HG_PATH_SPLIT | HG_PATH_GROUPS) ? HG_PATH_SPLIT_WORDS : 0);
     const bool shared = hg_trace_backend(p->trace) == HG_TRACE_EMBREE;
     const enum hg_gpu_buffer_kind kind = shared ? HG_GPU_BUFFER_READBACK : HG_GPU_BUFFER_DEVICE;
     const struct {
@@ -151,6 +152,10 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .tiles = p->tiles.address,
         .tile_samples = p->tile_samples.address,
         .film = p->film.address,
+        .ring = p->ring.address,
+        .traced = p->traced.address,
+        .columns = p->columns,
+        .ring_rows = p->ring_rows,
         .draw_marks = p->draw_marks.address,
         .light_groups = p->light_groups.address,
         .split = HG_PATH_WORDS + p->sampled_channels - 1,
@@ -164,10 +169,13 @@ void hg_path_wave_fill(struct hg_view_state *view)
                                                      : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
     hg_emitters_fill(p->emitters, &p->block.emitters);
     memcpy(p->block.moments, p->moments, sizeof p->moments);
-    p->may = may_of(view, &p->block.emitters);
+    p->may = may_of(view, &p->block.emitters) | (p->splats ? HG_PATH_SPLATS : 0);
     memcpy(p->block.planes, p->planes, sizeof p->planes);
     fill_lens(view, &p->block);
-    hg_path_filter_fill(s->filter, s->filter_radius_px, p->block.filter_px);
+    if (p->splats)
+        hg_path_splat_fill(s, p->pass, view->settings.seed, &p->block);
+    else
+        hg_path_filter_fill(s->filter, s->filter_radius_px, p->block.filter_px);
     memcpy(p->block_buffer.mapped, &p->block, sizeof p->block);
 }
 
@@ -188,7 +196,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     struct hg_gpu_cmd *cmd;
     *demand = (struct hg_page_demand){.fits = true};
     const bool samples = kernel != HG_PATH_BEGIN && kernel != HG_PATH_ARRIVE &&
-                         kernel != HG_PATH_CLEAR && kernel != HG_PATH_ADD;
+                         kernel != HG_PATH_CLEAR && kernel != HG_PATH_KEEP && kernel != HG_PATH_ADD;
     view->stream.on = samples && !hg_page_cache_is_complete(pages_of(view));
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
@@ -225,11 +233,10 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
     struct lap lap = lap_start();
     struct hg_page_demand demand;
     uint32_t *tiles = p->tiles.mapped, *numbers = p->tile_samples.mapped, *list;
-    const uint32_t *samples = p->samples.mapped;
     for (uint32_t i = 0; i < p->wave_tiles; i++) {
         const uint32_t tile = p->tile_index[i];
         tiles[i] = tile % p->columns | tile / p->columns << 16;
-        numbers[i] = samples[tile];
+        numbers[i] = p->pass;
     }
     p->slots = p->wave_tiles * HG_PATH_TILE_PX;
     list = p->live.buffer.mapped;
@@ -499,16 +506,51 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
+// Samples of some tiles, which all lie in the ring with those around, to the film.
+static enum hg_status add_tiles(
+    struct hg_view_state *view, uint32_t *at, uint32_t end, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_page_demand demand;
+    uint32_t *tiles = p->tiles.mapped, *numbers = p->tile_samples.mapped, count = 0;
+    uint32_t *samples = p->samples.mapped;
+    const uint32_t *traced = p->traced.mapped;
+    for (; *at < end && count < HG_PATH_WAVE_TILES; (*at)++) {
+        if (traced[*at] != p->pass + 1 || samples[*at] != p->pass)
+            continue;
+        tiles[count] = *at % p->columns | *at / p->columns << 16;
+        numbers[count++] = samples[*at]++;
+    }
+    return count > 0 ? run(view, HG_PATH_ADD, &p->live, 0, count * HG_PATH_TILE_PX, &demand, err)
+                     : HG_OK;
+}
+
+// To the film go the rows of tiles of which this one and the next are through.
+static enum hg_status add_rows(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    const uint32_t whole = p->next_tile / p->columns;
+    const uint32_t end = p->next_tile == p->tile_count ? p->rows : whole > 0 ? whole - 1 : 0;
+    uint32_t at = p->next_row * p->columns;
+    enum hg_status status = HG_OK;
+    while (status == HG_OK && at < end * p->columns)
+        status = add_tiles(view, &at, end * p->columns, err);
+    p->next_row = end > p->next_row ? end : p->next_row;
+    return status;
+}
+
 static enum hg_status add(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
     struct lap lap = lap_start();
-    uint32_t *samples = p->samples.mapped;
-    p->live.count = p->slots; // for its address alone: the kernel goes by slot
-    enum hg_status status = run(view, HG_PATH_ADD, &p->live, 0, p->slots, &demand, err);
-    for (uint32_t i = 0; i < p->wave_tiles && status == HG_OK; i++)
-        samples[p->tile_index[i]]++;
+    uint32_t *traced = p->traced.mapped;
+    p->live.count = p->slots; // for its address alone: these kernels go by slot
+    enum hg_status status = run(view, HG_PATH_KEEP, &p->live, 0, p->slots, &demand, err);
+    for (uint32_t i = 0; i < p->wave_tiles; i++)
+        traced[p->tile_index[i]] = p->pass + 1;
+    if (status == HG_OK)
+        status = add_rows(view, err);
     lap_stop(&lap, p, HG_PATH_PIECE_FILM, p->slots);
     p->phase = HG_PATH_PHASE_NONE;
     p->stale = true;

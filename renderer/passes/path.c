@@ -9,7 +9,7 @@ static const struct {
     {"path_shade.comp", "path miss", 1}, {"path_shade.comp", "path shade", 2},
     {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
     {"path_shadow.comp", "path light", 2},
-    {"path_add.comp", "path film", 0}};
+    {"path_add.comp", "path film", 0}, {"path_add.comp", "path film", 1}};
 
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, uint32_t options,
     const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)

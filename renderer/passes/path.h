@@ -14,7 +14,8 @@ enum hg_path_kernel {
     HG_PATH_ARRIVE,  // light whose way past opaque surfaces is known
     HG_PATH_HOLES,   // the next surface with holes on its way
     HG_PATH_CLEAR,   // there is none
-    HG_PATH_ADD,     // paths to the film
+    HG_PATH_KEEP,    // what paths brought to the ring
+    HG_PATH_ADD,     // samples of the ring to the film
 };
 
 // `block`: struct hg_gpu_path of the wave; options: HG_PATH_BLURS and its like. Its results are visible to later commands and the host.

@@ -39,7 +39,11 @@ void main()
     bool inside = pixel.x < hg_frame.width && pixel.y < hg_frame.height;
     hg_sampler s = hg_path_sampler(pixel, hg_path_sample(slot));
     vec2 u = hg_sobol2(s), lens = disk(hg_sobol2(s));
-    vec2 at = vec2(pixel) + 0.5 + vec2(filter_offset(u.x), filter_offset(u.y));
+    vec2 at = vec2(pixel) + 0.5;
+    if (HG_PATH_CAN(HG_PATH_SPLATS))
+        at += vec2(hg_path.splat_offset[0], hg_path.splat_offset[1]);
+    else
+        at += vec2(filter_offset(u.x), filter_offset(u.y));
     vec3 from = hg_frame.camera.ray_origin_ws;
     vec3 x = hg_frame.camera.ray_x_ws, y = hg_frame.camera.ray_y_ws;
     vec3 lens_x = hg_path.lens_x_ws, lens_y = hg_path.lens_y_ws;

@@ -160,6 +160,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
+#define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
 #define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
@@ -175,6 +176,10 @@ struct hg_gpu_path {
     HG_PTR(hg_path_words) tiles;     // [tile_count] column | row << 16, in tiles
     HG_PTR(hg_path_words) tile_samples; // [tile_count] index of the sample of each tile
     HG_PTR(hg_path_floats) film;     // [channels][height][width]
+    // Samples of the pass until they are added, [channels - 1][rows of tiles * 16][columns * 16]: a row
+    // of tiles has the place of its number modulo ring_rows.
+    HG_PTR(hg_path_floats) ring;
+    HG_PTR(hg_path_words) traced;    // [tiles of the picture] samples of it that were in the ring
     HG_PTR(hg_path_words) draw_marks;   // [draws] group of what it emits, HG_PATH_MARK_CATCHER
     HG_PTR(hg_path_words) light_groups; // [lights] by hg_gpu_light.id
     HG_STRUCT(hg_gpu_emitters) emitters;
@@ -189,6 +194,11 @@ struct hg_gpu_path {
     HG_UINT holes; // 1: there are masked or blended surfaces
     HG_UINT estimators; // HG_PATH_USE_*
     HG_UINT split;      // first word of HG_PATH_SPLIT_*
+    HG_UINT columns, ring_rows; // of tiles
+    // HG_PATH_SPLATS: where in its pixel each sample of the pass is, px from the middle, and how much
+    // of the sample to the left, of its own, to the right (above, ...) a pixel takes.
+    HG_VEC3 splat_x, splat_y;
+    float splat_offset[2];
     HG_UINT planes[HG_PATH_PLANE_COUNT]; // first channel of each
     float filter_px[HG_PATH_FILTER_STEPS + 1]; // offsets at equal steps of the filter's integral
 };
