@@ -24,10 +24,11 @@ float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n);
 // Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
 float hg_glass_miss_integrate(float n_dot_v, float alpha, float eta, uint32_t n);
 
-// Two cosines v.h and the second one's weight, with the first three moments of the cosines at the
-// facets that reflect light of all directions to v: a function of the angle at the facet has the
-// mean (1 - w) f(out[0]) + w f(out[1]), out[2] = w. Gauss's quadrature with two nodes.
-void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, float out[3]);
+// Three cosines v.h and their weights that have the first six moments of the cosines at the facets
+// that reflect light of all directions to v, or of what else v sees (lost): a function of the angle
+// at the facet has the mean sum of out[i][1] f(out[i][0]). Gauss's quadrature.
+// Source: Golub and Welsch 1969; Chebyshev's algorithm in Gautschi 2004, section 2.1.7.
+void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, bool lost, float out[3][2]);
 
 // hg_dfg_integrate of a surface that is rougher along x than along y. v: unit, in its frame.
 void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, float ab[2]);
@@ -39,7 +40,8 @@ void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, floa
 //   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
 //                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
-//   HG_ANGLES_FIRST     hg_facet_angles: two words (c0, c1), (w, 0) for each cosine and roughness
+//   HG_ANGLES_FIRST     hg_facet_angles: three words (cosine, weight) for each cosine and roughness
+//   HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
 //   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
 //                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (linear),
 //                       strength (linear), roughness, the first one fastest

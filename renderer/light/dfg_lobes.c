@@ -131,33 +131,98 @@ float hg_glass_miss_integrate(float n_dot_v, float alpha, float eta, uint32_t n)
     return hg_clampf(1 - (float)sum, 0, 1);
 }
 
-void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, float out[3])
+// Cosines at facets and their shares of all.
+struct cosines {
+    uint32_t count;
+    double x[most_points * most_points / 8], w[most_points * most_points / 8];
+};
+
+static void cosines_fill(struct cosines *m, float n_dot_v, float alpha, uint32_t n, bool lost)
 {
     struct caps c;
     float v[3], l[3];
-    double m[4] = {0, 0, 0, 0};
+    double sum = 0;
     direction(n_dot_v, 1, v);
     caps_init(&c, v, (float[2]){alpha, alpha}, n, true);
+    m->count = 0;
     for (uint32_t j = 0; j < c.rings; j++)
         for (uint32_t i = 0; i < c.points; i++) {
             const struct facet f = caps_at(&c, j, i);
-            if (!mirrored(&c, &f, l))
+            const bool reflects = mirrored(&c, &f, l);
+            const float arrives = reflects ? unshadowed(&c, l) : 0;
+            if (m->count == sizeof m->x / sizeof *m->x)
                 continue;
-            const double w = (double)(f.weight * unshadowed(&c, l)), x = (double)f.v_dot_h;
-            m[0] += w;
-            m[1] += w * x;
-            m[2] += w * x * x;
-            m[3] += w * x * x * x;
+            m->x[m->count] = (double)f.v_dot_h;
+            m->w[m->count] = (double)(f.weight * (lost ? 1 - arrives : arrives));
+            sum += m->w[m->count++];
         }
-    const double mean = m[1] / m[0], variance = fmax(m[2] / m[0] - mean * mean, 0);
-    const double deviation = sqrt(variance);
-    double skew = 0;
-    if (variance > 1e-8)
-        skew = (m[3] / m[0] - 3 * mean * variance - mean * mean * mean) / (variance * deviation);
-    const double root = sqrt(1 + skew * skew / 4), low = skew / 2 - root, high = skew / 2 + root;
-    out[0] = hg_clampf((float)(mean + low * deviation), 0, 1);
-    out[1] = hg_clampf((float)(mean + high * deviation), 0, 1);
-    out[2] = (float)(-low / (high - low));
+    for (uint32_t i = 0; i < m->count; i++)
+        m->w[i] /= fmax(sum, 1e-300);
+}
+
+// The first three orthogonal polynomials of a measure: p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1].
+struct polynomials {
+    double a[3], b[3];
+};
+
+static void evaluate(const struct polynomials *q, double x, double p[4])
+{
+    p[0] = 1;
+    p[1] = x - q->a[0];
+    p[2] = (x - q->a[1]) * p[1] - q->b[1];
+    p[3] = (x - q->a[2]) * p[2] - q->b[2] * p[1];
+}
+
+// Stieltjes's procedure; Gautschi 2004, section 2.2.3.1.
+static void orthogonalise(const struct cosines *m, struct polynomials *q)
+{
+    double before = 1;
+    *q = (struct polynomials){{0}, {0}};
+    for (int k = 0; k < 3; k++) {
+        double norm = 0, along = 0, p[4];
+        for (uint32_t i = 0; i < m->count; i++) {
+            evaluate(q, m->x[i], p);
+            norm += m->w[i] * p[k] * p[k];
+            along += m->w[i] * p[k] * p[k] * m->x[i];
+        }
+        q->a[k] = along / fmax(norm, 1e-300);
+        q->b[k] = norm / before;
+        before = fmax(norm, 1e-300);
+    }
+}
+
+static double root_between(const struct polynomials *q, double low, double high)
+{
+    double p[4];
+    evaluate(q, low, p);
+    const bool negative = p[3] < 0;
+    for (int i = 0; i < 40; i++) {
+        const double middle = (low + high) / 2;
+        evaluate(q, middle, p);
+        *((p[3] < 0) == negative ? &low : &high) = middle;
+    }
+    return (low + high) / 2;
+}
+
+void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, bool lost, float out[3][2])
+{
+    struct cosines m;
+    struct polynomials q;
+    cosines_fill(&m, n_dot_v, alpha, n, lost);
+    orthogonalise(&m, &q);
+    const bool narrow = q.b[1] < 1e-8 || q.b[2] < 1e-10;
+    // Between the two roots of p[2] and around them.
+    const double middle = (q.a[0] + q.a[1]) / 2, half = (q.a[0] - q.a[1]) / 2;
+    const double root = sqrt(half * half + q.b[1]);
+    const double ends[4] = {0, middle - root, middle + root, 1};
+    for (int i = 0; i < 3; i++) {
+        double p[4];
+        const double x = narrow ? q.a[0] : root_between(&q, ends[i], ends[i + 1]);
+        evaluate(&q, x, p);
+        const double w = 1 / (1 + p[1] * p[1] / q.b[1] + p[2] * p[2] / (q.b[1] * q.b[2]));
+        out[i][0] = hg_clampf((float)x, 0, 1);
+        out[i][1] = narrow ? (i == 1 ? 2.0f / 3 : 1.0f / 6) : (float)w;
+    }
 }
 
 void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, float ab[2])
@@ -215,16 +280,18 @@ static void fill_glass(void *user, size_t job)
     out[HG_GLASS_MEANS + job] = mean;
 }
 
-static void fill_angles(void *user, size_t row)
+static void fill_angles(void *user, size_t job)
 {
     enum { N = HG_ANGLES_SIZE };
-    struct hg_vec2 *out = (struct hg_vec2 *)user + HG_ANGLES_FIRST + row * N * 2;
+    const bool lost = job >= N;
+    const uint32_t row = (uint32_t)job % N;
+    struct hg_vec2 *out = (struct hg_vec2 *)user + (lost ? HG_LOST_FIRST : HG_ANGLES_FIRST);
     for (uint32_t i = 0; i < N; i++) {
-        const float r = place((uint32_t)row, N);
-        float angles[3];
-        hg_facet_angles(cosine_at(i, N), r * r, 24, angles);
-        out[2 * i] = (struct hg_vec2){angles[0], angles[1]};
-        out[2 * i + 1].x = angles[2];
+        const float r = place(row, N);
+        float angles[3][2];
+        hg_facet_angles(cosine_at(i, N), r * r, 24, lost, angles);
+        for (uint32_t k = 0; k < 3; k++)
+            out[(row * N + i) * 3 + k] = (struct hg_vec2){angles[k][0], angles[k][1]};
     }
 }
 
@@ -323,7 +390,7 @@ static void fill_aniso_mean(void *user, size_t job)
 void hg_dfg_fill_lobes(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
 {
     hg_jobs_for(jobs, HG_GLASS_IORS * HG_GLASS_SIZE, fill_glass, out);
-    hg_jobs_for(jobs, HG_ANGLES_SIZE, fill_angles, out);
+    hg_jobs_for(jobs, 2 * HG_ANGLES_SIZE, fill_angles, out);
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso, out);
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso_mean, out);
 }

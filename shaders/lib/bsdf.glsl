@@ -51,8 +51,10 @@ struct hg_bsdf {
     float mean_roughness; // of the tables of albedo
     float anisotropy;
     vec3 ms_dielectric;  // colour of the dielectric's several bounces
-    vec2 glass_avg;      // m_avg and m'_avg of glass
-    float glass_v, glass_front; // m(v), a
+    vec3 glass_avg, glass_avg_behind; // m_avg and m'_avg of glass
+    vec3 glass_v, glass_front; // m(v), a
+    bool glass_plain;    // its facets reflect what the table's do
+    bool exact;          // albedos of the dielectric are needed with Fresnel's equations
     vec3 f0_dielectric;
     float f90, f90_dielectric;
     float metallic;
@@ -70,7 +72,7 @@ struct hg_bsdf {
     vec3 sheen;
     float sheen_max, sheen_roughness, sheen_albedo_v;
     float coat_v, through_v; // T(v): of the coat, of all layers
-    vec3 enter_v, enter_avg; // S(v), S_avg
+    vec3 enter_v, enter_avg, enter_avg_behind; // S(v), S_avg
 };
 
 struct hg_bsdf_sample_result {
@@ -125,33 +127,83 @@ vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
     return dfg;
 }
 
-// Directional albedo of the film's single reflection.
-vec3 hg_bsdf_film_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+// What one facet reflects: of unpolarised light by Fresnel's equations, where the dielectric lets
+// light through; of the dielectric and of the base as they are.
+struct hg_reflectance {
+    float exact;
+    vec3 dielectric, base;
+};
+
+// v_dot_h: against the facet's normal, where eta is the index behind it over that in front of it.
+hg_reflectance hg_bsdf_reflectance(hg_bsdf b, float v_dot_h, float eta, bool inside)
 {
-    vec3 at = hg_facet_angles_at(cos_theta, b.mean_roughness);
-    vec3 x = hg_film_fresnel(at.x, b.film_ior, b.film_nm, b.base.f0);
-    vec3 y = hg_film_fresnel(at.y, b.film_ior, b.film_nm, b.base.f0);
-    return mix(x, y, at.z) * (dfg.x + dfg.y);
+    float schlick = hg_schlick_weight(v_dot_h), w = schlick, outside = v_dot_h;
+    hg_reflectance r;
+    r.exact = 0.0;
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
+        r.exact = hg_fresnel_dielectric(v_dot_h, eta);
+        float normal = hg_ior_f0(eta);
+        w = clamp((r.exact - normal) / max(1.0 - normal, 1e-6), 0.0, 1.0);
+        if (inside) // the angle in front of the film
+            outside = sqrt(max(1.0 - (1.0 - v_dot_h * v_dot_h) / (eta * eta), 0.0));
+    }
+    r.dielectric = b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * w;
+    vec3 metal = b.tint + (1.0 - b.tint) * schlick;
+    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
+        for (uint i = b.metallic < 1.0 ? 0u : 1u; i < (b.metallic > 0.0 ? 2u : 1u); i++) {
+            vec3 film = hg_film_fresnel(
+                outside, b.film_ior, b.film_nm, i == 0u ? b.f0_dielectric : b.tint);
+            if (i == 0u)
+                r.dielectric = mix(r.dielectric, film, b.iridescence);
+            else
+                metal = mix(metal, film, b.iridescence);
+        }
+    if (r.exact >= 1.0 && eta < 1.0)
+        r.dielectric = vec3(1.0);
+    r.base = mix(r.dielectric, metal, b.metallic);
+    return r;
+}
+
+// Mean over facets of a direction: hg_facet_angles_at.
+hg_reflectance hg_bsdf_facet_mean(hg_bsdf b, uint first, float cos_theta, float eta, bool inside)
+{
+    hg_reflectance sum;
+    vec3 weights, at = hg_facet_angles_at(first, cos_theta, b.mean_roughness, weights);
+    sum.exact = 0.0;
+    sum.dielectric = sum.base = vec3(0.0);
+    for (int i = 0; i < 3; i++) {
+        hg_reflectance r = hg_bsdf_reflectance(b, at[i], eta, inside);
+        sum.exact += weights[i] * r.exact;
+        sum.dielectric += weights[i] * r.dielectric;
+        sum.base += weights[i] * r.base;
+    }
+    return sum;
+}
+
+// Of those that reflect light of a direction, dfg: hg_bsdf_dfg there.
+hg_reflectance hg_bsdf_mean_reflectance(
+    hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside)
+{
+    if (b.exact)
+        return hg_bsdf_facet_mean(b, HG_ANGLES_FIRST, cos_theta, eta, inside);
+    float schlick = dfg.y / max(dfg.x + dfg.y, 1e-6);
+    return hg_reflectance(0.0, b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * schlick,
+        b.base.f0 + (b.f90 - b.base.f0) * schlick);
 }
 
 // Directional albedo of the base's single reflection.
 vec3 hg_bsdf_single_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
 {
-    vec3 e = b.base.f0 * dfg.x + b.f90 * dfg.y;
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
-        e = mix(e, hg_bsdf_film_albedo(b, cos_theta, dfg), b.iridescence);
-    return e;
+    return hg_bsdf_mean_reflectance(b, cos_theta, dfg, b.eta, b.inside).base * (dfg.x + dfg.y);
 }
 
 // Share of light that the dielectric's specular part keeps from what is below: of the largest
-// channel for all, of each below a film.
-vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
+// channel for all, of each below a film. mean: hg_bsdf_mean_reflectance there.
+vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, vec3 mean, vec2 dfg)
 {
-    float miss = 1.0 - dfg.x - dfg.y;
-    vec3 e = vec3(b.base.f0_dielectric * dfg.x + b.f90_dielectric * dfg.y);
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0)
-        e = mix(e, hg_bsdf_film_albedo(b, cos_theta, dfg), b.iridescence);
-    return min(e + b.ms_dielectric * miss, 1.0);
+    bool film = HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0;
+    vec3 single = film ? mean : vec3(hg_max3(mean));
+    return min(single * (dfg.x + dfg.y) + b.ms_dielectric * (1.0 - dfg.x - dfg.y), 1.0);
 }
 
 // Share of light that a coat lets through; one that faces away does nothing.
@@ -186,17 +238,28 @@ float hg_bsdf_through(hg_bsdf b, float coat_cos, float cos_theta)
 const vec4 hg_gauss_x = vec4(0.06943184, 0.33000948, 0.66999052, 0.93056816);
 const vec4 hg_gauss_w = vec4(0.17392742, 0.32607258, 0.32607258, 0.17392742);
 
-// Mean of S, which layers bend.
-vec3 hg_bsdf_enter_average(hg_bsdf b)
+// Mean of S, which layers bend; for what is scattered behind that of both sides, of which the
+// larger one counts.
+void hg_bsdf_make_enter(inout hg_bsdf b)
 {
-    vec3 sum = vec3(0.0);
-    for (int i = 0; i < 4; i++) {
-        float c = sqrt(hg_gauss_x[i]);
-        vec2 dfg = hg_dfg(c, b.mean_roughness);
-        sum += hg_gauss_w[i] * hg_bsdf_through(b, c, c) *
-            (1.0 - hg_bsdf_dielectric_albedo(b, c, dfg));
+    bool both = HG_HAS(HG_FEATURE_TRANSMISSION) && HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) &&
+        !b.thin && b.transmission > 0.0 && hg_max3(b.behind) > 0.0;
+    b.enter_avg_behind = vec3(0.0);
+    for (uint k = both ? 0u : 1u; k < 2u; k++) {
+        bool inside = b.inside != (k == 0u);
+        b.enter_avg = vec3(0.0);
+        for (int i = 0; i < 4; i++) {
+            float c = sqrt(hg_gauss_x[i]);
+            vec2 dfg = hg_dfg(c, b.mean_roughness);
+            vec3 mean = hg_bsdf_mean_reflectance(
+                b, c, dfg, k == 0u ? 1.0 / b.eta : b.eta, inside).dielectric;
+            float through = inside ? 1.0 : hg_bsdf_through(b, c, c);
+            b.enter_avg +=
+                hg_gauss_w[i] * through * (1.0 - hg_bsdf_dielectric_albedo(b, mean, dfg));
+        }
+        b.enter_avg = max(b.enter_avg, 1e-4);
+        b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);
     }
-    return max(sum, 1e-4);
 }
 
 // --- making one ----------------------------------------------------------------------------------
@@ -212,19 +275,23 @@ void hg_bsdf_make_film(inout hg_bsdf b, hg_surface s)
 }
 
 // Colours of what is reflected twice or more. See hg_multiple_scattering_color.
-void hg_bsdf_make_several(inout hg_bsdf b, hg_surface s)
+void hg_bsdf_make_several(inout hg_bsdf b)
 {
     float e_avg = b.base.dfg_avg.x + b.base.dfg_avg.y;
     // The mean of Schlick's term with f90 is f0 + (f90 - f0) / 21, linear as with 1.
     vec3 dielectric = 20.0 / 21.0 * b.f0_dielectric + b.f90_dielectric / 21.0;
-    vec3 metal = 20.0 / 21.0 * s.base_color + 1.0 / 21.0;
+    vec3 metal = 20.0 / 21.0 * b.tint + 1.0 / 21.0;
     if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
-        vec3 film = vec3(0.0);
-        for (int i = 0; i < 4; i++)
-            film += hg_gauss_w[i] *
-                hg_film_fresnel(sqrt(hg_gauss_x[i]), b.film_ior, b.film_nm, b.base.f0);
-        dielectric = mix(dielectric, film, b.iridescence);
-        metal = mix(metal, film, b.iridescence);
+        for (uint k = b.metallic < 1.0 ? 0u : 1u; k < (b.metallic > 0.0 ? 2u : 1u); k++) {
+            vec3 film = vec3(0.0);
+            for (int i = 0; i < 4; i++)
+                film += hg_gauss_w[i] * hg_film_fresnel(sqrt(hg_gauss_x[i]), b.film_ior, b.film_nm,
+                    k == 0u ? b.f0_dielectric : b.tint);
+            if (k == 0u)
+                dielectric = mix(dielectric, film, b.iridescence);
+            else
+                metal = mix(metal, film, b.iridescence);
+        }
     }
     vec3 below = dielectric * dielectric * e_avg / (1.0 - dielectric * (1.0 - e_avg));
     b.base.f_ms = mix(below, metal * metal * e_avg / (1.0 - metal * (1.0 - e_avg)), b.metallic);
@@ -232,17 +299,60 @@ void hg_bsdf_make_several(inout hg_bsdf b, hg_surface s)
     b.ms_dielectric = b.iridescence > 0.0 ? below : vec3(b.base.f_ms_dielectric);
 }
 
-// What facets of glass give back after several bounces, and what that leaves to opaque layers.
-void hg_bsdf_make_glass(inout hg_bsdf b)
+// What rough glass misses in a direction, in the table's terms: there each facet reflects `exact`
+// of the light and lets the rest through, here it reflects `dielectric`. Of what is let through the
+// same share arrives. eta as seen from this side, mean: hg_bsdf_mean_reflectance there.
+vec3 hg_bsdf_glass_miss(
+    hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside, hg_reflectance mean)
 {
-    b.glass_v = b.glass_front = 0.0;
-    b.glass_avg = vec2(1.0);
+    float miss = hg_glass_miss(cos_theta, b.mean_roughness, eta).x, e = dfg.x + dfg.y;
+    if (b.glass_plain)
+        return vec3(miss);
+    hg_reflectance lost = hg_bsdf_facet_mean(b, HG_LOST_FIRST, cos_theta, eta, inside);
+    float met = mean.exact * e + lost.exact * (1.0 - e);
+    vec3 more = (mean.dielectric - mean.exact) * e;
+    float enters = clamp((1.0 - miss - mean.exact * e) / max(1.0 - met, 1e-4), 0.0, 1.0);
+    vec3 met_more = more + (lost.dielectric - lost.exact) * (1.0 - e);
+    return clamp(miss - more + met_more * enters, 0.0, 1.0);
+}
+
+// Mean of that over all light of one side, as Gauss's points say in proportion to the table's; r:
+// mean of what the dielectric reflects on that side.
+vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r)
+{
+    float eta = b.inside == inside ? b.eta : 1.0 / b.eta, table = 0.0;
+    vec3 here = vec3(0.0);
+    r = vec3(hg_fresnel_average(eta));
+    if (b.glass_plain)
+        return vec3(max(hg_glass_miss_average(b.mean_roughness, eta).x, 1e-4));
+    for (int i = 0; i < 4; i++) {
+        float c = sqrt(hg_gauss_x[i]), miss = hg_glass_miss(c, b.mean_roughness, eta).x;
+        vec2 dfg = hg_dfg(c, b.mean_roughness);
+        hg_reflectance mean = hg_bsdf_mean_reflectance(b, c, dfg, eta, inside);
+        here += hg_gauss_w[i] * hg_bsdf_glass_miss(b, c, dfg, eta, inside, mean);
+        table += hg_gauss_w[i] * miss;
+        hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
+        r += hg_gauss_w[i] * (mirror.dielectric - mirror.exact);
+    }
+    return max(here / max(table, 1e-6) * hg_glass_miss_average(b.mean_roughness, eta).x, 1e-4);
+}
+
+// What facets of glass give back after several bounces, and what that leaves to opaque layers.
+void hg_bsdf_make_glass(inout hg_bsdf b, hg_reflectance mean, float cos_v)
+{
+    b.glass_v = b.glass_front = vec3(0.0);
+    b.glass_avg = b.glass_avg_behind = vec3(1.0);
     if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.thin || b.transmission <= 0.0)
         return;
-    b.glass_v = hg_glass_miss(hg_bsdf_cosine(b, b.v_ts), b.mean_roughness, b.eta).x;
-    b.glass_avg = max(hg_glass_miss_average(b.mean_roughness, b.eta), 1e-4);
-    float enters = (1.0 - hg_fresnel_average(b.eta)) * min(b.glass_avg.x, b.glass_avg.y);
-    b.glass_front = 1.0 - enters / b.glass_avg.x;
+    b.glass_v = hg_bsdf_glass_miss(b, cos_v, b.base.dfg_v, b.eta, b.inside, mean);
+    vec3 r, from_outside = hg_bsdf_glass_average(b, false, r), unused;
+    vec3 from_inside = hg_bsdf_glass_average(b, true, unused);
+    // What enters from outside is n^2 times what leaves: (1 - a) m_avg n^2 is the same both ways.
+    float n2 = b.inside ? b.eta * b.eta : 1.0;
+    vec3 enters = (1.0 - r) * min(from_outside, from_inside) * n2;
+    b.glass_avg = b.inside ? from_inside : from_outside;
+    b.glass_avg_behind = b.inside ? from_outside : from_inside;
+    b.glass_front = 1.0 - enters / b.glass_avg;
     b.base.f_ms -= b.transmission * b.ms_dielectric;
 }
 
@@ -271,7 +381,7 @@ void hg_bsdf_make_base(inout hg_bsdf b, hg_surface s, float f0)
     if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y)
         b.base.dfg_avg += hg_aniso_average_correction(b.base.roughness, b.anisotropy);
     hg_bsdf_make_film(b, s);
-    hg_bsdf_make_several(b, s);
+    hg_bsdf_make_several(b);
 }
 
 void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
@@ -305,18 +415,17 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
 }
 
 // Shares of what leaves under uniform light, about: the chances of the lobes.
-// e_d: hg_bsdf_dielectric_albedo at v, cos_v: hg_bsdf_cosine.
-void hg_bsdf_make_chances(inout hg_bsdf b, vec3 e_d, float cos_v)
+// e_d: hg_bsdf_dielectric_albedo at v; reflected: albedo of the base's single reflection.
+void hg_bsdf_make_chances(inout hg_bsdf b, vec3 e_d, vec3 reflected)
 {
     float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
     vec3 below = 1.0 - e_d;
-    vec3 reflected = hg_bsdf_single_albedo(b, cos_v, b.base.dfg_v);
     float through = b.transmission * hg_max3(b.tint * below);
     // Scattered twice or more, to both sides.
     vec2 wide = vec2(b.thin ? 0.5 * through * miss : 0.0);
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin)
-        wide = b.transmission * b.glass_v *
-            vec2(b.glass_front, (1.0 - b.glass_front) * hg_max3(b.tint));
+        wide = b.transmission * vec2(hg_max3(b.glass_v * b.glass_front),
+            hg_max3(b.glass_v * (1.0 - b.glass_front) * b.tint));
     float specular = hg_max3(reflected) + max(through - wide.x - wide.y, 0.0);
     float diffuse = hg_max3(b.base.diffuse * below) + hg_max3(b.base.f_ms) * miss + wide.x;
     float behind = hg_max3(b.behind * below) + wide.y;
@@ -352,22 +461,29 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
         f0 = hg_ior_f0(ior / ior_outside);
     }
     b.eta = b.inside ? ior_outside / ior : ior / ior_outside;
+    b.tint = s.base_color;
+    b.exact = false;
     hg_bsdf_make_base(b, s, f0);
     float dielectric = 1.0 - b.metallic;
     b.transmission = HG_HAS(HG_FEATURE_TRANSMISSION) ? s.transmission * dielectric : 0.0;
-    b.tint = s.base_color;
-    hg_bsdf_make_glass(b);
     float spread = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) ? s.diffuse_transmission : 0.0;
     float opaque = HG_HAS(HG_FEATURE_TRANSMISSION) ? dielectric * (1.0 - s.transmission) : dielectric;
     b.base.diffuse = s.base_color * (opaque * (1.0 - spread));
     b.behind = s.diffuse_transmission_color * (opaque * spread);
-    hg_bsdf_make_layers(b, s);
+    b.glass_plain = b.f90_dielectric == 1.0 && b.iridescence == 0.0 &&
+        all(lessThan(abs(b.f0_dielectric - hg_ior_f0(b.eta)), vec3(1e-4)));
+    bool mixed = !b.glass_plain || opaque > 0.0;
+    b.exact = HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0 && mixed;
+    b.exact = b.exact || (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0);
     float cos_v = hg_bsdf_cosine(b, b.v_ts);
-    vec3 e_d = hg_bsdf_dielectric_albedo(b, cos_v, b.base.dfg_v);
+    hg_reflectance mean = hg_bsdf_mean_reflectance(b, cos_v, b.base.dfg_v, b.eta, b.inside);
+    hg_bsdf_make_glass(b, mean, cos_v);
+    hg_bsdf_make_layers(b, s);
+    vec3 e_d = hg_bsdf_dielectric_albedo(b, mean.dielectric, b.base.dfg_v);
     b.enter_v = b.through_v * (1.0 - e_d);
-    b.enter_avg = hg_bsdf_enter_average(b);
+    hg_bsdf_make_enter(b);
     b.delta = b.delta && b.alpha.x < 1e-2;
-    hg_bsdf_make_chances(b, e_d, cos_v);
+    hg_bsdf_make_chances(b, e_d, mean.base * (b.base.dfg_v.x + b.base.dfg_v.y));
 }
 
 // s.normal faces view_ws. ior_outside: of the medium around closed surfaces, 1 for air.
@@ -464,34 +580,16 @@ struct hg_facet_light {
 // v_dot_h: against the facet's normal on the side of v.
 hg_facet_light hg_bsdf_facet(hg_bsdf b, float v_dot_h)
 {
-    float schlick = hg_schlick_weight(v_dot_h), w = schlick, outside = v_dot_h;
-    bool total = false;
-    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
-        float exact = hg_fresnel_dielectric(v_dot_h, b.eta), normal = hg_ior_f0(b.eta);
-        total = exact >= 1.0 && b.eta < 1.0;
-        w = clamp((exact - normal) / max(1.0 - normal, 1e-6), 0.0, 1.0);
-        if (b.inside) // the angle in front of the film
-            outside = sqrt(max(1.0 - (1.0 - v_dot_h * v_dot_h) / (b.eta * b.eta), 0.0));
-    }
-    vec3 dielectric = b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * w;
+    hg_reflectance r = hg_bsdf_reflectance(b, v_dot_h, b.eta, b.inside);
     hg_facet_light f;
-    f.reflected = mix(dielectric, b.tint + (1.0 - b.tint) * schlick, b.metallic);
-    if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
-        vec3 film = hg_film_fresnel(outside, b.film_ior, b.film_nm, b.base.f0);
-        f.reflected = mix(f.reflected, film, b.iridescence);
-        dielectric = mix(dielectric, film, b.iridescence);
-    }
+    f.reflected = r.base;
     f.transmitted = vec3(0.0);
     f.p_reflect = 1.0;
     if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.transmission <= 0.0)
         return f;
-    if (total) {
-        f.reflected = mix(vec3(1.0), f.reflected, b.metallic);
-        dielectric = vec3(1.0);
-    }
-    f.transmitted = b.tint * (1.0 - dielectric) * b.transmission;
-    float r = hg_max3(f.reflected), t = hg_max3(f.transmitted);
-    f.p_reflect = r / max(r + t, 1e-9);
+    f.transmitted = b.tint * (1.0 - r.dielectric) * b.transmission;
+    float back = hg_max3(f.reflected), through = hg_max3(f.transmitted);
+    f.p_reflect = back / max(back + through, 1e-9);
     return f;
 }
 
@@ -538,18 +636,22 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, float through_l)
     float miss_avg = max(1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y, 1e-4);
     float layers = min(b.through_v, through_l), twice = miss_v * miss_l / miss_avg * layers;
     float table_l = hg_bsdf_cosine(b, l_ts);
-    vec3 enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, table_l, dfg_l));
-    vec3 enter = b.enter_v * enter_l / b.enter_avg;
+    bool below = behind && !b.thin;
+    float eta_l = below ? 1.0 / b.eta : b.eta;
+    hg_reflectance mean_l =
+        hg_bsdf_mean_reflectance(b, table_l, dfg_l, eta_l, b.inside != below);
+    vec3 enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, mean_l.dielectric, dfg_l));
+    vec3 enter = b.enter_v * enter_l / (behind ? b.enter_avg_behind : b.enter_avg);
     vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
         sum += b.tint * (0.5 * b.transmission) * (1.0 - b.ms_dielectric) * twice;
     else if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
-        vec2 glass_l = hg_glass_miss(table_l, b.mean_roughness, b.eta) / b.glass_avg;
-        float glass = b.transmission * b.glass_v * layers;
+        vec3 glass = b.transmission * layers * b.glass_v *
+            hg_bsdf_glass_miss(b, table_l, dfg_l, eta_l, b.inside != below, mean_l);
         if (behind)
-            sum += b.tint * (glass * (1.0 - b.glass_front) * glass_l.y / (b.eta * b.eta));
+            sum += b.tint * glass * (1.0 - b.glass_front) / (b.glass_avg_behind * b.eta * b.eta);
         else
-            sum += glass * b.glass_front * glass_l.x;
+            sum += glass * b.glass_front / b.glass_avg;
     }
     return sum * shape;
 }

@@ -181,20 +181,21 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
     return clamp(sum, 0.0, 1.0);
 }
 
-// Cosines at facets that stand for all that a direction sees: the mean of a function of them is
-// mix(f(x), f(y), z). See hg_facet_angles in renderer/light/dfg.h.
-vec3 hg_facet_angles_at(float cos_theta, float roughness)
+// Cosines at three facets that stand for all that reflect to a direction (first: HG_ANGLES_FIRST) or
+// all else that it sees (HG_LOST_FIRST), and their weights: hg_facet_angles in renderer/light/dfg.h.
+vec3 hg_facet_angles_at(uint first, float cos_theta, float roughness, out vec3 weights)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
     vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
-    vec2 f = p - vec2(i);
-    uint k = HG_ANGLES_FIRST + 2u * (i.y * HG_ANGLES_SIZE + i.x), row = 2u * HG_ANGLES_SIZE;
-    vec2 angles = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 2u), f.x),
-        mix(hg_dfg_at(k + row), hg_dfg_at(k + row + 2u), f.x), f.y);
-    float weight = mix(mix(hg_dfg_at(k + 1u).x, hg_dfg_at(k + 3u).x, f.x),
-        mix(hg_dfg_at(k + row + 1u).x, hg_dfg_at(k + row + 3u).x, f.x), f.y);
-    return vec3(angles, weight);
+    vec2 f = p - vec2(i), sum[3];
+    uint k = first + 3u * (i.y * HG_ANGLES_SIZE + i.x), row = 3u * HG_ANGLES_SIZE;
+    for (uint n = 0u; n < 3u; n++)
+        sum[n] = mix(mix(hg_dfg_at(k + n), hg_dfg_at(k + n + 3u), f.x),
+            mix(hg_dfg_at(k + n + row), hg_dfg_at(k + n + row + 3u), f.x), f.y);
+    weights = vec3(sum[0].y, sum[1].y, sum[2].y);
+    weights /= weights.x + weights.y + weights.z;
+    return vec3(sum[0].x, sum[1].x, sum[2].x);
 }
 
 // --- sheen ---------------------------------------------------------------------------------------

@@ -26,8 +26,9 @@
 #define HG_GLASS_IORS      8
 #define HG_GLASS_MEANS     (HG_GLASS_FIRST + HG_GLASS_IORS * HG_GLASS_SIZE * HG_GLASS_SIZE)
 #define HG_ANGLES_FIRST    (HG_GLASS_MEANS + HG_GLASS_IORS * HG_GLASS_SIZE)
-#define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness, two words each
-#define HG_ANISO_FIRST     (HG_ANGLES_FIRST + 2 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
+#define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness, three words each
+#define HG_LOST_FIRST      (HG_ANGLES_FIRST + 3 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
+#define HG_ANISO_FIRST     (HG_LOST_FIRST + 3 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
 #define HG_ANISO_COSINES   8
 #define HG_ANISO_AZIMUTHS  4
 #define HG_ANISO_STRENGTHS 5

@@ -72,12 +72,15 @@ vec3 balance(hg_bsdf b, hg_bsdf_sample_result r)
     return r.weight * (bent ? b.eta * b.eta : 1.0);
 }
 
+// Sums are made in parts: llvmpipe ends loops after 65535 rounds, nested ones counted together.
+#define PARTS 50u
+
 // Sum of the weights of samples: rgb; w: share of samples that end.
-vec4 albedo(hg_bsdf b)
+vec4 albedo(hg_bsdf b, uint part)
 {
-    const uint n = 16384u;
+    const uint n = 16400u;
     vec4 sum = vec4(0.0);
-    for (uint i = 0u; i < n; i++) {
+    for (uint i = n / PARTS * part; i < n / PARTS * (part + 1u); i++) {
         vec3 u = vec3(hg_hammersley(i, n), fract((float(i) + 0.5) * 0.618033988));
         hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
         if (r.pdf > 0.0)
@@ -90,11 +93,12 @@ vec4 albedo(hg_bsdf b)
 
 // Integrals over the sphere on a grid: f |cos| of reflection and transmission (their first channel;
 // transmission without its n^2), density.
-vec4 integrals(hg_bsdf b)
+vec4 integrals(hg_bsdf b, uint part)
 {
     const uint n = 180u;
     vec4 sum = vec4(0.0);
-    for (uint k = 0u; k < 2u * n * n; k++) { // 64800: llvmpipe ends loops after 65535 rounds
+    const uint all = 2u * n * n / PARTS;
+    for (uint k = all * part; k < all * (part + 1u); k++) {
         float side = k < n * n ? 1.0 : -1.0;
         uint j = k % (n * n);
         float z = (float(j / n) + 0.5) / float(n), phi = 2.0 * HG_PI * (float(j % n) + 0.5) / float(n);
@@ -140,9 +144,9 @@ void main()
         x.rgb = hg_bsdf_evaluate(b, c.xyz, pdf);
         x.w = pdf;
     } else if (op == 2u) {
-        x = albedo(b);
+        x = albedo(b, uint(c.x));
     } else if (op == 3u) {
-        x = integrals(b);
+        x = integrals(b, uint(c.x));
     } else if (op == 4u) {
         x = reciprocity(a.xyz, c.xyz, a.w);
     } else if (op == 5u) {
