@@ -93,9 +93,13 @@ static enum hg_status sync_emitters(struct hg_view_state *view, struct hg_error 
     if (p->emitters == NULL)
         status =
             hg_emitters_create(view->context->gpu, view->context->jobs, &params, &p->emitters, err);
-    return status == HG_OK ? hg_emitters_sync(p->emitters, rooms->geometry, p->cut, rooms->scene,
-                                 rooms->textures, err)
-                           : status;
+    if (status != HG_OK)
+        return status;
+    const bool blurs = (p->options & HG_PATH_BLURS) != 0;
+    hg_emitters_move_lights(
+        p->emitters, blurs ? &p->lights[0] : NULL, blurs ? &p->lights[1] : NULL);
+    return hg_emitters_sync(
+        p->emitters, rooms->geometry, p->cut, rooms->scene, rooms->textures, err);
 }
 
 static uint32_t has_holes(const struct hg_cut *cut)

@@ -6,6 +6,7 @@
 #include "renderer/frame/view.h"
 #include "renderer/geometry/moment.h"
 #include "renderer/light/emitters.h"
+#include "renderer/light/lights.h"
 #include "renderer/passes/path.h"
 #include "renderer/trace/trace.h"
 
@@ -42,6 +43,8 @@ struct hg_path {
     uint32_t options;                                   // HG_PATH_BLURS, ...
     uint32_t time_parts,
         time_part; // of the shutter's time: how many (a power of two); what is posed
+
+    struct hg_light_set lights[2]; // when that part of the time begins, when it ends
 
     // What lights are called together; group 0 is the environment.
     char groups[HG_PATH_MOST_GROUPS][HG_PATH_GROUP_NAME];

@@ -21,6 +21,8 @@ void hg_path_time_destroy(struct hg_path *p)
         hg_moment_free(p->kept[i]);
         p->kept[i] = NULL;
     }
+    hg_light_set_finish(&p->lights[0]);
+    hg_light_set_finish(&p->lights[1]);
 }
 
 static bool is_open(const struct hg_view_state *view)
@@ -99,13 +101,16 @@ enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *er
     const struct hg_path_settings *s = &view->settings.path;
     const double open = s->shutter_open, length = (double)s->shutter_close - open;
     p->time_part = part_of(p);
-    enum hg_status status =
-        pose(view, HG_PATH_OPENING, open + length * p->time_part / p->time_parts, true, err);
+    const double from = open + length * p->time_part / p->time_parts;
+    const double to = open + length * (p->time_part + 1) / p->time_parts;
+    enum hg_status status = hg_shutter_lights(view, from, &p->lights[0], err);
+    if (status == HG_OK)
+        status = hg_shutter_lights(view, to, &p->lights[1], err);
+    if (status == HG_OK)
+        status = pose(view, HG_PATH_OPENING, from, true, err);
     if (status == HG_OK)
         status = hg_cut_open_shutter(view->rooms->geometry, &p->cut, err);
-    return status == HG_OK ? pose(view, HG_PATH_CLOSING,
-                                 open + length * (p->time_part + 1) / p->time_parts, false, err)
-                           : status;
+    return status == HG_OK ? pose(view, HG_PATH_CLOSING, to, false, err) : status;
 }
 
 // How many parts: no more than there are samples.

@@ -86,6 +86,23 @@ enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, doub
     return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
 }
 
+enum hg_status hg_shutter_lights(
+    struct hg_view_state *view, double frames, struct hg_light_set *lights, struct hg_error *err)
+{
+    struct hg_scene *scene = view->rooms->scene;
+    struct hg_pose_kept kept = {0};
+    double origin[3];
+    hg_geometry_origin(view->rooms->geometry, origin);
+    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), &kept);
+    if (status == HG_OK) {
+        hg_scene_update(scene);
+        status = hg_light_set_collect(lights, scene, origin);
+        put_back(scene, &kept);
+    }
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "motion", NULL, "out of host memory");
+}
+
 // --- how straight motion is ----------------------------------------------------------------------
 
 // Of a node over all looks.

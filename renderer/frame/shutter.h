@@ -4,6 +4,7 @@
 #define HG_RENDERER_FRAME_SHUTTER_H
 
 #include "renderer/frame/view.h"
+#include "renderer/light/lights.h"
 
 // Camera of a node whose world matrix is up to date: along its -z, +y up.
 void hg_shutter_look_along(const struct hg_node *node, float eye[3], float target[3], float up[3]);
@@ -16,6 +17,9 @@ bool hg_shutter_moves(const struct hg_view_state *view);
 // hg_rooms_pose. HG_E_NOMEM, HG_E_LIMIT, device errors.
 enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, double frames,
     struct hg_gpu_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+// The punctual lights of that time. HG_E_NOMEM.
+enum hg_status hg_shutter_lights(struct hg_view_state *view, double frames,
+    struct hg_light_set *lights, struct hg_error *err) HG_MUST_CHECK;
 
 // Into how many parts of time, a power of two up to `most`, the time between two poses is to be cut
 // so that motion is nearly a straight line in each: what turns, and what moves in curves or jumps,

@@ -41,9 +41,11 @@ struct hg_emitters {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     uint64_t budget_bytes;
-    struct hg_light_set set; // scratch
-    struct hg_gpu_light *lights;
+    struct hg_light_set set;                      // scratch
+    const struct hg_light_set *opening, *closing; // of a shutter; NULL: nothing moves
+    struct hg_gpu_light *lights;                  // then those of the opening, if any
     size_t light_capacity;
+    bool lights_move;
     uint32_t light_count, directional_count;
     float directional_lux;
     struct glow_entry *glows;
@@ -173,13 +175,18 @@ static enum hg_status collect_lights(
     struct hg_emitters *e, const struct hg_emitter_input *in, uint64_t *h)
 {
     if (hg_light_set_collect(&e->set, in->scene, in->origin) ||
-        hg_grow(&e->lights, &e->light_capacity, (size_t)e->set.count + 1, sizeof *e->lights))
+        hg_grow(&e->lights, &e->light_capacity, 2 * (size_t)e->set.count + 1, sizeof *e->lights))
         return HG_E_NOMEM;
+    // Lights that are there at one time only stay as the scene has them, all of them.
+    e->lights_move = e->opening && e->closing && e->opening->count == e->set.count &&
+                     e->closing->count == e->set.count;
+    const struct hg_gpu_light *now = e->lights_move ? e->closing->items : e->set.items;
+    const struct hg_gpu_light *then = e->lights_move ? e->opening->items : e->set.items;
     e->light_count = e->directional_count = 0;
     e->directional_lux = 0;
     for (uint32_t i = 0; i < e->set.count; i++) {
-        const struct hg_gpu_light *light = &e->set.items[i];
-        if (!is_usable(light))
+        const struct hg_gpu_light *light = &now[i];
+        if (!is_usable(light) || !is_usable(&then[i]))
             continue;
         if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
             e->directional_count++;
@@ -187,6 +194,12 @@ static enum hg_status collect_lights(
         }
         *h = mix_bytes(*h, light, sizeof *light);
         e->lights[e->light_count++] = *light;
+    }
+    for (uint32_t i = 0, k = e->light_count; i < e->set.count && e->lights_move; i++) {
+        if (!is_usable(&now[i]) || !is_usable(&then[i]))
+            continue;
+        *h = mix_bytes(*h, &then[i], sizeof then[i]);
+        e->lights[k++] = then[i];
     }
     return HG_OK;
 }
@@ -207,6 +220,20 @@ static struct hg_light_item item_of_light(const struct hg_gpu_light *light)
     return item;
 }
 
+// All that the light sends on its way.
+static void widen(struct hg_light_item *item, const struct hg_light_item *then)
+{
+    for (int i = 0; i < 3; i++) {
+        item->min[i] = fminf(item->min[i], then->min[i]);
+        item->max[i] = fmaxf(item->max[i], then->max[i]);
+    }
+    if (memcmp(item->axis, then->axis, sizeof item->axis) != 0)
+        item->cos_o = -1;
+    item->cos_o = fminf(item->cos_o, then->cos_o);
+    item->power = fmaxf(item->power, then->power);
+    item->range = item->range > 0 && then->range > 0 ? fmaxf(item->range, then->range) : 0;
+}
+
 static enum hg_status upload_lights(struct hg_emitters *e, struct hg_error *err)
 {
     float *shares = hg_calloc((size_t)e->directional_count + 1, sizeof *shares);
@@ -217,8 +244,8 @@ static enum hg_status upload_lights(struct hg_emitters *e, struct hg_error *err)
         sum += (double)light_luminance(&e->lights[i]) / (double)e->directional_lux;
         shares[i] = i + 1 < e->directional_count ? (float)fmin(1, sum) : 1;
     }
-    enum hg_status status = put(
-        e, &e->light_table, "emitters: lights", e->lights, e->light_count * sizeof *e->lights, err);
+    enum hg_status status = put(e, &e->light_table, "emitters: lights", e->lights,
+        (e->lights_move ? 2 : 1) * e->light_count * sizeof *e->lights, err);
     if (!status)
         status = put(e, &e->directional, "emitters: directional", shares,
             e->directional_count * sizeof *shares, err);
@@ -581,6 +608,10 @@ static void fill_lights(const struct filling *f)
     for (uint32_t i = e->directional_count; i < e->light_count; i++) {
         const uint32_t leaf = f->leaf_count + i - e->directional_count;
         f->items[leaf] = item_of_light(&e->lights[i]);
+        if (e->lights_move) {
+            const struct hg_light_item then = item_of_light(&e->lights[e->light_count + i]);
+            widen(&f->items[leaf], &then);
+        }
         f->leaves[leaf] = (struct hg_gpu_emitter_leaf){.draw = i, .count = HG_EMITTER_IS_LIGHT};
     }
 }
@@ -770,7 +801,9 @@ static void fill_addresses(struct hg_emitters *e)
     b->weights = e->weights.address;
     b->pieces = e->pieces.address;
     b->draw_pieces = e->draw_pieces.address;
-    b->lights = e->light_table.address;
+    b->lights = b->lights_before = e->light_table.address;
+    if (e->lights_move)
+        b->lights_before += e->light_count * sizeof *e->lights;
     b->directional = e->directional.address;
     b->environment = e->environment.address;
     b->directional_count = e->directional_count;
@@ -801,6 +834,13 @@ enum hg_status hg_emitters_update(
     e->stats.directional = e->directional_count;
     e->stats.punctual = e->light_count - e->directional_count;
     return HG_OK;
+}
+
+void hg_emitters_move_lights(
+    struct hg_emitters *e, const struct hg_light_set *opening, const struct hg_light_set *closing)
+{
+    e->opening = opening;
+    e->closing = closing;
 }
 
 void hg_emitters_fill(const struct hg_emitters *e, struct hg_gpu_emitters *out)

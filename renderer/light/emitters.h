@@ -65,6 +65,12 @@ enum hg_status hg_emitters_sync(struct hg_emitters *emitters, const struct hg_ge
     const struct hg_cut *cut, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err) HG_MUST_CHECK;
 
+// From here on punctual lights go from the one place to the other while a shutter is open: the
+// lights of the scene at both times, borrowed. NULL: they are where the scene has them.
+struct hg_light_set;
+void hg_emitters_move_lights(struct hg_emitters *emitters, const struct hg_light_set *opening,
+    const struct hg_light_set *closing);
+
 void hg_emitters_fill(const struct hg_emitters *emitters, struct hg_gpu_emitters *out);
 
 struct hg_emitters_stats {

@@ -56,6 +56,11 @@ float hg_emitter_environment_lod = 0.0;
 #define HG_EMITTER_POSITION(draw, part, vertex) (part).positions.v[vertex]
 #endif
 
+// Punctual lights of such a time: an expression.
+#ifndef HG_EMITTER_LIGHT
+#define HG_EMITTER_LIGHT(index) HG_EMITTERS.lights.v[index]
+#endif
+
 // Defined before: nodes that were looked at are counted.
 #ifdef HG_EMITTER_COUNT_WORK
 uint hg_emitter_work = 0u;
@@ -201,7 +206,7 @@ float hg_emitter_leaf_chance(uint trail, vec3 position_ws, vec3 normal_ws)
 // Luminance of a directional light's illuminance at a surface.
 float hg_emitter_sun(uint i, vec3 normal_ws)
 {
-    hg_gpu_light light = HG_EMITTERS.lights.v[i];
+    hg_gpu_light light = HG_EMITTER_LIGHT(i);
     float facing = normal_ws == vec3(0.0) ? 1.0 : max(0.0, -dot(light.direction_ws, normal_ws));
     return hg_emitter_luminance(light.color) * facing;
 }
@@ -431,7 +436,7 @@ bool hg_emitter_find(uint draw, uint primitive, out uint leaf, out uint part)
 hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
 {
     hg_emitter_sample s = hg_emitter_nothing();
-    hg_gpu_light light = HG_EMITTERS.lights.v[index];
+    hg_gpu_light light = HG_EMITTER_LIGHT(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, position_ws, l);
     s.direction = l;

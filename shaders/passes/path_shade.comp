@@ -31,7 +31,23 @@ vec3 emitter_position(hg_gpu_draw d, hg_gpu_part part, uint vertex)
     return p;
 }
 
+// A punctual light at the time of the path: places on the straight line, directions between.
+hg_gpu_light light_at(uint index)
+{
+    hg_gpu_light light = hg_path.emitters.lights.v[index];
+    if (HG_PATH_CAN(HG_PATH_BLURS)) {
+        hg_gpu_light before = hg_path.emitters.lights_before.v[index];
+        light.position_ws = HG_PATH_BETWEEN(before.position_ws, light.position_ws);
+        light.color = HG_PATH_BETWEEN(before.color, light.color);
+        if (before.direction_ws != light.direction_ws)
+            light.direction_ws =
+                normalize(HG_PATH_BETWEEN(before.direction_ws, light.direction_ws));
+    }
+    return light;
+}
+
 #define HG_EMITTERS hg_path.emitters
+#define HG_EMITTER_LIGHT(index) light_at(index)
 #define HG_EMITTER_KINDS hg_path_options
 #define HG_EMITTER_APART HG_PATH_CAN(HG_PATH_SUNS_APART)
 #define HG_EMITTER_WORLD(draw) hg_path_world((draw).instance)

@@ -92,6 +92,7 @@ struct hg_gpu_emitters {
     HG_PTR(hg_emitter_piece_list) pieces;   // by draw, then primitive
     HG_PTR(hg_emitter_words) draw_pieces;   // [draw_count + 1] first piece of each draw
     HG_PTR(hg_lights_ref) lights;           // directional ones first
+    HG_PTR(hg_lights_ref) lights_before;    // the same when the shutter opens; `lights` if it does not
     HG_PTR(hg_emitter_floats) directional;  // [directional_count] shares of illuminance, summed up
     HG_PTR(hg_emitter_quads) environment;   // see renderer/light/env_warp.h
     HG_UINT node_count, leaf_count, draw_count;
@@ -101,6 +102,6 @@ struct hg_gpu_emitters {
     HG_UINT environment_levels;             // the finest grid is (2 << levels) x (1 << levels)
     float environment_mean;                 // luminance per unit of hg_gpu_lighting.env_color
 };
-HG_SHARED_SIZE(hg_gpu_emitters, 104);
+HG_SHARED_SIZE(hg_gpu_emitters, 112);
 
 #endif

@@ -428,6 +428,105 @@ static void test_vectors_turn(void **state)
     hg_view_destroy(view);
 }
 
+// --- punctual lights -----------------------------------------------------------------------------
+
+static void lambert_floor(struct rig *rig)
+{
+    const float floor[4][3] = {{-4, -1, 2}, {4, -1, 2}, {4, -1, -2}, {-4, -1, -2}};
+    rig_scene(rig);
+    rig->scene->environment.kind = HG_ENV_NONE;
+    rig_quad(rig, path_rig_lambert(rig, 0.5f), floor);
+}
+
+// Light of a point 1 m above the floor, whose x goes evenly from a to b, on the pixels of a column:
+// the integral of du / (r^2 + u^2)^(3/2) is u / (r^2 sqrt(r^2 + u^2)).
+static double lit_from(int column, double a, double b)
+{
+    double sum = 0;
+    for (int i = 0; i < 8 * HEIGHT; i++) {
+        const double x = (column + 0.5) / 16 - 3, z = (i + 0.5) / (8 * HEIGHT) * 2 - 1;
+        const double r2 = 1 + z * z, u0 = a - x, u1 = b - x;
+        const double whole = u1 / (r2 * sqrt(r2 + u1 * u1)) - u0 / (r2 * sqrt(r2 + u0 * u0));
+        sum += whole / (b - a) / (8 * HEIGHT);
+    }
+    return 0.5 / M_PI * sum;
+}
+
+static void test_point(void **state)
+{
+    static const struct hg_view_camera flat = {.eye = {0, 5, 0},
+        .target = {0, 0, 0},
+        .up = {0, 0, -1},
+        .orthographic = true,
+        .half_height = 1};
+    struct rig *rig = *state;
+    static const double at[3] = {0, 0, 0}, down[3] = {0, -1, 0};
+    static const float keys[9] = {-2, 0, 0, 0, 0, 0, 2, 0, 0};
+    double got[WIDTH], most = 0;
+    lambert_floor(rig);
+    struct hg_light *light = rig_light(rig, HG_LIGHT_POINT, at, down);
+    path_rig_animate(rig, rig_node_of(rig, light), HG_ANIM_TRANSLATION, 3, keys);
+    path_rig_pose(rig, 1.0);
+    struct hg_view_params params = defaults;
+    params.samples = 256;
+    render_columns(rig, &params, &flat, got);
+    for (int x = 0; x < WIDTH; x++)
+        most = fmax(most, fabs(got[x] / lit_from(x, -0.5, 0.5) - 1.0));
+    print_message("point light that slides: %.4f off at most\n", most);
+    assert_true(most < 0.01);
+}
+
+// A spot light and a sun that turn, with what moves in between: the mean of pictures of moments.
+static void turning_lights(struct rig *rig)
+{
+    static const double at[3] = {0.5, 0.5, 0}, down[3] = {0, -1, 0};
+    static const float turn[2][12] = {
+        {-0.92388f, 0, 0, 0.382683f, -0.707107f, 0, 0, 0.707107f, -0.382683f, 0, 0, 0.92388f},
+        {0, 0.5f, 0, 0.8660254f, -0.5f, 0, 0, 0.8660254f, -0.8660254f, 0, 0, 0.5f}};
+    static const float rise[9] = {-1, 0, 0, 0.5f, 0.5f, 0, 1, 2, 0};
+    lambert_floor(rig);
+    for (int i = 0; i < 2; i++) {
+        struct hg_light *light =
+            rig_light(rig, i == 0 ? HG_LIGHT_SPOT : HG_LIGHT_DIRECTIONAL, at, down);
+        light->intensity = i == 0 ? 4.0f : 0.5f;
+        struct hg_node *node = rig_node_of(rig, light);
+        path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, turn[i]);
+        if (i == 0)
+            path_rig_animate(rig, node, HG_ANIM_TRANSLATION, 3, rise);
+    }
+}
+
+static void test_turning_lights(void **state)
+{
+    enum { MOMENTS = 64 };
+    struct rig *rig = *state;
+    double got[WIDTH], still[WIDTH], want[WIDTH] = {0}, most = 0, mean = 0, change = 0;
+    struct hg_view_params params = defaults;
+    params.samples = 512;
+    params.max_bounces = 2;
+    turning_lights(rig);
+    path_rig_pose(rig, 1.0);
+    render_columns(rig, &params, &above, got);
+    params.samples = 8;
+    params.shutter_open = params.shutter_close = 0.0f;
+    for (int i = 0; i < MOMENTS; i++) {
+        turning_lights(rig);
+        path_rig_pose(rig, 1.0 + ((i + 0.5) / MOMENTS - 0.5) * 0.5);
+        render_columns(rig, &params, &above, still);
+        for (int x = 0; x < WIDTH; x++)
+            want[x] += still[x] / MOMENTS;
+    }
+    for (int x = 0; x < WIDTH; x++)
+        mean += want[x] / WIDTH;
+    for (int x = 0; x < WIDTH; x++) {
+        most = fmax(most, fabs(got[x] - want[x]) / mean);
+        change = fmax(change, fabs(still[x] - want[x]) / mean);
+    }
+    print_message("lights that turn: %.4f of the mean off at most, a moment %.2f\n", most, change);
+    assert_true(most < 0.02);
+    assert_true(change > 0.2); // it matters
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -439,6 +538,8 @@ int main(void)
         cmocka_unit_test(test_turn),
         cmocka_unit_test(test_still),
         cmocka_unit_test(test_lamp),
+        cmocka_unit_test(test_point),
+        cmocka_unit_test(test_turning_lights),
         cmocka_unit_test(test_vectors),
         cmocka_unit_test(test_vectors_turn),
     };
