@@ -217,7 +217,9 @@ static struct hg_deform_entry *find_deform(
 static enum hg_status collect_meshes(struct sync *s, struct hg_error *err)
 {
     const struct hg_object_list *list = &s->scene->objects[HG_OBJECT_MESH];
-    const uint32_t number_below = hg_gpu_get_caps(s->g->gpu)->is_cpu ? hg_baked_from(s->g) : 0;
+    const uint32_t from = hg_baked_from(s->g);
+    const struct hg_mesh_entry_limits limits = {
+        .number_below = hg_gpu_get_caps(s->g->gpu)->is_cpu ? from : 0, .meshlets_below = from};
     s->meshes = hg_calloc(list->count, sizeof *s->meshes);
     if (s->meshes == NULL)
         return out_of_memory(err);
@@ -229,7 +231,7 @@ static enum hg_status collect_meshes(struct sync *s, struct hg_error *err)
             *entry = *old;
             entry->is_new = false;
         } else {
-            const enum hg_status status = hg_mesh_entry_init(entry, mesh, number_below, err);
+            const enum hg_status status = hg_mesh_entry_init(entry, mesh, &limits, err);
             if (status != HG_OK)
                 return status;
             entry->is_new = true;

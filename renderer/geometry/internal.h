@@ -77,10 +77,13 @@ struct hg_mesh_entry {
     const struct hg_mesh *mesh; // set by every sync
     bool is_new;                // not part of the lists before this sync
 };
-// Sizes and bounds, nothing on the device yet. number_below: parts of fewer triangles have a
-// numbered list too.
+struct hg_mesh_entry_limits {
+    uint32_t number_below;   // parts of fewer triangles have a numbered list too
+    uint32_t meshlets_below; // others get meshlets when they are uploaded
+};
+// Sizes and bounds, nothing on the device yet.
 enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
-    uint32_t number_below, struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_mesh_entry_limits *limits, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 void hg_mesh_entry_finish(
@@ -188,7 +191,7 @@ struct hg_geometry {
     struct hg_baker *baker;
     uint64_t bit_layout; // changes when bits of histories mean something else
     uint32_t bit_count;
-    bool one_shape; // of the textures of each material
+    bool one_shape;  // of the textures of each material
     bool deform_all; // see moment.h
     struct hg_box bounds;
     struct hg_geometry_stats stats;

@@ -84,7 +84,7 @@ static enum hg_status init_part(
         status = hg_posed_build(part, target_count, &e->posed);
     if (status == HG_OK)
         make_room(&e->layout, rounded(e->posed.index_count * 4ull));
-    return status == HG_OK ? hg_meshlets_build(part, &e->meshlets) : status;
+    return status;
 }
 
 // The numbered list comes behind the other streams.
@@ -105,8 +105,20 @@ static bool can_number(const struct hg_mesh_part *part, uint32_t target_count, u
            part->index_count / 3 < below && part->joints == NULL && target_count == 0;
 }
 
+// Large parts get their meshlets when they are uploaded: there may be levels by then.
+static enum hg_status order_part(struct hg_part_entry *e, const struct hg_mesh_part *part,
+    uint32_t target_count, const struct hg_mesh_entry_limits *limits)
+{
+    if (e->primitive_count >= limits->meshlets_below)
+        return HG_OK;
+    const enum hg_status status = hg_meshlets_build(part, &e->meshlets);
+    return status == HG_OK && can_number(part, target_count, limits->number_below)
+               ? number_part(e, part)
+               : status;
+}
+
 enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
-    uint32_t number_below, struct hg_error *err)
+    const struct hg_mesh_entry_limits *limits, struct hg_error *err)
 {
     memset(entry, 0, sizeof *entry);
     entry->id = mesh->head.id;
@@ -117,8 +129,8 @@ enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_m
     entry->part_count = entry->parts != NULL ? mesh->part_count : 0;
     for (uint32_t i = 0; i < entry->part_count && status == HG_OK; i++) {
         status = init_part(&entry->parts[i], &mesh->parts[i], mesh->target_count);
-        if (status == HG_OK && can_number(&mesh->parts[i], mesh->target_count, number_below))
-            status = number_part(&entry->parts[i], &mesh->parts[i]);
+        if (status == HG_OK)
+            status = order_part(&entry->parts[i], &mesh->parts[i], mesh->target_count, limits);
         entry->bytes += entry->parts[i].layout.total_bytes;
     }
     if (status == HG_OK)
@@ -167,6 +179,8 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     const uint64_t bytes = e->layout.total_bytes;
     if (bytes == 0)
         return HG_OK;
+    if (e->meshlets.items == NULL && hg_meshlets_build(part, &e->meshlets) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "mesh", NULL, "no memory");
     enum hg_status status =
         hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_DEVICE, bytes, "mesh", &e->buffer, err);
     if (status != HG_OK)
