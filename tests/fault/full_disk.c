@@ -18,6 +18,7 @@
 typedef ssize_t write_fn(int, const void *, size_t);
 typedef ssize_t pwrite_fn(int, const void *, size_t, off_t);
 typedef int open_fn(const char *, int, ...);
+typedef int fallocate_fn(int, off_t, off_t);
 
 // Files below the folder, by descriptor: a descriptor may be something else by now.
 static struct {
@@ -133,4 +134,18 @@ ssize_t write(int fd, const void *data, size_t size)
         return -1;
     }
     return next(fd, data, some);
+}
+
+// Blocks that are reserved need as much room as blocks that are written.
+int posix_fallocate(int fd, off_t offset, off_t size)
+{
+    static fallocate_fn *next;
+    if (next == NULL)
+        next = (fallocate_fn *)real("posix_fallocate");
+    return room(fd, (size_t)size, offset) < (size_t)size ? ENOSPC : next(fd, offset, size);
+}
+
+int posix_fallocate64(int fd, off64_t offset, off64_t size)
+{
+    return posix_fallocate(fd, offset, size);
 }
