@@ -129,6 +129,12 @@ enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err)
 enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_groups_destroy(struct hg_path *path);
 
+// path_host.c: samples to the film by the host, where it is the device. keep: of the wave, to the
+// ring; add: of `count` tiles of the picture, from there.
+bool hg_path_host_adds(const struct hg_path *path);
+void hg_path_host_keep(struct hg_path *path);
+void hg_path_host_add(struct hg_path *path, const uint32_t *tiles, uint32_t count);
+
 // path_film.c
 enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,
     struct hg_error *err) HG_MUST_CHECK;

@@ -513,16 +513,21 @@ static enum hg_status add_tiles(
     struct hg_path *p = view->path;
     struct hg_page_demand demand;
     uint32_t *tiles = p->tiles.mapped, *numbers = p->tile_samples.mapped, count = 0;
-    uint32_t *samples = p->samples.mapped;
+    uint32_t *samples = p->samples.mapped, all[HG_PATH_WAVE_TILES];
     const uint32_t *traced = p->traced.mapped;
     for (; *at < end && count < HG_PATH_WAVE_TILES; (*at)++) {
         if (traced[*at] != p->pass + 1 || samples[*at] != p->pass)
             continue;
         tiles[count] = *at % p->columns | *at / p->columns << 16;
-        numbers[count++] = samples[*at]++;
+        numbers[count] = samples[*at]++;
+        all[count++] = *at;
     }
-    return count > 0 ? run(view, HG_PATH_ADD, &p->live, 0, count * HG_PATH_TILE_PX, &demand, err)
-                     : HG_OK;
+    if (count == 0)
+        return HG_OK;
+    if (!hg_path_host_adds(p))
+        return run(view, HG_PATH_ADD, &p->live, 0, count * HG_PATH_TILE_PX, &demand, err);
+    hg_path_host_add(p, all, count);
+    return HG_OK;
 }
 
 // To the film go the rows of tiles of which this one and the next are through.
@@ -546,7 +551,11 @@ static enum hg_status add(struct hg_view_state *view, struct hg_error *err)
     struct lap lap = lap_start();
     uint32_t *traced = p->traced.mapped;
     p->live.count = p->slots; // for its address alone: these kernels go by slot
-    enum hg_status status = run(view, HG_PATH_KEEP, &p->live, 0, p->slots, &demand, err);
+    enum hg_status status = HG_OK;
+    if (hg_path_host_adds(p))
+        hg_path_host_keep(p);
+    else
+        status = run(view, HG_PATH_KEEP, &p->live, 0, p->slots, &demand, err);
     for (uint32_t i = 0; i < p->wave_tiles; i++)
         traced[p->tile_index[i]] = p->pass + 1;
     if (status == HG_OK)
