@@ -22,8 +22,11 @@ own converged picture, so that only noise counts; relMSE = mean((x - r)^2 / (r^2
 over pixels and channels, without the thousandth with the largest errors. Each round renders a
 quarter of --spp and --spp itself, both engines in turn. The time of a sample follows from the two;
 so does the power of N with which noise falls, by which the samples for 1e-2 are reckoned: choose
---spp near them. What comes before the first sample is printed apart. "head" is Blender's Suzanne
-with three textures of Sponza, in place of a helmet.
+--spp near them. Scenes that are measured by default have sizes and samples of their own (SPEED):
+about 12 minutes for Sponza and 4 for the head on two cores with nothing else running. What comes
+before the first sample is printed apart. "head" is Blender's Suzanne with three textures of Sponza,
+in place of a helmet. Neither engine stops early where there is less noise. Heliograph's samples
+count for all pixels that the filter reaches, those of Cycles for one.
 """
 import argparse
 import json
@@ -330,6 +333,10 @@ def samples_to_target(options, pictures, reference):
     return alone[many], power, many * (alone[many] / TARGET) ** (1 / power)
 
 
+# Size, samples, samples of the reference: near those for 1e-2, and long enough to be timed.
+SPEED = {"sponza": ("320x180", 256, 1024), "head": ("1280x720", 32, 320)}
+
+
 def compare_speed(options, scene):
     many, few = options.spp, max(options.spp // 4, 1)
     path = lambda name: os.path.join(scene.folder, name + ".exr")
@@ -374,21 +381,36 @@ def parse():
     parser.add_argument("--helio", default=os.path.join(ROOT, "build/bin/helio"))
     parser.add_argument("--data", default=os.environ.get(
         "HELIO_TEST_DATA", os.path.join(ROOT, "../shared/data")))
-    parser.add_argument("--size", default="320x180")
+    parser.add_argument("--size")
     parser.add_argument("--spp", type=int, default=0)
     parser.add_argument("--regions", type=int, default=8)
-    parser.add_argument("--reference-spp", type=int, default=2048)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--reference-spp", type=int, default=0)
+    parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json")
     parser.add_argument("--keep")
     options = parser.parse_args()
     options.data = os.path.realpath(options.data)
-    options.spp = options.spp or (1024 if options.what == "means" else 64)
     for program in (options.helio, "blender"):
         if shutil.which(program) is None:
             fail(f"{program} is missing")
     return options
+
+
+def options_of(options, name):
+    """What is asked for, and for the rest what suits the scene."""
+    size, spp, reference = ("320x180", 1024, 0)
+    if options.what == "speed":
+        size, spp, reference = SPEED.get(name, ("320x180", 64, 1024))
+    own = argparse.Namespace(**vars(options))
+    own.size, own.spp = options.size or size, options.spp or spp
+    own.reference_spp = options.reference_spp or reference
+    return own
+
+
+def measure(options, name):
+    own = options_of(options, name)
+    return (compare_means if own.what == "means" else compare_speed)(own, Scene(name, own))
 
 
 def main():
@@ -396,10 +418,9 @@ def main():
     own = options.keep is None
     options.keep = options.keep or tempfile.mkdtemp()
     os.makedirs(options.keep, exist_ok=True)
-    run = compare_means if options.what == "means" else compare_speed
     names = options.scene or (list(SCENES) if options.what == "means" else ["sponza", "head"])
     try:
-        results = {name: run(options, Scene(name, options)) for name in names}
+        results = {name: measure(options, name) for name in names}
     finally:
         if own:
             shutil.rmtree(options.keep)
