@@ -12,7 +12,7 @@
 #include "base/sha256.h"
 #include "client/cli/render.h"
 
-enum { VERSION = 2, HEADER_BYTES = 4 + 4 + 4 + 32 + 32 + 4 + 8, PART_BYTES = 64 << 20 };
+enum { VERSION = 2, HEADER_BYTES = 4 + 4 + 4 + 32 + 32 + 4 + 8, PART_BYTES = 256 << 10 };
 
 #define DATA_LIMIT_BYTES (UINT64_C(16) << 30)
 

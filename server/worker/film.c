@@ -14,7 +14,7 @@
 
 enum {
     ANSWER_LIMIT_BYTES = 320 << 20,
-    PART_BYTES = 64 << 20, // of what is sent in parts
+    PART_BYTES = 256 << 10, // of what is sent in parts
 };
 
 // ---- planes ------------------------------------------------------------------------------------
