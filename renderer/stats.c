@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/spill.h"
 #include "renderer/bench/bench.h"
 #include "renderer/frame/path.h"
 #include "renderer/internal.h"
@@ -33,8 +34,13 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
         ",\"used_bytes\":%llu,\"reserved_bytes\":%llu,\"peak_bytes\":%llu,\"pipelines\":%u}",
         (unsigned long long)memory.used_bytes, (unsigned long long)memory.reserved_bytes,
         (unsigned long long)memory.peak_bytes, hg_gpu_pipeline_count(renderer->gpu));
-    hg_json_put(
-        w, ",\"process\":{\"peak_rss_bytes\":%llu}", (unsigned long long)hg_bench_peak_rss_bytes());
+    struct hg_spill_stats spill;
+    hg_spill_stats(&spill);
+    hg_json_put(w,
+        ",\"process\":{\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,"
+        "\"spill_refused_bytes\":%llu}",
+        (unsigned long long)hg_bench_peak_rss_bytes(), (unsigned long long)spill.bytes,
+        (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
 }
 
 static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)

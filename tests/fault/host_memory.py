@@ -46,6 +46,7 @@ set mode path
 frame {out}/path.png
 camera fit
 wait settled
+expect stat process.spill_refused_bytes {refused}
 """
 
 
@@ -169,12 +170,12 @@ class Test:
             raise Failure(f"exit code {child.returncode}\n{out}{err}")
         return err
 
-    def walk(self, path, out, **more):
+    def walk(self, path, out, refused="== 0", **more):
         """Everything a viewer does; pictures go to `out`. Peaks in MiB and what was said."""
         os.makedirs(out, exist_ok=True)
         script = f"{out}/script"
         with open(script, "w") as f:
-            f.write(SCRIPT.format(scene=path, out=out))
+            f.write(SCRIPT.format(scene=path, out=out, refused=refused))
         child = self.start("run", script, *self.options(), **more)
         watch = Watch(child)
         try:
@@ -232,7 +233,7 @@ class Test:
         os.makedirs(self.cache)
         with open(f"{self.cache}/store", "w") as f:
             f.write("not a folder")
-        _, err = self.walk(self.few, bad)
+        _, err = self.walk(self.few, bad, "> 0")
         if "stay in memory" not in err:
             raise Failure(f"nothing is said of a file in the folder's place:\n{err}")
         self.same(good, bad)
@@ -250,7 +251,7 @@ class Test:
             env = {**os.environ, "LD_PRELOAD": f"{self.bin}/../tests/libfull_disk.so",
                    "ASAN_OPTIONS": asan, "HELIO_FULL_DIR": f"{self.cache}/store",
                    "HELIO_FULL_BYTES": str(room)}
-            _, err = self.walk(self.few, bad, env=env)
+            _, err = self.walk(self.few, bad, "> 0", env=env)
             if "No space left" not in err or "stay in memory" not in err:
                 raise Failure(f"nothing is said of a full disk ({room} bytes):\n{err}")
             self.same(good, bad)

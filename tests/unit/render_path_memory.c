@@ -10,6 +10,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "base/spill.h"
 #include "renderer/bench/bench.h"
 #include "renderer/bench/mesh.h"
 #include "renderer/frame/path_state.h"
@@ -205,12 +206,16 @@ static void test_memory(void **state)
 static int setup(void **state)
 {
     (void)state;
-    return test_folder_make(cache_dir, "path-memory") ? 0 : -1;
+    if (!test_folder_make(cache_dir, "path-memory"))
+        return -1;
+    hg_spill_set_folder(cache_dir);
+    return 0;
 }
 
 static int teardown(void **state)
 {
     (void)state;
+    hg_spill_set_folder(NULL);
     return test_folder_remove(cache_dir) ? 0 : -1;
 }
 
