@@ -20,7 +20,7 @@
 
 #define HG_SPILL_FROM_BYTES    ((size_t)256 << 10) // smaller arrays are in memory
 #define HG_SPILL_SCRATCH_BYTES ((size_t)4 << 20)   // the same for scratch
-#define HG_SPILL_WINDOW_BYTES  ((size_t)64 << 20)
+#define HG_SPILL_WINDOW_BYTES  ((size_t)128 << 20)
 #define HG_SPILL_SPARE_BYTES   ((uint64_t)64 << 20) // of the disk, left for others
 
 // The folder of this process's files, from now on; made when it is missing. NULL: no files. A file
