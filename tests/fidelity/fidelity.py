@@ -13,8 +13,8 @@ must pass, and explanations.txt must explain exactly the others, one line each.
 
 --path-spp N: samples of path mode; 0, the default, chooses 4 or more for each scenario, so that noise
 lies some 3 dB below the distance that decides (a full frame at 16 samples is about -31 dB off).
---path-most N: no scenario gets more (64). --path-denoise: those that need more get the denoiser, which
-can only take them farther from a picture without noise than more samples would.
+--path-most N: no scenario gets more (64). --path-denoise: all get the denoiser, which can only take
+them farther from a picture without noise than more samples would.
 --path renders scenarios in path mode as well and ranks those pictures among the path tracers. A
 scenario passes there when at most one path tracer has a smaller median distance to the others of
 them than we have; at least 70 % must pass. With names in place of "all" each of them must, unless
@@ -178,9 +178,9 @@ class Harness:
                     spp = self.path_samples(name, goldens, size, peers)
                 if spp is None:
                     continue
-                most, denoise = self.options.path_most, False
-                if mode == "path" and spp > most:
-                    spp, denoise = most, self.options.path_denoise
+                denoise = mode == "path" and self.options.path_denoise
+                if mode == "path":
+                    spp = min(spp, self.options.path_most)
                 failure = self.render(scenario, mode, spp, first, denoise)
                 seconds = round(time.monotonic() - started, 2)
                 if failure:

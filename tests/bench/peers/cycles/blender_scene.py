@@ -4,7 +4,7 @@
 #
 # The job: scene (glTF file), environment (equirectangular file or null), environment_intensity,
 # eye, target (metres, y up), vfov_deg, width, height, bounces, materials (principled|diffuse),
-# blends (true: between texels),
+# blends (true: between texels), several (true: facets reflect more than once),
 # renders: [{samples, seed, out (EXR)}]. Prints one line "cycles: JSON" per render: seconds of the
 # whole render, writing the file included.
 import json
@@ -116,12 +116,21 @@ def filter_linearly(material):
             node.interpolation = "Closest"
 
 
-def set_materials(kind, blends):
+def reflect_again(material):
+    """Light that one facet sends to another is kept, as here."""
+    for node in material.node_tree.nodes:
+        if node.type == "BSDF_PRINCIPLED":
+            node.distribution = "MULTI_GGX"
+
+
+def set_materials(kind, blends, several):
     for material in bpy.data.materials:
         if not material.use_nodes:
             continue
         if not blends:
             filter_linearly(material)
+        if several:
+            reflect_again(material)
         if material.blend_method == "CLIP":
             cut_alpha(material)
         if kind == "diffuse":
@@ -164,7 +173,7 @@ def main():
         filepath=job["scene"], convert_lighting_mode="COMPAT")
     look(job)
     light(job)
-    set_materials(job.get("materials", "principled"), job.get("blends", True))
+    set_materials(job.get("materials", "principled"), job.get("blends", True), job.get("several", False))
     for item in bpy.data.objects:  # lifts rays off smooth meshes, which brightens them
         item.cycles.shadow_terminator_geometry_offset = 0
     settle(job)

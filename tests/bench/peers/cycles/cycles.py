@@ -10,13 +10,16 @@ Options: --helio PROGRAM, --data FOLDER (default $HELIO_TEST_DATA or ../shared/d
 
 Both engines read the same glTF file, the same environment, camera and bounces; no denoiser, no
 clamping, a Blackman-Harris filter of 3 pixels. Scenes called "diffuse" have Lambert's law on every
-surface, which both engines describe in the same way; in the others Cycles has its Principled BSDF, whose diffuse lobe
-is Disney's and which does not couple it to the highlight as glTF's BRDF does.
+surface, "metals" are of metal all over: both engines describe these in the same way. In the others
+Cycles has its Principled BSDF, whose diffuse lobe is Disney's and which does not couple it to the
+highlight as glTF's BRDF does.
 
-means: the picture is cut into --regions (8) in each direction; printed is how far the regions' means
-differ, leaving out regions darker than a hundredth of the picture's mean. Each engine draws four pictures of --spp / 4
-samples with seeds of their own: how these differ is the noise of their mean, printed as the median
-and the largest of one standard deviation of the difference. A region counts as different when it is
+means: all triangles are drawn (--error-px 0.01), as Cycles does, and facets of its Principled BSDF
+reflect more than once. The picture is cut into --regions (8) in each direction; printed is how far
+the regions' means differ, leaving out regions darker than a hundredth of the picture's mean. Each
+engine draws four pictures of --spp / 4 samples with seeds of their own: how these differ is the
+noise of their mean, printed as the median and the largest of one standard deviation of the
+difference. A region counts as different when it is
 off by more than 2 % and by more than three deviations of its own. speed: each engine is held against its
 own converged picture, so that only noise counts; relMSE = mean((x - r)^2 / (r^2 + (0.01 mean)^2))
 over pixels and channels, without the thousandth with the largest errors. Each round renders a
@@ -56,6 +59,8 @@ SCENES = {
                        "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
     "sponza-flat": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True, "diffuse": True,
                     "flat": True, "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
+    "sponza-smooth": {"file": "scenes/Sponza/glTF/Sponza.gltf", "sun": True, "diffuse": True,
+                      "unmapped": True, "env": "hdr/royal_esplanade_1k.hdr", **NAVE},
     "duck": {"file": "khronos/Duck/glTF/Duck.gltf", "fit": True,
              "env": "hdr/royal_esplanade_1k.hdr"},
     "cornell-diffuse": {"file": "extra-gltf/bevy-CornellBox/CornellBox.glb", "diffuse": True,
@@ -68,6 +73,9 @@ SCENES = {
              "wear": ("scenes/Sponza/glTF/Sponza.gltf", 5), "env": "hdr/royal_esplanade_1k.hdr"},
     "man-diffuse": {"file": "khronos/CesiumMan/glTF-Binary/CesiumMan.glb", "diffuse": True, "fit": True,
                     "env": "hdr/royal_esplanade_1k.hdr"},
+    "metals": {"file": "khronos/MetalRoughSpheresNoTextures/glTF-Binary/"
+                       "MetalRoughSpheresNoTextures.glb", "metal": True, "fit": True,
+               "env": "hdr/royal_esplanade_1k.hdr"},
     "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF-Binary/"
                             "MetalRoughSpheresNoTextures.glb", "fit": True,
                     "env": "hdr/royal_esplanade_1k.hdr"},
@@ -114,6 +122,12 @@ def make_lambert(gltf):
         material["extensions"] = kept
     used = set(gltf.get("extensionsUsed", [])) | {"KHR_materials_specular"}
     gltf["extensionsUsed"] = sorted(used)
+
+
+def make_metal(gltf):
+    """All of metal, colours and roughness as they are."""
+    for material in gltf.get("materials", []):
+        material.setdefault("pbrMetallicRoughness", {})["metallicFactor"] = 1.0
 
 
 def wear(gltf, source, number, folder):
@@ -181,6 +195,11 @@ def make_scene(spec, data, folder):
         add_sun(gltf)
     if spec.get("diffuse"):
         make_lambert(gltf)
+    if spec.get("metal"):
+        make_metal(gltf)
+    if spec.get("unmapped"):
+        for material in gltf.get("materials", []):
+            material.pop("normalTexture", None)
     if spec.get("flat"):
         make_flat(gltf)
     out = os.path.join(folder, "peer-scene.gltf")
@@ -225,6 +244,7 @@ def render_ours(options, scene, samples, seed, out):
                "--size", options.size, "--eye=" + comma(scene.camera["eye"]),
                "--target=" + comma(scene.camera["target"]), "--fov", str(scene.camera["vfov_deg"]),
                "--env", scene.env or "none", "--progress", "none", "--log", "error", *scene.roots]
+    command += ["--error-px", "0.01"] if options.what == "means" else []
     environment = dict(os.environ, HELIO_THREADS=str(options.threads))
     start = time.monotonic()
     subprocess.run(command, check=True, env=environment, stderr=subprocess.DEVNULL)
@@ -236,7 +256,7 @@ def render_cycles(options, scene, renders):
     width, height = (int(v) for v in options.size.split("x"))
     job = {"scene": scene.file, "environment": scene.env, "width": width, "height": height,
            "bounces": BOUNCES, "threads": options.threads, "materials": scene.materials,
-           "blends": options.what != "means",
+           "blends": options.what != "means", "several": options.what == "means",
            "renders": [dict(zip(("samples", "seed", "out"), r)) for r in renders], **scene.camera}
     file = os.path.join(scene.folder, "job.json")
     with open(file, "w", encoding="utf8") as f:
