@@ -174,6 +174,7 @@ struct sync {
     uint32_t bit_count;
     uint64_t written, triangles, used_bytes;
     uint32_t uploads;
+    bool looks; // at arrays of meshes, which may be spilled
 };
 
 static enum hg_status out_of_memory(struct hg_error *err)
@@ -231,6 +232,9 @@ static enum hg_status collect_meshes(struct sync *s, struct hg_error *err)
             *entry = *old;
             entry->is_new = false;
         } else {
+            if (!s->looks)
+                hg_spill_begin();
+            s->looks = true;
             const enum hg_status status = hg_mesh_entry_init(entry, mesh, &limits, err);
             if (status != HG_OK)
                 return status;
@@ -735,7 +739,6 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     if (signature == g->signature)
         return HG_OK;
     struct sync s = {.g = g, .scene = scene, .textures = textures};
-    hg_spill_begin();
     const enum hg_status status = sync_changed(&s, err);
     if (status == HG_OK) {
         const uint64_t casters = caster_signature(g, shape, material);
@@ -745,7 +748,8 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
         g->revision++;
         hg_baked_queue(g, g->meshes, g->mesh_count);
     }
-    hg_spill_end();
+    if (s.looks)
+        hg_spill_end();
     hg_free(s.meshes);
     hg_free(s.deforms);
     hg_free(s.materials);

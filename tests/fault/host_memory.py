@@ -26,7 +26,7 @@ BUDGET = 64  # MiB, of textures, geometry and the host each; as much as of geome
 # MiB that MANY may take beside FEW: the window of pages in use, what is touched between two looks at
 # them, tables of clusters and the coarsest level of each part.
 MORE = 160
-BESIDE = 576  # MiB beside all budgets, see docs/internals/store.md
+BESIDE = 768  # MiB beside all budgets: a realtime and a path-traced view and what compiles their shaders
 PATIENCE_S = 240
 SCRIPT = """load {scene}
 set size 320x180
