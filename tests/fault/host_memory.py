@@ -20,13 +20,13 @@ import threading
 import time
 
 CELLS = 256  # per side of a part: 131,072 triangles
-FEW, MANY = 6, 96  # parts; 22 and 353 MiB of source arrays
+FEW, MANY = 6, 96  # parts; 21 and 337 MiB of source arrays
 PART_BYTES = (CELLS + 1) ** 2 * 32 + CELLS * CELLS * 24
 BUDGET = 64  # MiB, of textures, geometry and the host each; as much as of geometry for ray structures
 # MiB that MANY may take beside FEW: the window of pages in use, what is touched between two looks at
 # them, tables of clusters and the coarsest level of each part.
 MORE = 160
-BESIDE = 768  # MiB beside all budgets: a realtime and a path-traced view and what compiles their shaders
+BESIDE = 896  # MiB beside all budgets: a realtime and a path-traced view and what compiles their shaders
 PATIENCE_S = 240
 SCRIPT = """load {scene}
 set size 320x180
