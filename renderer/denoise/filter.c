@@ -3,6 +3,7 @@
 #include <stdatomic.h>
 
 #include "base/alloc.h"
+#include "base/wide.h"
 #include "renderer/denoise/internal.h"
 
 enum {
@@ -39,14 +40,6 @@ struct work {
     atomic_bool failed;
 };
 
-// Eight at a time where the processor can; without fused operations the results are the same. Not
-// with sanitizers, which are not ready yet when the choice is made.
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&                \
-    !defined(__SANITIZE_THREAD__)
-#define WIDE_LOOP __attribute__((target_clones("avx2", "default")))
-#else
-#define WIDE_LOOP
-#endif
 // What a loop writes is not what it reads.
 #ifdef __clang__
 #define APART _Pragma("clang loop vectorize(assume_safety)")
@@ -66,7 +59,7 @@ static inline float falloff(float x)
 // --- patches -------------------------------------------------------------------------------------
 
 // Squared differences of two pixels less what noise explains, in units of noise.
-WIDE_LOOP static void pixel_distances(
+HG_WIDE_LOOP static void pixel_distances(
     const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
     const int patch = w->f->patch;
@@ -87,7 +80,7 @@ WIDE_LOOP static void pixel_distances(
 }
 
 // Means over patches, in place: the result of pixel (x, y) of the tile lies there.
-WIDE_LOOP static void patch_distances(const struct work *w, struct tile *t, int set)
+HG_WIDE_LOOP static void patch_distances(const struct work *w, struct tile *t, int set)
 {
     const int patch = w->f->patch, side = 2 * patch + 1;
     const float scale = 1.0f / (float)(side * side);
@@ -127,7 +120,7 @@ static inline float most(float a, float b)
     return a > b ? a : b;
 }
 
-WIDE_LOOP static void feature_weights(
+HG_WIDE_LOOP static void feature_weights(
     const struct hg_dn_planes *p, struct tile *t, size_t at, int dx, int dy)
 {
     const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
@@ -168,7 +161,7 @@ WIDE_LOOP static void feature_weights(
 // --- sums ----------------------------------------------------------------------------------------
 
 // One more neighbour of each pixel. Light of one half counts by what the other half looks like.
-WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
+HG_WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
     const struct hg_dn_planes *p = w->p;
     const struct hg_dn_light *light = &p->light[set / 2][set % 2];

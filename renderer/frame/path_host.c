@@ -3,18 +3,12 @@
 #include <string.h>
 
 #include "base/jobs.h"
+#include "base/wide.h"
 #include "renderer/frame/path_state.h"
 
 #define SIDE HG_PATH_TILE_SIDE
 #define TAPS 9
 #define OWN  4 // of the nine
-// As in denoise/filter.c; without fused operations the results are the same.
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&                \
-    !defined(__SANITIZE_THREAD__)
-#define WIDE_LOOP __attribute__((target_clones("avx2", "default")))
-#else
-#define WIDE_LOOP
-#endif
 
 struct work {
     struct hg_path *path;
@@ -138,7 +132,7 @@ static float taken(const struct tile *t, uint32_t word, uint32_t x, uint32_t y, 
     return sum;
 }
 
-WIDE_LOOP static void blend_row(
+HG_WIDE_LOOP static void blend_row(
     const float *const rows[3], const float w[TAPS], float out[restrict SIDE])
 {
     for (uint32_t x = 0; x < SIDE; x++) {

@@ -26,7 +26,7 @@ over pixels and channels, without the thousandth with the largest errors. Each r
 quarter of --spp and --spp itself, both engines in turn. The time of a sample follows from the two;
 so does the power of N with which noise falls, by which the samples for 1e-2 are reckoned: choose
 --spp near them. Scenes that are measured by default have sizes and samples of their own (SPEED):
-about 12 minutes for Sponza and 4 for the head on two cores with nothing else running. What comes
+about 17 minutes for Sponza and 5 for the head on two cores with nothing else running. What comes
 before the first sample is printed apart. "head" is Blender's Suzanne with three textures of Sponza,
 in place of a helmet. Neither engine stops early where there is less noise. Heliograph's samples
 count for all pixels that the filter reaches, those of Cycles for one.
