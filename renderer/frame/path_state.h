@@ -20,6 +20,7 @@ enum hg_path_phase {      // what the next piece of work does
     HG_PATH_PHASE_SHADE,  // looks at what they found
     HG_PATH_PHASE_SHADOW, // follows rays to lights
     HG_PATH_PHASE_HOLES,  // further behind surfaces with holes
+    HG_PATH_PHASE_BRANCH, // begins another branch at what the camera sees
     HG_PATH_PHASE_FILM,   // adds what they brought
 };
 
@@ -55,16 +56,17 @@ struct hg_path {
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
     uint32_t sampled_channels; // those that each sample brings; sums over halves follow
-    double origin[3]; // scene space, metres: what positions in the film are relative to
+    double origin[3];          // scene space, metres: what positions in the film are relative to
     struct hg_gpu_buffer film, film_read;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
     struct hg_gpu_buffer ring;    // samples of the pass that wait for their neighbours
-    struct hg_gpu_buffer traced;  // [tile_count] words: samples of each tile that were in it, mapped
-    uint32_t ring_rows;           // of tiles that it holds
-    bool splats;                  // samples count for neighbouring pixels, too
-    uint8_t *done;                // [tile_count] by its noise
-    float *errors;                // [tile_count]
+    struct hg_gpu_buffer traced; // [tile_count] words: samples of each tile that were in it, mapped
+    uint32_t ring_rows;          // of tiles that it holds
+    bool splats;                 // samples count for neighbouring pixels, too
+    uint8_t *done;               // [tile_count] by its noise
+    float *errors;               // [tile_count]
     float noise;
+    uint32_t branch_bits;          // each surface that the camera sees gets 2^n paths for a sample
     uint32_t pass;                 // samples of the tiles that this pass has finished, less one
     uint32_t next_tile;            // of the pass
     uint32_t next_row;             // of tiles: the first one whose samples the film does not have
@@ -84,6 +86,8 @@ struct hg_path {
     uint32_t wave_tiles, slots;
     enum hg_path_phase phase;
     struct hg_path_list live, waiting, shadows, suns; // suns: paths whose second ray comes next
+    struct hg_path_list seen; // whose camera rays have met something, when there are branches
+    uint32_t branch;
     uint32_t missed;    // the first of `waiting` have rays that left the scene
     bool sees_hits;     // the host does
     uint32_t may;       // HG_PATH_PLANES, HG_EMITTER_KIND_*
@@ -108,6 +112,13 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
 // The block, when what it leads to may lie elsewhere while a wave is under way.
 void hg_path_wave_fill(struct hg_view_state *view);
 
+// How many bits numbers of samples have.
+uint32_t hg_path_sample_bits(uint32_t samples);
+
+// path_branch.c: chooses branch_bits, when rays can be traced and options are known.
+enum hg_status hg_path_branch_choose(
+    struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+
 // path_save.c: what was loaded takes the place of the empty film of a picture that was just begun.
 enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
@@ -120,7 +131,8 @@ enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *er
 void hg_path_time_destroy(struct hg_path *path);
 
 // path_denoise.c: another picture begins.
-enum hg_status hg_path_denoise_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_path_denoise_begin(
+    struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // What the film holds, without noise, to p->denoised.
 bool hg_path_denoise_due(const struct hg_path *path);
 enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;

@@ -51,7 +51,7 @@ void hg_path_wave_destroy(struct hg_path *p)
     struct hg_gpu *gpu = p->context->gpu;
     struct hg_gpu_buffer *all[] = {&p->rays, &p->shadow_rays, &p->hits, &p->shadow_hits,
         &p->blocked, &p->status, &p->state, &p->tiles, &p->tile_samples, &p->block_buffer,
-        &p->live.buffer, &p->waiting.buffer, &p->shadows.buffer, &p->suns.buffer};
+        &p->live.buffer, &p->waiting.buffer, &p->shadows.buffer, &p->suns.buffer, &p->seen.buffer};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         hg_gpu_buffer_destroy(gpu, all[i]);
 }
@@ -80,6 +80,7 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
         {&p->waiting.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "waiting paths"},
         {&p->shadows.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "shadow paths"},
         {&p->suns.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "sun paths"},
+        {&p->seen.buffer, n * 4, HG_GPU_BUFFER_UPLOAD, "seen paths"},
         {&p->tiles, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave tiles"},
         {&p->tile_samples, HG_PATH_WAVE_TILES * 4, HG_GPU_BUFFER_UPLOAD, "wave samples"},
         {&p->block_buffer, (2 * sizeof p->block + 255) / 256 * 256, HG_GPU_BUFFER_UPLOAD, "path"}};
@@ -112,7 +113,7 @@ static void fill_lens(const struct hg_view_state *view, struct hg_gpu_path *bloc
     block->focus_distance = distance > 1e-6 ? (float)distance : 1e-6f;
 }
 
-static uint32_t sample_bits(uint32_t samples)
+uint32_t hg_path_sample_bits(uint32_t samples)
 {
     uint32_t bits = 0;
     while (bits < 16 && (1u << bits) < samples)
@@ -161,7 +162,8 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .split = HG_PATH_WORDS + p->sampled_channels - 1,
         .capacity = HG_PATH_WAVE_PX,
         .channels = p->sampled_channels,
-        .sample_bits = sample_bits(view->settings.samples),
+        .sample_bits = hg_path_sample_bits(view->settings.samples),
+        .branch_bits = p->branch_bits,
         .max_bounces = s->max_bounces,
         .clamp_indirect = s->clamp_indirect,
         .holes = p->holes,
@@ -205,7 +207,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     const struct hg_gpu_uniform block = {p->block_buffer.address, p->block_buffer.size_bytes};
     const struct hg_gpu_path_push push = {
-        list->buffer.address + (uint64_t)first * 4, count, 0, p->second, 0};
+        list->buffer.address + (uint64_t)first * 4, count, 0, p->second, p->branch};
     if (view->stream.on)
         hg_page_cache_begin(pages_of(view), cmd);
     const bool shades =
@@ -243,8 +245,8 @@ enum hg_status hg_path_wave_begin(struct hg_view_state *view, struct hg_error *e
     for (uint32_t i = 0; i < p->slots; i++)
         list[i] = i;
     p->live.count = p->slots;
-    p->waiting.count = p->shadows.count = p->suns.count = p->second = p->bounce = p->fruitless =
-        p->missed = 0;
+    p->waiting.count = p->shadows.count = p->suns.count = p->seen.count = p->second = p->bounce =
+        p->branch = p->fruitless = p->missed = 0;
     p->part = HG_PATH_WAVE_PX;
     p->wait_pages = false;
     hg_path_wave_fill(view);
@@ -313,6 +315,14 @@ static uint32_t sort_hits(
     return missed;
 }
 
+// Slots whose surfaces get further branches; all where the host does not see what was hit.
+static void note_seen(struct hg_path *p)
+{
+    p->seen.count = p->waiting.count - p->missed;
+    memcpy(p->seen.buffer.mapped, (const uint32_t *)p->waiting.buffer.mapped + p->missed,
+        (size_t)p->seen.count * 4);
+}
+
 static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
@@ -331,6 +341,8 @@ static enum hg_status trace(struct hg_view_state *view, struct hg_error *err)
         p->missed = sort_hits(&p->hits, &p->live, &p->waiting);
     else
         copy(&p->live, &p->waiting);
+    if (p->branch_bits > 0 && p->bounce == 0 && p->branch == 0)
+        note_seen(p);
     p->part = p->live.count;
     p->phase = HG_PATH_PHASE_SHADE;
     lap_stop(&lap, p, HG_PATH_PIECE_LISTS, p->live.count);
@@ -377,7 +389,10 @@ static enum hg_path_phase after_light(struct hg_path *p)
         p->second = 1;
         return HG_PATH_PHASE_SHADOW;
     }
-    return p->live.count > 0 ? HG_PATH_PHASE_TRACE : HG_PATH_PHASE_FILM;
+    if (p->live.count > 0)
+        return HG_PATH_PHASE_TRACE;
+    const bool more = p->seen.count > 0 && p->branch + 1 < 1u << p->branch_bits;
+    return more ? HG_PATH_PHASE_BRANCH : HG_PATH_PHASE_FILM;
 }
 
 // The first `count` of those that wait, in two kernels where it is known what their rays found.
@@ -506,6 +521,22 @@ static enum hg_status holes(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
+// The same camera rays once more, of the slots that have met something.
+static enum hg_status branch(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct lap lap = lap_start();
+    struct hg_page_demand demand;
+    p->branch++;
+    p->second = p->bounce = 0;
+    copy(&p->seen, &p->live);
+    const enum hg_status status =
+        run(view, HG_PATH_BEGIN, &p->live, 0, p->live.count, &demand, err);
+    lap_stop(&lap, p, HG_PATH_PIECE_BEGIN, p->live.count);
+    p->phase = HG_PATH_PHASE_TRACE;
+    return status;
+}
+
 // Samples of some tiles, which all lie in the ring with those around, to the film.
 static enum hg_status add_tiles(
     struct hg_view_state *view, uint32_t *at, uint32_t end, struct hg_error *err)
@@ -586,6 +617,8 @@ enum hg_status hg_path_advance(struct hg_view_state *view, bool *over, struct hg
         return shadow(view, err);
     case HG_PATH_PHASE_HOLES:
         return holes(view, err);
+    case HG_PATH_PHASE_BRANCH:
+        return branch(view, err);
     case HG_PATH_PHASE_FILM:
     case HG_PATH_PHASE_NONE:
         break;

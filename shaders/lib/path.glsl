@@ -83,9 +83,27 @@ uint hg_path_sample(uint slot)
 #define HG_PATH_STEP_PAIRS   4u
 #define HG_PATH_TIME_PAIR    0xfff0u // one of its own, so that the others do not depend on it
 
+// Of the camera.
 hg_sampler hg_path_sampler(uvec2 pixel, uint number)
 {
     return hg_sampler_make(pixel, number, hg_path.sample_bits, hg_frame.seed);
+}
+
+// Among all paths of a pixel.
+uint hg_path_number(uint slot)
+{
+    return (hg_path_sample(slot) << hg_path.branch_bits) | push.branch;
+}
+
+// Of a path, by its number.
+hg_sampler hg_path_step_sampler(uvec2 pixel, uint number)
+{
+    return hg_sampler_make(pixel, number, hg_path.sample_bits + hg_path.branch_bits, hg_frame.seed);
+}
+
+float hg_path_branches()
+{
+    return float(1u << hg_path.branch_bits);
 }
 
 // Channel of a plane in the words of a path that the film adds up; the film's squares have none.

@@ -91,6 +91,6 @@ void main()
 
     // The rest of the state is known to HG_PATH_FIRST.
     hg_path_set(HG_PATH_CONE, slot, hg_path_pack_cone(width, spread));
-    for (uint k = 0u; k < hg_path.channels - 1u; k++) // squares are not among them
+    for (uint k = 0u; push.branch == 0u && k < hg_path.channels - 1u; k++) // squares are not among them
         hg_path_set(HG_PATH_OUT + k, slot, 0.0);
 }

@@ -94,8 +94,8 @@ float weight_found(path p, float other)
 vec3 clamped(vec3 radiance, uint bounce)
 {
     float most = max(radiance.r, max(radiance.g, radiance.b));
-    bool above = hg_path.clamp_indirect > 0.0 && bounce > 1u && most > hg_path.clamp_indirect;
-    return hg_path_finite(above ? radiance * (hg_path.clamp_indirect / most) : radiance);
+    bool above = hg_path.clamp_indirect > 0.0 && bounce > 1u && most > hg_path.clamp_indirect / hg_path_branches();
+    return hg_path_finite(above ? radiance * (hg_path.clamp_indirect / (hg_path_branches() * most)) : radiance);
 }
 
 // Where a point of a triangle is at one of the block's moments; w = 1.
@@ -173,9 +173,9 @@ uint miss(path p)
         return HG_PATH_WAITS;
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
-    if (p.bounce == 0u)
+    if (p.bounce == 0u && push.branch == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
-    if (HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
+    if (push.branch == 0u && HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
         (p.flags & HG_PATH_SEEN) == 0u) {
         vec4 far = vec4(p.ray.direction_ws, 0.0);
         put_motion(p.slot, far, far, far);
@@ -183,9 +183,11 @@ uint miss(path p)
     return HG_PATH_DONE;
 }
 
-// What the camera sees first.
+// What the camera sees first; the first branch tells.
 void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 {
+    if (push.branch != 0u)
+        return;
     hg_path_set(HG_PATH_OUT + 3u, p.slot, 1.0);
     hg_path_put3(HG_PATH_PLANE_ALBEDO, p.slot, s.base_color);
     hg_path_put3(HG_PATH_PLANE_NORMAL, p.slot, s.normal);
@@ -292,7 +294,7 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     bool on = r.pdf > 0.0 && (through ? side < 0.0 : side > 0.0);
     p.throughput = hg_path_finite(p.throughput * r.weight);
     float most = max(p.throughput.r, max(p.throughput.g, p.throughput.b));
-    float chance = p.bounce >= ROULETTE_AFTER ? clamp(most, ROULETTE_LEAST, 1.0) : 1.0;
+    float chance = p.bounce >= ROULETTE_AFTER ? clamp(most * hg_path_branches(), ROULETTE_LEAST, 1.0) : 1.0;
     on = on && most > 0.0 && survive < chance;
     p.throughput /= chance;
     p.pdf = (r.lobe & HG_LOBE_DELTA) != 0u ? 0.0 : r.pdf;
@@ -384,7 +386,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
     float width = cone.x + cone.y * hit.t;
-    uint number = hg_path_sample(p.slot);
+    uint number = hg_path_number(p.slot);
     hg_vertex v = hg_fetch_hit(hit, p.ray.direction_ws, width);
     hg_surface s = hg_material_evaluate(v);
     s.normal -= s.geometric_normal * (2.0 * min(dot(s.normal, s.geometric_normal), 0.0));
@@ -394,7 +396,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
             hg_path_valid_normal(s.clearcoat_normal, s.geometric_normal, -p.ray.direction_ws);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
-    hg_sampler points = hg_path_sampler(pixel, number);
+    hg_sampler points = hg_path_step_sampler(pixel, number);
     points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
     vec4 ua = hg_sobol4(points), ub = hg_sobol4(points);
 
@@ -446,7 +448,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     disperse(p, s, pixel, number);
     float outside = hg_media_outside(p.media, v.material, s.front);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
-    if (p.bounce == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
+    if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
     uint status = HG_PATH_DONE;
     if (ask_light(p, b, v, s, light, false))
@@ -499,12 +501,20 @@ void main()
     p.ray = hg_path.rays.v[p.slot];
     hg_path_time = p.ray.time;
     hg_gpu_hit hit = hg_path.hits.v[p.slot];
+    bool none = kind == 1u || (kind == 0u && hit.draw == HG_HIT_NONE), over = false;
+    if (HG_PATH_CAN(HG_PATH_FIRST)) {
+        // Only what is met is shaded several times; where the host knows, other slots do not come.
+        over = kind == 0u && none && push.branch != 0u;
+        p.throughput = vec3(none && push.branch == 0u ? 1.0 : 1.0 / hg_path_branches());
+    }
 
     uint status;
-    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(p.slot) * 1024u + p.steps +
+    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_number(p.slot) * 1024u + p.steps +
         hg_frame.seed * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
-    if (kind == 1u || (kind == 0u && hit.draw == HG_HIT_NONE))
+    if (over)
+        status = HG_PATH_DONE;
+    else if (none)
         status = miss(p);
     else
         status = surface(p, hit, pixel);

@@ -29,7 +29,7 @@ float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, slot));
     uvec2 pixel = hg_path_pixel(slot);
     uint steps = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot)) & HG_PATH_STEPS_MASK;
-    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_sample(slot) * 1024u + steps +
+    uvec3 bits = hg_hash3(uvec3(pixel, hg_path_number(slot) * 1024u + steps +
         (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u) * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
     hg_path_time = ray.time;

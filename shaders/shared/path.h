@@ -195,6 +195,7 @@ struct hg_gpu_path {
     HG_UINT estimators; // HG_PATH_USE_*
     HG_UINT split;      // first word of HG_PATH_SPLIT_*
     HG_UINT columns, ring_rows; // of tiles
+    HG_UINT branch_bits; // each surface that the camera sees gets 2^n paths for a sample
     // HG_PATH_SPLATS: where in its pixel each sample of the pass is, px from the middle, and how much
     // of the sample to the left, of its own, to the right (above, ...) a pixel takes.
     HG_VEC3 splat_x, splat_y;
@@ -211,7 +212,7 @@ struct hg_gpu_path_push {
     HG_UINT count;
     HG_UINT block; // 0: see lib/path.glsl
     HG_UINT second; // 1: of rays to lights, those to directional ones
-    HG_UINT reserved;
+    HG_UINT branch; // of what the camera sees
 };
 
 // The shadow table has the binding of the path block: paths use no shadow maps.

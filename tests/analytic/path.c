@@ -249,9 +249,8 @@ static void test_slabs(void **state)
 }
 
 // Saved in the middle and gone on with in another view: the same bits.
-static void test_resume(void **state)
+static void check_resume(struct rig *rig)
 {
-    struct rig *rig = *state;
     static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
     struct hg_error err = {0};
     struct hg_refbuf *saved, *whole, *resumed;
@@ -286,6 +285,15 @@ static void test_resume(void **state)
     hg_refbuf_unref(saved);
     hg_refbuf_unref(whole);
     hg_refbuf_unref(resumed);
+}
+
+static void test_resume(void **state)
+{
+    struct rig *rig = *state;
+    check_resume(rig);
+    rig->renderer->context.branches = 2;
+    check_resume(rig);
+    rig->renderer->context.branches = 0;
 }
 
 int main(void)

@@ -214,9 +214,8 @@ static void test_neighbours(void **state)
 
 // All backends follow the same paths; rounding at edges makes a few others. Ray queries where the
 // device has them.
-static void test_backends(void **state)
+static void compare_backends(struct rig *rig)
 {
-    struct rig *rig = *state;
     struct hg_refbuf *first = room_traced(rig, HG_VIEW_TRACE_EMBREE);
     const float *a = (const float *)(const void *)first->data;
     const bool queries = hg_gpu_get_caps(rig->renderer->context.gpu)->ray_query;
@@ -237,10 +236,52 @@ static void test_backends(void **state)
     hg_refbuf_unref(first);
 }
 
+static void test_backends(void **state)
+{
+    struct rig *rig = *state;
+    compare_backends(rig);
+    rig->renderer->context.branches = 4;
+    compare_backends(rig);
+    rig->renderer->context.branches = 0;
+}
+
+static struct hg_refbuf *room_branched(
+    struct rig *rig, uint32_t branches, uint32_t samples, uint32_t seed)
+{
+    struct hg_view_params params = defaults;
+    params.samples = samples;
+    params.seed = seed;
+    rig->renderer->context.branches = branches;
+    struct hg_view *view = path_rig_view(rig, &params);
+    path_rig_look(view, room_eye, room_target, 0.8f);
+    path_rig_settle(view);
+    struct hg_refbuf *color = pixels_of(view);
+    hg_view_destroy(view);
+    rig->renderer->context.branches = 0;
+    return color;
+}
+
+// Eight paths from what each camera ray meets in place of one: the same picture with less noise; at
+// 48x48 px edges hold most of what is left.
+static void test_branches(void **state)
+{
+    struct rig *rig = *state;
+    path_rig_room(rig);
+    struct hg_refbuf *one = room_branched(rig, 1, 8, 3), *eight = room_branched(rig, 8, 8, 4);
+    struct hg_refbuf *many = room_branched(rig, 1, 512, 5);
+    const double alone = difference(many, one), together = difference(many, eight);
+    print_message("one path %.4f, eight %.4f\n", alone, together);
+    assert_true(together * together < 0.45 * alone * alone);
+    assert_true(fabs(mean_of(eight) / mean_of(many) - 1.0) < 0.01);
+    hg_refbuf_unref(one);
+    hg_refbuf_unref(eight);
+    hg_refbuf_unref(many);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
         cmocka_unit_test(test_lens), cmocka_unit_test(test_neighbours),
-        cmocka_unit_test(test_backends)};
+        cmocka_unit_test(test_backends), cmocka_unit_test(test_branches)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
