@@ -162,6 +162,8 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
         status = hg_path_film_create(p, &view->settings, err);
     if (status == HG_OK)
         status = hg_path_wave_create(p, err);
+    if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0)
+        status = open_shutter(view, err);
     if (status == HG_OK)
         status = hg_path_branch_choose(view, err);
     if (status != HG_OK)

@@ -6,8 +6,8 @@
 // With r the time of a camera ray over that of a path and h the share of camera rays that meet
 // something, a sample of b branches takes r + h b, and its error falls to 1 / b until that of edges
 // and textures shows. So b h is bounded: more would gain little, and a pass should not take much
-// longer for it. h is counted by a grid of rays, so it depends on scene and camera alone, and a
-// picture that is gone on with has the same.
+// longer for it. h is counted by a grid of rays (with a shutter in the first part of its time), so
+// it depends on scene and camera alone, and a picture that is gone on with has the same.
 #include <math.h>
 
 #include "renderer/frame/path_state.h"
@@ -45,6 +45,7 @@ static struct hg_gpu_ray ray_at(const struct hg_gpu_camera *c, float x, float y)
         .direction_ws = vec3_of(to),
         .t_min = (float)(near > 0.0 || c->orthographic != 0 ? near : 0.0),
         .t_max = c->far > 0.0f ? (float)((double)c->far / along) : 1e30f,
+        .time = 0.5f,
         .mask = HG_RAY_ALL};
 }
 
@@ -94,8 +95,7 @@ enum hg_status hg_path_branch_choose(struct hg_view_state *view, struct hg_error
             p->branch_bits++;
         return HG_OK;
     }
-    // Surfaces that move are elsewhere in the next pass; catchers count their light themselves.
-    if ((p->options & (HG_PATH_BLURS | HG_PATH_CATCHER)) != 0)
+    if ((p->options & HG_PATH_CATCHER) != 0) // catchers count their light themselves
         return HG_OK;
     hg_frame_fill_path(view);
     enum hg_status status = reserve(view->context->gpu, &probe, err);
