@@ -60,6 +60,8 @@ layout(local_size_x = HG_PATH_GROUP) in;
 // branches.
 layout(constant_id = 0) const uint kind = 0u;
 
+#define CANDIDATES     2u // lights of which one gets a ray
+#define SEVERAL (HG_EMITTER_KIND_ALL & ~HG_EMITTER_KIND_SUN) // but a single directional light
 #define ROULETTE_AFTER 3u // bounces
 #define ROULETTE_LEAST 0.05
 #define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
@@ -88,7 +90,8 @@ float weight_found(path p, float other)
         return 1.0;
     if ((hg_path.estimators & HG_PATH_USE_SURFACES) == 0u)
         return other > 0.0 ? 0.0 : 1.0;
-    return (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u ? mis(p.pdf, other) : 1.0;
+    bool both = (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
+    return both ? mis(p.pdf, float(CANDIDATES) * other) : 1.0;
 }
 
 vec3 clamped(vec3 radiance, uint bounce)
@@ -254,20 +257,62 @@ void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
     hg_path_set3(hg_path.split + word, slot, share);
 }
 
-// A ray to a light, the second one to a directional light; true when there is one.
-bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e, bool second)
+// Light that would arrive and be reflected, weighted. candidates: of which it is one.
+vec3 reflected(hg_bsdf b, hg_surface s, hg_emitter_sample e, uint candidates, out vec3 f)
 {
     float pdf_surface;
-    vec3 f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
+    f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
     float weight = 1.0;
     if (!e.delta)
-        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u ? mis(e.pdf, pdf_surface) : 1.0) /
-            max(e.pdf, 1e-20);
-    vec3 light = clamped(p.throughput * f * e.radiance * weight, p.bounce + 1u);
+        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u
+                ? mis(float(candidates) * e.pdf, pdf_surface) : 1.0) / max(e.pdf, 1e-20);
+    bool any = (e.delta || e.pdf > 0.0) &&
+        dot(s.geometric_normal, e.direction) * dot(s.normal, e.direction) > 0.0;
+    return any ? hg_path_finite(f * e.radiance * weight) : vec3(0.0);
+}
+
+struct light_choice {
+    hg_emitter_sample e;
+    vec3 f, light; // of the surface; what arrives and is reflected if nothing is in the way
+};
+
+light_choice candidate(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec3 u)
+{
+    light_choice c;
+    c.e = hg_emitter_pick(v.position_ws, normal, u);
+    c.light = reflected(b, s, c.e, CANDIDATES, c.f);
+    return c;
+}
+
+// One of two lights, with a chance by what it would bring; half of all candidates lie behind the
+// surface. Both are drawn with the same density, so what the chosen one brings, times the mean of both
+// over its own, has the right mean. Weights of the power heuristic are part of what it brings: any
+// that add up to one are right, these are those of two samples.
+// Source: Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination".
+light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec4 u)
+{
+    light_choice one = candidate(b, v, s, normal, u.xyz);
+    if (!HG_EMITTER_MAY(SEVERAL))
+        return one;
+    light_choice other = candidate(b, v, s, normal, fract(u.xyz + 0.5));
+    float first = hg_emitter_luminance(one.light), second = hg_emitter_luminance(other.light);
+    float sum = first + second, mine = first;
+    if (u.w * sum >= first) {
+        one = other;
+        mine = second;
+    }
+    one.light *= mine > 0.0 ? 0.5 * sum / mine : 0.0;
+    return one;
+}
+
+// A ray to a light, the second one to a directional light; true when there is one.
+bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, bool second)
+{
+    hg_emitter_sample e = c.e;
+    vec3 f = c.f, light = clamped(p.throughput * c.light, p.bounce + 1u);
     float side = dot(s.geometric_normal, e.direction);
-    bool any = max(light.r, max(light.g, light.b)) > 0.0 && (e.delta || e.pdf > 0.0) &&
+    bool any = max(light.r, max(light.g, light.b)) > 0.0 &&
         (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
-    any = any && side * dot(s.normal, e.direction) > 0.0;
     hg_gpu_ray ray;
     ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
     ray.direction_ws = e.direction;
@@ -421,14 +466,20 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     bool both = s.transmission > 0.0 || s.diffuse_transmission > 0.0;
     hg_emitter_cone_width = width;
     hg_emitter_cone_spread = cone.y;
-    hg_emitter_sample light =
-        hg_emitter_pick(v.position_ws, both ? vec3(0.0) : hg_decode_normal(packed), ua.xyz);
+    vec3 side = both ? vec3(0.0) : hg_decode_normal(packed);
+    vec3 throughput = p.throughput;
+    disperse(p, s, pixel, number);
+    float outside = hg_media_outside(p.media, v.material, s.front);
+    hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
+    light_choice light = choose_light(b, v, s, side, ua);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
 
     if (HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u &&
-        (hg_path_mark(hit.draw) & HG_PATH_MARK_CATCHER) != 0u)
-        return catch_shadow(p, v, s, light, ua.x);
+        (hg_path_mark(hit.draw) & HG_PATH_MARK_CATCHER) != 0u) {
+        p.throughput = throughput;
+        return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, side, ua.xyz), ua.x);
+    }
     if ((p.flags & HG_PATH_SEEN) == 0u)
         note_seen(p, v, s, hit);
     p.flags |= HG_PATH_SEEN;
@@ -441,20 +492,18 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     emitted = emitted * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
         hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
-            clamped(p.throughput * emitted, p.bounce));
+            clamped(throughput * emitted, p.bounce));
     if (s.unlit || p.bounce >= hg_path.max_bounces)
         return HG_PATH_DONE;
 
-    disperse(p, s, pixel, number);
-    float outside = hg_media_outside(p.media, v.material, s.front);
-    hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
     uint status = HG_PATH_DONE;
     if (ask_light(p, b, v, s, light, false))
         status |= HG_PATH_SHADOW;
     if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
-        light = hg_emitter_pick_apart(v.position_ws, both ? vec3(0.0) : hg_decode_normal(packed), ua.x);
+        light.e = hg_emitter_pick_apart(v.position_ws, side, ua.x);
+        light.light = reflected(b, s, light.e, 1u, light.f);
         if (ask_light(p, b, v, s, light, true))
             status |= HG_PATH_SUN;
     }
