@@ -169,6 +169,25 @@ static enum hg_status bad(struct hg_error *err, const char *what, const char *fi
     return hg_error_set(err, HG_E_INVAL, what, field, "outside its range");
 }
 
+// What only paths that follow light know.
+static bool needs_light(uint32_t plane)
+{
+    return plane == HG_PLANE_VARIANCE || plane == HG_PLANE_NOISY ||
+           plane == HG_PLANE_LIGHT_GROUPS ||
+           (plane >= HG_PLANE_DIRECT_DIFFUSE && plane <= HG_PLANE_INDIRECT_TRANSMISSION);
+}
+
+static enum hg_status check_planes(const struct hg_view_params *p, struct hg_error *err)
+{
+    if (p->planes >> HG_PLANE_COUNT != 0)
+        return bad(err, "view", "planes");
+    for (uint32_t i = 0; i < HG_PLANE_COUNT && p->mode != HG_MODE_PATH; i++)
+        if ((p->planes >> i & 1u) != 0 && needs_light(i))
+            return hg_error_set(err, HG_E_UNSUPPORTED, "view", "planes",
+                "%s is only kept by path-traced views", hg_plane_name((enum hg_plane)i));
+    return HG_OK;
+}
+
 static enum hg_status check_path(const struct hg_view_params *p, struct hg_error *err)
 {
     if ((unsigned)p->mode > HG_MODE_PATH)
@@ -197,7 +216,7 @@ static enum hg_status check_path(const struct hg_view_params *p, struct hg_error
         return bad(err, "view", "shutter_close");
     if ((unsigned)p->denoise > HG_DENOISE_ANIMATION)
         return bad(err, "view", "denoise");
-    return p->planes >> HG_PLANE_COUNT == 0 ? HG_OK : bad(err, "view", "planes");
+    return check_planes(p, err);
 }
 
 static enum hg_status check_params(const struct hg_view_params *p, struct hg_error *err)
@@ -246,6 +265,14 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
         s->series_s = p->series_s > 0.0f ? p->series_s : s->frame_s;
 }
 
+// Of a real-time picture: by the filter that it has itself.
+static void fill_planes(const struct hg_view_params *p, struct hg_path_settings *s)
+{
+    const struct hg_view_params seen = {
+        .trace = p->trace, .planes = p->planes, .frame_s = p->frame_s};
+    fill_path(&seen, s);
+}
+
 enum hg_status hg_view_set_params(
     struct hg_view *view, const struct hg_view_params *p, struct hg_error *err)
 {
@@ -268,6 +295,8 @@ enum hg_status hg_view_set_params(
     s.mode = p->debug == HG_DEBUG_OFF ? (uint32_t)p->mode : HG_VIEW_MODE_REALTIME;
     if (s.mode == HG_VIEW_MODE_PATH)
         fill_path(p, &s.path);
+    else if (p->mode == HG_MODE_REALTIME && s.debug == HG_DEBUG_OFF && p->planes != 0)
+        fill_planes(p, &s.path);
     if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
         s.samples = 1;
         s.exposure = 1.0f;
@@ -431,8 +460,7 @@ static const struct {
     {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
     {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
     {"indirect_transmission", 3}, {"motion", 4}, {"object", 1}, {"material", 1}, {"samples", 1},
-    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3},
-    {"light_groups", 3}};
+    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3}, {"light_groups", 3}};
 
 uint32_t hg_plane_channels(enum hg_plane plane)
 {
@@ -450,6 +478,12 @@ enum hg_status hg_view_read_plane(
     *out = NULL;
     if ((unsigned)plane >= HG_PLANE_COUNT || plane == HG_PLANE_LIGHT_GROUPS)
         return bad(err, "planes", "plane");
+    const struct hg_view_state *s = &view->state;
+    const bool path = s->settings.mode == HG_VIEW_MODE_PATH;
+    if (!path && (plane == HG_PLANE_COLOR || needs_light((uint32_t)plane)))
+        return hg_error_set(err, HG_E_STATE, "view", "planes", "not of a path-traced view");
+    if (!path && !hg_view_state_has_planes(s))
+        return hg_error_set(err, HG_E_STATE, "view", "planes", "the picture is not settled");
     return hg_path_read(&view->state, (uint32_t)plane, planes[plane].channels, out, err);
 }
 

@@ -82,9 +82,11 @@ enum hg_view_denoise {   // of HG_MODE_PATH: the picture, not its planes
     HG_DENOISE_ANIMATION, // and from the pictures that the view made before
 };
 
-// Float planes of a path-traced film, for compositing. Means over the samples of a pixel, those of
-// samples that hit nothing are 0. Radiance is linear, without exposure, premultiplied. OBJECT and
-// MATERIAL are those of a pixel's first sample; 0 = none.
+// Float planes for compositing. Means over the samples of a pixel, those of samples that hit nothing
+// are 0. Radiance is linear, without exposure, premultiplied. OBJECT and MATERIAL are those of a
+// pixel's first sample; 0 = none. HG_MODE_REALTIME has all but COLOR, DIRECT_*, INDIRECT_*, VARIANCE,
+// NOISY and LIGHT_GROUPS, of settled pictures: the planes of path-traced ones, but what has one side
+// is not seen from behind.
 enum hg_plane {
     HG_PLANE_COLOR,                 // 4: radiance, coverage; sum of all lights
     HG_PLANE_ALBEDO,                // 3
@@ -142,7 +144,9 @@ struct hg_view_params {     // zero of each field = default
     float filter_radius_px; // 0 = the filter's; at most 8
     float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
     enum hg_view_denoise denoise;
-    uint32_t planes;        // 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR
+    // Of both modes: 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
+    // names one that the mode does not have.
+    uint32_t planes;
     // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
     // go on before and after the pose.
     float frame_s; // from one frame to the next, seconds; default 1/24
@@ -223,7 +227,8 @@ enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format fo
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
 // Plane of a path-traced film as [height][width][channels] floats: COLOR, SAMPLES, VARIANCE, or one
-// of those that the view's parameters ask for. HG_E_STATE: not path-traced (yet), or not asked for.
+// of those that the view's parameters ask for; of a settled real-time picture one of the latter.
+// HG_E_STATE: nothing there (yet), or not asked for.
 enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out,
     struct hg_error *err) HG_MUST_CHECK;
 uint32_t hg_plane_channels(enum hg_plane plane);

@@ -20,6 +20,12 @@ static const struct {
     {"all", (1u << PLANE_COUNT) - 1 - BIT(COLOR) - BIT(LIGHT_GROUPS) - BIT(NOISY)},
 };
 
+// What only paths that follow light know.
+static const uint32_t of_light = BIT(DIRECT_DIFFUSE) | BIT(DIRECT_SPECULAR) |
+                                 BIT(DIRECT_TRANSMISSION) | BIT(INDIRECT_DIFFUSE) |
+                                 BIT(INDIRECT_SPECULAR) | BIT(INDIRECT_TRANSMISSION) |
+                                 BIT(LIGHT_GROUPS) | BIT(VARIANCE) | BIT(NOISY);
+
 static uint32_t bits_of(const char *name)
 {
     uint32_t value;
@@ -45,7 +51,7 @@ static void list_names(char *dst, size_t size)
 }
 
 enum hg_status hg_cli_parse_planes(
-    const char *what, const char *text, uint32_t *out, struct hg_error *err)
+    const char *what, const char *text, bool path, uint32_t *out, struct hg_error *err)
 {
     *out = 0;
     for (const char *at = text;;) {
@@ -57,6 +63,12 @@ enum hg_status hg_cli_parse_planes(
             *out = 0;
             list_names(known, sizeof known);
             return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of: %s", name, known);
+        }
+        if (!path && strcasecmp(name, "all") == 0)
+            bits &= ~of_light;
+        if (!path && (bits & of_light)) {
+            *out = 0;
+            return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' needs --mode path", name);
         }
         *out |= bits;
         if (!at[length])

@@ -18,22 +18,27 @@ static enum hg_status usage(struct hg_error *err, const char *option, const char
     return hg_error_set(err, HG_E_INVAL, option, NULL, "%s", reason);
 }
 
+static bool is_path(const struct hg_cli_options *o)
+{
+    return o->mode && strcmp(o->mode, "path") == 0;
+}
+
 // Options that say something about path tracing only.
 static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error *err)
 {
-    const char *name = o->has_aov           ? "--aov"
-                       : o->has_noise       ? "--noise"
-                       : o->has_trace       ? "--trace"
-                       : o->has_max_bounces ? "--max-bounces"
-                       : o->has_denoise     ? "--denoise"
-                       : o->has_shutter     ? "--shutter"
-                       : o->has_catcher     ? "--catcher"
-                       : o->has_next_eye    ? "--next-eye"
-                       : o->has_next_target ? "--next-target"
-                       : o->has_resume      ? "--resume"
-                       : o->has_checkpoint  ? "--checkpoint"
-                                            : NULL;
-    if (name && !(o->mode && strcmp(o->mode, "path") == 0))
+    const bool planes = o->has_aov; // of motion, which the next place of a camera counts for
+    const char *name = o->has_noise                    ? "--noise"
+                       : o->has_trace                  ? "--trace"
+                       : o->has_max_bounces            ? "--max-bounces"
+                       : o->has_denoise                ? "--denoise"
+                       : o->has_shutter                ? "--shutter"
+                       : o->has_catcher                ? "--catcher"
+                       : o->has_next_eye && !planes    ? "--next-eye"
+                       : o->has_next_target && !planes ? "--next-target"
+                       : o->has_resume                 ? "--resume"
+                       : o->has_checkpoint             ? "--checkpoint"
+                                                       : NULL;
+    if (name && !is_path(o))
         return usage(err, name, "needs --mode path");
     return HG_OK;
 }
@@ -91,7 +96,7 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         r->format.encoding == HGP_encoding_EXR_HALF || r->format.encoding == HGP_encoding_EXR_FLOAT;
     if (!exr)
         return usage(err, "--aov", "needs a file that ends in .exr");
-    status = hg_cli_parse_planes("--aov", o->aov, &r->planes, err);
+    status = hg_cli_parse_planes("--aov", o->aov, is_path(o), &r->planes, err);
     r->planes |= o->denoise ? 1u << HGP_plane_NOISY : 0; // goes with the other planes
     return status;
 }

@@ -25,9 +25,10 @@ struct hg_cli_render {
 bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size);
 
 // "depth,normal,direct", names of enum hgp_plane with - or _; `direct` and `indirect` stand for
-// their three, `cryptomatte` for its three, `all` for every one. HG_E_INVAL lists the names.
-enum hg_status hg_cli_parse_planes(
-    const char *what, const char *text, uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+// their three, `cryptomatte` for its three, `all` for every one that the mode has. HG_E_INVAL lists
+// the names, or tells the one that path mode alone has.
+enum hg_status hg_cli_parse_planes(const char *what, const char *text, bool path, uint32_t *out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // frames.c: renders and writes what the options ask for; the view and its camera are set.
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;

@@ -1,4 +1,4 @@
-// path.h - pictures made by following light (HG_MODE_PATH).
+// path.h - pictures made by following light (HG_MODE_PATH), and planes of real-time ones.
 // Floor 4. Thread: the render thread.
 //
 // The picture is cut in tiles of HG_PATH_TILE_SIDE px. A wave is one sample of each pixel of some
@@ -9,6 +9,9 @@
 // once does not fit the budget, part of them is shaded first. What a path brings does not depend on
 // that, nor on which paths are in its wave: the film is the same whatever the budget, the machine's
 // threads, and where work was interrupted.
+//
+// A view of another mode that asks for planes has them from paths that end at the first surface that
+// the real-time mode sees: the film then holds what shines there and the planes, no other light.
 #ifndef HG_RENDERER_FRAME_PATH_H
 #define HG_RENDERER_FRAME_PATH_H
 
@@ -40,7 +43,7 @@ struct hg_view_state;
 
 void hg_path_destroy(struct hg_path *path); // accepts NULL
 
-// One slice of work for a view of that mode, made on first use in view->path. changed: what was
+// One slice of work for a view, made on first use in view->path. changed: what was
 // there counts no longer. Errors of tracing, budgets and devices; then the next slice starts anew.
 enum hg_status hg_path_step(
     struct hg_view_state *view, bool changed, struct hg_error *err) HG_MUST_CHECK;

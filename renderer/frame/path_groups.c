@@ -105,16 +105,26 @@ static bool catches(const struct hg_node *node)
     return node != NULL;
 }
 
+static enum hg_status reserve_marks(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path *p = view->path;
+    struct hg_geometry_stats stats;
+    hg_geometry_stats(view->rooms->geometry, &stats);
+    const enum hg_status status = reserve(p, &p->draw_marks, stats.draws, err);
+    if (status == HG_OK)
+        memset(p->draw_marks.mapped, 0, (size_t)stats.draws * 4);
+    return status;
+}
+
 static enum hg_status mark_draws(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_geometry_stats stats;
     struct hg_draw_info info;
     hg_geometry_stats(view->rooms->geometry, &stats);
-    const enum hg_status status = reserve(p, &p->draw_marks, stats.draws, err);
+    const enum hg_status status = reserve_marks(view, err);
     uint32_t *marks = status == HG_OK ? p->draw_marks.mapped : NULL;
     for (uint32_t i = 0; i < stats.draws && marks != NULL; i++) {
-        marks[i] = 0;
         if (!hg_geometry_draw_info(view->rooms->geometry, i, &info))
             continue;
         if (p->group_count > 0 && shines(info.material))
@@ -134,7 +144,11 @@ enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *
     const uint32_t split = 7u << HG_PATH_PLANE_DIRECT | 7u << HG_PATH_PLANE_INDIRECT;
     enum hg_status status = HG_OK;
     p->group_count = 0;
-    p->options &= ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER);
+    p->options &= ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES);
+    if (view->settings.mode != HG_VIEW_MODE_PATH) { // where nothing catches shadows
+        p->options |= HG_PATH_SURFACES;
+        return reserve_marks(view, err);
+    }
     if ((planes & split) != 0 || view->settings.path.denoise != 0)
         p->options |= HG_PATH_SPLIT;
     if ((planes >> HG_PATH_PLANE_GROUPS & 1u) != 0) {

@@ -98,7 +98,8 @@ static void fill_lens(const struct hg_view_state *view, struct hg_gpu_path *bloc
 {
     const struct hg_gpu_camera *c = &view->frame.camera;
     const struct hg_view_camera_state *s = &view->camera;
-    const float radius = c->orthographic != 0 ? 0.0f : s->lens_radius;
+    const bool sharp = c->orthographic != 0 || view->settings.mode != HG_VIEW_MODE_PATH;
+    const float radius = sharp ? 0.0f : s->lens_radius;
     const float *inverse = c->inv_view.m;
     double distance = s->focus_distance;
     if (!(distance > 0.0)) {
@@ -391,7 +392,8 @@ static enum hg_path_phase after_light(struct hg_path *p)
     }
     if (p->live.count > 0)
         return HG_PATH_PHASE_TRACE;
-    const bool more = p->seen.count > 0 && p->branch + 1 < 1u << p->branch_bits;
+    const bool follows = (p->options & HG_PATH_SURFACES) == 0;
+    const bool more = follows && p->seen.count > 0 && p->branch + 1 < 1u << p->branch_bits;
     return more ? HG_PATH_PHASE_BRANCH : HG_PATH_PHASE_FILM;
 }
 

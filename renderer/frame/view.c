@@ -177,16 +177,38 @@ static bool bakes(const struct hg_view_state *view)
     return hg_geometry_baking(view->rooms->geometry) > 0;
 }
 
+static bool is_known(const struct hg_view_state *view)
+{
+    const struct hg_view_key key = present_key(view);
+    return view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0;
+}
+
+// The real-time picture has all of its samples.
+static bool is_drawn(const struct hg_view_state *view)
+{
+    return is_known(view) && view->samples >= view->settings.samples && !view->coarse &&
+           !view->shallow && !view->direct && !view->stream.inexact && !view->eased &&
+           !view->clipped && view->missing_clusters == 0;
+}
+
+// Planes of a real-time picture are seen by paths that end where they begin, once it is drawn.
+static bool keeps_planes(const struct hg_view_state *view)
+{
+    return view->settings.mode != HG_VIEW_MODE_PATH && view->settings.path.planes != 0;
+}
+
 // Nothing is left to do with the geometry that is there.
 static bool is_complete(const struct hg_view_state *view)
 {
-    const struct hg_view_key key = present_key(view);
-    const bool same = view->number > 0 && memcmp(&key, &view->key, sizeof key) == 0;
+    const bool followed = !view->path_begins && hg_path_done(view->path);
     if (view->settings.mode == HG_VIEW_MODE_PATH)
-        return same && !view->path_begins && hg_path_done(view->path);
-    return same && view->samples >= view->settings.samples && !view->coarse && !view->shallow &&
-           !view->direct && !view->stream.inexact && !view->eased && !view->clipped &&
-           view->missing_clusters == 0;
+        return is_known(view) && followed;
+    return is_drawn(view) && (followed || !keeps_planes(view));
+}
+
+bool hg_view_state_has_planes(const struct hg_view_state *view)
+{
+    return keeps_planes(view) && !view->path_begins && hg_path_done(view->path);
 }
 
 bool hg_view_state_settled(const struct hg_view_state *view)
@@ -346,16 +368,26 @@ static enum hg_status start_anew(struct hg_view_state *view, struct hg_error *er
     return hg_stream_begin_exact(view, err);
 }
 
+// Moving parts are needed at other times than that of the pose.
+static void deform_for_motion(struct hg_view_state *view)
+{
+    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->rooms->geometry))
+        view->rooms->scene_revision = UINT64_MAX;
+}
+
 static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
     choose_error(view, max_samples);
+    if (keeps_planes(view))
+        deform_for_motion(view);
     enum hg_status status = hg_frame_sync(view, err);
-    if (status != HG_OK || (bakes(view) && (view->final || is_complete(view))))
+    if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
         return status;
     const struct hg_view_key key = present_key(view);
     const bool blank = hg_stream_is_blank(view) && !view->final; // somebody wants to look now
     const bool changed = (view->number == 0 && !view->stream.exact) ||
                          memcmp(&key, &view->key, sizeof key) != 0 || blank;
+    view->path_begins |= changed;
     if (changed)
         status = start_anew(view, err);
     else if (!view->stream.exact && !view->direct)
@@ -400,8 +432,7 @@ static enum hg_status draw_path(
     enum hg_status status = HG_OK;
     choose_error(view, max_samples);
     view->wait = view->final || known;
-    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->rooms->geometry))
-        view->rooms->scene_revision = UINT64_MAX;
+    deform_for_motion(view);
     if (!posed)
         status = hg_frame_sync(view, err);
     if (status != HG_OK || (bakes(view) && view->final))
@@ -426,6 +457,36 @@ static enum hg_status draw_path(
     return status;
 }
 
+// The planes of a real-time picture that is drawn; nothing of it changes.
+static enum hg_status draw_planes(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_view_key key = view->key;
+    const uint32_t samples = view->samples;
+    const uint64_t number = view->number;
+    const bool on = view->stream.on, begins = view->path_begins;
+    view->wait = true;
+    enum hg_status status = begins ? hg_frame_sync(view, err) : HG_OK;
+    const struct hg_view_key now = present_key(view);
+    if (status != HG_OK || memcmp(&key, &now, sizeof key) != 0)
+        return status;
+    view->path_begins = false;
+    status = hg_path_step(view, begins, err);
+    view->path_begins |= status != HG_OK;
+    view->samples = samples;
+    view->number = number + (hg_path_done(view->path) ? 1 : 0);
+    view->stream.on = on;
+    return status;
+}
+
+static enum hg_status draw_mode(
+    struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    if (view->settings.mode == HG_VIEW_MODE_PATH)
+        return draw_path(view, max_samples, err);
+    return keeps_planes(view) && is_drawn(view) && !bakes(view) ? draw_planes(view, err)
+                                                                : draw(view, max_samples, err);
+}
+
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
@@ -437,8 +498,7 @@ enum hg_status hg_view_state_step(
         max_samples <= 1 && !view->final && memcmp(&key, &view->key, sizeof key) != 0;
     view->stage_count = 0;
     const uint32_t most = max_samples > 0 ? max_samples : 1;
-    enum hg_status status = view->settings.mode == HG_VIEW_MODE_PATH ? draw_path(view, most, err)
-                                                                     : draw(view, most, err);
+    enum hg_status status = draw_mode(view, most, err);
     view->step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK && moves)
         hg_quality_note(

@@ -136,6 +136,8 @@ enum hg_status hg_view_state_step(
 // Projected error of the geometry in the newest sample.
 float hg_view_error_px(const struct hg_view_state *view);
 bool hg_view_state_settled(const struct hg_view_state *view);
+// Of the real-time picture that was drawn last.
+bool hg_view_state_has_planes(const struct hg_view_state *view);
 // format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
 enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

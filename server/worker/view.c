@@ -86,11 +86,7 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
 static enum hg_status overlay_planes(
     struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
 {
-    enum hg_status status = m->has_planes ? film_planes(m->planes, &p->planes, mattes, err) : HG_OK;
-    if (!status && p->planes && p->mode != HG_MODE_PATH)
-        status = hg_error_set(
-            err, HG_E_UNSUPPORTED, "view_set", "planes", "only path-traced views keep planes");
-    return status;
+    return m->has_planes ? film_planes(m->planes, &p->planes, mattes, err) : HG_OK;
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
@@ -513,13 +509,14 @@ static bool is_final(const struct view_slot *view)
 }
 
 // The time limit of realtime views; path-traced ones keep to it themselves. A picture with
-// something missing is not settled.
+// something missing is not settled, nor is one whose planes are yet to come.
 static void keep_to_time(struct view_slot *view)
 {
     const struct hg_view_params *p = &view->params;
     struct hg_frame_info *info = &view->info;
-    if (p->mode == HG_MODE_REALTIME && p->time_s > 0 && info->samples > 0 && !info->missing_pages &&
-        !info->missing_clusters && (double)view->spent_ns * 1e-9 >= (double)p->time_s)
+    if (p->mode == HG_MODE_REALTIME && !p->planes && p->time_s > 0 && info->samples > 0 &&
+        !info->missing_pages && !info->missing_clusters &&
+        (double)view->spent_ns * 1e-9 >= (double)p->time_s)
         info->settled = true;
 }
 

@@ -427,6 +427,17 @@ uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, 
     return status;
 }
 
+// For planes alone: the surface and what shines of it, no light that falls on it.
+uint see(inout path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
+{
+    note_seen(p, v, s, hit);
+    p.flags |= HG_PATH_SEEN;
+    vec3 emitted = s.unlit ? s.emissive + s.base_color : hg_surface_emission(s, -p.ray.direction_ws);
+    hg_path_light(p.slot, 0u, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
+        clamped(emitted, 0u));
+    return HG_PATH_DONE;
+}
+
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
@@ -446,20 +457,23 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     vec4 ua = hg_sobol4(points), ub = hg_sobol4(points);
 
     // Surfaces with one side reflect on both, as those of other path tracers; only colour that is no
-    // light (unlit) is not seen from behind, nor is emission.
+    // light (unlit) is not seen from behind, nor is emission. The real-time mode sees none of them.
     bool behind = !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u;
     if (behind)
         s.emissive = vec3(0.0);
 
     // Nothing there: holes, and what only has a front.
     p.steps++;
-    if (ub.w >= s.alpha || (s.unlit && behind && p.bounce == 0u)) {
+    bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES);
+    if (ub.w >= s.alpha || (one_sided && behind && p.bounce == 0u)) {
         if (HG_PATH_CAN(HG_PATH_FIRST))
             store(p, 0.0);
         hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
         return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
     }
 
+    if (HG_PATH_CAN(HG_PATH_SURFACES))
+        return see(p, v, s, hit);
     p.throughput *= hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
     // Lights count on the side of the normal, or on both; as stored, so that both ways agree.
     uint packed = hg_encode_normal(s.normal);
@@ -554,7 +568,8 @@ void main()
     if (HG_PATH_CAN(HG_PATH_FIRST)) {
         // Only what is met is shaded several times; where the host knows, other slots do not come.
         over = kind == 0u && none && push.branch != 0u;
-        p.throughput = vec3(none && push.branch == 0u ? 1.0 : 1.0 / hg_path_branches());
+        bool whole = HG_PATH_CAN(HG_PATH_SURFACES) || (none && push.branch == 0u);
+        p.throughput = vec3(whole ? 1.0 : 1.0 / hg_path_branches());
     }
 
     uint status;

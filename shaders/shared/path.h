@@ -159,6 +159,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_SPLIT   0x4u // light by what lobes reflect
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
+#define HG_PATH_SURFACES 0x2000000u // only what is seen first, by the real-time mode's rules
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
 #define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read

@@ -36,7 +36,7 @@ compare_ways() { # ending scene options...
 compare_ways png "$duck" --size 160x120 --samples 8
 compare_ways png "$duck" --size 160x120 --samples 8 --orbit 30,60,3 --target 0,0.8,0 --env "$env" \
     --background none --tonemap agx --exposure 0.5 --bit-depth 16
-compare_ways exr "$fox" --size 96x96 --samples 4 --at 0.4 --exr float --env "$env"
+compare_ways exr "$fox" --size 96x96 --samples 4 --at 0.4 --exr float --env "$env" --aov all
 compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
 
 # Frames of an animation differ from each other and are the same both ways.

@@ -1,6 +1,6 @@
 // render_path_memory.c - path-traced pictures of scenes that are much larger than what they are
 // given: geometry, structures for rays and textures stay within their budgets, and the pictures are
-// those without limits, byte for byte.
+// those without limits, byte for byte; so are the planes of real-time pictures.
 //
 //     test_render_path_memory [CELLS TILES SIDE_PX BUDGET_MIB]
 //
@@ -113,6 +113,7 @@ static struct hg_bench_scene make_scene(struct hg_jobs *jobs)
 // --- pictures ------------------------------------------------------------------------------------
 
 struct run {
+    enum hg_render_mode mode; // in real time albedo is kept in place of the picture
     struct hg_refbuf *pictures[PLACES];
     struct hg_geometry_stats geometry;
     struct hg_textures_stats textures;
@@ -132,8 +133,8 @@ static void see(struct rig *rig, int place, struct run *run)
         info = rig_step(rig, 16);
     assert_int_equal(info.missing_pages, 0);
     assert_int_equal(info.missing_clusters, 0);
-    test_ok(
-        hg_view_read_plane(rig->view, HG_PLANE_COLOR, &run->pictures[place], &rig->err), &rig->err);
+    const enum hg_plane plane = run->mode == HG_MODE_PATH ? HG_PLANE_COLOR : HG_PLANE_ALBEDO;
+    test_ok(hg_view_read_plane(rig->view, plane, &run->pictures[place], &rig->err), &rig->err);
     struct hg_trace_stats stats;
     hg_trace_stats(rig->view->state.path->trace, &stats);
     if (stats.peak_bytes > run->structure_bytes) {
@@ -152,7 +153,8 @@ static void render(bool limited, struct run *run)
         .height = HEIGHT,
         .samples = 4,
         .seed = 5,
-        .mode = HG_MODE_PATH,
+        .mode = run->mode,
+        .planes = run->mode == HG_MODE_PATH ? 0 : 1u << HG_PLANE_ALBEDO,
         .trace = HG_VIEW_TRACE_EMBREE};
     struct rig rig = {0};
     test_ok(hg_renderer_create(&params, &rig.renderer, &rig.err), &rig.err);
@@ -180,11 +182,11 @@ static void render(bool limited, struct run *run)
     hg_renderer_destroy(rig.renderer);
 }
 
-static void test_memory(void **state)
+static void compare(enum hg_render_mode mode)
 {
-    (void)state;
     struct run runs[2];
     memset(runs, 0, sizeof runs);
+    runs[0].mode = runs[1].mode = mode;
     render(true, &runs[0]);
     render(false, &runs[1]);
     const struct run *limited = &runs[0];
@@ -201,6 +203,18 @@ static void test_memory(void **state)
         hg_refbuf_unref(runs[0].pictures[place]);
         hg_refbuf_unref(runs[1].pictures[place]);
     }
+}
+
+static void test_memory(void **state)
+{
+    (void)state;
+    compare(HG_MODE_PATH);
+}
+
+static void test_planes(void **state)
+{
+    (void)state;
+    compare(HG_MODE_REALTIME);
 }
 
 static int setup(void **state)
@@ -221,7 +235,8 @@ static int teardown(void **state)
 
 int main(int argc, char **argv)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_memory), cmocka_unit_test(test_planes)};
     if (argc == 5) {
         cells = (uint32_t)strtoul(argv[1], NULL, 10);
         tiles = (uint32_t)strtoul(argv[2], NULL, 10);

@@ -101,6 +101,9 @@ static void test_path(void **state)
     expect_file("logp", "view_set mode=1 trace=2 bounces=4 noise=0.25 time=2 planes=200390 size");
     expect_run(0, NULL, "log=logq", "$HELIO render s.gltf -o p.exr --mode path --aov all");
     expect_file("logq", "planes=3bfffe");
+    // in real time without what only light that was followed knows
+    expect_run(0, NULL, "log=logr", "$HELIO render s.gltf -o p.exr --mode realtime --aov all");
+    expect_file("logr", "planes=39e07e");
     expect_run(7, "as the test wants", "fail=view_set:7",
         "$HELIO render s.gltf -o p.exr --mode path --trace khr");
     expect_run(7, "as the test wants", "fail=view_set:19",
@@ -191,7 +194,12 @@ static void test_usage(void **state)
     static const char *const bad[][2] = {{"", "needs a command"}, {"fly", "unknown command"},
         {"view s.gltf", "unknown command"}, {"render", "SCENE"}, {"render s.gltf", "--output"},
         {"render s.gltf -o a.bmp", ".png"},
-        {"render s.gltf -o a.exr --aov depth", "--aov: needs --mode path"},
+        {"render s.gltf -o a.exr --aov depth,direct-diffuse",
+            "--aov: 'direct-diffuse' needs --mode path"},
+        {"render s.gltf -o a.exr --aov indirect", "'indirect' needs --mode path"},
+        {"render s.gltf -o a.exr --aov variance", "'variance' needs --mode path"},
+        {"render s.gltf -o a.exr --aov light-groups", "'light-groups' needs --mode path"},
+        {"render s.gltf -o a.png --next-eye 1,2,3 --eye 1,1,1", "--next-eye: needs --mode path"},
         {"render s.gltf -o a.png --mode path --aov depth", "--aov: needs a file that ends in .exr"},
         {"render s.gltf -o a.exr --mode path --aov depht",
             "'depht' is none of: albedo normal geometric-normal depth"},
