@@ -280,6 +280,25 @@ static void test_flat_shaded(void **state)
     lod_part_finish(&part);
 }
 
+// Heights without any order, many times as far apart as their places: clusters must lie side by
+// side all the same, or each level would lock nearly all of the one below.
+static void test_spikes(void **state)
+{
+    (void)state;
+    struct hg_mesh_part part = lod_terrain(150);
+    uint32_t random = 7;
+    for (uint32_t i = 0; i < part.vertex_count; i++)
+        part.positions[i * 3 + 1] = 40.0f * lod_random_unit(&random);
+    struct baked b = {0};
+    bake(&part, NULL, &b);
+    check_structure(&b);
+    check_cuts(&b, 12, false);
+    assert_true(b.lod->level_count <= 12); // 351 clusters, half as many with each level
+    assert_int_equal(b.report.terminal_clusters, 1);
+    finish(&b);
+    lod_part_finish(&part);
+}
+
 static void test_soup(void **state)
 {
     (void)state;
@@ -346,6 +365,7 @@ int main(void)
         cmocka_unit_test(test_closed_with_seams),
         cmocka_unit_test(test_open_terrain),
         cmocka_unit_test(test_flat_shaded),
+        cmocka_unit_test(test_spikes),
         cmocka_unit_test(test_soup),
         cmocka_unit_test(test_repeats),
         cmocka_unit_test(test_same_bytes_on_any_threads),

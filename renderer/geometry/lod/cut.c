@@ -1,10 +1,14 @@
-// cut.c - triangles cut into clusters by recursive bisection of their centres along the longest
-// axis: every cluster is as full as its neighbours, and all threads make the same cuts.
+// cut.c - triangles cut into clusters by recursive bisection of their centres, across the axis
+// where fewest are met: every cluster is as full as its neighbours, and all threads make the same
+// cuts.
+#include <float.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/spill.h"
 #include "renderer/geometry/lod/internal.h"
+
+#define LENGTH_SAMPLES 64u // triangles of a range whose lengths are looked at
 
 struct item {
     float center[3];
@@ -33,9 +37,34 @@ static void each(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, void *user)
         fn(user, i);
 }
 
-static int longest_axis(const struct item *items, uint32_t count)
+// Mean lengths of triangles along the axes, of some that lie evenly in the range.
+static void mean_lengths(
+    const struct cutter *c, const struct item *items, uint32_t count, float mean[3])
 {
-    float min[3], max[3];
+    const uint32_t step = (count + LENGTH_SAMPLES - 1) / LENGTH_SAMPLES;
+    int64_t sum[3] = {0};
+    uint32_t n = 0;
+    for (uint64_t i = 0; i < count; i += step, n++) {
+        const uint32_t *v = c->triangles + (size_t)items[i].triangle * 3;
+        const int32_t *p[3];
+        for (int j = 0; j < 3; j++)
+            p[j] = c->mesh->lattice[c->mesh->position_of[v[j]]];
+        for (int k = 0; k < 3; k++) {
+            const int32_t low = p[0][k] < p[1][k] ? p[0][k] : p[1][k];
+            const int32_t high = p[0][k] > p[1][k] ? p[0][k] : p[1][k];
+            sum[k] += (int64_t)(high > p[2][k] ? high : p[2][k]) - (low < p[2][k] ? low : p[2][k]);
+        }
+    }
+    for (int k = 0; k < 3; k++)
+        mean[k] = (float)sum[k] / (float)n;
+}
+
+// The axis across which a plane meets the fewest triangles: its share is their mean length to that
+// of the range. On smooth surfaces with even triangles that is the longest one; on rough ones (a
+// wood, spikes) cuts across the height would tear every triangle from its neighbours.
+static int best_axis(const struct cutter *c, const struct item *items, uint32_t count)
+{
+    float min[3], max[3], mean[3];
     memcpy(min, items[0].center, sizeof min);
     memcpy(max, items[0].center, sizeof max);
     for (uint32_t i = 1; i < count; i++) {
@@ -45,9 +74,18 @@ static int longest_axis(const struct item *items, uint32_t count)
             max[k] = v > max[k] ? v : max[k];
         }
     }
+    mean_lengths(c, items, count, mean);
+    // Triangles that lie flat meet no plane along them: then length alone tells.
+    const float least = 1e-3f * (mean[0] + mean[1] + mean[2]) + FLT_MIN;
     int axis = 0;
-    for (int k = 1; k < 3; k++)
-        axis = max[k] - min[k] > max[axis] - min[axis] ? k : axis;
+    float most = -1.0f;
+    for (int k = 0; k < 3; k++) {
+        const float by = (max[k] - min[k]) / (mean[k] + least);
+        if (by > most) {
+            axis = k;
+            most = by;
+        }
+    }
     return axis;
 }
 
@@ -122,7 +160,7 @@ static void split_range(void *user, size_t index)
     const uint32_t left = r.clusters / 2;
     const uint32_t half = (uint32_t)((uint64_t)r.count * left / r.clusters);
     struct item *items = c->items + r.first;
-    select_items(items, r.count, half, longest_axis(items, r.count));
+    select_items(items, r.count, half, best_axis(c, items, r.count));
     to[0] = (struct range){r.first, half, left};
     to[1] = (struct range){r.first + half, r.count - half, r.clusters - left};
 }
