@@ -417,7 +417,7 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .noise = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_noise(s->path) : 0.0f,
         .missing_pages = s->stream.missing,
         .mip_bias = s->stream.bias,
-        .missing_clusters = s->missing_clusters,
+        .missing_clusters = s->missing_clusters + geometry.proxies,
         .error_px = hg_view_error_px(s),
         .settled = hg_view_state_settled(s),
         .triangles_total = geometry.triangles_total,

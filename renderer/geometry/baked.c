@@ -7,7 +7,10 @@
 #include "renderer/geometry/internal.h"
 #include "renderer/geometry/lod/internal.h"
 
-#define BAKE_FROM 32768u // triangles
+#define BAKE_FROM      32768u // triangles
+#define PROXY_MOST     16384u // triangles
+#define PROXY_LEAST    64u
+#define PROXY_TRIANGLE 160u // bytes that a triangle of a proxy takes at most, more or less
 
 static bool can_bake(const struct hg_geometry *g, const struct hg_mesh *mesh)
 {
@@ -47,6 +50,52 @@ void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_
     }
 }
 
+static bool wants_proxy(const struct hg_part_entry *part)
+{
+    return part->baking && part->clusters == NULL && part->proxy == NULL && !part->unbaked &&
+           part->buffer.size_bytes == 0 && part->primitive_count > PROXY_MOST;
+}
+
+enum hg_status hg_baked_show_proxies(
+    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, uint64_t used_bytes)
+{
+    const uint64_t budget = g->params.budget_bytes;
+    uint64_t own = 0, parts = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t p = 0; p < meshes[i].part_count; p++) {
+            const bool wanted = wants_proxy(&meshes[i].parts[p]);
+            own += wanted ? meshes[i].parts[p].layout.total_bytes : 0;
+            parts += wanted;
+        }
+    }
+    // Half of the room is for chunks: they come before the proxies go.
+    const uint64_t others = used_bytes - own, room = budget > others ? (budget - others) / 2 : 0;
+    const uint64_t each = parts > 0 ? room / parts / PROXY_TRIANGLE : 0;
+    const uint32_t triangles = each < PROXY_LEAST  ? PROXY_LEAST
+                               : each > PROXY_MOST ? PROXY_MOST
+                                                   : (uint32_t)each;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t p = 0; p < meshes[i].part_count && status == HG_OK; p++)
+            if (wants_proxy(&meshes[i].parts[p]))
+                status = hg_mesh_entry_set_proxy(&meshes[i], p, triangles);
+    return status;
+}
+
+uint64_t hg_baked_lost_bytes(const struct hg_mesh_entry *meshes, uint32_t count)
+{
+    uint64_t bytes = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t p = 0; p < meshes[i].part_count; p++) {
+            struct hg_pack_layout whole;
+            if (meshes[i].parts[p].unbaked &&
+                hg_pack_layout_of(&meshes[i].mesh->parts[p], 0, &whole) == HG_OK)
+                bytes += whole.total_bytes;
+        }
+    }
+    return bytes;
+}
+
 // The part has chunks in place of streams of its own.
 static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t index,
     struct hg_cluster_mesh *clusters)
@@ -61,6 +110,12 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     hg_free(part->host_indices);
     hg_meshlets_finish(&part->meshlets);
     hg_numbered_finish(&part->numbered);
+    g->stats.proxies -= part->proxy != NULL && g->stats.proxies > 0;
+    hg_proxy_free(part->proxy);
+    part->proxy = NULL;
+    part->vertex_count = e->mesh->parts[index].vertex_count;
+    part->index_count = e->mesh->parts[index].index_count;
+    part->primitive_count = part->index_count / 3;
     part->host_indices = NULL;
     part->indices = part->numbered_indices = NULL;
     part->layout = (struct hg_pack_layout){
@@ -94,6 +149,10 @@ static bool take_in(
     } else {
         hg_lod_stored_close(&baked->stored);
         hg_free(baked->data);
+    }
+    if (clusters == NULL && e != NULL && e->parts[baked->part].proxy != NULL) {
+        e->parts[baked->part].unbaked = true; // a proxy is no picture of it: the next sync says so
+        return true;
     }
     if (clusters == NULL)
         return false;

@@ -349,12 +349,24 @@ static enum hg_status check_budget(struct sync *s, struct hg_error *err)
     const uint64_t budget = g->params.budget_bytes;
     uint64_t bytes = bytes_of(s), chunks = pool_bytes(g, bytes);
     if (budget > 0 && g->pool != NULL && bytes + chunks > budget) {
-        // Not all parts fit as they are: what can have levels gets them before anything is shown.
+        // Not all parts fit as they are: what can have levels is shown by proxies until it has
+        // them.
         hg_baked_queue(g, s->meshes, s->mesh_count);
+        if (hg_baked_show_proxies(g, s->meshes, s->mesh_count, bytes + chunks) != HG_OK)
+            return out_of_memory(err);
+        bytes = bytes_of(s);
+        chunks = pool_bytes(g, bytes);
+    }
+    if (budget > 0 && g->pool != NULL && bytes + chunks > budget) { // parts that are shown already
         hg_baked_collect(g, s->meshes, s->mesh_count, HG_COND_FOREVER);
         bytes = bytes_of(s);
         chunks = pool_bytes(g, bytes);
     }
+    const uint64_t lost = hg_baked_lost_bytes(s->meshes, s->mesh_count);
+    if (lost > 0)
+        return hg_error_set(err, HG_E_LIMIT, "geometry budget", NULL,
+            "%llu bytes are meshes that could not get levels of detail, the budget is %llu",
+            (unsigned long long)lost, (unsigned long long)budget);
     if (budget > 0 && bytes + chunks > budget)
         return hg_error_set(err, HG_E_LIMIT, "geometry budget", NULL,
             "%llu bytes are needed, the budget is %llu", (unsigned long long)(bytes + chunks),
@@ -674,6 +686,10 @@ static enum hg_status commit(struct sync *s, struct hg_error *err)
     st->materials = s->material_count;
     st->deforms = s->deform_count;
     st->parts_uploaded = s->uploads;
+    st->proxies = 0;
+    for (uint32_t i = 0; i < g->mesh_count; i++)
+        for (uint32_t p = 0; p < g->meshes[i].part_count; p++)
+            st->proxies += g->meshes[i].parts[p].proxy != NULL;
     if (list_changed_deforms(g) != HG_OK)
         return out_of_memory(err);
     st->deforms_changed = g->changed_count;
@@ -844,7 +860,7 @@ uint32_t hg_geometry_source_primitive(
         return primitive;
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_part_entry *part = d->part;
-    if (part->clusters != NULL) {
+    if (part->clusters != NULL || part->proxy != NULL) {
         const struct hg_gpu_instance *instances =
             (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
         hg_spill_begin();

@@ -51,7 +51,7 @@ struct hg_geometry_stats {
     uint64_t triangles_total; // of all visible instances
     uint32_t draws, instances, parts, materials, deforms;
     uint32_t parts_uploaded, deforms_changed; // by the newest sync
-    uint32_t baking;                          // parts whose levels are being made
+    uint32_t baking, proxies; // parts whose levels are being made; of them shown coarsely
     struct hg_cluster_pool_stats chunks;
 };
 

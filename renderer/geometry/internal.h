@@ -9,6 +9,7 @@
 #include "renderer/geometry/numbered.h"
 #include "renderer/geometry/pack.h"
 #include "renderer/geometry/posed.h"
+#include "renderer/geometry/proxy.h"
 
 struct hg_box {
     float min[3], max[3]; // empty: min > max
@@ -60,7 +61,8 @@ struct hg_part_entry {
     uint64_t numbered_at, numbered_positions_at; // bytes
     struct hg_posed_levels posed;                // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
-    bool baking;
+    struct hg_mesh_part *proxy; // what the streams hold until there are levels; NULL: the part
+    bool baking, unbaked;       // unbaked: it had a proxy and gets no levels
 };
 
 // Primitives of all levels: what a visibility buffer may name.
@@ -84,6 +86,9 @@ struct hg_mesh_entry_limits {
 // Sizes and bounds, nothing on the device yet.
 enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
     const struct hg_mesh_entry_limits *limits, struct hg_error *err) HG_MUST_CHECK;
+// A part that is not on the device yet is shown by a proxy of at most `triangles`. HG_E_NOMEM.
+enum hg_status hg_mesh_entry_set_proxy(
+    struct hg_mesh_entry *entry, uint32_t index, uint32_t triangles) HG_MUST_CHECK;
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 void hg_mesh_entry_finish(
@@ -93,6 +98,13 @@ void hg_mesh_entry_finish(
 // Queues parts of many triangles for baking; brings finished ones into their entries (true when
 // there were some). Waits for all of them, at most until that time of hg_clock_now_ns.
 void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count);
+// Gives proxies to parts that are being baked and are not on the device yet, of a size that fits.
+//   used_bytes   what all takes as it is
+// HG_E_NOMEM.
+enum hg_status hg_baked_show_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
+    uint32_t count, uint64_t used_bytes) HG_MUST_CHECK;
+// Bytes of parts that had a proxy until they would be baked, and could not be.
+uint64_t hg_baked_lost_bytes(const struct hg_mesh_entry *meshes, uint32_t count);
 // Triangles from which parts are baked; UINT32_MAX: none are.
 uint32_t hg_baked_from(const struct hg_geometry *g);
 // The triangle of a part nearest to a point of the space that `world` leads to; 0 when it has none.

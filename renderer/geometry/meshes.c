@@ -87,6 +87,28 @@ static enum hg_status init_part(
     return status;
 }
 
+enum hg_status hg_mesh_entry_set_proxy(
+    struct hg_mesh_entry *entry, uint32_t index, uint32_t triangles)
+{
+    struct hg_part_entry *e = &entry->parts[index];
+    struct hg_mesh_part *proxy;
+    struct hg_pack_layout layout = {0};
+    enum hg_status status = hg_proxy_build(&entry->mesh->parts[index], triangles, &proxy);
+    if (status == HG_OK)
+        status = hg_pack_layout_of(proxy, 0, &layout);
+    if (status != HG_OK) {
+        hg_proxy_free(proxy);
+        return status;
+    }
+    e->proxy = proxy;
+    e->vertex_count = proxy->vertex_count;
+    e->index_count = proxy->index_count;
+    e->primitive_count = proxy->index_count / 3;
+    entry->bytes += layout.total_bytes - e->layout.total_bytes;
+    e->layout = layout;
+    return HG_OK;
+}
+
 // The numbered list comes behind the other streams.
 static enum hg_status number_part(struct hg_part_entry *e, const struct hg_mesh_part *part)
 {
@@ -209,8 +231,9 @@ enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *en
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err)
 {
     for (uint32_t i = 0; i < entry->part_count; i++) {
-        const enum hg_status status =
-            upload_part(gpu, &entry->parts[i], &mesh->parts[i], mesh->target_count, err);
+        struct hg_part_entry *e = &entry->parts[i];
+        const enum hg_status status = upload_part(
+            gpu, e, e->proxy != NULL ? e->proxy : &mesh->parts[i], mesh->target_count, err);
         if (status != HG_OK)
             return status;
     }
@@ -231,6 +254,7 @@ void hg_mesh_entry_finish(
         hg_numbered_finish(&e->numbered);
         hg_posed_finish(&e->posed);
         hg_free(e->host_indices);
+        hg_proxy_free(e->proxy);
         hg_free(e->joint_boxes);
         hg_free(e->morph_boxes);
         hg_free(e->morphs);

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
+#include "base/cond.h"
 #include "base/log.h"
 #include "geometry_device.h"
 
@@ -71,6 +72,46 @@ static void test_budget(void **state)
     geo_destroy_scene(&s);
 }
 
+// A part above the budget is shown by a proxy until it is baked; one that cannot be baked is
+// refused then: what is left of it in few triangles must not be taken for it.
+static void test_proxy_of_unbaked(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_mesh_part *part = &geo_add_mesh(f, s.scene, 2)->parts[0];
+    uint32_t *indices = hg_calloc(60000, sizeof *indices);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    assert_non_null(indices);
+    assert_non_null(jobs);
+    for (uint32_t i = 0; i < 60000; i++)
+        indices[i] = part->indices[i % part->index_count];
+    hg_free(part->indices);
+    part->indices = indices;
+    part->index_count = 60000;
+    part->positions[0] = 1e37f; // farther than hierarchies reach
+    geo_add_node(
+        f, s.scene, 3, (struct hg_mesh *)(void *)s.scene->objects[HG_OBJECT_MESH].items[1]);
+    hg_scene_publish(s.scene);
+    hg_scene_update(s.scene);
+    const struct hg_geometry_params params = {
+        .budget_bytes = 200000, .jobs = jobs, .bake_from = 1000};
+    struct hg_geometry *tight;
+    struct hg_geometry_stats stats;
+    geo_check(f, hg_geometry_create(f->gpu, &params, &tight, &f->err));
+    geo_check(f, hg_geometry_sync(tight, s.scene, NULL, &f->err));
+    hg_geometry_stats(tight, &stats);
+    assert_int_equal(stats.proxies, 1);
+    assert_true(stats.peak_bytes <= 200000);
+    assert_true(hg_geometry_poll(tight, HG_COND_FOREVER));
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(hg_geometry_sync(tight, s.scene, NULL, &f->err), HG_E_LIMIT);
+        assert_non_null(strstr(f->err.reason, "levels of detail"));
+    }
+    hg_geometry_destroy(tight);
+    hg_jobs_destroy(jobs);
+    geo_destroy_scene(&s);
+}
+
 // Every allocation and every Vulkan call fails once: a status, what was shown stays, and the next
 // sync succeeds.
 static void test_faults(void **state)
@@ -111,6 +152,7 @@ int main(void)
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     hg_log_set_level(HG_LOG_WARN);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_only_what_changed),
-        cmocka_unit_test(test_budget), cmocka_unit_test(test_faults)};
+        cmocka_unit_test(test_budget), cmocka_unit_test(test_proxy_of_unbaked),
+        cmocka_unit_test(test_faults)};
     return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
 }
