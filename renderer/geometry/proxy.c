@@ -99,8 +99,10 @@ static enum hg_status start_grid(struct grid *g, const struct hg_mesh_part *part
 // cell_at [vertex_count] out: the cell of each vertex.
 static enum hg_status fill_grid(struct grid *g, const struct hg_mesh_part *part, uint32_t *cell_at)
 {
+    static const float no_normal[3];
     for (uint32_t v = 0; v < part->vertex_count; v++) {
-        const float *p = part->positions + (size_t)v * 3, *n = part->normals + (size_t)v * 3;
+        const float *p = part->positions + (size_t)v * 3;
+        const float *n = part->normals != NULL ? part->normals + (size_t)v * 3 : no_normal;
         const enum hg_status status = cell_of(g, p, v, &cell_at[v]);
         if (status != HG_OK)
             return status;
@@ -192,10 +194,11 @@ static enum hg_status start_part(const struct hg_mesh_part *like, uint32_t verti
     p->index_count = triangles * 3;
     p->indices = hg_calloc(p->index_count, sizeof *p->indices);
     p->positions = hg_calloc(vertices, 12);
-    p->normals = hg_calloc(vertices, 12);
+    p->normals = like->normals != NULL ? hg_calloc(vertices, 12) : NULL;
     p->tangents = like->tangents != NULL ? hg_calloc(vertices, 16) : NULL;
     p->colors = like->colors != NULL ? hg_calloc(vertices, 16) : NULL;
-    bool whole = p->indices != NULL && p->positions != NULL && p->normals != NULL &&
+    bool whole = p->indices != NULL && p->positions != NULL &&
+                 (p->normals != NULL) == (like->normals != NULL) &&
                  (p->tangents != NULL) == (like->tangents != NULL) &&
                  (p->colors != NULL) == (like->colors != NULL);
     for (int i = 0; i < 2; i++) {
@@ -209,7 +212,8 @@ static void copy_vertex(
     struct hg_mesh_part *to, size_t v, const struct hg_mesh_part *from, size_t source)
 {
     memcpy(to->positions + v * 3, from->positions + source * 3, 12);
-    memcpy(to->normals + v * 3, from->normals + source * 3, 12);
+    if (from->normals != NULL)
+        memcpy(to->normals + v * 3, from->normals + source * 3, 12);
     if (from->tangents != NULL)
         memcpy(to->tangents + v * 4, from->tangents + source * 4, 16);
     if (from->colors != NULL)
@@ -232,7 +236,7 @@ static enum hg_status part_of_cells(const struct hg_mesh_part *part, const struc
         copy_vertex(p, i, part, c->first);
         for (size_t k = 0; k < 3; k++) {
             p->positions[i * 3 + k] = (float)(c->position[k] / c->count);
-            if (length > 1e-3f * (float)c->count) // else they turn every way
+            if (p->normals != NULL && length > 1e-3f * (float)c->count) // else they turn every way
                 p->normals[i * 3 + k] = n[k] / length;
         }
     }

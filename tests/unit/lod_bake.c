@@ -280,20 +280,19 @@ static void test_flat_shaded(void **state)
     lod_part_finish(&part);
 }
 
-// Heights without any order, many times as far apart as their places: clusters must lie side by
-// side all the same, or each level would lock nearly all of the one below.
+// Spikes many times as high as they are wide: clusters must lie side by side all the same, or each
+// level would lock nearly all of the one below.
 static void test_spikes(void **state)
 {
     (void)state;
     struct hg_mesh_part part = lod_terrain(150);
     uint32_t random = 7;
     for (uint32_t i = 0; i < part.vertex_count; i++)
-        part.positions[i * 3 + 1] = 40.0f * lod_random_unit(&random);
+        part.positions[i * 3 + 1] = 2000.0f * lod_random_unit(&random);
     struct baked b = {0};
     bake(&part, NULL, &b);
     check_structure(&b);
-    check_cuts(&b, 12, false);
-    assert_true(b.lod->level_count <= 12); // 351 clusters, half as many with each level
+    assert_true(b.lod->level_count <= 10); // from 352 clusters, half as many each time
     assert_int_equal(b.report.terminal_clusters, 1);
     finish(&b);
     lod_part_finish(&part);
