@@ -53,7 +53,7 @@ static void test_surface(void **state)
         struct hg_mesh_part *proxy = build(&part, counts[i]);
         assert_true(proxy->index_count / 3 > counts[i] / 4);
         double worst = 0.0;
-        for (uint32_t v = 0; v < proxy->vertex_count; v++) {
+        for (uint32_t v = 0; v < proxy->vertex_count; v += 1 + proxy->vertex_count / 500) {
             double least = INFINITY, along = -1.0;
             for (uint32_t s = 0; s < part.vertex_count; s++) {
                 double d = 0.0, dot = 0.0;
