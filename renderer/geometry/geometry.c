@@ -809,7 +809,7 @@ void hg_geometry_stats(const struct hg_geometry *g, struct hg_geometry_stats *ou
         out->baking = hg_baker_pending(g->baker);
     }
     out->budget_bytes = g->params.budget_bytes;
-    out->used_bytes += g->facets.buffer.size_bytes;
+    out->facet_bytes = g->facets.buffer.size_bytes;
     if (out->peak_bytes < out->used_bytes)
         out->peak_bytes = out->used_bytes;
 }

@@ -52,6 +52,7 @@ struct hg_geometry_stats {
     uint32_t draws, instances, parts, materials, deforms;
     uint32_t parts_uploaded, deforms_changed; // by the newest sync
     uint32_t baking, proxies; // parts whose levels are being made; of them shown coarsely
+    uint64_t facet_bytes;     // not of the budget, at most 64 MiB
     struct hg_cluster_pool_stats chunks;
 };
 
@@ -117,8 +118,9 @@ uint32_t hg_geometry_source_primitive(
 
 // --- facets (recorded by passes/facet.h) ---------------------------------------------------------
 
-// What shading reads of triangles on CPU devices (shaders/shared/facet.h): part of the scene's
-// memory, made where it is wanted, the scene is not too large and the budget has room.
+// What shading reads of triangles on CPU devices (shaders/shared/facet.h): 96 bytes for each of at
+// most 466,000. Points of facets are those of vertices but for rounding, and pictures do not
+// depend on the budget: so facets are not of it.
 struct hg_facet_job {
     uint32_t draw, first, count; // first: facet of the draw's first triangle
 };

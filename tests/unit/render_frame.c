@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "base/sha256.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/internal.h"
 #include "renderer/renderer.h"
 #include "tests/unit/render_rig.h"
 
@@ -410,6 +411,33 @@ static void hash_in_child(const char *threads, char hex[65])
     assert_int_equal(strlen(hex), 64);
 }
 
+// A budget that holds the parts and not a byte more, with the facets of a CPU device.
+static void test_budget_changes_nothing(void **state)
+{
+    (void)state;
+    const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
+    struct hg_refbuf *pictures[2];
+    uint64_t budget = 0;
+    for (int i = 0; i < 2; i++) {
+        struct rig rig = {0};
+        const struct hg_renderer_params limited = {.geometry_budget_bytes = budget, .threads = 2};
+        test_ok(hg_renderer_create(&limited, &rig.renderer, &rig.err), &rig.err);
+        use_scene(&rig, load("LightsPunctualLamp", hg_renderer_jobs(rig.renderer)), &params);
+        look_at_scene(&rig, 0.4f);
+        settle(&rig, 5);
+        struct hg_geometry_stats stats;
+        hg_geometry_stats(rig.view->state.rooms->geometry, &stats);
+        assert_true(stats.peak_bytes <= budget || i == 0);
+        assert_true(stats.facet_bytes > 0 || !hg_gpu_get_caps(rig.renderer->context.gpu)->is_cpu);
+        budget = stats.used_bytes;
+        pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_close(&rig);
+    }
+    rig_assert_same(pictures[0], pictures[1]);
+    hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
+}
+
 static void test_thread_count_changes_nothing(void **state)
 {
     (void)state;
@@ -641,6 +669,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_culling_changes_nothing),
         cmocka_unit_test(test_gpu_paths_agree),
+        cmocka_unit_test(test_budget_changes_nothing),
         cmocka_unit_test(test_thread_count_changes_nothing),
         cmocka_unit_test(test_settles_and_restarts),
         cmocka_unit_test(test_pixels_in_motion),
