@@ -325,21 +325,24 @@ static bool is_whole(const struct hg_view_state *view)
 // What the camera sees of `part`.
 static struct hg_visible_view camera_view(const struct hg_view_state *view, VkRect2D part)
 {
-    const struct hg_gpu_camera *camera = &view->frame.camera;
+    // Not the newest sample's: that may have been of a smaller picture, for which less would do.
+    struct hg_gpu_camera camera;
+    const struct hg_camera_setup setup = camera_setup(view);
+    hg_camera_fill(&setup, &camera);
     const bool off = view->context->no_culling;
-    struct hg_visible_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
-        .forward = {camera->forward_ws.x, camera->forward_ws.y, camera->forward_ws.z},
-        .orthographic = camera->orthographic != 0,
+    struct hg_visible_view look = {.eye = {camera.eye_ws.x, camera.eye_ws.y, camera.eye_ws.z},
+        .forward = {camera.forward_ws.x, camera.forward_ws.y, camera.forward_ws.z},
+        .orthographic = camera.orthographic != 0,
         .error_px = view->error_px,
-        .near = fmaxf(camera->near, 1e-6f),
+        .near = fmaxf(camera.near, 1e-6f),
         .wait = view->wait || is_exact(view),
         .whole = is_whole(view),
         .both_sides = off,
         .numbered = true,
         .history = !off && view->settings.debug == 0 && view->stream.finding == 0};
-    look.px_scale = 1.0f / (look.orthographic ? camera->pixel_size : camera->pixel_angle);
+    look.px_scale = 1.0f / (look.orthographic ? camera.pixel_size : camera.pixel_angle);
     float m[16];
-    memcpy(m, camera->view_proj.m, sizeof m);
+    memcpy(m, camera.view_proj.m, sizeof m);
     narrow(view, part, m);
     if (!off)
         look.plane_count = hg_cull_planes(m, look.planes);
