@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/internal.h"
+#include "tests/unit/lod_meshes.h"
 #include "tests/unit/render_rig.h"
 
 #define ROW     6
@@ -345,6 +346,48 @@ static void test_looking_ahead(void **state)
     rig_close(&rig);
 }
 
+// A final view looks for its pages in a small picture first: levels of detail are those of the
+// whole one all the same, however many samples the first batch has.
+static void test_finding_does_not_show(void **state)
+{
+    (void)state;
+    struct hg_refbuf *pictures[3];
+    for (int i = 0; i < 3; i++) {
+        struct hg_scene *scene;
+        assert_int_equal(hg_scene_create(&scene), HG_OK);
+        struct hg_mesh_part land = lod_terrain(150);
+        struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, 1);
+        struct hg_mesh_part *part = rig_part(
+            mesh, land.vertex_count, land.positions, land.normals, land.index_count, land.indices);
+        part->uv[0] = rig_copy(land.uv[0], land.vertex_count * 8ull);
+        part->material = rig_add(scene, HG_OBJECT_MATERIAL, 2);
+        part->material->slots[HG_SLOT_BASE_COLOR].texture = add_texture(scene, 3, true);
+        ((struct hg_node *)rig_add(scene, HG_OBJECT_NODE, 4))->mesh = mesh;
+        lod_part_finish(&land);
+        rig_environment(scene, 0.5f, 0.5f, 0.5f);
+        hg_scene_publish(scene);
+        const struct hg_renderer_params params = {.threads = 2};
+        const struct hg_view_params view = {
+            .width = VIEW_PX, .height = VIEW_PX, .samples = 4, .seed = 5, .error_px = 1.0f};
+        const struct hg_view_camera camera = {.eye = {75, 60, 190}, .target = {75, 0, 75}};
+        struct rig rig = {.scene = scene};
+        test_ok(hg_renderer_create(&params, &rig.renderer, &rig.err), &rig.err);
+        rig_view(&rig, &view);
+        test_ok(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
+        hg_view_set_final(rig.view, i > 0);
+        rig_settle(&rig, i == 1 ? 1 : 16);
+        struct hg_geometry_stats stats;
+        hg_geometry_stats(rig.view->state.rooms->geometry, &stats);
+        assert_true(stats.chunks.resident > 0);
+        pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_close(&rig);
+    }
+    for (int i = 2; i >= 0; i--) {
+        rig_assert_same(pictures[0], pictures[i]);
+        hg_refbuf_unref(pictures[i]);
+    }
+}
+
 static int finish(void **state)
 {
     (void)state;
@@ -358,7 +401,8 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_budgets_behind_glass), cmocka_unit_test(test_history_does_not_show),
         cmocka_unit_test(test_missing_is_told), cmocka_unit_test(test_bias_settles),
-        cmocka_unit_test(test_final_is_drawn_once), cmocka_unit_test(test_final_no_longer),
-        cmocka_unit_test(test_prediction), cmocka_unit_test(test_looking_ahead)};
+        cmocka_unit_test(test_finding_does_not_show), cmocka_unit_test(test_final_is_drawn_once),
+        cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_looking_ahead)};
     return cmocka_run_group_tests(tests, NULL, finish);
 }
