@@ -8,8 +8,10 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "renderer/geometry/lod/internal.h"
 
+#define EDGES_GUESS  48u // of a cluster's border
 #define GROUP_WANTED 16u // clusters
 #define GROUP_SMALL  8u  // smaller groups look for any neighbour that has room
 #define GROUP_BYTES  (HG_LOD_CHUNK_BYTES - 64u) // streams are padded
@@ -86,17 +88,37 @@ static enum hg_status collect_edges(const struct hg_lod_mesh *m, const struct hg
     return HG_OK;
 }
 
-// One link per edge where two clusters meet (the first two, where more do).
+// Counts an edge where `other` meets `cluster`, whose links are those from `first` on.
+static enum hg_status count_link(struct graph *g, size_t first, uint32_t other, uint32_t cluster)
+{
+    for (size_t i = g->link_count; i > first; i--) {
+        if (g->links[i - 1].a == other) {
+            g->links[i - 1].weight++;
+            return HG_OK;
+        }
+    }
+    const enum hg_status status =
+        hg_grow(&g->links, &g->link_capacity, g->link_count + 1, sizeof *g->links);
+    if (status == HG_OK)
+        g->links[g->link_count++] = (struct link){other, cluster, 1};
+    return status;
+}
+
+// Links of clusters that meet (at an edge of more, the first two). Edges of a cluster follow each
+// other.
 static enum hg_status find_links(struct graph *g, struct open_edge *edges, size_t count)
 {
     size_t size = 16;
     while (size < count * 2)
         size *= 2;
-    uint32_t *table = hg_calloc(size, sizeof *table);
+    uint32_t *table = hg_spill_scratch(size, sizeof *table);
     if (table == NULL)
         return HG_E_NOMEM;
     enum hg_status status = HG_OK;
+    size_t first = 0;
     for (size_t i = 0; i < count && status == HG_OK; i++) {
+        if (i > 0 && edges[i].cluster != edges[i - 1].cluster)
+            first = g->link_count;
         size_t slot = hash_edge(edges[i].key) & (size - 1);
         while (table[slot] != 0 && edges[table[slot] - 1].key != edges[i].key)
             slot = (slot + 1) & (size - 1);
@@ -107,9 +129,7 @@ static enum hg_status find_links(struct graph *g, struct open_edge *edges, size_
         const uint32_t other = edges[table[slot] - 1].cluster;
         edges[table[slot] - 1].met = 1;
         edges[i].met = 1;
-        status = hg_grow(&g->links, &g->link_capacity, g->link_count + 1, sizeof *g->links);
-        if (status == HG_OK)
-            g->links[g->link_count++] = (struct link){other, edges[i].cluster, 1};
+        status = count_link(g, first, other, edges[i].cluster);
     }
     hg_free(table);
     return status;
@@ -335,8 +355,10 @@ static enum hg_status init_graph(struct graph *g, const struct hg_lod_mesh *m,
         g->size[c] = 1;
         g->bytes[c] = pool->triangle_count[c] * 12 + pool->vertex_count[c] * vertex_bytes;
     }
-    struct open_edge *edges = NULL;
-    size_t capacity = 0, count = 0;
+    size_t capacity = (size_t)pool->count * EDGES_GUESS, count = 0;
+    struct open_edge *edges = hg_spill_scratch(capacity, sizeof *edges);
+    if (edges == NULL)
+        return HG_E_NOMEM;
     enum hg_status status = collect_edges(m, pool, &edges, &capacity, &count, g->border);
     if (status == HG_OK)
         status = find_links(g, edges, count);
