@@ -1,5 +1,6 @@
 #include "base/alloc.h"
 
+#include <malloc.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -104,4 +105,11 @@ void hg_alloc_fail_at(uint64_t n)
 uint64_t hg_alloc_count(void)
 {
     return atomic_load(&alloc_count);
+}
+
+void hg_alloc_trim(void)
+{
+#ifdef __GLIBC__
+    malloc_trim(0);
+#endif
 }

@@ -25,6 +25,10 @@ void hg_free(void *ptr);
 // Geometric growth; on failure nothing changes and HG_E_NOMEM is returned.
 enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size) HG_MUST_CHECK;
 
+// Gives what is free in the heap back to the system: after much was taken and freed by many threads.
+// Takes milliseconds.
+void hg_alloc_trim(void);
+
 // Test hook: let the n-th allocation from now (1 = next) fail once; 0 disarms.
 void hg_alloc_fail_at(uint64_t n);
 // Number of allocations made since the last hg_alloc_fail_at().

@@ -11,6 +11,8 @@
 #include "base/log.h"
 #include "base/spill.h"
 
+#define TRIM_FROM 500000u // triangles, whose groups leave hundreds of megabytes free in the heap
+
 struct task {
     struct task *next;
     struct hg_mesh_part part; // owns its arrays
@@ -131,8 +133,11 @@ static void *thread_main(void *user)
         pthread_mutex_unlock(&b->lock);
         hg_spill_begin();
         bake(b, task);
+        const bool large = task->part.index_count / 3 >= TRIM_FROM;
         free_part(&task->part);
         hg_spill_end();
+        if (large)
+            hg_alloc_trim();
         pthread_mutex_lock(&b->lock);
         push(&b->done, task);
         pthread_cond_broadcast(&b->changed);

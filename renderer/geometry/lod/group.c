@@ -338,8 +338,9 @@ void hg_lod_group_run(struct hg_lod_group_job *job)
         (uint64_t)s.triangle_count * ENOUGH_DEN <= (uint64_t)job->triangle_count * ENOUGH_NUM;
     if (status == HG_OK && enough && s.triangle_count > 0)
         status = make_product(job, &s);
-    if (job->product != NULL) {
-        job->means = s.means;
+    if (job->product != NULL && s.mean_count > 0) {
+        struct hg_lod_mean *small = hg_realloc(s.means, s.mean_count, sizeof *small);
+        job->means = small != NULL ? small : s.means;
         job->mean_count = s.mean_count;
         s.means = NULL;
     }
