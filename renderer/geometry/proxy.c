@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/spill.h"
+#include "renderer/scene/asset.h"
 
 #define FREE       UINT32_MAX
 #define KEEPS      0.8f     // of the cells along an axis, while there are too many triangles
@@ -296,13 +297,7 @@ void hg_proxy_free(struct hg_mesh_part *p)
 {
     if (p == NULL)
         return;
-    hg_free(p->indices);
-    hg_free(p->positions);
-    hg_free(p->normals);
-    hg_free(p->tangents);
-    hg_free(p->colors);
-    hg_free(p->uv[0]);
-    hg_free(p->uv[1]);
+    hg_mesh_part_finish(p, 0);
     hg_free(p);
 }
 
