@@ -66,9 +66,16 @@ struct hg_gpu_pipeline {
     VkPipeline handle;
 };
 
-struct hg_gpu_module {
+struct hg_gpu_shader {
     char name[64];
+    const uint32_t *words;
+    size_t size_bytes;
+    uint32_t *compiled; // the words, where they are not embedded
+};
+
+struct hg_gpu_shader_module {
     VkShaderModule handle;
+    bool specialised; // it holds the values of the constants
 };
 
 struct hg_gpu {
@@ -138,9 +145,9 @@ struct hg_gpu {
     struct hg_gpu_pipeline *pipelines;
     size_t pipeline_capacity;
     uint32_t pipeline_count;
-    struct hg_gpu_module *modules;
-    size_t module_capacity;
-    uint32_t module_count;
+    struct hg_gpu_shader *shaders;
+    size_t shader_capacity;
+    uint32_t shader_count;
 };
 
 // True when the test hook wants this call to fail; *result is then what to return.
@@ -183,6 +190,14 @@ uint32_t hg_gpu_texel_bytes(VkFormat format);
 // pipeline.c
 enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_pipelines_finish(struct hg_gpu *gpu);
+
+// shader.c: shaders are read once (hg_gpu_shader_ready, on one thread); modules of them are made for
+// a pipeline and freed after it. HG_E_NOTFOUND, HG_E_FORMAT as hg_gpu_compile, HG_E_DEVICE.
+enum hg_status hg_gpu_shader_ready(
+    struct hg_gpu *gpu, const char *name, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const uint32_t *values,
+    uint32_t value_count, struct hg_gpu_shader_module *out, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_shaders_finish(struct hg_gpu *gpu);
 
 // compile.c: GLSL of a pass below `root` to SPIR-V words (freed with hg_free).
 // HG_E_NOTFOUND, HG_E_FORMAT (err->what = file, err->where = "line N"), HG_E_NOMEM.

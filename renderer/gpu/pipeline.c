@@ -1,11 +1,10 @@
-// pipeline.c - the descriptor set, samplers, shader modules, pipelines and their cache on disk.
+// pipeline.c - the descriptor set, samplers, pipelines and their cache on disk.
 #include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "renderer/gpu/embed.h"
 #include "renderer/gpu/internal.h"
 
 // --- samplers and the set ------------------------------------------------------------------------
@@ -312,61 +311,7 @@ enum hg_status hg_gpu_save_pipeline_cache(struct hg_gpu *gpu, struct hg_error *e
     return status;
 }
 
-// --- modules and pipelines -----------------------------------------------------------------------
-
-static enum hg_status create_module(struct hg_gpu *gpu, const char *name, const uint32_t *words,
-    size_t size_bytes, struct hg_error *err)
-{
-    if (hg_grow(&gpu->modules, &gpu->module_capacity, gpu->module_count + 1,
-            sizeof *gpu->modules) != HG_OK)
-        return hg_error_set(err, HG_E_NOMEM, name, NULL, "out of host memory");
-    struct hg_gpu_module *module = &gpu->modules[gpu->module_count];
-    *module = (struct hg_gpu_module){0};
-    snprintf(module->name, sizeof module->name, "%s", name);
-    const VkShaderModuleCreateInfo info = {.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
-        .codeSize = size_bytes,
-        .pCode = words};
-    enum hg_status status =
-        HG_VK(gpu, err, vkCreateShaderModule, gpu->device, &info, NULL, &module->handle);
-    if (status == HG_OK) {
-        gpu->module_count++;
-        hg_gpu_name(gpu, VK_OBJECT_TYPE_SHADER_MODULE, (uint64_t)module->handle, name);
-    }
-    return status;
-}
-
-static enum hg_status load_module(struct hg_gpu *gpu, const char *name, struct hg_error *err)
-{
-    if (gpu->shader_dir != NULL) {
-        uint32_t *words;
-        size_t size;
-        enum hg_status status = hg_gpu_compile(gpu->shader_dir, name, &words, &size, err);
-        if (status == HG_OK)
-            status = create_module(gpu, name, words, size, err);
-        hg_free(words);
-        return status;
-    }
-    const struct hg_shader_binary *binary = hg_shader_find(name);
-    if (binary == NULL)
-        return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such shader");
-    return create_module(gpu, name, binary->words, binary->size_bytes, err);
-}
-
-static enum hg_status find_module(
-    struct hg_gpu *gpu, const char *name, VkShaderModule *out, struct hg_error *err)
-{
-    *out = VK_NULL_HANDLE;
-    for (uint32_t i = 0; i < gpu->module_count; i++) {
-        if (strcmp(gpu->modules[i].name, name) == 0) {
-            *out = gpu->modules[i].handle;
-            return HG_OK;
-        }
-    }
-    enum hg_status status = load_module(gpu, name, err);
-    if (status == HG_OK)
-        *out = gpu->modules[gpu->module_count - 1].handle;
-    return status;
-}
+// --- pipelines -----------------------------------------------------------------------------------
 
 struct stages { // scratch of one pipeline creation
     VkSpecializationMapEntry entries[HG_GPU_MAX_SPEC];
@@ -378,14 +323,16 @@ struct stages { // scratch of one pipeline creation
 static enum hg_status add_stage(struct hg_gpu *gpu, struct stages *stages, const char *name,
     VkShaderStageFlagBits stage, struct hg_error *err)
 {
-    VkShaderModule module;
-    enum hg_status status = find_module(gpu, name, &module, err);
+    struct hg_gpu_shader_module module;
+    enum hg_status status = hg_gpu_shader_module(
+        gpu, name, stages->spec.pData, stages->spec.mapEntryCount, &module, err);
+    const bool values = stages->spec.mapEntryCount > 0 && !module.specialised;
     stages->list[stages->count++] = (VkPipelineShaderStageCreateInfo){
         .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
         .stage = stage,
-        .module = module,
+        .module = module.handle,
         .pName = "main",
-        .pSpecializationInfo = stages->spec.mapEntryCount > 0 ? &stages->spec : NULL};
+        .pSpecializationInfo = values ? &stages->spec : NULL};
     return status;
 }
 
@@ -485,27 +432,34 @@ static enum hg_status create_graphics(struct hg_gpu *gpu, const struct stages *s
         gpu, err, vkCreateGraphicsPipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
 }
 
+static enum hg_status create_compute(
+    struct hg_gpu *gpu, const struct stages *stages, VkPipeline *out, struct hg_error *err)
+{
+    const VkComputePipelineCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
+        .stage = stages->list[0],
+        .layout = gpu->pipeline_layout};
+    return HG_VK(
+        gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
+}
+
+// Its shaders are ready.
 static enum hg_status create_pipeline(struct hg_gpu *gpu,
     const struct hg_gpu_pipeline_params *params, VkPipeline *out, struct hg_error *err)
 {
     struct stages stages = {0};
     fill_spec(&stages, params);
-    enum hg_status status;
-    if (params->compute != NULL) {
-        status = add_stage(gpu, &stages, params->compute, VK_SHADER_STAGE_COMPUTE_BIT, err);
-        if (status != HG_OK)
-            return status;
-        const VkComputePipelineCreateInfo info = {
-            .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
-            .stage = stages.list[0],
-            .layout = gpu->pipeline_layout};
-        return HG_VK(gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipeline_cache, 1, &info,
-            NULL, out);
-    }
-    status = add_stage(gpu, &stages, params->vertex, VK_SHADER_STAGE_VERTEX_BIT, err);
+    const bool compute = params->compute != NULL;
+    enum hg_status status = add_stage(gpu, &stages, compute ? params->compute : params->vertex,
+        compute ? VK_SHADER_STAGE_COMPUTE_BIT : VK_SHADER_STAGE_VERTEX_BIT, err);
     if (status == HG_OK && params->fragment != NULL)
         status = add_stage(gpu, &stages, params->fragment, VK_SHADER_STAGE_FRAGMENT_BIT, err);
-    return status == HG_OK ? create_graphics(gpu, &stages, params, out, err) : status;
+    if (status == HG_OK)
+        status = compute ? create_compute(gpu, &stages, out, err)
+                         : create_graphics(gpu, &stages, params, out, err);
+    for (uint32_t i = 0; i < stages.count; i++)
+        vkDestroyShaderModule(gpu->device, stages.list[i].module, NULL);
+    return status;
 }
 
 static bool same_name(const char *a, const char *b)
@@ -554,6 +508,18 @@ static void keep_pipeline(
                                    : params->vertex);
 }
 
+// On one thread: the list of shaders grows.
+static enum hg_status ready_shaders(
+    struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, struct hg_error *err)
+{
+    const char *const names[] = {params->compute, params->vertex, params->fragment};
+    enum hg_status status = HG_OK;
+    for (int i = 0; i < 3 && status == HG_OK; i++)
+        if (names[i] != NULL)
+            status = hg_gpu_shader_ready(gpu, names[i], err);
+    return status;
+}
+
 enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params,
     VkPipeline *out, struct hg_error *err)
 {
@@ -561,6 +527,8 @@ enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipel
     if (*out != VK_NULL_HANDLE)
         return HG_OK;
     enum hg_status status = reserve_pipelines(gpu, 1, err);
+    if (status == HG_OK)
+        status = ready_shaders(gpu, params, err);
     if (status == HG_OK)
         status = create_pipeline(gpu, params, out, err);
     if (status == HG_OK)
@@ -585,19 +553,6 @@ static void make_one(void *user, size_t index)
     m->status = create_pipeline(m->gpu, m->params, &m->handle, &m->err);
 }
 
-// Modules are made on one thread: their list grows.
-static enum hg_status ready_modules(
-    struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, struct hg_error *err)
-{
-    const char *const names[] = {params->compute, params->vertex, params->fragment};
-    VkShaderModule module;
-    enum hg_status status = HG_OK;
-    for (int i = 0; i < 3 && status == HG_OK; i++)
-        if (names[i] != NULL)
-            status = find_module(gpu, names[i], &module, err);
-    return status;
-}
-
 enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
     const struct hg_gpu_pipeline_params *params, uint32_t count, struct hg_jobs *jobs,
     struct hg_error *err)
@@ -609,7 +564,7 @@ enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
         if (find_pipeline(gpu, &params[i]) != VK_NULL_HANDLE)
             continue;
         list[missing++] = (struct making){.gpu = gpu, .params = &params[i]};
-        status = ready_modules(gpu, &params[i], err);
+        status = ready_shaders(gpu, &params[i], err);
     }
     if (status != HG_OK || missing == 0)
         return status;
@@ -678,10 +633,8 @@ void hg_gpu_pipelines_finish(struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < gpu->pipeline_count; i++)
         vkDestroyPipeline(gpu->device, gpu->pipelines[i].handle, NULL);
-    for (uint32_t i = 0; i < gpu->module_count; i++)
-        vkDestroyShaderModule(gpu->device, gpu->modules[i].handle, NULL);
     hg_free(gpu->pipelines);
-    hg_free(gpu->modules);
+    hg_gpu_shaders_finish(gpu);
     vkDestroyPipelineCache(gpu->device, gpu->pipeline_cache, NULL);
     vkDestroyPipelineLayout(gpu->device, gpu->pipeline_layout, NULL);
     vkDestroyDescriptorSetLayout(gpu->device, gpu->set_layout, NULL);

@@ -564,10 +564,8 @@ void main()
     p.ray = hg_path.rays.v[p.slot];
     hg_path_time = p.ray.time;
     hg_gpu_hit hit = hg_path.hits.v[p.slot];
-    bool none = kind == 1u || (kind == 0u && hit.draw == HG_HIT_NONE), over = false;
+    bool none = kind == 1u || (kind == 0u && hit.draw == HG_HIT_NONE);
     if (HG_PATH_CAN(HG_PATH_FIRST)) {
-        // Only what is met is shaded several times; where the host knows, other slots do not come.
-        over = kind == 0u && none && push.branch != 0u;
         bool whole = HG_PATH_CAN(HG_PATH_SURFACES) || (none && push.branch == 0u);
         p.throughput = vec3(whole ? 1.0 : 1.0 / hg_path_branches());
     }
@@ -576,12 +574,13 @@ void main()
     uvec3 bits = hg_hash3(uvec3(pixel, hg_path_number(p.slot) * 1024u + p.steps +
         hg_frame.seed * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
-    if (over)
-        status = HG_PATH_DONE;
-    else if (none)
-        status = miss(p);
-    else
+    if (kind == 1u || (kind == 0u && none)) {
+        // Only what is met is shaded several times; where the host knows, other slots do not come.
+        bool over = HG_PATH_CAN(HG_PATH_FIRST) && kind == 0u && push.branch != 0u;
+        status = over ? HG_PATH_DONE : miss(p);
+    } else {
         status = surface(p, hit, pixel);
+    }
     hg_texture_report(pixel);
     hg_path.status.v[p.slot] = status;
     if (status == HG_PATH_WAITS || kind == 1u)
