@@ -13,14 +13,12 @@ static enum hg_status copy(struct hg_gpu *gpu, struct hg_gpu_image *image,
 {
     const struct hg_gpu_region all = {.width = image->width, .height = image->height};
     struct hg_gpu_cmd *cmd;
-    uint64_t value = 0;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
     hg_gpu_image_read(cmd, image, &all, to, 0);
     hg_gpu_memory_barrier(cmd);
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
 }
 
 enum hg_status hg_bench_depth_read(

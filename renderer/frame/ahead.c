@@ -184,7 +184,6 @@ static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
     struct hg_gpu *gpu = view->context->gpu;
     struct hg_page_demand demand;
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
@@ -195,9 +194,7 @@ static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
         return status;
     }
     hg_page_cache_end(pages, cmd);
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
+    status = hg_gpu_submit_and_wait(gpu, cmd, err);
     if (status == HG_OK)
         hg_page_cache_collect(pages, HG_PAGES_AHEAD, &demand);
     return status;

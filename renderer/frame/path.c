@@ -350,7 +350,6 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
     struct hg_path *p = view->path;
     struct hg_gpu *gpu = view->context->gpu;
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     if (p == NULL || p->film.handle == VK_NULL_HANDLE || !p->stale)
         return HG_OK;
     const bool denoise = view->settings.path.denoise != 0 && p->pass > 0;
@@ -373,9 +372,7 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
         hg_gpu_discard(gpu, cmd);
         return status;
     }
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
+    status = hg_gpu_submit_and_wait(gpu, cmd, err);
     p->stale = status != HG_OK;
     return status;
 }

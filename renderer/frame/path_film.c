@@ -255,7 +255,6 @@ enum hg_status hg_path_film_fetch(
     if (p->film.mapped != NULL && hg_gpu_get_caps(gpu)->is_cpu)
         return HG_OK;
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_READBACK, bytes, "film readback", &p->film_read, err);
     if (status == HG_OK)
@@ -265,9 +264,8 @@ enum hg_status hg_path_film_fetch(
     const VkBufferCopy region = {.size = bytes};
     vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), p->film.handle, p->film_read.handle, 1, &region);
     hg_gpu_memory_barrier(cmd);
-    status = hg_gpu_submit(gpu, cmd, &value, err);
     *out = p->film_read.mapped;
-    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
 }
 
 // --- noise ---------------------------------------------------------------------------------------

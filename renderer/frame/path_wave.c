@@ -182,14 +182,6 @@ void hg_path_wave_fill(struct hg_view_state *view)
     memcpy(p->block_buffer.mapped, &p->block, sizeof p->block);
 }
 
-static enum hg_status submit(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
-{
-    uint64_t value;
-    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
-}
-
 // Runs a kernel on `count` slots of a list (from `first`). *demand: what it missed.
 static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel,
     const struct hg_path_list *list, uint32_t first, uint32_t count, struct hg_page_demand *demand,
@@ -221,7 +213,7 @@ static enum hg_status run(struct hg_view_state *view, enum hg_path_kernel kernel
     }
     if (view->stream.on)
         hg_page_cache_end(pages_of(view), cmd);
-    status = submit(view, cmd, err);
+    status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status == HG_OK && view->stream.on)
         hg_page_cache_collect(pages_of(view), HG_PAGES_EXACT, demand);
     p->missing = demand->missing;

@@ -102,14 +102,6 @@ static enum hg_status reserve(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
-static enum hg_status submit_and_wait(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
-{
-    uint64_t value;
-    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
-}
-
 // All pixels have `samples` samples (0 or 1); 0: what is shown becomes the fallback.
 static enum hg_status start_exact(
     struct hg_view_state *view, uint32_t samples, struct hg_error *err)
@@ -131,7 +123,7 @@ static enum hg_status start_exact(
         hg_gpu_cmd_begin_rendering(cmd, &clear);
         hg_gpu_cmd_end_rendering(cmd);
     }
-    status = submit_and_wait(view, cmd, err);
+    status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     forget_behind(view);
     s->exact = s->on = true; // pixels are counted whatever may be missing
     s->inexact = s->waiting = s->forced = false;
@@ -290,7 +282,7 @@ static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bo
         vkCmdCopyBuffer(
             hg_gpu_cmd_handle(cmd), s->progress.handle, s->progress_read.handle, 1, &copy);
     }
-    status = submit_and_wait(view, cmd, err);
+    status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status == HG_OK) {
         hg_geometry_deforms_done(view->rooms->geometry);
         if (!shadows)

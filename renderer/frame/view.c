@@ -254,14 +254,6 @@ static void collect_times(struct hg_view_state *view)
         hg_view_add_stage(view, times[i].name, times[i].ns);
 }
 
-static enum hg_status submit_and_wait(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
-{
-    uint64_t value;
-    enum hg_status status = hg_gpu_submit(view->context->gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(view->context->gpu, value, err) : status;
-}
-
 // In motion geometry may be coarser, so that frames keep to their time.
 static void choose_error(struct hg_view_state *view, uint32_t max_samples)
 {
@@ -343,7 +335,7 @@ static enum hg_status draw_shown(
     if (view->direct)
         record_copy(view, cmd, 0);
     hg_page_cache_end(pages, cmd);
-    status = submit_and_wait(view, cmd, err);
+    status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status != HG_OK)
         return status;
     hg_geometry_deforms_done(view->rooms->geometry);
@@ -551,7 +543,7 @@ static enum hg_status fetch_pixels(
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
     }
-    return submit_and_wait(view, cmd, err);
+    return hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
 }
 
 // Other pixels than those that were drawn at once: the sample again, accumulated.
@@ -627,7 +619,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
     }
-    status = submit_and_wait(view, cmd, err);
+    status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status == HG_OK) {
         memcpy(out, view->pick.mapped, sizeof *out);
         const float position[3] = {out->position_ws.x, out->position_ws.y, out->position_ws.z};

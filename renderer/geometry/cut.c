@@ -244,7 +244,6 @@ static enum hg_status read_back(struct hg_geometry *g, struct poses *p, struct h
 {
     struct hg_gpu_buffer to = {0};
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     enum hg_status status =
         hg_gpu_buffer_create(g->gpu, HG_GPU_BUFFER_READBACK, p->float_count * 4, "poses", &to, err);
     if (status != HG_OK)
@@ -260,10 +259,8 @@ static enum hg_status read_back(struct hg_geometry *g, struct poses *p, struct h
                     hg_gpu_cmd_handle(cmd), g->deforms[i].output.handle, to.handle, 1, &region);
         }
         hg_gpu_memory_barrier(cmd);
-        status = hg_gpu_submit(g->gpu, cmd, &value, err);
+        status = hg_gpu_submit_and_wait(g->gpu, cmd, err);
     }
-    if (status == HG_OK)
-        status = hg_gpu_wait(g->gpu, value, err);
     if (status == HG_OK)
         memcpy(p->positions, to.mapped, p->float_count * 4);
     hg_gpu_buffer_destroy(g->gpu, &to);

@@ -81,7 +81,7 @@ static enum hg_status copy_deformed(
     const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
 {
     struct hg_gpu_cmd *cmd;
-    uint64_t value, at = 0;
+    uint64_t at = 0;
     enum hg_status status = hg_gpu_begin(g->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
@@ -95,8 +95,7 @@ static enum hg_status copy_deformed(
         at += d->output_bytes;
     }
     hg_gpu_memory_barrier(cmd);
-    status = hg_gpu_submit(g->gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(g->gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(g->gpu, cmd, err);
 }
 
 static enum hg_status take_deformed(

@@ -324,6 +324,14 @@ enum hg_status hg_gpu_submit(
     return HG_OK;
 }
 
+enum hg_status hg_gpu_submit_and_wait(
+    struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    uint64_t value;
+    const enum hg_status status = hg_gpu_submit(gpu, cmd, &value, err);
+    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+}
+
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
 {
     if (gpu->open != cmd || cmd == NULL)

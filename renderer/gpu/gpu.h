@@ -39,7 +39,8 @@ struct hg_gpu_caps {
     bool is_cpu; // a software rasteriser: memory is shared, wide loads are cheap
     bool mapped; // device-local memory is host-visible: uploads are plain writes
     bool depth_clamp, anisotropy, large_points, validation;
-    bool ray_query; // VK_KHR_ray_query and acceleration structures; buffers can be input and storage
+    bool
+        ray_query; // VK_KHR_ray_query and acceleration structures; buffers can be input and storage
     uint32_t max_image_side_px, max_image_layers, max_texels;      // texels: of a buffer
     uint64_t max_buffer_bytes, max_allocation_bytes, memory_bytes; // memory: device-local heap
     float timestamp_period_ns;                                     // 0 = no timestamps
@@ -182,6 +183,9 @@ void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd);
 // Waits until the timeline has reached value, then frees what was retired. Times out after 60 s of
 // no progress with HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err) HG_MUST_CHECK;
+// Submits what was recorded and waits until it is over.
+enum hg_status hg_gpu_submit_and_wait(
+    struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 
 VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd);
 

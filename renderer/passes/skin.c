@@ -24,7 +24,6 @@ enum hg_status hg_skin_record(
 enum hg_status hg_skin_run(struct hg_gpu *gpu, struct hg_geometry *geometry, struct hg_error *err)
 {
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     if (hg_geometry_deform_count(geometry) == 0)
         return HG_OK;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
@@ -35,9 +34,7 @@ enum hg_status hg_skin_run(struct hg_gpu *gpu, struct hg_geometry *geometry, str
         hg_gpu_discard(gpu, cmd);
         return status;
     }
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    if (status == HG_OK)
-        status = hg_gpu_wait(gpu, value, err);
+    status = hg_gpu_submit_and_wait(gpu, cmd, err);
     if (status == HG_OK)
         hg_geometry_deforms_done(geometry);
     return status;

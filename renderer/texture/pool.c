@@ -76,9 +76,7 @@ static enum hg_status run_copy(
             1, &copy);
         hg_gpu_image_use(cmd, &pool->image, HG_GPU_USE_SAMPLED);
     }
-    uint64_t value;
-    status = hg_gpu_submit(pool->gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(pool->gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(pool->gpu, cmd, err);
 }
 
 static enum hg_status create_images(struct hg_pool *pool, uint32_t layers,

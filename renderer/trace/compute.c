@@ -557,7 +557,6 @@ static enum hg_status dispatch(
     const struct hg_gpu_pipeline_params params = {
         .compute = "trace_bvh.comp", .spec = {any, c->features}, .spec_count = 2};
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
@@ -569,8 +568,7 @@ static enum hg_status dispatch(
     hg_gpu_cmd_push(cmd, wave, sizeof *wave);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (wave->count + HG_BVH_GROUP - 1) / HG_BVH_GROUP, 1, 1);
     hg_gpu_memory_barrier(cmd);
-    status = hg_gpu_submit(gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
 }
 
 static enum hg_status trace(

@@ -211,10 +211,8 @@ struct order { // of a build
 
 static enum hg_status finish_batch(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    uint64_t value;
     hg_gpu_memory_barrier(cmd);
-    const enum hg_status status = hg_gpu_submit(gpu, cmd, &value, err);
-    return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
 }
 
 static enum hg_status read_compacted(struct khr *k, uint64_t *bytes, struct hg_error *err)

@@ -271,11 +271,9 @@ void rig_run(
         &err);
     const struct push push = {input.address, output.address, emitters.address, count, PICKS, 12345};
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     test_ok(hg_gpu_begin(r->probe.gpu, &cmd, &err), &err);
     record(r, op, cmd, &frame, &push);
-    test_ok(hg_gpu_submit(r->probe.gpu, cmd, &value, &err), &err);
-    test_ok(hg_gpu_wait(r->probe.gpu, value, &err), &err);
+    test_ok(hg_gpu_submit_and_wait(r->probe.gpu, cmd, &err), &err);
     memcpy(out, output.mapped, out_bytes);
     struct hg_gpu_buffer *buffers[] = {&frame, &input, &output, &emitters};
     for (int i = 0; i < 4; i++)

@@ -110,11 +110,9 @@ void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint
     memcpy(input.mapped, in, in_size * sizeof *in);
     struct push push = {input.address, output.address, count};
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     test_ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
     record(probe, shader, op, cmd, &frame, &push);
-    test_ok(hg_gpu_submit(probe->gpu, cmd, &value, &err), &err);
-    test_ok(hg_gpu_wait(probe->gpu, value, &err), &err);
+    test_ok(hg_gpu_submit_and_wait(probe->gpu, cmd, &err), &err);
     memcpy(out, output.mapped, out_size * sizeof *out);
     hg_gpu_buffer_destroy(probe->gpu, &frame);
     hg_gpu_buffer_destroy(probe->gpu, &input);

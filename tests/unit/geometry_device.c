@@ -53,9 +53,7 @@ int geo_teardown(void **state)
 
 void geo_submit(struct geo *f, struct hg_gpu_cmd *cmd)
 {
-    uint64_t value;
-    geo_check(f, hg_gpu_submit(f->gpu, cmd, &value, &f->err));
-    geo_check(f, hg_gpu_wait(f->gpu, value, &f->err));
+    geo_check(f, hg_gpu_submit_and_wait(f->gpu, cmd, &f->err));
 }
 
 void geo_sync(struct geo *f, struct hg_geometry *g, struct hg_scene *scene)

@@ -116,9 +116,7 @@ static int teardown(void **state)
 
 static void submit(struct fixture *f, struct hg_gpu_cmd *cmd)
 {
-    uint64_t value;
-    check(f, hg_gpu_submit(f->gpu, cmd, &value, &f->err));
-    check(f, hg_gpu_wait(f->gpu, value, &f->err));
+    check(f, hg_gpu_submit_and_wait(f->gpu, cmd, &f->err));
 }
 
 static void sync(struct fixture *f, struct world *w)

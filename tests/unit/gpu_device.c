@@ -55,9 +55,7 @@ static int teardown(void **state)
 
 static void run(struct fixture *f, struct hg_gpu_cmd *cmd)
 {
-    uint64_t value;
-    test_ok(hg_gpu_submit(f->gpu, cmd, &value, &f->err), &f->err);
-    test_ok(hg_gpu_wait(f->gpu, value, &f->err), &f->err);
+    test_ok(hg_gpu_submit_and_wait(f->gpu, cmd, &f->err), &f->err);
 }
 
 static void test_buffer_round_trip(void **state)

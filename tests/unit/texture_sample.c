@@ -182,10 +182,8 @@ static void sync_textures(struct fixture *f)
     check(f, hg_textures_sync(f->textures, f->scene, NULL, &f->err));
     check(f, hg_textures_load_all(f->textures, &f->err));
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     check(f, hg_gpu_begin(f->gpu, &cmd, &f->err));
-    check(f, hg_gpu_submit(f->gpu, cmd, &value, &f->err));
-    check(f, hg_gpu_wait(f->gpu, value, &f->err));
+    check(f, hg_gpu_submit_and_wait(f->gpu, cmd, &f->err));
 }
 
 struct texture_case {
@@ -322,9 +320,7 @@ static void run(struct fixture *f, const struct hg_texture *t, const struct text
     vkCmdPushConstants(raw, f->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof push, &push);
     vkCmdDispatch(raw, PLACES / 64, 1, 1);
     hg_gpu_memory_barrier(cmd);
-    uint64_t value;
-    check(f, hg_gpu_submit(f->gpu, cmd, &value, &f->err));
-    check(f, hg_gpu_wait(f->gpu, value, &f->err));
+    check(f, hg_gpu_submit_and_wait(f->gpu, cmd, &f->err));
     vkDestroySampler(hg_gpu_device(f->gpu), sampler, NULL);
     hg_gpu_image_destroy(f->gpu, &plain);
 }

@@ -136,14 +136,12 @@ struct hg_node *rig_node(struct rig *r, struct hg_mesh *mesh, const float matrix
 void rig_pose(struct rig *r)
 {
     struct hg_gpu_cmd *cmd;
-    uint64_t value;
     hg_scene_publish(r->scene);
     hg_scene_update(r->scene);
     rig_check(r, hg_geometry_sync(r->geometry, r->scene, NULL, &r->err));
     rig_check(r, hg_gpu_begin(r->gpu, &cmd, &r->err));
     rig_check(r, hg_skin_record(cmd, r->geometry, &r->err));
-    rig_check(r, hg_gpu_submit(r->gpu, cmd, &value, &r->err));
-    rig_check(r, hg_gpu_wait(r->gpu, value, &r->err));
+    rig_check(r, hg_gpu_submit_and_wait(r->gpu, cmd, &r->err));
     hg_geometry_deforms_done(r->geometry);
 }
 
