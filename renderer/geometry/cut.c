@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/mix.h"
 #include "renderer/geometry/select.h"
 
 #define MOST_STUCK 2 // rounds of loading that bring nothing before the budget is too small
@@ -63,14 +64,6 @@ struct hg_cut {
 static enum hg_status no_memory(struct hg_error *err)
 {
     return hg_error_set(err, HG_E_NOMEM, "cut", NULL, "no memory");
-}
-
-static uint64_t mix(uint64_t h, uint64_t v)
-{
-    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-    h ^= h >> 32;
-    h *= 0xbf58476d1ce4e5b9ull;
-    return h ^ h >> 29;
 }
 
 static bool host_reads(const struct hg_geometry *g)
@@ -345,11 +338,11 @@ static void place_before(
 
 static uint64_t key_of(const struct hg_draw_entry *d, const struct hg_run *run)
 {
-    uint64_t h = mix(1, d->node->mesh->head.id);
-    h = mix(h, d->node->mesh->head.revision);
-    h = mix(h, (uint64_t)d->mesh_part << 32 | run->chunk);
-    h = mix(h, (uint64_t)run->first << 32 | run->count);
-    return d->deform != NULL ? mix(h, d->deform->node) : h;
+    uint64_t h = hg_mix(1, d->node->mesh->head.id);
+    h = hg_mix(h, d->node->mesh->head.revision);
+    h = hg_mix(h, (uint64_t)d->mesh_part << 32 | run->chunk);
+    h = hg_mix(h, (uint64_t)run->first << 32 | run->count);
+    return d->deform != NULL ? hg_mix(h, d->deform->node) : h;
 }
 
 static void fill_whole(
@@ -518,17 +511,13 @@ static enum hg_status list_pieces(
 
 static uint64_t revision_of(const struct hg_cut *c)
 {
-    uint64_t h = mix(2, c->count);
+    uint64_t h = hg_mix(2, c->count);
     bool deforms = false;
     for (uint32_t i = 0; i < c->count; i++) {
-        uint64_t words[sizeof *c->pieces / 8];
-        static_assert(sizeof words == sizeof *c->pieces, "whole words");
-        memcpy(words, &c->pieces[i], sizeof words);
-        for (size_t k = 0; k < sizeof words / 8; k++)
-            h = mix(h, words[k]);
+        h = hg_mix_bytes(h, &c->pieces[i], sizeof c->pieces[i]);
         deforms = deforms || c->pieces[i].deforms;
     }
-    return deforms ? mix(h, hg_geometry_shape_revision(c->geometry)) : h;
+    return deforms ? hg_mix(h, hg_geometry_shape_revision(c->geometry)) : h;
 }
 
 enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_lens *lens,

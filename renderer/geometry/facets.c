@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/mix.h"
 #include "renderer/geometry/internal.h"
 #include "shaders/shared/bindings.h"
 #include "shaders/shared/facet.h"
@@ -11,32 +12,16 @@
 #define MAX_BYTES (64ull << 20) // with what the buffer may grow by
 #define MAX_DRAWS (HG_TABLE_BYTES / 4)
 
-static uint64_t mix(uint64_t h, uint64_t v)
-{
-    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-    return h ^ h >> 29;
-}
-
-static uint64_t mix_bytes(uint64_t h, const void *data, size_t size)
-{
-    for (size_t i = 0; i < size; i += 8) {
-        uint64_t v = 0;
-        memcpy(&v, (const uint8_t *)data + i, size - i < 8 ? size - i : 8);
-        h = mix(h, v);
-    }
-    return h;
-}
-
 // What the facets of a draw are made of: equal keys, equal facets, unless a pose changed.
 static uint64_t key_of(const struct hg_geometry *g, const struct hg_draw_entry *d, uint32_t first)
 {
     const size_t instance = d->gpu.instance * sizeof(struct hg_gpu_instance);
-    uint64_t h = mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
-    h = mix(mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
-    h = mix(h, d->mesh_part);
-    h = mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
+    uint64_t h = hg_mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
+    h = hg_mix(hg_mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
+    h = hg_mix(h, d->mesh_part);
+    h = hg_mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
         sizeof(struct hg_gpu_part));
-    return mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
+    return hg_mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
 }
 
 static bool pose_changed(const struct hg_geometry *g, const struct hg_draw_entry *d)

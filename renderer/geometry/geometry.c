@@ -10,6 +10,7 @@
 
 #include "base/alloc.h"
 #include "base/cond.h"
+#include "base/mix.h"
 #include "base/spill.h"
 #include "renderer/geometry/internal.h"
 
@@ -86,43 +87,24 @@ void hg_geometry_origin(const struct hg_geometry *g, double out[3])
 
 // --- signature -----------------------------------------------------------------------------------
 
-// Mixes 8 bytes. Source of the constant: Knuth, golden ratio; finaliser as in Stafford's mix 13.
-static uint64_t mix(uint64_t h, uint64_t v)
-{
-    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-    h ^= h >> 32;
-    h *= 0xbf58476d1ce4e5b9ull;
-    return h ^ h >> 29;
-}
-
-static uint64_t mix_floats(uint64_t h, const float *values, size_t count)
-{
-    for (size_t i = 0; i < count; i += 2) {
-        uint64_t v = 0;
-        memcpy(&v, values + i, (count - i < 2 ? 1 : 2) * sizeof(float));
-        h = mix(h, v);
-    }
-    return h;
-}
-
 // Nodes: where things are and what they look like from afar; without materials.
 static uint64_t shape_signature(const struct hg_geometry *g, const struct hg_scene *scene)
 {
     uint64_t h = 1;
     for (int i = 0; i < 3; i++)
-        h = mix(h, (uint64_t)(int64_t)g->origin[i]);
+        h = hg_mix(h, (uint64_t)(int64_t)g->origin[i]);
     const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
     for (uint32_t i = 0; i < nodes->count; i++) {
         const struct hg_node *n = (const struct hg_node *)nodes->items[i];
-        h = mix_floats(h, n->world, 16); // joints have no mesh and count all the same
+        h = hg_mix_bytes(h, n->world, sizeof n->world); // also of joints, which have no mesh
         if (n->mesh == NULL)
             continue;
-        h = mix(h, n->head.id);
-        h = mix(h, n->head.revision);
-        h = mix(h, n->mesh->head.id);
-        h = mix(h, n->mesh->head.revision * 2 + n->world_visible);
+        h = hg_mix(h, n->head.id);
+        h = hg_mix(h, n->head.revision);
+        h = hg_mix(h, n->mesh->head.id);
+        h = hg_mix(h, n->mesh->head.revision * 2 + n->world_visible);
         if (n->weights != NULL)
-            h = mix_floats(h, n->weights, n->mesh->target_count);
+            h = hg_mix_bytes(h, n->weights, n->mesh->target_count * sizeof *n->weights);
     }
     return h | 1;
 }
@@ -132,11 +114,12 @@ static uint64_t material_signature(const struct hg_scene *scene, const struct hg
     uint64_t h = textures != NULL ? hg_textures_revision(textures) : 0;
     const struct hg_object_list *list = &scene->objects[HG_OBJECT_MATERIAL];
     for (uint32_t i = 0; i < list->count; i++) {
-        h = mix(h, list->items[i]->id);
-        h = mix(h, list->items[i]->revision);
+        h = hg_mix(h, list->items[i]->id);
+        h = hg_mix(h, list->items[i]->revision);
     }
     for (uint32_t i = 0; i < scene->asset_count; i++)
-        h = mix(h, (uint64_t)scene->assets[i]->number << 32 | (uint32_t)scene->assets[i]->variant);
+        h = hg_mix(
+            h, (uint64_t)scene->assets[i]->number << 32 | (uint32_t)scene->assets[i]->variant);
     return h;
 }
 
@@ -572,7 +555,7 @@ static void number_groups(struct sync *s)
         if (groups > UINT32_MAX - s->bit_count)
             continue; // bits are hints
         s->bit_count += groups;
-        s->bit_layout = mix(s->bit_layout, (uint64_t)i << 32 | groups);
+        s->bit_layout = hg_mix(s->bit_layout, (uint64_t)i << 32 | groups);
     }
 }
 
@@ -737,10 +720,10 @@ static uint64_t caster_signature(const struct hg_geometry *g, uint64_t shape, ui
 {
     bool masked = false;
     for (uint32_t i = 0; i < g->draw_count; i++) {
-        shape = mix(shape, g->draws[i].gpu.flags);
+        shape = hg_mix(shape, g->draws[i].gpu.flags);
         masked = masked || (g->draws[i].gpu.flags & HG_DRAW_MASK) != 0;
     }
-    return masked ? mix(shape, material) : shape;
+    return masked ? hg_mix(shape, material) : shape;
 }
 
 enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *scene,
@@ -748,7 +731,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
 {
     const uint64_t shape = shape_signature(g, scene);
     const uint64_t material = material_signature(scene, textures);
-    const uint64_t signature = mix(shape, material) | 1;
+    const uint64_t signature = hg_mix(shape, material) | 1;
     g->stats.uploaded_bytes = 0;
     g->stats.parts_uploaded = 0;
     g->stats.deforms_changed = g->changed_count;

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "base/alloc.h"
+#include "base/mix.h"
 #include "renderer/geometry/select.h"
 #include "renderer/residency/residency.h"
 
@@ -73,9 +74,7 @@ static void want(struct walk *w, uint32_t chunk, float px)
 
 static uint32_t bit_of(const struct walk *w, uint32_t cluster)
 {
-    uint64_t h = ((uint64_t)w->draw << 32 | cluster) * 0x9e3779b97f4a7c15ull;
-    h ^= h >> 32;
-    h *= 0xbf58476d1ce4e5b9ull;
+    const uint64_t h = hg_mix(0, (uint64_t)w->draw << 32 | cluster);
     return w->first_bit + (uint32_t)(h >> (64 - LOD_BITS));
 }
 

@@ -6,6 +6,7 @@
 #include "base/checked.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/mix.h"
 #include "renderer/light/env_warp.h"
 #include "renderer/light/glow.h"
 #include "renderer/light/light_tree.h"
@@ -67,27 +68,6 @@ struct hg_emitters {
 static enum hg_status no_memory(struct hg_error *err)
 {
     return hg_error_set(err, HG_E_NOMEM, "emitters", NULL, "no memory for tables of lights");
-}
-
-static uint64_t mix(uint64_t h, uint64_t v)
-{
-    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-    h ^= h >> 32;
-    h *= 0xbf58476d1ce4e5b9ull;
-    return h ^ h >> 29;
-}
-
-static uint64_t mix_bytes(uint64_t h, const void *bytes, size_t size)
-{
-    const uint8_t *at = bytes;
-    for (uint64_t word = 0; size > 0; word = 0) {
-        const size_t n = size < sizeof word ? size : sizeof word;
-        memcpy(&word, at, n);
-        h = mix(h, word);
-        at += n;
-        size -= n;
-    }
-    return h;
 }
 
 static float luminance_of(float r, float g, float b)
@@ -192,13 +172,13 @@ static enum hg_status collect_lights(
             e->directional_count++;
             e->directional_lux += light_luminance(light);
         }
-        *h = mix_bytes(*h, light, sizeof *light);
+        *h = hg_mix_bytes(*h, light, sizeof *light);
         e->lights[e->light_count++] = *light;
     }
     for (uint32_t i = 0, k = e->light_count; i < e->set.count && e->lights_move; i++) {
         if (!is_usable(&now[i]) || !is_usable(&then[i]))
             continue;
-        *h = mix_bytes(*h, &then[i], sizeof then[i]);
+        *h = hg_mix_bytes(*h, &then[i], sizeof then[i]);
         e->lights[k++] = then[i];
     }
     return HG_OK;
@@ -322,17 +302,17 @@ static uint64_t mix_part(uint64_t h, const struct hg_emitter_part *part, uint64_
     const struct hg_cut_piece *p = part->piece;
     const struct hg_material *m = part->material;
     const struct hg_texture_ref *ref = &m->slots[HG_SLOT_EMISSIVE];
-    h = mix(mix(h, p->key), (uint64_t)p->draw << 32 | p->first_primitive);
-    h = mix(mix(h, p->triangle_count), p->flags);
-    h = mix_bytes(h, p->world, sizeof p->world);
-    h = mix_bytes(h, p->previous, sizeof p->previous);
-    h = mix_bytes(h, m->emissive, sizeof m->emissive);
+    h = hg_mix(hg_mix(h, p->key), (uint64_t)p->draw << 32 | p->first_primitive);
+    h = hg_mix(hg_mix(h, p->triangle_count), p->flags);
+    h = hg_mix_bytes(h, p->world, sizeof p->world);
+    h = hg_mix_bytes(h, p->previous, sizeof p->previous);
+    h = hg_mix_bytes(h, m->emissive, sizeof m->emissive);
     if (ref->texture) {
-        h = mix(mix(h, ref->texture->head.id), ref->texture->head.revision);
-        h = mix_bytes(mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
-        h = mix(h, part->uv != NULL);
+        h = hg_mix(hg_mix(h, ref->texture->head.id), ref->texture->head.revision);
+        h = hg_mix_bytes(hg_mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
+        h = hg_mix(h, part->uv != NULL);
     }
-    return p->deforms ? mix(h, poses) : h;
+    return p->deforms ? hg_mix(h, poses) : h;
 }
 
 static enum hg_status collect_sources(
@@ -356,7 +336,7 @@ static enum hg_status collect_sources(
         *h = mix_part(*h, part, in->poses);
     }
     keep_used_glows(e);
-    *h = mix(mix(*h, in->draw_count), e->source_count);
+    *h = hg_mix(hg_mix(*h, in->draw_count), e->source_count);
     return HG_OK;
 }
 
@@ -706,17 +686,18 @@ static enum hg_status build(
 // What the image shows; 0: there is none.
 static uint64_t environment_signature(const struct hg_environment *env, bool has_sun)
 {
-    uint64_t h = mix(1, env->kind);
+    uint64_t h = hg_mix(1, env->kind);
     if (env->kind == HG_ENV_SKY) {
-        h = mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
-        h = mix_bytes(h, &env->turbidity, sizeof env->turbidity);
-        return mix(h, has_sun) | 1;
+        h = hg_mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
+        h = hg_mix_bytes(h, &env->turbidity, sizeof env->turbidity);
+        return hg_mix(h, has_sun) | 1;
     }
     if (env->kind != HG_ENV_IMAGE || !env->image.pixels)
         return 0;
-    h = mix_bytes(h, env->image_hash, sizeof env->image_hash);
-    h = mix(h, (uint64_t)(uintptr_t)env->image.pixels);
-    return mix(mix(h, env->revision), (uint64_t)env->image.width << 32 | env->image.height) | 1;
+    h = hg_mix_bytes(h, env->image_hash, sizeof env->image_hash);
+    h = hg_mix(h, (uint64_t)(uintptr_t)env->image.pixels);
+    return hg_mix(hg_mix(h, env->revision), (uint64_t)env->image.width << 32 | env->image.height) |
+           1;
 }
 
 // As renderer/light/env_device.c draws it.
@@ -813,7 +794,7 @@ static void fill_addresses(struct hg_emitters *e)
 enum hg_status hg_emitters_update(
     struct hg_emitters *e, const struct hg_emitter_input *in, struct hg_error *err)
 {
-    uint64_t signature = mix(1, e->budget_bytes);
+    uint64_t signature = hg_mix(1, e->budget_bytes);
     enum hg_status status = HG_OK;
     if (collect_lights(e, in, &signature) || collect_sources(e, in, &signature))
         status = no_memory(err);

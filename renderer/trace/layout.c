@@ -6,28 +6,11 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/mix.h"
 #include "renderer/trace/internal.h"
 
 // Triangles of all places of a body up to which it is flat though it is placed more than once.
 #define FLAT_TRIANGLES 65536u
-
-static uint64_t mix(uint64_t h, uint64_t v)
-{
-    h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-    h ^= h >> 32;
-    h *= 0xbf58476d1ce4e5b9ull;
-    return h ^ h >> 29;
-}
-
-static uint64_t mix_matrix(uint64_t h, const float m[12])
-{
-    for (int i = 0; i < 12; i += 2) {
-        uint64_t v;
-        memcpy(&v, m + i, sizeof v);
-        h = mix(h, v);
-    }
-    return h;
-}
 
 bool hg_trace_is_invertible(const float m[12])
 {
@@ -73,9 +56,9 @@ static enum hg_status list_places(
 {
     l->place_count = 0;
     for (uint32_t i = 0, n; i < count; i += n) {
-        uint64_t key = mix(3, pieces[i].key);
+        uint64_t key = hg_mix(3, pieces[i].key);
         for (n = 1; i + n < count && pieces[i + n].draw == pieces[i].draw; n++)
-            key = mix(key, pieces[i + n].key);
+            key = hg_mix(key, pieces[i + n].key);
         if (!is_somewhere(pieces[i].world) || !is_somewhere(pieces[i].previous))
             continue;
         const enum hg_status status =
@@ -155,8 +138,10 @@ static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *bo
 static uint64_t hash_places(const struct hg_trace_layout *l, const struct hg_trace_body *body)
 {
     uint64_t h = 4;
-    for (uint32_t i = 0; i < body->place_count; i++)
-        h = mix_matrix(h, l->pieces[l->places[body->first_place + i].first_piece].world);
+    for (uint32_t i = 0; i < body->place_count; i++) {
+        const float *world = l->pieces[l->places[body->first_place + i].first_piece].world;
+        h = hg_mix_bytes(h, world, 12 * sizeof *world);
+    }
     return h;
 }
 
@@ -166,11 +151,11 @@ static uint64_t hash_flat(
 {
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_trace_place *place = &l->places[body->first_place + i];
-        h = mix(mix(h, place->key), (uint64_t)place->draw << 32 | place->mask);
-        h = mix_matrix(h, l->pieces[place->first_piece].world);
+        h = hg_mix(hg_mix(h, place->key), (uint64_t)place->draw << 32 | place->mask);
+        h = hg_mix_bytes(h, l->pieces[place->first_piece].world, 12 * sizeof(float));
         for (uint32_t k = 0; k < place->piece_count; k++) {
             const struct hg_cut_piece *piece = hg_trace_piece(l, place, k);
-            h = mix(mix(h, (uintptr_t)piece->positions), (uintptr_t)piece->indices);
+            h = hg_mix(hg_mix(h, (uintptr_t)piece->positions), (uintptr_t)piece->indices);
         }
     }
     return h | 1;
