@@ -151,7 +151,7 @@ bool hg_material_pack(const struct hg_material *material, const struct hg_textur
 void hg_material_pack_lobes(const struct hg_material *material, const struct hg_textures *textures,
     struct hg_gpu_lobes *out);
 
-// --- geometry.c ---
+// --- draw_tables.c (sync.h) ---
 struct hg_draw_entry {
     uint64_t order; // sort key
     struct hg_gpu_draw gpu;
@@ -164,6 +164,13 @@ struct hg_draw_entry {
     const struct hg_deform_entry *deform; // until the next sync; NULL: not deformed
     uint32_t first_bit;                   // of its groups of meshlets in histories
 };
+
+static inline enum hg_draw_class hg_draw_class_of(uint32_t flags)
+{
+    return flags & HG_DRAW_BLEND  ? HG_DRAW_CLASS_BLEND
+           : flags & HG_DRAW_MASK ? HG_DRAW_CLASS_MASK
+                                  : HG_DRAW_CLASS_OPAQUE;
+}
 
 // --- facets.c ---
 struct hg_facets {

@@ -1,0 +1,55 @@
+// sync.h - the lists of one sync of a scene, from nodes to tables of the device. Private to sync.c
+// and draw_tables.c.
+#ifndef HG_RENDERER_GEOMETRY_SYNC_H
+#define HG_RENDERER_GEOMETRY_SYNC_H
+
+#include "renderer/geometry/internal.h"
+
+struct hg_material_index {
+    uint64_t id;
+    uint32_t index;
+};
+
+struct hg_sync {
+    struct hg_geometry *g;
+    const struct hg_scene *scene;
+    const struct hg_textures *textures;
+    struct hg_mesh_entry *meshes; // the new list by id; entries that stay share their memory with g
+    uint32_t mesh_count;
+    struct hg_deform_entry *deforms; // likewise, by node id and part
+    size_t deform_capacity;
+    uint32_t deform_count;
+    struct hg_gpu_material *materials; // [0] is the default material
+    struct hg_material_index *material_ids;
+    uint32_t material_count;
+    struct hg_gpu_lobes *lobes; // of the materials that have some
+    uint32_t lobe_count;
+    bool one_shape; // of the textures of each material
+    struct hg_gpu_instance *instances;
+    uint32_t instance_count, instance_limit;
+    struct hg_draw_entry *draws;
+    uint32_t draw_count, draw_limit;
+    struct hg_gpu_part *parts;
+    uint32_t part_count;
+    struct hg_gpu_draw *gpu_draws;
+    struct hg_box bounds;
+    uint64_t bit_layout;
+    uint32_t bit_count;
+    uint64_t written, triangles, used_bytes;
+    uint32_t uploads;
+    bool looks; // at arrays of meshes, which may be spilled
+};
+
+// In a list by id; in one by node id and part. NULL: it is not there.
+struct hg_mesh_entry *hg_sync_find_mesh(struct hg_mesh_entry *list, uint32_t count, uint64_t id);
+struct hg_deform_entry *hg_sync_find_deform(
+    struct hg_deform_entry *list, uint32_t count, uint64_t node, uint32_t part);
+
+// --- draw_tables.c: parts, materials, instances and draws ---
+// Fills the tables from the lists; the meshes are on the device. HG_E_NOMEM.
+enum hg_status hg_draw_tables_make(struct hg_sync *sync, struct hg_error *err) HG_MUST_CHECK;
+// Writes what differs. HG_E_NOMEM, device errors.
+enum hg_status hg_draw_tables_write(struct hg_sync *sync, struct hg_error *err) HG_MUST_CHECK;
+void hg_draw_tables_finish(struct hg_sync *sync);
+
+#endif
