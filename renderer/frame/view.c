@@ -457,7 +457,7 @@ static enum hg_status draw_planes(struct hg_view_state *view, struct hg_error *e
     const uint64_t number = view->number;
     const bool on = view->stream.on, begins = view->path_begins;
     view->wait = true;
-    enum hg_status status = begins ? hg_frame_sync(view, err) : HG_OK;
+    enum hg_status status = hg_frame_sync(view, err); // others may have posed the scene
     const struct hg_view_key now = present_key(view);
     if (status != HG_OK || memcmp(&key, &now, sizeof key) != 0)
         return status;

@@ -229,6 +229,38 @@ static void test_after_motion(void **state)
     hg_view_destroy(view);
 }
 
+// Another view of the scene poses it at times of its own shutter meanwhile: what is traced of this
+// one stays where it is.
+static void test_beside_shutter(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_view_params params = defaults, open = defaults;
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0}, none;
+    uint32_t steps = 0;
+    params.planes = all;
+    params.samples = 256;
+    fill(rig);
+    struct hg_view *alone = settled(rig, &params, &moving);
+    open.mode = HG_MODE_PATH;
+    open.samples = 4096;
+    open.shutter_open = 0.5f;
+    open.shutter_close = 1.0f;
+    struct hg_view *other = path_rig_view(rig, &open), *view = path_rig_view(rig, &params);
+    path_rig_set_camera(other, &moving);
+    path_rig_set_camera(view, &moving);
+    while (!info.settled && steps < 10000) {
+        test_ok(hg_view_step(view, 16, &info, &err), &err);
+        steps += view->state.path != NULL;
+        test_ok(hg_view_step(other, 1, &none, &err), &err);
+    }
+    assert_true(info.settled && steps > 4);
+    expect_same(alone, view, all);
+    hg_view_destroy(view);
+    hg_view_destroy(other);
+    hg_view_destroy(alone);
+}
+
 static void test_refused(void **state)
 {
     struct rig *rig = *state;
@@ -259,6 +291,7 @@ int main(void)
         cmocka_unit_test(test_picture_stays),
         cmocka_unit_test(test_as_picked),
         cmocka_unit_test(test_after_motion),
+        cmocka_unit_test(test_beside_shutter),
         cmocka_unit_test(test_refused),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
