@@ -15,6 +15,7 @@
 
 struct task {
     struct task *next;
+    struct task *older;       // of those that were not taken yet: of the render thread
     struct hg_mesh_part part; // owns its arrays
     char name[64];            // of the mesh
     struct hg_baked result;
@@ -31,7 +32,8 @@ struct hg_baker {
     pthread_mutex_t lock; // of what follows
     pthread_cond_t changed;
     struct queue todo, done;
-    uint32_t pending; // of the render thread
+    struct task *pending; // of the render thread: the newest one that was not taken
+    uint32_t pending_count;
     atomic_bool stop;
 };
 
@@ -223,9 +225,29 @@ static bool copy_part(struct hg_mesh_part *to, const struct hg_mesh_part *from)
            copy_array(&to->colors, from->colors, n, 16);
 }
 
+static bool is_pending(const struct hg_baker *b, uint64_t id, uint64_t revision, uint32_t index)
+{
+    const struct task *t = b->pending;
+    while (t != NULL &&
+           (t->result.mesh != id || t->result.revision != revision || t->result.part != index))
+        t = t->older;
+    return t != NULL;
+}
+
+static void forget(struct hg_baker *b, const struct task *task)
+{
+    struct task **link = &b->pending;
+    while (*link != task)
+        link = &(*link)->older;
+    *link = task->older;
+    b->pending_count--;
+}
+
 enum hg_status hg_baker_add(
     struct hg_baker *b, const struct hg_mesh *mesh, uint64_t id, uint64_t revision, uint32_t index)
 {
+    if (is_pending(b, id, revision, index))
+        return HG_OK;
     struct task *task = hg_calloc(1, sizeof *task);
     if (task == NULL || !copy_part(&task->part, &mesh->parts[index])) {
         free_task(task);
@@ -235,7 +257,9 @@ enum hg_status hg_baker_add(
     task->result.mesh = id;
     task->result.revision = revision;
     task->result.part = index;
-    b->pending++;
+    task->older = b->pending;
+    b->pending = task;
+    b->pending_count++;
     pthread_mutex_lock(&b->lock);
     push(&b->todo, task);
     pthread_cond_broadcast(&b->changed);
@@ -246,7 +270,7 @@ enum hg_status hg_baker_add(
 bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
 {
     memset(out, 0, sizeof *out);
-    if (b->pending == 0)
+    if (b->pending == NULL)
         return false;
     pthread_mutex_lock(&b->lock);
     struct task *task = pop(&b->done);
@@ -255,7 +279,7 @@ bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
     pthread_mutex_unlock(&b->lock);
     if (task == NULL)
         return false;
-    b->pending--;
+    forget(b, task);
     *out = task->result;
     hg_free(task);
     return true;
@@ -263,5 +287,5 @@ bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
 
 uint32_t hg_baker_pending(const struct hg_baker *b)
 {
-    return b->pending;
+    return b->pending_count;
 }

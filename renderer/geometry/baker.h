@@ -20,7 +20,7 @@ struct hg_baked {
 enum hg_status hg_baker_create(struct hg_store *store, struct hg_jobs *jobs, struct hg_baker **out,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_baker_destroy(struct hg_baker *baker); // cancels; accepts NULL
-// Queues a part; its arrays and the mesh's name are copied. HG_E_NOMEM.
+// Queues a part, unless it is pending; its arrays and the mesh's name are copied. HG_E_NOMEM.
 enum hg_status hg_baker_add(struct hg_baker *baker, const struct hg_mesh *mesh, uint64_t id,
     uint64_t revision, uint32_t index) HG_MUST_CHECK;
 // Takes a result, waits for one at most until a time of hg_clock_now_ns, HG_COND_FOREVER = as long as

@@ -345,13 +345,18 @@ static enum hg_status commit(struct hg_sync *s, struct hg_error *err)
     return HG_OK;
 }
 
-// New entries go; poses of old ones may have been written, so they run again.
+// New entries go; old ones may have got levels, and their poses may have been written, so they run
+// again.
 static void roll_back(struct hg_sync *s)
 {
     struct hg_geometry *g = s->g;
-    for (uint32_t i = 0; i < s->mesh_count; i++)
+    for (uint32_t i = 0; i < s->mesh_count; i++) {
         if (s->meshes[i].is_new)
             hg_mesh_entry_finish(g->gpu, g->pool, &s->meshes[i]);
+        else
+            hg_sync_find_mesh(g->meshes, g->mesh_count, s->meshes[i].id)->bytes =
+                s->meshes[i].bytes;
+    }
     for (uint32_t i = 0; i < s->deform_count; i++)
         if (s->deforms[i].is_new)
             hg_deform_finish(g->gpu, &s->deforms[i]);

@@ -14,6 +14,8 @@
 #include "base/cond.h"
 #include "base/log.h"
 #include "geometry_device.h"
+#include "lod_meshes.h"
+#include "renderer/scene/asset.h"
 
 static void test_only_what_changed(void **state)
 {
@@ -112,6 +114,107 @@ static void test_proxy_of_unbaked(void **state)
     geo_destroy_scene(&s);
 }
 
+// A torus of 40,000 triangles, node and mesh 2.
+static void add_torus(struct geo *f, struct hg_scene *scene)
+{
+    struct hg_mesh *mesh = geo_add_mesh(f, scene, 2);
+    hg_mesh_part_finish(&mesh->parts[0], 0);
+    mesh->parts[0] = lod_torus(200, 100, 1.0f);
+    geo_add_node(f, scene, 3, mesh);
+    hg_scene_publish(scene);
+    hg_scene_update(scene);
+}
+
+// What it takes when all that was queued is there.
+static struct hg_geometry_stats baked(struct geo *f, struct hg_geometry *g, struct hg_scene *scene)
+{
+    struct hg_geometry_stats stats;
+    geo_check(f, hg_geometry_sync(g, scene, NULL, &f->err));
+    while (hg_geometry_baking(g) > 0)
+        (void)hg_geometry_poll(g, HG_COND_FOREVER);
+    geo_check(f, hg_geometry_sync(g, scene, NULL, &f->err));
+    hg_geometry_stats(g, &stats);
+    assert_int_equal(stats.proxies, 0);
+    return stats;
+}
+
+// Parts above the budget are queued before anything of theirs is on the device. When that fails
+// they are not baked twice, and in the end there is what there would have been.
+static void test_faults_of_queued(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    const struct hg_geometry_params params = {
+        .budget_bytes = 500000, .jobs = jobs, .bake_from = 1000};
+    struct hg_geometry_stats whole = {0}, stats;
+    assert_non_null(jobs);
+    add_torus(f, s.scene);
+    uint32_t queued = 0;
+    bool failed = false;
+    for (uint64_t n = 0; n < 2 || failed; n++) {
+        struct hg_geometry *g;
+        geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+        hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+        const enum hg_status status = hg_geometry_sync(g, s.scene, NULL, &f->err);
+        hg_gpu_fail_at(0, VK_SUCCESS);
+        failed = status != HG_OK;
+        if (failed)
+            queued += hg_geometry_baking(g) > 0;
+        stats = baked(f, g, s.scene);
+        whole = n == 0 ? stats : whole;
+        assert_int_equal(stats.used_bytes, whole.used_bytes);
+        assert_int_equal(stats.chunks.root_bytes, whole.chunks.root_bytes);
+        hg_geometry_destroy(g);
+    }
+    assert_true(queued > 2);
+    hg_jobs_destroy(jobs);
+    geo_destroy_scene(&s);
+}
+
+// Of few triangles and many vertices: it is never baked.
+static void set_points(struct hg_scene *scene, struct hg_mesh *mesh, uint32_t vertices)
+{
+    hg_mesh_part_finish(&mesh->parts[0], 0);
+    mesh->parts[0] = lod_part(vertices, 30);
+    for (uint32_t i = 0; i < 30; i++)
+        mesh->parts[0].indices[i] = i;
+    hg_scene_touch(scene, &mesh->head);
+    hg_scene_publish(scene);
+    hg_scene_update(scene);
+}
+
+// Levels that came in while a sync was refused count as what they are afterwards.
+static void test_refused_after_levels(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    const struct hg_geometry_params params = {
+        .budget_bytes = 2000000, .jobs = jobs, .bake_from = 1000};
+    struct hg_geometry *g;
+    assert_non_null(jobs);
+    struct hg_mesh *points = geo_add_mesh(f, s.scene, 4);
+    set_points(s.scene, points, 40);
+    geo_add_node(f, s.scene, 5, points);
+    add_torus(f, s.scene);
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    const struct hg_geometry_stats whole = baked(f, g, s.scene);
+    hg_geometry_destroy(g);
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    geo_check(f, hg_geometry_sync(g, s.scene, NULL, &f->err));
+    assert_int_equal(hg_geometry_baking(g), 1); // and shown as it is
+    set_points(s.scene, points, 100000);
+    assert_int_equal(hg_geometry_sync(g, s.scene, NULL, &f->err), HG_E_LIMIT);
+    assert_int_equal(hg_geometry_baking(g), 0);
+    set_points(s.scene, points, 40);
+    const struct hg_geometry_stats stats = baked(f, g, s.scene);
+    assert_int_equal(stats.used_bytes, whole.used_bytes);
+    hg_geometry_destroy(g);
+    hg_jobs_destroy(jobs);
+    geo_destroy_scene(&s);
+}
+
 // Every allocation and every Vulkan call fails once: a status, what was shown stays, and the next
 // sync succeeds.
 static void test_faults(void **state)
@@ -153,6 +256,7 @@ int main(void)
     hg_log_set_level(HG_LOG_WARN);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_only_what_changed),
         cmocka_unit_test(test_budget), cmocka_unit_test(test_proxy_of_unbaked),
+        cmocka_unit_test(test_faults_of_queued), cmocka_unit_test(test_refused_after_levels),
         cmocka_unit_test(test_faults)};
     return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
 }
