@@ -629,6 +629,80 @@ static void test_failing_calls(void **state)
     rig_close(&rig);
 }
 
+// --- faults while rays are followed --------------------------------------------------------------
+
+// A lit quad before much background.
+static struct hg_scene *lit_scene(void)
+{
+    const float grey[4] = {0.5f, 0.5f, 0.5f, 1};
+    struct hg_scene *scene = new_scene();
+    struct hg_node *node = add_quad(scene, 1, 0.5f, 0, grey);
+    ((struct hg_material *)(void *)scene->objects[HG_OBJECT_MATERIAL].items[0])->unlit = false;
+    (void)node;
+    rig_environment(scene, 0.5f, 0.6f, 0.7f);
+    rig_sun(scene, 7, -0.5f, 0.8660254f);
+    hg_scene_publish(scene);
+    return scene;
+}
+
+// Steps with the n-th call failing, if there are so many, and then without. *failed: it did.
+static void follow(struct rig *rig, const struct hg_view_params *params, uint64_t n, bool *failed,
+    struct hg_refbuf *out[2])
+{
+    const struct hg_view_camera camera = {.eye = {0, 0.5f, 4},
+        .moves = true,
+        .next_eye = {0.1f, 0.5f, 4},
+        .next_target = {0.1f, 0, 0}};
+    struct hg_frame_info info = {0};
+    enum hg_status status = HG_OK;
+    rig_view(rig, params);
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+    hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+    while (status == HG_OK && !info.settled)
+        status = hg_view_step(rig->view, 2, &info, &rig->err);
+    *failed = n > 0 && hg_gpu_call_count() >= n;
+    hg_gpu_fail_at(0, VK_SUCCESS);
+    assert_true(status == HG_OK || status == HG_E_NOMEM || status == HG_E_LIMIT);
+    settle(rig, 2);
+    out[0] = rig_pixels(rig, HG_PIXEL_RGBA32F);
+    test_ok(hg_view_read_plane(rig->view, HG_PLANE_MOTION, &out[1], &rig->err), &rig->err);
+    hg_view_destroy(rig->view);
+    rig->view = NULL;
+}
+
+// Every Vulkan call of a view whose rays are followed fails once: then the same view goes on, to
+// the picture and the plane that there would have been.
+static void test_failing_rays(void **state)
+{
+    (void)state;
+    struct hg_view_params params[] = {{.mode = HG_MODE_PATH, .shutter_close = 0.5f},
+        {.mode = HG_MODE_PATH}, {.mode = HG_MODE_REALTIME}};
+    struct rig rig;
+    open_rig(&rig, true);
+    rig.scene = lit_scene();
+    for (int i = 0; i < 3; i++) {
+        params[i].width = params[i].height = 20;
+        params[i].samples = 2;
+        params[i].planes = 1u << HG_PLANE_MOTION;
+        struct hg_refbuf *whole[2], *got[2];
+        bool failed;
+        uint64_t n = 1;
+        follow(&rig, &params[i], 0, &failed, whole);
+        for (failed = true; failed; n += n < 40 ? 1 : 29) {
+            follow(&rig, &params[i], n, &failed, got);
+            for (int k = 0; k < 2; k++) {
+                assert_same(whole[k], got[k], 0);
+                hg_refbuf_unref(got[k]);
+            }
+        }
+        print_message("%d: %u calls\n", i, (unsigned)n);
+        hg_refbuf_unref(whole[0]);
+        hg_refbuf_unref(whole[1]);
+    }
+    assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
+    rig_close(&rig);
+}
+
 static void test_device_lost(void **state)
 {
     (void)state;
@@ -676,6 +750,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_limits),
         cmocka_unit_test(test_validation_is_silent),
         cmocka_unit_test(test_failing_calls),
+        cmocka_unit_test(test_failing_rays),
         cmocka_unit_test(test_device_lost),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
