@@ -96,6 +96,8 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         r->format.encoding == HGP_encoding_EXR_HALF || r->format.encoding == HGP_encoding_EXR_FLOAT;
     if (!exr)
         return usage(err, "--aov", "needs a file that ends in .exr");
+    if (o->has_debug_view && strcmp(o->debug_view, "off") != 0)
+        return usage(err, "--aov", "a debug view has no planes");
     status = hg_cli_parse_planes("--aov", o->aov, is_path(o), &r->planes, err);
     r->planes |= o->denoise ? 1u << HGP_plane_NOISY : 0; // goes with the other planes
     return status;

@@ -200,6 +200,7 @@ static void test_usage(void **state)
         {"render s.gltf -o a.exr --aov variance", "'variance' needs --mode path"},
         {"render s.gltf -o a.exr --aov light-groups", "'light-groups' needs --mode path"},
         {"render s.gltf -o a.png --next-eye 1,2,3 --eye 1,1,1", "--next-eye: needs --mode path"},
+        {"render s.gltf -o a.exr --aov depth --debug-view lod", "--aov: a debug view has no planes"},
         {"render s.gltf -o a.png --mode path --aov depth", "--aov: needs a file that ends in .exr"},
         {"render s.gltf -o a.exr --mode path --aov depht",
             "'depht' is none of: albedo normal geometric-normal depth"},
