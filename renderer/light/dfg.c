@@ -72,8 +72,9 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2])
         sum[0] += ring[0] * (double)(6 * t * (1 - t));
         sum[1] += ring[1] * (double)(6 * t * (1 - t));
     }
-    ab[0] = (float)(sum[0] / ((double)n * n));
-    ab[1] = (float)(sum[1] / ((double)n * n));
+    const double all = (double)n * n + 0.5; // the sum of these weights
+    ab[0] = (float)(sum[0] / all);
+    ab[1] = (float)(sum[1] / all);
 }
 
 static void fill_row(void *user, size_t row)
@@ -152,9 +153,59 @@ static void fill_sheen(void *user, size_t row)
     }
 }
 
+static float sheen_albedo(const struct hg_vec2 *row, float cosine)
+{
+    const float x = sqrtf(cosine) * (HG_SHEEN_SIZE - 1);
+    const uint32_t i = (uint32_t)fminf(x, HG_SHEEN_SIZE - 2);
+    return (row[i].x + (row[i + 1].x - row[i].x) * (x - (float)i)) * HG_SHEEN_MOST;
+}
+
+// The albedo that hg_bsdf_evaluate_sheen has: as hg_sheen_integrate, where no direction has more
+// than 1.
+static float sheen_kept(const struct hg_vec2 *row, float n_dot_v, float roughness, uint32_t n)
+{
+    const float alpha = fmaxf(roughness * roughness, HG_SHEEN_MIN_ALPHA);
+    const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
+    const float most = fmaxf(sheen_albedo(row, n_dot_v), 1);
+    double all = 0, kept = 0;
+    float circle[most_points][2];
+    n = half_circle(n, circle);
+    for (uint32_t j = 0; j < n; j++) {
+        const float t = ((float)j + 0.5f) / (float)n, z = t * t, s = sqrtf(1 - z * z);
+        const float lambda = sheen_lambda(z, alpha) + sheen_lambda(n_dot_v, alpha);
+        double ring = 0;
+        for (uint32_t i = 0; i < n; i++) {
+            float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
+            const float sin2 = (h[0] * h[0] + h[1] * h[1]) / hg_dot3(h, h);
+            ring += (double)powf(sin2, 0.5f / alpha);
+        }
+        ring *= (double)(t / (1 + lambda));
+        all += ring;
+        kept += ring / (double)fmaxf(most, sheen_albedo(row, z));
+    }
+    return sheen_albedo(row, n_dot_v) * (float)(kept / fmax(all, 1e-300));
+}
+
+static void fill_sheen_kept(void *user, size_t row)
+{
+    struct hg_vec2 *out = user;
+    float most = 0;
+    out += HG_SHEEN_FIRST + row * HG_SHEEN_SIZE;
+    for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++)
+        most = fmaxf(most, out[i].x * HG_SHEEN_MOST);
+    for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++) {
+        const float s = (float)i / (HG_SHEEN_SIZE - 1);
+        const float roughness = (float)row / (HG_SHEEN_SIZE - 1);
+        out[i].y = out[i].x * HG_SHEEN_MOST;
+        if (most > 1)
+            out[i].y = fminf(sheen_kept(out, fmaxf(s * s, 1e-3f), roughness, 40), 1);
+    }
+}
+
 void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
 {
     hg_jobs_for(jobs, HG_DFG_SIZE, fill_row, out);
     hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen, out);
+    hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen_kept, out);
     hg_dfg_fill_lobes(jobs, out);
 }

@@ -36,7 +36,8 @@ void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, floa
 // The tables of lib/brdf.glsl and lib/lobes.glsl, 16 bits a number. s_i = i / (size - 1);
 // cosines are s^2, roughness is s and perceptual.
 //   hg_dfg              column cosine, row roughness; behind it one row of cosine-weighted means
-//   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise
+//   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise; y: its albedo where f is
+//                       divided by the largest of x at both directions and 1
 //   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
 //                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
@@ -46,7 +47,11 @@ void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, floa
 //                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (linear),
 //                       strength (linear), roughness, the first one fastest
 //   HG_ANISO_MEANS      likewise of the means: strength, roughness
-// About 35 ms on two cores.
+//   HG_COAT_FIRST       what a and b lose below a coat to light that it lets through less than that
+//                       of v: weighted with max(0, E(l) - E(v)), E the coat's albedo; cosine,
+//                       roughness, the coat's roughness, the first one fastest
+//   HG_CLOTH_FIRST      likewise below sheen
+// About 40 ms on two cores.
 void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES]);
 
 #endif

@@ -57,7 +57,8 @@ static struct facet caps_at(const struct caps *c, uint32_t ring, uint32_t point)
     const float t = ((float)ring + 0.5f) / (float)c->rings, u = t * t * (3 - 2 * t);
     const float z = (1 - u) * (1 + c->stretched[2]) - c->stretched[2];
     const float r = sqrtf(hg_clampf(1 - z * z, 0, 1));
-    struct facet f = {.weight = 6 * t * (1 - t) / ((float)c->rings * (float)c->points)};
+    const float all = (float)c->rings + 0.5f / (float)c->rings; // of 6 t (1 - t) over the rings
+    struct facet f = {.weight = 6 * t * (1 - t) / (all * (float)c->points)};
     f.h[0] = (r * c->circle[point][0] + c->stretched[0]) * c->alpha[0];
     f.h[1] = (r * c->circle[point][1] + c->stretched[1]) * c->alpha[1];
     f.h[2] = fmaxf(z + c->stretched[2], 1e-9f);
@@ -387,10 +388,61 @@ static void fill_aniso_mean(void *user, size_t job)
     table[HG_ANISO_MEANS + job].y = correction((float)sum[1] - (p[0].y * (1 - f) + p[1].y * f));
 }
 
+// Share that a layer of this roughness takes at a cosine: of HG_COAT_FIRST or HG_CLOTH_FIRST.
+static float layer_albedo(const struct hg_vec2 *table, bool coat, float cosine, float roughness)
+{
+    if (coat) {
+        const struct hg_vec2 dfg = isotropic(table, cosine, roughness);
+        return 0.04f * dfg.x + dfg.y;
+    }
+    const float last = HG_SHEEN_SIZE - 1;
+    const float x = hg_clampf(sqrtf(cosine), 0, 1) * last, y = hg_clampf(roughness, 0, 1) * last;
+    const uint32_t i = (uint32_t)fminf(x, last - 1), j = (uint32_t)fminf(y, last - 1);
+    const float f = x - (float)i, g = y - (float)j;
+    const struct hg_vec2 *p = table + HG_SHEEN_FIRST + j * HG_SHEEN_SIZE + i,
+                         *q = p + HG_SHEEN_SIZE;
+    return (p[0].y * (1 - f) + p[1].y * f) * (1 - g) + (q[0].y * (1 - f) + q[1].y * f) * g;
+}
+
+static struct hg_vec2 layer_lost(
+    const struct hg_vec2 *table, bool coat, float cosine, float alpha, float roughness)
+{
+    struct caps c;
+    float v[3], l[3];
+    struct hg_vec2 lost = {0, 0};
+    const float here = layer_albedo(table, coat, cosine, roughness);
+    direction(cosine, 1, v);
+    caps_init(&c, v, (float[2]){alpha, alpha}, 24, true);
+    for (uint32_t j = 0; j < c.rings; j++)
+        for (uint32_t i = 0; i < c.points; i++) {
+            const struct facet f = caps_at(&c, j, i);
+            if (!mirrored(&c, &f, l))
+                continue;
+            const float m = hg_clampf(1 - f.v_dot_h, 0, 1), m2 = m * m, schlick = m2 * m2 * m;
+            const float more = layer_albedo(table, coat, fminf(l[2], 1), roughness) - here;
+            const float w = f.weight * unshadowed(&c, l) * fmaxf(more, 0);
+            lost.x += w * (1 - schlick);
+            lost.y += w * schlick;
+        }
+    return lost;
+}
+
+static void fill_layers(void *user, size_t job)
+{
+    enum { N = HG_LAYER_SIZE };
+    struct hg_vec2 *table = user;
+    const uint32_t top = (uint32_t)job / N % HG_LAYER_ROUGHS, row = (uint32_t)job % N;
+    const float r = place(row, N);
+    for (uint32_t i = 0; i < N; i++)
+        table[HG_COAT_FIRST + job * N + i] = layer_lost(
+            table, job < N * HG_LAYER_ROUGHS, cosine_at(i, N), r * r, place(top, HG_LAYER_ROUGHS));
+}
+
 void hg_dfg_fill_lobes(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
 {
     hg_jobs_for(jobs, HG_GLASS_IORS * HG_GLASS_SIZE, fill_glass, out);
     hg_jobs_for(jobs, 2 * HG_ANGLES_SIZE, fill_angles, out);
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso, out);
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso_mean, out);
+    hg_jobs_for(jobs, 2 * HG_LAYER_ROUGHS * HG_LAYER_SIZE, fill_layers, out);
 }

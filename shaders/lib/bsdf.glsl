@@ -11,8 +11,11 @@
 // open, or cannot be had from it with energy kept:
 // - Layers let through T = (1 - clearcoat E_coat) (1 - max(sheen) E_sheen). Specular lobes below get
 //   min(T(v), T(l)), as the specification scales albedo below sheen, but for the coat too: it is
-//   reciprocal and never gains energy. Diffuse ones get S(v) S(l) / S_avg with S = T (1 - E), which
-//   is reciprocal and exact: E is the albedo of the specular part, S_avg the cosine-weighted mean.
+//   reciprocal and never gains energy. What that holds back goes on between layer and base, with
+//   what bounces between facets: U(v) U(l) / U_avg in the colour of several bounces, U = T - E_1,
+//   E_1 the albedo of white facets below the layers. Diffuse lobes get S(v) S(l) / S_avg with
+//   S = T - E, which is reciprocal and exact: E is the albedo of the specular part below the layers,
+//   U_avg and S_avg are cosine-weighted means.
 //   Under a film it is that of each colour: what the film does not reflect enters.
 // - What rough glass scatters more than once between its facets leaves on both sides in lobes like
 //   those of metals (Kulla and Conty 2017): a m(v) m(l) / m_avg in front, (1 - a) m(v) m'(l) / m'_avg
@@ -70,8 +73,11 @@ struct hg_bsdf {
     float coat, coat_roughness, coat_alpha, coat_n_dot_v;
     bool coat_delta;
     vec3 sheen;
-    float sheen_max, sheen_roughness, sheen_albedo_v;
+    float sheen_max, sheen_roughness;
+    vec2 sheen_albedo_v; // hg_sheen_albedo
     float coat_v, through_v; // T(v): of the coat, of all layers
+    vec2 below_v;            // a and b of the base below the layers, at v
+    float several_v, several_avg; // U(v), U_avg
     vec3 enter_v, enter_avg, enter_avg_behind; // S(v), S_avg
 };
 
@@ -191,19 +197,21 @@ hg_reflectance hg_bsdf_mean_reflectance(
         b.base.f0 + (b.f90 - b.base.f0) * schlick);
 }
 
-// Directional albedo of the base's single reflection.
+// Directional albedo of the base's single reflection, below the layers where dfg is.
 vec3 hg_bsdf_single_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
 {
     return hg_bsdf_mean_reflectance(b, cos_theta, dfg, b.eta, b.inside).base * (dfg.x + dfg.y);
 }
 
 // Share of light that the dielectric's specular part keeps from what is below: of the largest
-// channel for all, of each below a film. mean: hg_bsdf_mean_reflectance there.
-vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, vec3 mean, vec2 dfg)
+// channel for all, of each below a film. mean: hg_bsdf_mean_reflectance there. through: what the
+// layers in dfg let through, 1 without.
+vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, vec3 mean, vec2 dfg, float through)
 {
     bool film = HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0;
     vec3 single = film ? mean : vec3(hg_max3(mean));
-    return min(single * (dfg.x + dfg.y) + b.ms_dielectric * (1.0 - dfg.x - dfg.y), 1.0);
+    return min(
+        single * (dfg.x + dfg.y) + b.ms_dielectric * max(through - dfg.x - dfg.y, 0.0), through);
 }
 
 // Share of light that a coat lets through; one that faces away does nothing.
@@ -220,46 +228,76 @@ float hg_bsdf_coat_through(hg_bsdf b, float cos_theta)
     return hg_coat_through(b.coat, b.coat_roughness, cos_theta);
 }
 
-float hg_bsdf_sheen_through(hg_bsdf b, float albedo)
+// What lies over the base at a direction.
+struct hg_bsdf_layers {
+    float coat, sheen, through; // T: of the coat, of the sheen, of both
+    vec2 sheen_albedo;
+};
+
+const hg_bsdf_layers hg_bsdf_no_layers = hg_bsdf_layers(1.0, 1.0, 1.0, vec2(0.0));
+
+// Cosines: against the coat's normal and against the base's.
+hg_bsdf_layers hg_bsdf_layers_at(hg_bsdf b, float coat_cos, float cos_theta)
 {
-    return 1.0 - b.sheen_max * min(albedo, 1.0);
+    hg_bsdf_layers o = hg_bsdf_no_layers;
+    o.coat = hg_bsdf_coat_through(b, min(coat_cos, 1.0));
+    if (HG_HAS(HG_FEATURE_SHEEN)) {
+        o.sheen_albedo = hg_sheen_albedo(cos_theta, b.sheen_roughness);
+        o.sheen = 1.0 - b.sheen_max * o.sheen_albedo.y;
+    }
+    o.through = o.coat * o.sheen;
+    return o;
 }
 
-// T of both layers, for cosines against the coat's normal and against the base's.
-float hg_bsdf_through(hg_bsdf b, float coat_cos, float cos_theta)
+// a and b of the base with min(T(v), T(l)) of its layers. cos_theta: hg_bsdf_cosine.
+vec2 hg_bsdf_dfg_below(hg_bsdf b, float cos_theta, vec2 dfg, hg_bsdf_layers over)
 {
-    float through = hg_bsdf_coat_through(b, coat_cos);
-    if (HG_HAS(HG_FEATURE_SHEEN))
-        through *= hg_bsdf_sheen_through(b, hg_sheen_albedo(cos_theta, b.sheen_roughness));
-    return through;
+    vec2 below = dfg * over.through;
+    if (HG_HAS(HG_FEATURE_CLEARCOAT) && over.coat < 1.0)
+        below -= (b.coat * over.sheen) *
+            hg_layer_loss(HG_COAT_FIRST, cos_theta, b.mean_roughness, b.coat_roughness);
+    if (HG_HAS(HG_FEATURE_SHEEN) && over.sheen < 1.0)
+        below -= (b.sheen_max * over.coat) *
+            hg_layer_loss(HG_CLOTH_FIRST, cos_theta, b.mean_roughness, b.sheen_roughness);
+    return max(below, 0.0);
 }
 
-// Gauss-Legendre over cos^2, for cosine-weighted means.
-const vec4 hg_gauss_x = vec4(0.06943184, 0.33000948, 0.66999052, 0.93056816);
-const vec4 hg_gauss_w = vec4(0.17392742, 0.32607258, 0.32607258, 0.17392742);
+// Gauss-Jacobi: cosines and weights of cosine-weighted means, exact for Schlick's term.
+const vec4 hg_gauss_x = vec4(0.13975986, 0.41640957, 0.72315699, 0.94289580);
+const vec4 hg_gauss_w = vec4(0.06236194, 0.25969510, 0.40692914, 0.27101383);
 
-// Mean of S, which layers bend; for what is scattered behind that of both sides, of which the
-// larger one counts.
+// Means of S, which layers bend, and of U; for what is scattered behind that of S on both sides, of
+// which the larger one counts.
 void hg_bsdf_make_enter(inout hg_bsdf b)
 {
     bool both = HG_HAS(HG_FEATURE_TRANSMISSION) && HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) &&
         !b.thin && b.transmission > 0.0 && hg_max3(b.behind) > 0.0;
     b.enter_avg_behind = vec3(0.0);
+    b.several_avg = 1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y;
     for (uint k = both ? 0u : 1u; k < 2u; k++) {
         bool inside = b.inside != (k == 0u);
         b.enter_avg = vec3(0.0);
         for (int i = 0; i < 4; i++) {
-            float c = sqrt(hg_gauss_x[i]);
+            float c = hg_gauss_x[i];
             vec2 dfg = hg_dfg(c, b.mean_roughness);
+            hg_bsdf_layers over = hg_bsdf_no_layers;
+            vec2 below = dfg;
+            if (!inside) {
+                over = hg_bsdf_layers_at(b, c, c);
+                below = hg_bsdf_dfg_below(b, c, dfg, over);
+            }
             vec3 mean = hg_bsdf_mean_reflectance(
-                b, c, dfg, k == 0u ? 1.0 / b.eta : b.eta, inside).dielectric;
-            float through = inside ? 1.0 : hg_bsdf_through(b, c, c);
-            b.enter_avg +=
-                hg_gauss_w[i] * through * (1.0 - hg_bsdf_dielectric_albedo(b, mean, dfg));
+                b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside).dielectric;
+            vec3 albedo = hg_bsdf_dielectric_albedo(b, mean, below, over.through);
+            b.enter_avg += hg_gauss_w[i] * (over.through - albedo);
+            vec2 held = dfg - below;
+            if (k == 1u)
+                b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.through - 1.0);
         }
         b.enter_avg = max(b.enter_avg, 1e-4);
         b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);
     }
+    b.several_avg = max(b.several_avg, 1e-4);
 }
 
 // --- making one ----------------------------------------------------------------------------------
@@ -285,7 +323,7 @@ void hg_bsdf_make_several(inout hg_bsdf b)
         for (uint k = b.metallic < 1.0 ? 0u : 1u; k < (b.metallic > 0.0 ? 2u : 1u); k++) {
             vec3 film = vec3(0.0);
             for (int i = 0; i < 4; i++)
-                film += hg_gauss_w[i] * hg_film_fresnel(sqrt(hg_gauss_x[i]), b.film_ior, b.film_nm,
+                film += hg_gauss_w[i] * hg_film_fresnel(hg_gauss_x[i], b.film_ior, b.film_nm,
                     k == 0u ? b.f0_dielectric : b.tint);
             if (k == 0u)
                 dielectric = mix(dielectric, film, b.iridescence);
@@ -326,7 +364,7 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r)
     if (b.glass_plain)
         return vec3(max(hg_glass_miss_average(b.mean_roughness, eta).x, 1e-4));
     for (int i = 0; i < 4; i++) {
-        float c = sqrt(hg_gauss_x[i]), miss = hg_glass_miss(c, b.mean_roughness, eta).x;
+        float c = hg_gauss_x[i], miss = hg_glass_miss(c, b.mean_roughness, eta).x;
         vec2 dfg = hg_dfg(c, b.mean_roughness);
         hg_reflectance mean = hg_bsdf_mean_reflectance(b, c, dfg, eta, inside);
         here += hg_gauss_w[i] * hg_bsdf_glass_miss(b, c, dfg, eta, inside, mean);
@@ -384,10 +422,10 @@ void hg_bsdf_make_base(inout hg_bsdf b, hg_surface s, float f0)
     hg_bsdf_make_several(b);
 }
 
-void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
+// cos_v: hg_bsdf_cosine of v.
+void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s, float cos_v)
 {
     b.coat = 0.0;
-    b.coat_v = 1.0;
     b.coat_n = b.base.n;
     b.coat_n_dot_v = b.base.n_dot_v;
     b.coat_delta = false;
@@ -400,40 +438,44 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
         b.coat_alpha = clamped * clamped;
         b.coat_delta = b.coat_roughness < HG_DELTA_ROUGHNESS;
         b.coat = s.clearcoat;
-        b.coat_v = b.inside ? 1.0 : hg_bsdf_coat_through(b, dot(b.coat_n, b.base.v));
     }
     b.sheen = vec3(0.0);
-    b.sheen_max = b.sheen_albedo_v = 0.0;
+    b.sheen_max = 0.0;
     b.sheen_roughness = s.sheen_roughness;
-    b.through_v = b.coat_v;
     if (HG_HAS(HG_FEATURE_SHEEN)) {
         b.sheen = s.sheen_color;
         b.sheen_max = min(hg_max3(b.sheen), 1.0);
-        b.sheen_albedo_v = hg_sheen_albedo(b.base.n_dot_v, b.sheen_roughness);
-        b.through_v *= b.inside ? 1.0 : hg_bsdf_sheen_through(b, b.sheen_albedo_v);
     }
+    hg_bsdf_layers over = hg_bsdf_no_layers;
+    b.below_v = b.base.dfg_v;
+    if (!b.inside) {
+        over = hg_bsdf_layers_at(b, dot(b.coat_n, b.base.v), b.base.n_dot_v);
+        b.below_v = hg_bsdf_dfg_below(b, cos_v, b.base.dfg_v, over);
+    }
+    b.sheen_albedo_v = over.sheen_albedo;
+    b.coat_v = over.coat;
+    b.through_v = over.through;
+    b.several_v = max(b.through_v - b.below_v.x - b.below_v.y, 0.0);
 }
 
 // Shares of what leaves under uniform light, about: the chances of the lobes.
-// e_d: hg_bsdf_dielectric_albedo at v; reflected: albedo of the base's single reflection.
-void hg_bsdf_make_chances(inout hg_bsdf b, vec3 e_d, vec3 reflected)
+// reflected: albedo of the base's single reflection below the layers.
+void hg_bsdf_make_chances(inout hg_bsdf b, vec3 reflected)
 {
     float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-    vec3 below = 1.0 - e_d;
-    float through = b.transmission * hg_max3(b.tint * below);
+    float through = b.transmission * hg_max3(b.tint * b.enter_v);
     // Scattered twice or more, to both sides.
     vec2 wide = vec2(b.thin ? 0.5 * through * miss : 0.0);
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin)
-        wide = b.transmission * vec2(hg_max3(b.glass_v * b.glass_front),
+        wide = (b.transmission * b.through_v) * vec2(hg_max3(b.glass_v * b.glass_front),
             hg_max3(b.glass_v * (1.0 - b.glass_front) * b.tint));
     float specular = hg_max3(reflected) + max(through - wide.x - wide.y, 0.0);
-    float diffuse = hg_max3(b.base.diffuse * below) + hg_max3(b.base.f_ms) * miss + wide.x;
-    float behind = hg_max3(b.behind * below) + wide.y;
-    specular = max(specular, 0.1 * (specular + diffuse + behind)) * b.through_v;
-    diffuse *= b.through_v;
-    behind *= b.through_v;
+    float diffuse =
+        hg_max3(b.base.diffuse * b.enter_v) + hg_max3(b.base.f_ms) * b.several_v + wide.x;
+    float behind = hg_max3(b.behind * b.enter_v) + wide.y;
+    specular = max(specular, 0.1 * (specular + diffuse + behind));
     float coat = b.inside ? 0.0 : 1.0 - b.coat_v;
-    float sheen = b.inside ? 0.0 : b.sheen_max * min(b.sheen_albedo_v, 1.0) * b.coat_v;
+    float sheen = b.inside ? 0.0 : b.sheen_max * b.sheen_albedo_v.y * b.coat_v;
     float sum = 1.0 / max(specular + diffuse + behind + coat + sheen, 1e-6);
     b.p_coat = coat * sum;
     b.p_sheen = sheen * sum;
@@ -476,14 +518,14 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     b.exact = HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0 && mixed;
     b.exact = b.exact || (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0);
     float cos_v = hg_bsdf_cosine(b, b.v_ts);
-    hg_reflectance mean = hg_bsdf_mean_reflectance(b, cos_v, b.base.dfg_v, b.eta, b.inside);
+    hg_bsdf_make_layers(b, s, cos_v);
+    hg_reflectance mean = hg_bsdf_mean_reflectance(b, cos_v, b.below_v, b.eta, b.inside);
     hg_bsdf_make_glass(b, mean, cos_v);
-    hg_bsdf_make_layers(b, s);
-    vec3 e_d = hg_bsdf_dielectric_albedo(b, mean.dielectric, b.base.dfg_v);
-    b.enter_v = b.through_v * (1.0 - e_d);
+    b.enter_v =
+        b.through_v - hg_bsdf_dielectric_albedo(b, mean.dielectric, b.below_v, b.through_v);
     hg_bsdf_make_enter(b);
     b.delta = b.delta && b.alpha.x < 1e-2;
-    hg_bsdf_make_chances(b, e_d, mean.base * (b.base.dfg_v.x + b.base.dfg_v.y));
+    hg_bsdf_make_chances(b, mean.base * (b.below_v.x + b.below_v.y));
 }
 
 // s.normal faces view_ws. ior_outside: of the medium around closed surfaces, 1 for air.
@@ -625,22 +667,22 @@ vec3 hg_bsdf_evaluate_facets(hg_bsdf b, vec3 l_ts, out float pdf)
 
 // --- wide lobes: diffuse to both sides, multiple scattering --------------------------------------
 
-// f |cos| without the layers above multiple scattering (through_l: T(l)).
-vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, float through_l)
+// f |cos| below the layers that are over l.
+vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
 {
     float cos_l = abs(l_ts.z), shape = HG_INV_PI * cos_l;
     bool behind = l_ts.z < 0.0;
     vec2 dfg_l = hg_bsdf_dfg(b, l_ts);
-    float miss_v = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-    float miss_l = 1.0 - dfg_l.x - dfg_l.y;
-    float miss_avg = max(1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y, 1e-4);
-    float layers = min(b.through_v, through_l), twice = miss_v * miss_l / miss_avg * layers;
-    float table_l = hg_bsdf_cosine(b, l_ts);
+    float table_l = hg_bsdf_cosine(b, l_ts), layers = min(b.through_v, over.through);
+    vec2 below_l = hg_bsdf_dfg_below(b, table_l, dfg_l, over);
+    float several_l = max(over.through - below_l.x - below_l.y, 0.0);
+    float twice = b.several_v * several_l / b.several_avg;
     bool below = behind && !b.thin;
     float eta_l = below ? 1.0 / b.eta : b.eta;
     hg_reflectance mean_l =
-        hg_bsdf_mean_reflectance(b, table_l, dfg_l, eta_l, b.inside != below);
-    vec3 enter_l = through_l * (1.0 - hg_bsdf_dielectric_albedo(b, mean_l.dielectric, dfg_l));
+        hg_bsdf_mean_reflectance(b, table_l, below_l, eta_l, b.inside != below);
+    vec3 enter_l = over.through -
+        hg_bsdf_dielectric_albedo(b, mean_l.dielectric, below_l, over.through);
     vec3 enter = b.enter_v * enter_l / (behind ? b.enter_avg_behind : b.enter_avg);
     vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
@@ -673,16 +715,17 @@ vec3 hg_bsdf_evaluate_coat(hg_bsdf b, vec3 l, out float pdf)
     return vec3(b.coat * f * d * hg_smith_v(n_dot_l, b.coat_n_dot_v, b.coat_alpha) * n_dot_l);
 }
 
-// f cos of the sheen below the coat (coat_l: what that lets through from l).
-vec3 hg_bsdf_evaluate_sheen(hg_bsdf b, vec3 l, float n_dot_l, float albedo_l, float coat_l)
+// f cos of the sheen below the coat; over: the layers over l.
+vec3 hg_bsdf_evaluate_sheen(hg_bsdf b, vec3 l, float n_dot_l, hg_bsdf_layers over)
 {
     float alpha = hg_sheen_alpha(b.sheen_roughness);
     vec3 c = cross(b.base.n, normalize(b.base.v + l));
     float d = hg_sheen_d(dot(c, c), alpha);
     float lambda = hg_sheen_lambda(b.base.n_dot_v, alpha) + hg_sheen_lambda(n_dot_l, alpha);
     // Single scattering alone gives more than arrives where its albedo is above 1.
-    float most = max(max(b.sheen_albedo_v, albedo_l), 1.0);
-    return b.sheen * (d * min(b.coat_v, coat_l) / ((1.0 + lambda) * 4.0 * b.base.n_dot_v * most));
+    float most = max(max(b.sheen_albedo_v.x, over.sheen_albedo.x), 1.0);
+    float coat = min(b.coat_v, over.coat);
+    return b.sheen * (d * coat / ((1.0 + lambda) * 4.0 * b.base.n_dot_v * most));
 }
 
 // --- all of it -----------------------------------------------------------------------------------
@@ -696,25 +739,18 @@ vec3 hg_bsdf_evaluate_lobes(hg_bsdf b, vec3 l, out float pdf)
     if (cos_l < 1e-6 || (behind && b.transmission <= 0.0 && hg_max3(b.behind) <= 0.0))
         return vec3(0.0);
     // Layers are on the outside of volumes, on both sides of what is thin.
-    bool passes = b.thin || b.inside == behind;
-    float coat_l = 1.0, albedo_l = 0.0, through_l = 1.0;
-    if (HG_HAS(HG_FEATURE_CLEARCOAT))
-        coat_l = hg_bsdf_coat_through(b, min(dot(b.coat_n, l) * (behind ? -1.0 : 1.0), 1.0));
-    through_l = coat_l;
-    if (HG_HAS(HG_FEATURE_SHEEN)) {
-        albedo_l = hg_sheen_albedo(cos_l, b.sheen_roughness);
-        through_l *= hg_bsdf_sheen_through(b, albedo_l);
-    }
-    through_l = passes ? through_l : 1.0;
+    hg_bsdf_layers over = hg_bsdf_no_layers;
+    if (b.thin || b.inside == behind)
+        over = hg_bsdf_layers_at(b, dot(b.coat_n, l) * (behind ? -1.0 : 1.0), cos_l);
     vec3 sum = vec3(0.0);
     if (!b.delta) {
-        sum = hg_bsdf_evaluate_facets(b, l_ts, part) * min(b.through_v, through_l);
+        sum = hg_bsdf_evaluate_facets(b, l_ts, part) * min(b.through_v, over.through);
         pdf += b.p_specular * part;
     }
-    sum += hg_bsdf_evaluate_diffuse(b, l_ts, through_l);
+    sum += hg_bsdf_evaluate_diffuse(b, l_ts, over);
     pdf += (behind ? b.p_behind : b.p_diffuse) * cos_l * HG_INV_PI;
     if (HG_HAS(HG_FEATURE_SHEEN) && !behind && !b.inside) {
-        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, albedo_l, coat_l);
+        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, over);
         pdf += b.p_sheen * (0.5 * HG_INV_PI);
     }
     if (HG_HAS(HG_FEATURE_CLEARCOAT) && !behind) {
@@ -802,8 +838,8 @@ hg_bsdf_sample_result hg_bsdf_sample_lobes(hg_bsdf b, vec3 u)
         float through_l = 1.0;
         bool below = (r.lobe & HG_LOBE_TRANSMISSION) != 0u;
         if (b.thin || b.inside == below)
-            through_l = hg_bsdf_through(
-                b, dot(b.coat_n, r.direction) * (below ? -1.0 : 1.0), abs(d.z));
+            through_l = hg_bsdf_layers_at(
+                b, dot(b.coat_n, r.direction) * (below ? -1.0 : 1.0), abs(d.z)).through;
         r.weight *= min(b.through_v, through_l);
         return r;
     }
@@ -836,23 +872,18 @@ vec3 hg_bsdf_evaluate_diffuse_part(hg_bsdf b, vec3 l)
         return hg_bsdf_evaluate_wide(base, clamp(dot(b.base.n, l), 0.0, 1.0));
     }
     vec3 l_ts = vec3(dot(b.t, l), dot(b.s, l), dot(b.base.n, l));
-    float cos_l = min(l_ts.z, 1.0), coat_l = 1.0, through_l = 1.0, albedo_l = 0.0;
+    float cos_l = min(l_ts.z, 1.0);
     if (cos_l < 1e-6)
         return vec3(0.0);
-    if (HG_HAS(HG_FEATURE_CLEARCOAT))
-        coat_l = hg_bsdf_coat_through(b, min(dot(b.coat_n, l), 1.0));
-    through_l = coat_l;
-    if (HG_HAS(HG_FEATURE_SHEEN)) {
-        albedo_l = hg_sheen_albedo(cos_l, b.sheen_roughness);
-        through_l *= hg_bsdf_sheen_through(b, albedo_l);
-    }
-    through_l = b.thin || !b.inside ? through_l : 1.0;
+    hg_bsdf_layers over = hg_bsdf_no_layers;
+    if (!b.inside)
+        over = hg_bsdf_layers_at(b, dot(b.coat_n, l), cos_l);
     hg_bsdf wide = b;
     wide.base.f_ms = vec3(0.0);
     wide.transmission = 0.0;
-    vec3 sum = hg_bsdf_evaluate_diffuse(wide, l_ts, through_l);
+    vec3 sum = hg_bsdf_evaluate_diffuse(wide, l_ts, over);
     if (HG_HAS(HG_FEATURE_SHEEN) && !b.inside)
-        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, albedo_l, coat_l);
+        sum += hg_bsdf_evaluate_sheen(b, l, cos_l, over);
     return sum;
 }
 

@@ -169,16 +169,14 @@ vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
     vec3 irradiance = hg_environment_irradiance(b.base.n) * occlusion;
     vec3 lobe = normalize(mix(r, b.base.n, r2 * r2));
     vec3 radiance = hg_environment_prefiltered(lobe, b.base.roughness) * shade;
-    float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-    vec3 single = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.base.dfg_v);
-    vec3 sum = single * radiance * b.through_v;
-    sum += b.base.f_ms * (miss * b.through_v) * irradiance + b.base.diffuse * b.enter_v * irradiance;
+    vec3 sum = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.below_v) * radiance;
+    sum += (b.base.f_ms * b.several_v + b.base.diffuse * b.enter_v) * irradiance;
     if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
         sum += b.behind * b.enter_v * hg_environment_irradiance(-b.base.n) * occlusion;
     if (HG_HAS(HG_FEATURE_TRANSMISSION))
         sum += b.transmission * b.glass_v * b.glass_front * b.through_v * irradiance;
     if (HG_HAS(HG_FEATURE_SHEEN))
-        sum += b.sheen * (min(b.sheen_albedo_v, 1.0) * b.coat_v) * irradiance;
+        sum += b.sheen * (b.sheen_albedo_v.y * b.coat_v) * irradiance;
     if (HG_HAS(HG_FEATURE_CLEARCOAT)) {
         vec3 coat = 2.0 * dot(b.coat_n, b.base.v) * b.coat_n - b.base.v;
         float c2 = b.coat_roughness * b.coat_roughness;

@@ -226,17 +226,35 @@ float hg_sheen_lambda(float x, float alpha)
     return exp(x < 0.5 ? low : 2.0 * hg_sheen_l(0.5, alpha) - low);
 }
 
-// Directional albedo, from the table; above 1 at grazing angles of smooth sheens.
-float hg_sheen_albedo(float cos_theta, float roughness)
+// x: directional albedo, from the table; above 1 at grazing angles of smooth sheens. y: what is left
+// of it where hg_bsdf_evaluate_sheen keeps it below 1.
+vec2 hg_sheen_albedo(float cos_theta, float roughness)
 {
     const float last = float(HG_SHEEN_SIZE - 1);
     vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
     vec2 f = p - vec2(i);
     uint k = HG_SHEEN_FIRST + i.y * HG_SHEEN_SIZE + i.x;
-    float low = mix(hg_dfg_at(k).x, hg_dfg_at(k + 1u).x, f.x);
-    float high = mix(hg_dfg_at(k + HG_SHEEN_SIZE).x, hg_dfg_at(k + HG_SHEEN_SIZE + 1u).x, f.x);
-    return mix(low, high, f.y) * HG_SHEEN_MOST;
+    vec2 low = mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x);
+    vec2 high = mix(hg_dfg_at(k + HG_SHEEN_SIZE), hg_dfg_at(k + HG_SHEEN_SIZE + 1u), f.x);
+    return mix(low, high, f.y) * vec2(HG_SHEEN_MOST, 1.0);
+}
+
+// What a and b of a base lose below a layer of this roughness and of strength 1: HG_COAT_FIRST and
+// HG_CLOTH_FIRST of renderer/light/dfg.h.
+vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_roughness)
+{
+    const vec3 last = vec3(HG_LAYER_SIZE, HG_LAYER_SIZE, HG_LAYER_ROUGHS) - 1.0;
+    vec3 p = clamp(vec3(sqrt(max(cos_theta, 0.0)), roughness, layer_roughness), 0.0, 1.0) * last;
+    uvec3 i = uvec3(min(p, last - 1.0));
+    vec3 f = p - vec3(i);
+    vec2 sum[2];
+    for (uint n = 0u; n < 2u; n++) {
+        uint k = first + ((i.z + n) * HG_LAYER_SIZE + i.y) * HG_LAYER_SIZE + i.x;
+        sum[n] = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
+            mix(hg_dfg_at(k + HG_LAYER_SIZE), hg_dfg_at(k + HG_LAYER_SIZE + 1u), f.x), f.y);
+    }
+    return mix(sum[0], sum[1], f.z);
 }
 
 // --- refraction ----------------------------------------------------------------------------------

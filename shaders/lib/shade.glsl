@@ -137,7 +137,7 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
     } while (++tap < taps);
     vec3 mean = hg_bsdf_mean_reflectance(
         b, hg_bsdf_cosine(b, b.v_ts), b.base.dfg_v, b.eta, b.inside).dielectric;
-    vec3 e = hg_bsdf_dielectric_albedo(b, mean, b.base.dfg_v);
+    vec3 e = hg_bsdf_dielectric_albedo(b, mean, b.base.dfg_v, 1.0);
     return b.tint * hg_bsdf_attenuation(b.attenuation, thickness) * sum *
         max(1.0 - e - b.glass_v * b.glass_front, 0.0) *
         (b.transmission * b.through_v / float(taps));

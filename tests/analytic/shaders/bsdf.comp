@@ -151,7 +151,7 @@ void main()
         x = reciprocity(a.xyz, c.xyz, a.w);
     } else if (op == 5u) {
         x = vec4(hg_film_fresnel(a.x, c.x, c.y, vec3(c.z)), hg_fresnel_dielectric(a.x, c.w));
-        y = vec4(hg_sheen_albedo(a.x, c.z), hg_bsdf_attenuation(vec3(c.y), c.x).x, 0.0, 0.0);
+        y = vec4(hg_sheen_albedo(a.x, c.z).x, hg_bsdf_attenuation(vec3(c.y), c.x).x, 0.0, 0.0);
     }
     if (op == 6u) {
         hg_surface s;
