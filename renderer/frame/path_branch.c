@@ -23,16 +23,19 @@ static struct hg_vec3 vec3_of(const double v[3])
     return (struct hg_vec3){(float)v[0], (float)v[1], (float)v[2]};
 }
 
-// Through a point of the picture, px; no lens.
+// Through a point of the picture, px; no lens. Those of parallel projection begin at the near
+// plane, which may lie behind the eye.
 static struct hg_gpu_ray ray_at(const struct hg_gpu_camera *c, float x, float y)
 {
     const float *o = &c->ray_origin_ws.x, *right = &c->ray_x_ws.x, *down = &c->ray_y_ws.x;
     const float *eye = &c->eye_ws.x, *forward = &c->forward_ws.x;
-    double at[3], from[3], to[3], length2 = 0.0, along = 0.0;
+    const bool flat = c->orthographic != 0;
+    const double near = (double)c->near, far = (double)c->far;
+    double from[3], to[3], length2 = 0.0, along = 0.0;
     for (int i = 0; i < 3; i++) {
-        at[i] = (double)o[i] + (double)x * (double)right[i] + (double)y * (double)down[i];
-        from[i] = c->orthographic != 0 ? at[i] : (double)eye[i];
-        to[i] = c->orthographic != 0 ? (double)forward[i] : at[i];
+        const double at = (double)o[i] + (double)x * (double)right[i] + (double)y * (double)down[i];
+        from[i] = flat ? at + near * (double)forward[i] : (double)eye[i];
+        to[i] = flat ? (double)forward[i] : at;
         length2 += to[i] * to[i];
     }
     for (int i = 0; i < 3; i++) {
@@ -40,11 +43,12 @@ static struct hg_gpu_ray ray_at(const struct hg_gpu_camera *c, float x, float y)
         along += to[i] * (double)forward[i];
     }
     along = along > 1e-6 ? along : 1e-6;
-    const double near = (double)c->near / along;
     return (struct hg_gpu_ray){.origin_ws = vec3_of(from),
         .direction_ws = vec3_of(to),
-        .t_min = (float)(near > 0.0 || c->orthographic != 0 ? near : 0.0),
-        .t_max = c->far > 0.0f ? (float)((double)c->far / along) : 1e30f,
+        .t_min = flat || near < 0.0 ? 0.0f : (float)(near / along),
+        .t_max = flat        ? (float)(far - near)
+                 : far > 0.0 ? (float)(far / along)
+                             : 1e30f,
         .time = 0.5f,
         .mask = HG_RAY_ALL};
 }

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "renderer/frame/path_state.h"
 #include "renderer/internal.h"
 #include "tests/analytic/path_rig.h"
 
@@ -278,10 +279,44 @@ static void test_branches(void **state)
     hg_refbuf_unref(many);
 }
 
+// Of a floor in parallel projection: seen from above, and from below it, where it lies behind the
+// eye and is seen all the same.
+static uint32_t branches_of_floor(struct rig *rig, double height, double half_height)
+{
+    struct hg_view_params params = defaults;
+    const struct hg_view_camera camera = {.eye = {0, height, 0},
+        .target = {0, height - 1, 0},
+        .up = {0, 0, 1},
+        .orthographic = true,
+        .half_height = (float)half_height};
+    params.samples = 1;
+    struct hg_view *view = path_rig_view(rig, &params);
+    path_rig_set_camera(view, &camera);
+    path_rig_settle(view);
+    const uint32_t bits = view->state.path->branch_bits;
+    hg_view_destroy(view);
+    return bits;
+}
+
+static void test_branches_chosen(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    path_rig_environment(rig, 0.5f);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.5f), 1.0f);
+    for (int below = 0; below < 2; below++) {
+        const double height = below ? -0.5 : 2.0;
+        assert_int_equal(branches_of_floor(rig, height, 0.9), 0);  // all rays meet it
+        assert_int_equal(branches_of_floor(rig, height, 1.42), 1); // half of them: two
+        assert_int_equal(branches_of_floor(rig, height, 5.0), 3);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
         cmocka_unit_test(test_lens), cmocka_unit_test(test_neighbours),
-        cmocka_unit_test(test_backends), cmocka_unit_test(test_branches)};
+        cmocka_unit_test(test_backends), cmocka_unit_test(test_branches),
+        cmocka_unit_test(test_branches_chosen)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
