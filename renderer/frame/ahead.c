@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "renderer/frame/view.h"
+#include "renderer/frame/frame.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/visibility.h"
 

@@ -3,7 +3,7 @@
 #define HG_RENDERER_FRAME_PATH_STATE_H
 
 #include "renderer/denoise/denoise.h"
-#include "renderer/frame/view.h"
+#include "renderer/frame/frame.h"
 #include "renderer/geometry/moment.h"
 #include "renderer/light/emitters.h"
 #include "renderer/light/lights.h"

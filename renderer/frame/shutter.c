@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/frame/frame.h"
 #include "renderer/passes/skin.h"
 
 #define LOOKS       16   // poses that are looked at to see how straight motion is

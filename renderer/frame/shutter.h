@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_FRAME_SHUTTER_H
 #define HG_RENDERER_FRAME_SHUTTER_H
 
-#include "renderer/frame/view.h"
+#include "renderer/frame/state.h"
 #include "renderer/light/lights.h"
 
 // Camera of a node whose world matrix is up to date: along its -z, +y up.

@@ -4,17 +4,16 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "renderer/frame/view.h"
+#include "renderer/frame/frame.h"
 #include "renderer/passes/shade.h"
 
-#define SHOW_UPLOAD_NS 4000000u   // per frame of a moving picture
-#define REST_LEAST_NS  20000000u  // for pages, before a resting picture is shown again;
-#define REST_MOST_NS   500000000u // between the two four times as long as drawing it took
-#define EXACT_WAIT_NS  50000000u  // per step
-#define STILL_SAMPLES  8          // of a debug view that will not get sharper
-#define AREA_LEAST_PX  8          // areas are cut at multiples of this
-#define BEHIND_TRIES   4          // of an area whose pages may drive each other out
-#define MOST_SHARES    (1u << 20) // of the geometry of shadow maps
+#define REST_LEAST_NS 20000000u  // for pages, before a resting picture is shown again;
+#define REST_MOST_NS  500000000u // between the two four times as long as drawing it took
+#define EXACT_WAIT_NS 50000000u  // per step
+#define STILL_SAMPLES 8          // of a debug view that will not get sharper
+#define AREA_LEAST_PX 8          // areas are cut at multiples of this
+#define BEHIND_TRIES  4          // of an area whose pages may drive each other out
+#define MOST_SHARES   (1u << 20) // of the geometry of shadow maps
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
@@ -31,17 +30,9 @@ void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
     s->area_count = 0;
 }
 
-static void mark_shadows(struct hg_view_state *view, bool stale)
-{
-    uint32_t count;
-    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
-    for (uint32_t i = 0; i < count; i++)
-        maps[i].stale = stale;
-}
-
 static void forget_shadows(struct hg_view_state *view)
 {
-    mark_shadows(view, true);
+    hg_view_mark_shadows(view, true);
     view->stream.shadows = false;
 }
 
@@ -49,14 +40,6 @@ static void forget_behind(struct hg_view_state *view)
 {
     view->stream.behind = view->stream.behind_there = false;
     view->stream.behind_count = 0;
-}
-
-const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view)
-{
-    const struct hg_stream *s = &view->stream;
-    if (!s->exact || s->area_count == 0)
-        return NULL;
-    return s->behind ? &s->behind_areas[s->behind_count - 1] : &s->areas[s->area_count - 1];
 }
 
 void hg_stream_restart(struct hg_view_state *view)
@@ -68,16 +51,6 @@ void hg_stream_restart(struct hg_view_state *view)
     if (s->shadow_error_px > 0.0f) // coarse maps are not kept
         forget_shadows(view);
     s->shadow_error_px = 0.0f;
-}
-
-enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err)
-{
-    struct hg_stream *s = &view->stream;
-    const enum hg_page_mode mode = s->exact ? HG_PAGES_EXACT : HG_PAGES_SHOW;
-    const enum hg_status status =
-        hg_page_cache_update(pages_of(view), mode, s->exact ? UINT64_MAX : SHOW_UPLOAD_NS, err);
-    s->on |= !hg_page_cache_is_complete(pages_of(view));
-    return status;
 }
 
 // --- turning to exact ----------------------------------------------------------------------------
@@ -366,7 +339,7 @@ static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error
     else if (!demand.fits)
         split(s->shadow_areas, &s->shadow_count);
     if (!s->shadows)
-        mark_shadows(view, false); // all of the atlas is as good as it gets
+        hg_view_mark_shadows(view, false); // all of the atlas is as good as it gets
     return HG_OK;
 }
 

@@ -73,13 +73,9 @@ struct hg_stream {
 void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *stream); // images and buffers
 // Something changed: what was accumulated counts no longer. Waits and counts start anew.
 void hg_stream_restart(struct hg_view_state *view);
-// Between batches: uploads pages that have arrived, decides whether feedback is needed.
-enum hg_status hg_stream_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // After a restart of a view that nobody looks at yet: finds out what it needs and turns to exact.
 enum hg_status hg_stream_begin_exact(
     struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-// What is drawn now; NULL: not in areas.
-const struct hg_stream_area *hg_stream_area(const struct hg_view_state *view);
 // There is nothing that could be shown.
 bool hg_stream_is_blank(const struct hg_view_state *view);
 // Before a resting view shows the same again: waits a little for pages, or turns to exact.

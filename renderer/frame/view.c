@@ -1,3 +1,4 @@
+// view.c - see view.h.
 #include "renderer/frame/view.h"
 
 #include <string.h>
@@ -5,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/denoise/denoise.h"
+#include "renderer/frame/frame.h"
 #include "renderer/geometry/moment.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
@@ -18,12 +20,6 @@ static const struct {
 } formats[3] = {{VK_FORMAT_R8G8B8A8_UNORM, 4, "pixels 8"},
     {VK_FORMAT_R16G16B16A16_UNORM, 8, "pixels 16"},
     {VK_FORMAT_R32G32B32A32_SFLOAT, 16, "pixels 32"}};
-
-void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns)
-{
-    if (view->stage_count < HG_VIEW_MAX_STAGES)
-        view->stages[view->stage_count++] = (struct hg_view_stage){name, ns};
-}
 
 // --- images --------------------------------------------------------------------------------------
 
@@ -216,16 +212,6 @@ bool hg_view_state_settled(const struct hg_view_state *view)
     return is_complete(view) && !bakes(view);
 }
 
-float hg_view_error_px(const struct hg_view_state *view)
-{
-    const struct hg_stream *s = &view->stream;
-    const float drawn =
-        view->shown_error_px > 0.0f ? view->shown_error_px : view->settings.error_px;
-    const float shown = drawn > s->shadow_error_px ? drawn : s->shadow_error_px;
-    return s->uneven && s->has_fallback && s->fallback_error_px > shown ? s->fallback_error_px
-                                                                        : shown;
-}
-
 static bool needs_cascades(const struct hg_view_state *view)
 {
     uint32_t count;
@@ -235,15 +221,6 @@ static bool needs_cascades(const struct hg_view_state *view)
             return true;
     }
     return false;
-}
-
-// After an error nobody knows which maps were drawn.
-static void forget_shadows(struct hg_view_state *view)
-{
-    uint32_t count;
-    struct hg_shadow_map *maps = hg_lighting_shadow_maps(view->lighting, &count);
-    for (uint32_t i = 0; i < count; i++)
-        maps[i].stale = true;
 }
 
 static void collect_times(struct hg_view_state *view)
@@ -501,7 +478,7 @@ enum hg_status hg_view_state_step(
         view->samples = 0;
         hg_stream_restart(view);
         view->key = (struct hg_view_key){0};
-        forget_shadows(view);
+        hg_view_mark_shadows(view, true); // nobody knows which were drawn
         view->dark.seen = 0;
     }
     return status;

@@ -1,0 +1,241 @@
+// frame_block.c - what shaders are told of one sample: its block, tables and features. See frame.h.
+#include <math.h>
+#include <string.h>
+
+#include "renderer/frame/frame.h"
+#include "shaders/shared/features.h"
+
+_Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
+
+VkExtent2D hg_frame_size(const struct hg_view_state *view)
+{
+    const uint32_t less = view->stream.finding > 0 ? view->stream.finding : 1;
+    const float wider = view->stream.wider > 0.0f ? view->stream.wider : 1.0f;
+    const uint32_t width = (uint32_t)((float)view->settings.width * wider) / less;
+    const uint32_t height = (uint32_t)((float)view->settings.height * wider) / less;
+    return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
+}
+
+static struct hg_camera_setup setup_of(
+    const struct hg_view_state *view, const struct hg_view_camera_state *c)
+{
+    struct hg_camera_setup setup = {.orthographic = c->orthographic,
+        .vfov_rad = c->vfov_rad,
+        .half_height = c->half_height,
+        .near = c->near,
+        .far = c->far,
+        .width = hg_frame_size(view).width,
+        .height = hg_frame_size(view).height};
+    double origin[3];
+    float min[3] = {0}, max[3] = {0};
+    hg_geometry_origin(view->rooms->geometry, origin);
+    for (int i = 0; i < 3; i++) {
+        setup.eye[i] = c->eye[i] - origin[i];
+        setup.target[i] = c->target[i] - origin[i];
+        setup.up[i] = c->up[i];
+    }
+    const bool has_bounds = hg_geometry_bounds(view->rooms->geometry, min, max);
+    hg_camera_fit_depth(&setup, has_bounds, min, max);
+    return setup;
+}
+
+struct hg_camera_setup hg_frame_setup(const struct hg_view_state *view)
+{
+    return setup_of(view, &view->camera);
+}
+
+void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_camera_state *camera,
+    struct hg_gpu_camera *out)
+{
+    const struct hg_camera_setup setup = setup_of(view, camera);
+    hg_camera_fill(&setup, out);
+}
+
+static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)
+{
+    struct hg_stream *s = &view->stream;
+    const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
+    hg_textures_fill(view->rooms->textures, mode, out);
+    s->run = s->run % HG_PROGRESS_RUNS + 1;
+    if (s->finding > 0) // a smaller picture with the texels of the whole one
+        out->bias -= log2f((float)s->finding);
+    out->mode = mode;
+    out->run = s->run;
+    out->progress = s->behind  ? s->behind_progress.address
+                    : s->exact ? s->progress.address
+                               : out->feedback; // read in no other mode
+}
+
+// A texel of mip l is pi / height * 2^l high.
+static void fill_background(const struct hg_view_state *view, struct hg_gpu_frame *f)
+{
+    const struct hg_gpu_texture background = hg_textures_background(view->rooms->textures);
+    const struct hg_environment *env = &view->rooms->scene->environment;
+    if (env->kind != HG_ENV_IMAGE || background.bits == 0)
+        return;
+    const uint32_t height =
+        (background.size >> 16 | (background.bits & HG_TEX_HEIGHT_17 ? 0x10000u : 0)) + 1;
+    const float angle = f->camera.orthographic != 0 ? 0.0f : f->camera.pixel_angle;
+    f->textures.background = background;
+    f->textures.background_lod = log2f(fmaxf(angle * (float)height / (float)M_PI, 1e-20f));
+}
+
+// The error of levels of detail that the view allows, as metres: pixels per metre are half the
+// height times the second diagonal element of the projection, over the depth in perspective.
+static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
+{
+    const struct hg_gpu_camera *camera = &view->frame.camera;
+    if (!hg_geometry_is_simplified(view->rooms->geometry))
+        return;
+    const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
+    const float error_px = hg_visible_count(view->visible) > 0
+                               ? hg_visible_set(view->visible, 0)->error_px
+                               : view->settings.error_px;
+    const float slack = error_px / px_scale;
+    *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
+        slack;
+}
+
+void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot)
+{
+    struct hg_gpu_frame *f = &view->frame;
+    const struct hg_view_settings *s = &view->settings;
+    struct hg_camera_setup setup = hg_frame_setup(view);
+    memset(f, 0, sizeof *f);
+    if (jitter)
+        hg_camera_jitter(sample, s->seed, setup.jitter_px);
+    hg_camera_fill(&setup, &f->camera);
+    f->width = setup.width;
+    f->height = setup.height;
+    f->inv_size = (struct hg_vec2){1.0f / (float)setup.width, 1.0f / (float)setup.height};
+    f->jitter_px = (struct hg_vec2){setup.jitter_px[0], setup.jitter_px[1]};
+    f->sample_index = sample;
+    f->sample_count = s->samples;
+    f->seed = s->seed;
+    f->background_mode = s->background;
+    f->background_color =
+        (struct hg_vec3){s->background_color[0], s->background_color[1], s->background_color[2]};
+    f->exposure = s->exposure;
+    f->tonemap = s->tonemap;
+    f->flags = view->coarse ? HG_FRAME_COARSE_SHADOWS : 0;
+    hg_lighting_fill(view->lighting, sample, &f->lighting);
+    fill_slack(view, &f->lighting);
+    fill_textures(view, &f->textures);
+    fill_background(view, f);
+    hg_geometry_fill(view->rooms->geometry, &f->geometry);
+    memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
+}
+
+void hg_frame_fill_path(struct hg_view_state *view)
+{
+    hg_frame_fill(view, 0, false, 0);
+    struct hg_gpu_frame *f = &view->frame;
+    hg_textures_fill(view->rooms->textures, HG_TEXTURES_EXACT, &f->textures);
+    f->textures.mode = HG_TEXTURES_EXACT;
+    fill_background(view, f);
+    memcpy(view->blocks.mapped, f, sizeof *f);
+}
+
+// --- the pass ------------------------------------------------------------------------------------
+
+static void bind_table(struct hg_pass *pass, uint32_t binding, VkDeviceAddress address,
+    uint64_t count, uint64_t element_bytes)
+{
+    const struct hg_gpu_uniform table = {address, count * element_bytes};
+    if (!hg_gpu_can_bind_uniform(pass->gpu, &table))
+        return;
+    pass->bindings.uniforms[binding - HG_BIND_UNIFORM_FIRST] = table;
+    pass->tables |= HG_TABLE_BIT(binding);
+}
+
+// The frame block, and on CPU devices every table that fits a uniform block.
+static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pass *pass)
+{
+    const struct hg_gpu_frame *f = &view->frame;
+    pass->bindings.uniforms[0] = (struct hg_gpu_uniform){
+        view->blocks.address + (uint64_t)slot * HG_FRAME_BLOCK_BYTES, HG_FRAME_BLOCK_BYTES};
+    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->no_tables)
+        return;
+    struct hg_page_cache_stats textures;
+    uint32_t shadows;
+    hg_page_cache_stats(hg_textures_cache(view->rooms->textures), &textures);
+    hg_lighting_shadow_maps(view->lighting, &shadows);
+    const struct hg_gpu_geometry *g = &f->geometry;
+    const struct hg_gpu_lighting *l = &f->lighting;
+    const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
+    bind_table(pass, HG_BIND_DRAWS, g->draws, g->draw_count, sizeof(struct hg_gpu_draw));
+    bind_table(
+        pass, HG_BIND_INSTANCES, g->instances, g->instance_count, sizeof(struct hg_gpu_instance));
+    bind_table(pass, HG_BIND_PARTS, g->parts, g->part_count, sizeof(struct hg_gpu_part));
+    bind_table(
+        pass, HG_BIND_MATERIALS, g->materials, g->material_count, sizeof(struct hg_gpu_material));
+    bind_table(pass, HG_BIND_PAGE_TABLE, f->textures.table, textures.table_bytes, 1);
+    bind_table(pass, HG_BIND_LIGHTS, l->lights, l->light_count, sizeof(struct hg_gpu_light));
+    bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
+    bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_WORDS, 4);
+    bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
+    struct hg_gpu_uniform first;
+    if (hg_geometry_facets(view->rooms->geometry, &first, &pass->bindings.texels))
+        bind_table(pass, HG_BIND_FACETS, first.address, first.size_bytes, 1);
+}
+
+// What the scene and its lights make use of. Devices that branch get one pipeline for all.
+static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
+{
+    const uint32_t sampled =
+        HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
+    const struct hg_gpu_lighting *l = &view->frame.lighting;
+    uint32_t features = view->rooms->features;
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(view->lighting, &stats);
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables) {
+        // A table that is not there is not read.
+        const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
+        return HG_FEATURE_ALL & ~absent;
+    }
+    features |= view->stream.on ? HG_FEATURE_STREAM : 0;
+    features |= view->frame.textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
+    features |= hg_geometry_has_levels(view->rooms->geometry) ? HG_FEATURE_LOD : 0;
+    features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
+    features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
+    features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
+    features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
+    features |= !view->coarse || view->stream.exact ? HG_FEATURE_REST : 0;
+    features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
+    features |= (tables & HG_TABLE_BIT(HG_BIND_FACETS)) == 0 ? HG_FEATURE_NO_FACETS : 0;
+    const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;
+    if ((features & apart) != 0 || !hg_geometry_one_shape(view->rooms->geometry))
+        features |= HG_FEATURE_SHAPES;
+    return features;
+}
+
+static uint32_t background_features(const struct hg_view_state *view)
+{
+    const bool pages = view->frame.textures.background.bits != 0;
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
+        return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN | HG_FEATURE_SKY_MIPS;
+    const struct hg_gpu_textures *t = &view->frame.textures;
+    const bool mips = t->background_lod + t->bias > 0.0f;
+    return !pages ? HG_FEATURE_SKY_PLAIN : HG_FEATURE_SKY_PAGES | (mips ? HG_FEATURE_SKY_MIPS : 0);
+}
+
+struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
+{
+    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd, .jobs = view->context->jobs};
+    struct hg_gpu_image **images = pass.bindings.images;
+    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->rooms->textures, HG_POOL_SRGB);
+    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->rooms->textures, HG_POOL_LINEAR);
+    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(view->rooms->textures, HG_POOL_FLOAT);
+    images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(view->lighting);
+    images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
+    images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
+    bind_tables(view, slot, &pass);
+    pass.features = features_of(view, pass.tables);
+    pass.background = background_features(view);
+    pass.find = view->stream.finding > 0;
+    if (pass.find)
+        pass.area.extent = hg_frame_size(view);
+    else if (hg_view_area(view) != NULL)
+        pass.area = hg_view_area(view)->rect;
+    return pass;
+}

@@ -1,0 +1,136 @@
+// state.h - what a view is: camera, parameters, images, how far the picture is.
+// Floor 4. Thread: the render thread.
+//
+// The files of this room call each other downwards only:
+//   view.h                         one step of a view; reading
+//   stream.h, ahead.h, path.h      how its picture comes about when not all fits at once, what
+//                                  comes next, paths
+//   frame.h                        what one batch draws
+//   state.h
+#ifndef HG_RENDERER_FRAME_STATE_H
+#define HG_RENDERER_FRAME_STATE_H
+
+#include "renderer/frame/ahead.h"
+#include "renderer/frame/camera.h"
+#include "renderer/frame/path.h"
+#include "renderer/frame/quality.h"
+#include "renderer/frame/rooms.h"
+#include "renderer/frame/stream.h"
+#include "renderer/light/lighting.h"
+#include "renderer/passes/dark.h"
+#include "renderer/passes/shadow.h"
+#include "renderer/passes/visibility.h"
+
+#define HG_VIEW_MAX_SAMPLES_PER_STEP 16
+#define HG_VIEW_MAX_SIDE_PX          16384
+// Layers of blended surfaces: peeled at first, and at most. What lies deeper than those is not
+// seen.
+#define HG_VIEW_FIRST_LAYERS  8
+#define HG_VIEW_MAX_LAYERS    64
+#define HG_FRAME_BLOCK_BYTES  1024
+#define HG_VIEW_MAX_STAGES    64
+#define HG_VIEW_MODE_REALTIME 0 // as enum hg_render_mode of renderer.h
+#define HG_VIEW_MODE_PATH     1
+#define HG_VIEW_DARK_AFTER    4 // pictures in motion before dark cells are told apart (passes/dark.h)
+
+struct hg_view_settings {
+    uint32_t width, height; // px
+    uint32_t tonemap;       // HG_FRAME_TONEMAP_*
+    uint32_t background;    // HG_BACKGROUND_MODE_*
+    float background_color[3];
+    float exposure;   // linear factor
+    uint32_t samples; // per pixel until settled, >= 1
+    uint32_t seed;
+    uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
+    float error_px;  // greatest projected error of geometry
+    float target_ms; // frame time in motion that quality gives way to; 0 = none
+    uint32_t mode;   // HG_VIEW_MODE_*
+    struct hg_path_settings path;
+};
+
+// In scene space; jitter and near and far are filled in by each step.
+struct hg_view_camera_state {
+    double eye[3], target[3], up[3];
+    bool orthographic;
+    float vfov_rad, half_height, near, far;
+    float lens_radius, focus_distance; // metres; 0 = no lens, at the target
+    uint64_t input_seq;
+    uint64_t node;                                  // that it was taken from; 0 = none
+    bool moves;                                     // a frame later it stands
+    double next_eye[3], next_target[3], next_up[3]; // here; at other times on the line
+};
+
+// What the accumulated samples were made of; any difference restarts.
+struct hg_view_key {
+    uint64_t scene, environment, geometry, settings, camera;
+};
+
+struct hg_view_stage {
+    const char *name; // literal
+    uint64_t ns;
+};
+
+struct hg_view_state {
+    struct hg_frame_context *context;
+    struct hg_rooms *rooms;
+    struct hg_lighting *lighting;
+    struct hg_view_settings settings;
+    struct hg_view_camera_state camera;
+    uint64_t settings_revision, camera_revision;
+    struct hg_view_key key;
+
+    struct hg_gpu_image visibility, depth, accumulated;
+    struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
+    struct hg_gpu_image behind;    // the opaque scene, while draws that let light through are
+    struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
+    struct hg_gpu_buffer blocks, readback, pick;
+    struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
+    struct hg_dark dark;
+    uint32_t dark_wait;         // pictures in motion until dark cells are looked for
+    bool dark_told;             // in the newest sample they were
+    struct hg_visible *visible; // set 0: the camera; then stale shadow maps
+    struct hg_gpu_frame frame;  // of the newest sample
+    struct hg_stream stream;
+    struct hg_ahead ahead;
+    struct hg_path *path;            // made when the mode asks for it
+    uint8_t *path_checkpoint;        // to go on from (path_save.c); NULL = none
+    struct hg_denoise *path_history; // that was loaded for the next picture; NULL = none
+    bool path_begins;                // its next step begins a picture
+    bool path_preview;               // `accumulated` holds a real-time sample of the same state
+
+    uint64_t number; // frames that changed something
+    uint32_t samples;
+    uint32_t stale_shadows;
+    bool coarse;     // the newest sample went without finer cascades; the next one starts anew
+    bool direct;     // the newest sample went straight to pixels[0] and `readback`, and was not
+                     // accumulated; the next one starts anew
+    bool accumulate; // no direct samples
+    uint32_t layer_limit; // layers that the next step peels
+    bool shallow;         // the newest samples may lack deeper layers; the next one starts anew
+    bool too_deep_told;   // even HG_VIEW_MAX_LAYERS were not enough
+    bool final;           // nobody looks before the picture is settled
+    bool wait;            // this step loads what is missing
+    bool eased;           // its error was raised to keep to the frame time
+    float error_px;       // of geometry, asked for by the newest sample
+    uint32_t missing_clusters; // chunks that the newest sample went without
+    bool crowded;              // the geometry budget did not hold all that the newest cull wanted
+    bool clipped;              // so the picture shown is coarser than asked for
+    float shown_error_px;      // of geometry in the picture
+    struct hg_visible *pick_visible; // what one pixel shows
+    struct hg_quality quality;
+    uint64_t triangles_drawn, draws_drawn;
+    struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
+    uint32_t stage_count;
+    uint64_t step_ns; // of the newest step that drew something
+};
+
+void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns);
+// Projected error of the geometry in the newest sample.
+float hg_view_error_px(const struct hg_view_state *view);
+// The area that is drawn now (stream.h); NULL: not in areas.
+const struct hg_stream_area *hg_view_area(const struct hg_view_state *view);
+// Number of the first sample of the next batch.
+uint32_t hg_view_first_sample(const struct hg_view_state *view);
+void hg_view_mark_shadows(struct hg_view_state *view, bool stale); // all maps
+
+#endif
