@@ -2,10 +2,15 @@
 
 #include <errno.h>
 #include <ftw.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+#include <cmocka.h>
 
 bool test_folder_make(char path[TEST_FOLDER_MAX], const char *purpose)
 {
@@ -35,4 +40,19 @@ bool test_folder_remove(const char *path)
         return true;
     nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS); // ends early when others remove too
     return access(path, F_OK) != 0;
+}
+
+void test_file_write(const char *path, const void *data, size_t size)
+{
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+void test_text_write(const char *folder, const char *name, const char *text)
+{
+    char path[512];
+    assert_in_range(snprintf(path, sizeof path, "%s/%s", folder, name), 0, sizeof path - 1);
+    test_file_write(path, text, strlen(text));
 }

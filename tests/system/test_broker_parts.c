@@ -42,11 +42,6 @@ static const char *path_of(const char *name)
     return path;
 }
 
-static void write_text(const char *name, const char *text)
-{
-    assert_int_equal(hg_file_write_atomic(path_of(name), text, strlen(text), NULL), HG_OK);
-}
-
 // ---- options ------------------------------------------------------------------------------------
 
 static enum hg_status parse(
@@ -61,8 +56,9 @@ static void options_from_flags_and_file(void **state)
     (void)state;
     struct hg_options o;
     struct hg_error err;
-    write_text("conf", "# comment\n\nmax-views=7\n  asset-root = /a b \nasset-root=/c\n"
-                       "peer-timeout = 1.5\nsandbox = off\nlog=warn,net=debug\n");
+    test_text_write(folder, "conf",
+        "# comment\n\nmax-views=7\n  asset-root = /a b \nasset-root=/c\n"
+        "peer-timeout = 1.5\nsandbox = off\nlog=warn,net=debug\n");
     char config[200];
     snprintf(config, sizeof config, "--config=%s", path_of("conf"));
     const char *argv[] = {"heliod", "--max-pixels", "12345", config, "--texture-budget=64",
@@ -110,7 +106,7 @@ static void bad_options_are_named(void **state)
     char config[200];
     snprintf(config, sizeof config, "--config=%s", path_of("bad"));
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        write_text("bad", files[i]);
+        test_text_write(folder, "bad", files[i]);
         const char *argv[] = {"heliod", config};
         assert_int_equal(parse(&o, &err, 2, argv), HG_E_INVAL);
         assert_string_equal(err.what, path_of("bad"));
@@ -160,7 +156,8 @@ static void tokens_are_read(void **state)
     (void)state;
     struct hg_tokens tokens;
     struct hg_error err;
-    write_text("tokens", "# comment\n\n\tabcdefgh  VIEW anna\r\nijklmnop edit\nqrstuvwx admin z");
+    test_text_write(
+        folder, "tokens", "# comment\n\n\tabcdefgh  VIEW anna\r\nijklmnop edit\nqrstuvwx admin z");
     assert_int_equal(chmod(path_of("tokens"), 0600), 0);
     assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
     assert_int_equal(tokens.count, 3);
@@ -180,7 +177,7 @@ static void tokens_are_read(void **state)
     static const char *const bad[] = {"short view\n", "longenough\n", "longenough king\n",
         "longenough none\n", "longenough view a b\n"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        write_text("tokens", bad[i]);
+        test_text_write(folder, "tokens", bad[i]);
         assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_E_INVAL);
         assert_string_equal(err.where, "line 1");
         assert_int_equal(tokens.count, 0);
@@ -269,7 +266,7 @@ static void store_evicts_what_nobody_uses(void **state)
     assert_true(hg_store_bytes(store) == 1400);
     hg_store_destroy(store);
     // A later run finds what is there, and clears away what was under way.
-    write_text("cache/deep/uploads/.incoming.7", "rest");
+    test_text_write(folder, "cache/deep/uploads/.incoming.7", "rest");
     assert_int_equal(hg_store_create(uploads, 2048, &store, &err), HG_OK);
     assert_true(hg_store_has(store, c) && hg_store_has(store, d));
     assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);

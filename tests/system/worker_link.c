@@ -38,16 +38,6 @@ struct rig {
 
 // ---- the rig ------------------------------------------------------------------------------------
 
-static void write_file(const char *folder, const char *name, const char *text)
-{
-    char path[256];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
-
 static int start(void **state)
 {
     struct rig *rig = calloc(1, sizeof *rig);
@@ -306,7 +296,7 @@ static void test_files_outside_the_roots_are_not_told_apart(void **state)
 static void test_messages_behind_a_load_keep_their_order(void **state)
 {
     struct rig *rig = *state;
-    write_file(rig->root, "one.gltf",
+    test_text_write(rig->root, "one.gltf",
         "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
         "\"nodes\":[{\"name\":\"from the file\"}]}");
     attach(rig, 1, "a");
@@ -327,7 +317,7 @@ static void test_messages_behind_a_load_keep_their_order(void **state)
 static void test_an_assets_transform_moves_it_and_goes_with_it(void **state)
 {
     struct rig *rig = *state;
-    write_file(rig->root, "one.gltf",
+    test_text_write(rig->root, "one.gltf",
         "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}]"
         "}");
     attach(rig, 1, "a");

@@ -38,14 +38,6 @@ static long landlock_abi(void)
     return abi < 0 ? 0 : abi;
 }
 
-static void write_text(const char *path)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    assert_true(fputs("text", file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
-
 static int make_files(void **state)
 {
     (void)state;
@@ -56,8 +48,8 @@ static int make_files(void **state)
     snprintf(asset, sizeof asset, "%s/root/asset", folder);
     assert_int_equal(mkdir(cache, 0700), 0);
     assert_int_equal(mkdir(root, 0700), 0);
-    write_text(secret);
-    write_text(asset);
+    test_file_write(secret, "text", 4);
+    test_file_write(asset, "text", 4);
     return 0;
 }
 

@@ -15,14 +15,11 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/passes/skin.h"
+#include "tests/support/check.h"
 
 void geo_check(struct geo *f, enum hg_status status)
 {
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(&f->err, text, sizeof text);
-        fail_msg("%s", text);
-    }
+    test_ok(status, &f->err);
 }
 
 double geo_random(struct geo *f, double low, double high)

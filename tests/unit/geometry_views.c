@@ -22,6 +22,7 @@
 #include "renderer/passes/visibility.h"
 #include "renderer/scene/load.h"
 #include "shaders/shared/features.h"
+#include "tests/support/check.h"
 
 #define WIDTH       200
 #define HEIGHT      160
@@ -53,11 +54,7 @@ struct world {
 
 static void check(struct fixture *f, enum hg_status status)
 {
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(&f->err, text, sizeof text);
-        fail_msg("%s", text);
-    }
+    test_ok(status, &f->err);
 }
 
 static double random_in(struct fixture *f, double low, double high)

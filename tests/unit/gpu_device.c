@@ -346,13 +346,6 @@ static void test_device_lost(void **state)
     hg_gpu_destroy(gpu);
 }
 
-static void write_text(const char *folder, const char *name, const char *text)
-{
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    assert_int_equal(hg_file_write_atomic(path, text, strlen(text), NULL), HG_OK);
-}
-
 // Shaders from a folder: a good tree works, a broken line is named.
 static void test_shader_dir(void **state)
 {
@@ -369,8 +362,8 @@ static void test_shader_dir(void **state)
     const uint32_t expected[2] = {5, 7};
     fill(&f, 2, expected, 2);
     assert_int_equal(hg_gpu_validation_messages(f.gpu), 0);
-    write_text(folder, "lib/broken.glsl", "// one\n// two\nfloat broken = missing_name;\n");
-    write_text(folder, "passes/broken.comp",
+    test_text_write(folder, "lib/broken.glsl", "// one\n// two\nfloat broken = missing_name;\n");
+    test_text_write(folder, "passes/broken.comp",
         "#version 460\n#extension GL_GOOGLE_include_directive : require\n"
         "#include \"lib/broken.glsl\"\nlayout(local_size_x = 1) in;\nvoid main() {}\n");
     const struct hg_gpu_pipeline_params pipeline = {.compute = "broken.comp"};

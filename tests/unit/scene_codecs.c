@@ -324,20 +324,12 @@ static void test_spec_gloss_textures(void **state)
 
 // ---- image files --------------------------------------------------------------------------------
 
-static void write_file(const char *path, const void *data, size_t size)
-{
-    FILE *f = fopen(path, "wb");
-    assert_non_null(f);
-    assert_int_equal(fwrite(data, 1, size, f), size);
-    assert_int_equal(fclose(f), 0);
-}
-
 static void write_png(const char *path)
 {
     static const uint8_t grey[4] = {128, 128, 128, 255};
     begin();
     add_png(grey, 1);
-    write_file(path, file.bytes, file.size);
+    test_file_write(path, file.bytes, file.size);
 }
 
 // Whether the image was taken: HG_OK with *read false is a warning and white.
@@ -349,7 +341,7 @@ static enum hg_status load_with_image(const char *path, const char *uri, bool *r
         "\"textures\":[{\"source\":0}],\"materials\":[{\"pbrMetallicRoughness\":"
         "{\"baseColorTexture\":{\"index\":0}}}]}",
         uri);
-    write_file(path, json, strlen(json));
+    test_file_write(path, json, strlen(json));
     struct hg_asset *asset;
     struct hg_error err;
     enum hg_status status = corpus_load(path, &asset, &err);

@@ -606,14 +606,6 @@ static void test_variants(void **state)
 
 // ---- files outside of the asset's folder -------------------------------------------------------
 
-static void write_file(const char *path, const void *data, size_t size)
-{
-    FILE *f = fopen(path, "wb");
-    assert_non_null(f);
-    assert_int_equal(fwrite(data, 1, size, f), size);
-    assert_int_equal(fclose(f), 0);
-}
-
 static enum hg_status load_with_buffer(const char *path, const char *uri)
 {
     char json[2048];
@@ -623,7 +615,7 @@ static enum hg_status load_with_buffer(const char *path, const char *uri)
         "\"componentType\":5126,\"count\":3,\"type\":\"VEC3\",\"min\":[0,0,0],\"max\":[1,1,0]}],"
         "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}]}",
         uri);
-    write_file(path, json, strlen(json));
+    test_file_write(path, json, strlen(json));
     struct hg_asset *asset;
     struct hg_error err;
     enum hg_status status = corpus_load(path, &asset, &err);
@@ -643,8 +635,8 @@ static void test_paths(void **state)
     snprintf(gltf, sizeof gltf, "%s/asset/a.gltf", root);
     snprintf(inner, sizeof inner, "%s/asset/in side.bin", root);
     snprintf(outer, sizeof outer, "%s/outside.bin", root);
-    write_file(inner, triangle, sizeof triangle);
-    write_file(outer, triangle, sizeof triangle);
+    test_file_write(inner, triangle, sizeof triangle);
+    test_file_write(outer, triangle, sizeof triangle);
     char links[2][256], folder[256];
     snprintf(links[0], sizeof links[0], "%s/asset/good.bin", root);
     snprintf(links[1], sizeof links[1], "%s/asset/bad.bin", root);

@@ -43,10 +43,7 @@ static void write_tile(const char *name, size_t bytes, bool gzip)
         assert_int_equal(gzwrite(file, data, (unsigned)bytes), bytes);
         assert_int_equal(gzclose(file), Z_OK);
     } else {
-        FILE *file = fopen(path, "wb");
-        assert_non_null(file);
-        assert_int_equal(fwrite(data, 1, bytes, file), bytes);
-        assert_int_equal(fclose(file), 0);
+        test_file_write(path, data, bytes);
     }
     hg_free(data);
 }

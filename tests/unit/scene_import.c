@@ -26,24 +26,14 @@ static void path_of(const char *name, char *out, size_t size)
     snprintf(out, size, "%s/%s", folder, name);
 }
 
-static void write_text(const char *name, const char *text)
-{
-    char path[128];
-    path_of(name, path, sizeof path);
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
-
 static int make_files(void **state)
 {
     (void)state;
     char source[128], path[128];
     assert_true(test_folder_make(folder, "import"));
-    write_text("box.mtl", "newmtl red\nKd 0.8 0.1 0.1\nNs 98\n");
+    test_text_write(folder, "box.mtl", "newmtl red\nKd 0.8 0.1 0.1\nNs 98\n");
     // A box of 2 x 3 x 4 m with its corner at the origin: eight vertices, six quads.
-    write_text("box.obj",
+    test_text_write(folder, "box.obj",
         "mtllib box.mtl\nv 0 0 0\nv 2 0 0\nv 2 3 0\nv 0 3 0\nv 0 0 4\nv 2 0 4\nv 2 3 4\nv 0 3 4\n"
         "usemtl red\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
     path_of("box.obj", source, sizeof source);
@@ -157,7 +147,7 @@ static void test_broken_files_are_refused_with_a_reason(void **state)
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         struct hg_asset *asset;
         struct hg_error err = {0};
-        write_text(names[i], "neither this nor that\n");
+        test_text_write(folder, names[i], "neither this nor that\n");
         assert_int_not_equal(load(names[i], &asset, &err), HG_OK);
         assert_null(asset);
         assert_true(err.reason[0] != 0);
@@ -249,7 +239,7 @@ static struct hg_scene *load_collada(double meter, const char *up, struct hg_ass
     struct hg_scene *scene;
     snprintf(head, sizeof head, collada_head, meter, up);
     snprintf(text, sizeof text, "%s%s%s", head, collada_mesh, collada_rest);
-    write_text("ribbon.dae", text);
+    test_text_write(folder, "ribbon.dae", text);
     if (load("ribbon.dae", asset, &err))
         fail_msg("%s: %s", err.where, err.reason);
     assert_int_equal(hg_scene_create(&scene), HG_OK);
@@ -461,7 +451,7 @@ static void test_fbx_cameras_and_lights(void **state)
     struct hg_asset *asset;
     struct hg_scene *scene;
     struct hg_error err = {0};
-    write_text("lit.fbx", fbx_text);
+    test_text_write(folder, "lit.fbx", fbx_text);
     if (load("lit.fbx", &asset, &err))
         fail_msg("%s: %s", err.where, err.reason);
     assert_int_equal(hg_scene_create(&scene), HG_OK);

@@ -23,6 +23,7 @@
 #include "renderer/texture/textures.h"
 #include "shaders/shared/frame.h"
 #include "shaders/shared/features.h"
+#include "tests/support/check.h"
 
 #define PLACES 8192
 
@@ -46,11 +47,7 @@ struct fixture {
 
 static void check(struct fixture *f, enum hg_status status)
 {
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(&f->err, text, sizeof text);
-        fail_msg("%s", text);
-    }
+    test_ok(status, &f->err);
 }
 
 static float random_float(struct fixture *f)

@@ -14,16 +14,13 @@
 
 #include "base/alloc.h"
 #include "renderer/passes/skin.h"
+#include "tests/support/check.h"
 
 #define EDGE 2e-5 // barycentrics that rounding may turn
 
 void rig_check(struct rig *r, enum hg_status status)
 {
-    if (status != HG_OK) {
-        char text[1024];
-        hg_error_format(&r->err, text, sizeof text);
-        fail_msg("%s", text);
-    }
+    test_ok(status, &r->err);
 }
 
 double rig_random(struct rig *r, double low, double high)
