@@ -96,27 +96,23 @@ static void sort_members(struct hg_lod_build *b)
     b->first[0] = 0;
 }
 
-// Positions that more than one group has must stay where they are.
+// Positions that more than one group has must stay where they are. Owners of this level are told
+// from older ones, of which all are less than `owner_base`.
 static void lock_borders(struct hg_lod_build *b)
 {
     const struct hg_lod_mesh *m = &b->mesh;
     for (uint32_t i = 0; i < b->pool.count; i++) {
         const struct hg_lod_piece *p = &b->pool.items[i];
+        const uint32_t group = b->owner_base + b->group_of[i];
         for (uint32_t k = 0; k < p->info.triangle_count * 3; k++) {
-            b->owner[m->position_of[p->triangles[k]]] = HG_LOD_NONE;
-            b->locked[m->position_of[p->triangles[k]]] = 0;
+            const uint32_t at = m->position_of[p->triangles[k]], owner = b->owner[at];
+            if (owner == group)
+                continue;
+            b->locked[at] = owner >= b->owner_base;
+            b->owner[at] = group;
         }
     }
-    for (uint32_t i = 0; i < b->pool.count; i++) {
-        const struct hg_lod_piece *p = &b->pool.items[i];
-        for (uint32_t k = 0; k < p->info.triangle_count * 3; k++) {
-            const uint32_t at = m->position_of[p->triangles[k]];
-            if (b->owner[at] == HG_LOD_NONE)
-                b->owner[at] = b->group_of[i];
-            else if (b->owner[at] != b->group_of[i])
-                b->locked[at] = 1;
-        }
-    }
+    b->owner_base += b->group_count;
 }
 
 // ---- simplification -----------------------------------------------------------------------------
@@ -422,6 +418,7 @@ static enum hg_status begin(struct hg_lod_build *b, const struct hg_mesh_part *p
     if (status != HG_OK)
         return status;
     b->total = b->mesh.triangle_count * 2ull + 1;
+    b->owner_base = 1;
     hg_writer_spill(&b->bytes, b->mesh.triangle_count * BYTES_GUESS);
     uint32_t *starts = NULL, count = 0, bound = hg_lod_cut_bound(b->mesh.triangle_count) + 1;
     status = hg_lod_take(&b->budget, bound, 4, &starts);

@@ -19,7 +19,8 @@ struct hg_lod_build {
     struct hg_lod_mesh mesh;
     struct hg_lod_report report;
     uint8_t *locked, *open; // [position_count]
-    uint32_t *owner;        // [position_count] group that has it
+    uint32_t *owner;        // [position_count] owner_base + the group that had it last
+    uint32_t owner_base;    // of this level, > 0
     struct hg_lod_pieces pool;
     uint32_t *group_of, *members, *first; // of the pool: groups and who is in them
     size_t pool_capacity;

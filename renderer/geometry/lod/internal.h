@@ -17,6 +17,14 @@
 #define HG_LOD_ATTRIBUTES    11        // normal 3, uv 2, uv1 2, colour 4
 #define HG_LOD_WORDS         8         // per vertex: normal 1, tangent 1, uv 2, uv1 2, colour 2
 
+// Asks for memory that is looked at soon. A function that does no more than this has no effect in
+// the eyes of compilers, and calls of it are dropped; so those are inlined in any case.
+#define HG_LOD_INLINE __attribute__((always_inline)) static inline
+HG_LOD_INLINE void hg_lod_expect(const void *memory)
+{
+    __builtin_prefetch(memory);
+}
+
 // Where the attributes lie in the words of a vertex; -1: absent.
 struct hg_lod_format {
     uint32_t flags, words; // HG_DRAW_*

@@ -13,6 +13,7 @@
 
 #define LOOK_AGAIN 0.04f // squared distance in edge lengths
 #define WALK_MAX   6
+#define AHEAD      8u    // samples from one that is asked for to when it is looked at
 #define INSIDE     0.02f // weight of the position that a walk looks around: nearest is in between
 
 struct nearest {
@@ -434,6 +435,22 @@ static void measure(const struct hg_lod_patch *p, const struct rings *r, struct 
     s->distance = distance < piece ? distance : piece;
 }
 
+// Vertices of samples lie anywhere in the mesh.
+HG_LOD_INLINE void expect(const struct hg_lod_patch *p, uint32_t first)
+{
+    const struct hg_lod_mesh *m = p->job->mesh;
+    const uint32_t count = p->job->sample_count;
+    if (first + 2 * AHEAD < count)
+        hg_lod_expect(&m->position_of[p->job->samples[first + 2 * AHEAD].vertex]);
+    if (first + AHEAD >= count)
+        return;
+    const uint32_t v = p->job->samples[first + AHEAD].vertex, at = m->position_of[v];
+    hg_lod_expect(&m->lattice[at]);
+    if (m->pieces != NULL)
+        hg_lod_expect(&m->piece_of[at]);
+    hg_lod_expect(m->words + (size_t)v * m->format.words);
+}
+
 enum hg_status hg_lod_measure(const struct hg_lod_patch *p, float *error)
 {
     float worst = 0.0f, looks = 0.0f;
@@ -442,6 +459,7 @@ enum hg_status hg_lod_measure(const struct hg_lod_patch *p, float *error)
     const enum hg_status status = make_rings(p, &rings);
     for (uint32_t i = 0; status == HG_OK && i < p->job->sample_count; i++) {
         struct hg_lod_sample *s = &p->job->samples[i];
+        expect(p, i);
         measure(p, &rings, s, worst, &looks, &compared);
         worst = s->distance > worst ? s->distance : worst;
     }

@@ -5,6 +5,8 @@
 #include "base/alloc.h"
 #include "renderer/geometry/lod/internal.h"
 
+#define AHEAD 8u // triangles from one that is asked for to when it is looked at
+
 static uint32_t hash(uint32_t v)
 {
     v *= 0x9e3779b1u;
@@ -68,6 +70,7 @@ static uint32_t add_position(struct hg_lod_patch *p, uint32_t global)
     p->global[i] = global;
     p->into[i] = i;
     p->fixed[i] = p->job->locked[global];
+    hg_lod_expect(&p->job->mesh->lattice[global]);
     p->head[i] = p->tail[i] = p->vertex_first[i] = HG_LOD_NONE;
     return i;
 }
@@ -79,6 +82,7 @@ static uint32_t add_vertex(struct hg_lod_patch *p, uint32_t global)
         if (p->vertex_global[v] == global)
             return v;
     const uint32_t v = p->vertex_count++;
+    hg_lod_expect(p->job->mesh->words + (size_t)global * p->job->mesh->format.words);
     p->vertex_global[v] = global;
     p->position_of[v] = position;
     p->vertex_next[v] = p->vertex_first[position];
@@ -88,8 +92,11 @@ static uint32_t add_vertex(struct hg_lod_patch *p, uint32_t global)
 
 static void add_triangles(struct hg_lod_patch *p)
 {
+    const struct hg_lod_simplify_job *job = p->job;
     for (uint32_t t = 0; t < p->triangle_count; t++) {
         for (uint32_t k = 0; k < 3; k++) {
+            if (t + AHEAD < p->triangle_count)
+                hg_lod_expect(&job->mesh->position_of[job->triangles[(size_t)(t + AHEAD) * 3 + k]]);
             const uint32_t corner = t * 4 + k;
             const uint32_t v = add_vertex(p, p->job->triangles[(size_t)t * 3 + k]);
             const uint32_t position = p->position_of[v];

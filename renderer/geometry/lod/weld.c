@@ -64,17 +64,20 @@ void hg_lod_format_set(struct hg_lod_format *f, uint32_t flags, bool has_uv)
 
 static bool finite_all(const float *values, uint64_t count)
 {
+    uint32_t bad = 0; // no way out of the loop: several at a time
     for (uint64_t i = 0; values != NULL && i < count; i++)
-        if (!isfinite(values[i]))
-            return false;
-    return true;
+        bad |= !(fabsf(values[i]) <= FLT_MAX);
+    return bad == 0;
 }
 
+// Of numbers.
 static float largest(const float *values, uint64_t count)
 {
     float max = 0.0f;
-    for (uint64_t i = 0; values != NULL && i < count; i++)
-        max = fmaxf(max, fabsf(values[i]));
+    for (uint64_t i = 0; values != NULL && i < count; i++) {
+        const float size = fabsf(values[i]);
+        max = size > max ? size : max;
+    }
     return max;
 }
 
@@ -268,31 +271,52 @@ uint32_t hg_lod_attributes(
 
 // ---- welding ------------------------------------------------------------------------------------
 
-static uint32_t mix(uint32_t h, uint32_t v)
+static uint32_t hash3(uint32_t a, uint32_t b, uint32_t c)
 {
-    h = (h ^ v) * 0x9e3779b1u;
-    return h ^ h >> 15;
+    uint64_t h = ((uint64_t)a << 32 | b) * 0x9e3779b97f4a7c15ull;
+    h = (h ^ h >> 29 ^ c) * 0xbf58476d1ce4e5b9ull;
+    return (uint32_t)(h >> 32);
 }
 
-#define LOOKS_MAX 64u // vertices at one position that a new one is compared with: the latest
+#define LOOKS_MAX  64u // vertices at one position that a new one is compared with: the latest
+#define AHEAD      12u // triangles from one that is asked for to when it is looked at
+#define INDEX_MASK 0x3fffffffu // of a vertex or position, + 1
+#define PROBES_MAX 8u          // slots in a row that a triangle is looked for in
 
 struct welder {
     const struct hg_mesh_part *part;
     struct hg_lod_mesh *mesh;
-    uint32_t *positions; // hash table of index + 1
+    uint32_t *positions; // hash table of index + 1 and two bits of the hash above it
     uint32_t mask;
     uint32_t *first, *next; // the latest vertex at each position + 1; the one before each vertex
 };
 
+static void lattice_of(const struct welder *w, uint32_t index, int32_t p[3])
+{
+    const float steps = 1.0f / w->mesh->format.quantum; // exact: a power of two
+    for (int k = 0; k < 3; k++)
+        p[k] = (int32_t)lrintf(w->part->positions[(size_t)index * 3 + (size_t)k] * steps);
+}
+
+static uint32_t position_hash(const int32_t p[3])
+{
+    return hash3((uint32_t)p[0], (uint32_t)p[1], (uint32_t)p[2]);
+}
+
+// Others in the way lie anywhere in the lattice; two bits tell three out of four of them.
 static uint32_t weld_position(struct welder *w, const int32_t p[3])
 {
     struct hg_lod_mesh *m = w->mesh;
-    uint32_t slot = mix(mix(mix(0, (uint32_t)p[0]), (uint32_t)p[1]), (uint32_t)p[2]) & w->mask;
-    for (; w->positions[slot] != 0; slot = (slot + 1) & w->mask)
-        if (memcmp(m->lattice[w->positions[slot] - 1], p, sizeof m->lattice[0]) == 0)
-            return w->positions[slot] - 1;
+    const uint32_t hash = position_hash(p), tag = hash & ~INDEX_MASK;
+    uint32_t slot = hash & w->mask;
+    for (; w->positions[slot] != 0; slot = (slot + 1) & w->mask) {
+        const uint32_t other = (w->positions[slot] & INDEX_MASK) - 1;
+        if ((w->positions[slot] & ~INDEX_MASK) == tag &&
+            memcmp(m->lattice[other], p, sizeof m->lattice[0]) == 0)
+            return other;
+    }
     memcpy(m->lattice[m->position_count], p, sizeof m->lattice[0]);
-    w->positions[slot] = ++m->position_count;
+    w->positions[slot] = ++m->position_count | tag;
     return m->position_count - 1;
 }
 
@@ -317,19 +341,32 @@ static uint32_t weld_one(struct welder *w, uint32_t index)
     const struct hg_lod_format *f = &w->mesh->format;
     uint32_t words[HG_LOD_WORDS + 1] = {0};
     int32_t p[3];
-    const float steps = 1.0f / f->quantum; // exact: a power of two
-    for (int k = 0; k < 3; k++)
-        p[k] = (int32_t)lrintf(w->part->positions[(size_t)index * 3 + (size_t)k] * steps);
+    lattice_of(w, index, p);
     make_words(w->part, f, index, words);
     return weld_vertex(w, weld_position(w, p), words);
+}
+
+// Slots of the table lie anywhere: those of a triangle that comes soon are fetched already.
+HG_LOD_INLINE void expect(const struct welder *w, const uint32_t *remap, const uint32_t *triangle)
+{
+    for (int k = 0; k < 3; k++) {
+        int32_t p[3];
+        if (remap[triangle[k]] != 0)
+            continue;
+        lattice_of(w, triangle[k], p);
+        hg_lod_expect(&w->positions[position_hash(p) & w->mask]);
+    }
 }
 
 // Welds the vertices that triangles use and copies the triangles that have an area of their own.
 static void weld_triangles(struct welder *w, uint32_t *remap)
 {
     struct hg_lod_mesh *m = w->mesh;
-    for (size_t t = 0; t < w->part->index_count / 3; t++) {
+    const size_t count = w->part->index_count / 3;
+    for (size_t t = 0; t < count; t++) {
         uint32_t v[3];
+        if (t + AHEAD < count)
+            expect(w, remap, w->part->indices + (t + AHEAD) * 3);
         for (size_t k = 0; k < 3; k++) {
             const uint32_t i = w->part->indices[t * 3 + k];
             if (remap[i] == 0)
@@ -355,8 +392,9 @@ static void turn(const uint32_t from[3], uint32_t out[3])
 {
     const uint32_t k =
         from[0] < from[1] ? (from[0] < from[2] ? 0 : 2) : (from[1] < from[2] ? 1 : 2);
-    for (uint32_t i = 0; i < 3; i++)
-        out[i] = from[(k + i) % 3];
+    out[0] = from[k];
+    out[1] = from[k == 2 ? 0 : k + 1];
+    out[2] = from[k == 0 ? 2 : k - 1];
 }
 
 static bool is_at(const struct hg_lod_mesh *m, uint32_t triangle, const uint32_t turned[3])
@@ -366,19 +404,33 @@ static bool is_at(const struct hg_lod_mesh *m, uint32_t triangle, const uint32_t
     return memcmp(other, turned, sizeof other) == 0;
 }
 
+// Where a triangle is in the table, or the free slot for it: near the place of its least vertex,
+// where those before it have just been looked for; when that is crowded, anywhere, some slots at a
+// time, as long runs may be full. per_vertex: slots, times 2^32.
+static uint32_t repeat_slot(const struct hg_lod_mesh *m, const uint32_t *table, uint32_t size,
+    uint64_t per_vertex, const uint32_t v[3])
+{
+    uint32_t slot = (uint32_t)(v[0] * per_vertex >> 32);
+    for (uint32_t i = 1; table[slot] != 0 && !is_at(m, table[slot] - 1, v); i++) {
+        if (i % PROBES_MAX == 0)
+            slot = hash3(v[0], v[1], v[2] + i);
+        slot = (slot + 1) & (size - 1);
+    }
+    return slot;
+}
+
 // Of triangles with the same vertices the first stays: a heap of them in one place looks like one,
 // but no tree would keep a ray from meeting all. Turned over they are others.
 static enum hg_status drop_repeats(struct hg_lod_mesh *m, struct hg_lod_budget *budget)
 {
     const uint32_t size = table_size(m->triangle_count);
+    const uint64_t per_vertex = ((uint64_t)size << 32) / (m->vertex_count + 1ull);
     uint32_t *table = NULL, kept = 0; // index + 1
     const enum hg_status status = hg_lod_take(budget, size, 4, &table);
     for (uint32_t t = 0; status == HG_OK && t < m->triangle_count; t++) {
         uint32_t v[3];
         turn(m->triangles + (size_t)t * 3, v);
-        uint32_t slot = mix(mix(mix(0, v[0]), v[1]), v[2]) & (size - 1);
-        while (table[slot] != 0 && !is_at(m, table[slot] - 1, v))
-            slot = (slot + 1) & (size - 1);
+        const uint32_t slot = repeat_slot(m, table, size, per_vertex, v);
         if (table[slot] != 0)
             continue;
         memmove(m->triangles + (size_t)kept * 3, m->triangles + (size_t)t * 3, sizeof v);
