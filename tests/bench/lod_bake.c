@@ -40,6 +40,15 @@ static int decode_all(const struct hg_lod *lod, uint64_t *bytes, uint64_t *ns)
     return failed;
 }
 
+// FNV-1a of the bytes, to see whether two builds make the same.
+static uint32_t hash_of(const uint8_t *data, size_t size)
+{
+    uint32_t h = 2166136261u;
+    for (size_t i = 0; i < size; i++)
+        h = (h ^ data[i]) * 16777619u;
+    return h;
+}
+
 static void print_levels(const struct hg_lod *lod)
 {
     for (uint32_t level = 0; level < lod->level_count; level++) {
@@ -115,13 +124,15 @@ static int bake(const struct hg_mesh_part *part, struct hg_jobs *jobs, int times
             "%u groups, %u levels, %u chunks, peak %.0f MB\n",
             (unsigned long long)r.source_triangles, s, t / cpu * 1e-6, (double)r.file_bytes / t,
             r.clusters, r.groups, r.levels, r.chunks, (double)r.peak_bytes * 1e-6);
-        printf("  weld %.2f cut %.2f group %.2f simplify %.2f encode %.2f s; quantum %g; decode "
-               "%.0f MB/s %.1f Mtri/s; stored/source %.2f; decoded %.1f B/stored; terminal %u\n",
+        printf(
+            "  weld %.2f cut %.2f group %.2f simplify %.2f encode %.2f s; quantum %g; decode "
+            "%.0f MB/s %.1f Mtri/s; stored/source %.2f; decoded %.1f B/stored; terminal %u; bytes "
+            "%08x\n",
             (double)r.weld_ns * 1e-9, (double)r.cluster_ns * 1e-9, (double)r.group_ns * 1e-9,
             (double)r.simplify_ns * 1e-9, (double)r.encode_ns * 1e-9, (double)r.quantum,
             (double)bytes * 1e3 / (double)ns, (double)r.stored_triangles * 1e3 / (double)ns,
             (double)r.stored_triangles / t, (double)bytes / (double)r.stored_triangles,
-            r.terminal_clusters);
+            r.terminal_clusters, hash_of(best.data, best.size));
         print_levels(lod);
     } else {
         fprintf(stderr, "%s: %s\n", err.what, err.reason);
