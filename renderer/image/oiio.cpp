@@ -317,15 +317,20 @@ void add_typed(ImageSpec &spec, const hg_image_attribute &a)
     }
 }
 
-ImageSpec make_spec(const hg_image *image, const struct hg_image_encode *params)
+void add_exr_defaults(ImageSpec &spec)
 {
     static const float rec709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
+    spec.attribute("compression", "zip");
+    spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
+    spec.attribute("DateTime", ""); // else the writer puts the present time into the file
+}
+
+ImageSpec make_spec(const hg_image *image, const struct hg_image_encode *params)
+{
     ImageSpec spec(
         int(image->width), int(image->height), params->opaque ? 3 : 4, file_type(params->file));
     if (is_exr(params->file)) {
-        spec.attribute("compression", "zip");
-        spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
-        spec.attribute("DateTime", ""); // else the writer puts the present time into the file
+        add_exr_defaults(spec);
     } else {
         spec.attribute("oiio:ColorSpace", "sRGB");
         spec.attribute("oiio:UnassociatedAlpha", 1);
@@ -383,7 +388,6 @@ hg_status encode(
 
 ImageSpec part_spec(const uint32_t size_px[2], const hg_exr_part &p)
 {
-    static const float rec709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
     TypeDesc type = p.type == HG_EXR_UINT    ? TypeDesc::UINT32
                     : p.type == HG_EXR_FLOAT ? TypeDesc::FLOAT
                                              : TypeDesc::HALF;
@@ -391,9 +395,7 @@ ImageSpec part_spec(const uint32_t size_px[2], const hg_exr_part &p)
     ImageSpec spec(width, height, int(p.channel_count), type);
     for (uint32_t i = 0; i < p.channel_count; i++)
         spec.channelnames[i] = p.channels[i];
-    spec.attribute("compression", "zip");
-    spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
-    spec.attribute("DateTime", "");
+    add_exr_defaults(spec);
     for (uint32_t i = 0; i < p.attribute_count; i++)
         add_typed(spec, p.attributes[i]);
     return spec;
