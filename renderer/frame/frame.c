@@ -83,27 +83,14 @@ static bool has_blend(const struct hg_view_state *view)
 #define DARK_LEAST 0.25f // share of cells; with less the search rests for DARK_REST pictures
 #define DARK_REST  15
 
-static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
-    struct hg_gpu_image *image, struct hg_error *err)
-{
-    const struct hg_gpu_image_params params = {.format = format,
-        .width = view->settings.width,
-        .height = view->settings.height,
-        .attachment = true,
-        .name = name};
-    return image->handle != VK_NULL_HANDLE
-               ? HG_OK
-               : hg_gpu_image_create(view->context->gpu, &params, image, err);
-}
-
 static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *err)
 {
-    enum hg_status status =
-        make(view, HG_VISIBILITY_FORMAT, "layer visibility", &view->layer_visibility, err);
+    enum hg_status status = hg_view_make_image(
+        view, HG_VISIBILITY_FORMAT, "layer visibility", &view->layer_visibility, err);
     if (status == HG_OK)
-        status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+        status = hg_view_make_image(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
     for (int i = 0; i < 2 && status == HG_OK; i++)
-        status = make(view, HG_DEPTH_FORMAT, "layer depth", &view->layers[i], err);
+        status = hg_view_make_image(view, HG_DEPTH_FORMAT, "layer depth", &view->layers[i], err);
     return status;
 }
 
@@ -116,7 +103,8 @@ bool hg_frame_transmits(const struct hg_view_state *view)
 static enum hg_status record_behind(
     struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
 {
-    enum hg_status status = make(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
+    enum hg_status status =
+        hg_view_make_image(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->behind,
@@ -164,7 +152,7 @@ static enum hg_status record_debug(
     const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && counts)
-        status = make(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+        status = hg_view_make_image(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
     if (status == HG_OK && counts)
         status = hg_visibility_record_overdraw(&pass, &scene, &view->layer_color, err);
     // The picture itself, drawn over below: it asks for the pages that it would show.

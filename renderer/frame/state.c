@@ -7,6 +7,19 @@ void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns
         view->stages[view->stage_count++] = (struct hg_view_stage){name, ns};
 }
 
+enum hg_status hg_view_make_image(struct hg_view_state *view, VkFormat format, const char *name,
+    struct hg_gpu_image *image, struct hg_error *err)
+{
+    const struct hg_gpu_image_params params = {.format = format,
+        .width = view->settings.width,
+        .height = view->settings.height,
+        .attachment = true,
+        .name = name};
+    return image->handle != VK_NULL_HANDLE
+               ? HG_OK
+               : hg_gpu_image_create(view->context->gpu, &params, image, err);
+}
+
 float hg_view_error_px(const struct hg_view_state *view)
 {
     const struct hg_stream *s = &view->stream;

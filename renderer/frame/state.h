@@ -125,6 +125,9 @@ struct hg_view_state {
 };
 
 void hg_view_add_stage(struct hg_view_state *view, const char *name, uint64_t ns);
+// An image of the view's size, to draw to; keeps one that is there. HG_E_NOMEM, device errors.
+enum hg_status hg_view_make_image(struct hg_view_state *view, VkFormat format, const char *name,
+    struct hg_gpu_image *image, struct hg_error *err) HG_MUST_CHECK;
 // Projected error of the geometry in the newest sample.
 float hg_view_error_px(const struct hg_view_state *view);
 // The area that is drawn now (stream.h); NULL: not in areas.

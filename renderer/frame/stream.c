@@ -65,14 +65,9 @@ static enum hg_status reserve(struct hg_view_state *view, struct hg_error *err)
     if (status == HG_OK && s->progress.mapped == NULL)
         status = hg_gpu_buffer_reserve(
             gpu, HG_GPU_BUFFER_READBACK, bytes, "progress readback", &s->progress_read, err);
-    const struct hg_gpu_image_params params = {.format = HG_COLOR_FORMAT,
-        .width = view->settings.width,
-        .height = view->settings.height,
-        .attachment = true,
-        .name = "fallback"};
-    if (status == HG_OK && s->fallback.handle == VK_NULL_HANDLE)
-        status = hg_gpu_image_create(gpu, &params, &s->fallback, err);
-    return status;
+    return status == HG_OK
+               ? hg_view_make_image(view, HG_COLOR_FORMAT, "fallback", &s->fallback, err)
+               : status;
 }
 
 // All pixels have `samples` samples (0 or 1); 0: what is shown becomes the fallback.

@@ -247,17 +247,12 @@ static void choose_error(struct hg_view_state *view, uint32_t max_samples)
 
 static enum hg_status make_pixels(struct hg_view_state *view, uint32_t format, struct hg_error *err)
 {
-    const uint32_t width = view->accumulated.width, height = view->accumulated.height;
-    enum hg_status status = HG_OK;
-    if (view->pixels[format].handle == VK_NULL_HANDLE) {
-        status = create_image(view, width, height, formats[format].format, formats[format].name,
-            &view->pixels[format], err);
-    }
-    if (status == HG_OK) {
-        status = hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_READBACK,
-            (uint64_t)width * height * formats[format].bytes, "readback", &view->readback, err);
-    }
-    return status;
+    const uint64_t px = (uint64_t)view->accumulated.width * view->accumulated.height;
+    const enum hg_status status = hg_view_make_image(
+        view, formats[format].format, formats[format].name, &view->pixels[format], err);
+    return status == HG_OK ? hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_READBACK,
+                                 px * formats[format].bytes, "readback", &view->readback, err)
+                           : status;
 }
 
 static void record_copy(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format)
