@@ -113,23 +113,29 @@ static float fresnel(float c, float eta)
     return 0.5f * a * a * (1 + b * b);
 }
 
+static float glass_miss(const struct caps *c, float eta)
+{
+    double sum = 0;
+    float l[3];
+    for (uint32_t j = 0; j < c->rings; j++)
+        for (uint32_t i = 0; i < c->points; i++) {
+            const struct facet f = caps_at(c, j, i);
+            const float reflected = fresnel(fminf(f.v_dot_h, 1), eta);
+            if (mirrored(c, &f, l))
+                sum += (double)(f.weight * reflected * unshadowed(c, l));
+            if (reflected < 1 && bent(c, &f, eta, l))
+                sum += (double)(f.weight * (1 - reflected) * unshadowed(c, l));
+        }
+    return hg_clampf(1 - (float)sum, 0, 1);
+}
+
 float hg_glass_miss_integrate(float n_dot_v, float alpha, float eta, uint32_t n)
 {
     struct caps c;
-    float v[3], l[3];
-    double sum = 0;
+    float v[3];
     direction(n_dot_v, 1, v);
     caps_init(&c, v, (float[2]){alpha, alpha}, n, true);
-    for (uint32_t j = 0; j < c.rings; j++)
-        for (uint32_t i = 0; i < c.points; i++) {
-            const struct facet f = caps_at(&c, j, i);
-            const float reflected = fresnel(fminf(f.v_dot_h, 1), eta);
-            if (mirrored(&c, &f, l))
-                sum += (double)(f.weight * reflected * unshadowed(&c, l));
-            if (reflected < 1 && bent(&c, &f, eta, l))
-                sum += (double)(f.weight * (1 - reflected) * unshadowed(&c, l));
-        }
-    return hg_clampf(1 - (float)sum, 0, 1);
+    return glass_miss(&c, eta);
 }
 
 // Cosines at facets and their shares of all.
@@ -388,6 +394,91 @@ static void fill_aniso_mean(void *user, size_t job)
     table[HG_ANISO_MEANS + job].y = correction((float)sum[1] - (p[0].y * (1 - f) + p[1].y * f));
 }
 
+// One layer of hg_glass_miss of lib/lobes.glsl.
+static struct hg_vec2 glass_layer(const struct hg_vec2 *p, float x, float y)
+{
+    const float last = HG_GLASS_SIZE - 1;
+    const uint32_t i = (uint32_t)fminf(x, last - 1), j = (uint32_t)fminf(y, last - 1);
+    const float f = x - (float)i, g = y - (float)j;
+    p += j * HG_GLASS_SIZE + i;
+    const struct hg_vec2 *q = p + HG_GLASS_SIZE;
+    return (struct hg_vec2){
+        (p[0].x * (1 - f) + p[1].x * f) * (1 - g) + (q[0].x * (1 - f) + q[1].x * f) * g,
+        (p[0].y * (1 - f) + p[1].y * f) * (1 - g) + (q[0].y * (1 - f) + q[1].y * f) * g};
+}
+
+// Miss of glass of HG_BRUSHED_IOR at the isotropic surface's cosine.
+static struct hg_vec2 brushed_guess(
+    const struct hg_vec2 *table, const float v[3], const float alpha[2])
+{
+    const float roughness = aniso_roughness(alpha), width = roughness * roughness;
+    const float x = v[0] * alpha[0], y = v[1] * alpha[1], last = HG_GLASS_SIZE - 1;
+    const float k = v[2] * v[2] + (x * x + y * y) / fmaxf(width * width, 1e-12f);
+    const float cosine = hg_clampf(v[2] / sqrtf(fmaxf(k, 1e-12f)), 0, 1);
+    const float ratio = (HG_BRUSHED_IOR - 1) / (HG_BRUSHED_IOR + 1);
+    const float far = sqrtf(ratio / HG_GLASS_FAR) * (HG_GLASS_IORS - 1), f = far - floorf(far);
+    const struct hg_vec2 *p =
+        table + HG_GLASS_FIRST + (uint32_t)far * HG_GLASS_SIZE * HG_GLASS_SIZE;
+    const float s = sqrtf(cosine) * last, r = hg_clampf(roughness, 0, 1) * last;
+    const struct hg_vec2 near = glass_layer(p, s, r);
+    const struct hg_vec2 next = glass_layer(p + HG_GLASS_SIZE * HG_GLASS_SIZE, s, r);
+    return (struct hg_vec2){near.x * (1 - f) + next.x * f, near.y * (1 - f) + next.y * f};
+}
+
+static void fill_brushed(void *user, size_t job)
+{
+    enum { C = HG_ANISO_COSINES, A = HG_ANISO_AZIMUTHS };
+    struct hg_vec2 *table = user, *out = table + HG_BRUSHED_FIRST + job * A * C;
+    float alpha[2], v[3];
+    struct caps c;
+    aniso_alpha(job, alpha);
+    for (uint32_t i = 0; i < A * C; i++) {
+        const uint32_t column = i % C > 0 ? i % C : 1; // grazing ones are like their neighbours
+        out[i] = (struct hg_vec2){0.5f, 0.5f};
+        if (job % HG_ANISO_STRENGTHS == 0)
+            continue;
+        direction(cosine_at(column, C), place(i / C, A), v);
+        caps_init(&c, v, alpha, 20, false);
+        const struct hg_vec2 guess = brushed_guess(table, v, alpha);
+        out[i].x = correction(glass_miss(&c, HG_BRUSHED_IOR) - guess.x);
+        out[i].y = correction(glass_miss(&c, 1 / HG_BRUSHED_IOR) - guess.y);
+    }
+}
+
+// Cosine-weighted mean of the corrected miss over that of the isotropic surface.
+static void fill_brushed_mean(void *user, size_t job)
+{
+    enum { C = HG_ANISO_COSINES, A = HG_ANISO_AZIMUTHS, FINE = 48, TURNS = 12 };
+    struct hg_vec2 *table = user, sum = {0, 0}, all = {0, 0};
+    const struct hg_vec2 *delta = table + HG_BRUSHED_FIRST + job * A * C;
+    float alpha[2], v[3];
+    aniso_alpha(job, alpha);
+    const float width = aniso_roughness(alpha) * aniso_roughness(alpha);
+    for (uint32_t k = 0; k < FINE * TURNS; k++) {
+        const float s = ((float)(k / TURNS) + 0.5f) / FINE;
+        const float turn = cosf((float)HG_PI * 0.5f * ((float)(k % TURNS) + 0.5f) / TURNS);
+        const float x = s * (C - 1), y = turn * (A - 1), w = 4 * s * s * s;
+        const uint32_t i = (uint32_t)x, j = (uint32_t)y;
+        const float f = x - (float)i, g = y - (float)j;
+        const struct hg_vec2 *p = delta + j * C + i, *q = p + C;
+        direction(s * s, turn, v);
+        const struct hg_vec2 guess = brushed_guess(table, v, alpha);
+        const struct hg_vec2 round = brushed_guess(table, v, (float[2]){width, width});
+        const float dx =
+            (p[0].x * (1 - f) + p[1].x * f) * (1 - g) + (q[0].x * (1 - f) + q[1].x * f) * g;
+        const float dy =
+            (p[0].y * (1 - f) + p[1].y * f) * (1 - g) + (q[0].y * (1 - f) + q[1].y * f) * g;
+        sum.x += w * hg_clampf(guess.x + (dx - 0.5f) * 2 * HG_ANISO_RANGE, 0, 1);
+        sum.y += w * hg_clampf(guess.y + (dy - 0.5f) * 2 * HG_ANISO_RANGE, 0, 1);
+        all.x += w * round.x;
+        all.y += w * round.y;
+    }
+    table[HG_BRUSHED_MEANS + job].x =
+        hg_clampf(sum.x / fmaxf(all.x * HG_BRUSHED_MOST, 1e-9f), 0, 1);
+    table[HG_BRUSHED_MEANS + job].y =
+        hg_clampf(sum.y / fmaxf(all.y * HG_BRUSHED_MOST, 1e-9f), 0, 1);
+}
+
 // Share that a layer of this roughness takes at a cosine: of HG_COAT_FIRST or HG_CLOTH_FIRST.
 static float layer_albedo(const struct hg_vec2 *table, bool coat, float cosine, float roughness)
 {
@@ -445,4 +536,6 @@ void hg_dfg_fill_lobes(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso, out);
     hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_aniso_mean, out);
     hg_jobs_for(jobs, 2 * HG_LAYER_ROUGHS * HG_LAYER_SIZE, fill_layers, out);
+    hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_brushed, out);
+    hg_jobs_for(jobs, HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS, fill_brushed_mean, out);
 }

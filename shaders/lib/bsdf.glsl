@@ -127,7 +127,7 @@ vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
 {
     vec2 dfg = hg_dfg(hg_bsdf_cosine(b, w_ts), b.mean_roughness);
     if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y) {
-        dfg = max(dfg + hg_aniso_correction(w_ts, b.base.roughness, b.anisotropy), 0.0);
+        dfg = max(dfg + hg_aniso_correction(HG_ANISO_FIRST, w_ts, b.base.roughness, b.anisotropy), 0.0);
         dfg /= max(dfg.x + dfg.y, 1.0);
     }
     return dfg;
@@ -337,13 +337,36 @@ void hg_bsdf_make_several(inout hg_bsdf b)
     b.ms_dielectric = b.iridescence > 0.0 ? below : vec3(b.base.f_ms_dielectric);
 }
 
-// What rough glass misses in a direction, in the table's terms: there each facet reflects `exact`
-// of the light and lets the rest through, here it reflects `dielectric`. Of what is let through the
-// same share arrives. eta as seen from this side, mean: hg_bsdf_mean_reflectance there.
-vec3 hg_bsdf_glass_miss(
-    hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside, hg_reflectance mean)
+// hg_glass_miss in a direction. table_cos: hg_bsdf_cosine.
+float hg_bsdf_glass_table(hg_bsdf b, vec3 w_ts, float table_cos, float eta)
 {
-    float miss = hg_glass_miss(cos_theta, b.mean_roughness, eta).x, e = dfg.x + dfg.y;
+    float miss = hg_glass_miss(table_cos, b.mean_roughness, eta).x;
+    if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
+        return miss;
+    // About the same for all indices, none where light is not bent.
+    float bends = min(abs(eta - 1.0) / (0.05 * (eta + 1.0)), 1.0);
+    vec2 more =
+        hg_aniso_correction(HG_BRUSHED_FIRST, w_ts, b.base.roughness, b.anisotropy) * bends;
+    return clamp(miss + (eta < 1.0 ? more.y : more.x), 0.0, 1.0);
+}
+
+// Its mean over all light of that side.
+float hg_bsdf_glass_table_average(hg_bsdf b, float eta)
+{
+    float miss = hg_glass_miss_average(b.mean_roughness, eta).x;
+    if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
+        return miss;
+    vec2 more = hg_aniso_mean(HG_BRUSHED_MEANS, b.base.roughness, b.anisotropy) * HG_BRUSHED_MOST;
+    return miss * (eta < 1.0 ? more.y : more.x);
+}
+
+// What rough glass misses in a direction where its table says `miss`: there each facet reflects
+// `exact` of the light and lets the rest through, here it reflects `dielectric`. Of what is let
+// through the same share arrives. eta as seen from this side, mean: hg_bsdf_mean_reflectance there.
+vec3 hg_bsdf_glass_miss(hg_bsdf b, float miss, float cos_theta, vec2 dfg, float eta, bool inside,
+    hg_reflectance mean)
+{
+    float e = dfg.x + dfg.y;
     if (b.glass_plain)
         return vec3(miss);
     hg_reflectance lost = hg_bsdf_facet_mean(b, HG_LOST_FIRST, cos_theta, eta, inside);
@@ -362,17 +385,17 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r)
     vec3 here = vec3(0.0);
     r = vec3(hg_fresnel_average(eta));
     if (b.glass_plain)
-        return vec3(max(hg_glass_miss_average(b.mean_roughness, eta).x, 1e-4));
+        return vec3(max(hg_bsdf_glass_table_average(b, eta), 1e-4));
     for (int i = 0; i < 4; i++) {
         float c = hg_gauss_x[i], miss = hg_glass_miss(c, b.mean_roughness, eta).x;
         vec2 dfg = hg_dfg(c, b.mean_roughness);
         hg_reflectance mean = hg_bsdf_mean_reflectance(b, c, dfg, eta, inside);
-        here += hg_gauss_w[i] * hg_bsdf_glass_miss(b, c, dfg, eta, inside, mean);
+        here += hg_gauss_w[i] * hg_bsdf_glass_miss(b, miss, c, dfg, eta, inside, mean);
         table += hg_gauss_w[i] * miss;
         hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
         r += hg_gauss_w[i] * (mirror.dielectric - mirror.exact);
     }
-    return max(here / max(table, 1e-6) * hg_glass_miss_average(b.mean_roughness, eta).x, 1e-4);
+    return max(here / max(table, 1e-6) * hg_bsdf_glass_table_average(b, eta), 1e-4);
 }
 
 // What facets of glass give back after several bounces, and what that leaves to opaque layers.
@@ -382,7 +405,8 @@ void hg_bsdf_make_glass(inout hg_bsdf b, hg_reflectance mean, float cos_v)
     b.glass_avg = b.glass_avg_behind = vec3(1.0);
     if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.thin || b.transmission <= 0.0)
         return;
-    b.glass_v = hg_bsdf_glass_miss(b, cos_v, b.base.dfg_v, b.eta, b.inside, mean);
+    float miss = hg_bsdf_glass_table(b, b.v_ts, cos_v, b.eta);
+    b.glass_v = hg_bsdf_glass_miss(b, miss, cos_v, b.base.dfg_v, b.eta, b.inside, mean);
     vec3 r, from_outside = hg_bsdf_glass_average(b, false, r), unused;
     vec3 from_inside = hg_bsdf_glass_average(b, true, unused);
     // What enters from outside is n^2 times what leaves: (1 - a) m_avg n^2 is the same both ways.
@@ -688,8 +712,9 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
         sum += b.tint * (0.5 * b.transmission) * (1.0 - b.ms_dielectric) * twice;
     else if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
+        float miss = hg_bsdf_glass_table(b, l_ts, table_l, eta_l);
         vec3 glass = b.transmission * layers * b.glass_v *
-            hg_bsdf_glass_miss(b, table_l, dfg_l, eta_l, b.inside != below, mean_l);
+            hg_bsdf_glass_miss(b, miss, table_l, dfg_l, eta_l, b.inside != below, mean_l);
         if (behind)
             sum += b.tint * glass * (1.0 - b.glass_front) / (b.glass_avg_behind * b.eta * b.eta);
         else

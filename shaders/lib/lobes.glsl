@@ -70,8 +70,9 @@ vec2 hg_dfg_signed(uint i)
     return (hg_dfg_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
 }
 
-// What is missing in hg_dfg of an anisotropic surface: see HG_ANISO_FIRST in renderer/light/dfg.h.
-vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
+// What is missing in hg_dfg or hg_glass_miss of an anisotropic surface: HG_ANISO_FIRST and
+// HG_BRUSHED_FIRST of renderer/light/dfg.h.
+vec2 hg_aniso_correction(uint first, vec3 w_ts, float roughness, float strength)
 {
     const uvec4 last = uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS,
         HG_ANISO_ROUGHS) - 1u;
@@ -84,24 +85,29 @@ vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
         uvec3 o = uvec3(k, k >> 1u, k >> 2u) & 1u;
         vec3 w = mix(1.0 - f.yzw, f.yzw, vec3(o));
         uvec3 j = i.yzw + o;
-        uint at = HG_ANISO_FIRST + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
+        uint at = first + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
             HG_ANISO_COSINES + i.x;
         sum += w.x * w.y * w.z * mix(hg_dfg_signed(at), hg_dfg_signed(at + 1u), f.x);
     }
     return sum;
 }
 
-// Likewise in hg_dfg_average.
-vec2 hg_aniso_average_correction(float roughness, float strength)
+// Entry of HG_ANISO_MEANS or HG_BRUSHED_MEANS.
+vec2 hg_aniso_mean(uint first, float roughness, float strength)
 {
     const uvec2 last = uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS) - 1u;
     vec2 p = vec2(strength, roughness) * vec2(last);
     uvec2 i = uvec2(min(p, vec2(last) - 1.0));
     vec2 f = p - vec2(i);
-    uint k = HG_ANISO_MEANS + i.y * HG_ANISO_STRENGTHS + i.x;
-    return mix(mix(hg_dfg_signed(k), hg_dfg_signed(k + 1u), f.x),
-        mix(hg_dfg_signed(k + HG_ANISO_STRENGTHS), hg_dfg_signed(k + HG_ANISO_STRENGTHS + 1u), f.x),
-        f.y);
+    uint k = first + i.y * HG_ANISO_STRENGTHS + i.x;
+    return mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
+        mix(hg_dfg_at(k + HG_ANISO_STRENGTHS), hg_dfg_at(k + HG_ANISO_STRENGTHS + 1u), f.x), f.y);
+}
+
+// What is missing in hg_dfg_average.
+vec2 hg_aniso_average_correction(float roughness, float strength)
+{
+    return (hg_aniso_mean(HG_ANISO_MEANS, roughness, strength) - 0.5) * (2.0 * HG_ANISO_RANGE);
 }
 
 // --- Fresnel terms -------------------------------------------------------------------------------

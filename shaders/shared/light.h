@@ -40,7 +40,11 @@
 #define HG_LAYER_SIZE      10 // samples of cos(theta) and of perceptual roughness
 #define HG_LAYER_ROUGHS    8  // of the layer's own roughness
 #define HG_CLOTH_FIRST     (HG_COAT_FIRST + HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
-#define HG_DFG_WORDS       (HG_CLOTH_FIRST + HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
+#define HG_BRUSHED_FIRST   (HG_CLOTH_FIRST + HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
+#define HG_BRUSHED_MEANS   (HG_BRUSHED_FIRST + HG_ANISO_MEANS - HG_ANISO_FIRST)
+#define HG_DFG_WORDS       (HG_BRUSHED_MEANS + HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS)
+#define HG_BRUSHED_IOR     1.5f  // of the table
+#define HG_BRUSHED_MOST    4.0f  // largest ratio of the means
 #define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
 #define HG_ANISO_RANGE     1.0f  // largest correction, either way
 #define HG_MIN_ALPHA       0.002025f // of HG_MIN_ROUGHNESS in lib/brdf.glsl

@@ -407,7 +407,13 @@ static void test_white_furnace(void **state)
     }
     m.ior = 1.5f;
     m.anisotropy = 0.6f;
-    furnace(*state, "anisotropic glass", m, 0.93, 1.02);
+    furnace(*state, "anisotropic glass", m, 0.996, 1.019);
+    furnace_from(*state, "anisotropic glass, inside", m, false, 0.984, 1.028);
+    m.ior = 1.2f;
+    furnace(*state, "anisotropic glass, ior 1.2", m, 0.975, 1.028);
+    m.ior = 2;
+    furnace(*state, "anisotropic glass, ior 2", m, 0.989, 1.026);
+    m.ior = 1.5f;
     m.anisotropy = 0;
     m.transmission = 0.5f;
     furnace(*state, "half glass", m, 0.997, 1.006);
