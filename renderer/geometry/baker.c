@@ -10,6 +10,7 @@
 #include "base/cond.h"
 #include "base/log.h"
 #include "base/spill.h"
+#include "renderer/scene/asset.h"
 
 #define TRIM_FROM 500000u // triangles, whose groups leave hundreds of megabytes free in the heap
 
@@ -55,23 +56,11 @@ static struct task *pop(struct queue *q)
     return task;
 }
 
-static void free_part(struct hg_mesh_part *part)
-{
-    hg_free(part->indices);
-    hg_free(part->positions);
-    hg_free(part->normals);
-    hg_free(part->tangents);
-    hg_free(part->uv[0]);
-    hg_free(part->uv[1]);
-    hg_free(part->colors);
-    memset(part, 0, sizeof *part);
-}
-
 static void free_task(struct task *task)
 {
     if (task == NULL)
         return;
-    free_part(&task->part);
+    hg_mesh_part_finish(&task->part, 0);
     hg_lod_stored_close(&task->result.stored);
     hg_free(task->result.data);
     hg_free(task);
@@ -136,7 +125,7 @@ static void *thread_main(void *user)
         hg_spill_begin();
         bake(b, task);
         const bool large = task->part.index_count / 3 >= TRIM_FROM;
-        free_part(&task->part);
+        hg_mesh_part_finish(&task->part, 0);
         hg_spill_end();
         if (large)
             hg_alloc_trim();
