@@ -350,8 +350,8 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
     struct hg_path *p = view->path;
     struct hg_gpu *gpu = view->context->gpu;
     struct hg_gpu_cmd *cmd;
-    if (p == NULL || p->film.handle == VK_NULL_HANDLE || !p->stale)
-        return HG_OK;
+    if (p == NULL || p->film.handle == VK_NULL_HANDLE || !p->stale || view->path_begins)
+        return HG_OK; // of another state the film is not shown in place of the preview
     const bool denoise = view->settings.path.denoise != 0 && p->pass > 0;
     if (denoise && !hg_path_denoise_due(p))
         return HG_OK; // what was made of fewer samples stays until then

@@ -453,7 +453,7 @@ static enum hg_status read(struct hg_view_state *view, uint32_t plane, uint32_t 
     struct hg_path *p = view->path;
     const float *film;
     *out = NULL;
-    if (p == NULL || p->film.handle == VK_NULL_HANDLE)
+    if (p == NULL || p->film.handle == VK_NULL_HANDLE || view->path_begins)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was path-traced yet");
     const bool made = plane == PLANE_COLOR || plane == PLANE_NOISY || plane == PLANE_SAMPLES ||
                       plane == PLANE_VARIANCE;

@@ -95,7 +95,7 @@ struct hg_view_state {
     struct hg_path *path;            // made when the mode asks for it
     uint8_t *path_checkpoint;        // to go on from (path_save.c); NULL = none
     struct hg_denoise *path_history; // that was loaded for the next picture; NULL = none
-    bool path_begins;                // its next step begins a picture
+    bool path_begins;                // its next step begins a picture: the film is of an older one
     bool path_preview;               // `accumulated` holds a real-time sample of the same state
 
     uint64_t number; // frames that changed something

@@ -142,8 +142,10 @@ enum hg_status hg_view_state_set(
         return status;
     if (view->settings.width != settings->width || view->settings.height != settings->height)
         view->samples = 0; // new images
-    if (memcmp(&view->settings, settings, sizeof *settings) != 0)
+    if (memcmp(&view->settings, settings, sizeof *settings) != 0) {
         view->settings_revision++;
+        view->path_begins = true; // the film is of another picture, perhaps of another size
+    }
     view->settings = *settings;
     return HG_OK;
 }

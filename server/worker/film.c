@@ -282,8 +282,8 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
     notes->time_s = session->scene->time_s;
     notes->denoise = view->params.mode == HG_MODE_PATH ? view->params.denoise : HG_DENOISE_OFF;
     notes->exposure = exp2f(view->params.exposure_ev);
-    const bool there = view->params.debug == HG_DEBUG_OFF &&
-                       (view->params.mode == HG_MODE_PATH || frame->settled);
+    const bool traced = view->params.mode == HG_MODE_PATH && frame->samples > 0;
+    const bool there = view->params.debug == HG_DEBUG_OFF && (traced || frame->settled);
     return view->params.planes && there ? read_planes(view, job, err) : HG_OK;
 }
 

@@ -118,6 +118,43 @@ static void test_resting_view(void **state)
     hg_view_destroy(view);
 }
 
+// What the first step after a change shows is of the new state, also when nobody has looked at the
+// newest samples of the old one; planes come with samples only.
+static void test_changes_unread(void **state)
+{
+    struct rig *rig = *state;
+    static const float elsewhere[3] = {-0.8f, 0.9f, 3.0f};
+    struct hg_view_params params = defaults;
+    struct hg_error err = {0};
+    struct hg_refbuf *none, *previews[2];
+    path_rig_room(rig);
+    params.planes = 1u << HG_PLANE_DEPTH;
+    for (int i = 0; i < 2; i++) {
+        params.width = SIDE;
+        struct hg_view *view = path_rig_view(rig, &params);
+        hg_view_set_final(view, false);
+        if (i == 0) {
+            path_rig_look(view, room_eye, room_target, 0.8f);
+            while (step(view).samples < 3)
+                ;
+            none = path_rig_plane(view, HG_PLANE_DEPTH);
+            hg_refbuf_unref(none);
+        }
+        params.width = 2 * SIDE;
+        test_ok(hg_view_set_params(view, &params, &err), &err);
+        assert_int_equal(hg_view_read_plane(view, HG_PLANE_DEPTH, &none, &err), HG_E_STATE);
+        path_rig_look(view, elsewhere, room_target, 0.8f);
+        assert_int_equal(step(view).samples, 0);
+        previews[i] = pixels_of(view);
+        assert_int_equal(hg_view_read_plane(view, HG_PLANE_DEPTH, &none, &err), HG_E_STATE);
+        hg_view_destroy(view);
+    }
+    assert_int_equal(previews[0]->size, previews[1]->size);
+    assert_memory_equal(previews[0]->data, previews[1]->data, previews[0]->size);
+    hg_refbuf_unref(previews[0]);
+    hg_refbuf_unref(previews[1]);
+}
+
 // Share of a disk of radius 1 on one side of a chord at t: t = 1 all of it, -1 nothing.
 static double disk_share(double t)
 {
@@ -315,8 +352,8 @@ static void test_branches_chosen(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
-        cmocka_unit_test(test_lens), cmocka_unit_test(test_neighbours),
-        cmocka_unit_test(test_backends), cmocka_unit_test(test_branches),
-        cmocka_unit_test(test_branches_chosen)};
+        cmocka_unit_test(test_changes_unread), cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_neighbours), cmocka_unit_test(test_backends),
+        cmocka_unit_test(test_branches), cmocka_unit_test(test_branches_chosen)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
