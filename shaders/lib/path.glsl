@@ -219,7 +219,7 @@ vec3 hg_path_finite(vec3 v)
 
 // Shading normal nearest to n at which the mirrored view does not lead below the triangle, where
 // light would be lost: the mirrored direction is lifted to just above it, and the normal is half-way.
-// Cycles and V-Ray do so as well. v and geometric lie on one side.
+// v and geometric lie on one side.
 vec3 hg_path_valid_normal(vec3 n, vec3 geometric, vec3 v)
 {
     vec3 r = 2.0 * dot(n, v) * n - v;

@@ -124,6 +124,39 @@ static void test_back_face(void **state)
     assert_true(fabs(mean[1] - 0.5) < 0.005);
 }
 
+// A floor whose normals lean 50 degrees to +x, seen from -x: the mirrored view leads below it. What
+// it scatters goes by these normals all the same; a mirror loses nothing.
+static void test_leaning_normals(void **state)
+{
+    struct rig *rig = *state;
+    static const float eye[3] = {-1, 1.7320508f, 0}, origin[3] = {0, 0, 0};
+    static const float corners[4][3] = {{-5, 0, 5}, {5, 0, 5}, {5, 0, -5}, {-5, 0, -5}};
+    static const double high[3] = {0, 2, 0}, light[3] = {-0.9, -0.4358898943540674, 0};
+    const float lean[3] = {0.76604444f, 0.64278761f, 0};
+    double mean[2];
+    for (int mirror = 0; mirror < 2; mirror++) {
+        rig_scene(rig);
+        struct hg_material *m = mirror != 0 ? rig_material(rig) : path_rig_lambert(rig, 0.5f);
+        if (mirror != 0) {
+            m->metallic = 1.0f;
+            m->roughness = 0.0f;
+            path_rig_environment(rig, 1.0f);
+        } else {
+            rig_light(rig, HG_LIGHT_DIRECTIONAL, high, light)->intensity = 2.0f;
+        }
+        struct hg_mesh_part *part = &rig_quad(rig, m, corners)->mesh->parts[0];
+        for (uint32_t v = 0; v < part->vertex_count; v++)
+            memcpy(part->normals + (size_t)v * 3, lean, sizeof lean);
+        mean[mirror] = render(rig, &defaults, eye, origin, 0.02f, 1.0);
+    }
+    const double expected =
+        0.5 * 2.0 * (0.9 * (double)lean[0] + 0.4358898943540674 * (double)lean[1]) / M_PI;
+    print_message(
+        "leaning normals: %.5f, %.5f expected; mirrored %.5f\n", mean[0], expected, mean[1]);
+    assert_true(fabs(mean[0] / expected - 1.0) < 0.005);
+    assert_true(fabs(mean[1] - 1.0) < 0.01);
+}
+
 // Far from the origin: positions in scene space, the node's number, emission below a coat.
 static void test_planes(void **state)
 {
@@ -299,9 +332,9 @@ static void test_resume(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
-        cmocka_unit_test(test_back_face), cmocka_unit_test(test_planes),
-        cmocka_unit_test(test_sphere_light), cmocka_unit_test(test_sun_apart),
-        cmocka_unit_test(test_estimators), cmocka_unit_test(test_slabs),
-        cmocka_unit_test(test_resume)};
+        cmocka_unit_test(test_back_face), cmocka_unit_test(test_leaning_normals),
+        cmocka_unit_test(test_planes), cmocka_unit_test(test_sphere_light),
+        cmocka_unit_test(test_sun_apart), cmocka_unit_test(test_estimators),
+        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
