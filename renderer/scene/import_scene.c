@@ -1,5 +1,6 @@
 // Meshes, nodes, lights, cameras, skins and animations of imported files.
 #include <assimp/cimport.h>
+#include <assimp/version.h>
 #include <math.h>
 #include <string.h>
 
@@ -116,7 +117,8 @@ static enum hg_status copy_weights(
 {
     part->joint_sets = 1;
     part->joints = hg_import_alloc(im, part->vertex_count, 4 * sizeof(uint16_t));
-    part->weights = part->joints ? hg_import_alloc(im, part->vertex_count, 4 * sizeof(float)) : NULL;
+    part->weights =
+        part->joints ? hg_import_alloc(im, part->vertex_count, 4 * sizeof(float)) : NULL;
     if (!part->weights)
         return im->err->status;
     for (unsigned b = 0; b < from->mNumBones && b < UINT16_MAX; b++)
@@ -212,8 +214,8 @@ enum hg_status hg_import_meshes(struct hg_import *im)
 
 // ---- nodes -------------------------------------------------------------------------------------
 
-static enum hg_status add_node(struct hg_import *im, const struct aiNode *from,
-    struct hg_node *parent, uint32_t depth)
+static enum hg_status add_node(
+    struct hg_import *im, const struct aiNode *from, struct hg_node *parent, uint32_t depth)
 {
     struct hg_node *node =
         depth < MAX_DEPTH ? hg_asset_add_node(im->asset, from->mName.data) : NULL;
@@ -261,8 +263,8 @@ static struct hg_node *add_looking(struct hg_import *im, const char *name,
         hg_normalize3(x);
     }
     hg_cross3(z, x, y);
-    const float m[16] = {x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, at->x,
-        at->y, at->z, 1};
+    const float m[16] = {
+        x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, at->x, at->y, at->z, 1};
     node->has_matrix = true;
     memcpy(node->matrix, m, sizeof m);
     if (parent)
@@ -317,13 +319,22 @@ static float file_unit(const struct hg_import *im)
     return 1;
 }
 
-// Importers store the full horizontal angle. Where they did not understand the file (Collada in
-// assimp 5.2) an angle of less than a degree is left.
+// Importers store the full horizontal angle, but that of FBX half of it from assimp 5.3 on (its
+// pull request 5175).
+static float half_angle(const struct hg_import *im, const struct aiCamera *from)
+{
+    const unsigned version = aiGetVersionMajor() * 100 + aiGetVersionMinor();
+    const bool halved = version >= 503 && strcmp(im->asset->file_format, "fbx") == 0;
+    return halved ? from->mHorizontalFOV : from->mHorizontalFOV / 2;
+}
+
+// Where importers did not understand the file (Collada in assimp 5.2) an angle of less than a
+// degree is left.
 static void set_field_of_view(
     struct hg_import *im, const struct aiCamera *from, struct hg_camera *camera)
 {
     float aspect = from->mAspect > 0 ? from->mAspect : 16.0f / 9;
-    float half = from->mHorizontalFOV / 2;
+    const float half = half_angle(im, from);
     camera->aspect = from->mAspect > 0 ? from->mAspect : 0;
     if (half > 0.008f && half < 1.57f)
         camera->vfov_rad = 2 * atanf(tanf(half) / aspect);
@@ -466,8 +477,8 @@ static enum hg_status add_animation(
         if (!add_vector_keys(im, animation, node, HG_ANIM_TRANSLATION, c->mPositionKeys,
                 c->mNumPositionKeys, rate) ||
             !add_rotation_keys(im, animation, node, c, rate) ||
-            !add_vector_keys(im, animation, node, HG_ANIM_SCALE, c->mScalingKeys,
-                c->mNumScalingKeys, rate))
+            !add_vector_keys(
+                im, animation, node, HG_ANIM_SCALE, c->mScalingKeys, c->mNumScalingKeys, rate))
             return im->err->status;
     }
     for (uint32_t c = 0; c < animation->channel_count; c++) {
