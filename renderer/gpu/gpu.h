@@ -39,8 +39,7 @@ struct hg_gpu_caps {
     bool is_cpu; // a software rasteriser: memory is shared, wide loads are cheap
     bool mapped; // device-local memory is host-visible: uploads are plain writes
     bool depth_clamp, anisotropy, large_points, validation;
-    bool
-        ray_query; // VK_KHR_ray_query and acceleration structures; buffers can be input and storage
+    bool ray_query; // VK_KHR_ray_query, acceleration structures, buffers as input and storage
     uint32_t max_image_side_px, max_image_layers, max_texels;      // texels: of a buffer
     uint64_t max_buffer_bytes, max_allocation_bytes, memory_bytes; // memory: device-local heap
     float timestamp_period_ns;                                     // 0 = no timestamps

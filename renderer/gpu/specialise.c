@@ -482,7 +482,7 @@ static void put_phi(struct walk *w, const uint32_t *i, uint32_t block)
 }
 
 // A block that is named as the end of something but that no way leads to.
-static void put_stub(struct walk *w, const uint32_t *label, const struct id *block)
+static void put_unreachable(struct walk *w, const uint32_t *label, const struct id *block)
 {
     put_instruction(w, label);
     if (block->continues != 0)
@@ -510,7 +510,7 @@ static void put_function(struct walk *w, size_t at)
         if (op == SpvOpLabel) {
             block = i[1];
             if (!id_at(w, block)->reached && id_at(w, block)->declared)
-                put_stub(w, i, id_at(w, block));
+                put_unreachable(w, i, id_at(w, block));
         }
         if ((op == SpvOpFunctionEnd || block == 0) && !is_note(op))
             put_instruction(w, i);
@@ -619,8 +619,8 @@ bool hg_spirv_specialise(const uint32_t *words, size_t size_bytes, const uint32_
     if (count < HEADER_WORDS || words[0] != SpvMagicNumber || words[3] == 0 ||
         words[3] > MOST_IDS || count > UINT32_MAX)
         return false;
-    // A stub takes no more room than what it stands for, a constant's value no more than its
-    // operation.
+    // An unreachable block takes no more room than what was there, a constant's value no more than
+    // its operation.
     struct walk w = {.words = words,
         .count = count,
         .values = values,
