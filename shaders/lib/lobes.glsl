@@ -1,7 +1,7 @@
 // lobes.glsl - the lobes of KHR_materials_*, one by one: distributions, Fresnel terms, albedos.
 //
 // Include lib/frame.glsl first. Vectors with _ts are in the tangent frame of the surface, z along
-// its normal. lib/bsdf.glsl puts the lobes together.
+// its normal. lib/bsdf.glsl and its parts put the lobes together.
 #ifndef HG_LIB_LOBES_GLSL
 #define HG_LIB_LOBES_GLSL
 
@@ -188,7 +188,7 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
 }
 
 // Cosines at three facets that stand for all that reflect to a direction (first: HG_ANGLES_FIRST) or
-// all else that it sees (HG_LOST_FIRST), and their weights: hg_facet_angles in renderer/light/dfg.h.
+// all else that it sees (HG_LOST_FIRST), and their weights: hg_facets_angles in renderer/light/dfg_facets.h.
 vec3 hg_facet_angles_at(uint first, float cos_theta, float roughness, out vec3 weights)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
