@@ -18,21 +18,6 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2]);
 // Source: Estevez and Kulla 2017, "Production Friendly Microfacet Sheen BRDF".
 float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n);
 
-// Share of light that an interface of glass neither reflects nor lets through when every ray meets
-// one facet only: 1 - E, by Fresnel's equations and Walter's refraction, over n x n / 2 visible
-// normals. eta: index of refraction behind over that in front.
-// Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
-float hg_glass_miss_integrate(float n_dot_v, float alpha, float eta, uint32_t n);
-
-// Three cosines v.h and their weights that have the first six moments of the cosines at the facets
-// that reflect light of all directions to v, or of what else v sees (lost): a function of the angle
-// at the facet has the mean sum of out[i][1] f(out[i][0]). Gauss's quadrature.
-// Source: Golub and Welsch 1969; Chebyshev's algorithm in Gautschi 2004, section 2.1.7.
-void hg_facet_angles(float n_dot_v, float alpha, uint32_t n, bool lost, float out[3][2]);
-
-// hg_dfg_integrate of a surface that is rougher along x than along y. v: unit, in its frame.
-void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, float ab[2]);
-
 // The tables of lib/brdf.glsl and lib/lobes.glsl, 16 bits a number. s_i = i / (size - 1);
 // cosines are s^2, roughness is s and perceptual.
 //   hg_dfg              column cosine, row roughness; behind it one row of cosine-weighted means
@@ -41,8 +26,8 @@ void hg_aniso_integrate(const float v[3], const float alpha[2], uint32_t n, floa
 //   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
 //                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
-//   HG_ANGLES_FIRST     hg_facet_angles: three words (cosine, weight) for each cosine and roughness
-//   HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
+//   HG_ANGLES_FIRST     hg_facets_angles: three words (cosine, weight) for each cosine and
+//   roughness HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
 //   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
 //                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (linear),
 //                       strength (linear), roughness, the first one fastest
