@@ -59,7 +59,7 @@ static void test_furnace(void **state)
             const double mean = render(rig, &defaults, eye, center, 0.6f, 0.6);
             print_message(
                 "furnace: metallic %d roughness %g: %.4f\n", metallic, (double)roughness[i], mean);
-            assert_true(fabs(mean - 1.0) < 0.01);
+            assert_true(fabs(mean - 1.0) < 0.003);
         }
     }
 }
@@ -192,7 +192,8 @@ static void test_planes(void **state)
     hg_view_destroy(view);
 }
 
-// Rays to lights alone, light that is run into alone, and both weighted: the same mean.
+// Rays to lights alone, light that is run into alone, and both weighted: the same mean. One
+// deviation of the noise is 0.1 %.
 static void test_estimators(void **state)
 {
     struct rig *rig = *state;
@@ -208,8 +209,8 @@ static void test_estimators(void **state)
     }
     rig->renderer->context.estimators = 0;
     print_message("estimators: %.5f %.5f %.5f\n", mean[0], mean[1], mean[2]);
-    assert_true(fabs(mean[0] / mean[2] - 1.0) < 0.01);
-    assert_true(fabs(mean[1] / mean[2] - 1.0) < 0.01);
+    assert_true(fabs(mean[0] / mean[2] - 1.0) < 0.004);
+    assert_true(fabs(mean[1] / mean[2] - 1.0) < 0.004);
 }
 
 // A closed box between -x..x, -y..y, -z..z.
