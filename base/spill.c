@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <linux/magic.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -23,11 +24,13 @@
 #define LOOK_NS    5000000u // between looks at what is resident
 #define ARRAYS_MAX 32768u   // half of what the kernel lets a process map
 #define PATH_BYTES 4096
+#define WHAT_BYTES 128
 #define PAGE_MASK  4095u
 
 struct array {
     uint8_t *data;
     size_t bytes;
+    char *what; // NULL: not known
     uint32_t refs;
 };
 
@@ -46,6 +49,12 @@ static struct {
 } spill = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+// What the thread looks at, since the first begin.
+static _Thread_local struct {
+    char what[WHAT_BYTES];
+    uint32_t depth;
+} looking;
 
 static void init_changed(void)
 {
@@ -125,14 +134,14 @@ static struct array *find(const void *ptr)
                                                                           : NULL;
 }
 
-static bool add(void *data, size_t bytes)
+static bool add(void *data, size_t bytes, char *what)
 {
     const size_t count = atomic_load(&spill.count);
     if (count >= ARRAYS_MAX)
         return false;
     const size_t at = place_of(data);
     memmove(spill.arrays + at + 1, spill.arrays + at, (count - at) * sizeof *spill.arrays);
-    spill.arrays[at] = (struct array){data, bytes, 1};
+    spill.arrays[at] = (struct array){data, bytes, what, 1};
     atomic_store(&spill.count, count + 1);
     spill.stats.bytes += bytes;
     if (spill.stats.bytes > spill.stats.peak_bytes)
@@ -193,8 +202,10 @@ static void start_pager(void)
         pthread_create(&spill.pager, NULL, pager_main, (void *)(uintptr_t)spill.turn) == 0;
 }
 
-void hg_spill_begin(void)
+void hg_spill_begin(const char *what)
 {
+    if (looking.depth++ == 0)
+        snprintf(looking.what, sizeof looking.what, "%s", what != NULL ? what : "");
     pthread_mutex_lock(&spill.lock);
     spill.users++;
     start_pager();
@@ -203,6 +214,8 @@ void hg_spill_begin(void)
 
 void hg_spill_end(void)
 {
+    if (--looking.depth == 0)
+        looking.what[0] = 0;
     pthread_mutex_lock(&spill.lock);
     const bool last = --spill.users == 0, join = last && spill.paging;
     const pthread_t pager = spill.pager;
@@ -216,6 +229,64 @@ void hg_spill_end(void)
     pthread_mutex_unlock(&spill.lock);
     if (join)
         pthread_join(pager, NULL);
+}
+
+// --- pages that are lost -------------------------------------------------------------------------
+
+static struct {
+    hg_spill_lost_fn *fn;
+    void *user;
+    struct sigaction before;
+    atomic_bool lost;
+    char folder[PATH_BYTES], what[WHAT_BYTES]; // of the loss: written once
+} watch;
+
+static bool describe_loss(const uint8_t *at, struct hg_spill_loss *out)
+{
+    const size_t behind = place_of(at + 1);
+    const struct array *array = behind > 0 ? &spill.arrays[behind - 1] : NULL;
+    if (array == NULL || at >= array->data + array->bytes)
+        return false;
+    memcpy(watch.folder, spill.dir, sizeof watch.folder);
+    if (array->what != NULL)
+        strncpy(watch.what, array->what, sizeof watch.what - 1);
+    *out = (struct hg_spill_loss){
+        watch.folder, watch.what, (uint64_t)(at - array->data), array->bytes};
+    return true;
+}
+
+static bool find_loss(const siginfo_t *info, struct hg_spill_loss *out)
+{
+    if (info->si_code != BUS_ADRERR && info->si_code != BUS_MCEERR_AR)
+        return false; // somebody's kill
+    pthread_mutex_lock(&spill.lock);
+    const bool ours = describe_loss(info->si_addr, out);
+    pthread_mutex_unlock(&spill.lock);
+    return ours;
+}
+
+// Comes from an access to memory and not from within a function, so that locks may be taken: nobody
+// looks at arrays with this one.
+static void on_bus_error(int number, siginfo_t *info, void *context)
+{
+    (void)context;
+    struct hg_spill_loss loss;
+    while (atomic_exchange(&watch.lost, true))
+        pause();
+    if (find_loss(info, &loss))
+        watch.fn(watch.user, &loss);
+    sigaction(number, &watch.before, NULL); // and again, at once
+    if (info->si_code <= 0)
+        raise(number);
+}
+
+void hg_spill_watch(hg_spill_lost_fn *fn, void *user)
+{
+    watch.fn = fn;
+    watch.user = user;
+    struct sigaction action = {.sa_sigaction = on_bus_error, .sa_flags = SA_SIGINFO};
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGBUS, &action, &watch.before);
 }
 
 // --- arrays --------------------------------------------------------------------------------------
@@ -258,8 +329,9 @@ void *hg_spill_calloc(size_t count, size_t size)
         return NULL;
     void *data = map_file(dir, bytes);
     int problem = errno;
+    char *what = data != NULL && looking.what[0] != 0 ? hg_strdup(looking.what) : NULL;
     pthread_mutex_lock(&spill.lock);
-    if (data != NULL && !add(data, bytes)) {
+    if (data != NULL && !add(data, bytes, what)) {
         munmap(data, bytes);
         data = NULL;
         problem = ENOMEM;
@@ -269,6 +341,7 @@ void *hg_spill_calloc(size_t count, size_t size)
     pthread_mutex_unlock(&spill.lock);
     if (data != NULL)
         return data;
+    hg_free(what);
     note_refusal(dir, bytes, problem);
     return hg_calloc(count, size);
 }
@@ -305,18 +378,23 @@ bool hg_spill_unref(void *ptr)
         return false;
     pthread_mutex_lock(&spill.lock);
     struct array *array = find(ptr);
+    char *what = NULL;
     size_t bytes = 0;
     if (array != NULL && --array->refs == 0) {
         const size_t at = (size_t)(array - spill.arrays), count = atomic_load(&spill.count) - 1;
         bytes = array->bytes;
+        what = array->what;
         memmove(array, array + 1, (count - at) * sizeof *array);
         atomic_store(&spill.count, count);
         spill.stats.bytes -= bytes;
     }
     pthread_mutex_unlock(&spill.lock);
-    if (bytes > 0)
+    const bool found = array != NULL;
+    if (bytes > 0) {
         munmap(ptr, bytes);
-    return array != NULL;
+        hg_free(what);
+    }
+    return found;
 }
 
 size_t hg_spill_size(const void *ptr)

@@ -9,6 +9,9 @@
 // Whoever looks at much of such arrays does it between hg_spill_begin and hg_spill_end. Until the
 // last end about HG_SPILL_WINDOW_BYTES of all of them are resident at a time, whatever the order of
 // the accesses, and nothing after it. Without the two all is right as well; only pages stay.
+//
+// A disk may fail when a page is read back. Nothing can go on then with what it held: the kernel
+// sends SIGBUS, and hg_spill_watch says who is told what was lost.
 #ifndef HG_BASE_SPILL_H
 #define HG_BASE_SPILL_H
 
@@ -34,8 +37,20 @@ void *hg_spill_scratch(size_t count, size_t size) HG_MUST_CHECK;
 // One more hg_free until it goes; nobody writes it any more. False: it is in memory, or NULL.
 bool hg_spill_share(void *ptr) HG_MUST_CHECK;
 
-void hg_spill_begin(void); // nests, in any threads
+// Nests, in any threads. Arrays that this thread makes until the last end are called `what` of the
+// first begin (copied; NULL: nothing), for messages.
+void hg_spill_begin(const char *what);
 void hg_spill_end(void);
+
+struct hg_spill_loss {
+    const char *folder, *what; // what "": not known
+    uint64_t offset, bytes;    // the page's place, the array's size
+};
+// Is called by the thread that looked, in the handler of SIGBUS, once in the life of a process: it
+// does what handlers may and does not return. Other threads that look at lost pages wait for ever.
+typedef void hg_spill_lost_fn(void *user, const struct hg_spill_loss *loss);
+// From now on, for the whole process. SIGBUS of other memory does what it did before.
+void hg_spill_watch(hg_spill_lost_fn *fn, void *user);
 
 struct hg_spill_stats {
     uint64_t bytes, peak_bytes; // of the files

@@ -255,7 +255,7 @@ enum hg_status hg_bench_land_make(const struct hg_bench_land *params, struct hg_
     struct heights h = {.image = land.heights, .tiles = land.tiles};
     if (h.image != NULL)
         measure(&h);
-    hg_spill_begin();
+    hg_spill_begin(NULL);
     enum hg_status status = hg_bench_scene_begin(s, 0);
     if (status == HG_OK)
         status = add_tiles(&land, &h, jobs, s);

@@ -122,7 +122,7 @@ static void *thread_main(void *user)
             continue;
         }
         pthread_mutex_unlock(&b->lock);
-        hg_spill_begin();
+        hg_spill_begin(task->name);
         bake(b, task);
         const bool large = task->part.index_count / 3 >= TRIM_FROM;
         hg_mesh_part_finish(&task->part, 0);

@@ -162,7 +162,7 @@ uint32_t hg_geometry_source_primitive(
     if (part->clusters != NULL || part->proxy != NULL) {
         const struct hg_gpu_instance *instances =
             (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
-        hg_spill_begin();
+        hg_spill_begin(NULL);
         primitive = hg_baked_nearest(
             &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
         hg_spill_end();

@@ -104,7 +104,7 @@ static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
             entry->is_new = false;
         } else {
             if (!s->looks)
-                hg_spill_begin();
+                hg_spill_begin(NULL);
             s->looks = true;
             const enum hg_status status = hg_mesh_entry_init(entry, mesh, &limits, err);
             if (status != HG_OK)

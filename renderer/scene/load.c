@@ -82,7 +82,7 @@ static enum hg_status load_main(
 static enum hg_status load_spilled(
     const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
 {
-    hg_spill_begin();
+    hg_spill_begin(params->path);
     const enum hg_status status = load_main(params, out, err);
     hg_spill_end();
     return status;

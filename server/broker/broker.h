@@ -207,9 +207,11 @@ struct hg_link {
     uint64_t death_ns[HG_DEATHS_KEPT]; // ring
     uint32_t deaths;
     uint32_t last_id;
-    char *device; // JSON from worker_ready
-    bool broken;  // could not queue a message: replaced at the end of the round
-    bool pump;    // sessions may have something to send
+    char *device;         // JSON from worker_ready
+    char last_words[400]; // why the worker says it ends; "" = it says nothing
+    bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
+    bool broken;          // could not queue a message: replaced at the end of the round
+    bool pump;            // sessions may have something to send
     // Recovery:
     struct hg_scene_state *replaying;
     uint32_t replay_waiting, replay_failed; // answers still to come; refused edits

@@ -166,8 +166,8 @@ static void give_up_scene(struct hg_broker *b, struct hg_scene_state *scene)
 {
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, "scene", NULL,
-        "the worker died %u times while this scene was built again; it was given up",
-        scene->deaths);
+        "the worker died %u times while this scene was built again; it was given up%s%s",
+        scene->deaths, b->link.last_words[0] ? ": " : "", b->link.last_words);
     hg_fault(JOURNAL, HG_E_WORKER, "scene '%s': %s", scene->key, err.reason);
     for (struct hg_session *it = b->sessions; it; it = it->next) {
         if (it->scene != scene)
@@ -181,9 +181,11 @@ static void give_up_scene(struct hg_broker *b, struct hg_scene_state *scene)
 static void give_up_request(struct hg_session *s, struct hg_request *request)
 {
     const char *name = hgp_find(request->packet->header.type)->name;
+    const char *last_words = s->broker->link.last_words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, name, NULL,
-        "the worker died %d times at this request; it is not tried again", HG_REQUEST_TRIES);
+        "the worker died %d times at this request; it is not tried again%s%s", HG_REQUEST_TRIES,
+        last_words[0] ? ": " : "", last_words);
     hg_log_write(HG_LOG_WARN, HG_LOG_SESSION, HG_E_WORKER, s->number, "%s: %s", name, err.reason);
     if (s->conn)
         hg_conn_fail(s->conn, request->client_id, &err);

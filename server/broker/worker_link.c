@@ -78,6 +78,8 @@ static void make_arguments(struct arguments *a, const struct hg_broker *b, const
         add(a, "--warm-up");
     if (!o->sandbox)
         add(a, "--no-sandbox");
+    if (b->link.no_spill)
+        add(a, "--no-spill");
 }
 
 // The child gets the socket as 3, nothing to read, our stderr, and no blocked signals.
@@ -147,6 +149,7 @@ void hg_link_start(struct hg_broker *b)
     link->state = HG_LINK_STARTING;
     link->started_ns = link->pulse_ns = b->loop.now_ns;
     link->busy_ns = 0;
+    link->last_words[0] = 0;
     hg_info(WORKER, "worker %d started", (int)link->pid);
 }
 
@@ -304,6 +307,18 @@ static void take_ready(struct hg_broker *b, const struct hgp_worker_ready *m)
     hg_recovery_continue(b);
 }
 
+// It ends by itself, after this.
+static void take_last_words(struct hg_broker *b, const struct hgp_error *m)
+{
+    struct hg_link *link = &b->link;
+    snprintf(link->last_words, sizeof link->last_words, "%.*s: %.*s", (int)m->where.size,
+        m->where.size ? m->where.data : "", (int)m->reason.size,
+        m->reason.size ? m->reason.data : "");
+    link->no_spill |= m->what.size == 5 && memcmp(m->what.data, "spill", 5) == 0;
+    hg_warn(WORKER, "worker: %s%s", link->last_words,
+        link->no_spill ? "; large arrays stay in memory from now on" : "");
+}
+
 static void take_own(struct hg_broker *b, uint16_t type, const union hgp_any *m)
 {
     switch (type) {
@@ -316,8 +331,7 @@ static void take_own(struct hg_broker *b, uint16_t type, const union hgp_any *m)
         b->link.rss_bytes = m->pulse.rss_bytes;
         return;
     case HGP_T_error:
-        hg_warn(WORKER, "worker: %.*s: %.*s", (int)m->error.what.size, m->error.what.data,
-            (int)m->error.reason.size, m->error.reason.data);
+        take_last_words(b, &m->error);
         return;
     default:
         return;

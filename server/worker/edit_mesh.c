@@ -1,5 +1,6 @@
 // edit_mesh.c - meshes that clients make from their own arrays.
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -127,7 +128,9 @@ void edit_mesh_set(const struct request *r)
     struct hg_mesh_part *parts = hg_calloc(count, sizeof *parts);
     enum hg_status status =
         parts ? HG_OK : hg_error_set(&err, HG_E_NOMEM, "mesh_set", NULL, "no memory");
-    hg_spill_begin();
+    char name[32];
+    snprintf(name, sizeof name, "mesh %llu", (unsigned long long)m->mesh);
+    hg_spill_begin(name);
     for (uint32_t i = 0; i < count && !status; i++)
         status = make_part(r, &m->parts.items[i], &parts[i], &err);
     hg_spill_end();

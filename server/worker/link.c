@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/timerfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -12,7 +13,7 @@
 #include "base/log.h"
 #include "server/worker/worker.h"
 
-enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20 };
+enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
 
 struct link {
     struct worker *w;
@@ -222,6 +223,52 @@ static enum hg_status read_some(struct link *l)
     return HG_OK;
 }
 
+// ---- a disk that fails --------------------------------------------------------------------------
+
+// In the handler of a signal: the loop says what happened, if it can.
+static void lose_disk(void *user, const struct hg_spill_loss *loss)
+{
+    static const char text[] = "helio-worker: a spilled array cannot be read back\n";
+    struct worker *w = user;
+    const uint64_t one = 1;
+    w->loss = *loss;
+    atomic_store(&w->disk_lost, true);
+    ssize_t n = write(w->outbox.event_fd, &one, sizeof one); // else the next pulse wakes it
+    for (struct timespec left = {.tv_sec = LAST_WORDS_S + 1}; nanosleep(&left, &left) != 0;)
+        ;
+    n = write(STDERR_FILENO, text, sizeof text - 1);
+    (void)n;
+    _exit(WORKER_EXIT_DISK);
+}
+
+void link_watch_disk(struct worker *w)
+{
+    hg_spill_watch(lose_disk, w);
+}
+
+// Sends what is waiting, as long as the peer takes it.
+static void flush(struct link *l, uint64_t until_ns)
+{
+    struct pollfd fd = {.fd = l->fd, .events = POLLOUT};
+    while (write_some(l) == HG_E_AGAIN && hg_clock_now_ns() < until_ns)
+        poll(&fd, 1, 10);
+}
+
+static void tell_loss(struct link *l)
+{
+    const struct hg_spill_loss *loss = &l->w->loss;
+    const uint64_t until_ns = hg_clock_now_ns() + LAST_WORDS_S * 1000000000ull;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_WORKER, "spill", loss->folder,
+        "the disk lost byte %llu of %llu bytes that were put there (%s): the worker ends",
+        (unsigned long long)loss->offset, (unsigned long long)loss->bytes,
+        loss->what[0] ? loss->what : "working memory");
+    hg_fault(WORKER, HG_E_IO, "%s: %s", err.where, err.reason);
+    flush(l, until_ns);
+    link_send_error(l->w, 0, 0, &err);
+    flush(l, until_ns);
+}
+
 // ---- the loop -----------------------------------------------------------------------------------
 
 static enum hg_status run_once(struct link *l)
@@ -257,10 +304,14 @@ enum hg_status link_run(struct worker *w)
     struct timespec period = {.tv_nsec = PULSE_MS * 1000000L};
     timerfd_settime(l.timer_fd, 0, &(struct itimerspec){period, period}, NULL);
     enum hg_status status = HG_OK;
-    while (!status && !atomic_load(&w->device_lost))
+    while (!status && !atomic_load(&w->device_lost) && !atomic_load(&w->disk_lost))
         status = run_once(&l);
-    if (!status)
+    if (atomic_load(&w->disk_lost)) {
+        tell_loss(&l);
+        status = HG_E_IO;
+    } else if (!status) {
         status = HG_E_DEVICE_LOST;
+    }
     close(l.timer_fd);
     hg_refbuf_unref(l.payload);
     hg_refbuf_unref(l.out);

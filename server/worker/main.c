@@ -22,7 +22,7 @@
 #include "server/worker/worker.h"
 
 enum { INBOX_ITEMS = 4096, OUTBOX_ITEMS = 1024, ENCODE_ITEMS = 3 };
-enum { EXIT_USAGE = 2, EXIT_DEVICE = 7 };
+enum { EXIT_USAGE = 2, EXIT_DEVICE = 7, EXIT_DISK = WORKER_EXIT_DISK };
 enum { KEPT_FREE_BYTES = 64 << 20, MAPPED_BYTES = 8 << 20 };
 
 static const struct option long_options[] = {
@@ -40,6 +40,7 @@ static const struct option long_options[] = {
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
     {"no-sandbox", no_argument, NULL, 'n'},
+    {"no-spill", no_argument, NULL, 'p'},
     {"device-info", no_argument, NULL, 'i'},
     {0},
 };
@@ -106,6 +107,8 @@ static bool apply_option(struct worker_options *o, int option)
         return o->warm_up = true;
     case 'n':
         return o->no_sandbox = true;
+    case 'p':
+        return o->no_spill = true;
     case 'i':
         return o->device_info = true;
     default:
@@ -214,6 +217,8 @@ static enum hg_status serve_link(struct worker *w)
     enum hg_status status = link_run(w);
     if (status == HG_E_DEVICE_LOST || atomic_load(&w->device_lost))
         _exit(EXIT_DEVICE); // the driver's state is not to be trusted any more
+    if (atomic_load(&w->disk_lost))
+        _exit(EXIT_DISK); // a thread stands where it looked
     stop_threads(w, render, encoder);
     return status;
 }
@@ -233,7 +238,8 @@ static void allow_files(void)
 static void point_spill(const struct worker_options *o)
 {
     char path[4096];
-    if (o->cache_dir && snprintf(path, sizeof path, "%s/store", o->cache_dir) < (int)sizeof path)
+    if (o->cache_dir && !o->no_spill &&
+        snprintf(path, sizeof path, "%s/store", o->cache_dir) < (int)sizeof path)
         hg_spill_set_folder(path);
 }
 
@@ -249,8 +255,8 @@ int main(int argc, char **argv)
 {
     struct worker w = {.options = {.fd = 3}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
-    // Software rasterisers take and free megabytes with every draw, and so do pictures that are read:
-    // kept, not faulted in anew. (Setting the first alone would map all from 128 KiB on.)
+    // Software rasterisers take and free megabytes with every draw, and so do pictures that are
+    // read: kept, not faulted in anew. (Setting the first alone would map all from 128 KiB on.)
     mallopt(M_TRIM_THRESHOLD, KEPT_FREE_BYTES);
     mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     if (!parse_options(&w.options, argc, argv))
@@ -272,6 +278,7 @@ int main(int argc, char **argv)
     allow_files();
     point_mesa_cache(&w.options);
     point_spill(&w.options);
+    link_watch_disk(&w);
     struct hg_error err = {0};
     enum hg_status status = sandbox_enter(&w.options, &err);
     if (!status)

@@ -12,8 +12,11 @@
 #include "base/handle.h"
 #include "base/queue.h"
 #include "base/refbuf.h"
+#include "base/spill.h"
 #include "protocol/hgp.h"
 #include "renderer/renderer.h"
+
+enum { WORKER_EXIT_DISK = 9 };
 
 struct worker_options {
     int fd;             // the socketpair's end; default 3
@@ -24,7 +27,7 @@ struct worker_options {
     const char *device;     // NULL: best
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
     uint64_t host_budget_bytes, cache_limit_bytes;
-    bool no_sandbox, device_info, validation, warm_up;
+    bool no_sandbox, no_spill, device_info, validation, warm_up;
 };
 
 // A message on its way to the render thread, or a finished task.
@@ -43,13 +46,18 @@ struct worker {
     _Atomic uint64_t step_started_ns; // of the render thread; 0 = idle (read by the loop)
     _Atomic uint32_t view_count;
     _Atomic uint64_t encode_ns; // of the newest frame
-    _Atomic bool stop, device_lost;
+    _Atomic bool stop, device_lost, disk_lost;
+    struct hg_spill_loss loss; // once disk_lost is set
 };
 
 // ---- link.c: the loop thread --------------------------------------------------------------------
 
-// Runs until the link closes. HG_E_CLOSED on orderly end, else what broke.
+// Runs until the link closes. HG_E_CLOSED on orderly end, HG_E_IO when arrays could not be read
+// back, which the peer was told, else what broke.
 enum hg_status link_run(struct worker *w);
+
+// From now on a disk that does not give back what was spilled ends the process by way of link_run.
+void link_watch_disk(struct worker *w);
 
 // Encodes a message and hands it to the loop; waits while the outbox is full. Any thread.
 void link_send(

@@ -4,7 +4,7 @@ with sixteen times the triangles takes hardly more memory, whatever is done with
 happens where there can be no such files.
 
   host_memory.py --bin BUILD/bin [--keep FOLDER] [CASE ...]
-      cases: peak place nospace kill
+      cases: peak place nospace lost kill
 """
 import argparse
 import json
@@ -256,6 +256,27 @@ class Test:
                 raise Failure(f"nothing is said of a full disk ({room} bytes):\n{err}")
             self.same(good, bad)
 
+    def case_lost(self):
+        asan = ":".join(filter(None, [os.environ.get("ASAN_OPTIONS"), "verify_asan_link_order=0"]))
+        env = {**os.environ, "LD_PRELOAD": f"{self.bin}/../tests/liblost_disk.so",
+               "ASAN_OPTIONS": asan}
+        for lost in (1, 4):
+            out = f"{self.folder}/lost{lost}.png"
+            child = self.start("render", self.few, *self.options(), "--size", "64x64", "-o", out,
+                               env={**env, "HELIO_LOSE": str(lost)})
+            try:
+                _, err = child.communicate(timeout=PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                self.kill_session(child)
+                raise Failure(f"no end after {PATIENCE_S} s") from None
+            if child.returncode != 7:
+                raise Failure(f"exit code {child.returncode}\n{err}")
+            if f"{self.cache}/store: the disk lost byte" not in err or "scene.gltf" not in err:
+                raise Failure(f"no folder or no asset in what is said:\n{err}")
+            if os.path.exists(out):
+                raise Failure("a picture was written")
+            self.nothing_left()
+
     def case_kill(self):
         begin = time.monotonic()
         self.walk(self.few, f"{self.folder}/killed")
@@ -278,7 +299,7 @@ def main():
     parser.add_argument("--place", default=".", help="where a folder for them is made")
     parser.add_argument("cases", nargs="*", default=[])
     options = parser.parse_args()
-    cases = options.cases or ["peak", "place", "nospace", "kill"]
+    cases = options.cases or ["peak", "place", "nospace", "lost", "kill"]
     # Not in the folder for temporary files: it may be in memory.
     folder = options.keep or tempfile.mkdtemp(prefix="host-memory-", dir=options.place)
     folder = os.path.abspath(folder)

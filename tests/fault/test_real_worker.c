@@ -300,12 +300,120 @@ static void batches_stay_whole(void **state)
     daemon_finish(&d);
 }
 
+enum { LAND_SIDE = 400, LAND_BYTES = LAND_SIDE * LAND_SIDE * 12 };
+
+// Waves of 320,000 triangles, as mesh and node n.
+static void build_land(struct peer *p)
+{
+    const uint32_t n = p->first_id, cells = LAND_SIDE - 1;
+    float *positions = malloc(LAND_BYTES), *at = positions;
+    uint32_t *indices = malloc((size_t)cells * cells * 24), *index = indices;
+    assert_true(positions != NULL && indices != NULL);
+    for (uint32_t z = 0; z < LAND_SIDE; z++)
+        for (uint32_t x = 0; x < LAND_SIDE; x++, at += 3) {
+            at[0] = (float)x / 40 - 5;
+            at[1] = 0.3f *
+                    (float)((x * 7 + z * 3) % 100 > 50 ? 100 - (x * 7 + z * 3) % 100
+                                                       : (x * 7 + z * 3) % 100) /
+                    50;
+            at[2] = (float)z / 40 - 5;
+        }
+    for (uint32_t z = 0; z < cells; z++)
+        for (uint32_t x = 0; x < cells; x++) {
+            const uint32_t a = z * LAND_SIDE + x, b = a + LAND_SIDE;
+            const uint32_t two[6] = {a, b, a + 1, a + 1, b, b + 1};
+            memcpy(index, two, sizeof two);
+            index += 6;
+        }
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .positions = {(const uint8_t *)positions, LAND_BYTES},
+        .indices = {(const uint8_t *)indices, cells * cells * 24}};
+    peer_call(p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
+        HGP_T_ok);
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1,
+            .has_width = true,
+            .width = WIDTH,
+            .has_height = true,
+            .height = HEIGHT,
+            .has_samples = true,
+            .samples = 4,
+            .has_still_encoding = true,
+            .still_encoding = HGP_encoding_RAW_RGBA8},
+        HGP_T_ok);
+    free(positions);
+    free(indices);
+}
+
+static struct hgp_picked pick_middle(struct peer *p)
+{
+    peer_call(p, HGP_T_pick, &(struct hgp_pick){.view = 1, .x = WIDTH / 2, .y = HEIGHT / 2},
+        HGP_T_picked);
+    return p->m.picked;
+}
+
+// The disk loses what is spilled: the worker says what and where, the next one keeps arrays in
+// memory, and nobody's request or picture is lost.
+static void lost_disks_are_survived(void **state)
+{
+    (void)state;
+    static struct picture calm, after;
+    struct daemon d;
+    struct peer a, b;
+    char library[512], cache[512];
+    const char *build = getenv("HELIO_BUILD_DIR");
+    assert_non_null(build);
+    snprintf(library, sizeof library, "%s/tests/liblost_disk.so", build);
+    snprintf(
+        cache, sizeof cache, "%s/tests/lost-disk-cache", build); // not in memory, as /tmp may be
+    setenv("LD_PRELOAD", library, 1);
+    setenv("HELIO_TEST_CACHE", cache, 1);
+    start(&d);
+    unsetenv("LD_PRELOAD");
+    unsetenv("HELIO_TEST_CACHE");
+    peer_open(&a, &d);
+    peer_scene(&a, "");
+    build_land(&a);
+    look(&a, 1, 0);
+    take(&a, &calm);
+    const struct hgp_picked before = pick_middle(&a);
+    assert_true(before.hit);
+    peer_open(&b, &d);
+    peer_scene(&b, "");
+    build_scene(&b);
+    pid_t worker = daemon_worker(&d, 0);
+    for (int round = 0; round < 2; round++) {
+        assert_int_equal(kill(worker, SIGUSR1), 0);
+        hg_clock_sleep_ns(100000000);
+        assert_int_equal(pick_middle(&a).triangle, before.triangle);
+        take(&a, &after);
+        assert_memory_equal(calm.data, after.data, FRAME_BYTES);
+        if (round == 0)
+            worker = daemon_worker(&d, worker); // another one
+    }
+    assert_int_equal(daemon_worker(&d, 0), worker);
+    look(&b, 1, 0);
+    take(&b, &after);
+    char *log = daemon_read(&d, "log"), what[32];
+    snprintf(what, sizeof what, "(mesh %llu)", (unsigned long long)a.first_id);
+    assert_non_null(strstr(log, cache));
+    assert_non_null(strstr(log, "the disk lost byte"));
+    assert_non_null(strstr(log, what));
+    free(log);
+    peer_close(&a);
+    peer_close(&b);
+    daemon_finish(&d);
+    assert_true(test_folder_remove(cache));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_survive),
         cmocka_unit_test(loads_survive),
         cmocka_unit_test(batches_stay_whole),
+        cmocka_unit_test(lost_disks_are_survived),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -49,8 +49,9 @@ void daemon_init(struct daemon *d)
     d->args[d->arg_count++] = strdup(text);
     snprintf(text, sizeof text, "unix:%s/sock", d->folder);
     daemon_option(d, "listen", text);
+    const char *cache = getenv("HELIO_TEST_CACHE");
     snprintf(text, sizeof text, "%s/cache", d->folder);
-    daemon_option(d, "cache-dir", text);
+    daemon_option(d, "cache-dir", cache ? cache : text);
     const char *worker = getenv("HELIO_TEST_WORKER");
     snprintf(text, sizeof text, "%s/tests/fake_worker", build);
     daemon_option(d, "worker", worker ? worker : text);

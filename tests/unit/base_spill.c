@@ -11,9 +11,12 @@
 #include <cmocka.h>
 
 #include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -23,6 +26,16 @@
 #define MIB ((size_t)1 << 20)
 
 static char folder[64];
+static int file = -1; // of the newest array, while `keeps_file`
+static bool keeps_file;
+
+// In place of the library's, which goes through this call as well.
+int posix_fallocate(int fd, off_t offset, off_t size)
+{
+    if (keeps_file)
+        file = dup(fd);
+    return fallocate(fd, 0, offset, size) == 0 ? 0 : errno;
+}
 
 static int set_up(void **state)
 {
@@ -99,7 +112,7 @@ static void test_contents(void **state)
     }
     assert_int_equal(stats().arrays, 3);
     assert_int_equal(stats().bytes, sizes[0] + sizes[1] + sizes[2]);
-    hg_spill_begin();
+    hg_spill_begin(NULL);
     hg_spill_end();
     hg_free(arrays[1]);
     assert_int_equal(stats().arrays, 2);
@@ -159,7 +172,7 @@ static void test_pages_go(void **state)
     enum { ARRAYS = 5 };
     const size_t size = 32 * MIB, before = resident_file_bytes();
     uint8_t *arrays[ARRAYS];
-    hg_spill_begin();
+    hg_spill_begin(NULL);
     for (uint32_t i = 0; i < ARRAYS; i++) {
         arrays[i] = hg_spill_calloc(size, 1);
         assert_non_null(arrays[i]);
@@ -167,8 +180,8 @@ static void test_pages_go(void **state)
     }
     hg_spill_end();
     assert_true(resident_file_bytes() < before + 8 * MIB);
-    hg_spill_begin();
-    hg_spill_begin();
+    hg_spill_begin(NULL);
+    hg_spill_begin(NULL);
     for (uint32_t i = 0; i < ARRAYS; i++)
         assert_true(is_filled(arrays[i], size, i));
     hg_spill_end();
@@ -254,6 +267,72 @@ static void test_failing_allocations(void **state)
     hg_free(array);
 }
 
+static void tell(void *user, const struct hg_spill_loss *loss)
+{
+    char text[256];
+    const int n = snprintf(text, sizeof text, "%s|%s|%llu|%llu", loss->folder, loss->what,
+        (unsigned long long)loss->offset, (unsigned long long)loss->bytes);
+    _exit(write(*(int *)user, text, (size_t)n) == n ? 42 : 1);
+}
+
+// Looks at byte `offset` of an array whose file has lost all from MIB on.
+static int look_at_lost(size_t offset, int out)
+{
+    keeps_file = true;
+    hg_spill_begin("a name");
+    const volatile uint8_t *array = hg_spill_calloc(4 * MIB, 1);
+    hg_spill_end();
+    if (array == NULL || file < 0 || ftruncate(file, (off_t)MIB) != 0)
+        return 2;
+    hg_spill_watch(tell, &out);
+    return array[offset];
+}
+
+// How a process ends that looks there, and what was told.
+static int end_of_looking(size_t offset, char *text, size_t size)
+{
+    int ends[2], how;
+    assert_int_equal(pipe(ends), 0);
+    const pid_t child = fork();
+    if (child == 0)
+        _exit(look_at_lost(offset, ends[1]));
+    close(ends[1]);
+    const ssize_t n = read(ends[0], text, size - 1);
+    close(ends[0]);
+    text[n > 0 ? n : 0] = 0;
+    assert_int_equal(waitpid(child, &how, 0), child);
+    return how;
+}
+
+static void test_lost_pages_are_told(void **state)
+{
+    (void)state;
+    char text[256], expected[256];
+    int how = end_of_looking(MIB - 1, text, sizeof text); // what is there is there
+    assert_true(WIFEXITED(how) && WEXITSTATUS(how) == 0);
+    assert_string_equal(text, "");
+    how = end_of_looking(2 * MIB + 5, text, sizeof text);
+    assert_true(WIFEXITED(how) && WEXITSTATUS(how) == 42);
+    snprintf(expected, sizeof expected, "%s|a name|%zu|%zu", folder, 2 * MIB + 5, 4 * MIB);
+    assert_string_equal(text, expected);
+}
+
+// SIGBUS that has nothing to do with arrays ends the process as it did.
+static void test_other_signals_stay(void **state)
+{
+    (void)state;
+    int how, none = -1;
+    const pid_t child = fork();
+    if (child == 0) {
+        signal(SIGBUS, SIG_DFL);
+        hg_spill_watch(tell, &none);
+        raise(SIGBUS);
+        _exit(0);
+    }
+    assert_int_equal(waitpid(child, &how, 0), child);
+    assert_true(WIFSIGNALED(how) && WTERMSIG(how) == SIGBUS);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -268,6 +347,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_folder_in_memory, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_full_disk, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_failing_allocations, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_lost_pages_are_told, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_other_signals_stay, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

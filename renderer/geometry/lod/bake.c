@@ -483,7 +483,7 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     struct hg_writer out = {0};
     const uint64_t start = hg_clock_now_ns();
     uint32_t root_chunks = 0;
-    hg_spill_begin();
+    hg_spill_begin(NULL);
     enum hg_status status = begin(&b, part);
     for (bool more = true; status == HG_OK && more;)
         status = build_level(&b, &more);
@@ -538,7 +538,7 @@ enum hg_status hg_lod_key(
     const float floats[] = {
         params->quantum, params->normal_weight, params->color_weight, params->uv_weight};
     const uint64_t n = part->vertex_count;
-    hg_spill_begin();
+    hg_spill_begin(NULL);
     hg_sha256_update(h, numbers, sizeof numbers);
     hg_sha256_update(h, floats, sizeof floats);
     hg_sha256_update(h, part->indices, (size_t)part->index_count * 4);
