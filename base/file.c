@@ -1,10 +1,12 @@
 #include "base/file.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -40,8 +42,8 @@ static enum hg_status fail_errno(struct hg_error *err, const char *path, const c
     return hg_error_set(err, hg_status_from_errno(e), path, NULL, "%s: %s", action, strerror(e));
 }
 
-static enum hg_status read_all(int fd, const char *path, uint8_t *data, size_t size,
-    struct hg_error *err)
+static enum hg_status read_all(
+    int fd, const char *path, uint8_t *data, size_t size, struct hg_error *err)
 {
     for (size_t done = 0; done < size;) {
         ssize_t n = read(fd, data + done, size - done);
@@ -56,8 +58,8 @@ static enum hg_status read_all(int fd, const char *path, uint8_t *data, size_t s
     return HG_OK;
 }
 
-enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **data, size_t *size,
-    struct hg_error *err)
+enum hg_status hg_file_read(
+    const char *path, uint64_t limit_bytes, uint8_t **data, size_t *size, struct hg_error *err)
 {
     *data = NULL;
     *size = 0;
@@ -72,8 +74,9 @@ enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **da
     else if (!S_ISREG(st.st_mode))
         status = hg_error_set(err, HG_E_IO, path, NULL, "not a regular file");
     else if ((uint64_t)st.st_size > limit_bytes)
-        status = hg_error_set(err, HG_E_LIMIT, path, NULL, "%llu bytes are more than the limit of %llu",
-            (unsigned long long)st.st_size, (unsigned long long)limit_bytes);
+        status =
+            hg_error_set(err, HG_E_LIMIT, path, NULL, "%llu bytes are more than the limit of %llu",
+                (unsigned long long)st.st_size, (unsigned long long)limit_bytes);
     else if (!(bytes = hg_calloc((size_t)st.st_size + 1, 1)))
         status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
     else
@@ -88,48 +91,183 @@ enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **da
     return HG_OK;
 }
 
-// Writes 12 random digits to `suffix`, the end of `path`, and creates the file. Not mkstemp, whose
-// mode 0600 could only be widened by reading the umask, which is not thread-safe.
-static int create_temp(char *suffix, const char *path)
+// ---- names while a file is written --------------------------------------------------------------
+
+#define DIGITS 12 // of a temporary name: .NAME.0123456789ab
+
+// Where the folder's name ends in `path`: behind the last slash, 0 = there is none.
+static size_t folder_length(const char *path)
 {
-    for (int tries = 0; tries < 100; tries++) {
-        uint64_t random;
-        if (getrandom(&random, sizeof random, 0) != (ssize_t)sizeof random)
-            return -1;
-        snprintf(suffix, 13, "%012llx", (unsigned long long)(random & 0xffffffffffff));
-        int fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (fd >= 0 || errno != EEXIST)
-            return fd;
+    const char *slash = strrchr(path, '/');
+    return slash ? (size_t)(slash + 1 - path) : 0;
+}
+
+static int open_folder(const char *path, int flags)
+{
+    const size_t length = folder_length(path);
+    char *folder = hg_strndup(length ? path : ".", length ? length : 1);
+    if (!folder) {
+        errno = ENOMEM;
+        return -1;
     }
+    const int fd = open(folder, flags | O_CLOEXEC, 0666);
+    hg_free(folder);
+    return fd;
+}
+
+static bool is_temp_of(const char *name, const char *base)
+{
+    const size_t length = strlen(base);
+    return name[0] == '.' && strncmp(name + 1, base, length) == 0 && name[1 + length] == '.' &&
+           strlen(name) == length + 2 + DIGITS &&
+           strspn(name + length + 2, "0123456789abcdef") == DIGITS;
+}
+
+// Whoever lives has it locked.
+static void remove_if_dead(int folder, const char *name)
+{
+    struct stat st;
+    const int fd = openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0)
+        return;
+    if (fstat(fd, &st) == 0 && S_ISREG(st.st_mode) && flock(fd, LOCK_EX | LOCK_NB) == 0)
+        unlinkat(folder, name, 0);
+    close(fd);
+}
+
+// What writers of the same output left that were killed.
+static void remove_dead(const char *path)
+{
+    const int fd = open_folder(path, O_RDONLY | O_DIRECTORY);
+    DIR *dir = fd >= 0 ? fdopendir(fd) : NULL;
+    if (!dir && fd >= 0)
+        close(fd);
+    for (struct dirent *e; dir && (e = readdir(dir));)
+        if (is_temp_of(e->d_name, path + folder_length(path)))
+            remove_if_dead(fd, e->d_name);
+    if (dir)
+        closedir(dir);
+}
+
+// A name that nobody has, probably.
+static bool choose_temp(struct hg_file_out *out)
+{
+    uint64_t random;
+    const size_t folder = folder_length(out->path);
+    if (getrandom(&random, sizeof random, 0) != (ssize_t)sizeof random)
+        return false;
+    snprintf(out->temp_path, strlen(out->path) + DIGITS + 3, "%.*s.%s.%012llx", (int)folder,
+        out->path, out->path + folder, (unsigned long long)(random & 0xffffffffffff));
+    return true;
+}
+
+// Created, locked, and not removed in between by somebody who found it without a lock. Not mkstemp,
+// whose mode 0600 could only be widened by reading the umask, which is not thread-safe.
+static int create_temp(struct hg_file_out *out)
+{
+    remove_dead(out->path);
+    for (int tries = 0; tries < 100 && choose_temp(out); tries++) {
+        struct stat st;
+        const int fd = open(out->temp_path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (fd >= 0 && (flock(fd, LOCK_EX) != 0 || fstat(fd, &st) != 0 || st.st_nlink > 0))
+            return fd;
+        if (fd >= 0)
+            close(fd);
+        else if (errno != EEXIST)
+            break;
+    }
+    out->temp_path[0] = 0;
     return -1;
 }
+
+// It gets its name through /proc.
+static int create_unnamed(const char *path)
+{
+    const int fd = open_folder(path, O_TMPFILE | O_RDWR);
+    if (fd < 0 || (access("/proc/self/fd", X_OK) == 0 && flock(fd, LOCK_EX) == 0))
+        return fd;
+    close(fd);
+    return -1;
+}
+
+static bool link_fd(int fd, const char *name)
+{
+    char self[32];
+    snprintf(self, sizeof self, "/proc/self/fd/%d", fd);
+    return linkat(AT_FDCWD, self, AT_FDCWD, name, AT_SYMLINK_FOLLOW) == 0;
+}
+
+// Its own name at once, when it is free; else one to be renamed.
+static bool name_unnamed(struct hg_file_out *out)
+{
+    if (link_fd(out->fd, out->path))
+        return true;
+    if (errno != EEXIST)
+        return false;
+    remove_dead(out->path);
+    for (int tries = 0; tries < 100 && choose_temp(out); tries++)
+        if (link_fd(out->fd, out->temp_path))
+            return true;
+        else if (errno != EEXIST)
+            break;
+    out->temp_path[0] = 0;
+    return false;
+}
+
+static bool copy_bytes(int to, int from)
+{
+    uint8_t bytes[65536];
+    ssize_t n = 0;
+    for (off_t at = 0; (n = pread(from, bytes, sizeof bytes, at)) != 0;) {
+        if (n > 0)
+            n = pwrite(to, bytes, (size_t)n, at);
+        if (n < 0 && errno != EINTR)
+            return false;
+        at += n > 0 ? n : 0;
+    }
+    return fsync(to) == 0;
+}
+
+// For file systems that make files without names and give them none.
+static bool name_copy(struct hg_file_out *out)
+{
+    const int fd = create_temp(out);
+    if (fd < 0)
+        return false;
+    const bool whole = copy_bytes(fd, out->fd);
+    const int problem = errno;
+    close(out->fd);
+    out->fd = fd;
+    errno = problem;
+    return whole;
+}
+
+// ---- writing ------------------------------------------------------------------------------------
 
 enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct hg_error *err)
 {
     *out = (struct hg_file_out){.fd = -1};
-    size_t room = strlen(path) + 16;
-    const char *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path;
-    if (!*base)
+    if (!path[folder_length(path)])
         return hg_error_set(err, HG_E_INVAL, path, NULL, "names a folder, not a file");
     out->path = hg_strdup(path);
-    out->temp_path = hg_calloc(room, 1);
+    out->temp_path = hg_calloc(strlen(path) + DIGITS + 3, 1);
     if (!out->path || !out->temp_path) {
         hg_file_abort(out);
         return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
     }
-    int stem = snprintf(out->temp_path, room, "%.*s.%s.", (int)(base - path), path, base);
-    out->fd = create_temp(out->temp_path + stem, out->temp_path);
+    out->fd = create_unnamed(path);
+    if (out->fd < 0)
+        out->fd = create_temp(out);
     if (out->fd < 0) {
         enum hg_status status = fail_errno(err, path, "cannot create");
-        out->temp_path[0] = 0;
         hg_file_abort(out);
         return status;
     }
     return HG_OK;
 }
 
-enum hg_status hg_file_write(struct hg_file_out *out, const void *data, size_t size,
-    struct hg_error *err)
+enum hg_status hg_file_write(
+    struct hg_file_out *out, const void *data, size_t size, struct hg_error *err)
 {
     for (size_t done = 0; done < size;) {
         ssize_t n = write(out->fd, (const uint8_t *)data + done, size - done);
@@ -144,30 +282,22 @@ enum hg_status hg_file_write(struct hg_file_out *out, const void *data, size_t s
 
 static void sync_folder(const char *path)
 {
-    char *folder = hg_strdup(path);
-    if (!folder)
-        return;
-    char *slash = strrchr(folder, '/');
-    if (slash)
-        slash[slash == folder] = 0;
-    int fd = open(slash ? folder : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    const int fd = open_folder(path, O_RDONLY | O_DIRECTORY);
     if (fd >= 0) {
         fsync(fd);
         close(fd);
     }
-    hg_free(folder);
 }
 
+// The lock stays until nothing has the temporary name any more.
 enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     if (fsync(out->fd) != 0)
         status = fail_errno(err, out->path, "cannot sync");
-    int closed = close(out->fd);
-    out->fd = -1;
-    if (!status && closed != 0)
-        status = fail_errno(err, out->path, "cannot close");
-    if (!status && rename(out->temp_path, out->path) != 0)
+    if (!status && !out->temp_path[0] && !name_unnamed(out) && !name_copy(out))
+        status = fail_errno(err, out->path, "cannot give it its name");
+    if (!status && out->temp_path[0] && rename(out->temp_path, out->path) != 0)
         status = fail_errno(err, out->path, "cannot rename into place");
     if (!status) {
         sync_folder(out->path);
@@ -179,17 +309,17 @@ enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err)
 
 void hg_file_abort(struct hg_file_out *out)
 {
-    if (out->temp_path && out->fd >= 0)
-        close(out->fd);
     if (out->temp_path && out->temp_path[0])
         unlink(out->temp_path);
+    if (out->temp_path && out->fd >= 0)
+        close(out->fd);
     hg_free(out->path);
     hg_free(out->temp_path);
     *out = (struct hg_file_out){.fd = -1};
 }
 
-enum hg_status hg_file_write_atomic(const char *path, const void *data, size_t size,
-    struct hg_error *err)
+enum hg_status hg_file_write_atomic(
+    const char *path, const void *data, size_t size, struct hg_error *err)
 {
     struct hg_file_out out;
     enum hg_status status = hg_file_begin(&out, path, err);

@@ -13,26 +13,28 @@
 enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **data, size_t *size,
     struct hg_error *err) HG_MUST_CHECK;
 
-// An output under a temporary name beside its final one.
+// An output beside its final name: without a name where the file system knows such files, so that
+// nothing is left of a process that is killed, else under a temporary one, which is locked
+// as long as its writer lives. The next writer of the same name removes what others left.
 struct hg_file_out {
-    int fd; // open for writing and reading; -1 when not begun
-    char *path, *temp_path;
+    int fd;                 // open for writing and reading; -1 when not begun
+    char *path, *temp_path; // the latter "": has no name
 };
 
-// Creates the temporary file in the same folder. Writing goes through fd or temp_path.
-enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct hg_error *err)
-    HG_MUST_CHECK;
-enum hg_status hg_file_write(struct hg_file_out *out, const void *data, size_t size,
-    struct hg_error *err) HG_MUST_CHECK;
-// fsync, rename over the final name, fsync of the folder; on failure the temporary is removed
-// and an older file at the final name is untouched. Finishes *out either way.
+// Creates the file in the folder of `path`.
+enum hg_status hg_file_begin(
+    struct hg_file_out *out, const char *path, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_file_write(
+    struct hg_file_out *out, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+// fsync, the final name in place of who had it, fsync of the folder; on failure the temporary is
+// removed and an older file at the final name is untouched. Finishes *out either way.
 enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err) HG_MUST_CHECK;
 // Removes the temporary. Accepts a zeroed, begun or finished object (fd -1 or both names NULL).
 void hg_file_abort(struct hg_file_out *out);
 
 // begin + write + commit.
-enum hg_status hg_file_write_atomic(const char *path, const void *data, size_t size,
-    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_file_write_atomic(
+    const char *path, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 // Maps errno to a status (ENOENT -> NOTFOUND, EACCES/EPERM/EROFS -> PERM, ENOSPC/EDQUOT -> NOSPACE,
 // ENOMEM and no more descriptors -> NOMEM, else IO).
 enum hg_status hg_status_from_errno(int error_number);

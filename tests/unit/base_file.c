@@ -10,9 +10,13 @@
 #include <cmocka.h>
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -20,6 +24,39 @@
 #include "tests/support/folder.h"
 
 static char folder[TEST_FOLDER_MAX], target[80];
+
+// What a file system cannot do, and where a process is killed.
+static bool no_unnamed, no_links, killed_at_rename;
+
+// In place of the library's, which goes through these calls as well.
+int open(const char *path, int flags, ...)
+{
+    va_list list;
+    va_start(list, flags);
+    const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(list, mode_t) : 0;
+    va_end(list);
+    if (no_unnamed && (flags & O_TMPFILE) == O_TMPFILE) {
+        errno = EOPNOTSUPP;
+        return -1;
+    }
+    return (int)syscall(SYS_openat, AT_FDCWD, path, flags, mode);
+}
+
+int linkat(int from_folder, const char *from, int to_folder, const char *to, int flags)
+{
+    if (no_links) {
+        errno = EPERM;
+        return -1;
+    }
+    return (int)syscall(SYS_linkat, from_folder, from, to_folder, to, flags);
+}
+
+int rename(const char *from, const char *to)
+{
+    if (killed_at_rename)
+        raise(SIGKILL);
+    return (int)syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, 0);
+}
 
 static int make_folder(void **state)
 {
@@ -97,6 +134,95 @@ static void test_abort_leaves_the_old_file(void **state)
     struct hg_file_out zeroed = {0};
     hg_file_abort(&zeroed); // must not close descriptor 0
     assert_int_equal(zeroed.fd, -1);
+}
+
+// Files in the folder, without removing them.
+static int count_files(void)
+{
+    int count = 0;
+    DIR *dir = opendir(folder);
+    assert_non_null(dir);
+    for (struct dirent *e; (e = readdir(dir));)
+        count += strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0;
+    closedir(dir);
+    return count;
+}
+
+// A writer that is killed before its commit, or in it before the file takes the old one's place.
+static void kill_a_writer(bool in_commit)
+{
+    int how;
+    const pid_t child = fork();
+    if (child == 0) {
+        struct hg_file_out out;
+        killed_at_rename = true;
+        if (hg_file_begin(&out, target, NULL) == HG_OK &&
+            hg_file_write(&out, "half", 4, NULL) == HG_OK && in_commit)
+            (void)!hg_file_commit(&out, NULL);
+        raise(SIGKILL);
+    }
+    assert_int_equal(waitpid(child, &how, 0), child);
+    assert_true(WIFSIGNALED(how) && WTERMSIG(how) == SIGKILL);
+}
+
+static void test_killed_writers_leave_nothing(void **state)
+{
+    (void)state;
+    kill_a_writer(false);
+    assert_int_equal(count_files(), 0);
+    assert_int_equal(hg_file_write_atomic(target, "old", 3, NULL), HG_OK);
+    kill_a_writer(true); // it has a name for a moment
+    assert_int_equal(count_files(), 2);
+    assert_content("old");
+    assert_int_equal(hg_file_write_atomic(target, "new", 3, NULL), HG_OK);
+    assert_content("new");
+    assert_int_equal(empty_folder(), 1);
+}
+
+// On file systems whose files have names at once the next writer of that name cleans up, and
+// touches nothing else.
+static void test_dead_writers_are_cleaned_up_after(void **state)
+{
+    (void)state;
+    char other[100];
+    struct hg_file_out alive;
+    no_unnamed = true;
+    kill_a_writer(false);
+    kill_a_writer(true);
+    assert_int_equal(count_files(), 1);
+    assert_int_equal(hg_file_begin(&alive, target, NULL), HG_OK);
+    assert_int_equal(hg_file_write(&alive, "alive", 5, NULL), HG_OK);
+    snprintf(other, sizeof other, "%s/.out.2.0123456789ab", folder); // of "out.2"
+    fclose(fopen(other, "w"));
+    assert_int_equal(count_files(), 2);
+    assert_int_equal(hg_file_write_atomic(target, "new", 3, NULL), HG_OK);
+    assert_content("new");
+    assert_int_equal(count_files(), 3);
+    assert_int_equal(hg_file_commit(&alive, NULL), HG_OK);
+    assert_content("alive");
+    assert_int_equal(empty_folder(), 2);
+    no_unnamed = false;
+}
+
+static void test_files_that_get_no_name(void **state)
+{
+    (void)state;
+    char *data = malloc(200000), *back;
+    size_t size;
+    assert_non_null(data);
+    memset(data, 'x', 200000);
+    data[199999] = 'y';
+    no_links = true;
+    assert_int_equal(hg_file_write_atomic(target, "old", 3, NULL), HG_OK);
+    assert_content("old");
+    assert_int_equal(hg_file_write_atomic(target, data, 200000, NULL), HG_OK);
+    no_links = false;
+    assert_int_equal(hg_file_read(target, 200000, (uint8_t **)&back, &size, NULL), HG_OK);
+    assert_int_equal(size, 200000);
+    assert_memory_equal(data, back, 200000);
+    assert_int_equal(empty_folder(), 1);
+    hg_free(back);
+    free(data);
 }
 
 static void test_mode_follows_the_umask(void **state)
@@ -252,6 +378,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_commit_replaces),
         cmocka_unit_test(test_abort_leaves_the_old_file),
+        cmocka_unit_test(test_killed_writers_leave_nothing),
+        cmocka_unit_test(test_dead_writers_are_cleaned_up_after),
+        cmocka_unit_test(test_files_that_get_no_name),
         cmocka_unit_test(test_mode_follows_the_umask),
         cmocka_unit_test(test_bad_places),
         cmocka_unit_test(test_unwritable_folder),
