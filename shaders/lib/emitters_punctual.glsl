@@ -1,0 +1,77 @@
+// emitters_punctual.glsl - lights without area, the directional ones among them. Part of
+// lib/emitters.glsl.
+#ifndef HG_LIB_EMITTERS_PUNCTUAL_GLSL
+#define HG_LIB_EMITTERS_PUNCTUAL_GLSL
+
+hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
+{
+    hg_emitter_sample s = hg_emitter_nothing();
+    hg_gpu_light light = HG_EMITTER_LIGHT(index);
+    vec3 l;
+    vec3 e = hg_light_illuminance(light, position_ws, l);
+    s.direction = l;
+    s.group = HG_EMITTER_GROUP_PUNCTUAL;
+    s.draw = light.id;
+    s.distance = HG_EMITTER_FAR;
+    if (light.kind != HG_LIGHT_KIND_DIRECTIONAL)
+        s.distance = distance(light.position_ws, position_ws) * HG_EMITTER_NEAR;
+    s.delta = chance > 0.0 && max(e.r, max(e.g, e.b)) > 0.0;
+    if (s.delta)
+        s.radiance = e / chance;
+    return s;
+}
+
+// Luminance of a directional light's illuminance at a surface.
+float hg_emitter_sun(uint i, vec3 normal_ws)
+{
+    hg_gpu_light light = HG_EMITTER_LIGHT(i);
+    float facing = normal_ws == vec3(0.0) ? 1.0 : max(0.0, -dot(light.direction_ws, normal_ws));
+    return hg_emitter_luminance(light.color) * facing;
+}
+
+float hg_emitter_suns(vec3 normal_ws)
+{
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
+        return hg_emitter_sun(0u, normal_ws);
+    if (HG_EMITTERS.directional_count > HG_EMITTER_SUNS)
+        return HG_EMITTERS.directional_lux;
+    float sum = 0.0;
+    for (uint i = 0u; i < HG_EMITTERS.directional_count; i++)
+        sum += hg_emitter_sun(i, normal_ws);
+    return sum;
+}
+
+hg_emitter_sample hg_emitter_pick_sun(
+    float share, vec3 position_ws, vec3 normal_ws, hg_emitter_dice dice)
+{
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
+        return hg_emitter_delta(0u, share, position_ws);
+    uint count = HG_EMITTERS.directional_count;
+    if (count <= HG_EMITTER_SUNS) {
+        float sum = hg_emitter_suns(normal_ws), at = dice.u * sum, mine = 0.0;
+        uint chosen = HG_EMITTER_NONE;
+        for (uint i = 0u; i < count; i++) { // the last one that shines, if rounding passes it by
+            float w = hg_emitter_sun(i, normal_ws);
+            if (w > 0.0 && (chosen == HG_EMITTER_NONE || at >= 0.0)) {
+                chosen = i;
+                mine = w;
+            }
+            at -= w;
+        }
+        if (chosen == HG_EMITTER_NONE)
+            return hg_emitter_nothing();
+        return hg_emitter_delta(chosen, share * mine / sum, position_ws);
+    }
+    uint low = 0u, high = count - 1u;
+    for (uint i = 0u; i < 32u && low < high; i++) {
+        uint middle = (low + high) >> 1u;
+        if (HG_EMITTERS.directional.v[middle] > dice.u)
+            high = middle;
+        else
+            low = middle + 1u;
+    }
+    float below = low == 0u ? 0.0 : HG_EMITTERS.directional.v[low - 1u];
+    return hg_emitter_delta(low, share * (HG_EMITTERS.directional.v[low] - below), position_ws);
+}
+
+#endif
