@@ -86,6 +86,12 @@ static void add_text(struct hg_sha256 *h, const char *text)
     add_array(h, text, text ? strlen(text) : 0, 1);
 }
 
+// How far apart the pieces lie that count of a file: of a large one not all of it does.
+static size_t step_of(size_t size)
+{
+    return size > WHOLE_BYTES ? (size - PIECE_BYTES) / (PIECES - 1) : PIECE_BYTES;
+}
+
 static enum hg_status add_piece(
     struct hg_sha256 *h, int fd, off_t at, uint8_t *buffer, const char *path, struct hg_error *err)
 {
@@ -109,7 +115,7 @@ static enum hg_status add_open_file(
         status = hg_error_set(
             err, hg_status_from_errno(errno), path, NULL, "cannot read: %s", strerror(errno));
     off_t size = status ? 0 : st.st_size;
-    off_t step = size > WHOLE_BYTES ? (size - PIECE_BYTES) / (PIECES - 1) : PIECE_BYTES;
+    off_t step = (off_t)step_of((size_t)size);
     add_u64(h, (uint64_t)size);
     for (off_t at = 0; !status && at < size; at += step)
         status = add_piece(h, fd, at, buffer, path, err);
@@ -129,6 +135,16 @@ static enum hg_status add_file(struct hg_sha256 *h, const char *path, struct hg_
     return status;
 }
 
+// A file that was sent or lies inside of another counts as one that lies on its own.
+static void add_encoded(struct hg_sha256 *h, const struct hg_refbuf *file)
+{
+    const size_t step = step_of(file->size);
+    add_u64(h, file->size);
+    for (size_t at = 0; at < file->size; at += step)
+        hg_sha256_update(
+            h, file->data + at, file->size - at < PIECE_BYTES ? file->size - at : PIECE_BYTES);
+}
+
 static enum hg_status add_image(
     struct hg_sha256 *h, const struct hg_image_source *image, struct hg_error *err)
 {
@@ -137,12 +153,12 @@ static enum hg_status add_image(
         return HG_OK;
     }
     add_u64(h, 1 + (uint64_t)image->pixels_srgb);
-    add_array(h, image->encoded ? image->encoded->data : NULL,
-        image->encoded ? image->encoded->size : 0, 1);
     add_u64(h, (uint64_t)image->pixels.width << 32 | image->pixels.height);
     add_u64(h, (uint64_t)image->pixels.format);
     add_array(h, image->pixels.pixels, image->pixels.size_bytes, 1);
     add_array(h, image->tiles ? image->tiles->id : NULL, 32, 1);
+    if (image->encoded)
+        add_encoded(h, image->encoded);
     return image->path ? add_file(h, image->path, err) : HG_OK;
 }
 

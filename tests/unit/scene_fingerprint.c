@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/scene/fetch.h"
 #include "renderer/scene/fingerprint.h"
 #include "renderer/scene/load.h"
 #include "tests/support/check.h"
@@ -28,13 +29,12 @@ static void hash(struct made *m, uint8_t out[32])
     test_ok(hg_fingerprint_scene(m->fingerprint, m->scene, out, &err), &err);
 }
 
-static struct made load(const char *path, uint32_t number)
+static struct made load_by(const struct hg_load_params *params)
 {
     struct made m;
     struct hg_asset *asset;
     struct hg_error err = {0};
-    const struct hg_load_params params = {.path = path, .asset_number = number, .scene_index = -1};
-    test_ok(hg_load_asset(&params, &asset, &err), &err);
+    test_ok(hg_load_asset(params, &asset, &err), &err);
     assert_int_equal(hg_scene_create(&m.scene), HG_OK);
     assert_int_equal(hg_scene_add_asset(m.scene, asset, NULL), HG_OK);
     hg_scene_publish(m.scene);
@@ -42,6 +42,12 @@ static struct made load(const char *path, uint32_t number)
     assert_non_null(m.fingerprint);
     hash(&m, m.hash);
     return m;
+}
+
+static struct made load(const char *path, uint32_t number)
+{
+    return load_by(
+        &(struct hg_load_params){.path = path, .asset_number = number, .scene_index = -1});
 }
 
 static void drop(struct made *m)
@@ -107,6 +113,32 @@ static void test_place_does_not_count(void **state)
     drop(&b);
 }
 
+// As of clients that send their files: user is the folder.
+static enum hg_status fetch_sent(
+    void *user, const char *uri, uint64_t limit_bytes, struct hg_refbuf **out, struct hg_error *err)
+{
+    char path[2048];
+    snprintf(path, sizeof path, "%s/%s", (const char *)user, uri);
+    return hg_fetch_read(path, limit_bytes, out, err);
+}
+
+// Files beside the scene's and files that were sent, of which the worker has the bytes alone.
+static void test_sent_files(void **state)
+{
+    (void)state;
+    char folder[1024];
+    struct made a = load(data_file("Duck/glTF/Duck.gltf"), 1);
+    snprintf(folder, sizeof folder, "%s", data_file("Duck/glTF"));
+    struct made b = load_by(&(struct hg_load_params){.path = "Duck.gltf",
+        .asset_number = 1,
+        .scene_index = -1,
+        .fetch = fetch_sent,
+        .fetch_user = folder});
+    assert_memory_equal(a.hash, b.hash, 32);
+    drop(&a);
+    drop(&b);
+}
+
 static void test_changes(void **state)
 {
     (void)state;
@@ -138,6 +170,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_place_does_not_count),
+        cmocka_unit_test(test_sent_files),
         cmocka_unit_test(test_changes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
