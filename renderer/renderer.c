@@ -20,7 +20,6 @@
 #define DEFAULT_HEIGHT   720
 #define DEFAULT_SAMPLES  32
 #define DEFAULT_ERROR_PX 1.0f
-#define DEFAULT_BOUNCES  16
 
 // --- renderer ------------------------------------------------------------------------------------
 
@@ -246,13 +245,19 @@ static enum hg_status check_params(const struct hg_view_params *p, struct hg_err
     return check_path(p, err);
 }
 
-static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s)
+float hg_filter_radius_px(enum hg_filter filter)
 {
     static const float radius_px[] = {1.5f, 0.5f, 1.0f, 1.5f};
+    return (unsigned)filter <= HG_FILTER_GAUSSIAN ? radius_px[filter] : 0.0f;
+}
+
+static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s)
+{
     s->trace = (uint32_t)p->trace; // same values as enum hg_trace_backend
     s->filter = (uint32_t)p->filter;
-    s->filter_radius_px = p->filter_radius_px > 0 ? p->filter_radius_px : radius_px[p->filter];
-    s->max_bounces = p->max_bounces > 0 ? p->max_bounces : DEFAULT_BOUNCES;
+    s->filter_radius_px =
+        p->filter_radius_px > 0 ? p->filter_radius_px : hg_filter_radius_px(p->filter);
+    s->max_bounces = p->max_bounces > 0 ? p->max_bounces : HG_VIEW_DEFAULT_BOUNCES;
     s->planes = p->planes;
     s->noise = p->noise;
     s->time_s = p->time_s;
@@ -382,13 +387,16 @@ enum hg_status hg_view_set_camera(
 }
 
 enum hg_status hg_view_set_camera_node(
-    struct hg_view *view, uint64_t node_id, uint64_t input_seq, struct hg_error *err)
+    struct hg_view *view, uint64_t node_id, const struct hg_view_camera *with, struct hg_error *err)
 {
     struct hg_scene *scene = view->state.rooms->scene;
     const struct hg_node *node =
         (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
     if (node == NULL || node->camera == NULL)
         return hg_error_set(err, HG_E_NOTFOUND, "camera", "node", "no such node with a camera");
+    if (with->lens_radius > 0.0f && !(with->focus_distance > 0.0f))
+        return hg_error_set(err, HG_E_INVAL, "camera", "focus_distance",
+            "a camera of the scene looks at no point: its lens needs a distance");
     hg_scene_update(scene);
     const struct hg_camera *camera = node->camera;
     struct hg_view_camera c = {.orthographic = camera->kind == HG_CAMERA_ORTHOGRAPHIC,
@@ -396,7 +404,9 @@ enum hg_status hg_view_set_camera_node(
         .half_height = camera->half_height,
         .near = camera->near,
         .far = camera->far,
-        .input_seq = input_seq};
+        .lens_radius = with->lens_radius,
+        .focus_distance = with->focus_distance,
+        .input_seq = with->input_seq};
     hg_shutter_look_along(node, c.eye, c.target, c.up);
     return set_camera(view, &c, node_id, err);
 }

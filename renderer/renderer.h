@@ -76,17 +76,19 @@ enum hg_filter {               // of pixels in HG_MODE_PATH, with their default 
     HG_FILTER_GAUSSIAN,        // 1.5 px, standard deviation a third of the radius
 };
 
-enum hg_view_denoise {   // of HG_MODE_PATH: the picture, not its planes
+float hg_filter_radius_px(enum hg_filter filter); // default; 0 of what is no filter
+
+enum hg_view_denoise { // of HG_MODE_PATH: the picture, not its planes
     HG_DENOISE_OFF,
     HG_DENOISE_STILL,     // from its own samples
     HG_DENOISE_ANIMATION, // and from the pictures that the view made before
 };
 
-// Float planes for compositing. Means over the samples of a pixel, those of samples that hit nothing
-// are 0. Radiance is linear, without exposure, premultiplied. OBJECT and MATERIAL are those of a
-// pixel's first sample; 0 = none. HG_MODE_REALTIME has all but COLOR, DIRECT_*, INDIRECT_*, VARIANCE,
-// NOISY and LIGHT_GROUPS, of settled pictures: the planes of path-traced ones, but what has one side
-// is not seen from behind.
+// Float planes for compositing. Means over the samples of a pixel, those of samples that hit
+// nothing are 0. Radiance is linear, without exposure, premultiplied. OBJECT and MATERIAL are those
+// of a pixel's first sample; 0 = none. HG_MODE_REALTIME has all but COLOR, DIRECT_*, INDIRECT_*,
+// VARIANCE, NOISY and LIGHT_GROUPS, of settled pictures: the planes of path-traced ones, but what
+// has one side is not seen from behind.
 enum hg_plane {
     HG_PLANE_COLOR,                 // 4: radiance, coverage; sum of all lights
     HG_PLANE_ALBEDO,                // 3
@@ -120,8 +122,9 @@ enum hg_plane {
 // a shutter does not. Backgrounds move as what is infinitely far. 0 where that was or will be
 // behind the camera. Mean over the samples of a pixel, those that hit nothing included.
 
-#define HG_VIEW_MAX_SAMPLES 65536 // also the limit of the protocol
-#define HG_VIEW_MAX_BOUNCES 256
+#define HG_VIEW_MAX_SAMPLES     65536 // also the limit of the protocol
+#define HG_VIEW_MAX_BOUNCES     256
+#define HG_VIEW_DEFAULT_BOUNCES 16
 
 struct hg_view_params {     // zero of each field = default
     uint32_t width, height; // px, 1..16384; default 1280 x 720
@@ -149,7 +152,7 @@ struct hg_view_params {     // zero of each field = default
     uint32_t planes;
     // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
     // go on before and after the pose.
-    float frame_s; // from one frame to the next, seconds; default 1/24
+    float frame_s;  // from one frame to the next, seconds; default 1/24
     float series_s; // of HG_DENOISE_ANIMATION: from the picture before to this one; default frame_s
     // Motion blur: the shutter is open from shutter_open to shutter_close, in frames from the pose
     // (-1..1). Equal = all light comes at one moment, that of the pose.
@@ -179,9 +182,10 @@ enum hg_status hg_view_set_params(
     struct hg_view *view, const struct hg_view_params *params, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_view_set_camera(
     struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
-// Camera of a scene's node at its present pose. HG_E_NOTFOUND when the node has none.
-enum hg_status hg_view_set_camera_node(
-    struct hg_view *view, uint64_t node_id, uint64_t input_seq, struct hg_error *err) HG_MUST_CHECK;
+// Camera of a scene's node at its present pose; `with`: its lens_radius, focus_distance and
+// input_seq. HG_E_NOTFOUND when the node has none; HG_E_INVAL: a lens needs a distance.
+enum hg_status hg_view_set_camera_node(struct hg_view *view, uint64_t node_id,
+    const struct hg_view_camera *with, struct hg_error *err) HG_MUST_CHECK;
 
 // Of the view's camera, column-major, without lens or jitter. Camera space looks along -z, y is up.
 // NDC: x and y in -1..1, y up; z 1 at the near plane of the newest step, 0 at the far one or at
@@ -234,10 +238,10 @@ enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, str
 uint32_t hg_plane_channels(enum hg_plane plane);
 const char *hg_plane_name(enum hg_plane plane); // "direct_diffuse", ...
 
-// Groups of lights of a view that keeps HG_PLANE_LIGHT_GROUPS, once it is path-traced: their number,
-// the environment first; the others by the names of lights, and of nodes whose meshes shine. The sum
-// of all is COLOR, but for what shadow catchers show. Radiance by one: 3 floats a pixel.
-// Errors as of hg_view_read_plane.
+// Groups of lights of a view that keeps HG_PLANE_LIGHT_GROUPS, once it is path-traced: their
+// number, the environment first; the others by the names of lights, and of nodes whose meshes
+// shine. The sum of all is COLOR, but for what shadow catchers show. Radiance by one: 3 floats a
+// pixel. Errors as of hg_view_read_plane.
 uint32_t hg_view_light_groups(const struct hg_view *view);
 const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group);
 enum hg_status hg_view_read_light_group(struct hg_view *view, uint32_t group,
@@ -264,8 +268,8 @@ enum hg_status hg_view_save(
 // was. Call after parameters and camera are set.
 enum hg_status hg_view_load(struct hg_view *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
-// What the next picture of a view of HG_DENOISE_ANIMATION is averaged with: the settled picture, for
-// another process that makes the one after it, to the bit. HG_E_STATE: there is none.
+// What the next picture of a view of HG_DENOISE_ANIMATION is averaged with: the settled picture,
+// for another process that makes the one after it, to the bit. HG_E_STATE: there is none.
 enum hg_status hg_view_save_history(
     struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // HG_E_INVAL: damaged, or the view makes no animation; the view stays as it was. Takes the place of

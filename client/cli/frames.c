@@ -241,6 +241,8 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     if (!status && told.status) {
         status = told.status;
         *err = told;
+        if (strcmp(told.what, "camera") == 0)
+            r->doing = HG_CLI_DOING_ARGUMENTS;
     }
     return status;
 }

@@ -31,6 +31,11 @@ static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error
                        : o->has_trace                  ? "--trace"
                        : o->has_max_bounces            ? "--max-bounces"
                        : o->has_denoise                ? "--denoise"
+                       : o->has_clamp_indirect         ? "--clamp-indirect"
+                       : o->has_filter                 ? "--filter"
+                       : o->has_filter_radius          ? "--filter-radius"
+                       : o->has_lens_radius            ? "--lens-radius"
+                       : o->has_focus                  ? "--focus"
                        : o->has_shutter                ? "--shutter"
                        : o->has_catcher                ? "--catcher"
                        : o->has_next_eye && !planes    ? "--next-eye"
@@ -55,6 +60,8 @@ static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_err
         return usage(err, "--eye", "and --target are the same point");
     if ((o->has_next_eye || o->has_next_target) && !o->has_eye)
         return usage(err, o->has_next_eye ? "--next-eye" : "--next-target", "needs --eye");
+    if (o->has_focus && !o->has_lens_radius)
+        return usage(err, "--focus", "needs --lens-radius");
     if (o->has_orbit && o->orbit.v[2] < 0)
         return usage(err, "--orbit", "the radius is negative");
     return HG_OK;
@@ -300,6 +307,10 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
         .noise = (float)o->noise,
         .has_time_limit_s = o->has_time,
         .time_limit_s = (float)o->time,
+        .has_filter_radius_px = o->has_filter_radius,
+        .filter_radius_px = (float)o->filter_radius,
+        .has_clamp_indirect = o->has_clamp_indirect,
+        .clamp_indirect = (float)o->clamp_indirect,
         .has_denoise = o->denoise,
         .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
         .has_planes = r->planes != 0,
@@ -320,6 +331,10 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
     if (o->has_trace && hgp_enum_value("trace_backend", o->trace, &value)) {
         view.has_trace = true;
         view.trace = (enum hgp_trace_backend)value;
+    }
+    if (o->has_filter && hgp_enum_value("filter", o->filter, &value)) {
+        view.has_filter = true;
+        view.filter = (enum hgp_filter)value;
     }
     if (o->has_debug_view && hgp_enum_value("debug_view", o->debug_view, &value)) {
         view.has_debug_view = true;
@@ -349,7 +364,12 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     double fov = (o->has_fov ? o->fov : 45) * pi / 180;
-    struct hgp_view_camera camera = {.view = HG_CLI_VIEW, .input_seq = 1};
+    struct hgp_view_camera camera = {.view = HG_CLI_VIEW,
+        .input_seq = 1,
+        .has_lens_radius = o->has_lens_radius,
+        .lens_radius = (float)o->lens_radius,
+        .has_focus_distance = o->has_focus,
+        .focus_distance = (float)o->focus};
     enum hg_status status = HG_OK;
     if (o->has_orbit) {
         helio_camera_orbit(o->orbit.v[0], o->orbit.v[1], o->orbit.v[2], o->target.v, &camera);

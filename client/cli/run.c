@@ -205,14 +205,13 @@ static enum hg_status find_material(
 
 static enum hg_status do_camera(struct run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
-    struct hgp_view_camera camera = {0};
+    struct hgp_view_camera camera = s->camera;
     enum hg_status status = HG_OK;
-    if (s->kind == HG_CLI_STEP_CAMERA)
-        camera = s->camera;
-    else if (s->kind == HG_CLI_STEP_CAMERA_FIT)
+    camera.has_lens_radius = camera.has_focus_distance = true; // not those of the camera before
+    if (s->kind == HG_CLI_STEP_CAMERA_FIT)
         status = hg_cli_fit_camera(
             &r->cli, s->number * pi / 180, (double)r->width / r->height, &camera, err);
-    else
+    else if (s->kind == HG_CLI_STEP_CAMERA_NODE)
         status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
     camera.has_camera = camera.camera != 0;
     camera.view = HG_CLI_VIEW;

@@ -303,14 +303,36 @@ static enum hg_status set_denoise(struct words *w, struct hg_cli_step *s, struct
 
 static enum hg_status set_time_limit(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
-    return take_f32_in(
-        w, "time", 0, 1e6, &s->view.time_limit_s, &s->view.has_time_limit_s, err);
+    return take_f32_in(w, "time", 0, 1e6, &s->view.time_limit_s, &s->view.has_time_limit_s, err);
 }
 
 static enum hg_status set_max_bounces(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     s->view.has_max_bounces = true;
     return take_u32(w, "max-bounces", 1, 256, &s->view.max_bounces, err);
+}
+
+static enum hg_status set_filter(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    uint32_t value = 0;
+    enum hg_status status = take_enum(w, "filter", &value, err);
+    s->view.has_filter = !status;
+    s->view.filter = (enum hgp_filter)value;
+    return status;
+}
+
+static enum hg_status set_filter_radius(
+    struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(
+        w, "filter-radius", 0, 8, &s->view.filter_radius_px, &s->view.has_filter_radius_px, err);
+}
+
+static enum hg_status set_clamp_indirect(
+    struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    return take_f32_in(
+        w, "clamp-indirect", 0, 1e9, &s->view.clamp_indirect, &s->view.has_clamp_indirect, err);
 }
 
 static enum hg_status set_debug_view(struct words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -473,7 +495,9 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
         {"seed", set_seed}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
         {"material", set_material}, {"debug-view", set_debug_view}, {"error-px", set_error_px},
         {"target-ms", set_target_ms}, {"spp", set_samples}, {"trace", set_trace},
-        {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit}, {"max-bounces", set_max_bounces}};
+        {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit},
+        {"max-bounces", set_max_bounces}, {"filter", set_filter},
+        {"filter-radius", set_filter_radius}, {"clamp-indirect", set_clamp_indirect}};
     s->kind = HG_CLI_STEP_VIEW;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (accept(w, keys[i].key))
@@ -484,6 +508,21 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
 }
 
 // ---- camera, time, frame -----------------------------------------------------------------------
+
+static enum hg_status take_lens(struct words *w, struct hgp_view_camera *c, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    while (!status && w->next < w->count) {
+        if (accept(w, "lens"))
+            status = take_f32_in(w, "lens", 0, 1e6, &c->lens_radius, &c->has_lens_radius, err);
+        else if (accept(w, "focus"))
+            status =
+                take_f32_in(w, "focus", 0, 1e12, &c->focus_distance, &c->has_focus_distance, err);
+        else
+            break;
+    }
+    return status;
+}
 
 static enum hg_status take_target_and_fov(
     struct words *w, double target[3], struct hgp_view_camera *c, struct hg_error *err)
@@ -510,12 +549,15 @@ static enum hg_status parse_camera(struct words *w, struct hg_cli_step *s, struc
     s->kind = HG_CLI_STEP_CAMERA;
     if (accept(w, "node")) {
         s->kind = HG_CLI_STEP_CAMERA_NODE;
-        return take(w, "node name", &s->name, err);
+        enum hg_status named = take(w, "node name", &s->name, err);
+        return named ? named : take_lens(w, c, err);
     }
     if (accept(w, "fit")) {
         s->kind = HG_CLI_STEP_CAMERA_FIT;
         s->number = 45;
-        return accept(w, "fov") ? take_number(w, "fov", 0.1, 179, &s->number, err) : HG_OK;
+        enum hg_status fov =
+            accept(w, "fov") ? take_number(w, "fov", 0.1, 179, &s->number, err) : HG_OK;
+        return fov ? fov : take_lens(w, c, err);
     }
     bool orbit = accept(w, "orbit");
     if (!orbit && !accept(w, "eye"))
@@ -523,6 +565,8 @@ static enum hg_status parse_camera(struct words *w, struct hg_cli_step *s, struc
     enum hg_status status = take_numbers(w, orbit ? "orbit" : "eye", 3, place, err);
     if (!status)
         status = take_target_and_fov(w, target, c, err);
+    if (!status)
+        status = take_lens(w, c, err);
     if (status)
         return status;
     if (orbit && place[2] < 0)

@@ -12,6 +12,7 @@ _helio()
     'render --exr') COMPREPLY=($(compgen -W 'half float' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --trace') COMPREPLY=($(compgen -W 'embree compute khr' -- "$cur")); return ;;
+    'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
     'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
@@ -24,7 +25,7 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --mode --samples --spp --time --noise --trace --max-bounces --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --lens-radius --focus --mode --samples --spp --time --noise --trace --max-bounces --clamp-indirect --filter --filter-radius --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     info) options='--scene --json --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
     run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;

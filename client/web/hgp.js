@@ -44,6 +44,7 @@ export const enums = {
     checkpoint_kind: { FILM: 0, HISTORY: 1 },
     plane: { COLOR: 0, ALBEDO: 1, NORMAL: 2, GEOMETRIC_NORMAL: 3, DEPTH: 4, POSITION: 5, EMISSION: 6, DIRECT_DIFFUSE: 7, DIRECT_SPECULAR: 8, DIRECT_TRANSMISSION: 9, INDIRECT_DIFFUSE: 10, INDIRECT_SPECULAR: 11, INDIRECT_TRANSMISSION: 12, MOTION: 13, OBJECT: 14, MATERIAL: 15, SAMPLES: 16, VARIANCE: 17, LIGHT_GROUPS: 18, CRYPTO_OBJECT: 19, CRYPTO_MATERIAL: 20, CRYPTO_ASSET: 21, NOISY: 22 },
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
+    filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
@@ -463,6 +464,9 @@ export const messages = {
             { name: "shutter_open", kind: "f32", least: -1, most: 1, since: 1, optional: true },
             { name: "shutter_close", kind: "f32", least: -1, most: 1, since: 1, optional: true },
             { name: "series_s", kind: "f32", least: 1e-06, most: 1e+06, since: 1, optional: true },
+            { name: "filter", kind: "enum", values: "filter", since: 1, optional: true },
+            { name: "filter_radius_px", kind: "f32", least: 0, most: 8, since: 1, optional: true },
+            { name: "clamp_indirect", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -490,6 +494,8 @@ export const messages = {
             { name: "next_eye", kind: "vec3", since: 1, optional: true },
             { name: "next_target", kind: "vec3", since: 1, optional: true },
             { name: "next_up", kind: "vec3", since: 1, optional: true },
+            { name: "lens_radius", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "focus_distance", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
         ],
     },
     // one frame, answered by frame with this request id

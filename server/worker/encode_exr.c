@@ -8,7 +8,7 @@
 #include "server/worker/task.h"
 
 enum {
-    ATTRIBUTES = 20,
+    ATTRIBUTES = 24,
     MATTE_ATTRIBUTES = 4,
     MATTE_LAYERS = HG_MATTE_RANKS / 2, // parts of a matte
     MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
@@ -76,6 +76,29 @@ static void add_number(struct file *f, uint32_t *n, const char *name, const floa
         (struct hg_image_attribute){.name = name, .type = HG_ATTR_FLOAT, .floats = value};
 }
 
+static void add_count(struct file *f, uint32_t *n, const char *name, uint32_t count)
+{
+    f->attributes[(*n)++] =
+        (struct hg_image_attribute){.name = name, .type = HG_ATTR_INT, .integer = (int)count};
+}
+
+static void add_path(struct file *f, uint32_t *n)
+{
+    static const char *const filters[] = {"blackman-harris", "box", "tent", "gaussian"};
+    const struct encode_notes *notes = &f->job->notes;
+    if (!notes->traced)
+        return;
+    add_text(f, n, "heliograph:filter", filters[notes->filter]);
+    add_number(f, n, "heliograph:filterRadius", &notes->filter_radius_px);
+    add_count(f, n, "heliograph:maxBounces", notes->max_bounces);
+    if (notes->clamp_indirect > 0)
+        add_number(f, n, "heliograph:clampIndirect", &notes->clamp_indirect);
+    if (notes->lens_radius > 0) {
+        add_number(f, n, "heliograph:lensRadius", &notes->lens_radius);
+        add_number(f, n, "heliograph:focusDistance", &notes->focus_distance);
+    }
+}
+
 static uint32_t list_attributes(struct file *f, const float *time_s)
 {
     const struct hgp_frame *frame = &f->job->frame;
@@ -91,10 +114,8 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_text(f, &n, "heliograph:device", notes->device);
     add_text(f, &n, "heliograph:sceneRevision", f->revision);
     add_text(f, &n, ENCODE_JOB_KEY, notes->job);
-    f->attributes[n++] = (struct hg_image_attribute){
-        .name = "heliograph:samples", .type = HG_ATTR_INT, .integer = (int)frame->samples};
-    f->attributes[n++] = (struct hg_image_attribute){
-        .name = "heliograph:seed", .type = HG_ATTR_INT, .integer = (int)notes->seed};
+    add_count(f, &n, "heliograph:samples", frame->samples);
+    add_count(f, &n, "heliograph:seed", notes->seed);
     add_number(f, &n, "heliograph:time", time_s);
     if (notes->shutter[1] > notes->shutter[0]) {
         add_number(f, &n, "heliograph:shutterOpen", &notes->shutter[0]);
@@ -106,6 +127,7 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
         add_number(f, &n, "heliograph:noise", &frame->noise);
     static const char *const denoise[] = {"", "still", "animation"};
     add_text(f, &n, "heliograph:denoise", denoise[notes->denoise]);
+    add_path(f, &n);
     // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.
     f->attributes[n++] = (struct hg_image_attribute){
         .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = notes->world_to_camera};

@@ -115,10 +115,11 @@ static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const 
     hg_write_u8(w, node && node->camera);
     if (node && node->camera) {
         const struct hg_camera *c = node->camera;
-        const float lens[] = {c->vfov_rad, c->half_height, c->near, c->far};
+        const float lens[] = {c->vfov_rad, c->half_height, c->near, c->far, v->camera.lens_radius,
+            v->camera.focus_distance};
         put_floats(w, node->world, 16);
         hg_write_u32(w, (uint32_t)c->kind);
-        put_floats(w, lens, 4);
+        put_floats(w, lens, 6);
         return;
     }
     const struct hg_view_camera *c = &v->camera;
@@ -253,6 +254,24 @@ static enum hg_status read_planes(
     return status;
 }
 
+// Filter, lens, and the limits that make a path-traced picture biased.
+static void note_path(const struct view_slot *view, struct encode_notes *notes)
+{
+    const struct hg_view_params *p = &view->params;
+    const struct hg_view_camera *c = &view->camera;
+    double way = 0;
+    for (int i = 0; i < 3; i++)
+        way = hypot(way, (double)c->target[i] - (double)c->eye[i]);
+    notes->traced = p->mode == HG_MODE_PATH;
+    notes->filter = p->filter;
+    notes->filter_radius_px =
+        p->filter_radius_px > 0 ? p->filter_radius_px : hg_filter_radius_px(p->filter);
+    notes->max_bounces = p->max_bounces ? p->max_bounces : HG_VIEW_DEFAULT_BOUNCES;
+    notes->clamp_indirect = p->clamp_indirect;
+    notes->lens_radius = c->lens_radius;
+    notes->focus_distance = c->focus_distance > 0 ? c->focus_distance : (float)way;
+}
+
 enum hg_status film_attach(struct serve *s, struct session *session, struct view_slot *view,
     struct encode_job *job, struct hg_error *err)
 {
@@ -280,6 +299,7 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
     notes->shutter[1] = view->params.shutter_close;
     notes->frame_s = view->params.frame_s > 0 ? view->params.frame_s : 1.0f / 24.0f;
     notes->time_s = session->scene->time_s;
+    note_path(view, notes);
     notes->denoise = view->params.mode == HG_MODE_PATH ? view->params.denoise : HG_DENOISE_OFF;
     notes->exposure = exp2f(view->params.exposure_ev);
     const bool traced = view->params.mode == HG_MODE_PATH && frame->samples > 0;

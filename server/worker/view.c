@@ -81,6 +81,12 @@ static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *
         p->shutter_close = m->shutter_close;
     if (m->has_series_s)
         p->series_s = m->series_s;
+    if (m->has_filter)
+        p->filter = (enum hg_filter)m->filter;
+    if (m->has_filter_radius_px)
+        p->filter_radius_px = m->filter_radius_px;
+    if (m->has_clamp_indirect)
+        p->clamp_indirect = m->clamp_indirect;
 }
 
 static enum hg_status overlay_planes(
@@ -190,6 +196,10 @@ static void overlay_camera(struct hg_view_camera *c, const struct hgp_view_camer
         c->near = m->near;
     if (m->has_far)
         c->far = m->far;
+    if (m->has_lens_radius)
+        c->lens_radius = m->lens_radius;
+    if (m->has_focus_distance)
+        c->focus_distance = m->focus_distance;
     c->moves = m->has_next_eye || m->has_next_target;
     memcpy(c->next_eye, m->has_next_eye ? m->next_eye : c->eye, sizeof c->next_eye);
     memcpy(c->next_target, m->has_next_target ? m->next_target : c->target, sizeof c->next_target);
@@ -210,7 +220,7 @@ void view_camera(const struct request *r)
     overlay_camera(&camera, m);
     if (node)
         hg_scene_update(r->session->scene->scene);
-    enum hg_status status = node ? hg_view_set_camera_node(view->view, node, m->input_seq, &err)
+    enum hg_status status = node ? hg_view_set_camera_node(view->view, node, &camera, &err)
                                  : hg_view_set_camera(view->view, &camera, &err);
     if (status) {
         serve_fail(r, &err);
@@ -527,8 +537,7 @@ static enum hg_status step(
     enum hg_status status = HG_OK;
     if (view->camera_node && view->camera_node_revision != scene->revision) {
         hg_scene_update(scene);
-        status =
-            hg_view_set_camera_node(view->view, view->camera_node, view->camera.input_seq, err);
+        status = hg_view_set_camera_node(view->view, view->camera_node, &view->camera, err);
         view->camera_node_revision = scene->revision;
     }
     // A failed step leaves no info behind: what comes after it is a new state, too.

@@ -209,6 +209,133 @@ static void test_lens(void **state)
     hg_view_destroy(view);
 }
 
+// Height of a filter of radius 1, as its name says.
+static double filter_height(enum hg_filter filter, double x)
+{
+    const double a = 3.14159265358979323846 * x;
+    switch (filter) {
+    case HG_FILTER_BOX:
+        return 1.0;
+    case HG_FILTER_TENT:
+        return 1.0 - fabs(x);
+    case HG_FILTER_GAUSSIAN:
+        return exp(-4.5 * x * x) - exp(-4.5);
+    default:
+        return 0.35875 + 0.48829 * cos(a) + 0.14128 * cos(2 * a) + 0.01168 * cos(3 * a);
+    }
+}
+
+// Share of a filter that lies beyond t.
+static double filter_share(enum hg_filter filter, double radius, double t)
+{
+    enum { STEPS = 4000 };
+    double sum = 0, beyond = 0;
+    for (int i = 0; i < STEPS; i++) {
+        const double x = (i + 0.5) * 2 / STEPS - 1, h = filter_height(filter, x);
+        sum += h;
+        beyond += x * radius > t ? h : 0;
+    }
+    return beyond / sum;
+}
+
+// Half of a plane that shines from 0.3 px to the right of the middle on: each column of pixels sees
+// the share of its filter beyond the edge. Filters that neighbours share samples of (their nine
+// weights are made to add up to one, which changes Blackman-Harris by 0.004), and wider ones.
+static void test_filters(void **state)
+{
+    struct rig *rig = *state;
+    static const struct {
+        enum hg_filter filter;
+        float radius, expected;
+    } rows[] = {{HG_FILTER_BLACKMAN_HARRIS, 0, 1.5f}, {HG_FILTER_BOX, 0, 0.5f},
+        {HG_FILTER_TENT, 0, 1.0f}, {HG_FILTER_GAUSSIAN, 0, 1.5f}, {HG_FILTER_TENT, 2.5f, 2.5f},
+        {HG_FILTER_GAUSSIAN, 5, 5}};
+    const float edge_px = 0.3f, edge = edge_px * 2 / SIDE; // the picture is 2 wide
+    const float light[4][3] = {{edge, -9, 0}, {9, -9, 0}, {9, 9, 0}, {edge, 9, 0}};
+    rig_scene(rig);
+    struct hg_material *m = path_rig_lambert(rig, 0.0f);
+    m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
+    rig_quad(rig, m, light);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct hg_view_params params = defaults;
+        params.samples = 1024; // all lie at one place in their pixels: steps
+        params.filter = rows[i].filter;
+        params.filter_radius_px = rows[i].radius;
+        struct hg_view *view = path_rig_view(rig, &params);
+        path_rig_set_camera(
+            view, &(struct hg_view_camera){
+                      .eye = {0, 0, 5}, .up = {0, 1, 0}, .orthographic = true, .half_height = 1});
+        path_rig_settle(view);
+        struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
+        const float *at = (const float *)(const void *)color->data;
+        double most = 0;
+        for (int x = 0; x < SIDE; x++) {
+            double seen = 0;
+            for (int y = 0; y < SIDE; y++)
+                seen += (double)at[(y * SIDE + x) * 4] / SIDE;
+            const double beyond = (double)edge_px - (x + 0.5 - SIDE / 2);
+            most = fmax(
+                most, fabs(seen - filter_share(rows[i].filter, (double)rows[i].expected, beyond)));
+        }
+        print_message("filter %d of %.1f px: off by %.4f at most\n", (int)rows[i].filter,
+            (double)rows[i].expected, most);
+        assert_true(most < 0.005);
+        hg_refbuf_unref(color);
+        hg_view_destroy(view);
+    }
+}
+
+// What light brought by way of other surfaces, of the brightest pixel and of all.
+static void indirect_of(struct rig *rig, float clamp, double *most, double *sum, double *direct)
+{
+    struct hg_view_params params = defaults;
+    params.samples = 1;
+    params.max_bounces = 2;
+    params.clamp_indirect = clamp;
+    params.planes = 7u << HG_PLANE_INDIRECT_DIFFUSE | 7u << HG_PLANE_DIRECT_DIFFUSE;
+    struct hg_view *view = path_rig_view(rig, &params);
+    path_rig_look(view, room_eye, room_target, 0.8f);
+    path_rig_settle(view);
+    struct hg_refbuf *planes[6];
+    *most = *sum = *direct = 0;
+    for (int k = 0; k < 6; k++)
+        planes[k] = path_rig_plane(view,
+            (enum hg_plane)((k < 3 ? HG_PLANE_INDIRECT_DIFFUSE : HG_PLANE_DIRECT_DIFFUSE - 3) + k));
+    for (int i = 0; i < SIDE * SIDE * 3; i++) {
+        double brought = 0;
+        for (int k = 0; k < 6; k++) {
+            const double v = (double)((const float *)(const void *)planes[k]->data)[i];
+            brought += k < 3 ? v : 0;
+            *direct += k < 3 ? 0 : v;
+        }
+        *sum += brought;
+        *most = fmax(*most, brought);
+    }
+    for (int k = 0; k < 6; k++)
+        hg_refbuf_unref(planes[k]);
+    hg_view_destroy(view);
+}
+
+// A sample of two bounces finds at most two lights by way of another surface: the one that it asks
+// and the one that it runs into. Off, nothing is cut; what comes straight from lights never is.
+static void test_clamp(void **state)
+{
+    struct rig *rig = *state;
+    const float limit = 0.05f;
+    double most[2], sum[2], direct[2];
+    path_rig_room(rig);
+    rig->renderer->context.branches = 1;
+    for (int i = 0; i < 2; i++)
+        indirect_of(rig, i ? limit : 0.0f, &most[i], &sum[i], &direct[i]);
+    rig->renderer->context.branches = 0;
+    print_message("indirect light: %.3f at most, %.3f with a limit of %.2f; %.4f of it is left\n",
+        most[0], most[1], (double)limit, sum[1] / sum[0]);
+    assert_true(most[0] > 6 * (double)limit);
+    assert_true(most[1] <= 2.0001 * (double)limit);
+    assert_true(sum[1] < 0.9 * sum[0] && sum[1] > 0);
+    assert_true(direct[0] == direct[1]);
+}
+
 static struct hg_refbuf *room_traced(struct rig *rig, enum hg_view_trace trace)
 {
     path_rig_room(rig);
@@ -353,6 +480,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
         cmocka_unit_test(test_changes_unread), cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_filters), cmocka_unit_test(test_clamp),
         cmocka_unit_test(test_neighbours), cmocka_unit_test(test_backends),
         cmocka_unit_test(test_branches), cmocka_unit_test(test_branches_chosen)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);

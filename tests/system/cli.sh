@@ -37,6 +37,12 @@ compare_ways png "$duck" --size 160x120 --samples 8
 compare_ways png "$duck" --size 160x120 --samples 8 --orbit 30,60,3 --target 0,0.8,0 --env "$env" \
     --background none --tonemap agx --exposure 0.5 --bit-depth 16
 compare_ways exr "$fox" --size 96x96 --samples 4 --at 0.4 --exr float --env "$env" --aov all
+lens=(--mode path --size 48x32 --spp 4 --lens-radius 0.3 --filter tent --clamp-indirect 1)
+compare_ways exr "$duck" "${lens[@]}" --focus 2
+grep -aq heliograph:lensRadius "$temp/a.exr" || fail "the file does not tell its lens"
+picture e.exr "$duck" "${lens[@]}" --focus 2.5
+expect 1 "$helio" compare "$temp/a.exr" "$temp/e.exr" --metric max --fail-above 0
+expect 2 "$helio" render "$duck" -o "$temp/none.png" "${lens[@]}" # the scene's camera has no target
 compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
 
 # Frames of an animation differ from each other and are the same both ways.

@@ -552,7 +552,8 @@ static void test_limits(void **state)
     assert_int_equal(info.width, 32);
     const struct hg_view_camera bad = {.eye = {1, 2, 3}, .target = {1, 2, 3}};
     assert_int_equal(hg_view_set_camera(rig.view, &bad, &rig.err), HG_E_INVAL);
-    assert_int_equal(hg_view_set_camera_node(rig.view, 99, 0, &rig.err), HG_E_NOTFOUND);
+    assert_int_equal(hg_view_set_camera_node(rig.view, 99, &(struct hg_view_camera){0}, &rig.err),
+        HG_E_NOTFOUND);
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
     rig_close(&rig);
 }

@@ -208,12 +208,18 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
         fprintf(out, " eye=%.6g,%.6g,%.6g camera=%llu", (double)m->view_camera.eye[0],
             (double)m->view_camera.eye[1], (double)m->view_camera.eye[2],
             (unsigned long long)m->view_camera.camera);
+    if (type == HGP_T_view_camera && m->view_camera.has_lens_radius)
+        fprintf(out, " lens=%g,%g", (double)m->view_camera.lens_radius,
+            (double)m->view_camera.focus_distance);
     if (type == HGP_T_checkpoint_set)
         fprintf(out, " %.*s", (int)m->checkpoint_set.data.size, m->checkpoint_set.data.data);
     if (type == HGP_T_view_set && m->view_set.has_mode)
         fprintf(out, " mode=%u trace=%u bounces=%u noise=%g time=%g planes=%x", m->view_set.mode,
             m->view_set.trace, m->view_set.max_bounces, (double)m->view_set.noise,
             (double)m->view_set.time_limit_s, m->view_set.planes);
+    if (type == HGP_T_view_set && m->view_set.has_filter)
+        fprintf(out, " filter=%u,%g clamp=%g", m->view_set.filter,
+            (double)m->view_set.filter_radius_px, (double)m->view_set.clamp_indirect);
     if (type == HGP_T_view_set)
         fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
             m->view_set.samples);
@@ -346,7 +352,7 @@ static bool misbehave(const struct hgp_header *h, const char *name)
     size_t n = strlen(name);
     if (value && strncmp(value, name, n) == 0 && value[n] == ':') {
         struct hgp_error error = {.code = (uint16_t)atoi(value + n + 1),
-            .what = hgp_str_make("fake.gltf"),
+            .what = hgp_str_make(strcmp(name, "view_camera") == 0 ? "camera" : "fake.gltf"),
             .where = hgp_str_make("/meshes/0"),
             .reason = hgp_str_make("as the test wants")};
         answer(h, HGP_T_error, &error);

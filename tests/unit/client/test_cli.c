@@ -110,6 +110,18 @@ static void test_path(void **state)
         "$HELIO render s.gltf -o p.exr --mode path --trace khr");
 }
 
+static void test_lens(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logl",
+        "$HELIO render s.gltf -o p.exr --mode path --eye 1,2,3 --lens-radius 0.25 --focus 4 "
+        "--filter tent --filter-radius 2.5 --clamp-indirect 8");
+    expect_file("logl", "filter=2,2.5 clamp=8 size");
+    expect_file("logl", "view_camera eye=1,2,3 camera=0 lens=0.25,4\n");
+    expect_run(2, "as the test wants", "fail=view_camera:1",
+        "$HELIO render s.gltf -o p.exr --mode path --lens-radius 0.25");
+}
+
 // Files that are whole and of this job are left alone; others are made again, and said why.
 static void test_skip_existing(void **state)
 {
@@ -149,7 +161,7 @@ static void test_checkpoints(void **state)
     expect_file("loge", "checkpoint_set film\n");
     expect_file("cp.png", "frame 1 ");
     expect_no_file("cp.png.checkpoint"); // it has done its duty
-    expect_run(0, NULL, "", resume);    // and is not needed
+    expect_run(0, NULL, "", resume);     // and is not needed
     // Cut short and damaged ones, in intervals, and none at all.
     expect_run(8, NULL, "silent=frame_request log=logc", stop);
     expect_run(0, "is cut short", "",
@@ -200,12 +212,18 @@ static void test_usage(void **state)
         {"render s.gltf -o a.exr --aov variance", "'variance' needs --mode path"},
         {"render s.gltf -o a.exr --aov light-groups", "'light-groups' needs --mode path"},
         {"render s.gltf -o a.png --next-eye 1,2,3 --eye 1,1,1", "--next-eye: needs --mode path"},
-        {"render s.gltf -o a.exr --aov depth --debug-view lod", "--aov: a debug view has no planes"},
+        {"render s.gltf -o a.exr --aov depth --debug-view lod",
+            "--aov: a debug view has no planes"},
         {"render s.gltf -o a.png --mode path --aov depth", "--aov: needs a file that ends in .exr"},
         {"render s.gltf -o a.exr --mode path --aov depht",
             "'depht' is none of: albedo normal geometric-normal depth"},
         {"render s.gltf -o a.exr --mode path --aov depth,", "'' is none of"},
         {"render s.gltf -o a.png --noise 0.1", "--noise: needs --mode path"},
+        {"render s.gltf -o a.png --lens-radius 0.1", "--lens-radius: needs --mode path"},
+        {"render s.gltf -o a.png --clamp-indirect 1", "--clamp-indirect: needs --mode path"},
+        {"render s.gltf -o a.png --filter box", "--filter: needs --mode path"},
+        {"render s.gltf -o a.png --mode path --filter sinc", "'sinc' is none of blackman-harris"},
+        {"render s.gltf -o a.png --mode path --focus 2", "--focus: needs --lens-radius"},
         {"render s.gltf -o a.png --trace embree", "--trace: needs --mode path"},
         {"render s.gltf -o a.png --mode realtime --resume", "--resume: needs --mode path"},
         {"render s.gltf -o a.png --checkpoint 5", "--checkpoint: needs --mode path"},
@@ -501,6 +519,7 @@ int main(void)
         cmocka_unit_test(test_default_camera_and_light),
         cmocka_unit_test(test_frames),
         cmocka_unit_test(test_path),
+        cmocka_unit_test(test_lens),
         cmocka_unit_test(test_skip_existing),
         cmocka_unit_test(test_checkpoints),
         cmocka_unit_test(test_stats),

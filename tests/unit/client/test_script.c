@@ -94,9 +94,11 @@ static void test_path_keys(void **state)
     (void)state;
     struct hg_cli_script s;
     parse_good("set mode path\nset spp 7\nset trace khr\nset noise 0.5\nset time 3\n"
-               "set max-bounces 9\nat 2.5\n",
+               "set max-bounces 9\nat 2.5\nset filter gaussian\nset filter-radius 2\n"
+               "set clamp-indirect 3\ncamera eye 1,2,3 target 0,0,1 lens 0.5 focus 4\n"
+               "camera node c lens 0.25\n",
         &s);
-    assert_int_equal(s.count, 7);
+    assert_int_equal(s.count, 12);
     assert_true(s.steps[0].view.has_mode && s.steps[0].view.mode == HGP_render_mode_PATH);
     assert_true(s.steps[1].view.has_samples && s.steps[1].view.samples == 7);
     assert_true(s.steps[2].view.has_trace && s.steps[2].view.trace == HGP_trace_backend_KHR);
@@ -105,6 +107,12 @@ static void test_path_keys(void **state)
     assert_true(s.steps[5].view.has_max_bounces && s.steps[5].view.max_bounces == 9);
     assert_int_equal(s.steps[6].kind, HG_CLI_STEP_TIME);
     assert_true(s.steps[6].number == 2.5);
+    assert_true(s.steps[7].view.has_filter && s.steps[7].view.filter == HGP_filter_GAUSSIAN);
+    assert_true(s.steps[8].view.has_filter_radius_px && s.steps[8].view.filter_radius_px == 2);
+    assert_true(s.steps[9].view.has_clamp_indirect && s.steps[9].view.clamp_indirect == 3);
+    assert_true(s.steps[10].camera.lens_radius == 0.5f && s.steps[10].camera.focus_distance == 4);
+    assert_int_equal(s.steps[11].kind, HG_CLI_STEP_CAMERA_NODE);
+    assert_true(s.steps[11].camera.lens_radius == 0.25f);
     hg_cli_script_finish(&s);
 }
 
