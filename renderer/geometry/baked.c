@@ -82,18 +82,33 @@ enum hg_status hg_baked_show_proxies(
     return status;
 }
 
-uint64_t hg_baked_lost_bytes(const struct hg_mesh_entry *meshes, uint32_t count)
+uint64_t hg_baked_lost_bytes(
+    const struct hg_mesh_entry *meshes, uint32_t count, uint64_t *proxy_bytes)
 {
     uint64_t bytes = 0;
+    *proxy_bytes = 0;
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t p = 0; p < meshes[i].part_count; p++) {
             struct hg_pack_layout whole;
-            if (meshes[i].parts[p].unbaked &&
-                hg_pack_layout_of(&meshes[i].mesh->parts[p], 0, &whole) == HG_OK)
-                bytes += whole.total_bytes;
+            if (!meshes[i].parts[p].unbaked ||
+                hg_pack_layout_of(&meshes[i].mesh->parts[p], 0, &whole) != HG_OK)
+                continue;
+            bytes += whole.total_bytes;
+            *proxy_bytes += meshes[i].parts[p].layout.total_bytes;
         }
     }
     return bytes;
+}
+
+enum hg_status hg_baked_drop_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
+    uint32_t count, uint64_t *written, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t p = 0; p < meshes[i].part_count && status == HG_OK; p++)
+            if (meshes[i].parts[p].unbaked)
+                status = hg_mesh_entry_drop_proxy(g->gpu, &meshes[i], p, written, err);
+    return status;
 }
 
 // The part has chunks in place of streams of its own.

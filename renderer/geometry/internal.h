@@ -62,7 +62,7 @@ struct hg_part_entry {
     struct hg_posed_levels posed;                // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     struct hg_mesh_part *proxy; // what the streams hold until there are levels; NULL: the part
-    bool baking, unbaked;       // unbaked: it had a proxy and gets no levels
+    bool baking, unbaked;       // unbaked: it has a proxy and gets no levels
 };
 
 // Primitives of all levels: what a visibility buffer may name.
@@ -89,6 +89,10 @@ enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_m
 // A part that is not on the device yet is shown by a proxy of at most `triangles`. HG_E_NOMEM.
 enum hg_status hg_mesh_entry_set_proxy(
     struct hg_mesh_entry *entry, uint32_t index, uint32_t triangles) HG_MUST_CHECK;
+// A part that is shown by a proxy is shown as it is; a failure leaves it so. Sets err.
+enum hg_status hg_mesh_entry_drop_proxy(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
+    uint32_t index, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
+// What is not on the device yet.
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 void hg_mesh_entry_finish(
@@ -103,8 +107,12 @@ void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_
 // HG_E_NOMEM.
 enum hg_status hg_baked_show_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
     uint32_t count, uint64_t used_bytes) HG_MUST_CHECK;
-// Bytes of parts that had a proxy until they would be baked, and could not be.
-uint64_t hg_baked_lost_bytes(const struct hg_mesh_entry *meshes, uint32_t count);
+// Bytes of parts that have a proxy until they would be baked, and could not be; and of the proxies.
+uint64_t hg_baked_lost_bytes(
+    const struct hg_mesh_entry *meshes, uint32_t count, uint64_t *proxy_bytes);
+// Shows them as they are: there is room now.
+enum hg_status hg_baked_drop_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
+    uint32_t count, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 // Triangles from which parts are baked; UINT32_MAX: none are.
 uint32_t hg_baked_from(const struct hg_geometry *g);
 // The triangle of a part nearest to a point of the space that `world` leads to; 0 when it has none.

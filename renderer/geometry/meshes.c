@@ -227,11 +227,50 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
     return status;
 }
 
+static void finish_part(struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct hg_part_entry *e)
+{
+    if (gpu != NULL)
+        hg_gpu_buffer_destroy(gpu, &e->buffer);
+    if (e->clusters != NULL)
+        hg_cluster_mesh_close(pool, e->clusters);
+    hg_meshlets_finish(&e->meshlets);
+    hg_numbered_finish(&e->numbered);
+    hg_posed_finish(&e->posed);
+    hg_free(e->host_indices);
+    hg_proxy_free(e->proxy);
+    hg_free(e->joint_boxes);
+    hg_free(e->morph_boxes);
+    hg_free(e->morphs);
+}
+
+enum hg_status hg_mesh_entry_drop_proxy(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
+    uint32_t index, uint64_t *written, struct hg_error *err)
+{
+    struct hg_part_entry *e = &entry->parts[index], whole = {.baking = e->baking};
+    const struct hg_mesh_part *part = &entry->mesh->parts[index];
+    enum hg_status status = init_part(&whole, part, entry->target_count);
+    if (status != HG_OK)
+        hg_error_set(err, status, "mesh", entry->mesh->head.name, "no memory");
+    else
+        status = upload_part(gpu, &whole, part, entry->target_count, err);
+    if (status != HG_OK) {
+        finish_part(gpu, NULL, &whole);
+        return status;
+    }
+    *written += entry->is_new ? 0 : whole.layout.total_bytes;
+    entry->bytes += whole.layout.total_bytes - e->layout.total_bytes;
+    finish_part(gpu, NULL, e);
+    *e = whole;
+    return HG_OK;
+}
+
 enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *entry,
     const struct hg_mesh *mesh, uint64_t *written, struct hg_error *err)
 {
     for (uint32_t i = 0; i < entry->part_count; i++) {
         struct hg_part_entry *e = &entry->parts[i];
+        if (e->buffer.size_bytes > 0)
+            continue;
         const enum hg_status status = upload_part(
             gpu, e, e->proxy != NULL ? e->proxy : &mesh->parts[i], mesh->target_count, err);
         if (status != HG_OK)
@@ -244,21 +283,8 @@ enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *en
 void hg_mesh_entry_finish(
     struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct hg_mesh_entry *entry)
 {
-    for (uint32_t i = 0; i < entry->part_count; i++) {
-        struct hg_part_entry *e = &entry->parts[i];
-        if (gpu != NULL)
-            hg_gpu_buffer_destroy(gpu, &e->buffer);
-        if (e->clusters != NULL)
-            hg_cluster_mesh_close(pool, e->clusters);
-        hg_meshlets_finish(&e->meshlets);
-        hg_numbered_finish(&e->numbered);
-        hg_posed_finish(&e->posed);
-        hg_free(e->host_indices);
-        hg_proxy_free(e->proxy);
-        hg_free(e->joint_boxes);
-        hg_free(e->morph_boxes);
-        hg_free(e->morphs);
-    }
+    for (uint32_t i = 0; i < entry->part_count; i++)
+        finish_part(gpu, pool, &entry->parts[i]);
     hg_free(entry->parts);
     memset(entry, 0, sizeof *entry);
 }

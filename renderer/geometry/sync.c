@@ -85,6 +85,13 @@ struct hg_deform_entry *hg_sync_find_deform(
     return count > 0 ? bsearch(&key, list, count, sizeof key, compare_deforms) : NULL;
 }
 
+static void look(struct hg_sync *s)
+{
+    if (!s->looks)
+        hg_spill_begin(NULL);
+    s->looks = true;
+}
+
 static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
 {
     const struct hg_object_list *list = &s->scene->objects[HG_OBJECT_MESH];
@@ -103,9 +110,7 @@ static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
             *entry = *old;
             entry->is_new = false;
         } else {
-            if (!s->looks)
-                hg_spill_begin(NULL);
-            s->looks = true;
+            look(s);
             const enum hg_status status = hg_mesh_entry_init(entry, mesh, &limits, err);
             if (status != HG_OK)
                 return status;
@@ -236,8 +241,14 @@ static enum hg_status check_budget(struct hg_sync *s, struct hg_error *err)
         bytes = bytes_of(s);
         chunks = pool_bytes(g, bytes);
     }
-    const uint64_t lost = hg_baked_lost_bytes(s->meshes, s->mesh_count);
-    if (lost > 0)
+    uint64_t proxies;
+    const uint64_t lost = hg_baked_lost_bytes(s->meshes, s->mesh_count, &proxies);
+    if (lost > 0) { // those that could not get levels are shown as they are, or nothing is
+        bytes += lost - proxies;
+        chunks = pool_bytes(g, bytes);
+        s->drops_proxies = true;
+    }
+    if (lost > 0 && bytes + chunks > budget)
         return hg_error_set(err, HG_E_LIMIT, "geometry budget", NULL,
             "%llu bytes are meshes that could not get levels of detail, the budget is %llu",
             (unsigned long long)lost, (unsigned long long)budget);
@@ -254,6 +265,10 @@ static enum hg_status check_budget(struct hg_sync *s, struct hg_error *err)
 static enum hg_status upload_meshes(struct hg_sync *s, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
+    if (s->drops_proxies) {
+        look(s);
+        status = hg_baked_drop_proxies(s->g, s->meshes, s->mesh_count, &s->written, err);
+    }
     for (uint32_t i = 0; i < s->mesh_count && status == HG_OK; i++) {
         struct hg_mesh_entry *entry = &s->meshes[i];
         if (!entry->is_new)

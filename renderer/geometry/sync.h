@@ -37,7 +37,8 @@ struct hg_sync {
     uint32_t bit_count;
     uint64_t written, triangles, used_bytes;
     uint32_t uploads;
-    bool looks; // at arrays of meshes, which may be spilled
+    bool looks;         // at arrays of meshes, which may be spilled
+    bool drops_proxies; // of parts that get no levels: there is room for them
 };
 
 // In a list by id; in one by node id and part. NULL: it is not there.

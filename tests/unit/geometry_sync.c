@@ -74,27 +74,33 @@ static void test_budget(void **state)
     geo_destroy_scene(&s);
 }
 
-// A part above the budget is shown by a proxy until it is baked; one that cannot be baked is
-// refused then: what is left of it in few triangles must not be taken for it.
-static void test_proxy_of_unbaked(void **state)
+// A part of 20,000 triangles that is given to hierarchies and refused: node 3, mesh 2.
+static void add_unbakable(struct geo *f, struct hg_scene *scene)
 {
-    struct geo *f = *state;
-    struct geo_scene s = geo_make_scene(f);
-    struct hg_mesh_part *part = &geo_add_mesh(f, s.scene, 2)->parts[0];
+    struct hg_mesh *mesh = geo_add_mesh(f, scene, 2);
+    struct hg_mesh_part *part = &mesh->parts[0];
     uint32_t *indices = hg_calloc(60000, sizeof *indices);
-    struct hg_jobs *jobs = hg_jobs_create(1);
     assert_non_null(indices);
-    assert_non_null(jobs);
     for (uint32_t i = 0; i < 60000; i++)
         indices[i] = part->indices[i % part->index_count];
     hg_free(part->indices);
     part->indices = indices;
     part->index_count = 60000;
     part->positions[0] = 1e37f; // farther than hierarchies reach
-    geo_add_node(
-        f, s.scene, 3, (struct hg_mesh *)(void *)s.scene->objects[HG_OBJECT_MESH].items[1]);
-    hg_scene_publish(s.scene);
-    hg_scene_update(s.scene);
+    geo_add_node(f, scene, 3, mesh);
+    hg_scene_publish(scene);
+    hg_scene_update(scene);
+}
+
+// A part above the budget is shown by a proxy until it is baked; one that cannot be baked is
+// refused then: what is left of it in few triangles must not be taken for it.
+static void test_proxy_of_unbaked(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    assert_non_null(jobs);
+    add_unbakable(f, s.scene);
     const struct hg_geometry_params params = {
         .budget_bytes = 200000, .jobs = jobs, .bake_from = 1000};
     struct hg_geometry *tight;
@@ -184,6 +190,54 @@ static void set_points(struct hg_scene *scene, struct hg_mesh *mesh, uint32_t ve
     hg_scene_update(scene);
 }
 
+// A part that was refused comes as it is when something else goes, also when the device has no
+// memory for it at first.
+static void test_room_for_unbaked(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    struct hg_geometry_params params = {.jobs = jobs, .bake_from = 1000};
+    struct hg_geometry_stats whole, stats;
+    struct hg_geometry *g;
+    assert_non_null(jobs);
+    struct hg_mesh *points = geo_add_mesh(f, s.scene, 4);
+    set_points(s.scene, points, 40);
+    geo_add_node(f, s.scene, 5, points);
+    add_unbakable(f, s.scene);
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    whole = baked(f, g, s.scene);
+    hg_geometry_destroy(g);
+    params.budget_bytes = whole.used_bytes;
+    set_points(s.scene, points, 4000);
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    geo_check(f, hg_geometry_sync(g, s.scene, NULL, &f->err));
+    hg_geometry_stats(g, &stats);
+    assert_int_equal(stats.proxies, 1);
+    assert_true(hg_geometry_poll(g, HG_COND_FOREVER));
+    assert_int_equal(hg_geometry_sync(g, s.scene, NULL, &f->err), HG_E_LIMIT);
+    set_points(s.scene, points, 40);
+    enum hg_status status = HG_E_NOMEM;
+    uint32_t failures = 0;
+    for (uint64_t n = 1; status != HG_OK && n < 20; n++) {
+        hg_gpu_fail_at(n, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+        status = hg_geometry_sync(g, s.scene, NULL, &f->err);
+        hg_gpu_fail_at(0, VK_SUCCESS);
+        failures += status != HG_OK;
+    }
+    assert_int_equal(status, HG_OK);
+    assert_true(failures > 1);
+    hg_geometry_stats(g, &stats);
+    assert_int_equal(stats.proxies, 0);
+    assert_int_equal(stats.triangles_total, whole.triangles_total);
+    assert_int_equal(stats.used_bytes, whole.used_bytes);
+    set_points(s.scene, points, 41); // and stays
+    geo_check(f, hg_geometry_sync(g, s.scene, NULL, &f->err));
+    hg_geometry_destroy(g);
+    hg_jobs_destroy(jobs);
+    geo_destroy_scene(&s);
+}
+
 // Levels that came in while a sync was refused count as what they are afterwards.
 static void test_refused_after_levels(void **state)
 {
@@ -257,6 +311,6 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_only_what_changed),
         cmocka_unit_test(test_budget), cmocka_unit_test(test_proxy_of_unbaked),
         cmocka_unit_test(test_faults_of_queued), cmocka_unit_test(test_refused_after_levels),
-        cmocka_unit_test(test_faults)};
+        cmocka_unit_test(test_room_for_unbaked), cmocka_unit_test(test_faults)};
     return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
 }
