@@ -144,10 +144,9 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
 static bool take_in(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, struct hg_baked *baked)
 {
-    struct hg_mesh_entry *e = NULL;
-    for (uint32_t i = 0; i < count; i++)
-        if (meshes[i].id == baked->mesh && meshes[i].revision == baked->revision)
-            e = &meshes[i];
+    struct hg_mesh_entry *e = hg_mesh_entry_find(meshes, count, baked->mesh);
+    if (e != NULL && e->revision != baked->revision)
+        e = NULL;
     struct hg_cluster_mesh *clusters = NULL;
     struct hg_error err;
     const bool wanted = e != NULL && baked->status == HG_OK;

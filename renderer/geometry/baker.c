@@ -9,14 +9,16 @@
 #include "base/alloc.h"
 #include "base/cond.h"
 #include "base/log.h"
+#include "base/mix.h"
 #include "base/spill.h"
 #include "renderer/scene/asset.h"
 
-#define TRIM_FROM 500000u // triangles, whose groups leave hundreds of megabytes free in the heap
+#define TABLE_BITS 6u      // at first
+#define TRIM_FROM  500000u // triangles, whose groups leave hundreds of megabytes free in the heap
 
 struct task {
     struct task *next;
-    struct task *older;       // of those that were not taken yet: of the render thread
+    struct task *beside;      // in the table of those that were not taken: of the render thread
     struct hg_mesh_part part; // owns its arrays
     char name[64];            // of the mesh
     struct hg_baked result;
@@ -33,8 +35,9 @@ struct hg_baker {
     pthread_mutex_t lock; // of what follows
     pthread_cond_t changed;
     struct queue todo, done;
-    struct task *pending; // of the render thread: the newest one that was not taken
-    uint32_t pending_count;
+    // Of the render thread: those that were not taken, [1 << pending_bits] lists by pending_slot.
+    struct task **pending;
+    uint32_t pending_bits, pending_count;
     atomic_bool stop;
 };
 
@@ -146,6 +149,12 @@ enum hg_status hg_baker_create(
     struct hg_baker *b = hg_calloc(1, sizeof *b);
     if (b == NULL)
         return hg_error_set(err, HG_E_NOMEM, "levels of detail", NULL, "no memory");
+    b->pending_bits = TABLE_BITS;
+    b->pending = hg_calloc(1u << TABLE_BITS, sizeof *b->pending);
+    if (b->pending == NULL) {
+        hg_free(b);
+        return hg_error_set(err, HG_E_NOMEM, "levels of detail", NULL, "no memory");
+    }
     b->store = store;
     b->jobs = jobs;
     b->todo.last = &b->todo.first;
@@ -155,6 +164,7 @@ enum hg_status hg_baker_create(
     if (pthread_create(&b->thread, NULL, thread_main, b) != 0) {
         pthread_cond_destroy(&b->changed);
         pthread_mutex_destroy(&b->lock);
+        hg_free(b->pending);
         hg_free(b);
         return hg_error_set(err, HG_E_NOMEM, "levels of detail", NULL, "no thread");
     }
@@ -177,6 +187,7 @@ void hg_baker_destroy(struct hg_baker *b)
         free_task(pop(&b->done));
     pthread_cond_destroy(&b->changed);
     pthread_mutex_destroy(&b->lock);
+    hg_free(b->pending);
     hg_free(b);
 }
 
@@ -214,21 +225,58 @@ static bool copy_part(struct hg_mesh_part *to, const struct hg_mesh_part *from)
            copy_array(&to->colors, from->colors, n, 16);
 }
 
+static struct task **pending_slot(
+    const struct hg_baker *b, uint64_t id, uint64_t revision, uint32_t index)
+{
+    const uint64_t h = hg_mix(hg_mix(hg_mix(0, id), revision), index);
+    return &b->pending[h & ((1u << b->pending_bits) - 1)];
+}
+
+static struct task **slot_of(const struct hg_baker *b, const struct task *task)
+{
+    return pending_slot(b, task->result.mesh, task->result.revision, task->result.part);
+}
+
 static bool is_pending(const struct hg_baker *b, uint64_t id, uint64_t revision, uint32_t index)
 {
-    const struct task *t = b->pending;
+    const struct task *t = *pending_slot(b, id, revision, index);
     while (t != NULL &&
            (t->result.mesh != id || t->result.revision != revision || t->result.part != index))
-        t = t->older;
+        t = t->beside;
     return t != NULL;
+}
+
+static void remember(struct hg_baker *b, struct task *task)
+{
+    struct task **slot = slot_of(b, task);
+    task->beside = *slot;
+    *slot = task;
+}
+
+// Twice the lists, once there are as many tasks. Without memory they get longer.
+static void grow_table(struct hg_baker *b)
+{
+    struct task **old = b->pending, **twice = NULL;
+    const uint32_t lists = 1u << b->pending_bits;
+    if (b->pending_count < lists || (twice = hg_calloc(lists * 2ull, sizeof *twice)) == NULL)
+        return;
+    b->pending = twice;
+    b->pending_bits++;
+    for (uint32_t i = 0; i < lists; i++) {
+        for (struct task *t = old[i], *next; t != NULL; t = next) {
+            next = t->beside;
+            remember(b, t);
+        }
+    }
+    hg_free(old);
 }
 
 static void forget(struct hg_baker *b, const struct task *task)
 {
-    struct task **link = &b->pending;
+    struct task **link = slot_of(b, task);
     while (*link != task)
-        link = &(*link)->older;
-    *link = task->older;
+        link = &(*link)->beside;
+    *link = task->beside;
     b->pending_count--;
 }
 
@@ -246,8 +294,8 @@ enum hg_status hg_baker_add(
     task->result.mesh = id;
     task->result.revision = revision;
     task->result.part = index;
-    task->older = b->pending;
-    b->pending = task;
+    grow_table(b);
+    remember(b, task);
     b->pending_count++;
     pthread_mutex_lock(&b->lock);
     push(&b->todo, task);
@@ -259,7 +307,7 @@ enum hg_status hg_baker_add(
 bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
 {
     memset(out, 0, sizeof *out);
-    if (b->pending == NULL)
+    if (b->pending_count == 0)
         return false;
     pthread_mutex_lock(&b->lock);
     struct task *task = pop(&b->done);

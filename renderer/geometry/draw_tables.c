@@ -159,7 +159,7 @@ static void fill_draws(struct hg_sync *s)
             continue;
         const struct node_draws n = {.node = node,
             .asset = hg_scene_find_asset(s->scene, (uint32_t)(node->mesh->head.id >> 32)),
-            .mesh = hg_sync_find_mesh(s->meshes, s->mesh_count, node->mesh->head.id)};
+            .mesh = hg_mesh_entry_find(s->meshes, s->mesh_count, node->mesh->head.id)};
         if (n.mesh == NULL)
             continue;
         double world[16];

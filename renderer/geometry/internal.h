@@ -83,6 +83,9 @@ struct hg_mesh_entry_limits {
     uint32_t number_below;   // parts of fewer triangles have a numbered list too
     uint32_t meshlets_below; // others get meshlets when they are uploaded
 };
+// Lists of them are by id. NULL: it is not there.
+void hg_mesh_entry_sort(struct hg_mesh_entry *list, uint32_t count);
+struct hg_mesh_entry *hg_mesh_entry_find(struct hg_mesh_entry *list, uint32_t count, uint64_t id);
 // Sizes and bounds, nothing on the device yet.
 enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
     const struct hg_mesh_entry_limits *limits, struct hg_error *err) HG_MUST_CHECK;

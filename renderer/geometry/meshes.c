@@ -1,8 +1,27 @@
 // meshes.c - parts of meshes on the device. See internal.h.
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/geometry/internal.h"
+
+static int compare_meshes(const void *a, const void *b)
+{
+    const struct hg_mesh_entry *x = a, *y = b;
+    return x->id < y->id ? -1 : x->id > y->id;
+}
+
+void hg_mesh_entry_sort(struct hg_mesh_entry *list, uint32_t count)
+{
+    if (count > 0)
+        qsort(list, count, sizeof *list, compare_meshes);
+}
+
+struct hg_mesh_entry *hg_mesh_entry_find(struct hg_mesh_entry *list, uint32_t count, uint64_t id)
+{
+    const struct hg_mesh_entry key = {.id = id};
+    return count > 0 ? bsearch(&key, list, count, sizeof key, compare_meshes) : NULL;
+}
 
 static struct hg_box bounds_of(const float *positions, uint32_t count)
 {

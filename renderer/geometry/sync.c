@@ -58,24 +58,12 @@ static enum hg_status out_of_memory(struct hg_error *err)
     return hg_error_set(err, HG_E_NOMEM, "geometry", NULL, "no memory");
 }
 
-static int compare_meshes(const void *a, const void *b)
-{
-    const struct hg_mesh_entry *x = a, *y = b;
-    return x->id < y->id ? -1 : x->id > y->id;
-}
-
 static int compare_deforms(const void *a, const void *b)
 {
     const struct hg_deform_entry *x = a, *y = b;
     if (x->node != y->node)
         return x->node < y->node ? -1 : 1;
     return x->part < y->part ? -1 : x->part > y->part;
-}
-
-struct hg_mesh_entry *hg_sync_find_mesh(struct hg_mesh_entry *list, uint32_t count, uint64_t id)
-{
-    const struct hg_mesh_entry key = {.id = id};
-    return count > 0 ? bsearch(&key, list, count, sizeof key, compare_meshes) : NULL;
 }
 
 struct hg_deform_entry *hg_sync_find_deform(
@@ -105,7 +93,7 @@ static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
         const struct hg_mesh *mesh = (const struct hg_mesh *)list->items[i];
         struct hg_mesh_entry *entry = &s->meshes[s->mesh_count];
         const struct hg_mesh_entry *old =
-            hg_sync_find_mesh(s->g->meshes, s->g->mesh_count, mesh->head.id);
+            hg_mesh_entry_find(s->g->meshes, s->g->mesh_count, mesh->head.id);
         if (old != NULL && old->revision == mesh->head.revision) {
             *entry = *old;
             entry->is_new = false;
@@ -119,7 +107,7 @@ static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
         entry->mesh = mesh;
         s->mesh_count++;
     }
-    qsort(s->meshes, s->mesh_count, sizeof *s->meshes, compare_meshes);
+    hg_mesh_entry_sort(s->meshes, s->mesh_count);
     return HG_OK;
 }
 
@@ -166,7 +154,7 @@ static enum hg_status collect_nodes(struct hg_sync *s, struct hg_error *err)
         if (node->mesh == NULL || !node->world_visible)
             continue;
         const struct hg_mesh_entry *mesh =
-            hg_sync_find_mesh(s->meshes, s->mesh_count, node->mesh->head.id);
+            hg_mesh_entry_find(s->meshes, s->mesh_count, node->mesh->head.id);
         if (mesh == NULL)
             continue;
         if (add_node_deforms(s, node, mesh) != HG_OK)
@@ -302,7 +290,7 @@ static void retire_old(struct hg_sync *s)
     struct hg_geometry *g = s->g;
     for (uint32_t i = 0; i < g->mesh_count; i++) {
         const struct hg_mesh_entry *now =
-            hg_sync_find_mesh(s->meshes, s->mesh_count, g->meshes[i].id);
+            hg_mesh_entry_find(s->meshes, s->mesh_count, g->meshes[i].id);
         if (now == NULL || now->is_new)
             hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
     }
@@ -369,7 +357,7 @@ static void roll_back(struct hg_sync *s)
         if (s->meshes[i].is_new)
             hg_mesh_entry_finish(g->gpu, g->pool, &s->meshes[i]);
         else
-            hg_sync_find_mesh(g->meshes, g->mesh_count, s->meshes[i].id)->bytes =
+            hg_mesh_entry_find(g->meshes, g->mesh_count, s->meshes[i].id)->bytes =
                 s->meshes[i].bytes;
     }
     for (uint32_t i = 0; i < s->deform_count; i++)

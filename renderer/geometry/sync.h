@@ -41,8 +41,7 @@ struct hg_sync {
     bool drops_proxies; // of parts that get no levels: there is room for them
 };
 
-// In a list by id; in one by node id and part. NULL: it is not there.
-struct hg_mesh_entry *hg_sync_find_mesh(struct hg_mesh_entry *list, uint32_t count, uint64_t id);
+// In a list by node id and part. NULL: it is not there.
 struct hg_deform_entry *hg_sync_find_deform(
     struct hg_deform_entry *list, uint32_t count, uint64_t node, uint32_t part);
 
