@@ -136,6 +136,7 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     part->layout = (struct hg_pack_layout){
         .flags = clusters->lod->flags, .extra_words = clusters->lod->extra_words};
     part->clusters = clusters;
+    part->bounds = part->own_bounds;
     hg_box_add_point(&part->bounds, clusters->lod->min);
     hg_box_add_point(&part->bounds, clusters->lod->max);
     e->bytes += clusters->table.size_bytes;

@@ -46,7 +46,8 @@ struct hg_part_entry {
     struct hg_pack_layout layout;
     struct hg_gpu_buffer buffer;
     uint32_t vertex_count, index_count, primitive_count, joint_sets;
-    struct hg_box bounds;       // rest pose
+    struct hg_box bounds;       // rest pose, of what is shown
+    struct hg_box own_bounds;   // of the part, also where a proxy reaches beyond
     struct hg_box *joint_boxes; // [joint_box_count] of the vertices that a joint moves
     struct hg_box *morph_boxes; // [target_count] of the deltas
     uint32_t joint_box_count;

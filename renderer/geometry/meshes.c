@@ -94,7 +94,7 @@ static enum hg_status init_part(
     e->index_count = part->index_count;
     e->primitive_count = part->index_count / corners[part->topology];
     e->joint_sets = part->joints != NULL ? part->joint_sets : 0;
-    e->bounds = bounds_of(part->positions, part->vertex_count);
+    e->bounds = e->own_bounds = bounds_of(part->positions, part->vertex_count);
     if (e->joint_sets > 0)
         status = init_joint_boxes(e, part);
     if (status == HG_OK && part->targets != NULL && target_count > 0)
@@ -123,6 +123,8 @@ enum hg_status hg_mesh_entry_set_proxy(
     e->vertex_count = proxy->vertex_count;
     e->index_count = proxy->index_count;
     e->primitive_count = proxy->index_count / 3;
+    const struct hg_box grown = bounds_of(proxy->positions, proxy->vertex_count);
+    hg_box_add(&e->bounds, &grown);
     entry->bytes += layout.total_bytes - e->layout.total_bytes;
     e->layout = layout;
     return HG_OK;

@@ -10,7 +10,7 @@
 // become one at their mean (Rossignac and Borrel 1993, "Multi-resolution 3D approximations for
 // rendering complex scenes"). Where that leaves next to nothing (leaves, grass), some of the
 // triangles, as much larger as there are fewer of them (Cook et al. 2007, "Stochastic
-// simplification of aggregate detail").
+// simplification of aggregate detail"): these may reach beyond the part.
 //   part   static triangles
 //   out    to be freed with hg_proxy_free; has neither skin nor targets, material or variants
 // HG_E_NOMEM.

@@ -269,6 +269,73 @@ static void test_refused_after_levels(void **state)
     geo_destroy_scene(&s);
 }
 
+// Small triangles without neighbours: mesh 2, node 3.
+static void add_soup(struct geo *f, struct hg_scene *scene)
+{
+    struct hg_mesh *mesh = geo_add_mesh(f, scene, 2);
+    hg_mesh_part_finish(&mesh->parts[0], 0);
+    mesh->parts[0] = lod_soup(20000);
+    const struct hg_mesh_part *part = &mesh->parts[0];
+    for (uint32_t i = 0; i < part->vertex_count * 3; i++) {
+        const float origin = part->positions[i / 9 * 9 + i % 3];
+        part->positions[i] = origin + (part->positions[i] - origin) * 1e-2f;
+    }
+    geo_add_node(f, scene, 3, mesh);
+    hg_scene_publish(scene);
+    hg_scene_update(scene);
+}
+
+static const struct hg_part_entry *part_of(const struct hg_geometry *g, uint64_t mesh)
+{
+    return &hg_mesh_entry_find(g->meshes, g->mesh_count, mesh)->parts[0];
+}
+
+static bool holds(const struct hg_box *box, const float *p)
+{
+    bool inside = true;
+    for (int k = 0; k < 3; k++)
+        inside = inside && p[k] >= box->min[k] && p[k] <= box->max[k];
+    return inside;
+}
+
+// Triangles of a proxy that grew beyond the part are in its bounds; when it goes, so do they.
+static void test_bounds_of_proxies(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    struct hg_geometry_params params = {.jobs = jobs, .bake_from = 1000};
+    struct hg_geometry_stats stats;
+    struct hg_geometry *g;
+    struct hg_box own, whole;
+    assert_non_null(jobs);
+    add_soup(f, s.scene);
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    geo_check(f, hg_geometry_sync(g, s.scene, NULL, &f->err));
+    own = part_of(g, 2)->bounds;
+    baked(f, g, s.scene);
+    whole = part_of(g, 2)->bounds;
+    hg_geometry_destroy(g);
+    params.budget_bytes = 1200000;
+    geo_check(f, hg_geometry_create(f->gpu, &params, &g, &f->err));
+    geo_check(f, hg_geometry_sync(g, s.scene, NULL, &f->err));
+    hg_geometry_stats(g, &stats);
+    assert_int_equal(stats.proxies, 1);
+    const struct hg_part_entry *part = part_of(g, 2);
+    uint32_t beyond = 0, outside = 0;
+    for (uint32_t v = 0; v < part->proxy->vertex_count; v++) {
+        beyond += !holds(&own, part->proxy->positions + (size_t)v * 3);
+        outside += !holds(&part->bounds, part->proxy->positions + (size_t)v * 3);
+    }
+    assert_true(beyond > 0);
+    assert_int_equal(outside, 0);
+    baked(f, g, s.scene);
+    assert_memory_equal(&part_of(g, 2)->bounds, &whole, sizeof whole);
+    hg_geometry_destroy(g);
+    hg_jobs_destroy(jobs);
+    geo_destroy_scene(&s);
+}
+
 // Every allocation and every Vulkan call fails once: a status, what was shown stays, and the next
 // sync succeeds.
 static void test_faults(void **state)
@@ -311,6 +378,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_only_what_changed),
         cmocka_unit_test(test_budget), cmocka_unit_test(test_proxy_of_unbaked),
         cmocka_unit_test(test_faults_of_queued), cmocka_unit_test(test_refused_after_levels),
-        cmocka_unit_test(test_room_for_unbaked), cmocka_unit_test(test_faults)};
+        cmocka_unit_test(test_room_for_unbaked), cmocka_unit_test(test_bounds_of_proxies),
+        cmocka_unit_test(test_faults)};
     return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
 }
