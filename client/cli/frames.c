@@ -11,9 +11,11 @@
 #include "client/cli/render.h"
 
 enum {
-    EXISTING_BYTES = 256 << 20, // a larger file is not read to be verified, but made again
-    PATIENCE_S = 120,           // for the film of a view that is stopped in the middle of a step
+    PART_BYTES = 16 << 20, // of a file that is sent to be verified
+    PATIENCE_S = 120,      // for the film of a view that is stopped in the middle of a step
 };
+
+#define EXISTING_BYTES (UINT64_C(4) << 30) // a larger file is not verified, but made again
 
 bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
 {
@@ -61,7 +63,8 @@ static enum hg_status note_frame(struct hg_cli_render *r, const struct hgp_frame
         "width", (json_int_t)frame->width, "height", (json_int_t)frame->height, "samples",
         (json_int_t)frame->samples, "missing_pages", (json_int_t)frame->missing_pages,
         "missing_clusters", (json_int_t)frame->missing_clusters, "settled", frame->settled,
-        "lossless", frame->lossless, "bytes", (json_int_t)frame->data.size, "total_ms",
+        "lossless", frame->lossless, "bytes",
+        (json_int_t)(frame->has_size ? frame->size : frame->data.size), "total_ms",
         (double)total_ns / 1e6, "stages", stages);
     if (!o || json_array_append_new(r->frames, o))
         return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
@@ -127,6 +130,29 @@ static const char *why_not(const char *json, const uint8_t job[32])
     return why;
 }
 
+// What the worker finds in a file, all of which is sent to it.
+static enum hg_status examine(struct hg_cli_render *r, const uint8_t *data, size_t size,
+    struct helio_message **answer, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    size_t at = 0;
+    for (; !status && size - at > PART_BYTES; at += PART_BYTES) {
+        const struct hgp_image_query part = {.data = {data + at, PART_BYTES},
+            .has_offset = true,
+            .offset = at,
+            .has_size = true,
+            .size = size};
+        status = helio_call_for(r->cli.h, HGP_T_image_query, &part, HGP_T_ok, NULL, err);
+    }
+    const struct hgp_image_query last = {.data = {data + at, (uint32_t)(size - at)},
+        .has_offset = at > 0,
+        .offset = at,
+        .has_size = at > 0,
+        .size = size};
+    return status ? status
+                  : helio_call_for(r->cli.h, HGP_T_image_query, &last, HGP_T_json, answer, err);
+}
+
 // Does `name` hold what this command would write? The worker decodes all of it.
 static enum hg_status check_existing(struct hg_cli_render *r, const char *name,
     const uint8_t job[32], bool *good, struct hg_error *err)
@@ -140,8 +166,7 @@ static enum hg_status check_existing(struct hg_cli_render *r, const char *name,
     if (status == HG_E_NOTFOUND)
         return HG_OK;
     if (!status) {
-        struct hgp_image_query query = {.data = {data, (uint32_t)size}};
-        status = helio_call_for(r->cli.h, HGP_T_image_query, &query, HGP_T_json, &answer, &wrong);
+        status = examine(r, data, size, &answer, &wrong);
         hg_free(data);
     }
     const char *why = wrong.reason;
@@ -168,16 +193,32 @@ static enum hg_status check_existing(struct hg_cli_render *r, const char *name,
 
 // ---- waiting for a frame -----------------------------------------------------------------------
 
+// One more part of a frame's data.
+static void take_part(
+    struct hg_writer *parts, const struct hgp_frame_part *part, struct hg_error *err)
+{
+    if (part->offset == 0)
+        hg_writer_finish(parts);
+    if (part->offset != parts->size)
+        hg_error_set(err, HG_E_FORMAT, "frame", "offset", "parts do not fit together");
+    hg_write_bytes(parts, part->data.data, part->data.size);
+    if (parts->failed)
+        hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its parts");
+}
+
 // Messages that came: progress and notices are shown; true when the frame or its error is there.
 static bool take_messages(
-    struct hg_cli *cli, uint32_t request, struct helio_message **frame, struct hg_error *err)
+    struct hg_cli_render *r, uint32_t request, struct helio_message **frame, struct hg_error *err)
 {
+    struct hg_cli *cli = &r->cli;
     struct helio_message *m;
     struct hg_error ignored;
     while (helio_next(cli->h, &m, &ignored) == HG_OK) {
         bool ours = m->request == request;
         if (m->type == HGP_T_progress && ours)
             hg_cli_on_progress(&cli->progress, &m->body->progress);
+        else if (m->type == HGP_T_frame_part && ours)
+            take_part(&r->parts, &m->body->frame_part, err);
         else if (m->type == HGP_T_notice)
             hg_cli_on_notice(&cli->progress, &m->body->notice);
         else if (m->type == HGP_T_error) // ours, or of a message that nobody waited for: a camera
@@ -211,16 +252,19 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
         .encoding = r->format.encoding,
         .has_quality = true,
         .quality = r->format.quality,
+        .has_parts = true,
+        .parts = true,
     };
     const struct hg_cli_kept kept = {cli, HGP_checkpoint_kind_FILM, name, job};
     uint32_t id;
     *frame = NULL;
+    hg_writer_finish(&r->parts);
     enum hg_status status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
     uint64_t now = hg_clock_now_ns();
     uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
     uint64_t save = o->has_checkpoint ? add_s(now, o->checkpoint) : UINT64_MAX;
     struct hg_error told = {0};
-    while (!status && !take_messages(cli, id, frame, &told)) {
+    while (!status && !take_messages(r, id, frame, &told)) {
         uint64_t until = save < deadline ? save : deadline;
         now = hg_clock_now_ns();
         status = helio_wait(cli->h,
@@ -278,6 +322,25 @@ static enum hg_status resume(
 
 // ---- frames ------------------------------------------------------------------------------------
 
+// All of a frame's data, behind the parts that came before; they live as long as both.
+static enum hg_status join_parts(struct hg_cli_render *r, const struct hgp_frame *frame,
+    const uint8_t **data, size_t *size, struct hg_error *err)
+{
+    struct hg_writer *w = &r->parts;
+    *data = frame->data.data;
+    *size = frame->data.size;
+    if (!frame->has_size)
+        return HG_OK;
+    hg_write_bytes(w, frame->data.data, frame->data.size);
+    *data = w->data;
+    *size = w->size;
+    if (w->failed)
+        return hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its parts");
+    return w->size == frame->size
+               ? HG_OK
+               : hg_error_set(err, HG_E_FORMAT, "frame", "size", "parts do not fit together");
+}
+
 static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_frame *frame,
     const char *name, uint64_t took_ns, struct hg_error *err)
 {
@@ -285,11 +348,15 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
     if (frame->encoding != r->format.encoding || !frame->data.size)
         status = hg_error_set(err, HG_E_FORMAT, "frame", "encoding",
             "the server sent another encoding than the one asked for");
+    const uint8_t *data = NULL;
+    size_t size = 0;
+    if (!status)
+        status = join_parts(r, frame, &data, &size, err);
     if (!status)
         status = note_frame(r, frame, name, took_ns, err);
     if (!status) {
         r->doing = HG_CLI_DOING_OUTPUT;
-        status = hg_file_write_atomic(name, frame->data.data, frame->data.size, err);
+        status = hg_file_write_atomic(name, data, size, err);
     }
     if (!status && is_path(r))
         hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);

@@ -469,5 +469,6 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     hg_cli_finish(&r.cli);
     json_decref(r.frames);
     hg_free(r.series);
+    hg_writer_finish(&r.parts);
     return code;
 }

@@ -13,11 +13,12 @@ struct hg_cli_render {
     struct hgp_asset_loaded loaded;
     enum hg_cli_doing doing;
     uint64_t load_ns, upload_bytes, first_frame_ns;
-    float shutter[2]; // frames from the pose
-    json_t *frames, *last; // one object per frame written; the newest of them (borrowed)
-    uint32_t skipped;      // files that were left as they were
-    uint32_t next_frame;   // number of the first frame that is not there yet
-    bool left_checkpoint;  // of it
+    float shutter[2];             // frames from the pose
+    json_t *frames, *last;        // one object per frame written; the newest of them (borrowed)
+    uint32_t skipped;             // files that were left as they were
+    uint32_t next_frame;          // number of the first frame that is not there yet
+    bool left_checkpoint;         // of it
+    struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_series *series; // of pictures that depend on those before; NULL = of none
 };
 

@@ -506,6 +506,7 @@ export const messages = {
             { name: "settled", kind: "bool", since: 1 },
             { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
             { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
+            { name: "parts", kind: "bool", since: 1, optional: true },
         ],
     },
     // frames whenever the view changes or improves, while credit lasts
@@ -548,6 +549,7 @@ export const messages = {
             { name: "mode", kind: "enum", values: "render_mode", since: 1, optional: true },
             { name: "noise", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
             { name: "job", kind: "hash", since: 1, optional: true },
+            { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too
@@ -596,6 +598,14 @@ export const messages = {
             { name: "kind", kind: "enum", values: "checkpoint_kind", since: 1, optional: true },
             { name: "offset", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // a part of the data of the frame that a request waits for; they come in order, and begin anew when the worker was replaced
+    frame_part: {
+        type: 0x030d, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "offset", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "data", kind: "bytes", max: 536870912, since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?
@@ -722,6 +732,8 @@ export const messages = {
         type: 0x040f, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
+            { name: "offset", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // the worker accepts sessions

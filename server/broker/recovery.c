@@ -139,7 +139,8 @@ void hg_recovery_answer(struct hg_broker *b, struct hg_packet *packet, const uni
     struct hg_link *link = &b->link;
     uint16_t type = packet->header.type;
     if (!link->replaying || packet->header.channel != replay_channel(link->replaying) ||
-        !packet->header.request || type == HGP_T_progress || type == HGP_T_notice)
+        !packet->header.request || type == HGP_T_progress || type == HGP_T_notice ||
+        type == HGP_T_frame_part)
         return;
     if (type == HGP_T_error) {
         link->replay_failed++;

@@ -551,7 +551,7 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
             relay_unasked(s, packet, m);
         return; // else an answer to what was played again, or given up
     }
-    if (type == HGP_T_progress || type == HGP_T_notice) {
+    if (type == HGP_T_progress || type == HGP_T_notice || type == HGP_T_frame_part) {
         relay_answer(s, packet, request->client_id);
         return;
     }

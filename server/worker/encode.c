@@ -9,7 +9,10 @@
 #include "renderer/image/zstd.h"
 #include "server/worker/task.h"
 
-enum { FRAME_DATA_LIMIT = 512 << 20 /* of frame.data */ };
+enum {
+    FRAME_DATA_LIMIT = 512 << 20, // of frame.data
+    PART_BYTES = 16 << 20,        // of what is sent in parts
+};
 
 enum hg_pixel_format encode_pixel_format(enum hgp_encoding encoding)
 {
@@ -99,11 +102,25 @@ static enum hg_status check_size(
     const struct encode_job *job, const struct hg_writer *data, struct hg_error *err)
 {
     size_t size = data->size ? data->size : job->pixels->size;
-    if (size <= FRAME_DATA_LIMIT)
+    if (job->parts || size <= FRAME_DATA_LIMIT)
         return HG_OK;
     return hg_error_set(err, HG_E_LIMIT, "frame", "data",
         "%zu bytes are more than a message holds (%d); choose another encoding or size", size,
         FRAME_DATA_LIMIT);
+}
+
+// The frame with its data, of which all but the end may go ahead.
+static void send_frame(struct worker *w, const struct encode_job *job, struct hgp_frame *frame,
+    const uint8_t *data, size_t size)
+{
+    size_t at = 0;
+    for (; job->parts && size - at > PART_BYTES; at += PART_BYTES)
+        link_send(w, job->channel, job->request, HGP_T_frame_part,
+            &(struct hgp_frame_part){.offset = at, .data = {data + at, PART_BYTES}});
+    frame->data = (struct hgp_bytes){data + at, (uint32_t)(size - at)};
+    frame->has_size = at > 0;
+    frame->size = size;
+    link_send(w, job->channel, job->request, HGP_T_frame, frame);
 }
 
 static void run_job(struct worker *w, struct encode_job *job)
@@ -128,9 +145,10 @@ static void run_job(struct worker *w, struct encode_job *job)
         struct hgp_stage_time stages[64];
         frame.stages.items = stages;
         frame.stages.count = list_stages(job, hg_clock_now_ns() - start, stages);
-        frame.data = data.size ? (struct hgp_bytes){data.data, (uint32_t)data.size}
-                               : (struct hgp_bytes){job->pixels->data, (uint32_t)job->pixels->size};
-        link_send(w, job->channel, job->request, HGP_T_frame, &frame);
+        if (data.size)
+            send_frame(w, job, &frame, data.data, data.size);
+        else
+            send_frame(w, job, &frame, job->pixels->data, job->pixels->size);
         atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
     }
     hg_writer_finish(&data);

@@ -14,7 +14,7 @@ enum {
     MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
 };
 
-#define PIXELS_LIMIT_BYTES (UINT64_C(4) << 30) // of all parts; the file must fit a message
+#define PIXELS_LIMIT_BYTES (UINT64_C(16) << 30) // of all parts
 
 enum kind {
     RADIANCE, // as the picture: its type, its exposure

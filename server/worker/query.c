@@ -10,6 +10,8 @@
 #include "base/log.h"
 #include "server/worker/serve.h"
 
+#define IMAGE_LIMIT_BYTES (UINT64_C(4) << 30) // of a file that comes in parts
+
 enum { NAME_LIMIT = 256 /* of node_entry.name */ };
 
 static void fail_nomem(const struct request *r)
@@ -186,8 +188,42 @@ void query_compare(const struct request *r)
     serve_start_task(r, TASK_COMPARE, HGP_T_compare);
 }
 
+// One more part of a file; *all: it was the last.
+static enum hg_status take_part(
+    struct hg_writer *file, const struct hgp_image_query *m, bool *all, struct hg_error *err)
+{
+    if (m->offset == 0)
+        hg_writer_finish(file);
+    if (!m->has_size || m->size > IMAGE_LIMIT_BYTES || m->offset != file->size || !m->data.size ||
+        m->data.size > m->size - file->size) {
+        hg_writer_finish(file);
+        return hg_error_set(err,
+            m->has_size && m->size > IMAGE_LIMIT_BYTES ? HG_E_LIMIT : HG_E_INVAL, "image_query",
+            "offset", "is not where the part before has ended, or more than 4 GiB");
+    }
+    hg_write_bytes(file, m->data.data, m->data.size);
+    if (file->failed) {
+        hg_writer_finish(file);
+        return hg_error_set(err, HG_E_NOMEM, "image_query", NULL, "no memory for the file");
+    }
+    *all = file->size == m->size;
+    return HG_OK;
+}
+
 void query_image(const struct request *r)
 {
+    const struct hgp_image_query *m = &r->message->image_query;
+    struct hg_error err = {0};
+    bool all = false;
+    enum hg_status status = m->has_offset ? take_part(&r->session->file, m, &all, &err) : HG_OK;
+    if (status) {
+        serve_fail(r, &err);
+        return;
+    }
+    if (m->has_offset && !all) {
+        serve_ok(r);
+        return;
+    }
     serve_start_task(r, TASK_IMAGE, HGP_T_image_query);
 }
 

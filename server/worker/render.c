@@ -75,6 +75,10 @@ enum hg_status serve_need_renderer(struct serve *s, struct hg_error *err)
 static enum hg_status fill_task(const struct request *r, struct task *task, enum hgp_type type)
 {
     task->payload = hg_refbuf_ref(r->payload);
+    if (type == HGP_T_image_query) {
+        task->file = r->session->file;
+        r->session->file = (struct hg_writer){0};
+    }
     return hgp_decode(HGP_VERSION_MAX, (uint16_t)type, r->payload->data, r->payload->size,
         &task->arena, &task->message, NULL);
 }

@@ -18,14 +18,14 @@ struct scene_slot {
     uint64_t batch_started_ns;
     double time_s;                      // of the newest pose
     struct hg_fingerprint *fingerprint; // NULL until a job is asked for
-    uint8_t hash[32]; // of what it held when a job was asked about last
+    uint8_t hash[32];                   // of what it held when a job was asked about last
 };
 
 // A client waiting for one frame of a view.
 struct frame_wait {
     struct frame_wait *next;
     uint32_t request;
-    bool settled;
+    bool settled, parts;
     enum hgp_encoding encoding;
     uint8_t quality;
     uint64_t progress_sent_ns;
@@ -85,6 +85,7 @@ struct session {
     struct command *waiting, **waiting_end;
     uint32_t waiting_count;
     uint64_t waiting_bytes; // of their payloads
+    struct hg_writer file;  // of image_query, as far as its parts have come
 };
 
 struct serve {

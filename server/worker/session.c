@@ -156,5 +156,6 @@ void session_detach(struct serve *s, struct session *session)
         link = &(*link)->next;
     *link = session->next;
     scene_release(s, session->scene);
+    hg_writer_finish(&session->file);
     hg_free(session);
 }

@@ -245,9 +245,11 @@ static enum hg_status compare_images(struct task *task)
 
 static enum hg_status examine_image(struct task *task)
 {
-    const struct hgp_bytes *file = &task->message.image_query.data;
-    return hg_image_examine(
-        file->data, file->size, "image", ENCODE_JOB_KEY, NULL, &task->told, &task->err);
+    const struct hgp_bytes *one = &task->message.image_query.data;
+    const bool parts = task->file.size > 0;
+    return hg_image_examine(parts ? task->file.data : one->data,
+        parts ? task->file.size : one->size, "image", ENCODE_JOB_KEY, NULL, &task->told,
+        &task->err);
 }
 
 // ---- threads ------------------------------------------------------------------------------------
@@ -296,6 +298,7 @@ void task_destroy(struct task *task)
     hg_asset_destroy(task->asset);
     hg_environment_file_finish(&task->environment);
     hg_writer_finish(&task->diff);
+    hg_writer_finish(&task->file);
     hg_arena_finish(&task->arena);
     hg_refbuf_unref(task->payload);
     hg_free(task);

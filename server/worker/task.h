@@ -19,6 +19,7 @@ struct task {
     struct hg_refbuf *payload; // keeps message alive
     struct hg_arena arena;     // lists of message
     union hgp_any message;
+    struct hg_writer file; // IMAGE: when it came in parts
     struct hg_jobs *jobs;
     _Atomic bool cancel;
     uint64_t progress_sent_ns;
@@ -63,6 +64,7 @@ struct encode_job {
     struct hgp_frame frame; // without data, hash and stages
     uint8_t quality;
     bool opaque;
+    bool parts; // the data may go in parts
     struct hg_refbuf *pixels;
     struct hg_frame_info info;
     uint64_t read_ns;

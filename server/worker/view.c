@@ -248,6 +248,7 @@ void view_frame_request(const struct request *r)
     }
     wait->request = r->id;
     wait->settled = m->settled;
+    wait->parts = m->has_parts && m->parts;
     wait->encoding = m->has_encoding ? m->encoding
                      : m->settled    ? view->still_encoding
                                      : view->encoding;
@@ -320,6 +321,7 @@ static enum hg_status queue_frame(struct serve *s, struct session *session, stru
     job->channel = session->channel;
     job->request = what->request;
     job->quality = what->quality;
+    job->parts = what->parts;
     job->opaque = view->params.background != HG_BACKGROUND_NONE;
     job->info = *info;
     job->read_ns = hg_clock_now_ns() - start;

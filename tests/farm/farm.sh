@@ -59,6 +59,20 @@ for kind in exr jpg; do
     stat_is skipped_frames 0
 done
 
+# A file larger than a part of 16 MiB, on its way from the worker and to it.
+large=("$helio" render "$duck" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exr float
+    --env "$data/hdr/noon_grass_1k.hdr" --eye 0,1,8 --target 0,5,0 --skip-existing --stats "$temp/stats.json")
+expect 0 "${large[@]}"
+[ "$(stat -c %s "$temp/large.exr")" -gt $((20 << 20)) ] || fail "the large file is not large"
+stat_is bytes "$(stat -c %s "$temp/large.exr")"
+expect 0 "${large[@]}"
+stat_is skipped_frames 1
+cp "$temp/large.exr" "$temp/large-kept.exr"
+truncate -s -9 "$temp/large.exr"
+expect 0 "${large[@]}"
+told 'it is made again'
+same "$temp/large.exr" "$temp/large-kept.exr"
+
 # The same scene elsewhere, through a daemon, is the same job.
 url=unix:$temp/sock
 "$heliod" --listen "$url" --asset-root "$data" --asset-root "$temp" --log warn &
@@ -69,6 +83,11 @@ expect 0 render once --skip-existing --connect "$url"
 stat_is skipped_frames 12
 expect 0 render once --skip-existing --connect "$url" --upload
 stat_is skipped_frames 12
+expect 0 "${large[@]}" --connect "$url"
+stat_is skipped_frames 1
+rm "$temp/large.exr"
+expect 0 "${large[@]}" --connect "$url"
+same "$temp/large.exr" "$temp/large-kept.exr"
 mkdir "$temp/moved"
 cp "$fox" "$temp/moved/renamed.glb"
 fox=$temp/moved/renamed.glb expect 0 render once --skip-existing

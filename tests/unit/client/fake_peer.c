@@ -16,6 +16,7 @@
 //   quiet=1             do not warn when an asset is loaded
 //   lost=N              warn with the N-th frame
 //   job=N               what frames are made from: the first byte of its hash; default 1
+//   parts=1|gap         send frames in parts of 3 bytes, begun twice; gap: one of them is left out
 //   log=PATH            append "MESSAGE detail" for everything received
 #include <errno.h>
 #include <fcntl.h>
@@ -96,6 +97,21 @@ static bool receive(uint8_t *data, size_t size)
     return true;
 }
 
+// As a worker that was replaced after the first part: the frame begins anew.
+static void split_frame(const struct hgp_header *h, struct hgp_frame *frame, bool gap)
+{
+    struct hgp_bytes all = frame->data;
+    answer(h, HGP_T_frame_part, &(struct hgp_frame_part){.data = {all.data, 2}});
+    for (uint32_t at = 0; all.size - at > 3; at += 3) {
+        frame->data = (struct hgp_bytes){all.data + at + 3, all.size - at - 3};
+        if (!gap || at != 3)
+            answer(h, HGP_T_frame_part,
+                &(struct hgp_frame_part){.offset = at, .data = {all.data + at, 3}});
+    }
+    frame->has_size = true;
+    frame->size = all.size;
+}
+
 static void send_frame(const struct hgp_header *h, const struct hgp_frame_request *request)
 {
     char data[64];
@@ -123,6 +139,8 @@ static void send_frame(const struct hgp_header *h, const struct hgp_frame_reques
     answer(h, HGP_T_progress, &progress);
     if (word("lost") && strtoull(word("lost"), NULL, 10) == number)
         answer(h, HGP_T_notice, &lost);
+    if (word("parts") && request->parts)
+        split_frame(h, &frame, strcmp(word("parts"), "gap") == 0);
     answer(h, HGP_T_frame, &frame);
 }
 
@@ -135,6 +153,10 @@ static uint8_t job_byte(void)
 static void send_image(const struct hgp_header *h, const struct hgp_image_query *query)
 {
     struct hgp_error cut = {.code = HG_E_FORMAT, .reason = hgp_str_make("cut short")};
+    if (query->has_offset && query->offset + query->data.size < query->size) {
+        answer(h, HGP_T_ok, &(struct hgp_ok){.revision = 1});
+        return;
+    }
     if (!query->data.size || query->data.data[query->data.size - 1] != '\n') {
         answer(h, HGP_T_error, &cut);
         return;
@@ -211,6 +233,9 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_view_camera && m->view_camera.has_lens_radius)
         fprintf(out, " lens=%g,%g", (double)m->view_camera.lens_radius,
             (double)m->view_camera.focus_distance);
+    if (type == HGP_T_image_query && m->image_query.has_offset)
+        fprintf(out, " part=%llu size=%llu", (unsigned long long)m->image_query.offset,
+            (unsigned long long)m->image_query.size);
     if (type == HGP_T_checkpoint_set)
         fprintf(out, " %.*s", (int)m->checkpoint_set.data.size, m->checkpoint_set.data.data);
     if (type == HGP_T_view_set && m->view_set.has_mode)

@@ -122,6 +122,25 @@ static void test_lens(void **state)
         "$HELIO render s.gltf -o p.exr --mode path --lens-radius 0.25");
 }
 
+// What does not fit a message comes and goes in parts.
+static void test_parts(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "parts=1", "$HELIO render s.gltf -o q.png --stats q.json");
+    expect_file("q.png", "frame 1 ");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o whole.png --stats whole.json");
+    expect_run(0, NULL, "", "cmp q.png whole.png");
+    expect_run(7, "parts do not fit together", "parts=gap", "$HELIO render s.gltf -o gap.png");
+    expect_no_file("gap.png");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o big.png --skip-existing");
+    expect_run(0, NULL, "", "head -c 20000000 /dev/zero >big.png; echo >>big.png");
+    expect_run(
+        0, NULL, "log=logb", "$HELIO render s.gltf -o big.png --skip-existing --stats big.json");
+    expect_file(
+        "logb", "image_query part=0 size=20000001\nimage_query part=16777216 size=20000001\n");
+    expect_file("big.json", "\"skipped_frames\": 1");
+}
+
 // Files that are whole and of this job are left alone; others are made again, and said why.
 static void test_skip_existing(void **state)
 {
@@ -520,6 +539,7 @@ int main(void)
         cmocka_unit_test(test_frames),
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_parts),
         cmocka_unit_test(test_skip_existing),
         cmocka_unit_test(test_checkpoints),
         cmocka_unit_test(test_stats),
