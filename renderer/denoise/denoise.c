@@ -71,7 +71,7 @@ static void put_row(void *user, size_t row)
         for (size_t k = 0; k < HG_DN_KINDS; k++) {
             for (size_t c = 0; c < 3; c++)
                 w->out[(k * 3 + c) * pixels + to] =
-                    w->clean.rgb[k][c][at] * p->albedo[hg_dn_lobe((int)k)][c][at];
+                    w->clean.rgb[k][c][at] * p->face[hg_dn_lobe((int)k)].albedo[c][at];
         }
     }
 }

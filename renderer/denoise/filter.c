@@ -21,6 +21,7 @@ enum {
 #define NORMAL_REACH    0.25f // of unit normals
 #define DISPARITY_REACH 0.02f // of the disparity itself
 #define SLOPE_REACH     0.25f // of what the surface's slope explains
+#define SEEN_SCALE      0.3f  // of squared differences of disparity, for light that is mirrored
 #define TONE_REACH      0.3f  // of the larger albedo
 #define ROUGH_REACH     0.15f
 #define RIDGE           0.02f // what a slope along the normal has to be worth, as variance of normals
@@ -121,19 +122,22 @@ static inline float most(float a, float b)
 }
 
 HG_WIDE_LOOP static void feature_weights(
-    const struct hg_dn_planes *p, struct tile *t, size_t at, int dx, int dy)
+    const struct hg_dn_planes *p, struct tile *t, int lobe, size_t at, int dx, int dy)
 {
+    const struct hg_dn_face *face = &p->face[lobe];
     const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
     const float length = sqrtf((float)(dx * dx + dy * dy));
+    const float near = lobe == HG_DN_MIRRORS ? SEEN_SCALE : 1.0f;
+    const float rough_scale = lobe == HG_DN_MIRRORS ? 1.0f / (ROUGH_REACH * ROUGH_REACH) : 0.0f;
     for (int y = 0; y < TILE_Y; y++) {
         const size_t row = at + (size_t)y * p->stride;
-        const float *n0 = p->normal[0] + row, *n1 = p->normal[1] + row, *n2 = p->normal[2] + row;
-        const float *nv = p->normal_var + row, *z = p->disparity + row;
-        const float *zv = p->disparity_var + row;
-        const float *zx = p->disparity_dx + row, *zy = p->disparity_dy + row;
+        const float *n0 = face->normal[0] + row, *n1 = face->normal[1] + row;
+        const float *n2 = face->normal[2] + row, *nv = face->normal_var + row;
+        const float *z = face->disparity + row, *zv = face->disparity_var + row;
+        const float *zx = face->disparity_dx + row, *zy = face->disparity_dy + row;
+        const float *tone = face->tone + row, *tv = face->tone_var + row;
         const float *rough = p->roughness + row, *seen = p->seen + row;
-        const float *t0 = p->tone[0] + row, *t1 = p->tone[1] + row;
-        const float *v0 = p->tone_var[0] + row, *v1 = p->tone_var[1] + row;
+        float *restrict out = t->lobe[lobe][y];
         APART
         for (int x = 0; x < TILE_X; x++) {
             const ptrdiff_t q = x + to;
@@ -144,16 +148,12 @@ HG_WIDE_LOOP static void feature_weights(
             const float off = z[q] - z[x] - step;
             const float reach = DISPARITY_REACH * z[x] +
                                 SLOPE_REACH * (fabsf(zx[x]) + fabsf(zy[x])) * length + 1e-12f;
-            d += most(off * off - zv[x] - least(zv[x], zv[q]), 0.0f) / (reach * reach + zv[x]);
-            const float e0 = t0[x] - t0[q], e1 = t1[x] - t1[q], r = rough[x] - rough[q];
-            const float m0 = TONE_REACH * most(t0[x], t0[q]), m1 = TONE_REACH * most(t1[x], t1[q]);
-            const float d0 =
-                most(e0 * e0 - v0[x] - least(v0[x], v0[q]), 0.0f) / (m0 * m0 + v0[x] + 1e-6f);
-            const float d1 =
-                most(e1 * e1 - v1[x] - least(v1[x], v1[q]), 0.0f) / (m1 * m1 + v1[x] + 1e-6f);
-            t->lobe[HG_DN_SCATTERS][y][x] = seen[q] * falloff(d + d0);
-            t->lobe[HG_DN_MIRRORS][y][x] =
-                seen[q] * falloff(d + d1 + r * r / (ROUGH_REACH * ROUGH_REACH));
+            d += near * most(off * off - zv[x] - least(zv[x], zv[q]), 0.0f) /
+                 (reach * reach + zv[x]);
+            const float e = tone[x] - tone[q], r = rough[x] - rough[q];
+            const float m = TONE_REACH * most(tone[x], tone[q]);
+            d += most(e * e - tv[x] - least(tv[x], tv[q]), 0.0f) / (m * m + tv[x] + 1e-6f);
+            out[x] = seen[q] * falloff(d + r * r * rough_scale);
         }
     }
 }
@@ -175,7 +175,7 @@ HG_WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size
             wf[0][x] = patch[x] * lobe[x];
         }
         for (int i = 1; i < TERMS; i++) {
-            const float *n = p->normal[i - 1];
+            const float *n = p->face[hg_dn_lobe(set / 2)].normal[i - 1];
             for (int x = 0; x < TILE_X; x++) {
                 f[i][x] = n[q + (size_t)x] - n[row + (size_t)x];
                 wf[i][x] = wf[0][x] * f[i][x];
@@ -262,7 +262,8 @@ static void filter_tile(void *user, size_t index)
     for (int dy = -radius; dy <= radius; dy++) {
         for (int dx = -radius; dx <= radius; dx++) {
             const ptrdiff_t to = dy * (ptrdiff_t)p->stride + dx;
-            feature_weights(p, t, at, dx, dy);
+            for (int lobe = 0; lobe < HG_DN_LOBES; lobe++)
+                feature_weights(p, t, lobe, at, dx, dy);
             for (int set = 0; set < SETS; set += 3 - sets) {
                 pixel_distances(w, t, set, at, to);
                 patch_distances(w, t, set);

@@ -212,6 +212,7 @@ struct keep {
 static void keep_pixel(const struct keep *k, size_t at, size_t to)
 {
     const struct hg_dn_planes *p = k->p;
+    const struct hg_dn_face *face = &p->face[HG_DN_SCATTERS];
     struct hg_denoise *d = k->d;
     struct past *now = &d->now;
     for (int i = 0; i < HG_DN_KINDS; i++) {
@@ -221,16 +222,16 @@ static void keep_pixel(const struct keep *k, size_t at, size_t to)
     }
     for (int l = 0; l < HG_DN_LOBES; l++) {
         for (int c = 0; c < 3; c++)
-            now->albedo[l][c][to] = p->albedo[l][c][at];
-        d->tone_var[l][to] = p->tone_var[l][at];
+            now->albedo[l][c][to] = p->face[l].albedo[c][at];
+        d->tone_var[l][to] = p->face[l].tone_var[at];
     }
     for (int c = 0; c < 3; c++)
-        now->normal[c][to] = p->normal[c][at];
-    now->disparity[to] = p->disparity[at];
+        now->normal[c][to] = face->normal[c][at];
+    now->disparity[to] = face->disparity[at];
     now->seen[to] = p->seen[at];
     d->slope[to] =
-        p->disparity[at] > 0.0f
-            ? (fabsf(p->disparity_dx[at]) + fabsf(p->disparity_dy[at])) / p->disparity[at]
+        face->disparity[at] > 0.0f
+            ? (fabsf(face->disparity_dx[at]) + fabsf(face->disparity_dy[at])) / face->disparity[at]
             : 0.0f;
 }
 

@@ -26,6 +26,14 @@ struct hg_dn_light {
     float *luma;
 };
 
+// What a lobe shows: of the first surface, or, of smooth lobes, of what is seen in it.
+struct hg_dn_face {
+    float *normal[3], *normal_var;
+    float *disparity, *disparity_dx, *disparity_dy, *disparity_var; // 1 / metres
+    float *albedo[3];                                               // of all samples
+    float *tone, *tone_var;                                         // luma of it where seen
+};
+
 // Pixels of a picture.
 struct hg_dn_rect {
     uint32_t x, y, width, height;
@@ -38,11 +46,8 @@ struct hg_dn_planes {
     bool halves;                  // there are two; else the first one holds all samples
     float *seen;                  // share of samples that hit a lit surface
     float *share;                 // of the first half among the samples, 0..1
-    float *normal[3], *normal_var;
-    float *disparity, *disparity_dx, *disparity_dy, *disparity_var; // 1 / metres
     float *roughness;
-    float *albedo[HG_DN_LOBES][3];                    // of all samples
-    float *tone[HG_DN_LOBES], *tone_var[HG_DN_LOBES]; // luma of it where seen
+    struct hg_dn_face face[HG_DN_LOBES];
     struct hg_dn_light light[HG_DN_KINDS][2];
     float *variance[HG_DN_KINDS]; // of the luma of a half
     float *scratch[3];
@@ -55,6 +60,12 @@ enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
 void hg_dn_planes_finish(struct hg_dn_planes *p);
 // Means over 5x5 px of what is seen; *plane changes places with a scratch plane.
 void hg_dn_smooth(struct hg_dn_planes *p, struct hg_jobs *jobs, float **plane);
+
+// seen.c: variances of what smooth surfaces show, where scratch[0] says that halves do not tell;
+// then, when variances are smooth, its albedo becomes what it is without noise. Uses all scratch
+// planes.
+void hg_dn_seen_guess(struct hg_dn_planes *p, struct hg_jobs *jobs);
+void hg_dn_seen_calm(struct hg_dn_planes *p, struct hg_jobs *jobs);
 
 static inline size_t hg_dn_at(const struct hg_dn_planes *p, uint32_t x, uint32_t y)
 {

@@ -5,8 +5,15 @@
 #include "base/alloc.h"
 #include "renderer/denoise/internal.h"
 
+#define SEEN_REACH 3u // px: where to look for what is seen in a surface
 #define LEAST_ALBEDO                                                                               \
     0.01f // of a surface that is lit; the filter divides by it and multiplies again
+
+enum {
+    FACE = 13, // planes of hg_dn_face
+    SINGLE = 6,
+    PLANES = SINGLE + HG_DN_LOBES * FACE + HG_DN_KINDS * (1 + 2 * 4),
+};
 
 // --- memory --------------------------------------------------------------------------------------
 
@@ -23,24 +30,29 @@ static void place_light(struct hg_dn_planes *p, float **at, struct hg_dn_light *
     place(p, at, &light->luma);
 }
 
+static void place_face(struct hg_dn_planes *p, float **at, struct hg_dn_face *face)
+{
+    float **all[FACE] = {&face->normal[0], &face->normal[1], &face->normal[2], &face->normal_var,
+        &face->disparity, &face->disparity_dx, &face->disparity_dy, &face->disparity_var,
+        &face->albedo[0], &face->albedo[1], &face->albedo[2], &face->tone, &face->tone_var};
+    for (size_t i = 0; i < FACE; i++)
+        place(p, at, all[i]);
+}
+
 static void place_all(struct hg_dn_planes *p, float *at)
 {
-    float **single[] = {&p->seen, &p->share, &p->normal[0], &p->normal[1], &p->normal[2],
-        &p->normal_var, &p->disparity, &p->disparity_dx, &p->disparity_dy, &p->disparity_var,
-        &p->roughness, &p->tone[0], &p->tone[1], &p->tone_var[0], &p->tone_var[1], &p->scratch[0],
-        &p->scratch[1], &p->scratch[2]};
-    for (size_t i = 0; i < sizeof single / sizeof *single; i++)
+    float **single[SINGLE] = {
+        &p->seen, &p->share, &p->roughness, &p->scratch[0], &p->scratch[1], &p->scratch[2]};
+    for (size_t i = 0; i < SINGLE; i++)
         place(p, &at, single[i]);
-    for (int i = 0; i < HG_DN_LOBES * 3; i++)
-        place(p, &at, &p->albedo[i / 3][i % 3]);
+    for (int i = 0; i < HG_DN_LOBES; i++)
+        place_face(p, &at, &p->face[i]);
     for (int k = 0; k < HG_DN_KINDS; k++) {
         place(p, &at, &p->variance[k]);
         for (int j = 0; j < 2; j++)
             place_light(p, &at, &p->light[k][j]);
     }
 }
-
-#define PLANES (18 + HG_DN_LOBES * 3 + HG_DN_KINDS * (1 + 2 * 4))
 
 // --- one row -------------------------------------------------------------------------------------
 
@@ -73,35 +85,98 @@ static void load(const struct hg_denoise_input *in, size_t at, uint32_t n, struc
     }
 }
 
-static const int albedos[HG_DN_LOBES] = {HG_PATH_GUIDE_ALBEDO, HG_PATH_GUIDE_REFLECTION};
+// Of samples that came to a smooth surface by a lobe that is not, none may know what is seen in it:
+// then those around tell, as far as they hit something.
+static void look_around(
+    const struct hg_denoise_input *in, uint32_t x, uint32_t y, struct pixel *out)
+{
+    const size_t pixels = (size_t)in->width * in->height;
+    for (uint32_t reach = 1; reach <= SEEN_REACH && !(out->whole[HG_PATH_GUIDE_SEEN] > 0.0f);
+         reach++) {
+        for (uint32_t j = y > reach ? y - reach : 0; j <= y + reach && j < in->height; j++) {
+            for (uint32_t i = x > reach ? x - reach : 0; i <= x + reach && i < in->width; i++) {
+                for (size_t c = HG_PATH_GUIDE_SEEN_ALBEDO; c <= HG_PATH_GUIDE_SEEN; c++) {
+                    const size_t at = c * pixels + (size_t)j * in->width + i;
+                    out->whole[c] += in->sums[at];
+                    out->half[0][c] += in->halves[at];
+                    out->half[1][c] += in->sums[at] - in->halves[at];
+                }
+            }
+        }
+    }
+}
+
+// Nothing around either: the surface itself.
+static void take_surface(float *mean)
+{
+    const float hits = mean[HG_PATH_GUIDE_HITS];
+    for (int c = 0; c < 3; c++)
+        mean[HG_PATH_GUIDE_SEEN_ALBEDO + c] = hits;
+    mean[HG_PATH_GUIDE_SEEN_OWN] = hits;
+    mean[HG_PATH_GUIDE_SEEN_DEPTH] = mean[HG_PATH_GUIDE_DEPTH];
+    mean[HG_PATH_GUIDE_SEEN] = hits;
+}
+
+// Channels of what a lobe shows: samples that it is known of, and a sum over them.
+static const struct channels {
+    int known, depth;
+} channels[HG_DN_LOBES] = {
+    {HG_PATH_GUIDE_HITS, HG_PATH_GUIDE_DEPTH}, {HG_PATH_GUIDE_SEEN, HG_PATH_GUIDE_SEEN_DEPTH}};
+
+// Those of a half, or of all where the half has none.
+static const float *known(const struct pixel *pixel, int half, int lobe)
+{
+    const float *from = pixel->half[half];
+    return from[channels[lobe].known] > 0.0f ? from : pixel->whole;
+}
+
+static bool halves_know(const struct pixel *pixel)
+{
+    return known(pixel, 0, HG_DN_MIRRORS) != pixel->whole &&
+           known(pixel, 1, HG_DN_MIRRORS) != pixel->whole;
+}
+
+static float of_known(const float *from, int lobe, int channel)
+{
+    return from[channel] / from[channels[lobe].known];
+}
+
+// What light of a lobe was multiplied by, mean over all samples. seen: where what is seen is known.
+static float albedo_of(const float *from, const float *seen, int lobe, int c)
+{
+    if (lobe == HG_DN_SCATTERS)
+        return from[HG_PATH_GUIDE_ALBEDO + c];
+    return from[HG_PATH_GUIDE_REFLECTION + c] * of_known(seen, lobe, HG_PATH_GUIDE_SEEN_ALBEDO + c);
+}
+
+// The normal of what is seen in a surface says little of its light; it would have to be mirrored to
+// be like those around, and is noisy behind glass. Smooth lobes have none.
+static float normal_of(const float *from, const float *seen, int lobe, int c)
+{
+    const float own = lobe == HG_DN_SCATTERS ? 1.0f : of_known(seen, lobe, HG_PATH_GUIDE_SEEN_OWN);
+    return own * from[HG_PATH_GUIDE_NORMAL + c] / from[HG_PATH_GUIDE_HITS];
+}
 
 static void load_light(
     struct hg_dn_planes *p, size_t at, int kind, int half, const struct pixel *pixel)
 {
-    const int light = HG_PATH_GUIDE_DIRECT + 3 * kind, albedo = albedos[hg_dn_lobe(kind)];
-    const float *from = pixel->half[half];
-    if (!(from[HG_PATH_GUIDE_HITS] > 0.0f)) // none of its samples met the surface
-        from = pixel->whole;
+    const int light = HG_PATH_GUIDE_DIRECT + 3 * kind, lobe = hg_dn_lobe(kind);
+    const float *from = known(pixel, half, HG_DN_SCATTERS), *seen = known(pixel, half, lobe);
     const float least = LEAST_ALBEDO * from[HG_PATH_GUIDE_HITS];
     struct hg_dn_light *to = &p->light[kind][half];
     for (int c = 0; c < 3; c++) {
-        const float divisor = from[albedo + c] + least;
+        const float divisor = albedo_of(from, seen, lobe, c) + least;
         to->rgb[c][at] = divisor > 0.0f ? from[light + c] / divisor : 0.0f;
     }
     to->luma[at] = hg_dn_luma(to->rgb[0][at], to->rgb[1][at], to->rgb[2][at]);
 }
 
-// Mean of a channel over what was hit.
-static float of_hits(const float *from, const float *whole, int channel)
+// Of what is hit.
+static float tone_of(const float *from, const float *seen, int lobe)
 {
-    const float *there = from[HG_PATH_GUIDE_HITS] > 0.0f ? from : whole;
-    return there[channel] / there[HG_PATH_GUIDE_HITS];
-}
-
-static float tone_of(const float *from, const float *whole, int albedo)
-{
-    return hg_dn_luma(of_hits(from, whole, albedo), of_hits(from, whole, albedo + 1),
-        of_hits(from, whole, albedo + 2));
+    return hg_dn_luma(albedo_of(from, seen, lobe, 0), albedo_of(from, seen, lobe, 1),
+               albedo_of(from, seen, lobe, 2)) /
+           from[HG_PATH_GUIDE_HITS];
 }
 
 static float square(float x)
@@ -109,25 +184,25 @@ static float square(float x)
     return x * x;
 }
 
-static void load_features(struct hg_dn_planes *p, size_t at, const struct pixel *pixel)
+static void load_face(struct hg_dn_planes *p, size_t at, int lobe, const struct pixel *pixel)
 {
-    const float *w = pixel->whole, *a = pixel->half[0], *b = pixel->half[1];
+    struct hg_dn_face *face = &p->face[lobe];
+    const int depth = channels[lobe].depth;
+    const float *w = pixel->whole;
+    const float *a = known(pixel, 0, HG_DN_SCATTERS), *b = known(pixel, 1, HG_DN_SCATTERS);
+    const float *seen_a = known(pixel, 0, lobe), *seen_b = known(pixel, 1, lobe);
     float var = 0.0f;
     for (int c = 0; c < 3; c++) {
-        const int channel = HG_PATH_GUIDE_NORMAL + c;
-        p->normal[c][at] = of_hits(w, w, channel);
-        var += square(of_hits(a, w, channel) - of_hits(b, w, channel));
+        face->normal[c][at] = normal_of(w, w, lobe, c);
+        var += square(normal_of(a, seen_a, lobe, c) - normal_of(b, seen_b, lobe, c));
+        face->albedo[c][at] = albedo_of(w, w, lobe, c) + LEAST_ALBEDO * w[HG_PATH_GUIDE_HITS];
     }
-    p->normal_var[at] = 0.25f * var;
-    p->disparity[at] = expf(-of_hits(w, w, HG_PATH_GUIDE_DEPTH));
-    p->disparity_var[at] = 0.25f * square(expf(-of_hits(a, w, HG_PATH_GUIDE_DEPTH)) -
-                                          expf(-of_hits(b, w, HG_PATH_GUIDE_DEPTH)));
-    p->roughness[at] = of_hits(w, w, HG_PATH_GUIDE_ROUGHNESS);
-    for (int k = 0; k < HG_DN_LOBES; k++) {
-        const int albedo = albedos[k];
-        p->tone[k][at] = tone_of(w, w, albedo);
-        p->tone_var[k][at] = 0.25f * square(tone_of(a, w, albedo) - tone_of(b, w, albedo));
-    }
+    face->normal_var[at] = 0.25f * var;
+    face->disparity[at] = expf(-of_known(w, lobe, depth));
+    face->disparity_var[at] =
+        0.25f * square(expf(-of_known(seen_a, lobe, depth)) - expf(-of_known(seen_b, lobe, depth)));
+    face->tone[at] = tone_of(w, w, lobe);
+    face->tone_var[at] = 0.25f * square(tone_of(a, seen_a, lobe) - tone_of(b, seen_b, lobe));
 }
 
 static void load_row(void *user, size_t y)
@@ -146,9 +221,14 @@ static void load_row(void *user, size_t y)
         p->share[at] = n > 0 ? (float)first_half(n) / (float)n : 0.5f;
         if (!(hits > 0.0f))
             continue;
-        load_features(p, at, &pixel);
-        for (int i = 0; i < HG_DN_LOBES * 3; i++)
-            p->albedo[i / 3][i % 3][at] = pixel.whole[albedos[i / 3] + i % 3] + LEAST_ALBEDO * hits;
+        if (!(pixel.whole[HG_PATH_GUIDE_SEEN] > 0.0f))
+            look_around(in, p->x + x, from, &pixel);
+        if (!(pixel.whole[HG_PATH_GUIDE_SEEN] > 0.0f))
+            take_surface(pixel.whole);
+        p->roughness[at] = pixel.whole[HG_PATH_GUIDE_ROUGHNESS] / hits;
+        for (int i = 0; i < HG_DN_LOBES; i++)
+            load_face(p, at, i, &pixel);
+        p->scratch[0][at] = n > 1 && halves_know(&pixel) ? 0.0f : 1.0f;
         for (int i = 0; i < HG_DN_KINDS * 2; i++)
             load_light(p, at, i / 2, i % 2, &pixel);
     }
@@ -171,8 +251,11 @@ static void slope_row(void *user, size_t y)
     struct hg_dn_planes *p = ((const struct work *)user)->p;
     for (uint32_t x = 0; x < p->width; x++) {
         const size_t at = hg_dn_at(p, x, (uint32_t)y);
-        p->disparity_dx[at] = slope(p->disparity, p->seen, at, 1);
-        p->disparity_dy[at] = slope(p->disparity, p->seen, at, p->stride);
+        for (int i = 0; i < HG_DN_LOBES; i++) {
+            struct hg_dn_face *face = &p->face[i];
+            face->disparity_dx[at] = slope(face->disparity, p->seen, at, 1);
+            face->disparity_dy[at] = slope(face->disparity, p->seen, at, p->stride);
+        }
     }
 }
 
@@ -310,10 +393,11 @@ static void find_variance(struct hg_dn_planes *p, struct hg_jobs *jobs, struct w
             hg_jobs_for(jobs, p->height, smooth_row, &s);
         hg_dn_smooth(p, jobs, &p->variance[k]);
     }
-    for (int i = 0; i < HG_DN_LOBES; i++)
-        hg_dn_smooth(p, jobs, &p->tone_var[i]);
-    hg_dn_smooth(p, jobs, &p->normal_var);
-    hg_dn_smooth(p, jobs, &p->disparity_var);
+    for (int i = 0; i < HG_DN_LOBES; i++) {
+        hg_dn_smooth(p, jobs, &p->face[i].tone_var);
+        hg_dn_smooth(p, jobs, &p->face[i].normal_var);
+        hg_dn_smooth(p, jobs, &p->face[i].disparity_var);
+    }
 }
 
 // --- all -----------------------------------------------------------------------------------------
@@ -347,8 +431,10 @@ enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
     struct work work = {p, input};
     hg_jobs_for(jobs, p->height, load_row, &work);
     hg_jobs_for(jobs, p->height, slope_row, &work);
+    hg_dn_seen_guess(p, jobs);
     limit_fireflies(p, jobs);
     find_variance(p, jobs, &work);
+    hg_dn_seen_calm(p, jobs);
     return HG_OK;
 }
 

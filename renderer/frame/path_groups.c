@@ -144,13 +144,16 @@ enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *
     const uint32_t split = 7u << HG_PATH_PLANE_DIRECT | 7u << HG_PATH_PLANE_INDIRECT;
     enum hg_status status = HG_OK;
     p->group_count = 0;
-    p->options &= ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES);
+    p->options &=
+        ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES | HG_PATH_FOLLOWS);
     if (view->settings.mode != HG_VIEW_MODE_PATH) { // where nothing catches shadows
         p->options |= HG_PATH_SURFACES;
         return reserve_marks(view, err);
     }
     if ((planes & split) != 0 || view->settings.path.denoise != 0)
         p->options |= HG_PATH_SPLIT;
+    if (view->settings.path.denoise != 0)
+        p->options |= HG_PATH_FOLLOWS;
     if ((planes >> HG_PATH_PLANE_GROUPS & 1u) != 0) {
         p->options |= HG_PATH_GROUPS;
         (void)group_of(p, "environment", "");

@@ -61,7 +61,8 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
     const uint64_t n = HG_PATH_WAVE_PX,
                    words =
                        HG_PATH_WORDS + p->sampled_channels - 1 +
-                       (p->options & (HG_PATH_SPLIT | HG_PATH_GROUPS) ? HG_PATH_SPLIT_WORDS : 0);
+                       (p->options & (HG_PATH_SPLIT | HG_PATH_GROUPS) ? HG_PATH_SPLIT_WORDS : 0) +
+                       (p->options & HG_PATH_FOLLOWS ? HG_PATH_SEEN_WORDS : 0);
     const bool shared = hg_trace_backend(p->trace) == HG_TRACE_EMBREE;
     const enum hg_gpu_buffer_kind kind = shared ? HG_GPU_BUFFER_READBACK : HG_GPU_BUFFER_DEVICE;
     const struct {

@@ -51,6 +51,11 @@ void hg_path_add3(uint word, uint slot, vec3 value)
     hg_path_set3(word, slot, hg_path_get3(word, slot) + value);
 }
 
+void hg_path_add(uint word, uint slot, float value)
+{
+    hg_path_set(word, slot, hg_path_get(word, slot) + value);
+}
+
 // Two positive floats of 8 digits.
 float hg_path_pack_cone(float width, float spread)
 {

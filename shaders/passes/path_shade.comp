@@ -161,6 +161,105 @@ vec3 background(path p, vec3 direction)
         weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction));
 }
 
+// --- what is seen in smooth surfaces -------------------------------------------------------------
+
+#define SMOOTH_ALPHA 0.0225 // a roughness of 0.15
+#define FAR          1e6    // metres that count as infinite
+
+bool has_smooth_base(hg_bsdf b)
+{
+    if (HG_HAS(HG_FEATURE_LOBES))
+        return b.delta || max(b.alpha.x, b.alpha.y) <= SMOOTH_ALPHA;
+    return b.delta || b.base.alpha <= SMOOTH_ALPHA;
+}
+
+bool has_smooth_coat(hg_bsdf b)
+{
+    if (!HG_HAS(HG_FEATURE_CLEARCOAT) || b.coat <= 0.0 || b.inside)
+        return false;
+    return b.coat_delta || (has_smooth_base(b) && b.coat_alpha <= SMOOTH_ALPHA);
+}
+
+// Of the lobe that was sampled. Coat and base are one where neither is a mirror.
+bool is_smooth(hg_bsdf b, uint lobe)
+{
+    bool coated = HG_HAS(HG_FEATURE_CLEARCOAT) && b.coat > 0.0 && !b.inside;
+    return (lobe & HG_LOBE_DELTA) != 0u || ((lobe & HG_LOBE_SPECULAR) != 0u && has_smooth_base(b) &&
+        (!coated || has_smooth_coat(b)));
+}
+
+// What scattered light is multiplied by, about; what mirrored light is, and light that is let through.
+vec3 scattering_albedo(hg_bsdf b)
+{
+    return HG_HAS(HG_FEATURE_LOBES) ? b.base.diffuse + b.behind + b.sheen : b.base.diffuse;
+}
+
+vec3 mirroring_albedo(hg_bsdf b)
+{
+    vec3 albedo = hg_specular_albedo(b.base.f0, b.base.f_ms, b.base.dfg_v);
+    if (HG_HAS(HG_FEATURE_LOBES))
+        albedo += b.transmission * b.tint * b.enter_v + b.coat * 0.04;
+    return albedo;
+}
+
+// Light as an albedo.
+vec3 light_color(vec3 light)
+{
+    return light / max(hg_max3(light), 1.0);
+}
+
+// own: of the first surface.
+void note_seen_in(uint slot, vec3 albedo, float depth, bool own)
+{
+    uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
+    float share = 1.0 / hg_path_branches();
+    hg_path_add3(guide + HG_PATH_GUIDE_SEEN_ALBEDO, slot, share * hg_path_finite(albedo));
+    hg_path_add(guide + HG_PATH_GUIDE_SEEN_DEPTH, slot, share * log(clamp(depth, 1e-6, FAR)));
+    hg_path_add(guide + HG_PATH_GUIDE_SEEN_OWN, slot, own ? share : 0.0);
+    hg_path_add(guide + HG_PATH_GUIDE_SEEN, slot, share);
+}
+
+vec3 tint_of(path p)
+{
+    return hg_path_get3(hg_path.split + HG_PATH_SPLIT_WORDS + HG_PATH_SEEN_TINT, p.slot);
+}
+
+// Metres to what a path meets after t metres, as far as they are seen along the view direction.
+float depth_seen(path p, float t)
+{
+    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
+    return hg_path_get(word + HG_PATH_SEEN_DEPTH, p.slot) +
+        hg_path_get(word + HG_PATH_SEEN_COSINE, p.slot) * t;
+}
+
+// From the first surface on, which was met along a direction.
+void begin_following(inout path p, hg_bsdf b, float depth, uint lobe, vec3 direction)
+{
+    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
+    if (is_smooth(b, lobe)) {
+        p.flags |= HG_PATH_FOLLOWED;
+        hg_path_set3(word + HG_PATH_SEEN_TINT, p.slot, vec3(1.0));
+        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth);
+        hg_path_set(word + HG_PATH_SEEN_COSINE, p.slot, dot(direction, hg_path_forward()));
+    } else if ((lobe & HG_LOBE_SPECULAR) != 0u || !(has_smooth_base(b) || has_smooth_coat(b)))
+        note_seen_in(p.slot, vec3(1.0), depth, true);
+}
+
+// A surface that is seen in smooth ones: further, if nearly all of its light is mirrored or let through
+// by a smooth lobe, and the path goes on there.
+void follow(inout path p, hg_bsdf b, vec3 medium, vec3 emitted, float t, bool goes_on)
+{
+    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
+    vec3 scattered = scattering_albedo(b), mirrored = mirroring_albedo(b), tint = tint_of(p) * medium;
+    if (goes_on && 3.0 * hg_max3(scattered) <= hg_max3(mirrored) && hg_max3(emitted) <= 0.0) {
+        hg_path_set3(word + HG_PATH_SEEN_TINT, p.slot, tint * mirrored);
+        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth_seen(p, t));
+        return;
+    }
+    p.flags &= ~HG_PATH_FOLLOWED;
+    note_seen_in(p.slot, tint * (scattered + mirrored + light_color(emitted)), depth_seen(p, t), false);
+}
+
 // The ray left the scene.
 uint miss(path p)
 {
@@ -176,6 +275,8 @@ uint miss(path p)
         return HG_PATH_WAITS;
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
+    if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
+        note_seen_in(p.slot, tint_of(p) * light_color(radiance), FAR, false);
     if (p.bounce == 0u && push.branch == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
     if (push.branch == 0u && HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
@@ -218,14 +319,8 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
 {
     uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    vec3 reflection = hg_specular_albedo(b.base.f0, b.base.f_ms, b.base.dfg_v);
-    vec3 albedo = b.base.diffuse;
-    if (HG_HAS(HG_FEATURE_LOBES)) {
-        reflection += b.transmission * b.tint + b.coat * 0.04;
-        albedo += b.behind + b.sheen;
-    }
-    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, albedo);
-    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, reflection);
+    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, scattering_albedo(b));
+    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, mirroring_albedo(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
     hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
@@ -331,9 +426,10 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, boo
 
 // Where the path goes from here; false: nowhere.
 bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float survive, float width,
-    float spread)
+    float spread, out uint lobe)
 {
     hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
+    lobe = r.lobe;
     float side = dot(s.geometric_normal, r.direction);
     bool through = (r.lobe & HG_LOBE_TRANSMISSION) != 0u;
     bool on = r.pdf > 0.0 && (through ? side < 0.0 : side > 0.0);
@@ -494,7 +590,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (HG_PATH_CAN(HG_PATH_SURFACES))
         return see(p, v, s, hit);
-    p.throughput *= hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
+    vec3 medium = hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
+    p.throughput *= medium;
     // Lights count on the side of the normal, or on both; as stored, so that both ways agree.
     uint packed = hg_encode_normal(s.normal);
     bool both = s.transmission > 0.0 || s.diffuse_transmission > 0.0;
@@ -527,8 +624,12 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
         hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
             clamped(throughput * emitted, p.bounce));
-    if (s.unlit || p.bounce >= hg_path.max_bounces)
+    bool followed = HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u;
+    if (s.unlit || p.bounce >= hg_path.max_bounces) {
+        if (followed)
+            follow(p, b, medium, emitted, hit.t, false);
         return HG_PATH_DONE;
+    }
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
@@ -541,8 +642,14 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         if (ask_light(p, b, v, s, light, true))
             status |= HG_PATH_SUN;
     }
-    if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y))
+    vec3 direction = p.ray.direction_ws;
+    uint lobe;
+    if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y, lobe))
         status |= HG_PATH_LIVE;
+    if (HG_PATH_CAN(HG_PATH_FOLLOWS) && p.bounce == 0u)
+        begin_following(p, b, v.depth, lobe, direction);
+    else if (followed)
+        follow(p, b, medium, emitted, hit.t, (status & HG_PATH_LIVE) != 0u && is_smooth(b, lobe));
     p.bounce++;
     p.flags = both ? p.flags | HG_PATH_BOTH_SIDES : p.flags & ~HG_PATH_BOTH_SIDES;
     if ((status & HG_PATH_LIVE) != 0u)

@@ -44,6 +44,11 @@
 #define HG_PATH_SPLIT_SUN    6
 #define HG_PATH_SPLIT_GROUPS 9
 #define HG_PATH_SPLIT_WORDS  10
+// Behind those, with HG_PATH_FOLLOWS: the way of a path with HG_PATH_FOLLOWED.
+#define HG_PATH_SEEN_TINT   0 // rgb: of what it came by behind the first surface
+#define HG_PATH_SEEN_DEPTH  3 // of the image of what the ray left: metres along the view direction
+#define HG_PATH_SEEN_COSINE 4 // metres of that per metre of way
+#define HG_PATH_SEEN_WORDS  5
 #define HG_PATH_PENDING_SUN 12 // rgb: of the ray to a directional light
 #define HG_PATH_OUT        15 // from here on what the film adds up, one word per channel
 #define HG_PATH_WORDS      15 // before that
@@ -52,6 +57,7 @@
 #define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind holes included
 #define HG_PATH_BOUNCE_SHIFT  10
 #define HG_PATH_BOUNCE_MASK   0x000001ffu
+#define HG_PATH_FOLLOWED      0x00100000u // all it came by is smooth: what it meets is seen in that
 #define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
 #define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
@@ -103,7 +109,13 @@
 #define HG_PATH_GUIDE_DEPTH      18 // natural logarithm of metres along the view direction
 #define HG_PATH_GUIDE_ROUGHNESS  19
 #define HG_PATH_GUIDE_HITS       20 // 1 for samples that hit something
-#define HG_PATH_GUIDE_CHANNELS   21
+// Of what is seen in the first surface, where a smooth lobe of it was followed; else of that surface.
+// Sums over samples that know (SEEN): scattering lobes of surfaces that have smooth ones do not.
+#define HG_PATH_GUIDE_SEEN_ALBEDO 21 // rgb: besides REFLECTION; of the first surface 1
+#define HG_PATH_GUIDE_SEEN_DEPTH  24 // as DEPTH, of the image in a plane mirror
+#define HG_PATH_GUIDE_SEEN_OWN    25 // 1 where it is that of the first surface
+#define HG_PATH_GUIDE_SEEN        26 // 1
+#define HG_PATH_GUIDE_CHANNELS    27
 
 // Samples that count for the first of two halves, whose difference says how noisy a pixel is: every
 // second one at first, then every second four, so that each half is well distributed.
@@ -159,6 +171,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_SPLIT   0x4u // light by what lobes reflect
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
+#define HG_PATH_FOLLOWS 0x20u // the guide has what is seen in smooth surfaces
 #define HG_PATH_SURFACES 0x2000000u // only what is seen first, by the real-time mode's rules
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well

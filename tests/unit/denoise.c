@@ -21,6 +21,10 @@ enum { CHANNELS = HG_PATH_GUIDE_CHANNELS };
 struct point {
     float irradiance, mirrored; // means; light is these times the albedos
     float albedo[3], reflection, normal[3], depth, noise;
+    float seen; // albedo of what is seen in a mirror
+    float knows,
+        shines; // shares of samples that follow it, that see something white in it; 0: 1, 0
+    bool mirrors;
 };
 
 struct picture {
@@ -54,9 +58,14 @@ static void add_sample(struct picture *p, size_t at, uint32_t number, const stru
     const float light = s->irradiance * scatter(s->noise), gloss = s->mirrored * scatter(s->noise);
     const float around = 0.5f * s->irradiance * scatter(s->noise);
     const float *a = s->albedo, m = s->reflection;
+    const bool knows = s->knows == 0.0f || random_float() < s->knows;
+    const float seen = s->shines > 0.0f && random_float() < s->shines ? 1.0f : s->seen;
+    const float mirrored = !knows ? 0.0f : m * seen * gloss / (s->knows > 0.0f ? s->knows : 1.0f);
+    const float k = knows ? 1.0f : 0.0f;
     const float values[CHANNELS] = {a[0] * light, a[1] * light, a[2] * light, a[0] * around,
-        a[1] * around, a[2] * around, m * gloss, m * gloss, m * gloss, a[0], a[1], a[2], m, m, m,
-        s->normal[0], s->normal[1], s->normal[2], logf(s->depth), 0.5f, 1.0f};
+        a[1] * around, a[2] * around, mirrored, mirrored, mirrored, a[0], a[1], a[2], m, m, m,
+        s->normal[0], s->normal[1], s->normal[2], logf(s->depth), s->mirrors ? 0.0f : 0.5f, 1.0f,
+        k * seen, k * seen, k * seen, k * logf(s->depth), s->mirrors ? 0.0f : k, k};
     for (size_t c = 0; c < CHANNELS; c++) {
         p->sums[c * pixels + at] += values[c];
         if (HG_PATH_IS_FIRST_HALF(number))
@@ -151,7 +160,8 @@ static struct point wall(float noise)
         .reflection = 0.04f,
         .normal = {0, 0, 1},
         .depth = 3.0f,
-        .noise = noise};
+        .noise = noise,
+        .seen = 1.0f};
 }
 
 static struct point still_wall(uint32_t x, uint32_t y)
@@ -202,6 +212,32 @@ static struct point checkers(uint32_t x, uint32_t y)
     struct point p = wall(1.0f);
     for (int c = 0; c < 3; c++)
         p.albedo[c] = (x / 2 + y / 3) % 2 ? 0.1f : 0.6f;
+    return p;
+}
+
+// A texture in a mirror, in a polished surface that mirrors a quarter of the paths, and behind
+// glass that mirrors something white as well.
+static struct point mirror(uint32_t x, uint32_t y)
+{
+    struct point p = wall(1.0f);
+    p.mirrors = true;
+    p.reflection = 0.9f;
+    p.seen = (x / 2 + y / 3) % 2 ? 0.1f : 0.6f;
+    return p;
+}
+
+static struct point polished(uint32_t x, uint32_t y)
+{
+    struct point p = mirror(x / 3, y / 3);
+    p.knows = 0.25f;
+    return p;
+}
+
+static struct point glazed(uint32_t x, uint32_t y)
+{
+    struct point p = mirror(x / 3, y / 3);
+    p.noise = 0.1f;
+    p.shines = 0.15f;
     return p;
 }
 
@@ -322,6 +358,41 @@ static void test_textures(void **state)
     print_message("checkers: %.3f of %.3f\n", error, raw);
     assert_true(error < 0.25 * raw && error < 0.12);
     finish(&p);
+}
+
+// As error_of, of mirrored light.
+static double mirror_error(const struct picture *p, point_at *truth, bool raw)
+{
+    double sum = 0.0;
+    for (uint32_t y = 0; y < p->height; y++) {
+        for (uint32_t x = 0; x < p->width; x++) {
+            const struct point t = truth(x, y);
+            const float seen = t.shines + (1.0f - t.shines) * t.seen;
+            const double want = (double)(t.mirrored * t.reflection * seen);
+            const double got = (double)(raw ? raw_at(p, x, y, 6) : out_at(p, x, y, 6));
+            sum += (got / want - 1.0) * (got / want - 1.0);
+        }
+    }
+    return sqrt(sum / ((double)p->width * p->height));
+}
+
+static void test_mirrors(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        point_at *scene;
+        double most; // of the error of samples
+    } cases[] = {{"mirror", mirror, 0.25}, {"polished", polished, 0.4}, {"glazed", glazed, 0.6}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct picture p = make(96, 96, 4, cases[i].scene);
+        run(&p, 2);
+        const double error = mirror_error(&p, cases[i].scene, false);
+        const double raw = mirror_error(&p, cases[i].scene, true);
+        print_message("%s: %.3f of %.3f\n", cases[i].name, error, raw);
+        assert_true(error < cases[i].most * raw);
+        finish(&p);
+    }
 }
 
 static void test_curves(void **state)
@@ -559,6 +630,7 @@ int main(void)
         cmocka_unit_test(test_no_noise_no_change),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_textures),
+        cmocka_unit_test(test_mirrors),
         cmocka_unit_test(test_curves),
         cmocka_unit_test(test_fireflies),
         cmocka_unit_test(test_threads),
