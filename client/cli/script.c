@@ -434,9 +434,17 @@ static enum hg_status set_node(struct words *w, struct hg_cli_step *s, struct hg
             status = take_floats(w, "scale", 3, n->scale, &n->has_scale, err);
         else if (accept(w, "visible"))
             status = take_bool(w, "visible", &n->visible, &n->has_visible, err);
-        else
+        else if (accept(w, "next-translation"))
+            status = take_floats(
+                w, "next-translation", 3, n->next_translation, &n->has_next_translation, err);
+        else if (accept(w, "next-rotation"))
             status =
-                wrong(err, "'%s' is not translation, rotation, scale or visible", w->at[w->next]);
+                take_floats(w, "next-rotation", 4, n->next_rotation, &n->has_next_rotation, err);
+        else if (accept(w, "next-scale"))
+            status = take_floats(w, "next-scale", 3, n->next_scale, &n->has_next_scale, err);
+        else
+            status = wrong(
+                err, "'%s' is not [next-]translation, rotation, scale or visible", w->at[w->next]);
     }
     return status;
 }
@@ -484,6 +492,17 @@ static enum hg_status set_material(struct words *w, struct hg_cli_step *s, struc
         status = set_material_value(w, &s->material, err);
     return status;
 }
+static enum hg_status set_shutter(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hgp_view_set *v = &s->view;
+    enum hg_status status =
+        take_f32_in(w, "shutter", -1, 1, &v->shutter_open, &v->has_shutter_open, err);
+    if (!status)
+        status = take_f32_in(w, "shutter", -1, 1, &v->shutter_close, &v->has_shutter_close, err);
+    return !status && v->shutter_close < v->shutter_open
+               ? wrong(err, "shutter closes before it opens")
+               : status;
+}
 
 static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
@@ -497,7 +516,8 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
         {"target-ms", set_target_ms}, {"spp", set_samples}, {"trace", set_trace},
         {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit},
         {"max-bounces", set_max_bounces}, {"filter", set_filter},
-        {"filter-radius", set_filter_radius}, {"clamp-indirect", set_clamp_indirect}};
+        {"filter-radius", set_filter_radius}, {"clamp-indirect", set_clamp_indirect},
+        {"shutter", set_shutter}};
     s->kind = HG_CLI_STEP_VIEW;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (accept(w, keys[i].key))

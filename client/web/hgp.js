@@ -356,6 +356,9 @@ export const messages = {
             { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "name", kind: "str", max: 256, since: 1, optional: true },
             { name: "catches_shadows", kind: "bool", since: 1, optional: true },
+            { name: "next_translation", kind: "vec3", since: 1, optional: true },
+            { name: "next_rotation", kind: "vec4", since: 1, optional: true },
+            { name: "next_scale", kind: "vec3", since: 1, optional: true },
         ],
     },
     // make or change a light (KHR_lights_punctual)

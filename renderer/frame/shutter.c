@@ -76,7 +76,7 @@ enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, doub
 {
     struct hg_scene *scene = view->rooms->scene;
     struct hg_pose_kept kept = {0};
-    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), &kept);
+    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
     if (status != HG_OK)
         return hg_error_set(err, status, "motion", NULL, "out of host memory");
     hg_scene_update(scene);
@@ -94,7 +94,7 @@ enum hg_status hg_shutter_lights(
     struct hg_pose_kept kept = {0};
     double origin[3];
     hg_geometry_origin(view->rooms->geometry, origin);
-    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), &kept);
+    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
     if (status == HG_OK) {
         hg_scene_update(scene);
         status = hg_light_set_collect(lights, scene, origin);
@@ -195,7 +195,7 @@ static enum hg_status look_at_all(
         const double share = look == 0 ? 0.0 : look == 1 ? 1.0 : (look - 1.0) / LOOKS;
         const double frames = open + share * (close - open);
         float now[16];
-        status = hg_scene_pose_shift(scene, seconds(view, frames), &kept);
+        status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
         if (status != HG_OK)
             break;
         hg_scene_update(scene);

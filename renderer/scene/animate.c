@@ -91,8 +91,10 @@ static void pose_channel(struct hg_scene *scene, const struct hg_anim_channel *c
         sample_linear(channel, key, s, out);
     if (channel->path == HG_ANIM_ROTATION)
         hg_quat_normalize(out);
-    if (scene)
+    if (scene) {
+        channel->node->moves = channel->node->moves && channel->path == HG_ANIM_WEIGHTS;
         hg_scene_touch(scene, &channel->node->head);
+    }
 }
 
 enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
@@ -137,11 +139,32 @@ static void count_values(
     *(size_t *)user += channel->width;
 }
 
-bool hg_scene_moves(const struct hg_scene *scene)
+// Values that a node that moves has: translation, rotation, scale.
+enum { MOVED_VALUES = 10 };
+
+static struct hg_node *node_at(const struct hg_scene *scene, uint32_t index)
+{
+    return (struct hg_node *)scene->objects[HG_OBJECT_NODE].items[index];
+}
+
+static size_t count_moved(const struct hg_scene *scene)
+{
+    size_t count = 0;
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_NODE].count; i++)
+        count += node_at(scene, i)->moves;
+    return count;
+}
+
+static size_t count_all(const struct hg_scene *scene)
 {
     size_t values = 0;
     for_posed(scene, count_values, &values);
-    return values > 0;
+    return values + count_moved(scene) * MOVED_VALUES;
+}
+
+bool hg_scene_moves(const struct hg_scene *scene)
+{
+    return count_all(scene) > 0;
 }
 
 static void keep_values(
@@ -169,19 +192,57 @@ static void shift_values(
     pose_channel(NULL, channel, (float)(animation->time_s + *offset_s));
 }
 
+static void put_moved(struct hg_node *node, const float values[MOVED_VALUES])
+{
+    memcpy(node->translation, values, sizeof node->translation);
+    memcpy(node->rotation, values + 3, sizeof node->rotation);
+    memcpy(node->scale, values + 7, sizeof node->scale);
+}
+
+static void keep_moved(const struct hg_scene *scene, float *at)
+{
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_NODE].count; i++) {
+        const struct hg_node *node = node_at(scene, i);
+        if (!node->moves)
+            continue;
+        memcpy(at, node->translation, sizeof node->translation);
+        memcpy(at + 3, node->rotation, sizeof node->rotation);
+        memcpy(at + 7, node->scale, sizeof node->scale);
+        at += MOVED_VALUES;
+    }
+}
+
+// From where it was kept, whatever it has come to since.
+static void move(struct hg_node *node, const float from[MOVED_VALUES], float frames)
+{
+    put_moved(node, from);
+    for (int i = 0; i < 3; i++) {
+        node->translation[i] += frames * (node->next_translation[i] - from[i]);
+        node->scale[i] += frames * (node->next_scale[i] - from[7 + i]);
+    }
+    hg_quat_slerp(from + 3, node->next_rotation, frames, node->rotation);
+}
+
 enum hg_status hg_scene_pose_shift(
-    struct hg_scene *scene, double offset_s, struct hg_pose_kept *kept)
+    struct hg_scene *scene, double offset_s, double frames, struct hg_pose_kept *kept)
 {
     if (!kept->taken) {
-        size_t values = 0;
-        for_posed(scene, count_values, &values);
-        if (hg_grow(&kept->values, &kept->capacity, values + 1, sizeof *kept->values) != HG_OK)
+        if (hg_grow(&kept->values, &kept->capacity, count_all(scene) + 1, sizeof *kept->values))
             return HG_E_NOMEM;
         float *at = kept->values;
         for_posed(scene, keep_values, &at);
+        kept->moved = (size_t)(at - kept->values);
+        keep_moved(scene, at);
         kept->taken = true;
     }
     for_posed(scene, shift_values, &offset_s);
+    const float *from = kept->values + kept->moved;
+    for (uint32_t i = 0; i < scene->objects[HG_OBJECT_NODE].count; i++) {
+        if (!node_at(scene, i)->moves)
+            continue;
+        move(node_at(scene, i), from, (float)frames);
+        from += MOVED_VALUES;
+    }
     return HG_OK;
 }
 
@@ -190,6 +251,12 @@ void hg_scene_pose_restore(struct hg_scene *scene, struct hg_pose_kept *kept)
     const float *at = kept->values;
     if (kept->taken)
         for_posed(scene, put_values, &at);
+    for (uint32_t i = 0; kept->taken && i < scene->objects[HG_OBJECT_NODE].count; i++) {
+        if (!node_at(scene, i)->moves)
+            continue;
+        put_moved(node_at(scene, i), at);
+        at += MOVED_VALUES;
+    }
     hg_free(kept->values);
     *kept = (struct hg_pose_kept){0};
 }

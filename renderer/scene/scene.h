@@ -176,7 +176,10 @@ struct hg_node {
     float translation[3], rotation[4], scale[3]; // rotation x y z w, unit
     bool has_matrix;                             // `matrix` instead of TRS
     float matrix[16];                            // column-major
-    bool visible;                                // hides the subtree too
+    // Where it will be a frame later, by a client's word; an animation's pose ends it.
+    bool moves;
+    float next_translation[3], next_rotation[4], next_scale[3];
+    bool visible;         // hides the subtree too
     bool catches_shadows; // path-traced: seen by the camera only as the shadow on it (subtree too)
     struct hg_mesh *mesh;
     struct hg_light *light;
@@ -320,18 +323,21 @@ void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; acce
 // animation.
 enum hg_status hg_asset_pose(
     struct hg_asset *asset, int32_t animation, double time_s) HG_MUST_CHECK;
-// Whether any of the scene's animations was posed: only then anything moves in time.
+// Whether any of the scene's animations was posed or any node moves: only then anything does in
+// time.
 bool hg_scene_moves(const struct hg_scene *scene);
-// For a look at other times: poses what was posed before at its time plus offset_s, without a change
-// of revisions, and keeps what was there (a zeroed *kept; further calls leave it). The caller
-// updates the scene and puts things back before anybody else looks at it. HG_E_NOMEM.
+// For a look at other times: poses what was posed before at its time plus offset_s, and nodes that
+// move `frames` on their way (places and sizes on the line, turns at one speed; before it
+// backwards), without a change of revisions, and keeps what was there (a zeroed *kept; further
+// calls leave it). The caller updates the scene and puts things back before anybody else looks at
+// it. HG_E_NOMEM.
 struct hg_pose_kept {
     float *values;
-    size_t capacity;
+    size_t capacity, moved; // values of animations come first
     bool taken;
 };
-enum hg_status hg_scene_pose_shift(
-    struct hg_scene *scene, double offset_s, struct hg_pose_kept *kept) HG_MUST_CHECK;
+enum hg_status hg_scene_pose_shift(struct hg_scene *scene, double offset_s, double frames,
+    struct hg_pose_kept *kept) HG_MUST_CHECK;
 void hg_scene_pose_restore(struct hg_scene *scene, struct hg_pose_kept *kept); // frees, too
 // Material that a part shows under the asset's chosen variant; NULL = default material.
 struct hg_material *hg_asset_part_material(

@@ -231,20 +231,43 @@ static bool resolve_node(
            resolve(r, HG_OBJECT_CAMERA, m->has_camera ? m->camera : 0, "camera", &refs->camera);
 }
 
+static void set_rotation(float out[4], const float in[4])
+{
+    const float length = sqrtf(in[0] * in[0] + in[1] * in[1] + in[2] * in[2] + in[3] * in[3]);
+    for (int i = 0; i < 4; i++)
+        out[i] = in[i] / length;
+}
+
 static void set_transform(struct hg_node *node, const struct hgp_node_set *m)
 {
     if (m->has_translation)
         memcpy(node->translation, m->translation, sizeof node->translation);
     if (m->has_scale)
         memcpy(node->scale, m->scale, sizeof node->scale);
-    if (m->has_rotation) {
-        float length = sqrtf(m->rotation[0] * m->rotation[0] + m->rotation[1] * m->rotation[1] +
-                             m->rotation[2] * m->rotation[2] + m->rotation[3] * m->rotation[3]);
-        for (int i = 0; i < 4; i++)
-            node->rotation[i] = m->rotation[i] / length;
-    }
+    if (m->has_rotation)
+        set_rotation(node->rotation, m->rotation);
     if (m->has_translation || m->has_scale || m->has_rotation)
-        node->has_matrix = false;
+        node->has_matrix = node->moves = false;
+}
+
+// After set_transform. A transform without it ends it, so that a journal that keeps only the newest
+// of each field comes to the same.
+static void set_next(struct hg_node *node, const struct hgp_node_set *m)
+{
+    if (!m->has_next_translation && !m->has_next_rotation && !m->has_next_scale)
+        return;
+    if (!node->moves) {
+        memcpy(node->next_translation, node->translation, sizeof node->next_translation);
+        memcpy(node->next_rotation, node->rotation, sizeof node->next_rotation);
+        memcpy(node->next_scale, node->scale, sizeof node->next_scale);
+    }
+    if (m->has_next_translation)
+        memcpy(node->next_translation, m->next_translation, sizeof node->next_translation);
+    if (m->has_next_rotation)
+        set_rotation(node->next_rotation, m->next_rotation);
+    if (m->has_next_scale)
+        memcpy(node->next_scale, m->next_scale, sizeof node->next_scale);
+    node->moves = true;
 }
 
 static void set_contents(
@@ -265,15 +288,16 @@ static void set_contents(
         node->camera = (struct hg_camera *)refs->camera;
 }
 
-static bool rotation_is_valid(const struct request *r, const struct hgp_node_set *m)
+static bool rotation_is_valid(
+    const struct request *r, bool has, const float rotation[4], const char *field)
 {
     float sum = 0;
     for (int i = 0; i < 4; i++)
-        sum += m->rotation[i] * m->rotation[i];
-    if (!m->has_rotation || (sum > 1e-12f && isfinite(sum)))
+        sum += rotation[i] * rotation[i];
+    if (!has || (sum > 1e-12f && isfinite(sum)))
         return true;
     struct hg_error err = {0};
-    hg_error_set(&err, HG_E_INVAL, "node_set", "rotation", "a quaternion must not be zero");
+    hg_error_set(&err, HG_E_INVAL, "node_set", field, "a quaternion must not be zero");
     serve_fail(r, &err);
     return false;
 }
@@ -282,7 +306,9 @@ void edit_node_set(const struct request *r)
 {
     const struct hgp_node_set *m = &r->message->node_set;
     struct node_refs refs;
-    if (!rotation_is_valid(r, m) || !resolve_node(r, m, &refs))
+    if (!rotation_is_valid(r, m->has_rotation, m->rotation, "rotation") ||
+        !rotation_is_valid(r, m->has_next_rotation, m->next_rotation, "next_rotation") ||
+        !resolve_node(r, m, &refs))
         return;
     struct hg_object *object = serve_find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
     if (!object)
@@ -295,6 +321,7 @@ void edit_node_set(const struct request *r)
         return;
     }
     set_transform(node, m);
+    set_next(node, m);
     set_contents(node, m, &refs);
     if (!m->has_name || rename_object(r, object, m->name))
         finish_edit(r, object);

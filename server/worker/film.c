@@ -136,6 +136,23 @@ static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const 
     put_floats(w, lens, 6);
 }
 
+// Of a node and all above it.
+static void put_ways(struct hg_writer *w, const struct hg_node *node, uint32_t index)
+{
+    for (; node; node = node->parent) {
+        if (!node->moves)
+            continue;
+        hg_write_u32(w, index);
+        put_floats(w, node->world, 16);
+        put_floats(w, node->translation, 3);
+        put_floats(w, node->rotation, 4);
+        put_floats(w, node->scale, 3);
+        put_floats(w, node->next_translation, 3);
+        put_floats(w, node->next_rotation, 4);
+        put_floats(w, node->next_scale, 3);
+    }
+}
+
 // What other times show, where the picture depends on them.
 static void put_motion(
     struct hg_writer *w, const struct hg_scene *scene, const struct hg_view_params *p)
@@ -143,6 +160,9 @@ static void put_motion(
     if (p->shutter_close <= p->shutter_open && !(p->planes >> HG_PLANE_MOTION & 1) &&
         p->denoise != HG_DENOISE_ANIMATION)
         return;
+    const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
+    for (uint32_t i = 0; i < nodes->count; i++)
+        put_ways(w, (const struct hg_node *)nodes->items[i], i);
     for (uint32_t i = 0; i < scene->asset_count; i++)
         for (uint32_t k = 0; k < scene->assets[i]->animation_count; k++) {
             const struct hg_animation *a = &scene->assets[i]->animations[k];

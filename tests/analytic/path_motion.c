@@ -147,6 +147,21 @@ static void test_late(void **state)
     assert_true(worst(got, 0.4, 0.0, 0.75) < 0.01);
 }
 
+static struct hg_node *joint(struct rig *rig)
+{
+    struct hg_object *object;
+    assert_int_equal(hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &object), HG_OK);
+    return (struct hg_node *)object;
+}
+
+static void tell(struct hg_node *node, const float translation[3], const float rotation[4])
+{
+    node->moves = true;
+    memcpy(node->next_translation, translation, sizeof node->next_translation);
+    memcpy(node->next_rotation, rotation, sizeof node->next_rotation);
+    memcpy(node->next_scale, node->scale, sizeof node->next_scale);
+}
+
 static void test_camera(void **state)
 {
     struct rig *rig = *state;
@@ -161,6 +176,31 @@ static void test_camera(void **state)
     render_columns(rig, &defaults, &camera, got);
     print_message("camera that slides: %.4f off at most\n", worst(got, 0.4, -0.5, 0.5));
     assert_true(worst(got, 0.4, -0.5, 0.5) < 0.01);
+}
+
+// A client says where it will be, or where a node above it will be that is turned.
+static void test_told(void **state)
+{
+    struct rig *rig = *state;
+    double got[WIDTH];
+    for (int above = 0; above < 2; above++) {
+        rig_scene(rig);
+        struct hg_node *node = bar(rig, glow(rig, 1.0f), 0, 0.4f);
+        if (above) {
+            const float turned[4] = {0, 0, 0.70710678f, 0.70710678f};
+            struct hg_node *over = joint(rig);
+            memcpy(over->rotation, turned, sizeof turned);
+            for (int i = 0; i < 4; i++)
+                node->rotation[i] = i < 3 ? -turned[i] : turned[i];
+            assert_int_equal(hg_scene_set_parent(rig->scene, node, over), HG_OK);
+            node = over;
+        }
+        tell(node, (const float[3]){1, 0, 0}, node->rotation);
+        render_columns(rig, &defaults, &straight, got);
+        print_message("told: %.4f off at most\n", worst(got, 0.4, -0.5, 0.5));
+        assert_true(worst(got, 0.4, -0.5, 0.5) < 0.01);
+        assert_true(node->translation[0] == 0.0f && node->moves);
+    }
 }
 
 // The same way for all vertices, by a target and by a joint.
@@ -192,13 +232,6 @@ static void test_morph(void **state)
     params.shutter_open = 0.0f;
     render_columns(rig, &params, &straight, got);
     assert_true(worst(got, 0.4, -1.0, -0.75) < 0.01);
-}
-
-static struct hg_node *joint(struct rig *rig)
-{
-    struct hg_object *object;
-    assert_int_equal(hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &object), HG_OK);
-    return (struct hg_node *)object;
 }
 
 static void test_skin(void **state)
@@ -233,17 +266,20 @@ static void test_skin(void **state)
 
 // A sector of 20 degrees that turns by 90: covered at an angle for the share of the time that it
 // takes to pass. Chords in place of arcs would be far off.
-static void test_turn(void **state)
+static void check_turn(struct rig *rig, bool told)
 {
-    struct rig *rig = *state;
     const float w = 0.17632698f; // tan 10 degrees
     const float corners[4][3] = {{0, 0, 0}, {20, -20 * w, 0}, {20, 20 * w, 0}, {0, 0, 0}};
     const float turns[12] = {
         0, 0, -0.70710678f, 0.70710678f, 0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f};
     rig_scene(rig);
     struct hg_node *node = rig_quad(rig, glow(rig, 1.0f), corners);
-    path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, turns); // 90 degrees a second
-    path_rig_pose(rig, 1.0);
+    if (told) {
+        tell(node, node->translation, turns + 8);
+    } else {
+        path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, turns); // 90 degrees a second
+        path_rig_pose(rig, 1.0);
+    }
     struct hg_view_params params = defaults;
     params.width = params.height = 64;
     params.samples = 256;
@@ -271,6 +307,12 @@ static void test_turn(void **state)
     assert_true(fabs(sum / want - 1) < 0.005 && most < 0.01);
     hg_refbuf_unref(color);
     hg_view_destroy(view);
+}
+
+static void test_turn(void **state)
+{
+    check_turn(*state, false);
+    check_turn(*state, true);
 }
 
 // --- what does not -------------------------------------------------------------------------------
@@ -360,15 +402,19 @@ static void test_lamp(void **state)
 // --- frames before and after ---------------------------------------------------------------------
 
 // 1 m a frame and 16 px a metre; the camera goes the other way by a quarter of that.
-static void test_vectors(void **state)
+static void check_vectors(struct rig *rig, bool told)
 {
-    struct rig *rig = *state;
     rig_scene(rig);
-    path_rig_animate(rig, bar(rig, glow(rig, 1.0f), 0, 0.4f), HG_ANIM_TRANSLATION, 3, slide_more);
+    struct hg_node *node = bar(rig, glow(rig, 1.0f), 0, 0.4f);
+    if (told)
+        tell(node, (const float[3]){1, 0, 0}, node->rotation);
+    else
+        path_rig_animate(rig, node, HG_ANIM_TRANSLATION, 3, slide_more);
     struct hg_material *m = glow(rig, 0.5f);
     const float wall[4][3] = {{-9, -9, -1}, {9, -9, -1}, {9, 9, -1}, {-9, 9, -1}};
     rig_quad(rig, m, wall);
-    path_rig_pose(rig, 1.0);
+    if (!told)
+        path_rig_pose(rig, 1.0);
     for (int i = 0; i < 4; i++) {
         struct hg_view_params params = defaults;
         struct hg_view_camera camera = straight;
@@ -395,6 +441,12 @@ static void test_vectors(void **state)
         hg_refbuf_unref(motion);
         hg_view_destroy(view);
     }
+}
+
+static void test_vectors(void **state)
+{
+    check_vectors(*state, false);
+    check_vectors(*state, true);
 }
 
 // A camera that turns about its own place: points at any distance and the background move alike.
@@ -534,6 +586,7 @@ int main(void)
         cmocka_unit_test(test_straight),
         cmocka_unit_test(test_late),
         cmocka_unit_test(test_camera),
+        cmocka_unit_test(test_told),
         cmocka_unit_test(test_morph),
         cmocka_unit_test(test_skin),
         cmocka_unit_test(test_turn),

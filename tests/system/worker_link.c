@@ -511,6 +511,59 @@ static void test_picks_and_a_view_closed_while_frames_wait(void **state)
     attach(rig, 1, "b");
     expect_error(rig, ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
 }
+// The hash of what a settled frame is made from.
+static void job_of(struct rig *rig, uint8_t hash[32])
+{
+    expect(rig, ask(rig, 1, HGP_T_job_query, &(struct hgp_job_query){.view = VIEW}), HGP_T_job);
+    memcpy(hash, rig->message.job.hash, 32);
+}
+
+static void set_node(struct rig *rig, struct hgp_node_set node)
+{
+    node.node = FIRST_ID;
+    expect(rig, ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
+}
+
+// Where a node will be counts where a shutter is open, and until the node is moved without it.
+static void test_next_place_of_nodes(void **state)
+{
+    struct rig *rig = *state;
+    uint8_t still[32], told[32], other[32];
+    const struct hgp_node_set stay = {.has_translation = true, .translation = {1, 0, 0}};
+    struct hgp_node_set go = {.has_next_translation = true, .next_translation = {2, 0, 0}};
+    struct hgp_view_set blur = {.view = VIEW,
+        .has_mode = true,
+        .mode = HGP_render_mode_PATH,
+        .has_shutter_close = true,
+        .shutter_close = 0.5f};
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    set_node(rig, stay);
+    job_of(rig, still);
+    set_node(rig, go);
+    job_of(rig, told);
+    assert_memory_equal(told, still, 32); // nothing looks at other times
+    expect(rig, ask(rig, 1, HGP_T_view_set, &blur), HGP_T_ok);
+    job_of(rig, told);
+    go.has_translation = true; // with a place of its own: the same
+    go.translation[0] = 1;
+    set_node(rig, go);
+    job_of(rig, other);
+    assert_memory_equal(other, told, 32);
+    set_node(rig, (struct hgp_node_set){.has_next_scale = true, .next_scale = {2, 2, 2}});
+    job_of(rig, other); // both
+    assert_memory_not_equal(other, told, 32);
+    set_node(rig, stay);
+    job_of(rig, still);
+    assert_memory_not_equal(still, told, 32);
+    assert_memory_not_equal(still, other, 32);
+    set_node(rig, (struct hgp_node_set){.has_visible = true, .visible = true});
+    set_node(rig, go);
+    job_of(rig, other); // the scale went with the move
+    assert_memory_equal(other, told, 32);
+    const struct hgp_node_set none = {.node = FIRST_ID, .has_next_rotation = true};
+    expect_error(rig, ask(rig, 1, HGP_T_node_set, &none), HG_E_INVAL, "next_rotation");
+}
 
 int main(void)
 {
@@ -532,6 +585,7 @@ int main(void)
         TEST(test_a_peer_may_leave_without_reading),
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
+        TEST(test_next_place_of_nodes),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }

@@ -264,6 +264,47 @@ static void test_poses_raise_revisions(void **state)
     hg_scene_destroy(scene);
 }
 
+// A node that a client moves after it was posed goes its own way at other times, comes back to the
+// bit, and follows the animation again from the next pose on.
+static void test_next_places(void **state)
+{
+    (void)state;
+    const struct channel c = {"translation", NULL, "VEC3", 3, 3, times, points, sizeof points};
+    const float frames[] = {0.5f, -1, 1, 0.25f}, place[3] = {0.1f, 0.2f, 0.3f};
+    struct hg_asset *asset = load_channel(&c);
+    struct hg_pose_kept kept = {0};
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    assert_false(hg_scene_moves(scene));
+    assert_int_equal(hg_asset_pose(asset, 0, 1), HG_OK);
+    struct hg_node *node = asset->nodes[0];
+    memcpy(node->translation, place, sizeof place);
+    node->moves = true;
+    for (int i = 0; i < 3; i++) {
+        node->next_translation[i] = place[i] + (float)i;
+        node->next_scale[i] = 3;
+    }
+    node->next_rotation[2] = node->next_rotation[3] = sqrtf(0.5f); // 90 degrees about z
+    for (int k = 0; k < 4; k++) {
+        const float f = frames[k], half = f * (float)M_PI / 4;
+        assert_int_equal(hg_scene_pose_shift(scene, (double)f, (double)f, &kept), HG_OK);
+        for (int i = 0; i < 3; i++) {
+            assert_float_equal(node->translation[i], place[i] + f * (float)i, 1e-6f);
+            assert_float_equal(node->scale[i], 1 + 2 * f, 1e-6f);
+        }
+        assert_float_equal(node->rotation[2], sinf(half), 1e-6f);
+        assert_float_equal(node->rotation[3], cosf(half), 1e-6f);
+    }
+    hg_scene_pose_restore(scene, &kept);
+    assert_memory_equal(node->translation, place, sizeof place);
+    assert_true(node->rotation[3] == 1 && node->scale[0] == 1);
+    assert_true(hg_scene_moves(scene) && node->moves);
+    assert_int_equal(hg_asset_pose(asset, 0, 1), HG_OK);
+    assert_false(node->moves);
+    hg_scene_destroy(scene);
+}
+
 // Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
 static void test_joints_beyond_the_skin(void **state)
 {
@@ -304,7 +345,7 @@ int main(void)
         cmocka_unit_test(test_slerp), cmocka_unit_test(test_cubic),
         cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
         cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
-        cmocka_unit_test(test_poses_raise_revisions),
+        cmocka_unit_test(test_poses_raise_revisions), cmocka_unit_test(test_next_places),
         cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

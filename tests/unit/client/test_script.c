@@ -43,7 +43,7 @@ static void test_good(void **state)
                "set debug-view lod\n"
                "set error-px 0.5\n"
                "set target-ms 40\n"
-               "set node box translation 1 2 3 visible no\n"
+               "set node box translation 1 2 3 next-translation 4 5 6 visible no\n"
                "set material 1:4 base_color 1,0,0,1 roughness 0.5\n"
                "camera orbit 0,90,2 target 0 1 0 fov 30\n"
                "camera eye 1 2 3\n"
@@ -73,6 +73,8 @@ static void test_good(void **state)
     assert_true(s.steps[8].view.has_error_px && s.steps[8].view.error_px == 0.5f);
     assert_true(s.steps[9].view.has_target_ms && s.steps[9].view.target_ms == 40);
     assert_true(s.steps[10].node.has_visible && !s.steps[10].node.visible);
+    assert_true(s.steps[10].node.has_next_translation);
+    assert_true(s.steps[10].node.next_translation[2] == 6 && !s.steps[10].node.has_next_scale);
     assert_true(s.steps[10].node.translation[2] == 3);
     assert_true(s.steps[11].material.has_roughness && s.steps[11].material.base_color[0] == 1);
     assert_true(fabs(s.steps[12].camera.eye[2] - 2) < 1e-6 && s.steps[12].camera.eye[1] == 1);
@@ -138,6 +140,10 @@ static void test_bad(void **state)
         {"set env x.hdr brightness 3", "'brightness'"},
         {"set samples 0", "outside"},
         {"set node x", "is missing"},
+        {"set node x next-rotation 0 0 1", "is missing"},
+        {"set node x next 1 2 3", "is not"},
+        {"set shutter 0.5 -0.5", "closes before it opens"},
+        {"set shutter 0 2", "shutter"},
         {"set node x translation 1 2", "is missing"},
         {"set material m metallic 2", "outside"},
         {"set material m alpha_mode glass", "not a alpha_mode"},
