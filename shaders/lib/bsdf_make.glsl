@@ -20,9 +20,8 @@ void hg_bsdf_make_film(inout hg_bsdf b, hg_surface s)
 void hg_bsdf_make_several(inout hg_bsdf b)
 {
     float e_avg = b.base.dfg_avg.x + b.base.dfg_avg.y;
-    // The mean of Schlick's term with f90 is f0 + (f90 - f0) / 21, linear as with 1.
-    vec3 dielectric = 20.0 / 21.0 * b.f0_dielectric + b.f90_dielectric / 21.0;
-    vec3 metal = 20.0 / 21.0 * b.tint + 1.0 / 21.0;
+    vec3 dielectric = hg_schlick_average(b.f0_dielectric, b.f90_dielectric);
+    vec3 metal = hg_schlick_average(b.tint, 1.0);
     if (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0) {
         for (uint k = b.metallic < 1.0 ? 0u : 1u; k < (b.metallic > 0.0 ? 2u : 1u); k++) {
             vec3 film = vec3(0.0);
@@ -35,8 +34,9 @@ void hg_bsdf_make_several(inout hg_bsdf b)
                 metal = mix(metal, film, b.iridescence);
         }
     }
-    vec3 below = dielectric * dielectric * e_avg / (1.0 - dielectric * (1.0 - e_avg));
-    b.base.f_ms = mix(below, metal * metal * e_avg / (1.0 - metal * (1.0 - e_avg)), b.metallic);
+    float f90 = mix(b.f90_dielectric, 1.0, b.iridescence);
+    vec3 below = hg_multiple_scattering_color(dielectric, f90, e_avg);
+    b.base.f_ms = mix(below, hg_multiple_scattering_color(metal, 1.0, e_avg), b.metallic);
     b.base.f_ms_dielectric = hg_max3(below);
     b.ms_dielectric = b.iridescence > 0.0 ? below : vec3(b.base.f_ms_dielectric);
 }
