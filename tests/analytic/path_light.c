@@ -290,6 +290,65 @@ static void test_many_lamps(void **state)
     check(rig, "2000 lamps", lamps_irradiance, &lamps, 0.03, 0.005);
 }
 
+// --- surfaces on the way -------------------------------------------------------------------------
+
+// A black plate of one alpha across everything at a height.
+static void add_plate(struct rig *rig, float y, enum hg_alpha_mode mode, float alpha)
+{
+    const float corners[4][3] = {{-9, y, 9}, {9, y, 9}, {9, y, -9}, {-9, y, -9}};
+    struct hg_material *m = lambert(rig, 0, 0);
+    m->alpha_mode = mode;
+    m->alpha_cutoff = 0.5f;
+    m->base_color[3] = alpha;
+    m->double_sided = true;
+    rig_quad(rig, m, corners);
+}
+
+static double dimmed_lamp(const void *user, const double p[3])
+{
+    return 0.35 * lamps_irradiance(user, p);
+}
+
+static double seen_through(const void *user, const double p[3])
+{
+    return 0.75 * 0.75 * polygon_irradiance(user, p);
+}
+
+// Blended plates let 1 - alpha through, each of them, to lights that are asked and to those that
+// are run into; before the camera too. Masked ones hide all or nothing.
+static void test_plates(void **state)
+{
+    struct rig *rig = *state;
+    struct lamp one = {HG_LIGHT_POINT, {1, 5.5, -1}, 60, 0};
+    const struct lamps lamps = {&one, 1};
+    add_plane(rig);
+    add_lamps(rig, &lamps);
+    add_plate(rig, 5, HG_ALPHA_BLEND, 0.5f);
+    add_plate(rig, 4.9f, HG_ALPHA_BLEND, 0.3f);
+    add_plate(rig, 4.8f, HG_ALPHA_MASK, 0.49f);
+    check(rig, "lamp behind two plates", dimmed_lamp, &lamps, 1e-3, 1e-3);
+
+    const struct polygon whole = polygon_of(ceiling, 10);
+    add_plane(rig);
+    rig_quad(rig, lambert(rig, 0, 10), ceiling);
+    add_plate(rig, 3, HG_ALPHA_BLEND, 0.25f);
+    check(rig, "seen and lit through a plate", seen_through, &whole, 0.025, 0.005);
+
+    static const float cover[4][3] = {
+        {-3, 5.999f, -2}, {0, 5.999f, -2}, {0, 5.999f, 2}, {-3, 5.999f, 2}};
+    static const float rest[4][3] = {{0, 6, -1}, {2, 6, -1}, {2, 6, 1}, {0, 6, 1}};
+    const struct polygon half = polygon_of(rest, 10);
+    add_plane(rig);
+    rig_quad(rig, lambert(rig, 0, 10), ceiling);
+    struct hg_material *m = lambert(rig, 0, 0);
+    m->alpha_mode = HG_ALPHA_MASK;
+    m->alpha_cutoff = 0.5f;
+    m->base_color[3] = 0.51f;
+    m->double_sided = true;
+    rig_quad(rig, m, cover);
+    check(rig, "half of a lamp behind a mask", polygon_irradiance, &half, 0.02, 0.005);
+}
+
 // --- environments --------------------------------------------------------------------------------
 
 static double constant(const void *user, const double p[3])
@@ -346,6 +405,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_box),
         cmocka_unit_test(test_lamps),
         cmocka_unit_test(test_many_lamps),
+        cmocka_unit_test(test_plates),
         cmocka_unit_test(test_constant_environment),
         cmocka_unit_test(test_sun_in_image),
     };
