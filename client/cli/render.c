@@ -269,14 +269,17 @@ static bool is_animation(const struct hg_cli_options *o)
     return o->has_frames && (o->frames.last - o->frames.first) / o->frames.step > 0;
 }
 
-static enum hg_status set_catcher(struct hg_cli_render *r, struct hg_error *err)
+static enum hg_status set_catchers(struct hg_cli_render *r, struct hg_error *err)
 {
     struct hgp_node_set node = {.has_catches_shadows = true, .catches_shadows = true};
-    if (!r->o->has_catcher)
-        return HG_OK;
-    enum hg_status status = hg_cli_find_node(&r->cli, r->o->catcher, &node.node, err);
-    r->doing = status ? HG_CLI_DOING_ARGUMENTS : r->doing;
-    return status ? status : helio_call_for(r->cli.h, HGP_T_node_set, &node, HGP_T_ok, NULL, err);
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; !status && i < r->o->catcher.count; i++) {
+        status = hg_cli_find_node(&r->cli, r->o->catcher.items[i], &node.node, err);
+        r->doing = status ? HG_CLI_DOING_ARGUMENTS : r->doing;
+        if (!status)
+            status = helio_call_for(r->cli.h, HGP_T_node_set, &node, HGP_T_ok, NULL, err);
+    }
+    return status;
 }
 
 static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
@@ -440,7 +443,7 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
     if (!status)
         status = set_environment(r, err);
     if (!status)
-        status = set_catcher(r, err);
+        status = set_catchers(r, err);
     if (!status)
         status = set_view(r, err);
     if (!status)

@@ -442,9 +442,13 @@ static enum hg_status set_node(struct words *w, struct hg_cli_step *s, struct hg
                 take_floats(w, "next-rotation", 4, n->next_rotation, &n->has_next_rotation, err);
         else if (accept(w, "next-scale"))
             status = take_floats(w, "next-scale", 3, n->next_scale, &n->has_next_scale, err);
+        else if (accept(w, "catches_shadows"))
+            status =
+                take_bool(w, "catches_shadows", &n->catches_shadows, &n->has_catches_shadows, err);
         else
-            status = wrong(
-                err, "'%s' is not [next-]translation, rotation, scale or visible", w->at[w->next]);
+            status = wrong(err,
+                "'%s' is not [next-]translation, rotation, scale, visible or catches_shadows",
+                w->at[w->next]);
     }
     return status;
 }

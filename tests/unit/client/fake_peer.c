@@ -233,6 +233,9 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_view_camera && m->view_camera.has_lens_radius)
         fprintf(out, " lens=%g,%g", (double)m->view_camera.lens_radius,
             (double)m->view_camera.focus_distance);
+    if (type == HGP_T_node_set)
+        fprintf(out, " node=%llu catches=%d", (unsigned long long)m->node_set.node,
+            m->node_set.catches_shadows);
     if (type == HGP_T_image_query && m->image_query.has_offset)
         fprintf(out, " part=%llu size=%llu", (unsigned long long)m->image_query.offset,
             (unsigned long long)m->image_query.size);

@@ -122,6 +122,15 @@ static void test_lens(void **state)
         "$HELIO render s.gltf -o p.exr --mode path --lens-radius 0.25");
 }
 
+static void test_catchers(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logn",
+        "$HELIO render s.gltf -o p.exr --mode path --catcher 1:7 --catcher 1:9");
+    expect_file("logn", "node_set node=4294967303 catches=1\n");
+    expect_file("logn", "node_set node=4294967305 catches=1\n");
+}
+
 // What does not fit a message comes and goes in parts.
 static void test_parts(void **state)
 {
@@ -540,6 +549,7 @@ int main(void)
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_lens),
         cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_catchers),
         cmocka_unit_test(test_skip_existing),
         cmocka_unit_test(test_checkpoints),
         cmocka_unit_test(test_stats),

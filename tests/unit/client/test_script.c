@@ -98,9 +98,9 @@ static void test_path_keys(void **state)
     parse_good("set mode path\nset spp 7\nset trace khr\nset noise 0.5\nset time 3\n"
                "set max-bounces 9\nat 2.5\nset filter gaussian\nset filter-radius 2\n"
                "set clamp-indirect 3\ncamera eye 1,2,3 target 0,0,1 lens 0.5 focus 4\n"
-               "camera node c lens 0.25\n",
+               "camera node c lens 0.25\nset node floor catches_shadows yes\n",
         &s);
-    assert_int_equal(s.count, 12);
+    assert_int_equal(s.count, 13);
     assert_true(s.steps[0].view.has_mode && s.steps[0].view.mode == HGP_render_mode_PATH);
     assert_true(s.steps[1].view.has_samples && s.steps[1].view.samples == 7);
     assert_true(s.steps[2].view.has_trace && s.steps[2].view.trace == HGP_trace_backend_KHR);
@@ -115,6 +115,7 @@ static void test_path_keys(void **state)
     assert_true(s.steps[10].camera.lens_radius == 0.5f && s.steps[10].camera.focus_distance == 4);
     assert_int_equal(s.steps[11].kind, HG_CLI_STEP_CAMERA_NODE);
     assert_true(s.steps[11].camera.lens_radius == 0.25f);
+    assert_true(s.steps[12].node.has_catches_shadows && s.steps[12].node.catches_shadows);
     hg_cli_script_finish(&s);
 }
 
