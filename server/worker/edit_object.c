@@ -250,11 +250,16 @@ static void set_transform(struct hg_node *node, const struct hgp_node_set *m)
         node->has_matrix = node->moves = false;
 }
 
+static bool has_next(const struct hgp_node_set *m)
+{
+    return m->has_next_translation || m->has_next_rotation || m->has_next_scale;
+}
+
 // After set_transform. A transform without it ends it, so that a journal that keeps only the newest
 // of each field comes to the same.
 static void set_next(struct hg_node *node, const struct hgp_node_set *m)
 {
-    if (!m->has_next_translation && !m->has_next_rotation && !m->has_next_scale)
+    if (!has_next(m))
         return;
     if (!node->moves) {
         memcpy(node->next_translation, node->translation, sizeof node->next_translation);
@@ -302,6 +307,20 @@ static bool rotation_is_valid(
     return false;
 }
 
+// A matrix says nothing of translation, rotation and scale, between which there would be a way.
+static bool can_go_on(
+    const struct request *r, const struct hg_node *node, const struct hgp_node_set *m)
+{
+    if (!node->has_matrix || m->has_translation || m->has_rotation || m->has_scale || !has_next(m))
+        return true;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_STATE, "node_set", "next",
+        "the node has a matrix in its file: set its "
+        "translation, rotation and scale, too");
+    serve_fail(r, &err);
+    return false;
+}
+
 void edit_node_set(const struct request *r)
 {
     const struct hgp_node_set *m = &r->message->node_set;
@@ -315,6 +334,8 @@ void edit_node_set(const struct request *r)
         return;
     struct hg_node *node = (struct hg_node *)object;
     struct hg_error err = {0};
+    if (!can_go_on(r, node, m))
+        return;
     if (m->has_parent && hg_scene_set_parent(scene_of(r), node, (struct hg_node *)refs.parent)) {
         hg_error_set(&err, HG_E_INVAL, "node_set", "parent", "would make a cycle");
         serve_fail(r, &err);

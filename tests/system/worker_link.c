@@ -563,6 +563,18 @@ static void test_next_place_of_nodes(void **state)
     assert_memory_equal(other, told, 32);
     const struct hgp_node_set none = {.node = FIRST_ID, .has_next_rotation = true};
     expect_error(rig, ask(rig, 1, HGP_T_node_set, &none), HG_E_INVAL, "next_rotation");
+    test_text_write(rig->root, "one.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{\"matrix\":[2,0,0,0,0,2,0,0,0,0,2,0,0,0,0,1]}]}");
+    expect(rig,
+        ask(rig, 1, HGP_T_asset_load,
+            &(struct hgp_asset_load){.asset = FIRST_ID, .path = hgp_str_make("one.gltf")}),
+        HGP_T_asset_loaded);
+    go.node = (uint64_t)FIRST_ID << 32;
+    go.has_translation = false; // between a matrix and a place there is no way
+    expect_error(rig, ask(rig, 1, HGP_T_node_set, &go), HG_E_STATE, "next");
+    go.has_translation = true;
+    expect(rig, ask(rig, 1, HGP_T_node_set, &go), HGP_T_ok);
 }
 
 int main(void)
