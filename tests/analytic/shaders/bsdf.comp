@@ -81,7 +81,8 @@ vec4 albedo(hg_bsdf b, uint part)
     const uint n = 16400u;
     vec4 sum = vec4(0.0);
     for (uint i = n / PARTS * part; i < n / PARTS * (part + 1u); i++) {
-        vec3 u = vec3(hg_hammersley(i, n), fract((float(i) + 0.5) * 0.618033988));
+        // Multiples of the golden ratio, in integers: floats would leave ten bits of them.
+        vec3 u = vec3(hg_hammersley(i, n), (float((i * 2654435769u) >> 8) + 0.5) * exp2(-24.0));
         hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
         if (r.pdf > 0.0)
             sum.rgb += balance(b, r);
