@@ -77,9 +77,8 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2])
     ab[1] = (float)(sum[1] / all);
 }
 
-static void fill_row(void *user, size_t row)
+static void fill_row(struct hg_vec2 *out, uint32_t row)
 {
-    struct hg_vec2 *out = user;
     float roughness = (float)row / (HG_DFG_SIZE - 1);
     for (uint32_t i = 0; i < HG_DFG_SIZE; i++) {
         float s = (float)i / (HG_DFG_SIZE - 1), ab[2];
@@ -142,32 +141,36 @@ float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
     return (float)(sum * (double)(2 + 1 / alpha) / ((double)n * n));
 }
 
-static void fill_sheen(void *user, size_t row)
+static void fill_sheen(struct hg_vec2 *out, uint32_t row)
 {
-    struct hg_vec2 *out = user;
     out += HG_SHEEN_FIRST + row * HG_SHEEN_SIZE;
     for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++) {
         const float s = (float)i / (HG_SHEEN_SIZE - 1);
         const float roughness = (float)row / (HG_SHEEN_SIZE - 1);
-        out[i].x = fminf(hg_sheen_integrate(fmaxf(s * s, 1e-3f), roughness, 64) / HG_SHEEN_MOST, 1);
+        out[i].x =
+            fminf(hg_sheen_integrate(fmaxf(s * s, 1e-3f), roughness, 128) / HG_SHEEN_MOST, 1);
     }
 }
 
-static float sheen_albedo(const struct hg_vec2 *row, float cosine)
+// x of hg_sheen_albedo in lib/lobes.glsl.
+static float sheen_albedo(const struct hg_vec2 *table, float cosine, float roughness)
 {
-    const float x = sqrtf(cosine) * (HG_SHEEN_SIZE - 1);
-    const uint32_t i = (uint32_t)fminf(x, HG_SHEEN_SIZE - 2);
-    return (row[i].x + (row[i + 1].x - row[i].x) * (x - (float)i)) * HG_SHEEN_MOST;
+    enum { N = HG_SHEEN_SIZE };
+    const float x = sqrtf(cosine) * (N - 1), y = roughness * (N - 1);
+    const uint32_t i = (uint32_t)fminf(x, N - 2), j = (uint32_t)fminf(y, N - 2);
+    const struct hg_vec2 *p = table + HG_SHEEN_FIRST + j * N + i;
+    const float low = p[0].x + (p[1].x - p[0].x) * (x - (float)i);
+    const float high = p[N].x + (p[N + 1].x - p[N].x) * (x - (float)i);
+    return (low + (high - low) * (y - (float)j)) * HG_SHEEN_MOST;
 }
 
-// The albedo that hg_bsdf_evaluate_sheen has: as hg_sheen_integrate, where no direction has more
-// than 1.
-static float sheen_kept(const struct hg_vec2 *row, float n_dot_v, float roughness, uint32_t n)
+float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness, uint32_t n,
+    float (*kept)(const void *user, float cosine), const void *user)
 {
     const float alpha = fmaxf(roughness * roughness, HG_SHEEN_MIN_ALPHA);
     const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
-    const float most = fmaxf(sheen_albedo(row, n_dot_v), 1);
-    double all = 0, kept = 0;
+    const float albedo = sheen_albedo(table, n_dot_v, roughness), most = fmaxf(albedo, 1);
+    double all = 0, sum = 0;
     float circle[most_points][2];
     n = half_circle(n, circle);
     for (uint32_t j = 0; j < n; j++) {
@@ -181,31 +184,35 @@ static float sheen_kept(const struct hg_vec2 *row, float n_dot_v, float roughnes
         }
         ring *= (double)(t / (1 + lambda));
         all += ring;
-        kept += ring / (double)fmaxf(most, sheen_albedo(row, z));
+        sum += ring * (double)(kept ? kept(user, z) : 1) /
+               (double)fmaxf(most, sheen_albedo(table, z, roughness));
     }
-    return sheen_albedo(row, n_dot_v) * (float)(kept / fmax(all, 1e-300));
+    return albedo * (float)(sum / fmax(all, 1e-300));
 }
 
-static void fill_sheen_kept(void *user, size_t row)
+static void fill_sheen_kept(struct hg_vec2 *table, uint32_t row)
 {
-    struct hg_vec2 *out = user;
+    struct hg_vec2 *out = table + HG_SHEEN_FIRST + row * HG_SHEEN_SIZE;
+    const float roughness = (float)row / (HG_SHEEN_SIZE - 1);
     float most = 0;
-    out += HG_SHEEN_FIRST + row * HG_SHEEN_SIZE;
     for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++)
         most = fmaxf(most, out[i].x * HG_SHEEN_MOST);
     for (uint32_t i = 0; i < HG_SHEEN_SIZE; i++) {
         const float s = (float)i / (HG_SHEEN_SIZE - 1);
-        const float roughness = (float)row / (HG_SHEEN_SIZE - 1);
         out[i].y = out[i].x * HG_SHEEN_MOST;
         if (most > 1)
-            out[i].y = fminf(sheen_kept(out, fmaxf(s * s, 1e-3f), roughness, 40), 1);
+            out[i].y =
+                fminf(hg_sheen_kept(table, fmaxf(s * s, 1e-3f), roughness, 96, NULL, NULL), 1);
     }
 }
 
-void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES])
+void hg_dfg_fill(struct hg_vec2 out[HG_DFG_WORDS])
 {
-    hg_jobs_for(jobs, HG_DFG_SIZE, fill_row, out);
-    hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen, out);
-    hg_jobs_for(jobs, HG_SHEEN_SIZE, fill_sheen_kept, out);
-    hg_dfg_fill_lobes(jobs, out);
+    for (uint32_t row = 0; row < HG_DFG_SIZE; row++)
+        fill_row(out, row);
+    for (uint32_t row = 0; row < HG_SHEEN_SIZE; row++)
+        fill_sheen(out, row);
+    for (uint32_t row = 0; row < HG_SHEEN_SIZE; row++)
+        fill_sheen_kept(out, row);
+    hg_dfg_fill_lobes(out);
 }

@@ -1,12 +1,10 @@
-// dfg.h - the directional albedo of the specular BRDF as a table.
-// Floor 2 (light). Pure; same result on every run and for every number of threads.
+// dfg.h - the directional albedo of the specular BRDF and of other lobes as tables.
+// Floor 2 (light). Pure; same result on every run. The tables are made once, while building
+// (dfg_make.c), and are part of the program (dfg_words.h).
 #ifndef HG_RENDERER_LIGHT_DFG_H
 #define HG_RENDERER_LIGHT_DFG_H
 
-#include "base/jobs.h"
 #include "shaders/shared/light.h"
-
-#define HG_DFG_ENTRIES HG_DFG_WORDS
 
 // Scale a and bias b with E(v) = f0 a + b for GGX, height-correlated Smith and Schlick, by
 // numerical integration over the visible normals with n x n points.
@@ -18,28 +16,40 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2]);
 // Source: Estevez and Kulla 2017, "Production Friendly Microfacet Sheen BRDF".
 float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n);
 
+// The albedo that hg_bsdf_evaluate_sheen has, where f is divided by the largest of the albedos of
+// both directions and 1, likewise; of it what is kept of light to each cosine, all with NULL.
+// table: of hg_dfg_fill, with x from HG_SHEEN_FIRST on.
+float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness, uint32_t n,
+    float (*kept)(const void *user, float cosine), const void *user);
+
 // The tables of lib/brdf.glsl and lib/lobes.glsl, 16 bits a number. s_i = i / (size - 1);
-// cosines are s^2, roughness is s and perceptual.
+// cosines are s^2, roughness is s and perceptual. From HG_COAT_FIRST on they are in a uniform block
+// of their own (HG_BIND_LOBE_TABLE), from HG_BRUSHED_FIRST on in none.
 //   hg_dfg              column cosine, row roughness; behind it one row of cosine-weighted means
 //   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise; y: its albedo where f is
 //                       divided by the largest of x at both directions and 1
 //   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
 //                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
-//   HG_ANGLES_FIRST     hg_facets_angles: three words (cosine, weight) for each cosine and
-//   roughness HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
-//   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
-//                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (linear),
-//                       strength (linear), roughness, the first one fastest
-//   HG_ANISO_MEANS      likewise of the means: strength, roughness
+//   HG_ANGLES_FIRST     hg_facets_angles: three words (cosine, weight) for each cosine, roughness
+//   HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
 //   HG_COAT_FIRST       what a and b lose below a coat to light that it lets through less than that
 //                       of v: weighted with max(0, E(l) - E(v)), E the coat's albedo; cosine,
 //                       roughness, the coat's roughness, the first one fastest
 //   HG_CLOTH_FIRST      likewise below sheen
-//   HG_BRUSHED_FIRST    as HG_ANISO_FIRST, what is to be added to the miss of glass of
-//                       HG_BRUSHED_IOR from outside and from inside
-//   HG_BRUSHED_MEANS    the mean miss over that of the isotropic surface, / HG_BRUSHED_MOST
-// About 55 ms on two cores.
-void hg_dfg_fill(struct hg_jobs *jobs, struct hg_vec2 out[HG_DFG_ENTRIES]);
+//   HG_COATED_FIRST     x: what sheen loses below a coat, likewise: cosine, its roughness, the
+//                       coat's roughness
+//   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
+//                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (s^2),
+//                       strength (linear), roughness, the first one fastest
+//   HG_ANISO_MEANS      likewise of the means: strength, roughness
+//   HG_BRUSHED_FIRST    as HG_ANISO_FIRST, what is to be added to the miss of glass from outside
+//   and
+//                       from inside, layer k of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2,
+//                       s = (k + 1) / HG_BRUSHED_IORS
+//   HG_BRUSHED_MEANS    the mean miss over that of the isotropic surface, / HG_BRUSHED_MOST:
+//                       strength, roughness, layer
+// Words between the tables are 0.
+void hg_dfg_fill(struct hg_vec2 out[HG_DFG_WORDS]);
 
 #endif

@@ -102,20 +102,23 @@ static float fresnel(float c, float eta)
     return 0.5f * a * a * (1 + b * b);
 }
 
-float hg_facets_glass_miss(const struct hg_facets *c, float eta)
+void hg_facets_glass_miss(const struct hg_facets *c, uint32_t count, const float *eta, float *miss)
 {
-    double sum = 0;
+    double sum[HG_FACETS_ETAS] = {0};
     float l[3];
     for (uint32_t j = 0; j < c->rings; j++)
         for (uint32_t i = 0; i < c->points; i++) {
             const struct facet f = facet_at(c, j, i);
-            const float reflected = fresnel(fminf(f.v_dot_h, 1), eta);
-            if (mirrored(c, &f, l))
-                sum += (double)(f.weight * reflected * unshadowed(c, l));
-            if (reflected < 1 && bent(c, &f, eta, l))
-                sum += (double)(f.weight * (1 - reflected) * unshadowed(c, l));
+            const float back = mirrored(c, &f, l) ? f.weight * unshadowed(c, l) : 0;
+            for (uint32_t k = 0; k < count; k++) {
+                const float reflected = fresnel(fminf(f.v_dot_h, 1), eta[k]);
+                sum[k] += (double)(reflected * back);
+                if (reflected < 1 && bent(c, &f, eta[k], l))
+                    sum[k] += (double)((1 - reflected) * f.weight * unshadowed(c, l));
+            }
         }
-    return hg_clampf(1 - (float)sum, 0, 1);
+    for (uint32_t k = 0; k < count; k++)
+        miss[k] = hg_clampf(1 - (float)sum[k], 0, 1);
 }
 
 // Cosines at facets and their shares of all.

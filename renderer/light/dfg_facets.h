@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #define HG_FACETS_POINTS 128 // most of a ring
+#define HG_FACETS_ETAS   32  // most indices at once
 
 // Visible normals as rings of points on a spherical cap.
 // Source: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
@@ -35,9 +36,10 @@ void hg_facets_reflect(const struct hg_facets *facets,
 
 // Share of light that an interface of glass neither reflects nor lets through when every ray meets
 // one facet only: 1 - E, by Fresnel's equations and Walter's refraction. eta: index of refraction
-// behind over that in front.
+// behind over that in front, `count` of them, at most HG_FACETS_ETAS.
 // Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
-float hg_facets_glass_miss(const struct hg_facets *facets, float eta);
+void hg_facets_glass_miss(
+    const struct hg_facets *facets, uint32_t count, const float *eta, float *miss);
 
 // Three cosines v.h and their weights that have the first six moments of the cosines at the facets
 // that reflect light of all directions to v, or of what else v sees (lost): a function of the angle

@@ -3,7 +3,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/light/cluster.h"
-#include "renderer/light/dfg.h"
+#include "renderer/light/dfg_words.h"
 #include "renderer/light/env_device.h"
 #include "renderer/light/shadow_plan.h"
 #include "renderer/light/vec.h"
@@ -39,30 +39,13 @@ static enum hg_status create_atlas(
     return hg_gpu_image_create(l->gpu, &params, out, err);
 }
 
-static uint32_t unorm16(float v)
-{
-    return (uint32_t)(hg_clampf(v, 0, 1) * 65535 + 0.5f);
-}
-
-// As shaders read it: a word of two 16-bit fractions per entry.
 static enum hg_status create_dfg(struct hg_lighting *l, struct hg_error *err)
 {
-    struct hg_vec2 *table = hg_calloc(HG_DFG_ENTRIES, sizeof *table);
-    uint32_t *words = hg_calloc(HG_DFG_ENTRIES, sizeof *words);
-    enum hg_status status = HG_OK;
-    if (!table || !words)
-        status = hg_error_set(err, HG_E_NOMEM, "lighting", NULL, "no memory for its tables");
+    const uint64_t bytes = sizeof hg_dfg_words;
+    enum hg_status status =
+        hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes, "dfg", &l->dfg, err);
     if (!status)
-        hg_dfg_fill(l->jobs, table);
-    for (uint32_t i = 0; i < HG_DFG_ENTRIES && !status; i++)
-        words[i] = unorm16(table[i].x) | unorm16(table[i].y) << 16;
-    const uint64_t bytes = HG_DFG_ENTRIES * sizeof *words;
-    if (!status)
-        status = hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes, "dfg", &l->dfg, err);
-    if (!status)
-        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, 0, words, bytes, err);
-    hg_free(words);
-    hg_free(table);
+        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, 0, hg_dfg_words, bytes, err);
     return status;
 }
 

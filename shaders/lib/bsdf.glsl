@@ -11,9 +11,10 @@
 // open, or cannot be had from it with energy kept, is in lib/bsdf_facets.glsl, bsdf_layers.glsl and
 // bsdf_glass.glsl, and here for what lies below the layers:
 // - What they hold back of specular lobes goes on between layer and base, with what bounces between
-//   facets: U(v) U(l) / U_avg in the colour of several bounces, U = T - E_1, E_1 the albedo of white
-//   facets below the layers.
-// - Diffuse lobes get S(v) S(l) / S_avg with S = T - E, which is reciprocal and exact: E is the
+//   facets: U(v) U(l) / U_avg in the colour of several bounces, U = T' - E_1, E_1 the albedo of
+//   white facets below the layers, T' what they let through and what the coat throws back at the
+//   sheen.
+// - Diffuse lobes get S(v) S(l) / S_avg with S = T' - E, which is reciprocal and exact: E is the
 //   albedo of the specular part below the layers. Under a film it is that of each colour: what the
 //   film does not reflect enters.
 // U_avg and S_avg are cosine-weighted means.
@@ -78,14 +79,14 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
     vec2 dfg_l = hg_bsdf_dfg(b, l_ts);
     float table_l = hg_bsdf_cosine(b, l_ts), layers = min(b.through_v, over.through);
     vec2 below_l = hg_bsdf_dfg_below(b, table_l, dfg_l, over);
-    float several_l = max(over.through - below_l.x - below_l.y, 0.0);
+    float several_l = max(over.left - below_l.x - below_l.y, 0.0);
     float twice = b.several_v * several_l / b.several_avg;
     bool below = behind && !b.thin;
     float eta_l = below ? 1.0 / b.eta : b.eta;
     hg_reflectance mean_l =
         hg_bsdf_mean_reflectance(b, table_l, below_l, eta_l, b.inside != below);
-    vec3 enter_l = over.through -
-        hg_bsdf_dielectric_albedo(b, mean_l.dielectric, below_l, over.through);
+    vec3 enter_l =
+        over.left - hg_bsdf_dielectric_albedo(b, mean_l.dielectric, below_l, over.left);
     vec3 enter = b.enter_v * enter_l / (behind ? b.enter_avg_behind : b.enter_avg);
     vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)

@@ -85,7 +85,7 @@ vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
 {
     vec2 dfg = hg_dfg(hg_bsdf_cosine(b, w_ts), b.mean_roughness);
     if (HG_HAS(HG_FEATURE_ANISOTROPY) && b.alpha.x != b.alpha.y) {
-        dfg = max(dfg + hg_aniso_correction(HG_ANISO_FIRST, w_ts, b.base.roughness, b.anisotropy), 0.0);
+        dfg = max(dfg + hg_aniso_correction(w_ts, b.base.roughness, b.anisotropy), 0.0);
         dfg /= max(dfg.x + dfg.y, 1.0);
     }
     return dfg;
@@ -126,7 +126,7 @@ vec3 hg_bsdf_single_albedo(hg_bsdf b, float cos_theta, vec2 dfg)
 
 // Share of light that the dielectric's specular part keeps from what is below: of the largest
 // channel for all, of each below a film. mean: hg_bsdf_mean_reflectance there. through: what the
-// layers in dfg let through, 1 without.
+// layers in dfg leave, 1 without.
 vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, vec3 mean, vec2 dfg, float through)
 {
     bool film = HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0;

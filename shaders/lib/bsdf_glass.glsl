@@ -45,11 +45,8 @@ float hg_bsdf_glass_table(hg_bsdf b, vec3 w_ts, float table_cos, float eta)
     float miss = hg_glass_miss(table_cos, b.mean_roughness, eta).x;
     if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
         return miss;
-    // About the same for all indices, none where light is not bent.
-    float bends = min(abs(eta - 1.0) / (0.05 * (eta + 1.0)), 1.0);
-    vec2 more =
-        hg_aniso_correction(HG_BRUSHED_FIRST, w_ts, b.base.roughness, b.anisotropy) * bends;
-    return clamp(miss + (eta < 1.0 ? more.y : more.x), 0.0, 1.0);
+    miss += hg_brushed_correction(w_ts, b.base.roughness, b.anisotropy, eta).x;
+    return clamp(miss, 0.0, 1.0);
 }
 
 // Its mean over all light of that side.
@@ -58,8 +55,7 @@ float hg_bsdf_glass_table_average(hg_bsdf b, float eta)
     float miss = hg_glass_miss_average(b.mean_roughness, eta).x;
     if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
         return miss;
-    vec2 more = hg_aniso_mean(HG_BRUSHED_MEANS, b.base.roughness, b.anisotropy) * HG_BRUSHED_MOST;
-    return miss * (eta < 1.0 ? more.y : more.x);
+    return miss * hg_brushed_average_ratio(b.base.roughness, b.anisotropy, eta).x;
 }
 
 // What rough glass misses in a direction where its table says `miss`: there each facet reflects

@@ -2,8 +2,8 @@
 //
 // Layers let through T = (1 - clearcoat E_coat) (1 - max(sheen) E_sheen). Specular lobes below get
 // min(T(v), T(l)), as the specification scales albedo below sheen, but for the coat too: it is
-// reciprocal and never gains energy. What that holds back goes on between layer and base
-// (lib/bsdf.glsl).
+// reciprocal and never gains energy. The sheen gets the lesser of both for the coat. What that holds
+// back goes on between layer and base (lib/bsdf.glsl).
 #ifndef HG_LIB_BSDF_LAYERS_GLSL
 #define HG_LIB_BSDF_LAYERS_GLSL
 
@@ -28,10 +28,11 @@ float hg_bsdf_coat_through(hg_bsdf b, float cos_theta)
 // What lies over the base at a direction.
 struct hg_bsdf_layers {
     float coat, sheen, through; // T: of the coat, of the sheen, of both
+    float left; // T and what the coat holds back of what the sheen reflects
     vec2 sheen_albedo;
 };
 
-const hg_bsdf_layers hg_bsdf_no_layers = hg_bsdf_layers(1.0, 1.0, 1.0, vec2(0.0));
+const hg_bsdf_layers hg_bsdf_no_layers = hg_bsdf_layers(1.0, 1.0, 1.0, 1.0, vec2(0.0));
 
 // Cosines: against the coat's normal and against the base's.
 hg_bsdf_layers hg_bsdf_layers_at(hg_bsdf b, float coat_cos, float cos_theta)
@@ -42,20 +43,27 @@ hg_bsdf_layers hg_bsdf_layers_at(hg_bsdf b, float coat_cos, float cos_theta)
         o.sheen_albedo = hg_sheen_albedo(cos_theta, b.sheen_roughness);
         o.sheen = 1.0 - b.sheen_max * o.sheen_albedo.y;
     }
-    o.through = o.coat * o.sheen;
+    o.through = o.left = o.coat * o.sheen;
+    if (HG_HAS(HG_FEATURE_CLEARCOAT) && HG_HAS(HG_FEATURE_SHEEN) && o.coat < 1.0)
+        o.left += b.coat * b.sheen_max *
+            hg_layer_loss(HG_COATED_FIRST, cos_theta, b.sheen_roughness, b.coat_roughness).x;
     return o;
 }
 
 // a and b of the base with min(T(v), T(l)) of its layers. cos_theta: hg_bsdf_cosine.
 vec2 hg_bsdf_dfg_below(hg_bsdf b, float cos_theta, vec2 dfg, hg_bsdf_layers over)
 {
-    vec2 below = dfg * over.through;
+    vec2 coat = vec2(0.0), sheen = vec2(0.0);
     if (HG_HAS(HG_FEATURE_CLEARCOAT) && over.coat < 1.0)
-        below -= (b.coat * over.sheen) *
-            hg_layer_loss(HG_COAT_FIRST, cos_theta, b.mean_roughness, b.coat_roughness);
+        coat = hg_layer_loss(HG_COAT_FIRST, cos_theta, b.mean_roughness, b.coat_roughness);
     if (HG_HAS(HG_FEATURE_SHEEN) && over.sheen < 1.0)
-        below -= (b.sheen_max * over.coat) *
-            hg_layer_loss(HG_CLOTH_FIRST, cos_theta, b.mean_roughness, b.sheen_roughness);
+        sheen = hg_layer_loss(HG_CLOTH_FIRST, cos_theta, b.mean_roughness, b.sheen_roughness);
+    vec2 below = dfg * over.through - (b.coat * over.sheen) * coat -
+        (b.sheen_max * over.coat) * sheen;
+    // Light to grazing angles is held back by both, which counts once. The mean of the product is
+    // 0.14 to 0.27 of the geometric mean of both wherever it is above 0.003.
+    if (HG_HAS(HG_FEATURE_CLEARCOAT) && HG_HAS(HG_FEATURE_SHEEN))
+        below += (0.2 * b.coat * b.sheen_max) * sqrt(max(coat * sheen, 0.0));
     return max(below, 0.0);
 }
 
@@ -92,7 +100,8 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s, float cos_v)
     b.sheen_albedo_v = over.sheen_albedo;
     b.coat_v = over.coat;
     b.through_v = over.through;
-    b.several_v = max(b.through_v - b.below_v.x - b.below_v.y, 0.0);
+    b.left_v = over.left;
+    b.several_v = max(b.left_v - b.below_v.x - b.below_v.y, 0.0);
 }
 
 // Emission towards v below the coat, of what the material emits.

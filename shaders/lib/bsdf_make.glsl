@@ -91,11 +91,11 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
             }
             vec3 mean = hg_bsdf_mean_reflectance(
                 b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside).dielectric;
-            vec3 albedo = hg_bsdf_dielectric_albedo(b, mean, below, over.through);
-            b.enter_avg += hg_gauss_w[i] * (over.through - albedo);
+            vec3 albedo = hg_bsdf_dielectric_albedo(b, mean, below, over.left);
+            b.enter_avg += hg_gauss_w[i] * (over.left - albedo);
             vec2 held = dfg - below;
             if (k == 1u)
-                b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.through - 1.0);
+                b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.left - 1.0);
         }
         b.enter_avg = max(b.enter_avg, 1e-4);
         b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);
@@ -166,8 +166,7 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     hg_bsdf_make_layers(b, s, cos_v);
     hg_reflectance mean = hg_bsdf_mean_reflectance(b, cos_v, b.below_v, b.eta, b.inside);
     hg_bsdf_make_glass(b, mean, cos_v);
-    b.enter_v =
-        b.through_v - hg_bsdf_dielectric_albedo(b, mean.dielectric, b.below_v, b.through_v);
+    b.enter_v = b.left_v - hg_bsdf_dielectric_albedo(b, mean.dielectric, b.below_v, b.left_v);
     hg_bsdf_make_enter(b);
     b.delta = b.delta && b.alpha.x < 1e-2;
     hg_bsdf_make_chances(b, mean.base * (b.below_v.x + b.below_v.y));

@@ -52,6 +52,7 @@ struct hg_bsdf {
     float sheen_max, sheen_roughness;
     vec2 sheen_albedo_v; // hg_sheen_albedo
     float coat_v, through_v; // T(v): of the coat, of all layers
+    float left_v;            // hg_bsdf_layers.left at v
     vec2 below_v;            // a and b of the base below the layers, at v
     float several_v, several_avg; // U(v), U_avg
     vec3 enter_v, enter_avg, enter_avg_behind; // S(v), S_avg

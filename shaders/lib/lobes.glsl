@@ -65,19 +65,18 @@ float hg_aniso_cosine(vec3 w_ts, vec2 alpha, float roughness)
     return abs(w_ts.z) * inversesqrt(max(z2 + dot(e, e) / max(width * width, 1e-12), 1e-12));
 }
 
-vec2 hg_dfg_signed(uint i)
+vec2 hg_lobe_signed(uint i)
 {
-    return (hg_dfg_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
+    return (hg_lobe_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
 }
 
-// What is missing in hg_dfg or hg_glass_miss of an anisotropic surface: HG_ANISO_FIRST and
-// HG_BRUSHED_FIRST of renderer/light/dfg.h.
-vec2 hg_aniso_correction(uint first, vec3 w_ts, float roughness, float strength)
+// What is missing in hg_dfg of an anisotropic surface: HG_ANISO_FIRST of renderer/light/dfg.h.
+vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
 {
     const uvec4 last = uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS,
         HG_ANISO_ROUGHS) - 1u;
     float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
-    vec4 p = vec4(sqrt(min(abs(w_ts.z), 1.0)), azimuth, strength, roughness) * vec4(last);
+    vec4 p = vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness) * vec4(last);
     uvec4 i = uvec4(min(p, vec4(last) - 1.0));
     vec4 f = p - vec4(i);
     vec2 sum = vec2(0.0);
@@ -85,29 +84,24 @@ vec2 hg_aniso_correction(uint first, vec3 w_ts, float roughness, float strength)
         uvec3 o = uvec3(k, k >> 1u, k >> 2u) & 1u;
         vec3 w = mix(1.0 - f.yzw, f.yzw, vec3(o));
         uvec3 j = i.yzw + o;
-        uint at = first + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
+        uint at = HG_ANISO_FIRST + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
             HG_ANISO_COSINES + i.x;
-        sum += w.x * w.y * w.z * mix(hg_dfg_signed(at), hg_dfg_signed(at + 1u), f.x);
+        sum += w.x * w.y * w.z * mix(hg_lobe_signed(at), hg_lobe_signed(at + 1u), f.x);
     }
     return sum;
-}
-
-// Entry of HG_ANISO_MEANS or HG_BRUSHED_MEANS.
-vec2 hg_aniso_mean(uint first, float roughness, float strength)
-{
-    const uvec2 last = uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS) - 1u;
-    vec2 p = vec2(strength, roughness) * vec2(last);
-    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
-    vec2 f = p - vec2(i);
-    uint k = first + i.y * HG_ANISO_STRENGTHS + i.x;
-    return mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
-        mix(hg_dfg_at(k + HG_ANISO_STRENGTHS), hg_dfg_at(k + HG_ANISO_STRENGTHS + 1u), f.x), f.y);
 }
 
 // What is missing in hg_dfg_average.
 vec2 hg_aniso_average_correction(float roughness, float strength)
 {
-    return (hg_aniso_mean(HG_ANISO_MEANS, roughness, strength) - 0.5) * (2.0 * HG_ANISO_RANGE);
+    const uvec2 last = uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS) - 1u;
+    vec2 p = vec2(strength, roughness) * vec2(last);
+    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
+    vec2 f = p - vec2(i);
+    uint k = HG_ANISO_MEANS + i.y * HG_ANISO_STRENGTHS + i.x;
+    vec2 low = mix(hg_lobe_signed(k), hg_lobe_signed(k + 1u), f.x);
+    k += HG_ANISO_STRENGTHS;
+    return mix(low, mix(hg_lobe_signed(k), hg_lobe_signed(k + 1u), f.x), f.y);
 }
 
 // --- Fresnel terms -------------------------------------------------------------------------------
@@ -246,8 +240,8 @@ vec2 hg_sheen_albedo(float cos_theta, float roughness)
     return mix(low, high, f.y) * vec2(HG_SHEEN_MOST, 1.0);
 }
 
-// What a and b of a base lose below a layer of this roughness and of strength 1: HG_COAT_FIRST and
-// HG_CLOTH_FIRST of renderer/light/dfg.h.
+// What a and b of a base lose below a layer of this roughness and of strength 1, or a sheen below a
+// coat: HG_COAT_FIRST, HG_CLOTH_FIRST and HG_COATED_FIRST of renderer/light/dfg.h.
 vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_roughness)
 {
     const vec3 last = vec3(HG_LAYER_SIZE, HG_LAYER_SIZE, HG_LAYER_ROUGHS) - 1.0;
@@ -257,8 +251,8 @@ vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_rou
     vec2 sum[2];
     for (uint n = 0u; n < 2u; n++) {
         uint k = first + ((i.z + n) * HG_LAYER_SIZE + i.y) * HG_LAYER_SIZE + i.x;
-        sum[n] = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
-            mix(hg_dfg_at(k + HG_LAYER_SIZE), hg_dfg_at(k + HG_LAYER_SIZE + 1u), f.x), f.y);
+        sum[n] = mix(mix(hg_lobe_at(k), hg_lobe_at(k + 1u), f.x),
+            mix(hg_lobe_at(k + HG_LAYER_SIZE), hg_lobe_at(k + HG_LAYER_SIZE + 1u), f.x), f.y);
     }
     return mix(sum[0], sum[1], f.z);
 }
@@ -313,6 +307,69 @@ vec2 hg_glass_miss_average(float roughness, float eta)
     k += HG_GLASS_SIZE;
     vec2 miss = mix(near, mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i)), far);
     return eta < 1.0 ? miss.yx : miss;
+}
+
+vec2 hg_brushed_signed(uint i)
+{
+    return (hg_brushed_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
+}
+
+// Layer of the tables of anisotropic glass above this index, and how far it is from the one below,
+// which at 0 is that of index 1 and not stored.
+float hg_brushed_layer(float eta, out uint layer)
+{
+    float e = max(eta, 1.0 / max(eta, 1e-3)), x = (e - 1.0) / (e + 1.0);
+    float p = sqrt(min(x / HG_GLASS_FAR, 1.0)) * float(HG_BRUSHED_IORS);
+    layer = min(uint(p), uint(HG_BRUSHED_IORS - 1));
+    return p - float(layer);
+}
+
+// What is missing in hg_glass_miss of an anisotropic surface: HG_BRUSHED_FIRST of
+// renderer/light/dfg.h.
+vec2 hg_brushed_correction(vec3 w_ts, float roughness, float strength, float eta)
+{
+    const uvec4 last = uvec4(HG_BRUSHED_COSINES, HG_BRUSHED_AZIMUTHS, HG_BRUSHED_STRENGTHS,
+        HG_BRUSHED_ROUGHS) - 1u;
+    float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
+    vec4 p = vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness) * vec4(last);
+    uvec4 i = uvec4(min(p, vec4(last) - 1.0));
+    vec4 f = p - vec4(i);
+    uint layer;
+    float above = hg_brushed_layer(eta, layer);
+    vec2 sum = vec2(0.0);
+    for (uint k = 0u; k < 16u; k++) {
+        uvec4 o = uvec4(k, k >> 1u, k >> 2u, k >> 3u) & 1u;
+        vec4 w = mix(1.0 - vec4(f.yzw, above), vec4(f.yzw, above), vec4(o));
+        uvec3 j = i.yzw + o.xyz;
+        uint l = layer + o.w;
+        uint at = (((max(l, 1u) - 1u) * HG_BRUSHED_ROUGHS + j.z) * HG_BRUSHED_STRENGTHS + j.y) *
+            HG_BRUSHED_AZIMUTHS + j.x;
+        at = HG_BRUSHED_FIRST + at * HG_BRUSHED_COSINES + i.x;
+        if (l > 0u)
+            sum += w.x * w.y * w.z * w.w *
+                mix(hg_brushed_signed(at), hg_brushed_signed(at + 1u), f.x);
+    }
+    return eta < 1.0 ? sum.yx : sum;
+}
+
+// The mean miss over hg_glass_miss_average; below the first layer as there.
+vec2 hg_brushed_average_ratio(float roughness, float strength, float eta)
+{
+    const uvec2 last = uvec2(HG_BRUSHED_STRENGTHS, HG_BRUSHED_ROUGHS) - 1u;
+    vec2 p = vec2(strength, roughness) * vec2(last);
+    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
+    vec2 f = p - vec2(i), ratio[2];
+    uint layer;
+    float above = hg_brushed_layer(eta, layer);
+    for (uint n = 0u; n < 2u; n++) {
+        uint k = HG_BRUSHED_MEANS + i.x +
+            ((max(layer + n, 1u) - 1u) * HG_BRUSHED_ROUGHS + i.y) * HG_BRUSHED_STRENGTHS;
+        vec2 low = mix(hg_brushed_at(k), hg_brushed_at(k + 1u), f.x);
+        k += HG_BRUSHED_STRENGTHS;
+        ratio[n] = mix(low, mix(hg_brushed_at(k), hg_brushed_at(k + 1u), f.x), f.y);
+    }
+    vec2 mean = mix(ratio[0], ratio[1], above) * HG_BRUSHED_MOST;
+    return eta < 1.0 ? mean.yx : mean;
 }
 
 // Direction behind a facet, unit; false: all is reflected. v leads away from it in front.

@@ -26,6 +26,7 @@ HG_TABLE(HG_BIND_PAGE_TABLE, uint, 4, pages)
 HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
 HG_TABLE(HG_BIND_DFG_TABLE, uint, 4, dfg)
+HG_TABLE(HG_BIND_LOBE_TABLE, uint, 4, lobes)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
 HG_TABLE(HG_BIND_FACETS, uint, 4, facets)
 
@@ -89,6 +90,20 @@ vec2 hg_dfg_at(uint i)
 {
     if (HG_IN_UNIFORM(HG_BIND_DFG_TABLE))
         return unpackUnorm2x16(hg_table_dfg[i]);
+    return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
+}
+
+// The same from word HG_COAT_FIRST to HG_BRUSHED_FIRST.
+vec2 hg_lobe_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_LOBE_TABLE))
+        return unpackUnorm2x16(hg_table_lobes[i - HG_COAT_FIRST]);
+    return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
+}
+
+// From HG_BRUSHED_FIRST on.
+vec2 hg_brushed_at(uint i)
+{
     return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
 }
 

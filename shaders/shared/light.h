@@ -19,31 +19,41 @@
 #define HG_ENV_KIND_IMAGE 2
 
 #define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
-#define HG_SHEEN_SIZE      16 // likewise
+#define HG_SHEEN_SIZE      24 // likewise
 #define HG_SHEEN_FIRST     (HG_DFG_SIZE * HG_DFG_SIZE + HG_DFG_SIZE) // word of the table
 #define HG_GLASS_FIRST     (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
-#define HG_GLASS_SIZE      16 // samples of cos(theta) and of perceptual roughness
-#define HG_GLASS_IORS      8
+#define HG_GLASS_SIZE      24 // samples of cos(theta) and of perceptual roughness
+#define HG_GLASS_IORS      16
 #define HG_GLASS_MEANS     (HG_GLASS_FIRST + HG_GLASS_IORS * HG_GLASS_SIZE * HG_GLASS_SIZE)
 #define HG_ANGLES_FIRST    (HG_GLASS_MEANS + HG_GLASS_IORS * HG_GLASS_SIZE)
 #define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness, three words each
 #define HG_LOST_FIRST      (HG_ANGLES_FIRST + 3 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
-#define HG_ANISO_FIRST     (HG_LOST_FIRST + 3 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
-#define HG_ANISO_COSINES   8
-#define HG_ANISO_AZIMUTHS  4
-#define HG_ANISO_STRENGTHS 5
-#define HG_ANISO_ROUGHS    8
+#define HG_COAT_FIRST      16384 // of the second uniform block
+#define HG_LAYER_SIZE      16 // samples of cos(theta) and of perceptual roughness
+#define HG_LAYER_ROUGHS    8  // of the layer's own roughness
+#define HG_LAYER_WORDS     (HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
+#define HG_CLOTH_FIRST     (HG_COAT_FIRST + HG_LAYER_WORDS)
+#define HG_COATED_FIRST    (HG_CLOTH_FIRST + HG_LAYER_WORDS)
+#define HG_ANISO_FIRST     (HG_COATED_FIRST + HG_LAYER_WORDS)
+#define HG_ANISO_COSINES   12
+#define HG_ANISO_AZIMUTHS  6
+#define HG_ANISO_STRENGTHS 8
+#define HG_ANISO_ROUGHS    12
 #define HG_ANISO_MEANS                                                            \
     (HG_ANISO_FIRST +                                                             \
         HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS * HG_ANISO_AZIMUTHS * HG_ANISO_COSINES)
-#define HG_COAT_FIRST      (HG_ANISO_MEANS + HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS)
-#define HG_LAYER_SIZE      10 // samples of cos(theta) and of perceptual roughness
-#define HG_LAYER_ROUGHS    8  // of the layer's own roughness
-#define HG_CLOTH_FIRST     (HG_COAT_FIRST + HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
-#define HG_BRUSHED_FIRST   (HG_CLOTH_FIRST + HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
-#define HG_BRUSHED_MEANS   (HG_BRUSHED_FIRST + HG_ANISO_MEANS - HG_ANISO_FIRST)
-#define HG_DFG_WORDS       (HG_BRUSHED_MEANS + HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS)
-#define HG_BRUSHED_IOR     1.5f  // of the table
+#define HG_BRUSHED_FIRST     32768 // larger than uniform blocks: by address
+#define HG_BRUSHED_COSINES   12
+#define HG_BRUSHED_AZIMUTHS  8
+#define HG_BRUSHED_STRENGTHS 6
+#define HG_BRUSHED_ROUGHS    12
+#define HG_BRUSHED_IORS      6 // and 1, where nothing is missing
+#define HG_BRUSHED_MEANS                                                             \
+    (HG_BRUSHED_FIRST +                                                              \
+        HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS * HG_BRUSHED_AZIMUTHS * \
+            HG_BRUSHED_COSINES)
+#define HG_DFG_WORDS                                                                 \
+    (HG_BRUSHED_MEANS + HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS)
 #define HG_BRUSHED_MOST    4.0f  // largest ratio of the means
 #define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
 #define HG_ANISO_RANGE     1.0f  // largest correction, either way

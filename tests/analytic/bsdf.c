@@ -299,8 +299,8 @@ static double worst_of(struct probe *probe, const struct material *m, bool front
     struct hg_vec4 in[2 * V * P] = {{0, 0, 0, 0}}, out[2 * V * P];
     const float sign = front || m->thickness <= 0 ? 1 : -1;
     for (int i = 0; i < V * P; i++)
-        in[2 * i] = tilted(sign * (0.1f + 0.89f * (float)(i % V) / (V - 1)),
-            (float)(i / V) * 0.7854f, front || m->thickness <= 0);
+        in[2 * i] = tilted(sign * (0.1f + 0.89f * (float)(i % V) / (V - 1)), (float)(i / V) * 0.83f,
+            front || m->thickness <= 0);
     add_up(probe, ALBEDO, m, V * P, in, out);
     double most = 0;
     *least = 2;
@@ -314,19 +314,21 @@ static double worst_of(struct probe *probe, const struct material *m, bool front
     return most;
 }
 
+static int furnaces_bad; // of all, so that a failure shows every one that is off
+
 static void furnace_from(
     struct probe *probe, const char *name, struct material m, bool front, double low, double high)
 {
-    static const float roughness[] = {0, 0.1f, 0.3f, 0.45f, 0.6f, 0.8f, 1};
-    int bad = 0;
-    for (int i = 0; i < 7; i++) {
+    // Beside round values some that lie anywhere between entries of the tables.
+    static const float roughness[] = {0, 0.1f, 0.17f, 0.3f, 0.45f, 0.6f, 0.77f, 0.93f, 1};
+    for (int i = 0; i < 9; i++) {
         m.roughness = roughness[i];
         double least, most = worst_of(probe, &m, front, &least);
-        print_message(
-            "furnace %-24s roughness %.2f: %.4f .. %.4f\n", name, (double)m.roughness, least, most);
-        bad += most > high || least < low;
+        const bool bad = most > high || least < low;
+        print_message("furnace %-24s roughness %.2f: %.4f .. %.4f%s\n", name, (double)m.roughness,
+            least, most, bad ? " BAD" : "");
+        furnaces_bad += bad;
     }
-    assert_int_equal(bad, 0);
 }
 
 static void furnace(
@@ -340,95 +342,99 @@ static void test_white_furnace(void **state)
     struct material m = white;
     furnace(*state, "dielectric", m, 0.998, 1.003);
     m.metallic = 1;
-    furnace(*state, "metal", m, 0.998, 1.006);
+    furnace(*state, "metal", m, 0.998, 1.003);
     m = white;
     m.ior = 2.2f;
     furnace(*state, "high ior", m, 0.998, 1.003);
     m = white;
     m.specular = 0.5f;
-    furnace(*state, "specular", m, 0.998, 1.003);
+    furnace(*state, "specular", m, 0.998, 1.002);
     m = white;
     m.diffuse_transmission = 0.5f;
     furnace(*state, "diffuse transmission", m, 0.998, 1.003);
     m = white;
     m.transmission = 1;
-    furnace(*state, "thin transmission", m, 0.998, 1.005);
+    furnace(*state, "thin transmission", m, 0.997, 1.002);
     m = white;
     m.clearcoat = 1;
-    furnace(*state, "smooth clearcoat", m, 0.996, 1.003);
+    furnace(*state, "smooth clearcoat", m, 0.997, 1.002);
     m.clearcoat_roughness = 0.5f;
-    furnace(*state, "rough clearcoat", m, 0.997, 1.003);
+    furnace(*state, "rough clearcoat", m, 0.998, 1.002);
     m.metallic = 1;
-    furnace(*state, "rough clearcoat on metal", m, 0.997, 1.003);
+    furnace(*state, "rough clearcoat on metal", m, 0.998, 1.003);
     m = white;
     for (int i = 0; i < 3; i++)
         m.sheen[i] = 1;
     m.sheen_roughness = 0.5f;
-    furnace(*state, "sheen", m, 0.996, 1.003);
+    furnace(*state, "sheen", m, 0.998, 1.001);
     m.sheen_roughness = 0.2f;
-    furnace(*state, "fine sheen", m, 0.995, 1.003);
+    furnace(*state, "fine sheen", m, 0.996, 1.002);
     m.sheen_roughness = 0.8f;
     m.metallic = 1;
-    furnace(*state, "sheen on metal", m, 0.997, 1.003);
+    furnace(*state, "sheen on metal", m, 0.997, 1.002);
     m.clearcoat = 1;
     m.clearcoat_roughness = 0.3f;
-    furnace(*state, "clearcoat over sheen on metal", m, 0.984, 1.003);
+    furnace(*state, "clearcoat over sheen on metal", m, 0.9955, 1.002);
     m.metallic = 0;
-    furnace(*state, "clearcoat over sheen", m, 0.984, 1.003);
+    furnace(*state, "clearcoat over sheen", m, 0.9965, 1.002);
     m = white;
     m.clearcoat = m.transmission = 1;
     m.clearcoat_roughness = 0.3f;
-    furnace(*state, "thin glass, clearcoat", m, 0.996, 1.004);
+    furnace(*state, "thin glass, clearcoat", m, 0.998, 1.003);
     m.thickness = 1;
-    furnace(*state, "glass, clearcoat", m, 0.992, 1.005);
+    furnace(*state, "glass, clearcoat", m, 0.992, 1.002);
     m = white;
     m.metallic = 1;
-    m.anisotropy = 0.5f;
-    furnace(*state, "anisotropic metal", m, 0.996, 1.004);
+    m.anisotropy = 0.45f;
+    furnace(*state, "anisotropic metal", m, 0.997, 1.002);
     m.anisotropy = 1;
-    furnace(*state, "most anisotropic metal", m, 0.996, 1.008);
+    furnace(*state, "most anisotropic metal", m, 0.994, 1.0035);
     static const float film_nm[] = {250, 400, 550};
     for (int i = 0; i < 3; i++) {
         m = white;
         m.iridescence = 1;
         m.film_nm = film_nm[i];
-        furnace(*state, "iridescent dielectric", m, 0.997, 1.007);
+        furnace(*state, "iridescent dielectric", m, 0.998, 1.0045);
         m.film_ior = 1.8f;
-        furnace(*state, "dense film", m, 0.997, 1.007);
+        furnace(*state, "dense film", m, 0.998, 1.004);
     }
-    static const float ior[] = {1.1f, 1.33f, 1.5f, 1.75f, 2.4f};
+    static const float ior[] = {1.07f, 1.21f, 1.5f, 1.83f, 2.4f};
     for (int i = 0; i < 5; i++) {
         m = white;
         m.transmission = 1;
         m.thickness = 1;
         m.ior = ior[i];
-        furnace(*state, "glass", m, 0.994, 1.008);
-        furnace_from(*state, "glass from inside", m, false, 0.98, 1.01);
+        furnace(*state, "glass", m, 0.997, 1.003);
+        furnace_from(*state, "glass from inside", m, false, 0.9945, 1.005);
     }
     m.ior = 1.5f;
-    m.anisotropy = 0.6f;
-    furnace(*state, "anisotropic glass", m, 0.996, 1.019);
-    furnace_from(*state, "anisotropic glass, inside", m, false, 0.984, 1.028);
+    m.anisotropy = 0.55f;
+    furnace(*state, "anisotropic glass", m, 0.9955, 1.0045);
+    furnace_from(*state, "anisotropic glass, inside", m, false, 0.9905, 1.012);
     m.ior = 1.2f;
-    furnace(*state, "anisotropic glass, ior 1.2", m, 0.975, 1.028);
+    furnace(*state, "anisotropic glass, ior 1.2", m, 0.9955, 1.0035);
+    furnace_from(*state, "anisotropic, ior 1.2, inside", m, false, 0.98, 1.0175);
     m.ior = 2;
-    furnace(*state, "anisotropic glass, ior 2", m, 0.989, 1.026);
+    m.anisotropy = 0.87f;
+    furnace(*state, "more anisotropic glass, ior 2", m, 0.9925, 1.0035);
+    furnace_from(*state, "more anisotropic, inside", m, false, 0.99, 1.0078);
     m.ior = 1.5f;
     m.anisotropy = 0;
     m.transmission = 0.5f;
-    furnace(*state, "half glass", m, 0.997, 1.006);
+    furnace(*state, "half glass", m, 0.998, 1.0063);
     m.specular = 0.5f;
-    furnace(*state, "glass that reflects half", m, 0.997, 1.008);
+    furnace(*state, "glass that reflects half", m, 0.998, 1.004);
     m = white;
     m.transmission = m.thickness = m.iridescence = 1;
     m.film_nm = 400;
-    furnace(*state, "iridescent glass", m, 0.994, 1.008);
-    furnace_from(*state, "iridescent glass, inside", m, false, 0.983, 1.014);
+    furnace(*state, "iridescent glass", m, 0.996, 1.0055);
+    furnace_from(*state, "iridescent glass, inside", m, false, 0.9905, 1.0088);
     m.transmission = m.thickness = 0;
     m.metallic = 1;
-    furnace(*state, "film on metal", m, 0.997, 1.006);
+    furnace(*state, "film on metal", m, 0.998, 1.003);
     m.metallic = 0.5f;
-    furnace(*state, "film on half metal", m, 0.997, 1.006);
+    furnace(*state, "film on half metal", m, 0.998, 1.003);
+    assert_int_equal(furnaces_bad, 0);
 }
 
 // --- reciprocity ---------------------------------------------------------------------------------
