@@ -1,5 +1,6 @@
 // frames.c - helio render: from the settled view to files, one or many, taken up where they were
 // left.
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -219,6 +220,8 @@ static bool take_messages(
             hg_cli_on_progress(&cli->progress, &m->body->progress);
         else if (m->type == HGP_T_frame_part && ours)
             take_part(&r->parts, &m->body->frame_part, err);
+        else if (m->type == HGP_T_drain)
+            r->closes_s = fmax(m->body->drain.deadline_ms / 1e3, 0.1);
         else if (m->type == HGP_T_notice)
             hg_cli_on_notice(&cli->progress, &m->body->notice);
         else if (m->type == HGP_T_error) // ours, or of a message that nobody waited for: a camera
@@ -262,11 +265,17 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     enum hg_status status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
     uint64_t now = hg_clock_now_ns();
     uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
-    uint64_t save = o->has_checkpoint ? add_s(now, o->checkpoint) : UINT64_MAX;
+    double every = o->has_checkpoint ? o->checkpoint : 1e12;
+    uint64_t save = add_s(now, every);
     struct hg_error told = {0};
     while (!status && !take_messages(r, id, frame, &told)) {
-        uint64_t until = save < deadline ? save : deadline;
         now = hg_clock_now_ns();
+        if (r->closes_s > 0 && is_path(r)) { // at once, and as long as it lasts
+            save = now;
+            every = fmin(every, r->closes_s / 4);
+        }
+        r->closes_s = 0;
+        uint64_t until = save < deadline ? save : deadline;
         status = helio_wait(cli->h,
             until == UINT64_MAX ? HELIO_NO_TIMEOUT
             : until > now       ? until - now
@@ -278,9 +287,10 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
         if (status || now < save)
             continue;
         status = hg_cli_checkpoint_save(&kept, PATIENCE_S, err);
+        r->left_checkpoint |= status == HG_OK;
         if (status == HG_E_STATE) // nothing worth keeping yet
             status = HG_OK;
-        save = add_s(hg_clock_now_ns(), o->checkpoint);
+        save = add_s(hg_clock_now_ns(), every);
     }
     if (!status && told.status) {
         status = told.status;
@@ -299,7 +309,7 @@ static void leave_checkpoint(struct hg_cli_render *r, const char *name, const ui
     if (!is_path(r) || !hg_cli_is_stopped())
         return;
     enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &err);
-    r->left_checkpoint = status == HG_OK;
+    r->left_checkpoint |= status == HG_OK;
     if (status && status != HG_E_STATE)
         fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
             err.reason[0] ? err.reason : hg_status_text(status));
@@ -358,8 +368,10 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
         r->doing = HG_CLI_DOING_OUTPUT;
         status = hg_file_write_atomic(name, data, size, err);
     }
-    if (!status && is_path(r))
+    if (!status && is_path(r)) {
         hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
+        r->left_checkpoint = false;
+    }
     return status;
 }
 

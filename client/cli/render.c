@@ -467,7 +467,7 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
-    if (code == HG_CLI_EXIT_STOPPED)
+    if (code == HG_CLI_EXIT_STOPPED || (status && r.left_checkpoint))
         hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);

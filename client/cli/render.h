@@ -18,6 +18,7 @@ struct hg_cli_render {
     uint32_t skipped;             // files that were left as they were
     uint32_t next_frame;          // number of the first frame that is not there yet
     bool left_checkpoint;         // of it
+    double closes_s;              // > 0: the daemon has just said that it stops after this time
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_series *series; // of pictures that depend on those before; NULL = of none
 };

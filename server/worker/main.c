@@ -270,8 +270,10 @@ int main(int argc, char **argv)
             w.options.fd);
         return EXIT_USAGE;
     }
-    // Ctrl-C on a terminal reaches the whole group; the worker ends when its link closes.
+    // Ctrl-C on a terminal and the stop of a service reach all processes at once. What is under way is
+    // for the other end of the link to keep or to drop; the worker ends when that closes.
     signal(SIGINT, SIG_IGN);
+    signal(SIGTERM, SIG_IGN);
     signal(SIGPIPE, SIG_IGN);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);

@@ -132,7 +132,7 @@ for round in 1 2 3; do
     client=$!
     begun() { grep -q '"samples","done":[1-9]' "$temp/out" || ! kill -0 $client 2>/dev/null; }
     until_true begun
-    kill -TERM $client 2>/dev/null
+    kill -TERM $(pgrep -P $client) $client 2>/dev/null # all of a service at once, as systemd does
     wait $client
     code=$?
     [ $code = 8 ] && break
@@ -152,6 +152,23 @@ same "$temp/whole.exr" "$temp/part.exr"
 expect 0 trace "$temp/part.exr" --skip-existing
 stat_is skipped_frames 1
 expect 0 trace "$temp/limit.exr" --spp 60000 --time 1
+
+# A daemon that is stopped gives its clients the time to keep their films.
+"$heliod" --listen "unix:$temp/brief" --asset-root "$data" --log warn --drain-timeout 3 &
+brief=$!
+answers() { "$helio" ping --count 1 --connect "unix:$temp/brief" >/dev/null 2>&1; }
+until_true answers
+: >"$temp/out"
+run=exec trace "$temp/drained.exr" --spp 65536 --progress json --connect "unix:$temp/brief" >"$temp/out" 2>&1 &
+client=$!
+begun() { grep -q '"samples","done":[1-9]' "$temp/out" || ! kill -0 $client 2>/dev/null; }
+until_true begun
+kill -TERM $(pgrep -P $brief) $brief
+wait $client
+code=$?
+[ $code = 4 ] || fail "exit $code instead of 4 when the daemon was stopped"
+told 'the same command with --resume goes on from there'
+[ -s "$temp/drained.exr.checkpoint" ] || fail "no checkpoint was left when the daemon was stopped"
 
 # Frames that are denoised with those before: killed at any time and taken up again, with and without
 # what was kept for it, they are those of a command that was never stopped.
