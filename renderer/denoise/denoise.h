@@ -55,14 +55,14 @@ struct hg_denoise_input {
     uint32_t part_px;                // side of parts of large pictures; 0 = usual. Changes nothing
     struct hg_denoise *history;      // NULL: by itself
     struct hg_denoise_camera camera; // with a history
-    // [4][height][width] sums: metres in scene space to where surfaces were in the picture before,
-    // and a number of what the first sample met, 0 = none. NULL: none is known to stand still, none
-    // to move.
+    // [HG_PATH_MOVED_WORDS][height][width] sums: metres in scene space to where surfaces, and images
+    // in them, were in the picture before, and a number of what the first sample met, 0 = none.
+    // NULL: none is known to stand still, none to move.
     const float *moved;
 };
 
 // Means of light without noise: out [HG_DENOISE_LIGHT][height][width]. Besides it and the history
-// (250 bytes a pixel) takes 0.4 GB at most, however large the picture is. HG_E_NOMEM.
+// (270 bytes a pixel) takes 0.4 GB at most, however large the picture is. HG_E_NOMEM.
 enum hg_status hg_denoise_run(struct hg_jobs *jobs, const struct hg_denoise_input *input,
     float *out, struct hg_error *err) HG_MUST_CHECK;
 

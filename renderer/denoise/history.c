@@ -8,6 +8,8 @@
 #define NORMAL_LEAST 0.9f   // cosine between normals of the same surface
 #define DEPTH_REACH  0.02f  // difference of depths of the same place, relative
 #define CHANGE_REACH 2.0f   // standard deviations of a patch that are no change
+#define IMAGE_REACH  0.1f   // the same of an image
+#define LEAST_NEARER 0.25   // how far mirrors may magnify: 1 / this
 #define STILL_PX     0.02   // px that count as none
 #define ALBEDO_REACH 4.0f   // standard deviations of an albedo that are no change
 #define PATCH        3      // px: radius of what is compared
@@ -15,8 +17,8 @@
 #define BAND         64u    // rows that are looked up together
 
 enum {
-    KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 6, // planes of a picture that stay
-    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES + 1,      // that are only there while it is made
+    KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 7, // planes of a picture that stay
+    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES * 2 + 1,  // that are only there while it is made
 };
 
 // A picture that was made: [height][width] of each plane.
@@ -25,13 +27,16 @@ struct past {
     struct hg_denoise_camera camera;
     float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS];
     float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen, *id;
+    float *image; // disparity of what is seen in smooth surfaces, where its image is; 0 = rough
     float *memory;
 };
 
 struct hg_denoise {
     struct past before, now; // now: the newest, of the picture that is being made
     // Of now, until it is blended: as it was sampled; of albedos; of the disparity, relative.
-    float *own_luma[HG_DN_KINDS], *own_variance[HG_DN_KINDS], *tone_var[HG_DN_LOBES], *slope;
+    float *own_luma[HG_DN_KINDS], *own_variance[HG_DN_KINDS], *tone_var[HG_DN_LOBES];
+    float *slope[HG_DN_LOBES],
+        *nearer; // nearer: how often the image is as near as in a plane mirror
     float *own;
 };
 
@@ -76,7 +81,7 @@ static enum hg_status past_init(struct past *past, uint32_t width, uint32_t heig
         return HG_E_NOMEM;
     float *at = past->memory;
     float **single[] = {&past->normal[0], &past->normal[1], &past->normal[2], &past->disparity,
-        &past->seen, &past->id};
+        &past->seen, &past->id, &past->image};
     for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += pixels)
         *single[i] = at;
     for (int i = 0; i < HG_DN_LOBES * 3; i++, at += pixels)
@@ -107,9 +112,11 @@ enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise
         d->own_luma[k] = at;
         d->own_variance[k] = at + pixels;
     }
-    for (int l = 0; l < HG_DN_LOBES; l++, at += pixels)
+    for (int l = 0; l < HG_DN_LOBES; l++, at += 2 * pixels) {
         d->tone_var[l] = at;
-    d->slope = at;
+        d->slope[l] = at + pixels;
+    }
+    d->nearer = at;
     d->now.camera = input->camera;
     return HG_OK;
 }
@@ -123,7 +130,7 @@ struct saved {
     double camera[5][3];
 };
 
-#define MAGIC "HGHIST01"
+#define MAGIC "HGHIST02"
 
 static const double *axis_of(const struct hg_denoise_camera *c, int i)
 {
@@ -200,76 +207,7 @@ enum hg_status hg_denoise_load(
     return hg_error_set(err, status, "history", NULL, "out of host memory");
 }
 
-// --- keeping -------------------------------------------------------------------------------------
-
-struct keep {
-    struct hg_denoise *d;
-    const struct hg_dn_planes *p;
-    const struct hg_dn_rect *rect;
-    const struct hg_dn_clean *clean;
-};
-
-static void keep_pixel(const struct keep *k, size_t at, size_t to)
-{
-    const struct hg_dn_planes *p = k->p;
-    const struct hg_dn_face *face = &p->face[HG_DN_SCATTERS];
-    struct hg_denoise *d = k->d;
-    struct past *now = &d->now;
-    for (int i = 0; i < HG_DN_KINDS; i++) {
-        for (int c = 0; c < 3; c++)
-            now->rgb[i][c][to] = k->clean->rgb[i][c][at];
-        now->variance[i][to] = k->clean->variance[i][at];
-    }
-    for (int l = 0; l < HG_DN_LOBES; l++) {
-        for (int c = 0; c < 3; c++)
-            now->albedo[l][c][to] = p->face[l].albedo[c][at];
-        d->tone_var[l][to] = p->face[l].tone_var[at];
-    }
-    for (int c = 0; c < 3; c++)
-        now->normal[c][to] = face->normal[c][at];
-    now->disparity[to] = face->disparity[at];
-    now->seen[to] = p->seen[at];
-    d->slope[to] =
-        face->disparity[at] > 0.0f
-            ? (fabsf(face->disparity_dx[at]) + fabsf(face->disparity_dy[at])) / face->disparity[at]
-            : 0.0f;
-}
-
-static void keep_row(void *user, size_t row)
-{
-    const struct keep *k = user;
-    const uint32_t y = k->rect->y + (uint32_t)row;
-    for (uint32_t x = k->rect->x; x < k->rect->x + k->rect->width; x++)
-        keep_pixel(k, hg_dn_at(k->p, x - k->p->x, y - k->p->y), (size_t)y * k->d->now.width + x);
-}
-
-void hg_dn_history_keep(struct hg_denoise *d, const struct hg_dn_planes *p,
-    const struct hg_dn_rect *rect, const struct hg_dn_clean *clean, struct hg_jobs *jobs)
-{
-    struct keep keep = {d, p, rect, clean};
-    hg_jobs_for(jobs, rect->height, keep_row, &keep);
-}
-
-// --- where it was --------------------------------------------------------------------------------
-
-struct work {
-    struct hg_denoise *d;
-    const struct hg_denoise_input *input;
-    const struct hg_dn_energy *energy;
-    const struct past *before;
-    struct past *now;
-    float *out;
-    // Of before, where the pixels of now were, in a band of rows of now from `first` on.
-    uint32_t first, skip; // skip: rows of the band before those that are blended
-    float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS], *trust[HG_DN_KINDS];
-    float *still; // 1 where a pixel showed the same then, to a part of a pixel
-    float *memory;
-};
-
-static size_t band_at(const struct work *w, uint32_t x, uint32_t y)
-{
-    return (size_t)(y - w->first) * w->now->width + x;
-}
+// --- cameras ------------------------------------------------------------------------------------
 
 static double dot(const double a[3], const double b[3])
 {
@@ -304,6 +242,143 @@ static bool find(
     return true;
 }
 
+// --- keeping -------------------------------------------------------------------------------------
+
+struct keep {
+    struct hg_denoise *d;
+    const struct hg_dn_planes *p;
+    const struct hg_dn_rect *rect;
+    const struct hg_dn_clean *clean;
+};
+
+static float slope_of(const struct hg_dn_face *face, size_t at)
+{
+    const float both = fabsf(face->disparity_dx[at]) + fabsf(face->disparity_dy[at]);
+    return face->disparity[at] > 0.0f ? both / face->disparity[at] : 0.0f;
+}
+
+static void place_at(const struct keep *k, uint32_t x, uint32_t y, size_t at, double out[3])
+{
+    const double depth = 1.0 / (double)k->p->face[HG_DN_SCATTERS].disparity[at];
+    place_of(&k->d->now.camera, x + 0.5, y + 0.5, depth, out);
+}
+
+// Curvature of what is seen at a pixel along rows (step 1) or columns, 1 / m; above 0: bulges.
+static double curvature(const struct keep *k, uint32_t x, uint32_t y, size_t at, bool columns)
+{
+    const struct hg_dn_planes *p = k->p;
+    const uint32_t dx = columns ? 0 : 1, dy = columns ? 1 : 0;
+    const size_t step = columns ? p->stride : 1;
+    double a[3], b[3], along = 0.0, length2 = 0.0;
+    if (!(p->seen[at - step] > 0.0f && p->seen[at + step] > 0.0f))
+        return 0.0;
+    place_at(k, x - dx, y - dy, at - step, a);
+    place_at(k, x + dx, y + dy, at + step, b);
+    for (int c = 0; c < 3; c++) {
+        const float *normal = p->face[HG_DN_SCATTERS].normal[c];
+        along += (b[c] - a[c]) * (double)(normal[at + step] - normal[at - step]);
+        length2 += (b[c] - a[c]) * (b[c] - a[c]);
+    }
+    return length2 > 0.0 ? along / length2 : 0.0;
+}
+
+// Where the image of what is seen in a smooth surface is: in a plane mirror as far behind it as the
+// thing is in front, in one that bulges nearer (the mirror equation). 0: the surface is rough, or
+// there is no image behind it.
+static float image_disparity(
+    const struct keep *k, uint32_t x, uint32_t y, size_t at, float *out_nearer)
+{
+    const struct hg_dn_face *first = &k->p->face[HG_DN_SCATTERS],
+                            *seen = &k->p->face[HG_DN_MIRRORS];
+    float own = 0.0f, all = 0.0f;
+    for (int c = 0; c < 3; c++) {
+        own += seen->normal[c][at] * seen->normal[c][at];
+        all += first->normal[c][at] * first->normal[c][at];
+    }
+    if (!(first->disparity[at] > seen->disparity[at]) || 4.0f * own > all)
+        return 0.0f;
+    double a[3], b[3], metres = 0.0;
+    const double depth = 1.0 / (double)first->disparity[at];
+    const double behind = 1.0 / (double)seen->disparity[at] - depth;
+    place_of(&k->d->now.camera, x + 0.5, y + 0.5, depth, a);
+    place_of(&k->d->now.camera, x + 0.5, y + 0.5, depth + behind, b);
+    for (int c = 0; c < 3; c++)
+        metres += (b[c] - a[c]) * (b[c] - a[c]);
+    const double bend = curvature(k, x, y, at, false) + curvature(k, x, y, at, true); // 2 / radius
+    const double nearer = 1.0 + bend * sqrt(metres);
+    *out_nearer = (float)nearer;
+    return nearer > LEAST_NEARER ? (float)(1.0 / (depth + behind / nearer)) : 0.0f;
+}
+
+static void keep_pixel(const struct keep *k, uint32_t x, uint32_t y, size_t at, size_t to)
+{
+    const struct hg_dn_planes *p = k->p;
+    const struct hg_dn_face *face = &p->face[HG_DN_SCATTERS];
+    struct hg_denoise *d = k->d;
+    struct past *now = &d->now;
+    for (int i = 0; i < HG_DN_KINDS; i++) {
+        for (int c = 0; c < 3; c++)
+            now->rgb[i][c][to] = k->clean->rgb[i][c][at];
+        now->variance[i][to] = k->clean->variance[i][at];
+    }
+    for (int l = 0; l < HG_DN_LOBES; l++) {
+        for (int c = 0; c < 3; c++)
+            now->albedo[l][c][to] = p->face[l].albedo[c][at];
+        d->tone_var[l][to] = p->face[l].tone_var[at];
+    }
+    for (int c = 0; c < 3; c++)
+        now->normal[c][to] = face->normal[c][at];
+    now->disparity[to] = face->disparity[at];
+    now->image[to] = image_disparity(k, x, y, at, &d->nearer[to]);
+    now->seen[to] = p->seen[at];
+    for (int l = 0; l < HG_DN_LOBES; l++)
+        d->slope[l][to] = slope_of(&p->face[l], at);
+}
+
+static void keep_row(void *user, size_t row)
+{
+    const struct keep *k = user;
+    const uint32_t y = k->rect->y + (uint32_t)row;
+    for (uint32_t x = k->rect->x; x < k->rect->x + k->rect->width; x++)
+        keep_pixel(
+            k, x, y, hg_dn_at(k->p, x - k->p->x, y - k->p->y), (size_t)y * k->d->now.width + x);
+}
+
+void hg_dn_history_keep(struct hg_denoise *d, const struct hg_dn_planes *p,
+    const struct hg_dn_rect *rect, const struct hg_dn_clean *clean, struct hg_jobs *jobs)
+{
+    struct keep keep = {d, p, rect, clean};
+    hg_jobs_for(jobs, rect->height, keep_row, &keep);
+}
+
+// --- where it was --------------------------------------------------------------------------------
+
+struct work {
+    struct hg_denoise *d;
+    const struct hg_denoise_input *input;
+    const struct hg_dn_energy *energy;
+    const struct past *before;
+    struct past *now;
+    float *out;
+    // Of before, where the pixels of now were, in a band of rows of now from `first` on.
+    uint32_t first, skip; // skip: rows of the band before those that are blended
+    float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS], *trust[HG_DN_KINDS];
+    float *still; // lobes of which a pixel showed the same then, to a part of a pixel
+    float *memory;
+};
+
+static size_t band_at(const struct work *w, uint32_t x, uint32_t y)
+{
+    return (size_t)(y - w->first) * w->now->width + x;
+}
+
+// Kinds of light that are looked up together.
+struct kinds {
+    int first, last;
+};
+static const struct kinds all_kinds = {0, HG_DN_KINDS - 1}, scattered = {0, HG_DN_INDIRECT},
+                          mirrored = {HG_DN_SPECULAR, HG_DN_SPECULAR};
+
 // What pixels around an edge of things have met first says nothing of the others' samples.
 static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
 {
@@ -317,10 +392,12 @@ static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
     return true;
 }
 
-static bool is_same(const struct work *w, size_t at, size_t old, double depth)
+// The same surface; of light that it mirrors, with an image at the same place.
+static bool is_same(const struct work *w, size_t at, size_t old, double depth, bool image)
 {
     const struct past *now = w->now, *past = w->before;
-    const double there = (double)past->disparity[old] * depth; // 1: as deep as expected
+    const double there = (double)(image ? past->image : past->disparity)[old] * depth; // 1: so deep
+    const float reach = (image ? IMAGE_REACH : DEPTH_REACH) + 2.0f * w->d->slope[image][at];
     float cosine = 0.0f, length = 0.0f, length_old = 0.0f;
     for (int c = 0; c < 3; c++) {
         cosine += now->normal[c][at] * past->normal[c][old];
@@ -328,12 +405,12 @@ static bool is_same(const struct work *w, size_t at, size_t old, double depth)
         length_old += past->normal[c][old] * past->normal[c][old];
     }
     return past->seen[old] > 0.0f && cosine > NORMAL_LEAST * sqrtf(length * length_old) &&
-           fabs(there - 1.0) < (double)(DEPTH_REACH + 2.0f * w->d->slope[at]);
+           fabs(there - 1.0) < (double)reach;
 }
 
-static void take(struct work *w, size_t to, size_t old, float weight)
+static void take(struct work *w, const struct kinds *kinds, size_t to, size_t old, float weight)
 {
-    for (int k = 0; k < HG_DN_KINDS; k++) {
+    for (int k = kinds->first; k <= kinds->last; k++) {
         for (int c = 0; c < 3; c++)
             w->rgb[k][c][to] += weight * w->before->rgb[k][c][old];
         w->variance[k][to] += weight * w->before->variance[k][old];
@@ -341,9 +418,9 @@ static void take(struct work *w, size_t to, size_t old, float weight)
     }
 }
 
-static void scale(struct work *w, size_t to, float factor)
+static void scale(struct work *w, const struct kinds *kinds, size_t to, float factor)
 {
-    for (int k = 0; k < HG_DN_KINDS; k++) {
+    for (int k = kinds->first; k <= kinds->last; k++) {
         for (int c = 0; c < 3; c++)
             w->rgb[k][c][to] *= factor;
         w->variance[k][to] *= factor;
@@ -351,22 +428,36 @@ static void scale(struct work *w, size_t to, float factor)
     }
 }
 
-// Where the surface of a pixel was; false: it has not moved by itself.
-static bool move(const struct work *w, uint32_t x, uint32_t y, double place[3])
+// Mean of three channels of what moved over so many samples, added to a place; false: none has.
+static bool move(
+    const struct work *w, size_t at, size_t channel, double samples, double scale, double place[3])
 {
     const struct hg_denoise_input *in = w->input;
-    const size_t at = (size_t)y * in->width + x, pixels = (size_t)in->width * in->height;
-    const double hits = (double)w->now->seen[at] * hg_dn_samples(in, x, y);
+    const size_t pixels = (size_t)in->width * in->height;
     bool moves = false;
-    for (size_t i = 0; i < 3 && in->moved != NULL; i++) {
-        place[i] += (double)in->moved[i * pixels + at] / hits;
-        moves = moves || in->moved[i * pixels + at] != 0.0f;
+    for (size_t i = 0; i < 3 && in->moved != NULL && samples > 0.0; i++) {
+        const float by = in->moved[(channel + i) * pixels + at];
+        place[i] += scale * (double)by / samples;
+        moves = moves || by != 0.0f;
     }
     return moves;
 }
 
-// Nothing has moved: what edges of pixels show is noisy and may be averaged, albedo and all.
-static bool take_still(struct work *w, uint32_t column, uint32_t row, double x, double y)
+// Where the image in a pixel's surface was.
+static bool move_image(const struct work *w, size_t at, double place[3])
+{
+    const struct hg_denoise_input *in = w->input;
+    const size_t pixels = (size_t)in->width * in->height;
+    const float samples =
+        in->sums[HG_PATH_GUIDE_SEEN * pixels + at] - in->sums[HG_PATH_GUIDE_SEEN_OWN * pixels + at];
+    const double scale = 1.0 / fmax((double)w->d->nearer[at], LEAST_NEARER);
+    return move(w, at, HG_PATH_MOVED_SEEN, (double)samples, scale, place);
+}
+
+// The surface has not moved: what edges of pixels show is noisy and may be averaged, albedo and
+// all; unless what is seen in it moves, also of light that it mirrors.
+static bool take_still(
+    struct work *w, uint32_t column, uint32_t row, double x, double y, bool image_moves)
 {
     const struct past *past = w->before;
     const size_t to = band_at(w, column, row), old = (size_t)row * past->width + column;
@@ -375,57 +466,95 @@ static bool take_still(struct work *w, uint32_t column, uint32_t row, double x, 
         return false;
     if (!(past->seen[old] > 0.0f))
         return false;
-    take(w, to, old, 1.0f);
-    w->still[to] = 1.0f;
+    take(w, image_moves ? &scattered : &all_kinds, to, old, 1.0f);
+    w->still[to] = image_moves ? 1.0f : HG_DN_LOBES;
     return true;
 }
 
-// What the four pixels around x, y showed then, of those that showed the same surface.
-static void take_around(
-    struct work *w, uint32_t column, uint32_t row, const double xy[2], double depth)
+// Where a pixel's surface was, or the image in it.
+struct place {
+    double x, y, depth; // px in the picture before; of the middle of its pixel (0, 0) 0
+    bool image;
+};
+
+// What the four pixels around showed then, of those that showed the same; false: none did.
+static bool take_around(struct work *w, const struct kinds *kinds, uint32_t column, uint32_t row,
+    const struct place *there)
 {
     const struct past *past = w->before;
     const size_t at = (size_t)row * w->now->width + column, to = band_at(w, column, row);
-    const int x0 = (int)floor(xy[0]), y0 = (int)floor(xy[1]);
+    const int x0 = (int)floor(there->x), y0 = (int)floor(there->y);
     const bool inside = w->input->moved != NULL && is_inside(w->now, column, row);
     float sum = 0.0f;
     for (int i = 0; i < 4; i++) {
         const int px = x0 + i % 2, py = y0 + i / 2;
-        const float weight = (float)((1.0 - fabs(xy[0] - px)) * (1.0 - fabs(xy[1] - py)));
+        const float weight = (float)((1.0 - fabs(there->x - px)) * (1.0 - fabs(there->y - py)));
         if (px < 0 || py < 0 || px >= (int)past->width || py >= (int)past->height)
             continue;
         const size_t old = (size_t)py * past->width + (size_t)px;
-        if ((inside && past->id[old] != w->now->id[at]) || !is_same(w, at, old, depth))
+        if ((inside && past->id[old] != w->now->id[at]) ||
+            !is_same(w, at, old, there->depth, there->image))
             continue;
-        take(w, to, old, weight);
+        take(w, kinds, to, old, weight);
         sum += weight;
     }
-    scale(w, to, sum > 0.1f ? 1.0f / sum : 0.0f);
+    scale(w, kinds, to, sum > 0.1f ? 1.0f / sum : 0.0f);
+    return sum > 0.1f;
+}
+
+// Into the picture before; false: outside.
+static bool project(const struct work *w, const double place[3], struct place *out)
+{
+    const struct past *past = w->before;
+    if (!find(&past->camera, place, &out->x, &out->y, &out->depth))
+        return false;
+    out->x -= 0.5;
+    out->y -= 0.5;
+    return out->x > -1.0 && out->y > -1.0 && out->x < past->width && out->y < past->height;
+}
+
+// Light that a smooth surface mirrors, from where its image was.
+static bool take_image(struct work *w, uint32_t column, uint32_t row, const double image[3])
+{
+    struct place there = {.image = true};
+    const bool any = w->now->image[(size_t)row * w->now->width + column] > 0.0f;
+    return any && project(w, image, &there) && take_around(w, &mirrored, column, row, &there);
+}
+
+static void find_pixel(struct work *w, uint32_t column, uint32_t row)
+{
+    const struct past *now = w->now;
+    const size_t at = (size_t)row * now->width + column;
+    const double hits = (double)now->seen[at] * hg_dn_samples(w->input, column, row);
+    const double x = column + 0.5, y = row + 0.5;
+    struct place there = {0};
+    double place[3], image[3] = {0};
+    bool image_moves = false;
+    if (!(now->seen[at] > 0.0f) || !(now->disparity[at] > 0.0f))
+        return;
+    place_of(&now->camera, x, y, 1.0 / (double)now->disparity[at], place);
+    const bool moves = move(w, at, HG_PATH_MOVED_BY, hits, 1.0, place);
+    if (now->image[at] > 0.0f) {
+        place_of(&now->camera, x, y, 1.0 / (double)now->image[at], image);
+        image_moves = move_image(w, at, image);
+    }
+    const bool found = project(w, place, &there),
+               still = found && !moves && w->input->moved != NULL;
+    if (still && take_still(w, column, row, there.x, there.y, image_moves)) {
+        if (image_moves)
+            (void)take_image(w, column, row, image);
+        return;
+    }
+    const bool taken = take_image(w, column, row, image);
+    if (found)
+        take_around(w, taken ? &scattered : &all_kinds, column, row, &there);
 }
 
 static void find_row(void *user, size_t index)
 {
     struct work *w = user;
-    const struct past *now = w->now, *past = w->before;
-    const uint32_t row = w->first + (uint32_t)index;
-    double place[3], xy[2], depth;
-    for (uint32_t column = 0; column < now->width; column++) {
-        const size_t at = (size_t)row * now->width + column;
-        if (!(now->seen[at] > 0.0f) || !(now->disparity[at] > 0.0f))
-            continue;
-        place_of(
-            &now->camera, column + 0.5, (double)row + 0.5, 1.0 / (double)now->disparity[at], place);
-        const bool moves = move(w, column, row, place);
-        if (!find(&past->camera, place, &xy[0], &xy[1], &depth))
-            continue;
-        xy[0] -= 0.5;
-        xy[1] -= 0.5;
-        if (!(xy[0] > -1.0 && xy[1] > -1.0 && xy[0] < past->width && xy[1] < past->height))
-            continue;
-        if (!moves && w->input->moved != NULL && take_still(w, column, row, xy[0], xy[1]))
-            continue;
-        take_around(w, column, row, xy, depth);
-    }
+    for (uint32_t column = 0; column < w->now->width; column++)
+        find_pixel(w, column, w->first + (uint32_t)index);
 }
 
 // --- how much it counts --------------------------------------------------------------------------
@@ -498,15 +627,19 @@ static void blend(struct work *w, int k, size_t at, size_t from)
 }
 
 // Albedos at the edges of what stands still, which are noisy as well: the old one of the same pixel
-// counts where both agree.
-static void blend_albedo(const struct work *w, size_t at)
+// counts where both agree in all colours, which textures that move in a mirror do not.
+static void blend_albedo(const struct work *w, size_t at, int lobes)
 {
     struct past *now = w->now;
-    for (int l = 0; l < HG_DN_LOBES; l++) {
+    for (int l = 0; l < lobes; l++) {
         const int kind = l == HG_DN_SCATTERS ? HG_DN_INDIRECT : HG_DN_SPECULAR;
-        const float off = luma_at(now->albedo[l], at) - luma_at(w->before->albedo[l], at);
         const float reach = ALBEDO_REACH * ALBEDO_REACH * w->d->tone_var[l][at];
-        const float length = off * off < reach ? now->length[kind][at] - 1.0f : 0.0f;
+        float off = 0.0f;
+        for (int c = 0; c < 3; c++) {
+            const float d = now->albedo[l][c][at] - w->before->albedo[l][c][at];
+            off += d * d / 3.0f;
+        }
+        const float length = off < reach ? now->length[kind][at] - 1.0f : 0.0f;
         const float old = length / (length + 1.0f);
         for (int c = 0; c < 3; c++)
             now->albedo[l][c][at] =
@@ -525,7 +658,7 @@ static void blend_row(void *user, size_t index)
         for (int k = 0; k < HG_DN_KINDS; k++)
             blend(w, k, at, from);
         if (w->still[from] > 0.0f)
-            blend_albedo(w, at);
+            blend_albedo(w, at, (int)w->still[from]);
         for (size_t i = 0; i < HG_DENOISE_LIGHT; i++)
             w->out[i * pixels + at] =
                 now->rgb[i / 3][i % 3][at] * now->albedo[hg_dn_lobe((int)i / 3)][i % 3][at];

@@ -3,8 +3,10 @@
 // Where the surface of a pixel was seen before (same place, same normal), the filtered light of
 // then is averaged with that of now, over up to HG_DN_MOST_HISTORY pictures. How much it counts
 // depends on whether both differ, in the mean of a patch, by more than what is left of the noise:
-// light that has changed is not kept. Source of the averaging by length: Schied et al. 2017,
-// "Spatiotemporal Variance-Guided Filtering".
+// light that has changed is not kept. Light that a smooth surface mirrors is looked up where its
+// image was, which curved mirrors have nearer than plane ones. Sources: Schied et al. 2017,
+// "Spatiotemporal Variance-Guided Filtering" (averaging by length); Zimmer et al. 2015, "Path-space
+// Motion Estimation and Decomposition for Robust Animation Filtering" (motion of what is mirrored).
 #ifndef HG_RENDERER_DENOISE_HISTORY_H
 #define HG_RENDERER_DENOISE_HISTORY_H
 

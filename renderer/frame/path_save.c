@@ -12,7 +12,7 @@
 #include "renderer/frame/path_state.h"
 
 #define MAGIC   "HGPATH01"
-#define VERSION 3u
+#define VERSION 4u
 
 struct header {
     char magic[8];

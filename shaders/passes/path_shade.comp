@@ -245,19 +245,34 @@ void begin_following(inout path p, hg_bsdf b, float depth, uint lobe, vec3 direc
         note_seen_in(p.slot, vec3(1.0), depth, true);
 }
 
+// To where the image of what is seen was: what is met after one plane mirror, which may have moved as
+// well, or through glass.
+void note_image_moved(path p, hg_gpu_hit hit)
+{
+    uint moved = hg_path_out(hg_path.planes[HG_PATH_PLANE_MOVED]);
+    vec3 by = (position_at(HG_PATH_SHOWN, hit) - position_at(HG_PATH_NOW, hit)).xyz;
+    if (p.bounce == 1u) { // the normal is 0 behind glass
+        vec3 mirror = hg_path_get3(moved + HG_PATH_MOVED_BY, p.slot);
+        by += 2.0 * dot(mirror - by, p.normal) * p.normal;
+    }
+    hg_path_add3(moved + HG_PATH_MOVED_SEEN, p.slot, by / hg_path_branches());
+}
+
 // A surface that is seen in smooth ones: further, if nearly all of its light is mirrored or let through
 // by a smooth lobe, and the path goes on there.
-void follow(inout path p, hg_bsdf b, vec3 medium, vec3 emitted, float t, bool goes_on)
+void follow(inout path p, hg_bsdf b, hg_gpu_hit hit, vec3 medium, vec3 emitted, bool goes_on)
 {
     uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
     vec3 scattered = scattering_albedo(b), mirrored = mirroring_albedo(b), tint = tint_of(p) * medium;
     if (goes_on && 3.0 * hg_max3(scattered) <= hg_max3(mirrored) && hg_max3(emitted) <= 0.0) {
         hg_path_set3(word + HG_PATH_SEEN_TINT, p.slot, tint * mirrored);
-        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth_seen(p, t));
+        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth_seen(p, hit.t));
         return;
     }
     p.flags &= ~HG_PATH_FOLLOWED;
-    note_seen_in(p.slot, tint * (scattered + mirrored + light_color(emitted)), depth_seen(p, t), false);
+    note_seen_in(p.slot, tint * (scattered + mirrored + light_color(emitted)), depth_seen(p, hit.t), false);
+    if (HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOVED))
+        note_image_moved(p, hit);
 }
 
 // The ray left the scene.
@@ -627,7 +642,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     bool followed = HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u;
     if (s.unlit || p.bounce >= hg_path.max_bounces) {
         if (followed)
-            follow(p, b, medium, emitted, hit.t, false);
+            follow(p, b, hit, medium, emitted, false);
         return HG_PATH_DONE;
     }
 
@@ -649,7 +664,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && p.bounce == 0u)
         begin_following(p, b, v.depth, lobe, direction);
     else if (followed)
-        follow(p, b, medium, emitted, hit.t, (status & HG_PATH_LIVE) != 0u && is_smooth(b, lobe));
+        follow(p, b, hit, medium, emitted, (status & HG_PATH_LIVE) != 0u && is_smooth(b, lobe));
     p.bounce++;
     p.flags = both ? p.flags | HG_PATH_BOTH_SIDES : p.flags & ~HG_PATH_BOTH_SIDES;
     if ((status & HG_PATH_LIVE) != 0u)

@@ -96,7 +96,8 @@
 // Channels of HG_PATH_PLANE_MOVED.
 #define HG_PATH_MOVED_BY    0 // xyz: to where the surface was when the picture before was made, metres
 #define HG_PATH_MOVED_WHAT  3 // of the first sample: as HG_PATH_PLANE_OBJECT
-#define HG_PATH_MOVED_WORDS 4
+#define HG_PATH_MOVED_SEEN  4 // xyz: of the image of what is seen in it, of samples that SEEN but not SEEN_OWN counts
+#define HG_PATH_MOVED_WORDS 7
 
 // Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
 // samples (HG_PATH_IS_FIRST_HALF) follow behind.

@@ -17,7 +17,7 @@ static const char *const names[REGIONS] = {"mirror", "sphere", "pane", "ball", "
 struct gallery {
     struct rig *rig;
     float id[REGIONS]; // in HG_PLANE_OBJECT
-    struct hg_node *box;
+    bool slides;       // a board that moves is there
 };
 
 static uint32_t hash(uint32_t x)
@@ -272,10 +272,132 @@ static void test_gain(void **state)
     drop(&truth);
 }
 
+// --- animation -----------------------------------------------------------------------------------
+
+enum { FRAMES = 6 };
+
+#define FRAME_S 0.06
+
+// A textured board behind the camera, which only mirrors show, slides along.
+static void slide(struct gallery *g)
+{
+    static const float board[4][3] = {
+        {-1.2f, -0.6f, 2.6f}, {-2, -0.6f, 2.6f}, {-2, 0.5f, 2.6f}, {-1.2f, 0.5f, 2.6f}};
+    static const float keys[2][3] = {{0, 0, 0}, {2, 0, 0}};
+    struct hg_node *node = fields(g->rig, matte(g->rig, 1, 1, 1), board, 7, 9);
+    path_rig_animate(g->rig, node, HG_ANIM_TRANSLATION, 2, keys[0]);
+    path_rig_pose(g->rig, 0.0);
+    g->slides = true;
+}
+
+// The last two frames of a series in which the camera moves, or the board.
+struct series {
+    struct picture frames[2];
+};
+
+static struct series play(struct gallery *g, uint32_t samples, enum hg_view_denoise denoise)
+{
+    struct hg_error err = {0};
+    struct series out;
+    struct hg_view_params params = params_of(samples, 0, denoise);
+    params.frame_s = 1.0f;
+    params.series_s = (float)FRAME_S;
+    struct hg_view *view = path_rig_view(g->rig, &params);
+    for (int i = denoise == HG_DENOISE_ANIMATION ? 0 : FRAMES - 2; i < FRAMES; i++) {
+        params.seed = (uint32_t)i;
+        if (g->slides)
+            path_rig_pose(g->rig, 0.2 + i * FRAME_S);
+        hg_scene_publish(g->rig->scene);
+        test_ok(hg_view_set_params(view, &params, &err), &err);
+        look(view, g->slides ? 0.0f : -0.2f + 0.04f * (float)i);
+        struct picture p = take(view);
+        if (i < FRAMES - 2)
+            drop(&p);
+        else
+            out.frames[i - FRAMES + 2] = p;
+    }
+    hg_view_destroy(view);
+    return out;
+}
+
+// Roots of mean squares by region; flicker: how differently both frames are off.
+struct score {
+    double error[REGIONS], flicker[REGIONS];
+};
+
+static double off_by(const struct series *s, const struct series *truth, int frame, size_t i)
+{
+    return shown(floats(s->frames[frame].pixels)[i]) -
+           shown(floats(truth->frames[frame].pixels)[i]);
+}
+
+static struct score score(
+    const struct gallery *g, const struct series *s, const struct series *truth)
+{
+    struct score out = {0};
+    double count[REGIONS] = {0};
+    for (size_t i = 0; i < (size_t)PIXELS * 4; i++) {
+        if (i % 4 == 3)
+            continue;
+        const enum region r = region_of(g, floats(truth->frames[1].objects)[i / 4]);
+        const double was = off_by(s, truth, 0, i), off = off_by(s, truth, 1, i);
+        out.error[r] += off * off;
+        out.flicker[r] += (off - was) * (off - was);
+        count[r] += 1.0;
+    }
+    for (int r = 0; r < REGIONS; r++) {
+        out.error[r] = sqrt(out.error[r] / count[r]);
+        out.flicker[r] = sqrt(out.flicker[r] / count[r]);
+    }
+    return out;
+}
+
+static void drop_series(struct series *s)
+{
+    drop(&s->frames[0]);
+    drop(&s->frames[1]);
+}
+
+// With history nothing becomes worse, and the mirror better by as much.
+static void check_series(struct gallery *g, double error, double flicker)
+{
+    struct series truth = play(g, REFERENCE, HG_DENOISE_OFF);
+    struct series still = play(g, 4, HG_DENOISE_STILL);
+    struct series series = play(g, 4, HG_DENOISE_ANIMATION);
+    const struct score a = score(g, &still, &truth), b = score(g, &series, &truth);
+    for (int r = 0; r < REGIONS; r++) {
+        print_message("%-6s: error %.4f, %.4f with history; flicker %.4f, %.4f\n", names[r],
+            a.error[r], b.error[r], a.flicker[r], b.flicker[r]);
+        assert_true(b.error[r] < a.error[r] && b.flicker[r] < 0.85 * a.flicker[r]);
+    }
+    assert_true(b.error[FLAT] < error * a.error[FLAT]);
+    assert_true(b.flicker[FLAT] < flicker * a.flicker[FLAT]);
+    drop_series(&truth);
+    drop_series(&still);
+    drop_series(&series);
+}
+
+static void test_camera_moves(void **state)
+{
+    struct gallery g;
+    gallery(&g, *state);
+    check_series(&g, 0.93, 0.7);
+}
+
+static void test_mirrored_moves(void **state)
+{
+    struct gallery g;
+    gallery(&g, *state);
+    slide(&g);
+    check_series(&g, 0.95, 0.72);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_gain),
+        cmocka_unit_test(test_camera_moves),
+        cmocka_unit_test(test_mirrored_moves),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

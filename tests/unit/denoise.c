@@ -597,6 +597,38 @@ static void test_change(void **state)
     hg_denoise_destroy(history);
 }
 
+// A history that went through a file is what it was, to the bit.
+static void test_saved(void **state)
+{
+    (void)state;
+    struct hg_error err = {0};
+    struct hg_denoise *history = hg_denoise_create(), *loaded;
+    struct hg_refbuf *file;
+    assert_non_null(history);
+    struct picture a = make_seeded(64, 48, 4, polished, 3), b = make_seeded(64, 48, 4, polished, 4);
+    struct picture c = make_seeded(64, 48, 4, polished, 4);
+    struct picture *const all[] = {&a, &b, &c};
+    for (size_t i = 0; i < 3; i++)
+        all[i]->input.camera = camera_at(all[i], 0.02 * (double)(i > 0));
+    a.input.history = b.input.history = history;
+    run(&a, 2);
+    test_ok(hg_denoise_save(history, &file, &err), &err);
+    test_ok(hg_denoise_load(file->data, file->size, &loaded, &err), &err);
+    assert_int_equal(
+        hg_denoise_load(file->data, file->size - 1, &c.input.history, &err), HG_E_INVAL);
+    c.input.history = loaded;
+    hg_denoise_next(history);
+    hg_denoise_next(loaded);
+    run(&b, 2);
+    run(&c, 2);
+    assert_memory_equal(b.out, c.out, 64 * 48 * HG_DENOISE_LIGHT * sizeof(float));
+    hg_refbuf_unref(file);
+    for (size_t i = 0; i < 3; i++)
+        finish(all[i]);
+    hg_denoise_destroy(history);
+    hg_denoise_destroy(loaded);
+}
+
 // A picture that is run again with a history takes its own place, and another size none.
 static void test_again(void **state)
 {
@@ -638,6 +670,7 @@ int main(void)
         cmocka_unit_test(test_sizes),
         cmocka_unit_test(test_flicker),
         cmocka_unit_test(test_change),
+        cmocka_unit_test(test_saved),
         cmocka_unit_test(test_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
