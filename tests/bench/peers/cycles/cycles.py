@@ -76,6 +76,8 @@ SCENES = {
     "metals": {"file": "khronos/MetalRoughSpheresNoTextures/glTF-Binary/"
                        "MetalRoughSpheresNoTextures.glb", "metal": True, "fit": True,
                "env": "hdr/royal_esplanade_1k.hdr"},
+    "orientation": {"file": "khronos/OrientationTest/glTF-Binary/OrientationTest.glb", "fit": True,
+                    "env": "hdr/lightroom_14b_from_filament_ktx.hdr"},
     "metal-rough": {"file": "khronos/MetalRoughSpheresNoTextures/glTF-Binary/"
                             "MetalRoughSpheresNoTextures.glb", "fit": True,
                     "env": "hdr/royal_esplanade_1k.hdr"},
