@@ -377,6 +377,15 @@ static void test_white_furnace(void **state)
     furnace(*state, "clearcoat over sheen on metal", m, 0.9955, 1.002);
     m.metallic = 0;
     furnace(*state, "clearcoat over sheen", m, 0.9965, 1.002);
+    m.clearcoat_roughness = 0.12f;
+    m.sheen_roughness = 0.35f;
+    m.metallic = 0.4f;
+    furnace(*state, "smoother coat, finer sheen", m, 0.9965, 1.003);
+    m.clearcoat = 0.7f;
+    m.clearcoat_roughness = 0.55f;
+    m.sheen_roughness = 0.95f;
+    m.metallic = 1;
+    furnace(*state, "rougher coat and sheen", m, 0.996, 1.002);
     m = white;
     m.clearcoat = m.transmission = 1;
     m.clearcoat_roughness = 0.3f;
