@@ -161,119 +161,7 @@ vec3 background(path p, vec3 direction)
         weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction));
 }
 
-// --- what is seen in smooth surfaces -------------------------------------------------------------
-
-#define SMOOTH_ALPHA 0.0225 // a roughness of 0.15
-#define FAR          1e6    // metres that count as infinite
-
-bool has_smooth_base(hg_bsdf b)
-{
-    if (HG_HAS(HG_FEATURE_LOBES))
-        return b.delta || max(b.alpha.x, b.alpha.y) <= SMOOTH_ALPHA;
-    return b.delta || b.base.alpha <= SMOOTH_ALPHA;
-}
-
-bool has_smooth_coat(hg_bsdf b)
-{
-    if (!HG_HAS(HG_FEATURE_CLEARCOAT) || b.coat <= 0.0 || b.inside)
-        return false;
-    return b.coat_delta || (has_smooth_base(b) && b.coat_alpha <= SMOOTH_ALPHA);
-}
-
-// Of the lobe that was sampled. Coat and base are one where neither is a mirror.
-bool is_smooth(hg_bsdf b, uint lobe)
-{
-    bool coated = HG_HAS(HG_FEATURE_CLEARCOAT) && b.coat > 0.0 && !b.inside;
-    return (lobe & HG_LOBE_DELTA) != 0u || ((lobe & HG_LOBE_SPECULAR) != 0u && has_smooth_base(b) &&
-        (!coated || has_smooth_coat(b)));
-}
-
-// What scattered light is multiplied by, about; what mirrored light is, and light that is let through.
-vec3 scattering_albedo(hg_bsdf b)
-{
-    return HG_HAS(HG_FEATURE_LOBES) ? b.base.diffuse + b.behind + b.sheen : b.base.diffuse;
-}
-
-vec3 mirroring_albedo(hg_bsdf b)
-{
-    vec3 albedo = hg_specular_albedo(b.base.f0, b.base.f_ms, b.base.dfg_v);
-    if (HG_HAS(HG_FEATURE_LOBES))
-        albedo += b.transmission * b.tint * b.enter_v + b.coat * 0.04;
-    return albedo;
-}
-
-// Light as an albedo.
-vec3 light_color(vec3 light)
-{
-    return light / max(hg_max3(light), 1.0);
-}
-
-// own: of the first surface.
-void note_seen_in(uint slot, vec3 albedo, float depth, bool own)
-{
-    uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    float share = 1.0 / hg_path_branches();
-    hg_path_add3(guide + HG_PATH_GUIDE_SEEN_ALBEDO, slot, share * hg_path_finite(albedo));
-    hg_path_add(guide + HG_PATH_GUIDE_SEEN_DEPTH, slot, share * log(clamp(depth, 1e-6, FAR)));
-    hg_path_add(guide + HG_PATH_GUIDE_SEEN_OWN, slot, own ? share : 0.0);
-    hg_path_add(guide + HG_PATH_GUIDE_SEEN, slot, share);
-}
-
-vec3 tint_of(path p)
-{
-    return hg_path_get3(hg_path.split + HG_PATH_SPLIT_WORDS + HG_PATH_SEEN_TINT, p.slot);
-}
-
-// Metres to what a path meets after t metres, as far as they are seen along the view direction.
-float depth_seen(path p, float t)
-{
-    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
-    return hg_path_get(word + HG_PATH_SEEN_DEPTH, p.slot) +
-        hg_path_get(word + HG_PATH_SEEN_COSINE, p.slot) * t;
-}
-
-// From the first surface on, which was met along a direction.
-void begin_following(inout path p, hg_bsdf b, float depth, uint lobe, vec3 direction)
-{
-    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
-    if (is_smooth(b, lobe)) {
-        p.flags |= HG_PATH_FOLLOWED;
-        hg_path_set3(word + HG_PATH_SEEN_TINT, p.slot, vec3(1.0));
-        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth);
-        hg_path_set(word + HG_PATH_SEEN_COSINE, p.slot, dot(direction, hg_path_forward()));
-    } else if ((lobe & HG_LOBE_SPECULAR) != 0u || !(has_smooth_base(b) || has_smooth_coat(b)))
-        note_seen_in(p.slot, vec3(1.0), depth, true);
-}
-
-// To where the image of what is seen was: what is met after one plane mirror, which may have moved as
-// well, or through glass.
-void note_image_moved(path p, hg_gpu_hit hit)
-{
-    uint moved = hg_path_out(hg_path.planes[HG_PATH_PLANE_MOVED]);
-    vec3 by = (position_at(HG_PATH_SHOWN, hit) - position_at(HG_PATH_NOW, hit)).xyz;
-    if (p.bounce == 1u) { // the normal is 0 behind glass
-        vec3 mirror = hg_path_get3(moved + HG_PATH_MOVED_BY, p.slot);
-        by += 2.0 * dot(mirror - by, p.normal) * p.normal;
-    }
-    hg_path_add3(moved + HG_PATH_MOVED_SEEN, p.slot, by / hg_path_branches());
-}
-
-// A surface that is seen in smooth ones: further, if nearly all of its light is mirrored or let through
-// by a smooth lobe, and the path goes on there.
-void follow(inout path p, hg_bsdf b, hg_gpu_hit hit, vec3 medium, vec3 emitted, bool goes_on)
-{
-    uint word = hg_path.split + HG_PATH_SPLIT_WORDS;
-    vec3 scattered = scattering_albedo(b), mirrored = mirroring_albedo(b), tint = tint_of(p) * medium;
-    if (goes_on && 3.0 * hg_max3(scattered) <= hg_max3(mirrored) && hg_max3(emitted) <= 0.0) {
-        hg_path_set3(word + HG_PATH_SEEN_TINT, p.slot, tint * mirrored);
-        hg_path_set(word + HG_PATH_SEEN_DEPTH, p.slot, depth_seen(p, hit.t));
-        return;
-    }
-    p.flags &= ~HG_PATH_FOLLOWED;
-    note_seen_in(p.slot, tint * (scattered + mirrored + light_color(emitted)), depth_seen(p, hit.t), false);
-    if (HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOVED))
-        note_image_moved(p, hit);
-}
+#include "lib/path_seen.glsl"
 
 // The ray left the scene.
 uint miss(path p)
@@ -291,7 +179,7 @@ uint miss(path p)
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
-        note_seen_in(p.slot, tint_of(p) * light_color(radiance), FAR, false);
+        hg_seen_note(p.slot, hg_seen_tint(p) * hg_seen_light_color(radiance), HG_SEEN_FAR, false);
     if (p.bounce == 0u && push.branch == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
     if (push.branch == 0u && HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
@@ -334,8 +222,8 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
 {
     uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, scattering_albedo(b));
-    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, mirroring_albedo(b));
+    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, hg_seen_scattering(b));
+    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_seen_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
     hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
@@ -642,7 +530,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     bool followed = HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u;
     if (s.unlit || p.bounce >= hg_path.max_bounces) {
         if (followed)
-            follow(p, b, hit, medium, emitted, false);
+            hg_seen_follow(p, b, hit, medium, emitted, false);
         return HG_PATH_DONE;
     }
 
@@ -662,9 +550,10 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y, lobe))
         status |= HG_PATH_LIVE;
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && p.bounce == 0u)
-        begin_following(p, b, v.depth, lobe, direction);
+        hg_seen_begin(p, b, v.depth, lobe, direction);
     else if (followed)
-        follow(p, b, hit, medium, emitted, (status & HG_PATH_LIVE) != 0u && is_smooth(b, lobe));
+        hg_seen_follow(p, b, hit, medium, emitted,
+            (status & HG_PATH_LIVE) != 0u && hg_seen_is_smooth(b, lobe));
     p.bounce++;
     p.flags = both ? p.flags | HG_PATH_BOTH_SIDES : p.flags & ~HG_PATH_BOTH_SIDES;
     if ((status & HG_PATH_LIVE) != 0u)
