@@ -43,11 +43,11 @@
     (HG_ANISO_FIRST +                                                             \
         HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS * HG_ANISO_AZIMUTHS * HG_ANISO_COSINES)
 #define HG_BRUSHED_FIRST     32768 // larger than uniform blocks: by address
-#define HG_BRUSHED_COSINES   12
-#define HG_BRUSHED_AZIMUTHS  8
-#define HG_BRUSHED_STRENGTHS 6
+#define HG_BRUSHED_COSINES   20
+#define HG_BRUSHED_AZIMUTHS  12
+#define HG_BRUSHED_STRENGTHS 8
 #define HG_BRUSHED_ROUGHS    12
-#define HG_BRUSHED_IORS      6 // and 1, where nothing is missing
+#define HG_BRUSHED_IORS      10 // and 1, where nothing is missing
 #define HG_BRUSHED_MEANS                                                             \
     (HG_BRUSHED_FIRST +                                                              \
         HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS * HG_BRUSHED_AZIMUTHS * \
