@@ -117,6 +117,20 @@ static float sheen_lambda(float x, float alpha)
                     : expf(2 * sheen_l(0.5f, alpha) - sheen_l(1 - x, alpha));
 }
 
+// Sum of the distribution over directions of one cosine z, without its factor.
+static double sheen_ring(
+    const float v[3], float z, float alpha, uint32_t n, const float circle[most_points][2])
+{
+    const float s = sqrtf(1 - z * z);
+    double ring = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        const float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
+        const float sin2 = (h[0] * h[0] + h[1] * h[1]) / hg_dot3(h, h);
+        ring += (double)powf(sin2, 0.5f / alpha);
+    }
+    return ring;
+}
+
 float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
 {
     const float alpha = fmaxf(roughness * roughness, HG_SHEEN_MIN_ALPHA);
@@ -127,15 +141,9 @@ float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
     n = half_circle(n, circle);
     for (uint32_t j = 0; j < n; j++) {
         // Cosines t^2: grazing directions, which get most of it, lie denser.
-        const float t = ((float)j + 0.5f) / (float)n, z = t * t, s = sqrtf(1 - z * z);
+        const float t = ((float)j + 0.5f) / (float)n, z = t * t;
         const float lambda = sheen_lambda(z, alpha) + lambda_v;
-        double ring = 0;
-        for (uint32_t i = 0; i < n; i++) {
-            float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
-            const float scale = 1 / hg_dot3(h, h), sin2 = (h[0] * h[0] + h[1] * h[1]) * scale;
-            ring += (double)powf(sin2, 0.5f / alpha);
-        }
-        sum += ring * (double)(2 * t / ((1 + lambda) * 4 * n_dot_v));
+        sum += sheen_ring(v, z, alpha, n, circle) * (double)(2 * t / ((1 + lambda) * 4 * n_dot_v));
     }
     // D of the rest: (2 + 1 / alpha) / 2 pi; both halves of the ring: 2 pi.
     return (float)(sum * (double)(2 + 1 / alpha) / ((double)n * n));
@@ -174,15 +182,9 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
     float circle[most_points][2];
     n = half_circle(n, circle);
     for (uint32_t j = 0; j < n; j++) {
-        const float t = ((float)j + 0.5f) / (float)n, z = t * t, s = sqrtf(1 - z * z);
+        const float t = ((float)j + 0.5f) / (float)n, z = t * t;
         const float lambda = sheen_lambda(z, alpha) + sheen_lambda(n_dot_v, alpha);
-        double ring = 0;
-        for (uint32_t i = 0; i < n; i++) {
-            float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
-            const float sin2 = (h[0] * h[0] + h[1] * h[1]) / hg_dot3(h, h);
-            ring += (double)powf(sin2, 0.5f / alpha);
-        }
-        ring *= (double)(t / (1 + lambda));
+        const double ring = sheen_ring(v, z, alpha, n, circle) * (double)(t / (1 + lambda));
         all += ring;
         sum += ring * (double)(kept ? kept(user, z) : 1) /
                (double)fmaxf(most, sheen_albedo(table, z, roughness));

@@ -70,13 +70,19 @@ vec2 hg_lobe_signed(uint i)
     return (hg_lobe_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
 }
 
+// Place in tables of anisotropic surfaces, 0..1: cosine, azimuth, strength, roughness.
+vec4 hg_aniso_place(vec3 w_ts, float roughness, float strength)
+{
+    float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
+    return vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness);
+}
+
 // What is missing in hg_dfg of an anisotropic surface: HG_ANISO_FIRST of renderer/light/dfg.h.
 vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
 {
     const uvec4 last = uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS,
         HG_ANISO_ROUGHS) - 1u;
-    float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
-    vec4 p = vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness) * vec4(last);
+    vec4 p = hg_aniso_place(w_ts, roughness, strength) * vec4(last);
     uvec4 i = uvec4(min(p, vec4(last) - 1.0));
     vec4 f = p - vec4(i);
     vec2 sum = vec2(0.0);
@@ -330,8 +336,7 @@ vec2 hg_brushed_correction(vec3 w_ts, float roughness, float strength, float eta
 {
     const uvec4 last = uvec4(HG_BRUSHED_COSINES, HG_BRUSHED_AZIMUTHS, HG_BRUSHED_STRENGTHS,
         HG_BRUSHED_ROUGHS) - 1u;
-    float azimuth = abs(w_ts.x) * inversesqrt(max(dot(w_ts.xy, w_ts.xy), 1e-12));
-    vec4 p = vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness) * vec4(last);
+    vec4 p = hg_aniso_place(w_ts, roughness, strength) * vec4(last);
     uvec4 i = uvec4(min(p, vec4(last) - 1.0));
     vec4 f = p - vec4(i);
     uint layer;

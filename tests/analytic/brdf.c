@@ -143,16 +143,6 @@ static void test_dfg_average(void **state)
     probe_near(out[1].z + out[1].w, 0.70, 0.01);
 }
 
-// SplitMix64, Steele et al. 2014: the same numbers on every run.
-static float random_float(void)
-{
-    static uint64_t state;
-    uint64_t z = (state += 0x9e3779b97f4a7c15);
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-    z = (z ^ z >> 27) * 0x94d049bb133111eb;
-    return (float)((z ^ z >> 31) >> 40) * 0x1p-24f;
-}
-
 // Pearson's test of sampled directions against the density, 16 x 8 cells of equal solid angle.
 static void sampling_case(struct probe *probe, float roughness, float metallic, float n_dot_v)
 {
@@ -162,7 +152,8 @@ static void sampling_case(struct probe *probe, float roughness, float metallic, 
     const struct hg_vec4 material = {roughness, metallic, n_dot_v, 0};
     for (int i = 0; i < SAMPLES; i++) {
         in[2 * i] = material;
-        in[2 * i + 1] = (struct hg_vec4){random_float(), random_float(), random_float(), 0};
+        in[2 * i + 1] =
+            (struct hg_vec4){probe_random_float(), probe_random_float(), probe_random_float(), 0};
     }
     probe_run(probe, PROBE_SAMPLE, SAMPLES, in, out);
     for (int i = 0; i < X * Z; i++)

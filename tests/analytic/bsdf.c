@@ -74,16 +74,6 @@ static struct hg_vec4 tilted(float cosine, float phi, bool front)
     return (struct hg_vec4){s * cosf(phi), s * sinf(phi), cosine, front ? 1 : 0};
 }
 
-// SplitMix64, Steele et al. 2014: the same numbers on every run.
-static float random_float(void)
-{
-    static uint64_t state;
-    uint64_t z = (state += 0x9e3779b97f4a7c15);
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-    z = (z ^ z >> 27) * 0x94d049bb133111eb;
-    return (float)((z ^ z >> 31) >> 40) * 0x1p-24f;
-}
-
 // --- materials -----------------------------------------------------------------------------------
 
 struct named {
@@ -210,7 +200,8 @@ static void sampling_case(struct probe *probe, const struct named *n, struct hg_
     static double expected[X * Z], seen[X * Z];
     for (int i = 0; i < SAMPLES; i++) {
         in[2 * i] = v;
-        in[2 * i + 1] = (struct hg_vec4){random_float(), random_float(), random_float(), 0};
+        in[2 * i + 1] =
+            (struct hg_vec4){probe_random_float(), probe_random_float(), probe_random_float(), 0};
     }
     static_assert(SAMPLES <= FINE, "room for both");
     double outside = 0;
@@ -457,9 +448,10 @@ static void test_reciprocity(void **state)
         if (list[i].m.coat_tilt > 0)
             continue; // lobes about another normal than that of the irradiance are not
         for (int k = 0; k < N; k++) {
-            const float a = 0.05f + 0.94f * random_float(), c = 0.05f + 0.94f * random_float();
-            in[2 * k] = tilted(a, random_float() * 6.2832f, true);
-            in[2 * k + 1] = tilted(through && k % 2 ? -c : c, random_float() * 6.2832f, true);
+            const float a = 0.05f + 0.94f * probe_random_float(),
+                        c = 0.05f + 0.94f * probe_random_float();
+            in[2 * k] = tilted(a, probe_random_float() * 6.2832f, true);
+            in[2 * k + 1] = tilted(through && k % 2 ? -c : c, probe_random_float() * 6.2832f, true);
         }
         run(*state, RECIPROCITY, &list[i].m, N, in, out);
         double worst = 0;

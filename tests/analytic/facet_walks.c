@@ -17,16 +17,6 @@ struct vec {
     double x, y, z;
 };
 
-// SplitMix64, Steele et al. 2014: the same numbers on every run.
-static double random_double(void)
-{
-    static uint64_t state;
-    uint64_t z = (state += 0x9e3779b97f4a7c15);
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-    z = (z ^ z >> 27) * 0x94d049bb133111eb;
-    return (double)((z ^ z >> 31) >> 11) * 0x1p-53;
-}
-
 static struct vec normalized(struct vec a)
 {
     const double scale = 1 / sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
@@ -43,7 +33,7 @@ static double lambda(double cosine, double alpha)
 // Takes a ray from its height, 0..1, to that of the facet it meets next; false: it leaves.
 static bool next_facet(struct vec ray, double alpha, double *height)
 {
-    const double u = random_double();
+    const double u = probe_random();
     if (ray.z > 0.9999999)
         return false;
     if (ray.z < -0.9999999) {
@@ -63,7 +53,7 @@ static struct vec visible_normal(struct vec to_viewer, double alpha)
 {
     const struct vec w =
         normalized((struct vec){alpha * to_viewer.x, alpha * to_viewer.y, to_viewer.z});
-    const double z = -w.z + (1 + w.z) * random_double(), phi = 2 * PI * random_double();
+    const double z = -w.z + (1 + w.z) * probe_random(), phi = 2 * PI * probe_random();
     const double sine = sqrt(fmax(0, 1 - z * z));
     return normalized(
         (struct vec){alpha * (sine * cos(phi) + w.x), alpha * (sine * sin(phi) + w.y), z + w.z});
@@ -72,7 +62,7 @@ static struct vec visible_normal(struct vec to_viewer, double alpha)
 // Weights of one walk from a direction of cosine-weighted light, for each f0.
 static void walk(double alpha, double weights[COLORS])
 {
-    const double u = random_double(), phi = 2 * PI * random_double();
+    const double u = probe_random(), phi = 2 * PI * probe_random();
     struct vec ray = {-sqrt(1 - u) * cos(phi), -sqrt(1 - u) * sin(phi), -sqrt(u)};
     double height = 1;
     for (int i = 0; i < COLORS; i++)

@@ -138,6 +138,26 @@ const char *probe_data(const char *relative)
     return path;
 }
 
+// SplitMix64, Steele et al. 2014.
+static uint64_t random_bits(void)
+{
+    static uint64_t state;
+    uint64_t z = (state += 0x9e3779b97f4a7c15);
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
+    z = (z ^ z >> 27) * 0x94d049bb133111eb;
+    return z ^ z >> 31;
+}
+
+double probe_random(void)
+{
+    return (double)(random_bits() >> 11) * 0x1p-53;
+}
+
+float probe_random_float(void)
+{
+    return (float)(random_bits() >> 40) * 0x1p-24f;
+}
+
 void probe_assert_near(
     double value, double expected, double tolerance, const char *text, const char *file, int line)
 {

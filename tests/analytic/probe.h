@@ -63,6 +63,10 @@ void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint
 // Path below the folder of test data; fails the test when the file is missing.
 const char *probe_data(const char *relative);
 
+// In [0, 1), the same ones in every run: of 53 bits, and of 24 that a float holds.
+double probe_random(void);
+float probe_random_float(void);
+
 #define probe_near(value, expected, tolerance)                                                     \
     probe_assert_near(                                                                             \
         (double)(value), (double)(expected), (double)(tolerance), #value, __FILE__, __LINE__)
