@@ -292,6 +292,8 @@ void add_text(ImageSpec &spec, const hg_image_attribute &a)
     }
     if (a.type == hg_image_attribute::HG_ATTR_INT)
         snprintf(text, sizeof text, "%d", a.integer);
+    else if (a.type == hg_image_attribute::HG_ATTR_COUNT)
+        snprintf(text, sizeof text, "%u", unsigned(a.count));
     else
         for (size_t i = 0; i < count && at < sizeof text; i++)
             at += size_t(
@@ -308,6 +310,11 @@ void add_typed(ImageSpec &spec, const hg_image_attribute &a)
     case hg_image_attribute::HG_ATTR_INT:
         spec.attribute(a.name, a.integer);
         break;
+    case hg_image_attribute::HG_ATTR_COUNT: {
+        const double count = a.count;
+        spec.attribute(a.name, TypeDesc::DOUBLE, &count);
+        break;
+    }
     case hg_image_attribute::HG_ATTR_FLOAT:
         spec.attribute(a.name, a.floats[0]);
         break;

@@ -82,6 +82,13 @@ static void add_count(struct file *f, uint32_t *n, const char *name, uint32_t co
         (struct hg_image_attribute){.name = name, .type = HG_ATTR_INT, .integer = (int)count};
 }
 
+// Of all 32 bits.
+static void add_word(struct file *f, uint32_t *n, const char *name, uint32_t count)
+{
+    f->attributes[(*n)++] =
+        (struct hg_image_attribute){.name = name, .type = HG_ATTR_COUNT, .count = count};
+}
+
 static void add_path(struct file *f, uint32_t *n)
 {
     static const char *const filters[] = {"blackman-harris", "box", "tent", "gaussian"};
@@ -115,7 +122,7 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_text(f, &n, "heliograph:sceneRevision", f->revision);
     add_text(f, &n, ENCODE_JOB_KEY, notes->job);
     add_count(f, &n, "heliograph:samples", frame->samples);
-    add_count(f, &n, "heliograph:seed", notes->seed);
+    add_word(f, &n, "heliograph:seed", notes->seed);
     add_number(f, &n, "heliograph:time", time_s);
     if (notes->shutter[1] > notes->shutter[0]) {
         add_number(f, &n, "heliograph:shutterOpen", &notes->shutter[0]);

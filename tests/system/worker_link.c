@@ -524,6 +524,26 @@ static void set_node(struct rig *rig, struct hgp_node_set node)
     expect(rig, ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
 }
 
+// Seeds have all 32 bits, and files hold them so.
+static void test_files_tell_their_seed(void **state)
+{
+    static const char told[] = "heliograph:seed\0double\0\x08\0\0"; // and one more zero
+    struct rig *rig = *state;
+    const struct hgp_view_set seed = {.view = VIEW, .has_seed = true, .seed = 4294967295u};
+    const struct hgp_frame_request request = {
+        .view = VIEW, .settled = true, .has_encoding = true, .encoding = HGP_encoding_EXR_HALF};
+    double value;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    expect(rig, ask(rig, 1, HGP_T_view_set, &seed), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_frame_request, &request), HGP_T_frame);
+    const struct hgp_bytes file = rig->message.frame.data;
+    const uint8_t *at = memmem(file.data, file.size, told, sizeof told);
+    assert_true(at && at + sizeof told + sizeof value <= file.data + file.size);
+    memcpy(&value, at + sizeof told, sizeof value);
+    assert_true(value == 4294967295.0);
+}
+
 // Where a node will be counts where a shutter is open, and until the node is moved without it.
 static void test_next_place_of_nodes(void **state)
 {
@@ -598,6 +618,7 @@ int main(void)
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
         TEST(test_next_place_of_nodes),
+        TEST(test_files_tell_their_seed),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }

@@ -40,6 +40,7 @@ static struct hg_image_attribute attributes[] = {
     {.name = "worldtocamera", .type = HG_ATTR_MAT4, .floats = matrix},
     {.name = "heliograph:job", .type = HG_ATTR_STRING, .string = "0123abcd"},
     {.name = "heliograph:samples", .type = HG_ATTR_INT, .integer = 12},
+    {.name = "heliograph:seed", .type = HG_ATTR_COUNT, .count = UINT32_MAX},
 };
 
 static void make_parts(struct hg_exr_part parts[4])
@@ -53,7 +54,7 @@ static void make_parts(struct hg_exr_part parts[4])
         .pixels = color,
         .size_bytes = sizeof color,
         .attributes = attributes,
-        .attribute_count = 3};
+        .attribute_count = sizeof attributes / sizeof *attributes};
     parts[1] = (struct hg_exr_part){.name = "depth",
         .channels = {"depth.Z"},
         .channel_count = 1,
@@ -112,6 +113,7 @@ static void test_read_back(void **state)
     assert_memory_equal(seen[2].pixels, ids, sizeof ids);
     assert_memory_equal(seen[3].pixels, crypto, sizeof crypto);
     assert_memory_equal(seen[0].world_to_camera, matrix, sizeof matrix);
+    assert_true(seen[0].seed == 4294967295.0 && seen[1].seed < 0);
     for (int i = 0; i < 4; i++)
         free(seen[i].pixels);
     hg_writer_finish(&file);
@@ -188,8 +190,10 @@ static void test_examine_kinds(void **state)
         if (formats[k] != HG_PIXEL_RGBA32F)
             for (size_t i = 0; i < image.size_bytes; i++)
                 ((uint8_t *)image.pixels)[i] = (uint8_t)(i * i >> 5);
-        struct hg_image_encode params = {
-            .file = kinds[k], .opaque = true, .attributes = attributes, .attribute_count = 3};
+        struct hg_image_encode params = {.file = kinds[k],
+            .opaque = true,
+            .attributes = attributes,
+            .attribute_count = sizeof attributes / sizeof *attributes};
         assert_int_equal(hg_image_encode(&image, &params, &file, &err), HG_OK);
         assert_int_equal(
             hg_image_examine(file.data, file.size, "a", "heliograph:job", NULL, &told, &err),

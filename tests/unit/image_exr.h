@@ -13,6 +13,7 @@ struct exr_seen {
     int width, height, channels;
     void *pixels; // as stored, half as float; free
     float world_to_camera[16];
+    double seed; // -1: there is none of this type
 };
 
 // Number of parts read, -1 when one cannot be (said on the error stream).

@@ -24,6 +24,8 @@ static bool read_part(OIIO::ImageInput &in, int part, exr_seen *out)
     out->width = s.width;
     out->height = s.height;
     out->channels = s.nchannels;
+    const OIIO::ParamValue *seed = s.find_attribute("heliograph:seed", TypeDesc::DOUBLE);
+    out->seed = seed ? seed->get<double>() : -1;
     out->pixels = malloc(s.image_pixels() * size_t(s.nchannels) * 4);
     const OIIO::ParamValue *m = s.find_attribute("worldtocamera", OIIO::TypeMatrix44);
     if (m)
