@@ -1,8 +1,8 @@
 // fingerprint.h - one hash for all of a scene that its pixels depend on.
 // Floor 2, first room. Thread: the scene's. Reads image files; takes memory for what it remembers.
 //
-// Equal fingerprints mean equal content, wherever the files lie, by whatever numbers the objects
-// go, and on whichever machine. Meshes, materials and textures are hashed once per {id, revision};
+// Equal fingerprints mean equal content, wherever the files lie and whatever they are called, by
+// whatever numbers the objects go, and on whichever machine. Meshes, materials and textures are hashed once per {id, revision};
 // a new pose costs only its nodes. Image files above 64 MiB count by their size and 64 pieces of 64
 // KiB.
 #ifndef HG_RENDERER_SCENE_FINGERPRINT_H

@@ -2,6 +2,7 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -180,6 +181,69 @@ static void put_motion(
         }
 }
 
+// Where a material stands among all, as its plane has it.
+struct place {
+    const struct hg_material *material;
+    uint32_t number;
+};
+
+static int compare_places(const void *a, const void *b)
+{
+    const uintptr_t x = (uintptr_t)((const struct place *)a)->material,
+                    y = (uintptr_t)((const struct place *)b)->material;
+    return x < y ? -1 : x > y;
+}
+
+static struct place *list_places(const struct hg_object_list *materials)
+{
+    struct place *places = hg_calloc((size_t)materials->count + 1, sizeof *places);
+    for (uint32_t i = 0; places && i < materials->count; i++)
+        places[i] = (struct place){(const struct hg_material *)materials->items[i], i + 1};
+    if (places)
+        qsort(places, materials->count, sizeof *places, compare_places);
+    return places;
+}
+
+static void put_materials(
+    struct hg_writer *w, const struct hg_node *node, const struct place *places, uint32_t count)
+{
+    for (uint32_t i = 0; i < node->mesh->part_count; i++) {
+        const struct hg_mesh_part *part = &node->mesh->parts[i];
+        const struct place key = {
+            .material = node->asset ? hg_asset_part_material(node->asset, part) : part->material};
+        const struct place *place = bsearch(&key, places, count, sizeof key, compare_places);
+        hg_write_u32(w, place ? place->number : 0);
+        hg_write_u32(w, place ? (uint32_t)key.material->head.id : 0);
+    }
+}
+
+// Numbers of objects and names of files, which the fingerprint leaves out, where a plane has them:
+// the mattes' names of objects that have none are made of numbers.
+static enum hg_status put_numbers(
+    struct hg_writer *w, const struct hg_scene *scene, const struct view_slot *v)
+{
+    const uint32_t planes = v->params.planes, mattes = v->mattes;
+    const bool files = mattes >> HG_MATTE_ASSET & 1;
+    const bool objects = (planes >> HG_PLANE_OBJECT & 1) || (mattes >> HG_MATTE_OBJECT & 1);
+    const bool materials = (planes >> HG_PLANE_MATERIAL & 1) || (mattes >> HG_MATTE_MATERIAL & 1);
+    const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
+    struct place *places = materials ? list_places(&scene->objects[HG_OBJECT_MATERIAL]) : NULL;
+    if (materials && !places)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < nodes->count && (files || objects || materials); i++) {
+        const struct hg_node *node = (const struct hg_node *)nodes->items[i];
+        if (!node->world_visible || !node->mesh)
+            continue;
+        const char *label = node->asset ? node->asset->label : "";
+        hg_write_bytes(w, label, files ? strlen(label) + 1 : 0);
+        hg_write_u32(w, objects ? (uint32_t)node->head.id : 0);
+        if (materials)
+            put_materials(w, node, places, scene->objects[HG_OBJECT_MATERIAL].count);
+    }
+    hg_free(places);
+    return HG_OK;
+}
+
 enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
     enum hgp_encoding encoding, uint8_t quality, uint8_t hash[32], struct hg_error *err)
 {
@@ -204,9 +268,11 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     hg_write_u32(&w, view->mattes);
     put_camera(&w, slot->scene, view);
     put_motion(&w, slot->scene, &view->params);
+    status = put_numbers(&w, slot->scene, view);
     hg_write_u32(&w, (uint32_t)encoding);
     hg_write_u8(&w, encoding == HGP_encoding_JPEG ? quality : 0);
-    status = w.failed ? HG_E_NOMEM : hg_sha256(w.data, w.size, hash);
+    if (!status)
+        status = w.failed ? HG_E_NOMEM : hg_sha256(w.data, w.size, hash);
     hg_writer_finish(&w);
     return status ? hg_error_set(err, status, "job", NULL, "no memory") : HG_OK;
 }

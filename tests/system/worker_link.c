@@ -511,6 +511,23 @@ static void test_picks_and_a_view_closed_while_frames_wait(void **state)
     attach(rig, 1, "b");
     expect_error(rig, ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
 }
+
+// Nobody has a name; with `later` all numbers are by one higher.
+static void write_triangle(const char *folder, const char *name, bool later)
+{
+    char text[1024];
+    snprintf(text, sizeof text,
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[%s]}],"
+        "\"nodes\":[%s{\"mesh\":0}],\"materials\":[%s{}],"
+        "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"material\":%d}]}],"
+        "\"buffers\":[{\"byteLength\":36,\"uri\":\"data:application/octet-stream;base64,"
+        "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}],"
+        "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\"accessors\":[{\"bufferView\":0,"
+        "\"componentType\":5126,\"count\":3,\"type\":\"VEC3\",\"min\":[0,0,0],\"max\":[1,1,0]}]}",
+        later ? "0,1" : "0", later ? "{}," : "", later ? "{\"doubleSided\":true}," : "", later);
+    test_text_write(folder, name, text);
+}
+
 // The hash of what a settled frame is made from.
 static void job_of(struct rig *rig, uint8_t hash[32])
 {
@@ -542,6 +559,42 @@ static void test_files_tell_their_seed(void **state)
     assert_true(at && at + sizeof told + sizeof value <= file.data + file.size);
     memcpy(&value, at + sizeof told, sizeof value);
     assert_true(value == 4294967295.0);
+}
+
+// Names of files are in mattes of files, numbers of objects in planes and in names of those that
+// have none: only there two scenes differ that show the same.
+static void test_jobs_of_names(void **state)
+{
+    static const char *const files[] = {"one.gltf", "other.gltf", "later.gltf"};
+    static const struct {
+        enum hgp_plane plane;
+        bool name, number; // counts
+    } cases[] = {{HGP_plane_DEPTH, false, false}, {HGP_plane_CRYPTO_ASSET, true, false},
+        {HGP_plane_OBJECT, false, true}, {HGP_plane_CRYPTO_OBJECT, false, true},
+        {HGP_plane_MATERIAL, false, true}, {HGP_plane_CRYPTO_MATERIAL, false, true}};
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    for (int i = 0; i < 3; i++)
+        write_triangle(rig->root, files[i], i == 2);
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        uint8_t jobs[3][32];
+        const struct hgp_view_set planes = {.view = VIEW,
+            .has_mode = true,
+            .mode = HGP_render_mode_PATH,
+            .has_planes = true,
+            .planes = 1u << cases[c].plane};
+        expect(rig, ask(rig, 1, HGP_T_view_set, &planes), HGP_T_ok);
+        for (int i = 0; i < 3; i++) {
+            const struct hgp_asset_load load = {.asset = FIRST_ID, .path = hgp_str_make(files[i])};
+            expect(rig, ask(rig, 1, HGP_T_asset_load, &load), HGP_T_asset_loaded);
+            job_of(rig, jobs[i]);
+            const struct hgp_asset_unload gone = {.asset = FIRST_ID};
+            expect(rig, ask(rig, 1, HGP_T_asset_unload, &gone), HGP_T_ok);
+        }
+        assert_int_equal(memcmp(jobs[1], jobs[0], 32) != 0, cases[c].name);
+        assert_int_equal(memcmp(jobs[2], jobs[0], 32) != 0, cases[c].name || cases[c].number);
+    }
 }
 
 // Where a node will be counts where a shutter is open, and until the node is moved without it.
@@ -619,6 +672,7 @@ int main(void)
         TEST(test_picks_and_a_view_closed_while_frames_wait),
         TEST(test_next_place_of_nodes),
         TEST(test_files_tell_their_seed),
+        TEST(test_jobs_of_names),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }
