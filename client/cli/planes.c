@@ -68,7 +68,7 @@ enum hg_status hg_cli_parse_planes(
             bits &= ~of_light;
         if (!path && (bits & of_light)) {
             *out = 0;
-            return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' needs --mode path", name);
+            return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' needs mode path", name);
         }
         *out |= bits;
         if (!at[length])

@@ -5,11 +5,17 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "client/include/helio/helio.h"
+#include "client/cli/render.h"
 
 enum { WORDS_MAX = 32, LINE_BYTES = 8192 };
 
 static const double pi = 3.14159265358979323846;
+
+// What the lines before have told the view, as far as its planes depend on it.
+struct told {
+    const char *planes; // NULL = none
+    bool path, denoise, debug;
+};
 
 // One line being parsed.
 struct words {
@@ -18,6 +24,7 @@ struct words {
     struct hg_arena *arena;
     hg_cli_variable_fn *variable;
     void *user;
+    struct told *told;
 };
 
 static enum hg_status wrong(struct hg_error *err, const char *fmt, ...) HG_PRINTF(2, 3);
@@ -508,6 +515,39 @@ static enum hg_status set_shutter(struct words *w, struct hg_cli_step *s, struct
                : status;
 }
 
+static enum hg_status set_planes(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    enum hg_status status = take(w, "planes", &w->told->planes, err);
+    if (!status && strcmp(w->told->planes, "none") == 0)
+        w->told->planes = NULL;
+    s->view.has_planes = true;
+    return status;
+}
+
+// The same list stands for other planes in another mode, and with --denoise.
+static enum hg_status follow_planes(
+    struct words *w, struct hgp_view_set *view, struct hg_error *err)
+{
+    struct told *told = w->told;
+    struct hg_error inner = {0};
+    if (view->has_mode)
+        told->path = view->mode == HGP_render_mode_PATH;
+    if (view->has_denoise)
+        told->denoise = view->denoise != HGP_denoise_OFF;
+    if (view->has_debug_view)
+        told->debug = view->debug_view != HGP_debug_view_OFF;
+    if (!told->planes)
+        return HG_OK;
+    if (told->debug)
+        return wrong(err, "aov: a debug view has no planes");
+    enum hg_status status =
+        hg_cli_parse_planes("aov", told->planes, told->path, &view->planes, &inner);
+    view->has_planes = true;
+    if (told->path && told->denoise)
+        view->planes |= 1u << HGP_plane_NOISY;
+    return renamed(status, &inner, "aov", err);
+}
+
 static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     static const struct {
@@ -521,11 +561,14 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
         {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit},
         {"max-bounces", set_max_bounces}, {"filter", set_filter},
         {"filter-radius", set_filter_radius}, {"clamp-indirect", set_clamp_indirect},
-        {"shutter", set_shutter}};
+        {"shutter", set_shutter}, {"aov", set_planes}};
     s->kind = HG_CLI_STEP_VIEW;
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
-        if (accept(w, keys[i].key))
-            return keys[i].parse(w, s, err);
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        if (!accept(w, keys[i].key))
+            continue;
+        enum hg_status status = keys[i].parse(w, s, err);
+        return !status && s->kind == HG_CLI_STEP_VIEW ? follow_planes(w, &s->view, err) : status;
+    }
     if (w->next == w->count)
         return wrong(err, "what to set is missing");
     return wrong(err, "'%s' cannot be set", w->at[w->next]);
@@ -612,6 +655,7 @@ static enum hg_status parse_camera(struct words *w, struct hg_cli_step *s, struc
 static enum hg_status parse_connect(struct words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     (void)err;
+    *w->told = (struct told){0};
     s->kind = HG_CLI_STEP_CONNECT;
     s->path = w->next < w->count ? w->at[w->next++] : NULL;
     return HG_OK;
@@ -773,6 +817,7 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
     char line[LINE_BYTES], place[256];
     struct hg_error inner = {0};
     enum hg_status status = HG_OK;
+    struct told told = {0};
     *out = (struct hg_cli_script){0};
     uint32_t number = 0;
     for (const char *at = text; *at && !status;) {
@@ -786,7 +831,7 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
         size_t end = strlen(line);
         if (end && line[end - 1] == '\r')
             line[end - 1] = 0;
-        struct words w = {.arena = &out->arena, .variable = variable, .user = user};
+        struct words w = {.arena = &out->arena, .variable = variable, .user = user, .told = &told};
         status = parse_line(out, &w, line, number, &inner);
         at += length + (at[length] == '\n');
     }

@@ -45,6 +45,23 @@ expect 1 "$helio" compare "$temp/a.exr" "$temp/e.exr" --metric max --fail-above 
 expect 2 "$helio" render "$duck" -o "$temp/none.png" "${lens[@]}" # the scene's camera has no target
 compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
 
+# Scripts ask for planes as well.
+{
+    echo "load $duck"
+    echo "set size 48x32"
+    echo "set samples 2"
+    echo "set aov depth,crypto-asset"
+    echo "frame $temp/planes.exr"
+    echo "frame $temp/planes.png"
+    echo "set aov none"
+    echo "frame $temp/none.exr"
+} >"$temp/planes.hs"
+expect 0 "$helio" run "$temp/planes.hs"
+for part in depth.Z CryptoAsset00.R; do
+    grep -aq $part "$temp/planes.exr" || fail "the script's file has no $part"
+    ! grep -aq $part "$temp/none.exr" || fail "the script's file has $part, which nobody asked for"
+done
+
 # Frames of an animation differ from each other and are the same both ways.
 picture "e-####.png" "$fox" --size 64x64 --samples 2 --frames 0-4:2 --fps 10
 picture "f-%02d.png" "$fox" --size 64x64 --samples 2 --frames 0-4:2 --fps 10 --connect "$url"

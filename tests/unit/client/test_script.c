@@ -119,6 +119,39 @@ static void test_path_keys(void **state)
     hg_cli_script_finish(&s);
 }
 
+// A list stands for what the mode has, whichever comes first, until it is taken back or the
+// session ends.
+static void test_planes(void **state)
+{
+    (void)state;
+    const uint32_t depth = 1u << HGP_plane_DEPTH, noisy = 1u << HGP_plane_NOISY;
+    const uint32_t light = 1u << HGP_plane_DIRECT_DIFFUSE;
+    struct hg_cli_script s;
+    parse_good("set aov depth,crypto-asset\nset aov all\nset mode path\nset denoise still\n"
+               "set spp 3\nset aov Direct\nset denoise off\nset aov none\nset spp 4\n"
+               "set aov depth\nconnect\nset debug-view lod\n",
+        &s);
+    const struct hgp_view_set *v[12];
+    for (int i = 0; i < 12; i++)
+        v[i] = &s.steps[i].view;
+    assert_true(v[0]->has_planes && v[0]->planes == (depth | 1u << HGP_plane_CRYPTO_ASSET));
+    assert_true((v[1]->planes & depth) && !(v[1]->planes & light));
+    assert_true(v[2]->has_planes && (v[2]->planes & depth) && (v[2]->planes & light));
+    assert_true(!(v[2]->planes & noisy) && v[3]->planes == (v[2]->planes | noisy));
+    assert_true(v[4]->planes == v[3]->planes);
+    assert_true((v[5]->planes & light) && (v[5]->planes & noisy) && !(v[5]->planes & depth));
+    assert_true(v[6]->planes == (v[5]->planes & ~noisy));
+    assert_true(v[7]->has_planes && v[7]->planes == 0 && !v[8]->has_planes);
+    assert_true(v[9]->planes == depth && !v[11]->has_planes);
+    hg_cli_script_finish(&s);
+    struct hg_error err = {0};
+    assert_int_equal(hg_cli_script_parse(
+                         "t.hs", "set aov depth\nset debug-view lod\n", variable, NULL, &s, &err),
+        HG_E_INVAL);
+    assert_string_equal(err.what, "t.hs:2");
+    assert_non_null(strstr(err.reason, "a debug view has no planes"));
+}
+
 static void test_bad(void **state)
 {
     (void)state;
@@ -145,6 +178,9 @@ static void test_bad(void **state)
         {"set node x next 1 2 3", "is not"},
         {"set shutter 0.5 -0.5", "closes before it opens"},
         {"set shutter 0 2", "shutter"},
+        {"set aov", "planes is missing"},
+        {"set aov depth,shine", "aov: 'shine' is none of: albedo"},
+        {"set aov depth,direct", "aov: 'direct' needs mode path"},
         {"set node x translation 1 2", "is missing"},
         {"set material m metallic 2", "outside"},
         {"set material m alpha_mode glass", "not a alpha_mode"},
@@ -218,6 +254,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_good),
         cmocka_unit_test(test_path_keys),
+        cmocka_unit_test(test_planes),
         cmocka_unit_test(test_bad),
         cmocka_unit_test(test_robust),
         cmocka_unit_test(test_ops),
