@@ -34,6 +34,8 @@ void hg_spill_set_folder(const char *dir);
 void *hg_spill_calloc(size_t count, size_t size) HG_MUST_CHECK;
 // For what is in use as long as it lives, and soon gone: only what is really large is spilled.
 void *hg_spill_scratch(size_t count, size_t size) HG_MUST_CHECK;
+// Bytes of its file; 0: it is in memory, or NULL.
+size_t hg_spill_size(const void *ptr);
 // One more hg_free until it goes; nobody writes it any more. False: it is in memory, or NULL.
 bool hg_spill_share(void *ptr) HG_MUST_CHECK;
 

@@ -9,7 +9,5 @@ bool hg_alloc_should_fail(void); // counts an allocation
 
 // Drops one reference; false: not a spilled array.
 bool hg_spill_unref(void *ptr);
-// Its size; 0: not a spilled array.
-size_t hg_spill_size(const void *ptr);
 
 #endif

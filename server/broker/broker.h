@@ -140,6 +140,7 @@ struct hg_session {
     struct hg_view_state *views;
     struct hg_upload *uploads[HG_UPLOADS_AT_ONCE];
     uint64_t uploaded_bytes;
+    uint64_t verified_bytes;       // of the file that the worker has for image_query
     uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
     struct hg_error failed_upload; // and fail the same way
     uint32_t poisons;
@@ -183,6 +184,12 @@ void hg_session_upload(struct hg_session *session, uint32_t request, const struc
 void hg_session_upload_query(
     struct hg_session *session, uint32_t request, const struct hgp_upload_query *m);
 void hg_session_abort_uploads(struct hg_session *session);
+// A file that comes in parts begins: it counts as an upload, and with those of all sessions as much
+// as the store may hold, before any of it goes to the worker. HG_E_LIMIT.
+enum hg_status hg_session_verify(struct hg_session *session, const struct hgp_image_query *m,
+    struct hg_error *err) HG_MUST_CHECK;
+// The worker has told of it, or refused a part, and keeps nothing.
+void hg_session_verified(struct hg_session *session, const struct hg_request *request);
 
 // session_list.c: the answer to sessions_query.
 void hg_session_list(struct hg_session *asker, uint32_t request);

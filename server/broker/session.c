@@ -240,6 +240,8 @@ static enum hg_status check_relay(struct hg_session *s, const struct hg_packet *
             return hg_error_set(
                 err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
         return HG_OK;
+    case HGP_T_image_query:
+        return hg_session_verify(s, &m->image_query, err);
     case HGP_T_view_set:
         return hg_view_ask(s, &m->view_set, err);
     case HGP_T_frame_request:
@@ -310,6 +312,7 @@ static void leave_scene(struct hg_session *s)
         hg_link_send(
             s->broker, s->number, 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
     s->attached = s->batch_open = false;
+    s->verified_bytes = 0;
     s->scene = NULL;
     if (scene)
         hg_scene_leave(s->broker, scene);
@@ -519,6 +522,8 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
     struct hg_packet *packet, const union hgp_any *m)
 {
     bool failed = packet->header.type == HGP_T_error;
+    if (request->packet->header.type == HGP_T_image_query && packet->header.type != HGP_T_ok)
+        hg_session_verified(s, request);
     if (failed && m->error.code == HG_E_HASH)
         forget_uploads(s, request->packet);
     if (failed)

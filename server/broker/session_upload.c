@@ -19,6 +19,14 @@ static struct hg_upload **free_slot(struct hg_session *s)
     return NULL;
 }
 
+// What a session may still send. A file that is verified counts as long as the worker has it.
+static uint64_t left_bytes(const struct hg_session *s)
+{
+    const uint64_t limit = s->broker->options.max_upload_bytes;
+    const uint64_t used = s->uploaded_bytes + s->verified_bytes;
+    return limit > used ? limit - used : 0;
+}
+
 static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     struct hg_upload ***slot, struct hg_error *err)
 {
@@ -26,10 +34,10 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     if (m->offset)
         return hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
-    if (m->total > o->max_upload_bytes - s->uploaded_bytes)
+    if (m->total > left_bytes(s))
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "this session has uploaded %llu of the %llu MiB of its quota (max-upload)",
-            (unsigned long long)(s->uploaded_bytes >> 20),
+            (unsigned long long)((s->uploaded_bytes + s->verified_bytes) >> 20),
             (unsigned long long)(o->max_upload_bytes >> 20));
     *slot = free_slot(s);
     if (!*slot)
@@ -120,4 +128,42 @@ void hg_session_abort_uploads(struct hg_session *s)
         hg_upload_abort(s->uploads[i]);
         s->uploads[i] = NULL;
     }
+}
+
+// ---- files that are verified --------------------------------------------------------------------
+
+static uint64_t all_verified_bytes(const struct hg_broker *b)
+{
+    uint64_t sum = 0;
+    for (const struct hg_session *it = b->sessions; it; it = it->next)
+        sum += it->verified_bytes;
+    return sum;
+}
+
+// A session has one at a time: the next one begins where the worker is done with it.
+enum hg_status hg_session_verify(
+    struct hg_session *s, const struct hgp_image_query *m, struct hg_error *err)
+{
+    const struct hg_options *o = &s->broker->options;
+    const uint64_t before = s->verified_bytes, size = m->has_size ? m->size : 0;
+    if (!m->has_offset || m->offset)
+        return HG_OK;
+    s->verified_bytes = 0;
+    const uint64_t left = left_bytes(s), others = all_verified_bytes(s->broker);
+    if (size <= left && others <= o->upload_store_bytes && size <= o->upload_store_bytes - others) {
+        s->verified_bytes = size;
+        return HG_OK;
+    }
+    s->verified_bytes = before;
+    return hg_error_set(err, HG_E_LIMIT, "image_query", "size", "%llu MiB are more than %s leaves",
+        (unsigned long long)(size >> 20),
+        size > left ? "this session's quota (max-upload)" : "upload-store");
+}
+
+void hg_session_verified(struct hg_session *s, const struct hg_request *request)
+{
+    for (const struct hg_request *it = s->first; it; it = it->next)
+        if (it != request && it->packet->header.type == HGP_T_image_query)
+            return; // another one is on its way
+    s->verified_bytes = 0;
 }

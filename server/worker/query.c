@@ -8,9 +8,12 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/spill.h"
 #include "server/worker/serve.h"
 
-#define IMAGE_LIMIT_BYTES (UINT64_C(4) << 30) // of a file that comes in parts
+// Of a file that comes in parts: in all, and where it cannot be spilled.
+#define IMAGE_LIMIT_BYTES  (UINT64_C(4) << 30)
+#define MEMORY_LIMIT_BYTES (UINT64_C(256) << 20)
 
 enum { NAME_LIMIT = 256 /* of node_entry.name */ };
 
@@ -188,24 +191,40 @@ void query_compare(const struct request *r)
     serve_start_task(r, TASK_COMPARE, HGP_T_compare);
 }
 
+static enum hg_status refuse_part(
+    struct hg_writer *file, enum hg_status status, const char *reason, struct hg_error *err)
+{
+    hg_writer_finish(file);
+    return hg_error_set(err, status, "image_query", "offset", "%s", reason);
+}
+
+// Room for all of a file, on disk: it takes no memory while it comes.
+static enum hg_status begin_file(struct hg_writer *file, uint64_t size, struct hg_error *err)
+{
+    hg_writer_finish(file);
+    if (size > IMAGE_LIMIT_BYTES)
+        return refuse_part(file, HG_E_LIMIT, "is of a file above 4 GiB", err);
+    hg_writer_spill(file, (size_t)size);
+    if (size > MEMORY_LIMIT_BYTES && hg_spill_size(file->data) == 0)
+        return refuse_part(file, HG_E_LIMIT,
+            "is of a file above 256 MiB, for which the cache folder has no room", err);
+    return HG_OK;
+}
+
 // One more part of a file; *all: it was the last.
 static enum hg_status take_part(
     struct hg_writer *file, const struct hgp_image_query *m, bool *all, struct hg_error *err)
 {
-    if (m->offset == 0)
-        hg_writer_finish(file);
-    if (!m->has_size || m->size > IMAGE_LIMIT_BYTES || m->offset != file->size || !m->data.size ||
-        m->data.size > m->size - file->size) {
-        hg_writer_finish(file);
-        return hg_error_set(err,
-            m->has_size && m->size > IMAGE_LIMIT_BYTES ? HG_E_LIMIT : HG_E_INVAL, "image_query",
-            "offset", "is not where the part before has ended, or more than 4 GiB");
-    }
+    if (m->has_size && m->offset == 0 && begin_file(file, m->size, err))
+        return err->status;
+    if (!m->has_size || m->offset != file->size || !m->data.size || file->size > m->size ||
+        m->data.size > m->size - file->size)
+        return refuse_part(file, HG_E_INVAL, "is not where the part before has ended", err);
+    hg_spill_begin(NULL);
     hg_write_bytes(file, m->data.data, m->data.size);
-    if (file->failed) {
-        hg_writer_finish(file);
-        return hg_error_set(err, HG_E_NOMEM, "image_query", NULL, "no memory for the file");
-    }
+    hg_spill_end();
+    if (file->failed)
+        return refuse_part(file, HG_E_NOMEM, "no memory for the file", err);
     *all = file->size == m->size;
     return HG_OK;
 }

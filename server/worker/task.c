@@ -10,6 +10,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/spill.h"
 #include "base/log.h"
 #include "base/sha256.h"
 #include "renderer/image/metrics.h"
@@ -247,9 +248,12 @@ static enum hg_status examine_image(struct task *task)
 {
     const struct hgp_bytes *one = &task->message.image_query.data;
     const bool parts = task->file.size > 0;
-    return hg_image_examine(parts ? task->file.data : one->data,
-        parts ? task->file.size : one->size, "image", ENCODE_JOB_KEY, NULL, &task->told,
-        &task->err);
+    hg_spill_begin("a file that is verified");
+    const enum hg_status status =
+        hg_image_examine(parts ? task->file.data : one->data, parts ? task->file.size : one->size,
+            "image", ENCODE_JOB_KEY, NULL, &task->told, &task->err);
+    hg_spill_end();
+    return status;
 }
 
 // ---- threads ------------------------------------------------------------------------------------

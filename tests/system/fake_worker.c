@@ -405,6 +405,12 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
     case HGP_T_credit:
         view_message(c, packet, m);
         return;
+    case HGP_T_image_query:
+        if (m->image_query.offset + m->image_query.data.size < m->image_query.size)
+            answer(to, HGP_T_ok, &(struct hgp_ok){0});
+        else
+            answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{}")});
+        return;
     case HGP_T_stats_query:
     case HGP_T_info_query:
         answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"fake\":true}")});

@@ -347,6 +347,54 @@ static void quotas_are_explained(void **state)
     daemon_finish(&d);
 }
 
+// One part of a file of so many bytes to be verified.
+static struct hgp_image_query part_of(uint64_t size, uint64_t offset, uint32_t bytes)
+{
+    static const uint8_t data[1 << 20];
+    return (struct hgp_image_query){.data = {data, bytes},
+        .has_offset = true,
+        .offset = offset,
+        .has_size = true,
+        .size = size};
+}
+
+// What the worker has of a file counts as an upload, and all sessions' together as the store, until
+// the worker has told of it.
+static void verified_files_are_uploads(void **state)
+{
+    (void)state;
+    enum { MIB = 1 << 20, MOST = 600000 };
+    struct daemon d;
+    struct peer p, q;
+    const struct hgp_image_query first = part_of(MOST, 0, 1), last = part_of(MOST, 1, MOST - 1);
+    const struct hgp_image_query whole = part_of(MIB, 0, MIB), above = part_of(MIB + 1, 0, 1);
+    const struct hgp_upload upload = {.total = MOST};
+    daemon_init(&d);
+    daemon_option(&d, "max-upload", "1");
+    daemon_option(&d, "upload-store", "1");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    peer_open(&q, &d);
+    peer_scene(&q, "");
+    peer_refused(&p, HGP_T_image_query, &above, HG_E_LIMIT);
+    assert_non_null(memmem(p.m.error.reason.data, p.m.error.reason.size, "max-upload", 10));
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
+    peer_refused(&p, HGP_T_upload, &upload, HG_E_LIMIT);
+    peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
+    assert_non_null(memmem(q.m.error.reason.data, q.m.error.reason.size, "upload-store", 12));
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // begun anew: in place of the first
+    peer_call(&p, HGP_T_image_query, &last, HGP_T_json);
+    peer_call(&q, HGP_T_image_query, &first, HGP_T_ok);
+    peer_refused(&p, HGP_T_image_query, &first, HG_E_LIMIT);
+    peer_call(&q, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+    for (int i = 0; i < 3; i++) // as often as one likes
+        peer_call(&p, HGP_T_image_query, &whole, HGP_T_json);
+    peer_close(&q);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 static void journals_are_limited(void **state)
 {
     (void)state;
@@ -498,6 +546,7 @@ int main(void)
         cmocka_unit_test(relays_edits_and_frames),
         cmocka_unit_test(shares_scenes),
         cmocka_unit_test(quotas_are_explained),
+        cmocka_unit_test(verified_files_are_uploads),
         cmocka_unit_test(journals_are_limited),
         cmocka_unit_test(uploads_are_kept_once),
         cmocka_unit_test(full_disk_on_upload),

@@ -38,7 +38,7 @@ struct rig {
 
 // ---- the rig ------------------------------------------------------------------------------------
 
-static int start(void **state)
+static int start_with(void **state, const char *option, const char *value)
 {
     struct rig *rig = calloc(1, sizeof *rig);
     int pair[2];
@@ -50,13 +50,27 @@ static int start(void **state)
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, pair[1], 3);
-    char *argv[] = {rig->path, "--fd", "3", "--asset-root", rig->root, "--log", "warn", NULL};
+    char *argv[] = {rig->path, "--fd", "3", "--asset-root", rig->root, "--log", "warn",
+        (char *)(uintptr_t)option, (char *)(uintptr_t)value, NULL};
     assert_int_equal(posix_spawn(&rig->pid, rig->path, &actions, NULL, argv, environ), 0);
     posix_spawn_file_actions_destroy(&actions);
     close(pair[1]);
     rig->fd = pair[0];
     *state = rig;
     return 0;
+}
+
+static int start(void **state)
+{
+    return start_with(state, NULL, NULL);
+}
+
+// With a folder on a disk, for what is large.
+static int start_with_cache(void **state)
+{
+    char folder[4200];
+    snprintf(folder, sizeof folder, "%s/tests", getenv("HELIO_BUILD_DIR"));
+    return start_with(state, "--cache-dir", folder);
 }
 
 static void forget_answer(struct rig *rig)
@@ -597,6 +611,65 @@ static void test_jobs_of_names(void **state)
     }
 }
 
+// Memory of the worker that is not a file's.
+static uint64_t own_bytes(const struct rig *rig)
+{
+    char path[64], line[256];
+    unsigned long long kib = 0;
+    snprintf(path, sizeof path, "/proc/%d/status", (int)rig->pid);
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    while (fgets(line, sizeof line, f) && sscanf(line, "RssAnon: %llu kB", &kib) != 1)
+        ;
+    fclose(f);
+    assert_true(kib > 0);
+    return kib << 10;
+}
+
+// One part of a file of so many bytes; 0: it was taken.
+static enum hg_status send_part(
+    struct rig *rig, uint64_t size, uint64_t offset, const struct hgp_bytes *data)
+{
+    const struct hgp_image_query part = {
+        .data = *data, .has_offset = true, .offset = offset, .has_size = true, .size = size};
+    const uint32_t request = ask(rig, 1, HGP_T_image_query, &part);
+    do
+        read_message(rig);
+    while (rig->header.request != request);
+    return rig->header.type == HGP_T_error ? (enum hg_status)rig->message.error.code : HG_OK;
+}
+
+enum { MIB = 1 << 20, PART = 32 * MIB };
+
+// A file to be verified is on disk as far as it has come.
+static void test_verified_files_take_no_memory(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_bytes data = {malloc(PART), PART};
+    assert_non_null(data.data);
+    memset((uint8_t *)(uintptr_t)data.data, 1, PART);
+    attach(rig, 1, "a");
+    assert_int_equal(send_part(rig, 8 * PART, 0, &data), HG_OK);
+    const uint64_t before = own_bytes(rig);
+    for (uint64_t i = 1; i < 7; i++)
+        assert_int_equal(send_part(rig, 8 * PART, i * PART, &data), HG_OK);
+    assert_true(own_bytes(rig) < before + 2 * PART);
+    assert_int_equal(send_part(rig, 8 * PART, 7 * PART, &data), HG_E_FORMAT); // whole, and no image
+    assert_int_equal(send_part(rig, 8 * PART, PART, &data), HG_E_INVAL);
+    assert_int_equal(send_part(rig, (UINT64_C(4) << 30) + 1, 0, &data), HG_E_LIMIT);
+    free((void *)(uintptr_t)data.data);
+}
+
+// Where there is no disk for it only what messages may have as well.
+static void test_verified_files_without_a_disk(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_bytes data = {(const uint8_t *)"x", 1};
+    attach(rig, 1, "a");
+    assert_int_equal(send_part(rig, 256 * MIB + 1, 0, &data), HG_E_LIMIT);
+    assert_int_equal(send_part(rig, 256 * MIB, 0, &data), HG_OK);
+}
+
 // Where a node will be counts where a shutter is open, and until the node is moved without it.
 static void test_next_place_of_nodes(void **state)
 {
@@ -673,6 +746,8 @@ int main(void)
         TEST(test_next_place_of_nodes),
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
+        TEST(test_verified_files_without_a_disk),
+        cmocka_unit_test_setup_teardown(test_verified_files_take_no_memory, start_with_cache, stop),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }
