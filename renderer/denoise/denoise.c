@@ -162,10 +162,21 @@ static void merge(struct work *w, struct hg_jobs *jobs)
     for (int k = 0; k < HG_DN_KINDS; k++) {
         for (int c = 0; c < 3; c++)
             w->clean.rgb[k][c] = w->pass->light[k][0].rgb[c];
-        w->clean.luma[k] = w->pass->light[k][0].luma;
         w->clean.variance[k] = p->halves ? w->pass->light[k][1].luma : p->variance[k];
     }
     hg_jobs_for(jobs, p->height, merge_row, w);
+}
+
+// The second half's planes are free after both are merged.
+static void show(struct work *w, struct hg_jobs *jobs)
+{
+    float *to[HG_DN_KINDS][3];
+    for (int k = 0; k < HG_DN_KINDS; k++) {
+        for (int c = 0; c < 3; c++)
+            to[k][c] = w->pass->light[k][1].rgb[c];
+    }
+    const struct hg_dn_rect rect = around(w, 0);
+    hg_dn_show(w->p, jobs, w->input, &rect, &w->clean, to);
 }
 
 // --- all -----------------------------------------------------------------------------------------
@@ -192,6 +203,8 @@ static enum hg_status run_part(struct work *w, struct hg_jobs *jobs)
         status = filter(w, &guide, jobs);
     if (status == HG_OK) {
         merge(w, jobs);
+        if (in->shown != NULL)
+            show(w, jobs);
         hg_jobs_for(jobs, r->height, put_row, w);
     }
     if (status == HG_OK && in->history != NULL) {

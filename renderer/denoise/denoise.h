@@ -47,17 +47,30 @@ enum hg_status hg_denoise_save(
 enum hg_status hg_denoise_load(const void *data, uint64_t size_bytes, struct hg_denoise **out,
     struct hg_error *err) HG_MUST_CHECK;
 
+// How much of the light of the pixel to the left, of its own, to the right (above, ...) a pixel
+// shows; each three add up to 1, >= 0.
+struct hg_denoise_taps {
+    float x[3], y[3];
+};
+
 struct hg_denoise_input {
-    uint32_t width, height;          // px
-    const float *sums;               // [HG_PATH_GUIDE_CHANNELS][height][width] over all samples
-    const float *halves;             // the same over those with HG_PATH_IS_FIRST_HALF
+    uint32_t width, height; // px
+    const float *sums;      // [HG_PATH_GUIDE_CHANNELS][height][width] over all samples
+    const float *halves;    // the same over those with HG_PATH_IS_FIRST_HALF
+    // What pixels show, where samples of others count for them as well: sums
+    // [HG_PATH_SHOWN_CHANNELS][height][width]. Light without noise is of whole pixels; taps do the
+    // rest of what the pixel filter does, by the samples of a tile: 1, 2, ..., taps_count or more.
+    // NULL: pixels show their own samples.
+    const float *shown;
+    const struct hg_denoise_taps *taps;
+    uint32_t taps_count;
     const uint32_t *samples;         // of each tile of HG_PATH_TILE_SIDE px, row by row
     uint32_t part_px;                // side of parts of large pictures; 0 = usual. Changes nothing
     struct hg_denoise *history;      // NULL: by itself
     struct hg_denoise_camera camera; // with a history
-    // [HG_PATH_MOVED_WORDS][height][width] sums: metres in scene space to where surfaces, and images
-    // in them, were in the picture before, and a number of what the first sample met, 0 = none.
-    // NULL: none is known to stand still, none to move.
+    // [HG_PATH_MOVED_WORDS][height][width] sums: metres in scene space to where surfaces, and
+    // images in them, were in the picture before, and a number of what the first sample met, 0 =
+    // none. NULL: none is known to stand still, none to move.
     const float *moved;
 };
 

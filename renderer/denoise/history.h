@@ -14,12 +14,6 @@
 
 #define HG_DN_MOST_HISTORY 12.0f // pictures
 
-// Light without noise, divided by its albedo: that of a picture, in its planes' layout.
-struct hg_dn_clean {
-    float *rgb[HG_DN_KINDS][3];
-    float *luma[HG_DN_KINDS], *variance[HG_DN_KINDS]; // of what is left of the noise, in the luma
-};
-
 // A picture is put in the place of the one that is being made. HG_E_NOMEM.
 enum hg_status hg_dn_history_begin(
     struct hg_denoise *history, const struct hg_denoise_input *input) HG_MUST_CHECK;

@@ -54,6 +54,9 @@ struct hg_dn_planes {
     float *memory;
 };
 
+#define HG_DN_LEAST_ALBEDO                                                                         \
+    0.01f // of a surface that is lit; the filter divides by it and multiplies again
+
 // planes.c
 enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
     const struct hg_denoise_input *input, const struct hg_dn_rect *part);
@@ -66,6 +69,17 @@ void hg_dn_smooth(struct hg_dn_planes *p, struct hg_jobs *jobs, float **plane);
 // planes.
 void hg_dn_seen_guess(struct hg_dn_planes *p, struct hg_jobs *jobs);
 void hg_dn_seen_calm(struct hg_dn_planes *p, struct hg_jobs *jobs);
+
+// Light without noise, divided by its albedo: that of a picture, in its planes' layout.
+struct hg_dn_clean {
+    float *rgb[HG_DN_KINDS][3];
+    float *variance[HG_DN_KINDS]; // of what is left of the noise, in the luma
+};
+
+// shown.c: light and albedos of pixels become those that they show, in `rect` of the planes; both
+// change places with planes that nothing needs any longer: to, and light of the planes.
+void hg_dn_show(struct hg_dn_planes *p, struct hg_jobs *jobs, const struct hg_denoise_input *input,
+    const struct hg_dn_rect *rect, struct hg_dn_clean *clean, float *to[HG_DN_KINDS][3]);
 
 static inline size_t hg_dn_at(const struct hg_dn_planes *p, uint32_t x, uint32_t y)
 {

@@ -6,8 +6,6 @@
 #include "renderer/denoise/internal.h"
 
 #define SEEN_REACH 3u // px: where to look for what is seen in a surface
-#define LEAST_ALBEDO                                                                               \
-    0.01f // of a surface that is lit; the filter divides by it and multiplies again
 
 enum {
     FACE = 13, // planes of hg_dn_face
@@ -162,7 +160,7 @@ static void load_light(
 {
     const int light = HG_PATH_GUIDE_DIRECT + 3 * kind, lobe = hg_dn_lobe(kind);
     const float *from = known(pixel, half, HG_DN_SCATTERS), *seen = known(pixel, half, lobe);
-    const float least = LEAST_ALBEDO * from[HG_PATH_GUIDE_HITS];
+    const float least = HG_DN_LEAST_ALBEDO * from[HG_PATH_GUIDE_HITS];
     struct hg_dn_light *to = &p->light[kind][half];
     for (int c = 0; c < 3; c++) {
         const float divisor = albedo_of(from, seen, lobe, c) + least;
@@ -195,7 +193,7 @@ static void load_face(struct hg_dn_planes *p, size_t at, int lobe, const struct 
     for (int c = 0; c < 3; c++) {
         face->normal[c][at] = normal_of(w, w, lobe, c);
         var += square(normal_of(a, seen_a, lobe, c) - normal_of(b, seen_b, lobe, c));
-        face->albedo[c][at] = albedo_of(w, w, lobe, c) + LEAST_ALBEDO * w[HG_PATH_GUIDE_HITS];
+        face->albedo[c][at] = albedo_of(w, w, lobe, c) + HG_DN_LEAST_ALBEDO * w[HG_PATH_GUIDE_HITS];
     }
     face->normal_var[at] = 0.25f * var;
     face->disparity[at] = expf(-of_known(w, lobe, depth));

@@ -99,8 +99,9 @@
 #define HG_PATH_MOVED_SEEN  4 // xyz: of the image of what is seen in it, of samples that SEEN but not SEEN_OWN counts
 #define HG_PATH_MOVED_WORDS 7
 
-// Channels of HG_PATH_PLANE_GUIDE, always the last of the film. Their sums over the first half of the
-// samples (HG_PATH_IS_FIRST_HALF) follow behind.
+// Channels of HG_PATH_PLANE_GUIDE, always the last of the film, of the pixel's own samples alone.
+// Their sums over the first half of the samples (HG_PATH_IS_FIRST_HALF) follow behind, then
+// HG_PATH_SHOWN_*.
 #define HG_PATH_GUIDE_DIRECT     0 // rgb: light that the first surface scattered, once
 #define HG_PATH_GUIDE_INDIRECT   3 // rgb: that came to it by way of other surfaces
 #define HG_PATH_GUIDE_SPECULAR   6 // rgb: that it mirrored or let through
@@ -117,6 +118,13 @@
 #define HG_PATH_GUIDE_SEEN_OWN    25 // 1 where it is that of the first surface
 #define HG_PATH_GUIDE_SEEN        26 // 1
 #define HG_PATH_GUIDE_CHANNELS    27
+
+// What the guide knows as pixels show it: sums over all samples that count for them, as the colour's.
+#define HG_PATH_SHOWN_LIGHT      0 // rgb: DIRECT, INDIRECT and SPECULAR together
+#define HG_PATH_SHOWN_ALBEDO     3
+#define HG_PATH_SHOWN_REFLECTION 6
+#define HG_PATH_SHOWN_HITS       9
+#define HG_PATH_SHOWN_CHANNELS   10
 
 // Samples that count for the first of two halves, whose difference says how noisy a pixel is: every
 // second one at first, then every second four, so that each half is well distributed.

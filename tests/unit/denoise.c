@@ -481,6 +481,103 @@ static void test_sizes(void **state)
     }
 }
 
+// --- what pixels show ----------------------------------------------------------------------------
+
+// How much of a pixel something covers that stands before nothing: an edge two pixels wide.
+static float covered(uint32_t x, uint32_t y)
+{
+    const float off = 0.5f + (50.2f - (float)x - (float)y / 3.0f) / 2.0f;
+    return off < 0.0f ? 0.0f : off > 1.0f ? 1.0f : off;
+}
+
+// The samples of a pixel itself see all of it or nothing.
+static struct point cut(uint32_t x, uint32_t y)
+{
+    struct point p = wall(0.0f);
+    p.depth = covered(x, y) > 0.5f ? 3.0f : 0.0f;
+    return p;
+}
+
+static float *shown_of(const struct picture *p)
+{
+    const size_t pixels = (size_t)p->width * p->height;
+    const struct point s = wall(0.0f);
+    const float values[HG_PATH_SHOWN_CHANNELS] = {0, 0, 0, s.albedo[0], s.albedo[1], s.albedo[2],
+        s.reflection, s.reflection, s.reflection, 1.0f};
+    float *out = calloc(HG_PATH_SHOWN_CHANNELS * pixels, sizeof *out);
+    assert_non_null(out);
+    for (size_t i = 0; i < HG_PATH_SHOWN_CHANNELS * pixels; i++) {
+        const uint32_t at = (uint32_t)(i % pixels);
+        out[i] = (float)p->samples * covered(at % p->width, at / p->width) * values[i / pixels];
+    }
+    return out;
+}
+
+// Light is as much as what a pixel shows has of it, also where its own samples see nothing.
+static void test_shown(void **state)
+{
+    (void)state;
+    static const struct hg_denoise_taps taps[] = {{{0, 1, 0}, {0, 1, 0}}, // of no tile here
+        {{0.1f, 0.8f, 0.1f}, {0.1f, 0.8f, 0.1f}}};
+    const struct point w = wall(0.0f);
+    const float want[3] = {w.irradiance, 0.5f * w.irradiance, w.mirrored};
+    struct picture p = make(96, 64, 4, cut), parts = make(96, 64, 4, cut);
+    float *shown = shown_of(&p), worst = 0.0f;
+    uint32_t between = 0;
+    p.input.shown = parts.input.shown = shown;
+    p.input.taps = parts.input.taps = taps;
+    p.input.taps_count = parts.input.taps_count = 2;
+    parts.input.part_px = 33;
+    run(&p, 1);
+    run(&parts, 3);
+    for (uint32_t i = 0; i < 96 * 64 * 3; i++) {
+        const uint32_t x = i % 96, y = i / 96 % 64, kind = i / (96 * 64);
+        const float albedo = kind == 2 ? w.reflection : w.albedo[0], part = covered(x, y);
+        const float off = out_at(&p, x, y, (int)kind * 3) / (want[kind] * albedo) - part;
+        worst = fabsf(off) > worst ? fabsf(off) : worst;
+        between += kind == 0 && part > 0.0f && part < 0.5f;
+    }
+    print_message("shown: off by %.4f at most\n", (double)worst);
+    assert_true(between > 50);
+    assert_true(worst < 0.01f);
+    assert_memory_equal(p.out, parts.out, 96 * 64 * HG_DENOISE_LIGHT * sizeof(float));
+    free(shown);
+    finish(&p);
+    finish(&parts);
+}
+
+// Two lights on one surface: as much of each as the taps say.
+static void test_taps(void **state)
+{
+    (void)state;
+    static const struct hg_denoise_taps taps = {{0.05f, 0.85f, 0.1f}, {0, 1, 0}};
+    struct picture p = make(96, 64, 4, nearly_still_shadow),
+                   raw = make(96, 64, 4, nearly_still_shadow);
+    const size_t pixels = 96 * 64;
+    float *shown = calloc(HG_PATH_SHOWN_CHANNELS * pixels, sizeof *shown);
+    assert_non_null(shown);
+    memcpy(shown + HG_PATH_SHOWN_ALBEDO * pixels, p.sums + HG_PATH_GUIDE_ALBEDO * pixels,
+        6 * pixels * sizeof *shown);
+    memcpy(shown + HG_PATH_SHOWN_HITS * pixels, p.sums + HG_PATH_GUIDE_HITS * pixels,
+        pixels * sizeof *shown);
+    p.input.shown = shown;
+    p.input.taps = &taps;
+    p.input.taps_count = 1;
+    run(&p, 2);
+    run(&raw, 2);
+    for (uint32_t i = 0; i < 94 * 64; i++) {
+        const uint32_t x = 1 + i % 94, y = i / 94;
+        for (int c = 0; c < HG_DENOISE_LIGHT; c++) {
+            const float mean = 0.05f * out_at(&raw, x - 1, y, c) + 0.85f * out_at(&raw, x, y, c) +
+                               0.1f * out_at(&raw, x + 1, y, c);
+            assert_true(fabsf(out_at(&p, x, y, c) / mean - 1.0f) < 0.02f);
+        }
+    }
+    free(shown);
+    finish(&p);
+    finish(&raw);
+}
+
 // --- animation -----------------------------------------------------------------------------------
 
 // A camera at eye_x looks at what stands 3 m away, 0.03 m a pixel there.
@@ -668,6 +765,8 @@ int main(void)
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_sizes),
+        cmocka_unit_test(test_shown),
+        cmocka_unit_test(test_taps),
         cmocka_unit_test(test_flicker),
         cmocka_unit_test(test_change),
         cmocka_unit_test(test_saved),
