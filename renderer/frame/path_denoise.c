@@ -18,21 +18,27 @@ static uint32_t samples_at(const struct hg_path *p, uint32_t x, uint32_t y)
     return ((const uint32_t *)p->samples.mapped)[tile];
 }
 
+// HG_PATH_SHOWN_* in the film.
+static const float *shown_of(const struct hg_path *p, const float *film)
+{
+    const size_t pixels = (size_t)p->width * p->height;
+    return film + (p->planes[HG_PATH_PLANE_GUIDE] + 2 * HG_PATH_GUIDE_CHANNELS) * pixels;
+}
+
 // The film's sums, with the noisy part of the light in the place of the other.
 static void compose(const struct hg_path *p, const float *film, const float *light, float *out)
 {
     const size_t pixels = (size_t)p->width * p->height;
-    const float *guide = film + p->planes[HG_PATH_PLANE_GUIDE] * pixels;
+    const float *shown = shown_of(p, film);
     for (uint32_t y = 0; y < p->height; y++) {
         for (uint32_t x = 0; x < p->width; x++) {
             const size_t at = (size_t)y * p->width + x;
             const float n = (float)samples_at(p, x, y);
             for (size_t c = 0; c < 3; c++) {
-                float noisy = 0.0f, clean = 0.0f;
-                for (size_t k = 0; k < HG_DENOISE_LIGHT; k += 3) {
-                    noisy += guide[(HG_PATH_GUIDE_DIRECT + k + c) * pixels + at];
+                const float noisy = shown[(HG_PATH_SHOWN_LIGHT + c) * pixels + at];
+                float clean = 0.0f;
+                for (size_t k = 0; k < HG_DENOISE_LIGHT; k += 3)
                     clean += light[(k + c) * pixels + at];
-                }
                 const float rest = film[c * pixels + at] - noisy;
                 out[c * pixels + at] = (rest > 0.0f ? rest : 0.0f) + n * clean;
             }
@@ -122,10 +128,15 @@ enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err)
     if (light == NULL)
         return hg_error_set(err, HG_E_NOMEM, "denoise", NULL, "out of host memory");
     const float *guide = film + p->planes[HG_PATH_PLANE_GUIDE] * pixels;
+    struct hg_denoise_taps taps[HG_PATH_RESTS];
+    hg_path_splat_rest(p, &view->settings.path, view->settings.seed, taps);
     struct hg_denoise_input input = {.width = p->width,
         .height = p->height,
         .sums = guide,
         .halves = guide + HG_PATH_GUIDE_CHANNELS * pixels,
+        .shown = shown_of(p, film),
+        .taps = taps,
+        .taps_count = HG_PATH_RESTS,
         .samples = p->samples.mapped,
         .history = p->history};
     fill_camera(view, &input.camera);

@@ -58,10 +58,9 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
 
 #define SPLAT_RADIUS_PX 1.5f // of the widest filter that does not reach farther than the next pixel
 
-// The denoiser takes the noise of neighbours to be independent.
 static bool splats(const struct hg_path_settings *s)
 {
-    return s->filter_radius_px <= (s->denoise == 0 ? SPLAT_RADIUS_PX : 0.5f);
+    return s->filter_radius_px <= SPLAT_RADIUS_PX;
 }
 
 static uint32_t mix_bits(uint32_t x)
@@ -130,6 +129,54 @@ void hg_path_splat_fill(
     out->splat_y = splat_weights(s, out->splat_offset[1]);
 }
 
+// A pixel's own samples are a mean over its places, which the filter is wider than: three weights
+// that do the rest, so that both together have the mean and the variance of what the filter does.
+struct spread {
+    double own, own2, all, all2; // sums of places, and squared: own samples', all that count
+    bool reaches;                // neighbours count
+};
+
+#define SPREAD_LEAST 0.002 // variance: where a pixel's own samples see nothing, those around tell
+
+static void spread_add(struct spread *s, float offset, struct hg_vec3 weights)
+{
+    const float w[3] = {weights.x, weights.y, weights.z};
+    s->own += (double)offset;
+    s->own2 += (double)offset * (double)offset;
+    for (int i = 0; i < 3; i++) {
+        const double place = (double)offset + i - 1;
+        s->all += (double)w[i] * place;
+        s->all2 += (double)w[i] * place * place;
+        s->reaches = s->reaches || (i != 1 && w[i] > 0.0f);
+    }
+}
+
+static void spread_weights(const struct spread *s, double n, float out[3])
+{
+    const double own = s->own / n, all = s->all / n, off = all - own;
+    const double wanted = s->all2 / n - all * all - (s->own2 / n - own * own);
+    const double least = fmax(fabs(off) * (1.0 - fabs(off)), s->reaches ? SPREAD_LEAST : 0.0);
+    const double second = fmax(wanted, least) + off * off;
+    out[0] = (float)(0.5 * (second - off));
+    out[1] = (float)(1.0 - second);
+    out[2] = (float)(0.5 * (second + off));
+}
+
+void hg_path_splat_rest(const struct hg_path *p, const struct hg_path_settings *s, uint32_t seed,
+    struct hg_denoise_taps out[HG_PATH_RESTS])
+{
+    struct spread x = {0}, y = {0};
+    for (uint32_t i = 0; i < HG_PATH_RESTS; i++) {
+        struct hg_gpu_path pass = {.splat_x = {0.0f, 1.0f, 0.0f}, .splat_y = {0.0f, 1.0f, 0.0f}};
+        if (p->splats)
+            hg_path_splat_fill(s, i, seed, &pass);
+        spread_add(&x, pass.splat_offset[0], pass.splat_x);
+        spread_add(&y, pass.splat_offset[1], pass.splat_y);
+        spread_weights(&x, i + 1, out[i].x);
+        spread_weights(&y, i + 1, out[i].y);
+    }
+}
+
 // --- memory --------------------------------------------------------------------------------------
 
 static uint32_t channels_of(const struct hg_path *p, uint32_t plane)
@@ -176,7 +223,8 @@ static void plan_channels(struct hg_path *p, const struct hg_path_settings *sett
         p->channels += stored ? channels_of(p, i) : 0;
     }
     p->sampled_channels = p->channels;
-    p->channels += settings->denoise != 0 ? HG_PATH_GUIDE_CHANNELS : 0;
+    if (settings->denoise != 0)
+        p->channels += HG_PATH_GUIDE_CHANNELS + HG_PATH_SHOWN_CHANNELS;
 }
 
 void hg_path_film_destroy(struct hg_path *p)

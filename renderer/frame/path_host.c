@@ -213,6 +213,14 @@ static void list_draws(const struct tile *t, uint32_t channel)
     }
 }
 
+// What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be
+// independent.
+static bool is_own(const struct hg_path *p, uint32_t c)
+{
+    const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED], guide = p->planes[HG_PATH_PLANE_GUIDE];
+    return c >= guide || (c >= moved && c - moved < HG_PATH_MOVED_WORDS);
+}
+
 // Channels that are numbers of things and have no mean: those of the pixel's own first sample.
 static bool is_number(const struct hg_path *p, uint32_t c)
 {
@@ -221,12 +229,32 @@ static bool is_number(const struct hg_path *p, uint32_t c)
            (moved != HG_PATH_NO_PLANE && c == moved + HG_PATH_MOVED_WHAT);
 }
 
-static void note_numbers(const struct tile *t, uint32_t channel, float out[HG_PATH_TILE_PX])
+static void note_own(const struct tile *t, uint32_t channel, float out[HG_PATH_TILE_PX])
 {
     const float *ring = t->path->ring.mapped;
     for (uint32_t y = 0; y < t->height; y++)
         memcpy(out + y * SIDE, ring + ring_row(t->path, channel - 1, t->y0 + y) + t->x0,
             t->width * sizeof *out);
+}
+
+// HG_PATH_SHOWN_*: channels of the guide, more than one added up for the light.
+static void add_shown(const struct tile *t, uint32_t guide)
+{
+    const uint32_t to = guide + 2 * HG_PATH_GUIDE_CHANNELS;
+    float value[HG_PATH_TILE_PX], sum[HG_PATH_TILE_PX];
+    for (uint32_t c = 0; c < HG_PATH_SHOWN_CHANNELS; c++) {
+        const uint32_t from = c < HG_PATH_SHOWN_ALBEDO ? HG_PATH_GUIDE_DIRECT + c
+                              : c < HG_PATH_SHOWN_HITS
+                                  ? HG_PATH_GUIDE_ALBEDO + c - HG_PATH_SHOWN_ALBEDO
+                                  : HG_PATH_GUIDE_HITS;
+        blend(t, guide + from - 1, sum);
+        for (uint32_t k = 3; c < HG_PATH_SHOWN_ALBEDO && k < HG_DENOISE_LIGHT; k += 3) {
+            blend(t, guide + from + k - 1, value);
+            for (uint32_t i = 0; i < HG_PATH_TILE_PX; i++)
+                sum[i] += value[i];
+        }
+        add_channel(t, to + c, t->first, sum);
+    }
 }
 
 static void add_planes(const struct tile *t)
@@ -242,14 +270,16 @@ static void add_planes(const struct tile *t)
         }
         if (is_number(p, c) && !t->first)
             continue;
-        if (is_number(p, c))
-            note_numbers(t, c, value);
+        if (is_number(p, c) || is_own(p, c))
+            note_own(t, c, value);
         else
             blend(t, c - 1, value);
         add_channel(t, c, t->first, value);
         if (c >= guide && HG_PATH_IS_FIRST_HALF(p->pass))
             add_channel(t, c + HG_PATH_GUIDE_CHANNELS, t->first, value);
     }
+    if (guide != HG_PATH_NO_PLANE)
+        add_shown(t, guide);
 }
 
 static void add_tile(void *user, size_t index)

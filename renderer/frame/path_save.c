@@ -12,7 +12,7 @@
 #include "renderer/frame/path_state.h"
 
 #define MAGIC   "HGPATH01"
-#define VERSION 4u
+#define VERSION 5u
 
 struct header {
     char magic[8];

@@ -164,5 +164,9 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
 // Where the samples of a pass are in their pixels, and how much they count for those around.
 void hg_path_splat_fill(
     const struct hg_path_settings *settings, uint32_t pass, uint32_t seed, struct hg_gpu_path *out);
+// Of what is known of whole pixels, after so many passes: 1, 2, ...
+#define HG_PATH_RESTS 256
+void hg_path_splat_rest(const struct hg_path *path, const struct hg_path_settings *settings,
+    uint32_t seed, struct hg_denoise_taps out[HG_PATH_RESTS]);
 
 #endif

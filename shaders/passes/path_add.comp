@@ -76,6 +76,32 @@ float taken(taps t, uint channel)
     return sum;
 }
 
+// The pixel's own sample.
+float own(taps t, uint channel)
+{
+    return hg_path.ring.v[(hg_path_out(channel) - HG_PATH_OUT) * ring_plane() + t.at[OWN]];
+}
+
+// What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be independent.
+bool is_own(uint channel)
+{
+    uint moved = hg_path.planes[HG_PATH_PLANE_MOVED], guide = hg_path.planes[HG_PATH_PLANE_GUIDE];
+    return HG_PATH_CAN(HG_PATH_PLANES) &&
+        (channel >= guide || (channel >= moved && channel - moved < HG_PATH_MOVED_WORDS));
+}
+
+// HG_PATH_SHOWN_* of a sample.
+float shown(taps t, uint guide, uint channel)
+{
+    if (channel == HG_PATH_SHOWN_HITS)
+        return taken(t, guide + HG_PATH_GUIDE_HITS);
+    if (channel >= HG_PATH_SHOWN_ALBEDO)
+        return taken(t, guide + HG_PATH_GUIDE_ALBEDO + channel - HG_PATH_SHOWN_ALBEDO);
+    return taken(t, guide + HG_PATH_GUIDE_DIRECT + channel) +
+        taken(t, guide + HG_PATH_GUIDE_INDIRECT + channel) +
+        taken(t, guide + HG_PATH_GUIDE_SPECULAR + channel);
+}
+
 // More of a sample for the draw that it met, in the pixel's list of draws.
 void list_draw(uint list, uint pixels, float draw, float weight)
 {
@@ -120,17 +146,21 @@ void add(uvec2 pixel, uint number)
     for (uint c = 0u; c < hg_path.channels; c++) {
         float value = luminance * luminance;
         if (c != HG_PATH_FILM_SQUARES)
-            value = taken(t, c);
+            value = is_own(c) ? own(t, c) : taken(t, c);
         uint k = c * pixels + at;
         float before = first ? 0.0 : hg_path.film.v[k];
         if (c == object || c == material || c == what) // of the first sample
-            value = first ? hg_path.ring.v[(hg_path_out(c) - HG_PATH_OUT) * ring_plane() + t.at[OWN]] : 0.0;
+            value = first ? own(t, c) : 0.0;
         if (c < draws || c >= draws + 2u * HG_PATH_DRAWS_LENGTH) // not the list's
             hg_path.film.v[k] = before + value;
         if (HG_PATH_CAN(HG_PATH_PLANES) && c >= guide && first_half) {
             uint h = k + HG_PATH_GUIDE_CHANNELS * pixels;
             hg_path.film.v[h] = (first ? 0.0 : hg_path.film.v[h]) + value;
         }
+    }
+    for (uint c = 0u; HG_PATH_HAS(HG_PATH_PLANE_GUIDE) && c < HG_PATH_SHOWN_CHANNELS; c++) {
+        uint k = (guide + 2u * HG_PATH_GUIDE_CHANNELS + c) * pixels + at;
+        hg_path.film.v[k] = (first ? 0.0 : hg_path.film.v[k]) + shown(t, guide, c);
     }
 }
 

@@ -1,6 +1,6 @@
 // path_denoise.c - denoised pictures of the path tracer against ones of many samples: how much
-// better they are, that they become the raw picture, what is not touched, and flicker of
-// animations.
+// better they are, that they become the raw picture, what is not touched, edges before a
+// background, and flicker of animations.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -186,6 +186,82 @@ static void test_untouched(void **state)
     hg_refbuf_unref(pixels[1]);
     hg_refbuf_unref(noisy);
 }
+
+// --- edges before a background -------------------------------------------------------------------
+
+// Bars of one to three pixels, at all angles, in the light of a white surrounding.
+static void fan(struct rig *rig)
+{
+    enum { BARS = 9 };
+    rig_scene(rig);
+    path_rig_environment(rig, 1.0f);
+    for (int i = 0; i < BARS; i++) {
+        const float angle = (float)M_PI * ((float)i + 0.3f) / BARS,
+                    half = 0.006f + 0.003f * (float)i;
+        const float x = cosf(angle), y = sinf(angle), from = 0.25f;
+        const float at[4][3] = {{from * x + half * y, from * y - half * x - 0.5f, 0},
+            {x + half * y, y - half * x - 0.5f, 0}, {x - half * y, y + half * x - 0.5f, 0},
+            {from * x - half * y, from * y + half * x - 0.5f, 0}};
+        rig_quad(rig, path_rig_lambert(rig, i % 2 == 0 ? 0.8f : 0.2f), at);
+    }
+    hg_scene_publish(rig->scene);
+}
+
+static struct hg_refbuf *fan_picture(
+    struct rig *rig, uint32_t samples, uint32_t seed, enum hg_view_denoise denoise)
+{
+    struct hg_view_params params = params_of(samples, seed, denoise);
+    params.filter = HG_FILTER_BLACKMAN_HARRIS;
+    struct hg_view *view = open_room(rig, &params);
+    path_rig_settle(view);
+    struct hg_refbuf *out = pixels_of(view);
+    hg_view_destroy(view);
+    return out;
+}
+
+// Before black.
+static float composed(const struct hg_refbuf *a, size_t i)
+{
+    return floats(a)[i] * floats(a)[i | 3];
+}
+
+// Where a pixel is covered in part: root of the mean squared difference, as shown.
+static double edge_error(const struct hg_refbuf *a, const struct hg_refbuf *truth)
+{
+    double sum = 0.0, count = 0.0;
+    for (size_t i = 0; i < PIXELS * 4; i++) {
+        const float part = floats(truth)[i | 3];
+        if (i % 4 == 3 || part < 0.02f || part > 0.98f)
+            continue;
+        sum += pow(shown(composed(a, i)) - shown(composed(truth, i)), 2.0);
+        count++;
+    }
+    assert_true(count > 1000);
+    return sqrt(sum / count);
+}
+
+// What is covered, and how much, is known as well as where nothing is denoised.
+static void test_fringes(void **state)
+{
+    struct rig *rig = *state;
+    static const uint32_t samples[] = {1, 4, 8};
+    fan(rig);
+    struct hg_refbuf *truth = fan_picture(rig, REFERENCE, 99, HG_DENOISE_OFF);
+    for (size_t i = 0; i < sizeof samples / sizeof *samples; i++) {
+        struct hg_refbuf *raw = fan_picture(rig, samples[i], 1, HG_DENOISE_OFF);
+        struct hg_refbuf *clean = fan_picture(rig, samples[i], 1, HG_DENOISE_STILL);
+        const double before = edge_error(raw, truth), after = edge_error(clean, truth);
+        print_message("%u samples: edges off by %.4f, denoised %.4f\n", samples[i], before, after);
+        for (size_t k = 3; k < PIXELS * 4; k += 4)
+            assert_true(floats(raw)[k] == floats(clean)[k]);
+        assert_true(after < 1.02 * before);
+        hg_refbuf_unref(raw);
+        hg_refbuf_unref(clean);
+    }
+    hg_refbuf_unref(truth);
+}
+
+// --- animations ----------------------------------------------------------------------------------
 
 // Frames of one view, each with another seed.
 static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_denoise denoise)
@@ -409,6 +485,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_gain),
         cmocka_unit_test(test_untouched),
+        cmocka_unit_test(test_fringes),
         cmocka_unit_test(test_flicker),
         cmocka_unit_test(test_moving),
         cmocka_unit_test(test_preview),
