@@ -21,7 +21,8 @@ enum { CHANNELS = HG_PATH_GUIDE_CHANNELS };
 struct point {
     float irradiance, mirrored; // means; light is these times the albedos
     float albedo[3], reflection, normal[3], depth, noise;
-    float seen; // albedo of what is seen in a mirror
+    float seen;   // albedo of what is seen in a mirror
+    float behind; // and how far behind it, metres
     float knows,
         shines; // shares of samples that follow it, that see something white in it; 0: 1, 0
     bool mirrors;
@@ -65,7 +66,7 @@ static void add_sample(struct picture *p, size_t at, uint32_t number, const stru
     const float values[CHANNELS] = {a[0] * light, a[1] * light, a[2] * light, a[0] * around,
         a[1] * around, a[2] * around, mirrored, mirrored, mirrored, a[0], a[1], a[2], m, m, m,
         s->normal[0], s->normal[1], s->normal[2], logf(s->depth), s->mirrors ? 0.0f : 0.5f, 1.0f,
-        k * seen, k * seen, k * seen, k * logf(s->depth), s->mirrors ? 0.0f : k, k};
+        k * seen, k * seen, k * seen, k * logf(s->depth + s->behind), s->mirrors ? 0.0f : k, k};
     for (size_t c = 0; c < CHANNELS; c++) {
         p->sums[c * pixels + at] += values[c];
         if (HG_PATH_IS_FIRST_HALF(number))
@@ -660,6 +661,54 @@ static void test_flicker(void **state)
     }
 }
 
+// Stripes of light in a mirror that stands still, 3 m behind it.
+static struct point striped(uint32_t x, uint32_t y)
+{
+    struct point p = mirror(x, y);
+    p.seen = 0.5f;
+    p.behind = 3.0f;
+    p.mirrored = (x + moved_px) / 10 % 2 ? 0.5f : 2.0f;
+    return p;
+}
+
+// Error of the last of 8 frames whose stripes go left by so much; told_px: what the frames say.
+static double striped_error(uint32_t step_px, int told_px, bool with_history)
+{
+    enum { WIDTH = 112, HEIGHT = 64, SAMPLES = 4 };
+    struct hg_denoise *history = hg_denoise_create();
+    float *moved = calloc((size_t)HG_PATH_MOVED_WORDS * WIDTH * HEIGHT, sizeof *moved);
+    double error = 0.0;
+    assert_true(history && moved);
+    for (size_t i = 0; i < WIDTH * HEIGHT; i++) // 0.06 m a pixel
+        moved[HG_PATH_MOVED_SEEN * WIDTH * HEIGHT + i] = SAMPLES * 0.06f * (float)told_px;
+    for (uint32_t i = 0; i < 8; i++) {
+        moved_px = i * step_px;
+        struct picture p = make_seeded(WIDTH, HEIGHT, SAMPLES, striped, 77u + 1000u * i);
+        p.input.camera = camera_at(&p, 0.0);
+        p.input.moved = moved;
+        p.input.history = with_history ? history : NULL;
+        hg_denoise_next(history);
+        run(&p, 2);
+        error = mirror_error(&p, striped, false);
+        finish(&p);
+    }
+    hg_denoise_destroy(history);
+    free(moved);
+    return error;
+}
+
+// What is seen in a mirror that stands still is found where it was, not where the mirror is.
+static void test_images_move(void **state)
+{
+    (void)state;
+    const double frame = striped_error(3, 3, false), told = striped_error(3, 3, true);
+    const double still = striped_error(3, 0, true), wrong = striped_error(3, -3, true);
+    print_message(
+        "stripes in a mirror: error %.4f, with history %.4f; not told %.4f, wrongly %.4f\n", frame,
+        told, still, wrong);
+    assert_true(told < 0.87 * frame && told < 0.7 * still && told < 0.7 * wrong);
+}
+
 static float lamp;
 
 static struct point lamplit(uint32_t x, uint32_t y)
@@ -768,6 +817,7 @@ int main(void)
         cmocka_unit_test(test_shown),
         cmocka_unit_test(test_taps),
         cmocka_unit_test(test_flicker),
+        cmocka_unit_test(test_images_move),
         cmocka_unit_test(test_change),
         cmocka_unit_test(test_saved),
         cmocka_unit_test(test_again),
