@@ -172,9 +172,7 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     bind_table(pass, HG_BIND_PAGE_TABLE, f->textures.table, textures.table_bytes, 1);
     bind_table(pass, HG_BIND_LIGHTS, l->lights, l->light_count, sizeof(struct hg_gpu_light));
     bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
-    bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_COAT_FIRST, 4);
-    bind_table(
-        pass, HG_BIND_LOBE_TABLE, l->dfg + 4 * HG_COAT_FIRST, HG_BRUSHED_FIRST - HG_COAT_FIRST, 4);
+    bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_BLOCK_WORDS, 4);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
     struct hg_gpu_uniform first;
     if (hg_geometry_facets(view->rooms->geometry, &first, &pass->bindings.texels))

@@ -216,5 +216,7 @@ void hg_dfg_fill(struct hg_vec2 out[HG_DFG_WORDS])
         fill_sheen(out, row);
     for (uint32_t row = 0; row < HG_SHEEN_SIZE; row++)
         fill_sheen_kept(out, row);
-    hg_dfg_fill_lobes(out);
+    hg_dfg_fill_layers(out);
+    hg_dfg_fill_glass(out);
+    hg_dfg_fill_aniso(out);
 }

@@ -23,31 +23,43 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
     float (*kept)(const void *user, float cosine), const void *user);
 
 // The tables of lib/brdf.glsl and lib/lobes.glsl, 16 bits a number. s_i = i / (size - 1);
-// cosines are s^2, roughness is s and perceptual. From HG_COAT_FIRST on they are in a uniform block
-// of their own (HG_BIND_LOBE_TABLE), from HG_BRUSHED_FIRST on in none.
-//   hg_dfg              column cosine, row roughness; behind it one row of cosine-weighted means
+// cosines are s^2, roughness is s and perceptual, the first coordinate changes fastest. Up to
+// HG_DFG_BLOCK_WORDS they are in a uniform block (HG_BIND_DFG_TABLE).
+//   hg_dfg              cosine, roughness; behind it one row of cosine-weighted means
 //   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise; y: its albedo where f is
 //                       divided by the largest of x at both directions and 1
-//   HG_GLASS_FIRST      column cosine, row roughness, layer index of refraction (ior - 1) /
-//                       (ior + 1) = HG_GLASS_FAR s^2; x: miss from outside, y: from inside
-//   HG_GLASS_MEANS      their cosine-weighted means: column roughness, row index
-//   HG_ANGLES_FIRST     hg_facets_angles: three words (cosine, weight) for each cosine, roughness
-//   HG_LOST_FIRST       likewise of facets whose mirrored light does not arrive
+//   HG_ANGLES_FIRST     hg_facets_rule of mirrored light: HG_FACET_NODES words (root of the cosine,
+//                       weight) for each cosine, roughness
 //   HG_COAT_FIRST       what a and b lose below a coat to light that it lets through less than that
 //                       of v: weighted with max(0, E(l) - E(v)), E the coat's albedo; cosine,
-//                       roughness, the coat's roughness, the first one fastest
+//                       roughness, the coat's roughness
 //   HG_CLOTH_FIRST      likewise below sheen
 //   HG_COATED_FIRST     x: what sheen loses below a coat, likewise: cosine, its roughness, the
 //                       coat's roughness
+// Of glass, layer k is that of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2. From inside cosines
+// are those of hg_glass_cosine (dfg_table.h), at whose s = HG_GLASS_EDGE total reflection begins.
+//   HG_GLASS_FIRST      hg_facets_glass: x the share lost, y the share reflected; cosine,
+//   roughness,
+//                       layer, first from outside and then from inside
+//   HG_GLASS_MEANS      their cosine-weighted means: roughness, layer, side
+//   HG_FILM_FIRST       hg_facets_rule: cosine, roughness, layer, side, two words of each node.
+//   First
+//                       the root of its cosine (0 where total reflection ends, 1 along the normal)
+//                       and the weight m of mirrored light as 0.5 + m / 2, then m less that of
+//                       refracted light likewise
+//   HG_HELD_FIRST       share that a coat (x) and a sheen (y) hold back of light that glass lets
+//                       through from inside: cosine, roughness, layer, roughness of coat or sheen
+//   HG_HELD_MEANS       of light of all directions: roughness, layer, roughness of coat or sheen
 //   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
 //                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (s^2),
-//                       strength (linear), roughness, the first one fastest
+//                       strength (linear), roughness
 //   HG_ANISO_MEANS      likewise of the means: strength, roughness
-//   HG_BRUSHED_FIRST    as HG_ANISO_FIRST, what is to be added to the miss of glass from outside
-//   and
-//                       from inside, layer k of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2,
-//                       s = (k + 1) / HG_BRUSHED_IORS
-//   HG_BRUSHED_MEANS    the mean miss over that of the isotropic surface, / HG_BRUSHED_MOST:
+//   HG_BRUSHED_FIRST    what is to be added to the loss of isotropic glass of hg_aniso_roughness
+//   from
+//                       outside (x) and from inside (y), as in HG_ANISO_FIRST: cosine, lean
+//                       (hg_brushed_lean), strength, roughness, layer of s = (k + 1) /
+//                       HG_BRUSHED_IORS
+//   HG_BRUSHED_MEANS    the mean loss over that of the isotropic surface, / HG_BRUSHED_MOST:
 //                       strength, roughness, layer
 // Words between the tables are 0.
 void hg_dfg_fill(struct hg_vec2 out[HG_DFG_WORDS]);

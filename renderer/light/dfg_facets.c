@@ -4,81 +4,78 @@
 
 // --- visible normals -----------------------------------------------------------------------------
 
-// One visible normal: v.h, its share of all, and h itself.
-struct facet {
-    float h[3], v_dot_h;
-    float weight;
-};
-
 // Smith's Lambda. Heitz 2014 eq. 72 and 80.
-static float smith_lambda(const float w[3], const float alpha[2])
+static inline float smith_lambda(float x, float y, float z, const float alpha[2])
 {
-    const float x = w[0] * alpha[0], y = w[1] * alpha[1], z2 = fmaxf(w[2] * w[2], 1e-14f);
-    return 0.5f * (sqrtf(1 + (x * x + y * y) / z2) - 1);
+    const float ax = x * alpha[0], ay = y * alpha[1], z2 = fmaxf(z * z, 1e-14f);
+    return 0.5f * (sqrtf(1 + (ax * ax + ay * ay) / z2) - 1);
+}
+
+// What is not in shadow of the light that a visible facet sends to a direction: G2 / G1(v), Heitz
+// 2014 eq. 99.
+static inline float unshadowed(const struct hg_facets *c, float x, float y, float z)
+{
+    return c->one_and_lambda_v / (c->one_and_lambda_v + smith_lambda(x, y, z, c->alpha));
+}
+
+// A ring of normals from `first` on. circle: cosines and sines of their azimuths; u: share of the
+// cap above it; weight of each.
+static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t points,
+    const float circle[2][HG_FACETS_RING], float u, float weight, const float stretched[3])
+{
+    const float z = (1 - u) * (1 + stretched[2]) - stretched[2];
+    const float r = sqrtf(hg_clampf(1 - z * z, 0, 1)), up = fmaxf(z + stretched[2], 1e-9f);
+    for (uint32_t i = 0; i < points; i++) {
+        const float x = (r * circle[0][i] + stretched[0]) * c->alpha[0];
+        const float y = (r * circle[1][i] + stretched[1]) * c->alpha[1];
+        const float scale = 1 / sqrtf(x * x + y * y + up * up);
+        c->h[0][first + i] = x * scale;
+        c->h[1][first + i] = y * scale;
+        c->h[2][first + i] = up * scale;
+        c->weight[first + i] = weight;
+        c->v_dot_h[first + i] = fminf((c->v[0] * x + c->v[1] * y + c->v[2] * up) * scale, 1);
+    }
+}
+
+static void mirror_fill(struct hg_facets *c)
+{
+    for (uint32_t i = 0; i < c->count; i++) {
+        const float twice = 2 * c->v_dot_h[i];
+        const float x = twice * c->h[0][i] - c->v[0], y = twice * c->h[1][i] - c->v[1];
+        const float z = twice * c->h[2][i] - c->v[2];
+        const float share = c->weight[i] * unshadowed(c, x, y, z);
+        c->mirror_cos[i] = fminf(z, 1);
+        c->mirrored[i] = z > 0 ? share : 0;
+    }
 }
 
 void hg_facets_init(
     struct hg_facets *c, const float v[3], const float alpha[2], uint32_t n, bool half)
 {
-    for (int i = 0; i < 3; i++)
-        c->v[i] = v[i];
+    const uint32_t all_points = half && n > 1 ? n / 2 : n;
+    const uint32_t points = all_points < HG_FACETS_RING ? all_points : HG_FACETS_RING;
+    float circle[2][HG_FACETS_RING];
+    for (uint32_t i = 0; i < points; i++) {
+        const float phi = (float)HG_PI * (half ? 1 : 2) * ((float)i + 0.5f) / (float)points;
+        circle[0][i] = cosf(phi);
+        circle[1][i] = sinf(phi);
+    }
+    hg_copy3(v, c->v);
     for (int i = 0; i < 2; i++)
         c->alpha[i] = fmaxf(alpha[i], 1e-5f);
-    c->stretched[0] = v[0] * c->alpha[0];
-    c->stretched[1] = v[1] * c->alpha[1];
-    c->stretched[2] = v[2];
-    hg_normalize3(c->stretched);
-    c->one_and_lambda_v = 1 + smith_lambda(v, c->alpha);
-    c->rings = n;
-    c->points = half ? n / 2 : n;
-    c->points = c->points < HG_FACETS_POINTS ? c->points : HG_FACETS_POINTS;
-    c->span = (float)HG_PI * (half ? 1 : 2);
-    for (uint32_t i = 0; i < c->points; i++) {
-        const float phi = c->span * ((float)i + 0.5f) / (float)c->points;
-        c->circle[i][0] = cosf(phi);
-        c->circle[i][1] = sinf(phi);
+    float stretched[3] = {v[0] * c->alpha[0], v[1] * c->alpha[1], v[2]};
+    hg_normalize3(stretched);
+    c->one_and_lambda_v = 1 + smith_lambda(v[0], v[1], v[2], c->alpha);
+    c->count = 0;
+    for (uint32_t j = 0; j < n && c->count + points <= HG_FACETS_MOST; j++) {
+        // Midpoints of t with u = t^2 (3 - 2 t): the ends, where integrands bend, lie denser.
+        const float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
+        const float all = (float)n + 0.5f / (float)n; // of 6 t (1 - t) over the rings
+        ring_fill(
+            c, c->count, points, circle, u, 6 * t * (1 - t) / (all * (float)points), stretched);
+        c->count += points;
     }
-}
-
-static struct facet facet_at(const struct hg_facets *c, uint32_t ring, uint32_t point)
-{
-    // Midpoints of t with u = t^2 (3 - 2 t): the ends, where integrands bend, lie denser.
-    const float t = ((float)ring + 0.5f) / (float)c->rings, u = t * t * (3 - 2 * t);
-    const float z = (1 - u) * (1 + c->stretched[2]) - c->stretched[2];
-    const float r = sqrtf(hg_clampf(1 - z * z, 0, 1));
-    const float all = (float)c->rings + 0.5f / (float)c->rings; // of 6 t (1 - t) over the rings
-    struct facet f = {.weight = 6 * t * (1 - t) / (all * (float)c->points)};
-    f.h[0] = (r * c->circle[point][0] + c->stretched[0]) * c->alpha[0];
-    f.h[1] = (r * c->circle[point][1] + c->stretched[1]) * c->alpha[1];
-    f.h[2] = fmaxf(z + c->stretched[2], 1e-9f);
-    hg_normalize3(f.h);
-    f.v_dot_h = hg_dot3(c->v, f.h);
-    return f;
-}
-
-// What is not in shadow of the light that a visible facet sends to l: G2 / G1(v), Heitz 2014
-// eq. 99.
-static float unshadowed(const struct hg_facets *c, const float l[3])
-{
-    return c->one_and_lambda_v / (c->one_and_lambda_v + smith_lambda(l, c->alpha));
-}
-
-static bool mirrored(const struct hg_facets *c, const struct facet *f, float l[3])
-{
-    for (int i = 0; i < 3; i++)
-        l[i] = 2 * f->v_dot_h * f->h[i] - c->v[i];
-    return l[2] > 0;
-}
-
-static bool bent(const struct hg_facets *c, const struct facet *f, float eta, float l[3])
-{
-    const float k = 1 - (1 - f->v_dot_h * f->v_dot_h) / (eta * eta);
-    if (k <= 0)
-        return false;
-    const float along = f->v_dot_h / eta - sqrtf(k);
-    for (int i = 0; i < 3; i++)
-        l[i] = f->h[i] * along - c->v[i] / eta;
-    return l[2] < 0;
+    mirror_fill(c);
 }
 
 void hg_facets_direction(float cosine, float azimuth_cosine, float v[3])
@@ -92,142 +89,184 @@ void hg_facets_direction(float cosine, float azimuth_cosine, float v[3])
 // --- integrals -----------------------------------------------------------------------------------
 
 // Walter et al. 2007 eq. 22.
-static float fresnel(float c, float eta)
+static inline float fresnel(float c, float eta)
 {
-    const float g2 = eta * eta - 1 + c * c;
-    if (g2 <= 0)
-        return 1;
-    const float g = sqrtf(g2), a = (g - c) / (g + c);
+    const float g2 = eta * eta - 1 + c * c, g = sqrtf(fmaxf(g2, 0)), a = (g - c) / (g + c);
     const float b = (c * (g + c) - 1) / (c * (g - c) + 1);
-    return 0.5f * a * a * (1 + b * b);
+    const float r = 0.5f * a * a * (1 + b * b);
+    return g2 > 0 ? r : 1;
 }
 
-void hg_facets_glass_miss(const struct hg_facets *c, uint32_t count, const float *eta, float *miss)
+// Share of what facet i would refract, if it let all of it through, that arrives behind; cosine
+// there.
+static inline float refracted(const struct hg_facets *c, uint32_t i, float eta, float *cosine)
 {
-    double sum[HG_FACETS_ETAS] = {0};
-    float l[3];
-    for (uint32_t j = 0; j < c->rings; j++)
-        for (uint32_t i = 0; i < c->points; i++) {
-            const struct facet f = facet_at(c, j, i);
-            const float back = mirrored(c, &f, l) ? f.weight * unshadowed(c, l) : 0;
-            for (uint32_t k = 0; k < count; k++) {
-                const float reflected = fresnel(fminf(f.v_dot_h, 1), eta[k]);
-                sum[k] += (double)(reflected * back);
-                if (reflected < 1 && bent(c, &f, eta[k], l))
-                    sum[k] += (double)((1 - reflected) * f.weight * unshadowed(c, l));
-            }
-        }
-    for (uint32_t k = 0; k < count; k++)
-        miss[k] = hg_clampf(1 - (float)sum[k], 0, 1);
+    const float d = c->v_dot_h[i], k = 1 - (1 - d * d) / (eta * eta);
+    const float along = d / eta - sqrtf(fmaxf(k, 0)), s = 1 / eta;
+    const float x = c->h[0][i] * along - c->v[0] * s, y = c->h[1][i] * along - c->v[1] * s;
+    const float z = c->h[2][i] * along - c->v[2] * s, share = c->weight[i] * unshadowed(c, x, y, z);
+    *cosine = fminf(-z, 1);
+    return k > 0 && z < 0 ? share : 0;
 }
 
-// Cosines at facets and their shares of all.
+void hg_facets_glass(
+    const struct hg_facets *c, uint32_t count, const float *eta, struct hg_vec2 *out)
+{
+    static _Thread_local float reflected[HG_FACETS_MOST], through[HG_FACETS_MOST];
+    for (uint32_t k = 0; k < count; k++) {
+        double back = 0, behind = 0;
+        for (uint32_t i = 0; i < c->count; i++) {
+            float cosine;
+            const float r = fresnel(c->v_dot_h[i], eta[k]);
+            reflected[i] = r * c->mirrored[i];
+            through[i] = (1 - r) * refracted(c, i, eta[k], &cosine);
+        }
+        for (uint32_t i = 0; i < c->count; i++) {
+            back += (double)reflected[i];
+            behind += (double)through[i];
+        }
+        out[k] = (struct hg_vec2){
+            hg_clampf((float)(1 - back - behind), 0, 1), hg_clampf((float)back, 0, 1)};
+    }
+}
+
+void hg_facets_let_through(const struct hg_facets *c, float eta,
+    void (*each)(void *user, float share, float cosine), void *user)
+{
+    for (uint32_t i = 0; i < c->count; i++) {
+        float cosine, share = refracted(c, i, eta, &cosine);
+        if (share > 0)
+            each(user, (1 - fresnel(c->v_dot_h[i], eta)) * share, cosine);
+    }
+}
+
+// Cosines at facets, where there is total reflection as x = sqrt(cosine - edge), and their weights.
 struct cosines {
     uint32_t count;
-    double x[HG_FACETS_POINTS * HG_FACETS_POINTS / 8], w[HG_FACETS_POINTS * HG_FACETS_POINTS / 8];
+    double edge; // 0: x are cosines
+    double x[HG_FACETS_MOST], mirrored[HG_FACETS_MOST], refracted[HG_FACETS_MOST];
 };
 
-static void cosines_fill(struct cosines *m, const struct hg_facets *c, bool lost)
+static void cosines_fill(struct cosines *m, const struct hg_facets *c, float eta)
 {
-    float l[3];
-    double sum = 0;
     m->count = 0;
-    for (uint32_t j = 0; j < c->rings; j++)
-        for (uint32_t i = 0; i < c->points; i++) {
-            const struct facet f = facet_at(c, j, i);
-            const bool reflects = mirrored(c, &f, l);
-            const float arrives = reflects ? unshadowed(c, l) : 0;
-            if (m->count == sizeof m->x / sizeof *m->x)
-                continue;
-            m->x[m->count] = (double)f.v_dot_h;
-            m->w[m->count] = (double)(f.weight * (lost ? 1 - arrives : arrives));
-            sum += m->w[m->count++];
-        }
-    for (uint32_t i = 0; i < m->count; i++)
-        m->w[i] /= fmax(sum, 1e-300);
+    m->edge = eta < 1 ? sqrt(1 - (double)(eta * eta)) : 0;
+    for (uint32_t i = 0; i < c->count; i++) {
+        float cosine;
+        const double x = (double)c->v_dot_h[i];
+        if (fresnel(c->v_dot_h[i], eta) >= 1)
+            continue;
+        m->x[m->count] = m->edge > 0 ? sqrt(fmax(x - m->edge, 0)) : x;
+        m->mirrored[m->count] = (double)c->mirrored[i];
+        m->refracted[m->count++] = eta == 1 ? 0 : (double)refracted(c, i, eta, &cosine);
+    }
 }
 
-// The first three orthogonal polynomials of a measure: p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1].
+// The first orthogonal polynomials of their measure: p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1].
+// norm: integrals of p[k]^2.
 struct polynomials {
-    double a[3], b[3];
+    double a[HG_FACET_NODES], b[HG_FACET_NODES], norm[HG_FACET_NODES];
 };
 
-static void evaluate(const struct polynomials *q, double x, double p[4])
+static void evaluate(const struct polynomials *q, double x, uint32_t most, double *p)
 {
     p[0] = 1;
-    p[1] = x - q->a[0];
-    p[2] = (x - q->a[1]) * p[1] - q->b[1];
-    p[3] = (x - q->a[2]) * p[2] - q->b[2] * p[1];
+    for (uint32_t k = 0; k < most; k++)
+        p[k + 1] = (x - q->a[k]) * p[k] - (k > 0 ? q->b[k] * p[k - 1] : 0);
 }
 
 // Stieltjes's procedure; Gautschi 2004, section 2.2.3.1.
 static void orthogonalise(const struct cosines *m, struct polynomials *q)
 {
-    double before = 1;
-    *q = (struct polynomials){{0}, {0}};
-    for (int k = 0; k < 3; k++) {
-        double norm = 0, along = 0, p[4];
+    for (uint32_t k = 0; k < HG_FACET_NODES; k++) {
+        double norm = 0, along = 0, p[HG_FACET_NODES + 1];
         for (uint32_t i = 0; i < m->count; i++) {
-            evaluate(q, m->x[i], p);
-            norm += m->w[i] * p[k] * p[k];
-            along += m->w[i] * p[k] * p[k] * m->x[i];
+            evaluate(q, m->x[i], k, p);
+            const double w = (m->mirrored[i] + m->refracted[i]) * p[k] * p[k];
+            norm += w;
+            along += w * m->x[i];
         }
         q->a[k] = along / fmax(norm, 1e-300);
-        q->b[k] = norm / before;
-        before = fmax(norm, 1e-300);
+        q->b[k] = k > 0 ? norm / fmax(q->norm[k - 1], 1e-300) : 0;
+        q->norm[k] = norm;
     }
 }
 
-static double root_between(const struct polynomials *q, double low, double high)
+static double root_between(const struct polynomials *q, uint32_t degree, double low, double high)
 {
-    double p[4];
-    evaluate(q, low, p);
-    const bool negative = p[3] < 0;
+    double p[HG_FACET_NODES + 1];
+    evaluate(q, low, degree, p);
+    const bool negative = p[degree] < 0;
     for (int i = 0; i < 40; i++) {
         const double middle = (low + high) / 2;
-        evaluate(q, middle, p);
-        *((p[3] < 0) == negative ? &low : &high) = middle;
+        evaluate(q, middle, degree, p);
+        *((p[degree] < 0) == negative ? &low : &high) = middle;
     }
     return (low + high) / 2;
 }
 
-void hg_facets_angles(const struct hg_facets *c, bool lost, float out[3][2])
+// Those of one degree lie between those of the one before.
+static void roots_of(const struct polynomials *q, double out[HG_FACET_NODES])
 {
-    struct cosines m;
+    double ends[HG_FACET_NODES + 1] = {0, 1};
+    for (uint32_t degree = 1; degree <= HG_FACET_NODES; degree++) {
+        for (uint32_t i = 0; i < degree; i++)
+            out[i] = root_between(q, degree, ends[i], ends[i + 1]);
+        for (uint32_t i = 0; i < degree; i++)
+            ends[i + 1] = out[i];
+        if (degree < HG_FACET_NODES)
+            ends[degree + 1] = 1;
+    }
+}
+
+void hg_facets_rule(const struct hg_facets *c, float eta, struct hg_facet_node out[HG_FACET_NODES])
+{
+    enum { N = HG_FACET_NODES };
+    static _Thread_local struct cosines m;
     struct polynomials q;
-    cosines_fill(&m, c, lost);
+    double roots[N], mirrored[N] = {0}, refracted[N] = {0}, p[N + 1];
+    cosines_fill(&m, c, eta);
     orthogonalise(&m, &q);
-    const bool narrow = q.b[1] < 1e-8 || q.b[2] < 1e-10;
-    // Between the two roots of p[2] and around them.
-    const double middle = (q.a[0] + q.a[1]) / 2, half = (q.a[0] - q.a[1]) / 2;
-    const double root = sqrt(half * half + q.b[1]);
-    const double ends[4] = {0, middle - root, middle + root, 1};
-    for (int i = 0; i < 3; i++) {
-        double p[4];
-        const double x = narrow ? q.a[0] : root_between(&q, ends[i], ends[i + 1]);
-        evaluate(&q, x, p);
-        const double w = 1 / (1 + p[1] * p[1] / q.b[1] + p[2] * p[2] / (q.b[1] * q.b[2]));
-        out[i][0] = hg_clampf((float)x, 0, 1);
-        out[i][1] = narrow ? (i == 1 ? 2.0f / 3 : 1.0f / 6) : (float)w;
+    roots_of(&q, roots);
+    for (uint32_t i = 0; i < m.count; i++) {
+        evaluate(&q, m.x[i], N - 1, p);
+        for (uint32_t k = 0; k < N; k++) {
+            mirrored[k] += m.mirrored[i] * p[k];
+            refracted[k] += m.refracted[i] * p[k];
+        }
+    }
+    bool narrow = false;
+    for (uint32_t k = 1; k < N; k++)
+        narrow = narrow || q.b[k] < 1e-8;
+    for (uint32_t i = 0; i < N; i++) {
+        const double x = narrow ? q.a[0] : roots[i];
+        evaluate(&q, x, N - 1, p);
+        double sum = 0, share[2] = {0, 0};
+        for (uint32_t k = 0; k < (narrow ? 1u : N); k++) {
+            const double norm = fmax(q.norm[k], 1e-300);
+            sum += p[k] * p[k] / norm;
+            share[0] += mirrored[k] * p[k] / norm;
+            share[1] += refracted[k] * p[k] / norm;
+        }
+        const double weight = narrow ? q.norm[0] / N : 1 / sum;
+        out[i].cosine = hg_clampf((float)(m.edge > 0 ? m.edge + x * x : x), 0, 1);
+        out[i].mirrored = (float)(weight * share[0]);
+        out[i].refracted = (float)(weight * share[1]);
     }
 }
 
 void hg_facets_reflect(
     const struct hg_facets *c, float (*kept)(const void *, float), const void *user, float ab[2])
 {
-    float l[3];
     double a = 0, b = 0;
-    for (uint32_t j = 0; j < c->rings; j++)
-        for (uint32_t i = 0; i < c->points; i++) {
-            const struct facet f = facet_at(c, j, i);
-            if (!mirrored(c, &f, l))
-                continue;
-            const float m = hg_clampf(1 - f.v_dot_h, 0, 1), m2 = m * m, schlick = m2 * m2 * m;
-            const float share = kept ? kept(user, fminf(l[2], 1)) : 1;
-            const float w = f.weight * unshadowed(c, l) * share;
-            a += (double)(w * (1 - schlick));
-            b += (double)(w * schlick);
-        }
+    for (uint32_t i = 0; i < c->count; i++) {
+        if (c->mirrored[i] <= 0)
+            continue;
+        const float m = hg_clampf(1 - c->v_dot_h[i], 0, 1), m2 = m * m, schlick = m2 * m2 * m;
+        const float w = c->mirrored[i] * (kept ? kept(user, c->mirror_cos[i]) : 1);
+        a += (double)(w * (1 - schlick));
+        b += (double)(w * schlick);
+    }
     ab[0] = (float)a;
     ab[1] = (float)b;
 }

@@ -6,22 +6,25 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define HG_FACETS_POINTS 128 // most of a ring
-#define HG_FACETS_ETAS   32  // most indices at once
+#include "shaders/shared/light.h"
 
-// Visible normals as rings of points on a spherical cap.
+#define HG_FACETS_MOST 2592 // 72 rings of 36 points
+#define HG_FACETS_RING 128
+
+// Visible normals as rings of points on a spherical cap, element by element.
 // Source: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
 struct hg_facets {
     float v[3], alpha[2];
-    float stretched[3];
     float one_and_lambda_v;
-    uint32_t rings, points;
-    float span; // azimuths 0..span; half of the circle where both halves are alike
-    float circle[HG_FACETS_POINTS][2];
+    uint32_t count;
+    float h[3][HG_FACETS_MOST], v_dot_h[HG_FACETS_MOST];
+    float weight[HG_FACETS_MOST];     // share of all
+    float mirrored[HG_FACETS_MOST];   // that share, of it what arrives mirrored, G2 / G1(v)
+    float mirror_cos[HG_FACETS_MOST]; // cosine at which it does, below 0: into the surface
 };
 
-// n rings of n points, n / 2 with half. v: unit, in the surface's frame, v[2] > 0; alpha: its
-// widths along x and y.
+// n rings of n points, n / 2 with half, where both halves are alike; at most HG_FACETS_MOST. v:
+// unit, in the surface's frame, v[2] > 0; alpha: its widths along x and y.
 void hg_facets_init(
     struct hg_facets *facets, const float v[3], const float alpha[2], uint32_t n, bool half);
 
@@ -34,17 +37,33 @@ void hg_facets_direction(float cosine, float azimuth_cosine, float v[3]);
 void hg_facets_reflect(const struct hg_facets *facets,
     float (*kept)(const void *user, float cosine), const void *user, float ab[2]);
 
-// Share of light that an interface of glass neither reflects nor lets through when every ray meets
-// one facet only: 1 - E, by Fresnel's equations and Walter's refraction. eta: index of refraction
-// behind over that in front, `count` of them, at most HG_FACETS_ETAS.
+// What an interface of glass does when every ray meets one facet only, by Fresnel's equations and
+// Walter's refraction. eta: index of refraction behind over that in front, `count` of them.
+// out[count]: x the share of light that is neither reflected nor let through, 1 - E;
+// y the share that is reflected.
 // Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
-void hg_facets_glass_miss(
-    const struct hg_facets *facets, uint32_t count, const float *eta, float *miss);
+void hg_facets_glass(
+    const struct hg_facets *facets, uint32_t count, const float *eta, struct hg_vec2 *out);
 
-// Three cosines v.h and their weights that have the first six moments of the cosines at the facets
-// that reflect light of all directions to v, or of what else v sees (lost): a function of the angle
-// at the facet has the mean sum of out[i][1] f(out[i][0]). Gauss's quadrature.
-// Source: Golub and Welsch 1969; Stieltjes's procedure in Gautschi 2004, section 2.2.3.1.
-void hg_facets_angles(const struct hg_facets *facets, bool lost, float out[3][2]);
+// Light that such an interface lets through: `each` gets shares of all light and the cosine to the
+// normal at which they leave.
+void hg_facets_let_through(const struct hg_facets *facets, float eta,
+    void (*each)(void *user, float share, float cosine), void *user);
+
+// One facet that stands for others: v.h, and weights of its mirrored and of its refracted light.
+struct hg_facet_node {
+    float cosine, mirrored, refracted;
+};
+
+// Facets for integrals of a function f of the angle at the facet over those whose mirrored light
+// arrives, or those whose refracted light would if they let all of it through, but for those where
+// eta means total reflection: sum of weight f(cosine). eta 1: of mirrored light alone.
+// Gauss's nodes of both kinds together, so that what differs between the two comes of how they
+// differ, not of where f is read. Polynomials in the cosine, or where there is total reflection
+// below a cosine c in sqrt(cosine - c), as Fresnel's equations bend there: of degree 7 for both
+// together, of degree 3 for each. Source: Golub and Welsch 1969; Stieltjes's procedure in Gautschi
+// 2004, section 2.2.3.1.
+void hg_facets_rule(
+    const struct hg_facets *facets, float eta, struct hg_facet_node out[HG_FACET_NODES]);
 
 #endif

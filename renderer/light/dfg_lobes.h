@@ -1,11 +1,20 @@
-// dfg_lobes.h - the tables of hg_dfg_fill for glass, films and anisotropy.
-// Floor 2 (light), private to dfg.c. Pure; same result on every run.
+// dfg_lobes.h - the parts of hg_dfg_fill beyond hg_dfg itself and sheen.
+// Floor 2 (light), private to dfg*.c. Pure; same result on every run.
 #ifndef HG_RENDERER_LIGHT_DFG_LOBES_H
 #define HG_RENDERER_LIGHT_DFG_LOBES_H
 
 #include "renderer/light/dfg.h"
 
-// Everything from HG_GLASS_FIRST on; reads hg_dfg's own part of `out`.
-void hg_dfg_fill_lobes(struct hg_vec2 out[HG_DFG_WORDS]);
+// out: [HG_DFG_WORDS]. Each fills its tables and reads those of hg_dfg and sheen.
+void hg_dfg_fill_layers(struct hg_vec2 *out);
+void hg_dfg_fill_glass(struct hg_vec2 *out); // with its films
+void hg_dfg_fill_aniso(struct hg_vec2 *out); // after hg_dfg_fill_glass, which it reads
+
+static inline void hg_dfg_each(
+    struct hg_vec2 *out, uint32_t count, void (*job)(struct hg_vec2 *out, uint32_t job))
+{
+    for (uint32_t i = 0; i < count; i++)
+        job(out, i);
+}
 
 #endif

@@ -83,7 +83,7 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
     float twice = b.several_v * several_l / b.several_avg;
     bool below = behind && !b.thin;
     float eta_l = below ? 1.0 / b.eta : b.eta;
-    hg_reflectance mean_l =
+    hg_bsdf_mean mean_l =
         hg_bsdf_mean_reflectance(b, table_l, below_l, eta_l, b.inside != below);
     vec3 enter_l =
         over.left - hg_bsdf_dielectric_albedo(b, mean_l.dielectric, below_l, over.left);
@@ -92,13 +92,18 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
         sum += b.tint * (0.5 * b.transmission) * (1.0 - b.ms_dielectric) * twice;
     else if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
-        float miss = hg_bsdf_glass_table(b, l_ts, table_l, eta_l);
-        vec3 glass = b.transmission * layers * b.glass_v *
-            hg_bsdf_glass_miss(b, miss, table_l, dfg_l, eta_l, b.inside != below, mean_l);
+        vec3 miss = hg_bsdf_glass_miss(hg_bsdf_glass_table(b, l_ts, table_l, eta_l), mean_l);
+        vec3 glass = b.transmission * layers * b.glass_v * miss;
         if (behind)
             sum += b.tint * glass * (1.0 - b.glass_front) / (b.glass_avg_behind * b.eta * b.eta);
         else
             sum += glass * b.glass_front / b.glass_avg;
+        if (!behind && b.layered_glass) {
+            vec3 held = b.inside
+                ? hg_bsdf_held_inside(b, table_l, mean_l, miss) * b.tint * b.tint
+                : hg_bsdf_held_outside(b, mean_l, dfg_l, below_l, over.through, over.left);
+            sum += b.transmission * b.held_v * held / b.held_avg;
+        }
     }
     return sum * shape;
 }

@@ -91,31 +91,63 @@ vec2 hg_bsdf_dfg(hg_bsdf b, vec3 w_ts)
     return dfg;
 }
 
-// Mean over facets of a direction: hg_facet_angles_at.
-hg_reflectance hg_bsdf_facet_mean(hg_bsdf b, uint first, float cos_theta, float eta, bool inside)
+// Means over facets of a direction.
+struct hg_bsdf_mean {
+    vec3 dielectric, base; // of light that they mirror
+    // Where glass does not reflect what Fresnel's equations say: how much more all reflect whose
+    // mirrored light arrives, and those whose refracted light does.
+    vec3 more, less_through;
+};
+
+// By facets that stand for those that reflect light of a direction: hg_facet_angles_at.
+hg_bsdf_mean hg_bsdf_facet_mean(hg_bsdf b, float cos_theta, float eta, bool inside)
 {
-    hg_reflectance sum;
-    vec3 weights, at = hg_facet_angles_at(first, cos_theta, b.mean_roughness, weights);
-    sum.exact = 0.0;
-    sum.dielectric = sum.base = vec3(0.0);
-    for (int i = 0; i < 3; i++) {
+    hg_bsdf_mean sum;
+    vec4 weights, at = hg_facet_angles_at(cos_theta, b.mean_roughness, weights);
+    sum.dielectric = sum.base = sum.more = sum.less_through = vec3(0.0);
+    for (int i = 0; i < HG_FACET_NODES; i++) {
         hg_reflectance r = hg_bsdf_reflectance(b, at[i], eta, inside);
-        sum.exact += weights[i] * r.exact;
         sum.dielectric += weights[i] * r.dielectric;
         sum.base += weights[i] * r.base;
     }
     return sum;
 }
 
-// Of those that reflect light of a direction, dfg: hg_bsdf_dfg there.
-hg_reflectance hg_bsdf_mean_reflectance(
-    hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside)
+// Of glass: what Fresnel's equations say is in a table, differences from it are taken at points that
+// stand for all facets without total reflection.
+hg_bsdf_mean hg_bsdf_glass_mean(hg_bsdf b, float cos_theta, float eta, bool inside)
 {
+    hg_bsdf_mean mean;
+    mean.base = mean.more = mean.less_through = vec3(0.0);
+    if (b.metallic > 0.0) {
+        mean = hg_bsdf_facet_mean(b, cos_theta, eta, inside);
+        mean.base -= mean.dielectric * (1.0 - b.metallic);
+    }
+    if (!b.glass_plain)
+        for (uint i = 0u; i < HG_FACET_NODES; i++) {
+            vec3 node = hg_film_node(i, cos_theta, b.mean_roughness, eta);
+            hg_reflectance r = hg_bsdf_reflectance(b, node.x, eta, inside);
+            vec3 difference = r.dielectric - r.exact;
+            mean.more += node.y * difference;
+            mean.less_through += (node.y - node.z) * difference;
+        }
+    vec2 all = hg_dfg(cos_theta, b.mean_roughness);
+    float exact = hg_glass_shares(cos_theta, b.mean_roughness, eta).y;
+    mean.dielectric = clamp((exact + mean.more) / max(all.x + all.y, 1e-4), 0.0, 1.0);
+    mean.base += mean.dielectric * (1.0 - b.metallic);
+    return mean;
+}
+
+// Of those that reflect light of a direction, dfg: hg_bsdf_dfg there.
+hg_bsdf_mean hg_bsdf_mean_reflectance(hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside)
+{
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.exact && b.transmission > 0.0)
+        return hg_bsdf_glass_mean(b, cos_theta, eta, inside);
     if (b.exact)
-        return hg_bsdf_facet_mean(b, HG_ANGLES_FIRST, cos_theta, eta, inside);
+        return hg_bsdf_facet_mean(b, cos_theta, eta, inside);
     float schlick = dfg.y / max(dfg.x + dfg.y, 1e-6);
-    return hg_reflectance(0.0, b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * schlick,
-        b.base.f0 + (b.f90 - b.base.f0) * schlick);
+    return hg_bsdf_mean(b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * schlick,
+        b.base.f0 + (b.f90 - b.base.f0) * schlick, vec3(0.0), vec3(0.0));
 }
 
 // Directional albedo of the base's single reflection, below the layers where dfg is.

@@ -9,6 +9,7 @@
 #define HG_LIB_BSDF_GLASS_GLSL
 
 #include "lib/bsdf_facets.glsl"
+#include "lib/bsdf_layers.glsl"
 
 // Gauss-Jacobi: cosines and weights of cosine-weighted means, exact for Schlick's term.
 const vec4 hg_gauss_x = vec4(0.13975986, 0.41640957, 0.72315699, 0.94289580);
@@ -39,74 +40,81 @@ vec3 hg_surface_disperse(inout hg_surface s, inout uint channel, float u)
 
 // --- several bounces between its facets ----------------------------------------------------------
 
-// hg_glass_miss in a direction. table_cos: hg_bsdf_cosine.
+// What single scattering loses in a direction by the tables. table_cos: hg_bsdf_cosine.
 float hg_bsdf_glass_table(hg_bsdf b, vec3 w_ts, float table_cos, float eta)
 {
-    float miss = hg_glass_miss(table_cos, b.mean_roughness, eta).x;
     if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
-        return miss;
-    miss += hg_brushed_correction(w_ts, b.base.roughness, b.anisotropy, eta).x;
+        return hg_glass_shares(table_cos, b.mean_roughness, eta).x;
+    float miss = hg_glass_shares(abs(w_ts.z), b.mean_roughness, eta).x;
+    miss += hg_brushed_correction(w_ts, b.base.roughness, b.anisotropy, eta);
     return clamp(miss, 0.0, 1.0);
 }
 
 // Its mean over all light of that side.
 float hg_bsdf_glass_table_average(hg_bsdf b, float eta)
 {
-    float miss = hg_glass_miss_average(b.mean_roughness, eta).x;
+    float miss = hg_glass_shares_average(b.mean_roughness, eta).x;
     if (!HG_HAS(HG_FEATURE_ANISOTROPY) || b.alpha.x == b.alpha.y)
         return miss;
-    return miss * hg_brushed_average_ratio(b.base.roughness, b.anisotropy, eta).x;
+    return miss * hg_brushed_average_ratio(b.base.roughness, b.anisotropy, eta);
 }
 
-// What rough glass misses in a direction where its table says `miss`: there each facet reflects
-// `exact` of the light and lets the rest through, here it reflects `dielectric`. Of what is let
-// through the same share arrives. eta as seen from this side, mean: hg_bsdf_mean_reflectance there.
-vec3 hg_bsdf_glass_miss(hg_bsdf b, float miss, float cos_theta, vec2 dfg, float eta, bool inside,
-    hg_reflectance mean)
+// What rough glass misses in a direction where its table says `miss`; mean:
+// hg_bsdf_mean_reflectance there.
+vec3 hg_bsdf_glass_miss(float miss, hg_bsdf_mean mean)
 {
-    float e = dfg.x + dfg.y;
-    if (b.glass_plain)
-        return vec3(miss);
-    hg_reflectance lost = hg_bsdf_facet_mean(b, HG_LOST_FIRST, cos_theta, eta, inside);
-    float met = mean.exact * e + lost.exact * (1.0 - e);
-    vec3 more = (mean.dielectric - mean.exact) * e;
-    float enters = clamp((1.0 - miss - mean.exact * e) / max(1.0 - met, 1e-4), 0.0, 1.0);
-    vec3 met_more = more + (lost.dielectric - lost.exact) * (1.0 - e);
-    return clamp(miss - more + met_more * enters, 0.0, 1.0);
+    return clamp(miss - mean.more + mean.less_through, 0.0, 1.0);
 }
 
-// Mean of that over all light of one side, as Gauss's points say in proportion to the table's; r:
-// mean of what the dielectric reflects on that side.
-vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r)
+// Points and weights of cosine-weighted means of what total reflection bends: Gauss's three on each
+// side of it; from outside all six over the roots of the cosines.
+float hg_glass_gauss(uint i, float eta, out float weight)
 {
-    float eta = b.inside == inside ? b.eta : 1.0 / b.eta, table = 0.0;
-    vec3 here = vec3(0.0);
-    r = vec3(hg_fresnel_average(eta));
-    if (b.glass_plain)
-        return vec3(max(hg_bsdf_glass_table_average(b, eta), 1e-4));
-    for (int i = 0; i < 4; i++) {
-        float c = hg_gauss_x[i], miss = hg_glass_miss(c, b.mean_roughness, eta).x;
-        vec2 dfg = hg_dfg(c, b.mean_roughness);
-        hg_reflectance mean = hg_bsdf_mean_reflectance(b, c, dfg, eta, inside);
-        here += hg_gauss_w[i] * hg_bsdf_glass_miss(b, miss, c, dfg, eta, inside, mean);
-        table += hg_gauss_w[i] * miss;
-        hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
-        r += hg_gauss_w[i] * (mirror.dielectric - mirror.exact);
+    const vec3 x = vec3(0.11270167, 0.5, 0.88729833), w = vec3(5.0, 8.0, 5.0) / 36.0;
+    float p = 0.5 * (x[i % 3u] + float(i / 3u)), c = p * p;
+    float edge = hg_glass_edge(eta), s = sin(HG_PI * p), q = 2.0 * p - 1.0;
+    weight = 4.0 * c * p; // d(c^2) / dp
+    if (eta < 1.0 && i < 3u) {
+        c = edge * s * s;
+        weight = 4.0 * HG_PI * edge * c * s * cos(HG_PI * p);
+    } else if (eta < 1.0) {
+        c = edge + (1.0 - edge) * q * q;
+        weight = 8.0 * c * (1.0 - edge) * q;
     }
-    return max(here / max(table, 1e-6) * hg_bsdf_glass_table_average(b, eta), 1e-4);
+    weight *= w[i % 3u];
+    return c;
+}
+
+// Mean of the miss over all light of one side. r: of what smooth facets of the dielectric reflect;
+// reflected: of what rough ones do.
+vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflected)
+{
+    float eta = b.inside == inside ? b.eta : 1.0 / b.eta;
+    vec3 miss = vec3(hg_bsdf_glass_table_average(b, eta));
+    r = vec3(hg_fresnel_average(eta));
+    reflected = vec3(hg_glass_shares_average(b.mean_roughness, eta).y);
+    if (!b.glass_plain)
+        for (uint i = 0u; i < 6u; i++) {
+            float weight, c = hg_glass_gauss(i, eta, weight);
+            hg_bsdf_mean mean = hg_bsdf_glass_mean(b, c, eta, inside);
+            miss += weight * (mean.less_through - mean.more);
+            reflected += weight * mean.more;
+            hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
+            r += weight * (mirror.dielectric - mirror.exact);
+        }
+    return clamp(miss, 1e-4, 1.0);
 }
 
 // What facets of glass give back after several bounces, and what that leaves to opaque layers.
-void hg_bsdf_make_glass(inout hg_bsdf b, hg_reflectance mean, float cos_v)
+void hg_bsdf_make_glass(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
 {
-    b.glass_v = b.glass_front = vec3(0.0);
+    b.glass_v = b.glass_front = b.glass_reflected = vec3(0.0);
     b.glass_avg = b.glass_avg_behind = vec3(1.0);
     if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.thin || b.transmission <= 0.0)
         return;
-    float miss = hg_bsdf_glass_table(b, b.v_ts, cos_v, b.eta);
-    b.glass_v = hg_bsdf_glass_miss(b, miss, cos_v, b.base.dfg_v, b.eta, b.inside, mean);
-    vec3 r, from_outside = hg_bsdf_glass_average(b, false, r), unused;
-    vec3 from_inside = hg_bsdf_glass_average(b, true, unused);
+    b.glass_v = hg_bsdf_glass_miss(hg_bsdf_glass_table(b, b.v_ts, cos_v, b.eta), mean);
+    vec3 r, unused, out_of, from_outside = hg_bsdf_glass_average(b, false, r, unused);
+    vec3 from_inside = hg_bsdf_glass_average(b, true, out_of, b.glass_reflected);
     // What enters from outside is n^2 times what leaves: (1 - a) m_avg n^2 is the same both ways.
     float n2 = b.inside ? b.eta * b.eta : 1.0;
     vec3 enters = (1.0 - r) * min(from_outside, from_inside) * n2;
@@ -114,6 +122,75 @@ void hg_bsdf_make_glass(inout hg_bsdf b, hg_reflectance mean, float cos_v)
     b.glass_avg_behind = b.inside ? from_outside : from_inside;
     b.glass_front = 1.0 - enters / b.glass_avg;
     b.base.f_ms -= b.transmission * b.ms_dielectric;
+}
+
+// --- what layers over it hold back ---------------------------------------------------------------
+
+// From outside a layer holds back some of what glass reflects, from inside some of what it lets
+// through, in one bounce and in several. It goes on as light reflected to that side, a lobe like
+// those above, which is what the underside of a layer does.
+
+// From outside at a direction where dfg is that of the base without layers and below with them; with
+// what a coat throws back at sheen.
+vec3 hg_bsdf_held_outside(
+    hg_bsdf b, hg_bsdf_mean mean, vec2 dfg, vec2 below, float through, float left)
+{
+    vec2 held = max(dfg * through - below, 0.0);
+    if (b.exact)
+        return mean.dielectric * (held.x + held.y) + (left - through);
+    return b.f0_dielectric * held.x + b.f90_dielectric * held.y + (left - through);
+}
+
+// Share of what leaves that coat and sheen hold back, of theirs at strength 1.
+float hg_bsdf_held_of(hg_bsdf b, vec2 held)
+{
+    vec2 h = held * vec2(b.coat, b.sheen_max);
+    return h.x + h.y - h.x * h.y;
+}
+
+// From inside; mean: hg_bsdf_mean_reflectance there, miss: hg_bsdf_glass_miss.
+vec3 hg_bsdf_held_inside(hg_bsdf b, float cos_theta, hg_bsdf_mean mean, vec3 miss)
+{
+    vec2 layers = vec2(b.coat_roughness, b.sheen_roughness);
+    vec2 shares = hg_glass_shares(cos_theta, b.mean_roughness, b.eta);
+    vec3 leaves = max(1.0 - shares.x - shares.y - mean.less_through, 0.0);
+    float held = hg_bsdf_held_of(b, hg_glass_held(cos_theta, b.mean_roughness, b.eta, layers));
+    return leaves * held + miss * (1.0 - b.glass_front) * b.held_several;
+}
+
+// Mean of that.
+vec3 hg_bsdf_held_average(hg_bsdf b)
+{
+    vec2 layers = vec2(b.coat_roughness, b.sheen_roughness);
+    vec3 leaves = max(1.0 - b.glass_avg - b.glass_reflected, 0.0);
+    float held = hg_bsdf_held_of(b, hg_glass_held_average(b.mean_roughness, b.eta, layers));
+    return leaves * held + b.glass_avg * (1.0 - b.glass_front) * b.held_several;
+}
+
+// Seen from inside; from outside hg_bsdf_make_enter makes the mean.
+void hg_bsdf_make_held(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
+{
+    b.held_v = b.held_avg = vec3(0.0);
+    b.held_several = 0.0;
+    b.layered_glass = HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin && b.transmission > 0.0 &&
+        max(b.coat, b.sheen_max) > 0.0;
+    if (!b.layered_glass)
+        return;
+    if (!b.inside) {
+        b.held_v =
+            hg_bsdf_held_outside(b, mean, b.base.dfg_v, b.below_v, b.through_v, b.left_v);
+        return;
+    }
+    float all = 0.0;
+    for (int i = 0; i < 4; i++) {
+        float c = hg_gauss_x[i];
+        float miss = hg_gauss_w[i] * hg_glass_shares(c, b.mean_roughness, 1.0 / b.eta).x;
+        b.held_several += miss * (1.0 - hg_bsdf_layers_at(b, c, c).through);
+        all += miss;
+    }
+    b.held_several /= max(all, 1e-6);
+    b.held_v = hg_bsdf_held_inside(b, cos_v, mean, b.glass_v);
+    b.held_avg = max(hg_bsdf_held_average(b), 1e-5);
 }
 
 #endif

@@ -89,18 +89,28 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
                 over = hg_bsdf_layers_at(b, c, c);
                 below = hg_bsdf_dfg_below(b, c, dfg, over);
             }
-            vec3 mean = hg_bsdf_mean_reflectance(
-                b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside).dielectric;
-            vec3 albedo = hg_bsdf_dielectric_albedo(b, mean, below, over.left);
+            hg_bsdf_mean mean = hg_bsdf_mean_reflectance(
+                b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside);
+            vec3 albedo = hg_bsdf_dielectric_albedo(b, mean.dielectric, below, over.left);
             b.enter_avg += hg_gauss_w[i] * (over.left - albedo);
+            if (b.layered_glass && !b.inside)
+                b.held_avg += hg_gauss_w[i] *
+                    hg_bsdf_held_outside(b, mean, dfg, below, over.through, over.left);
             vec2 held = dfg - below;
             if (k == 1u)
                 b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.left - 1.0);
+        }
+        if (HG_HAS(HG_FEATURE_TRANSMISSION) && inside && b.exact && b.transmission > 0.0) {
+            // Total reflection is not for Gauss's points.
+            vec2 all = b.base.dfg_avg;
+            b.enter_avg = 1.0 - hg_bsdf_dielectric_albedo(b,
+                clamp(b.glass_reflected / max(all.x + all.y, 1e-4), 0.0, 1.0), all, 1.0);
         }
         b.enter_avg = max(b.enter_avg, 1e-4);
         b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);
     }
     b.several_avg = max(b.several_avg, 1e-4);
+    b.held_avg = max(b.held_avg, 1e-5);
 }
 
 // Shares of what leaves under uniform light, about: the chances of the lobes.
@@ -116,7 +126,8 @@ void hg_bsdf_make_chances(inout hg_bsdf b, vec3 reflected)
             hg_max3(b.glass_v * (1.0 - b.glass_front) * b.tint));
     float specular = hg_max3(reflected) + max(through - wide.x - wide.y, 0.0);
     float diffuse =
-        hg_max3(b.base.diffuse * b.enter_v) + hg_max3(b.base.f_ms) * b.several_v + wide.x;
+        hg_max3(b.base.diffuse * b.enter_v) + hg_max3(b.base.f_ms) * b.several_v + wide.x +
+        b.transmission * hg_max3(b.held_v);
     float behind = hg_max3(b.behind * b.enter_v) + wide.y;
     specular = max(specular, 0.1 * (specular + diffuse + behind));
     float coat = b.inside ? 0.0 : 1.0 - b.coat_v;
@@ -164,8 +175,9 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     b.exact = b.exact || (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0);
     float cos_v = hg_bsdf_cosine(b, b.v_ts);
     hg_bsdf_make_layers(b, s, cos_v);
-    hg_reflectance mean = hg_bsdf_mean_reflectance(b, cos_v, b.below_v, b.eta, b.inside);
+    hg_bsdf_mean mean = hg_bsdf_mean_reflectance(b, cos_v, b.below_v, b.eta, b.inside);
     hg_bsdf_make_glass(b, mean, cos_v);
+    hg_bsdf_make_held(b, mean, cos_v);
     b.enter_v = b.left_v - hg_bsdf_dielectric_albedo(b, mean.dielectric, b.below_v, b.left_v);
     hg_bsdf_make_enter(b);
     b.delta = b.delta && b.alpha.x < 1e-2;

@@ -32,6 +32,10 @@ struct hg_bsdf {
     vec3 ms_dielectric;  // colour of the dielectric's several bounces
     vec3 glass_avg, glass_avg_behind; // m_avg and m'_avg of glass
     vec3 glass_v, glass_front; // m(v), a
+    vec3 glass_reflected; // mean of what facets reflect of light from inside
+    bool layered_glass;  // layers hold back light of glass: hg_bsdf_make_held
+    vec3 held_v, held_avg;
+    float held_several;  // of what leaves after several bounces
     bool glass_plain;    // its facets reflect what the table's do
     bool exact;          // albedos of the dielectric are needed with Fresnel's equations
     vec3 f0_dielectric;

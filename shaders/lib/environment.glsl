@@ -174,7 +174,7 @@ vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
     if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
         sum += b.behind * b.enter_v * hg_environment_irradiance(-b.base.n) * occlusion;
     if (HG_HAS(HG_FEATURE_TRANSMISSION))
-        sum += b.transmission * b.glass_v * b.glass_front * b.through_v * irradiance;
+        sum += b.transmission * (b.glass_v * b.glass_front * b.through_v + b.held_v) * irradiance;
     if (HG_HAS(HG_FEATURE_SHEEN))
         sum += b.sheen * (b.sheen_albedo_v.y * b.coat_v) * irradiance;
     if (HG_HAS(HG_FEATURE_CLEARCOAT)) {

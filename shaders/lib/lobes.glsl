@@ -65,11 +65,6 @@ float hg_aniso_cosine(vec3 w_ts, vec2 alpha, float roughness)
     return abs(w_ts.z) * inversesqrt(max(z2 + dot(e, e) / max(width * width, 1e-12), 1e-12));
 }
 
-vec2 hg_lobe_signed(uint i)
-{
-    return (hg_lobe_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
-}
-
 // Place in tables of anisotropic surfaces, 0..1: cosine, azimuth, strength, roughness.
 vec4 hg_aniso_place(vec3 w_ts, float roughness, float strength)
 {
@@ -77,37 +72,25 @@ vec4 hg_aniso_place(vec3 w_ts, float roughness, float strength)
     return vec4(sqrt(min(vec2(abs(w_ts.z), azimuth), 1.0)), strength, roughness);
 }
 
+vec2 hg_aniso_signed(vec2 entry)
+{
+    return (entry - 0.5) * (2.0 * HG_ANISO_RANGE);
+}
+
 // What is missing in hg_dfg of an anisotropic surface: HG_ANISO_FIRST of renderer/light/dfg.h.
 vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
 {
-    const uvec4 last = uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS,
-        HG_ANISO_ROUGHS) - 1u;
-    vec4 p = hg_aniso_place(w_ts, roughness, strength) * vec4(last);
-    uvec4 i = uvec4(min(p, vec4(last) - 1.0));
-    vec4 f = p - vec4(i);
-    vec2 sum = vec2(0.0);
-    for (uint k = 0u; k < 8u; k++) {
-        uvec3 o = uvec3(k, k >> 1u, k >> 2u) & 1u;
-        vec3 w = mix(1.0 - f.yzw, f.yzw, vec3(o));
-        uvec3 j = i.yzw + o;
-        uint at = HG_ANISO_FIRST + ((j.z * HG_ANISO_STRENGTHS + j.y) * HG_ANISO_AZIMUTHS + j.x) *
-            HG_ANISO_COSINES + i.x;
-        sum += w.x * w.y * w.z * mix(hg_lobe_signed(at), hg_lobe_signed(at + 1u), f.x);
-    }
-    return sum;
+    const uvec4 size =
+        uvec4(HG_ANISO_COSINES, HG_ANISO_AZIMUTHS, HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS);
+    return hg_aniso_signed(
+        hg_table_4(HG_ANISO_FIRST, hg_aniso_place(w_ts, roughness, strength), size));
 }
 
 // What is missing in hg_dfg_average.
 vec2 hg_aniso_average_correction(float roughness, float strength)
 {
-    const uvec2 last = uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS) - 1u;
-    vec2 p = vec2(strength, roughness) * vec2(last);
-    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
-    vec2 f = p - vec2(i);
-    uint k = HG_ANISO_MEANS + i.y * HG_ANISO_STRENGTHS + i.x;
-    vec2 low = mix(hg_lobe_signed(k), hg_lobe_signed(k + 1u), f.x);
-    k += HG_ANISO_STRENGTHS;
-    return mix(low, mix(hg_lobe_signed(k), hg_lobe_signed(k + 1u), f.x), f.y);
+    return hg_aniso_signed(hg_table_2(HG_ANISO_MEANS, vec2(strength, roughness),
+        uvec2(HG_ANISO_STRENGTHS, HG_ANISO_ROUGHS)));
 }
 
 // --- Fresnel terms -------------------------------------------------------------------------------
@@ -187,21 +170,25 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
     return clamp(sum, 0.0, 1.0);
 }
 
-// Cosines at three facets that stand for all that reflect to a direction (first: HG_ANGLES_FIRST) or
-// all else that it sees (HG_LOST_FIRST), and their weights: hg_facets_angles in renderer/light/dfg_facets.h.
-vec3 hg_facet_angles_at(uint first, float cos_theta, float roughness, out vec3 weights)
+// Cosines at facets that stand for all that reflect to a direction, and their weights:
+// HG_ANGLES_FIRST of renderer/light/dfg.h.
+vec4 hg_facet_angles_at(float cos_theta, float roughness, out vec4 weights)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
     vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
-    vec2 f = p - vec2(i), sum[3];
-    uint k = first + 3u * (i.y * HG_ANGLES_SIZE + i.x), row = 3u * HG_ANGLES_SIZE;
-    for (uint n = 0u; n < 3u; n++)
-        sum[n] = mix(mix(hg_dfg_at(k + n), hg_dfg_at(k + n + 3u), f.x),
-            mix(hg_dfg_at(k + n + row), hg_dfg_at(k + n + row + 3u), f.x), f.y);
-    weights = vec3(sum[0].y, sum[1].y, sum[2].y);
-    weights /= weights.x + weights.y + weights.z;
-    return vec3(sum[0].x, sum[1].x, sum[2].x);
+    vec2 f = p - vec2(i);
+    const uint column = HG_FACET_NODES, row = column * HG_ANGLES_SIZE;
+    uint k = HG_ANGLES_FIRST + row * i.y + column * i.x;
+    vec4 roots;
+    for (uint n = 0u; n < HG_FACET_NODES; n++, k++) {
+        vec2 node = mix(mix(hg_dfg_at(k), hg_dfg_at(k + column), f.x),
+            mix(hg_dfg_at(k + row), hg_dfg_at(k + row + column), f.x), f.y);
+        roots[n] = node.x;
+        weights[n] = node.y;
+    }
+    weights /= dot(weights, vec4(1.0));
+    return roots * roots;
 }
 
 // --- sheen ---------------------------------------------------------------------------------------
@@ -257,8 +244,8 @@ vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_rou
     vec2 sum[2];
     for (uint n = 0u; n < 2u; n++) {
         uint k = first + ((i.z + n) * HG_LAYER_SIZE + i.y) * HG_LAYER_SIZE + i.x;
-        sum[n] = mix(mix(hg_lobe_at(k), hg_lobe_at(k + 1u), f.x),
-            mix(hg_lobe_at(k + HG_LAYER_SIZE), hg_lobe_at(k + HG_LAYER_SIZE + 1u), f.x), f.y);
+        sum[n] = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
+            mix(hg_dfg_at(k + HG_LAYER_SIZE), hg_dfg_at(k + HG_LAYER_SIZE + 1u), f.x), f.y);
     }
     return mix(sum[0], sum[1], f.z);
 }
@@ -272,110 +259,141 @@ float hg_dispersed_ior(float ior, float dispersion, uint channel)
     return max(ior + half_spread * (float(channel) - 1.0), 1.0);
 }
 
-// Layer of the tables of glass and how far it is to the next one.
-float hg_glass_layer(float eta, out uint layer)
+// --- tables of glass -----------------------------------------------------------------------------
+
+// eta: index behind over that in front; below 1 all of this is seen from inside.
+
+// Cosine where total reflection ends.
+float hg_glass_edge(float eta)
 {
-    float e = max(eta, 1.0 / max(eta, 1e-3)), x = (e - 1.0) / (e + 1.0);
-    float p = sqrt(min(x / HG_GLASS_FAR, 1.0)) * float(HG_GLASS_IORS - 1);
-    layer = min(uint(p), uint(HG_GLASS_IORS - 2));
-    return p - float(layer);
+    return sqrt(max(1.0 - eta * eta, 0.0));
 }
 
-// Share of light that facets of glass lose when they are met once: from the side where eta is the
-// index behind over that in front (x), from the other side (y). HG_GLASS_FIRST of
-// renderer/light/dfg.h.
-vec2 hg_glass_miss(float cos_theta, float roughness, float eta)
+// Place of a cosine in them: hg_glass_place of renderer/light/dfg_table.h.
+float hg_glass_place(float cos_theta, float eta)
 {
-    const float last = float(HG_GLASS_SIZE - 1);
-    uint layer;
-    float far = hg_glass_layer(eta, layer);
-    vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
-    uvec2 i = uvec2(min(p, vec2(last - 1.0)));
-    vec2 f = p - vec2(i), sum[2];
-    for (uint n = 0u; n < 2u; n++) {
-        uint k = HG_GLASS_FIRST + ((layer + n) * HG_GLASS_SIZE + i.y) * HG_GLASS_SIZE + i.x;
-        sum[n] = mix(mix(hg_dfg_at(k), hg_dfg_at(k + 1u), f.x),
-            mix(hg_dfg_at(k + HG_GLASS_SIZE), hg_dfg_at(k + HG_GLASS_SIZE + 1u), f.x), f.y);
-    }
-    vec2 miss = mix(sum[0], sum[1], far);
-    return eta < 1.0 ? miss.yx : miss;
+    float c = clamp(cos_theta, 0.0, 1.0), edge = hg_glass_edge(eta);
+    if (eta >= 1.0)
+        return sqrt(c);
+    if (c >= edge)
+        return HG_GLASS_EDGE + (1.0 - HG_GLASS_EDGE) * sqrt((c - edge) / (1.0 - edge));
+    return asin(sqrt(c / edge)) * (2.0 * HG_INV_PI * HG_GLASS_EDGE);
+}
+
+// Place of an index of refraction.
+float hg_glass_layer(float eta)
+{
+    float e = max(eta, 1.0 / max(eta, 1e-3));
+    return sqrt(min((e - 1.0) / ((e + 1.0) * HG_GLASS_FAR), 1.0));
+}
+
+// Shares of light that facets of glass lose (x) and reflect (y) when they are met once:
+// HG_GLASS_FIRST of renderer/light/dfg.h.
+vec2 hg_glass_shares(float cos_theta, float roughness, float eta)
+{
+    return hg_table_3(HG_GLASS_FIRST + (eta < 1.0 ? HG_GLASS_WORDS : 0u),
+        vec3(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta)),
+        uvec3(HG_GLASS_COSINES, HG_GLASS_ROUGHS, HG_GLASS_IORS));
 }
 
 // Cosine-weighted means of both.
-vec2 hg_glass_miss_average(float roughness, float eta)
+vec2 hg_glass_shares_average(float roughness, float eta)
 {
-    const float last = float(HG_GLASS_SIZE - 1);
-    uint layer;
-    float far = hg_glass_layer(eta, layer);
-    float p = clamp(roughness, 0.0, 1.0) * last;
-    uint i = uint(min(p, last - 1.0)), k = HG_GLASS_MEANS + layer * HG_GLASS_SIZE + i;
-    vec2 near = mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i));
-    k += HG_GLASS_SIZE;
-    vec2 miss = mix(near, mix(hg_dfg_at(k), hg_dfg_at(k + 1u), p - float(i)), far);
-    return eta < 1.0 ? miss.yx : miss;
+    return hg_table_2(HG_GLASS_MEANS + (eta < 1.0 ? HG_GLASS_IORS * HG_GLASS_ROUGHS : 0u),
+        vec2(roughness, hg_glass_layer(eta)), uvec2(HG_GLASS_ROUGHS, HG_GLASS_IORS));
 }
 
-vec2 hg_brushed_signed(uint i)
+// A facet of glass that stands for others: its cosine (x), the weight of light that it mirrors (y), and
+// how much that of refracted light is less (z): HG_FILM_FIRST of renderer/light/dfg.h.
+vec3 hg_film_node(uint node, float cos_theta, float roughness, float eta)
 {
-    return (hg_brushed_at(i) - 0.5) * (2.0 * HG_ANISO_RANGE);
+    const uvec3 size = uvec3(HG_FILM_COSINES, HG_FILM_ROUGHS, HG_FILM_IORS);
+    uint first = HG_FILM_FIRST + (4u * node + (eta < 1.0 ? 1u : 0u)) * HG_FILM_WORDS;
+    vec3 p = vec3(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta));
+    vec2 mirrored = hg_table_3(first, p, size);
+    float less = hg_table_3(first + 2u * HG_FILM_WORDS, p, size).x;
+    return vec3(mix(hg_glass_edge(eta), 1.0, mirrored.x * mirrored.x),
+        vec2(mirrored.y, less) * 2.0 - 1.0);
+}
+
+// Share that a coat (x) or sheen (y) of strength 1 holds back of what glass lets through from
+// inside: HG_HELD_FIRST of renderer/light/dfg.h.
+vec2 hg_glass_held(float cos_theta, float roughness, float eta, vec2 layer_roughness)
+{
+    vec4 p = vec4(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta), 0.0);
+    const uvec4 size = uvec4(HG_HELD_COSINES, HG_HELD_ROUGHS, HG_HELD_IORS, HG_HELD_LAYERS);
+    return vec2(hg_table_4(HG_HELD_FIRST, vec4(p.xyz, layer_roughness.x), size).x,
+        hg_table_4(HG_HELD_FIRST, vec4(p.xyz, layer_roughness.y), size).y);
+}
+
+vec2 hg_glass_held_average(float roughness, float eta, vec2 layer_roughness)
+{
+    vec2 p = vec2(roughness, hg_glass_layer(eta));
+    const uvec3 size = uvec3(HG_HELD_ROUGHS, HG_HELD_IORS, HG_HELD_LAYERS);
+    return vec2(hg_table_3(HG_HELD_MEANS, vec3(p, layer_roughness.x), size).x,
+        hg_table_3(HG_HELD_MEANS, vec3(p, layer_roughness.y), size).y);
 }
 
 // Layer of the tables of anisotropic glass above this index, and how far it is from the one below,
 // which at 0 is that of index 1 and not stored.
 float hg_brushed_layer(float eta, out uint layer)
 {
-    float e = max(eta, 1.0 / max(eta, 1e-3)), x = (e - 1.0) / (e + 1.0);
-    float p = sqrt(min(x / HG_GLASS_FAR, 1.0)) * float(HG_BRUSHED_IORS);
+    float p = hg_glass_layer(eta) * float(HG_BRUSHED_IORS);
     layer = min(uint(p), uint(HG_BRUSHED_IORS - 1));
     return p - float(layer);
 }
 
-// What is missing in hg_glass_miss of an anisotropic surface: HG_BRUSHED_FIRST of
-// renderer/light/dfg.h.
-vec2 hg_brushed_correction(vec3 w_ts, float roughness, float strength, float eta)
+// How far a direction leans along x, and its place in them: hg_lean and hg_brushed_place of
+// renderer/light/dfg_table.h.
+float hg_lean(float x, float z)
 {
-    const uvec4 last = uvec4(HG_BRUSHED_COSINES, HG_BRUSHED_AZIMUTHS, HG_BRUSHED_STRENGTHS,
-        HG_BRUSHED_ROUGHS) - 1u;
-    vec4 p = hg_aniso_place(w_ts, roughness, strength) * vec4(last);
-    uvec4 i = uvec4(min(p, vec4(last) - 1.0));
-    vec4 f = p - vec4(i);
-    uint layer;
-    float above = hg_brushed_layer(eta, layer);
-    vec2 sum = vec2(0.0);
-    for (uint k = 0u; k < 16u; k++) {
-        uvec4 o = uvec4(k, k >> 1u, k >> 2u, k >> 3u) & 1u;
-        vec4 w = mix(1.0 - vec4(f.yzw, above), vec4(f.yzw, above), vec4(o));
-        uvec3 j = i.yzw + o.xyz;
-        uint l = layer + o.w;
-        uint at = (((max(l, 1u) - 1u) * HG_BRUSHED_ROUGHS + j.z) * HG_BRUSHED_STRENGTHS + j.y) *
-            HG_BRUSHED_AZIMUTHS + j.x;
-        at = HG_BRUSHED_FIRST + at * HG_BRUSHED_COSINES + i.x;
-        if (l > 0u)
-            sum += w.x * w.y * w.z * w.w *
-                mix(hg_brushed_signed(at), hg_brushed_signed(at + 1u), f.x);
-    }
-    return eta < 1.0 ? sum.yx : sum;
+    return asinh(x / max(z, 1e-4));
 }
 
-// The mean miss over hg_glass_miss_average; below the first layer as there.
-vec2 hg_brushed_average_ratio(float roughness, float strength, float eta)
+float hg_brushed_place(vec3 w_ts, float eta)
 {
-    const uvec2 last = uvec2(HG_BRUSHED_STRENGTHS, HG_BRUSHED_ROUGHS) - 1u;
-    vec2 p = vec2(strength, roughness) * vec2(last);
-    uvec2 i = uvec2(min(p, vec2(last) - 1.0));
-    vec2 f = p - vec2(i), ratio[2];
+    float z = abs(w_ts.z), sin2 = max(1.0 - z * z, 0.0), lean = hg_lean(abs(w_ts.x), z);
+    float most = hg_lean(sqrt(sin2), z), edge = hg_lean(sqrt(max(sin2 - eta * eta, 0.0)), z);
+    if (eta >= 1.0)
+        return 1.0 - lean / max(most, 1e-6);
+    if (lean < edge)
+        return 0.5 + 0.5 * sqrt(1.0 - lean / edge);
+    return 0.5 - 0.5 * sqrt(min((lean - edge) / max(most - edge, 1e-6), 1.0));
+}
+
+// What is missing in the loss of hg_glass_shares of an anisotropic surface at the cosine and mean
+// roughness: HG_BRUSHED_FIRST of renderer/light/dfg.h.
+float hg_brushed_correction(vec3 w_ts, float roughness, float strength, float eta)
+{
+    const uvec4 size = uvec4(
+        HG_BRUSHED_COSINES, HG_BRUSHED_AZIMUTHS, HG_BRUSHED_STRENGTHS, HG_BRUSHED_ROUGHS);
+    const uint words = size.x * size.y * size.z * size.w;
+    vec4 p = vec4(
+        hg_glass_place(abs(w_ts.z), eta), hg_brushed_place(w_ts, eta), strength, roughness);
     uint layer;
     float above = hg_brushed_layer(eta, layer);
-    for (uint n = 0u; n < 2u; n++) {
-        uint k = HG_BRUSHED_MEANS + i.x +
-            ((max(layer + n, 1u) - 1u) * HG_BRUSHED_ROUGHS + i.y) * HG_BRUSHED_STRENGTHS;
-        vec2 low = mix(hg_brushed_at(k), hg_brushed_at(k + 1u), f.x);
-        k += HG_BRUSHED_STRENGTHS;
-        ratio[n] = mix(low, mix(hg_brushed_at(k), hg_brushed_at(k + 1u), f.x), f.y);
-    }
-    vec2 mean = mix(ratio[0], ratio[1], above) * HG_BRUSHED_MOST;
-    return eta < 1.0 ? mean.yx : mean;
+    vec2 far = hg_aniso_signed(hg_table_4(HG_BRUSHED_FIRST + layer * words, p, size));
+    vec2 near = vec2(0.0);
+    if (layer > 0u)
+        near = hg_aniso_signed(hg_table_4(HG_BRUSHED_FIRST + (layer - 1u) * words, p, size));
+    vec2 sum = mix(near, far, above);
+    return eta < 1.0 ? sum.y : sum.x;
 }
+
+// The mean loss over that of hg_glass_shares_average; below the first layer as there.
+float hg_brushed_average_ratio(float roughness, float strength, float eta)
+{
+    const uvec2 size = uvec2(HG_BRUSHED_STRENGTHS, HG_BRUSHED_ROUGHS);
+    uint layer, words = size.x * size.y;
+    float above = hg_brushed_layer(eta, layer);
+    vec2 p = vec2(strength, roughness);
+    vec2 far = hg_table_2(HG_BRUSHED_MEANS + layer * words, p, size);
+    vec2 near = hg_table_2(HG_BRUSHED_MEANS + (max(layer, 1u) - 1u) * words, p, size);
+    vec2 mean = mix(near, far, above) * HG_BRUSHED_MOST;
+    return eta < 1.0 ? mean.y : mean.x;
+}
+
+// --- refraction of one direction -----------------------------------------------------------------
 
 // Direction behind a facet, unit; false: all is reflected. v leads away from it in front.
 bool hg_refract(vec3 v, vec3 h, float eta, out vec3 l)

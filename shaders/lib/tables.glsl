@@ -26,7 +26,6 @@ HG_TABLE(HG_BIND_PAGE_TABLE, uint, 4, pages)
 HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
 HG_TABLE(HG_BIND_DFG_TABLE, uint, 4, dfg)
-HG_TABLE(HG_BIND_LOBE_TABLE, uint, 4, lobes)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
 HG_TABLE(HG_BIND_FACETS, uint, 4, facets)
 
@@ -86,6 +85,7 @@ hg_gpu_shadow hg_shadow_at(uint i)
     return hg_frame.lighting.shadows.v[i];
 }
 
+// Up to HG_DFG_BLOCK_WORDS.
 vec2 hg_dfg_at(uint i)
 {
     if (HG_IN_UNIFORM(HG_BIND_DFG_TABLE))
@@ -93,18 +93,37 @@ vec2 hg_dfg_at(uint i)
     return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
 }
 
-// The same from word HG_COAT_FIRST to HG_BRUSHED_FIRST.
-vec2 hg_lobe_at(uint i)
+// From there on, between 2, 4, 8, 16 entries of a table of that many coordinates, the first one
+// fastest. place: 0..1.
+vec2 hg_table_1(uint first, float place, uint size)
 {
-    if (HG_IN_UNIFORM(HG_BIND_LOBE_TABLE))
-        return unpackUnorm2x16(hg_table_lobes[i - HG_COAT_FIRST]);
-    return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
+    float p = clamp(place, 0.0, 1.0) * float(size - 1u);
+    uint i = min(uint(p), size - 2u), k = first + i;
+    vec2 low = unpackUnorm2x16(hg_frame.lighting.dfg.v[k]);
+    return mix(low, unpackUnorm2x16(hg_frame.lighting.dfg.v[k + 1u]), p - float(i));
 }
 
-// From HG_BRUSHED_FIRST on.
-vec2 hg_brushed_at(uint i)
+vec2 hg_table_2(uint first, vec2 place, uvec2 size)
 {
-    return unpackUnorm2x16(hg_frame.lighting.dfg.v[i]);
+    float p = clamp(place.y, 0.0, 1.0) * float(size.y - 1u);
+    uint i = min(uint(p), size.y - 2u), k = first + i * size.x;
+    return mix(hg_table_1(k, place.x, size.x), hg_table_1(k + size.x, place.x, size.x), p - float(i));
+}
+
+vec2 hg_table_3(uint first, vec3 place, uvec3 size)
+{
+    float p = clamp(place.z, 0.0, 1.0) * float(size.z - 1u);
+    uint i = min(uint(p), size.z - 2u), layer = size.x * size.y, k = first + i * layer;
+    return mix(hg_table_2(k, place.xy, size.xy), hg_table_2(k + layer, place.xy, size.xy),
+        p - float(i));
+}
+
+vec2 hg_table_4(uint first, vec4 place, uvec4 size)
+{
+    float p = clamp(place.w, 0.0, 1.0) * float(size.w - 1u);
+    uint i = min(uint(p), size.w - 2u), block = size.x * size.y * size.z, k = first + i * block;
+    return mix(hg_table_3(k, place.xyz, size.xyz), hg_table_3(k + block, place.xyz, size.xyz),
+        p - float(i));
 }
 
 // Only where there are facets, which is where they fit (HG_FEATURE_NO_FACETS).

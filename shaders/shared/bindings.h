@@ -29,15 +29,14 @@
 #define HG_BIND_PAGE_TABLE 17 // uint[]
 #define HG_BIND_LIGHTS     18 // struct hg_gpu_light[]
 #define HG_BIND_SHADOWS    19 // struct hg_gpu_shadow[]
-#define HG_BIND_DFG_TABLE  20 // uint[]
-#define HG_BIND_LOBE_TABLE 21 // uint[], the rest of it
-#define HG_BIND_IRRADIANCE 22 // vec4[]
-#define HG_BIND_FACETS     23 // uint[] of draws: their first facet
-#define HG_BIND_TEXELS     24 // usamplerBuffer, facets (facet.h)
-#define HG_BIND_COUNT      25
+#define HG_BIND_DFG_TABLE  20 // uint[], the first of it
+#define HG_BIND_IRRADIANCE 21 // vec4[]
+#define HG_BIND_FACETS     22 // uint[] of draws: their first facet
+#define HG_BIND_TEXELS     23 // usamplerBuffer, facets (facet.h)
+#define HG_BIND_COUNT      24
 
 #define HG_BIND_UNIFORM_FIRST 12
-#define HG_BIND_UNIFORM_COUNT 12
+#define HG_BIND_UNIFORM_COUNT 11
 #define HG_TABLE_BYTES        65536 // largest table of a uniform block
 #define HG_TABLE_BIT(binding) (1u << ((binding)-HG_BIND_UNIFORM_FIRST))
 

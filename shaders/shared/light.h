@@ -21,33 +21,49 @@
 #define HG_DFG_SIZE        32 // samples of cos(theta) and of perceptual roughness
 #define HG_SHEEN_SIZE      24 // likewise
 #define HG_SHEEN_FIRST     (HG_DFG_SIZE * HG_DFG_SIZE + HG_DFG_SIZE) // word of the table
-#define HG_GLASS_FIRST     (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
-#define HG_GLASS_SIZE      24 // samples of cos(theta) and of perceptual roughness
-#define HG_GLASS_IORS      16
-#define HG_GLASS_MEANS     (HG_GLASS_FIRST + HG_GLASS_IORS * HG_GLASS_SIZE * HG_GLASS_SIZE)
-#define HG_ANGLES_FIRST    (HG_GLASS_MEANS + HG_GLASS_IORS * HG_GLASS_SIZE)
-#define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness, three words each
-#define HG_LOST_FIRST      (HG_ANGLES_FIRST + 3 * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
-#define HG_COAT_FIRST      16384 // of the second uniform block
+#define HG_ANGLES_FIRST    (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
+#define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness
+#define HG_FACET_NODES     4 // facets that stand for all
 #define HG_LAYER_SIZE      16 // samples of cos(theta) and of perceptual roughness
 #define HG_LAYER_ROUGHS    8  // of the layer's own roughness
 #define HG_LAYER_WORDS     (HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
+#define HG_COAT_FIRST      (HG_ANGLES_FIRST + HG_FACET_NODES * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
 #define HG_CLOTH_FIRST     (HG_COAT_FIRST + HG_LAYER_WORDS)
 #define HG_COATED_FIRST    (HG_CLOTH_FIRST + HG_LAYER_WORDS)
-#define HG_ANISO_FIRST     (HG_COATED_FIRST + HG_LAYER_WORDS)
-#define HG_ANISO_COSINES   12
-#define HG_ANISO_AZIMUTHS  6
+#define HG_DFG_BLOCK_WORDS 16384 // up to here in a uniform block, from here on by address
+#define HG_GLASS_FIRST     HG_DFG_BLOCK_WORDS
+#define HG_GLASS_EDGE      (2.0f / 3.0f) // place of total reflection among cosines: an entry
+#define HG_GLASS_COSINES   61
+#define HG_GLASS_ROUGHS    40
+#define HG_GLASS_IORS      24
+#define HG_GLASS_WORDS     (HG_GLASS_IORS * HG_GLASS_ROUGHS * HG_GLASS_COSINES) // of one side
+#define HG_GLASS_MEANS     (HG_GLASS_FIRST + 2 * HG_GLASS_WORDS)
+#define HG_FILM_FIRST      (HG_GLASS_MEANS + 2 * HG_GLASS_IORS * HG_GLASS_ROUGHS)
+#define HG_FILM_COSINES    31
+#define HG_FILM_ROUGHS     24
+#define HG_FILM_IORS       8
+#define HG_FILM_WORDS      (HG_FILM_IORS * HG_FILM_ROUGHS * HG_FILM_COSINES) // of one side
+#define HG_HELD_FIRST      (HG_FILM_FIRST + 2 * 2 * HG_FACET_NODES * HG_FILM_WORDS)
+#define HG_HELD_COSINES    31
+#define HG_HELD_ROUGHS     16
+#define HG_HELD_IORS       8
+#define HG_HELD_LAYERS     12 // of the layer's own roughness
+#define HG_HELD_MEANS                                                             \
+    (HG_HELD_FIRST + HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS * HG_HELD_COSINES)
+#define HG_ANISO_FIRST     (HG_HELD_MEANS + HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS)
+#define HG_ANISO_COSINES   20
+#define HG_ANISO_AZIMUTHS  12
 #define HG_ANISO_STRENGTHS 8
 #define HG_ANISO_ROUGHS    12
 #define HG_ANISO_MEANS                                                            \
     (HG_ANISO_FIRST +                                                             \
         HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS * HG_ANISO_AZIMUTHS * HG_ANISO_COSINES)
-#define HG_BRUSHED_FIRST     32768 // larger than uniform blocks: by address
-#define HG_BRUSHED_COSINES   20
-#define HG_BRUSHED_AZIMUTHS  12
-#define HG_BRUSHED_STRENGTHS 8
-#define HG_BRUSHED_ROUGHS    12
-#define HG_BRUSHED_IORS      10 // and 1, where nothing is missing
+#define HG_BRUSHED_FIRST     (HG_ANISO_MEANS + HG_ANISO_ROUGHS * HG_ANISO_STRENGTHS)
+#define HG_BRUSHED_COSINES   31
+#define HG_BRUSHED_AZIMUTHS  17 // odd: total reflection is in the middle
+#define HG_BRUSHED_STRENGTHS 10
+#define HG_BRUSHED_ROUGHS    20
+#define HG_BRUSHED_IORS      12 // without 1, where nothing is missing
 #define HG_BRUSHED_MEANS                                                             \
     (HG_BRUSHED_FIRST +                                                              \
         HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS * HG_BRUSHED_AZIMUTHS * \
