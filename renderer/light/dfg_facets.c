@@ -2,6 +2,13 @@
 
 #include "renderer/light/vec.h"
 
+// Loops over facets, also for processors with wider vectors: the same bits in half the time.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+#define HG_WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define HG_WIDE
+#endif
+
 // --- visible normals -----------------------------------------------------------------------------
 
 // Smith's Lambda. Heitz 2014 eq. 72 and 80.
@@ -20,7 +27,7 @@ static inline float unshadowed(const struct hg_facets *c, float x, float y, floa
 
 // A ring of normals from `first` on. circle: cosines and sines of their azimuths; u: share of the
 // cap above it; weight of each.
-static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t points,
+HG_WIDE static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t points,
     const float circle[2][HG_FACETS_RING], float u, float weight, const float stretched[3])
 {
     const float z = (1 - u) * (1 + stretched[2]) - stretched[2];
@@ -37,7 +44,7 @@ static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t points,
     }
 }
 
-static void mirror_fill(struct hg_facets *c)
+HG_WIDE static void mirror_fill(struct hg_facets *c)
 {
     for (uint32_t i = 0; i < c->count; i++) {
         const float twice = 2 * c->v_dot_h[i];
@@ -109,7 +116,7 @@ static inline float refracted(const struct hg_facets *c, uint32_t i, float eta, 
     return k > 0 && z < 0 ? share : 0;
 }
 
-void hg_facets_glass(
+HG_WIDE void hg_facets_glass(
     const struct hg_facets *c, uint32_t count, const float *eta, struct hg_vec2 *out)
 {
     static _Thread_local float reflected[HG_FACETS_MOST], through[HG_FACETS_MOST];
