@@ -185,7 +185,8 @@ void hg_session_upload_query(
     struct hg_session *session, uint32_t request, const struct hgp_upload_query *m);
 void hg_session_abort_uploads(struct hg_session *session);
 // A file that comes in parts begins: it counts as an upload, and with those of all sessions as much
-// as the store may hold, before any of it goes to the worker. HG_E_LIMIT.
+// as the store may hold, before any of it goes to the worker. HG_E_LIMIT; HG_E_INVAL: another size
+// than it began with, or a part that reaches beyond it.
 enum hg_status hg_session_verify(struct hg_session *session, const struct hgp_image_query *m,
     struct hg_error *err) HG_MUST_CHECK;
 // The worker has told of it, or refused a part, and keeps nothing.

@@ -141,13 +141,10 @@ static uint64_t all_verified_bytes(const struct hg_broker *b)
 }
 
 // A session has one at a time: the next one begins where the worker is done with it.
-enum hg_status hg_session_verify(
-    struct hg_session *s, const struct hgp_image_query *m, struct hg_error *err)
+static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct hg_error *err)
 {
     const struct hg_options *o = &s->broker->options;
-    const uint64_t before = s->verified_bytes, size = m->has_size ? m->size : 0;
-    if (!m->has_offset || m->offset)
-        return HG_OK;
+    const uint64_t before = s->verified_bytes;
     s->verified_bytes = 0;
     const uint64_t left = left_bytes(s), others = all_verified_bytes(s->broker);
     if (size <= left && others <= o->upload_store_bytes && size <= o->upload_store_bytes - others) {
@@ -158,6 +155,24 @@ enum hg_status hg_session_verify(
     return hg_error_set(err, HG_E_LIMIT, "image_query", "size", "%llu MiB are more than %s leaves",
         (unsigned long long)(size >> 20),
         size > left ? "this session's quota (max-upload)" : "upload-store");
+}
+
+// What was counted when the file began is what may come of it.
+enum hg_status hg_session_verify(
+    struct hg_session *s, const struct hgp_image_query *m, struct hg_error *err)
+{
+    const uint64_t size = m->has_size ? m->size : 0;
+    if (!m->has_offset)
+        return HG_OK;
+    if (m->offset && size != s->verified_bytes)
+        return hg_error_set(err, HG_E_INVAL, "image_query", "size",
+            "is %llu, and was %llu where the file began", (unsigned long long)size,
+            (unsigned long long)s->verified_bytes);
+    if (m->offset > size || m->data.size > size - m->offset)
+        return hg_error_set(err, HG_E_INVAL, "image_query", "data",
+            "%llu bytes at %llu reach beyond the file of %llu", (unsigned long long)m->data.size,
+            (unsigned long long)m->offset, (unsigned long long)size);
+    return m->offset ? HG_OK : begin_verify(s, size, err);
 }
 
 void hg_session_verified(struct hg_session *s, const struct hg_request *request)

@@ -191,41 +191,60 @@ void query_compare(const struct request *r)
     serve_start_task(r, TASK_COMPARE, HGP_T_compare);
 }
 
-static enum hg_status refuse_part(
-    struct hg_writer *file, enum hg_status status, const char *reason, struct hg_error *err)
+static void drop_file(struct session *session)
 {
-    hg_writer_finish(file);
-    return hg_error_set(err, status, "image_query", "offset", "%s", reason);
+    hg_writer_finish(&session->file);
+    session->file_bytes = 0;
 }
 
 // Room for all of a file, on disk: it takes no memory while it comes.
-static enum hg_status begin_file(struct hg_writer *file, uint64_t size, struct hg_error *err)
+static enum hg_status begin_file(struct session *session, uint64_t bytes, struct hg_error *err)
 {
-    hg_writer_finish(file);
-    if (size > IMAGE_LIMIT_BYTES)
-        return refuse_part(file, HG_E_LIMIT, "is of a file above 4 GiB", err);
-    hg_writer_spill(file, (size_t)size);
-    if (size > MEMORY_LIMIT_BYTES && hg_spill_size(file->data) == 0)
-        return refuse_part(file, HG_E_LIMIT,
-            "is of a file above 256 MiB, for which the cache folder has no room", err);
+    struct hg_writer *file = &session->file;
+    drop_file(session);
+    if (bytes > IMAGE_LIMIT_BYTES)
+        return hg_error_set(err, HG_E_LIMIT, "image_query", "offset", "is of a file above 4 GiB");
+    hg_writer_spill(file, (size_t)bytes);
+    if (bytes > MEMORY_LIMIT_BYTES && hg_spill_size(file->data) == 0)
+        return hg_error_set(err, HG_E_LIMIT, "image_query", "offset",
+            "is of a file above 256 MiB, for which the cache folder has no room");
+    session->file_bytes = bytes;
     return HG_OK;
 }
 
-// One more part of a file; *all: it was the last.
-static enum hg_status take_part(
-    struct hg_writer *file, const struct hgp_image_query *m, bool *all, struct hg_error *err)
+// What was allowed when the file began is what may come of it.
+static enum hg_status check_part(
+    const struct session *session, const struct hgp_image_query *m, struct hg_error *err)
 {
-    if (m->has_size && m->offset == 0 && begin_file(file, m->size, err))
+    const uint64_t bytes = session->file_bytes, told = m->has_size ? m->size : 0;
+    if (told != bytes)
+        return hg_error_set(err, HG_E_INVAL, "image_query", "size",
+            "is %llu, and was %llu where the file began", (unsigned long long)told,
+            (unsigned long long)bytes);
+    if (m->offset != session->file.size || !m->data.size)
+        return hg_error_set(
+            err, HG_E_INVAL, "image_query", "offset", "is not where the part before has ended");
+    if (m->data.size > bytes - m->offset)
+        return hg_error_set(err, HG_E_INVAL, "image_query", "data",
+            "%llu bytes at %llu reach beyond the file of %llu", (unsigned long long)m->data.size,
+            (unsigned long long)m->offset, (unsigned long long)bytes);
+    return HG_OK;
+}
+
+// One more part of a file.
+static enum hg_status take_part(
+    struct session *session, const struct hgp_image_query *m, struct hg_error *err)
+{
+    struct hg_writer *file = &session->file;
+    if (m->offset == 0 && begin_file(session, m->has_size ? m->size : 0, err))
         return err->status;
-    if (!m->has_size || m->offset != file->size || !m->data.size || file->size > m->size ||
-        m->data.size > m->size - file->size)
-        return refuse_part(file, HG_E_INVAL, "is not where the part before has ended", err);
+    if (check_part(session, m, err))
+        return err->status;
     hg_spill_begin(NULL);
     hg_write_bytes(file, m->data.data, m->data.size);
     hg_spill_end();
     if (file->failed)
-        return refuse_part(file, HG_E_NOMEM, "no memory for the file", err);
-    *all = file->size == m->size;
+        return hg_error_set(err, HG_E_NOMEM, "image_query", "offset", "no memory for the file");
     return HG_OK;
 }
 
@@ -233,17 +252,17 @@ void query_image(const struct request *r)
 {
     const struct hgp_image_query *m = &r->message->image_query;
     struct hg_error err = {0};
-    bool all = false;
-    enum hg_status status = m->has_offset ? take_part(&r->session->file, m, &all, &err) : HG_OK;
-    if (status) {
+    if (m->has_offset && take_part(r->session, m, &err)) {
+        drop_file(r->session);
         serve_fail(r, &err);
         return;
     }
-    if (m->has_offset && !all) {
+    if (m->has_offset && r->session->file.size < r->session->file_bytes) {
         serve_ok(r);
         return;
     }
     serve_start_task(r, TASK_IMAGE, HGP_T_image_query);
+    drop_file(r->session); // it has gone with the task, if there is one
 }
 
 void query_image_finish(const struct request *r, const struct hg_image_told *told)

@@ -86,6 +86,7 @@ struct session {
     uint32_t waiting_count;
     uint64_t waiting_bytes; // of their payloads
     struct hg_writer file;  // of image_query, as far as its parts have come
+    uint64_t file_bytes;    // of all of it, as its first part said; 0 = none has begun
 };
 
 struct serve {

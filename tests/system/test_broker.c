@@ -395,6 +395,38 @@ static void verified_files_are_uploads(void **state)
     daemon_finish(&d);
 }
 
+static void part_refused(struct peer *p, const struct hgp_image_query *part, const char *reason)
+{
+    peer_refused(p, HGP_T_image_query, part, HG_E_INVAL);
+    const struct hgp_str *why = &p->m.error.reason;
+    assert_non_null(memmem(why->data, why->size, reason, strlen(reason)));
+}
+
+// What was counted at the first part is what the others may make of it.
+static void verified_files_stay_as_large_as_they_began(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    const struct hgp_image_query first = part_of(2, 0, 1), last = part_of(2, 1, 1);
+    const struct hgp_image_query grown = part_of(UINT64_C(5) << 30, 1, 1);
+    const struct hgp_image_query beyond = part_of(2, 1, 2), more = part_of(1, 0, 2);
+    daemon_init(&d);
+    daemon_option(&d, "max-upload", "1");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    part_refused(&p, &last, "is 2, and was 0 ");
+    part_refused(&p, &more, "2 bytes at 0 reach beyond the file of 1");
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
+    part_refused(&p, &grown, "is 5368709120, and was 2 ");
+    part_refused(&p, &beyond, "2 bytes at 1 reach beyond the file of 2");
+    peer_call(&p, HGP_T_image_query, &last, HGP_T_json);
+    part_refused(&p, &last, "is 2, and was 0 ");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 static void journals_are_limited(void **state)
 {
     (void)state;
@@ -547,6 +579,7 @@ int main(void)
         cmocka_unit_test(shares_scenes),
         cmocka_unit_test(quotas_are_explained),
         cmocka_unit_test(verified_files_are_uploads),
+        cmocka_unit_test(verified_files_stay_as_large_as_they_began),
         cmocka_unit_test(journals_are_limited),
         cmocka_unit_test(uploads_are_kept_once),
         cmocka_unit_test(full_disk_on_upload),

@@ -670,6 +670,29 @@ static void test_verified_files_without_a_disk(void **state)
     assert_int_equal(send_part(rig, 256 * MIB, 0, &data), HG_OK);
 }
 
+static void expect_part_refused(
+    struct rig *rig, uint64_t size, const struct hgp_bytes *data, const char *reason)
+{
+    const struct hgp_str *why = &rig->message.error.reason;
+    const struct hgp_bytes first = {data->data, 1};
+    assert_int_equal(send_part(rig, 2, 0, &first), HG_OK);
+    assert_int_equal(send_part(rig, size, 1, data), HG_E_INVAL);
+    assert_non_null(memmem(why->data, why->size, reason, strlen(reason)));
+    assert_int_equal(send_part(rig, 2, 1, &first), HG_E_INVAL); // nothing is left of it
+}
+
+// Limits are looked at where a file begins: it becomes no larger than it has said there.
+static void test_verified_files_stay_as_large_as_they_began(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_bytes one = {(const uint8_t *)"x", 1}, two = {(const uint8_t *)"xx", 2};
+    attach(rig, 1, "a");
+    expect_part_refused(rig, UINT64_C(5) << 30, &one, "is 5368709120, and was 2 ");
+    expect_part_refused(rig, 2, &two, "2 bytes at 1 reach beyond the file of 2");
+    assert_int_equal(send_part(rig, 2, 0, &one), HG_OK);
+    assert_int_equal(send_part(rig, 2, 1, &one), HG_E_FORMAT); // whole, and no image
+}
+
 // Where a node will be counts where a shutter is open, and until the node is moved without it.
 static void test_next_place_of_nodes(void **state)
 {
@@ -747,6 +770,7 @@ int main(void)
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
         TEST(test_verified_files_without_a_disk),
+        TEST(test_verified_files_stay_as_large_as_they_began),
         cmocka_unit_test_setup_teardown(test_verified_files_take_no_memory, start_with_cache, stop),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
