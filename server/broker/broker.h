@@ -189,7 +189,7 @@ void hg_session_abort_uploads(struct hg_session *session);
 // than it began with, or a part that reaches beyond it.
 enum hg_status hg_session_verify(struct hg_session *session, const struct hgp_image_query *m,
     struct hg_error *err) HG_MUST_CHECK;
-// The worker has told of it, or refused a part, and keeps nothing.
+// The worker has told of it, or refused a part, or has died (of which NULL), and keeps nothing.
 void hg_session_verified(struct hg_session *session, const struct hg_request *request);
 
 // session_list.c: the answer to sessions_query.

@@ -217,9 +217,10 @@ static void requeue(struct hg_session *s)
         if (it->deaths >= HG_REQUEST_TRIES) {
             give_up_request(s, it);
             if (!s->first)
-                return; // the session was closed, nothing is left
+                break; // the session was closed, nothing is left
         }
     }
+    hg_session_verified(s, NULL);
 }
 
 void hg_recovery_worker_died(struct hg_broker *b)

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -475,6 +476,46 @@ static void edits_of_a_client_that_left(void **state)
     daemon_finish(&d);
 }
 
+// What a worker had of a file to be verified went with it, and counts no more.
+static void files_that_were_verified(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, q;
+    char wire[TEST_FOLDER_MAX + 32];
+    const struct hgp_bytes one = {(const uint8_t *)"x", 1};
+    const struct hgp_image_query first = {
+        .data = one, .has_offset = true, .has_size = true, .size = 600000};
+    struct hgp_image_query next = first;
+    next.offset = 1;
+    daemon_init(&d);
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_option(&d, "upload-store", "1");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_scene(&p, "");
+    peer_open(&q, &d);
+    peer_scene(&q, "");
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
+    peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
+    const pid_t worker = daemon_worker(&d, 0);
+    kill(worker, SIGKILL); // between two parts
+    daemon_worker(&d, worker);
+    peer_call(&q, HGP_T_image_query, &first, HGP_T_ok);
+    peer_refused(&p, HGP_T_image_query, &next, HG_E_INVAL);
+    daemon_write(&d, "kill.image_query", "");
+    peer_refused(&q, HGP_T_image_query, &first, HG_E_WORKER); // given up
+    snprintf(wire, sizeof wire, "%s/kill.image_query", d.folder);
+    assert_int_equal(unlink(wire), 0);
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
+    daemon_write(&d, "die.image_query", "");
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // asked again, and still counts
+    peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
+    peer_close(&q);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -490,6 +531,7 @@ int main(void)
         cmocka_unit_test(killed_while_loading),
         cmocka_unit_test(views_closed_and_made_again),
         cmocka_unit_test(edits_of_a_client_that_left),
+        cmocka_unit_test(files_that_were_verified),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
