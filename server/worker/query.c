@@ -252,6 +252,8 @@ void query_image(const struct request *r)
 {
     const struct hgp_image_query *m = &r->message->image_query;
     struct hg_error err = {0};
+    if (!m->has_offset)
+        drop_file(r->session); // a file that came only in part is not this one
     if (m->has_offset && take_part(r->session, m, &err)) {
         drop_file(r->session);
         serve_fail(r, &err);

@@ -693,6 +693,26 @@ static void test_verified_files_stay_as_large_as_they_began(void **state)
     assert_int_equal(send_part(rig, 2, 1, &one), HG_E_FORMAT); // whole, and no image
 }
 
+// What came of another file before is neither asked about nor kept.
+static void test_a_whole_file_after_a_part(void **state)
+{
+    // 3 x 1 pixels of grey
+    static const uint8_t png[] = {0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00,
+        0x0d, 0x49, 0x48, 0x44, 0x52, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00, 0x01, 0x08, 0x00,
+        0x00, 0x00, 0x00, 0x3e, 0x8b, 0x4b, 0x68, 0x00, 0x00, 0x00, 0x0c, 0x49, 0x44, 0x41, 0x54,
+        0x78, 0xda, 0x63, 0x60, 0x64, 0x62, 0x06, 0x00, 0x00, 0x0e, 0x00, 0x07, 0xe9, 0x92, 0x37,
+        0xd4, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82};
+    struct rig *rig = *state;
+    const struct hgp_bytes one = {(const uint8_t *)"x", 1};
+    const struct hgp_image_query whole = {.data = {png, sizeof png}};
+    attach(rig, 1, "a");
+    assert_int_equal(send_part(rig, 2, 0, &one), HG_OK);
+    expect(rig, ask(rig, 1, HGP_T_image_query, &whole), HGP_T_json);
+    const struct hgp_str *told = &rig->message.json.text;
+    assert_non_null(memmem(told->data, told->size, "\"width\":3,", 10));
+    assert_int_equal(send_part(rig, 2, 1, &one), HG_E_INVAL);
+}
+
 // Where a node will be counts where a shutter is open, and until the node is moved without it.
 static void test_next_place_of_nodes(void **state)
 {
@@ -771,6 +791,7 @@ int main(void)
         TEST(test_jobs_of_names),
         TEST(test_verified_files_without_a_disk),
         TEST(test_verified_files_stay_as_large_as_they_began),
+        TEST(test_a_whole_file_after_a_part),
         cmocka_unit_test_setup_teardown(test_verified_files_take_no_memory, start_with_cache, stop),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
