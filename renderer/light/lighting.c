@@ -3,7 +3,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/light/cluster.h"
-#include "renderer/light/dfg_words.h"
+#include "renderer/light/albedo/words.h"
 #include "renderer/light/env_device.h"
 #include "renderer/light/shadow_plan.h"
 #include "renderer/light/vec.h"

@@ -16,7 +16,7 @@
 //   in place of (1 - F(v.h)): equal within a few percent away from grazing, reciprocal, and energy
 //   is conserved exactly.
 // E, E_avg: directional and average albedo of the specular part, from the table made by
-// renderer/light/dfg.c.
+// renderer/light/albedo/dfg.c.
 #ifndef HG_LIB_BRDF_GLSL
 #define HG_LIB_BRDF_GLSL
 

@@ -77,7 +77,7 @@ vec2 hg_aniso_signed(vec2 entry)
     return (entry - 0.5) * (2.0 * HG_ANISO_RANGE);
 }
 
-// What is missing in hg_dfg of an anisotropic surface: HG_ANISO_FIRST of renderer/light/dfg.h.
+// What is missing in hg_dfg of an anisotropic surface: HG_ANISO_FIRST of renderer/light/albedo/dfg.h.
 vec2 hg_aniso_correction(vec3 w_ts, float roughness, float strength)
 {
     const uvec4 size =
@@ -171,7 +171,7 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
 }
 
 // Cosines at facets that stand for all that reflect to a direction, and their weights:
-// HG_ANGLES_FIRST of renderer/light/dfg.h.
+// HG_ANGLES_FIRST of renderer/light/albedo/dfg.h.
 vec4 hg_facet_angles_at(float cos_theta, float roughness, out vec4 weights)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
@@ -234,7 +234,7 @@ vec2 hg_sheen_albedo(float cos_theta, float roughness)
 }
 
 // What a and b of a base lose below a layer of this roughness and of strength 1, or a sheen below a
-// coat: HG_COAT_FIRST, HG_CLOTH_FIRST and HG_COATED_FIRST of renderer/light/dfg.h.
+// coat: HG_COAT_FIRST, HG_CLOTH_FIRST and HG_COATED_FIRST of renderer/light/albedo/dfg.h.
 vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_roughness)
 {
     const vec3 last = vec3(HG_LAYER_SIZE, HG_LAYER_SIZE, HG_LAYER_ROUGHS) - 1.0;
@@ -269,7 +269,7 @@ float hg_glass_edge(float eta)
     return sqrt(max(1.0 - eta * eta, 0.0));
 }
 
-// Place of a cosine in them: hg_glass_place of renderer/light/dfg_table.h.
+// Place of a cosine in them: hg_glass_place of renderer/light/albedo/table.h.
 float hg_glass_place(float cos_theta, float eta)
 {
     float c = clamp(cos_theta, 0.0, 1.0), edge = hg_glass_edge(eta);
@@ -288,7 +288,7 @@ float hg_glass_layer(float eta)
 }
 
 // Shares of light that facets of glass lose (x) and reflect (y) when they are met once:
-// HG_GLASS_FIRST of renderer/light/dfg.h.
+// HG_GLASS_FIRST of renderer/light/albedo/dfg.h.
 vec2 hg_glass_shares(float cos_theta, float roughness, float eta)
 {
     return hg_table_3(HG_GLASS_FIRST + (eta < 1.0 ? HG_GLASS_WORDS : 0u),
@@ -304,7 +304,7 @@ vec2 hg_glass_shares_average(float roughness, float eta)
 }
 
 // A facet of glass that stands for others: its cosine (x), the weight of light that it mirrors (y), and
-// how much that of refracted light is less (z): HG_FILM_FIRST of renderer/light/dfg.h.
+// how much that of refracted light is less (z): HG_FILM_FIRST of renderer/light/albedo/dfg.h.
 vec3 hg_film_node(uint node, float cos_theta, float roughness, float eta)
 {
     const uvec3 size = uvec3(HG_FILM_COSINES, HG_FILM_ROUGHS, HG_FILM_IORS);
@@ -317,7 +317,7 @@ vec3 hg_film_node(uint node, float cos_theta, float roughness, float eta)
 }
 
 // Share that a coat (x) or sheen (y) of strength 1 holds back of what glass lets through from
-// inside: HG_HELD_FIRST of renderer/light/dfg.h.
+// inside: HG_HELD_FIRST of renderer/light/albedo/dfg.h.
 vec2 hg_glass_held(float cos_theta, float roughness, float eta, vec2 layer_roughness)
 {
     vec4 p = vec4(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta), 0.0);
@@ -344,7 +344,7 @@ float hg_brushed_layer(float eta, out uint layer)
 }
 
 // How far a direction leans along x, and its place in them: hg_lean and hg_brushed_place of
-// renderer/light/dfg_table.h.
+// renderer/light/albedo/table.h.
 float hg_lean(float x, float z)
 {
     return asinh(x / max(z, 1e-4));
@@ -362,7 +362,7 @@ float hg_brushed_place(vec3 w_ts, float eta)
 }
 
 // What is missing in the loss of hg_glass_shares of an anisotropic surface at the cosine and mean
-// roughness: HG_BRUSHED_FIRST of renderer/light/dfg.h.
+// roughness: HG_BRUSHED_FIRST of renderer/light/albedo/dfg.h.
 float hg_brushed_correction(vec3 w_ts, float roughness, float strength, float eta)
 {
     const uvec4 size = uvec4(

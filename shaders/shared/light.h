@@ -140,7 +140,7 @@ struct hg_gpu_lighting {
     HG_PTR(hg_light_list_ref) clusters;      // [x * y * z + 1] first index of each cluster's list
     HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
     HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
-    HG_PTR(hg_light_list_ref) dfg;           // [HG_DFG_WORDS] of 2 x 16 bits: renderer/light/dfg.h
+    HG_PTR(hg_light_list_ref) dfg;           // [HG_DFG_WORDS] of 2 x 16 bits: renderer/light/albedo/dfg.h
     HG_UINT light_count, global_count;
     HG_UINT clustered; // 0: all lights are looped over
     HG_UINT cluster_x, cluster_y, cluster_z;

@@ -1,7 +1,7 @@
 // brdf.c - each term of the BRDF against its closed form or a numerical integral, on the device.
 #include <math.h>
 
-#include "renderer/light/dfg.h"
+#include "renderer/light/albedo/dfg.h"
 #include "tests/analytic/probe.h"
 
 #define PI 3.14159265358979

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/light/dfg.h"
+#include "renderer/light/albedo/dfg.h"
 #include "tests/analytic/probe.h"
 
 #define PI 3.14159265358979

@@ -1,7 +1,7 @@
-// dfg_table.h - places of entries in the tables of dfg.h, and values between them.
-// Floor 2 (light), private to dfg*.c. Pure, inline. Twins of lib/lobes.glsl.
-#ifndef HG_RENDERER_LIGHT_DFG_TABLE_H
-#define HG_RENDERER_LIGHT_DFG_TABLE_H
+// table.h - places of entries in the tables of dfg.h, and values between them.
+// Floor 2 (light), private to this folder. Pure, inline. Twins of lib/lobes.glsl.
+#ifndef HG_RENDERER_LIGHT_ALBEDO_TABLE_H
+#define HG_RENDERER_LIGHT_ALBEDO_TABLE_H
 
 #include "renderer/light/vec.h"
 #include "shaders/shared/light.h"

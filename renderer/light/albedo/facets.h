@@ -1,7 +1,7 @@
-// dfg_facets.h - integrals over the facets of a GGX surface that a direction sees.
-// Floor 2 (light), private to dfg*.c. Pure.
-#ifndef HG_RENDERER_LIGHT_DFG_FACETS_H
-#define HG_RENDERER_LIGHT_DFG_FACETS_H
+// facets.h - integrals over the facets of a GGX surface that a direction sees.
+// Floor 2 (light), private to this folder. Pure.
+#ifndef HG_RENDERER_LIGHT_ALBEDO_FACETS_H
+#define HG_RENDERER_LIGHT_ALBEDO_FACETS_H
 
 #include <stdbool.h>
 #include <stdint.h>

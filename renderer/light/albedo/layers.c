@@ -1,8 +1,8 @@
 #include <stdbool.h>
 
-#include "renderer/light/dfg_facets.h"
-#include "renderer/light/dfg_lobes.h"
-#include "renderer/light/dfg_table.h"
+#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/lobes.h"
+#include "renderer/light/albedo/table.h"
 
 // A coat or sheen, and the share that it takes at the cosine of v.
 struct layer {

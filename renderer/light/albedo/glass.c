@@ -1,6 +1,6 @@
-#include "renderer/light/dfg_facets.h"
-#include "renderer/light/dfg_lobes.h"
-#include "renderer/light/dfg_table.h"
+#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/lobes.h"
+#include "renderer/light/albedo/table.h"
 
 // Of a surface that is as rough in all directions.
 static void round_facets(struct hg_facets *facets, float cosine, float alpha, uint32_t n)

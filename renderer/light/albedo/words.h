@@ -1,7 +1,7 @@
-// dfg_words.h - the tables of dfg.h as shaders read them.
+// words.h - the tables of dfg.h as shaders read them.
 // Floor 2 (light). Read-only data; any thread.
-#ifndef HG_RENDERER_LIGHT_DFG_WORDS_H
-#define HG_RENDERER_LIGHT_DFG_WORDS_H
+#ifndef HG_RENDERER_LIGHT_ALBEDO_WORDS_H
+#define HG_RENDERER_LIGHT_ALBEDO_WORDS_H
 
 #include <stdint.h>
 

@@ -1,6 +1,6 @@
-#include "renderer/light/dfg_facets.h"
-#include "renderer/light/dfg_lobes.h"
-#include "renderer/light/dfg_table.h"
+#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/lobes.h"
+#include "renderer/light/albedo/table.h"
 
 // hg_aniso_roughness of lib/lobes.glsl.
 static float aniso_roughness(const float alpha[2])

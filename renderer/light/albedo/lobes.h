@@ -1,9 +1,9 @@
-// dfg_lobes.h - the parts of hg_dfg_fill beyond hg_dfg itself and sheen.
-// Floor 2 (light), private to dfg*.c. Pure; same result on every run.
-#ifndef HG_RENDERER_LIGHT_DFG_LOBES_H
-#define HG_RENDERER_LIGHT_DFG_LOBES_H
+// lobes.h - the parts of hg_dfg_fill beyond hg_dfg itself and sheen.
+// Floor 2 (light), private to this folder. Pure; same result on every run.
+#ifndef HG_RENDERER_LIGHT_ALBEDO_LOBES_H
+#define HG_RENDERER_LIGHT_ALBEDO_LOBES_H
 
-#include "renderer/light/dfg.h"
+#include "renderer/light/albedo/dfg.h"
 
 // out: [HG_DFG_WORDS]. Each fills its tables and reads those of hg_dfg and sheen.
 void hg_dfg_fill_layers(struct hg_vec2 *out);

@@ -1,8 +1,8 @@
-// dfg_make.c - writes the tables of dfg.h to the file that dfg_words.c embeds.
+// make.c - writes the tables of dfg.h to the file that words.c embeds.
 #include <stdbool.h>
 #include <stdio.h>
 
-#include "renderer/light/dfg.h"
+#include "renderer/light/albedo/dfg.h"
 #include "renderer/light/vec.h"
 
 static uint32_t unorm16(float v)

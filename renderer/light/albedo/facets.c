@@ -1,4 +1,4 @@
-#include "renderer/light/dfg_facets.h"
+#include "renderer/light/albedo/facets.h"
 
 #include "renderer/light/vec.h"
 

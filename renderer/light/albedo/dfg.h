@@ -1,8 +1,8 @@
 // dfg.h - the directional albedo of the specular BRDF and of other lobes as tables.
 // Floor 2 (light). Pure; same result on every run. The tables are made once, while building
-// (dfg_make.c), and are part of the program (dfg_words.h).
-#ifndef HG_RENDERER_LIGHT_DFG_H
-#define HG_RENDERER_LIGHT_DFG_H
+// (make.c), and are part of the program (words.h).
+#ifndef HG_RENDERER_LIGHT_ALBEDO_DFG_H
+#define HG_RENDERER_LIGHT_ALBEDO_DFG_H
 
 #include "shaders/shared/light.h"
 
@@ -37,7 +37,7 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //   HG_COATED_FIRST     x: what sheen loses below a coat, likewise: cosine, its roughness, the
 //                       coat's roughness
 // Of glass, layer k is that of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2. From inside cosines
-// are those of hg_glass_cosine (dfg_table.h), at whose s = HG_GLASS_EDGE total reflection begins.
+// are those of hg_glass_cosine (table.h), at whose s = HG_GLASS_EDGE total reflection begins.
 //   HG_GLASS_FIRST      hg_facets_glass: x the share lost, y the share reflected; cosine,
 //   roughness,
 //                       layer, first from outside and then from inside
