@@ -71,8 +71,9 @@ hg_bsdf_sample_result hg_bsdf_sample_base(hg_bsdf b, vec3 u)
 
 // --- all lobes -----------------------------------------------------------------------------------
 
-// f |cos| below the layers that are over l.
-vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
+// f |cos| below the layers that are over l, of what is scattered diffusely; with `several` of what
+// facets scatter several times as well.
+vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over, bool several)
 {
     float cos_l = abs(l_ts.z), shape = HG_INV_PI * cos_l;
     bool behind = l_ts.z < 0.0;
@@ -88,7 +89,11 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
     vec3 enter_l =
         over.left - hg_bsdf_dielectric_albedo(b, mean_l.dielectric, below_l, over.left);
     vec3 enter = b.enter_v * enter_l / (behind ? b.enter_avg_behind : b.enter_avg);
-    vec3 sum = behind ? b.behind * enter : b.base.diffuse * enter + b.base.f_ms * twice;
+    vec3 sum = (behind ? b.behind : b.base.diffuse) * enter;
+    if (!several)
+        return sum * shape;
+    if (!behind)
+        sum += b.base.f_ms * twice;
     if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.thin)
         sum += b.tint * (0.5 * b.transmission) * (1.0 - b.ms_dielectric) * twice;
     else if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
@@ -100,7 +105,7 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over)
             sum += glass * b.glass_front / b.glass_avg;
         if (!behind && b.layered_glass) {
             vec3 held = b.inside
-                ? hg_bsdf_held_inside(b, table_l, mean_l, miss) * b.tint * b.tint
+                ? hg_bsdf_held_inside(b, table_l, mean_l, miss)
                 : hg_bsdf_held_outside(b, mean_l, dfg_l, below_l, over.through, over.left);
             sum += b.transmission * b.held_v * held / b.held_avg;
         }
@@ -125,7 +130,7 @@ vec3 hg_bsdf_evaluate_lobes(hg_bsdf b, vec3 l, out float pdf)
         sum = hg_bsdf_evaluate_facets(b, l_ts, part) * min(b.through_v, over.through);
         pdf += b.p_specular * part;
     }
-    sum += hg_bsdf_evaluate_diffuse(b, l_ts, over);
+    sum += hg_bsdf_evaluate_diffuse(b, l_ts, over, true);
     pdf += (behind ? b.p_behind : b.p_diffuse) * cos_l * HG_INV_PI;
     if (HG_HAS(HG_FEATURE_SHEEN) && !behind && !b.inside) {
         sum += hg_bsdf_evaluate_sheen(b, l, cos_l, over);
@@ -231,10 +236,7 @@ vec3 hg_bsdf_evaluate_diffuse_part(hg_bsdf b, vec3 l)
     hg_bsdf_layers over = hg_bsdf_no_layers;
     if (!b.inside)
         over = hg_bsdf_layers_at(b, dot(b.coat_n, l), cos_l);
-    hg_bsdf wide = b;
-    wide.base.f_ms = vec3(0.0);
-    wide.transmission = 0.0;
-    vec3 sum = hg_bsdf_evaluate_diffuse(wide, l_ts, over);
+    vec3 sum = hg_bsdf_evaluate_diffuse(b, l_ts, over, false);
     if (HG_HAS(HG_FEATURE_SHEEN) && !b.inside)
         sum += hg_bsdf_evaluate_sheen(b, l, cos_l, over);
     return sum;

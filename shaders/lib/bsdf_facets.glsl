@@ -127,7 +127,8 @@ hg_bsdf_mean hg_bsdf_glass_mean(hg_bsdf b, float cos_theta, float eta, bool insi
         for (uint i = 0u; i < HG_FACET_NODES; i++) {
             vec3 node = hg_film_node(i, cos_theta, b.mean_roughness, eta);
             hg_reflectance r = hg_bsdf_reflectance(b, node.x, eta, inside);
-            vec3 difference = r.dielectric - r.exact;
+            vec3 difference =
+                r.dielectric - hg_fresnel_dielectric(node.x, hg_glass_eta(eta));
             mean.more += node.y * difference;
             mean.less_through += (node.y - node.z) * difference;
         }

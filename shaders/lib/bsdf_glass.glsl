@@ -91,7 +91,7 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflecte
 {
     float eta = b.inside == inside ? b.eta : 1.0 / b.eta;
     vec3 miss = vec3(hg_bsdf_glass_table_average(b, eta));
-    r = vec3(hg_fresnel_average(eta));
+    r = vec3(hg_glass_shares_average(0.0, eta).y);
     reflected = vec3(hg_glass_shares_average(b.mean_roughness, eta).y);
     if (!b.glass_plain)
         for (uint i = 0u; i < 6u; i++) {
@@ -100,8 +100,9 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflecte
             miss += weight * (mean.less_through - mean.more);
             reflected += weight * mean.more;
             hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
-            r += weight * (mirror.dielectric - mirror.exact);
+            r += weight * (mirror.dielectric - hg_fresnel_dielectric(c, hg_glass_eta(eta)));
         }
+    r = clamp(r, 0.0, 1.0);
     return clamp(miss, 1e-4, 1.0);
 }
 
@@ -121,7 +122,7 @@ void hg_bsdf_make_glass(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
     b.glass_avg = b.inside ? from_inside : from_outside;
     b.glass_avg_behind = b.inside ? from_outside : from_inside;
     b.glass_front = 1.0 - enters / b.glass_avg;
-    b.base.f_ms -= b.transmission * b.ms_dielectric;
+    b.base.f_ms -= b.transmission * b.ms_below;
 }
 
 // --- what layers over it hold back ---------------------------------------------------------------
@@ -189,7 +190,8 @@ void hg_bsdf_make_held(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
         all += miss;
     }
     b.held_several /= max(all, 1e-6);
-    b.held_v = hg_bsdf_held_inside(b, cos_v, mean, b.glass_v);
+    // Out and in again through the tinted surface.
+    b.held_v = hg_bsdf_held_inside(b, cos_v, mean, b.glass_v) * b.tint * b.tint;
     b.held_avg = max(hg_bsdf_held_average(b), 1e-5);
 }
 

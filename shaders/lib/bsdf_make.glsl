@@ -38,6 +38,7 @@ void hg_bsdf_make_several(inout hg_bsdf b)
     vec3 below = hg_multiple_scattering_color(dielectric, f90, e_avg);
     b.base.f_ms = mix(below, hg_multiple_scattering_color(metal, 1.0, e_avg), b.metallic);
     b.base.f_ms_dielectric = hg_max3(below);
+    b.ms_below = below;
     b.ms_dielectric = b.iridescence > 0.0 ? below : vec3(b.base.f_ms_dielectric);
 }
 
@@ -158,7 +159,10 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
         ior = (1.0 + root) / (1.0 - root);
         f0 = hg_ior_f0(ior / ior_outside);
     }
-    b.eta = b.inside ? ior_outside / ior : ior / ior_outside;
+    // What does not bend light has no lobe behind it: as good as straight through.
+    float ratio = ior / ior_outside;
+    ratio = abs(ratio - 1.0) < 1e-3 ? 1.001 : ratio;
+    b.eta = b.inside ? 1.0 / ratio : ratio;
     b.tint = s.base_color;
     b.exact = false;
     hg_bsdf_make_base(b, s, f0);
@@ -168,7 +172,7 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     float opaque = HG_HAS(HG_FEATURE_TRANSMISSION) ? dielectric * (1.0 - s.transmission) : dielectric;
     b.base.diffuse = s.base_color * (opaque * (1.0 - spread));
     b.behind = s.diffuse_transmission_color * (opaque * spread);
-    b.glass_plain = b.f90_dielectric == 1.0 && b.iridescence == 0.0 &&
+    b.glass_plain = b.f90_dielectric == 1.0 && b.iridescence == 0.0 && b.eta == hg_glass_eta(b.eta) &&
         all(lessThan(abs(b.f0_dielectric - hg_ior_f0(b.eta)), vec3(1e-4)));
     bool mixed = !b.glass_plain || opaque > 0.0;
     b.exact = HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0 && mixed;

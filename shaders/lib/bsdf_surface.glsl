@@ -29,7 +29,8 @@ struct hg_bsdf {
     vec2 alpha;          // along t and s
     float mean_roughness; // of the tables of albedo
     float anisotropy;
-    vec3 ms_dielectric;  // colour of the dielectric's several bounces
+    vec3 ms_below;       // colour of the dielectric's several bounces
+    vec3 ms_dielectric;  // and what of it is taken from what is below, by channel only under films
     vec3 glass_avg, glass_avg_behind; // m_avg and m'_avg of glass
     vec3 glass_v, glass_front; // m(v), a
     vec3 glass_reflected; // mean of what facets reflect of light from inside

@@ -108,15 +108,6 @@ float hg_fresnel_dielectric(float cos_theta, float eta)
     return 0.5 * a * a * (1.0 + b * b);
 }
 
-// Cosine-weighted mean of that. Fit of Kulla and Conty 2017 for eta > 1, within 0.002 up to 3; what
-// enters is what leaves, n^2 taken off.
-float hg_fresnel_average(float eta)
-{
-    float e = max(eta, 1.0 / max(eta, 1e-3));
-    float enters = 1.0 - (e - 1.0) / (4.08567 + 1.00071 * e);
-    return 1.0 - enters * min(eta * eta, 1.0);
-}
-
 float hg_ior_f0(float eta)
 {
     float r = (eta - 1.0) / (eta + 1.0);
@@ -263,10 +254,18 @@ float hg_dispersed_ior(float ior, float dispersion, uint channel)
 
 // eta: index behind over that in front; below 1 all of this is seen from inside.
 
+// That of the tables, which end at an index of 3: beyond it they stand for what differs from there.
+float hg_glass_eta(float eta)
+{
+    const float most = (1.0 + HG_GLASS_FAR) / (1.0 - HG_GLASS_FAR);
+    return clamp(eta, 1.0 / most, most);
+}
+
 // Cosine where total reflection ends.
 float hg_glass_edge(float eta)
 {
-    return sqrt(max(1.0 - eta * eta, 0.0));
+    float e = hg_glass_eta(eta);
+    return sqrt(max(1.0 - e * e, 0.0));
 }
 
 // Place of a cosine in them: hg_glass_place of renderer/light/albedo/table.h.
@@ -276,7 +275,7 @@ float hg_glass_place(float cos_theta, float eta)
     if (eta >= 1.0)
         return sqrt(c);
     if (c >= edge)
-        return HG_GLASS_EDGE + (1.0 - HG_GLASS_EDGE) * sqrt((c - edge) / (1.0 - edge));
+        return HG_GLASS_EDGE + (1.0 - HG_GLASS_EDGE) * sqrt((c - edge) / max(1.0 - edge, 1e-6));
     return asin(sqrt(c / edge)) * (2.0 * HG_INV_PI * HG_GLASS_EDGE);
 }
 
@@ -316,22 +315,24 @@ vec3 hg_film_node(uint node, float cos_theta, float roughness, float eta)
         vec2(mirrored.y, less) * 2.0 - 1.0);
 }
 
-// Share that a coat (x) or sheen (y) of strength 1 holds back of what glass lets through from
-// inside: HG_HELD_FIRST of renderer/light/albedo/dfg.h.
+// Share that a coat (x) or sheen (y) of strength 1 holds back of what glass lets through:
+// HG_HELD_FIRST of renderer/light/albedo/dfg.h.
 vec2 hg_glass_held(float cos_theta, float roughness, float eta, vec2 layer_roughness)
 {
-    vec4 p = vec4(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta), 0.0);
+    vec3 p = vec3(hg_glass_place(cos_theta, eta), roughness, hg_glass_layer(eta));
     const uvec4 size = uvec4(HG_HELD_COSINES, HG_HELD_ROUGHS, HG_HELD_IORS, HG_HELD_LAYERS);
-    return vec2(hg_table_4(HG_HELD_FIRST, vec4(p.xyz, layer_roughness.x), size).x,
-        hg_table_4(HG_HELD_FIRST, vec4(p.xyz, layer_roughness.y), size).y);
+    uint first = HG_HELD_FIRST + (eta < 1.0 ? size.x * size.y * size.z * size.w : 0u);
+    return vec2(hg_table_4(first, vec4(p, layer_roughness.x), size).x,
+        hg_table_4(first, vec4(p, layer_roughness.y), size).y);
 }
 
 vec2 hg_glass_held_average(float roughness, float eta, vec2 layer_roughness)
 {
     vec2 p = vec2(roughness, hg_glass_layer(eta));
     const uvec3 size = uvec3(HG_HELD_ROUGHS, HG_HELD_IORS, HG_HELD_LAYERS);
-    return vec2(hg_table_3(HG_HELD_MEANS, vec3(p, layer_roughness.x), size).x,
-        hg_table_3(HG_HELD_MEANS, vec3(p, layer_roughness.y), size).y);
+    uint first = HG_HELD_MEANS + (eta < 1.0 ? size.x * size.y * size.z : 0u);
+    return vec2(hg_table_3(first, vec3(p, layer_roughness.x), size).x,
+        hg_table_3(first, vec3(p, layer_roughness.y), size).y);
 }
 
 // Layer of the tables of anisotropic glass above this index, and how far it is from the one below,
@@ -353,7 +354,8 @@ float hg_lean(float x, float z)
 float hg_brushed_place(vec3 w_ts, float eta)
 {
     float z = abs(w_ts.z), sin2 = max(1.0 - z * z, 0.0), lean = hg_lean(abs(w_ts.x), z);
-    float most = hg_lean(sqrt(sin2), z), edge = hg_lean(sqrt(max(sin2 - eta * eta, 0.0)), z);
+    float most = hg_lean(sqrt(sin2), z), e = hg_glass_eta(eta);
+    float edge = hg_lean(sqrt(max(sin2 - e * e, 0.0)), z);
     if (eta >= 1.0)
         return 1.0 - lean / max(most, 1e-6);
     if (lean < edge)

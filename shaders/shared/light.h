@@ -49,8 +49,8 @@
 #define HG_HELD_IORS       8
 #define HG_HELD_LAYERS     12 // of the layer's own roughness
 #define HG_HELD_MEANS                                                             \
-    (HG_HELD_FIRST + HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS * HG_HELD_COSINES)
-#define HG_ANISO_FIRST     (HG_HELD_MEANS + HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS)
+    (HG_HELD_FIRST + 2 * HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS * HG_HELD_COSINES)
+#define HG_ANISO_FIRST     (HG_HELD_MEANS + 2 * HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS)
 #define HG_ANISO_COSINES   20
 #define HG_ANISO_AZIMUTHS  12
 #define HG_ANISO_STRENGTHS 8

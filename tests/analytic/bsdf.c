@@ -181,6 +181,15 @@ static void fill(void)
     m->thickness = 1;
     m->iridescence = 1;
     m->film_nm = 350;
+    m = add("coloured glass", 0.6f);
+    m->transmission = 1;
+    m->thickness = 1;
+    memcpy(m->specular_color, (float[3]){1, 0.2f, 0.2f}, 12);
+    m = add("glass without reflections", 0.7f);
+    m->transmission = 1;
+    m->thickness = 1;
+    m->ior = 1.2f;
+    m->specular = 0;
     m = add("leaf", 0.5f);
     m->diffuse_transmission = 0.6f;
     m = add("wax", 0.5f);
@@ -307,13 +316,13 @@ static void test_lobes_against_integrals(void **state)
 
 // White surfaces send back all light that comes from everywhere, within the noise of the test and
 // what is left between entries of tables: less than 0.002, or 0.004 in the tables of five
-// coordinates, where two layers act on what leaves glass, and where a film lies on glass that lets
-// light through.
+// coordinates, where two layers or a medium outside act on what leaves glass, and where glass
+// reflects otherwise than Fresnel's equations say.
 static double left_over(const struct material *m, bool front)
 {
-    const bool two = m->clearcoat > 0 && m->sheen[0] > 0;
-    const bool film = m->iridescence > 0 && m->transmission > 0;
-    return film || (!front && (m->anisotropy > 0 || two)) ? 0.004 : 0.002;
+    const bool two = m->clearcoat > 0 && (m->sheen[0] > 0 || m->ior_outside > 1);
+    const bool other = m->transmission > 0 && (m->iridescence > 0 || m->specular < 1 || m->ior > 3);
+    return other || (!front && (m->anisotropy > 0 || two)) ? 0.004 : 0.002;
 }
 
 // Of all directions and channels.
@@ -413,6 +422,10 @@ static void furnaces_of_layers(struct probe *probe)
     furnace(probe, "clearcoat on thin glass", m);
     m.thickness = 1;
     furnace(probe, "clearcoat on glass", m);
+    m.ior = 1.31f;
+    m.ior_outside = 1.5f;
+    furnace_from(probe, "clearcoat on ice in glass", m, false);
+    m.ior_outside = 1;
     m.clearcoat_roughness = 0;
     m.ior = 1.8f;
     furnace(probe, "smooth clearcoat on dense glass", m);
@@ -472,6 +485,12 @@ static void furnaces_of_glass(struct probe *probe)
     furnace(probe, "half glass that reflects half", m);
     m.transmission = 1;
     furnace(probe, "glass that reflects half", m);
+    m.specular = 0;
+    m.ior = 1.2f;
+    furnace(probe, "glass that reflects nothing", m);
+    m.specular = 1;
+    m.ior = 10000; // glTF's index 0
+    furnace(probe, "glass of index 0", m);
 }
 
 static void test_white_furnace(void **state)
@@ -500,6 +519,30 @@ static void test_white_furnace(void **state)
     furnaces_of_films(*state);
     furnaces_of_glass(*state);
     assert_int_equal(furnaces_off, 0);
+}
+
+// No lobe takes light away, in any channel, on any side.
+static void test_never_negative(void **state)
+{
+    enum { N = 256 };
+    static struct hg_vec4 in[2 * N], out[2 * N];
+    for (int i = 0; i < count; i++)
+        for (int side = 0; side < (goes_through(&list[i].m) ? 2 : 1); side++) {
+            for (int k = 0; k < N; k++) {
+                const float a = 0.02f + 0.97f * probe_random_float();
+                const bool front = side == 0 || list[i].m.thickness <= 0;
+                in[2 * k] = tilted(front ? a : -a, probe_random_float() * 6.2832f, front);
+                in[2 * k + 1] =
+                    tilted(2 * probe_random_float() - 1, probe_random_float() * 6.2832f, true);
+            }
+            run(*state, EVALUATE, &list[i].m, N, in, out);
+            for (int k = 0; k < N; k++)
+                for (int c = 0; c < 4; c++) {
+                    const float f = (&out[2 * k].x)[c];
+                    if (!(f >= 0) || !isfinite(f))
+                        fail_msg("%s, side %d: channel %d is %g", list[i].name, side, c, (double)f);
+                }
+        }
 }
 
 // --- reciprocity ---------------------------------------------------------------------------------
@@ -656,6 +699,7 @@ int main(void)
         cmocka_unit_test(test_dispersion),
         cmocka_unit_test(test_white_furnace),
         cmocka_unit_test(test_lobes_against_integrals),
+        cmocka_unit_test(test_never_negative),
         cmocka_unit_test(test_reciprocity),
         cmocka_unit_test(test_sampling_matches_density),
     };

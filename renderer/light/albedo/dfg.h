@@ -48,9 +48,11 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //                       and the weight m of mirrored light as 0.5 + m / 2, then m less that of
 //                       refracted light likewise
 //   HG_HELD_FIRST       share that a coat (x) and a sheen (y) hold back of light that glass lets
-//                       through from inside: cosine, roughness, layer, roughness of coat or sheen
-//   HG_HELD_MEANS       of light of all directions: roughness, layer, roughness of coat or sheen
-//   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine chooses,
+//                       through: cosine, roughness, layer, roughness of coat or sheen, side (light
+//                       comes out of what is denser, or of what is not so dense)
+//   HG_HELD_MEANS       of light of all directions: roughness, layer, roughness of coat or sheen,
+//   side HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine
+//   chooses,
 //                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (s^2),
 //                       strength (linear), roughness
 //   HG_ANISO_MEANS      likewise of the means: strength, roughness

@@ -157,15 +157,15 @@ struct cosines {
 static void cosines_fill(struct cosines *m, const struct hg_facets *c, float eta)
 {
     m->count = 0;
-    m->edge = eta < 1 ? sqrt(1 - (double)(eta * eta)) : 0;
+    m->edge = eta > 0 && eta < 1 ? sqrt(1 - (double)(eta * eta)) : 0;
     for (uint32_t i = 0; i < c->count; i++) {
         float cosine;
         const double x = (double)c->v_dot_h[i];
-        if (fresnel(c->v_dot_h[i], eta) >= 1)
+        if (eta > 0 && fresnel(c->v_dot_h[i], eta) >= 1)
             continue;
         m->x[m->count] = m->edge > 0 ? sqrt(fmax(x - m->edge, 0)) : x;
         m->mirrored[m->count] = (double)c->mirrored[i];
-        m->refracted[m->count++] = eta == 1 ? 0 : (double)refracted(c, i, eta, &cosine);
+        m->refracted[m->count++] = eta > 0 ? (double)refracted(c, i, eta, &cosine) : 0;
     }
 }
 

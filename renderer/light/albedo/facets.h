@@ -57,7 +57,7 @@ struct hg_facet_node {
 
 // Facets for integrals of a function f of the angle at the facet over those whose mirrored light
 // arrives, or those whose refracted light would if they let all of it through, but for those where
-// eta means total reflection: sum of weight f(cosine). eta 1: of mirrored light alone.
+// eta means total reflection: sum of weight f(cosine). eta 0: of mirrored light alone.
 // Gauss's nodes of both kinds together, so that what differs between the two comes of how they
 // differ, not of where f is read. Polynomials in the cosine, or where there is total reflection
 // below a cosine c in sqrt(cosine - c), as Fresnel's equations bend there: of degree 7 for both

@@ -62,7 +62,7 @@ static void fill_angles(struct hg_vec2 *table, uint32_t row)
         struct hg_facets facets;
         struct hg_facet_node nodes[HG_FACET_NODES];
         round_facets(&facets, hg_table_cosine(i, N), alpha, 48);
-        hg_facets_rule(&facets, 1, nodes);
+        hg_facets_rule(&facets, 0, nodes);
         for (uint32_t k = 0; k < HG_FACET_NODES; k++)
             table[HG_ANGLES_FIRST + (row * N + i) * HG_FACET_NODES + k] =
                 (struct hg_vec2){sqrtf(nodes[k].cosine), nodes[k].mirrored};
@@ -109,11 +109,11 @@ static void hold(void *user, float share, float cosine)
                                                     hg_table_place(k, HG_HELD_LAYERS), cosine));
 }
 
-// Below layers of all roughnesses: one index for one roughness, from inside.
+// Below layers of all roughnesses: one side of one index for one roughness.
 static void fill_held(struct hg_vec2 *table, uint32_t job)
 {
     enum { N = HG_HELD_COSINES, R = HG_HELD_ROUGHS, L = HG_HELD_IORS };
-    const float rough = hg_table_place(job % R, R), eta = eta_of(job / R, L, true);
+    const float rough = hg_table_place(job % R, R), eta = eta_of(job / R % L, L, job >= R * L);
     for (uint32_t i = 0; i < N; i++) {
         struct hg_facets facets;
         struct held held = {.table = table};
@@ -121,7 +121,9 @@ static void fill_held(struct hg_vec2 *table, uint32_t job)
         hg_facets_let_through(&facets, eta, hold, &held);
         for (uint32_t k = 0; k < HG_HELD_LAYERS; k++) {
             // Where nothing leaves, what little did would graze, where layers hold all back.
-            struct hg_vec2 *out = &table[HG_HELD_FIRST + (k * L * R + job) * N + i];
+            struct hg_vec2 *out =
+                &table[HG_HELD_FIRST +
+                       ((job / (R * L) * HG_HELD_LAYERS + k) * L * R + job % (R * L)) * N + i];
             *out = (struct hg_vec2){1, 1};
             if (held.all > 1e-9)
                 *out = (struct hg_vec2){
@@ -134,7 +136,8 @@ static void fill_held(struct hg_vec2 *table, uint32_t job)
 static void fill_held_mean(struct hg_vec2 *table, uint32_t job)
 {
     enum { N = HG_HELD_COSINES, R = HG_HELD_ROUGHS, L = HG_HELD_IORS, FINE = 16 };
-    const float eta = eta_of(job / R % L, L, true), rough = hg_table_place(job % R, R);
+    const float eta = eta_of(job / R % L, L, job >= R * L * HG_HELD_LAYERS),
+                rough = hg_table_place(job % R, R);
     const struct hg_vec2 *entries = table + HG_HELD_FIRST + job * N;
     double sum[2] = {0, 0}, all = 0;
     for (uint32_t k = 0; k < (N - 1) * FINE; k++) {
@@ -158,6 +161,6 @@ void hg_dfg_fill_glass(struct hg_vec2 *out)
     hg_dfg_each(out, 2 * HG_GLASS_IORS * HG_GLASS_ROUGHS, fill_glass_mean);
     hg_dfg_each(out, HG_ANGLES_SIZE, fill_angles);
     hg_dfg_each(out, 2 * HG_FILM_IORS * HG_FILM_ROUGHS, fill_film);
-    hg_dfg_each(out, HG_HELD_IORS * HG_HELD_ROUGHS, fill_held);
-    hg_dfg_each(out, HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS, fill_held_mean);
+    hg_dfg_each(out, 2 * HG_HELD_IORS * HG_HELD_ROUGHS, fill_held);
+    hg_dfg_each(out, 2 * HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS, fill_held_mean);
 }

@@ -77,7 +77,7 @@ static inline float hg_glass_place(float cosine, float eta)
     if (eta >= 1)
         return sqrtf(c);
     if (c >= edge)
-        return HG_GLASS_EDGE + (1 - HG_GLASS_EDGE) * sqrtf((c - edge) / (1 - edge));
+        return HG_GLASS_EDGE + (1 - HG_GLASS_EDGE) * sqrtf((c - edge) / fmaxf(1 - edge, 1e-6f));
     return asinf(sqrtf(c / edge)) * HG_GLASS_EDGE / (float)(HG_PI / 2);
 }
 
