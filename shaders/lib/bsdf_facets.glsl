@@ -103,9 +103,9 @@ struct hg_bsdf_mean {
 hg_bsdf_mean hg_bsdf_facet_mean(hg_bsdf b, float cos_theta, float eta, bool inside)
 {
     hg_bsdf_mean sum;
-    vec4 weights, at = hg_facet_angles_at(cos_theta, b.mean_roughness, weights);
+    vec3 weights, at = hg_facet_angles_at(cos_theta, b.mean_roughness, weights);
     sum.dielectric = sum.base = sum.more = sum.less_through = vec3(0.0);
-    for (int i = 0; i < HG_FACET_NODES; i++) {
+    for (int i = 0; i < HG_ANGLE_NODES; i++) {
         hg_reflectance r = hg_bsdf_reflectance(b, at[i], eta, inside);
         sum.dielectric += weights[i] * r.dielectric;
         sum.base += weights[i] * r.base;

@@ -163,22 +163,22 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
 
 // Cosines at facets that stand for all that reflect to a direction, and their weights:
 // HG_ANGLES_FIRST of renderer/light/albedo/dfg.h.
-vec4 hg_facet_angles_at(float cos_theta, float roughness, out vec4 weights)
+vec3 hg_facet_angles_at(float cos_theta, float roughness, out vec3 weights)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
     vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
     vec2 f = p - vec2(i);
-    const uint column = HG_FACET_NODES, row = column * HG_ANGLES_SIZE;
+    const uint column = HG_ANGLE_NODES, row = column * HG_ANGLES_SIZE;
     uint k = HG_ANGLES_FIRST + row * i.y + column * i.x;
-    vec4 roots;
-    for (uint n = 0u; n < HG_FACET_NODES; n++, k++) {
+    vec3 roots;
+    for (uint n = 0u; n < HG_ANGLE_NODES; n++, k++) {
         vec2 node = mix(mix(hg_dfg_at(k), hg_dfg_at(k + column), f.x),
             mix(hg_dfg_at(k + row), hg_dfg_at(k + row + column), f.x), f.y);
         roots[n] = node.x;
         weights[n] = node.y;
     }
-    weights /= dot(weights, vec4(1.0));
+    weights /= dot(weights, vec3(1.0));
     return roots * roots;
 }
 

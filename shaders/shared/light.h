@@ -23,11 +23,12 @@
 #define HG_SHEEN_FIRST     (HG_DFG_SIZE * HG_DFG_SIZE + HG_DFG_SIZE) // word of the table
 #define HG_ANGLES_FIRST    (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
 #define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness
-#define HG_FACET_NODES     4 // facets that stand for all
+#define HG_ANGLE_NODES     3 // facets that stand for all
+#define HG_FACET_NODES     4 // likewise, below films on glass
 #define HG_LAYER_SIZE      16 // samples of cos(theta) and of perceptual roughness
 #define HG_LAYER_ROUGHS    8  // of the layer's own roughness
 #define HG_LAYER_WORDS     (HG_LAYER_ROUGHS * HG_LAYER_SIZE * HG_LAYER_SIZE)
-#define HG_COAT_FIRST      (HG_ANGLES_FIRST + HG_FACET_NODES * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
+#define HG_COAT_FIRST      (HG_ANGLES_FIRST + HG_ANGLE_NODES * HG_ANGLES_SIZE * HG_ANGLES_SIZE)
 #define HG_CLOTH_FIRST     (HG_COAT_FIRST + HG_LAYER_WORDS)
 #define HG_COATED_FIRST    (HG_CLOTH_FIRST + HG_LAYER_WORDS)
 #define HG_DFG_BLOCK_WORDS 16384 // up to here in a uniform block, from here on by address

@@ -28,7 +28,7 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //   hg_dfg              cosine, roughness; behind it one row of cosine-weighted means
 //   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise; y: its albedo where f is
 //                       divided by the largest of x at both directions and 1
-//   HG_ANGLES_FIRST     hg_facets_rule of mirrored light: HG_FACET_NODES words (root of the cosine,
+//   HG_ANGLES_FIRST     hg_facets_rule of mirrored light: HG_ANGLE_NODES words (root of the cosine,
 //                       weight) for each cosine, roughness
 //   HG_COAT_FIRST       what a and b lose below a coat to light that it lets through less than that
 //                       of v: weighted with max(0, E(l) - E(v)), E the coat's albedo; cosine,

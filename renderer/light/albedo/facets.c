@@ -213,20 +213,20 @@ static double root_between(const struct polynomials *q, uint32_t degree, double 
 }
 
 // Those of one degree lie between those of the one before.
-static void roots_of(const struct polynomials *q, double out[HG_FACET_NODES])
+static void roots_of(const struct polynomials *q, uint32_t nodes, double out[HG_FACET_NODES])
 {
     double ends[HG_FACET_NODES + 1] = {0, 1};
-    for (uint32_t degree = 1; degree <= HG_FACET_NODES; degree++) {
+    for (uint32_t degree = 1; degree <= nodes; degree++) {
         for (uint32_t i = 0; i < degree; i++)
             out[i] = root_between(q, degree, ends[i], ends[i + 1]);
         for (uint32_t i = 0; i < degree; i++)
             ends[i + 1] = out[i];
-        if (degree < HG_FACET_NODES)
+        if (degree < nodes)
             ends[degree + 1] = 1;
     }
 }
 
-void hg_facets_rule(const struct hg_facets *c, float eta, struct hg_facet_node out[HG_FACET_NODES])
+void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct hg_facet_node *out)
 {
     enum { N = HG_FACET_NODES };
     static _Thread_local struct cosines m;
@@ -234,28 +234,28 @@ void hg_facets_rule(const struct hg_facets *c, float eta, struct hg_facet_node o
     double roots[N], mirrored[N] = {0}, refracted[N] = {0}, p[N + 1];
     cosines_fill(&m, c, eta);
     orthogonalise(&m, &q);
-    roots_of(&q, roots);
+    roots_of(&q, nodes, roots);
     for (uint32_t i = 0; i < m.count; i++) {
-        evaluate(&q, m.x[i], N - 1, p);
-        for (uint32_t k = 0; k < N; k++) {
+        evaluate(&q, m.x[i], nodes - 1, p);
+        for (uint32_t k = 0; k < nodes; k++) {
             mirrored[k] += m.mirrored[i] * p[k];
             refracted[k] += m.refracted[i] * p[k];
         }
     }
     bool narrow = false;
-    for (uint32_t k = 1; k < N; k++)
+    for (uint32_t k = 1; k < nodes; k++)
         narrow = narrow || q.b[k] < 1e-8;
-    for (uint32_t i = 0; i < N; i++) {
+    for (uint32_t i = 0; i < nodes; i++) {
         const double x = narrow ? q.a[0] : roots[i];
-        evaluate(&q, x, N - 1, p);
+        evaluate(&q, x, nodes - 1, p);
         double sum = 0, share[2] = {0, 0};
-        for (uint32_t k = 0; k < (narrow ? 1u : N); k++) {
+        for (uint32_t k = 0; k < (narrow ? 1u : nodes); k++) {
             const double norm = fmax(q.norm[k], 1e-300);
             sum += p[k] * p[k] / norm;
             share[0] += mirrored[k] * p[k] / norm;
             share[1] += refracted[k] * p[k] / norm;
         }
-        const double weight = narrow ? q.norm[0] / N : 1 / sum;
+        const double weight = narrow ? q.norm[0] / nodes : 1 / sum;
         out[i].cosine = hg_clampf((float)(m.edge > 0 ? m.edge + x * x : x), 0, 1);
         out[i].mirrored = (float)(weight * share[0]);
         out[i].refracted = (float)(weight * share[1]);

@@ -63,7 +63,8 @@ struct hg_facet_node {
 // below a cosine c in sqrt(cosine - c), as Fresnel's equations bend there: of degree 7 for both
 // together, of degree 3 for each. Source: Golub and Welsch 1969; Stieltjes's procedure in Gautschi
 // 2004, section 2.2.3.1.
+// out: [nodes], 2 to HG_FACET_NODES; above is of 4, n nodes have degrees 2n - 1 and n - 1.
 void hg_facets_rule(
-    const struct hg_facets *facets, float eta, struct hg_facet_node out[HG_FACET_NODES]);
+    const struct hg_facets *facets, float eta, uint32_t nodes, struct hg_facet_node *out);
 
 #endif

@@ -60,11 +60,11 @@ static void fill_angles(struct hg_vec2 *table, uint32_t row)
     const float alpha = hg_table_place(row, N) * hg_table_place(row, N);
     for (uint32_t i = 0; i < N; i++) {
         struct hg_facets facets;
-        struct hg_facet_node nodes[HG_FACET_NODES];
+        struct hg_facet_node nodes[HG_ANGLE_NODES];
         round_facets(&facets, hg_table_cosine(i, N), alpha, 48);
-        hg_facets_rule(&facets, 0, nodes);
-        for (uint32_t k = 0; k < HG_FACET_NODES; k++)
-            table[HG_ANGLES_FIRST + (row * N + i) * HG_FACET_NODES + k] =
+        hg_facets_rule(&facets, 0, HG_ANGLE_NODES, nodes);
+        for (uint32_t k = 0; k < HG_ANGLE_NODES; k++)
+            table[HG_ANGLES_FIRST + (row * N + i) * HG_ANGLE_NODES + k] =
                 (struct hg_vec2){sqrtf(nodes[k].cosine), nodes[k].mirrored};
     }
 }
@@ -79,7 +79,7 @@ static void fill_film(struct hg_vec2 *table, uint32_t job)
         struct hg_facets facets;
         struct hg_facet_node nodes[HG_FACET_NODES];
         round_facets(&facets, hg_glass_cosine(hg_table_place(i, N), eta), rough * rough, 48);
-        hg_facets_rule(&facets, eta, nodes);
+        hg_facets_rule(&facets, eta, HG_FACET_NODES, nodes);
         for (uint32_t k = 0; k < HG_FACET_NODES; k++) {
             const struct hg_facet_node *n = &nodes[k];
             struct hg_vec2 *out = table + HG_FILM_FIRST + 2 * k * 2 * HG_FILM_WORDS + job * N + i;
