@@ -99,56 +99,49 @@ struct hg_bsdf_mean {
     vec3 more, less_through;
 };
 
-// By facets that stand for those that reflect light of a direction: hg_facet_angles_at.
-hg_bsdf_mean hg_bsdf_facet_mean(hg_bsdf b, float cos_theta, float eta, bool inside)
-{
-    hg_bsdf_mean sum;
-    vec3 weights, at = hg_facet_angles_at(cos_theta, b.mean_roughness, weights);
-    sum.dielectric = sum.base = sum.more = sum.less_through = vec3(0.0);
-    for (int i = 0; i < HG_ANGLE_NODES; i++) {
-        hg_reflectance r = hg_bsdf_reflectance(b, at[i], eta, inside);
-        sum.dielectric += weights[i] * r.dielectric;
-        sum.base += weights[i] * r.base;
-    }
-    return sum;
-}
-
-// Of glass: what Fresnel's equations say is in a table, differences from it are taken at points that
-// stand for all facets without total reflection.
-hg_bsdf_mean hg_bsdf_glass_mean(hg_bsdf b, float cos_theta, float eta, bool inside)
-{
-    hg_bsdf_mean mean;
-    mean.base = mean.more = mean.less_through = vec3(0.0);
-    if (b.metallic > 0.0) {
-        mean = hg_bsdf_facet_mean(b, cos_theta, eta, inside);
-        mean.base -= mean.dielectric * (1.0 - b.metallic);
-    }
-    if (!b.glass_plain)
-        for (uint i = 0u; i < HG_FACET_NODES; i++) {
-            vec3 node = hg_film_node(i, cos_theta, b.mean_roughness, eta);
-            hg_reflectance r = hg_bsdf_reflectance(b, node.x, eta, inside);
-            vec3 difference =
-                r.dielectric - hg_fresnel_dielectric(node.x, hg_glass_eta(eta));
-            mean.more += node.y * difference;
-            mean.less_through += (node.y - node.z) * difference;
-        }
-    vec2 all = hg_dfg(cos_theta, b.mean_roughness);
-    float exact = hg_glass_shares(cos_theta, b.mean_roughness, eta).y;
-    mean.dielectric = clamp((exact + mean.more) / max(all.x + all.y, 1e-4), 0.0, 1.0);
-    mean.base += mean.dielectric * (1.0 - b.metallic);
-    return mean;
-}
-
-// Of those that reflect light of a direction, dfg: hg_bsdf_dfg there.
+// Of those that reflect light of a direction, dfg: hg_bsdf_dfg there. With Fresnel's equations or films
+// at facets that stand for them all. Of glass a table has what Fresnel's equations say; differences from
+// it are taken at points that stand for all facets without total reflection. One loop for all of them:
+// software rasterisers run each one's body at least once (docs/internals/frame.md).
 hg_bsdf_mean hg_bsdf_mean_reflectance(hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside)
 {
-    if (HG_HAS(HG_FEATURE_TRANSMISSION) && b.exact && b.transmission > 0.0)
-        return hg_bsdf_glass_mean(b, cos_theta, eta, inside);
-    if (b.exact)
-        return hg_bsdf_facet_mean(b, cos_theta, eta, inside);
+    bool glass = HG_HAS(HG_FEATURE_TRANSMISSION) && b.exact && b.transmission > 0.0;
+    uint films = glass && !b.glass_plain ? HG_FACET_NODES : 0u;
+    uint angles = b.exact && (!glass || b.metallic > 0.0) ? HG_ANGLE_NODES : 0u;
+    hg_bsdf_mean mean;
+    mean.dielectric = mean.base = mean.more = mean.less_through = vec3(0.0);
+    float sum = 0.0;
+    for (uint i = 0u; i < films + angles; i++) {
+        vec3 node = i < films ? hg_film_node(i, cos_theta, b.mean_roughness, eta)
+                              : vec3(hg_angle_node(i - films, cos_theta, b.mean_roughness), 0.0);
+        hg_reflectance r = hg_bsdf_reflectance(b, node.x, eta, inside);
+        if (i < films) {
+            vec3 difference = r.dielectric - hg_fresnel_dielectric(node.x, hg_glass_eta(eta));
+            mean.more += node.y * difference;
+            mean.less_through += (node.y - node.z) * difference;
+        } else {
+            mean.dielectric += node.y * r.dielectric;
+            mean.base += node.y * r.base;
+            sum += node.y;
+        }
+    }
     float schlick = dfg.y / max(dfg.x + dfg.y, 1e-6);
-    return hg_bsdf_mean(b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * schlick,
-        b.base.f0 + (b.f90 - b.base.f0) * schlick, vec3(0.0), vec3(0.0));
+    if (!b.exact) {
+        mean.dielectric = b.f0_dielectric + (b.f90_dielectric - b.f0_dielectric) * schlick;
+        mean.base = b.base.f0 + (b.f90 - b.base.f0) * schlick;
+    } else {
+        mean.dielectric /= max(sum, 1e-6);
+        mean.base /= max(sum, 1e-6);
+    }
+    if (glass) {
+        float dielectric = 1.0 - b.metallic;
+        mean.base -= mean.dielectric * dielectric;
+        vec2 all = hg_dfg(cos_theta, b.mean_roughness);
+        float exact = hg_glass_shares(cos_theta, b.mean_roughness, eta).y;
+        mean.dielectric = clamp((exact + mean.more) / max(all.x + all.y, 1e-4), 0.0, 1.0);
+        mean.base += mean.dielectric * dielectric;
+    }
+    return mean;
 }
 
 // Directional albedo of the base's single reflection, below the layers where dfg is.

@@ -66,25 +66,6 @@ vec3 hg_bsdf_glass_miss(float miss, hg_bsdf_mean mean)
     return clamp(miss - mean.more + mean.less_through, 0.0, 1.0);
 }
 
-// Points and weights of cosine-weighted means of what total reflection bends: Gauss's three on each
-// side of it; from outside all six over the roots of the cosines.
-float hg_glass_gauss(uint i, float eta, out float weight)
-{
-    const vec3 x = vec3(0.11270167, 0.5, 0.88729833), w = vec3(5.0, 8.0, 5.0) / 36.0;
-    float p = 0.5 * (x[i % 3u] + float(i / 3u)), c = p * p;
-    float edge = hg_glass_edge(eta), s = sin(HG_PI * p), q = 2.0 * p - 1.0;
-    weight = 4.0 * c * p; // d(c^2) / dp
-    if (eta < 1.0 && i < 3u) {
-        c = edge * s * s;
-        weight = 4.0 * HG_PI * edge * c * s * cos(HG_PI * p);
-    } else if (eta < 1.0) {
-        c = edge + (1.0 - edge) * q * q;
-        weight = 8.0 * c * (1.0 - edge) * q;
-    }
-    weight *= w[i % 3u];
-    return c;
-}
-
 // Mean of the miss over all light of one side. r: of what smooth facets of the dielectric reflect;
 // reflected: of what rough ones do.
 vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflected)
@@ -93,15 +74,14 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflecte
     vec3 miss = vec3(hg_bsdf_glass_table_average(b, eta));
     r = vec3(hg_glass_shares_average(0.0, eta).y);
     reflected = vec3(hg_glass_shares_average(b.mean_roughness, eta).y);
-    if (!b.glass_plain)
-        for (uint i = 0u; i < 6u; i++) {
-            float weight, c = hg_glass_gauss(i, eta, weight);
-            hg_bsdf_mean mean = hg_bsdf_glass_mean(b, c, eta, inside);
-            miss += weight * (mean.less_through - mean.more);
-            reflected += weight * mean.more;
-            hg_reflectance mirror = hg_bsdf_reflectance(b, c, eta, inside);
-            r += weight * (mirror.dielectric - hg_fresnel_dielectric(c, hg_glass_eta(eta)));
-        }
+    for (uint i = b.glass_plain ? HG_MEAN_NODES : 0u; i < HG_MEAN_NODES; i++) {
+        vec4 node = hg_film_mean_node(i, b.mean_roughness, eta);
+        vec3 difference = hg_bsdf_reflectance(b, node.x, eta, inside).dielectric -
+            hg_fresnel_dielectric(node.x, hg_glass_eta(eta));
+        reflected += node.y * difference;
+        miss -= node.z * difference;
+        r += node.w * difference;
+    }
     r = clamp(r, 0.0, 1.0);
     return clamp(miss, 1e-4, 1.0);
 }
@@ -109,13 +89,16 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflecte
 // What facets of glass give back after several bounces, and what that leaves to opaque layers.
 void hg_bsdf_make_glass(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
 {
-    b.glass_v = b.glass_front = b.glass_reflected = vec3(0.0);
+    b.glass_v = b.glass_front = b.glass_reflected = b.glass_reflected_behind = vec3(0.0);
     b.glass_avg = b.glass_avg_behind = vec3(1.0);
     if (!HG_HAS(HG_FEATURE_TRANSMISSION) || b.thin || b.transmission <= 0.0)
         return;
     b.glass_v = hg_bsdf_glass_miss(hg_bsdf_glass_table(b, b.v_ts, cos_v, b.eta), mean);
-    vec3 r, unused, out_of, from_outside = hg_bsdf_glass_average(b, false, r, unused);
-    vec3 from_inside = hg_bsdf_glass_average(b, true, out_of, b.glass_reflected);
+    vec3 r, out_of, reflected, reflected_inside;
+    vec3 from_outside = hg_bsdf_glass_average(b, false, r, reflected);
+    vec3 from_inside = hg_bsdf_glass_average(b, true, out_of, reflected_inside);
+    b.glass_reflected = b.inside ? reflected_inside : reflected;
+    b.glass_reflected_behind = b.inside ? reflected : reflected_inside;
     // What enters from outside is n^2 times what leaves: (1 - a) m_avg n^2 is the same both ways.
     float n2 = b.inside ? b.eta * b.eta : 1.0;
     vec3 enters = (1.0 - r) * min(from_outside, from_inside) * n2;
@@ -173,8 +156,7 @@ void hg_bsdf_make_held(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
 {
     b.held_v = b.held_avg = vec3(0.0);
     b.held_several = 0.0;
-    b.layered_glass = HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin && b.transmission > 0.0 &&
-        max(b.coat, b.sheen_max) > 0.0;
+    b.layered_glass = HG_HAS(HG_FEATURE_TRANSMISSION) && !b.thin && b.transmission > 0.0 && b.layered;
     if (!b.layered_glass)
         return;
     if (!b.inside) {

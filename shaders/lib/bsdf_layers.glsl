@@ -91,6 +91,7 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s, float cos_v)
         b.sheen = s.sheen_color;
         b.sheen_max = min(hg_max3(b.sheen), 1.0);
     }
+    b.layered = max(b.coat, b.sheen_max) > 0.0;
     hg_bsdf_layers over = hg_bsdf_no_layers;
     b.below_v = b.base.dfg_v;
     if (!b.inside) {

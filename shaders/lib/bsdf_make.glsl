@@ -80,8 +80,16 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
     b.several_avg = 1.0 - b.base.dfg_avg.x - b.base.dfg_avg.y;
     for (uint k = both ? 0u : 1u; k < 2u; k++) {
         bool inside = b.inside != (k == 0u);
+        // Of glass the mean is known: total reflection is not for Gauss's points.
+        bool known = HG_HAS(HG_FEATURE_TRANSMISSION) && b.exact && b.transmission > 0.0 && !b.thin &&
+            (inside || !b.layered);
+        vec2 all = b.base.dfg_avg;
+        vec3 mirrored = k == 0u ? b.glass_reflected_behind : b.glass_reflected;
         b.enter_avg = vec3(0.0);
-        for (int i = 0; i < 4; i++) {
+        if (known)
+            b.enter_avg = 1.0 - hg_bsdf_dielectric_albedo(
+                b, clamp(mirrored / max(all.x + all.y, 1e-4), 0.0, 1.0), all, 1.0);
+        for (int i = known ? 4 : 0; i < 4; i++) {
             float c = hg_gauss_x[i];
             vec2 dfg = hg_dfg(c, b.mean_roughness);
             hg_bsdf_layers over = hg_bsdf_no_layers;
@@ -100,12 +108,6 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
             vec2 held = dfg - below;
             if (k == 1u)
                 b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.left - 1.0);
-        }
-        if (HG_HAS(HG_FEATURE_TRANSMISSION) && inside && b.exact && b.transmission > 0.0) {
-            // Total reflection is not for Gauss's points.
-            vec2 all = b.base.dfg_avg;
-            b.enter_avg = 1.0 - hg_bsdf_dielectric_albedo(b,
-                clamp(b.glass_reflected / max(all.x + all.y, 1e-4), 0.0, 1.0), all, 1.0);
         }
         b.enter_avg = max(b.enter_avg, 1e-4);
         b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);

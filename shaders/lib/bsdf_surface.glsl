@@ -33,7 +33,8 @@ struct hg_bsdf {
     vec3 ms_dielectric;  // and what of it is taken from what is below, by channel only under films
     vec3 glass_avg, glass_avg_behind; // m_avg and m'_avg of glass
     vec3 glass_v, glass_front; // m(v), a
-    vec3 glass_reflected; // mean of what facets reflect of light from inside
+    vec3 glass_reflected, glass_reflected_behind; // mean of what facets reflect of light of each side
+    bool layered;        // there is a coat or sheen over it
     bool layered_glass;  // layers hold back light of glass: hg_bsdf_make_held
     vec3 held_v, held_avg;
     float held_several;  // of what leaves after several bounces

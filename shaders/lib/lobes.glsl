@@ -161,25 +161,19 @@ vec3 hg_film_fresnel(float cos_theta, float film_ior, float thickness_nm, vec3 f
     return clamp(sum, 0.0, 1.0);
 }
 
-// Cosines at facets that stand for all that reflect to a direction, and their weights:
-// HG_ANGLES_FIRST of renderer/light/albedo/dfg.h.
-vec3 hg_facet_angles_at(float cos_theta, float roughness, out vec3 weights)
+// A facet of those that stand for all that reflect to a direction: its cosine (x) and weight (y), up to a
+// factor. HG_ANGLES_FIRST of renderer/light/albedo/dfg.h.
+vec2 hg_angle_node(uint node, float cos_theta, float roughness)
 {
     const float last = float(HG_ANGLES_SIZE - 1);
     vec2 p = clamp(vec2(sqrt(max(cos_theta, 0.0)), roughness), 0.0, 1.0) * last;
     uvec2 i = uvec2(min(p, vec2(last - 1.0)));
     vec2 f = p - vec2(i);
     const uint column = HG_ANGLE_NODES, row = column * HG_ANGLES_SIZE;
-    uint k = HG_ANGLES_FIRST + row * i.y + column * i.x;
-    vec3 roots;
-    for (uint n = 0u; n < HG_ANGLE_NODES; n++, k++) {
-        vec2 node = mix(mix(hg_dfg_at(k), hg_dfg_at(k + column), f.x),
-            mix(hg_dfg_at(k + row), hg_dfg_at(k + row + column), f.x), f.y);
-        roots[n] = node.x;
-        weights[n] = node.y;
-    }
-    weights /= dot(weights, vec3(1.0));
-    return roots * roots;
+    uint k = HG_ANGLES_FIRST + row * i.y + column * i.x + node;
+    vec2 at = mix(mix(hg_dfg_at(k), hg_dfg_at(k + column), f.x),
+        mix(hg_dfg_at(k + row), hg_dfg_at(k + row + column), f.x), f.y);
+    return vec2(at.x * at.x, at.y);
 }
 
 // --- sheen ---------------------------------------------------------------------------------------
@@ -313,6 +307,18 @@ vec3 hg_film_node(uint node, float cos_theta, float roughness, float eta)
     float less = hg_table_3(first + 2u * HG_FILM_WORDS, p, size).x;
     return vec3(mix(hg_glass_edge(eta), 1.0, mirrored.x * mirrored.x),
         vec2(mirrored.y, less) * 2.0 - 1.0);
+}
+
+// One that stands for all of all directions: w is the weight of what smooth glass mirrors. HG_FILM_MEANS
+// there.
+vec4 hg_film_mean_node(uint node, float roughness, float eta)
+{
+    const uvec2 size = uvec2(HG_FILM_ROUGHS, HG_FILM_IORS);
+    uint words = size.x * size.y, first = HG_FILM_MEANS + (4u * node + (eta < 1.0 ? 1u : 0u)) * words;
+    vec2 p = vec2(roughness, hg_glass_layer(eta));
+    vec2 mirrored = hg_table_2(first, p, size), other = hg_table_2(first + 2u * words, p, size);
+    return vec4(mix(hg_glass_edge(eta), 1.0, mirrored.x * mirrored.x),
+        vec2(mirrored.y, other.x) * 2.0 - 1.0, other.y);
 }
 
 // Share that a coat (x) or sheen (y) of strength 1 holds back of what glass lets through:

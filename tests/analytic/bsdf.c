@@ -452,6 +452,16 @@ static void furnaces_of_films(struct probe *probe)
     m.metallic = 0;
     m.transmission = m.thickness = 1;
     furnace(probe, "film on glass", m);
+    m.transmission = 0.5f;
+    furnace(probe, "film on half glass", m);
+    m.transmission = 1;
+    m.metallic = 0.5f;
+    furnace(probe, "film on glass that is half metal", m);
+    m.metallic = 0;
+    m.clearcoat = 1;
+    m.clearcoat_roughness = 0.3f;
+    furnace(probe, "clearcoat on a film on glass", m);
+    m.clearcoat = 0;
     m.film_ior = 1.8f;
     m.film_nm = 250;
     m.ior = 1.2f;

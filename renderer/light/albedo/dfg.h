@@ -39,28 +39,29 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 // Of glass, layer k is that of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2. From inside cosines
 // are those of hg_glass_cosine (table.h), at whose s = HG_GLASS_EDGE total reflection begins.
 //   HG_GLASS_FIRST      hg_facets_glass: x the share lost, y the share reflected; cosine,
-//   roughness,
-//                       layer, first from outside and then from inside
+//                       roughness, layer, first from outside and then from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: roughness, layer, side
-//   HG_FILM_FIRST       hg_facets_rule: cosine, roughness, layer, side, two words of each node.
-//   First
-//                       the root of its cosine (0 where total reflection ends, 1 along the normal)
-//                       and the weight m of mirrored light as 0.5 + m / 2, then m less that of
-//                       refracted light likewise
+//   HG_FILM_FIRST       hg_facets_rule: cosine, roughness, layer, side, two words of each node:
+//                       the root of its cosine (0 where total reflection ends, 1 along the
+//                       normal) and the weight m of mirrored light as 0.5 + m / 2; then m less
+//                       that of refracted light likewise
+//   HG_FILM_MEANS       hg_facets_rule_of_nodes, the mean over all light of one side: roughness,
+//                       layer, side, two words of each of HG_MEAN_NODES nodes: as above, and y
+//                       of the second one the weight in the mean of a smooth surface
 //   HG_HELD_FIRST       share that a coat (x) and a sheen (y) hold back of light that glass lets
-//                       through: cosine, roughness, layer, roughness of coat or sheen, side (light
-//                       comes out of what is denser, or of what is not so dense)
+//                       through: cosine, roughness, layer, roughness of coat or sheen, side
+//                       (light comes out of what is denser, or of what is not so dense)
 //   HG_HELD_MEANS       of light of all directions: roughness, layer, roughness of coat or sheen,
-//   side HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine
-//   chooses,
-//                       as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine (s^2),
-//                       strength (linear), roughness
+//                       side
+// Of anisotropic surfaces:
+//   HG_ANISO_FIRST      what is to be added to the isotropic a and b that hg_aniso_cosine
+//                       chooses, as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine
+//                       (s^2), strength (linear), roughness
 //   HG_ANISO_MEANS      likewise of the means: strength, roughness
 //   HG_BRUSHED_FIRST    what is to be added to the loss of isotropic glass of hg_aniso_roughness
-//   from
-//                       outside (x) and from inside (y), as in HG_ANISO_FIRST: cosine, lean
-//                       (hg_brushed_lean), strength, roughness, layer of s = (k + 1) /
-//                       HG_BRUSHED_IORS
+//                       from outside (x) and from inside (y), as in HG_ANISO_FIRST: cosine, lean
+//                       (hg_brushed_lean), strength, roughness, layer of
+//                       s = (k + 1) / HG_BRUSHED_IORS
 //   HG_BRUSHED_MEANS    the mean loss over that of the isotropic surface, / HG_BRUSHED_MOST:
 //                       strength, roughness, layer
 // Words between the tables are 0.

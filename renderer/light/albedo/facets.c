@@ -147,32 +147,36 @@ void hg_facets_let_through(const struct hg_facets *c, float eta,
     }
 }
 
-// Cosines at facets, where there is total reflection as x = sqrt(cosine - edge), and their weights.
+// Cosines at facets, where there is total reflection as x = sqrt(cosine - edge), and their weights
+// in each of hg_facet_node's measures.
+enum { MIRRORED, REFRACTED, SMOOTH, MEASURES };
 struct cosines {
     uint32_t count;
     double edge; // 0: x are cosines
-    double x[HG_FACETS_MOST], mirrored[HG_FACETS_MOST], refracted[HG_FACETS_MOST];
+    double x[HG_FACETS_MOST], weight[MEASURES][HG_FACETS_MOST];
 };
 
-static void cosines_fill(struct cosines *m, const struct hg_facets *c, float eta)
+static void cosines_init(struct cosines *m, float eta)
 {
     m->count = 0;
     m->edge = eta > 0 && eta < 1 ? sqrt(1 - (double)(eta * eta)) : 0;
-    for (uint32_t i = 0; i < c->count; i++) {
-        float cosine;
-        const double x = (double)c->v_dot_h[i];
-        if (eta > 0 && fresnel(c->v_dot_h[i], eta) >= 1)
-            continue;
-        m->x[m->count] = m->edge > 0 ? sqrt(fmax(x - m->edge, 0)) : x;
-        m->mirrored[m->count] = (double)c->mirrored[i];
-        m->refracted[m->count++] = eta > 0 ? (double)refracted(c, i, eta, &cosine) : 0;
-    }
 }
 
-// The first orthogonal polynomials of their measure: p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1].
-// norm: integrals of p[k]^2.
+static void cosines_add(struct cosines *m, const struct hg_facet_node *node)
+{
+    const double x = (double)node->cosine;
+    m->x[m->count] = m->edge > 0 ? sqrt(fmax(x - m->edge, 0)) : x;
+    m->weight[MIRRORED][m->count] = (double)node->mirrored;
+    m->weight[REFRACTED][m->count] = (double)node->refracted;
+    m->weight[SMOOTH][m->count++] = (double)node->smooth;
+}
+
+// The first orthogonal polynomials of all their measures together:
+// p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1]. norm: integrals of p[k]^2.
+enum { N = HG_MEAN_NODES };
+_Static_assert(N >= HG_FACET_NODES && N >= HG_ANGLE_NODES, "most nodes of a rule");
 struct polynomials {
-    double a[HG_FACET_NODES], b[HG_FACET_NODES], norm[HG_FACET_NODES];
+    double a[N], b[N], norm[N];
 };
 
 static void evaluate(const struct polynomials *q, double x, uint32_t most, double *p)
@@ -183,13 +187,16 @@ static void evaluate(const struct polynomials *q, double x, uint32_t most, doubl
 }
 
 // Stieltjes's procedure; Gautschi 2004, section 2.2.3.1.
-static void orthogonalise(const struct cosines *m, struct polynomials *q)
+static void orthogonalise(const struct cosines *m, uint32_t nodes, struct polynomials *q)
 {
-    for (uint32_t k = 0; k < HG_FACET_NODES; k++) {
-        double norm = 0, along = 0, p[HG_FACET_NODES + 1];
+    for (uint32_t k = 0; k < nodes; k++) {
+        double norm = 0, along = 0, p[N + 1];
         for (uint32_t i = 0; i < m->count; i++) {
             evaluate(q, m->x[i], k, p);
-            const double w = (m->mirrored[i] + m->refracted[i]) * p[k] * p[k];
+            double w = 0;
+            for (int j = 0; j < MEASURES; j++)
+                w += m->weight[j][i];
+            w *= p[k] * p[k];
             norm += w;
             along += w * m->x[i];
         }
@@ -201,7 +208,7 @@ static void orthogonalise(const struct cosines *m, struct polynomials *q)
 
 static double root_between(const struct polynomials *q, uint32_t degree, double low, double high)
 {
-    double p[HG_FACET_NODES + 1];
+    double p[N + 1];
     evaluate(q, low, degree, p);
     const bool negative = p[degree] < 0;
     for (int i = 0; i < 40; i++) {
@@ -213,9 +220,9 @@ static double root_between(const struct polynomials *q, uint32_t degree, double 
 }
 
 // Those of one degree lie between those of the one before.
-static void roots_of(const struct polynomials *q, uint32_t nodes, double out[HG_FACET_NODES])
+static void roots_of(const struct polynomials *q, uint32_t nodes, double out[N])
 {
-    double ends[HG_FACET_NODES + 1] = {0, 1};
+    double ends[N + 1] = {0, 1};
     for (uint32_t degree = 1; degree <= nodes; degree++) {
         for (uint32_t i = 0; i < degree; i++)
             out[i] = root_between(q, degree, ends[i], ends[i + 1]);
@@ -226,21 +233,17 @@ static void roots_of(const struct polynomials *q, uint32_t nodes, double out[HG_
     }
 }
 
-void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct hg_facet_node *out)
+static void rule_of(const struct cosines *m, uint32_t nodes, struct hg_facet_node *out)
 {
-    enum { N = HG_FACET_NODES };
-    static _Thread_local struct cosines m;
     struct polynomials q;
-    double roots[N], mirrored[N] = {0}, refracted[N] = {0}, p[N + 1];
-    cosines_fill(&m, c, eta);
-    orthogonalise(&m, &q);
+    double roots[N], along[MEASURES][N] = {{0}}, p[N + 1];
+    orthogonalise(m, nodes, &q);
     roots_of(&q, nodes, roots);
-    for (uint32_t i = 0; i < m.count; i++) {
-        evaluate(&q, m.x[i], nodes - 1, p);
-        for (uint32_t k = 0; k < nodes; k++) {
-            mirrored[k] += m.mirrored[i] * p[k];
-            refracted[k] += m.refracted[i] * p[k];
-        }
+    for (uint32_t i = 0; i < m->count; i++) {
+        evaluate(&q, m->x[i], nodes - 1, p);
+        for (int j = 0; j < MEASURES; j++)
+            for (uint32_t k = 0; k < nodes; k++)
+                along[j][k] += m->weight[j][i] * p[k];
     }
     bool narrow = false;
     for (uint32_t k = 1; k < nodes; k++)
@@ -248,18 +251,42 @@ void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct
     for (uint32_t i = 0; i < nodes; i++) {
         const double x = narrow ? q.a[0] : roots[i];
         evaluate(&q, x, nodes - 1, p);
-        double sum = 0, share[2] = {0, 0};
+        double sum = 0, share[MEASURES] = {0};
         for (uint32_t k = 0; k < (narrow ? 1u : nodes); k++) {
             const double norm = fmax(q.norm[k], 1e-300);
             sum += p[k] * p[k] / norm;
-            share[0] += mirrored[k] * p[k] / norm;
-            share[1] += refracted[k] * p[k] / norm;
+            for (int j = 0; j < MEASURES; j++)
+                share[j] += along[j][k] * p[k] / norm;
         }
         const double weight = narrow ? q.norm[0] / nodes : 1 / sum;
-        out[i].cosine = hg_clampf((float)(m.edge > 0 ? m.edge + x * x : x), 0, 1);
-        out[i].mirrored = (float)(weight * share[0]);
-        out[i].refracted = (float)(weight * share[1]);
+        out[i].cosine = hg_clampf((float)(m->edge > 0 ? m->edge + x * x : x), 0, 1);
+        out[i].mirrored = (float)(weight * share[MIRRORED]);
+        out[i].refracted = (float)(weight * share[REFRACTED]);
+        out[i].smooth = (float)(weight * share[SMOOTH]);
     }
+}
+
+void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct hg_facet_node *out)
+{
+    static _Thread_local struct cosines m;
+    cosines_init(&m, eta);
+    for (uint32_t i = 0; i < c->count; i++) {
+        float cosine;
+        const float refracts = eta > 0 ? refracted(c, i, eta, &cosine) : 0;
+        if (eta <= 0 || fresnel(c->v_dot_h[i], eta) < 1)
+            cosines_add(&m, &(struct hg_facet_node){c->v_dot_h[i], c->mirrored[i], refracts, 0});
+    }
+    rule_of(&m, nodes, out);
+}
+
+void hg_facets_rule_of_nodes(const struct hg_facet_node *many, uint32_t count, float eta,
+    uint32_t nodes, struct hg_facet_node *out)
+{
+    static _Thread_local struct cosines m;
+    cosines_init(&m, eta);
+    for (uint32_t i = 0; i < count && i < HG_FACETS_MOST; i++)
+        cosines_add(&m, &many[i]);
+    rule_of(&m, nodes, out);
 }
 
 void hg_facets_reflect(

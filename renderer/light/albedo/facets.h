@@ -50,9 +50,10 @@ void hg_facets_glass(
 void hg_facets_let_through(const struct hg_facets *facets, float eta,
     void (*each)(void *user, float share, float cosine), void *user);
 
-// One facet that stands for others: v.h, and weights of its mirrored and of its refracted light.
+// One facet that stands for others: v.h, and weights of its mirrored and of its refracted light;
+// smooth: of what the whole surface would mirror if it were smooth.
 struct hg_facet_node {
-    float cosine, mirrored, refracted;
+    float cosine, mirrored, refracted, smooth;
 };
 
 // Facets for integrals of a function f of the angle at the facet over those whose mirrored light
@@ -63,8 +64,12 @@ struct hg_facet_node {
 // below a cosine c in sqrt(cosine - c), as Fresnel's equations bend there: of degree 7 for both
 // together, of degree 3 for each. Source: Golub and Welsch 1969; Stieltjes's procedure in Gautschi
 // 2004, section 2.2.3.1.
-// out: [nodes], 2 to HG_FACET_NODES; above is of 4, n nodes have degrees 2n - 1 and n - 1.
+// out: [nodes], 2 to HG_MEAN_NODES; above is of 4, n nodes have degrees 2n - 1 and n - 1.
 void hg_facets_rule(
     const struct hg_facets *facets, float eta, uint32_t nodes, struct hg_facet_node *out);
+
+// Likewise for sums over `count` nodes, at most HG_FACETS_MOST, none with total reflection.
+void hg_facets_rule_of_nodes(const struct hg_facet_node *many, uint32_t count, float eta,
+    uint32_t nodes, struct hg_facet_node *out);
 
 #endif

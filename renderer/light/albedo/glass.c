@@ -91,6 +91,54 @@ static void fill_film(struct hg_vec2 *table, uint32_t job)
     }
 }
 
+// Those of one node of one direction, as fill_film stores them, between entries.
+static struct hg_facet_node film_node(
+    const struct hg_vec2 *table, uint32_t job, uint32_t node, float at, float eta)
+{
+    const struct hg_vec2 *first =
+        table + HG_FILM_FIRST + 2 * node * 2 * HG_FILM_WORDS + job * HG_FILM_COSINES;
+    const struct hg_vec2 a = hg_table_bilinear(first, HG_FILM_COSINES, 1, at, 0);
+    const struct hg_vec2 b =
+        hg_table_bilinear(first + 2 * HG_FILM_WORDS, HG_FILM_COSINES, 1, at, 0);
+    const float edge = eta < 1 ? hg_glass_edge(eta) : 0, mirrored = 2 * a.y - 1;
+    return (struct hg_facet_node){
+        edge + (1 - edge) * a.x * a.x, mirrored, mirrored - (2 * b.x - 1), 0};
+}
+
+// Nodes of all directions, by their cosines.
+static void fill_film_mean(struct hg_vec2 *table, uint32_t job)
+{
+    enum { R = HG_FILM_ROUGHS, L = HG_FILM_IORS, FINE = 16 };
+    static _Thread_local struct hg_facet_node many[HG_FACETS_MOST];
+    struct hg_facet_node nodes[HG_MEAN_NODES];
+    const float eta = eta_of(job / R % L, L, job >= R * L), last = HG_FILM_COSINES - 1;
+    const float edge = eta < 1 ? hg_glass_edge(eta) : 0;
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < (HG_FILM_COSINES - 1) * FINE; k++) {
+        const float at = ((float)k + 0.5f) / FINE;
+        const float low = hg_glass_cosine((float)k / FINE / last, eta);
+        const float high = hg_glass_cosine((float)(k + 1) / FINE / last, eta);
+        const float weight = high * high - low * low, cosine = hg_glass_cosine(at / last, eta);
+        for (uint32_t i = 0; i < HG_FACET_NODES; i++) {
+            struct hg_facet_node *n = &many[count++];
+            *n = film_node(table, job, i, at, eta);
+            n->mirrored *= weight;
+            n->refracted *= weight;
+        }
+        if (cosine > edge)
+            many[count++] = (struct hg_facet_node){.cosine = cosine, .smooth = weight};
+    }
+    hg_facets_rule_of_nodes(many, count, eta, HG_MEAN_NODES, nodes);
+    for (uint32_t k = 0; k < HG_MEAN_NODES; k++) {
+        const struct hg_facet_node *n = &nodes[k];
+        struct hg_vec2 *out = table + HG_FILM_MEANS + 2 * k * 2 * R * L + job;
+        out[0] = (struct hg_vec2){
+            sqrtf(hg_clampf((n->cosine - edge) / (1 - edge), 0, 1)), 0.5f + 0.5f * n->mirrored};
+        out[2 * R * L] = (struct hg_vec2){
+            0.5f + 0.5f * (n->mirrored - n->refracted), hg_clampf(n->smooth, 0, 1)};
+    }
+}
+
 // --- layers --------------------------------------------------------------------------------------
 
 // What coats and sheens of all their roughnesses take of light let through.
@@ -161,6 +209,7 @@ void hg_dfg_fill_glass(struct hg_vec2 *out)
     hg_dfg_each(out, 2 * HG_GLASS_IORS * HG_GLASS_ROUGHS, fill_glass_mean);
     hg_dfg_each(out, HG_ANGLES_SIZE, fill_angles);
     hg_dfg_each(out, 2 * HG_FILM_IORS * HG_FILM_ROUGHS, fill_film);
+    hg_dfg_each(out, 2 * HG_FILM_IORS * HG_FILM_ROUGHS, fill_film_mean);
     hg_dfg_each(out, 2 * HG_HELD_IORS * HG_HELD_ROUGHS, fill_held);
     hg_dfg_each(out, 2 * HG_HELD_LAYERS * HG_HELD_IORS * HG_HELD_ROUGHS, fill_held_mean);
 }
