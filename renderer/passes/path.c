@@ -8,8 +8,8 @@ static const struct {
 } kernels[] = {{"path_begin.comp", "path begin", 0}, {"path_shade.comp", "path shade", 0},
     {"path_shade.comp", "path miss", 1}, {"path_shade.comp", "path shade", 2},
     {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
-    {"path_shadow.comp", "path light", 2},
-    {"path_add.comp", "path film", 0}, {"path_add.comp", "path film", 1}};
+    {"path_shadow.comp", "path light", 2}, {"path_add.comp", "path film", 0},
+    {"path_add.comp", "path film", 1}};
 
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, uint32_t options,
     const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)
@@ -18,8 +18,8 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, 
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
         .spec = {kernels[kernel].variant, pass->tables & ~HG_TABLE_BIT(HG_BIND_PATH),
-            pass->features | pass->background, options},
-        .spec_count = 4};
+            pass->features | pass->background, options, 0, pass->glass},
+        .spec_count = 6};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)
         status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);

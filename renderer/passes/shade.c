@@ -19,7 +19,7 @@ struct style {
         HG_FEATURE_NO_SUN)
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    const struct style *style, uint32_t tables, uint32_t features)
+    const struct style *style, uint32_t tables, uint32_t features, uint32_t glass)
 {
     if (style->dark)
         features &= ~LIGHT_FEATURES;
@@ -28,12 +28,14 @@ static struct hg_gpu_pipeline_params pipeline_of(
     const bool lobes = (features & HG_FEATURE_LOBES) != 0 && !style->background;
     if (!lobes)
         features &= ~HG_FEATURE_LOBES;
+    if ((features & HG_FEATURE_TRANSMISSION) == 0)
+        glass = 0;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
                                 : (lobes ? "shade_lobes.frag" : "shade.frag"),
-        .spec = {style->variant, tables, features, style->background, style->picture},
-        .spec_count = 5,
+        .spec = {style->variant, tables, features, style->background, style->picture, glass},
+        .spec_count = 6,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
         // The triangle lies at infinity (0): in front of it is a surface, else nothing. With dark
@@ -58,7 +60,7 @@ static uint32_t features_of(const struct hg_pass *pass, bool background)
 static enum hg_status draw(struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(style, pass->tables, features_of(pass, style->background));
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->glass);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -73,9 +75,9 @@ static enum hg_status make_all(
     others[0].background = true;
     others[1].dark = true;
     const struct hg_gpu_pipeline_params params[3] = {
-        pipeline_of(style, pass->tables, features_of(pass, style->background)),
-        pipeline_of(&others[0], pass->tables, features_of(pass, true)),
-        pipeline_of(&others[1], pass->tables, features_of(pass, style->background))};
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->glass),
+        pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->glass),
+        pipeline_of(&others[1], pass->tables, features_of(pass, style->background), pass->glass)};
     return pass->jobs != NULL
                ? hg_gpu_pipelines_make(pass->gpu, params, dark ? 3 : 2, pass->jobs, err)
                : HG_OK;
@@ -152,7 +154,7 @@ enum hg_status hg_shade_warm_up(
         .first = true,
         .flat = hg_gpu_get_caps(gpu)->is_cpu};
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(&style, 0, HG_FEATURE_ALL & ~HG_FEATURE_LOBES);
+        pipeline_of(&style, 0, HG_FEATURE_ALL & ~HG_FEATURE_LOBES, 0);
     VkPipeline pipeline;
     return hg_gpu_pipeline_get(gpu, &params, &pipeline, err);
 }

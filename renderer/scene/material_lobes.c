@@ -1,6 +1,7 @@
 // material_lobes.c - which lobes of KHR_materials_* a material makes use of. See scene.h.
 #include "renderer/scene/scene.h"
 #include "shaders/shared/features.h"
+#include "shaders/shared/light.h"
 
 static bool is_black(const float color[3])
 {
@@ -61,4 +62,17 @@ uint32_t hg_material_lobes(const struct hg_material *m)
         if (hg_material_uses_slot(m, (enum hg_texture_slot)slot))
             features |= HG_FEATURE_LOBE_TEXTURES;
     return features;
+}
+
+uint32_t hg_material_glass(const struct hg_material *m)
+{
+    const uint32_t lobes = factor_features(m);
+    if ((lobes & HG_FEATURE_TRANSMISSION) == 0)
+        return 0;
+    const float most = m->ior + HG_DISPERSION_HALF_SPREAD * (m->ior - 1.0f) * m->dispersion;
+    const bool bends = m->ior >= 1.0f && most <= (1.0f + HG_GLASS_FAR) / (1.0f - HG_GLASS_FAR);
+    return (lobes & HG_FEATURE_ANISOTROPY ? HG_GLASS_ANISOTROPIC : 0u) |
+           (lobes & (HG_FEATURE_CLEARCOAT | HG_FEATURE_SHEEN) ? HG_GLASS_LAYERED : 0u) |
+           (lobes & (HG_FEATURE_IRIDESCENCE | HG_FEATURE_SPECULAR) || !bends ? HG_GLASS_UNUSUAL
+                                                                             : 0u);
 }

@@ -103,7 +103,7 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over, bool se
             sum += b.tint * glass * (1.0 - b.glass_front) / (b.glass_avg_behind * b.eta * b.eta);
         else
             sum += glass * b.glass_front / b.glass_avg;
-        if (!behind && b.layered_glass) {
+        if (HG_HAS_GLASS(HG_GLASS_LAYERED) && !behind && b.layered_glass) {
             vec3 held = b.inside
                 ? hg_bsdf_held_inside(b, table_l, mean_l, miss)
                 : hg_bsdf_held_outside(b, mean_l, dfg_l, below_l, over.through, over.left);

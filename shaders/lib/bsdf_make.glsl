@@ -102,7 +102,7 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
                 b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside);
             vec3 albedo = hg_bsdf_dielectric_albedo(b, mean.dielectric, below, over.left);
             b.enter_avg += hg_gauss_w[i] * (over.left - albedo);
-            if (b.layered_glass && !b.inside)
+            if (HG_HAS_GLASS(HG_GLASS_LAYERED) && b.layered_glass && !b.inside)
                 b.held_avg += hg_gauss_w[i] *
                     hg_bsdf_held_outside(b, mean, dfg, below, over.through, over.left);
             vec2 held = dfg - below;

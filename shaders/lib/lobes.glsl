@@ -240,7 +240,7 @@ vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_rou
 // Absorption-free index of one of the three channels: KHR_materials_dispersion.
 float hg_dispersed_ior(float ior, float dispersion, uint channel)
 {
-    float half_spread = (ior - 1.0) * 0.025 * dispersion;
+    float half_spread = (ior - 1.0) * HG_DISPERSION_HALF_SPREAD * dispersion;
     return max(ior + half_spread * (float(channel) - 1.0), 1.0);
 }
 

@@ -76,6 +76,7 @@
     (HG_BRUSHED_MEANS + HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS)
 #define HG_BRUSHED_MOST    4.0f  // largest ratio of the means
 #define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
+#define HG_DISPERSION_HALF_SPREAD 0.025f // of the index less 1, per unit of KHR_materials_dispersion
 #define HG_ANISO_RANGE     1.0f  // largest correction, either way
 #define HG_MIN_ALPHA       0.002025f // of HG_MIN_ROUGHNESS in lib/brdf.glsl
 #define HG_SHEEN_MIN_ALPHA 0.005f
