@@ -152,8 +152,8 @@ static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct h
         return HG_OK;
     }
     s->verified_bytes = before;
-    return hg_error_set(err, HG_E_LIMIT, "image_query", "size", "%llu MiB are more than %s leaves",
-        (unsigned long long)(size >> 20),
+    return hg_error_set(err, HG_E_LIMIT, "image_query", "size",
+        "%llu bytes are more than %s leaves", (unsigned long long)size,
         size > left ? "this session's quota (max-upload)" : "upload-store");
 }
 

@@ -149,8 +149,7 @@ static void frames_survive(void **state)
     struct daemon d;
     struct peer p;
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     build_scene(&p);
     look(&p, 1, 0);
     take(&p, &first);
@@ -183,13 +182,11 @@ static void loads_survive(void **state)
     struct daemon d;
     struct peer a, b;
     start(&d);
-    peer_open(&a, &d);
-    peer_scene(&a, "");
+    peer_open_scene(&a, &d, "");
     build_scene(&a);
     look(&a, 1, 1);
     take(&a, &calm);
-    peer_open(&b, &d);
-    peer_scene(&b, "");
+    peer_open_scene(&b, &d, "");
     uint32_t load = peer_send(&b, HGP_T_asset_load,
         &(struct hgp_asset_load){.asset = b.first_id, .path = hgp_str_make("demo:")});
     kill(daemon_worker(&d, 0), SIGKILL);
@@ -378,15 +375,13 @@ static void lost_disks_are_survived(void **state)
     unsetenv("LD_PRELOAD");
     setenv("ASAN_OPTIONS", usual, 1);
     unsetenv("HELIO_TEST_CACHE");
-    peer_open(&a, &d);
-    peer_scene(&a, "");
+    peer_open_scene(&a, &d, "");
     build_land(&a);
     look(&a, 1, 0);
     take(&a, &calm);
     const struct hgp_picked before = pick_middle(&a);
     assert_true(before.hit);
-    peer_open(&b, &d);
-    peer_scene(&b, "");
+    peer_open_scene(&b, &d, "");
     build_scene(&b);
     pid_t worker = daemon_worker(&d, 0);
     for (int round = 0; round < 2; round++) {

@@ -136,8 +136,7 @@ static void killed_in_a_frame(void **state)
     struct daemon d;
     struct peer p;
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     build_scene(&p);
     same_frame_after(&d, &p, "die.frame_request");
     char *log = daemon_read(&d, "log");
@@ -158,8 +157,7 @@ static void killed_from_outside_with_subscription(void **state)
     struct daemon d;
     struct peer p;
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "shared");
+    peer_open_scene(&p, &d, "shared");
     build_scene(&p);
     pid_t worker = daemon_worker(&d, 0);
     peer_call(
@@ -195,8 +193,7 @@ static void hung_loop_is_replaced(void **state)
     daemon_option(&d, "worker-timeout", "3"); // pulses come every 0.1 s
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     build_scene(&p);
     same_frame_after(&d, &p, "hang.frame_request");
     daemon_wait_log(&d, "worker-timeout");
@@ -213,8 +210,7 @@ static void endless_step_is_replaced(void **state)
     daemon_option(&d, "hang-timeout", "0.5");
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     build_scene(&p);
     // Its pulses go on, but say that one step does not end. The frame came; the next one does too.
     pid_t worker = daemon_worker(&d, 0);
@@ -235,8 +231,7 @@ static void edits_under_way_happen_once(void **state)
     struct daemon d;
     struct peer p;
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     // 200 edits in one go; the worker dies at the 3rd light, of which there is one in ten.
     uint32_t first = p.next_request;
     daemon_write(&d, "die.light_set", "");
@@ -260,8 +255,7 @@ static void poison_is_given_up(void **state)
     struct daemon d;
     struct peer bad, good;
     start(&d);
-    peer_open(&good, &d);
-    peer_scene(&good, "");
+    peer_open_scene(&good, &d, "");
     build_scene(&good);
     struct hgp_frame frame;
     uint8_t digest_before[32], digest_after[32];
@@ -270,8 +264,7 @@ static void poison_is_given_up(void **state)
         &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 100}, HGP_T_ok);
     take_frame(&good, &frame, digest_before);
     daemon_write(&d, "kill.variant_set", "");
-    peer_open(&bad, &d);
-    peer_scene(&bad, "");
+    peer_open_scene(&bad, &d, "");
     uint32_t waiting =
         peer_send(&good, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
     uint32_t poison =
@@ -297,8 +290,7 @@ static void crash_loop_ends_sessions_not_the_daemon(void **state)
     daemon_option(&d, "restart-delay", "0.01");
     daemon_option(&d, "crash-limit", "3");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     peer_call(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id}, HGP_T_ok);
     daemon_write(&d, "kill.start", "");
     kill(daemon_worker(&d, 0), SIGKILL);
@@ -319,11 +311,9 @@ static void lethal_scene_is_given_up_alone(void **state)
     struct daemon d;
     struct peer bad, good;
     start(&d);
-    peer_open(&good, &d);
-    peer_scene(&good, "");
+    peer_open_scene(&good, &d, "");
     peer_call(&good, HGP_T_node_set, &(struct hgp_node_set){.node = good.first_id}, HGP_T_ok);
-    peer_open(&bad, &d);
-    peer_scene(&bad, "");
+    peer_open_scene(&bad, &d, "");
     peer_call(&bad, HGP_T_light_set, &(struct hgp_light_set){.light = bad.first_id}, HGP_T_ok);
     daemon_write(&d, "kill.light_set", ""); // from now on this scene cannot be built
     kill(daemon_worker(&d, 0), SIGKILL);
@@ -343,10 +333,8 @@ static void two_sessions_keep_their_scene(void **state)
     struct hgp_frame frame;
     uint8_t digest_a[32], digest_b[32];
     start(&d);
-    peer_open(&a, &d);
-    peer_scene(&a, "hall");
-    peer_open(&b, &d);
-    peer_scene(&b, "hall");
+    peer_open_scene(&a, &d, "hall");
+    peer_open_scene(&b, &d, "hall");
     build_scene(&a);
     build_scene(&b);
     uint64_t revision = b.m.ok.revision; // of its last view_set: all edits of both
@@ -375,8 +363,7 @@ static void killed_while_loading(void **state)
     struct daemon d;
     struct peer p;
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     uint32_t load = peer_send(&p, HGP_T_asset_load,
         &(struct hgp_asset_load){.asset = p.first_id, .path = hgp_str_make("slow=300")});
     // Everything behind it waits, views and cameras included.
@@ -406,8 +393,7 @@ static void views_closed_and_made_again(void **state)
     struct hgp_frame frame;
     uint8_t before[32], after[32];
     start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     struct hgp_view_set m = {
         .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8};
     peer_send(&p, HGP_T_view_set, &m);
@@ -440,15 +426,13 @@ static void edits_of_a_client_that_left(void **state)
     daemon_option(&d, "worker-timeout", "3"); // pulses come every 0.1 s
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
-    peer_open(&a, &d);
-    peer_scene(&a, "hall");
+    peer_open_scene(&a, &d, "hall");
     peer_call(&a, HGP_T_view_set,
         &(struct hgp_view_set){
             .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8},
         HGP_T_ok);
     take_frame(&a, &frame, before);
-    peer_open(&b, &d);
-    peer_scene(&b, "hall");
+    peer_open_scene(&b, &d, "hall");
     daemon_write(&d, "hang.node_set", "");
     peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id});
     peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id + 1});
@@ -462,8 +446,7 @@ static void edits_of_a_client_that_left(void **state)
     assert_non_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"sessions\":1,", 13));
     assert_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"peer\":\"\"", 9));
     // One whose edit is poison goes, too.
-    peer_open(&b, &d);
-    peer_scene(&b, "hall");
+    peer_open_scene(&b, &d, "hall");
     daemon_write(&d, "kill.variant_set", "");
     peer_tell(&b, HGP_T_variant_set, &(struct hgp_variant_set){.asset = b.first_id});
     peer_close(&b);
@@ -492,10 +475,8 @@ static void files_that_were_verified(void **state)
     daemon_option(&d, "restart-delay", "0.01");
     daemon_option(&d, "upload-store", "1");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_open(&q, &d);
-    peer_scene(&q, "");
+    peer_open_scene(&p, &d, "");
+    peer_open_scene(&q, &d, "");
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
     peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
     const pid_t worker = daemon_worker(&d, 0);

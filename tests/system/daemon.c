@@ -473,6 +473,12 @@ void peer_scene(struct peer *p, const char *name)
     p->first_id = p->m.scene_opened.first_id;
 }
 
+void peer_open_scene(struct peer *p, struct daemon *d, const char *name)
+{
+    peer_open(p, d);
+    peer_scene(p, name);
+}
+
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
 {
     peer_call(p, HGP_T_view_set,
@@ -483,8 +489,7 @@ void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
 
 void peer_open_view(struct peer *p, struct daemon *d, uint32_t width, uint32_t height)
 {
-    peer_open(p, d);
-    peer_scene(p, "");
+    peer_open_scene(p, d, "");
     peer_view(p, 1, width, height);
 }
 

@@ -56,8 +56,9 @@ void peer_hello(struct peer *p);                               // preface, hello
 void peer_auth(struct peer *p, const char *token);             // auth, no answer awaited
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
 void peer_scene(struct peer *p, const char *name);
+void peer_open_scene(struct peer *p, struct daemon *d, const char *name); // both
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);
-// peer_open, peer_scene without a name, peer_view 1.
+// peer_open_scene without a name, peer_view 1.
 void peer_open_view(struct peer *p, struct daemon *d, uint32_t width, uint32_t height);
 void peer_close(struct peer *p);
 void peer_raw(struct peer *p, const void *data, size_t size);

@@ -267,11 +267,9 @@ static void shares_scenes(void **state)
     struct peer a, b;
     uint8_t seen[32];
     daemon_begin(&d);
-    peer_open(&a, &d);
-    peer_scene(&a, "hall");
+    peer_open_scene(&a, &d, "hall");
     peer_call(&a, HGP_T_node_set, &(struct hgp_node_set){.node = a.first_id}, HGP_T_ok);
-    peer_open(&b, &d);
-    peer_scene(&b, "hall");
+    peer_open_scene(&b, &d, "hall");
     assert_true(b.m.scene_opened.existed);
     assert_int_equal(b.m.scene_opened.revision, 1);
     assert_true(b.first_id != a.first_id);
@@ -373,10 +371,8 @@ static void verified_files_are_uploads(void **state)
     daemon_option(&d, "max-upload", "1");
     daemon_option(&d, "upload-store", "1");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
-    peer_open(&q, &d);
-    peer_scene(&q, "");
+    peer_open_scene(&p, &d, "");
+    peer_open_scene(&q, &d, "");
     peer_refused(&p, HGP_T_image_query, &above, HG_E_LIMIT);
     assert_non_null(memmem(p.m.error.reason.data, p.m.error.reason.size, "max-upload", 10));
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
@@ -414,8 +410,7 @@ static void verified_files_stay_as_large_as_they_began(void **state)
     daemon_init(&d);
     daemon_option(&d, "max-upload", "1");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     part_refused(&p, &last, "is 2, and was 0 ");
     part_refused(&p, &more, "2 bytes at 0 reach beyond the file of 1");
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
@@ -438,8 +433,7 @@ static void journals_are_limited(void **state)
     daemon_init(&d);
     daemon_option(&d, "journal-limit", "1");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     struct hgp_mesh_set mesh = {.mesh = p.first_id, .parts = {&part, 1}};
     peer_call(&p, HGP_T_mesh_set, &mesh, HGP_T_ok);
     mesh.mesh++;

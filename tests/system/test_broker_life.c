@@ -27,8 +27,7 @@ static void slow_reader_harms_nobody(void **state)
     daemon_option(&d, "output-limit", "4");
     daemon_option(&d, "peer-timeout", "2");
     daemon_start(&d);
-    peer_open(&slow, &d);
-    peer_scene(&slow, "");
+    peer_open_scene(&slow, &d, "");
     peer_view(&slow, 1, 1024, 1024); // 4 MiB a frame
     uint64_t before = daemon_rss_bytes(&d);
     // All the credit of the world, and it never reads.
@@ -103,8 +102,7 @@ static void fast_writer_is_slowed(void **state)
     daemon_option(&d, "max-requests", "8");
     daemon_option(&d, "max-rate", "2000");
     daemon_start(&d);
-    peer_open(&p, &d);
-    peer_scene(&p, "");
+    peer_open_scene(&p, &d, "");
     uint32_t first = 0, last = 0;
     for (uint32_t i = 0; i < 1000; i++) {
         last = peer_send(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id + i});
@@ -203,8 +201,7 @@ static void reloads_tokens_and_options(void **state)
     snprintf(path, sizeof path, "%s/config", d.folder);
     daemon_option(&d, "config", path);
     daemon_start(&d);
-    peer_open(&old, &d);
-    peer_scene(&old, "");
+    peer_open_scene(&old, &d, "");
     daemon_write(&d, "tokens", "new-token-22 edit carl\n");
     daemon_write(&d, "config", "max-views = 1\n");
     daemon_signal(&d, SIGHUP);
