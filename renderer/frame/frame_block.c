@@ -209,12 +209,13 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     return features;
 }
 
-static uint32_t glass_of(const struct hg_view_state *view, uint32_t features)
+static uint32_t mixes_of(const struct hg_view_state *view, uint32_t features)
 {
-    if ((features & HG_FEATURE_TRANSMISSION) == 0)
+    if ((features & HG_FEATURE_LOBES) == 0)
         return 0;
-    const bool branches = !hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables;
-    return branches ? HG_GLASS_ALL : view->rooms->glass;
+    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables)
+        return view->rooms->mixes;
+    return HG_MIX_ALL & ~((features & HG_FEATURE_TRANSMISSION) == 0 ? HG_MIX_OF_GLASS : 0u);
 }
 
 static uint32_t background_features(const struct hg_view_state *view)
@@ -239,7 +240,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
-    pass.glass = glass_of(view, pass.features);
+    pass.mixes = mixes_of(view, pass.features);
     pass.background = background_features(view);
     pass.find = view->stream.finding > 0;
     if (pass.find)

@@ -77,13 +77,13 @@ static uint32_t scene_features(const struct hg_scene *scene, const struct hg_tex
     return features;
 }
 
-static uint32_t scene_glass(const struct hg_scene *scene)
+static uint32_t scene_mixes(const struct hg_scene *scene)
 {
-    uint32_t glass = 0;
+    uint32_t mixes = 0;
     for (uint32_t i = 0; i < scene->objects[HG_OBJECT_MATERIAL].count; i++)
-        glass |= hg_material_glass(
+        mixes |= hg_material_mixes(
             (const struct hg_material *)scene->objects[HG_OBJECT_MATERIAL].items[i]);
-    return glass;
+    return mixes;
 }
 
 // Alpha blends, or cuts holes into what lets light through.
@@ -197,7 +197,7 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
         status = hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
     if (status == HG_OK) {
         rooms->features = scene_features(rooms->scene, rooms->textures);
-        rooms->glass = scene_glass(rooms->scene);
+        rooms->mixes = scene_mixes(rooms->scene);
         rooms->has_holes = has_holes(rooms->scene);
         rooms->scene_revision = rooms->scene->revision;
         if (!same && hg_geometry_revision(rooms->geometry) != before)

@@ -39,7 +39,7 @@ struct hg_rooms {
     struct hg_scene *scene;
     uint32_t refs;
     uint32_t features;          // HG_FEATURE_* of its materials and meshes
-    uint32_t glass;             // HG_GLASS_* of its materials
+    uint32_t mixes;             // HG_MIX_* of its materials
     bool has_holes;             // some surface that is drawn in layers is not there everywhere
     uint64_t scene_revision;    // brought to the device, UINT64_MAX = none
     uint64_t geometry_revision; // of the geometry when it last showed something new

@@ -15,7 +15,7 @@ struct hg_pass {
     // Second and third specialisation constant of shaders that include lib/tables.glsl: which
     // tables are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
     uint32_t tables, features;
-    uint32_t glass;      // HG_GLASS_*, the sixth of those that shade
+    uint32_t mixes;      // HG_MIX_*, the sixth of those that shade
     uint32_t background; // HG_FEATURE_SKY_*: what backgrounds have besides
     VkRect2D area;       // of the view that is drawn, clears included; zero = all of it
     // Only what is asked of textures counts, nothing that is drawn: a small view fills the area,

@@ -18,7 +18,7 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, 
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
         .spec = {kernels[kernel].variant, pass->tables & ~HG_TABLE_BIT(HG_BIND_PATH),
-            pass->features | pass->background, options, 0, pass->glass},
+            pass->features | pass->background, options, 0, pass->mixes},
         .spec_count = 6};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)

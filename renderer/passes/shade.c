@@ -19,7 +19,7 @@ struct style {
         HG_FEATURE_NO_SUN)
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    const struct style *style, uint32_t tables, uint32_t features, uint32_t glass)
+    const struct style *style, uint32_t tables, uint32_t features, uint32_t mixes)
 {
     if (style->dark)
         features &= ~LIGHT_FEATURES;
@@ -29,12 +29,14 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (!lobes)
         features &= ~HG_FEATURE_LOBES;
     if ((features & HG_FEATURE_TRANSMISSION) == 0)
-        glass = 0;
+        mixes &= ~HG_MIX_OF_GLASS;
+    if (!lobes)
+        mixes = 0;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
                                 : (lobes ? "shade_lobes.frag" : "shade.frag"),
-        .spec = {style->variant, tables, features, style->background, style->picture, glass},
+        .spec = {style->variant, tables, features, style->background, style->picture, mixes},
         .spec_count = 6,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
@@ -60,7 +62,7 @@ static uint32_t features_of(const struct hg_pass *pass, bool background)
 static enum hg_status draw(struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->glass);
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->mixes);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -75,9 +77,9 @@ static enum hg_status make_all(
     others[0].background = true;
     others[1].dark = true;
     const struct hg_gpu_pipeline_params params[3] = {
-        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->glass),
-        pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->glass),
-        pipeline_of(&others[1], pass->tables, features_of(pass, style->background), pass->glass)};
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->mixes),
+        pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->mixes),
+        pipeline_of(&others[1], pass->tables, features_of(pass, style->background), pass->mixes)};
     return pass->jobs != NULL
                ? hg_gpu_pipelines_make(pass->gpu, params, dark ? 3 : 2, pass->jobs, err)
                : HG_OK;

@@ -64,15 +64,17 @@ uint32_t hg_material_lobes(const struct hg_material *m)
     return features;
 }
 
-uint32_t hg_material_glass(const struct hg_material *m)
+uint32_t hg_material_mixes(const struct hg_material *m)
 {
     const uint32_t lobes = factor_features(m);
+    const bool layered = (lobes & (HG_FEATURE_CLEARCOAT | HG_FEATURE_SHEEN)) != 0;
+    const bool anisotropic = (lobes & HG_FEATURE_ANISOTROPY) != 0;
+    const uint32_t mixes = layered && anisotropic ? HG_MIX_LAYERED_ANISOTROPY : 0u;
     if ((lobes & HG_FEATURE_TRANSMISSION) == 0)
-        return 0;
+        return mixes;
     const float most = m->ior + HG_DISPERSION_HALF_SPREAD * (m->ior - 1.0f) * m->dispersion;
     const bool bends = m->ior >= 1.0f && most <= (1.0f + HG_GLASS_FAR) / (1.0f - HG_GLASS_FAR);
-    return (lobes & HG_FEATURE_ANISOTROPY ? HG_GLASS_ANISOTROPIC : 0u) |
-           (lobes & (HG_FEATURE_CLEARCOAT | HG_FEATURE_SHEEN) ? HG_GLASS_LAYERED : 0u) |
-           (lobes & (HG_FEATURE_IRIDESCENCE | HG_FEATURE_SPECULAR) || !bends ? HG_GLASS_UNUSUAL
-                                                                             : 0u);
+    const bool unusual = !bends || (lobes & (HG_FEATURE_IRIDESCENCE | HG_FEATURE_SPECULAR)) != 0;
+    return mixes | (anisotropic ? HG_MIX_ANISOTROPIC_GLASS : 0u) |
+           (layered ? HG_MIX_LAYERED_GLASS : 0u) | (unusual ? HG_MIX_UNUSUAL_GLASS : 0u);
 }

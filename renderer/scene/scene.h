@@ -108,8 +108,8 @@ struct hg_material {
 void hg_material_set_defaults(struct hg_material *material);
 // HG_FEATURE_* of shaders/shared/features.h within HG_FEATURE_LOBES; 0: metallic-roughness alone.
 uint32_t hg_material_lobes(const struct hg_material *material);
-// HG_GLASS_* of what it lets through; 0: plain glass, or none.
-uint32_t hg_material_glass(const struct hg_material *material);
+// HG_MIX_* of its lobes.
+uint32_t hg_material_mixes(const struct hg_material *material);
 // The slot has a texture, and its lobe is in use.
 bool hg_material_uses_slot(const struct hg_material *material, enum hg_texture_slot slot);
 

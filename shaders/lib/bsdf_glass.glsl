@@ -43,7 +43,7 @@ vec3 hg_surface_disperse(inout hg_surface s, inout uint channel, float u)
 // What single scattering loses in a direction by the tables. table_cos: hg_bsdf_cosine.
 float hg_bsdf_glass_table(hg_bsdf b, vec3 w_ts, float table_cos, float eta)
 {
-    if (!HG_HAS_GLASS(HG_GLASS_ANISOTROPIC) || b.alpha.x == b.alpha.y)
+    if (!HG_HAS_MIX(HG_MIX_ANISOTROPIC_GLASS) || b.alpha.x == b.alpha.y)
         return hg_glass_shares(table_cos, b.mean_roughness, eta).x;
     float miss = hg_glass_shares(abs(w_ts.z), b.mean_roughness, eta).x;
     miss += hg_brushed_correction(w_ts, b.base.roughness, b.anisotropy, eta);
@@ -54,7 +54,7 @@ float hg_bsdf_glass_table(hg_bsdf b, vec3 w_ts, float table_cos, float eta)
 float hg_bsdf_glass_table_average(hg_bsdf b, float eta)
 {
     float miss = hg_glass_shares_average(b.mean_roughness, eta).x;
-    if (!HG_HAS_GLASS(HG_GLASS_ANISOTROPIC) || b.alpha.x == b.alpha.y)
+    if (!HG_HAS_MIX(HG_MIX_ANISOTROPIC_GLASS) || b.alpha.x == b.alpha.y)
         return miss;
     return miss * hg_brushed_average_ratio(b.base.roughness, b.anisotropy, eta);
 }
@@ -74,7 +74,7 @@ vec3 hg_bsdf_glass_average(hg_bsdf b, bool inside, out vec3 r, out vec3 reflecte
     vec3 miss = vec3(hg_bsdf_glass_table_average(b, eta));
     r = vec3(hg_glass_shares_average(0.0, eta).y);
     reflected = vec3(hg_glass_shares_average(b.mean_roughness, eta).y);
-    uint first = HG_HAS_GLASS(HG_GLASS_UNUSUAL) && !b.glass_plain ? 0u : HG_MEAN_NODES;
+    uint first = HG_HAS_MIX(HG_MIX_UNUSUAL_GLASS) && !b.glass_plain ? 0u : HG_MEAN_NODES;
     for (uint i = first; i < HG_MEAN_NODES; i++) {
         vec4 node = hg_film_mean_node(i, b.mean_roughness, eta);
         vec3 difference = hg_bsdf_reflectance(b, node.x, eta, inside).dielectric -
@@ -158,7 +158,7 @@ void hg_bsdf_make_held(inout hg_bsdf b, hg_bsdf_mean mean, float cos_v)
     b.held_v = b.held_avg = vec3(0.0);
     b.held_several = 0.0;
     b.layered_glass = b.layered && !b.thin && b.transmission > 0.0;
-    if (!HG_HAS_GLASS(HG_GLASS_LAYERED) || !b.layered_glass)
+    if (!HG_HAS_MIX(HG_MIX_LAYERED_GLASS) || !b.layered_glass)
         return;
     if (!b.inside) {
         b.held_v =

@@ -96,21 +96,31 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
             vec2 below = dfg;
             if (!inside) {
                 over = hg_bsdf_layers_at(b, c, c);
-                below = hg_bsdf_dfg_below(b, c, dfg, over);
+                below = hg_bsdf_dfg_below(b, c, vec4(0.0), dfg, over);
             }
             hg_bsdf_mean mean = hg_bsdf_mean_reflectance(
                 b, c, below, k == 0u ? 1.0 / b.eta : b.eta, inside);
             vec3 albedo = hg_bsdf_dielectric_albedo(b, mean.dielectric, below, over.left);
             b.enter_avg += hg_gauss_w[i] * (over.left - albedo);
-            if (HG_HAS_GLASS(HG_GLASS_LAYERED) && b.layered_glass && !b.inside)
+            if (HG_HAS_MIX(HG_MIX_LAYERED_GLASS) && b.layered_glass && !b.inside)
                 b.held_avg += hg_gauss_w[i] *
                     hg_bsdf_held_outside(b, mean, dfg, below, over.through, over.left);
             vec2 held = dfg - below;
             if (k == 1u)
                 b.several_avg += hg_gauss_w[i] * (held.x + held.y + over.left - 1.0);
         }
+        if (HG_HAS(HG_FEATURE_ANISOTROPY) && !known && b.alpha.x != b.alpha.y) {
+            vec2 more = all - hg_dfg_average(b.mean_roughness);
+            b.enter_avg -= hg_max3(b.f0_dielectric) * more.x + b.f90_dielectric * more.y -
+                b.ms_dielectric * (more.x + more.y);
+        }
         b.enter_avg = max(b.enter_avg, 1e-4);
         b.enter_avg_behind = max(b.enter_avg_behind, b.enter_avg);
+    }
+    if (HG_HAS_MIX(HG_MIX_LAYERED_ANISOTROPY) && b.alpha.x != b.alpha.y && !b.inside) {
+        vec2 layers = vec2(b.coat_roughness, b.sheen_roughness);
+        b.several_avg += dot(vec2(b.coat, b.sheen_max),
+            hg_veiled_average(b.base.roughness, b.anisotropy, layers));
     }
     b.several_avg = max(b.several_avg, 1e-4);
     b.held_avg = max(b.held_avg, 1e-5);
@@ -180,7 +190,7 @@ void hg_bsdf_make_lobes(inout hg_bsdf b, hg_surface s, float ior_outside)
     b.exact = HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0 && mixed;
     b.exact = b.exact || (HG_HAS(HG_FEATURE_IRIDESCENCE) && b.iridescence > 0.0);
     float cos_v = hg_bsdf_cosine(b, b.v_ts);
-    hg_bsdf_make_layers(b, s, cos_v);
+    hg_bsdf_make_layers(b, s);
     hg_bsdf_mean mean = hg_bsdf_mean_reflectance(b, cos_v, b.below_v, b.eta, b.inside);
     hg_bsdf_make_glass(b, mean, cos_v);
     hg_bsdf_make_held(b, mean, cos_v);

@@ -237,6 +237,31 @@ vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_rou
 
 // --- refraction ----------------------------------------------------------------------------------
 
+// What is missing in hg_layer_loss below a coat or, with `cloth`, a sheen where the base is
+// anisotropic: HG_VEILED_FIRST there.
+vec2 hg_veiled_correction(bool cloth, vec3 w_ts, float roughness, float strength, float layer_roughness)
+{
+    const uvec4 size = uvec4(
+        HG_VEILED_COSINES, HG_VEILED_AZIMUTHS, HG_VEILED_STRENGTHS, HG_VEILED_ROUGHS);
+    const uint words = HG_VEILED_BASES * HG_VEILED_SIDE;
+    vec4 p = hg_aniso_place(w_ts, roughness, strength);
+    float layer = clamp(layer_roughness, 0.0, 1.0) * float(HG_VEILED_LAYERS - 1);
+    uint i = min(uint(layer), uint(HG_VEILED_LAYERS - 2));
+    uint first = HG_VEILED_FIRST + (cloth ? HG_VEILED_WORDS : 0u) + i * words;
+    return hg_aniso_signed(
+        mix(hg_table_4(first, p, size), hg_table_4(first + words, p, size), layer - float(i)));
+}
+
+// And in the mean over all directions of what a coat (x) and a sheen (y) hold back.
+vec2 hg_veiled_average(float roughness, float strength, vec2 layer_roughness)
+{
+    const uvec3 size = uvec3(HG_VEILED_STRENGTHS, HG_VEILED_ROUGHS, HG_VEILED_LAYERS);
+    vec2 p = vec2(strength, roughness);
+    vec2 coat = hg_aniso_signed(hg_table_3(HG_VEILED_MEANS, vec3(p, layer_roughness.x), size));
+    vec2 cloth = hg_aniso_signed(hg_table_3(HG_VEILED_MEANS, vec3(p, layer_roughness.y), size));
+    return vec2(coat.x, cloth.y);
+}
+
 // Absorption-free index of one of the three channels: KHR_materials_dispersion.
 float hg_dispersed_ior(float ior, float dispersion, uint channel)
 {

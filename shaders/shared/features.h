@@ -41,10 +41,12 @@
 #define HG_FEATURE_SMALL_LAYERS         0x80000000u // layers of RGBA8 pages may be small (texture.h)
 #define HG_FEATURE_ALL         0xffffffffu
 
-// Kinds of glass besides plain one, a constant of their own: 0 without HG_FEATURE_TRANSMISSION.
-#define HG_GLASS_ANISOTROPIC 0x1u
-#define HG_GLASS_LAYERED     0x2u // below coats or sheens
-#define HG_GLASS_UNUSUAL     0x4u // reflects otherwise than Fresnel's equations say
-#define HG_GLASS_ALL         0x7u
+// Lobes of one material that have tables of their own together, as another constant.
+#define HG_MIX_ANISOTROPIC_GLASS  0x1u
+#define HG_MIX_LAYERED_GLASS      0x2u // below coats or sheens
+#define HG_MIX_UNUSUAL_GLASS      0x4u // reflects otherwise than Fresnel's equations say
+#define HG_MIX_OF_GLASS           0x7u // only with HG_FEATURE_TRANSMISSION
+#define HG_MIX_LAYERED_ANISOTROPY 0x8u
+#define HG_MIX_ALL                0xfu
 
 #endif

@@ -2,56 +2,11 @@
 #include "renderer/light/albedo/lobes.h"
 #include "renderer/light/albedo/table.h"
 
-// hg_aniso_roughness of lib/lobes.glsl.
-static float aniso_roughness(const float alpha[2])
-{
-    const float rms = sqrtf(0.5f * (alpha[0] * alpha[0] + alpha[1] * alpha[1]));
-    return sqrtf(rms + (0.5f * (alpha[0] + alpha[1]) - rms) * 0.15f);
-}
-
-// hg_aniso_cosine of lib/lobes.glsl.
-static float aniso_cosine(const float v[3], const float alpha[2], float roughness)
-{
-    const float width = roughness * roughness, x = v[0] * alpha[0], y = v[1] * alpha[1];
-    const float k = v[2] * v[2] + (x * x + y * y) / fmaxf(width * width, 1e-12f);
-    return v[2] / sqrtf(fmaxf(k, 1e-12f));
-}
-
 static struct hg_vec2 aniso_guess(
     const struct hg_vec2 *table, const float v[3], const float alpha[2])
 {
-    const float roughness = aniso_roughness(alpha);
-    return hg_table_look_up(table, HG_DFG_SIZE, aniso_cosine(v, alpha, roughness), roughness);
-}
-
-// hg_aniso_alpha of lib/lobes.glsl.
-static void aniso_alpha(float r, float strength, float alpha[2])
-{
-    alpha[1] = fmaxf(r * r, HG_MIN_ALPHA);
-    alpha[0] = alpha[1] + (1 - alpha[1]) * strength * strength;
-}
-
-static float correction(float difference)
-{
-    return hg_clampf(0.5f + difference / (2 * HG_ANISO_RANGE), 0, 1);
-}
-
-static struct hg_vec2 middle_off(struct hg_vec2 entry)
-{
-    return (struct hg_vec2){
-        (entry.x - 0.5f) * 2 * HG_ANISO_RANGE, (entry.y - 0.5f) * 2 * HG_ANISO_RANGE};
-}
-
-// Directions of a quadrant, FINE by root of the cosine and TURNS by azimuth, and what each weighs
-// in cosine-weighted means.
-enum { FINE = 48, TURNS = 12 };
-
-static float quadrant(uint32_t k, float *root_cosine, float *azimuth_cosine)
-{
-    const float s = ((float)(k / TURNS) + 0.5f) / FINE;
-    *root_cosine = s;
-    *azimuth_cosine = cosf((float)HG_PI * 0.5f * ((float)(k % TURNS) + 0.5f) / TURNS);
-    return 4 * s * s * s / (FINE * TURNS);
+    const float roughness = hg_aniso_roughness(alpha);
+    return hg_table_look_up(table, HG_DFG_SIZE, hg_aniso_cosine(v, alpha, roughness), roughness);
 }
 
 static void fill_aniso(struct hg_vec2 *table, uint32_t job)
@@ -61,16 +16,16 @@ static void fill_aniso(struct hg_vec2 *table, uint32_t job)
     const bool strong = job % S != 0;
     float alpha[2], v[3], ab[2];
     struct hg_facets facets;
-    aniso_alpha(hg_table_place(job / S, HG_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
+    hg_aniso_alpha(hg_table_place(job / S, HG_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
     for (uint32_t i = 0; i < A * C; i++) {
         const uint32_t column = i % C > 0 ? i % C : 1; // grazing ones are like their neighbours
         hg_facets_direction(
             hg_table_cosine(column, C), hg_table_place(i / C, A) * hg_table_place(i / C, A), v);
-        hg_facets_init(&facets, v, alpha, strong ? 32 : 1, false);
+        hg_facets_init(&facets, v, alpha, strong ? 28 : 1, false);
         hg_facets_reflect(&facets, NULL, NULL, ab);
         const struct hg_vec2 guess = aniso_guess(table, v, alpha);
-        out[i].x = strong ? correction(ab[0] - guess.x) : 0.5f;
-        out[i].y = strong ? correction(ab[1] - guess.y) : 0.5f;
+        out[i].x = strong ? hg_table_correction(ab[0] - guess.x) : 0.5f;
+        out[i].y = strong ? hg_table_correction(ab[1] - guess.y) : 0.5f;
     }
 }
 
@@ -81,22 +36,22 @@ static void fill_aniso_mean(struct hg_vec2 *table, uint32_t job)
     const struct hg_vec2 *delta = table + HG_ANISO_FIRST + job * A * C;
     float alpha[2], v[3];
     struct hg_vec2 sum = {0, 0};
-    aniso_alpha(hg_table_place(job / S, HG_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
-    for (uint32_t k = 0; k < FINE * TURNS; k++) {
+    hg_aniso_alpha(hg_table_place(job / S, HG_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
+    for (uint32_t k = 0; k < HG_DFG_QUADRANT; k++) {
         float s, turn;
-        const float w = quadrant(k, &s, &turn);
+        const float w = hg_dfg_quadrant(k, &s, &turn);
         hg_facets_direction(s * s, turn, v);
         const struct hg_vec2 guess = aniso_guess(table, v, alpha);
         const struct hg_vec2 more =
-            middle_off(hg_table_bilinear(delta, C, A, s * (C - 1), sqrtf(turn) * (A - 1)));
+            hg_table_middle_off(hg_table_bilinear(delta, C, A, s * (C - 1), sqrtf(turn) * (A - 1)));
         sum.x += w * (guess.x + more.x);
         sum.y += w * (guess.y + more.y);
     }
-    const float at = aniso_roughness(alpha) * (HG_DFG_SIZE - 1);
+    const float at = hg_aniso_roughness(alpha) * (HG_DFG_SIZE - 1);
     const struct hg_vec2 mean =
         hg_table_bilinear(table + HG_DFG_SIZE * HG_DFG_SIZE, HG_DFG_SIZE, 1, at, 0);
-    table[HG_ANISO_MEANS + job].x = correction(sum.x - mean.x);
-    table[HG_ANISO_MEANS + job].y = correction(sum.y - mean.y);
+    table[HG_ANISO_MEANS + job].x = hg_table_correction(sum.x - mean.x);
+    table[HG_ANISO_MEANS + job].y = hg_table_correction(sum.y - mean.y);
 }
 
 // --- anisotropic glass ---------------------------------------------------------------------------
@@ -134,7 +89,7 @@ static void brushed_more(struct hg_vec2 *table, uint32_t job, uint32_t i, const 
     uint32_t first, uint32_t layers, bool inside)
 {
     enum { C = HG_BRUSHED_COSINES, A = HG_BRUSHED_AZIMUTHS };
-    const float roughness = aniso_roughness(alpha);
+    const float roughness = hg_aniso_roughness(alpha);
     float eta[HG_BRUSHED_IORS], v[3];
     struct hg_facets facets;
     struct hg_vec2 glass[HG_BRUSHED_IORS];
@@ -149,7 +104,7 @@ static void brushed_more(struct hg_vec2 *table, uint32_t job, uint32_t i, const 
     for (uint32_t k = 0; k < layers; k++) {
         struct hg_vec2 *out = &brushed_at(table, first + k, job)[i];
         const float guess = hg_table_glass(table, hg_table_place(i % C, C), roughness, eta[k]).x;
-        *(inside ? &out->y : &out->x) = correction(glass[k].x - guess);
+        *(inside ? &out->y : &out->x) = hg_table_correction(glass[k].x - guess);
     }
 }
 
@@ -165,7 +120,7 @@ static void fill_brushed(struct hg_vec2 *table, uint32_t job)
 {
     enum { ENTRIES = HG_BRUSHED_COSINES * HG_BRUSHED_AZIMUTHS, S = HG_BRUSHED_STRENGTHS };
     float alpha[2];
-    aniso_alpha(hg_table_place(job / S, HG_BRUSHED_ROUGHS), hg_table_place(job % S, S), alpha);
+    hg_aniso_alpha(hg_table_place(job / S, HG_BRUSHED_ROUGHS), hg_table_place(job % S, S), alpha);
     for (uint32_t i = 0; i < ENTRIES; i++)
         if (job % S != 0)
             fill_brushed_at(table, job, i, alpha);
@@ -181,18 +136,18 @@ static void fill_brushed_mean(struct hg_vec2 *table, uint32_t index)
     const uint32_t jobs = HG_BRUSHED_ROUGHS * S, job = index % jobs, layer = index / jobs;
     const struct hg_vec2 *delta = brushed_at(table, layer, job);
     float alpha[2], sum[2] = {0, 0}, mean[2];
-    aniso_alpha(hg_table_place(job / S, HG_BRUSHED_ROUGHS), hg_table_place(job % S, S), alpha);
-    const float roughness = aniso_roughness(alpha);
-    for (uint32_t k = 0; k < 2 * FINE * TURNS; k++) {
+    hg_aniso_alpha(hg_table_place(job / S, HG_BRUSHED_ROUGHS), hg_table_place(job % S, S), alpha);
+    const float roughness = hg_aniso_roughness(alpha);
+    for (uint32_t k = 0; k < 2 * HG_DFG_QUADRANT; k++) {
         float s, turn;
         const bool inside = k % 2 == 1;
-        const float w = quadrant(k / 2, &s, &turn);
+        const float w = hg_dfg_quadrant(k / 2, &s, &turn);
         const float eta = brushed_eta(layer, inside);
         const float place = hg_glass_place(s * s, eta);
         const float lean = hg_lean(turn * sqrtf(1 - s * s * s * s), s * s);
         const float around = hg_brushed_place(lean, s * s, eta);
         const struct hg_vec2 more =
-            middle_off(hg_table_bilinear(delta, C, A, place * (C - 1), around * (A - 1)));
+            hg_table_middle_off(hg_table_bilinear(delta, C, A, place * (C - 1), around * (A - 1)));
         const float guess = hg_table_glass(table, place, roughness, eta).x;
         sum[inside] += w * hg_clampf(guess + (inside ? more.y : more.x), 0, 1);
     }

@@ -105,6 +105,38 @@ static inline struct hg_vec2 hg_table_glass(
         hg_table_bilinear(p + N * R, N, R, x, y), layer - (float)k);
 }
 
+// hg_aniso_alpha, hg_aniso_roughness and hg_aniso_cosine of lib/lobes.glsl.
+static inline void hg_aniso_alpha(float roughness, float strength, float alpha[2])
+{
+    alpha[1] = fmaxf(roughness * roughness, HG_MIN_ALPHA);
+    alpha[0] = alpha[1] + (1 - alpha[1]) * strength * strength;
+}
+
+static inline float hg_aniso_roughness(const float alpha[2])
+{
+    const float rms = sqrtf(0.5f * (alpha[0] * alpha[0] + alpha[1] * alpha[1]));
+    return sqrtf(rms + (0.5f * (alpha[0] + alpha[1]) - rms) * 0.15f);
+}
+
+static inline float hg_aniso_cosine(const float v[3], const float alpha[2], float roughness)
+{
+    const float width = roughness * roughness, x = v[0] * alpha[0], y = v[1] * alpha[1];
+    const float k = v[2] * v[2] + (x * x + y * y) / fmaxf(width * width, 1e-12f);
+    return v[2] / sqrtf(fmaxf(k, 1e-12f));
+}
+
+// Entries that are differences, and back.
+static inline float hg_table_correction(float difference)
+{
+    return hg_clampf(0.5f + difference / (2 * HG_ANISO_RANGE), 0, 1);
+}
+
+static inline struct hg_vec2 hg_table_middle_off(struct hg_vec2 entry)
+{
+    return (struct hg_vec2){
+        (entry.x - 0.5f) * 2 * HG_ANISO_RANGE, (entry.y - 0.5f) * 2 * HG_ANISO_RANGE};
+}
+
 // How far a direction leans along x: asinh(x / z), which is as fine as the directions are near y
 // that graze, where the most happens, and as azimuths elsewhere.
 static inline float hg_lean(float x, float z)
