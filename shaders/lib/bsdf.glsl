@@ -79,7 +79,7 @@ vec3 hg_bsdf_evaluate_diffuse(hg_bsdf b, vec3 l_ts, hg_bsdf_layers over, bool se
     bool behind = l_ts.z < 0.0;
     vec2 dfg_l = hg_bsdf_dfg(b, l_ts);
     float table_l = hg_bsdf_cosine(b, l_ts), layers = min(b.through_v, over.through);
-    vec2 below_l = hg_bsdf_dfg_below(b, cos_l, hg_bsdf_veiled(b, l_ts), dfg_l, over);
+    vec2 below_l = hg_bsdf_dfg_below(b, cos_l, hg_bsdf_layered_aniso(b, l_ts), dfg_l, over);
     float several_l = max(over.left - below_l.x - below_l.y, 0.0);
     float twice = b.several_v * several_l / b.several_avg;
     bool below = behind && !b.thin;

@@ -51,22 +51,22 @@ hg_bsdf_layers hg_bsdf_layers_at(hg_bsdf b, float coat_cos, float cos_theta)
 }
 
 // What is missing in the losses below an anisotropic base's coat (xy) and sheen (zw).
-vec4 hg_bsdf_veiled(hg_bsdf b, vec3 w_ts)
+vec4 hg_bsdf_layered_aniso(hg_bsdf b, vec3 w_ts)
 {
     vec4 more = vec4(0.0);
     if (!HG_HAS_MIX(HG_MIX_LAYERED_ANISOTROPY) || b.alpha.x == b.alpha.y)
         return more;
     if (HG_HAS(HG_FEATURE_CLEARCOAT))
-        more.xy = hg_veiled_correction(
+        more.xy = hg_layered_aniso_correction(
             false, w_ts, b.base.roughness, b.anisotropy, b.coat_roughness);
     if (HG_HAS(HG_FEATURE_SHEEN))
-        more.zw = hg_veiled_correction(
+        more.zw = hg_layered_aniso_correction(
             true, w_ts, b.base.roughness, b.anisotropy, b.sheen_roughness);
     return more;
 }
 
 // a and b of the base with min(T(v), T(l)) of its layers. cos_theta: of the direction to the normal;
-// more: hg_bsdf_veiled there, 0 where dfg is that of the isotropic base.
+// more: hg_bsdf_layered_aniso there, 0 where dfg is that of the isotropic base.
 vec2 hg_bsdf_dfg_below(hg_bsdf b, float cos_theta, vec4 more, vec2 dfg, hg_bsdf_layers over)
 {
     vec2 coat = vec2(0.0), sheen = vec2(0.0);
@@ -113,7 +113,7 @@ void hg_bsdf_make_layers(inout hg_bsdf b, hg_surface s)
     b.below_v = b.base.dfg_v;
     if (!b.inside) {
         over = hg_bsdf_layers_at(b, dot(b.coat_n, b.base.v), b.base.n_dot_v);
-        b.below_v = hg_bsdf_dfg_below(b, b.v_ts.z, hg_bsdf_veiled(b, b.v_ts), b.base.dfg_v, over);
+        b.below_v = hg_bsdf_dfg_below(b, b.v_ts.z, hg_bsdf_layered_aniso(b, b.v_ts), b.base.dfg_v, over);
     }
     b.sheen_albedo_v = over.sheen_albedo;
     b.coat_v = over.coat;

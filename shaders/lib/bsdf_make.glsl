@@ -120,7 +120,7 @@ void hg_bsdf_make_enter(inout hg_bsdf b)
     if (HG_HAS_MIX(HG_MIX_LAYERED_ANISOTROPY) && b.alpha.x != b.alpha.y && !b.inside) {
         vec2 layers = vec2(b.coat_roughness, b.sheen_roughness);
         b.several_avg += dot(vec2(b.coat, b.sheen_max),
-            hg_veiled_average(b.base.roughness, b.anisotropy, layers));
+            hg_layered_aniso_average(b.base.roughness, b.anisotropy, layers));
     }
     b.several_avg = max(b.several_avg, 1e-4);
     b.held_avg = max(b.held_avg, 1e-5);

@@ -238,27 +238,28 @@ vec2 hg_layer_loss(uint first, float cos_theta, float roughness, float layer_rou
 // --- refraction ----------------------------------------------------------------------------------
 
 // What is missing in hg_layer_loss below a coat or, with `cloth`, a sheen where the base is
-// anisotropic: HG_VEILED_FIRST there.
-vec2 hg_veiled_correction(bool cloth, vec3 w_ts, float roughness, float strength, float layer_roughness)
+// anisotropic: HG_OVER_ANISO_FIRST there.
+vec2 hg_layered_aniso_correction(
+    bool cloth, vec3 w_ts, float roughness, float strength, float layer_roughness)
 {
-    const uvec4 size = uvec4(
-        HG_VEILED_COSINES, HG_VEILED_AZIMUTHS, HG_VEILED_STRENGTHS, HG_VEILED_ROUGHS);
-    const uint words = HG_VEILED_BASES * HG_VEILED_SIDE;
+    const uvec4 size = uvec4(HG_OVER_ANISO_COSINES, HG_OVER_ANISO_AZIMUTHS,
+        HG_OVER_ANISO_STRENGTHS, HG_OVER_ANISO_ROUGHS);
+    const uint words = HG_OVER_ANISO_BASES * HG_OVER_ANISO_SIDE;
     vec4 p = hg_aniso_place(w_ts, roughness, strength);
-    float layer = clamp(layer_roughness, 0.0, 1.0) * float(HG_VEILED_LAYERS - 1);
-    uint i = min(uint(layer), uint(HG_VEILED_LAYERS - 2));
-    uint first = HG_VEILED_FIRST + (cloth ? HG_VEILED_WORDS : 0u) + i * words;
+    float layer = clamp(layer_roughness, 0.0, 1.0) * float(HG_OVER_ANISO_LAYERS - 1);
+    uint i = min(uint(layer), uint(HG_OVER_ANISO_LAYERS - 2));
+    uint first = HG_OVER_ANISO_FIRST + (cloth ? HG_OVER_ANISO_WORDS : 0u) + i * words;
     return hg_aniso_signed(
         mix(hg_table_4(first, p, size), hg_table_4(first + words, p, size), layer - float(i)));
 }
 
 // And in the mean over all directions of what a coat (x) and a sheen (y) hold back.
-vec2 hg_veiled_average(float roughness, float strength, vec2 layer_roughness)
+vec2 hg_layered_aniso_average(float roughness, float strength, vec2 layer_roughness)
 {
-    const uvec3 size = uvec3(HG_VEILED_STRENGTHS, HG_VEILED_ROUGHS, HG_VEILED_LAYERS);
+    const uvec3 size = uvec3(HG_OVER_ANISO_STRENGTHS, HG_OVER_ANISO_ROUGHS, HG_OVER_ANISO_LAYERS);
     vec2 p = vec2(strength, roughness);
-    vec2 coat = hg_aniso_signed(hg_table_3(HG_VEILED_MEANS, vec3(p, layer_roughness.x), size));
-    vec2 cloth = hg_aniso_signed(hg_table_3(HG_VEILED_MEANS, vec3(p, layer_roughness.y), size));
+    vec2 coat = hg_aniso_signed(hg_table_3(HG_OVER_ANISO_MEANS, vec3(p, layer_roughness.x), size));
+    vec2 cloth = hg_aniso_signed(hg_table_3(HG_OVER_ANISO_MEANS, vec3(p, layer_roughness.y), size));
     return vec2(coat.x, cloth.y);
 }
 

@@ -219,5 +219,5 @@ void hg_dfg_fill(struct hg_vec2 out[HG_DFG_WORDS])
     hg_dfg_fill_layers(out);
     hg_dfg_fill_glass(out);
     hg_dfg_fill_aniso(out);
-    hg_dfg_fill_veiled(out);
+    hg_dfg_fill_layered_aniso(out);
 }

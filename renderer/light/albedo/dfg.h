@@ -58,11 +58,11 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //                       chooses, as 0.5 + x / (2 HG_ANISO_RANGE): cosine, the azimuth's cosine
 //                       (s^2), strength (linear), roughness
 //   HG_ANISO_MEANS      likewise of the means: strength, roughness
-//   HG_VEILED_FIRST     what is to be added to HG_COAT_FIRST at the cosine and hg_aniso_roughness,
-//                       likewise: cosine, the azimuth's cosine (s^2), strength, roughness, the
-//                       coat's roughness; then to HG_CLOTH_FIRST
-//   HG_VEILED_MEANS     what is to be added to the mean of all that a coat (x) or sheen (y) holds
-//                       back of a + b: strength, roughness, roughness of coat or sheen
+//   HG_OVER_ANISO_FIRST what is to be added to HG_COAT_FIRST at the cosine and
+//                       hg_aniso_roughness, likewise: cosine, the azimuth's cosine (s^2),
+//                       strength, roughness, the coat's roughness; then to HG_CLOTH_FIRST
+//   HG_OVER_ANISO_MEANS what is to be added to the mean of all that a coat (x) or sheen (y)
+//                       holds back of a + b: strength, roughness, roughness of coat or sheen
 //   HG_BRUSHED_FIRST    what is to be added to the loss of isotropic glass of hg_aniso_roughness
 //                       from outside (x) and from inside (y), as in HG_ANISO_FIRST: cosine, lean
 //                       (hg_brushed_lean), strength, roughness, layer of

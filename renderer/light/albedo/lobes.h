@@ -10,9 +10,9 @@
 
 // out: [HG_DFG_WORDS]. Each fills its tables and reads those of hg_dfg and sheen.
 void hg_dfg_fill_layers(struct hg_vec2 *out);
-void hg_dfg_fill_glass(struct hg_vec2 *out);  // with its films
-void hg_dfg_fill_aniso(struct hg_vec2 *out);  // after hg_dfg_fill_glass, which it reads
-void hg_dfg_fill_veiled(struct hg_vec2 *out); // after hg_dfg_fill_layers, likewise
+void hg_dfg_fill_glass(struct hg_vec2 *out);         // with its films
+void hg_dfg_fill_aniso(struct hg_vec2 *out);         // after hg_dfg_fill_glass, which it reads
+void hg_dfg_fill_layered_aniso(struct hg_vec2 *out); // after hg_dfg_fill_layers, likewise
 
 // A coat or sheen, and the share that it takes at the cosine of v.
 struct hg_layer {

@@ -1,4 +1,5 @@
-// veiled.c - what coats and sheens hold back over anisotropic bases. See dfg.h, HG_VEILED_FIRST.
+// layered_aniso.c - what coats and sheens hold back over anisotropic bases. See dfg.h,
+// HG_OVER_ANISO_FIRST.
 #include "renderer/light/albedo/facets.h"
 #include "renderer/light/albedo/lobes.h"
 #include "renderer/light/albedo/table.h"
@@ -15,27 +16,28 @@ static struct hg_vec2 layer_loss(
         hg_table_bilinear(p + N * N, N, N, x, roughness * (N - 1)), at - (float)k);
 }
 
-// Direction i of a base, and one below it.
-static void veiled_direction(uint32_t i, float v[3])
+// Direction i of those of an entry.
+static void direction_of(uint32_t i, float v[3])
 {
-    enum { C = HG_VEILED_COSINES, A = HG_VEILED_AZIMUTHS };
+    enum { C = HG_OVER_ANISO_COSINES, A = HG_OVER_ANISO_AZIMUTHS };
     const float turn = hg_table_place(i / C, A);
     // Grazing ones are like their neighbours.
     hg_facets_direction(hg_table_cosine(i % C > 0 ? i % C : 1, C), turn * turn, v);
 }
 
 // All layers over one base.
-static void fill_veiled(struct hg_vec2 *table, uint32_t job)
+static void fill_base(struct hg_vec2 *table, uint32_t job)
 {
-    enum { S = HG_VEILED_STRENGTHS, L = HG_VEILED_LAYERS };
+    enum { S = HG_OVER_ANISO_STRENGTHS, L = HG_OVER_ANISO_LAYERS };
     const bool strong = job % S != 0;
     float alpha[2];
-    hg_aniso_alpha(hg_table_place(job / S, HG_VEILED_ROUGHS), hg_table_place(job % S, S), alpha);
+    hg_aniso_alpha(
+        hg_table_place(job / S, HG_OVER_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
     const float roughness = hg_aniso_roughness(alpha);
-    for (uint32_t i = 0; i < HG_VEILED_SIDE; i++) {
+    for (uint32_t i = 0; i < HG_OVER_ANISO_SIDE; i++) {
         struct hg_facets facets;
         float v[3], ab[2];
-        veiled_direction(i, v);
+        direction_of(i, v);
         hg_facets_init(&facets, v, alpha, strong ? 24 : 1, false);
         for (uint32_t k = 0; k < 2 * L; k++) {
             struct hg_layer layer = {
@@ -43,8 +45,8 @@ static void fill_veiled(struct hg_vec2 *table, uint32_t job)
             layer.here = hg_layer_albedo(&layer, v[2]);
             hg_facets_reflect(&facets, hg_layer_more, &layer, ab);
             const struct hg_vec2 guess = layer_loss(table, &layer, v[2], roughness);
-            struct hg_vec2 *out =
-                &table[HG_VEILED_FIRST + (k * HG_VEILED_BASES + job) * HG_VEILED_SIDE + i];
+            struct hg_vec2 *out = &table[HG_OVER_ANISO_FIRST +
+                                         (k * HG_OVER_ANISO_BASES + job) * HG_OVER_ANISO_SIDE + i];
             out->x = strong ? hg_table_correction(ab[0] - guess.x) : 0.5f;
             out->y = strong ? hg_table_correction(ab[1] - guess.y) : 0.5f;
         }
@@ -52,15 +54,15 @@ static void fill_veiled(struct hg_vec2 *table, uint32_t job)
 }
 
 // dfg and what is lost of it, together, less that of the isotropic base.
-static void fill_veiled_mean(struct hg_vec2 *table, uint32_t job)
+static void fill_base_mean(struct hg_vec2 *table, uint32_t job)
 {
-    enum { C = HG_VEILED_COSINES, A = HG_VEILED_AZIMUTHS, L = HG_VEILED_LAYERS };
+    enum { C = HG_OVER_ANISO_COSINES, A = HG_OVER_ANISO_AZIMUTHS, L = HG_OVER_ANISO_LAYERS };
     float alpha[2];
     double sum[2 * L] = {0};
-    hg_aniso_alpha(hg_table_place(job / HG_VEILED_STRENGTHS, HG_VEILED_ROUGHS),
-        hg_table_place(job % HG_VEILED_STRENGTHS, HG_VEILED_STRENGTHS), alpha);
+    hg_aniso_alpha(hg_table_place(job / HG_OVER_ANISO_STRENGTHS, HG_OVER_ANISO_ROUGHS),
+        hg_table_place(job % HG_OVER_ANISO_STRENGTHS, HG_OVER_ANISO_STRENGTHS), alpha);
     const float roughness = hg_aniso_roughness(alpha);
-    for (uint32_t i = 0; i < HG_DFG_QUADRANT && job % HG_VEILED_STRENGTHS != 0; i++) {
+    for (uint32_t i = 0; i < HG_DFG_QUADRANT && job % HG_OVER_ANISO_STRENGTHS != 0; i++) {
         struct hg_facets facets;
         float s, turn, v[3], ab[2];
         const float weight = hg_dfg_quadrant(i, &s, &turn);
@@ -71,7 +73,7 @@ static void fill_veiled_mean(struct hg_vec2 *table, uint32_t job)
         const float more = ab[0] + ab[1] - plain.x - plain.y;
         for (uint32_t k = 0; k < 2 * L; k++) {
             const struct hg_vec2 *entries =
-                &table[HG_VEILED_FIRST + (k * HG_VEILED_BASES + job) * HG_VEILED_SIDE];
+                &table[HG_OVER_ANISO_FIRST + (k * HG_OVER_ANISO_BASES + job) * HG_OVER_ANISO_SIDE];
             const struct hg_vec2 e = hg_table_middle_off(
                 hg_table_bilinear(entries, C, A, s * (C - 1), sqrtf(turn) * (A - 1)));
             const float taken =
@@ -80,12 +82,12 @@ static void fill_veiled_mean(struct hg_vec2 *table, uint32_t job)
         }
     }
     for (uint32_t k = 0; k < L; k++)
-        table[HG_VEILED_MEANS + k * HG_VEILED_BASES + job] = (struct hg_vec2){
+        table[HG_OVER_ANISO_MEANS + k * HG_OVER_ANISO_BASES + job] = (struct hg_vec2){
             hg_table_correction((float)sum[k]), hg_table_correction((float)sum[L + k])};
 }
 
-void hg_dfg_fill_veiled(struct hg_vec2 *out)
+void hg_dfg_fill_layered_aniso(struct hg_vec2 *out)
 {
-    hg_dfg_each(out, HG_VEILED_BASES, fill_veiled);
-    hg_dfg_each(out, HG_VEILED_BASES, fill_veiled_mean);
+    hg_dfg_each(out, HG_OVER_ANISO_BASES, fill_base);
+    hg_dfg_each(out, HG_OVER_ANISO_BASES, fill_base_mean);
 }
