@@ -52,8 +52,9 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
             l->directional_count++;
             l->directional_lux += light_luminance(light);
         }
-        *signature = hg_mix_bytes(*signature, light, sizeof *light);
-        l->items[l->count++] = *light;
+        l->items[l->count] = *light;
+        l->items[l->count].shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
+        *signature = hg_mix_bytes(*signature, &l->items[l->count++], sizeof *light);
     }
     for (uint32_t i = 0, k = l->count; i < l->set.count && l->move; i++) {
         if (!is_usable(&now[i]) || !is_usable(&then[i]))

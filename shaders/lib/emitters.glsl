@@ -18,6 +18,7 @@
 #include "lib/environment.glsl"
 #include "lib/light.glsl"
 #include "shared/emitters.h"
+#include "shared/ray.h"
 
 // Defined before: HG_EMITTER_KIND_* of the kinds of light that there are, a constant.
 #ifndef HG_EMITTER_KINDS
@@ -33,6 +34,7 @@
 struct hg_emitter_sample {
     vec3 direction; // to the light
     float distance; // to its surface or place, a little less; 1e30 = infinity
+    uint mask;      // HG_RAY_* of the ray there
     vec3 radiance;  // divide by pdf; delta: illuminance facing it, over the chance of this light
     float pdf;      // per steradian, the choice of the light included; 0: nothing, unless delta
     bool delta;     // found by no direction but this one
@@ -62,17 +64,26 @@ float hg_emitter_environment_lod = 0.0;
 uint hg_emitter_work = 0u;
 #endif
 
-#define HG_EMITTER_FAR  1e30
-#define HG_EMITTER_NEAR (1.0 - 1e-4) // share of the way that shadow rays go
+#define HG_EMITTER_FAR 1e30
 
 float hg_emitter_luminance(vec3 c)
 {
     return dot(max(c, vec3(0.0)), vec3(0.2126, 0.7152, 0.0722));
 }
 
+// How far a ray from a point goes to a place so that it does not meet the surface that the place is
+// on: by more than the rounding of either, off the surface; at grazing angles no less than it has to.
+// cosine: of the ray at that surface.
+float hg_emitter_reach(vec3 position_ws, float distance, float cosine)
+{
+    vec3 a = abs(position_ws);
+    float rounding = (max(a.x, max(a.y, a.z)) + distance) * 8e-6;
+    return distance - min(rounding / max(cosine, 1e-6), max(rounding, distance * 1e-4));
+}
+
 hg_emitter_sample hg_emitter_nothing()
 {
-    return hg_emitter_sample(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0, false, 0u,
+    return hg_emitter_sample(vec3(0.0, 1.0, 0.0), 0.0, HG_RAY_ALL, vec3(0.0), 0.0, false, 0u,
         HG_EMITTER_NONE, 0u, vec2(0.0));
 }
 

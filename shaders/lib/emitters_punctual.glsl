@@ -14,7 +14,9 @@ hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
     s.draw = light.id;
     s.distance = HG_EMITTER_FAR;
     if (light.kind != HG_LIGHT_KIND_DIRECTIONAL)
-        s.distance = distance(light.position_ws, position_ws) * HG_EMITTER_NEAR;
+        s.distance =
+            hg_emitter_reach(position_ws, distance(light.position_ws, position_ws), 1.0);
+    s.mask = light.shadow == HG_SHADOW_UNASKED ? 0u : HG_RAY_ALL | HG_RAY_STRAIGHT;
     s.delta = chance > 0.0 && max(e.r, max(e.g, e.b)) > 0.0;
     if (s.delta)
         s.radiance = e / chance;

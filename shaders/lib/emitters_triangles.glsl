@@ -150,10 +150,10 @@ hg_emitter_sample hg_emitter_pick_triangle(hg_gpu_emitter_leaf leaf, float chanc
     if (!(d2 > 0.0) || isinf(d2))
         return s;
     s.direction = d * inversesqrt(d2);
-    float distance = sqrt(d2);
-    s.distance = distance * HG_EMITTER_NEAR;
+    float distance = sqrt(d2), cosine = hg_emitter_cosine(t, s.direction);
+    s.distance = hg_emitter_reach(position_ws, distance, cosine);
     s.pdf = chance * hg_emitter_part_chance(leaf, part) *
-        hg_emitter_solid_angle_pdf(t.area, d2, hg_emitter_cosine(t, s.direction));
+        hg_emitter_solid_angle_pdf(t.area, d2, cosine);
     s.group = HG_EMITTER_GROUP_EMISSIVE;
     s.draw = leaf.draw;
     s.primitive = leaf.primitive + part;

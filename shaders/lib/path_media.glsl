@@ -23,12 +23,17 @@ vec3 hg_media_attenuation(uvec2 media)
     return hg_frame.geometry.lobes.v[lobes - 1u].attenuation;
 }
 
-float hg_media_ior(uint material)
+// channel: of the path, 3 while it has all of them.
+float hg_media_ior(uint material, uint channel)
 {
     if (material == 0u)
         return 1.0;
     uint lobes = HG_MATERIAL_AT(material - 1u, lobes);
-    return lobes != 0u ? hg_frame.geometry.lobes.v[lobes - 1u].ior : 1.5;
+    if (lobes == 0u)
+        return 1.5;
+    float ior = hg_frame.geometry.lobes.v[lobes - 1u].ior;
+    float dispersion = hg_frame.geometry.lobes.v[lobes - 1u].dispersion;
+    return channel > 2u || dispersion <= 0.0 ? ior : hg_dispersed_ior(ior, dispersion, channel);
 }
 
 uvec2 hg_media_without(uvec2 media, uint material)
@@ -46,12 +51,12 @@ uvec2 hg_media_without(uvec2 media, uint material)
 }
 
 // Index of refraction outside of a surface that was hit.
-float hg_media_outside(uvec2 media, uint material, bool front)
+float hg_media_outside(uvec2 media, uint material, bool front, uint channel)
 {
     if (!HG_MEDIA)
         return 1.0;
     uvec2 around = front ? media : hg_media_without(media, material + 1u);
-    return hg_media_ior(around.x & 0xffffu);
+    return hg_media_ior(around.x & 0xffffu, channel);
 }
 
 // The path goes through a surface: into what it bounds, from the front, or out of it.

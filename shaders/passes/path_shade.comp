@@ -303,11 +303,30 @@ light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec
     return one;
 }
 
+// What a ray to a light looks for first: what nothing comes through.
+uint first_mask(hg_emitter_sample e)
+{
+    return hg_path.holes != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
+}
+
+// What the medium that the surface is in, or bounds, lets through of a light. Light from outside of
+// the scene is not held back, as when a path runs into it: volumes end before that.
+vec3 dimmed(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
+{
+    if (!HG_MEDIA || e.distance >= HG_EMITTER_FAR)
+        return vec3(1.0);
+    uvec2 media = p.media;
+    if (!b.thin && dot(s.geometric_normal, e.direction) < 0.0)
+        hg_media_cross(media, v.material, s.front);
+    return hg_bsdf_attenuation(hg_media_attenuation(media), e.distance);
+}
+
 // A ray to a light, the second one to a directional light; true when there is one.
 bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, bool second)
 {
     hg_emitter_sample e = c.e;
-    vec3 f = c.f, light = clamped(p.throughput * c.light, p.bounce + 1u);
+    vec3 f = c.f;
+    vec3 light = clamped(p.throughput * c.light * dimmed(p, b, v, s, e), p.bounce + 1u);
     float side = dot(s.geometric_normal, e.direction);
     bool any = max(light.r, max(light.g, light.b)) > 0.0 &&
         (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
@@ -317,7 +336,7 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, boo
     ray.t_min = 0.0;
     ray.t_max = any ? e.distance : -1.0;
     ray.time = p.ray.time;
-    ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
+    ray.mask = first_mask(e);
     hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
     hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, light);
     if (HG_PATH_CAN(HG_PATH_GROUPS))
@@ -374,15 +393,17 @@ void store(path p, float normal)
 }
 
 // The first surface that disperses leaves the path one channel, each with a chance of a third.
-void disperse(inout path p, inout hg_surface s, uvec2 pixel, uint number)
+// Returns the path's channel, 3: all.
+uint disperse(inout path p, inout hg_surface s, uvec2 pixel, uint number)
 {
     if (!HG_HAS(HG_FEATURE_TRANSMISSION))
-        return;
+        return 3u;
     uint kept = bitfieldExtract(p.flags, HG_PATH_CHANNEL_SHIFT, 2);
     uint channel = kept == 0u ? 3u : kept - 1u;
     uvec3 h = hg_hash3(uvec3(pixel, number * 64u + 63u + hg_frame.seed * 65536u));
     p.throughput *= hg_surface_disperse(s, channel, float(h.x >> 8u) * (1.0 / 16777216.0));
     p.flags = bitfieldInsert(p.flags, channel == 3u ? 0u : channel + 1u, HG_PATH_CHANNEL_SHIFT, 2);
+    return channel;
 }
 
 // What a light gives a white surface, luminance, and the ray that says whether it does.
@@ -398,7 +419,7 @@ float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool s
     ray.t_min = 0.0;
     ray.t_max = light > 0.0 ? e.distance : -1.0;
     ray.time = p.ray.time;
-    ray.mask = hg_path.holes != 0u ? HG_RAY_OPAQUE : HG_RAY_ALL;
+    ray.mask = first_mask(e);
     hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
     hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, vec3(light));
     return light;
@@ -502,8 +523,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     hg_emitter_cone_spread = cone.y;
     vec3 side = both ? vec3(0.0) : hg_decode_normal(packed);
     vec3 throughput = p.throughput;
-    disperse(p, s, pixel, number);
-    float outside = hg_media_outside(p.media, v.material, s.front);
+    uint channel = disperse(p, s, pixel, number);
+    float outside = hg_media_outside(p.media, v.material, s.front, channel);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
     light_choice light = choose_light(b, v, s, side, ua);
     if (hg_texture_coarser != 0u)

@@ -17,14 +17,27 @@
 #include "lib/material.glsl"
 #include "lib/path.glsl"
 #include "lib/hit.glsl"
+#include "lib/bsdf.glsl"
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
 // 0: opaque surfaces were looked for; 1: the next one of the others, 2: and there is none.
 layout(constant_id = 0) const uint kind = 0u;
 
+// Share of light from straight behind that a smooth pane lets through: what paths that run into it
+// are multiplied with.
+vec3 through_pane(hg_vertex v, vec3 direction)
+{
+    hg_surface s = hg_material_evaluate(v);
+    s.normal *= dot(s.normal, s.geometric_normal) < 0.0 ? -1.0 : 1.0;
+    hg_bsdf b = hg_bsdf_make(s, -direction, 1.0);
+    if (s.transmission <= 0.0 || !b.thin || !b.delta || s.unlit)
+        return vec3(0.0);
+    return hg_bsdf_facet(b, b.v_ts.z).transmitted * b.through_v;
+}
+
 // Share of the light that the surface lets through.
-float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
+vec3 let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, slot));
     uvec2 pixel = hg_path_pixel(slot);
@@ -35,10 +48,16 @@ float let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
     hg_path_time = ray.time;
     hg_vertex v = hg_fetch_hit(hit, ray.direction_ws, cone.x + cone.y * hit.t);
     uint flags = HG_MATERIAL_AT(v.material, flags);
-    float alpha = clamp(hg_material_alpha(v.material, v), 0.0, 1.0);
+    float alpha = 1.0;
+    if ((flags & (HG_MATERIAL_BLEND | HG_MATERIAL_MASK)) != 0u)
+        alpha = clamp(hg_material_alpha(v.material, v), 0.0, 1.0);
     if ((flags & HG_MATERIAL_MASK) != 0u)
         alpha = alpha >= HG_MATERIAL_AT(v.material, alpha_cutoff) ? 1.0 : 0.0;
-    return 1.0 - alpha;
+    vec3 pane = vec3(0.0);
+    if (HG_HAS(HG_FEATURE_TRANSMISSION) && (ray.mask & HG_RAY_STRAIGHT) != 0u &&
+        (flags & HG_MATERIAL_TRANSMITS) != 0u)
+        pane = through_pane(v, ray.direction_ws);
+    return 1.0 - alpha + alpha * pane;
 }
 
 // The light is on its way's end: it counts.
@@ -48,7 +67,8 @@ void arrive(uint slot, vec3 light)
     uint bounce = bitfieldExtract(flags, HG_PATH_BOUNCE_SHIFT, 9), group = 0u;
     if (HG_PATH_CAN(HG_PATH_CATCHER) && (flags & HG_PATH_CATCHES) != 0u) {
         uint lit = hg_path_out(hg_path.planes[HG_PATH_PLANE_CATCHER]) + HG_PATH_CATCHER_LIT;
-        hg_path_set(lit, slot, hg_path_get(lit, slot) + light.x);
+        hg_path_set(lit, slot,
+            hg_path_get(lit, slot) + dot(light, vec3(0.2126, 0.7152, 0.0722)));
         return;
     }
     if (HG_PATH_CAN(HG_PATH_GROUPS))
@@ -70,25 +90,26 @@ void main()
         arrive(slot, light);
     } else if (kind == 0u) {
         bool blocked = hg_path.blocked.v[slot] != 0u;
-        over = blocked || hg_path.holes == 0u;
+        uint mask = hg_path.shadow_rays.v[at].mask;
+        over = blocked || hg_path.holes == 0u || (mask & HG_RAY_OPAQUE) == 0u;
         if (over && !blocked)
             arrive(slot, light);
         if (!over)
-            hg_path.shadow_rays.v[at].mask = HG_RAY_MASK | HG_RAY_BLEND;
+            hg_path.shadow_rays.v[at].mask = (mask & HG_RAY_STRAIGHT) | HG_RAY_MASK | HG_RAY_BLEND;
     } else {
         hg_gpu_ray ray = hg_path.shadow_rays.v[at];
         hg_gpu_hit hit = hg_path.shadow_hits.v[slot];
         bool more = hit.draw != HG_HIT_NONE;
-        float share = 1.0;
+        vec3 share = vec3(1.0);
         if (more)
             share = let_through(slot, ray, hit);
         hg_texture_report(hg_path_pixel(slot));
         if (hg_texture_coarser != 0u)
             return; // once more
-        if (more && share < 1.0)
+        if (more && share != vec3(1.0))
             hg_path_set3(pending, slot, light * share);
         uint passed = (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u;
-        over = !more || share == 0.0 || passed >= HG_PATH_MOST_HOLES;
+        over = !more || share == vec3(0.0) || passed >= HG_PATH_MOST_HOLES;
         if (!more)
             arrive(slot, light);
         else

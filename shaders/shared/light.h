@@ -11,6 +11,7 @@
 #define HG_LIGHT_KIND_SPOT        2
 
 #define HG_SHADOW_NONE    0xffffffffu
+#define HG_SHADOW_UNASKED 0xfffffffeu // in the tables of emitters: nothing is in its light's way
 #define HG_SHADOW_TAPS    4 // of one filtered lookup
 #define HG_CASCADE_COUNT  4
 
@@ -101,7 +102,7 @@ struct hg_gpu_light {
     HG_VEC3 direction_ws; // unit, the way the light travels (-z of its node)
     HG_UINT kind;         // HG_LIGHT_KIND_*
     HG_VEC3 color;        // rgb * intensity: lux (directional) or candela
-    HG_UINT shadow;       // first of its shadow maps, HG_SHADOW_NONE
+    HG_UINT shadow;       // first of its shadow maps, HG_SHADOW_NONE; HG_SHADOW_UNASKED
     float spot_scale;     // cone: saturate(cos * scale + offset)^2
     float spot_offset;
     HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point and wide spot 6

@@ -12,6 +12,9 @@
 #define HG_RAY_MASK   0x2u
 #define HG_RAY_BLEND  0x4u
 #define HG_RAY_ALL    0x7u
+// Beside those, of rays to lights: nothing but this ray finds the light, which therefore also goes
+// straight through panes.
+#define HG_RAY_STRAIGHT 0x8u
 
 // "World space" is that of the frame: relative to the origin of the geometry room.
 struct hg_gpu_ray {
@@ -20,7 +23,7 @@ struct hg_gpu_ray {
     HG_VEC3 direction_ws; // any length but 0; t counts in it
     float t_max;          // < t_min: no ray, it misses
     float time;           // 0..1 in the shutter
-    HG_UINT mask;         // HG_RAY_*
+    HG_UINT mask;         // HG_RAY_*; of no class: it hits nothing
 };
 HG_SHARED_SIZE(hg_gpu_ray, 40);
 

@@ -213,32 +213,6 @@ static void test_estimators(void **state)
     assert_true(fabs(mean[1] / mean[2] - 1.0) < 0.004);
 }
 
-// A closed box between -x..x, -y..y, -z..z.
-static void box(struct rig *rig, struct hg_material *m, float x, float y, float z)
-{
-    float positions[72], normals[72];
-    uint32_t index[36];
-    for (int face = 0; face < 6; face++) {
-        const int axis = face / 2;
-        const float side = face % 2 ? 1.0f : -1.0f;
-        for (int k = 0; k < 4; k++) {
-            float *p = positions + (face * 4 + k) * 3, *n = normals + (face * 4 + k) * 3;
-            const float a = k == 1 || k == 2 ? 1.0f : -1.0f, b = k >= 2 ? 1.0f : -1.0f;
-            n[0] = n[1] = n[2] = 0.0f;
-            n[axis] = p[axis] = side;
-            p[(axis + 1) % 3] = side > 0 ? a : b;
-            p[(axis + 2) % 3] = side > 0 ? b : a;
-            p[0] *= x;
-            p[1] *= y;
-            p[2] *= z;
-        }
-        const uint32_t quad[6] = {0, 1, 2, 0, 2, 3};
-        for (int k = 0; k < 6; k++)
-            index[face * 6 + k] = (uint32_t)face * 4 + quad[k];
-    }
-    rig_mesh(rig, m, 24, positions, normals, 36, index);
-}
-
 static void back_light(struct rig *rig)
 {
     const float corners[4][3] = {{-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}};
@@ -253,6 +227,7 @@ static void test_slabs(void **state)
 {
     struct rig *rig = *state;
     static const float eye[3] = {0, 0, 4}, origin[3] = {0, 0, 0};
+    static const float low[3] = {-2, -2, -0.25f}, high[3] = {2, 2, 0.25f};
     struct hg_view_params params = defaults;
     params.samples = 1024;
     rig_scene(rig);
@@ -260,7 +235,7 @@ static void test_slabs(void **state)
     struct hg_material *glass = rig_material(rig);
     glass->roughness = 0.0f;
     glass->transmission = glass->thickness = 1.0f;
-    box(rig, glass, 2, 2, 0.25f);
+    path_rig_box(rig, glass, low, high);
     const double through = render(rig, &params, eye, origin, 0.02f, 1.0);
     const double expected = (1 - 0.04) / (1 + 0.04);
     print_message("Fresnel slab: %.5f, %.5f expected\n", through, expected);
@@ -274,7 +249,7 @@ static void test_slabs(void **state)
     dark->has_ior = true;
     dark->attenuation_distance = 0.5f;
     dark->attenuation_color[0] = dark->attenuation_color[1] = dark->attenuation_color[2] = 0.3f;
-    box(rig, dark, 2, 2, 0.25f);
+    path_rig_box(rig, dark, low, high);
     params.samples = 64;
     const double left = render(rig, &params, eye, origin, 0.02f, 1.0);
     print_message("absorbing slab: %.5f, 0.3 expected\n", left);

@@ -245,6 +245,7 @@ static void add_lamps(struct rig *rig, const struct lamps *lamps)
     for (int i = 0; i < lamps->count; i++) {
         const struct lamp *l = &lamps->items[i];
         struct hg_light *light = rig_light(rig, l->kind, l->at, down);
+        light->casts_shadow = true;
         light->intensity = (float)l->intensity;
         light->range = (float)l->range;
     }

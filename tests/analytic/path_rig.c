@@ -86,6 +86,28 @@ void path_rig_floor(struct rig *rig, struct hg_material *m, float half)
     rig_quad(rig, m, corners);
 }
 
+void path_rig_box(struct rig *rig, struct hg_material *m, const float low[3], const float high[3])
+{
+    static const uint32_t quad[6] = {0, 1, 2, 0, 2, 3};
+    float positions[72], normals[72];
+    uint32_t index[36];
+    for (int face = 0; face < 6; face++) {
+        const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3, side = face % 2;
+        for (int k = 0; k < 4; k++) {
+            float *p = positions + (face * 4 + k) * 3, *n = normals + (face * 4 + k) * 3;
+            const bool a = k == 1 || k == 2, b = k >= 2; // corners around the face
+            n[0] = n[1] = n[2] = 0.0f;
+            n[axis] = side ? 1.0f : -1.0f;
+            p[axis] = side ? high[axis] : low[axis];
+            p[u] = (side ? a : b) ? high[u] : low[u];
+            p[v] = (side ? b : a) ? high[v] : low[v];
+        }
+        for (int k = 0; k < 6; k++)
+            index[face * 6 + k] = (uint32_t)face * 4 + quad[k];
+    }
+    rig_mesh(rig, m, 24, positions, normals, 36, index);
+}
+
 void path_rig_room(struct rig *rig)
 {
     const float lamp[4][3] = {

@@ -21,6 +21,8 @@ void path_rig_environment(struct rig *rig, float radiance); // the same from eve
 struct hg_material *path_rig_lambert(struct rig *rig, float albedo);
 // A square in y = 0 that faces up.
 void path_rig_floor(struct rig *rig, struct hg_material *m, float half);
+// A closed box; normals lead out.
+void path_rig_box(struct rig *rig, struct hg_material *m, const float low[3], const float high[3]);
 // Floor, mirror-like wall, sphere, lamp that shines to both sides, dim environment.
 void path_rig_room(struct rig *rig);
 
