@@ -425,6 +425,7 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .height = s->settings.height,
         .samples = s->samples,
         .noise = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_noise(s->path) : 0.0f,
+        .spent_ns = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_spent_ns(s->path) : 0,
         .missing_pages = s->stream.missing,
         .mip_bias = s->stream.bias,
         .missing_clusters = s->missing_clusters + geometry.proxies,

@@ -142,7 +142,7 @@ struct hg_view_params {     // zero of each field = default
     enum hg_view_trace trace;
     uint32_t max_bounces; // 1..HG_VIEW_MAX_BOUNCES; default 16
     float noise;          // a part of the picture is done when its relative error is below; 0 = off
-    float time_s;         // settled after this long, whatever there is; 0 = no limit
+    float time_s; // settled after hg_frame_info.spent_ns of this, whatever there is; 0 = no limit
     enum hg_filter filter;
     float filter_radius_px; // 0 = the filter's; at most 8
     float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
@@ -206,6 +206,9 @@ struct hg_frame_info {
     uint32_t width, height;
     uint32_t samples; // accumulated per pixel
     float noise;      // estimated relative error of a path-traced picture; 0 = not known
+    // Time for which steps of a path-traced picture followed light, in runs before a checkpoint as
+    // well; that between steps is not in it, nor are structures of rays and denoising.
+    uint64_t spent_ns;
     uint32_t missing_pages, missing_clusters;
     float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
     float error_px; // projected error of geometry in this picture, >= that of the parameters

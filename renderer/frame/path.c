@@ -171,7 +171,6 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     memset(p->samples.mapped, 0, (size_t)p->tile_count * 4);
     hg_geometry_origin(view->rooms->geometry, p->origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
-    p->started_ns = hg_clock_now_ns();
     hg_view_add_stage(view, "path build", p->stats.build_ns);
     return hg_path_resume(view, err);
 }
@@ -198,11 +197,6 @@ static bool choose_tiles(struct hg_path *p)
         at++;
     p->next_tile = at;
     return p->wave_tiles > 0;
-}
-
-static uint64_t spent_ns(const struct hg_path *p)
-{
-    return p->spent_ns + hg_clock_now_ns() - p->started_ns;
 }
 
 static bool any_left(const struct hg_path *p)
@@ -257,11 +251,12 @@ static enum hg_status after_wave(struct hg_view_state *view, struct hg_error *er
     return p->next_tile < p->tile_count ? HG_OK : end_pass(view, err);
 }
 
-static bool is_late(const struct hg_view_state *view)
+// `start`: of this slice. Time between slices is that of others.
+static bool is_late(const struct hg_view_state *view, uint64_t start)
 {
     const float limit = view->settings.path.time_s;
-    return limit > 0.0f && view->path->pass > 0 &&
-           (double)spent_ns(view->path) > (double)limit * 1e9;
+    const uint64_t spent = view->path->spent_ns + hg_clock_now_ns() - start;
+    return limit > 0.0f && view->path->pass > 0 && (double)spent > (double)limit * 1e9;
 }
 
 static void add_stages(struct hg_view_state *view, const struct hg_path_stats *before)
@@ -278,6 +273,7 @@ static enum hg_status work(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     const uint64_t start = hg_clock_now_ns();
+    const uint64_t slice_ns = p->context->slice_ns > 0 ? p->context->slice_ns : STEP_NS;
     const struct hg_path_stats before = p->stats;
     enum hg_status status = HG_OK;
     do {
@@ -288,9 +284,10 @@ static enum hg_status work(struct hg_view_state *view, struct hg_error *err)
             status = hg_path_advance(view, &over, err);
         if (status == HG_OK && over)
             status = after_wave(view, err);
-        p->late = status == HG_OK && is_late(view);
-    } while (status == HG_OK && !p->finished && !p->late && hg_clock_now_ns() - start < STEP_NS);
+        p->late = status == HG_OK && is_late(view, start);
+    } while (status == HG_OK && !p->finished && !p->late && hg_clock_now_ns() - start < slice_ns);
     add_stages(view, &before);
+    p->spent_ns += hg_clock_now_ns() - start;
     if (p->late && p->noise == 0.0f && p->pass >= 2 && status == HG_OK)
         status = hg_path_film_judge(p, 0.0f, err);
     if (p->late)
@@ -333,6 +330,11 @@ bool hg_path_done(const struct hg_path *p)
 float hg_path_noise(const struct hg_path *p)
 {
     return p != NULL ? p->noise : 0.0f;
+}
+
+uint64_t hg_path_spent_ns(const struct hg_path *p)
+{
+    return p != NULL ? p->spent_ns : 0;
 }
 
 uint32_t hg_path_samples(const struct hg_path *p)

@@ -10,8 +10,9 @@
 // that, nor on which paths are in its wave: the film is the same whatever the budget, the machine's
 // threads, and where work was interrupted.
 //
-// A view of another mode that asks for planes has them from paths that end at the first surface that
-// the real-time mode sees: the film then holds what shines there and the planes, no other light.
+// A view of another mode that asks for planes has them from paths that end at the first surface
+// that the real-time mode sees: the film then holds what shines there and the planes, no other
+// light.
 #ifndef HG_RENDERER_FRAME_PATH_H
 #define HG_RENDERER_FRAME_PATH_H
 
@@ -55,6 +56,9 @@ bool hg_path_needs_time(const struct hg_view_state *view);
 bool hg_path_done(const struct hg_path *path); // NULL: false
 // Brings what the film holds to view->accumulated, if it does not show it yet.
 enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// Light was followed for that long, runs before a checkpoint included: what time_s is compared
+// with.
+uint64_t hg_path_spent_ns(const struct hg_path *path);
 uint32_t hg_path_samples(const struct hg_path *path); // that all pixels have
 float hg_path_noise(const struct hg_path *path);      // estimate, 0 = not known
 

@@ -7,7 +7,6 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
-#include "base/clock.h"
 #include "base/sha256.h"
 #include "renderer/frame/path_state.h"
 
@@ -91,7 +90,7 @@ enum hg_status hg_path_save(
         .next_row = p->next_row,
         .finished = p->finished,
         .noise = p->noise,
-        .spent_ns = p->spent_ns + hg_clock_now_ns() - p->started_ns};
+        .spent_ns = p->spent_ns};
     memcpy(h.magic, MAGIC, sizeof h.magic);
     note_scene(view, &h);
     enum hg_status status = hash_state(view, h.state);

@@ -76,7 +76,7 @@ struct hg_path {
     uint32_t denoised_pass;        // that it was made of; 0 = none
     bool transparent;              // nothing is behind the scene
     bool stale;                    // the film holds more than view->accumulated
-    uint64_t started_ns, spent_ns; // spent: by the run before a checkpoint
+    uint64_t spent_ns;             // in slices of work, by runs before a checkpoint as well
 
     // Of the wave.
     struct hg_gpu_path block;

@@ -30,6 +30,7 @@ struct hg_frame_context {
     enum hg_frame_dark dark;     // for tests
     uint32_t estimators;         // HG_PATH_USE_* of paths, for tests; 0 = all
     uint32_t branches;           // of what the camera sees (path_branch.c), for tests; 0 = chosen
+    uint64_t slice_ns;           // of a step of paths, for tests; 0 = path.c's
     bool trace_raw;              // for benchmarks: rays of paths go through Embree alone as well
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };

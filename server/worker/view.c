@@ -388,13 +388,14 @@ static void send_baking(
 }
 
 // How many samples a settled frame will have, as far as can be told: what the parameters allow, or
-// what fits into the time limit, or what brings the error down to the one asked for.
+// what fits into the time limit, or what brings the error down to the one asked for. Samples of a
+// path-traced picture that goes on from a checkpoint are compared with the time of all its runs.
 static uint32_t expected_samples(const struct view_slot *view)
 {
     const struct hg_view_params *p = &view->params;
     const struct hg_frame_info *info = &view->info;
     double total = p->samples ? p->samples : 32, n = info->samples;
-    double spent_s = (double)view->spent_ns * 1e-9;
+    double spent_s = (double)(info->spent_ns > 0 ? info->spent_ns : view->spent_ns) * 1e-9;
     if (p->time_s > 0 && n > 0 && spent_s > 0)
         total = fmin(total, n * (double)p->time_s / spent_s);
     if (p->noise > 0 && info->noise > 0) // falls with the square root

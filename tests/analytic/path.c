@@ -1,6 +1,5 @@
 // path.c - path-traced pictures against closed forms: white furnace, a sphere light over a plane,
-// slabs that absorb and reflect; estimators against each other; interrupted renders against whole
-// ones.
+// slabs that absorb and reflect; estimators against each other.
 #include <math.h>
 #include <string.h>
 
@@ -257,60 +256,12 @@ static void test_slabs(void **state)
     assert_true(fabs(left / 0.3 - 1.0) < 0.005);
 }
 
-// Saved in the middle and gone on with in another view: the same bits.
-static void check_resume(struct rig *rig)
-{
-    static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
-    struct hg_error err = {0};
-    struct hg_refbuf *saved, *whole, *resumed;
-    struct hg_view_params params = defaults;
-    params.samples = 40;
-    params.noise = 0.08f;
-    params.planes = 1u << HG_PLANE_ALBEDO | 1u << HG_PLANE_DEPTH;
-    path_rig_room(rig);
-    struct hg_view *a = path_rig_view(rig, &params);
-    path_rig_look(a, eye, target, 0.8f);
-    path_rig_steps(a, 7);
-    test_ok(hg_view_save(a, &saved, &err), &err);
-    path_rig_settle(a);
-    whole = path_rig_plane(a, HG_PLANE_COLOR);
-    hg_view_destroy(a);
-
-    struct hg_view *b = path_rig_view(rig, &params);
-    path_rig_look(b, eye, target, 0.8f);
-    saved->data[saved->size - 1] ^= 1;
-    assert_int_equal(hg_view_load(b, saved->data, saved->size, &err), HG_E_INVAL);
-    saved->data[saved->size - 1] ^= 1;
-    assert_int_equal(hg_view_load(b, saved->data, saved->size - 1, &err), HG_E_INVAL);
-    test_ok(hg_view_load(b, saved->data, saved->size, &err), &err);
-    path_rig_settle(b);
-    resumed = path_rig_plane(b, HG_PLANE_COLOR);
-    assert_int_equal(whole->size, resumed->size);
-    assert_memory_equal(whole->data, resumed->data, whole->size);
-    params.seed++;
-    test_ok(hg_view_set_params(b, &params, &err), &err);
-    assert_int_equal(hg_view_load(b, saved->data, saved->size, &err), HG_E_INVAL);
-    hg_view_destroy(b);
-    hg_refbuf_unref(saved);
-    hg_refbuf_unref(whole);
-    hg_refbuf_unref(resumed);
-}
-
-static void test_resume(void **state)
-{
-    struct rig *rig = *state;
-    check_resume(rig);
-    rig->renderer->context.branches = 2;
-    check_resume(rig);
-    rig->renderer->context.branches = 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_furnace),
         cmocka_unit_test(test_back_face), cmocka_unit_test(test_leaning_normals),
         cmocka_unit_test(test_planes), cmocka_unit_test(test_sphere_light),
         cmocka_unit_test(test_sun_apart), cmocka_unit_test(test_estimators),
-        cmocka_unit_test(test_slabs), cmocka_unit_test(test_resume)};
+        cmocka_unit_test(test_slabs)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -43,6 +43,15 @@ grep -aq heliograph:lensRadius "$temp/a.exr" || fail "the file does not tell its
 picture e.exr "$duck" "${lens[@]}" --focus 2.5
 expect 1 "$helio" compare "$temp/a.exr" "$temp/e.exr" --metric max --fail-above 0
 expect 2 "$helio" render "$duck" -o "$temp/none.png" "${lens[@]}" # the scene's camera has no target
+# Noise: no more samples than it takes, no more noise than is asked for.
+noisy() { # limit: leaves the samples that it took in $took
+    picture n.exr "$duck" --mode path --size 48x32 --spp 2048 --noise "$1"
+    took=$(python3 -c 'import json, sys; f = json.load(open(sys.argv[1]))["frame"]
+print(f["samples"] if 0 < f["noise"] <= float(sys.argv[2]) else "too noisy")' "$temp/stats.json" "$1")
+}
+noisy 0.05 && rough=$took
+noisy 0.01 && fine=$took
+[ "$rough" -lt "$fine" ] && [ "$fine" -lt 2048 ] || fail "--noise: $rough and $fine samples"
 compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
 
 # Scripts ask for planes as well.
