@@ -183,6 +183,7 @@ static void test_volume_of_the_same_glass(void **state)
     struct hg_refbuf *pixels[3];
     struct rig_camera c = camera;
     c.max_bounces = 8;
+    c.samples = 128;
     for (int i = 0; i < 3; i++) { // without, with, with another glass
         rig_scene(rig);
         for (int stripe = -12; stripe < 12; stripe += 2) {
@@ -269,7 +270,7 @@ static void test_lamp_behind_pane(void **state)
             add_lamp(rig, above, 20);
         }
         struct rig_camera c = below;
-        c.samples = sphere ? 2048 : 64;
+        c.samples = sphere ? 1024 : 64;
         c.max_bounces = 2; // no light from the plane by way of the pane
         mean[sphere] = render_mean(rig, &c);
     }

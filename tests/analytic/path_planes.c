@@ -305,7 +305,7 @@ static void test_catcher_lamp(void **state)
     hg_view_destroy(view);
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sums),
@@ -314,5 +314,7 @@ int main(void)
         cmocka_unit_test(test_catcher),
         cmocka_unit_test(test_catcher_lamp),
     };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -28,7 +28,9 @@ struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *para
     struct hg_view *view;
     hg_scene_publish(rig->scene);
     test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    test_ok(hg_view_set_params(view, params, &err), &err);
+    struct hg_view_params p = *params;
+    p.trace = rig_trace(rig, p.trace);
+    test_ok(hg_view_set_params(view, &p, &err), &err);
     hg_view_set_final(view, true);
     return view;
 }

@@ -1,9 +1,11 @@
 #include "tests/analytic/rig.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/internal.h"
 
 void rig_init(struct rig *rig)
 {
@@ -203,6 +205,7 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
         .background = HG_BACKGROUND_NONE,
         .samples = c->samples,
         .mode = c->mode,
+        .trace = rig_trace(rig, HG_VIEW_TRACE_AUTO),
         .max_bounces = c->max_bounces,
         .filter = HG_FILTER_BOX};
     struct hg_view_camera camera = {.vfov_rad = (float)c->vfov_rad};
@@ -222,6 +225,16 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
     hg_view_destroy(view);
     return pixels;
+}
+
+enum hg_view_trace rig_trace(const struct rig *rig, enum hg_view_trace asked)
+{
+    const char *where = getenv("RIG_TRACE");
+    if (asked != HG_VIEW_TRACE_AUTO || where == NULL)
+        return asked;
+    assert_string_equal(where, "device");
+    return hg_gpu_get_caps(rig->renderer->context.gpu)->ray_query ? HG_VIEW_TRACE_KHR
+                                                                  : HG_VIEW_TRACE_COMPUTE;
 }
 
 static void unit(double v[3])

@@ -21,6 +21,9 @@ struct rig {
 
 void rig_init(struct rig *rig);
 void rig_finish(struct rig *rig);
+// Who walks the rays of a view that does not say so: with RIG_TRACE=device in the environment the
+// device, by ray queries where it has them, by compute shaders where not.
+enum hg_view_trace rig_trace(const struct rig *rig, enum hg_view_trace asked);
 // The same as fixtures of a group: *state is the rig.
 int rig_set_up(void **state);
 int rig_tear_down(void **state);
