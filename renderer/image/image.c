@@ -22,7 +22,7 @@ static const uint64_t max_probe_bytes = UINT64_C(1) << 26; // larger files are n
 // First bytes of each format that is read. Nothing else is tried: a file never chooses a parser
 // (video containers, camera raw, vendor formats) that nobody expects.
 struct magic {
-    const char *format; // OpenImageIO's name
+    const char *format; // OpenImageIO's name, or "ktx2", which is read here
     size_t offset, size;
     const char *bytes;
 };
@@ -44,6 +44,7 @@ static const struct magic magics[] = {
     {"dds", 0, 4, "DDS "},
     {"jpeg2000", 0, 12, "\0\0\0\x0cjP  \r\n\x87\n"},
     {"jpeg2000", 0, 4, "\xff\x4f\xff\x51"},
+    {"ktx2", 0, 12, "\xabKTX 20\xbb\r\n\x1a\n"},
 };
 
 size_t hg_pixel_bytes(enum hg_pixel_format format)
@@ -109,13 +110,55 @@ static struct hg_image_limits complete_limits(const struct hg_image_limits *limi
     return l;
 }
 
+// What a reader says, and the end of it.
+static void probe_reader(struct hg_image_reader *reader, struct hg_image_info *out)
+{
+    const struct hg_image_reader_info *info = hg_image_reader_info(reader);
+    *out = (struct hg_image_info){.width = info->width,
+        .height = info->height,
+        .channels = info->channels,
+        .is_float = info->is_float,
+        .is_16bit = info->is_16bit};
+    snprintf(out->file_format, sizeof out->file_format, "%s", info->file_format);
+    hg_image_reader_close(reader);
+}
+
 enum hg_status hg_image_probe_memory(const void *data, size_t size, const char *name,
     struct hg_image_info *out, struct hg_error *err)
 {
     const char *format;
     memset(out, 0, sizeof *out);
     enum hg_status st = choose_reader(data, size, name, &format, err);
-    return st ? st : hg_oiio_probe(data, size, name, format, out, err);
+    if (st || strcmp(format, "ktx2") != 0)
+        return st ? st : hg_oiio_probe(data, size, name, format, out, err);
+    struct hg_image_reader *reader;
+    st = hg_image_reader_open_memory(data, size, name, UINT32_MAX, &reader, err);
+    if (!st)
+        probe_reader(reader, out);
+    return st;
+}
+
+// All rows of what is read here, not by a library.
+static enum hg_status read_rows(const void *data, size_t size, const char *name,
+    enum hg_pixel_format format, const struct hg_image_limits *l, struct hg_image *out,
+    struct hg_error *err)
+{
+    struct hg_image_reader *reader;
+    enum hg_status st = hg_image_reader_open_memory(data, size, name, l->max_side_px, &reader, err);
+    if (st)
+        return st;
+    const struct hg_image_reader_info *info = hg_image_reader_info(reader);
+    st = hg_image_create(info->width, info->height, format, l, out);
+    if (st)
+        hg_error_set(
+            err, st, name, "size", "%ux%u px: %s", info->width, info->height, hg_status_text(st));
+    else
+        st = hg_image_reader_rows(reader, format, info->height, out->pixels, err);
+    out->has_alpha = info->has_alpha;
+    hg_image_reader_close(reader);
+    if (st)
+        hg_image_finish(out);
+    return st;
 }
 
 enum hg_status hg_image_read_memory(const void *data, size_t size, const char *name,
@@ -127,6 +170,8 @@ enum hg_status hg_image_read_memory(const void *data, size_t size, const char *n
     memset(out, 0, sizeof *out);
     enum hg_status st = choose_reader(data, size, name, &reader, err);
     bool decoded = false;
+    if (!st && strcmp(reader, "ktx2") == 0)
+        return read_rows(data, size, name, format, &l, out, err);
     if (!st && format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
         st = hg_jpeg_decode(data, size, name, &l, out, &decoded, err);
     return st || decoded ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
@@ -160,6 +205,8 @@ enum hg_status hg_image_examine(const void *data, size_t size, const char *name,
     struct hg_image_limits l = complete_limits(limits);
     memset(out, 0, sizeof *out);
     enum hg_status st = choose_reader(data, size, name, &format, err);
+    if (!st && strcmp(format, "ktx2") == 0)
+        st = hg_error_set(err, HG_E_UNSUPPORTED, name, NULL, "no file that is written here");
     if (!st)
         st = hg_oiio_examine(data, size, name, format, key, &l, out, err);
     if (!st && strcmp(format, "jpeg") == 0)
@@ -175,17 +222,9 @@ static enum hg_status probe_large_file(
 {
     struct hg_image_reader *reader;
     enum hg_status st = hg_image_reader_open(path, UINT32_MAX, &reader, err);
-    if (st)
-        return st;
-    const struct hg_image_reader_info *info = hg_image_reader_info(reader);
-    *out = (struct hg_image_info){.width = info->width,
-        .height = info->height,
-        .channels = info->channels,
-        .is_float = info->is_float,
-        .is_16bit = info->is_16bit};
-    snprintf(out->file_format, sizeof out->file_format, "%s", info->file_format);
-    hg_image_reader_close(reader);
-    return HG_OK;
+    if (!st)
+        probe_reader(reader, out);
+    return st;
 }
 
 enum hg_status hg_image_probe_file(

@@ -1,4 +1,4 @@
-// image.h - pixels in memory: reading and writing files through OpenImageIO, and conversions.
+// image.h - pixels in memory: reading and writing files, most of them by OpenImageIO; conversions.
 // Floor 1. Thread-safe; each object belongs to one thread. The only C++ file is oiio.cpp.
 #ifndef HG_RENDERER_IMAGE_IMAGE_H
 #define HG_RENDERER_IMAGE_IMAGE_H
@@ -42,16 +42,17 @@ struct hg_image_limits {
 struct hg_image_info {
     uint32_t width, height, channels; // channels as stored
     bool is_float, is_16bit;
-    char file_format[16]; // "png", "jpeg", "openexr", ...
+    char file_format[16]; // "png", "jpeg", "openexr", "ktx2", ...
 };
 
 // Bytes per pixel of a format.
 size_t hg_pixel_bytes(enum hg_pixel_format format);
 
 // All four: `limits` may be NULL (defaults). HG_E_NOTFOUND, HG_E_FORMAT (malformed or unknown),
-// HG_E_LIMIT (checked before memory is taken), HG_E_NOMEM, HG_E_IO; err names file and reason.
-// Grey becomes RGB; missing alpha becomes 1; CMYK and palettes are converted. Orientation metadata
-// is ignored, as glTF demands. *out is zeroed on failure.
+// HG_E_UNSUPPORTED (a kind of its format that is not read), HG_E_LIMIT (checked before memory is
+// taken), HG_E_NOMEM, HG_E_IO; err names file and reason. Grey becomes RGB; missing alpha becomes
+// 1; CMYK and palettes are converted. Orientation metadata is ignored, as glTF demands. *out is
+// zeroed on failure.
 enum hg_status hg_image_probe_file(
     const char *path, struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_image_read_file(const char *path, enum hg_pixel_format format,

@@ -1,4 +1,4 @@
-// reader.c - see reader.h: files are opened and checked here, decoded in oiio.cpp.
+// reader.c - see reader.h: files are opened and checked here, decoded in oiio.cpp or ktx2/.
 #include "renderer/image/reader.h"
 
 #include <errno.h>
@@ -11,6 +11,7 @@
 #include "base/file.h"
 #include "base/sha256.h"
 #include "renderer/image/check.h"
+#include "renderer/image/ktx2/ktx2.h"
 #include "renderer/image/oiio.h"
 
 enum { HEAD_BYTES = 1 << 20 }; // of a file, in which its header has to lie
@@ -22,7 +23,8 @@ struct hg_image_reader {
     uint32_t max_side_px;
     const void *data; // borrowed
     size_t size;
-    struct hg_oiio_reader *inner;
+    struct hg_oiio_reader *inner; // one of two; none while it sleeps
+    struct hg_ktx2_reader *ktx2;
     struct hg_image_reader_info info;
 };
 
@@ -95,13 +97,28 @@ static enum hg_status open_file(
     return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
 }
 
+static enum hg_status open_decoder(struct hg_image_reader *r, const void *data, size_t size,
+    const char *name, const char *format, uint32_t max_side_px, struct hg_error *err)
+{
+    if (strcmp(format, "ktx2") == 0)
+        return hg_ktx2_reader_open(r->file, data, size, name, max_side_px, &r->ktx2, err);
+    return hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
+}
+
+static void close_decoder(struct hg_image_reader *r)
+{
+    hg_oiio_reader_close(r->inner);
+    hg_ktx2_reader_close(r->ktx2);
+    r->inner = NULL;
+    r->ktx2 = NULL;
+}
+
 static enum hg_status open_inner(struct hg_image_reader *r, const void *data, size_t size,
     const char *name, const char *format, uint32_t max_side_px, struct hg_error *err)
 {
-    const enum hg_status status =
-        hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
+    const enum hg_status status = open_decoder(r, data, size, name, format, max_side_px, err);
     if (status == HG_OK) {
-        r->info = *hg_oiio_reader_info(r->inner);
+        r->info = r->ktx2 != NULL ? *hg_ktx2_reader_info(r->ktx2) : *hg_oiio_reader_info(r->inner);
         r->max_side_px = max_side_px;
         r->data = data;
         r->size = size;
@@ -166,7 +183,7 @@ void hg_image_reader_close(struct hg_image_reader *reader)
     if (reader == NULL)
         return;
     hg_image_reader_sleep(reader);
-    hg_oiio_reader_close(reader->inner);
+    close_decoder(reader);
     hg_free(reader->path);
     hg_free(reader);
 }
@@ -201,8 +218,7 @@ void hg_image_reader_sleep(struct hg_image_reader *r)
 {
     if (r->path == NULL || r->file == NULL)
         return;
-    hg_oiio_reader_close(r->inner);
-    r->inner = NULL;
+    close_decoder(r);
     fclose(r->file);
     r->file = NULL;
 }
@@ -217,8 +233,7 @@ enum hg_status hg_image_reader_wake(struct hg_image_reader *r, struct hg_error *
         status =
             hg_error_set(err, HG_E_HASH, r->path, NULL, "the file is not the one that was opened");
     if (status == HG_OK)
-        status = hg_oiio_reader_open(
-            r->file, NULL, 0, r->path, r->info.file_format, r->max_side_px, &r->inner, err);
+        status = open_decoder(r, NULL, 0, r->path, r->info.file_format, r->max_side_px, err);
     if (status != HG_OK && r->file != NULL) {
         fclose(r->file);
         r->file = NULL;
@@ -263,17 +278,23 @@ enum hg_status hg_image_reader_hash(
 enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,
     uint32_t count, void *pixels, struct hg_error *err)
 {
-    return hg_oiio_reader_rows(reader->inner, format, count, pixels, err);
+    return reader->ktx2 != NULL ? hg_ktx2_reader_rows(reader->ktx2, format, count, pixels, err)
+                                : hg_oiio_reader_rows(reader->inner, format, count, pixels, err);
 }
 
 void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count)
 {
-    hg_oiio_reader_skip(reader->inner, count);
+    if (reader->ktx2 != NULL)
+        hg_ktx2_reader_skip(reader->ktx2, count);
+    else
+        hg_oiio_reader_skip(reader->inner, count);
 }
 
 enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
     const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
     uint64_t *bytes, struct hg_error *err)
 {
+    if (reader->ktx2 != NULL)
+        return hg_error_set(err, HG_E_INVAL, "image", NULL, "the file has no tiles");
     return hg_oiio_reader_rect(reader->inner, mip, at, size, format, pixels, bytes, err);
 }

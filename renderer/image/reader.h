@@ -22,8 +22,9 @@ struct hg_image_reader_info {
 };
 
 // Of a file (which stays open: a new file under its name changes nothing), or of encoded bytes,
-// borrowed until close. HG_E_NOTFOUND, HG_E_PERM, HG_E_FORMAT, HG_E_LIMIT (sides of more than
-// max_side_px, tiles of more than 2^24 texels), HG_E_NOMEM, HG_E_IO.
+// borrowed until close. HG_E_NOTFOUND, HG_E_PERM, HG_E_FORMAT, HG_E_UNSUPPORTED (a
+// kind of its format that is not read), HG_E_LIMIT (sides of more than max_side_px, tiles of more
+// than 2^24 texels), HG_E_NOMEM, HG_E_IO.
 enum hg_status hg_image_reader_open(const char *path, uint32_t max_side_px,
     struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const char *name,
