@@ -8,7 +8,7 @@
 
 static const char *const known_extensions[] = {"KHR_texture_transform", "KHR_mesh_quantization",
     "EXT_meshopt_compression", "KHR_draco_mesh_compression", "EXT_texture_webp",
-    "EXT_mesh_gpu_instancing", "KHR_lights_punctual", "KHR_materials_unlit",
+    "KHR_texture_basisu", "EXT_mesh_gpu_instancing", "KHR_lights_punctual", "KHR_materials_unlit",
     "KHR_materials_emissive_strength", "KHR_materials_variants",
     "KHR_materials_pbrSpecularGlossiness", "KHR_materials_clearcoat", "KHR_materials_sheen",
     "KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_ior",
@@ -51,7 +51,7 @@ static enum hg_status read_used(struct hg_gltf *g)
             return hg_gltf_fail(g, &at, HG_E_NOMEM, "no memory for a name");
         g->asset->extensions_used[g->asset->extension_count++] = copy;
         g->has_quantization |= strcmp(copy, "KHR_mesh_quantization") == 0;
-        if (!is_known(copy) && strcmp(copy, "KHR_texture_basisu") != 0)
+        if (!is_known(copy))
             hg_gltf_warn(g, &at, "UNSUPPORTED_EXTENSION: %.100s is ignored", copy);
     }
     return HG_OK;

@@ -143,7 +143,7 @@ BARE(meshopt, IDX("buffer", 0, "buffers"), INT("byteOffset", 0, 0, BIG),
     STR("mode", 0, "ATTRIBUTES TRIANGLES INDICES"),
     STR("filter", 0, "NONE OCTAHEDRAL QUATERNION EXPONENTIAL"), BOOL("fallback"));
 BARE(draco, IDX("bufferView", REQ, "bufferViews"), MAP("attributes", REQ, NULL));
-BARE(webp, IDX("source", 0, "images"));
+BARE(other_image, IDX("source", 0, "images")); // webp, basisu
 BARE(instancing, MAP("attributes", REQ, "accessors"));
 BARE(spot, NUM("innerConeAngle", 0, 0, 1.5708), NUM("outerConeAngle", 0, 1e-30, 1.5709));
 OBJECT(light, NUMS("color", 0, 3, 3), NUM("intensity", 0, 0, BIG), OBJ("spot", 0, &spot),
@@ -188,9 +188,10 @@ const struct hg_schema_object *hg_gltf_extension_schema(const char *name)
         const char *name;
         const struct hg_schema_object *schema;
     } table[] = {{"KHR_texture_transform", &transform}, {"EXT_meshopt_compression", &meshopt},
-        {"KHR_draco_mesh_compression", &draco}, {"EXT_texture_webp", &webp},
-        {"EXT_mesh_gpu_instancing", &instancing}, {"KHR_lights_punctual", &lights},
-        {"KHR_materials_unlit", &unlit}, {"KHR_materials_emissive_strength", &emissive_strength},
+        {"KHR_draco_mesh_compression", &draco}, {"EXT_texture_webp", &other_image},
+        {"KHR_texture_basisu", &other_image}, {"EXT_mesh_gpu_instancing", &instancing},
+        {"KHR_lights_punctual", &lights}, {"KHR_materials_unlit", &unlit},
+        {"KHR_materials_emissive_strength", &emissive_strength},
         {"KHR_materials_variants", &variants}, {"KHR_materials_pbrSpecularGlossiness", &spec_gloss},
         {"KHR_materials_clearcoat", &clearcoat}, {"KHR_materials_sheen", &sheen},
         {"KHR_materials_transmission", &transmission}, {"KHR_materials_volume", &volume},

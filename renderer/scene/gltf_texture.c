@@ -150,20 +150,18 @@ static void read_sampler(
     texture->mip_none = min == 9728 || min == 9729;
 }
 
-// The image of a texture: EXT_texture_webp's, else its own source.
-static int64_t texture_source(struct hg_gltf *g, const struct hg_gltf_at *at)
+// The image of a texture: an extension's that can be read, else its own source.
+static int64_t texture_source(const struct hg_gltf *g, const struct hg_gltf_at *at)
 {
-    struct hg_gltf_at extensions;
-    struct hg_gltf_at webp = hg_gltf_extension(at, "EXT_texture_webp", &extensions);
-    struct hg_gltf_at basis = hg_gltf_extension(at, "KHR_texture_basisu", &extensions);
-    int64_t source = hg_gltf_index(&webp, "source");
-    if (source >= 0 && source < g->image_count && g->images[source])
-        return source;
-    source = hg_gltf_index(at, "source");
-    if (basis.json)
-        hg_gltf_warn(g, &basis, "UNSUPPORTED_EXTENSION: KHR_texture_basisu; %s",
-            source >= 0 ? "the fallback image is used" : "white is shown instead");
-    return source;
+    static const char *const names[] = {"EXT_texture_webp", "KHR_texture_basisu"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct hg_gltf_at extensions;
+        const struct hg_gltf_at extension = hg_gltf_extension(at, names[i], &extensions);
+        const int64_t source = hg_gltf_index(&extension, "source");
+        if (source >= 0 && source < g->image_count && g->images[source])
+            return source;
+    }
+    return hg_gltf_index(at, "source");
 }
 
 enum hg_status hg_gltf_load_textures(struct hg_gltf *g)

@@ -31,7 +31,6 @@ import json
 import math
 import os
 import statistics
-import struct
 import subprocess
 import sys
 import time
@@ -40,22 +39,12 @@ RASTERISERS = ("babylon", "filament", "gltf-sample-viewer", "model-viewer")
 PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
 # Renders of older settings (FIDELITY.md): shown, never scored.
 OUTLIERS = ("dspbr-pt", "rhodonite")
-NOT_READ = {"KHR_texture_basisu"}
 AIM = 0.8
 PATH_AIM = 0.7
 # Scenarios this near to the line may or may not be explained: versions of Mesa move them across.
 NEAR_DB = 0.3
 ALIKE_DB = -10
 SECONDS_PER_SCENARIO = {"realtime": 240, "path": 1800}
-
-
-def extensions_used(path):
-    with open(path, "rb") as file:
-        data = file.read()
-    if data[:4] == b"glTF":
-        size = struct.unpack("<I", data[12:16])[0]
-        data = data[20:20 + size]
-    return set(json.loads(data).get("extensionsUsed", []))
 
 
 def camera_arguments(scenario):
@@ -153,8 +142,6 @@ class Harness:
             if not path or not os.path.exists(path):
                 return dict(record, state="not held", why="%s %s" % (
                     key[:-4], scenario.get(key) or scenario.get("lighting")))
-        used = extensions_used(held["modelFile"])
-        record["later"] = sorted(used & NOT_READ)
         goldens, size = self.goldens(name, scenario)
         mine = self.options.candidate
         if mine:
@@ -259,7 +246,7 @@ def read_explanations(path):
 
 def judge(records, explanations, checked):
     """(covered, passed, complaints)."""
-    covered = [r for r in records if "passes" in r and not r["later"]]
+    covered = [r for r in records if "passes" in r]
     passed = [r for r in covered if r["passes"]]
     complaints = ["%s: not rendered: %s" % (r["name"], r["why"]) for r in records
                   if r["state"] == "failed"]
@@ -284,7 +271,7 @@ def judge(records, explanations, checked):
 
 def judge_path(records, explanations, wanted, full):
     """(covered, passed, complaints) of path mode. wanted: names that must be there."""
-    covered = [r for r in records if "path" in r and not r["later"]]
+    covered = [r for r in records if "path" in r]
     passed = [r for r in covered if r["path"]["passes"]]
     complaints = []
     names = {r["name"] for r in covered}
@@ -345,12 +332,9 @@ def describe_path(record, explanations, name):
 def describe_realtime(record, explanations, name):
     parts = []
     group = record["rasterisers"]
-    kind = "later" if record["later"] else "good" if record["passes"] else "bad"
-    word = {"good": "no farther than the others", "bad": "farther than the others",
-            "later": "materials of a later issue: " + ", ".join(record["later"])}[kind]
-    parts.append("<p class=%s>%s: ours %.2f dB, typical %.2f dB</p>" % (
-        "grey" if kind == "later" else kind, html.escape(word), group["ours_db"],
-        group["typical_db"]))
+    kind, word = ("good", "no farther") if record["passes"] else ("bad", "farther")
+    parts.append("<p class=%s>%s than the others: ours %.2f dB, typical %.2f dB</p>" % (
+        kind, word, group["ours_db"], group["typical_db"]))
     if record["name"] in explanations:
         parts.append("<p>%s</p>" % html.escape(explanations[record["name"]]))
     if "path_tracers" in record:
@@ -408,10 +392,8 @@ def main():
         not options.only and not options.candidate and not options.no_realtime)
     states = {s: sum(r["state"] == s for r in records)
               for s in ("not held", "no peers", "no picture", "failed")}
-    summary = "fidelity: %d of %d covered scenarios no farther than the other engines; %d with " \
-        "later materials%s" % (
+    summary = "fidelity: %d of %d covered scenarios no farther than the other engines%s" % (
             len(passed), len(covered),
-            sum(r["state"] == "scored" and bool(r["later"]) for r in records),
             "".join("; %d %s" % (n, s) for s, n in states.items() if n))
     if options.path:
         everything = options.path == "all"

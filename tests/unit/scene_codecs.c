@@ -1,6 +1,6 @@
 // scene_codecs.c - what loaders decode, against values that the test packs by the letter of the
 // extensions: the filters of EXT_meshopt_compression, the textures of specular-glossiness
-// materials. And which image files a glTF may name.
+// materials. And which image files a glTF may name, itself or through extensions.
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>
@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "base/file.h"
+#include "renderer/image/image.h"
 #include "scene_corpus.h"
 #include "scene_memory.h"
 #include "tests/support/folder.h"
@@ -396,11 +398,103 @@ static void test_image_paths(void **state)
     assert_true(test_folder_remove(root));
 }
 
+// Adds a file of 37 x 23 texels of UASTC under Zstandard, or what `size` keeps of it.
+static uint32_t add_ktx2(size_t size)
+{
+    char path[512];
+    uint8_t *data;
+    size_t whole;
+    struct hg_error err = {0};
+    snprintf(path, sizeof path, "%s/tests/unit/ktx2/uastc_zstd.ktx2", getenv("HELIO_SOURCE_DIR"));
+    test_ok(hg_file_read(path, 1 << 16, &data, &whole, &err), &err);
+    const uint32_t view = memory_view(&file, data, size < whole ? size : whole, 0);
+    hg_free(data);
+    return view;
+}
+
+// A texture whose extension names an image: 0 is a PNG, 1 a KTX2, 2 a damaged KTX2.
+static enum hg_status load_extended(
+    const char *extension, bool required, const char *texture, struct hg_asset **asset)
+{
+    static const uint8_t grey[4] = {128, 128, 128, 255};
+    char rest[1024];
+    struct hg_error err;
+    begin();
+    const uint32_t png = add_png(grey, 1), ktx2 = add_ktx2(SIZE_MAX), damaged = add_ktx2(90);
+    snprintf(rest, sizeof rest,
+        "\"extensionsUsed\":[\"%s\"],%s%s%s"
+        "\"images\":[{\"bufferView\":%u,\"mimeType\":\"image/png\"},"
+        "{\"bufferView\":%u,\"mimeType\":\"image/ktx2\"},"
+        "{\"bufferView\":%u,\"mimeType\":\"image/ktx2\"}],\"textures\":[{%s}]",
+        extension, required ? "\"extensionsRequired\":[\"" : "", required ? extension : "",
+        required ? "\"]," : "", png, ktx2, damaged, texture);
+    const enum hg_status status = memory_load(&file, rest, asset, &err);
+    assert_true((status == HG_OK) == (*asset != NULL));
+    return status;
+}
+
+static void check_width(const struct hg_image_source *image, uint32_t width)
+{
+    struct hg_image pixels;
+    struct hg_error err = {0};
+    test_ok(hg_image_read_memory(image->encoded->data, image->encoded->size, image->label,
+                HG_PIXEL_RGBA8, NULL, &pixels, &err),
+        &err);
+    assert_int_equal(pixels.width, width);
+    hg_image_finish(&pixels);
+}
+
+static void test_texture_extensions(void **state)
+{
+    (void)state;
+#define SOURCE(extension, n) "\"extensions\":{\"" extension "\":{\"source\":" n "}}"
+#define BASISU(n)            SOURCE("KHR_texture_basisu", n)
+#define WEBP(n)              SOURCE("EXT_texture_webp", n)
+    static const struct {
+        const char *texture;
+        bool required;
+        uint32_t width; // of what is shown; 0: white
+        enum hg_status status;
+    } cases[] = {
+        {BASISU("1") ",\"source\":0", false, 37, HG_OK},
+        {BASISU("1") ",\"source\":0", true, 37, HG_OK},
+        {BASISU("1"), false, 37, HG_OK},
+        {BASISU("1"), true, 37, HG_OK},
+        {BASISU("2") ",\"source\":0", false, 1, HG_OK}, // damaged
+        {BASISU("2"), true, 0, HG_OK},
+        {"\"extensions\":{\"KHR_texture_basisu\":{}},\"source\":0", false, 1, HG_OK},
+        {WEBP("1") ",\"source\":0", true, 37, HG_OK},
+        {WEBP("2") ",\"source\":0", true, 1, HG_OK},
+        {BASISU("3") ",\"source\":0", false, 0, HG_E_FORMAT},
+        {BASISU("-1") ",\"source\":0", true, 0, HG_E_FORMAT},
+        {BASISU("\"1\""), true, 0, HG_E_FORMAT},
+        {WEBP("3") ",\"source\":0", false, 0, HG_E_FORMAT},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct hg_asset *asset;
+        const char *extension =
+            strstr(cases[i].texture, "webp") ? "EXT_texture_webp" : "KHR_texture_basisu";
+        const enum hg_status status =
+            load_extended(extension, cases[i].required, cases[i].texture, &asset);
+        if (status != cases[i].status)
+            fail_msg("case %zu: %s", i, hg_status_name(status));
+        if (status != HG_OK)
+            continue;
+        const struct hg_image_source *image = asset->textures[0]->image;
+        assert_true((image != NULL) == (cases[i].width > 0));
+        if (image != NULL)
+            check_width(image, cases[i].width);
+        assert_int_equal(asset->warning_count, 1); // images[2]
+        assert_non_null(strstr(asset->warnings[0].reason, "IMAGE_UNRECOGNIZED_FORMAT"));
+        hg_asset_destroy(asset);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_octahedral),
         cmocka_unit_test(test_quaternions), cmocka_unit_test(test_exponential),
         cmocka_unit_test(test_filters_that_do_not_fit), cmocka_unit_test(test_spec_gloss_textures),
-        cmocka_unit_test(test_image_paths)};
+        cmocka_unit_test(test_image_paths), cmocka_unit_test(test_texture_extensions)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
