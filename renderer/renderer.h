@@ -104,10 +104,10 @@ enum hg_plane {
     HG_PLANE_INDIRECT_SPECULAR,     // 3
     HG_PLANE_INDIRECT_TRANSMISSION, // 3
     HG_PLANE_MOTION,                // 4: px, see below
-    HG_PLANE_OBJECT,                // 1: low 32 bits of the node's id, plus 1; exact to 2^24
-    HG_PLANE_MATERIAL,              // 1: number of the material in the picture, from 1
-    HG_PLANE_SAMPLES,               // 1: samples of the pixel
-    HG_PLANE_VARIANCE,              // 1: of the mean's luminance
+    HG_PLANE_OBJECT, // 1: low 32 bits of the node's id, plus 1; exact to 2^24; of the first sample
+    HG_PLANE_MATERIAL, // 1: number of its material in the picture, from 1
+    HG_PLANE_SAMPLES,  // 1: samples of the pixel
+    HG_PLANE_VARIANCE, // 1: of the mean's luminance
     HG_PLANE_DRAWS, // 2 HG_PLANE_DRAWS_LENGTH: draws that samples met, in the order in which they
                     // came: number of the draw + 1 (0: no more), samples. What comes when there is
                     // no room is left out. For hg_view_read_matte
@@ -243,8 +243,9 @@ const char *hg_plane_name(enum hg_plane plane); // "direct_diffuse", ...
 
 // Groups of lights of a view that keeps HG_PLANE_LIGHT_GROUPS, once it is path-traced: their
 // number, the environment first; the others by the names of lights, and of nodes whose meshes
-// shine. The sum of all is COLOR, but for what shadow catchers show. Radiance by one: 3 floats a
-// pixel. Errors as of hg_view_read_plane.
+// shine, in 20 bytes without dots (~2, ~3, ... at the end where that was taken). The sum of all is
+// COLOR, but for what shadow catchers show. Radiance by one: 3 floats a pixel. Errors as of
+// hg_view_read_plane.
 uint32_t hg_view_light_groups(const struct hg_view *view);
 const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group);
 enum hg_status hg_view_read_light_group(struct hg_view *view, uint32_t group,

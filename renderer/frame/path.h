@@ -68,7 +68,7 @@ enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // Groups of lights, of a picture that keeps HG_PATH_PLANE_GROUPS: their names, and the radiance by
 // one of them, [height][width][3] floats. 0, HG_E_STATE: not asked for, or nothing there.
-#define HG_PATH_GROUP_NAME 21 // names that begin alike are one
+#define HG_PATH_GROUP_NAME 21 // longer names are cut, and end in ~2, ~3, ... where that was taken
 uint32_t hg_path_group_count(const struct hg_view_state *view);
 const char *hg_path_group_name(const struct hg_view_state *view, uint32_t group);
 enum hg_status hg_path_read_group(struct hg_view_state *view, uint32_t group,

@@ -417,8 +417,10 @@ enum hg_status hg_path_film_judge(struct hg_path *p, float noise, struct hg_erro
     }
     p->noise = (float)sqrt(sum / p->tile_count);
     const uint32_t *samples = p->samples.mapped;
+    const uint32_t least = // all parts of the shutter's time
+        p->time_parts > HG_PATH_LEAST_SAMPLES ? p->time_parts : HG_PATH_LEAST_SAMPLES;
     for (uint32_t i = 0; i < p->tile_count && noise > 0.0f; i++)
-        p->done[i] |= samples[i] >= HG_PATH_LEAST_SAMPLES && is_good(p, i, noise);
+        p->done[i] |= samples[i] >= least && is_good(p, i, noise);
     return HG_OK;
 }
 

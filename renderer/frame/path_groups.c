@@ -2,7 +2,8 @@
 //
 // A punctual light belongs to the group of its name, or of its node's when it has none; what shines
 // of a mesh to that of its node's name; a number at the end does not count ("Lamp.003", "Lamp 3").
-// Group 0 is the environment, and all that finds no room belongs to the last group, "other".
+// Group 0 is the environment, and all that finds no room belongs to the last group, "other". Groups
+// are called as parts of EXR files may be: 20 bytes, no dots.
 #include <stdio.h>
 #include <string.h>
 
@@ -45,20 +46,66 @@ static size_t stem(const char *name)
     return end > 0 ? end : length;
 }
 
-// Number of the group of that name, made on first use.
-static uint32_t group_of(struct hg_path *p, const char *name, const char *otherwise)
+// Groups in the making: what they are called in the scene, which keeps it.
+struct naming {
+    struct hg_path *path;
+    const char *from[HG_PATH_MOST_GROUPS];
+    size_t length[HG_PATH_MOST_GROUPS];
+};
+
+// The first `most` bytes or fewer, whole characters of UTF-8.
+static size_t cut(const char *text, size_t length, size_t most)
 {
-    char wanted[HG_PATH_GROUP_NAME];
+    size_t end = length < most ? length : most;
+    while (end > 0 && end < length && ((unsigned char)text[end] & 0xc0u) == 0x80u)
+        end--;
+    return end;
+}
+
+static bool is_taken(const struct hg_path *p, const char *name)
+{
+    for (uint32_t i = 0; i < p->group_count; i++) {
+        if (strcmp(p->groups[i], name) == 0)
+            return true;
+    }
+    return false;
+}
+
+static void call(struct hg_path *p, const char *from, size_t length)
+{
+    char *name = p->groups[p->group_count];
+    char written[HG_PATH_GROUP_NAME], end[8] = "";
+    for (unsigned n = 2;; n++) {
+        const size_t kept = cut(from, length, sizeof written - 1 - strlen(end));
+        snprintf(written, sizeof written, "%.*s%s", (int)kept, from, end);
+        for (char *c = written; *c != '\0'; c++) // dots would be layers of layers
+            *c = *c == '.' ? '_' : *c;
+        if (!is_taken(p, written))
+            break;
+        snprintf(end, sizeof end, "~%u", n % 100);
+    }
+    memcpy(name, written, sizeof written);
+}
+
+// Number of the group of that name, made on first use.
+static uint32_t group_of(struct naming *n, const char *name, const char *otherwise)
+{
+    struct hg_path *p = n->path;
     const char *from = name[0] != '\0' ? name : otherwise;
-    snprintf(wanted, sizeof wanted, "%.*s", (int)stem(from), from);
-    for (uint32_t i = 0; i < p->group_count; i++)
-        if (strcmp(p->groups[i], wanted) == 0)
+    size_t length = stem(from);
+    for (uint32_t i = 0; i < p->group_count; i++) {
+        if (n->length[i] == length && memcmp(n->from[i], from, length) == 0)
             return i;
-    if (p->group_count == HG_PATH_MOST_GROUPS - 1)
-        snprintf(wanted, sizeof wanted, "other");
+    }
     if (p->group_count == HG_PATH_MOST_GROUPS)
         return HG_PATH_MOST_GROUPS - 1;
-    memcpy(p->groups[p->group_count], wanted, sizeof wanted);
+    if (p->group_count == HG_PATH_MOST_GROUPS - 1) {
+        from = "other";
+        length = strlen(from);
+    }
+    call(p, from, length);
+    n->from[p->group_count] = from;
+    n->length[p->group_count] = length;
     return p->group_count++;
 }
 
@@ -71,9 +118,10 @@ static enum hg_status reserve(
         p->context->gpu, HG_GPU_BUFFER_UPLOAD, (words + 1) * 4, "groups of lights", buffer, err);
 }
 
-static enum hg_status name_lights(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status name_lights(
+    struct hg_view_state *view, struct naming *n, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
+    struct hg_path *p = n->path;
     struct hg_light_set set = {0};
     double origin[3];
     hg_geometry_origin(view->rooms->geometry, origin);
@@ -86,7 +134,7 @@ static enum hg_status name_lights(struct hg_view_state *view, struct hg_error *e
     for (uint32_t i = 0; i < set.count && groups != NULL; i++) {
         const struct hg_node *node = set.nodes[i];
         const char *name = node->light->head.name;
-        groups[i] = group_of(p, name[0] != '\0' ? name : node->head.name, "light");
+        groups[i] = group_of(n, name[0] != '\0' ? name : node->head.name, "light");
     }
     hg_light_set_finish(&set);
     return status;
@@ -116,9 +164,9 @@ static enum hg_status reserve_marks(struct hg_view_state *view, struct hg_error 
     return status;
 }
 
-static enum hg_status mark_draws(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status mark_draws(struct hg_view_state *view, struct naming *n, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
+    struct hg_path *p = n->path;
     struct hg_geometry_stats stats;
     struct hg_draw_info info;
     hg_geometry_stats(view->rooms->geometry, &stats);
@@ -128,7 +176,7 @@ static enum hg_status mark_draws(struct hg_view_state *view, struct hg_error *er
         if (!hg_geometry_draw_info(view->rooms->geometry, i, &info))
             continue;
         if (p->group_count > 0 && shines(info.material))
-            marks[i] = group_of(p, info.node->head.name, "emission");
+            marks[i] = group_of(n, info.node->head.name, "emission");
         if (catches(info.node)) {
             marks[i] |= HG_PATH_MARK_CATCHER;
             p->options |= HG_PATH_CATCHER;
@@ -142,6 +190,7 @@ enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *
     struct hg_path *p = view->path;
     const uint32_t planes = view->settings.path.planes;
     const uint32_t split = 7u << HG_PATH_PLANE_DIRECT | 7u << HG_PATH_PLANE_INDIRECT;
+    struct naming n = {.path = p};
     enum hg_status status = HG_OK;
     p->group_count = 0;
     p->options &=
@@ -156,8 +205,8 @@ enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *
         p->options |= HG_PATH_FOLLOWS;
     if ((planes >> HG_PATH_PLANE_GROUPS & 1u) != 0) {
         p->options |= HG_PATH_GROUPS;
-        (void)group_of(p, "environment", "");
-        status = name_lights(view, err);
+        (void)group_of(&n, "environment", "");
+        status = name_lights(view, &n, err);
     }
-    return status == HG_OK ? mark_draws(view, err) : status;
+    return status == HG_OK ? mark_draws(view, &n, err) : status;
 }

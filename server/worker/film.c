@@ -310,8 +310,6 @@ static enum hg_status read_groups(
         struct encode_plane *p = &job->planes[job->plane_count];
         p->plane = HG_PLANE_LIGHT_GROUPS;
         snprintf(p->name, sizeof p->name, "light_%s", hg_view_light_group_name(view->view, i));
-        for (char *c = p->name; *c; c++) // dots would be layers of layers
-            *c = *c == '.' ? '_' : *c;
         status = hg_view_read_light_group(view->view, i, &p->values, err);
         job->plane_count += !status;
     }

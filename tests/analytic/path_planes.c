@@ -171,6 +171,47 @@ static void test_groups(void **state)
     }
 }
 
+// Names that are alike once they are cut to 20 bytes, or once dots are gone, stay apart.
+static void test_long_names(void **state)
+{
+    struct rig *rig = *state;
+    static const char *const names[5] = {"A very long name of a key light",
+        "A very long name of a rim light.001", "A very long name of a key light.007", "a.b", "a_b"};
+    static const char *const wanted[5] = {
+        "environment", "A very long name of ", "A very long name o~2", "a_b", "a_b~2"};
+    static const double at[3] = {0, 2, 0}, down[3] = {0, -1, 0};
+    static const double strength[5] = {0, 1 + 4, 2, 8, 16}; // of groups
+    double mean[5] = {0};
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.6f), 3);
+    for (int i = 0; i < 5; i++) {
+        struct hg_light *light = rig_light(rig, HG_LIGHT_POINT, at, down);
+        light->head.name = hg_strdup(names[i]);
+        light->intensity = (float)(1 << i);
+    }
+    struct hg_view_params params = defaults;
+    params.planes = BIT(LIGHT_GROUPS);
+    params.samples = 256;
+    params.max_bounces = 1;
+    struct hg_view *view = picture(rig, &params);
+    assert_int_equal(hg_view_light_groups(view), 5);
+    for (uint32_t i = 0; i < 5; i++) {
+        struct hg_error err = {0};
+        struct hg_refbuf *b;
+        assert_string_equal(hg_view_light_group_name(view, i), wanted[i]);
+        test_ok(hg_view_read_light_group(view, i, &b, &err), &err);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            mean[i] += (double)floats(b)[k * 3];
+        hg_refbuf_unref(b);
+    }
+    for (int i = 0; i < 5; i++) {
+        const double share = mean[i] / (mean[1] + mean[2] + mean[3] + mean[4]);
+        print_message("%s: %.4f of the light\n", wanted[i], share);
+        assert_true(fabs(share - strength[i] / 31) < 0.01);
+    }
+    hg_view_destroy(view);
+}
+
 // What is specular does not depend on the colour of the base, and is all there is of a black one;
 // all of Lambert is diffuse, all of a metal specular, all behind a thin pane let through.
 static void test_lobes(void **state)
@@ -310,6 +351,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sums),
         cmocka_unit_test(test_groups),
+        cmocka_unit_test(test_long_names),
         cmocka_unit_test(test_lobes),
         cmocka_unit_test(test_catcher),
         cmocka_unit_test(test_catcher_lamp),
