@@ -4,7 +4,8 @@
 // last entered, at most four; what it enters beyond that is not kept. The one entered last is the
 // one around: its absorption counts on the way, and its index of refraction is what is outside of
 // the next surface that is entered. Behind a surface that is left lies what was around it before it
-// was entered, also when others were entered since (volumes that overlap). A camera starts in air.
+// was entered. When others were entered since (volumes that overlap) the one around stays around, and
+// nothing bends there. A camera starts in air.
 // Include lib/path.glsl, lib/material.glsl and lib/bsdf.glsl first.
 #ifndef HG_LIB_PATH_MEDIA_GLSL
 #define HG_LIB_PATH_MEDIA_GLSL
@@ -50,12 +51,14 @@ uvec2 hg_media_without(uvec2 media, uint material)
     return uvec2(m.x | (m.y << 16u), m.z | (m.w << 16u));
 }
 
-// Index of refraction outside of a surface that was hit.
-float hg_media_outside(uvec2 media, uint material, bool front, uint channel)
+// Index of refraction outside of a surface that was hit; `ior`: its own.
+float hg_media_outside(uvec2 media, uint material, bool front, float ior, uint channel)
 {
     if (!HG_MEDIA)
         return 1.0;
     uvec2 around = front ? media : hg_media_without(media, material + 1u);
+    if (around != media && (around.x & 0xffffu) == (media.x & 0xffffu) && around.x != 0u)
+        return ior;
     return hg_media_ior(around.x & 0xffffu, channel);
 }
 
@@ -66,7 +69,7 @@ void hg_media_cross(inout uvec2 media, uint material, bool front)
         return;
     if (!front)
         media = hg_media_without(media, material + 1u);
-    else if (material < 0xffffu)
+    else if (material < 0xffffu && media.y >> 16u == 0u)
         media = uvec2((media.x << 16u) | (material + 1u), (media.y << 16u) | (media.x >> 16u));
 }
 

@@ -524,7 +524,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     vec3 side = both ? vec3(0.0) : hg_decode_normal(packed);
     vec3 throughput = p.throughput;
     uint channel = disperse(p, s, pixel, number);
-    float outside = hg_media_outside(p.media, v.material, s.front, channel);
+    float outside = hg_media_outside(p.media, v.material, s.front, s.ior, channel);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
     light_choice light = choose_light(b, v, s, side, ua);
     if (hg_texture_coarser != 0u)

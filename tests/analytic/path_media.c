@@ -174,6 +174,71 @@ static void test_light_in_volume(void **state)
     }
 }
 
+static double reflectance(double a, double b)
+{
+    return (a - b) * (a - b) / ((a + b) * (a + b));
+}
+
+static double of_interface(double a, double b)
+{
+    const double r = reflectance(a, b);
+    return r / (1 - r);
+}
+
+// Light straight through what lies between z = -1 and 1, from a wall of radiance 1.
+static double straight_through(struct rig *rig)
+{
+    const float wall[4][3] = {{-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}};
+    const struct rig_camera along = {.eye = {0, 0, 4},
+        .vfov_rad = 0.02,
+        .width = SIDE,
+        .height = SIDE,
+        .samples = 512,
+        .mode = HG_MODE_PATH,
+        .max_bounces = 64};
+    struct hg_material *light = path_rig_lambert(rig, 0);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 1;
+    rig_quad(rig, light, wall);
+    return render_mean(rig, &along);
+}
+
+static void add_slab(struct rig *rig, float ior, float half, float from, float to)
+{
+    struct hg_material *m = clear_glass(rig, ior);
+    m->double_sided = false;
+    m->thickness = 1;
+    path_rig_box(rig, m, (const float[3]){-half, -half, from}, (const float[3]){half, half, to});
+}
+
+// Slabs in a row let 1 / (1 + sum of R / (1 - R)) through, all orders of reflection between their
+// interfaces. Of a slab within another two interfaces are those of the two. Where two overlap, what
+// is entered last is around until it is left: one interface between them, here or there, which for
+// light that goes to and fro is no more the same: R^2 of 0.001.
+static void test_nested_slabs(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    add_slab(rig, 1.4f, 3, -1, 1);
+    add_slab(rig, 2, 2.5f, -0.5f, 0.5f);
+    double sum = 2 * of_interface(1, 1.4) + 2 * of_interface(1.4, 2);
+    expect("slab within a slab", straight_through(rig), 1 / (1 + sum), 0.003);
+
+    rig_scene(rig);
+    add_slab(rig, 1.4f, 3, -0.2f, 1);
+    add_slab(rig, 2, 2.5f, -1, 0.2f);
+    sum = of_interface(1, 1.4) + of_interface(1.4, 2) + of_interface(2, 1);
+    expect("slabs that overlap", straight_through(rig), 1 / (1 + sum), 0.005);
+
+    rig_scene(rig); // one more than a path keeps
+    sum = 0;
+    for (int i = 0; i < 5; i++) {
+        const float z = 1 - 0.15f * (float)i;
+        add_slab(rig, 1.2f + 0.2f * (float)i, 3 - 0.1f * (float)i, -z, z);
+        sum += 2 * of_interface(i == 0 ? 1 : 1 + 0.2 * i, 1.2 + 0.2 * i);
+    }
+    expect("five slabs", straight_through(rig), 1 / (1 + sum), 0.003);
+}
+
 // Of two volumes of one glass, one within the other, the inner one is not seen, also when the glass
 // disperses and the path has one colour left.
 static void test_volume_of_the_same_glass(void **state)
@@ -344,6 +409,7 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_light_in_volume),
+        cmocka_unit_test(test_nested_slabs),
         cmocka_unit_test(test_volume_of_the_same_glass),
         cmocka_unit_test(test_lamp_behind_pane),
         cmocka_unit_test(test_alpha_of_opaque_glass),
