@@ -1,12 +1,11 @@
-// matte.c - Cryptomattes of path-traced views: the draws that a pixel's samples met, by name.
+// matte.c - Cryptomattes of path-traced views from the lists of names that pixels show, each known
+// by a draw that has it.
 #include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/image/cryptomatte.h"
 #include "renderer/internal.h"
-
-enum { NAME_BYTES = 256 };
 
 _Static_assert(HG_MATTE_RANKS == HG_CRYPTOMATTE_RANKS, "one number of ranks");
 
@@ -16,7 +15,7 @@ struct names {
     const struct hg_geometry *geometry;
     uint32_t *ids; // [draws] bits of the name's id; 0 = not met yet
     uint32_t draws;
-    char **met; // names of the draws that were met; some come more than once
+    char **met; // names that were met
     size_t capacity;
     uint32_t count;
 };
@@ -29,43 +28,16 @@ static void finish(struct names *n)
     hg_free(n->ids);
 }
 
-// What has no name of its own goes by its kind and its place in the file.
-static void name_object(const char *kind, const struct hg_object *object, char out[NAME_BYTES])
-{
-    if (object->name[0])
-        snprintf(out, NAME_BYTES, "%s", object->name);
-    else
-        snprintf(out, NAME_BYTES, "%s %u", kind, (uint32_t)object->id);
-}
-
-static void name_draw(enum hg_matte_kind kind, const struct hg_draw_info *d, char out[NAME_BYTES])
-{
-    switch (kind) {
-    case HG_MATTE_OBJECT:
-        name_object("node", &d->node->head, out);
-        return;
-    case HG_MATTE_MATERIAL:
-        if (d->material != NULL)
-            name_object("material", &d->material->head, out);
-        else
-            snprintf(out, NAME_BYTES, "default material");
-        return;
-    case HG_MATTE_ASSET:
-        snprintf(out, NAME_BYTES, "%s", d->node->asset != NULL ? d->node->asset->label : "client");
-        return;
-    }
-}
-
 // Bits of the id of a draw; 0 for one that is not there.
 static enum hg_status find_id(struct names *n, uint32_t draw, uint32_t *out)
 {
     struct hg_draw_info info;
-    char name[NAME_BYTES];
+    char name[HG_PATH_NAME];
     *out = 0;
     if (draw >= n->draws || !hg_geometry_draw_info(n->geometry, draw, &info))
         return HG_OK;
     if (n->ids[draw] == 0) {
-        name_draw(n->kind, &info, name);
+        hg_path_name_draw((uint32_t)n->kind, &info, name);
         if (hg_grow(&n->met, &n->capacity, n->count + 1, sizeof *n->met) != HG_OK)
             return HG_E_NOMEM;
         n->met[n->count] = hg_strdup(name);
@@ -131,9 +103,9 @@ enum hg_status hg_view_read_matte(
     struct hg_refbuf *lists = NULL, *samples = NULL;
     struct names names = {.kind = kind};
     *out = (struct hg_matte){0};
-    enum hg_status status = hg_view_read_plane(view, HG_PLANE_DRAWS, &lists, err);
+    enum hg_status status = hg_view_read_plane(view, HG_PLANE_SAMPLES, &samples, err);
     if (status == HG_OK)
-        status = hg_view_read_plane(view, HG_PLANE_SAMPLES, &samples, err);
+        status = hg_path_read_names(&view->state, (uint32_t)kind, &lists, err);
     if (status == HG_OK) {
         names.geometry = view->state.rooms->geometry; // there is one, since something was traced
         status = make(&names, lists, samples, out);

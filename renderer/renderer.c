@@ -176,10 +176,14 @@ static bool needs_light(uint32_t plane)
            (plane >= HG_PLANE_DIRECT_DIFFUSE && plane <= HG_PLANE_INDIRECT_TRANSMISSION);
 }
 
+#define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
+
 static enum hg_status check_planes(const struct hg_view_params *p, struct hg_error *err)
 {
     if (p->planes >> HG_PLANE_COUNT != 0)
         return bad(err, "view", "planes");
+    if ((p->mattes & ~ALL_MATTES) != 0)
+        return bad(err, "view", "mattes");
     for (uint32_t i = 0; i < HG_PLANE_COUNT && p->mode != HG_MODE_PATH; i++)
         if ((p->planes >> i & 1u) != 0 && needs_light(i))
             return hg_error_set(err, HG_E_UNSUPPORTED, "view", "planes",
@@ -259,6 +263,7 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
         p->filter_radius_px > 0 ? p->filter_radius_px : hg_filter_radius_px(p->filter);
     s->max_bounces = p->max_bounces > 0 ? p->max_bounces : HG_VIEW_DEFAULT_BOUNCES;
     s->planes = p->planes;
+    s->mattes = p->mattes != 0 ? p->mattes : ALL_MATTES;
     s->noise = p->noise;
     s->time_s = p->time_s;
     s->clamp_indirect = p->clamp_indirect;
@@ -274,7 +279,7 @@ static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s
 static void fill_planes(const struct hg_view_params *p, struct hg_path_settings *s)
 {
     const struct hg_view_params seen = {
-        .trace = p->trace, .planes = p->planes, .frame_s = p->frame_s};
+        .trace = p->trace, .planes = p->planes, .mattes = p->mattes, .frame_s = p->frame_s};
     fill_path(&seen, s);
 }
 

@@ -108,10 +108,11 @@ enum hg_plane {
     HG_PLANE_MATERIAL, // 1: number of its material in the picture, from 1
     HG_PLANE_SAMPLES,  // 1: samples of the pixel
     HG_PLANE_VARIANCE, // 1: of the mean's luminance
-    HG_PLANE_DRAWS, // 2 HG_PLANE_DRAWS_LENGTH: draws that samples met, in the order in which they
-                    // came: number of the draw + 1 (0: no more), samples. What comes when there is
-                    // no room is left out. For hg_view_read_matte
-    HG_PLANE_NOISY, // 3: the colour before it was denoised
+    // 2 HG_PLANE_DRAWS_LENGTH: names that samples met, of the first kind of `mattes`, in the order
+    // in which they came: first draw of that name + 1 (0: no more), samples. What comes when there
+    // is no room is left out. For hg_view_read_matte
+    HG_PLANE_DRAWS,
+    HG_PLANE_NOISY,        // 3: the colour before it was denoised
     HG_PLANE_LIGHT_GROUPS, // 3 for each group of lights, see hg_view_light_groups
     HG_PLANE_COUNT
 };
@@ -121,6 +122,9 @@ enum hg_plane {
 // that pixel + (x, y) is the pixel of the frame before. Camera, transforms, skins and morphs count,
 // a shutter does not. Backgrounds move as what is infinitely far. 0 where that was or will be
 // behind the camera. Mean over the samples of a pixel, those that hit nothing included.
+
+// What Cryptomattes go by.
+enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 
 #define HG_VIEW_MAX_SAMPLES     65536 // also the limit of the protocol
 #define HG_VIEW_MAX_BOUNCES     256
@@ -150,6 +154,7 @@ struct hg_view_params {     // zero of each field = default
     // Of both modes: 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
     // names one that the mode does not have.
     uint32_t planes;
+    uint32_t mattes; // of HG_PLANE_DRAWS: 1 << HG_MATTE_*, 64 bytes a pixel each; 0 = all three
     // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
     // go on before and after the pose.
     float frame_s;  // from one frame to the next, seconds; default 1/24
@@ -251,9 +256,8 @@ const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group)
 enum hg_status hg_view_read_light_group(struct hg_view *view, uint32_t group,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
-// Cryptomatte of a view that keeps HG_PLANE_DRAWS, by the names of nodes, materials or assets
-// (renderer/image/cryptomatte.h). What has no name goes by its kind and number.
-enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
+// Cryptomatte of a view that keeps HG_PLANE_DRAWS and the kind in `mattes`, by the names of nodes,
+// materials or assets (renderer/image/cryptomatte.h). What has no name goes by its kind and number.
 #define HG_MATTE_RANKS 6
 struct hg_matte {
     struct hg_refbuf *ranks; // [height][width][HG_MATTE_RANKS][id, coverage] floats

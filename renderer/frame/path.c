@@ -29,6 +29,7 @@ void hg_path_destroy(struct hg_path *p)
     hg_cut_free(p->cut);
     hg_path_time_destroy(p);
     hg_path_groups_destroy(p);
+    hg_path_names_destroy(p);
     hg_free(p);
 }
 
@@ -158,6 +159,8 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
         status = sync_scene(view, err);
     if (status == HG_OK)
         status = hg_path_groups_make(view, err);
+    if (status == HG_OK)
+        status = hg_path_names_make(view, err);
     if (status == HG_OK)
         status = hg_path_film_create(p, &view->settings, err);
     if (status == HG_OK)

@@ -30,6 +30,7 @@ struct hg_path_settings {
     uint32_t filter; // enum hg_filter of renderer.h
     uint32_t max_bounces;
     uint32_t planes;  // 1 << enum hg_plane of renderer.h
+    uint32_t mattes;  // 1 << enum hg_matte_kind of renderer.h, of HG_PLANE_DRAWS
     uint32_t denoise; // enum hg_view_denoise of renderer.h
     float filter_radius_px, noise, time_s, clamp_indirect;
     float frame_s;  // from one frame to the next
@@ -73,6 +74,14 @@ uint32_t hg_path_group_count(const struct hg_view_state *view);
 const char *hg_path_group_name(const struct hg_view_state *view, uint32_t group);
 enum hg_status hg_path_read_group(struct hg_view_state *view, uint32_t group,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// Names that pixels show, by enum hg_matte_kind of renderer.h:
+// [height][width][HG_PLANE_DRAWS_LENGTH] pairs of floats (first draw of that name + 1, samples).
+// Errors as of hg_path_read.
+enum hg_status hg_path_read_names(struct hg_view_state *view, uint32_t kind, struct hg_refbuf **out,
+    struct hg_error *err) HG_MUST_CHECK;
+#define HG_PATH_NAME 256 // bytes
+struct hg_draw_info;
+void hg_path_name_draw(uint32_t kind, const struct hg_draw_info *draw, char out[HG_PATH_NAME]);
 // Checkpoints (renderer.h). Load: takes effect with the next step, which makes sure of the rest.
 enum hg_status hg_path_save(
     struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

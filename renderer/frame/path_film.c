@@ -186,13 +186,12 @@ static uint32_t channels_of(const struct hg_path *p, uint32_t plane)
     case HG_PATH_PLANE_OBJECT:
     case HG_PATH_PLANE_MATERIAL:
     case HG_PATH_PLANE_HITS:
+    case HG_PATH_PLANE_DRAWS:
         return 1;
     case HG_PATH_PLANE_MOTION:
         return 4;
     case HG_PATH_PLANE_MOVED:
         return HG_PATH_MOVED_WORDS;
-    case HG_PATH_PLANE_DRAWS:
-        return 2 * HG_PATH_DRAWS_LENGTH;
     case HG_PATH_PLANE_GUIDE:
         return HG_PATH_GUIDE_CHANNELS;
     case HG_PATH_PLANE_GROUPS:
@@ -225,6 +224,8 @@ static void plan_channels(struct hg_path *p, const struct hg_path_settings *sett
     p->sampled_channels = p->channels;
     if (settings->denoise != 0)
         p->channels += HG_PATH_GUIDE_CHANNELS + HG_PATH_SHOWN_CHANNELS;
+    p->lists = p->channels;
+    p->channels += p->list_count * 2 * HG_PATH_DRAWS_LENGTH;
 }
 
 void hg_path_film_destroy(struct hg_path *p)
@@ -484,7 +485,7 @@ static void plane_pixel(const struct hg_path *p, const float *film, uint32_t pla
         color_pixel(p, film, at, scale, channels, out);
         return;
     }
-    const uint32_t first = p->planes[plane] + skip;
+    const uint32_t first = (plane == HG_PATH_PLANE_DRAWS ? p->lists : p->planes[plane]) + skip;
     float share = is_id(plane) ? (n > 0 ? 1.0f : 0.0f) : scale;
     if (is_of_hits(plane)) {
         const float hits = film[p->planes[HG_PATH_PLANE_HITS] * pixels + at];
@@ -535,4 +536,15 @@ enum hg_status hg_path_read_group(
     if (group >= hg_path_group_count(view))
         return hg_error_set(err, HG_E_STATE, "view", "planes", "there is no such group of lights");
     return read(view, HG_PATH_PLANE_GROUPS, 3 * group, 3, out, err);
+}
+
+enum hg_status hg_path_read_names(
+    struct hg_view_state *view, uint32_t kind, struct hg_refbuf **out, struct hg_error *err)
+{
+    const uint32_t channels = 2 * HG_PATH_DRAWS_LENGTH;
+    uint32_t list;
+    *out = NULL;
+    if (!hg_path_list_of(view, kind, &list))
+        return hg_error_set(err, HG_E_STATE, "view", "mattes", "was not asked for");
+    return read(view, HG_PATH_PLANE_DRAWS, list * channels, channels, out, err);
 }

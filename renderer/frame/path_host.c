@@ -178,11 +178,9 @@ static void add_channel(
     }
 }
 
-// More of a sample for the draw that it met, in a pixel's list of draws.
-static void list_draw(float *list, size_t pixels, float draw, float weight)
+// More of a sample for the name that it met, in a list of a pixel.
+static void list_name(float *list, size_t pixels, float draw, float weight)
 {
-    if (draw <= 0.0f || weight == 0.0f)
-        return;
     for (uint32_t i = 0; i < HG_PATH_DRAWS_LENGTH; i++, list += 2 * pixels) {
         if (list[0] != 0.0f && list[0] != draw)
             continue;
@@ -192,23 +190,40 @@ static void list_draw(float *list, size_t pixels, float draw, float weight)
     }
 }
 
-static void list_draws(const struct tile *t, uint32_t channel)
+// Of one pixel, with weights of those around, what they met and its list.
+static void list_pixel(const struct tile *t, uint32_t number, const float w[TAPS],
+    const float draws[TAPS], float *list)
 {
     const struct hg_path *p = t->path;
     const size_t pixels = (size_t)p->width * p->height;
+    const uint32_t *names = (const uint32_t *)p->names.mapped + (size_t)number * p->name_draws;
+    list += (size_t)number * 2 * HG_PATH_DRAWS_LENGTH * pixels;
+    for (uint32_t i = 0; i < 2 * HG_PATH_DRAWS_LENGTH && t->first; i++)
+        list[i * pixels] = 0.0f;
+    for (uint32_t i = 0; i < TAPS; i++) {
+        if (w[i] > 0.0f && draws[i] > 0.0f)
+            list_name(list, pixels, (float)(names[(uint32_t)draws[i] - 1] + 1), w[i]);
+    }
+}
+
+static void list_all(const struct tile *t)
+{
+    const struct hg_path *p = t->path;
+    const size_t pixels = (size_t)p->width * p->height;
+    const uint32_t word = p->planes[HG_PATH_PLANE_DRAWS] - 1;
     for (uint32_t y = 0; y < t->height; y++) {
         for (uint32_t x = 0; x < t->width; x++) {
-            float *list = (float *)p->film.mapped + channel * pixels +
+            float *list = (float *)p->film.mapped + p->lists * pixels +
                           (size_t)(t->y0 + y) * p->width + t->x0 + x;
-            float w[TAPS], one[TAPS];
+            float w[TAPS], one[TAPS], draws[TAPS];
             weights_at(t, x, y, w);
-            for (uint32_t i = 0; i < 2 * HG_PATH_DRAWS_LENGTH && t->first; i++)
-                list[i * pixels] = 0.0f;
             for (uint32_t i = 0; i < TAPS; i++) {
                 memset(one, 0, sizeof one);
                 one[i] = w[i] != 0.0f ? 1.0f : 0.0f;
-                list_draw(list, pixels, taken(t, channel - 1, x, y, one), w[i]);
+                draws[i] = taken(t, word, x, y, one);
             }
+            for (uint32_t i = 0; i < p->list_count; i++)
+                list_pixel(t, i, w, draws, list);
         }
     }
 }
@@ -226,6 +241,7 @@ static bool is_number(const struct hg_path *p, uint32_t c)
 {
     const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED];
     return c == p->planes[HG_PATH_PLANE_OBJECT] || c == p->planes[HG_PATH_PLANE_MATERIAL] ||
+           c == p->planes[HG_PATH_PLANE_DRAWS] ||
            (moved != HG_PATH_NO_PLANE && c == moved + HG_PATH_MOVED_WHAT);
 }
 
@@ -260,14 +276,9 @@ static void add_shown(const struct tile *t, uint32_t guide)
 static void add_planes(const struct tile *t)
 {
     const struct hg_path *p = t->path;
-    const uint32_t draws = p->planes[HG_PATH_PLANE_DRAWS], guide = p->planes[HG_PATH_PLANE_GUIDE];
+    const uint32_t guide = p->planes[HG_PATH_PLANE_GUIDE];
     float value[HG_PATH_TILE_PX];
     for (uint32_t c = HG_PATH_FILM_WORDS; c < p->sampled_channels; c++) {
-        if (c == draws) {
-            list_draws(t, c);
-            c += 2 * HG_PATH_DRAWS_LENGTH - 1;
-            continue;
-        }
         if (is_number(p, c) && !t->first)
             continue;
         if (is_number(p, c) || is_own(p, c))
@@ -278,6 +289,8 @@ static void add_planes(const struct tile *t)
         if (c >= guide && HG_PATH_IS_FIRST_HALF(p->pass))
             add_channel(t, c + HG_PATH_GUIDE_CHANNELS, t->first, value);
     }
+    if (p->list_count > 0)
+        list_all(t);
     if (guide != HG_PATH_NO_PLANE)
         add_shown(t, guide);
 }

@@ -11,7 +11,7 @@
 #include "renderer/frame/path_state.h"
 
 #define MAGIC   "HGPATH01"
-#define VERSION 6u
+#define VERSION 7u
 
 struct header {
     char magic[8];

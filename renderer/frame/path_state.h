@@ -52,10 +52,15 @@ struct hg_path {
     uint32_t group_count;                          // 0: not asked for
     struct hg_gpu_buffer draw_marks, light_groups; // words, mapped
 
+    // Which draws have one name, for each list of names.
+    struct hg_gpu_buffer names; // [list_count][name_draws] words, mapped
+    uint32_t list_count, name_draws;
+    uint32_t lists; // first channel of the film
+
     // Of the picture.
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // of the film; first channel of each plane
-    uint32_t sampled_channels; // those that each sample brings; sums over halves follow
+    uint32_t sampled_channels; // those that each sample brings; sums over halves follow, then lists
     double origin[3];          // scene space, metres: what positions in the film are relative to
     struct hg_gpu_buffer film, film_read;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
@@ -140,6 +145,11 @@ enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err)
 // made, when the geometry is synced. Adds to options.
 enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_groups_destroy(struct hg_path *path);
+// path_names.c: as well before the film is made.
+enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+void hg_path_names_destroy(struct hg_path *path);
+// Which list has names of a kind; false: none.
+bool hg_path_list_of(const struct hg_view_state *view, uint32_t kind, uint32_t *list);
 
 // path_host.c: samples to the film by the host, where it is the device. keep: of the wave, to the
 // ring; add: of `count` tiles of the picture, from there.

@@ -143,6 +143,7 @@ void view_set(const struct request *r)
     overlay_params(&params, m);
     uint32_t mattes = view ? view->mattes : 0;
     status = overlay_planes(&params, &mattes, m, &err);
+    params.mattes = mattes;
     if (!status)
         status = check_quota(r, view, &params, &err);
     if (!status && !view)

@@ -102,10 +102,10 @@ float shown(taps t, uint guide, uint channel)
         taken(t, guide + HG_PATH_GUIDE_SPECULAR + channel);
 }
 
-// More of a sample for the draw that it met, in the pixel's list of draws.
-void list_draw(uint list, uint pixels, float draw, float weight)
+// More of a sample for the name that it met, in a list of the pixel.
+void list_name(uint list, uint pixels, float draw, float weight)
 {
-    bool open = draw > 0.0 && weight > 0.0;
+    bool open = true;
     for (uint i = 0u; i < HG_PATH_DRAWS_LENGTH; i++) {
         uint k = list + 2u * i * pixels;
         float there = hg_path.film.v[k];
@@ -117,14 +117,19 @@ void list_draw(uint list, uint pixels, float draw, float weight)
     }
 }
 
-void list_draws(taps t, uint at, uint pixels, bool first)
+void list_names(taps t, uint number, uint at, uint pixels, bool first)
 {
-    uint channel = hg_path.planes[HG_PATH_PLANE_DRAWS], list = channel * pixels + at;
-    uint ring = (hg_path_out(channel) - HG_PATH_OUT) * ring_plane();
+    uint list = (hg_path.lists + number * 2u * HG_PATH_DRAWS_LENGTH) * pixels + at;
+    uint ring = (hg_path_out(hg_path.planes[HG_PATH_PLANE_DRAWS]) - HG_PATH_OUT) * ring_plane();
     for (uint i = 0u; i < 2u * HG_PATH_DRAWS_LENGTH && first; i++)
         hg_path.film.v[list + i * pixels] = 0.0;
-    for (uint i = from; i < to; i++)
-        list_draw(list, pixels, hg_path.ring.v[ring + t.at[i]], t.weight[i]);
+    for (uint i = from; i < to; i++) {
+        uint draw = uint(hg_path.ring.v[ring + t.at[i]]);
+        if (draw > 0u && t.weight[i] > 0.0) {
+            uint name = hg_path.names.v[number * hg_path.name_draws + draw - 1u];
+            list_name(list, pixels, float(name + 1u), t.weight[i]);
+        }
+    }
 }
 
 void add(uvec2 pixel, uint number)
@@ -141,18 +146,17 @@ void add(uvec2 pixel, uint number)
     uint what = moved == HG_PATH_NO_PLANE ? moved : moved + HG_PATH_MOVED_WHAT;
     uint guide = hg_path.planes[HG_PATH_PLANE_GUIDE];
     bool first_half = HG_PATH_IS_FIRST_HALF(number);
-    if (HG_PATH_CAN(HG_PATH_PLANES) && draws != HG_PATH_NO_PLANE)
-        list_draws(t, at, pixels, first);
+    for (uint i = 0u; HG_PATH_CAN(HG_PATH_PLANES) && i < hg_path.list_count; i++)
+        list_names(t, i, at, pixels, first);
     for (uint c = 0u; c < hg_path.channels; c++) {
         float value = luminance * luminance;
         if (c != HG_PATH_FILM_SQUARES)
             value = is_own(c) ? own(t, c) : taken(t, c);
         uint k = c * pixels + at;
         float before = first ? 0.0 : hg_path.film.v[k];
-        if (c == object || c == material || c == what) // of the first sample
+        if (c == object || c == material || c == draws || c == what) // of the first sample
             value = first ? own(t, c) : 0.0;
-        if (c < draws || c >= draws + 2u * HG_PATH_DRAWS_LENGTH) // not the list's
-            hg_path.film.v[k] = before + value;
+        hg_path.film.v[k] = before + value;
         if (HG_PATH_CAN(HG_PATH_PLANES) && c >= guide && first_half) {
             uint h = k + HG_PATH_GUIDE_CHANNELS * pixels;
             hg_path.film.v[h] = (first ? 0.0 : hg_path.film.v[h]) + value;

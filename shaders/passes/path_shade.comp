@@ -215,7 +215,7 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     }
     hg_path_put(HG_PATH_PLANE_OBJECT, p.slot, float(node + 1u));
     hg_path_put(HG_PATH_PLANE_MATERIAL, p.slot, float(v.material + 1u));
-    hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(hit.draw + 1u)); // only the first word is used
+    hg_path_put(HG_PATH_PLANE_DRAWS, p.slot, float(hit.draw + 1u));
 }
 
 // What the denoiser is guided by.

@@ -86,7 +86,7 @@
 #define HG_PATH_PLANE_OBJECT           14
 #define HG_PATH_PLANE_MATERIAL         15
 #define HG_PATH_PLANE_HITS             16 // not one of them: samples that hit something
-#define HG_PATH_PLANE_DRAWS            18 // pairs (draw + 1, samples), see path_add.comp
+#define HG_PATH_PLANE_DRAWS            18 // draw + 1, for the lists of names (hg_gpu_path.lists)
 #define HG_PATH_PLANE_GROUPS           20 // 3 channels for each group of lights
 #define HG_PATH_PLANE_CATCHER          21 // not one of them: HG_PATH_CATCHER_*
 #define HG_PATH_PLANE_MOVED            22 // of pictures of a series: HG_PATH_MOVED_*
@@ -142,7 +142,7 @@
 #define HG_PATH_GROUP_MASK   0xffu
 #define HG_PATH_MARK_CATCHER 0x80000000u
 
-#define HG_PATH_DRAWS_LENGTH 8 // pairs of a pixel; HG_PLANE_DRAWS_LENGTH
+#define HG_PATH_DRAWS_LENGTH 8 // names of a pixel in a list; HG_PLANE_DRAWS_LENGTH
 
 #define HG_PATH_FILTER_STEPS 512 // of the table of filter offsets
 
@@ -205,6 +205,7 @@ struct hg_gpu_path {
     HG_PTR(hg_path_words) traced;    // [tiles of the picture] samples of it that were in the ring
     HG_PTR(hg_path_words) draw_marks;   // [draws] group of what it emits, HG_PATH_MARK_CATCHER
     HG_PTR(hg_path_words) light_groups; // [lights] by hg_gpu_light.id
+    HG_PTR(hg_path_words) names;        // [lists][draws] the first draw that has the same name
     HG_STRUCT(hg_gpu_emitters) emitters;
     HG_STRUCT(hg_gpu_path_moment) moments[HG_PATH_MOMENTS];
     HG_UINT capacity, channels;      // of the film
@@ -218,6 +219,10 @@ struct hg_gpu_path {
     HG_UINT estimators; // HG_PATH_USE_*
     HG_UINT split;      // first word of HG_PATH_SPLIT_*
     HG_UINT columns, ring_rows; // of tiles
+    // Lists of the names that a pixel's samples met, pairs (first draw of the name + 1, samples): the
+    // first channel of the film that they have, 2 HG_PATH_DRAWS_LENGTH each.
+    HG_UINT lists, list_count;
+    HG_UINT name_draws; // in a row of names
     HG_UINT branch_bits; // each surface that the camera sees gets 2^n paths for a sample
     // HG_PATH_SPLATS: where in its pixel each sample of the pass is, px from the middle, and how much
     // of the sample to the left, of its own, to the right (above, ...) a pixel takes.

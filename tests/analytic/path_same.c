@@ -28,26 +28,26 @@ struct option_set {
 
 #define COMMON                                                                                     \
     .width = 112, .height = 40, .tonemap = HG_TONEMAP_LINEAR, .mode = HG_MODE_PATH, .seed = 7,     \
-    .frame_s = 0.5f
+    .frame_s = 0.5f, .max_bounces = 4
 
 static const struct option_set sets[] = {
-    {"planes", .params = {COMMON, .samples = 12, .planes = ALL}},
-    {"wide filter", .params = {COMMON, .samples = 12, .planes = ALL, .filter = HG_FILTER_GAUSSIAN,
+    {"planes", .params = {COMMON, .samples = 8, .planes = ALL}},
+    {"wide filter", .params = {COMMON, .samples = 8, .planes = ALL, .filter = HG_FILTER_GAUSSIAN,
                         .filter_radius_px = 2.5f}},
     {"shutter", .moves = true,
-        .params = {COMMON, .samples = 12, .planes = ALL, .shutter_open = -0.5f,
+        .params = {COMMON, .samples = 8, .planes = ALL, .shutter_open = -0.5f,
             .shutter_close = 0.5f}},
-    {"denoise", .params = {COMMON, .samples = 12, .planes = ALL, .denoise = HG_DENOISE_STILL}},
+    {"denoise", .params = {COMMON, .samples = 8, .planes = ALL, .denoise = HG_DENOISE_STILL}},
     {"series, shutter", .moves = true,
-        .params = {COMMON, .samples = 12, .planes = ALL, .denoise = HG_DENOISE_ANIMATION,
+        .params = {COMMON, .samples = 8, .planes = ALL, .denoise = HG_DENOISE_ANIMATION,
             .shutter_close = 0.5f}},
     {"catcher", .catches = true,
-        .params = {COMMON, .samples = 12, .planes = BIT(LIGHT_GROUPS) | BIT(DEPTH),
+        .params = {COMMON, .samples = 8, .planes = BIT(LIGHT_GROUPS) | BIT(DEPTH),
             .background = HG_BACKGROUND_NONE}},
     {"noise", .save_at = 18,
-        .params = {COMMON, .samples = 40, .noise = 0.04f, .planes = BIT(ALBEDO) | BIT(DRAWS)}},
+        .params = {COMMON, .samples = 32, .noise = 0.04f, .planes = BIT(ALBEDO) | BIT(DRAWS)}},
     {"noise, branches, denoise", .branches = 2, .save_at = 18,
-        .params = {COMMON, .samples = 40, .noise = 0.04f, .denoise = HG_DENOISE_STILL}},
+        .params = {COMMON, .samples = 32, .noise = 0.04f, .denoise = HG_DENOISE_STILL}},
 };
 enum { SETS = sizeof sets / sizeof *sets };
 
@@ -122,6 +122,12 @@ static void read_all(struct hg_view *view, const struct hg_view_params *params, 
     }
     for (uint32_t i = 0; i < hg_view_light_groups(view); i++)
         test_ok(hg_view_read_light_group(view, i, &out->parts[out->count++], &err), &err);
+    for (int i = 0; i < 3 && (params->planes & BIT(DRAWS)) != 0; i++) {
+        struct hg_matte matte;
+        test_ok(hg_view_read_matte(view, (enum hg_matte_kind)i, &matte, &err), &err);
+        out->parts[out->count++] = hg_refbuf_ref(matte.ranks);
+        hg_matte_finish(&matte);
+    }
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &out->parts[out->count++], &err), &err);
 }
 

@@ -124,6 +124,92 @@ static void test_materials_and_assets(void **state)
     rig_close(&rig);
 }
 
+// --- many draws in a pixel -----------------------------------------------------------------------
+
+enum { LEAVES = 12, AT = 10 };
+
+// Twelve nodes side by side in column AT and as wide as it, of two materials in turn and of one
+// asset.
+static void open_leaves(struct rig *rig, const struct hg_view_camera *camera, float alpha)
+{
+    const struct hg_renderer_params params = {.threads = 2};
+    const float px = 2.0f / SIDE, left = -1 + AT * px, wide = px / LEAVES;
+    *rig = (struct rig){0};
+    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    assert_int_equal(hg_scene_create(&rig->scene), HG_OK);
+    for (int i = 0; i < LEAVES; i++) {
+        const float x[2] = {left + (float)i * wide, left + (float)(i + 1) * wide};
+        add_quad(rig->scene, (uint64_t)i + 1, NULL, x, 0);
+        struct hg_material *m =
+            (struct hg_material *)rig->scene->objects[HG_OBJECT_MATERIAL].items[i];
+        name(&m->head, i % 2 == 0 ? "leaf" : "bark");
+        m->alpha_mode = alpha < 1 ? HG_ALPHA_BLEND : HG_ALPHA_OPAQUE;
+        m->base_color[3] = alpha;
+    }
+    rig_environment(rig->scene, 1, 1, 1);
+    hg_scene_publish(rig->scene);
+    rig_view(rig, &(struct hg_view_params){.width = SIDE,
+                      .height = SIDE,
+                      .mode = HG_MODE_PATH,
+                      .samples = 4 * SAMPLES,
+                      .filter = HG_FILTER_BOX,
+                      .background = HG_BACKGROUND_NONE,
+                      .planes = 1u << HG_PLANE_DRAWS,
+                      .mattes = 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET});
+    test_ok(hg_view_set_camera(rig->view, camera, &rig->err), &rig->err);
+    rig_settle(rig, 16);
+}
+
+// More draws than a list has room for are no fewer of their material and asset: what a pixel has of
+// these is its coverage, sample for sample. covered: of column AT; 0 = not known.
+static void check_leaves(const struct hg_view_camera *camera, float alpha, float covered)
+{
+    struct rig rig;
+    struct hg_matte materials, assets, none;
+    struct hg_refbuf *color;
+    open_leaves(&rig, camera, alpha);
+    test_ok(hg_view_read_matte(rig.view, HG_MATTE_MATERIAL, &materials, &rig.err), &rig.err);
+    test_ok(hg_view_read_matte(rig.view, HG_MATTE_ASSET, &assets, &rig.err), &rig.err);
+    assert_int_equal(hg_view_read_matte(rig.view, HG_MATTE_OBJECT, &none, &rig.err), HG_E_STATE);
+    test_ok(hg_view_read_plane(rig.view, HG_PLANE_COLOR, &color, &rig.err), &rig.err);
+    float all = 0;
+    for (uint32_t x = 0; x < SIDE; x++) {
+        const float seen = ((const float *)(const void *)color->data)[(16 * SIDE + x) * 4 + 3];
+        all += seen;
+        assert_true(fabsf(share(&assets, x, "client") - seen) < 1e-6f);
+        assert_true(
+            fabsf(share(&materials, x, "leaf") + share(&materials, x, "bark") - seen) < 1e-6f);
+    }
+    assert_true(all > 0.4f); // px
+    if (covered > 0) {
+        assert_near(share(&assets, AT, "client"), covered);
+        assert_near(share(&materials, AT, "leaf"), covered / 2);
+    }
+    hg_refbuf_unref(color);
+    hg_matte_finish(&materials);
+    hg_matte_finish(&assets);
+    rig_close(&rig);
+}
+
+static void test_many_draws(void **state)
+{
+    (void)state;
+    const struct hg_view_camera flat = {
+        .eye = {0, 0, 3}, .orthographic = true, .half_height = 1, .near = 0.1f, .far = 10};
+    check_leaves(&flat, 1.0f, 1.0f);
+    check_leaves(&flat, 0.5f, 0.5f);
+    // Far out of focus: many pixels see all of them.
+    const float px = 2.0f / SIDE, across = -1 + (AT + 0.5f) * px;
+    const struct hg_view_camera lens = {.eye = {across, 0, 3},
+        .target = {across, 0, 0},
+        .vfov_rad = 2 * atanf(1.0f / 3),
+        .near = 0.1f,
+        .far = 10,
+        .lens_radius = 4 * px,
+        .focus_distance = 1.5f};
+    check_leaves(&lens, 1.0f, 0);
+}
+
 static void test_not_asked_for(void **state)
 {
     (void)state;
@@ -142,6 +228,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_objects),
         cmocka_unit_test(test_materials_and_assets),
+        cmocka_unit_test(test_many_draws),
         cmocka_unit_test(test_not_asked_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
