@@ -1,4 +1,5 @@
 // path_wave.c - one wave of paths: from the camera until all have ended.
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -141,6 +142,16 @@ static uint32_t may_of(const struct hg_view_state *view, const struct hg_gpu_emi
     return may | apart;
 }
 
+// What one of several samples stands for. Their mean is filtered by the picture itself, so that
+// texels of coarse mips, which hold some of what lies beside, would only blur it. Source: Pharr,
+// Jakob and Humphreys, "Physically Based Rendering", 4th ed., section 10.1.3.
+static float footprint_of(const struct hg_view_state *view)
+{
+    if (view->settings.mode != HG_VIEW_MODE_PATH)
+        return 1;
+    return fmaxf(1 / sqrtf((float)view->settings.samples), 0.125f);
+}
+
 void hg_path_wave_fill(struct hg_view_state *view)
 {
     struct hg_path *p = view->path;
@@ -170,6 +181,7 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .channels = p->sampled_channels,
         .sample_bits = hg_path_sample_bits(view->settings.samples),
         .branch_bits = p->branch_bits,
+        .footprint = footprint_of(view),
         .max_bounces = s->max_bounces,
         .clamp_indirect = s->clamp_indirect,
         .holes = p->holes,

@@ -93,7 +93,7 @@ vec4 hg_material_sample(uint material, uint slot, bool colour, hg_vertex v)
     p.note = slot;
     vec4 texel = vec4(1.0);
     if (colour)
-        texel = hg_texture_fetch(hg_pages_srgb, t, p);
+        texel = hg_texture_fetch_colour(t, p);
     else
         texel = hg_texture_fetch(hg_pages_linear, t, p);
     if (HG_HAS(HG_FEATURE_FLOAT)) {
@@ -136,7 +136,7 @@ void hg_lobes_sample(uint index, uint flags, hg_vertex v, inout vec4 texels[HG_L
         p.note = HG_TEXTURE_NO_NOTE;
         vec4 texel = hg_texture_fetch(hg_pages_linear, t, p);
         if (slot < HG_LOBES_SRGB_SLOTS)
-            texel = hg_texture_fetch(hg_pages_srgb, t, p);
+            texel = hg_texture_fetch_colour(t, p);
         if (HG_HAS(HG_FEATURE_FLOAT)) {
             if (bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
                 texel = hg_texture_fetch(hg_pages_float, t, p);

@@ -159,6 +159,15 @@ uint hg_texture_ask(hg_gpu_texture t, uint note, uint entry, uint coarser)
         return coarser;
     }
     entry = there ? entry : HG_TEXTURE_NONE;
+    // Several lookups may share a note (of two lights, say): what is missing is not forgotten for what
+    // is there.
+    uint held = note == 0u ? hg_texture_note0
+        : note == 1u       ? hg_texture_note1
+        : note == 2u       ? hg_texture_note2
+        : note == 3u       ? hg_texture_note3
+                           : hg_texture_note4;
+    if (coarser == 0u && hg_texture_coarser != 0u && held != HG_TEXTURE_NONE)
+        return coarser;
     if (note == 0u)
         hg_texture_note0 = entry;
     else if (note == 1u)
@@ -250,9 +259,9 @@ bool hg_progress_take(uvec2 pixel)
 
 // --- lookups -------------------------------------------------------------------------------------
 
-// Coordinates in the pool of a place in one mip: x, y of the layer (0..1) and the layer. Integers,
+// Where in the pool a place in one mip is: x, y in texels of the layer, and the layer. Integers,
 // shifts and masks: on software rasterisers this costs as much as the filtering itself.
-vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
+vec3 hg_texture_texel(hg_gpu_texture t, hg_texture_place p, uint mip)
 {
     uint k = bitfieldExtract(t.bits, HG_TEX_GRID_SHIFT, 4);
     uint tail = bitfieldExtract(t.bits, HG_TEX_TAIL_SHIFT, 4);
@@ -285,14 +294,21 @@ vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
     ivec2 corner = ivec2(uvec2(slot, slot >> 4u) & 15u) * HG_PAGE_PITCH + HG_PAGE_BORDER;
     int j = int(mip - level); // place in the tail; 0 for all others
     corner += ivec2(HG_TAIL_X(j), HG_TAIL_Y(j)) - int(HG_POOL_ROUND);
+    // Rounded in the page, not in the layer: the same for every slot.
+    vec2 inside = texel - vec2(page * HG_PAGE_TEXELS) + HG_POOL_ROUND;
+    return vec3(inside + vec2(corner), slot >> 8u);
+}
+
+// The same in 0..1 of the layer.
+vec3 hg_texture_address(hg_gpu_texture t, hg_texture_place p, uint mip)
+{
     float scale = 1.0 / float(HG_POOL_SIDE);
     if (HG_HAS(HG_FEATURE_SMALL_LAYERS))
         scale *= HG_TEXTURES.pool_scale;
     if (HG_HAS(HG_FEATURE_FLOAT) && bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2) == HG_POOL_FLOAT)
         scale = 1.0 / float(HG_POOL_HALF_SIDE);
-    // Rounded in the page, not in the layer: the same for every slot.
-    vec2 inside = texel - vec2(page * HG_PAGE_TEXELS) + HG_POOL_ROUND;
-    return vec3((inside + vec2(corner)) * scale, slot >> 8u);
+    vec3 at = hg_texture_texel(t, p, mip);
+    return vec3(at.xy * scale, at.z);
 }
 
 // Both mips of a place from one pool.
@@ -307,11 +323,42 @@ vec4 hg_texture_fetch(sampler2DArray pool, hg_gpu_texture t, hg_texture_place p)
     return texel;
 }
 
+// Light of sRGB codes in 0..1 (IEC 61966-2-1), within 2.2e-5 of it: t^2.4 = t^2 P(sqrt t).
+vec3 hg_texture_decode(vec3 c)
+{
+    vec3 t = (c + 0.055) * (1.0 / 1.055), s = sqrt(t);
+    vec3 p = ((((0.1063701 * s - 0.4319403) * s + 0.7524696) * s - 0.7978478) * s + 1.3350574) * s +
+        0.0358909;
+    return mix(p * t * t, c * (1.0 / 12.92), lessThanEqual(c, vec3(0.04045)));
+}
+
+vec4 hg_texture_decoded(vec3 at, ivec2 corner)
+{
+    vec4 texel = texelFetch(hg_pages_linear, ivec3(corner, int(at.z)), 0);
+    return vec4(hg_texture_decode(texel.rgb), texel.a);
+}
+
+// Colours. Devices may decode them as roughly as they like: Mesa's llvmpipe is 0.7 % too bright in most of
+// the dark tones and 5 % at worst, what several bounces make more of. Path tracing decodes the four
+// texels itself.
+vec4 hg_texture_fetch_colour(hg_gpu_texture t, hg_texture_place p)
+{
+    if (!HG_TEXTURE_STOCHASTIC)
+        return hg_texture_fetch(hg_pages_srgb, t, p);
+    vec3 at = hg_texture_texel(t, p, p.mip);
+    vec2 first = floor(at.xy - 0.5), w = at.xy - 0.5 - first;
+    ivec2 i = ivec2(first);
+    vec4 above = mix(hg_texture_decoded(at, i), hg_texture_decoded(at, i + ivec2(1, 0)), w.x);
+    vec4 below =
+        mix(hg_texture_decoded(at, i + ivec2(0, 1)), hg_texture_decoded(at, i + ivec2(1, 1)), w.x);
+    return mix(above, below, w.y);
+}
+
 vec4 hg_texture_fetch_any(hg_gpu_texture t, hg_texture_place p)
 {
     uint pool = bitfieldExtract(t.bits, HG_TEX_POOL_SHIFT, 2);
     if (pool == HG_POOL_SRGB)
-        return hg_texture_fetch(hg_pages_srgb, t, p);
+        return hg_texture_fetch_colour(t, p);
     if (pool == HG_POOL_LINEAR)
         return hg_texture_fetch(hg_pages_linear, t, p);
     return hg_texture_fetch(hg_pages_float, t, p);

@@ -371,7 +371,7 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     if (through && !b.thin)
         hg_media_cross(p.media, v.material, s.front);
     bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
-    float more = diffuse ? SPREAD_DIFFUSE : SPREAD_DIFFUSE * s.roughness * s.roughness;
+    float more = (diffuse ? 1.0 : s.roughness * s.roughness) * SPREAD_DIFFUSE * hg_path.footprint;
     hg_path_set(HG_PATH_CONE, p.slot, hg_path_pack_cone(width, spread + more));
     p.ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
     p.ray.direction_ws = normalize(r.direction);

@@ -223,6 +223,7 @@ struct hg_gpu_path {
     // first channel of the film that they have, 2 HG_PATH_DRAWS_LENGTH each.
     HG_UINT lists, list_count;
     HG_UINT name_draws; // in a row of names
+    float footprint;     // of textures, as a share of what a pixel or a lobe covers
     HG_UINT branch_bits; // each surface that the camera sees gets 2^n paths for a sample
     // HG_PATH_SPLATS: where in its pixel each sample of the pass is, px from the middle, and how much
     // of the sample to the left, of its own, to the right (above, ...) a pixel takes.
