@@ -7,9 +7,9 @@ usage: fidelity.py --data DIR --helio PROGRAM --score PROGRAM --out DIR --explan
 
 Every scenario of DIR/fidelity/scenarios.json is rendered through the command line at the size the
 other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
-metric (see score.h). Rasterisers are compared with rasterisers. A scenario counts when its materials are covered, and passes when
-our median distance to the others is no larger than the typical distance among them. At least 80 %
-must pass, and explanations.txt must explain exactly the others, one line each.
+metric (see score.h). Rasterisers are compared with rasterisers. A scenario of which at least two of them
+have pictures is compared; it passes when our median distance to the others is no larger than the
+typical distance among them. At least 80 % must pass, and explanations.txt must explain exactly the others, one line each.
 
 --path-spp N: samples of path mode; 0, the default, chooses 4 or more for each scenario, so that noise
 lies some 3 dB below the distance that decides (a full frame at 16 samples is about -31 dB off).
@@ -245,20 +245,20 @@ def read_explanations(path):
 
 
 def judge(records, explanations, checked):
-    """(covered, passed, complaints)."""
-    covered = [r for r in records if "passes" in r]
-    passed = [r for r in covered if r["passes"]]
+    """(compared, passed, complaints)."""
+    compared = [r for r in records if "passes" in r]
+    passed = [r for r in compared if r["passes"]]
     complaints = ["%s: not rendered: %s" % (r["name"], r["why"]) for r in records
                   if r["state"] == "failed"]
     if not checked:
-        return covered, passed, complaints
-    if not covered:
+        return compared, passed, complaints
+    if not compared:
         complaints.append("no scenario could be scored: the test data is missing")
-    elif len(passed) < AIM * len(covered):
-        complaints.append("%d of %d covered scenarios pass, the aim is %d %%" % (
-            len(passed), len(covered), AIM * 100))
+    elif len(passed) < AIM * len(compared):
+        complaints.append("%d of %d compared scenarios pass, the aim is %d %%" % (
+            len(passed), len(compared), AIM * 100))
     above = {r["name"]: r["rasterisers"]["ours_db"] - r["rasterisers"]["typical_db"]
-             for r in covered}
+             for r in compared}
     for record in records:
         name = record["name"]
         if above.get(name, -1) > NEAR_DB and name not in explanations:
@@ -266,22 +266,22 @@ def judge(records, explanations, checked):
                               "does not say why" % (name, above[name]))
         if above.get(name, -1) < -NEAR_DB and name in explanations:
             complaints.append("%s: needs no explanation in explanations.txt" % name)
-    return covered, passed, complaints
+    return compared, passed, complaints
 
 
 def judge_path(records, explanations, wanted, full):
-    """(covered, passed, complaints) of path mode. wanted: names that must be there."""
-    covered = [r for r in records if "path" in r]
-    passed = [r for r in covered if r["path"]["passes"]]
+    """(compared, passed, complaints) of path mode. wanted: names that must be there."""
+    compared = [r for r in records if "path" in r]
+    passed = [r for r in compared if r["path"]["passes"]]
     complaints = []
-    names = {r["name"] for r in covered}
+    names = {r["name"] for r in compared}
     for name in wanted:
         if name not in names:
             complaints.append("%s: not scored in path mode" % name)
-    if full and len(passed) < PATH_AIM * max(len(covered), 1):
+    if full and len(passed) < PATH_AIM * max(len(compared), 1):
         complaints.append("%d of %d scenarios pass in path mode, the aim is %d %%" % (
-            len(passed), len(covered), PATH_AIM * 100))
-    for record in covered:
+            len(passed), len(compared), PATH_AIM * 100))
+    for record in compared:
         group, key = record["path"]["path_tracers"], "path " + record["name"]
         second = sorted(group["each_db"])[1]
         if group["ours_db"] > second + NEAR_DB and key not in explanations:
@@ -290,7 +290,7 @@ def judge_path(records, explanations, wanted, full):
                                   record["name"], group["ours_db"] - second))
         if group["ours_db"] < second - NEAR_DB and key in explanations:
             complaints.append("%s: needs no explanation for path mode" % record["name"])
-    return covered, passed, complaints
+    return compared, passed, complaints
 
 
 STYLE = """body{font:14px sans-serif;margin:2em;background:#fff;color:#222}
@@ -387,13 +387,13 @@ def main():
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         records = list(pool.map(lambda n: harness.run(n, scenarios[n]), names))
     explanations = read_explanations(options.explanations)
-    covered, passed, complaints = judge(
+    compared, passed, complaints = judge(
         records, explanations,
         not options.only and not options.candidate and not options.no_realtime)
     states = {s: sum(r["state"] == s for r in records)
               for s in ("not held", "no peers", "no picture", "failed")}
-    summary = "fidelity: %d of %d covered scenarios no farther than the other engines%s" % (
-            len(passed), len(covered),
+    summary = "fidelity: %d of %d compared scenarios no farther than the other engines%s" % (
+            len(passed), len(compared),
             "".join("; %d %s" % (n, s) for s, n in states.items() if n))
     if options.path:
         everything = options.path == "all"
