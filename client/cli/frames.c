@@ -20,13 +20,16 @@ enum {
 
 bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
 {
-    const char *at = strchr(pattern, '#');
+    const char *slash = strrchr(pattern, '/'), *file = slash ? slash + 1 : pattern;
+    const char *at = strrchr(file, '#');
     if (at) {
+        while (at > file && at[-1] == '#')
+            at--;
         int width = (int)strspn(at, "#");
         snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + width);
         return true;
     }
-    at = strchr(pattern, '%');
+    at = strrchr(file, '%');
     size_t digits = at ? strspn(at + 1, "0123456789") : 0;
     if (!at || digits > 2 || at[1 + digits] != 'd' || (digits && at[1] != '0'))
         return false;

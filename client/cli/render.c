@@ -95,7 +95,8 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         return usage(err, "--output", "the name is too long");
     bool numbered = hg_cli_frame_name(o->output, 0, name, sizeof name);
     if (o->has_frames && !numbered && o->frames.first != o->frames.last)
-        return usage(err, "--output", "needs #### or %04d for the number of the frame");
+        return usage(
+            err, "--output", "the file's name needs #### or %04d for the number of the frame");
     enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
     if (status || !o->has_aov)
         return status;

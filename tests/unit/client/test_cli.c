@@ -87,6 +87,13 @@ static void test_frames(void **state)
     expect_run(0, NULL, "", "$HELIO render s.gltf -o g%03d.png --frames 7-7");
     expect_file("g007.png", "frame 1 ");
     expect_run(2, "--output", "", "$HELIO render s.gltf -o g.png --frames 1-2");
+    expect_run(0, NULL, "",
+        "mkdir -p take#1; $HELIO render s.gltf -o take#1/a#2-###.png --frames 3-4 && "
+        "$HELIO render s.gltf -o take#1/5%-%02d.png --frames 6-7");
+    expect_file("take#1/a#2-004.png", "frame 2 ");
+    expect_file("take#1/5%-07.png", "frame 2 ");
+    expect_run(2, "--output: the file's name needs ####", "",
+        "$HELIO render s.gltf -o take#1/a.png --frames 3-4");
     expect_run(0, NULL, "log=logt", "$HELIO render s.gltf -o a.png --at 2.5");
     expect_file("logt", "animation_set time=2.5\n");
 }
