@@ -5,7 +5,7 @@
 
 #include "client/cli/render.h"
 
-enum { PLANE_COUNT = 23, NAME_BYTES = 64 };
+enum { PLANE_COUNT = 23, NAME_BYTES = 32 };
 
 #define BIT(name) (1u << HGP_plane_##name)
 
@@ -37,12 +37,15 @@ static uint32_t bits_of(const char *name)
     return 1u << value;
 }
 
-// "albedo normal ... direct indirect cryptomatte all"
+// "albedo normal ... direct indirect cryptomatte all": what has a group goes by its group, as an
+// error has room for 255 bytes.
 static void list_names(char *dst, size_t size)
 {
+    const uint32_t grouped = groups[0].bits | groups[1].bits | groups[2].bits;
     size_t used = 0;
     for (uint32_t i = HGP_plane_COLOR + 1; i < PLANE_COUNT && used < size; i++)
-        used += (size_t)snprintf(dst + used, size - used, "%s ", hgp_enum_name("plane", i));
+        if (!(grouped >> i & 1))
+            used += (size_t)snprintf(dst + used, size - used, "%s ", hgp_enum_name("plane", i));
     for (char *c = dst; *c; c++)
         *c = (char)(*c == '_' ? '-' : *c >= 'A' && *c <= 'Z' ? *c + 32 : *c);
     for (size_t i = 0; i < sizeof groups / sizeof *groups && used < size; i++)
@@ -62,7 +65,9 @@ enum hg_status hg_cli_parse_planes(
         if (!bits) {
             *out = 0;
             list_names(known, sizeof known);
-            return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of: %s", name, known);
+            return hg_error_set(err, HG_E_INVAL, what, NULL,
+                "'%s' is none of: %s; or a part such as direct-diffuse, crypto-object", name,
+                known);
         }
         if (!path && strcasecmp(name, "all") == 0)
             bits &= ~of_light;

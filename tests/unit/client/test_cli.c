@@ -252,6 +252,8 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --mode path --aov depth", "--aov: needs a file that ends in .exr"},
         {"render s.gltf -o a.exr --mode path --aov depht",
             "'depht' is none of: albedo normal geometric-normal depth"},
+        {"render s.gltf -o a.exr --mode path --aov depht-of-all-that-the-camera-sees-there",
+            " direct indirect cryptomatte all; or a part such as direct-diffuse, crypto-object"},
         {"render s.gltf -o a.exr --mode path --aov depth,", "'' is none of"},
         {"render s.gltf -o a.png --noise 0.1", "--noise: needs --mode path"},
         {"render s.gltf -o a.png --lens-radius 0.1", "--lens-radius: needs --mode path"},
