@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/sha256.h"
+#include "base/utf8.h"
 #include "client/cli/render.h"
 
 enum {
@@ -63,7 +64,10 @@ static enum hg_status note_frame(struct hg_cli_render *r, const struct hgp_frame
                         json_stringn(s->name.data ? s->name.data : "", s->name.size), "ms",
                         (double)s->ns / 1e6));
     }
-    json_t *o = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:b, s:b, s:I, s:f, s:o}", "file", name,
+    char file[4200]; // names are bytes, JSON is UTF-8
+    snprintf(file, sizeof file, "%s", name);
+    hg_utf8_clean(file);
+    json_t *o = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:b, s:b, s:I, s:f, s:o}", "file", file,
         "width", (json_int_t)frame->width, "height", (json_int_t)frame->height, "samples",
         (json_int_t)frame->samples, "missing_pages", (json_int_t)frame->missing_pages,
         "missing_clusters", (json_int_t)frame->missing_clusters, "settled", frame->settled,

@@ -233,6 +233,10 @@ static void test_stats(void **state)
     assert_true(json_is_number(json_object_get(client, "load_ms")));
     assert_int_equal(json_array_size(json_object_get(stats, "frames")), 1);
     json_decref(stats);
+    // Names of files are bytes.
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o \"$(printf 'b\\344r.png')\" --stats st.json");
+    expect_file("b\344r.png", "frame 1 ");
+    expect_file("st.json", "\"b?r.png\"");
 }
 
 static void test_usage(void **state)
