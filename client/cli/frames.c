@@ -249,6 +249,33 @@ static uint64_t add_s(uint64_t ns, double s)
     return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
 }
 
+// A disk that takes no film is no reason to end: the picture is smaller, and may find room.
+static enum hg_status save_interval(
+    struct hg_cli_render *r, const struct hg_cli_kept *kept, struct hg_error *err)
+{
+    struct hg_error wrong = {0};
+    enum hg_status status = hg_cli_checkpoint_save(kept, PATIENCE_S, &wrong);
+    r->left_checkpoint |= status == HG_OK;
+    switch (status) {
+    case HG_OK:
+    case HG_E_STATE: // nothing worth keeping yet
+        return HG_OK;
+    case HG_E_NOSPACE:
+    case HG_E_PERM:
+    case HG_E_NOTFOUND:
+    case HG_E_IO:
+    case HG_E_NOMEM:
+    case HG_E_LIMIT:
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s.checkpoint: %s; the rendering goes on\n", kept->output,
+            wrong.reason[0] ? wrong.reason : hg_status_text(status));
+        return HG_OK;
+    default:
+        *err = wrong;
+        return status;
+    }
+}
+
 // The settled frame; on the way there the film is written to OUT.checkpoint in intervals.
 static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
@@ -293,10 +320,7 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
             status = HG_OK;
         if (status || now < save)
             continue;
-        status = hg_cli_checkpoint_save(&kept, PATIENCE_S, err);
-        r->left_checkpoint |= status == HG_OK;
-        if (status == HG_E_STATE) // nothing worth keeping yet
-            status = HG_OK;
+        status = save_interval(r, &kept, err);
         save = add_s(hg_clock_now_ns(), every);
     }
     if (!status && told.status) {

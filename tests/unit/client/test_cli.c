@@ -215,6 +215,13 @@ static void test_checkpoints(void **state)
     expect_run(7, NULL, "silent=frame_request log=logi",
         "$HELIO render s.gltf -o v.png --mode path --checkpoint 1 --timeout 3");
     expect_file("v.png.checkpoint", "HGCK");
+    // A disk that takes none does not end the rendering.
+    expect_run(7,
+        "w.png.checkpoint: cannot rename into place: Is a directory; the rendering goes on",
+        "silent=frame_request", // which ends by the limit of time
+        "mkdir w.png.checkpoint; $HELIO render s.gltf -o w.png --mode path --checkpoint 1 "
+        "--timeout 3");
+    assert_non_null(strstr(h.output, "no answer"));
 }
 
 static void test_stats(void **state)
