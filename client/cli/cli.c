@@ -36,10 +36,14 @@ bool hg_cli_is_stopped(void)
 
 void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
 {
-    // A second Ctrl-C kills at once.
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    // A second Ctrl-C kills at once; a terminal that goes may say so twice, and nohup says it does
+    // not matter.
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND}, before;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    action.sa_flags = 0;
+    if (sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler != SIG_IGN)
+        sigaction(SIGHUP, &action, NULL);
     *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
     hg_cli_progress_init(&cli->progress, options->progress);
 }

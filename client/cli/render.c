@@ -1,5 +1,6 @@
 // render.c - helio render: its arguments, the scene and the view. What is written: frames.c.
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -462,6 +463,7 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     struct hg_error err = {0};
     if (options->has_size)
         r.size = options->size;
+    signal(SIGPIPE, SIG_IGN); // frames are worth more than who reads their progress
     hg_cli_init(&r.cli, options);
     r.frames = json_array();
     enum hg_status status = r.frames ? check_arguments(&r, &err) : HG_E_NOMEM;

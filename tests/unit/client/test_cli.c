@@ -518,8 +518,8 @@ static void test_run(void **state)
 static void test_interrupt(void **state)
 {
     (void)state;
-    static const char *const signals[] = {"INT", "TERM"};
-    for (int i = 0; i < 2; i++) {
+    static const char *const signals[] = {"INT", "TERM", "HUP"};
+    for (int i = 0; i < 3; i++) {
         char command[300];
         snprintf(command, sizeof command,
             "rm -f logi; $HELIO render s.gltf -o i.png --timeout 100 & p=$!; "
@@ -529,6 +529,17 @@ static void test_interrupt(void **state)
         expect_run(8, "interrupted", "silent=frame_request log=logi", command);
     }
     expect_no_file("i.png");
+    // nohup; and nobody who reads what is said
+    expect_run(0, NULL, "log=logh",
+        "rm -f logh; trap '' HUP; $HELIO render s.gltf -o i-##.png --frames 1-400 & p=$!; "
+        "until grep -qs frame_request logh; do sleep 0.05; kill -0 $p || break; done; "
+        "kill -HUP $p; wait $p");
+    expect_file("i-400.png", "frame 400 ");
+    expect_run(0, NULL, "",
+        "mkfifo said; { head -c 1 said >/dev/null; } & "
+        "{ $HELIO render s.gltf -o j-##.png --frames 1-9 --progress json; echo $? >code; } 2>said; "
+        "wait; exit $(cat code)");
+    expect_file("j-09.png", "frame 9 ");
 }
 
 static void test_output_failures(void **state)
