@@ -13,7 +13,7 @@
 enum { HG_EXR_MAX_PARTS = 64, HG_EXR_MAX_CHANNELS = 4 };
 
 enum hg_exr_type {
-    HG_EXR_HALF,  // from f32
+    HG_EXR_HALF,  // from f32; beyond +-65504 it is 65504, infinity too
     HG_EXR_FLOAT, // from f32
     HG_EXR_UINT,  // from u32
 };

@@ -89,8 +89,9 @@ enum hg_image_file {
     HG_IMAGE_PNG8,      // from RGBA8: sRGB-tagged
     HG_IMAGE_PNG16,     // from RGBA16 or RGBA32F display values 0..1: sRGB-tagged
     HG_IMAGE_JPEG,      // from RGBA8, alpha dropped; 4:4:4 at quality >= 90, else 4:2:0
-    HG_IMAGE_EXR_HALF,  // from RGBA32F, linear Rec.709 (chromaticities attribute), zip
-    HG_IMAGE_EXR_FLOAT, //
+    HG_IMAGE_EXR_HALF,  // from RGBA32F, linear Rec.709 (chromaticities attribute), zip;
+                        // beyond +-65504 it is 65504
+    HG_IMAGE_EXR_FLOAT, // the same, without an end
 };
 
 struct hg_image_attribute {

@@ -360,16 +360,33 @@ std::vector<float> multiply_alpha(const hg_image *image)
     return out;
 }
 
+// What is more than the largest half would be infinite in the file, and spread in every blur. Not
+// a number stays so. The values themselves where none of them is.
+const float *fit_halves(const float *values, size_t count, std::vector<float> &fitted)
+{
+    constexpr float most = 65504;
+    const auto fits = [](float v) { return !(std::abs(v) > most); };
+    if (std::all_of(values, values + count, fits))
+        return values;
+    fitted.assign(values, values + count);
+    for (float &v : fitted)
+        v = fits(v) ? v : std::copysign(most, v);
+    return fitted.data();
+}
+
 hg_status write_pixels(
     ImageOutput &output, const hg_image *image, const struct hg_image_encode *params)
 {
     OIIO::stride_t xstride = OIIO::stride_t(hg_pixel_bytes(image->format));
     const void *pixels = image->pixels;
-    std::vector<float> associated;
+    std::vector<float> associated, fitted;
     if (is_exr(params->file) && !params->opaque) {
         associated = multiply_alpha(image);
         pixels = associated.data();
     }
+    if (params->file == HG_IMAGE_EXR_HALF)
+        pixels = fit_halves(
+            static_cast<const float *>(pixels), size_t(image->width) * image->height * 4, fitted);
     return output.write_image(type_of(image->format), pixels, xstride) ? HG_OK : HG_E_IO;
 }
 
@@ -420,7 +437,12 @@ hg_status encode_part(
     if (!output->open("memory.exr", part_spec(size_px, p)))
         return fail(err, HG_E_IO, p.name, output->geterror());
     TypeDesc from = p.type == HG_EXR_UINT ? TypeDesc::UINT32 : TypeDesc::FLOAT;
-    if (!output->write_image(from, p.pixels, OIIO::stride_t(p.stride) * 4) || !output->close())
+    const void *pixels = p.pixels;
+    std::vector<float> fitted;
+    if (p.type == HG_EXR_HALF)
+        pixels = fit_halves(static_cast<const float *>(pixels),
+            (size_t(size_px[0]) * size_px[1] - 1) * p.stride + p.channel_count, fitted);
+    if (!output->write_image(from, pixels, OIIO::stride_t(p.stride) * 4) || !output->close())
         return fail(err, HG_E_IO, p.name, output->geterror());
     hg_write_bytes(out, bytes.data(), bytes.size());
     return out->failed ? fail(err, HG_E_NOMEM, p.name, "no room for the part") : HG_OK;

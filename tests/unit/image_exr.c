@@ -1,5 +1,6 @@
 // Multi-part EXR files, read back by OpenImageIO and piece by piece; Cryptomatte against the known
 // values of its specification; files that say what they were made from.
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -118,6 +119,33 @@ static void test_read_back(void **state)
         free(seen[i].pixels);
     hg_writer_finish(&file);
     hg_writer_finish(&again);
+}
+
+// Halves have no infinity in files: bright lamps would spread in every blur.
+static void test_bright_halves(void **state)
+{
+    (void)state;
+    static const uint32_t size[2] = {WIDTH, HEIGHT};
+    struct hg_exr_part parts[4];
+    struct exr_seen seen[4];
+    struct hg_writer file = {0};
+    struct hg_error err = {0};
+    make_parts(parts);
+    color[0] = 65504;
+    color[1] = 65530; // rounds to infinity
+    color[4] = 1e9f;
+    color[5] = -1e9f;
+    color[PIXELS * 4 - 1] = INFINITY;
+    depth[0] = 1e9f; // of whole floats
+    assert_int_equal(hg_exr_encode(size, parts, 4, LIMIT, &file, &err), HG_OK);
+    assert_int_equal(exr_read(file.data, file.size, seen, 4), 4);
+    const float *rgba = seen[0].pixels, *z = seen[1].pixels;
+    assert_true(rgba[0] == 65504 && rgba[1] == 65504 && rgba[2] == color[2]);
+    assert_true(rgba[4] == 65504 && rgba[5] == -65504 && rgba[PIXELS * 4 - 1] == 65504);
+    assert_true(z[0] == 1e9f);
+    for (int i = 0; i < 4; i++)
+        free(seen[i].pixels);
+    hg_writer_finish(&file);
 }
 
 static void test_refusals(void **state)
@@ -300,6 +328,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_read_back),
+        cmocka_unit_test(test_bright_halves),
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_examine),
         cmocka_unit_test(test_examine_kinds),
