@@ -3,7 +3,7 @@
 // A punctual light belongs to the group of its name, or of its node's when it has none; what shines
 // of a mesh to that of its node's name; a number at the end does not count ("Lamp.003", "Lamp 3").
 // Group 0 is the environment, and all that finds no room belongs to the last group, "other". Groups
-// are called as parts of EXR files may be: 20 bytes, no dots.
+// are called as parts of EXR files may be: 20 bytes, no dots, no control characters.
 #include <stdio.h>
 #include <string.h>
 
@@ -79,7 +79,7 @@ static void call(struct hg_path *p, const char *from, size_t length)
         const size_t kept = cut(from, length, sizeof written - 1 - strlen(end));
         snprintf(written, sizeof written, "%.*s%s", (int)kept, from, end);
         for (char *c = written; *c != '\0'; c++) // dots would be layers of layers
-            *c = *c == '.' ? '_' : *c;
+            *c = *c == '.' || (unsigned char)*c < 0x20 || *c == 0x7f ? '_' : *c;
         if (!is_taken(p, written))
             break;
         snprintf(end, sizeof end, "~%u", n % 100);

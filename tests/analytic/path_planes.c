@@ -176,7 +176,8 @@ static void test_long_names(void **state)
 {
     struct rig *rig = *state;
     static const char *const names[5] = {"A very long name of a key light",
-        "A very long name of a rim light.001", "A very long name of a key light.007", "a.b", "a_b"};
+        "A very long name of a rim light.001", "A very long name of a key light.007", "a.b",
+        "a\nb"};
     static const char *const wanted[5] = {
         "environment", "A very long name of ", "A very long name o~2", "a_b", "a_b~2"};
     static const double at[3] = {0, 2, 0}, down[3] = {0, -1, 0};
