@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/utf8.h"
 #include "renderer/scene/load.h"
 #include "tests/support/folder.h"
 
@@ -95,6 +96,32 @@ static void test_obj(void **state)
 {
     (void)state;
     assert_is_box("box.obj", 1);
+}
+
+// Names that differ stay different, and are what the rest of the program takes names to be.
+static void test_names_are_utf8(void **state)
+{
+    (void)state;
+    struct hg_asset *asset;
+    struct hg_error err = {0};
+    bool grun = false, gran = false, utf8 = false;
+    test_text_write(folder, "latin.mtl", "newmtl gr\xfcn\nnewmtl gr\xe4n\nnewmtl gr\xc3\xbcn2\n");
+    test_text_write(folder, "latin.obj",
+        "mtllib latin.mtl\nv 0 0 0\nv 2 0 0\nv 2 3 0\no T\xfcr\nusemtl gr\xfcn\nf 1 2 3\n"
+        "usemtl gr\xe4n\nf 3 2 1\nusemtl gr\xc3\xbcn2\nf 2 3 1\n");
+    assert_int_equal(load("latin.obj", &asset, &err), HG_OK);
+    for (uint32_t i = 0; i < asset->material_count; i++) {
+        const char *name = asset->materials[i]->head.name;
+        grun = grun || strcmp(name, "gr\xc3\xbcn") == 0;
+        gran = gran || strcmp(name, "gr\xc3\xa4n") == 0;
+        utf8 = utf8 || strcmp(name, "gr\xc3\xbcn2") == 0;
+    }
+    assert_true(grun && gran && utf8);
+    for (uint32_t i = 0; i < asset->node_count; i++) {
+        const char *name = asset->nodes[i]->head.name;
+        assert_true(hg_utf8_is_valid(name, strlen(name)));
+    }
+    hg_asset_destroy(asset);
 }
 
 static void test_phong_exponent_becomes_roughness(void **state)
@@ -485,6 +512,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_obj),
+        cmocka_unit_test(test_names_are_utf8),
         cmocka_unit_test(test_phong_exponent_becomes_roughness),
         cmocka_unit_test(test_stl),
         cmocka_unit_test(test_ply),
