@@ -27,10 +27,9 @@ hg_emitter_triangle hg_emitter_fetch(uint draw, uint primitive)
     uint first = primitive * 3u;
     t.corners = uvec3(
         t.part.indices.v[first], t.part.indices.v[first + 1u], t.part.indices.v[first + 2u]);
-    vec3 a = HG_EMITTER_POSITION(d, t.part, t.corners.x);
-    t.p0 = world * vec4(a, 1.0);
-    t.e1 = mat3(world) * (HG_EMITTER_POSITION(d, t.part, t.corners.y) - a);
-    t.e2 = mat3(world) * (HG_EMITTER_POSITION(d, t.part, t.corners.z) - a);
+    t.p0 = hg_world_corner(world, HG_EMITTER_POSITION(d, t.part, t.corners.x));
+    t.e1 = hg_world_corner(world, HG_EMITTER_POSITION(d, t.part, t.corners.y)) - t.p0;
+    t.e2 = hg_world_corner(world, HG_EMITTER_POSITION(d, t.part, t.corners.z)) - t.p0;
     vec3 face = cross(t.e1, t.e2) * ((d.flags & HG_DRAW_MIRRORED) != 0u ? -1.0 : 1.0);
     float twice = length(face);
     bool good = twice > 0.0 && !isinf(twice);

@@ -34,7 +34,8 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
     vec3 e1 = mat3(world) * (p1 - p0), e2 = mat3(world) * (p2 - p0);
 
     hg_vertex o;
-    o.position_ws = world * vec4(p0 + (p1 - p0) * hit.u + (p2 - p0) * hit.v, 1.0);
+    vec3 q0 = hg_world_corner(world, p0);
+    o.position_ws = q0 + (hg_world_corner(world, p1) - q0) * hit.u + (hg_world_corner(world, p2) - q0) * hit.v;
     o.depth = dot(o.position_ws - hg_path_eye(), hg_path_forward());
     o.material = d.material;
     o.flags = d.flags;

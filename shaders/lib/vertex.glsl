@@ -21,6 +21,14 @@ vec4 hg_clip_position(vec3 relative)
     return hg_frame.camera.view_proj * vec4(relative, 0.0) + hg_frame.camera.proj[3];
 }
 
+// A corner in world space as structures of rays have it, to the bit (hg_trace_to_world of
+// renderer/trace/layout.h): no step is contracted.
+vec3 hg_world_corner(mat4x3 world, vec3 p)
+{
+    precise vec3 q = world[0] * p.x + world[1] * p.y + world[2] * p.z + world[3];
+    return q;
+}
+
 uint hg_extra_words(uint flags)
 {
     return ((flags & HG_DRAW_UV1) != 0u ? 2u : 0u) + ((flags & HG_DRAW_COLOR8) != 0u ? 1u : 0u) +

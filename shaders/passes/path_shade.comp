@@ -115,8 +115,8 @@ vec4 position_at(uint moment, hg_gpu_hit hit)
     vec3 p0 = part.positions.v[part.indices.v[first]];
     vec3 p1 = part.positions.v[part.indices.v[first + 1u]];
     vec3 p2 = part.positions.v[part.indices.v[first + 2u]];
-    vec3 p = p0 + (p1 - p0) * hit.u + (p2 - p0) * hit.v;
-    return vec4(hg_path.moments[moment].scene.worlds.v[d.instance] * vec4(p, 1.0), 1.0);
+    mat4x3 world = hg_path.moments[moment].scene.worlds.v[d.instance];
+    return vec4(hg_world_corner(world, p0) + mat3(world) * ((p1 - p0) * hit.u + (p2 - p0) * hit.v), 1.0);
 }
 
 // Place in the picture of a point (w = 1) or a direction (w = 0), px; false: not in front.

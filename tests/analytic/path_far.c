@@ -1,0 +1,170 @@
+// path_far.c - path-traced pictures of what lies far from the origin of the world, or of its own
+// mesh: they are those of the same thing near by. Corners are rounded there by more than a ray is
+// lifted off a surface near by, so rays, surfaces and lights have to round them alike.
+#include <math.h>
+#include <string.h>
+
+#include "renderer/internal.h"
+#include "shaders/shared/path.h"
+#include "tests/analytic/path_rig.h"
+
+enum { SIDE = 32 };
+
+static const struct hg_view_params defaults = {.width = SIDE,
+    .height = SIDE,
+    .tonemap = HG_TONEMAP_LINEAR,
+    .mode = HG_MODE_PATH,
+    .filter = HG_FILTER_BOX,
+    .samples = 32,
+    .seed = 7};
+
+static double mean_of(struct rig *rig, const struct hg_view_params *params, const float eye[3],
+    const float target[3], float vfov_rad)
+{
+    struct hg_view *view = path_rig_view(rig, params);
+    path_rig_look(view, eye, target, vfov_rad);
+    path_rig_settle(view);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR);
+    const float *at = (const float *)(const void *)color->data;
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        sum += (double)at[i * 4] / (SIDE * SIDE);
+    hg_refbuf_unref(color);
+    hg_view_destroy(view);
+    return sum;
+}
+
+// --- places --------------------------------------------------------------------------------------
+
+static const float turn[4] = {0.3f, 0.2f, 0.1f, 0.9273618f};
+
+static void turned(const double v[3], double out[3])
+{
+    double t[3];
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        t[i] = 2 * ((double)turn[j] * v[k] - (double)turn[k] * v[j]);
+    }
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out[i] = v[i] + (double)turn[3] * t[i] + (double)turn[j] * t[k] - (double)turn[k] * t[j];
+    }
+}
+
+// Who brings things to where they are.
+enum way {
+    BY_CORNERS,
+    BY_NODE,
+    TURNED,       // corners are far, and the node turns them about the origin
+    SCALED,       // millimetres
+    BROUGHT_BACK, // corners are far, the node brings them to the origin
+    TURNED_BACK,
+    WAYS,
+};
+
+// Moves a node whose corners lie about `corners`, which is filled in, as the things' middle then.
+static void place(struct hg_node *node, enum way way, const double corners[3], double middle[3])
+{
+    memcpy(middle, corners, 3 * sizeof *middle);
+    if (way == TURNED || way == TURNED_BACK) {
+        memcpy(node->rotation, turn, sizeof turn);
+        turned(corners, middle);
+    }
+    for (int i = 0; i < 3 && way == SCALED; i++) {
+        node->scale[i] = 1e-3f;
+        middle[i] *= 1e-3;
+    }
+    for (int i = 0; i < 3 && (way == BROUGHT_BACK || way == TURNED_BACK); i++) {
+        node->translation[i] = -(float)middle[i];
+        middle[i] += (double)node->translation[i];
+    }
+}
+
+// A sphere of radius 1, grey, in a white furnace: rays that leave it meet nothing, it looks 0.5.
+static double furnace(struct rig *rig, enum way way, double far)
+{
+    static const double direction[3] = {0.9, 0.35, -0.7};
+    const double size = way == SCALED ? 1000 : 1;
+    double corners[3], middle[3];
+    float center[3], eye[3], target[3];
+    rig_scene(rig);
+    path_rig_environment(rig, 1.0f);
+    for (int i = 0; i < 3; i++) {
+        corners[i] = round(far * direction[i]) * size;
+        center[i] = way == BY_NODE ? 0.0f : (float)corners[i];
+    }
+    struct hg_node *node = rig_sphere(rig, path_rig_lambert(rig, 0.5f), center, (float)size, 16);
+    place(node, way, corners, middle);
+    for (int i = 0; i < 3; i++) {
+        if (way == BY_NODE)
+            node->translation[i] = (float)corners[i];
+        target[i] = (float)middle[i];
+        eye[i] = target[i] + (i == 2 ? 4.0f : 0.0f);
+    }
+    return mean_of(rig, &defaults, eye, target, 0.2f);
+}
+
+static void test_far(void **state)
+{
+    struct rig *rig = *state;
+    for (enum way way = 0; way < WAYS; way++) {
+        const double near = furnace(rig, way, 0);
+        const double farther[2] = {furnace(rig, way, 1e3), furnace(rig, way, 1e5)};
+        print_message("way %d: %.5f near by, %.5f and %.5f a kilometre and a hundred away\n",
+            (int)way, near, farther[0], farther[1]);
+        assert_true(fabs(near - 0.5) < 0.002);
+        assert_true(fabs(farther[0] - near) < 1e-3 && fabs(farther[1] - near) < 1e-3);
+    }
+}
+
+// --- lamps ---------------------------------------------------------------------------------------
+
+// A floor below a square lamp whose corners are far away.
+static double lamp(struct rig *rig, double far, uint32_t estimators)
+{
+    static const double sides[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    static const float eye[3] = {0, 0.5f, 2.5f}, target[3] = {0, 0, 0};
+    const double corners[3] = {far, 0, far};
+    double middle[3];
+    float square[4][3];
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 1.0f), 3);
+    struct hg_material *m = path_rig_lambert(rig, 0.0f);
+    m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
+    m->double_sided = true;
+    for (int i = 0; i < 4; i++) {
+        square[i][0] = (float)(far + sides[i][0]);
+        square[i][1] = 1.5f;
+        square[i][2] = (float)(far + sides[i][1]);
+    }
+    place(rig_quad(rig, m, square), TURNED_BACK, corners, middle);
+    struct hg_view_params params = defaults;
+    params.max_bounces = 1;
+    params.samples = estimators == HG_PATH_USE_SURFACES ? 512 : 128;
+    rig->renderer->context.estimators = estimators;
+    const double mean = mean_of(rig, &params, eye, target, 0.3f);
+    rig->renderer->context.estimators = 0;
+    return mean;
+}
+
+static void test_far_lamp(void **state)
+{
+    struct rig *rig = *state;
+    for (uint32_t use = 1; use <= 3; use++) {
+        const double near = lamp(rig, 0, use);
+        const double farther = lamp(rig, 1e4, use);
+        print_message("estimators %u: %.5f, %.5f when corners are far\n", use, near, farther);
+        assert_true(fabs(farther / near - 1) < 0.003);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_far),
+        cmocka_unit_test(test_far_lamp),
+    };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
+}
