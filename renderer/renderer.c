@@ -421,6 +421,7 @@ enum hg_status hg_view_set_camera_node(
 static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
 {
     const struct hg_view_state *s = &view->state;
+    const bool followed = s->settings.mode == HG_VIEW_MODE_PATH && !s->path_begins;
     struct hg_geometry_stats geometry;
     hg_geometry_stats(s->rooms->geometry, &geometry);
     *info = (struct hg_frame_info){.number = s->number,
@@ -429,8 +430,8 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .width = s->settings.width,
         .height = s->settings.height,
         .samples = s->samples,
-        .noise = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_noise(s->path) : 0.0f,
-        .spent_ns = s->settings.mode == HG_VIEW_MODE_PATH ? hg_path_spent_ns(s->path) : 0,
+        .noise = followed ? hg_path_noise(s->path) : 0.0f,
+        .spent_ns = followed ? hg_path_spent_ns(s->path) : 0,
         .missing_pages = s->stream.missing,
         .mip_bias = s->stream.bias,
         .missing_clusters = s->missing_clusters + geometry.proxies,

@@ -134,6 +134,16 @@ void hg_view_state_finish(struct hg_view_state *view)
     *view = (struct hg_view_state){0};
 }
 
+// Of a path-traced picture only what reading its pixels does with them differs.
+static bool differs_when_read(const struct hg_view_settings *a, const struct hg_view_settings *b)
+{
+    struct hg_view_settings same = *a;
+    same.exposure = b->exposure;
+    same.tonemap = b->tonemap;
+    same.target_ms = b->target_ms;
+    return a->mode == HG_VIEW_MODE_PATH && memcmp(&same, b, sizeof same) == 0;
+}
+
 enum hg_status hg_view_state_set(
     struct hg_view_state *view, const struct hg_view_settings *settings, struct hg_error *err)
 {
@@ -142,7 +152,10 @@ enum hg_status hg_view_state_set(
         return status;
     if (view->settings.width != settings->width || view->settings.height != settings->height)
         view->samples = 0; // new images
-    if (memcmp(&view->settings, settings, sizeof *settings) != 0) {
+    const bool differs = memcmp(&view->settings, settings, sizeof *settings) != 0;
+    if (differs && view->number > 0 && differs_when_read(&view->settings, settings)) {
+        view->number++; // what was followed stays
+    } else if (differs) {
         view->settings_revision++;
         view->path_begins = true; // the film is of another picture, perhaps of another size
     }
@@ -389,12 +402,21 @@ static enum hg_status draw_preview(struct hg_view_state *view, struct hg_error *
     return status;
 }
 
+// Somebody looks at a picture that was begun for nobody, while pixels of it lack their first
+// sample.
+static bool lacks_preview(const struct hg_view_state *view)
+{
+    return !view->final && !view->path_begins && !view->path_preview &&
+           hg_path_samples(view->path) == 0;
+}
+
 static enum hg_status draw_path(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
     struct hg_view_key key = present_key(view);
     const bool known = memcmp(&key, &view->key, sizeof key) == 0;
-    const bool posed = known && hg_path_is_posed(view);
+    const bool blank = known && lacks_preview(view);
+    const bool posed = known && !blank && hg_path_is_posed(view);
     enum hg_status status = HG_OK;
     choose_error(view, max_samples);
     view->wait = view->final || known;
@@ -412,7 +434,7 @@ static enum hg_status draw_path(
         view->samples = 0;
         view->key = key;
     }
-    if (changed && !view->final)
+    if (blank || (changed && !view->final))
         return draw_preview(view, err);
     if (bakes(view))
         return HG_OK; // light is followed through what is there at last

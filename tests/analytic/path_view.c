@@ -135,7 +135,7 @@ static void test_changes_unread(void **state)
         hg_view_set_final(view, false);
         if (i == 0) {
             path_rig_look(view, room_eye, room_target, 0.8f);
-            while (step(view).samples < 3)
+            while (step(view).samples < 9) // the noise is known from 8 on
                 ;
             none = path_rig_plane(view, HG_PLANE_DEPTH);
             hg_refbuf_unref(none);
@@ -144,7 +144,9 @@ static void test_changes_unread(void **state)
         test_ok(hg_view_set_params(view, &params, &err), &err);
         assert_int_equal(hg_view_read_plane(view, HG_PLANE_DEPTH, &none, &err), HG_E_STATE);
         path_rig_look(view, elsewhere, room_target, 0.8f);
-        assert_int_equal(step(view).samples, 0);
+        const struct hg_frame_info info = step(view);
+        assert_int_equal(info.samples, 0);
+        assert_true(info.noise == 0.0f && info.spent_ns == 0);
         previews[i] = pixels_of(view);
         assert_int_equal(hg_view_read_plane(view, HG_PLANE_DEPTH, &none, &err), HG_E_STATE);
         hg_view_destroy(view);
@@ -153,6 +155,83 @@ static void test_changes_unread(void **state)
     assert_memory_equal(previews[0]->data, previews[1]->data, previews[0]->size);
     hg_refbuf_unref(previews[0]);
     hg_refbuf_unref(previews[1]);
+}
+
+// A picture was begun for one who waits until it is settled; then somebody wants to see how far it
+// is, before all pixels have a sample. What the view showed before is not in it.
+static void test_looked_at_late(void **state)
+{
+    struct rig *rig = *state;
+    static const float elsewhere[3] = {-0.8f, 0.9f, 3.0f};
+    struct hg_error err = {0};
+    struct hg_view_params params = defaults;
+    path_rig_room(rig);
+    struct hg_refbuf *end = whole(rig, elsewhere);
+    struct hg_view *watched = path_rig_view(rig, &defaults);
+    hg_view_set_final(watched, false);
+    path_rig_look(watched, elsewhere, room_target, 0.8f);
+    (void)step(watched);
+    struct hg_refbuf *preview = pixels_of(watched);
+    hg_view_destroy(watched);
+    for (int before = 0; before < 3; before++) { // nothing, a path-traced picture, one in real time
+        params.samples = before == 0 ? defaults.samples : 8;
+        params.mode = before == 2 ? HG_MODE_REALTIME : HG_MODE_PATH;
+        struct hg_view *view = path_rig_view(rig, &params);
+        path_rig_look(view, room_eye, room_target, 0.8f);
+        if (before > 0)
+            path_rig_settle(view);
+        path_rig_look(view, elsewhere, room_target, 0.8f);
+        test_ok(hg_view_set_params(view, &defaults, &err), &err);
+        rig->renderer->context.slice_ns = 1; // a piece of a wave
+        (void)step(view);
+        hg_view_set_final(view, false);
+        assert_int_equal(step(view).samples, 0);
+        rig->renderer->context.slice_ns = 0;
+        struct hg_refbuf *now = pixels_of(view);
+        assert_memory_equal(now->data, preview->data, preview->size);
+        hg_refbuf_unref(now);
+        path_rig_settle(view);
+        now = pixels_of(view);
+        assert_memory_equal(now->data, end->data, end->size);
+        hg_refbuf_unref(now);
+        hg_view_destroy(view);
+    }
+    hg_refbuf_unref(end);
+    hg_refbuf_unref(preview);
+}
+
+// Exposure and tone curve are applied to what was followed, which is not followed again.
+static void test_shown_otherwise(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_view_params params = defaults;
+    struct hg_frame_info info, before;
+    struct hg_refbuf *pictures[2];
+    path_rig_room(rig);
+    params.samples = 64;
+    for (int changes = 0; changes < 2; changes++) {
+        params.exposure_ev = changes ? 0.0f : 1.5f;
+        params.tonemap = changes ? HG_TONEMAP_LINEAR : HG_TONEMAP_AGX;
+        struct hg_view *view = path_rig_view(rig, &params);
+        path_rig_look(view, room_eye, room_target, 0.8f);
+        hg_view_set_final(view, false);
+        while ((info = step(view)).samples < 20)
+            ;
+        before = info;
+        params.exposure_ev = 1.5f;
+        params.tonemap = HG_TONEMAP_AGX;
+        test_ok(hg_view_set_params(view, &params, &err), &err);
+        info = step(view);
+        assert_true(info.samples >= before.samples);
+        assert_true(info.number > before.number);
+        path_rig_settle(view);
+        test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pictures[changes], &err), &err);
+        hg_view_destroy(view);
+    }
+    assert_memory_equal(pictures[0]->data, pictures[1]->data, pictures[0]->size);
+    hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
 }
 
 // Share of a disk of radius 1 on one side of a chord at t: t = 1 all of it, -1 nothing.
@@ -479,7 +558,8 @@ static void test_branches_chosen(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resting_view),
-        cmocka_unit_test(test_changes_unread), cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_changes_unread), cmocka_unit_test(test_looked_at_late),
+        cmocka_unit_test(test_shown_otherwise), cmocka_unit_test(test_lens),
         cmocka_unit_test(test_filters), cmocka_unit_test(test_clamp),
         cmocka_unit_test(test_neighbours), cmocka_unit_test(test_backends),
         cmocka_unit_test(test_branches), cmocka_unit_test(test_branches_chosen)};
