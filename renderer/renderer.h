@@ -273,7 +273,8 @@ void hg_matte_finish(struct hg_matte *matte);
 enum hg_status hg_view_save(
     struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // HG_E_INVAL: made of another size, camera, scene or parameters, or damaged; the view stays as it
-// was. Call after parameters and camera are set.
+// was. Call after parameters and camera are set. Takes the place of what the view has followed;
+// what changes before the next step begins anew without it.
 enum hg_status hg_view_load(struct hg_view *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 // What the next picture of a view of HG_DENOISE_ANIMATION is averaged with: the settled picture,

@@ -111,6 +111,21 @@ enum hg_status hg_path_save(
 
 // --- loading -------------------------------------------------------------------------------------
 
+// Baked levels may come between loading and the first wave.
+static struct hg_view_key key_of(const struct hg_view_state *view)
+{
+    return (struct hg_view_key){.scene = view->rooms->scene->revision,
+        .environment = view->rooms->scene->environment.revision,
+        .settings = view->settings_revision,
+        .camera = view->camera_revision};
+}
+
+static bool is_for_now(const struct hg_view_state *view)
+{
+    const struct hg_view_key now = key_of(view);
+    return memcmp(&now, &view->path_checkpoint_key, sizeof now) == 0;
+}
+
 static enum hg_status bad(struct hg_error *err, const char *why)
 {
     return hg_error_set(err, HG_E_INVAL, "checkpoint", NULL, "%s", why);
@@ -161,6 +176,8 @@ enum hg_status hg_path_load(
     memcpy(kept, data, (size_t)size_bytes);
     hg_free(view->path_checkpoint);
     view->path_checkpoint = kept;
+    view->path_checkpoint_key = key_of(view);
+    view->path_begins = true; // in the place of what is there
     return HG_OK;
 }
 
@@ -172,6 +189,10 @@ enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err)
     if (kept == NULL)
         return HG_OK;
     view->path_checkpoint = NULL; // counts once
+    if (!is_for_now(view)) {      // what came after it begins anew, as all else does
+        hg_free(kept);
+        return HG_OK;
+    }
     memcpy(&h, kept, sizeof h);
     note_scene(view, &scene);
     enum hg_status status = check(view, &h, kept, sizeof h + body_bytes(&h), err);

@@ -92,11 +92,12 @@ struct hg_view_state {
     struct hg_gpu_frame frame;  // of the newest sample
     struct hg_stream stream;
     struct hg_ahead ahead;
-    struct hg_path *path;            // made when the mode asks for it
-    uint8_t *path_checkpoint;        // to go on from (path_save.c); NULL = none
-    struct hg_denoise *path_history; // that was loaded for the next picture; NULL = none
-    bool path_begins;                // its next step begins a picture: the film is of an older one
-    bool path_preview;               // `accumulated` holds a real-time sample of the same state
+    struct hg_path *path;                   // made when the mode asks for it
+    uint8_t *path_checkpoint;               // to go on from (path_save.c); NULL = none
+    struct hg_view_key path_checkpoint_key; // that it was loaded for; the geometry does not count
+    struct hg_denoise *path_history;        // that was loaded for the next picture; NULL = none
+    bool path_begins;  // its next step begins a picture: the film is of an older one
+    bool path_preview; // `accumulated` holds a real-time sample of the same state
 
     uint64_t number; // frames that changed something
     uint32_t samples;

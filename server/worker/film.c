@@ -490,6 +490,7 @@ static enum hg_status load_checkpoint(struct view_slot *view, enum hgp_checkpoin
         status = hg_view_load_history(view->view, film, size, err);
     else if (!status)
         status = hg_view_load(view->view, film, size, err);
+    view->changed |= !status && kind == HGP_checkpoint_kind_FILM; // settled as it may be
     hg_free(film);
     return status;
 }

@@ -241,6 +241,45 @@ static void test_resumed(void **state)
     }
 }
 
+// A checkpoint takes the place of what a settled view holds, at once; one of a scene that is edited
+// before it counts is in no picture.
+static void test_resumed_late(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    const struct option_set *set = &sets[0];
+    struct hg_refbuf *saved = save_after(rig, set, 5);
+    struct picture pictures[2];
+    open_scene(rig, set);
+    struct hg_view *view = open_view(rig, set);
+    path_rig_settle(view);
+    test_ok(hg_view_load(view, saved->data, saved->size, &err), &err);
+    struct hg_frame_info info;
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_true(info.samples >= 3 && !info.settled);
+    path_rig_settle(view);
+    read_all(view, &set->params, &pictures[0]);
+    hg_view_destroy(view);
+    assert_same(set->name, "gone on with late", whole(rig, 0), &pictures[0]);
+    drop(&pictures[0]);
+    for (int fresh = 0; fresh < 2; fresh++) {
+        open_scene(rig, set);
+        view = open_view(rig, set);
+        if (!fresh)
+            test_ok(hg_view_load(view, saved->data, saved->size, &err), &err);
+        node_at(rig, 2)->translation[0] += 0.3f;
+        hg_scene_touch(rig->scene, &node_at(rig, 2)->head);
+        hg_scene_publish(rig->scene);
+        path_rig_settle(view);
+        read_all(view, &set->params, &pictures[fresh]);
+        hg_view_destroy(view);
+    }
+    assert_same(set->name, "edited before it counts", &pictures[1], &pictures[0]);
+    for (int i = 0; i < 2; i++)
+        drop(&pictures[i]);
+    hg_refbuf_unref(saved);
+}
+
 // What is damaged, cut off or of other parameters is refused.
 static void test_refused(void **state)
 {
@@ -345,7 +384,7 @@ int main(int argc, char **argv)
     if (argc == 3 && strcmp(argv[1], "--hash") == 0)
         return print_hash((unsigned)atoi(argv[2]));
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resumed),
-        cmocka_unit_test(test_refused), cmocka_unit_test(test_device_film),
-        cmocka_unit_test(test_thread_count_changes_nothing)};
+        cmocka_unit_test(test_resumed_late), cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_device_film), cmocka_unit_test(test_thread_count_changes_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, drop_all);
 }
