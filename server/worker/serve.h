@@ -131,6 +131,9 @@ void session_attach(
 void session_detach(struct serve *s, struct session *session);
 // Publishes what the session's open batch changed, if there is one.
 void session_close_batch(struct session *session);
+// Publishes what open batches changed so far: before a view looks at the scene all the same. What
+// it keeps of the scene may be gone.
+void session_publish(struct session *session);
 struct view_slot *session_find_view(struct session *session, uint32_t number);
 // NULL: the request was answered with the error.
 struct view_slot *session_need_view(const struct request *r, uint32_t number);

@@ -127,16 +127,21 @@ void view_slot_destroy(struct serve *s, struct session *session, struct view_slo
     atomic_fetch_sub(&s->w->view_count, 1);
 }
 
-void session_close_batch(struct session *session)
+void session_publish(struct session *session)
 {
     struct scene_slot *slot = session->scene;
-    if (!session->batch_depth)
-        return;
-    session->batch_depth = 0;
-    slot->open_batches--;
     if (slot->dirty)
         hg_scene_publish(slot->scene);
     slot->dirty = false;
+}
+
+void session_close_batch(struct session *session)
+{
+    if (!session->batch_depth)
+        return;
+    session->batch_depth = 0;
+    session->scene->open_batches--;
+    session_publish(session);
 }
 
 void session_detach(struct serve *s, struct session *session)

@@ -566,6 +566,7 @@ enum hg_status view_refresh(
     struct serve *s, struct session *session, struct view_slot *view, struct hg_error *err)
 {
     (void)s;
+    session_publish(session);
     return is_stale(session, view) ? step(session, view, 1, err) : HG_OK;
 }
 
@@ -602,6 +603,7 @@ static void work(struct serve *s, struct session *session, struct view_slot *vie
     struct hg_error err = {0};
     enum hg_status status = HG_OK;
     view->failed = false;
+    session_publish(session); // a batch may be open for too long
     if (is_stale(session, view) || !view->info.settled)
         status = step(session, view, samples_per_step(view), &err);
     if (status == HG_E_DEVICE_LOST) {

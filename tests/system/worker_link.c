@@ -533,6 +533,44 @@ static void test_picks_and_a_view_closed_while_frames_wait(void **state)
     expect_error(rig, ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
 }
 
+// What an open batch has removed is in no picture any more that is picked from, its own or
+// another's.
+static void test_picks_within_a_batch(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    struct hgp_frame_request settled = {.view = VIEW, .settled = true};
+    struct hgp_pick pick = {.view = VIEW, .x = SIDE / 2, .y = SIDE / 2};
+    expect(rig, ask(rig, 1, HGP_T_frame_request, &settled), HGP_T_frame);
+    expect(rig, ask(rig, 1, HGP_T_batch_begin, &(struct hgp_batch_begin){0}), HGP_T_ok);
+    struct hgp_object_remove remove = {.kind = HGP_object_kind_NODE, .object = FIRST_ID};
+    expect(rig, ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    remove.kind = HGP_object_kind_MESH;
+    expect(rig, ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_pick, &pick), HGP_T_picked);
+    assert_false(rig->message.picked.hit);
+    expect(rig, ask(rig, 1, HGP_T_batch_end, &(struct hgp_batch_end){0}), HGP_T_ok);
+}
+
+// A batch that is left open stops no pictures: they say which revision they show.
+static void test_a_batch_left_open(void **state)
+{
+    struct rig *rig = *state;
+    attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    struct hgp_frame_request settled = {.view = VIEW, .settled = true};
+    expect(rig, ask(rig, 1, HGP_T_frame_request, &settled), HGP_T_frame);
+    const uint64_t before = rig->message.frame.scene_revision;
+    expect(rig, ask(rig, 1, HGP_T_batch_begin, &(struct hgp_batch_begin){0}), HGP_T_ok);
+    struct hgp_object_remove remove = {.kind = HGP_object_kind_NODE, .object = FIRST_ID};
+    expect(rig, ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    expect(rig, ask(rig, 1, HGP_T_frame_request, &settled), HGP_T_frame);
+    assert_int_equal(rig->message.frame.scene_revision, before + 1);
+    expect(rig, ask(rig, 1, HGP_T_batch_end, &(struct hgp_batch_end){0}), HGP_T_ok);
+    assert_int_equal(rig->message.ok.revision, before + 1); // all of it was published
+}
+
 // Nobody has a name; with `later` all numbers are by one higher.
 static void write_triangle(const char *folder, const char *name, bool later)
 {
@@ -811,6 +849,8 @@ int main(void)
         TEST(test_a_peer_may_leave_without_reading),
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
+        TEST(test_picks_within_a_batch),
+        TEST(test_a_batch_left_open),
         TEST(test_next_place_of_nodes),
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
