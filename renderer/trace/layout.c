@@ -8,23 +8,53 @@
 #include "base/alloc.h"
 #include "base/mix.h"
 #include "renderer/trace/internal.h"
+#include "shaders/shared/ray.h"
 
 // Triangles of all places of a body up to which it is flat though it is placed more than once.
 #define FLAT_TRIANGLES 65536u
 
-bool hg_trace_is_invertible(const float m[12])
+// Most that Embree takes of a coordinate of a ray; above it aborts. Rays go into instances.
+#define LARGEST 1e18
+
+static double determinant(const float m[12])
 {
-    double length[3], det = 0.0;
+    double det = 0.0;
     for (int i = 0; i < 3; i++) {
         const int j = (i + 1) % 3, k = (i + 2) % 3;
-        const double x = m[i], cross = (double)m[3 + j] * m[6 + k] - (double)m[3 + k] * m[6 + j];
-        det += x * cross;
+        det += m[i] * ((double)m[3 + j] * m[6 + k] - (double)m[3 + k] * m[6 + j]);
+    }
+    return det;
+}
+
+// Whether all rays are rays in the space of the instance, too.
+static bool keeps_rays(const float m[12], double det)
+{
+    for (int c = 0; c < 3; c++) { // rows of the inverse
+        const float *u = m + (c + 1) % 3 * 3, *v = m + (c + 2) % 3 * 3;
+        double largest = 0.0, sum = 0.0;
+        for (int i = 0; i < 3; i++) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            const double entry = fabs(((double)u[j] * v[k] - (double)u[k] * v[j]) / det);
+            largest = fmax(largest, entry);
+            sum += entry * fabs((double)m[9 + i]);
+        }
+        if (!(largest * (double)HG_RAY_FARTHEST + sum <= LARGEST))
+            return false;
+    }
+    return true;
+}
+
+bool hg_trace_is_invertible(const float m[12])
+{
+    double length[3];
+    for (int i = 0; i < 3; i++) {
         length[i] = sqrt((double)m[i * 3] * m[i * 3] + (double)m[i * 3 + 1] * m[i * 3 + 1] +
                          (double)m[i * 3 + 2] * m[i * 3 + 2]);
         if (!isfinite(m[9 + i]) || !(length[i] > 1e-18 && length[i] < 1e18))
             return false;
     }
-    return fabs(det) > 1e-5 * length[0] * length[1] * length[2];
+    const double det = determinant(m);
+    return fabs(det) > 1e-5 * length[0] * length[1] * length[2] && keeps_rays(m, det);
 }
 
 // Draws elsewhere than in space, or larger than it, are not there.
@@ -118,8 +148,10 @@ static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *bo
     bool invertible = true, still = true;
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_cut_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
-        invertible =
-            invertible && hg_trace_is_invertible(p->world) && hg_trace_is_invertible(p->previous);
+        // Matrices that turn inside out have none half-way.
+        invertible = invertible && hg_trace_is_invertible(p->world) &&
+                     hg_trace_is_invertible(p->previous) &&
+                     (determinant(p->world) > 0) == (determinant(p->previous) > 0);
         still = still && memcmp(p->world, p->previous, sizeof p->world) == 0;
     }
     const struct hg_trace_known *known = find_known(l, body->key);

@@ -38,8 +38,8 @@ bool hg_trace_is_ray(const struct hg_gpu_ray *r)
     const float *o = &r->origin_ws.x, *d = &r->direction_ws.x;
     const float at = fabsf(o[0]) + fabsf(o[1]) + fabsf(o[2]);
     const float length = fabsf(d[0]) + fabsf(d[1]) + fabsf(d[2]);
-    return at <= 1e30f && length > 0.0f && length <= 1e30f && r->t_max > r->t_min &&
-           r->t_max > 0.0f;
+    return at <= HG_RAY_FARTHEST && length > 0.0f && length <= HG_RAY_FARTHEST &&
+           r->t_max > r->t_min && r->t_max > 0.0f;
 }
 
 #define PIECE_NS   8000000u

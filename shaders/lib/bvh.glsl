@@ -117,7 +117,8 @@ bool hg_bvh_leaf(hg_bvh_body i, hg_bvh_ray r, hg_gpu_ray ray, uint leaf, inout h
 bool hg_bvh_is_ray(hg_gpu_ray r)
 {
     float at = dot(abs(r.origin_ws), vec3(1.0)), length = dot(abs(r.direction_ws), vec3(1.0));
-    return at <= 1e30 && length > 0.0 && length <= 1e30 && r.t_max > r.t_min && r.t_max > 0.0;
+    return at <= HG_RAY_FARTHEST && length > 0.0 && length <= HG_RAY_FARTHEST && r.t_max > r.t_min &&
+        r.t_max > 0.0;
 }
 
 // The nearest hit (any: some hit). False: none.

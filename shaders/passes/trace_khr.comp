@@ -19,7 +19,8 @@ layout(push_constant, scalar) uniform hg_push
 bool is_ray(hg_gpu_ray r)
 {
     float at = dot(abs(r.origin_ws), vec3(1.0)), length = dot(abs(r.direction_ws), vec3(1.0));
-    return at <= 1e30 && length > 0.0 && length <= 1e30 && r.t_max > r.t_min && r.t_max > 0.0;
+    return at <= HG_RAY_FARTHEST && length > 0.0 && length <= HG_RAY_FARTHEST && r.t_max > r.t_min &&
+        r.t_max > 0.0;
 }
 
 // The next floats: the ends themselves are not hit.

@@ -16,6 +16,9 @@
 // straight through panes.
 #define HG_RAY_STRAIGHT 0x8u
 
+// Rays that begin farther away than that (sum over the axes), or have a longer direction, are none.
+#define HG_RAY_FARTHEST 1e12f
+
 // "World space" is that of the frame: relative to the origin of the geometry room.
 struct hg_gpu_ray {
     HG_VEC3 origin_ws;

@@ -150,6 +150,51 @@ static void hostile(void **state)
     rig_close(r);
 }
 
+// Rays and places that are farther away, or smaller, than anything is: rays miss, and nothing else
+// happens (Embree ends the program where a ray's numbers are too large).
+static void wild(void **state)
+{
+    (void)state;
+    enum { PLACES = 34, COUNT = 96, AIMED = 1000 };
+    struct rig *r = rig_open(backend);
+    struct hg_mesh *mesh = rig_soup(r, 2048, 0.3); // with so many places not made flat
+    for (int i = 0; i < PLACES; i++) {
+        const float size = i == 0 ? 3e-18f : i == 1 ? 1e-9f : 1;
+        const float x = i < 2 ? 0 : i == 2 ? 1e14f : 5;
+        const float at[16] = {size, 0, 0, 0, 0, size, 0, 0, 0, 0, size, 0, x, 0, 0, 1};
+        rig_node(r, mesh, at);
+    }
+    rig_sync(r);
+    struct hg_gpu_ray *rays = rig_rays(r, COUNT);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        const float far = powf(10, (float)(i / 2) / 47 * 25 + 12.5f);
+        const float at = i % 2 ? 2 : far, along = i % 2 ? -far : -1;
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {at + 5, at, at},
+            .direction_ws = {along, along, along},
+            .t_max = 1e30f,
+            .mask = HG_RAY_ALL};
+    }
+    for (int coherent = 0; coherent < 2; coherent++) {
+        const struct hg_gpu_hit *hits = rig_closest(r, COUNT, coherent != 0);
+        const uint32_t *blocked = rig_blocked(r, COUNT, coherent != 0);
+        for (uint32_t i = 0; i < COUNT; i++)
+            assert_true(hits[i].draw == HG_HIT_NONE && blocked[i] == 0);
+    }
+    rays = rig_rays(r, AIMED); // at the smallest, from as far as they may be
+    for (uint32_t i = 0; i < AIMED; i++) {
+        const float far = powf(10, (float)i / AIMED * 11);
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {-far, far, far},
+            .direction_ws = {far, -far, -far},
+            .t_max = 1e30f,
+            .mask = HG_RAY_ALL};
+    }
+    for (int coherent = 0; coherent < 2; coherent++) {
+        (void)rig_closest(r, AIMED, coherent != 0);
+        (void)rig_blocked(r, AIMED, coherent != 0);
+    }
+    rig_close(r);
+}
+
 static void empty(void **state)
 {
     (void)state;
@@ -481,6 +526,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(masks),
         cmocka_unit_test(interval),
         cmocka_unit_test(hostile),
+        cmocka_unit_test(wild),
         cmocka_unit_test(empty),
         cmocka_unit_test(closed),
         cmocka_unit_test(coincident),
