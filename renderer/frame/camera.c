@@ -193,6 +193,9 @@ static void depth_range(const struct hg_camera_setup *s, const float min[3], con
     *farthest = centre + reach;
 }
 
+// Nothing that is nearer to an eye amid a scene is left out because of what lies far away, metres.
+#define MOST_NEAR 0.01
+
 void hg_camera_fit_depth(
     struct hg_camera_setup *s, bool has_bounds, const float min[3], const float max[3])
 {
@@ -214,7 +217,7 @@ void hg_camera_fit_depth(
         return;
     }
     if (s->near <= 0) {
-        const double least = 1e-4 * diagonal + 1e-6;
+        const double least = fmin(1e-4 * diagonal, MOST_NEAR) + 1e-6;
         s->near = (float)fmax(0.5 * nearest, least);
     }
     if (s->far != 0 && s->far <= s->near)

@@ -32,7 +32,7 @@ float hg_emitter_importance(hg_gpu_light_node e, vec3 position_ws, vec3 normal_w
     float value = e.power * max(0.0, 1.0 - window * window);
     // Inside the sphere about the box anything may face anything.
     if (d2 <= r2)
-        return value / max(r2, 1e-8);
+        return value / clamp(r2, 1e-8, 1e20); // not 0, however far apart lights are
     vec3 w = d * inversesqrt(max(d2, 1e-30));
     float cos_u = sqrt(max(0.0, 1.0 - r2 / d2));
     float cos_o = float(e.angles & 0xffffu) * (2.0 / 65535.0) - 1.0;

@@ -158,11 +158,47 @@ static void test_far_lamp(void **state)
     }
 }
 
+// --- strays --------------------------------------------------------------------------------------
+
+// A floor below a light, and something so far away that it is not seen: a light, or a square that
+// shines.
+static double strayed(struct rig *rig, float far, bool shines)
+{
+    static const float eye[3] = {0, 0.5f, 2.5f}, target[3] = {0, 0, 0};
+    static const float square[4][3] = {{-1, 0, -1}, {1, 0, -1}, {1, 0, 1}, {-1, 0, 1}};
+    static const double down[3] = {0, -1, 0}, near[3] = {0.3, 1, 0.2};
+    const double away[3] = {(double)far, (double)far, 0};
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 1.0f), 3);
+    (void)rig_light(rig, HG_LIGHT_POINT, near, down);
+    if (far > 0.0f && !shines)
+        (void)rig_light(rig, HG_LIGHT_POINT, away, down);
+    if (far > 0.0f && shines) {
+        struct hg_material *m = path_rig_lambert(rig, 0.0f);
+        m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
+        rig_quad(rig, m, square)->translation[1] = far;
+    }
+    return mean_of(rig, &defaults, eye, target, 0.3f);
+}
+
+static void test_strays(void **state)
+{
+    struct rig *rig = *state;
+    const double alone = strayed(rig, 0, false);
+    for (int i = 0; i < 2; i++)
+        for (float far = 1e3f; far < 1e32f; far *= 1e4f) {
+            const double mean = strayed(rig, far, i == 1);
+            print_message("a stray %g m away: %.5f, %.5f alone\n", (double)far, mean, alone);
+            assert_true(fabs(mean / alone - 1) < 1e-3);
+        }
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_far),
         cmocka_unit_test(test_far_lamp),
+        cmocka_unit_test(test_strays),
     };
     if (argc > 1)
         cmocka_set_test_filter(argv[1]);
