@@ -21,24 +21,29 @@ void hg_cli_progress_init(struct hg_cli_progress *p, const char *mode)
         p->mode = HG_CLI_PROGRESS_LINE;
 }
 
-// Of the stage at hand: as fast as it has been so far. Other stages tell nothing about the frame.
-static double stage_left(const struct hg_cli_progress *p, uint64_t now)
+// Seconds that one sample takes, or negative. Other stages tell nothing about the frame.
+static double sample_s(const struct hg_cli_progress *p, uint64_t now)
 {
     if (strcmp(p->stage, "samples") != 0 || p->done <= p->stage_done || p->total < p->done)
         return -1;
-    double spent = (double)(now - p->stage_ns) / 1e9;
-    return spent * (double)(p->total - p->done) / (double)(p->done - p->stage_done);
+    return (double)(now - p->stage_ns) / 1e9 / (double)(p->done - p->stage_done);
 }
 
 double hg_cli_progress_left(const struct hg_cli_progress *p, uint64_t now_ns)
 {
-    double left = stage_left(p, now_ns);
+    double sample = sample_s(p, now_ns);
+    double left = sample < 0 ? -1 : sample * (double)(p->total - p->done);
     if (p->frames < 2)
         return left;
-    if (left < 0 && !p->frames_made)
+    double at_hand = (double)(now_ns - p->frame_begin_ns) / 1e9, each;
+    if (p->frames_made > 1)
+        each = (double)p->frames_ns / (p->frames_made - 1) / 1e9;
+    else if (p->frames_made)
+        each = left < 0 ? (double)p->first_ns / 1e9 : at_hand + left;
+    else if (left >= 0)
+        each = sample * (double)p->total;
+    else
         return -1;
-    double at_hand = (double)(now_ns - p->frame_begin_ns) / 1e9;
-    double each = p->frames_made ? (double)p->frames_ns / p->frames_made / 1e9 : at_hand + left;
     if (left < 0)
         left = each > at_hand ? each - at_hand : 0;
     return left + each * (double)(p->frames - p->frames_done - 1);
@@ -53,8 +58,10 @@ void hg_cli_progress_frames(struct hg_cli_progress *p, uint32_t count)
 void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns)
 {
     p->frames_done += p->frames_done < p->frames;
-    p->frames_made += took_ns != 0;
-    p->frames_ns += took_ns;
+    if (took_ns && p->frames_made++)
+        p->frames_ns += took_ns;
+    else if (took_ns)
+        p->first_ns = took_ns;
     p->frame_begin_ns = hg_clock_now_ns();
 }
 
@@ -111,9 +118,12 @@ void hg_cli_progress_update(
 {
     bool changed = strcmp(p->stage, stage) != 0;
     snprintf(p->stage, sizeof p->stage, "%s", stage);
-    if (changed || done < p->stage_done) {
+    bool begins = changed || done < p->done;
+    // What comes before the first sample (shaders, structures) says nothing about the others.
+    if (begins || (p->stage_waits && done > p->done)) {
         p->stage_ns = hg_clock_now_ns();
         p->stage_done = done;
+        p->stage_waits = begins;
     }
     p->done = done;
     p->total = total;

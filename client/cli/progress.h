@@ -17,9 +17,12 @@ struct hg_cli_progress {
     char prefix[64];             // "frame 3 of 10"; may be empty
     char stage[72];              // the newest stage and how far it is
     uint64_t done, total;
-    uint64_t stage_ns, stage_done;             // when the stage was first seen, how far it was then
+    uint64_t stage_ns, stage_done;             // when the stage first went on, how far it was then
+    bool stage_waits;                          // it did not yet: stage_ns is when it was first seen
     uint32_t frames, frames_done, frames_made; // all to come; there; those of them made now
-    uint64_t frames_ns, frame_begin_ns;        // taken by those made; start of the one at hand
+    uint64_t first_ns, frames_ns;              // taken by the first one made, which has to compile
+                                               // shaders; by the others
+    uint64_t frame_begin_ns;                   // of the one at hand
     uint32_t warnings;                         // printed and not printed
 };
 
