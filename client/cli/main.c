@@ -1,6 +1,8 @@
 // main.c - the program `helio`: finds the command and runs it.
+#include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "client/cli/cli.h"
 #include "client/cli/help.h"
@@ -39,8 +41,19 @@ static int generate(const char *name)
     return HG_CLI_EXIT_USAGE;
 }
 
+// Where standard streams are closed, sockets and files would get their numbers, and what is said.
+static void open_streams(void)
+{
+    int fd = open("/dev/null", O_RDWR);
+    while (fd >= 0 && fd <= STDERR_FILENO)
+        fd = open("/dev/null", O_RDWR);
+    if (fd > STDERR_FILENO)
+        close(fd);
+}
+
 int main(int argc, char **argv)
 {
+    open_streams();
     if (argc == 2 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
                          strcmp(argv[1], "help") == 0))
         return hg_cli_help_program(stdout), HG_CLI_EXIT_OK;

@@ -540,6 +540,8 @@ static void test_interrupt(void **state)
         "{ $HELIO render s.gltf -o j-##.png --frames 1-9 --progress json; echo $? >code; } 2>said; "
         "wait; exit $(cat code)");
     expect_file("j-09.png", "frame 9 ");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o l.png --progress json <&- 2>&-");
+    expect_file("l.png", "frame 1 ");
 }
 
 static void test_output_failures(void **state)
