@@ -389,12 +389,20 @@ static void fill_chunk(
     piece->positions_address = chunk->part.positions;
 }
 
+static bool is_animated(const struct hg_node *node)
+{
+    while (node != NULL && !node->animated)
+        node = node->parent;
+    return node != NULL;
+}
+
 static void place_piece(const struct hg_cut *c, const struct hg_cut_lens *lens,
     const struct hg_draw_entry *d, struct hg_cut_piece *piece)
 {
     const struct placed at = place_of(c->geometry, d);
     memcpy(piece->world, at.world, sizeof piece->world);
     memcpy(piece->previous, at.world, sizeof piece->previous);
+    piece->animated = is_animated(d->node);
     if (!lens->motion)
         return;
     place_before(c, d, piece);

@@ -34,6 +34,7 @@ struct hg_cut_piece {
     float previous[12];                                 // at the opening of the shutter, or `world`
     uint32_t flags;                                     // HG_DRAW_*
     bool deforms;                                       // positions change under the same key
+    bool animated; // its node, or one above, is brought elsewhere by animations
 };
 
 struct hg_cut_lens {

@@ -377,6 +377,16 @@ struct hg_asset *hg_scene_find_asset(const struct hg_scene *scene, uint32_t numb
     return NULL;
 }
 
+static void mark_animated(const struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++) {
+            const struct hg_anim_channel *channel = &asset->animations[i].channels[c];
+            if (channel->node && channel->path != HG_ANIM_WEIGHTS)
+                channel->node->animated = true;
+        }
+}
+
 enum hg_status hg_scene_add_asset(
     struct hg_scene *scene, struct hg_asset *asset, struct hg_node *parent)
 {
@@ -400,6 +410,7 @@ enum hg_status hg_scene_add_asset(
         hg_node_append_child(parent, asset->roots[i]);
     scene->assets[scene->asset_count++] = asset;
     asset->scene = scene;
+    mark_animated(asset);
     return HG_OK;
 }
 

@@ -181,6 +181,7 @@ struct hg_node {
     // Where it will be a frame later, by a client's word; an animation's pose ends it.
     bool moves;
     float next_translation[3], next_rotation[4], next_scale[3];
+    bool animated;        // an animation of its asset turns, moves or sizes it
     bool visible;         // hides the subtree too
     bool catches_shadows; // path-traced: seen by the camera only as the shadow on it (subtree too)
     struct hg_mesh *mesh;

@@ -74,12 +74,6 @@ static int by_key(const void *a, const void *b)
     return x->draw < y->draw ? -1 : x->draw > y->draw;
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return x < y ? -1 : x > y;
-}
-
 // One place per draw.
 static enum hg_status list_places(
     struct hg_trace_layout *l, const struct hg_cut_piece *pieces, uint32_t count)
@@ -119,33 +113,10 @@ static void measure_body(const struct hg_trace_layout *l, struct hg_trace_body *
     }
 }
 
-static const struct hg_trace_known *find_known(const struct hg_trace_layout *l, uint64_t key)
+// Whether rays would rather have the body in world space.
+static void choose(const struct hg_trace_layout *l, struct hg_trace_body *body)
 {
-    return l->known_count > 0 ? bsearch(&key, l->known, l->known_count, sizeof *l->known, by_number)
-                              : NULL;
-}
-
-static bool is_moving(const struct hg_trace_layout *l, uint64_t key)
-{
-    return l->moving_count > 0 &&
-           bsearch(&key, l->moving, l->moving_count, sizeof *l->moving, by_number) != NULL;
-}
-
-static enum hg_status note_moving(struct hg_trace_layout *l, uint64_t key)
-{
-    const enum hg_status status =
-        hg_grow(&l->moving, &l->moving_capacity, l->moving_count + 1, sizeof *l->moving);
-    if (status == HG_OK) {
-        l->moving[l->moving_count++] = key;
-        qsort(l->moving, l->moving_count, sizeof *l->moving, by_number);
-    }
-    return status;
-}
-
-// Whether rays would rather have the body in world space. places: hash of where it is.
-static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *body, uint64_t places)
-{
-    bool invertible = true, still = true;
+    bool invertible = true, still = true, animated = false;
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_cut_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
         // Matrices that turn inside out have none half-way.
@@ -153,28 +124,12 @@ static enum hg_status choose(struct hg_trace_layout *l, struct hg_trace_body *bo
                      hg_trace_is_invertible(p->previous) &&
                      (determinant(p->world) > 0) == (determinant(p->previous) > 0);
         still = still && memcmp(p->world, p->previous, sizeof p->world) == 0;
+        animated = animated || p->animated;
     }
-    const struct hg_trace_known *known = find_known(l, body->key);
-    if (known != NULL && known->places != places && invertible && !is_moving(l, body->key)) {
-        const enum hg_status status = note_moving(l, body->key);
-        if (status != HG_OK)
-            return status;
-    }
-    body->still = still || !invertible; // what is flat without choice is shown as it is at the end
     const bool small = body->triangles * body->place_count <= FLAT_TRIANGLES;
-    body->flat = !invertible || (still && !body->deforms && (body->place_count == 1 || small) &&
-                                    !is_moving(l, body->key));
-    return HG_OK;
-}
-
-static uint64_t hash_places(const struct hg_trace_layout *l, const struct hg_trace_body *body)
-{
-    uint64_t h = 4;
-    for (uint32_t i = 0; i < body->place_count; i++) {
-        const float *world = l->pieces[l->places[body->first_place + i].first_piece].world;
-        h = hg_mix_bytes(h, world, 12 * sizeof *world);
-    }
-    return h;
+    body->still = still || !invertible; // what is flat without choice is shown as it is at the end
+    body->flat =
+        !invertible || (still && !body->deforms && !animated && (body->place_count == 1 || small));
 }
 
 // What decides the flat structure: also draws, classes, and where its input lies.
@@ -206,15 +161,15 @@ static enum hg_status list_bodies(struct hg_trace_layout *l)
         struct hg_trace_body *body = &l->bodies[l->body_count++];
         *body = (struct hg_trace_body){.key = l->places[i].key, .first_place = i, .place_count = n};
         measure_body(l, body);
-        status = choose(l, body, hash_places(l, body));
+        choose(l, body);
     }
     return status;
 }
 
-static enum hg_status sum_up(struct hg_trace_layout *l)
+static void sum_up(struct hg_trace_layout *l)
 {
     l->flat_key = l->flat_triangles = l->triangles = 0;
-    l->instances = l->known_count = 0;
+    l->instances = 0;
     l->flat_deforms = l->motion = false;
     for (uint32_t i = 0; i < l->body_count; i++) {
         const struct hg_trace_body *body = &l->bodies[i];
@@ -227,13 +182,7 @@ static enum hg_status sum_up(struct hg_trace_layout *l)
         l->flat_deforms = l->flat_deforms || body->deforms;
         l->flat_triangles += body->triangles * body->place_count;
         l->flat_key = hash_flat(l, body, l->flat_key);
-        const enum hg_status status =
-            hg_grow(&l->known, &l->known_capacity, l->known_count + 1, sizeof *l->known);
-        if (status != HG_OK)
-            return status;
-        l->known[l->known_count++] = (struct hg_trace_known){body->key, hash_places(l, body)};
     }
-    return HG_OK;
 }
 
 enum hg_status hg_trace_layout_make(
@@ -243,14 +192,14 @@ enum hg_status hg_trace_layout_make(
     enum hg_status status = list_places(l, pieces, count);
     if (status == HG_OK)
         status = list_bodies(l);
-    return status == HG_OK ? sum_up(l) : status;
+    if (status == HG_OK)
+        sum_up(l);
+    return status;
 }
 
 void hg_trace_layout_finish(struct hg_trace_layout *l)
 {
     hg_free(l->places);
     hg_free(l->bodies);
-    hg_free(l->known);
-    hg_free(l->moving);
     memset(l, 0, sizeof *l);
 }

@@ -4,8 +4,9 @@
 // The pieces of a draw are a *body*; draws whose pieces have the same keys share it, each at a
 // *place* of its own. A body that is placed once, or is small, is *flat*: its triangles go with all
 // others of that kind into one structure in world space, so that rays need not enter an instance
-// for each draw (the boxes of draws overlap). Bodies that were flat and then moved stay instances
-// from there on, so that an animation does not build the flat structure for each frame.
+// for each draw (the boxes of draws overlap). What animations move is not, so that they do not
+// build the flat structure for each frame. Rounding differs between both: the choice depends on
+// nothing that was there before.
 #ifndef HG_RENDERER_TRACE_LAYOUT_H
 #define HG_RENDERER_TRACE_LAYOUT_H
 
@@ -26,10 +27,6 @@ struct hg_trace_place {
     uint64_t key;                      // of the body
 };
 
-struct hg_trace_known {
-    uint64_t key, places; // places: hash of where it was
-};
-
 struct hg_trace_layout {               // zeroed = empty; keeps its memory
     const struct hg_cut_piece *pieces; // of the cut
     struct hg_trace_place *places;     // by body, then draw
@@ -38,18 +35,12 @@ struct hg_trace_layout {               // zeroed = empty; keeps its memory
     struct hg_trace_body *bodies; // by key
     size_t body_capacity;
     uint32_t body_count;
-    uint64_t flat_key;            // of all flat bodies and where they are; 0 = there are none
-    uint64_t flat_triangles;      // placed
-    bool flat_deforms;            // under the same key
-    uint64_t triangles;           // of all bodies, those of flat ones as often as they are placed
-    uint32_t instances;           // places of bodies that are not flat
-    bool motion;                  // something moves while the shutter is open
-    struct hg_trace_known *known; // flat bodies of the layout before, by key
-    size_t known_capacity;
-    uint32_t known_count;
-    uint64_t *moving; // keys, ascending
-    size_t moving_capacity;
-    uint32_t moving_count;
+    uint64_t flat_key;       // of all flat bodies and where they are; 0 = there are none
+    uint64_t flat_triangles; // placed
+    bool flat_deforms;       // under the same key
+    uint64_t triangles;      // of all bodies, those of flat ones as often as they are placed
+    uint32_t instances;      // places of bodies that are not flat
+    bool motion;             // something moves while the shutter is open
 };
 
 // HG_E_NOMEM.
