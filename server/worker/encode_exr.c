@@ -18,6 +18,7 @@ enum {
 
 enum kind {
     RADIANCE, // as the picture: its type, its exposure
+    SQUARES,  // floats, of radiance squared
     HALVES,
     FLOATS,  // also whole numbers: few programs read those of the file format
     VECTORS, // x, y pairs with y down, which point up in files
@@ -45,7 +46,7 @@ static const struct layout {
     [HG_PLANE_OBJECT] = {{"I"}, FLOATS},
     [HG_PLANE_MATERIAL] = {{"I"}, FLOATS},
     [HG_PLANE_SAMPLES] = {{"I"}, FLOATS},
-    [HG_PLANE_VARIANCE] = {{"V"}, FLOATS},
+    [HG_PLANE_VARIANCE] = {{"V"}, SQUARES},
     [HG_PLANE_NOISY] = {{"R", "G", "B"}, RADIANCE},
     [HG_PLANE_LIGHT_GROUPS] = {{"R", "G", "B"}, RADIANCE},
 };
@@ -177,7 +178,8 @@ static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
 static enum hg_status convert(
     struct file *f, const struct encode_plane *p, enum kind kind, struct hg_exr_part *part)
 {
-    const float exposure = kind == RADIANCE ? f->job->notes.exposure : 1.0f;
+    const float factor = f->job->notes.exposure;
+    const float exposure = kind == RADIANCE ? factor : kind == SQUARES ? factor * factor : 1.0f;
     const size_t values = p->values->size / sizeof(float);
     const float *from = (const float *)p->values->data;
     part->pixels = from;
