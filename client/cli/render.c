@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -410,12 +411,37 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
 
 // ---- the command -------------------------------------------------------------------------------
 
+// By name, or by whatever name they have.
+static bool is_same_file(const char *a, const char *b)
+{
+    struct stat one, other;
+    return strcmp(a, b) == 0 || (stat(a, &one) == 0 && stat(b, &other) == 0 &&
+                                    one.st_dev == other.st_dev && one.st_ino == other.st_ino);
+}
+
+// Nothing that is written may take the place of what is read, or of what was written before.
+static enum hg_status check_distinct(const struct hg_cli_options *o, struct hg_error *err)
+{
+    const bool here = !o->connect || o->upload;
+    const char *env = is_env_file(o) && here ? o->env : NULL;
+    if (env && is_same_file(o->output, env))
+        return usage(err, "--output", "is the file of --env");
+    if (o->stats_file && is_same_file(o->stats_file, o->output))
+        return usage(err, "--stats", "is the file of --output");
+    if (o->stats_file && here &&
+        (is_same_file(o->stats_file, o->args[0]) || (env && is_same_file(o->stats_file, env))))
+        return usage(err, "--stats", "is a file that is read");
+    return HG_OK;
+}
+
 static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = hg_cli_check_output(r->o->output, err);
     if (!status && r->o->stats_file)
         status = hg_cli_check_output(r->o->stats_file, err);
+    if (!status)
+        status = check_distinct(r->o, err);
     if (status)
         return status;
     r->doing = HG_CLI_DOING_INPUT;

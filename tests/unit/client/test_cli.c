@@ -303,6 +303,21 @@ static void test_usage(void **state)
         expect_run(2, strcmp(bad[i][1], "-o") == 0 ? NULL : bad[i][1], "", command);
     }
     expect_no_file("a.bmp");
+    // What is written takes the place of nothing else.
+    static const char *const same[][2] = {
+        {"-o e.exr --env e.exr", "--output: is the file of --env"},
+        {"-o ./e.exr --env sub/../e.exr", "--output: is the file of --env"},
+        {"-o new.png --stats new.png", "--stats: is the file of --output"},
+        {"-o e.exr --stats ./e.exr", "--stats: is the file of --output"},
+        {"-o a.png --stats s.gltf", "--stats: is a file that is read"}};
+    harness_write(&h, "e.exr", "sky", 3);
+    assert_int_equal(harness_run(&h, "mkdir -p sub"), 0);
+    for (size_t i = 0; i < sizeof same / sizeof *same; i++) {
+        char command[256];
+        snprintf(command, sizeof command, "$HELIO render s.gltf %s", same[i][0]);
+        expect_run(2, same[i][1], "", command);
+    }
+    expect_file("e.exr", "sky");
 }
 
 // Seconds: only what never gets an answer is not waited for.
