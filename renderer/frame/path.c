@@ -133,6 +133,8 @@ static enum hg_status open_shutter(struct hg_view_state *view, struct hg_error *
     if (status != HG_OK)
         return status;
     const enum hg_status synced = sync_scene(view, err);
+    if (synced == HG_OK)
+        hg_path_groups_mark_placed(view);
     view->path->stats.build_ns += hg_clock_now_ns() - start;
     return synced;
 }
@@ -159,6 +161,8 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
         status = sync_scene(view, err);
     if (status == HG_OK)
         status = hg_path_groups_make(view, err);
+    if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
+        hg_path_groups_mark_placed(view);
     if (status == HG_OK)
         status = hg_path_names_make(view, err);
     if (status == HG_OK)

@@ -185,6 +185,17 @@ static enum hg_status mark_draws(struct hg_view_state *view, struct naming *n, s
     return status;
 }
 
+void hg_path_groups_mark_placed(struct hg_view_state *view)
+{
+    struct hg_path *p = view->path;
+    struct hg_geometry_stats stats;
+    hg_geometry_stats(view->rooms->geometry, &stats);
+    p->options &= ~HG_PATH_PLACED;
+    if (p->draw_marks.mapped != NULL &&
+        hg_trace_mark_placed(p->trace, p->draw_marks.mapped, stats.draws, HG_PATH_MARK_PLACED))
+        p->options |= HG_PATH_PLACED;
+}
+
 enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;

@@ -145,6 +145,24 @@ enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_cut *cut, struc
     return HG_OK;
 }
 
+bool hg_trace_mark_placed(const struct hg_trace *t, uint32_t *marks, uint32_t draws, uint32_t mark)
+{
+    const struct hg_trace_layout *l = &t->layout;
+    bool any = false;
+    for (uint32_t i = 0; i < draws; i++)
+        marks[i] &= ~mark;
+    for (uint32_t i = 0; i < l->body_count && t->synced; i++) {
+        for (uint32_t p = 0; p < l->bodies[i].place_count && !l->bodies[i].flat; p++) {
+            const uint32_t draw = l->places[l->bodies[i].first_place + p].draw;
+            if (draw < draws) {
+                marks[draw] |= mark;
+                any = true;
+            }
+        }
+    }
+    return any;
+}
+
 static bool holds(const struct hg_gpu_buffer *buffer, uint64_t first, uint32_t count, uint64_t size)
 {
     return buffer != NULL && first <= UINT32_MAX * 64ull &&

@@ -49,6 +49,11 @@ const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree
 enum hg_status hg_trace_sync(
     struct hg_trace *trace, const struct hg_cut *cut, struct hg_error *err) HG_MUST_CHECK;
 
+// Draws that rays meet in their own space, not in the world's (instances), of the newest sync: sets
+// `mark` in their words, clears it in others. True when there are any. marks: [draws]
+bool hg_trace_mark_placed(
+    const struct hg_trace *trace, uint32_t *marks, uint32_t draws, uint32_t mark);
+
 // Buffers that the host reaches (HG_GPU_BUFFER_READBACK).
 struct hg_trace_wave {
     const struct hg_gpu_buffer *rays, *hits; // hits: of hg_trace_closest

@@ -54,6 +54,11 @@ float hg_emitter_environment_lod = 0.0;
 #define HG_EMITTER_POSITION(draw, part, vertex) (part).positions.v[vertex]
 #endif
 
+// Numbers by whose rounding a triangle may lie elsewhere than where rays meet it: an expression.
+#ifndef HG_EMITTER_TERMS
+#define HG_EMITTER_TERMS(draw, world) 0.0
+#endif
+
 // Punctual lights of such a time: an expression.
 #ifndef HG_EMITTER_LIGHT
 #define HG_EMITTER_LIGHT(index) HG_EMITTERS.lights.v[index]
@@ -73,11 +78,11 @@ float hg_emitter_luminance(vec3 c)
 
 // How far a ray from a point goes to a place so that it does not meet the surface that the place is
 // on: by more than the rounding of either, off the surface; at grazing angles no less than it has to.
-// cosine: of the ray at that surface.
-float hg_emitter_reach(vec3 position_ws, float distance, float cosine)
+// cosine: of the ray at that surface; terms: HG_EMITTER_TERMS.
+float hg_emitter_reach(vec3 position_ws, float distance, float cosine, float terms)
 {
     vec3 a = abs(position_ws);
-    float rounding = (max(a.x, max(a.y, a.z)) + distance) * 8e-6;
+    float rounding = max((max(a.x, max(a.y, a.z)) + distance) * 8e-6, terms * 2e-6);
     return distance - min(rounding / max(cosine, 1e-6), max(rounding, distance * 1e-4));
 }
 

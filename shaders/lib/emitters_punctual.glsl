@@ -15,7 +15,7 @@ hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
     s.distance = HG_EMITTER_FAR;
     if (light.kind != HG_LIGHT_KIND_DIRECTIONAL)
         s.distance =
-            hg_emitter_reach(position_ws, distance(light.position_ws, position_ws), 1.0);
+            hg_emitter_reach(position_ws, distance(light.position_ws, position_ws), 1.0, 0.0);
     s.mask = light.shadow == HG_SHADOW_UNASKED ? 0u : HG_RAY_ALL | HG_RAY_STRAIGHT;
     s.delta = chance > 0.0 && max(e.r, max(e.g, e.b)) > 0.0;
     if (s.delta)

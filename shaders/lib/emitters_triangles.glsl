@@ -9,6 +9,7 @@ struct hg_emitter_triangle {
     vec3 p0, e1, e2; // a corner and the edges from it
     vec3 normal;     // unit, of the front side
     float area;      // 0: degenerate
+    float terms;     // HG_EMITTER_TERMS
     uint flags, material;
 };
 
@@ -24,6 +25,7 @@ hg_emitter_triangle hg_emitter_fetch(uint draw, uint primitive)
         primitive &= (1u << HG_LOD_SHIFT) - 1u;
     }
     mat4x3 world = HG_EMITTER_WORLD(d);
+    t.terms = HG_EMITTER_TERMS(draw, world);
     uint first = primitive * 3u;
     t.corners = uvec3(
         t.part.indices.v[first], t.part.indices.v[first + 1u], t.part.indices.v[first + 2u]);
@@ -150,7 +152,7 @@ hg_emitter_sample hg_emitter_pick_triangle(hg_gpu_emitter_leaf leaf, float chanc
         return s;
     s.direction = d * inversesqrt(d2);
     float distance = sqrt(d2), cosine = hg_emitter_cosine(t, s.direction);
-    s.distance = hg_emitter_reach(position_ws, distance, cosine);
+    s.distance = hg_emitter_reach(position_ws, distance, cosine, t.terms);
     s.pdf = chance * hg_emitter_part_chance(leaf, part) *
         hg_emitter_solid_angle_pdf(t.area, d2, cosine);
     s.group = HG_EMITTER_GROUP_EMISSIVE;

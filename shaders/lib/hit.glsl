@@ -7,6 +7,8 @@
 #include "lib/vertex.glsl"
 #include "shared/ray.h"
 
+float hg_hit_terms = 0.0; // hg_path_terms of the last hit
+
 // direction: unit. width: of the ray's footprint at the hit, metres. The footprint on the surface is
 // an ellipse, longest where the ray grazes it; its axes stand for the steps of pixels.
 // Source: Akenine-Moller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones".
@@ -20,6 +22,7 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
         triangle &= (1u << HG_LOD_SHIFT) - 1u;
     }
     mat4x3 world = hg_path_world(d.instance);
+    hg_hit_terms = hg_path_terms(hit.draw, world);
     uint first = triangle * 3u;
     uint i0 = part.indices.v[first], i1 = part.indices.v[first + 1u], i2 = part.indices.v[first + 2u];
     vec3 p0 = part.positions.v[i0], p1 = part.positions.v[i1], p2 = part.positions.v[i2];
@@ -115,7 +118,8 @@ hg_vertex hg_fetch_hit(hg_gpu_hit hit, vec3 direction, float width)
 vec3 hg_hit_offset(vec3 position, vec3 n)
 {
     vec3 a = abs(position);
-    return position + n * (max(max(a.x, max(a.y, a.z)), 1e-2) * 4e-6);
+    float rounding = max(max(a.x, max(a.y, a.z)), 1e-2) * 4e-6;
+    return position + n * max(rounding, hg_hit_terms * 1e-6);
 }
 
 #endif

@@ -172,7 +172,16 @@ void hg_path_light(uint slot, uint bounce, uint way, uint group, vec3 radiance)
 
 uint hg_path_mark(uint draw)
 {
-    return HG_PATH_CAN(HG_PATH_GROUPS | HG_PATH_CATCHER) ? hg_path.draw_marks.v[draw] : 0u;
+    return HG_PATH_CAN(HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_PLACED) ? hg_path.draw_marks.v[draw]
+                                                                          : 0u;
+}
+
+// Numbers by whose rounding a surface may lie elsewhere than where rays meet it: large where a
+// matrix brings back corners from far away, and rays are brought to them. Metres.
+float hg_path_terms(uint draw, mat4x3 world)
+{
+    vec3 a = abs(world[3]);
+    return (hg_path_mark(draw) & HG_PATH_MARK_PLACED) != 0u ? max(a.x, max(a.y, a.z)) : 0.0;
 }
 
 // --- time ----------------------------------------------------------------------------------------

@@ -52,6 +52,7 @@ hg_gpu_light light_at(uint index)
 #define HG_EMITTER_APART HG_PATH_CAN(HG_PATH_SUNS_APART)
 #define HG_EMITTER_WORLD(draw) hg_path_world((draw).instance)
 #define HG_EMITTER_POSITION(draw, part, vertex) emitter_position(draw, part, vertex)
+#define HG_EMITTER_TERMS(draw, world) hg_path_terms(draw, world)
 #include "lib/emitters.glsl"
 
 layout(local_size_x = HG_PATH_GROUP) in;

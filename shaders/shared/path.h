@@ -141,6 +141,7 @@
 #define HG_PATH_MOST_GROUPS  16
 #define HG_PATH_GROUP_MASK   0xffu
 #define HG_PATH_MARK_CATCHER 0x80000000u
+#define HG_PATH_MARK_PLACED  0x40000000u // rays meet it in its own space
 
 #define HG_PATH_DRAWS_LENGTH 8 // names of a pixel in a list; HG_PLANE_DRAWS_LENGTH
 
@@ -181,6 +182,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
 #define HG_PATH_FOLLOWS 0x20u // the guide has what is seen in smooth surfaces
+#define HG_PATH_PLACED 0x40u // some draws are marked so
 #define HG_PATH_SURFACES 0x2000000u // only what is seen first, by the real-time mode's rules
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
@@ -203,7 +205,7 @@ struct hg_gpu_path {
     // of tiles has the place of its number modulo ring_rows.
     HG_PTR(hg_path_floats) ring;
     HG_PTR(hg_path_words) traced;    // [tiles of the picture] samples of it that were in the ring
-    HG_PTR(hg_path_words) draw_marks;   // [draws] group of what it emits, HG_PATH_MARK_CATCHER
+    HG_PTR(hg_path_words) draw_marks;   // [draws] group of what it emits, HG_PATH_MARK_*
     HG_PTR(hg_path_words) light_groups; // [lights] by hg_gpu_light.id
     HG_PTR(hg_path_words) names;        // [lists][draws] the first draw that has the same name
     HG_STRUCT(hg_gpu_emitters) emitters;

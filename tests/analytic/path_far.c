@@ -81,7 +81,8 @@ static void place(struct hg_node *node, enum way way, const double corners[3], d
 }
 
 // A sphere of radius 1, grey, in a white furnace: rays that leave it meet nothing, it looks 0.5.
-static double furnace(struct rig *rig, enum way way, double far)
+// copies: of the node, in the same place; of several rays are brought to the mesh.
+static double furnace(struct rig *rig, enum way way, double far, int copies)
 {
     static const double direction[3] = {0.9, 0.35, -0.7};
     const double size = way == SCALED ? 1000 : 1;
@@ -93,8 +94,15 @@ static double furnace(struct rig *rig, enum way way, double far)
         corners[i] = round(far * direction[i]) * size;
         center[i] = way == BY_NODE ? 0.0f : (float)corners[i];
     }
-    struct hg_node *node = rig_sphere(rig, path_rig_lambert(rig, 0.5f), center, (float)size, 16);
+    struct hg_node *node =
+        rig_sphere(rig, path_rig_lambert(rig, 0.5f), center, (float)size, copies > 1 ? 64 : 16);
     place(node, way, corners, middle);
+    for (int k = 1; k < copies; k++) {
+        struct hg_object *copy;
+        assert_int_equal(hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &copy), HG_OK);
+        ((struct hg_node *)copy)->mesh = node->mesh;
+        place((struct hg_node *)copy, way, corners, middle);
+    }
     for (int i = 0; i < 3; i++) {
         if (way == BY_NODE)
             node->translation[i] = (float)corners[i];
@@ -104,17 +112,30 @@ static double furnace(struct rig *rig, enum way way, double far)
     return mean_of(rig, &defaults, eye, target, 0.2f);
 }
 
+static void check_ways(struct rig *rig, int copies, double farthest, double most)
+{
+    for (enum way way = 0; way < WAYS; way++) {
+        if (way == BY_NODE && copies > 1) // nothing else than near by
+            continue;
+        const double near = furnace(rig, way, 0, copies);
+        const double farther[2] = {
+            furnace(rig, way, 1e3, copies), furnace(rig, way, farthest, copies)};
+        print_message("%d copies, way %d: %.5f near by, %.5f 1 km and %.5f %g km away\n", copies,
+            (int)way, near, farther[0], farther[1], farthest / 1e3);
+        assert_true(fabs(near - 0.5) < 0.002);
+        assert_true(fabs(farther[0] - near) < most && fabs(farther[1] - near) < most);
+    }
+}
+
 static void test_far(void **state)
 {
-    struct rig *rig = *state;
-    for (enum way way = 0; way < WAYS; way++) {
-        const double near = furnace(rig, way, 0);
-        const double farther[2] = {furnace(rig, way, 1e3), furnace(rig, way, 1e5)};
-        print_message("way %d: %.5f near by, %.5f and %.5f a kilometre and a hundred away\n",
-            (int)way, near, farther[0], farther[1]);
-        assert_true(fabs(near - 0.5) < 0.002);
-        assert_true(fabs(farther[0] - near) < 1e-3 && fabs(farther[1] - near) < 1e-3);
-    }
+    check_ways(*state, 1, 1e5, 1e-3);
+}
+
+// 16,384 triangles each, so that they are not made flat.
+static void test_far_instances(void **state)
+{
+    check_ways(*state, 5, 1e4, 1e-3);
 }
 
 // --- lamps ---------------------------------------------------------------------------------------
@@ -158,6 +179,48 @@ static void test_far_lamp(void **state)
     }
 }
 
+// Five spheres in a row, of one mesh whose corners are far away, that shine on a floor: rays to
+// lights alone.
+static double lamps(struct rig *rig, double far)
+{
+    static const float eye[3] = {0, 0.5f, 2.5f}, target[3] = {0, 0, 0};
+    const double corners[3] = {far, 0, -far};
+    const float center[3] = {(float)far, 0, -(float)far};
+    double middle[3];
+    struct hg_node *node = NULL;
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 1.0f), 3);
+    struct hg_material *m = path_rig_lambert(rig, 0.0f);
+    m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
+    for (int k = 0; k < 5; k++) {
+        struct hg_object *copy;
+        if (k > 0)
+            assert_int_equal(
+                hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &copy), HG_OK);
+        struct hg_node *next =
+            k == 0 ? rig_sphere(rig, m, center, 0.5f, 64) : (struct hg_node *)copy;
+        next->mesh = k == 0 ? next->mesh : node->mesh;
+        node = next;
+        place(node, TURNED_BACK, corners, middle);
+        node->translation[0] += (float)(k - 2) * 1.25f;
+        node->translation[1] += 2.0f;
+    }
+    struct hg_view_params params = defaults;
+    params.max_bounces = 1;
+    params.samples = 64;
+    rig->renderer->context.estimators = HG_PATH_USE_EMITTERS;
+    const double mean = mean_of(rig, &params, eye, target, 0.3f);
+    rig->renderer->context.estimators = 0;
+    return mean;
+}
+
+static void test_far_lamps(void **state)
+{
+    const double near = lamps(*state, 0), farther = lamps(*state, 3e3);
+    print_message("five lamps: %.5f, %.5f when corners are far\n", near, farther);
+    assert_true(fabs(farther / near - 1) < 0.005);
+}
+
 // --- strays --------------------------------------------------------------------------------------
 
 // A floor below a light, and something so far away that it is not seen: a light, or a square that
@@ -197,7 +260,9 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_far),
+        cmocka_unit_test(test_far_instances),
         cmocka_unit_test(test_far_lamp),
+        cmocka_unit_test(test_far_lamps),
         cmocka_unit_test(test_strays),
     };
     if (argc > 1)
