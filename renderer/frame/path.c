@@ -313,6 +313,8 @@ enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_
         status = begin_picture(view, err);
     } else {
         status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
+        if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0 && !hg_path_done(p))
+            status = hg_skin_run(view->context->gpu, view->rooms->geometry, err); // others' poses
         if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
             view->rooms->posed != p) { // others have looked at the scene in between
             status = open_shutter(view, err);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/mix.h"
 #include "shaders/shared/features.h"
 
 // --- features ------------------------------------------------------------------------------------
@@ -179,14 +180,24 @@ void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms)
         destroy(context, rooms);
 }
 
+static uint64_t revision_of(const struct hg_rooms *rooms)
+{
+    double origin[3];
+    hg_geometry_origin(rooms->geometry, origin);
+    uint64_t h = hg_mix(5, rooms->shown_revision);
+    for (int i = 0; i < 3; i++)
+        h = hg_mix(h, (uint64_t)(int64_t)origin[i]);
+    return h;
+}
+
 static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *rooms,
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
     const bool came = hg_geometry_poll(rooms->geometry, until_ns);
     const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
-    const bool same = rooms->scene_revision == rooms->scene->revision && !moved && !came &&
+    const bool same = rooms->scene_revision == rooms->scene->revision && !came &&
                       !hg_textures_is_stale(rooms->textures);
-    if (same && rooms->posed == NULL)
+    if (same && !moved && rooms->posed == NULL)
         return HG_OK;
     const uint64_t before = hg_geometry_revision(rooms->geometry);
     rooms->posed = NULL;
@@ -201,7 +212,8 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *ro
         rooms->has_holes = has_holes(rooms->scene);
         rooms->scene_revision = rooms->scene->revision;
         if (!same && hg_geometry_revision(rooms->geometry) != before)
-            rooms->geometry_revision = hg_geometry_revision(rooms->geometry);
+            rooms->shown_revision = hg_geometry_revision(rooms->geometry);
+        rooms->geometry_revision = revision_of(rooms);
     }
     return status;
 }

@@ -43,7 +43,8 @@ struct hg_rooms {
     uint32_t mixes;             // HG_MIX_* of its materials
     bool has_holes;             // some surface that is drawn in layers is not there everywhere
     uint64_t scene_revision;    // brought to the device, UINT64_MAX = none
-    uint64_t geometry_revision; // of the geometry when it last showed something new
+    uint64_t shown_revision;    // of the geometry when it last showed something new
+    uint64_t geometry_revision; // of that and the origin: a view whose own comes back goes on
     const void *posed;          // who has posed the geometry otherwise than the scene; NULL: nobody
     struct hg_textures *textures;
     struct hg_geometry *geometry;

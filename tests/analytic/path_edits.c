@@ -297,8 +297,43 @@ static void test_edits(void **state)
     }
 }
 
+// Two views that look at one scene from far apart, in turns: each gets to its end.
+static void test_far_apart(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_frame_info info[2] = {{0}};
+    struct hg_view *views[2];
+    static const float away[3] = {20000, 1.2f, 3.5f}, there[3] = {20000, 0.5f, 0};
+    open_scene(rig);
+    for (int i = 0; i < 2; i++) {
+        struct hg_view_params params = kinds[i == 0 ? 0 : 2].params;
+        views[i] = path_rig_view(rig, &params);
+        path_rig_look(views[i], i ? away : eye, i ? there : target, 0.8f);
+        hg_view_set_final(views[i], false);
+    }
+    for (int steps = 0; steps < 600 && !(info[0].settled && info[1].settled); steps++) {
+        for (int i = 0; i < 2; i++)
+            test_ok(hg_view_step(views[i], 1, &info[i], &err), &err);
+    }
+    print_message("far apart: %u and %u samples\n", info[0].samples, info[1].samples);
+    assert_true(info[0].settled && info[1].settled);
+    struct hg_refbuf *pixels, *fresh;
+    test_ok(hg_view_read_pixels(views[0], HG_PIXEL_RGBA32F, &pixels, &err), &err);
+    hg_view_destroy(views[0]);
+    hg_view_destroy(views[1]);
+    views[0] = path_rig_view(rig, &kinds[0].params);
+    path_rig_look(views[0], eye, target, 0.8f);
+    fresh = settled(views[0]);
+    assert_memory_equal(pixels->data, fresh->data, fresh->size);
+    hg_refbuf_unref(pixels);
+    hg_refbuf_unref(fresh);
+    hg_view_destroy(views[0]);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_edits)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_edits), cmocka_unit_test(test_far_apart)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
