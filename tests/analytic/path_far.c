@@ -193,7 +193,7 @@ static double lamps(struct rig *rig, double far)
     struct hg_material *m = path_rig_lambert(rig, 0.0f);
     m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
     for (int k = 0; k < 5; k++) {
-        struct hg_object *copy;
+        struct hg_object *copy = NULL;
         if (k > 0)
             assert_int_equal(
                 hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &copy), HG_OK);
