@@ -11,6 +11,7 @@
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
+#include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
 
 static const struct {
@@ -593,6 +594,16 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
                            : status;
 }
 
+// Where a shutter has brought the geometry elsewhere, back to the scene.
+static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
+{
+    if (view->rooms->posed == NULL)
+        return HG_OK;
+    const enum hg_status status =
+        hg_rooms_sync(view->context, view->rooms, view->camera.eye, 0, err);
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
+}
+
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
     struct hg_gpu_pick *out, struct hg_error *err)
 {
@@ -604,7 +615,9 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");
     const VkRect2D pixel = {{(int32_t)x, (int32_t)y}, {1, 1}};
     struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_frame_cull_part(view, pixel, view->pick_visible, err);
+    enum hg_status status = unpose(view, err);
+    if (status == HG_OK)
+        status = hg_frame_cull_part(view, pixel, view->pick_visible, err);
     if (status == HG_OK)
         status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)

@@ -331,9 +331,36 @@ static void test_far_apart(void **state)
     hg_view_destroy(views[0]);
 }
 
+// What is picked stands where the scene has it, though another view has posed it at other times.
+static void test_picked(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    struct hg_pick before, after;
+    open_scene(rig);
+    struct hg_view *view = path_rig_view(rig, &kinds[0].params);
+    struct hg_view *other = path_rig_view(rig, &kinds[2].params);
+    path_rig_look(view, eye, (const float[3]){0.2f, 0.4f, 0}, 0.8f);
+    path_rig_look(other, eye, target, 0.8f);
+    path_rig_settle(view);
+    test_ok(hg_view_pick(view, 32, 20, &before, &err), &err);
+    assert_true(before.hit);
+    rig->renderer->context.slice_ns = 1;
+    for (int i = 0; i < 12; i++) {
+        test_ok(hg_view_step(other, 1, &info, &err), &err);
+        test_ok(hg_view_pick(view, 32, 20, &after, &err), &err);
+        assert_true(after.hit && after.node == before.node);
+        assert_memory_equal(after.position, before.position, sizeof before.position);
+    }
+    rig->renderer->context.slice_ns = 0;
+    hg_view_destroy(view);
+    hg_view_destroy(other);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_edits), cmocka_unit_test(test_far_apart)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_edits),
+        cmocka_unit_test(test_far_apart), cmocka_unit_test(test_picked)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
