@@ -288,13 +288,13 @@ static void test_noise_goes(void **state)
     }
 }
 
-// Of each region as much as of its samples.
+// Of each region as much as of its samples; of the picture, which energy.c looks after, exactly.
 static void test_energy_stays(void **state)
 {
     (void)state;
     struct picture p = make(128, 128, 16, noisy_wall);
     run(&p, 2);
-    double worst = 0.0;
+    double worst = 0.0, all_raw = 0.0, all_out = 0.0;
     for (uint32_t r = 0; r < 16; r++) {
         double raw = 0.0, out = 0.0;
         for (uint32_t i = 0; i < 32 * 32; i++) {
@@ -303,9 +303,13 @@ static void test_energy_stays(void **state)
             out += (double)out_at(&p, x, y, 0);
         }
         worst = fmax(worst, fabs(out / raw - 1.0));
+        all_raw += raw;
+        all_out += out;
     }
-    print_message("energy: %.2f %%\n", 100.0 * worst);
+    const double all = fabs(all_out / all_raw - 1.0);
+    print_message("energy: %.2f %%, of all %.5f %%\n", 100.0 * worst, 100.0 * all);
     assert_true(worst < 0.01);
+    assert_true(all < 1e-4);
     finish(&p);
 }
 
