@@ -25,7 +25,8 @@ void hg_camera_fill(const struct hg_camera_setup *setup, struct hg_gpu_camera *o
 
 // near and far where the caller gave none (0), so that everything in the bounds is in front of the
 // camera and behind near. Perspective: near is a small part of the scene, amid which it is 1 cm at
-// most (reversed floating-point depth has the same relative precision everywhere); orthographic: the slab that holds the bounds.
+// most (reversed floating-point depth has the same relative precision everywhere); orthographic:
+// the slab that holds the bounds.
 void hg_camera_fit_depth(
     struct hg_camera_setup *setup, bool has_bounds, const float min[3], const float max[3]);
 

@@ -143,9 +143,9 @@ bool hg_path_denoise_due(const struct hg_path *path);
 enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // path_groups.c: which lights belong together, and which draws catch shadows; before the film is
 // made, when the geometry is synced. Adds to options.
-// After groups were made, and whenever structures of rays were.
-void hg_path_groups_mark_placed(struct hg_view_state *view);
 enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// Which draws rays meet in their own space: after groups were made, and whenever structures were.
+void hg_path_groups_mark_placed(struct hg_view_state *view);
 void hg_path_groups_destroy(struct hg_path *path);
 // path_names.c: as well before the film is made.
 enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;

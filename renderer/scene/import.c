@@ -16,8 +16,8 @@
 
 static const struct {
     const char *ending, *format;
-} formats[] = {{".obj", "obj"}, {".fbx", "fbx"}, {".ply", "ply"}, {".stl", "stl"},
-    {".dae", "collada"}};
+} formats[] = {
+    {".obj", "obj"}, {".fbx", "fbx"}, {".ply", "ply"}, {".stl", "stl"}, {".dae", "collada"}};
 
 static const char *format_of(const char *path)
 {
@@ -149,9 +149,13 @@ static struct aiFile *open_file(struct aiFileIO *io, const char *name, const cha
         return NULL;
     }
     f->data = data;
-    f->api = (struct aiFile){.ReadProc = file_read, .WriteProc = file_write,
-        .TellProc = file_tell, .FileSizeProc = file_size, .SeekProc = file_seek,
-        .FlushProc = file_flush, .UserData = (char *)f};
+    f->api = (struct aiFile){.ReadProc = file_read,
+        .WriteProc = file_write,
+        .TellProc = file_tell,
+        .FileSizeProc = file_size,
+        .SeekProc = file_seek,
+        .FlushProc = file_flush,
+        .UserData = (char *)f};
     return &f->api;
 }
 
@@ -172,8 +176,8 @@ static uint64_t gzip_size(const struct hg_refbuf *in)
     return (uint64_t)p[0] | (uint64_t)p[1] << 8 | (uint64_t)p[2] << 16 | (uint64_t)p[3] << 24;
 }
 
-enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes,
-    const char *label, struct hg_refbuf **out, struct hg_error *err)
+enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes, const char *label,
+    struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
     if (in->size < 18 || in->size > UINT32_MAX)
@@ -185,8 +189,10 @@ enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes
     struct hg_refbuf *buf = hg_refbuf_create_spilled((size_t)size);
     if (!buf)
         return hg_error_set(err, HG_E_NOMEM, label, NULL, "no memory");
-    z_stream z = {.next_in = (Bytef *)in->data, .avail_in = (uInt)in->size,
-        .next_out = buf->data, .avail_out = (uInt)size};
+    z_stream z = {.next_in = (Bytef *)in->data,
+        .avail_in = (uInt)in->size,
+        .next_out = buf->data,
+        .avail_out = (uInt)size};
     int rc = inflateInit2(&z, 15 + 16);
     if (rc == Z_OK) {
         rc = inflate(&z, Z_FINISH);
@@ -293,8 +299,8 @@ static enum hg_status convert(struct hg_import *im)
 static const struct aiScene *run_assimp(struct hg_import *im, const struct hg_refbuf *main)
 {
     struct file_system fs = {.im = im, .main = main};
-    fs.api = (struct aiFileIO){
-        .OpenProc = open_file, .CloseProc = close_file, .UserData = (char *)&fs};
+    fs.api =
+        (struct aiFileIO){.OpenProc = open_file, .CloseProc = close_file, .UserData = (char *)&fs};
     struct aiPropertyStore *properties = aiCreatePropertyStore();
     aiSetImportPropertyInteger(properties, AI_CONFIG_PP_LBW_MAX_WEIGHTS, 4);
     aiSetImportPropertyInteger(properties, AI_CONFIG_IMPORT_FBX_PRESERVE_PIVOTS, 0);

@@ -58,7 +58,7 @@ bool hg_trace_mark_placed(
 struct hg_trace_wave {
     const struct hg_gpu_buffer *rays, *hits; // hits: of hg_trace_closest
     const struct hg_gpu_buffer *blocked;     // of hg_trace_blocked: [count] words, 0 or 1
-    uint64_t first_ray, first_hit; // index of the wave's first; first_hit: of blocked, too
+    uint64_t first_ray, first_hit;    // index of the wave's first; first_hit: of blocked, too
     const struct hg_gpu_buffer *list; // [count] words, mapped: which rays; NULL: the first `count`
     uint32_t count;
     bool coherent; // neighbours go about the same way: primary rays, shadow rays of one light
