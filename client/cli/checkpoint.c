@@ -90,13 +90,13 @@ static enum hg_status fetch_part(const struct hg_cli_kept *kept, struct hg_write
 }
 
 enum hg_status hg_cli_checkpoint_save(
-    const struct hg_cli_kept *kept, double seconds, struct hg_error *err)
+    const struct hg_cli_kept *kept, double seconds, uint32_t *samples, struct hg_error *err)
 {
     char path[4200];
     struct hg_writer data = {0};
     struct hg_cli *cli = kept->cli;
-    uint32_t samples = 0;
     uint64_t size = 1;
+    *samples = 0;
     if (!name_of(kept->kind, kept->output, path, sizeof path))
         return hg_error_set(err, HG_E_INVAL, kept->output, NULL, "the name is too long");
     uint64_t usual =
@@ -104,10 +104,12 @@ enum hg_status hg_cli_checkpoint_save(
     helio_set_timeout(cli->h, (uint64_t)(seconds * 1e9));
     enum hg_status status = HG_OK;
     while (!status && data.size < size)
-        status = fetch_part(kept, &data, &samples, &size, err);
+        status = fetch_part(kept, &data, samples, &size, err);
     helio_set_timeout(cli->h, usual);
+    if (!status && *samples < kept->least)
+        status = hg_error_set(err, HG_E_STATE, kept->output, NULL, "the file holds more samples");
     if (!status)
-        status = write_file(path, kept, samples, &data, err);
+        status = write_file(path, kept, *samples, &data, err);
     hg_writer_finish(&data);
     return status;
 }

@@ -113,6 +113,7 @@ static enum hg_status ask_job(
     if (after)
         memcpy(query.after, after, 32);
     memset(job, 0, 32);
+    r->replaced = r->cli.progress.replaced;
     if (!wants_job(r))
         return HG_OK;
     enum hg_status status =
@@ -199,6 +200,21 @@ static enum hg_status check_existing(struct hg_cli_render *r, const char *name,
     return HG_OK;
 }
 
+// Pictures that depend on those before. A picture's job holds that of the one before, so files that
+// are there already are of this series or are made again. Pictures that are left as they are do not
+// bring the view their history: it comes from OUT.history, or they are made once more.
+struct hg_cli_series {
+    uint32_t held;     // the view has the history of picture held - 1; 0: of none
+    uint32_t replaced; // workers, when it got it: another one has none
+    bool kept;         // the history of picture held - 1 is in its file
+    uint8_t job[][32];
+};
+
+static bool is_lost(const struct hg_cli_render *r)
+{
+    return r->series && r->series->held > 0 && r->series->replaced != r->cli.progress.replaced;
+}
+
 // ---- waiting for a frame -----------------------------------------------------------------------
 
 // One more part of a frame's data.
@@ -249,13 +265,45 @@ static uint64_t add_s(uint64_t ns, double s)
     return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
 }
 
+static struct hg_cli_kept film_of(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    return (struct hg_cli_kept){
+        &r->cli, HGP_checkpoint_kind_FILM, name, job, .least = r->kept_samples};
+}
+
+static enum hg_status save_film(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    const struct hg_cli_kept kept = film_of(r, name, job);
+    uint32_t samples;
+    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &samples, err);
+    if (status == HG_OK) {
+        r->left_checkpoint = true;
+        r->kept_samples = samples;
+    }
+    return status;
+}
+
+static enum hg_status load_film(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    const struct hg_cli_kept kept = film_of(r, name, job);
+    uint32_t samples = 0;
+    enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
+    r->kept_samples = samples; // 0: what is there is of no use
+    if (!status && samples) {
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
+    }
+    return status;
+}
+
 // A disk that takes no film is no reason to end: the picture is smaller, and may find room.
 static enum hg_status save_interval(
-    struct hg_cli_render *r, const struct hg_cli_kept *kept, struct hg_error *err)
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
     struct hg_error wrong = {0};
-    enum hg_status status = hg_cli_checkpoint_save(kept, PATIENCE_S, &wrong);
-    r->left_checkpoint |= status == HG_OK;
+    enum hg_status status = save_film(r, name, job, &wrong);
     switch (status) {
     case HG_OK:
     case HG_E_STATE: // nothing worth keeping yet
@@ -267,13 +315,27 @@ static enum hg_status save_interval(
     case HG_E_NOMEM:
     case HG_E_LIMIT:
         hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s.checkpoint: %s; the rendering goes on\n", kept->output,
+        fprintf(stderr, "helio: %s.checkpoint: %s; the rendering goes on\n", name,
             wrong.reason[0] ? wrong.reason : hg_status_text(status));
         return HG_OK;
     default:
         *err = wrong;
         return status;
     }
+}
+
+// A worker that took the place of another knows no job, and begins the picture anew but for what
+// was kept of it.
+static enum hg_status go_on(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    uint8_t same[32];
+    if (r->replaced == r->cli.progress.replaced)
+        return HG_OK;
+    enum hg_status status = ask_job(r, NULL, same, err);
+    if (!status && is_path(r) && r->left_checkpoint)
+        status = load_film(r, name, job, err);
+    return status;
 }
 
 // The settled frame; on the way there the film is written to OUT.checkpoint in intervals.
@@ -292,17 +354,21 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
         .has_parts = true,
         .parts = true,
     };
-    const struct hg_cli_kept kept = {cli, HGP_checkpoint_kind_FILM, name, job};
     uint32_t id;
     *frame = NULL;
     hg_writer_finish(&r->parts);
-    enum hg_status status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
+    enum hg_status status = go_on(r, name, job, err);
+    if (!status)
+        status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
     uint64_t now = hg_clock_now_ns();
     uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
     double every = o->has_checkpoint ? o->checkpoint : 1e12;
     uint64_t save = add_s(now, every);
     struct hg_error told = {0};
     while (!status && !take_messages(r, id, frame, &told)) {
+        status = go_on(r, name, job, err);
+        if (status)
+            break;
         now = hg_clock_now_ns();
         if (r->closes_s > 0 && is_path(r)) { // at once, and as long as it lasts
             save = now;
@@ -320,7 +386,7 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
             status = HG_OK;
         if (status || now < save)
             continue;
-        status = save_interval(r, &kept, err);
+        status = save_interval(r, name, job, err);
         save = add_s(hg_clock_now_ns(), every);
     }
     if (!status && told.status) {
@@ -332,15 +398,27 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     return status;
 }
 
+// What comes from a worker that was not told of the job is asked for once more.
+static enum hg_status wait_whole_frame(struct hg_cli_render *r, const char *name,
+    const uint8_t job[32], struct helio_message **frame, struct hg_error *err)
+{
+    for (;;) {
+        const uint32_t replaced = r->replaced;
+        const enum hg_status status = wait_frame(r, name, job, frame, err);
+        if (status || replaced == r->cli.progress.replaced || is_lost(r))
+            return status;
+        helio_message_free(*frame);
+        *frame = NULL;
+    }
+}
+
 // What a command that is stopped leaves of the frame it was at.
 static void leave_checkpoint(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
-    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_FILM, name, job};
     struct hg_error err = {0};
     if (!is_path(r) || !hg_cli_is_stopped())
         return;
-    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &err);
-    r->left_checkpoint |= status == HG_OK;
+    enum hg_status status = save_film(r, name, job, &err);
     if (status && status != HG_E_STATE)
         fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
             err.reason[0] ? err.reason : hg_status_text(status));
@@ -349,19 +427,21 @@ static void leave_checkpoint(struct hg_cli_render *r, const char *name, const ui
 static enum hg_status resume(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
-    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_FILM, name, job};
-    uint32_t samples = 0;
-    if (!r->o->resume)
+    if (!r->o->resume && !r->left_checkpoint)
         return HG_OK;
-    enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
-    if (!status && samples) {
-        hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
-    }
+    enum hg_status status = load_film(r, name, job, err);
+    r->left_checkpoint |= !status && r->kept_samples > 0;
     return status;
 }
 
 // ---- frames ------------------------------------------------------------------------------------
+
+static void drop_film(struct hg_cli_render *r, const char *name)
+{
+    hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
+    r->left_checkpoint = false;
+    r->kept_samples = 0;
+}
 
 // All of a frame's data, behind the parts that came before; they live as long as both.
 static enum hg_status join_parts(struct hg_cli_render *r, const struct hgp_frame *frame,
@@ -399,40 +479,49 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
         r->doing = HG_CLI_DOING_OUTPUT;
         status = hg_file_write_atomic(name, data, size, err);
     }
-    if (!status && is_path(r)) {
-        hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
-        r->left_checkpoint = false;
-    }
+    if (!status && is_path(r))
+        drop_film(r, name);
     return status;
 }
 
 // What the next picture of a series needs is there before the picture itself is: whoever finds the
 // one finds the other.
-static void keep_history(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+static bool keep_history(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
-    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job};
+    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job, 0};
     struct hg_error err = {0};
-    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &err);
+    uint32_t samples;
+    enum hg_status status = hg_cli_checkpoint_save(&kept, PATIENCE_S, &samples, &err);
     if (status && !hg_cli_is_stopped()) {
         hg_cli_progress_clear(&r->cli.progress);
         fprintf(stderr, "helio: %s.history: cannot be written: %s\n", name,
             err.reason[0] ? err.reason : hg_status_text(status));
     }
+    return status == HG_OK;
 }
 
+// *again: the picture was made without the history that it needs, and is nobody's.
 static enum hg_status make_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
-    bool wanted, struct hg_error *err)
+    bool wanted, bool *again, struct hg_error *err)
 {
     struct helio_message *answer;
+    *again = false;
     uint64_t begin = hg_clock_now_ns();
     hg_cli_progress_stage(&r->cli.progress, "rendering");
     enum hg_status status = resume(r, name, job, err);
     if (!status)
-        status = wait_frame(r, name, job, &answer, err);
+        status = wait_whole_frame(r, name, job, &answer, err);
     if (status) {
         leave_checkpoint(r, name, job);
         return status;
     }
+    if (is_lost(r)) {
+        *again = true;
+        helio_message_free(answer);
+        return HG_OK;
+    }
+    if (r->series)
+        r->series->replaced = r->cli.progress.replaced;
     r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
     status = hg_cli_check_warnings(&r->cli, err);
     if (!status) {
@@ -441,7 +530,7 @@ static enum hg_status make_frame(struct hg_cli_render *r, const char *name, cons
         if (!r->first_frame_ns)
             r->first_frame_ns = now - r->cli.begin_ns;
         if (r->series)
-            keep_history(r, name, job);
+            r->series->kept = keep_history(r, name, job);
         if (wanted)
             status = write_frame(r, &answer->body->frame, name, now - begin, err);
         if (wanted)
@@ -467,12 +556,12 @@ static enum hg_status check_frame(struct hg_cli_render *r, const char *name, con
 static enum hg_status render_frame(struct hg_cli_render *r, const char *name, struct hg_error *err)
 {
     uint8_t job[32];
-    bool there = false;
+    bool there = false, again;
     r->doing = HG_CLI_DOING_RENDER;
     enum hg_status status = ask_job(r, NULL, job, err);
     if (!status)
         status = check_frame(r, name, job, &there, err);
-    return status || there ? status : make_frame(r, name, job, true, err);
+    return status || there ? status : make_frame(r, name, job, true, &again, err);
 }
 
 static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
@@ -519,14 +608,6 @@ static enum hg_status go_to(struct hg_cli_render *r, uint32_t index, struct hg_e
 
 // ---- series ------------------------------------------------------------------------------------
 
-// Pictures that depend on those before. A picture's job holds that of the one before, so files that
-// are there already are of this series or are made again. Pictures that are left as they are do not
-// bring the view their history: it comes from OUT.history, or they are made once more.
-struct hg_cli_series {
-    uint32_t held; // the view has the history of picture held - 1; 0: of none
-    uint8_t job[][32];
-};
-
 static bool is_series(const struct hg_cli_render *r)
 {
     return is_path(r) && r->o->denoise && r->o->has_frames && frame_count(r) > 1;
@@ -547,7 +628,8 @@ static enum hg_status load_history(struct hg_cli_render *r, uint32_t i, struct h
     uint32_t samples = 0;
     for (uint32_t j = i; j > s->held; j--) {
         name_frame(r, frame_at(r, j - 1), name, sizeof name);
-        const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, s->job[j - 1]};
+        const struct hg_cli_kept kept = {
+            &r->cli, HGP_checkpoint_kind_HISTORY, name, s->job[j - 1], 0};
         enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
         if (status)
             return status;
@@ -567,26 +649,49 @@ static void drop_history(const struct hg_cli_render *r, uint32_t i)
 }
 
 static enum hg_status make_series_frame(
-    struct hg_cli_render *r, uint32_t i, bool wanted, struct hg_error *err)
+    struct hg_cli_render *r, uint32_t i, bool wanted, bool *again, struct hg_error *err)
 {
     char name[4096];
     name_frame(r, frame_at(r, i), name, sizeof name);
-    enum hg_status status = make_frame(r, name, r->series->job[i], wanted, err);
-    if (status)
+    enum hg_status status = make_frame(r, name, r->series->job[i], wanted, again, err);
+    if (status || *again)
         return status;
     r->series->held = i + 1;
     if (!wanted)
-        hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
-    if (i > 0)
+        drop_film(r, name);
+    if (i > 0 && r->series->kept)
         drop_history(r, i - 1);
     return HG_OK;
+}
+
+// A view whose worker was replaced has lost its history, and may show picture i without: it looks
+// elsewhere, gets what was kept, and comes back.
+static enum hg_status restore(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    struct hg_cli_series *s = r->series;
+    enum hg_status status = HG_OK;
+    while (!status && is_lost(r)) {
+        s->held = 0;
+        s->replaced = r->cli.progress.replaced;
+        status = go_to(r, i > 0 ? i - 1 : i, err);
+        if (!status)
+            status = load_history(r, i, err);
+        if (!status && s->held == 0 && i > 0) // what it has may be of the wrong picture
+            status = hg_error_set(err, HG_E_WORKER, "history", NULL,
+                "the worker was replaced, and what the next frame depends on was not kept");
+        if (!status)
+            status = ask_series_job(r, i, err);
+    }
+    return status;
 }
 
 // The view gets the history that picture i is averaged with.
 static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
 {
     struct hg_cli_series *s = r->series;
-    enum hg_status status = s->held < i ? load_history(r, i, err) : HG_OK;
+    enum hg_status status = restore(r, i, err);
+    if (!status && s->held < i)
+        status = load_history(r, i, err);
     if (status || s->held == i)
         return status;
     hg_cli_progress_clear(&r->cli.progress);
@@ -594,9 +699,12 @@ static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error
         "helio: frames %u to %u are made again, unwritten: the next one depends on them\n",
         frame_at(r, s->held), frame_at(r, i - 1));
     while (!status && s->held < i) {
+        bool again;
         status = ask_series_job(r, s->held, err);
         if (!status)
-            status = make_series_frame(r, s->held, false, err);
+            status = make_series_frame(r, s->held, false, &again, err);
+        if (!status)
+            status = restore(r, i, err);
     }
     return status ? status : ask_series_job(r, i, err);
 }
@@ -611,8 +719,12 @@ static enum hg_status render_series_frame(struct hg_cli_render *r, uint32_t i, s
         status = check_frame(r, name, r->series->job[i], &there, err);
     if (status || there)
         return status;
-    status = reach(r, i, err);
-    return status ? status : make_series_frame(r, i, true, err);
+    for (bool again = true; !status && again;) {
+        status = reach(r, i, err);
+        if (!status)
+            status = make_series_frame(r, i, true, &again, err);
+    }
+    return status;
 }
 
 // ---- all ---------------------------------------------------------------------------------------

@@ -170,7 +170,9 @@ void hg_cli_on_notice(void *user, const struct hgp_notice *notice)
     hg_cli_clean(where, sizeof where, notice->where.data, notice->where.size);
     hg_cli_clean(reason, sizeof reason, notice->reason.data, notice->reason.size);
     struct hg_cli_progress *p = user;
-    if (p->warnings++ >= WARNINGS_SHOWN)
+    const bool replaced = notice->code == HG_E_WORKER && strcmp(what, "worker") == 0;
+    p->replaced += replaced;
+    if (!replaced && p->warnings++ >= WARNINGS_SHOWN) // the others are about the scene
         return;
     hg_cli_progress_clear(p);
     fprintf(stderr, "warning: %s%s%s%s%s\n", what, what[0] ? ": " : "", where, where[0] ? ": " : "",

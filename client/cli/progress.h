@@ -24,6 +24,7 @@ struct hg_cli_progress {
                                                // shaders; by the others
     uint64_t frame_begin_ns;                   // of the one at hand
     uint32_t warnings;                         // printed and not printed
+    uint32_t replaced;                         // workers that ended and were replaced
 };
 
 // "auto" (NULL too), "json" or "none".

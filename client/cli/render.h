@@ -18,6 +18,8 @@ struct hg_cli_render {
     uint32_t skipped;             // files that were left as they were
     uint32_t next_frame;          // number of the first frame that is not there yet
     bool left_checkpoint;         // of it
+    uint32_t kept_samples;        // of the film in it; fewer do not take its place
+    uint32_t replaced;            // workers, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_series *series; // of pictures that depend on those before; NULL = of none
@@ -47,11 +49,12 @@ struct hg_cli_kept {
     enum hgp_checkpoint_kind kind;
     const char *output;
     const uint8_t *job; // [32]
+    uint32_t least;     // fewer samples are not written
 };
-// Asks the worker for it and writes it. HG_E_STATE: there is none yet; nothing is written.
-// `seconds`: how long to wait for an answer.
-enum hg_status hg_cli_checkpoint_save(
-    const struct hg_cli_kept *kept, double seconds, struct hg_error *err) HG_MUST_CHECK;
+// Asks the worker for it and writes it; *samples: of it. HG_E_STATE: there is none yet, or it has
+// fewer than `least`; nothing is written. `seconds`: how long to wait for an answer.
+enum hg_status hg_cli_checkpoint_save(const struct hg_cli_kept *kept, double seconds,
+    uint32_t *samples, struct hg_error *err) HG_MUST_CHECK;
 // Gives the file's to the view. *samples: per pixel it holds, 0 when there is no file or it is of
 // another job, cut short or damaged (said as a notice on the error stream).
 enum hg_status hg_cli_checkpoint_load(

@@ -200,9 +200,20 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
     hg_conn_close(s->conn, &err, "the session is closed");
 }
 
+// Comes before all that the next worker answers.
+static void tell_client(struct hg_session *s)
+{
+    if (s->conn && s->attached)
+        hg_conn_send(s->conn, 0, HGP_T_notice,
+            &(struct hgp_notice){.code = HG_E_WORKER,
+                .what = hgp_str_make("worker"),
+                .reason = hgp_str_make("it ended and is replaced; what it was at begins anew")});
+}
+
 static void requeue(struct hg_session *s)
 {
     struct hg_request *next;
+    tell_client(s);
     s->attached = false;
     for (struct hg_view_state *it = s->views; it; it = it->next) {
         it->granted = 0;

@@ -153,6 +153,23 @@ expect 0 trace "$temp/part.exr" --skip-existing
 stat_is skipped_frames 1
 expect 0 trace "$temp/limit.exr" --spp 60000 --time 1
 
+# A worker that dies in the middle: the next one goes on from the newest film that was kept.
+for round in 1 2 3; do
+    rm -f "$temp/dies.exr" "$temp/dies.exr.checkpoint"
+    run=exec trace "$temp/dies.exr" --checkpoint 1 --connect "$url" >"$temp/out" 2>&1 &
+    client=$!
+    begun() { # the first film kept may be one without samples
+        [ -n "$(find "$temp" -name dies.exr.checkpoint -size +8k)" ] || ! kill -0 $client 2>/dev/null
+    }
+    until_true begun
+    kill -KILL $(pgrep -P $daemon)
+    wait $client || fail "exit $? when the worker died"
+    grep -q 'goes on from' "$temp/out" && break
+done
+told 'it ended and is replaced'
+told 'goes on from [1-9][0-9]* samples'
+same "$temp/whole.exr" "$temp/dies.exr"
+
 # A daemon that is stopped gives its clients the time to keep their films.
 "$heliod" --listen "unix:$temp/brief" --asset-root "$data" --log warn --drain-timeout 3 &
 brief=$!
@@ -196,6 +213,21 @@ ls "$temp"/halted/*.history >/dev/null 2>&1 || [ -e "$temp/halted/s-10.exr" ] ||
 expect 0 series halted --skip-existing
 grep -q 'made again, unwritten' "$temp/out" && fail "the history that was kept was not used"
 same_series halted
+# The worker dies over them: the next one gets the history again.
+mkdir "$temp/deaths"
+for round in 1 2 3; do
+    rm -f "$temp"/deaths/*
+    run=exec series deaths --connect "$url" >"$temp/out" 2>&1 &
+    client=$!
+    begun() { [ -e "$temp/deaths/s-04.exr" ] || ! kill -0 $client 2>/dev/null; }
+    until_true begun
+    [ -e "$temp/deaths/s-10.exr" ] && wait $client && continue
+    kill -KILL $(pgrep -P $daemon)
+    wait $client || fail "exit $? when the worker died in a series"
+    grep -q 'it ended and is replaced' "$temp/out" && break
+done
+told 'it ended and is replaced'
+same_series deaths
 cp "$temp"/series/s-0[246].exr "$temp/holes"
 rm "$temp/holes/s-04.exr"
 expect 0 series holes --skip-existing

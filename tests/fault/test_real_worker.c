@@ -279,6 +279,9 @@ static void batches_stay_whole(void **state)
     assert_int_equal(kill(worker, SIGKILL), 0);
     uint32_t request = ask_raw(&b);
     daemon_wait_log(&d, "is back after");
+    assert_true(peer_next(&b));
+    assert_int_equal(b.header.type, HGP_T_notice);
+    assert_int_equal(b.m.notice.code, HG_E_WORKER);
     if (peer_next_within(&b, 500)) { // nothing is due before the batch ends
         assert_int_equal(b.header.type, HGP_T_frame);
         assert_int_not_equal(middle(&b), 'r');

@@ -164,9 +164,15 @@ static void killed_from_outside_with_subscription(void **state)
         &p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 8}, HGP_T_ok);
     uint64_t number = 0;
     uint8_t digest[32] = {0};
-    bool killed = false;
+    bool killed = false, told = false;
     for (int i = 0; i < 60; i++) {
         assert_true(peer_next(&p));
+        if (p.header.type == HGP_T_notice) {
+            assert_true(killed && !told);
+            assert_int_equal(p.m.notice.code, HG_E_WORKER);
+            told = true;
+            assert_true(peer_next(&p));
+        }
         assert_int_equal(p.header.type, HGP_T_frame);
         assert_true(p.m.frame.number > number); // increases across workers
         number = p.m.frame.number;
@@ -179,7 +185,7 @@ static void killed_from_outside_with_subscription(void **state)
             killed = true;
         }
     }
-    assert_true(killed && daemon_worker(&d, worker) != worker);
+    assert_true(killed && told && daemon_worker(&d, worker) != worker);
     peer_close(&p);
     daemon_finish(&d);
 }

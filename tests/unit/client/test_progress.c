@@ -98,12 +98,35 @@ static void test_frames(void **state)
     assert_left(&p, 0, 0);
 }
 
+static void notice(struct hg_cli_progress *p, enum hg_status code, const char *what)
+{
+    const struct hgp_notice n = {
+        .code = (uint16_t)code, .what = hgp_str_make(what), .reason = hgp_str_make("why")};
+    hg_cli_on_notice(p, &n);
+}
+
+// With --strict warnings end a command: a worker that was replaced says nothing about the scene.
+static void test_notices(void **state)
+{
+    (void)state;
+    struct hg_cli_progress p;
+    hg_cli_progress_init(&p, "none");
+    notice(&p, HG_E_WORKER, "worker");
+    assert_int_equal(p.replaced, 1);
+    assert_int_equal(p.warnings, 0);
+    notice(&p, HG_E_WORKER, "view_camera"); // it died twice over this, which was given up
+    notice(&p, HG_E_FORMAT, "worker");
+    assert_int_equal(p.replaced, 1);
+    assert_int_equal(p.warnings, 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_one),
         cmocka_unit_test(test_resumed),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_notices),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
