@@ -338,9 +338,9 @@ vec4 hg_texture_decoded(vec3 at, ivec2 corner)
     return vec4(hg_texture_decode(texel.rgb), texel.a);
 }
 
-// Colours. Devices may decode them as roughly as they like: Mesa's llvmpipe is 0.7 % too bright in most of
-// the dark tones and 5 % at worst, what several bounces make more of. Path tracing decodes the four
-// texels itself.
+// Colours. Devices may decode them as roughly as they like: Mesa's llvmpipe is 0.7 % too bright in
+// most of the dark tones and 5 % at worst, what several bounces make more of. Shading, of both
+// modes, decodes the four texels itself.
 vec4 hg_texture_fetch_colour(hg_gpu_texture t, hg_texture_place p)
 {
     if (!HG_TEXTURE_STOCHASTIC)
