@@ -4,7 +4,7 @@
 
 #include "base/spill.h"
 #include "renderer/bench/bench.h"
-#include "renderer/frame/path.h"
+#include "renderer/pathtrace/path.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
 

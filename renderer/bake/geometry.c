@@ -6,7 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/bake/internal.h"
-#include "renderer/geometry/lod/store.h"
+#include "renderer/lod/store.h"
 #include "renderer/json.h"
 #include "renderer/scene/scene.h"
 

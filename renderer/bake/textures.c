@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "renderer/bake/internal.h"
 #include "renderer/json.h"
-#include "renderer/texture/page_source.h"
+#include "renderer/texture/source/page_source.h"
 
 #define POLL_NS 100000000u
 

@@ -19,7 +19,7 @@
 #include "renderer/bench/bench.h"
 #include "renderer/bench/depth.h"
 #include "renderer/bench/scene.h"
-#include "renderer/geometry/lod/lod.h"
+#include "renderer/lod/lod.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"

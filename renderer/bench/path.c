@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "renderer/bench/bench.h"
-#include "renderer/frame/path.h"
+#include "renderer/pathtrace/path.h"
 #include "renderer/internal.h"
 #include "renderer/json.h"
 

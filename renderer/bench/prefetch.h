@@ -1,4 +1,4 @@
-// prefetch.h - what looking ahead of a moving camera brings (frame/ahead.h): flights with and
+// prefetch.h - what looking ahead of a moving camera brings (frame/prefetch.h): flights with and
 // without it, turn by turn, each in a renderer that has no pages yet. Private to renderer/bench.
 //
 // A flight is a walk along the corridor, turning to either wall, with a frame each

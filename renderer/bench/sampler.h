@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_BENCH_SAMPLER_H
 #define HG_RENDERER_BENCH_SAMPLER_H
 
-#include "renderer/texture/page_source.h"
+#include "renderer/texture/source/page_source.h"
 
 struct hg_bench_sampler;
 

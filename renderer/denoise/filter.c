@@ -3,7 +3,7 @@
 #include <stdatomic.h>
 
 #include "base/alloc.h"
-#include "base/wide.h"
+#include "base/simd.h"
 #include "renderer/denoise/internal.h"
 
 enum {

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "renderer/math/frustum.h"
 #include "renderer/frame/frame.h"
 
 #define MARGIN_PX 2.0f // jitter and rounding
@@ -55,7 +56,7 @@ static struct hg_visible_view camera_view(const struct hg_view_state *view, VkRe
     memcpy(m, camera.view_proj.m, sizeof m);
     narrow(view, part, m);
     if (!off)
-        look.plane_count = hg_cull_planes(m, look.planes);
+        look.plane_count = hg_frustum_planes(m, look.planes);
     return look;
 }
 

@@ -10,14 +10,14 @@
 #ifndef HG_RENDERER_FRAME_STATE_H
 #define HG_RENDERER_FRAME_STATE_H
 
-#include "renderer/frame/ahead.h"
+#include "renderer/frame/prefetch.h"
 #include "renderer/frame/camera.h"
-#include "renderer/frame/path.h"
+#include "renderer/pathtrace/path.h"
 #include "renderer/frame/quality.h"
-#include "renderer/frame/rooms.h"
-#include "renderer/frame/stream.h"
+#include "renderer/frame/scene_gpu.h"
+#include "renderer/frame/tiled_accumulation.h"
 #include "renderer/light/lighting.h"
-#include "renderer/passes/dark.h"
+#include "renderer/passes/unlit_tiles.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
 
@@ -31,7 +31,7 @@
 #define HG_VIEW_MAX_STAGES    64
 #define HG_VIEW_MODE_REALTIME 0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH     1
-#define HG_VIEW_DARK_AFTER    4 // pictures in motion before dark cells are told apart (passes/dark.h)
+#define HG_VIEW_DARK_AFTER    4 // pictures in motion before dark cells are told apart (passes/unlit_tiles.h)
 
 struct hg_view_settings {
     uint32_t width, height; // px

@@ -7,7 +7,7 @@
 #include "base/clock.h"
 #include "renderer/denoise/denoise.h"
 #include "renderer/frame/frame.h"
-#include "renderer/geometry/moment.h"
+#include "renderer/geometry/pose_snapshot.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"

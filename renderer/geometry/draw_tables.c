@@ -3,7 +3,8 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "base/mix.h"
+#include "base/hash.h"
+#include "renderer/geometry/materials.h"
 #include "renderer/geometry/sync.h"
 
 // --- parts and materials -------------------------------------------------------------------------

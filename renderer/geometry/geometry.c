@@ -4,7 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/spill.h"
-#include "renderer/geometry/internal.h"
+#include "renderer/geometry/geometry_state.h"
 
 enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_params *params,
     struct hg_geometry **out, struct hg_error *err)

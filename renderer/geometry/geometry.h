@@ -15,9 +15,10 @@
 #define HG_RENDERER_GEOMETRY_GEOMETRY_H
 
 #include "base/jobs.h"
+#include "base/store/store.h"
+#include "renderer/cluster/cluster_pool_stats.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
-#include "base/store/store.h"
 #include "renderer/texture/textures.h"
 #include "shaders/shared/geometry.h"
 
@@ -26,15 +27,6 @@
 struct hg_geometry;
 
 #define HG_GEOMETRY_BAKE_NONE UINT32_MAX
-
-// Chunks of baked parts.
-struct hg_cluster_pool_stats {
-    uint64_t budget_bytes, used_bytes, peak_bytes; // of slots on the device
-    uint64_t root_bytes;                           // of them, of coarsest levels: never evicted
-    uint64_t resident, requested, evicted;         // chunks: now, now, since creation
-    uint64_t read_bytes, decode_ns, upload_ns;     // since creation
-    uint64_t full;                                 // times that no slot was to be had
-};
 
 struct hg_geometry_params {
     uint64_t budget_bytes; // of vertex, index, deformation and table memory; 0 = unlimited
@@ -89,13 +81,7 @@ bool hg_geometry_one_shape(const struct hg_geometry *geometry);
 // World bounds of everything drawn, relative to the origin. False when there is nothing.
 bool hg_geometry_bounds(const struct hg_geometry *geometry, float min[3], float max[3]);
 
-// --- culling (see visible.h) ---------------------------------------------------------------------
-
 enum hg_draw_class { HG_DRAW_CLASS_OPAQUE, HG_DRAW_CLASS_MASK, HG_DRAW_CLASS_BLEND };
-
-// Six planes (near first; far at infinity is left out by count 5) of a column-major view-projection
-// matrix with Vulkan clip space and reversed depth. Returns the number of planes.
-uint32_t hg_cull_planes(const float view_proj[16], float planes[6][4]);
 
 // --- picking -------------------------------------------------------------------------------------
 
@@ -116,9 +102,9 @@ bool hg_geometry_draw_info(
 uint32_t hg_geometry_source_primitive(
     const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive, const float position[3]);
 
-// --- facets (recorded by passes/facet.h) ---------------------------------------------------------
+// --- facets (recorded by passes/triangle_cache.h) ---------------------------------------------------------
 
-// What shading reads of triangles on CPU devices (shaders/shared/facet.h): 96 bytes for each of at
+// What shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h): 96 bytes for each of at
 // most 466,000. Points of facets are those of vertices but for rounding, and pictures do not
 // depend on the budget: so facets are not of it.
 struct hg_facet_job {

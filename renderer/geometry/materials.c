@@ -1,8 +1,8 @@
-// materials.c - materials as shaders read them. See internal.h.
+// materials.c - materials as shaders read them. See materials.h.
 #include <math.h>
 #include <string.h>
 
-#include "renderer/geometry/internal.h"
+#include "renderer/geometry/materials.h"
 
 static const enum hg_texture_slot slots[HG_MATERIAL_SLOTS] = {
     [HG_MATERIAL_BASE_COLOR] = HG_SLOT_BASE_COLOR,

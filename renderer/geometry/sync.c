@@ -10,7 +10,7 @@
 
 #include "base/alloc.h"
 #include "base/cond.h"
-#include "base/mix.h"
+#include "base/hash.h"
 #include "base/spill.h"
 
 // --- signature -----------------------------------------------------------------------------------

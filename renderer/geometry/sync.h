@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_GEOMETRY_SYNC_H
 #define HG_RENDERER_GEOMETRY_SYNC_H
 
-#include "renderer/geometry/internal.h"
+#include "renderer/geometry/geometry_state.h"
 
 struct hg_material_index {
     uint64_t id;

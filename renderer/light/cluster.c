@@ -1,7 +1,7 @@
 #include "renderer/light/cluster.h"
 
 #include "base/alloc.h"
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 
 // A light's sphere as the camera sees it.
 struct sphere {

@@ -3,10 +3,10 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/light/cluster.h"
-#include "renderer/light/albedo/words.h"
-#include "renderer/light/env_device.h"
-#include "renderer/light/shadow_plan.h"
-#include "renderer/light/vec.h"
+#include "renderer/light/albedo/dfg_embed.h"
+#include "renderer/light/env/env_device.h"
+#include "renderer/light/shadow/shadow_plan.h"
+#include "renderer/math/vec.h"
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
 

@@ -1,7 +1,7 @@
 #include "renderer/light/lights.h"
 
 #include "base/alloc.h"
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 
 static enum {
     GROUP_DIRECTIONAL,

@@ -1,6 +1,6 @@
 #include "renderer/passes/shade.h"
 
-#include "shaders/shared/dark.h"
+#include "shaders/shared/unlit_tiles.h"
 #include "shaders/shared/features.h"
 
 // Values of the specialisation constant of shade.frag. ALONE: what layers let through.

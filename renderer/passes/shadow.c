@@ -1,3 +1,4 @@
+#include "renderer/math/frustum.h"
 #include "renderer/passes/shadow.h"
 
 #include <string.h>
@@ -129,7 +130,7 @@ static uint32_t planes_of(
         for (int c = 0; c < 4; c++)
             m[c * 4 + r] =
                 (m[c * 4 + r] - (2.0f * low[r] + size[r] - 1.0f) * m[c * 4 + 3]) / size[r];
-    return hg_cull_planes(m, planes);
+    return hg_frustum_planes(m, planes);
 }
 
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
@@ -157,7 +158,7 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
         const VkRect2D whole = rect_of(s);
         view.plane_count =
             choice->area.extent.width == 0
-                ? hg_cull_planes(maps[i].view_proj, view.planes)
+                ? hg_frustum_planes(maps[i].view_proj, view.planes)
                 : planes_of(maps[i].view_proj, whole, cut(whole, choice->area), view.planes);
         status = hg_visible_add(visible, geometry, &view, jobs, err);
     }

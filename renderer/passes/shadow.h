@@ -6,7 +6,7 @@
 #ifndef HG_RENDERER_PASSES_SHADOW_H
 #define HG_RENDERER_PASSES_SHADOW_H
 
-#include "renderer/geometry/visible.h"
+#include "renderer/cull/culling.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/pass.h"
 

@@ -29,8 +29,8 @@ static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features)
 {
     const bool numbered = (style->item & NUMBERED) != 0;
-    const char *vertex = style->listed ? "visibility_listed.vert"
-                         : numbered    ? "visibility_numbered.vert"
+    const char *vertex = style->listed ? "visibility_index_list.vert"
+                         : numbered    ? "visibility_provoking.vert"
                                        : "visibility.vert";
     if (style->variant == OVERDRAW) {
         return (struct hg_gpu_pipeline_params){
@@ -46,8 +46,8 @@ static struct hg_gpu_pipeline_params pipeline_of(
             .blend = HG_GPU_BLEND_ADD,
         };
     }
-    static const char *const fragments[2][2] = {{"visibility.frag", "visibility_numbered.frag"},
-        {"visibility_alpha.frag", "visibility_alpha_numbered.frag"}};
+    static const char *const fragments[2][2] = {{"visibility.frag", "visibility_provoking.frag"},
+        {"visibility_alpha.frag", "visibility_alpha_provoking.frag"}};
     const bool textured = style->variant != SOLID, late = (style->item & LATE) != 0;
     return (struct hg_gpu_pipeline_params){
         .vertex = vertex,

@@ -7,7 +7,7 @@
 #ifndef HG_RENDERER_PASSES_VISIBILITY_H
 #define HG_RENDERER_PASSES_VISIBILITY_H
 
-#include "renderer/geometry/visible.h"
+#include "renderer/cull/culling.h"
 #include "renderer/passes/pass.h"
 
 #define HG_VISIBILITY_FORMAT VK_FORMAT_R32G32_UINT

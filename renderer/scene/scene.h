@@ -262,7 +262,7 @@ struct hg_environment {
     uint64_t revision;
     struct hg_image image; // IMAGE: RGBA32F equirectangular radiance; direction convention below
     // IMAGE: the file behind `image`, which then is what light is made from and may be smaller
-    // (renderer/light/env_file.h); what is seen comes from the file's pages. Its image is NULL:
+    // (renderer/light/env/env_file.h); what is seen comes from the file's pages. Its image is NULL:
     // what is seen is `image`. head.revision grows with every exchange.
     struct hg_texture background;
     // u = atan2(d.z, d.x) / (2 pi) + 0.5, v = 0.5 - asin(d.y) / pi (v from the top)

@@ -8,7 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "renderer/texture/page_cache.h"
+#include "renderer/texture/cache/page_cache.h"
 
 #define BACKGROUND_ID UINT64_MAX // no object has it
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "base/mix.h"
+#include "base/hash.h"
 #include "renderer/trace/internal.h"
 #include "shaders/shared/ray.h"
 

@@ -10,7 +10,7 @@
 #ifndef HG_RENDERER_TRACE_LAYOUT_H
 #define HG_RENDERER_TRACE_LAYOUT_H
 
-#include "renderer/geometry/cut.h"
+#include "renderer/trace/ray_geometry.h"
 
 struct hg_trace_body {
     uint64_t key;

@@ -3,7 +3,7 @@
 //
 // Rays come as wavefronts (shaders/shared/ray.h) in buffers that host and device share. Three
 // backends stand behind one interface: Embree on the host, a compute shader over a quantised BVH2,
-// and ray queries of the device. Which triangles there are is said by a cut (geometry/cut.h): each
+// and ray queries of the device. Which triangles there are is said by a cut (trace/ray_geometry.h): each
 // draw at one level of detail, the same for all rays of a picture. Backends hit the same triangles
 // but for rays that pass within rounding of an edge. Ray queries know no time: cuts in which
 // something moves while the shutter is open are walked by the compute shader there, too.
@@ -17,7 +17,7 @@
 #define HG_RENDERER_TRACE_TRACE_H
 
 #include "base/jobs.h"
-#include "renderer/geometry/cut.h"
+#include "renderer/trace/ray_geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "shaders/shared/ray.h"
 

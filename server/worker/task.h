@@ -3,7 +3,7 @@
 #ifndef HG_SERVER_WORKER_TASK_H
 #define HG_SERVER_WORKER_TASK_H
 
-#include "renderer/light/env_file.h"
+#include "renderer/light/env/env_file.h"
 #include "renderer/renderer.h"
 #include "server/worker/worker.h"
 

@@ -111,7 +111,7 @@ vec2 hg_dfg_average(float roughness)
 // with the square of Hill 2018, "A Multi-Faceted Exploration", part 3. There p is e_avg, the share of
 // light that leaves after one bounce, and F is f_avg, Fresnel's term averaged over all directions.
 // But light that has met two facets leaves more often, and met them at more grazing angles: both are
-// fitted to walks from facet to facet (Heitz et al. 2016; tests/analytic/facet_walks.c), against
+// fitted to walks from facet to facet (Heitz et al. 2016; tests/analytic/microfacet_walks.c), against
 // which f0 of 0.3 to 0.8 lost up to 7 %. f_avg, f90: 0..1; e_avg: 0.4..1.
 vec3 hg_multiple_scattering_color(vec3 f_avg, float f90, float e_avg)
 {

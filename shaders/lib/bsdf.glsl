@@ -8,7 +8,7 @@
 //   dielectric = specular reflection over mix(mix(diffuse, diffuse behind), transmission)
 //
 // The base is hg_brdf (lib/brdf.glsl) where there is nothing else. What the specification leaves
-// open, or cannot be had from it with energy kept, is in lib/bsdf_facets.glsl, bsdf_layers.glsl and
+// open, or cannot be had from it with energy kept, is in lib/bsdf_microfacet.glsl, bsdf_layers.glsl and
 // bsdf_glass.glsl, and here for what lies below the layers:
 // - What they hold back of specular lobes goes on between layer and base, with what bounces between
 //   facets: U(v) U(l) / U_avg in the colour of several bounces, U = T' - E_1, E_1 the albedo of

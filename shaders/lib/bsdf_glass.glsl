@@ -8,7 +8,7 @@
 #ifndef HG_LIB_BSDF_GLASS_GLSL
 #define HG_LIB_BSDF_GLASS_GLSL
 
-#include "lib/bsdf_facets.glsl"
+#include "lib/bsdf_microfacet.glsl"
 #include "lib/bsdf_layers.glsl"
 
 // Gauss-Jacobi: cosines and weights of cosine-weighted means, exact for Schlick's term.

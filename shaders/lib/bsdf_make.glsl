@@ -2,7 +2,7 @@
 #ifndef HG_LIB_BSDF_MAKE_GLSL
 #define HG_LIB_BSDF_MAKE_GLSL
 
-#include "lib/bsdf_facets.glsl"
+#include "lib/bsdf_microfacet.glsl"
 #include "lib/bsdf_glass.glsl"
 #include "lib/bsdf_layers.glsl"
 

@@ -1,6 +1,6 @@
 // environment.glsl - light from far away: background, diffuse and specular image-based lighting.
 //
-// Include lib/frame.glsl first. Everything is prefiltered by renderer/light/environment.c; rotation
+// Include lib/frame.glsl first. Everything is prefiltered by renderer/light/env/environment.c; rotation
 // and intensity are applied here. Directions are in world space, unit length.
 #ifndef HG_LIB_ENVIRONMENT_GLSL
 #define HG_LIB_ENVIRONMENT_GLSL

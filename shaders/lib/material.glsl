@@ -4,7 +4,7 @@
 //
 // Specular antialiasing: a still view averages jittered samples, which integrates the variation of
 // normals between texels exactly. What a mip has averaged away within its texels widens the lobe:
-// alpha of a normal map is 1 - sqrt of what its squared width gains (renderer/texture/mip_stream.h).
+// alpha of a normal map is 1 - sqrt of what its squared width gains (renderer/texture/source/mip_stream.h).
 #ifndef HG_LIB_MATERIAL_GLSL
 #define HG_LIB_MATERIAL_GLSL
 

@@ -1,4 +1,4 @@
-// octahedral.glsl - unit vectors in 32 bits, as renderer/geometry/pack.h writes them.
+// octahedral.glsl - unit vectors in 32 bits, as renderer/lod/vertex_pack.h writes them.
 // Source: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors".
 #ifndef HG_LIB_OCTAHEDRAL_GLSL
 #define HG_LIB_OCTAHEDRAL_GLSL

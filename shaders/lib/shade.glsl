@@ -19,7 +19,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/flat.glsl"
 #endif
 #include "lib/vertex.glsl"
-#include "lib/facet.glsl"
+#include "lib/triangle_cache.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"

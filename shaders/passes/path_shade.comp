@@ -162,7 +162,7 @@ vec3 background(path p, vec3 direction)
         weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction));
 }
 
-#include "lib/path_seen.glsl"
+#include "lib/path_features.glsl"
 
 // The ray left the scene.
 uint miss(path p)

@@ -8,7 +8,7 @@ layout(constant_id = 0) const uint hg_variant = 0u; // 1: from facets
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
-#include "lib/facet.glsl"
+#include "lib/triangle_cache.glsl"
 
 layout(local_size_x = 64) in;
 

@@ -5,4 +5,4 @@
 #extension GL_EXT_buffer_reference2 : require
 
 #define HG_PRIMITIVE gl_PrimitiveID
-#include "lib/holes.glsl"
+#include "lib/alpha_mask.glsl"

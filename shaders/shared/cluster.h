@@ -1,5 +1,5 @@
 // cluster.h - runs of clusters that may be seen, and what draws of them read. Floor 0, shared by C
-// and GLSL (scalar layout). See renderer/geometry/visible.h.
+// and GLSL (scalar layout). See renderer/cull/culling.h.
 #ifndef HG_SHADERS_SHARED_CLUSTER_H
 #define HG_SHADERS_SHARED_CLUSTER_H
 

@@ -1,7 +1,7 @@
 // emitters.h - the tables that light sampling reads. Floor 0, shared by C and GLSL (scalar layout).
 //
 // What shines is in three places: directional lights, the environment, and a tree over everything
-// that has a place (point and spot lights, emissive triangles). Filled by renderer/light/emitters.h,
+// that has a place (point and spot lights, emissive triangles). Filled by renderer/light/emitters/emitters.h,
 // read by lib/emitters.glsl.
 #ifndef HG_SHADERS_SHARED_EMITTERS_H
 #define HG_SHADERS_SHARED_EMITTERS_H
@@ -94,7 +94,7 @@ struct hg_gpu_emitters {
     HG_PTR(hg_lights_ref) lights;           // directional ones first
     HG_PTR(hg_lights_ref) lights_before;    // the same when the shutter opens; `lights` if it does not
     HG_PTR(hg_emitter_floats) directional;  // [directional_count] shares of illuminance, summed up
-    HG_PTR(hg_emitter_quads) environment;   // see renderer/light/env_warp.h
+    HG_PTR(hg_emitter_quads) environment;   // see renderer/light/env/env_warp.h
     HG_UINT node_count, leaf_count, draw_count;
     HG_UINT directional_count;
     float directional_lux;                  // luminance of all directional lights

@@ -86,7 +86,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer hg_
 };
 #endif
 
-// Where instances and deformed parts are at another time (renderer/geometry/moment.h).
+// Where instances and deformed parts are at another time (renderer/geometry/pose_snapshot.h).
 #ifndef __STDC__
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_world_list {
     mat4x3 v[];

@@ -1,4 +1,4 @@
-// emitters.c - next-event sampling (lib/emitters.glsl, renderer/light/emitters.h) against closed
+// emitters.c - next-event sampling (lib/emitters.glsl, renderer/light/emitters/emitters.h) against closed
 // forms and sums over all lights, on the device. Scenes have nothing that could be in the way.
 #include "tests/analytic/emitters_rig.h"
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/light/light_tree.h"
+#include "renderer/light/emitters/light_tree.h"
 #include "tests/support/check.h"
 
 #define ONES 65536

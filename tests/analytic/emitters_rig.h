@@ -6,7 +6,7 @@
 
 #include "tests/analytic/probe.h"
 
-#include "renderer/light/emitters.h"
+#include "renderer/light/emitters/emitters.h"
 
 #define PI    3.14159265358979323846
 #define PICKS 64 // per invocation

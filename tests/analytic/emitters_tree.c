@@ -1,4 +1,4 @@
-// emitters_tree.c - the tree of lights (renderer/light/light_tree.h): the same for any number of
+// emitters_tree.c - the tree of lights (renderer/light/emitters/light_tree.h): the same for any number of
 // threads, of bounded depth, and built only when something changed.
 #include "tests/analytic/emitters_rig.h"
 
@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/light/light_tree.h"
+#include "renderer/light/emitters/light_tree.h"
 #include "tests/support/check.h"
 
 static struct hg_light_item random_item(uint32_t *random)

@@ -9,9 +9,9 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
-#include "renderer/light/env_cache.h"
-#include "renderer/light/environment.h"
-#include "renderer/light/sky.h"
+#include "renderer/light/env/env_cache.h"
+#include "renderer/light/env/environment.h"
+#include "renderer/light/env/sky.h"
 #include "tests/analytic/probe.h"
 #include "tests/support/folder.h"
 

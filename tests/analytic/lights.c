@@ -6,7 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/light/cluster.h"
-#include "renderer/light/shadow_plan.h"
+#include "renderer/light/shadow/shadow_plan.h"
 #include "tests/analytic/probe.h"
 
 static struct hg_light *add_light(struct probe *probe, uint64_t id, const float at[3])

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/frame/path_state.h"
+#include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
 #include "tests/analytic/path_rig.h"
 

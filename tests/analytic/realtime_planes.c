@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/frame/path_state.h"
+#include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
 #include "tests/analytic/path_rig.h"
 

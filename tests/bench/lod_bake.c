@@ -9,7 +9,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/geometry/lod/lod.h"
+#include "renderer/lod/lod.h"
 #include "renderer/scene/load.h"
 #include "tests/unit/lod_meshes.h"
 

@@ -19,7 +19,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/texture/page_source.h"
+#include "renderer/texture/source/page_source.h"
 #include "tests/support/folder.h"
 
 enum { WIDTH = 900, HEIGHT = 700, PAGE_BYTES = HG_PAGE_PITCH * HG_PAGE_PITCH * 4 };

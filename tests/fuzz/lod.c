@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/geometry/lod/internal.h"
+#include "renderer/lod/internal.h"
 #include "tests/fuzz/fuzz.h"
 
 enum { HEADER_BYTES = 136, CHUNKS_TRIED = 4 };

@@ -1,6 +1,6 @@
 // Any bytes as a compressed page: byte 0 chooses the texel size, bytes 1 and 2 the sides, the rest
 // is the block. What is accepted must survive being encoded and decoded again.
-#include "renderer/texture/page_codec.h"
+#include "renderer/texture/source/page_codec.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 // geometry_culling.c - culling on the host never drops a draw that is on the screen. Pictures:
-// geometry_views.c.
+// cull_views.c.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,8 @@
 
 #include "base/log.h"
 #include "geometry_device.h"
-#include "renderer/geometry/visible.h"
+#include "renderer/math/frustum.h"
+#include "renderer/cull/culling.h"
 
 static bool draw_is_listed(const struct hg_visible *v, uint32_t set, uint32_t draw)
 {
@@ -54,7 +55,7 @@ static void test_culling(void **state)
     struct hg_gpu_camera camera = {0};
     geo_fill_camera(&e, origin, &camera);
     struct hg_visible_view cull = {.both_sides = true};
-    cull.plane_count = hg_cull_planes(camera.view_proj.m, cull.planes);
+    cull.plane_count = hg_frustum_planes(camera.view_proj.m, cull.planes);
     assert_int_equal(cull.plane_count, 5); // the far plane is at infinity
     geo_check(f, hg_visible_add(v, g, &cull, NULL, &f->err));
     uint32_t must = 0;

@@ -3,7 +3,7 @@
 #ifndef HG_TESTS_GEOMETRY_DEVICE_H
 #define HG_TESTS_GEOMETRY_DEVICE_H
 
-#include "renderer/geometry/internal.h"
+#include "renderer/geometry/geometry_state.h"
 #include "shaders/shared/frame.h"
 
 #define TRIANGLES 40 // of a mesh

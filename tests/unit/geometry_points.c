@@ -13,7 +13,7 @@
 
 #include "base/log.h"
 #include "geometry_device.h"
-#include "renderer/passes/facet.h"
+#include "renderer/passes/triangle_cache.h"
 #include "shaders/shared/features.h"
 #include "shaders/shared/frame.h"
 

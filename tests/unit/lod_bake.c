@@ -10,8 +10,8 @@
 #include <stdlib.h>
 
 #include "base/checked.h"
-#include "renderer/geometry/lod/lod.h"
-#include "renderer/geometry/pack.h"
+#include "renderer/lod/lod.h"
+#include "renderer/lod/vertex_pack.h"
 #include "tests/unit/lod_meshes.h"
 
 struct baked {

@@ -9,8 +9,8 @@
 #include <float.h>
 #include <stdio.h>
 
-#include "renderer/geometry/lod/lod.h"
-#include "renderer/geometry/pack.h"
+#include "renderer/lod/lod.h"
+#include "renderer/lod/vertex_pack.h"
 #include "tests/unit/lod_meshes.h"
 
 #define SAMPLES 700u

@@ -8,8 +8,8 @@
 
 #include <float.h>
 
-#include "renderer/geometry/lod/lod.h"
-#include "renderer/geometry/pack.h"
+#include "renderer/lod/lod.h"
+#include "renderer/lod/vertex_pack.h"
 #include "tests/unit/lod_meshes.h"
 
 static enum hg_status try_bake(const struct hg_mesh_part *part, const struct hg_lod_params *params,

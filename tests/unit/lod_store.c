@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "renderer/geometry/lod/store.h"
+#include "renderer/lod/store.h"
 #include "tests/support/folder.h"
 #include "tests/unit/lod_meshes.h"
 

@@ -4,7 +4,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "renderer/internal.h"
-#include "renderer/light/env_file.h"
+#include "renderer/light/env/env_file.h"
 #include "renderer/scene/asset.h"
 #include "tests/support/folder.h"
 #include "tests/unit/render_rig.h"

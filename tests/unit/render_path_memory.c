@@ -13,7 +13,7 @@
 #include "base/spill.h"
 #include "renderer/bench/bench.h"
 #include "renderer/bench/mesh.h"
-#include "renderer/frame/path_state.h"
+#include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
 #include "tests/unit/render_rig.h"

@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/texture/half.h"
-#include "renderer/texture/mips.h"
-#include "renderer/texture/pages.h"
+#include "renderer/texture/source/half.h"
+#include "renderer/texture/source/mips.h"
+#include "renderer/texture/source/pages.h"
 
 static uint32_t random_state = 1;
 

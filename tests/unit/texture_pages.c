@@ -16,9 +16,9 @@
 
 #include "base/alloc.h"
 #include "base/refbuf.h"
-#include "renderer/texture/page_codec.h"
-#include "renderer/texture/page_source.h"
-#include "renderer/texture/tile_cache.h"
+#include "renderer/texture/source/page_codec.h"
+#include "renderer/texture/source/page_source.h"
+#include "renderer/texture/source/tile_cache.h"
 #include "tests/support/folder.h"
 #include "tests/unit/image_files.h"
 

@@ -19,7 +19,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/gpu/embed.h"
-#include "renderer/texture/mips.h"
+#include "renderer/texture/source/mips.h"
 #include "renderer/texture/textures.h"
 #include "shaders/shared/frame.h"
 #include "shaders/shared/features.h"

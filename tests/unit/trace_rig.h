@@ -3,7 +3,7 @@
 #ifndef HG_TESTS_TRACE_RIG_H
 #define HG_TESTS_TRACE_RIG_H
 
-#include "renderer/geometry/internal.h"
+#include "renderer/geometry/geometry_state.h"
 #include "renderer/trace/trace.h"
 
 struct rig {

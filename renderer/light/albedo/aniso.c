@@ -1,4 +1,4 @@
-#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/vndf_quadrature.h"
 #include "renderer/light/albedo/lobes.h"
 #include "renderer/light/albedo/table.h"
 

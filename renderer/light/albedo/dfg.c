@@ -1,7 +1,7 @@
 #include "renderer/light/albedo/dfg.h"
 
 #include "renderer/light/albedo/lobes.h"
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 
 static float smith_g2_over_g1(float n_dot_l, float n_dot_v, float a2)
 {

@@ -1,6 +1,6 @@
 // layered_aniso.c - what coats and sheens hold back over anisotropic bases. See dfg.h,
 // HG_OVER_ANISO_FIRST.
-#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/vndf_quadrature.h"
 #include "renderer/light/albedo/lobes.h"
 #include "renderer/light/albedo/table.h"
 

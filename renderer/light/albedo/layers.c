@@ -1,6 +1,6 @@
 #include <stdbool.h>
 
-#include "renderer/light/albedo/facets.h"
+#include "renderer/light/albedo/vndf_quadrature.h"
 #include "renderer/light/albedo/lobes.h"
 #include "renderer/light/albedo/table.h"
 

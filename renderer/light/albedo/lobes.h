@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "renderer/light/albedo/dfg.h"
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 
 // out: [HG_DFG_WORDS]. Each fills its tables and reads those of hg_dfg and sheen.
 void hg_dfg_fill_layers(struct hg_vec2 *out);

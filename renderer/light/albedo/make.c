@@ -3,7 +3,7 @@
 #include <stdio.h>
 
 #include "renderer/light/albedo/dfg.h"
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 
 static uint32_t unorm16(float v)
 {

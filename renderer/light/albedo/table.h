@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_LIGHT_ALBEDO_TABLE_H
 #define HG_RENDERER_LIGHT_ALBEDO_TABLE_H
 
-#include "renderer/light/vec.h"
+#include "renderer/math/vec.h"
 #include "shaders/shared/light.h"
 
 // Of entry i of `size`, 0..1.

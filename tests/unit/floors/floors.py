@@ -7,7 +7,7 @@
                             "caught: RULE" what has to be found in it, and nothing else may be
 Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
-    down        rooms of floor 2 include each other only downhill: scene < texture < geometry < light < trace
+    down        rooms of floor 2 include each other only downhill, in the order of HILL
     apart       broker, worker and client meet only in the protocol; client and broker do not
                 include the renderer
     pass        a pass includes another pass
@@ -25,16 +25,20 @@ FLOORS = {
     "base": 0, "shaders/shared": 0,
     "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "base/store": 1,
     "renderer/residency": 1, "shaders/lib": 1,
-    "renderer/scene": 2, "renderer/texture": 2, "renderer/geometry": 2, "renderer/light": 2,
-    "renderer/trace": 2, "renderer/denoise": 2, "shaders/passes": 2,
+    "renderer/math": 1,
+    "renderer/scene": 2, "renderer/texture": 2, "renderer/lod": 2, "renderer/cluster": 2, "renderer/mesh": 2,
+    "renderer/deform": 2, "renderer/geometry": 2, "renderer/cpu_raster": 2, "renderer/cull": 2,
+    "renderer/trace": 2, "renderer/light": 2, "renderer/denoise": 2, "shaders/passes": 2,
     "renderer/passes": 3,
-    "renderer/frame": 4,
+    "renderer/frame": 4, "renderer/pathtrace": 4,
     "renderer": 5,
     "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
 }
 # Within floor 2 an include goes to a smaller number.
-HILL = {"renderer/scene": 0, "renderer/texture": 1, "renderer/geometry": 2, "renderer/light": 3,
-        "renderer/trace": 4}
+HILL = {room: height for height, room in enumerate((
+    "renderer/scene", "renderer/texture", "renderer/lod", "renderer/cluster", "renderer/mesh",
+    "renderer/deform", "renderer/geometry", "renderer/cpu_raster", "renderer/cull",
+    "renderer/trace", "renderer/light"))}
 # Floor 6: which rooms a room may include beside base and protocol; "" stands for itself.
 APART = {
     "server": {"server"},
@@ -125,6 +129,8 @@ def check_target(path, target):
             return None
         inside = "renderer" in APART[room] and other.startswith("renderer/")
         return None if inside else "apart"
+    if {room, other} == {"renderer/frame", "renderer/pathtrace"}:
+        return None
     if room in HILL and other in HILL:
         return None if HILL[other] < HILL[room] else "down"
     return None if FLOORS[other] < FLOORS[room] else "floor"

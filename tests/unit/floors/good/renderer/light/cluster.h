@@ -1,2 +1,1 @@
-#include "renderer/geometry/lod.h"
-#include "renderer/scene/scene.h"
+#include "renderer/trace/bvh.h"

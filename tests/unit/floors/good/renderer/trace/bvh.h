@@ -1,1 +1,1 @@
-#include "renderer/light/cluster.h"
+#include "renderer/geometry/lod.h"

@@ -1,0 +1,237 @@
+// cpu_visibility.c - see cpu_visibility.h.
+#include "renderer/cull/cpu_visibility.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+
+#define RUNS_PER_JOB 512
+#define PIXEL_BYTES  12 // two words of ids, one of depth
+
+void hg_hosted_finish(struct hg_gpu *gpu, struct hg_hosted *h)
+{
+    hg_gpu_buffer_destroy(gpu, &h->pixels);
+    hg_raster_destroy(h->raster);
+    hg_free(h->runs);
+    hg_free(h->sources);
+    hg_free(h->takes);
+    hg_free(h->marks);
+    memset(h, 0, sizeof *h);
+}
+
+// Several runs may share a bit: it is set when one of them was seen.
+static void learn(const struct hg_hosted *h, const struct hg_hosted_history *history)
+{
+    for (int pass = 0; pass < 2; pass++) {
+        for (uint32_t i = 0; i < h->count; i++) {
+            const uint32_t bit = h->sources[i].bit;
+            if (bit >= history->bits)
+                continue;
+            if (pass == 0)
+                history->words[bit / 32] &= ~(1u << bit % 32);
+            else if ((h->marks[i] & HG_RASTER_SEEN) != 0)
+                history->words[bit / 32] |= 1u << bit % 32;
+        }
+    }
+}
+
+void hg_hosted_reset(struct hg_hosted *h, const struct hg_hosted_history *history)
+{
+    if (h->drawn && history->words != NULL)
+        learn(h, history);
+    h->count = 0;
+    h->drawn = false;
+}
+
+// --- taking --------------------------------------------------------------------------------------
+
+struct taking {
+    struct hg_hosted *hosted;
+    const struct hg_geometry *g;
+    struct hg_raster_view view;
+    const struct hg_selection *runs;
+};
+
+static const struct hg_mat4x3 *world_of(const struct hg_geometry *g, uint32_t draw)
+{
+    const struct hg_gpu_instance *instances =
+        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    return &instances[g->draws[draw].gpu.instance].world;
+}
+
+static bool may_take(const struct hg_geometry *g, const struct hg_run *run)
+{
+    const uint32_t others = HG_DRAW_MASK | HG_DRAW_BLEND | HG_DRAW_LINES | HG_DRAW_POINTS;
+    const struct hg_draw_entry *d = &g->draws[run->draw];
+    return run->chunk != HG_LOD_NONE && (d->gpu.flags & others) == 0 && !d->deformed &&
+           d->part->clusters->chunks[run->chunk].host_indices == NULL && run->extent[0] >= 0.0f &&
+           run->count <= HG_RASTER_MOST_TRIANGLES;
+}
+
+static void look_at_runs(void *user, size_t job)
+{
+    const struct taking *t = user;
+    const uint32_t first = (uint32_t)job * RUNS_PER_JOB;
+    uint32_t opened = UINT32_MAX; // draw
+    struct hg_raster_rows rows;
+    for (uint32_t i = first; i < first + RUNS_PER_JOB && i < t->runs->count; i++) {
+        const struct hg_run *run = &t->runs->items[i];
+        t->hosted->takes[i] = may_take(t->g, run);
+        if (t->hosted->takes[i] == 0)
+            continue;
+        if (run->draw != opened)
+            hg_raster_open(&t->view, world_of(t->g, run->draw), &rows);
+        opened = run->draw;
+        t->hosted->takes[i] = hg_raster_takes(&t->view, &rows, run->center, run->extent);
+    }
+}
+
+static const float *positions_of(const struct hg_chunk_state *chunk)
+{
+    return (const float *)(const void *)((const uint8_t *)chunk->indices +
+                                         (chunk->part.positions - chunk->part.indices));
+}
+
+static void add(struct hg_hosted *h, const struct hg_geometry *g, const struct hg_run *run,
+    const struct hg_hosted_history *history)
+{
+    const struct hg_draw_entry *d = &g->draws[run->draw];
+    const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
+    h->sources[h->count] = (struct hg_hosted_source){d->part->clusters, run->chunk, run->bit};
+    h->marks[h->count] = 0;
+    h->runs[h->count++] = (struct hg_raster_run){.positions = positions_of(chunk),
+        .indices = chunk->indices + (size_t)run->first * 3,
+        .world = world_of(g, run->draw),
+        .center = {run->center[0], run->center[1], run->center[2]},
+        .extent = {run->extent[0], run->extent[1], run->extent[2]},
+        .count = run->count,
+        .draw = run->draw,
+        .number = (run->chunk << HG_LOD_SHIFT) + run->first,
+        .both_sides = (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0,
+        .mirrored = (d->gpu.flags & HG_DRAW_MIRRORED) != 0,
+        .late = history->words != NULL && run->bit < history->bits &&
+                (history->words[run->bit / 32] >> run->bit % 32 & 1u) == 0};
+}
+
+static struct hg_raster_view view_of(const struct hg_visible_lens *lens, const float eye[3])
+{
+    struct hg_raster_view view = {.width = lens->width, .height = lens->height};
+    memcpy(view.view_proj, lens->view_proj, sizeof view.view_proj);
+    memcpy(view.clip, lens->clip, sizeof view.clip);
+    memcpy(view.eye, eye, sizeof view.eye);
+    return view;
+}
+
+static enum hg_status reserve(struct hg_hosted *h, size_t count)
+{
+    enum hg_status status = hg_grow(&h->runs, &h->run_capacity, count + 1, sizeof *h->runs);
+    if (status == HG_OK)
+        status = hg_grow(&h->sources, &h->source_capacity, count + 1, sizeof *h->sources);
+    if (status == HG_OK)
+        status = hg_grow(&h->takes, &h->take_capacity, count + 1, sizeof *h->takes);
+    if (status == HG_OK)
+        status = hg_grow(&h->marks, &h->mark_capacity, count + 1, sizeof *h->marks);
+    if (status == HG_OK && h->raster == NULL) {
+        h->raster = hg_raster_create(false);
+        status = h->raster != NULL ? HG_OK : HG_E_NOMEM;
+    }
+    return status;
+}
+
+enum hg_status hg_hosted_take(struct hg_hosted *h, const struct hg_geometry *g,
+    const struct hg_visible_view *view, const struct hg_hosted_history *history, uint32_t set,
+    struct hg_jobs *jobs, struct hg_selection *runs)
+{
+    struct taking t = {.hosted = h, .g = g, .runs = runs};
+    if (view->host->width > HG_RASTER_MOST_SIDE || view->host->height > HG_RASTER_MOST_SIDE ||
+        runs->count > HG_RASTER_MOST_RUNS || h->count > 0)
+        return HG_OK;
+    t.view = view_of(view->host, view->eye);
+    const enum hg_status status = reserve(h, runs->count);
+    if (status != HG_OK)
+        return status;
+    memcpy(h->eye, view->eye, sizeof h->eye);
+    h->set = set;
+    const size_t count = ((size_t)runs->count + RUNS_PER_JOB - 1) / RUNS_PER_JOB;
+    if (count > 1 && jobs != NULL)
+        hg_jobs_for(jobs, count, look_at_runs, &t);
+    else
+        for (size_t i = 0; i < count; i++)
+            look_at_runs(&t, i);
+    uint32_t left = 0;
+    for (uint32_t i = 0; i < runs->count; i++) {
+        if (h->takes[i] != 0)
+            add(h, g, &runs->items[i], history);
+        else
+            runs->items[left++] = runs->items[i];
+    }
+    runs->count = left;
+    return HG_OK;
+}
+
+void hg_hosted_use(const struct hg_hosted *h, const struct hg_geometry *g)
+{
+    for (uint32_t i = 0; i < h->count; i++)
+        if (i == 0 || h->sources[i].mesh != h->sources[i - 1].mesh ||
+            h->sources[i].chunk != h->sources[i - 1].chunk)
+            hg_cluster_pool_use(g->pool, h->sources[i].mesh, h->sources[i].chunk);
+}
+
+// --- drawing -------------------------------------------------------------------------------------
+
+enum hg_status hg_hosted_draw(struct hg_hosted *h, struct hg_gpu *gpu,
+    const struct hg_visible_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
+    struct hg_error *err)
+{
+    const uint64_t px = (uint64_t)lens->width * lens->height;
+    enum hg_status status = hg_gpu_buffer_reserve(
+        gpu, HG_GPU_BUFFER_UPLOAD, px * slots * PIXEL_BYTES, "pixels of the host", &h->pixels, err);
+    if (status != HG_OK)
+        return status;
+    h->width = lens->width;
+    h->height = lens->height;
+    h->slots = slots;
+    uint8_t *mapped = h->pixels.mapped;
+    const struct hg_raster_target target = {.ids = (uint32_t *)(void *)(mapped + px * slot * 8),
+        .depth = (float *)(void *)(mapped + px * slots * 8 + px * slot * 4)};
+    const struct hg_raster_view view = view_of(lens, h->eye);
+    if (slot == 0)
+        memset(h->marks, 0, h->count);
+    h->drawn = true;
+    status = hg_raster_draw(h->raster, &view, h->runs, h->count, jobs, &target, h->marks);
+    return status == HG_OK ? HG_OK : hg_error_set(err, status, "draw lists", NULL, "no memory");
+}
+
+static void copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint64_t offset, uint32_t bytes,
+    struct hg_gpu_image *image, VkRect2D area)
+{
+    const uint64_t first = (uint64_t)(uint32_t)area.offset.y * h->width + (uint32_t)area.offset.x;
+    const VkBufferImageCopy region = {
+        .bufferOffset = offset + first * bytes,
+        .bufferRowLength = h->width,
+        .imageSubresource = {image->aspect, 0, 0, 1},
+        .imageOffset = {area.offset.x, area.offset.y, 0},
+        .imageExtent = {area.extent.width, area.extent.height, 1},
+    };
+    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_WRITE);
+    vkCmdCopyBufferToImage(hg_gpu_cmd_handle(cmd), h->pixels.handle, image->handle,
+        VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
+}
+
+void hg_hosted_copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint32_t slot,
+    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
+{
+    const uint64_t px = (uint64_t)h->width * h->height;
+    if (area.extent.width == 0)
+        area = (VkRect2D){{0, 0}, {h->width, h->height}};
+    copy(h, cmd, px * slot * 8, 8, visibility, area);
+    copy(h, cmd, px * h->slots * 8 + px * slot * 4, 4, depth, area);
+}
+
+uint64_t hg_hosted_triangles(const struct hg_hosted *h)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < h->count; i++)
+        sum += (h->marks[i] & HG_RASTER_DRAWN) != 0 ? h->runs[i].count : 0;
+    return sum;
+}

@@ -1,0 +1,57 @@
+// cpu_visibility.h - the part of a set that the host draws itself (raster.h), on devices that draw in
+// software. Floor 2 (geometry). Private to the room. Thread: the render thread.
+//
+// It takes opaque clusters of baked parts whose box lies where no triangle is cut. That depends on
+// the scene, the view without its jitter and the cluster alone, never on time or on what else is
+// drawn, so that a picture has the same bytes however it comes about. All else stays with the
+// device, which draws over what is there; at the same depth what the host drew is seen.
+#ifndef HG_RENDERER_CULL_CPU_VISIBILITY_H
+#define HG_RENDERER_CULL_CPU_VISIBILITY_H
+
+#include "renderer/cpu_raster/raster.h"
+#include "renderer/cull/select.h"
+
+struct hg_hosted_source {
+    struct hg_cluster_mesh *mesh;
+    uint32_t chunk, bit;
+};
+
+struct hg_hosted { // zeroed = empty; keeps its memory
+    struct hg_raster *raster;
+    struct hg_raster_run *runs;
+    struct hg_hosted_source *sources;
+    uint8_t *takes, *marks;
+    size_t run_capacity, source_capacity, take_capacity, mark_capacity;
+    uint32_t count, set;
+    float eye[3];
+    struct hg_gpu_buffer pixels; // ids of all slots, then depth of all slots
+    uint32_t width, height, slots;
+    bool drawn; // by a sample at least
+};
+
+// Bits of runs that were seen before; words NULL: nothing is known.
+struct hg_hosted_history {
+    uint32_t *words;
+    uint32_t bits;
+};
+
+void hg_hosted_finish(struct hg_gpu *gpu, struct hg_hosted *hosted);
+// Forgets all runs; what the samples saw goes to the history.
+void hg_hosted_reset(struct hg_hosted *hosted, const struct hg_hosted_history *history);
+// Moves runs from the selection of set number `set` here. HG_E_NOMEM.
+enum hg_status hg_hosted_take(struct hg_hosted *hosted, const struct hg_geometry *geometry,
+    const struct hg_visible_view *view, const struct hg_hosted_history *history, uint32_t set,
+    struct hg_jobs *jobs, struct hg_selection *runs) HG_MUST_CHECK;
+// Marks the chunks as used in this frame.
+void hg_hosted_use(const struct hg_hosted *hosted, const struct hg_geometry *geometry);
+// Draws one sample to slot `slot` of `slots`. HG_E_NOMEM, device errors.
+enum hg_status hg_hosted_draw(struct hg_hosted *hosted, struct hg_gpu *gpu,
+    const struct hg_visible_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
+    struct hg_error *err) HG_MUST_CHECK;
+// Copies a slot to images, all of it or `area` (zero: all).
+void hg_hosted_copy(const struct hg_hosted *hosted, struct hg_gpu_cmd *cmd, uint32_t slot,
+    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
+// Triangles that the newest samples looked at.
+uint64_t hg_hosted_triangles(const struct hg_hosted *hosted);
+
+#endif

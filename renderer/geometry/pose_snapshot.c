@@ -1,0 +1,144 @@
+#include "renderer/geometry/pose_snapshot.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/checked.h"
+#include "renderer/geometry/geometry_state.h"
+
+struct hg_moment {
+    struct hg_gpu *gpu;
+    struct hg_table worlds, parts;
+    struct hg_gpu_buffer deformed; // outputs, one after the other
+};
+
+bool hg_geometry_deform_all(struct hg_geometry *g)
+{
+    const bool is_new = !g->deform_all;
+    g->deform_all = true;
+    if (is_new)
+        g->signature = 0;
+    return is_new;
+}
+
+void hg_moment_free(struct hg_moment *m)
+{
+    if (m == NULL)
+        return;
+    hg_table_finish(m->gpu, &m->worlds);
+    hg_table_finish(m->gpu, &m->parts);
+    hg_gpu_buffer_destroy(m->gpu, &m->deformed);
+    hg_free(m);
+}
+
+static enum hg_status no_memory(struct hg_error *err)
+{
+    return hg_error_set(err, HG_E_NOMEM, "moment", NULL, "no memory");
+}
+
+static enum hg_status take_worlds(
+    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+{
+    const struct hg_gpu_instance *instances =
+        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    uint64_t written = 0;
+    struct hg_mat4x3 *worlds = hg_calloc(g->instance_count + 1u, sizeof *worlds);
+    if (worlds == NULL)
+        return no_memory(err);
+    for (uint32_t i = 0; i < g->instance_count; i++)
+        worlds[i] = instances[i].world;
+    const enum hg_status status = hg_table_write(
+        g->gpu, &m->worlds, worlds, g->instance_count * sizeof *worlds, &written, err);
+    hg_free(worlds);
+    return status;
+}
+
+// The part table, where deformed parts lead to what is kept here.
+static enum hg_status take_parts(
+    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+{
+    uint64_t written = 0, at = m->deformed.address;
+    const uint64_t bytes = g->part_count * sizeof(struct hg_gpu_part);
+    struct hg_gpu_part *parts = hg_calloc(g->part_count + 1u, sizeof *parts);
+    if (parts == NULL)
+        return no_memory(err);
+    if (bytes > 0)
+        memcpy(parts, g->part_table.shadow, bytes);
+    for (uint32_t i = 0; i < g->deform_count; i++) {
+        const struct hg_deform_entry *d = &g->deforms[i];
+        if (d->vertex_count == 0)
+            continue;
+        parts[d->index].positions = at;
+        parts[d->index].vertices = at + d->vertices_offset;
+        at += d->output_bytes;
+    }
+    const enum hg_status status = hg_table_write(g->gpu, &m->parts, parts, bytes, &written, err);
+    hg_free(parts);
+    return status;
+}
+
+static enum hg_status copy_deformed(
+    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+{
+    struct hg_gpu_cmd *cmd;
+    uint64_t at = 0;
+    enum hg_status status = hg_gpu_begin(g->gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    hg_gpu_memory_barrier(cmd);
+    for (uint32_t i = 0; i < g->deform_count; i++) {
+        const struct hg_deform_entry *d = &g->deforms[i];
+        const VkBufferCopy region = {0, at, d->output_bytes};
+        if (d->vertex_count == 0)
+            continue;
+        vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), d->output.handle, m->deformed.handle, 1, &region);
+        at += d->output_bytes;
+    }
+    hg_gpu_memory_barrier(cmd);
+    return hg_gpu_submit_and_wait(g->gpu, cmd, err);
+}
+
+static enum hg_status take_deformed(
+    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+{
+    uint64_t bytes = 0;
+    for (uint32_t i = 0; i < g->deform_count; i++)
+        if (g->deforms[i].vertex_count > 0 &&
+            !hg_add_u64(bytes, g->deforms[i].output_bytes, &bytes))
+            return no_memory(err);
+    if (bytes == 0)
+        return HG_OK;
+    const enum hg_status status = hg_gpu_buffer_reserve(
+        g->gpu, HG_GPU_BUFFER_DEVICE, bytes, "poses of a moment", &m->deformed, err);
+    return status == HG_OK ? copy_deformed(g, m, err) : status;
+}
+
+enum hg_status hg_moment_take(
+    struct hg_geometry *geometry, struct hg_moment **moment, struct hg_error *err)
+{
+    if (*moment == NULL)
+        *moment = hg_calloc(1, sizeof **moment);
+    if (*moment == NULL)
+        return no_memory(err);
+    struct hg_moment *m = *moment;
+    m->gpu = geometry->gpu;
+    m->worlds.name = "matrices of a moment";
+    m->parts.name = "parts of a moment";
+    enum hg_status status = take_worlds(geometry, m, err);
+    if (status == HG_OK)
+        status = take_deformed(geometry, m, err);
+    return status == HG_OK ? take_parts(geometry, m, err) : status;
+}
+
+void hg_moment_fill(const struct hg_moment *m, struct hg_gpu_moment *out)
+{
+    *out = (struct hg_gpu_moment){
+        .worlds = m->worlds.buffer.address, .parts = m->parts.buffer.address};
+}
+
+uint64_t hg_moment_bytes(const struct hg_moment *m)
+{
+    return m == NULL
+               ? 0
+               : m->worlds.buffer.size_bytes + m->parts.buffer.size_bytes + m->deformed.size_bytes;
+}

@@ -1,0 +1,143 @@
+// triangle_cache.c - what shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h). See
+// geometry.h.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/hash.h"
+#include "renderer/geometry/geometry_state.h"
+#include "shaders/shared/bindings.h"
+#include "shaders/shared/triangle_cache.h"
+
+// Scenes with more triangles are shaded from their vertices.
+#define MAX_BYTES (64ull << 20) // with what the buffer may grow by
+#define MAX_DRAWS (HG_TABLE_BYTES / 4)
+
+// What the facets of a draw are made of: equal keys, equal facets, unless a pose changed.
+static uint64_t key_of(const struct hg_geometry *g, const struct hg_draw_entry *d, uint32_t first)
+{
+    const size_t instance = d->gpu.instance * sizeof(struct hg_gpu_instance);
+    uint64_t h = hg_mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
+    h = hg_mix(hg_mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
+    h = hg_mix(h, d->mesh_part);
+    h = hg_mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
+        sizeof(struct hg_gpu_part));
+    return hg_mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
+}
+
+static bool pose_changed(const struct hg_geometry *g, const struct hg_draw_entry *d)
+{
+    for (uint32_t i = 0; i < g->changed_count; i++)
+        if (g->deforms[g->changed[i]].index == d->gpu.part)
+            return true;
+    return false;
+}
+
+static uint64_t count_facets(const struct hg_geometry *g)
+{
+    uint64_t count = 0;
+    for (uint32_t i = 0; i < g->draw_count; i++)
+        count += hg_part_primitives(g->draws[i].part);
+    return count;
+}
+
+void hg_facets_finish(struct hg_gpu *gpu, struct hg_facets *f)
+{
+    hg_gpu_buffer_destroy(gpu, &f->buffer);
+    hg_table_finish(gpu, &f->first);
+    hg_free(f->firsts);
+    hg_free(f->keys);
+    hg_free(f->next_keys);
+    hg_free(f->jobs);
+    *f = (struct hg_facets){0};
+}
+
+static enum hg_status grow(struct hg_facets *f, uint32_t draws)
+{
+    const size_t before = f->key_capacity;
+    enum hg_status status = hg_grow(&f->keys, &f->key_capacity, draws, sizeof *f->keys);
+    if (status == HG_OK && f->key_capacity > before)
+        memset(f->keys + before, 0, (f->key_capacity - before) * sizeof *f->keys);
+    if (status == HG_OK)
+        status = hg_grow(&f->next_keys, &f->next_capacity, draws, sizeof *f->next_keys);
+    if (status == HG_OK)
+        status = hg_grow(&f->firsts, &f->first_capacity, draws, sizeof *f->firsts);
+    return status == HG_OK ? hg_grow(&f->jobs, &f->job_capacity, draws, sizeof *f->jobs) : status;
+}
+
+static void list_jobs(struct hg_geometry *g)
+{
+    struct hg_facets *f = &g->facets;
+    uint32_t first = 0;
+    f->job_count = 0;
+    for (uint32_t i = 0; i < g->draw_count; i++) {
+        const struct hg_draw_entry *d = &g->draws[i];
+        const uint32_t count = hg_part_primitives(d->part);
+        f->firsts[i] = first;
+        f->next_keys[i] = key_of(g, d, first);
+        if (f->next_keys[i] != f->keys[i] || pose_changed(g, d))
+            f->jobs[f->job_count++] = (struct hg_facet_job){i, first, count};
+        first += count;
+    }
+}
+
+static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_error *err)
+{
+    struct hg_facets *f = &g->facets;
+    if (grow(f, g->draw_count) != HG_OK)
+        return hg_error_set(err, HG_E_NOMEM, "facets", NULL, "no memory");
+    const VkBuffer old = f->buffer.handle;
+    enum hg_status status =
+        hg_gpu_buffer_reserve(g->gpu, HG_GPU_BUFFER_TEXELS, bytes, "facets", &f->buffer, err);
+    if (status != HG_OK)
+        return status;
+    if (f->buffer.handle != old)
+        memset(f->keys, 0, f->key_capacity * sizeof *f->keys);
+    list_jobs(g);
+    uint64_t written = 0;
+    f->first.name = "first facets";
+    return hg_table_write(
+        g->gpu, &f->first, f->firsts, g->draw_count * sizeof *f->firsts, &written, err);
+}
+
+enum hg_status hg_geometry_sync_facets(struct hg_geometry *g, bool wanted, struct hg_error *err)
+{
+    struct hg_facets *f = &g->facets;
+    if (f->wanted == wanted && f->revision == g->revision && g->changed_count == 0)
+        return HG_OK;
+    const uint64_t bytes = count_facets(g) * sizeof(struct hg_gpu_facet);
+    const uint64_t grown = bytes + bytes / 2;
+    enum hg_status status = HG_OK;
+    if (wanted && bytes > 0 && grown <= MAX_BYTES && g->draw_count <= MAX_DRAWS &&
+        grown / 16 <= hg_gpu_get_caps(g->gpu)->max_texels)
+        status = make(g, bytes, err);
+    else
+        hg_facets_finish(g->gpu, f);
+    if (status != HG_OK)
+        hg_facets_finish(g->gpu, f);
+    f->wanted = wanted;
+    f->revision = status == HG_OK ? g->revision : 0;
+    return status;
+}
+
+bool hg_geometry_facets(
+    const struct hg_geometry *g, struct hg_gpu_uniform *first, const struct hg_gpu_buffer **facets)
+{
+    const struct hg_facets *f = &g->facets;
+    *first = (struct hg_gpu_uniform){f->first.buffer.address, f->first.size_bytes};
+    *facets = f->buffer.handle != VK_NULL_HANDLE ? &f->buffer : NULL;
+    return *facets != NULL;
+}
+
+uint32_t hg_geometry_facet_jobs(const struct hg_geometry *g, const struct hg_facet_job **jobs)
+{
+    *jobs = g->facets.jobs;
+    return g->facets.job_count;
+}
+
+void hg_geometry_facets_done(struct hg_geometry *g)
+{
+    struct hg_facets *f = &g->facets;
+    for (uint32_t i = 0; i < f->job_count; i++)
+        f->keys[f->jobs[i].draw] = f->next_keys[f->jobs[i].draw];
+    f->job_count = 0;
+}

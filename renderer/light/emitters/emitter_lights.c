@@ -1,0 +1,121 @@
+// Punctual lights of the emitters. See emitter_lights.h.
+#include "renderer/light/emitters/emitter_lights.h"
+
+#include <math.h>
+
+#include "base/alloc.h"
+#include "base/hash.h"
+#include "renderer/math/vec.h"
+
+float hg_emitter_luminance(float r, float g, float b)
+{
+    const float sum = 0.2126f * fmaxf(r, 0) + 0.7152f * fmaxf(g, 0) + 0.0722f * fmaxf(b, 0);
+    return isfinite(r) && isfinite(g) && isfinite(b) && isfinite(sum) ? sum : 0;
+}
+
+static float light_luminance(const struct hg_gpu_light *light)
+{
+    return hg_emitter_luminance(light->color.x, light->color.y, light->color.z);
+}
+
+static bool is_finite3(struct hg_vec3 v)
+{
+    return isfinite(v.x) && isfinite(v.y) && isfinite(v.z);
+}
+
+static bool is_usable(const struct hg_gpu_light *light)
+{
+    return light_luminance(light) > 0 && is_finite3(light->direction_ws) &&
+           isfinite(light->inv_range_sq) && isfinite(light->spot_scale) &&
+           isfinite(light->spot_offset) &&
+           (light->kind == HG_LIGHT_KIND_DIRECTIONAL || is_finite3(light->position_ws));
+}
+
+enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const struct hg_scene *scene,
+    const double origin[3], uint64_t *signature)
+{
+    if (hg_light_set_collect(&l->set, scene, origin) ||
+        hg_grow(&l->items, &l->capacity, 2 * (size_t)l->set.count + 1, sizeof *l->items))
+        return HG_E_NOMEM;
+    // Lights that are there at one time only stay as the scene has them, all of them.
+    l->move = l->opening && l->closing && l->opening->count == l->set.count &&
+              l->closing->count == l->set.count;
+    const struct hg_gpu_light *now = l->move ? l->closing->items : l->set.items;
+    const struct hg_gpu_light *then = l->move ? l->opening->items : l->set.items;
+    l->count = l->directional_count = 0;
+    l->directional_lux = 0;
+    for (uint32_t i = 0; i < l->set.count; i++) {
+        const struct hg_gpu_light *light = &now[i];
+        if (!is_usable(light) || !is_usable(&then[i]))
+            continue;
+        if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+            l->directional_count++;
+            l->directional_lux += light_luminance(light);
+        }
+        l->items[l->count] = *light;
+        l->items[l->count].shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
+        *signature = hg_mix_bytes(*signature, &l->items[l->count++], sizeof *light);
+    }
+    for (uint32_t i = 0, k = l->count; i < l->set.count && l->move; i++) {
+        if (!is_usable(&now[i]) || !is_usable(&then[i]))
+            continue;
+        *signature = hg_mix_bytes(*signature, &then[i], sizeof then[i]);
+        l->items[k++] = then[i];
+    }
+    return HG_OK;
+}
+
+void hg_emitter_lights_finish(struct hg_emitter_lights *l)
+{
+    hg_free(l->items);
+    hg_light_set_finish(&l->set);
+}
+
+void hg_emitter_lights_shares(const struct hg_emitter_lights *l, float *shares)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < l->directional_count; i++) {
+        sum += (double)light_luminance(&l->items[i]) / (double)l->directional_lux;
+        shares[i] = i + 1 < l->directional_count ? (float)fmin(1, sum) : 1;
+    }
+}
+
+static struct hg_light_item leaf_of(const struct hg_gpu_light *light)
+{
+    struct hg_light_item item = {.cos_o = -1,
+        .cos_e = 1,
+        .power = light_luminance(light),
+        .range = hg_gpu_light_range(light)};
+    memcpy(item.min, &light->position_ws, sizeof item.min);
+    memcpy(item.max, &light->position_ws, sizeof item.max);
+    memcpy(item.axis, &light->direction_ws, sizeof item.axis);
+    // The cone ends where cos * scale + offset is 0.
+    if (light->kind == HG_LIGHT_KIND_SPOT && light->spot_scale > 0 &&
+        hg_dot3(item.axis, item.axis) > 0.5f)
+        item.cos_o = hg_clampf(-light->spot_offset / light->spot_scale - 1e-4f, -1, 1);
+    return item;
+}
+
+// All that the light sends on its way.
+static void widen(struct hg_light_item *item, const struct hg_light_item *then)
+{
+    for (int i = 0; i < 3; i++) {
+        item->min[i] = fminf(item->min[i], then->min[i]);
+        item->max[i] = fmaxf(item->max[i], then->max[i]);
+    }
+    if (memcmp(item->axis, then->axis, sizeof item->axis) != 0)
+        item->cos_o = -1;
+    item->cos_o = fminf(item->cos_o, then->cos_o);
+    item->power = fmaxf(item->power, then->power);
+    item->range = item->range > 0 && then->range > 0 ? fmaxf(item->range, then->range) : 0;
+}
+
+struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *l, uint32_t index)
+{
+    struct hg_light_item leaf = leaf_of(&l->items[index]);
+    if (l->move) {
+        const struct hg_light_item then = leaf_of(&l->items[l->count + index]);
+        widen(&leaf, &then);
+    }
+    return leaf;
+}

@@ -1,0 +1,33 @@
+// emitter_lights.h - punctual lights as light sampling has them. Private to the emitters.
+// Floor 2 (light). Thread: the render thread.
+#ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTER_LIGHTS_H
+#define HG_RENDERER_LIGHT_EMITTERS_EMITTER_LIGHTS_H
+
+#include "renderer/light/emitters/light_tree.h"
+#include "renderer/light/lights.h"
+
+// Zero-initialise. Directional lights come first.
+struct hg_emitter_lights {
+    struct hg_light_set set;                      // of the scene
+    const struct hg_light_set *opening, *closing; // of a shutter; NULL: nothing moves
+    struct hg_gpu_light *items;                   // [count], then those of the opening if they move
+    size_t capacity;
+    bool move;
+    uint32_t count, directional_count;
+    float directional_lux; // of all of them
+};
+
+// Relative luminance of linear Rec. 709, 0 or more; 0 where it is not finite.
+float hg_emitter_luminance(float red, float green, float blue);
+
+// Lights that shine and are finite. Adds what they are to *signature. HG_E_NOMEM.
+enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *lights,
+    const struct hg_scene *scene, const double origin[3], uint64_t *signature) HG_MUST_CHECK;
+void hg_emitter_lights_finish(struct hg_emitter_lights *lights); // accepts a zeroed one
+// Sums of the shares that directional lights have of all their lux; the last is 1.
+//   shares [directional_count] out
+void hg_emitter_lights_shares(const struct hg_emitter_lights *lights, float *shares);
+// The leaf of a light that has a place: all that it sends while the shutter is open.
+struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *lights, uint32_t index);
+
+#endif

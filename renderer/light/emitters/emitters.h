@@ -1,0 +1,88 @@
+// emitters.h - what shines, in tables that light sampling reads (lib/emitters.glsl).
+// Floor 2 (light). Thread: the render thread; building is spread over jobs. The same bytes for any
+// number of threads and whatever is resident.
+//
+// Punctual lights with a place and emissive triangles are leaves of one tree (light_tree.h);
+// directional lights and the environment stand beside it. What did not change is kept: while only
+// the camera moves nothing is built, unless the cut shows other triangles.
+//
+// Memory: 108 bytes per leaf. When there are too many triangles for the budget, leaves hold runs of
+// 2, 4, ... 256 consecutive triangles (which lie side by side), chosen within a leaf by their area,
+// for 2 bytes per triangle. What does not fit even so is left out with a warning: it is found by
+// rays alone, which has more noise but no bias.
+//
+// How much a triangle shines is estimated from a coarse mip of its emissive texture; triangles that
+// it shows as black are left out in the same way.
+#ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTERS_H
+#define HG_RENDERER_LIGHT_EMITTERS_EMITTERS_H
+
+#include "base/jobs.h"
+#include "renderer/trace/ray_geometry.h"
+#include "renderer/gpu/gpu.h"
+#include "renderer/texture/textures.h"
+#include "shaders/shared/emitters.h"
+
+struct hg_emitters;
+
+struct hg_emitters_params { // zero of each field = default
+    uint64_t budget_bytes;  // of the tables on the device; default 96 MiB
+};
+
+// HG_E_NOMEM. gpu and jobs are borrowed and must outlive it.
+enum hg_status hg_emitters_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
+    const struct hg_emitters_params *params, struct hg_emitters **out,
+    struct hg_error *err) HG_MUST_CHECK;
+void hg_emitters_destroy(struct hg_emitters *emitters); // accepts NULL
+
+// Triangles of one draw that may shine.
+struct hg_emitter_part {
+    const struct hg_cut_piece *piece;
+    const struct hg_material *material; // NULL: the default one, which is dark
+    // Texture coordinates of the emissive slot's set: uv_stride floats from vertex to vertex. NULL:
+    // all of the texture is taken for each triangle.
+    const float *uv;
+    uint32_t uv_stride;
+};
+
+struct hg_emitter_input {
+    const struct hg_scene *scene;        // lights and environment; hg_scene_update was called
+    double origin[3];                    // hg_geometry_origin
+    const struct hg_emitter_part *parts; // by draw, then primitive
+    uint32_t part_count, draw_count;
+    uint64_t poses;               // differs when parts that deform have moved
+    struct hg_textures *textures; // to look at emissive textures; NULL: they count as white
+};
+
+// Pieces whose positions or indices the host does not have (hg_cut_lens.addresses) are left out.
+//
+// Brings the tables in line. No batch may be open; uploads are recorded in front of the next one.
+// Waits for emissive textures that are seen for the first time to be decoded. On error the tables
+// are empty until the next call. HG_E_NOMEM, device errors.
+enum hg_status hg_emitters_update(struct hg_emitters *emitters,
+    const struct hg_emitter_input *input, struct hg_error *err) HG_MUST_CHECK;
+// The same for all of a cut.
+enum hg_status hg_emitters_sync(struct hg_emitters *emitters, const struct hg_geometry *geometry,
+    const struct hg_cut *cut, const struct hg_scene *scene, struct hg_textures *textures,
+    struct hg_error *err) HG_MUST_CHECK;
+
+// From here on punctual lights go from the one place to the other while a shutter is open: the
+// lights of the scene at both times, borrowed. NULL: they are where the scene has them.
+struct hg_light_set;
+void hg_emitters_move_lights(struct hg_emitters *emitters, const struct hg_light_set *opening,
+    const struct hg_light_set *closing);
+
+void hg_emitters_fill(const struct hg_emitters *emitters, struct hg_gpu_emitters *out);
+
+struct hg_emitters_stats {
+    uint32_t directional, punctual; // lights
+    uint64_t triangles;             // that belong to emissive parts
+    uint64_t left_out;              // of them, for want of budget
+    uint32_t leaves, depth;         // of the tree
+    uint32_t run;                   // triangles per leaf
+    uint32_t builds, warps;         // since creation: of the tree, of the environment
+    uint64_t build_ns, warp_ns;     // newest ones
+    uint64_t bytes, peak_bytes;     // on the device
+};
+void hg_emitters_stats(const struct hg_emitters *emitters, struct hg_emitters_stats *out);
+
+#endif

@@ -1,0 +1,38 @@
+// sky.h - a clear sky by day and at dusk, as an equirectangular image.
+// Floor 2 (light). Pure; the same bytes on every run and for every number of threads.
+//
+// Rayleigh and Mie scattering and ozone absorption above a round earth, single scattering by ray
+// marching plus all further orders after Hillaire 2020, "A Scalable and Production Ready Sky and
+// Atmosphere Rendering Technique" (multiple-scattering table, section 5.5); coefficients there,
+// table 1. Chosen over Preetham 1999 and Hosek-Wilkie 2012 because it holds at and below the
+// horizon, where the warm light of a low sun comes from.
+//
+// Scale: glTF scenes are lit with a few lux, not with the 120,000 of the true sun, and are looked
+// at with exposure 0. Above the atmosphere the sun here gives HG_SKY_SUN_LUX: a white wall facing a
+// high sun then comes out a little brighter than display white, a clear sky at about 0.2.
+// hg_sky_sun_illuminance is what a directional light should have to go with the sky.
+#ifndef HG_RENDERER_LIGHT_ENV_SKY_H
+#define HG_RENDERER_LIGHT_ENV_SKY_H
+
+#include "base/jobs.h"
+#include "renderer/image/image.h"
+
+#define HG_SKY_SUN_LUX 4.0f // perpendicular to the sun, outside the atmosphere
+#define HG_SKY_WIDTH   1024
+#define HG_SKY_HEIGHT  512
+
+struct hg_sky {
+    float sun_direction[3]; // towards the sun, unit
+    float turbidity;        // 1 (pure air) .. 10 (haze); 0 = 2
+    bool with_disc;         // draw the sun itself; off when a directional light stands for it
+};
+
+// RGBA32F, HG_SKY_WIDTH x HG_SKY_HEIGHT, convention of struct hg_environment. Directions below the
+// horizon see a grey ground lit by sun and sky. HG_E_NOMEM. About 0.2 s of one core.
+enum hg_status hg_sky_render(
+    const struct hg_sky *sky, struct hg_jobs *jobs, struct hg_image *out) HG_MUST_CHECK;
+
+// Illuminance of the sun seen from the ground, facing it, linear Rec.709 lux.
+void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3]);
+
+#endif

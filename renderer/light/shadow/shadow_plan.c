@@ -1,0 +1,421 @@
+#include "renderer/light/shadow/shadow_plan.h"
+
+#include <stdlib.h>
+
+#include "base/alloc.h"
+#include "renderer/math/vec.h"
+
+// --- sizes and places ----------------------------------------------------------------------------
+
+// Most shadowed lights that a plan considers.
+#define MAX_CANDIDATES 256
+
+struct candidate {
+    uint32_t light, maps, side_px;
+    float weight; // decides who goes without
+};
+
+struct draft {
+    struct candidate items[MAX_CANDIDATES];
+    uint32_t count;
+};
+
+static float cone_half_angle(const struct hg_gpu_light *light)
+{
+    return acosf(hg_clampf(-light->spot_offset / light->spot_scale, -1, 1));
+}
+
+static bool needs_cube(const struct hg_gpu_light *light)
+{
+    return light->kind == HG_LIGHT_KIND_POINT ||
+           (light->kind == HG_LIGHT_KIND_SPOT && cone_half_angle(light) > 1.3f);
+}
+
+static float light_weight(const struct hg_gpu_light *light, const struct hg_lighting_view *view)
+{
+    float color = light->color.x + light->color.y + light->color.z, d[3];
+    if (light->kind == HG_LIGHT_KIND_DIRECTIONAL)
+        return color * 1e12f;
+    hg_sub3((float *)&light->position_ws, (float *)&view->camera->eye_ws, d);
+    return color / fmaxf(hg_dot3(d, d), 1e-4f);
+}
+
+static int compare_weight(const void *a, const void *b)
+{
+    const struct candidate *x = a, *y = b;
+    if (x->weight != y->weight)
+        return x->weight > y->weight ? -1 : 1;
+    return x->light < y->light ? -1 : 1;
+}
+
+static uint64_t draft_area(const struct draft *draft, uint32_t count, uint32_t halvings)
+{
+    uint64_t area = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint64_t side = draft->items[i].side_px >> halvings;
+        side = side < HG_SHADOW_MIN_SIDE_PX ? HG_SHADOW_MIN_SIDE_PX : side;
+        area += side * side * draft->items[i].maps;
+    }
+    return area;
+}
+
+// Fits the wishes into the atlas; returns how many lights keep their maps.
+static uint32_t draft_fit(struct draft *draft, uint32_t max_atlas_px)
+{
+    const uint64_t room = (uint64_t)max_atlas_px * max_atlas_px;
+    uint32_t halvings = 0, count = draft->count;
+    while (halvings < 4 && draft_area(draft, count, halvings) > room)
+        halvings++;
+    while (count && draft_area(draft, count, halvings) > room)
+        count--;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t side = draft->items[i].side_px >> halvings;
+        side = side < HG_SHADOW_MIN_SIDE_PX ? HG_SHADOW_MIN_SIDE_PX : side;
+        draft->items[i].side_px = side < max_atlas_px ? side : max_atlas_px;
+    }
+    return count;
+}
+
+static uint32_t even_bits(uint32_t v)
+{
+    v &= 0x55555555;
+    v = (v | v >> 1) & 0x33333333;
+    v = (v | v >> 2) & 0x0f0f0f0f;
+    v = (v | v >> 4) & 0x00ff00ff;
+    return (v | v >> 8) & 0x0000ffff;
+}
+
+static int compare_side(const void *a, const void *b)
+{
+    const struct hg_shadow_map *const *x = a, *const *y = b;
+    if ((*x)->gpu.size_px != (*y)->gpu.size_px)
+        return (*x)->gpu.size_px > (*y)->gpu.size_px ? -1 : 1;
+    return *x < *y ? -1 : 1; // places in one array
+}
+
+// Squares of powers of two, largest first, along a Morton curve: they never overlap and leave no
+// holes.
+static enum hg_status place_maps(struct hg_shadow_plan *plan)
+{
+    struct hg_shadow_map **order = hg_calloc(plan->count + 1, sizeof *order);
+    if (!order)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < plan->count; i++)
+        order[i] = &plan->maps[i];
+    qsort(order, plan->count, sizeof *order, compare_side);
+    uint32_t next = 0; // in units of the smallest square
+    uint32_t side = HG_SHADOW_MIN_SIDE_PX;
+    for (uint32_t i = 0; i < plan->count; i++) {
+        struct hg_gpu_shadow *s = &order[i]->gpu;
+        uint32_t units = (uint32_t)s->size_px / HG_SHADOW_MIN_SIDE_PX;
+        s->rect_px.x = (float)(even_bits(next) * HG_SHADOW_MIN_SIDE_PX);
+        s->rect_px.y = (float)(even_bits(next >> 1) * HG_SHADOW_MIN_SIDE_PX);
+        next += units * units;
+    }
+    while (plan->count &&
+           (uint64_t)side * side < (uint64_t)next * HG_SHADOW_MIN_SIDE_PX * HG_SHADOW_MIN_SIDE_PX)
+        side *= 2;
+    plan->atlas_px = plan->count ? side : 0;
+    hg_free(order);
+    return HG_OK;
+}
+
+// --- projections ---------------------------------------------------------------------------------
+
+static float map_extent(uint32_t side_px)
+{
+    return 1 - 2 * HG_SHADOW_REACH_PX / (float)side_px;
+}
+
+// Column-major matrix of the mapping that struct hg_gpu_shadow describes.
+static void set_matrix(struct hg_shadow_map *map)
+{
+    const struct hg_gpu_shadow *s = &map->gpu;
+    const float *origin = (const float *)&s->origin_ws;
+    const float *axes[3] = {
+        (const float *)&s->right_ws, (float *)&s->up_ws, (float *)&s->forward_ws};
+    float q[3][4]; // q = (right, up, forward) . (p - origin)
+    for (int i = 0; i < 3; i++) {
+        hg_copy3(axes[i], q[i]);
+        q[i][3] = -hg_dot3(axes[i], origin);
+    }
+    for (int c = 0; c < 4; c++) {
+        float one = c == 3 ? 1.0f : 0.0f;
+        map->view_proj[c * 4 + 0] = q[0][c] * s->scale;
+        map->view_proj[c * 4 + 1] = -q[1][c] * s->scale;
+        map->view_proj[c * 4 + 2] =
+            s->perspective ? one * s->depth_scale : one - q[2][c] * s->depth_scale;
+        map->view_proj[c * 4 + 3] = s->perspective ? q[2][c] : one;
+    }
+}
+
+static void set_axes(
+    struct hg_gpu_shadow *s, const float right[3], const float up[3], const float forward[3])
+{
+    hg_copy3(right, (float *)&s->right_ws);
+    hg_copy3(up, (float *)&s->up_ws);
+    hg_copy3(forward, (float *)&s->forward_ws);
+}
+
+static void perspective_map(struct hg_shadow_map *map, const struct hg_gpu_light *light,
+    float tan_half, float near, uint32_t side_px)
+{
+    struct hg_gpu_shadow *s = &map->gpu;
+    s->origin_ws = light->position_ws;
+    s->perspective = 1;
+    s->extent = map_extent(side_px);
+    s->scale = s->extent / tan_half;
+    s->depth_scale = near;
+    s->size_px = (float)side_px;
+    s->texel_size = 2 / (s->scale * (float)side_px);
+    set_matrix(map);
+}
+
+static void cube_maps(
+    struct hg_shadow_map *maps, const struct hg_gpu_light *light, float near, uint32_t side_px)
+{
+    // Right x up = -forward for a right-handed look along forward is not needed: any orthonormal
+    // triple will do, the shader uses the same one.
+    static const float axes[6][2][3] = {// forward, up
+        {{1, 0, 0}, {0, 1, 0}}, {{-1, 0, 0}, {0, 1, 0}}, {{0, 1, 0}, {0, 0, 1}},
+        {{0, -1, 0}, {0, 0, 1}}, {{0, 0, 1}, {0, 1, 0}}, {{0, 0, -1}, {0, 1, 0}}};
+    for (int f = 0; f < 6; f++) {
+        float right[3];
+        hg_cross3(axes[f][0], axes[f][1], right);
+        set_axes(&maps[f].gpu, right, axes[f][1], axes[f][0]);
+        perspective_map(&maps[f], light, 1, near, side_px);
+    }
+}
+
+static void spot_map(
+    struct hg_shadow_map *map, const struct hg_gpu_light *light, float near, uint32_t side_px)
+{
+    float right[3], up[3];
+    hg_basis3((float *)&light->direction_ws, up, right);
+    hg_cross3((float *)&light->direction_ws, up, right);
+    set_axes(&map->gpu, right, up, (float *)&light->direction_ws);
+    perspective_map(map, light, tanf(cone_half_angle(light)), near, side_px);
+}
+
+// --- the sun -------------------------------------------------------------------------------------
+
+// The scene in the light's frame.
+struct sun_frame {
+    float right[3], up[3], forward[3];
+    float low[3], high[3]; // bounds along the three
+};
+
+static struct sun_frame sun_frame_make(
+    const struct hg_gpu_light *light, const struct hg_lighting_view *view)
+{
+    struct sun_frame f = {
+        .low = {INFINITY, INFINITY, INFINITY}, .high = {-INFINITY, -INFINITY, -INFINITY}};
+    hg_copy3((float *)&light->direction_ws, f.forward);
+    hg_basis3(f.forward, f.up, f.right);
+    hg_cross3(f.forward, f.up, f.right);
+    const float *axes[3] = {f.right, f.up, f.forward};
+    for (int c = 0; c < 8; c++) {
+        float p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = c >> a & 1 ? view->bounds_max[a] : view->bounds_min[a];
+        for (int a = 0; a < 3; a++) {
+            float v = hg_dot3(p, axes[a]);
+            f.low[a] = fminf(f.low[a], v);
+            f.high[a] = fmaxf(f.high[a], v);
+        }
+    }
+    return f;
+}
+
+// An orthographic map about a point of the light's plane, deep enough for the whole scene.
+static void sun_map(struct hg_shadow_map *map, const struct sun_frame *f, const float center[2],
+    float half, uint32_t side_px)
+{
+    struct hg_gpu_shadow *s = &map->gpu;
+    float pad = 1e-3f * (f->high[2] - f->low[2]) + 1e-4f * half;
+    float range = f->high[2] - f->low[2] + 2 * pad;
+    float origin[3] = {0, 0, 0};
+    hg_mad3(origin, f->right, center[0], origin);
+    hg_mad3(origin, f->up, center[1], origin);
+    hg_mad3(origin, f->forward, f->low[2] - pad, origin);
+    hg_copy3(origin, (float *)&s->origin_ws);
+    set_axes(s, f->right, f->up, f->forward);
+    s->perspective = 0;
+    s->extent = map_extent(side_px);
+    s->scale = s->extent / half;
+    s->depth_scale = 1 / range;
+    s->size_px = (float)side_px;
+    s->texel_size = 2 / (s->scale * (float)side_px);
+    set_matrix(map);
+}
+
+static float scene_half(const struct sun_frame *f)
+{
+    float half = 0.5f * fmaxf(f->high[0] - f->low[0], f->high[1] - f->low[1]);
+    return fmaxf(half * 1.001f, 1e-6f);
+}
+
+// Depths of the scene along the view.
+static void view_depths(const struct hg_lighting_view *view, float *near, float *far)
+{
+    *near = INFINITY;
+    *far = -INFINITY;
+    for (int c = 0; c < 8; c++) {
+        float p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = c >> a & 1 ? view->bounds_max[a] : view->bounds_min[a];
+        hg_sub3(p, (float *)&view->camera->eye_ws, p);
+        float z = hg_dot3(p, (float *)&view->camera->forward_ws);
+        *near = fminf(*near, z);
+        *far = fmaxf(*far, z);
+    }
+}
+
+// Sphere about the part of the view between two depths: distance of its centre and radius.
+static void slice_sphere(
+    const struct hg_lighting_view *view, float a, float b, float *center, float *radius)
+{
+    const float *proj = view->camera->proj.m;
+    float tx = 1 / fabsf(proj[0]), ty = 1 / fabsf(proj[5]), k2 = tx * tx + ty * ty;
+    if (view->camera->orthographic) {
+        *center = 0.5f * (a + b);
+        *radius = sqrtf(0.25f * (b - a) * (b - a) + k2);
+        return;
+    }
+    *center = fminf(b, 0.5f * (a + b) * (1 + k2));
+    *radius = sqrtf((b - *center) * (b - *center) + b * b * k2);
+}
+
+// The part of the scene between two depths. Radius in steps of 2^(1/4), centre in steps of a
+// quarter radius: the map holds the sphere wherever in its step the centre lies. False when it
+// would be hardly finer than the map of the whole scene.
+static bool cascade_map(struct hg_shadow_map *map, const struct sun_frame *f,
+    const struct hg_lighting_view *view, const float depths[2], uint32_t side_px)
+{
+    float distance, radius, center[3];
+    slice_sphere(view, depths[0], depths[1], &distance, &radius);
+    float step_radius = exp2f(ceilf(log2f(radius) * 4) * 0.25f), grid = step_radius * 0.25f;
+    float half = step_radius + 0.5f * grid;
+    if (half > 0.7f * scene_half(f))
+        return false;
+    hg_mad3((float *)&view->camera->eye_ws, (float *)&view->camera->forward_ws, distance, center);
+    float plane[2] = {hg_dot3(center, f->right), hg_dot3(center, f->up)};
+    for (int i = 0; i < 2; i++)
+        plane[i] = roundf(plane[i] / grid) * grid;
+    sun_map(map, f, plane, half, side_px);
+    return true;
+}
+
+// Finest first; the last map holds the whole scene. Finer ones cover the depths at which a texel of
+// that last map would look larger than a pixel, in splits between logarithmic and even ones.
+// Source: Zhang et al. 2006, "Parallel-Split Shadow Maps", eq. 3, with lambda 0.8.
+static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *light,
+    const struct hg_lighting_view *view, uint32_t side_px)
+{
+    struct sun_frame f = sun_frame_make(light, view);
+    float near, far, whole = scene_half(&f);
+    uint32_t count = 0;
+    view_depths(view, &near, &far);
+    float texel = 2 * whole / (float)side_px;
+    if (!view->camera->orthographic) {
+        far = fminf(far, texel / fmaxf(view->camera->pixel_angle, 1e-9f));
+        near = fmaxf(near, fmaxf(view->camera->near, far * 0.005f));
+    } else if (texel <= view->camera->pixel_size) {
+        far = near;
+    }
+    const int splits = HG_CASCADE_COUNT - 1;
+    float begin = near;
+    for (int i = 1; i <= splits && far > near; i++) {
+        float t = (float)i / (float)splits, even = near + (far - near) * t;
+        float log = near > 0 ? near * powf(far / near, t) : even;
+        float end = i == splits ? far : 0.8f * log + 0.2f * even;
+        if (cascade_map(&maps[count], &f, view, (float[2]){begin, end}, side_px))
+            maps[count++].refines = true;
+        begin = end;
+    }
+    float center[2] = {0.5f * (f.low[0] + f.high[0]), 0.5f * (f.low[1] + f.high[1])};
+    maps[count].refines = false;
+    sun_map(&maps[count++], &f, center, whole, side_px);
+    return count;
+}
+
+// --- the plan ------------------------------------------------------------------------------------
+
+static void draft_make(
+    struct draft *draft, const struct hg_light_set *lights, const struct hg_lighting_view *view)
+{
+    draft->count = 0;
+    for (uint32_t i = 0; i < lights->count && draft->count < MAX_CANDIDATES; i++) {
+        const struct hg_gpu_light *light = &lights->items[i];
+        struct candidate c = {i, 1, HG_SHADOW_SPOT_SIDE_PX, light_weight(light, view)};
+        if (!lights->casts[i])
+            continue;
+        if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+            struct hg_shadow_map scratch[HG_CASCADE_COUNT];
+            c.side_px = HG_SHADOW_SUN_SIDE_PX;
+            c.maps = sun_maps(scratch, light, view, c.side_px);
+        } else if (needs_cube(light)) {
+            c.side_px = HG_SHADOW_POINT_SIDE_PX;
+            c.maps = 6;
+        }
+        draft->items[draft->count++] = c;
+    }
+    qsort(draft->items, draft->count, sizeof draft->items[0], compare_weight);
+}
+
+static enum hg_status add_light(struct hg_shadow_plan *plan, struct hg_gpu_light *light,
+    const struct hg_lighting_view *view, const struct candidate *c)
+{
+    if (hg_grow(&plan->maps, &plan->capacity, (size_t)plan->count + 6, sizeof *plan->maps))
+        return HG_E_NOMEM;
+    struct hg_shadow_map *maps = plan->maps + plan->count;
+    float d[3], near;
+    memset(maps, 0, 6 * sizeof *maps);
+    hg_sub3(view->bounds_max, view->bounds_min, d);
+    near = fmaxf(hg_length3(d) * 5e-4f, 1e-7f);
+    uint32_t count = c->maps;
+    if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+        // Smaller maps may ask for more cascades than the draft counted; it holds room for those
+        // it counted.
+        struct hg_shadow_map all[HG_CASCADE_COUNT] = {0};
+        uint32_t wanted = sun_maps(all, light, view, c->side_px);
+        count = wanted < count ? wanted : count;
+        memcpy(maps, all + (wanted - count), count * sizeof *maps);
+    } else if (count == 6) {
+        cube_maps(maps, light, near, c->side_px);
+    } else {
+        spot_map(maps, light, near, c->side_px);
+    }
+    light->shadow = plan->count;
+    light->shadow_count = count;
+    plan->count += count;
+    plan->shadowed_lights++;
+    return HG_OK;
+}
+
+enum hg_status hg_shadow_plan_make(struct hg_shadow_plan *plan, struct hg_light_set *lights,
+    const struct hg_lighting_view *view, uint32_t max_atlas_px)
+{
+    plan->count = plan->shadowed_lights = plan->unshadowed_lights = plan->atlas_px = 0;
+    if (!view->has_bounds)
+        return HG_OK;
+    struct draft *draft = hg_calloc(1, sizeof *draft);
+    if (!draft)
+        return HG_E_NOMEM;
+    draft_make(draft, lights, view);
+    uint32_t kept = draft_fit(draft, max_atlas_px);
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < kept && !status; i++)
+        status = add_light(plan, &lights->items[draft->items[i].light], view, &draft->items[i]);
+    for (uint32_t i = 0; i < lights->count; i++)
+        plan->unshadowed_lights += lights->casts[i];
+    plan->unshadowed_lights -= plan->shadowed_lights;
+    hg_free(draft);
+    return status ? status : place_maps(plan);
+}
+
+void hg_shadow_plan_finish(struct hg_shadow_plan *plan)
+{
+    hg_free(plan->maps);
+    *plan = (struct hg_shadow_plan){0};
+}

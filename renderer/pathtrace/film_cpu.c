@@ -1,0 +1,324 @@
+// film_cpu.c - samples to the film by the host, where its processors are the device: what
+// path_add.comp does, with rows of pixels in place of words by address.
+#include <string.h>
+
+#include "base/jobs.h"
+#include "base/simd.h"
+#include "renderer/pathtrace/path_state.h"
+
+#define SIDE HG_PATH_TILE_SIDE
+#define TAPS 9
+#define OWN  4 // of the nine
+
+struct work {
+    struct hg_path *path;
+    const uint32_t *tiles; // numbers of tiles of the picture, or of the wave (keep)
+    float weights[TAPS];
+};
+
+bool hg_path_host_adds(const struct hg_path *p)
+{
+    return hg_gpu_get_caps(p->context->gpu)->is_cpu && p->film.mapped != NULL &&
+           p->ring.mapped != NULL && p->state.mapped != NULL;
+}
+
+static size_t ring_stride(const struct hg_path *p)
+{
+    return (size_t)p->columns * SIDE;
+}
+
+// First word of a row of pixels in the ring.
+static size_t ring_row(const struct hg_path *p, uint32_t word, uint32_t y)
+{
+    const size_t row = (size_t)(y / SIDE % p->ring_rows) * SIDE + y % SIDE;
+    return ((size_t)word * p->ring_rows * SIDE + row) * ring_stride(p);
+}
+
+// --- what a wave brought, to the ring ------------------------------------------------------------
+
+static uint32_t even_bits(uint32_t i)
+{
+    i &= 0x55u;
+    i = (i | i >> 1) & 0x33u;
+    return (i | i >> 2) & 0x0fu;
+}
+
+static void keep_tile(void *user, size_t index)
+{
+    const struct work *work = user;
+    const struct hg_path *p = work->path;
+    const uint32_t tile = work->tiles[index];
+    const uint32_t x0 = tile % p->columns * SIDE, y0 = tile / p->columns * SIDE;
+    for (uint32_t k = 0; k + 1 < p->sampled_channels; k++) {
+        const float *from = (const float *)p->state.mapped +
+                            (size_t)(HG_PATH_OUT + k) * HG_PATH_WAVE_PX + index * HG_PATH_TILE_PX;
+        float *to = (float *)p->ring.mapped + ring_row(p, k, y0) + x0;
+        for (uint32_t i = 0; i < HG_PATH_TILE_PX; i++)
+            to[even_bits(i >> 1) * ring_stride(p) + even_bits(i)] = from[i];
+    }
+}
+
+void hg_path_host_keep(struct hg_path *p)
+{
+    struct work work = {.path = p, .tiles = p->tile_index};
+    hg_jobs_for(p->context->jobs, p->wave_tiles, keep_tile, &work);
+}
+
+// --- from there to the film ----------------------------------------------------------------------
+
+// A tile of the picture, and its pixels' samples of one channel.
+struct tile {
+    const struct hg_path *path;
+    const float *weights;
+    uint32_t x0, y0, width, height;
+    bool first, whole; // whole: all tiles around have samples
+    bool around[TAPS]; // which of them have
+};
+
+static struct tile tile_of(const struct work *work, uint32_t number)
+{
+    const struct hg_path *p = work->path;
+    const uint32_t *traced = p->traced.mapped;
+    const uint32_t column = number % p->columns, row = number / p->columns;
+    struct tile t = {.path = p,
+        .weights = work->weights,
+        .x0 = column * SIDE,
+        .y0 = row * SIDE,
+        .first = p->pass == 0};
+    t.width = p->width - t.x0 < SIDE ? p->width - t.x0 : SIDE;
+    t.height = p->height - t.y0 < SIDE ? p->height - t.y0 : SIDE;
+    t.whole = t.width == SIDE && t.height == SIDE;
+    for (uint32_t i = 0; i < TAPS; i++) {
+        const uint32_t x = column + i % 3 - 1, y = row + i / 3 - 1; // wraps at the edge
+        t.around[i] = x < p->columns && y < p->rows && traced[y * p->columns + x] == p->pass + 1;
+        t.whole = t.whole && t.around[i];
+    }
+    return t;
+}
+
+// Which tile around a pixel's neighbour lies in.
+static uint32_t side_of(uint32_t at, uint32_t tap)
+{
+    const uint32_t moved = at + tap; // one more than the place
+    return moved == 0 ? 0 : moved > SIDE ? 2 : 1;
+}
+
+// Weights of the pixel's neighbours that have samples; they add up to one.
+static void weights_at(const struct tile *t, uint32_t x, uint32_t y, float out[TAPS])
+{
+    const struct hg_path *p = t->path;
+    float sum = 0.0f;
+    for (uint32_t i = 0; i < TAPS; i++) {
+        const uint32_t px = t->x0 + x + i % 3 - 1, py = t->y0 + y + i / 3 - 1;
+        const bool there =
+            px < p->width && py < p->height && t->around[side_of(y, i / 3) * 3 + side_of(x, i % 3)];
+        out[i] = there ? t->weights[i] : 0.0f;
+        sum += out[i];
+    }
+    for (uint32_t i = 0; i < TAPS; i++)
+        out[i] /= sum;
+}
+
+// One pixel; taps without weight may lie outside of the ring and are not read.
+static float taken(const struct tile *t, uint32_t word, uint32_t x, uint32_t y, const float w[TAPS])
+{
+    const float *ring = t->path->ring.mapped;
+    float sum = 0.0f;
+    for (uint32_t i = 0; i < TAPS; i++) {
+        if (w[i] != 0.0f)
+            sum +=
+                ring[ring_row(t->path, word, t->y0 + y + i / 3 - 1) + t->x0 + x + i % 3 - 1] * w[i];
+    }
+    return sum;
+}
+
+HG_WIDE_LOOP static void blend_row(
+    const float *const rows[3], const float w[TAPS], float out[restrict SIDE])
+{
+    for (uint32_t x = 0; x < SIDE; x++) {
+        float sum = 0.0f;
+        for (uint32_t i = 0; i < TAPS; i++)
+            sum += rows[i / 3][x + i % 3] * w[i];
+        out[x] = sum;
+    }
+}
+
+// Samples of a word of the ring, of all pixels of a tile.
+static void blend(const struct tile *t, uint32_t word, float out[HG_PATH_TILE_PX])
+{
+    const float *ring = t->path->ring.mapped;
+    float w[TAPS];
+    if (t->whole) {
+        weights_at(t, 1, 1, w);
+        for (uint32_t y = 0; y < SIDE; y++) {
+            const float *rows[3];
+            for (uint32_t i = 0; i < 3; i++)
+                rows[i] = ring + ring_row(t->path, word, t->y0 + y + i - 1) + t->x0 - 1;
+            blend_row(rows, w, out + y * SIDE);
+        }
+        return;
+    }
+    for (uint32_t y = 0; y < t->height; y++) {
+        for (uint32_t x = 0; x < t->width; x++) {
+            weights_at(t, x, y, w);
+            out[y * SIDE + x] = taken(t, word, x, y, w);
+        }
+    }
+}
+
+static void add_channel(
+    const struct tile *t, uint32_t channel, bool fresh, const float in[HG_PATH_TILE_PX])
+{
+    const struct hg_path *p = t->path;
+    float *film = (float *)p->film.mapped + (size_t)channel * p->width * p->height +
+                  (size_t)t->y0 * p->width + t->x0;
+    for (uint32_t y = 0; y < t->height; y++, film += p->width) {
+        for (uint32_t x = 0; x < t->width; x++)
+            film[x] = fresh ? in[y * SIDE + x] : film[x] + in[y * SIDE + x];
+    }
+}
+
+// More of a sample for the name that it met, in a list of a pixel.
+static void list_name(float *list, size_t pixels, float draw, float weight)
+{
+    for (uint32_t i = 0; i < HG_PATH_DRAWS_LENGTH; i++, list += 2 * pixels) {
+        if (list[0] != 0.0f && list[0] != draw)
+            continue;
+        list[0] = draw;
+        list[pixels] += weight;
+        return;
+    }
+}
+
+// Of one pixel, with weights of those around, what they met and its list.
+static void list_pixel(const struct tile *t, uint32_t number, const float w[TAPS],
+    const float draws[TAPS], float *list)
+{
+    const struct hg_path *p = t->path;
+    const size_t pixels = (size_t)p->width * p->height;
+    const uint32_t *names = (const uint32_t *)p->names.mapped + (size_t)number * p->name_draws;
+    list += (size_t)number * 2 * HG_PATH_DRAWS_LENGTH * pixels;
+    for (uint32_t i = 0; i < 2 * HG_PATH_DRAWS_LENGTH && t->first; i++)
+        list[i * pixels] = 0.0f;
+    for (uint32_t i = 0; i < TAPS; i++) {
+        if (w[i] > 0.0f && draws[i] > 0.0f)
+            list_name(list, pixels, (float)(names[(uint32_t)draws[i] - 1] + 1), w[i]);
+    }
+}
+
+static void list_all(const struct tile *t)
+{
+    const struct hg_path *p = t->path;
+    const size_t pixels = (size_t)p->width * p->height;
+    const uint32_t word = p->planes[HG_PATH_PLANE_DRAWS] - 1;
+    for (uint32_t y = 0; y < t->height; y++) {
+        for (uint32_t x = 0; x < t->width; x++) {
+            float *list = (float *)p->film.mapped + p->lists * pixels +
+                          (size_t)(t->y0 + y) * p->width + t->x0 + x;
+            float w[TAPS], one[TAPS], draws[TAPS];
+            weights_at(t, x, y, w);
+            for (uint32_t i = 0; i < TAPS; i++) {
+                memset(one, 0, sizeof one);
+                one[i] = w[i] != 0.0f ? 1.0f : 0.0f;
+                draws[i] = taken(t, word, x, y, one);
+            }
+            for (uint32_t i = 0; i < p->list_count; i++)
+                list_pixel(t, i, w, draws, list);
+        }
+    }
+}
+
+// What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be
+// independent.
+static bool is_own(const struct hg_path *p, uint32_t c)
+{
+    const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED], guide = p->planes[HG_PATH_PLANE_GUIDE];
+    return c >= guide || (c >= moved && c - moved < HG_PATH_MOVED_WORDS);
+}
+
+// Channels that are numbers of things and have no mean: those of the pixel's own first sample.
+static bool is_number(const struct hg_path *p, uint32_t c)
+{
+    const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED];
+    return c == p->planes[HG_PATH_PLANE_OBJECT] || c == p->planes[HG_PATH_PLANE_MATERIAL] ||
+           c == p->planes[HG_PATH_PLANE_DRAWS] ||
+           (moved != HG_PATH_NO_PLANE && c == moved + HG_PATH_MOVED_WHAT);
+}
+
+static void note_own(const struct tile *t, uint32_t channel, float out[HG_PATH_TILE_PX])
+{
+    const float *ring = t->path->ring.mapped;
+    for (uint32_t y = 0; y < t->height; y++)
+        memcpy(out + y * SIDE, ring + ring_row(t->path, channel - 1, t->y0 + y) + t->x0,
+            t->width * sizeof *out);
+}
+
+// HG_PATH_SHOWN_*: channels of the guide, more than one added up for the light.
+static void add_shown(const struct tile *t, uint32_t guide)
+{
+    const uint32_t to = guide + 2 * HG_PATH_GUIDE_CHANNELS;
+    float value[HG_PATH_TILE_PX], sum[HG_PATH_TILE_PX];
+    for (uint32_t c = 0; c < HG_PATH_SHOWN_CHANNELS; c++) {
+        const uint32_t from = c < HG_PATH_SHOWN_ALBEDO ? HG_PATH_GUIDE_DIRECT + c
+                              : c < HG_PATH_SHOWN_HITS
+                                  ? HG_PATH_GUIDE_ALBEDO + c - HG_PATH_SHOWN_ALBEDO
+                                  : HG_PATH_GUIDE_HITS;
+        blend(t, guide + from - 1, sum);
+        for (uint32_t k = 3; c < HG_PATH_SHOWN_ALBEDO && k < HG_DENOISE_LIGHT; k += 3) {
+            blend(t, guide + from + k - 1, value);
+            for (uint32_t i = 0; i < HG_PATH_TILE_PX; i++)
+                sum[i] += value[i];
+        }
+        add_channel(t, to + c, t->first, sum);
+    }
+}
+
+static void add_planes(const struct tile *t)
+{
+    const struct hg_path *p = t->path;
+    const uint32_t guide = p->planes[HG_PATH_PLANE_GUIDE];
+    float value[HG_PATH_TILE_PX];
+    for (uint32_t c = HG_PATH_FILM_WORDS; c < p->sampled_channels; c++) {
+        if (is_number(p, c) && !t->first)
+            continue;
+        if (is_number(p, c) || is_own(p, c))
+            note_own(t, c, value);
+        else
+            blend(t, c - 1, value);
+        add_channel(t, c, t->first, value);
+        if (c >= guide && HG_PATH_IS_FIRST_HALF(p->pass))
+            add_channel(t, c + HG_PATH_GUIDE_CHANNELS, t->first, value);
+    }
+    if (p->list_count > 0)
+        list_all(t);
+    if (guide != HG_PATH_NO_PLANE)
+        add_shown(t, guide);
+}
+
+static void add_tile(void *user, size_t index)
+{
+    const struct work *work = user;
+    const struct tile t = tile_of(work, work->tiles[index]);
+    float color[4][HG_PATH_TILE_PX], squares[HG_PATH_TILE_PX];
+    for (uint32_t c = 0; c < 4; c++) {
+        blend(&t, c, color[c]);
+        add_channel(&t, c, t.first, color[c]);
+    }
+    for (uint32_t y = 0; y < t.height; y++) {
+        for (uint32_t i = y * SIDE; i < y * SIDE + t.width; i++) {
+            const float l = color[0][i] * 0.2126f + color[1][i] * 0.7152f + color[2][i] * 0.0722f;
+            squares[i] = l * l;
+        }
+    }
+    add_channel(&t, HG_PATH_FILM_SQUARES, t.first, squares);
+    add_planes(&t);
+}
+
+void hg_path_host_add(struct hg_path *p, const uint32_t *tiles, uint32_t count)
+{
+    struct work work = {.path = p, .tiles = tiles};
+    const float *x = &p->block.splat_x.x, *y = &p->block.splat_y.x;
+    for (uint32_t i = 0; i < TAPS; i++)
+        work.weights[i] = p->splats ? x[i % 3] * y[i / 3] : i == OWN ? 1.0f : 0.0f;
+    hg_jobs_for(p->context->jobs, count, add_tile, &work);
+}

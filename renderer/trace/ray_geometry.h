@@ -1,0 +1,68 @@
+// ray_geometry.h - the triangles that rays see: every draw at one level of detail, on the host.
+// Floor 2 (geometry). Thread: the render thread.
+//
+// A cut does not depend on what is resident, on budgets or on the pictures before: two cuts of the
+// same scene for the same lens are the same. Draws that nothing simplifies have one piece, all of
+// their part. Positions are where the device reads them (object space; skinned and morphed parts
+// have been deformed), or copies where the host cannot.
+//
+// Call it after hg_geometry_sync, when deformations have run (hg_geometry_deforms_done) and no
+// batch is open. Sets of visible.h that were added before are not to be drawn any more: the chunks
+// that they use may have gone. Lines and points are left out: they are as wide as a pixel, and rays
+// know none.
+#ifndef HG_RENDERER_TRACE_RAY_GEOMETRY_H
+#define HG_RENDERER_TRACE_RAY_GEOMETRY_H
+
+#include "base/jobs.h"
+#include "renderer/geometry/geometry.h"
+
+// Consecutive triangles of one piece of geometry. Pieces with the same key have the same positions
+// and triangles, in this cut and in later ones.
+struct hg_cut_piece {
+    uint64_t key;
+    uint32_t draw;            // index of the device's draws
+    uint32_t first_primitive; // number of the first one in hits: HG_LOD_SHIFT
+    uint32_t triangle_count, vertex_count;
+    const float *positions;  // [vertex_count * 3], and 4 bytes more may be read
+    const float *opening;    // the same at the opening of the shutter; NULL: they do not change
+    const uint32_t *indices; // [triangle_count * 3]
+    // [vertex_count] of parts with levels of detail, whose vertices are not those of the mesh; else
+    // NULL.
+    const struct hg_gpu_vertex *vertices;
+    VkDeviceAddress positions_address, indices_address; // the same on the device
+    float world[12];                                    // object to world: 4 columns of 3
+    float previous[12];                                 // at the opening of the shutter, or `world`
+    uint32_t flags;                                     // HG_DRAW_*
+    bool deforms;                                       // positions change under the same key
+    bool animated; // its node, or one above, is brought elsewhere by animations
+};
+
+struct hg_cut_lens {
+    float eye[3];   // relative to the geometry's origin
+    float px_scale; // pixels per radian, or per metre when orthographic
+    bool orthographic;
+    float near;     // metres, > 0
+    float error_px; // greatest projected error; 0: everything as fine as it is
+    bool motion;    // from hg_cut_open_shutter to now; else nothing moves while the shutter is open
+    bool addresses; // only they are wanted: positions and indices may be NULL
+};
+
+struct hg_cut;
+
+// Loads what the cut wants and is not there. HG_E_LIMIT: the geometry budget does not hold it.
+// HG_E_NOMEM, device errors. *out: kept and brought up to date when it is not NULL (also after an
+// error: then it is empty); its chunks stay resident until it is freed, made anew or the geometry
+// is synced. Free it before the geometry.
+enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_lens *lens,
+    struct hg_jobs *jobs, struct hg_cut **out, struct hg_error *err) HG_MUST_CHECK;
+// Keeps where everything is now, and the positions of deformed parts: what `previous` and `opening`
+// are of the cuts with motion that follow. Draws that were not there then do not move. *cut: as of
+// hg_cut_make; what it holds stays. HG_E_NOMEM, device errors.
+enum hg_status hg_cut_open_shutter(
+    struct hg_geometry *geometry, struct hg_cut **cut, struct hg_error *err) HG_MUST_CHECK;
+void hg_cut_free(struct hg_cut *cut); // accepts NULL
+uint32_t hg_cut_count(const struct hg_cut *cut);
+const struct hg_cut_piece *hg_cut_pieces(const struct hg_cut *cut); // by draw, then primitive
+uint64_t hg_cut_revision(const struct hg_cut *cut); // differs when anything of it does
+
+#endif
