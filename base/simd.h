@@ -7,9 +7,9 @@
 // the same. Not with sanitizers, which are not ready yet when the choice is made.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&                \
     !defined(__SANITIZE_THREAD__)
-#define HG_WIDE_LOOP __attribute__((target_clones("avx2", "default")))
+#define HG_SIMD_LOOP __attribute__((target_clones("avx2", "default")))
 #else
-#define HG_WIDE_LOOP
+#define HG_SIMD_LOOP
 #endif
 
 #endif

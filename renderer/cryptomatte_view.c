@@ -107,7 +107,7 @@ enum hg_status hg_view_read_matte(
     if (status == HG_OK)
         status = hg_path_read_names(&view->state, (uint32_t)kind, &lists, err);
     if (status == HG_OK) {
-        names.geometry = view->state.rooms->geometry; // there is one, since something was traced
+        names.geometry = view->state.scene_gpu->geometry; // there is one, since something was traced
         status = make(&names, lists, samples, out);
         if (status != HG_OK)
             hg_error_set(err, status, "matte", NULL, "no memory for the names of a picture");
@@ -116,11 +116,11 @@ enum hg_status hg_view_read_matte(
     hg_refbuf_unref(lists);
     hg_refbuf_unref(samples);
     if (status != HG_OK)
-        hg_matte_finish(out);
+        hg_cryptomatte_view_finish(out);
     return status;
 }
 
-void hg_matte_finish(struct hg_matte *matte)
+void hg_cryptomatte_view_finish(struct hg_matte *matte)
 {
     hg_refbuf_unref(matte->ranks);
     hg_free(matte->manifest);

@@ -70,13 +70,13 @@ static enum hg_status init(
         .geometry_budget_bytes = params->geometry_budget_bytes,
         .host_budget_bytes = params->host_budget_bytes,
         .store = r->store,
-        .no_ahead = ahead != NULL && strcmp(ahead, "off") == 0,
+        .no_prefetch = ahead != NULL && strcmp(ahead, "off") == 0,
         .no_culling = culling != NULL && strcmp(culling, "off") == 0,
         .no_host = raster != NULL && strcmp(raster, "device") == 0,
-        .dark = dark == NULL               ? HG_FRAME_DARK_WHERE_IT_PAYS
-                : strcmp(dark, "off") == 0 ? HG_FRAME_DARK_OFF
-                : strcmp(dark, "on") == 0  ? HG_FRAME_DARK_ON
-                                           : HG_FRAME_DARK_WHERE_IT_PAYS,
+        .dark = dark == NULL               ? HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS
+                : strcmp(dark, "off") == 0 ? HG_FRAME_UNLIT_TILES_OFF
+                : strcmp(dark, "on") == 0  ? HG_FRAME_UNLIT_TILES_ON
+                                           : HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS,
         .no_tables = tables != NULL && strcmp(tables, "off") == 0};
     return status;
 }
@@ -394,7 +394,7 @@ enum hg_status hg_view_set_camera(
 enum hg_status hg_view_set_camera_node(
     struct hg_view *view, uint64_t node_id, const struct hg_view_camera *with, struct hg_error *err)
 {
-    struct hg_scene *scene = view->state.rooms->scene;
+    struct hg_scene *scene = view->state.scene_gpu->scene;
     const struct hg_node *node =
         (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
     if (node == NULL || node->camera == NULL)
@@ -423,9 +423,9 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
     const struct hg_view_state *s = &view->state;
     const bool followed = s->settings.mode == HG_VIEW_MODE_PATH && !s->path_begins;
     struct hg_geometry_stats geometry;
-    hg_geometry_stats(s->rooms->geometry, &geometry);
+    hg_geometry_stats(s->scene_gpu->geometry, &geometry);
     *info = (struct hg_frame_info){.number = s->number,
-        .scene_revision = s->rooms->scene->revision,
+        .scene_revision = s->scene_gpu->scene->revision,
         .input_seq = s->camera.input_seq,
         .width = s->settings.width,
         .height = s->settings.height,
@@ -548,7 +548,7 @@ enum hg_status hg_view_pick(
 {
     *out = (struct hg_pick){0};
     struct hg_gpu_pick hit;
-    const struct hg_geometry *geometry = view->state.rooms->geometry;
+    const struct hg_geometry *geometry = view->state.scene_gpu->geometry;
     enum hg_status status = hg_view_state_pick(&view->state, x, y, &hit, err);
     if (status != HG_OK)
         return status;

@@ -263,10 +263,10 @@ struct hg_matte {
     struct hg_refbuf *ranks; // [height][width][HG_MATTE_RANKS][id, coverage] floats
     char *manifest;          // JSON of the names met; NULL when longer than 16 MiB
 };
-// HG_E_STATE as for planes; HG_E_NOMEM. Freed with hg_matte_finish, which accepts a zeroed one.
+// HG_E_STATE as for planes; HG_E_NOMEM. Freed with hg_cryptomatte_view_finish, which accepts a zeroed one.
 enum hg_status hg_view_read_matte(struct hg_view *view, enum hg_matte_kind kind,
     struct hg_matte *out, struct hg_error *err) HG_MUST_CHECK;
-void hg_matte_finish(struct hg_matte *matte);
+void hg_cryptomatte_view_finish(struct hg_matte *matte);
 
 // Checkpoints of a path-traced view: all it needs to go on, to the bit, in another process with the
 // same scene, camera and parameters. HG_E_STATE: nothing to save.

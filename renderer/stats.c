@@ -76,7 +76,7 @@ static void put_textures(
         hg_page_sources_stats(hg_page_cache_sources(cache), &s);
     }
     if (view != NULL)
-        hg_textures_stats(view->rooms->textures, &t);
+        hg_textures_stats(view->scene_gpu->textures, &t);
     hg_json_put(w,
         ",\"texture\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
         "\"table_bytes\":%llu,\"missing\":%u,\"pages\":%u,\"slots\":%u,\"sets\":%u,"
@@ -112,7 +112,7 @@ static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
 static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_geometry_stats g;
-    hg_geometry_stats(s->rooms->geometry, &g);
+    hg_geometry_stats(s->scene_gpu->geometry, &g);
     hg_json_put(w,
         ",\"geometry\":{\"budget_bytes\":%llu,\"peak_bytes\":%llu,\"resident_bytes\":%llu,"
         "\"triangles_total\":%llu,\"triangles_drawn\":%llu,\"missing\":%u,\"draws\":%u,"
@@ -184,14 +184,14 @@ void hg_view_baking(struct hg_view *view, struct hg_baking *out)
     struct hg_geometry_stats g;
     if (pages != NULL)
         hg_page_sources_stats(hg_page_cache_sources(pages), &s);
-    hg_geometry_stats(view->state.rooms->geometry, &g);
+    hg_geometry_stats(view->state.scene_gpu->geometry, &g);
     *out = (struct hg_baking){s.bake_texels_done, s.bake_texels_total, g.baking};
 }
 
 uint32_t hg_view_failed_textures(struct hg_view *view)
 {
     struct hg_textures_stats t;
-    hg_textures_stats(view->state.rooms->textures, &t);
+    hg_textures_stats(view->state.scene_gpu->textures, &t);
     return t.failed;
 }
 

@@ -110,13 +110,13 @@ static enum hg_status wait_baked(struct run *run, int which, struct hg_error *er
     const struct timespec pause = {.tv_nsec = BAKE_POLL_NS};
     enum hg_status status = HG_OK;
     do {
-        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, 0, err);
-        if (status == HG_OK && hg_geometry_baking(view->rooms->geometry) > 0)
+        status = hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, 0, err);
+        if (status == HG_OK && hg_geometry_baking(view->scene_gpu->geometry) > 0)
             nanosleep(&pause, NULL);
         run->done--; // the same step, told again
         if (status == HG_OK)
             status = step_done(run, err);
-    } while (status == HG_OK && hg_geometry_baking(view->rooms->geometry) > 0);
+    } while (status == HG_OK && hg_geometry_baking(view->scene_gpu->geometry) > 0);
     return status == HG_OK ? step_done(run, err) : status;
 }
 
@@ -431,7 +431,7 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
     if (status == HG_OK)
         status = bake_meshes(run, err);
     if (status == HG_OK)
-        hg_geometry_stats(run->views[LARGE].view->state.rooms->geometry, &run->geometry);
+        hg_geometry_stats(run->views[LARGE].view->state.scene_gpu->geometry, &run->geometry);
     run->rss_bytes = hg_bench_peak_rss_bytes();
     return status;
 }

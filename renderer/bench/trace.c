@@ -33,7 +33,7 @@ struct run {
     struct hg_renderer *renderer;
     const struct hg_bench_realtime *bench;
     struct hg_geometry *geometry;
-    struct hg_cut *cut;
+    struct hg_ray_geometry *cut;
     struct hg_trace *traces[HG_TRACE_KHR + 1];
     struct result results[HG_TRACE_KHR + 1];
     uint32_t width, height, rounds, rays;
@@ -69,7 +69,7 @@ static enum hg_status open_scene(struct run *run, struct hg_scene *scene, struct
 {
     struct hg_gpu *gpu = run->renderer->gpu;
     const struct hg_geometry_params params = {.bake_from = HG_GEOMETRY_BAKE_NONE};
-    const struct hg_cut_lens lens = {.px_scale = 1.0f, .near = 1.0f};
+    const struct hg_ray_geometry_lens lens = {.px_scale = 1.0f, .near = 1.0f};
     hg_scene_update(scene);
     choose_pose(run, scene);
     enum hg_status status = hg_geometry_create(gpu, &params, &run->geometry, err);
@@ -77,7 +77,7 @@ static enum hg_status open_scene(struct run *run, struct hg_scene *scene, struct
         status = hg_geometry_sync(run->geometry, scene, NULL, err);
     if (status == HG_OK)
         status = hg_skin_run(gpu, run->geometry, err);
-    return status == HG_OK ? hg_cut_make(run->geometry, &lens, run->renderer->jobs, &run->cut, err)
+    return status == HG_OK ? hg_ray_geometry_make(run->geometry, &lens, run->renderer->jobs, &run->cut, err)
                            : status;
 }
 
@@ -159,10 +159,10 @@ static void fill_primary(struct run *run)
     }
 }
 
-static const struct hg_cut_piece *piece_of(const struct run *run, const struct hg_gpu_hit *hit)
+static const struct hg_ray_geometry_piece *piece_of(const struct run *run, const struct hg_gpu_hit *hit)
 {
-    const struct hg_cut_piece *pieces = hg_cut_pieces(run->cut);
-    uint32_t low = 0, high = hg_cut_count(run->cut);
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(run->cut);
+    uint32_t low = 0, high = hg_ray_geometry_count(run->cut);
     while (high - low > 1) {
         const uint32_t i = low + (high - low) / 2;
         if (pieces[i].draw < hit->draw ||
@@ -178,7 +178,7 @@ static const struct hg_cut_piece *piece_of(const struct run *run, const struct h
 static void normal_of(
     const struct run *run, const struct hg_gpu_hit *hit, const float towards[3], float n[3])
 {
-    const struct hg_cut_piece *p = piece_of(run, hit);
+    const struct hg_ray_geometry_piece *p = piece_of(run, hit);
     const uint32_t *index = p->indices + (size_t)(hit->primitive - p->first_primitive) * 3;
     float v[3][3], length2 = 0.0f, along = 0.0f;
     for (int i = 0; i < 3; i++)
@@ -416,7 +416,7 @@ static void finish(struct run *run)
     struct hg_gpu *gpu = run->renderer->gpu;
     for (int b = 0; b <= HG_TRACE_KHR; b++)
         hg_trace_destroy(run->traces[b]);
-    hg_cut_free(run->cut);
+    hg_ray_geometry_free(run->cut);
     hg_geometry_destroy(run->geometry);
     for (int k = 0; k < KINDS; k++)
         hg_gpu_buffer_destroy(gpu, &run->ray_buffer[k]);

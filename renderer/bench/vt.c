@@ -197,7 +197,7 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
     for (uint32_t i = 0; i < b->stream.stills && status == HG_OK; i++)
         status = compare_still(run, i, err);
     if (status == HG_OK) {
-        hg_textures_stats(run->views[STREAMED].view->state.rooms->textures, &run->streamed);
+        hg_textures_stats(run->views[STREAMED].view->state.scene_gpu->textures, &run->streamed);
         snprintf(run->device, sizeof run->device, "%s",
             hg_gpu_get_caps(run->renderers[STREAMED]->gpu)->device_name);
     }
@@ -328,7 +328,7 @@ static enum hg_status measure_sheet(
         status = check_texels(run, view, result, err);
     if (status == HG_OK) {
         struct hg_textures_stats stats;
-        hg_textures_stats(view->view->state.rooms->textures, &stats);
+        hg_textures_stats(view->view->state.scene_gpu->textures, &stats);
         result->peak_bytes = stats.peak_bytes;
     }
     close_side(run, STREAMED);

@@ -8,7 +8,7 @@
 #define RUNS_PER_JOB 512
 #define PIXEL_BYTES  12 // two words of ids, one of depth
 
-void hg_hosted_finish(struct hg_gpu *gpu, struct hg_hosted *h)
+void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *h)
 {
     hg_gpu_buffer_destroy(gpu, &h->pixels);
     hg_raster_destroy(h->raster);
@@ -20,7 +20,7 @@ void hg_hosted_finish(struct hg_gpu *gpu, struct hg_hosted *h)
 }
 
 // Several runs may share a bit: it is set when one of them was seen.
-static void learn(const struct hg_hosted *h, const struct hg_hosted_history *history)
+static void learn(const struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
 {
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < h->count; i++) {
@@ -35,7 +35,7 @@ static void learn(const struct hg_hosted *h, const struct hg_hosted_history *his
     }
 }
 
-void hg_hosted_reset(struct hg_hosted *h, const struct hg_hosted_history *history)
+void hg_cpu_visibility_reset(struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
 {
     if (h->drawn && history->words != NULL)
         learn(h, history);
@@ -46,7 +46,7 @@ void hg_hosted_reset(struct hg_hosted *h, const struct hg_hosted_history *histor
 // --- taking --------------------------------------------------------------------------------------
 
 struct taking {
-    struct hg_hosted *hosted;
+    struct hg_cpu_visibility *hosted;
     const struct hg_geometry *g;
     struct hg_raster_view view;
     const struct hg_selection *runs;
@@ -92,12 +92,12 @@ static const float *positions_of(const struct hg_chunk_state *chunk)
                                          (chunk->part.positions - chunk->part.indices));
 }
 
-static void add(struct hg_hosted *h, const struct hg_geometry *g, const struct hg_run *run,
-    const struct hg_hosted_history *history)
+static void add(struct hg_cpu_visibility *h, const struct hg_geometry *g, const struct hg_run *run,
+    const struct hg_cpu_visibility_history *history)
 {
     const struct hg_draw_entry *d = &g->draws[run->draw];
     const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
-    h->sources[h->count] = (struct hg_hosted_source){d->part->clusters, run->chunk, run->bit};
+    h->sources[h->count] = (struct hg_cpu_visibility_source){d->part->clusters, run->chunk, run->bit};
     h->marks[h->count] = 0;
     h->runs[h->count++] = (struct hg_raster_run){.positions = positions_of(chunk),
         .indices = chunk->indices + (size_t)run->first * 3,
@@ -113,7 +113,7 @@ static void add(struct hg_hosted *h, const struct hg_geometry *g, const struct h
                 (history->words[run->bit / 32] >> run->bit % 32 & 1u) == 0};
 }
 
-static struct hg_raster_view view_of(const struct hg_visible_lens *lens, const float eye[3])
+static struct hg_raster_view view_of(const struct hg_culling_lens *lens, const float eye[3])
 {
     struct hg_raster_view view = {.width = lens->width, .height = lens->height};
     memcpy(view.view_proj, lens->view_proj, sizeof view.view_proj);
@@ -122,7 +122,7 @@ static struct hg_raster_view view_of(const struct hg_visible_lens *lens, const f
     return view;
 }
 
-static enum hg_status reserve(struct hg_hosted *h, size_t count)
+static enum hg_status reserve(struct hg_cpu_visibility *h, size_t count)
 {
     enum hg_status status = hg_grow(&h->runs, &h->run_capacity, count + 1, sizeof *h->runs);
     if (status == HG_OK)
@@ -138,8 +138,8 @@ static enum hg_status reserve(struct hg_hosted *h, size_t count)
     return status;
 }
 
-enum hg_status hg_hosted_take(struct hg_hosted *h, const struct hg_geometry *g,
-    const struct hg_visible_view *view, const struct hg_hosted_history *history, uint32_t set,
+enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h, const struct hg_geometry *g,
+    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history, uint32_t set,
     struct hg_jobs *jobs, struct hg_selection *runs)
 {
     struct taking t = {.hosted = h, .g = g, .runs = runs};
@@ -169,7 +169,7 @@ enum hg_status hg_hosted_take(struct hg_hosted *h, const struct hg_geometry *g,
     return HG_OK;
 }
 
-void hg_hosted_use(const struct hg_hosted *h, const struct hg_geometry *g)
+void hg_cpu_visibility_use(const struct hg_cpu_visibility *h, const struct hg_geometry *g)
 {
     for (uint32_t i = 0; i < h->count; i++)
         if (i == 0 || h->sources[i].mesh != h->sources[i - 1].mesh ||
@@ -179,8 +179,8 @@ void hg_hosted_use(const struct hg_hosted *h, const struct hg_geometry *g)
 
 // --- drawing -------------------------------------------------------------------------------------
 
-enum hg_status hg_hosted_draw(struct hg_hosted *h, struct hg_gpu *gpu,
-    const struct hg_visible_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
+enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *h, struct hg_gpu *gpu,
+    const struct hg_culling_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
     struct hg_error *err)
 {
     const uint64_t px = (uint64_t)lens->width * lens->height;
@@ -202,7 +202,7 @@ enum hg_status hg_hosted_draw(struct hg_hosted *h, struct hg_gpu *gpu,
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "draw lists", NULL, "no memory");
 }
 
-static void copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint64_t offset, uint32_t bytes,
+static void copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint64_t offset, uint32_t bytes,
     struct hg_gpu_image *image, VkRect2D area)
 {
     const uint64_t first = (uint64_t)(uint32_t)area.offset.y * h->width + (uint32_t)area.offset.x;
@@ -218,7 +218,7 @@ static void copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint64_t off
         VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
 }
 
-void hg_hosted_copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint32_t slot,
+void hg_cpu_visibility_copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint32_t slot,
     struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
 {
     const uint64_t px = (uint64_t)h->width * h->height;
@@ -228,7 +228,7 @@ void hg_hosted_copy(const struct hg_hosted *h, struct hg_gpu_cmd *cmd, uint32_t 
     copy(h, cmd, px * h->slots * 8 + px * slot * 4, 4, depth, area);
 }
 
-uint64_t hg_hosted_triangles(const struct hg_hosted *h)
+uint64_t hg_cpu_visibility_triangles(const struct hg_cpu_visibility *h)
 {
     uint64_t sum = 0;
     for (uint32_t i = 0; i < h->count; i++)

@@ -11,15 +11,15 @@
 #include "renderer/cpu_raster/raster.h"
 #include "renderer/cull/select.h"
 
-struct hg_hosted_source {
+struct hg_cpu_visibility_source {
     struct hg_cluster_mesh *mesh;
     uint32_t chunk, bit;
 };
 
-struct hg_hosted { // zeroed = empty; keeps its memory
+struct hg_cpu_visibility { // zeroed = empty; keeps its memory
     struct hg_raster *raster;
     struct hg_raster_run *runs;
-    struct hg_hosted_source *sources;
+    struct hg_cpu_visibility_source *sources;
     uint8_t *takes, *marks;
     size_t run_capacity, source_capacity, take_capacity, mark_capacity;
     uint32_t count, set;
@@ -30,28 +30,28 @@ struct hg_hosted { // zeroed = empty; keeps its memory
 };
 
 // Bits of runs that were seen before; words NULL: nothing is known.
-struct hg_hosted_history {
+struct hg_cpu_visibility_history {
     uint32_t *words;
     uint32_t bits;
 };
 
-void hg_hosted_finish(struct hg_gpu *gpu, struct hg_hosted *hosted);
+void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *hosted);
 // Forgets all runs; what the samples saw goes to the history.
-void hg_hosted_reset(struct hg_hosted *hosted, const struct hg_hosted_history *history);
+void hg_cpu_visibility_reset(struct hg_cpu_visibility *hosted, const struct hg_cpu_visibility_history *history);
 // Moves runs from the selection of set number `set` here. HG_E_NOMEM.
-enum hg_status hg_hosted_take(struct hg_hosted *hosted, const struct hg_geometry *geometry,
-    const struct hg_visible_view *view, const struct hg_hosted_history *history, uint32_t set,
+enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry,
+    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history, uint32_t set,
     struct hg_jobs *jobs, struct hg_selection *runs) HG_MUST_CHECK;
 // Marks the chunks as used in this frame.
-void hg_hosted_use(const struct hg_hosted *hosted, const struct hg_geometry *geometry);
+void hg_cpu_visibility_use(const struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry);
 // Draws one sample to slot `slot` of `slots`. HG_E_NOMEM, device errors.
-enum hg_status hg_hosted_draw(struct hg_hosted *hosted, struct hg_gpu *gpu,
-    const struct hg_visible_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
+enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *hosted, struct hg_gpu *gpu,
+    const struct hg_culling_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
     struct hg_error *err) HG_MUST_CHECK;
 // Copies a slot to images, all of it or `area` (zero: all).
-void hg_hosted_copy(const struct hg_hosted *hosted, struct hg_gpu_cmd *cmd, uint32_t slot,
+void hg_cpu_visibility_copy(const struct hg_cpu_visibility *hosted, struct hg_gpu_cmd *cmd, uint32_t slot,
     struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
 // Triangles that the newest samples looked at.
-uint64_t hg_hosted_triangles(const struct hg_hosted *hosted);
+uint64_t hg_cpu_visibility_triangles(const struct hg_cpu_visibility *hosted);
 
 #endif

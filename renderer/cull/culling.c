@@ -17,23 +17,23 @@
 #define CALM           6 // frames that fit before the error is lowered
 #define MOST_ROUNDS    4 // of loading before chunks must be driving each other out
 
-struct hg_visible {
+struct hg_culling {
     struct hg_gpu *gpu;
     uint64_t occlusion_from;
     struct hg_selection runs; // of the set that is being added
-    struct hg_visible_set *sets;
+    struct hg_culling_set *sets;
     size_t set_capacity;
     uint32_t set_count;
-    struct hg_items items;
+    struct hg_draw_list items;
     struct hg_occlusion occlusion;
-    struct hg_hosted hosted;
+    struct hg_cpu_visibility hosted;
     struct hg_gpu_buffer indices, ids, vertices; // of this frame
     float bias;                                  // on the error of views that do not wait; 0 = 1
     uint32_t calm; // frames since they wanted more than the budget holds
     bool crowded;  // the newest views wanted more than the budget holds
 };
 
-enum hg_status hg_visible_create(struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err)
+enum hg_status hg_culling_create(struct hg_gpu *gpu, struct hg_culling **out, struct hg_error *err)
 {
     *out = hg_calloc(1, sizeof **out);
     if (*out == NULL)
@@ -43,7 +43,7 @@ enum hg_status hg_visible_create(struct hg_gpu *gpu, struct hg_visible **out, st
     return HG_OK;
 }
 
-void hg_visible_destroy(struct hg_visible *v)
+void hg_culling_destroy(struct hg_culling *v)
 {
     if (v == NULL)
         return;
@@ -53,13 +53,13 @@ void hg_visible_destroy(struct hg_visible *v)
     hg_free(v->runs.items);
     hg_free(v->runs.wants);
     hg_free(v->sets);
-    hg_items_finish(&v->items);
+    hg_draw_list_finish(&v->items);
     hg_occlusion_finish(v->gpu, &v->occlusion);
-    hg_hosted_finish(v->gpu, &v->hosted);
+    hg_cpu_visibility_finish(v->gpu, &v->hosted);
     hg_free(v);
 }
 
-void hg_visible_relax(struct hg_visible *v)
+void hg_culling_relax(struct hg_culling *v)
 {
     if (v->calm < CALM)
         return;
@@ -67,30 +67,30 @@ void hg_visible_relax(struct hg_visible *v)
     v->calm = 0;
 }
 
-void hg_visible_set_occlusion_from(struct hg_visible *v, uint64_t triangles)
+void hg_culling_set_occlusion_from(struct hg_culling *v, uint64_t triangles)
 {
     v->occlusion_from = triangles > 0 ? triangles : OCCLUSION_FROM;
 }
 
-static struct hg_hosted_history history_of(const struct hg_visible *v, bool known)
+static struct hg_cpu_visibility_history history_of(const struct hg_culling *v, bool known)
 {
-    return (struct hg_hosted_history){
+    return (struct hg_cpu_visibility_history){
         known ? v->occlusion.history : NULL, known ? v->occlusion.history_bits : 0};
 }
 
-void hg_visible_reset(struct hg_visible *v)
+void hg_culling_reset(struct hg_culling *v)
 {
-    const struct hg_hosted_history history = history_of(v, true);
+    const struct hg_cpu_visibility_history history = history_of(v, true);
     if (v->occlusion.tested && v->set_count > 0)
         hg_occlusion_learn(&v->occlusion, &v->sets[0]);
-    hg_hosted_reset(&v->hosted, &history);
+    hg_cpu_visibility_reset(&v->hosted, &history);
     // Evenly coarser while not all fits; finer again, slowly, when it does.
     if (v->crowded)
         v->bias = fminf(fmaxf(v->bias, 1.0f) * ERROR_STEP, MOST_ERROR_PX);
     v->calm = v->crowded ? 0 : v->calm < CALM ? v->calm + 1 : CALM;
     v->crowded = false;
     hg_occlusion_reset(&v->occlusion);
-    hg_items_reset(&v->items);
+    hg_draw_list_reset(&v->items);
     v->set_count = 0;
 }
 
@@ -104,8 +104,8 @@ static uint64_t triangles_of(const struct hg_selection *runs)
     return sum;
 }
 
-static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry *g,
-    const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err)
+static enum hg_status select_once(struct hg_culling *v, const struct hg_geometry *g,
+    const struct hg_culling_view *view, struct hg_jobs *jobs, struct hg_error *err)
 {
     v->runs.count = v->runs.want_count = 0;
     const enum hg_status status = hg_select(g, view, jobs, &v->runs);
@@ -117,22 +117,22 @@ static enum hg_status select_once(struct hg_visible *v, const struct hg_geometry
 }
 
 // A new frame for the pool: what earlier frames used may go, what the sets before use may not.
-static void tick(const struct hg_visible *v, const struct hg_geometry *g)
+static void tick(const struct hg_culling *v, const struct hg_geometry *g)
 {
     hg_cluster_pool_tick(g->pool);
     for (uint32_t i = 0; i < v->items.count; i++) {
-        const struct hg_visible_item *item = &v->items.list[i];
+        const struct hg_culling_item *item = &v->items.list[i];
         if (item->chunk != HG_LOD_NONE)
             hg_cluster_pool_use(g->pool, g->draws[item->first_draw].part->clusters, item->chunk);
     }
-    hg_hosted_use(&v->hosted, g);
+    hg_cpu_visibility_use(&v->hosted, g);
 }
 
 // One attempt to have all that is missing. *fits: all of it found room. What earlier frames left
 // must not decide that: when there is no room, their chunks go, and what these are parts of as
 // well.
-static enum hg_status load_wanted(struct hg_visible *v, const struct hg_geometry *g,
-    const struct hg_visible_view *view, struct hg_jobs *jobs, bool *fits, struct hg_error *err)
+static enum hg_status load_wanted(struct hg_culling *v, const struct hg_geometry *g,
+    const struct hg_culling_view *view, struct hg_jobs *jobs, bool *fits, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     uint32_t before = UINT32_MAX; // at first only what was not used in this frame goes
@@ -155,8 +155,8 @@ static enum hg_status load_wanted(struct hg_visible *v, const struct hg_geometry
 
 // Selects what the view shows. A view that waits loads what is missing; when the budget does not
 // hold all of it, the error is raised for all parts alike until it does.
-static enum hg_status select_runs(struct hg_visible *v, const struct hg_geometry *g,
-    struct hg_visible_view *view, struct hg_jobs *jobs, bool *crowded, struct hg_error *err)
+static enum hg_status select_runs(struct hg_culling *v, const struct hg_geometry *g,
+    struct hg_culling_view *view, struct hg_jobs *jobs, bool *crowded, struct hg_error *err)
 {
     *crowded = false;
     enum hg_status status = select_once(v, g, view, jobs, err);
@@ -177,11 +177,11 @@ static enum hg_status select_runs(struct hg_visible *v, const struct hg_geometry
     return status;
 }
 
-enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *geometry,
-    const struct hg_visible_view *wanted, struct hg_jobs *jobs, struct hg_error *err)
+enum hg_status hg_culling_add(struct hg_culling *v, const struct hg_geometry *geometry,
+    const struct hg_culling_view *wanted, struct hg_jobs *jobs, struct hg_error *err)
 {
-    struct hg_visible_view view = *wanted;
-    struct hg_visible_set set = {.numbered = wanted->numbered};
+    struct hg_culling_view view = *wanted;
+    struct hg_culling_set set = {.numbered = wanted->numbered};
     if (!view.wait && v->bias > 1.0f)
         view.error_px *= v->bias;
     bool crowded;
@@ -194,17 +194,17 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
     set.crowded = crowded || view.error_px > wanted->error_px;
     if (view.history)
         status = hg_occlusion_keep_history(&v->occlusion, geometry);
-    const struct hg_hosted_history history = history_of(v, view.history);
+    const struct hg_cpu_visibility_history history = history_of(v, view.history);
     if (status == HG_OK && view.host != NULL)
         status =
-            hg_hosted_take(&v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
+            hg_cpu_visibility_take(&v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
     set.hosted = v->hosted.count > 0 && v->hosted.set == v->set_count;
     // What is in front of the host's pixels at the same depth must not depend on phases.
     const bool occlusion =
         view.history && !set.hosted && triangles_of(&v->runs) >= v->occlusion_from;
-    const struct hg_adding adding = {geometry, &view, &set, occlusion ? &v->occlusion : NULL};
+    const struct hg_draw_list_run adding = {geometry, &view, &set, occlusion ? &v->occlusion : NULL};
     if (status == HG_OK)
-        status = hg_items_add(&v->items, &adding, &v->runs);
+        status = hg_draw_list_add(&v->items, &adding, &v->runs);
     if (status == HG_OK)
         status = hg_grow(&v->sets, &v->set_capacity, v->set_count + 1, sizeof *v->sets);
     if (status != HG_OK)
@@ -213,17 +213,17 @@ enum hg_status hg_visible_add(struct hg_visible *v, const struct hg_geometry *ge
     return HG_OK;
 }
 
-uint32_t hg_visible_count(const struct hg_visible *v)
+uint32_t hg_culling_count(const struct hg_culling *v)
 {
     return v->set_count;
 }
 
-const struct hg_visible_set *hg_visible_set(const struct hg_visible *v, uint32_t set)
+const struct hg_culling_set *hg_culling_set(const struct hg_culling *v, uint32_t set)
 {
     return &v->sets[set];
 }
 
-const struct hg_visible_item *hg_visible_item(const struct hg_visible *v, uint32_t index)
+const struct hg_culling_item *hg_culling_item(const struct hg_culling *v, uint32_t index)
 {
     return &v->items.list[index];
 }
@@ -231,9 +231,9 @@ const struct hg_visible_item *hg_visible_item(const struct hg_visible *v, uint32
 // --- device --------------------------------------------------------------------------------------
 
 static enum hg_status write_listing(
-    struct hg_visible *v, struct hg_jobs *jobs, struct hg_error *err)
+    struct hg_culling *v, struct hg_jobs *jobs, struct hg_error *err)
 {
-    struct hg_listing *l = &v->items.listing;
+    struct hg_index_lists *l = &v->items.listing;
     if (l->index_count == 0)
         return HG_OK;
     enum hg_status status = hg_gpu_buffer_reserve(
@@ -243,27 +243,27 @@ static enum hg_status write_listing(
             v->gpu, HG_GPU_BUFFER_UPLOAD, l->id_count * 4ull, "listed primitives", &v->ids, err);
     if (status == HG_OK && l->vertex_count > 0)
         status = hg_gpu_buffer_reserve(v->gpu, HG_GPU_BUFFER_UPLOAD,
-            l->vertex_count * sizeof(struct hg_listed_vertex), "listed vertices", &v->vertices,
+            l->vertex_count * sizeof(struct hg_index_list_vertex), "listed vertices", &v->vertices,
             err);
     if (status != HG_OK)
         return status;
-    const struct hg_listing_memory memory = {v->indices.mapped, v->ids.mapped, v->vertices.mapped};
-    hg_listing_write(l, jobs, &memory);
+    const struct hg_index_lists_memory memory = {v->indices.mapped, v->ids.mapped, v->vertices.mapped};
+    hg_index_lists_write(l, jobs, &memory);
     return HG_OK;
 }
 
-enum hg_status hg_visible_upload(struct hg_visible *v, struct hg_jobs *jobs, struct hg_error *err)
+enum hg_status hg_culling_upload(struct hg_culling *v, struct hg_jobs *jobs, struct hg_error *err)
 {
     const enum hg_status status = write_listing(v, jobs, err);
     if (status != HG_OK)
         return status;
     for (uint32_t i = 0; i < v->set_count; i++)
-        hg_items_narrow(&v->items, &v->occlusion, &v->sets[i]);
+        hg_draw_list_narrow(&v->items, &v->occlusion, &v->sets[i]);
     return hg_occlusion_upload(v->gpu, &v->occlusion, err);
 }
 
-void hg_visible_draw(
-    const struct hg_visible *v, struct hg_gpu_cmd *cmd, const struct hg_visible_item *item)
+void hg_culling_draw(
+    const struct hg_culling *v, struct hg_gpu_cmd *cmd, const struct hg_culling_item *item)
 {
     const VkCommandBuffer handle = hg_gpu_cmd_handle(cmd);
     const VkBuffer indices =
@@ -281,8 +281,8 @@ void hg_visible_draw(
             sizeof(struct hg_gpu_draw_command));
 }
 
-void hg_visible_fill(
-    const struct hg_visible *v, const struct hg_visible_item *item, struct hg_gpu_item *out)
+void hg_culling_fill(
+    const struct hg_culling *v, const struct hg_culling_item *item, struct hg_gpu_item *out)
 {
     *out = (struct hg_gpu_item){.positions = item->positions,
         .vertices = item->vertices,
@@ -295,21 +295,21 @@ void hg_visible_fill(
 
 // --- what the host draws -------------------------------------------------------------------------
 
-enum hg_status hg_visible_host(struct hg_visible *v, const struct hg_visible_lens *lens,
+enum hg_status hg_culling_draw_cpu(struct hg_culling *v, const struct hg_culling_lens *lens,
     uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err)
 {
-    return hg_hosted_draw(&v->hosted, v->gpu, lens, slot, slots, jobs, err);
+    return hg_cpu_visibility_draw(&v->hosted, v->gpu, lens, slot, slots, jobs, err);
 }
 
-void hg_visible_copy_hosted(const struct hg_visible *v, struct hg_gpu_cmd *cmd, uint32_t slot,
+void hg_culling_copy_cpu(const struct hg_culling *v, struct hg_gpu_cmd *cmd, uint32_t slot,
     struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
 {
-    hg_hosted_copy(&v->hosted, cmd, slot, visibility, depth, area);
+    hg_cpu_visibility_copy(&v->hosted, cmd, slot, visibility, depth, area);
 }
 
 // --- occlusion -----------------------------------------------------------------------------------
 
-enum hg_status hg_visible_test(struct hg_visible *v, struct hg_gpu_cmd *cmd, uint32_t set,
+enum hg_status hg_culling_test(struct hg_culling *v, struct hg_gpu_cmd *cmd, uint32_t set,
     struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
     struct hg_error *err)
 {
@@ -319,15 +319,15 @@ enum hg_status hg_visible_test(struct hg_visible *v, struct hg_gpu_cmd *cmd, uin
     return status;
 }
 
-void hg_visible_stats(const struct hg_visible *v, struct hg_visible_stats *out)
+void hg_culling_stats(const struct hg_culling *v, struct hg_culling_stats *out)
 {
-    *out = (struct hg_visible_stats){.bytes = v->indices.size_bytes + v->ids.size_bytes +
+    *out = (struct hg_culling_stats){.bytes = v->indices.size_bytes + v->ids.size_bytes +
                                               v->vertices.size_bytes + v->hosted.pixels.size_bytes +
                                               hg_occlusion_bytes(&v->occlusion)};
     if (v->set_count == 0)
         return;
-    const struct hg_visible_set *set = &v->sets[0];
-    out->triangles = set->triangles + (set->hosted ? hg_hosted_triangles(&v->hosted) : 0);
+    const struct hg_culling_set *set = &v->sets[0];
+    out->triangles = set->triangles + (set->hosted ? hg_cpu_visibility_triangles(&v->hosted) : 0);
     out->late = set->late_count;
     for (uint32_t i = 0; i < set->item_count; i++)
         out->draws += v->items.list[set->first_item + i].draw_count;

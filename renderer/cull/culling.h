@@ -14,8 +14,8 @@
 // changes the cost and not the picture. Sources: Greene, Kass and Miller 1993, "Hierarchical
 // Z-Buffer Visibility"; Haar and Aaltonen 2015, "GPU-Driven Rendering Pipelines" (two phases).
 //
-// Use, per step: hg_visible_reset; hg_visible_add for each view; hg_visible_upload; then the items
-// of each set in a batch, hg_visible_test between the phases of a set with late items.
+// Use, per step: hg_culling_reset; hg_culling_add for each view; hg_culling_upload; then the items
+// of each set in a batch, hg_culling_test between the phases of a set with late items.
 #ifndef HG_RENDERER_CULL_CULLING_H
 #define HG_RENDERER_CULL_CULLING_H
 
@@ -23,21 +23,21 @@
 #include "renderer/geometry/geometry.h"
 #include "shaders/shared/cluster.h"
 
-struct hg_visible;
+struct hg_culling;
 
 // HG_E_NOMEM. gpu is borrowed and must outlive it.
-enum hg_status hg_visible_create(
-    struct hg_gpu *gpu, struct hg_visible **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_visible_destroy(struct hg_visible *visible); // accepts NULL
+enum hg_status hg_culling_create(
+    struct hg_gpu *gpu, struct hg_culling **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_culling_destroy(struct hg_culling *visible); // accepts NULL
 
 // What the visibility pass does with positions, and where its samples are.
-struct hg_visible_lens {
+struct hg_culling_lens {
     float view_proj[16], clip[4]; // clip = view_proj * (position - eye, 0) + clip
     uint32_t width, height;       // px
     float shift_px;               // samples lie at most so far from the centres of pixels
 };
 
-struct hg_visible_view {
+struct hg_culling_view {
     float planes[6][4];       // inside: dot(xyz, p) + w >= 0; relative to the origin
     uint32_t plane_count;     // 0: everything is seen
     float eye[3], forward[3]; // relative to the origin; forward: orthographic views
@@ -54,15 +54,15 @@ struct hg_visible_view {
     uint32_t share, shares; // with whole: one of that many shares of the chunks, which make up the
                             // whole cut; the first has the parts without chunks. 0 = all of it
     bool history;           // what the last view with history saw comes first, the rest may be late
-    const struct hg_visible_lens *lens; // with numbered: drop triangles that show at no sample
-    // What the host can draw it draws (hg_visible_host): the whole picture without its jitter.
+    const struct hg_culling_lens *lens; // with numbered: drop triangles that show at no sample
+    // What the host can draw it draws (hg_culling_draw_cpu): the whole picture without its jitter.
     // NULL: the device draws all. Of the first set that has some.
-    const struct hg_visible_lens *host;
+    const struct hg_culling_lens *host;
 };
 
 // Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, 0, 0, first_draw) with
 // u32 indices. In draw order: by class, then topology, sides, winding, part, instance.
-struct hg_visible_item {
+struct hg_culling_item {
     uint32_t first_draw, draw_count;                    // one instance each
     uint32_t index_count, primitive_count, flags, part; // flags: HG_DRAW_* of all of them
     VkBuffer index_buffer;                              // NULL: of this frame
@@ -75,12 +75,12 @@ struct hg_visible_item {
     bool joins;                      // private
     uint32_t command;                // indirect draw; HG_CLUSTER_NONE: none
     // The first corner of a triangle is its number; positions are those of that list, and in
-    // position_buffer. hg_visible_draw binds it as vertex buffer 0.
+    // position_buffer. hg_culling_draw binds it as vertex buffer 0.
     bool numbered;
     bool listed; // numbered, and each position is followed by a word: the number, of first corners
 };
 
-struct hg_visible_set {
+struct hg_culling_set {
     uint32_t first_item, item_count; // in draw order
     uint32_t class_first[4];         // items of class c: [class_first[c], class_first[c + 1])
     uint32_t first_late, late_count; // in reverse draw order, opaque and masked
@@ -97,50 +97,50 @@ struct hg_visible_set {
 // The camera moved: what did not fit the budget may fit now. Views that do not wait and want more
 // than it holds get a larger error from frame to frame; this lowers it by a step, once a few frames
 // have had enough.
-void hg_visible_relax(struct hg_visible *visible);
+void hg_culling_relax(struct hg_culling *visible);
 // Forgets all sets. The batch that used them is over.
-void hg_visible_reset(struct hg_visible *visible);
-// Adds a set; it is number hg_visible_count() - 1. HG_E_NOMEM.
-enum hg_status hg_visible_add(struct hg_visible *visible, const struct hg_geometry *geometry,
-    const struct hg_visible_view *view, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
-uint32_t hg_visible_count(const struct hg_visible *visible);
-const struct hg_visible_set *hg_visible_set(const struct hg_visible *visible, uint32_t set);
+void hg_culling_reset(struct hg_culling *visible);
+// Adds a set; it is number hg_culling_count() - 1. HG_E_NOMEM.
+enum hg_status hg_culling_add(struct hg_culling *visible, const struct hg_geometry *geometry,
+    const struct hg_culling_view *view, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+uint32_t hg_culling_count(const struct hg_culling *visible);
+const struct hg_culling_set *hg_culling_set(const struct hg_culling *visible, uint32_t set);
 // Item i of a list (first_item + i or first_late + i).
-const struct hg_visible_item *hg_visible_item(const struct hg_visible *visible, uint32_t index);
+const struct hg_culling_item *hg_culling_item(const struct hg_culling *visible, uint32_t index);
 // Brings all sets to the device. HG_E_NOMEM, device errors.
-enum hg_status hg_visible_upload(
-    struct hg_visible *visible, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_culling_upload(
+    struct hg_culling *visible, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
 
 // Binds the item's indices and draws it; pipeline and push constants are the caller's.
-void hg_visible_draw(
-    const struct hg_visible *visible, struct hg_gpu_cmd *cmd, const struct hg_visible_item *item);
-// Push constants of an item. Depth and ids: of hg_visible_test.
-void hg_visible_fill(
-    const struct hg_visible *visible, const struct hg_visible_item *item, struct hg_gpu_item *out);
+void hg_culling_draw(
+    const struct hg_culling *visible, struct hg_gpu_cmd *cmd, const struct hg_culling_item *item);
+// Push constants of an item. Depth and ids: of hg_culling_test.
+void hg_culling_fill(
+    const struct hg_culling *visible, const struct hg_culling_item *item, struct hg_gpu_item *out);
 
 // Between the phases: reads depth and visibility buffer, tests every candidate of the set with the
 // camera of the frame block. tables, features: specialisation constants. Outside rendering.
-enum hg_status hg_visible_test(struct hg_visible *visible, struct hg_gpu_cmd *cmd, uint32_t set,
+enum hg_status hg_culling_test(struct hg_culling *visible, struct hg_gpu_cmd *cmd, uint32_t set,
     struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
     struct hg_error *err) HG_MUST_CHECK;
 
 // Of a set that is hosted: draws the host's part of one sample to slot `slot` of `slots`; the lens
 // has no shift. Slots keep what they hold until slot 0 is drawn. HG_E_NOMEM, device errors.
-enum hg_status hg_visible_host(struct hg_visible *visible, const struct hg_visible_lens *lens,
+enum hg_status hg_culling_draw_cpu(struct hg_culling *visible, const struct hg_culling_lens *lens,
     uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
 // Copies a slot to the visibility buffer and its depth, all of it or `area` (zero: all). Outside
 // rendering, and before the items are drawn.
-void hg_visible_copy_hosted(const struct hg_visible *visible, struct hg_gpu_cmd *cmd, uint32_t slot,
+void hg_culling_copy_cpu(const struct hg_culling *visible, struct hg_gpu_cmd *cmd, uint32_t slot,
     struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
 
-struct hg_visible_stats {
+struct hg_culling_stats {
     uint32_t draws, late, hidden; // of the first set; draws: instances; hidden: by the newest test
     uint64_t triangles;           // drawn of the first set by the newest sample
     uint64_t bytes;               // of device memory
 };
 // After the batch is over.
-void hg_visible_stats(const struct hg_visible *visible, struct hg_visible_stats *out);
+void hg_culling_stats(const struct hg_culling *visible, struct hg_culling_stats *out);
 // Triangles of a view from which occlusion is tested; 0 = the default. For tests.
-void hg_visible_set_occlusion_from(struct hg_visible *visible, uint64_t triangles);
+void hg_culling_set_occlusion_from(struct hg_culling *visible, uint64_t triangles);
 
 #endif

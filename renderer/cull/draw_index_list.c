@@ -11,35 +11,35 @@
 
 #define SIEVE_FROM 64 // triangles of a part
 
-_Static_assert(3 * HG_LISTED_MOST_NUMBERS < NOWHERE, "places of woven vertices");
+_Static_assert(3 * HG_INDEX_LIST_MOST_NUMBERS < NOWHERE, "places of woven vertices");
 
 struct write {
-    struct hg_listing *listing;
-    struct hg_listing_memory memory;
+    struct hg_index_lists *listing;
+    struct hg_index_lists_memory memory;
 };
 
-void hg_listing_reset(struct hg_listing *l)
+void hg_index_lists_reset(struct hg_index_lists *l)
 {
     l->list_count = l->run_count = l->id_count = 0;
     l->index_count = l->vertex_count = 0;
 }
 
-void hg_listing_finish(struct hg_listing *l)
+void hg_index_lists_finish(struct hg_index_lists *l)
 {
     hg_free(l->lists);
     hg_free(l->runs);
     memset(l, 0, sizeof *l);
 }
 
-enum hg_status hg_listing_begin(struct hg_listing *l, const struct hg_list *list, uint32_t *index)
+enum hg_status hg_index_lists_begin(struct hg_index_lists *l, const struct hg_index_list *list, uint32_t *index)
 {
     const enum hg_status status =
         hg_grow(&l->lists, &l->list_capacity, l->list_count + 1, sizeof *l->lists);
-    *index = HG_LISTED_NONE;
+    *index = HG_INDEX_LIST_NONE;
     if (status != HG_OK)
         return status;
     *index = l->list_count++;
-    struct hg_list *to = &l->lists[*index];
+    struct hg_index_list *to = &l->lists[*index];
     *to = *list;
     to->first_run = l->run_count;
     to->run_count = to->kept = 0;
@@ -49,14 +49,14 @@ enum hg_status hg_listing_begin(struct hg_listing *l, const struct hg_list *list
     return HG_OK;
 }
 
-enum hg_status hg_listing_add(struct hg_listing *l, const struct hg_listed_run *run)
+enum hg_status hg_index_lists_add(struct hg_index_lists *l, const struct hg_index_list_run *run)
 {
     const enum hg_status status =
         hg_grow(&l->runs, &l->run_capacity, l->run_count + 1, sizeof *l->runs);
     if (status != HG_OK)
         return status;
-    struct hg_list *list = &l->lists[l->list_count - 1];
-    struct hg_listed_run *to = &l->runs[l->run_count++];
+    struct hg_index_list *list = &l->lists[l->list_count - 1];
+    struct hg_index_list_run *to = &l->runs[l->run_count++];
     *to = *run;
     to->to = l->index_count;
     to->ids = l->id_count;
@@ -68,12 +68,12 @@ enum hg_status hg_listing_add(struct hg_listing *l, const struct hg_listed_run *
     return HG_OK;
 }
 
-void hg_listing_end(struct hg_listing *l)
+void hg_index_lists_end(struct hg_index_lists *l)
 {
-    struct hg_list *list = &l->lists[l->list_count - 1];
+    struct hg_index_list *list = &l->lists[l->list_count - 1];
     const uint64_t others = 2ull * list->kept;
-    list->woven = list->woven && list->vertex_count <= HG_LISTED_MOST_WOVEN &&
-                  list->kept <= HG_LISTED_MOST_NUMBERS;
+    list->woven = list->woven && list->vertex_count <= HG_INDEX_LIST_MOST_WOVEN &&
+                  list->kept <= HG_INDEX_LIST_MOST_NUMBERS;
     if (list->woven)
         l->vertex_count += list->kept + (others < list->vertex_count ? others : list->vertex_count);
 }
@@ -87,8 +87,8 @@ static const float *positions_of(const struct hg_part_entry *part)
                                          part->numbered_positions_at);
 }
 
-bool hg_list_sieves_part(
-    const struct hg_geometry *g, const struct hg_visible_view *view, uint32_t draw)
+bool hg_index_list_culls_part(
+    const struct hg_geometry *g, const struct hg_culling_view *view, uint32_t draw)
 {
     const struct hg_draw_entry *d = &g->draws[draw];
     return view->lens != NULL && view->numbered && !d->deformed &&
@@ -96,29 +96,29 @@ bool hg_list_sieves_part(
            d->part->primitive_count >= SIEVE_FROM;
 }
 
-static void open_sieve(const struct hg_geometry *g, const struct hg_visible_view *view,
-    uint32_t draw, struct hg_list *list)
+static void open_sieve(const struct hg_geometry *g, const struct hg_culling_view *view,
+    uint32_t draw, struct hg_index_list *list)
 {
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_gpu_instance *instances =
         (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
     list->sieved = true;
-    hg_sieve_open(
+    hg_triangle_cull_open(
         view, &instances[d->gpu.instance].world, &d->part->bounds, d->gpu.flags, &list->sieve);
 }
 
 // Chunks go through no sieve: of a cut that suits the view it drops one triangle of twenty, which
 // is not worth the time.
-void hg_list_open(const struct hg_geometry *g, const struct hg_visible_view *view,
-    const struct hg_visible_item *item, struct hg_list *out)
+void hg_index_list_open(const struct hg_geometry *g, const struct hg_culling_view *view,
+    const struct hg_culling_item *item, struct hg_index_list *out)
 {
     const struct hg_draw_entry *d = &g->draws[item->first_draw];
-    *out = (struct hg_list){.corners = (item->flags & HG_DRAW_POINTS) != 0  ? 1
+    *out = (struct hg_index_list){.corners = (item->flags & HG_DRAW_POINTS) != 0  ? 1
                                        : (item->flags & HG_DRAW_LINES) != 0 ? 2
                                                                             : 3,
         .has_ids = !item->numbered};
     if (item->chunk == HG_LOD_NONE) {
-        if (!hg_list_sieves_part(g, view, item->first_draw))
+        if (!hg_index_list_culls_part(g, view, item->first_draw))
             return;
         out->positions = positions_of(d->part);
         open_sieve(g, view, item->first_draw, out);
@@ -151,16 +151,16 @@ static void turn_around(uint32_t *indices, uint32_t *ids, uint32_t count, uint32
     }
 }
 
-static void write_run(const struct write *w, struct hg_listed_run *run)
+static void write_run(const struct write *w, struct hg_index_list_run *run)
 {
-    const struct hg_list *list = &w->listing->lists[run->list];
+    const struct hg_index_list *list = &w->listing->lists[run->list];
     const uint32_t *from = run->indices + (size_t)run->first * list->corners;
     const uint32_t number = run->base + run->first;
     uint32_t *to = w->memory.indices + run->to;
     uint32_t *ids = list->has_ids ? w->memory.ids + run->ids : NULL;
     run->kept = run->count;
     if (list->sieved) {
-        run->kept = hg_sieve_list(&list->sieve, list->positions, from, run->count, to, ids, number);
+        run->kept = hg_triangle_cull_list(&list->sieve, list->positions, from, run->count, to, ids, number);
     } else {
         memcpy(to, from, (size_t)run->count * list->corners * 4);
         for (uint32_t k = 0; ids != NULL && k < run->count; k++)
@@ -180,11 +180,11 @@ static void write_runs(void *user, size_t job)
 }
 
 // Moves what was kept together, to the place of the first run.
-static void pack(const struct write *w, struct hg_list *list)
+static void pack(const struct write *w, struct hg_index_list *list)
 {
     list->kept = 0;
     for (uint32_t i = list->first_run; i < list->first_run + list->run_count; i++) {
-        const struct hg_listed_run *run = &w->listing->runs[i];
+        const struct hg_index_list_run *run = &w->listing->runs[i];
         uint32_t *to = w->memory.indices + list->first_index + (size_t)list->kept * list->corners;
         if (to != w->memory.indices + run->to)
             memmove(to, w->memory.indices + run->to, (size_t)run->kept * list->corners * 4);
@@ -196,19 +196,19 @@ static void pack(const struct write *w, struct hg_list *list)
 }
 
 static void put_vertex(
-    const struct hg_list *list, uint32_t source, uint32_t number, struct hg_listed_vertex *out)
+    const struct hg_index_list *list, uint32_t source, uint32_t number, struct hg_index_list_vertex *out)
 {
     memcpy(out->position, list->positions + (size_t)source * 3, sizeof out->position);
     out->number = number;
 }
 
 // Vertex i is the first corner of triangle i; corners that are the first of none come behind.
-static void weave(const struct write *w, const struct hg_list *list)
+static void weave(const struct write *w, const struct hg_index_list *list)
 {
-    uint16_t place[HG_LISTED_MOST_WOVEN];
+    uint16_t place[HG_INDEX_LIST_MOST_WOVEN];
     uint32_t *indices = w->memory.indices + list->first_index;
     const uint32_t *ids = w->memory.ids + list->first_id;
-    struct hg_listed_vertex *vertices = w->memory.vertices + list->first_vertex;
+    struct hg_index_list_vertex *vertices = w->memory.vertices + list->first_vertex;
     uint32_t count = list->kept;
     memset(place, 0xff, list->vertex_count * sizeof *place);
     for (uint32_t i = 0; i < list->kept; i++) {
@@ -235,7 +235,7 @@ static void finish_lists(void *user, size_t job)
     const size_t first = job * LISTS_PER_JOB;
     const size_t end = first + LISTS_PER_JOB;
     for (size_t i = first; i < end && i < w->listing->list_count; i++) {
-        struct hg_list *list = &w->listing->lists[i];
+        struct hg_index_list *list = &w->listing->lists[i];
         if (list->sieved)
             pack(w, list);
         if (list->woven)
@@ -252,8 +252,8 @@ static void spread(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, struct wr
             fn(w, i);
 }
 
-void hg_listing_write(
-    struct hg_listing *l, struct hg_jobs *jobs, const struct hg_listing_memory *memory)
+void hg_index_lists_write(
+    struct hg_index_lists *l, struct hg_jobs *jobs, const struct hg_index_lists_memory *memory)
 {
     struct write w = {l, *memory};
     spread(jobs, ((size_t)l->run_count + RUNS_PER_JOB - 1) / RUNS_PER_JOB, write_runs, &w);

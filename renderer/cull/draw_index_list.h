@@ -10,17 +10,17 @@
 
 #include "renderer/cull/triangle_cull.h"
 
-#define HG_LISTED_NONE         UINT32_MAX
-#define HG_LISTED_MOST_WOVEN   8192u  // vertices of a part
-#define HG_LISTED_MOST_NUMBERS 16384u // triangles of a woven list
+#define HG_INDEX_LIST_NONE         UINT32_MAX
+#define HG_INDEX_LIST_MOST_WOVEN   8192u  // vertices of a part
+#define HG_INDEX_LIST_MOST_NUMBERS 16384u // triangles of a woven list
 
-struct hg_listed_vertex {
+struct hg_index_list_vertex {
     float position[3];
     uint32_t number;
 };
 
 // Consecutive primitives of a part.
-struct hg_listed_run {
+struct hg_index_list_run {
     const uint32_t *indices; // of the part
     uint32_t first, count;   // primitives of it
     uint32_t base;           // of their numbers
@@ -29,11 +29,11 @@ struct hg_listed_run {
     uint32_t list, kept;
 };
 
-struct hg_list {
+struct hg_index_list {
     uint32_t corners; // of a primitive
     bool has_ids;     // numbers of its primitives; else they are known otherwise
     bool backwards, sieved, woven;
-    struct hg_sieve sieve;
+    struct hg_triangle_cull sieve;
     const float *positions; // of the part, when it is sieved or woven
     uint32_t vertex_count;  // of the part, when it is woven
     // Private, but to read:
@@ -43,9 +43,9 @@ struct hg_list {
     uint32_t kept; // primitives, once it is written
 };
 
-struct hg_listing { // zeroed = empty; keeps its memory
-    struct hg_list *lists;
-    struct hg_listed_run *runs;
+struct hg_index_lists { // zeroed = empty; keeps its memory
+    struct hg_index_list *lists;
+    struct hg_index_list_run *runs;
     size_t list_capacity, run_capacity;
     uint32_t list_count, run_count;
     uint64_t index_count, vertex_count; // that there must be room for
@@ -53,31 +53,31 @@ struct hg_listing { // zeroed = empty; keeps its memory
 };
 
 // Memory that a listing is written to, as large as it counts.
-struct hg_listing_memory {
+struct hg_index_lists_memory {
     uint32_t *indices, *ids;
-    struct hg_listed_vertex *vertices;
+    struct hg_index_list_vertex *vertices;
 };
 
 // How the list of an item is made: of the numbered list of its part, or of its chunk. The item has
 // its draw, flags, chunk, primitive_count and whether it is numbered.
-void hg_list_open(const struct hg_geometry *g, const struct hg_visible_view *view,
-    const struct hg_visible_item *item, struct hg_list *out);
+void hg_index_list_open(const struct hg_geometry *g, const struct hg_culling_view *view,
+    const struct hg_culling_item *item, struct hg_index_list *out);
 // Whether triangles of a draw of a part that is not baked are told one by one.
-bool hg_list_sieves_part(
-    const struct hg_geometry *g, const struct hg_visible_view *view, uint32_t draw);
+bool hg_index_list_culls_part(
+    const struct hg_geometry *g, const struct hg_culling_view *view, uint32_t draw);
 
-void hg_listing_reset(struct hg_listing *listing);
-void hg_listing_finish(struct hg_listing *listing);
+void hg_index_lists_reset(struct hg_index_lists *listing);
+void hg_index_lists_finish(struct hg_index_lists *listing);
 // Begins a list; *index: its number. HG_E_NOMEM.
-enum hg_status hg_listing_begin(
-    struct hg_listing *listing, const struct hg_list *list, uint32_t *index) HG_MUST_CHECK;
+enum hg_status hg_index_lists_begin(
+    struct hg_index_lists *listing, const struct hg_index_list *list, uint32_t *index) HG_MUST_CHECK;
 // Adds primitives to the newest list. HG_E_NOMEM.
-enum hg_status hg_listing_add(
-    struct hg_listing *listing, const struct hg_listed_run *run) HG_MUST_CHECK;
+enum hg_status hg_index_lists_add(
+    struct hg_index_lists *listing, const struct hg_index_list_run *run) HG_MUST_CHECK;
 // Room for the vertices of the newest list, after its last run.
-void hg_listing_end(struct hg_listing *listing);
+void hg_index_lists_end(struct hg_index_lists *listing);
 // Writes all lists. jobs may be NULL.
-void hg_listing_write(
-    struct hg_listing *listing, struct hg_jobs *jobs, const struct hg_listing_memory *memory);
+void hg_index_lists_write(
+    struct hg_index_lists *listing, struct hg_jobs *jobs, const struct hg_index_lists_memory *memory);
 
 #endif

@@ -3,16 +3,16 @@
 
 #include "base/alloc.h"
 
-void hg_items_reset(struct hg_items *items)
+void hg_draw_list_reset(struct hg_draw_list *items)
 {
     items->count = 0;
-    hg_listing_reset(&items->listing);
+    hg_index_lists_reset(&items->listing);
 }
 
-void hg_items_finish(struct hg_items *items)
+void hg_draw_list_finish(struct hg_draw_list *items)
 {
     hg_free(items->list);
-    hg_listing_finish(&items->listing);
+    hg_index_lists_finish(&items->listing);
 }
 
 // --- early items ---------------------------------------------------------------------------------
@@ -22,11 +22,11 @@ static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t p
     return (const struct hg_gpu_part *)(const void *)g->part_table.shadow + part;
 }
 
-static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw, bool numbered)
+static struct hg_culling_item item_of(const struct hg_geometry *g, uint32_t draw, bool numbered)
 {
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_gpu_part *part = part_of(g, d->gpu.part);
-    struct hg_visible_item item = {.first_draw = draw,
+    struct hg_culling_item item = {.first_draw = draw,
         .draw_count = 1,
         .flags = d->gpu.flags,
         .part = d->gpu.part,
@@ -36,7 +36,7 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
         .chunk = HG_LOD_NONE,
         .first_primitive = HG_CLUSTER_NONE,
         .command = HG_CLUSTER_NONE,
-        .list = HG_LISTED_NONE,
+        .list = HG_INDEX_LIST_NONE,
         .numbered = numbered && !d->deformed && d->part->numbered_indices != NULL};
     if (!item.numbered)
         return item;
@@ -46,7 +46,7 @@ static struct hg_visible_item item_of(const struct hg_geometry *g, uint32_t draw
     return item;
 }
 
-static enum hg_status push_item(struct hg_items *items, const struct hg_visible_item *item)
+static enum hg_status push_item(struct hg_draw_list *items, const struct hg_culling_item *item)
 {
     const enum hg_status status =
         hg_grow(&items->list, &items->capacity, items->count + 1, sizeof *items->list);
@@ -61,19 +61,19 @@ static uint32_t corners_of(uint32_t flags)
 }
 
 // The whole part, joined with the item before where that is the same part.
-static enum hg_status add_whole(struct hg_items *items, const struct hg_adding *a, uint32_t draw)
+static enum hg_status add_whole(struct hg_draw_list *items, const struct hg_draw_list_run *a, uint32_t draw)
 {
     const struct hg_geometry *g = a->geometry;
-    const struct hg_visible_set *set = a->set;
+    const struct hg_culling_set *set = a->set;
     const struct hg_draw_entry *d = &g->draws[draw];
-    struct hg_visible_item *last =
+    struct hg_culling_item *last =
         items->count > set->first_item ? &items->list[items->count - 1] : NULL;
     if (last != NULL && last->index_buffer != VK_NULL_HANDLE && last->part == d->gpu.part &&
         last->flags == d->gpu.flags && last->first_draw + last->draw_count == draw) {
         last->draw_count++;
         return HG_OK;
     }
-    struct hg_visible_item item = item_of(g, draw, set->numbered);
+    struct hg_culling_item item = item_of(g, draw, set->numbered);
     item.index_count = d->part->index_count;
     item.primitive_count = d->part->primitive_count;
     item.index_buffer = d->part->buffer.handle;
@@ -81,37 +81,37 @@ static enum hg_status add_whole(struct hg_items *items, const struct hg_adding *
     return push_item(items, &item);
 }
 
-static const uint32_t *indices_of(const struct hg_visible_item *item, const struct hg_part_entry *p)
+static const uint32_t *indices_of(const struct hg_culling_item *item, const struct hg_part_entry *p)
 {
     if (item->chunk != HG_LOD_NONE)
         return p->clusters->chunks[item->chunk].indices;
     return item->numbered ? p->numbered_indices : p->indices;
 }
 
-static enum hg_status fill_list(struct hg_items *items, const struct hg_adding *a,
-    const struct hg_run *runs, uint32_t count, struct hg_visible_item *item)
+static enum hg_status fill_list(struct hg_draw_list *items, const struct hg_draw_list_run *a,
+    const struct hg_run *runs, uint32_t count, struct hg_culling_item *item)
 {
     const struct hg_part_entry *part = a->geometry->draws[item->first_draw].part;
-    struct hg_list list;
-    hg_list_open(a->geometry, a->view, item, &list);
-    enum hg_status status = hg_listing_begin(&items->listing, &list, &item->list);
+    struct hg_index_list list;
+    hg_index_list_open(a->geometry, a->view, item, &list);
+    enum hg_status status = hg_index_lists_begin(&items->listing, &list, &item->list);
     for (uint32_t i = 0; i < count && status == HG_OK; i++) {
-        const struct hg_listed_run run = {.indices = indices_of(item, part),
+        const struct hg_index_list_run run = {.indices = indices_of(item, part),
             .first = runs[i].first,
             .count = runs[i].count,
             .base = item->chunk != HG_LOD_NONE ? item->chunk << HG_LOD_SHIFT : 0};
-        status = hg_listing_add(&items->listing, &run);
+        status = hg_index_lists_add(&items->listing, &run);
     }
     if (status == HG_OK)
-        hg_listing_end(&items->listing);
+        hg_index_lists_end(&items->listing);
     return status;
 }
 
 // Runs of one draw and chunk as one item of its own list of indices.
 static enum hg_status add_listed(
-    struct hg_items *items, const struct hg_adding *a, const struct hg_run *runs, uint32_t count)
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_run *runs, uint32_t count)
 {
-    struct hg_visible_item item = item_of(a->geometry, runs[0].draw, a->set->numbered);
+    struct hg_culling_item item = item_of(a->geometry, runs[0].draw, a->set->numbered);
     item.index_offset = items->listing.index_count * 4;
     item.chunk = runs[0].chunk;
     if (item.chunk != HG_LOD_NONE) {
@@ -127,12 +127,12 @@ static enum hg_status add_listed(
     const enum hg_status status = fill_list(items, a, runs, count, &item);
     if (status != HG_OK)
         return status;
-    const struct hg_list *list = &items->listing.lists[item.list];
+    const struct hg_index_list *list = &items->listing.lists[item.list];
     item.joins = item.chunk != HG_LOD_NONE;
     item.listed = list->woven;
     if (item.listed) {
         item.numbered = true;
-        item.position_offset = list->first_vertex * sizeof(struct hg_listed_vertex);
+        item.position_offset = list->first_vertex * sizeof(struct hg_index_list_vertex);
     } else if (!item.numbered) {
         item.first_primitive = list->first_id;
     }
@@ -140,19 +140,19 @@ static enum hg_status add_listed(
 }
 
 // Instances far away show the same clusters: they join the item before.
-static bool joins(const struct hg_items *items, const struct hg_adding *a,
+static bool joins(const struct hg_draw_list *items, const struct hg_draw_list_run *a,
     const struct hg_run *runs, uint32_t count)
 {
     if (items->count == a->set->first_item)
         return false;
-    const struct hg_visible_item *last = &items->list[items->count - 1];
+    const struct hg_culling_item *last = &items->list[items->count - 1];
     const struct hg_draw_entry *d = &a->geometry->draws[runs[0].draw];
     if (!last->joins || last->part != d->gpu.part || last->flags != d->gpu.flags ||
         last->first_draw + last->draw_count != runs[0].draw || last->chunk != runs[0].chunk ||
         items->listing.lists[last->list].run_count != count)
         return false;
     for (uint32_t i = 0; i < count; i++) {
-        const struct hg_listed_run *c =
+        const struct hg_index_list_run *c =
             &items->listing.runs[items->listing.lists[last->list].first_run + i];
         if (c->first != runs[i].first || c->count != runs[i].count)
             return false;
@@ -163,7 +163,7 @@ static bool joins(const struct hg_items *items, const struct hg_adding *a,
 // Items of a draw of a baked part: one per chunk. Only draws of one chunk can be joined, so that
 // items stay in draw order.
 static enum hg_status add_chunks(
-    struct hg_items *items, const struct hg_adding *a, const struct hg_run *runs, uint32_t count)
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_run *runs, uint32_t count)
 {
     if (runs[0].chunk == runs[count - 1].chunk && joins(items, a, runs, count)) {
         items->list[items->count - 1].draw_count++;
@@ -199,11 +199,11 @@ static uint32_t split_runs(const struct hg_occlusion *o, struct hg_run *runs, ui
 }
 
 // Items of one draw. With occlusion unseen runs go to `late`, the others become candidates.
-static enum hg_status add_draw(struct hg_items *items, const struct hg_adding *a,
+static enum hg_status add_draw(struct hg_draw_list *items, const struct hg_draw_list_run *a,
     struct hg_run *runs, uint32_t count, struct hg_selection *late)
 {
     enum hg_status status = HG_OK;
-    struct hg_visible_set *set = a->set;
+    struct hg_culling_set *set = a->set;
     const struct hg_draw_entry *d = &a->geometry->draws[runs[0].draw];
     uint32_t primitives = 0;
     if (a->occlusion != NULL)
@@ -220,7 +220,7 @@ static enum hg_status add_draw(struct hg_items *items, const struct hg_adding *a
     if (d->part->clusters != NULL)
         return add_chunks(items, a, runs, count);
     return primitives == d->part->primitive_count &&
-                   !hg_list_sieves_part(a->geometry, a->view, runs[0].draw)
+                   !hg_index_list_culls_part(a->geometry, a->view, runs[0].draw)
                ? add_whole(items, a, runs[0].draw)
                : add_listed(items, a, runs, count);
 }
@@ -228,7 +228,7 @@ static enum hg_status add_draw(struct hg_items *items, const struct hg_adding *a
 // First index of the command and no offset of the buffer: lavapipe 22.3 forgets the latter in
 // indirect draws.
 static enum hg_status add_late_run(
-    struct hg_items *items, const struct hg_adding *a, const struct hg_run *run)
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_run *run)
 {
     struct hg_occlusion *o = a->occlusion;
     enum hg_status status = hg_occlusion_add(o, run, o->command_count);
@@ -236,7 +236,7 @@ static enum hg_status add_late_run(
         status = add_listed(items, a, run, 1);
     if (status != HG_OK)
         return status;
-    struct hg_visible_item *item = &items->list[items->count - 1];
+    struct hg_culling_item *item = &items->list[items->count - 1];
     items->listing.lists[item->list].backwards = true;
     item->command = o->command_count;
     item->candidate = o->count - 1;
@@ -248,10 +248,10 @@ static enum hg_status add_late_run(
 
 // Backwards, draws and primitives: of surfaces at the same depth the last that is drawn is seen.
 static enum hg_status add_late(
-    struct hg_items *items, const struct hg_adding *a, const struct hg_selection *late)
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_selection *late)
 {
     enum hg_status status = HG_OK;
-    struct hg_visible_set *set = a->set;
+    struct hg_culling_set *set = a->set;
     set->first_late = items->count;
     for (uint32_t i = late->count; i > 0 && status == HG_OK; i--) {
         status = add_late_run(items, a, &late->items[i - 1]);
@@ -261,11 +261,11 @@ static enum hg_status add_late(
     return status;
 }
 
-static enum hg_status add_early(struct hg_items *items, const struct hg_adding *a,
+static enum hg_status add_early(struct hg_draw_list *items, const struct hg_draw_list_run *a,
     struct hg_selection *runs, struct hg_selection *late)
 {
     enum hg_status status = HG_OK;
-    struct hg_visible_set *set = a->set;
+    struct hg_culling_set *set = a->set;
     set->first_item = items->count;
     for (uint32_t i = 0; i < 4; i++)
         set->class_first[i] = items->count;
@@ -282,8 +282,8 @@ static enum hg_status add_early(struct hg_items *items, const struct hg_adding *
     return status;
 }
 
-enum hg_status hg_items_add(
-    struct hg_items *items, const struct hg_adding *a, struct hg_selection *runs)
+enum hg_status hg_draw_list_add(
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, struct hg_selection *runs)
 {
     struct hg_selection late = {0};
     const uint32_t before = a->occlusion != NULL ? a->occlusion->count : 0;
@@ -301,9 +301,9 @@ enum hg_status hg_items_add(
 
 // Returns how many triangles of the item are not drawn.
 static uint32_t narrow_item(
-    const struct hg_items *items, struct hg_occlusion *o, struct hg_visible_item *item)
+    const struct hg_draw_list *items, struct hg_occlusion *o, struct hg_culling_item *item)
 {
-    if (item->list == HG_LISTED_NONE || !items->listing.lists[item->list].sieved)
+    if (item->list == HG_INDEX_LIST_NONE || !items->listing.lists[item->list].sieved)
         return 0;
     const uint32_t before = item->primitive_count;
     item->primitive_count = items->listing.lists[item->list].kept;
@@ -315,7 +315,7 @@ static uint32_t narrow_item(
     return before - item->primitive_count;
 }
 
-void hg_items_narrow(struct hg_items *items, struct hg_occlusion *o, struct hg_visible_set *set)
+void hg_draw_list_narrow(struct hg_draw_list *items, struct hg_occlusion *o, struct hg_culling_set *set)
 {
     for (uint32_t i = 0; i < set->item_count; i++)
         set->triangles -= narrow_item(items, o, &items->list[set->first_item + i]);

@@ -37,7 +37,7 @@ bool hg_occlusion_was_seen(const struct hg_occlusion *o, uint32_t bit)
     return bit >= o->history_bits || (o->history[bit / 32] >> bit % 32 & 1u) != 0;
 }
 
-void hg_occlusion_learn(struct hg_occlusion *o, const struct hg_visible_set *set)
+void hg_occlusion_learn(struct hg_occlusion *o, const struct hg_culling_set *set)
 {
     const uint32_t *flags = o->flags.mapped;
     // First hidden ones: a run may be one of several of a bit.
@@ -162,7 +162,7 @@ static enum hg_status dispatch(struct hg_gpu_cmd *cmd, const struct kernel *kern
 }
 
 enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_gpu_cmd *cmd,
-    const struct hg_visible_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
+    const struct hg_culling_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
     uint32_t tables, uint32_t features, struct hg_error *err)
 {
     const struct hg_gpu_region all = {.width = depth->width, .height = depth->height};
@@ -197,7 +197,7 @@ enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, str
     return status;
 }
 
-void hg_occlusion_count(const struct hg_occlusion *o, const struct hg_visible_set *set,
+void hg_occlusion_count(const struct hg_occlusion *o, const struct hg_culling_set *set,
     uint32_t *hidden, uint64_t *triangles)
 {
     const uint32_t *flags = o->flags.mapped;

@@ -29,7 +29,7 @@ uint64_t hg_occlusion_bytes(const struct hg_occlusion *o); // on the device
 void hg_occlusion_reset(struct hg_occlusion *o);
 // Of a set that was tested: what its newest sample saw goes to the history. Runs that were not in
 // the frustum keep their bits.
-void hg_occlusion_learn(struct hg_occlusion *o, const struct hg_visible_set *set);
+void hg_occlusion_learn(struct hg_occlusion *o, const struct hg_culling_set *set);
 // Where the history is of another list of draws everything counts as seen. HG_E_NOMEM.
 enum hg_status hg_occlusion_keep_history(
     struct hg_occlusion *o, const struct hg_geometry *g) HG_MUST_CHECK;
@@ -44,13 +44,13 @@ enum hg_status hg_occlusion_add_command(
 // Brings candidates and draws to the device. HG_E_NOMEM, device errors.
 enum hg_status hg_occlusion_upload(
     struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_error *err) HG_MUST_CHECK;
-// See hg_visible_test.
+// See hg_culling_test.
 enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_gpu_cmd *cmd,
-    const struct hg_visible_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
+    const struct hg_culling_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
     uint32_t tables, uint32_t features, struct hg_error *err) HG_MUST_CHECK;
 // Of a set that was tested: adds candidates that were not seen, and triangles of late ones that
 // were.
-void hg_occlusion_count(const struct hg_occlusion *o, const struct hg_visible_set *set,
+void hg_occlusion_count(const struct hg_occlusion *o, const struct hg_culling_set *set,
     uint32_t *hidden, uint64_t *triangles);
 
 #endif

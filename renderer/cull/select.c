@@ -22,14 +22,14 @@ struct block {
 
 struct run {
     const struct hg_geometry *geometry;
-    const struct hg_visible_view *view;
+    const struct hg_culling_view *view;
     struct block *blocks;
 };
 
 // --- one object ----------------------------------------------------------------------------------
 
 static void move_planes(
-    const struct hg_visible_view *view, const float m[12], struct hg_object_view *out)
+    const struct hg_culling_view *view, const float m[12], struct hg_object_view *out)
 {
     out->plane_count = view->plane_count;
     for (uint32_t i = 0; i < view->plane_count; i++) {
@@ -74,7 +74,7 @@ static double move_back(const float m[12], const double v[3], float out[3])
 }
 
 // Conservative: a box is outside when it lies wholly behind one plane.
-static bool is_box_outside(const struct hg_visible_view *view, const struct hg_box *box)
+static bool is_box_outside(const struct hg_culling_view *view, const struct hg_box *box)
 {
     for (uint32_t i = 0; i < view->plane_count; i++) {
         const float *p = view->planes[i];
@@ -90,7 +90,7 @@ static bool is_box_outside(const struct hg_visible_view *view, const struct hg_b
     return false;
 }
 
-static void open_object(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
+static void open_object(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
     bool both_sides, struct hg_object_view *out)
 {
     const float *m = world->m;
@@ -166,7 +166,7 @@ static enum hg_status add_whole(struct block *b, uint32_t index, const struct hg
 }
 
 // Pixels that a metre at the nearest point of a box may show.
-static float px_per_metre(const struct hg_visible_view *view, const struct hg_box *box)
+static float px_per_metre(const struct hg_culling_view *view, const struct hg_box *box)
 {
     float distance2 = 0.0f;
     if (view->orthographic)
@@ -183,7 +183,7 @@ static float px_per_metre(const struct hg_visible_view *view, const struct hg_bo
 static enum hg_status add_posed(const struct run *run, struct block *b, uint32_t index,
     const struct hg_draw_entry *d, const struct hg_mat4x3 *world)
 {
-    const struct hg_posed_levels *levels = &d->part->posed;
+    const struct hg_skinned_lod_levels *levels = &d->part->posed;
     const float scale = d->skinned ? 1.0f : hg_matrix_max_stretch(world);
     const float px = scale * px_per_metre(run->view, &d->bounds);
     uint32_t level = levels->count;
@@ -247,7 +247,7 @@ static enum hg_status add_meshlets(
 static enum hg_status select_draw(
     const struct run *run, struct block *b, uint32_t index, const struct hg_mat4x3 *world)
 {
-    const struct hg_visible_view *view = run->view;
+    const struct hg_culling_view *view = run->view;
     const struct hg_draw_entry *d = &run->geometry->draws[index];
     const bool both_sides = view->both_sides || (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0;
     struct hg_object_view object;
@@ -304,7 +304,7 @@ static uint32_t cut_blocks(const struct hg_geometry *g, struct block *blocks)
     return count;
 }
 
-enum hg_status hg_select(const struct hg_geometry *g, const struct hg_visible_view *view,
+enum hg_status hg_select(const struct hg_geometry *g, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_selection *out)
 {
     const uint32_t count = cut_blocks(g, NULL);

@@ -40,17 +40,17 @@ bool hg_select_faces_away(const struct hg_object_view *object, const struct hg_m
 
 // select_lod.c: runs of one draw of a baked part, by chunk and place. first_bit: the first of
 // hg_select_lod_bits() bits. HG_E_NOMEM.
-enum hg_status hg_select_lod(const struct hg_visible_view *view, uint32_t draw, uint32_t first_bit,
+enum hg_status hg_select_lod(const struct hg_culling_view *view, uint32_t draw, uint32_t first_bit,
     struct hg_cluster_mesh *mesh, const struct hg_mat4x3 *world,
     const struct hg_object_view *object, struct hg_selection *out) HG_MUST_CHECK;
 uint32_t hg_select_lod_bits(void);
 // Marks the chunks of the runs as used, and brings the list of what is wanted in order: each chunk
 // once, with its parents unless the view wants the whole of it. HG_E_NOMEM.
 enum hg_status hg_select_wants(const struct hg_geometry *geometry,
-    const struct hg_visible_view *view, struct hg_selection *selection) HG_MUST_CHECK;
+    const struct hg_culling_view *view, struct hg_selection *selection) HG_MUST_CHECK;
 
 // Appends runs in draw order, and what is missing. HG_E_NOMEM.
-enum hg_status hg_select(const struct hg_geometry *geometry, const struct hg_visible_view *view,
+enum hg_status hg_select(const struct hg_geometry *geometry, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_selection *out) HG_MUST_CHECK;
 
 #endif

@@ -17,7 +17,7 @@
 #define LOD_BITS 22
 
 struct walk {
-    const struct hg_visible_view *view;
+    const struct hg_culling_view *view;
     const struct hg_object_view *object;
     struct hg_cluster_mesh *mesh;
     const struct hg_lod *lod;
@@ -74,7 +74,7 @@ static void want(struct walk *w, uint32_t chunk, float px)
 
 static uint32_t bit_of(const struct walk *w, uint32_t cluster)
 {
-    const uint64_t h = hg_mix(0, (uint64_t)w->draw << 32 | cluster);
+    const uint64_t h = hg_hash_mix(0, (uint64_t)w->draw << 32 | cluster);
     return w->first_bit + (uint32_t)(h >> (64 - LOD_BITS));
 }
 
@@ -156,7 +156,7 @@ static int by_place(const void *a, const void *b)
     return x->first < y->first ? -1 : x->first > y->first;
 }
 
-enum hg_status hg_select_lod(const struct hg_visible_view *view, uint32_t draw, uint32_t first_bit,
+enum hg_status hg_select_lod(const struct hg_culling_view *view, uint32_t draw, uint32_t first_bit,
     struct hg_cluster_mesh *mesh, const struct hg_mat4x3 *world,
     const struct hg_object_view *object, struct hg_selection *out)
 {
@@ -252,7 +252,7 @@ static void use_chunks(const struct hg_geometry *g, const struct hg_selection *s
 }
 
 enum hg_status hg_select_wants(
-    const struct hg_geometry *g, const struct hg_visible_view *view, struct hg_selection *s)
+    const struct hg_geometry *g, const struct hg_culling_view *view, struct hg_selection *s)
 {
     use_chunks(g, s);
     unite_wants(s);

@@ -27,10 +27,10 @@ struct block {
 // --- one draw ------------------------------------------------------------------------------------
 
 // Row r of clip space from object space, in double precision, and the sum of its absolute terms.
-static double open_row(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
+static double open_row(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
     const double reach[3], int r, double row[4])
 {
-    const struct hg_visible_lens *lens = view->lens;
+    const struct hg_culling_lens *lens = view->lens;
     double sum = fabs((double)lens->clip[r]);
     for (int c = 0; c < 4; c++) {
         row[c] = c == 3 ? lens->clip[r] : 0.0;
@@ -45,7 +45,7 @@ static double open_row(const struct hg_visible_view *view, const struct hg_mat4x
 }
 
 // How large the terms get that the corners of a part are summed up from.
-static void reach_of(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
+static void reach_of(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
     const struct hg_box *bounds, double reach[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -56,10 +56,10 @@ static void reach_of(const struct hg_visible_view *view, const struct hg_mat4x3 
     }
 }
 
-void hg_sieve_open(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
-    const struct hg_box *bounds, uint32_t flags, struct hg_sieve *out)
+void hg_triangle_cull_open(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
+    const struct hg_box *bounds, uint32_t flags, struct hg_triangle_cull *out)
 {
-    const struct hg_visible_lens *lens = view->lens;
+    const struct hg_culling_lens *lens = view->lens;
     const double half[2] = {0.5 * lens->width, 0.5 * lens->height};
     double reach[3], rows[4][4], sums[4];
     reach_of(view, world, bounds, reach);
@@ -94,7 +94,7 @@ static void fetch(const float *positions, const uint32_t *indices, uint32_t coun
         }
 }
 
-static void project(const struct hg_sieve *s, float *restrict xs, float *restrict ys,
+static void project(const struct hg_triangle_cull *s, float *restrict xs, float *restrict ys,
     float *restrict zs, float *restrict ws)
 {
     for (uint32_t i = 0; i < BLOCK; i++) {
@@ -132,7 +132,7 @@ static inline int shows_nowhere(float low, float high, float size)
 }
 
 // All comparisons are false for what is no number: then the triangle stays.
-static void test(const struct hg_sieve *s, struct block *restrict b)
+static void test(const struct hg_triangle_cull *s, struct block *restrict b)
 {
     const float around_x = AROUND * s->width, around_y = AROUND * s->height;
     for (uint32_t i = 0; i < BLOCK; i++) {
@@ -157,7 +157,7 @@ static void test(const struct hg_sieve *s, struct block *restrict b)
     }
 }
 
-uint32_t hg_sieve_list(const struct hg_sieve *s, const float *positions, const uint32_t *indices,
+uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *s, const float *positions, const uint32_t *indices,
     uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id)
 {
     struct block b;

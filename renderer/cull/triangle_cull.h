@@ -14,7 +14,7 @@
 #include "renderer/cull/culling.h"
 
 // One draw as one view sees it. Pixels: samples lie at whole numbers.
-struct hg_sieve {
+struct hg_triangle_cull {
     float x[4], y[4], z[4], w[4];  // rows: of a position, times w but for w itself
     float width, height;           // px
     float shift_px;                // samples may lie so far from whole numbers
@@ -23,13 +23,13 @@ struct hg_sieve {
 };
 
 // world: of the draw. bounds: of the part, object space. flags: HG_DRAW_* of the draw.
-void hg_sieve_open(const struct hg_visible_view *view, const struct hg_mat4x3 *world,
-    const struct hg_box *bounds, uint32_t flags, struct hg_sieve *out);
+void hg_triangle_cull_open(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
+    const struct hg_box *bounds, uint32_t flags, struct hg_triangle_cull *out);
 
 // Lists the triangles of `indices` that may show, as they are and in their order. out: room for all
 // of them. positions: [vertices * 3]. Returns how many there are. Cost: 10 ns for each of
 // `indices`.
-uint32_t hg_sieve_list(const struct hg_sieve *sieve, const float *positions,
+uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *sieve, const float *positions,
     const uint32_t *indices, uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id);
 
 #endif

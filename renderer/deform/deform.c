@@ -149,7 +149,7 @@ static enum hg_status allocate(struct hg_gpu *gpu, struct hg_deform_entry *e, st
 static void measure_levels(
     struct hg_deform_entry *e, const struct hg_node *node, const uint8_t *pose)
 {
-    struct hg_posed_pose p = {
+    struct hg_skinned_lod_pose p = {
         .weights = weights_of(node), .target_count = e->target_count, .stretch = 1.0f};
     if (e->source->posed.count == 0)
         return;
@@ -161,7 +161,7 @@ static void measure_levels(
             if (!hg_box_is_empty(&e->source->joint_boxes[j]))
                 p.stretch = fmaxf(p.stretch, hg_matrix_max_stretch(&p.matrices[j]));
     }
-    hg_posed_errors(&e->source->posed, &node->mesh->parts[e->part], &p, e->level_errors);
+    hg_skinned_lod_errors(&e->source->posed, &node->mesh->parts[e->part], &p, e->level_errors);
 }
 
 enum hg_status hg_deform_update(struct hg_gpu *gpu, struct hg_deform_entry *e,

@@ -60,7 +60,7 @@ static inline float falloff(float x)
 // --- patches -------------------------------------------------------------------------------------
 
 // Squared differences of two pixels less what noise explains, in units of noise.
-HG_WIDE_LOOP static void pixel_distances(
+HG_SIMD_LOOP static void pixel_distances(
     const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
     const int patch = w->f->patch;
@@ -81,7 +81,7 @@ HG_WIDE_LOOP static void pixel_distances(
 }
 
 // Means over patches, in place: the result of pixel (x, y) of the tile lies there.
-HG_WIDE_LOOP static void patch_distances(const struct work *w, struct tile *t, int set)
+HG_SIMD_LOOP static void patch_distances(const struct work *w, struct tile *t, int set)
 {
     const int patch = w->f->patch, side = 2 * patch + 1;
     const float scale = 1.0f / (float)(side * side);
@@ -121,7 +121,7 @@ static inline float most(float a, float b)
     return a > b ? a : b;
 }
 
-HG_WIDE_LOOP static void feature_weights(
+HG_SIMD_LOOP static void feature_weights(
     const struct hg_dn_planes *p, struct tile *t, int lobe, size_t at, int dx, int dy)
 {
     const struct hg_dn_face *face = &p->face[lobe];
@@ -161,7 +161,7 @@ HG_WIDE_LOOP static void feature_weights(
 // --- sums ----------------------------------------------------------------------------------------
 
 // One more neighbour of each pixel. Light of one half counts by what the other half looks like.
-HG_WIDE_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
+HG_SIMD_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
     const struct hg_dn_planes *p = w->p;
     const struct hg_dn_light *light = &p->light[set / 2][set % 2];

@@ -23,21 +23,21 @@
 
 static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_lighting_view look = {.scene = view->rooms->scene,
+    struct hg_lighting_view look = {.scene = view->scene_gpu->scene,
         .camera = &view->frame.camera,
         .width = view->settings.width,
         .height = view->settings.height,
-        .shape_revision = hg_geometry_shape_revision(view->rooms->geometry)};
-    hg_geometry_origin(view->rooms->geometry, look.origin);
-    look.has_bounds = hg_geometry_bounds(view->rooms->geometry, look.bounds_min, look.bounds_max);
+        .shape_revision = hg_geometry_shape_revision(view->scene_gpu->geometry)};
+    hg_geometry_origin(view->scene_gpu->geometry, look.origin);
+    look.has_bounds = hg_geometry_bounds(view->scene_gpu->geometry, look.bounds_min, look.bounds_max);
     return hg_lighting_sync(view->lighting, &look, err);
 }
 
 // Between batches: uploads pages that have arrived, decides whether feedback is needed.
 static enum hg_status sync_pages(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
-    struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
+    struct hg_tiled_accumulation *s = &view->stream;
+    struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
     const enum hg_page_mode mode = s->exact ? HG_PAGES_EXACT : HG_PAGES_SHOW;
     const enum hg_status status =
         hg_page_cache_update(pages, mode, s->exact ? UINT64_MAX : SHOW_UPLOAD_NS, err);
@@ -50,13 +50,13 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
     const uint64_t start = hg_clock_now_ns();
     const uint64_t until_ns = view->wait ? hg_cond_after(BAKE_WAIT_NS) : 0;
     enum hg_status status =
-        hg_rooms_sync(view->context, view->rooms, view->camera.eye, until_ns, err);
+        hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, until_ns, err);
     if (status != HG_OK)
         return status;
     const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables &&
-                        !hg_geometry_has_levels(view->rooms->geometry) &&
-                        (view->rooms->features & HG_FEATURE_VERTICES) == 0;
-    status = hg_geometry_sync_facets(view->rooms->geometry, facets, err);
+                        !hg_geometry_has_levels(view->scene_gpu->geometry) &&
+                        (view->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
+    status = hg_geometry_sync_triangle_cache(view->scene_gpu->geometry, facets, err);
     if (status != HG_OK)
         return status;
     const uint64_t middle = hg_clock_now_ns();
@@ -75,7 +75,7 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 
 static bool has_blend(const struct hg_view_state *view)
 {
-    const struct hg_visible_set *set = hg_visible_set(view->visible, 0);
+    const struct hg_culling_set *set = hg_culling_set(view->visible, 0);
     return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
 }
 
@@ -96,7 +96,7 @@ static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *e
 
 bool hg_frame_transmits(const struct hg_view_state *view)
 {
-    return (view->rooms->features & HG_FEATURE_TRANSMISSION) != 0;
+    return (view->scene_gpu->features & HG_FEATURE_TRANSMISSION) != 0;
 }
 
 // The opaque scene as it is seen through layers.
@@ -120,7 +120,7 @@ static enum hg_status record_layers(
     const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = HG_OK;
     // What lets light through shows what is behind it by itself: it hides further layers.
-    const bool holes = view->rooms->has_holes;
+    const bool holes = view->scene_gpu->has_holes;
     for (uint32_t i = 0; i < (holes ? view->layer_limit : 1) && status == HG_OK; i++) {
         const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
         status = hg_visibility_record_layer(
@@ -136,7 +136,7 @@ static enum hg_status record_layers(
             status = hg_shade_record(pass, &shade, err);
     }
     struct hg_gpu_image *last = &view->layers[(view->layer_limit - 1) % 2];
-    return status == HG_OK && holes ? hg_layer_any_record(pass, last, &view->layers_full, slot, err)
+    return status == HG_OK && holes ? hg_peel_test_record(pass, last, &view->layers_full, slot, err)
                                     : status;
 }
 
@@ -171,12 +171,12 @@ static enum hg_status record_debug(
 
 static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
 {
-    const enum hg_frame_dark wish = view->context->dark;
+    const enum hg_frame_unlit_tiles wish = view->context->dark;
     const uint32_t lights = view->frame.lighting.light_count;
-    if (wish == HG_FRAME_DARK_OFF || lights == 0 || lights > HG_DARK_MOST_LIGHTS ||
+    if (wish == HG_FRAME_UNLIT_TILES_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
         pass->area.extent.width > 0)
         return false;
-    if (wish == HG_FRAME_DARK_ON)
+    if (wish == HG_FRAME_UNLIT_TILES_ON)
         return true;
     if (!view->direct || !hg_gpu_get_caps(pass->gpu)->is_cpu)
         return false;
@@ -189,12 +189,12 @@ static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
 static enum hg_status draw_hosted(
     struct hg_view_state *view, uint32_t slot, uint32_t slots, struct hg_error *err)
 {
-    if (!hg_visible_set(view->visible, 0)->hosted)
+    if (!hg_culling_set(view->visible, 0)->hosted)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const struct hg_visible_lens lens = hg_frame_lens(&view->frame.camera, hg_frame_size(view));
+    const struct hg_culling_lens lens = hg_frame_lens(&view->frame.camera, hg_frame_size(view));
     const enum hg_status status =
-        hg_visible_host(view->visible, &lens, slot, slots, view->context->jobs, err);
+        hg_culling_draw_cpu(view->visible, &lens, slot, slots, view->context->jobs, err);
     hg_view_add_stage(view, "host raster", hg_clock_now_ns() - start);
     return status;
 }
@@ -222,9 +222,9 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     const bool dark = tells_dark(view, &pass);
     view->dark_told = dark;
     if (status == HG_OK && dark)
-        status = hg_dark_find(&pass, &view->dark, view->lighting, view->coarse, &view->depth, err);
+        status = hg_unlit_tiles_find(&pass, &view->dark, view->lighting, view->coarse, &view->depth, err);
     if (status == HG_OK && dark)
-        status = hg_dark_mark(&pass, &view->dark, &view->depth, err);
+        status = hg_unlit_tiles_mark(&pass, &view->dark, &view->depth, err);
     const struct hg_shade shade = {.visibility = &view->visibility,
         .depth = &view->depth,
         .target = &view->accumulated,
@@ -245,7 +245,7 @@ static enum hg_status record_shadows(
     view->stale_shadows = stats.shadow_maps_stale;
     hg_frame_fill(view, view->samples, true, 0); // where the geometry is
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    const struct hg_stream *s = &view->stream;
+    const struct hg_tiled_accumulation *s = &view->stream;
     pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
     pass.adds = s->shadow_count > 0 && s->shadow_begun;
     return hg_shadow_record(&pass, view->lighting, view->coarse, view->visible, first_set, err);
@@ -256,7 +256,7 @@ static enum hg_status record_facets(
 {
     hg_frame_fill(view, view->samples, true, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    return hg_facet_record(&pass, view->rooms->geometry, err);
+    return hg_triangle_cache_record(&pass, view->scene_gpu->geometry, err);
 }
 
 static void adapt_layers(struct hg_view_state *view, uint32_t samples)
@@ -275,12 +275,12 @@ static void adapt_layers(struct hg_view_state *view, uint32_t samples)
 
 void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
 {
-    struct hg_visible_stats drawn;
-    hg_visible_stats(view->visible, &drawn);
+    struct hg_culling_stats drawn;
+    hg_culling_stats(view->visible, &drawn);
     view->draws_drawn = drawn.draws;
     view->triangles_drawn = drawn.triangles;
     adapt_layers(view, samples);
-    if (view->dark_told && hg_dark_share(&view->dark, &view->depth) < DARK_LEAST)
+    if (view->dark_told && hg_unlit_tiles_share(&view->dark, &view->depth) < DARK_LEAST)
         view->dark_wait = DARK_REST;
 }
 
@@ -288,7 +288,7 @@ uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples)
 {
     const VkExtent2D size = hg_frame_size(view);
     const uint64_t most = MOST_HOSTED_PX / ((uint64_t)size.width * size.height);
-    if (!hg_visible_set(view->visible, 0)->hosted || samples <= most)
+    if (!hg_culling_set(view->visible, 0)->hosted || samples <= most)
         return samples;
     return most > 0 ? (uint32_t)most : 1;
 }
@@ -296,7 +296,7 @@ uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples)
 enum hg_status hg_frame_record(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
-    enum hg_status status = hg_skin_record(cmd, view->rooms->geometry, err);
+    enum hg_status status = hg_skin_record(cmd, view->scene_gpu->geometry, err);
     if (status == HG_OK)
         status = record_facets(view, cmd, err);
     if (status == HG_OK && view->settings.debug != 0)
@@ -312,16 +312,16 @@ enum hg_status hg_frame_record(
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    const enum hg_status status = hg_skin_record(cmd, view->rooms->geometry, err);
+    const enum hg_status status = hg_skin_record(cmd, view->scene_gpu->geometry, err);
     return status == HG_OK ? record_shadows(view, cmd, 0, err) : status;
 }
 
 // Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
-enum hg_status hg_frame_record_ahead(
+enum hg_status hg_frame_record_prefetch(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     hg_frame_fill(view, 0, true, 0);
-    enum hg_status status = hg_frame_cull_ahead(view, err);
+    enum hg_status status = hg_frame_cull_prefetch(view, err);
     if (status != HG_OK)
         return status;
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);

@@ -31,11 +31,11 @@ enum hg_status hg_frame_cull(struct hg_view_state *view, enum hg_frame_part part
     struct hg_error *err) HG_MUST_CHECK;
 // What the camera sees of a rectangle of the image, all of it loaded at once.
 enum hg_status hg_frame_cull_part(struct hg_view_state *view, VkRect2D part,
-    struct hg_visible *visible, struct hg_error *err) HG_MUST_CHECK;
-// What the camera sees of all of the picture, for hg_frame_record_ahead; no shadow maps.
-enum hg_status hg_frame_cull_ahead(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_culling *visible, struct hg_error *err) HG_MUST_CHECK;
+// What the camera sees of all of the picture, for hg_frame_record_prefetch; no shadow maps.
+enum hg_status hg_frame_cull_prefetch(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // Where samples of a picture of that size lie: in the centres of the camera's pixels.
-struct hg_visible_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExtent2D size);
+struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExtent2D size);
 
 // --- frame.c -------------------------------------------------------------------------------------
 
@@ -51,7 +51,7 @@ enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cm
 // peels.
 void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
 // Only what its pixels ask of textures counts; the camera is the one that the view has now.
-enum hg_status hg_frame_record_ahead(
+enum hg_status hg_frame_record_prefetch(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.
 enum hg_status hg_frame_record_shadows(

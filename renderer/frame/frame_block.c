@@ -28,13 +28,13 @@ static struct hg_camera_setup setup_of(
         .height = hg_frame_size(view).height};
     double origin[3];
     float min[3] = {0}, max[3] = {0};
-    hg_geometry_origin(view->rooms->geometry, origin);
+    hg_geometry_origin(view->scene_gpu->geometry, origin);
     for (int i = 0; i < 3; i++) {
         setup.eye[i] = c->eye[i] - origin[i];
         setup.target[i] = c->target[i] - origin[i];
         setup.up[i] = c->up[i];
     }
-    const bool has_bounds = hg_geometry_bounds(view->rooms->geometry, min, max);
+    const bool has_bounds = hg_geometry_bounds(view->scene_gpu->geometry, min, max);
     hg_camera_fit_depth(&setup, has_bounds, min, max);
     return setup;
 }
@@ -53,9 +53,9 @@ void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_came
 
 static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
-    hg_textures_fill(view->rooms->textures, mode, out);
+    hg_textures_fill(view->scene_gpu->textures, mode, out);
     s->run = s->run % HG_PROGRESS_RUNS + 1;
     if (s->finding > 0) // a smaller picture with the texels of the whole one
         out->bias -= log2f((float)s->finding);
@@ -69,8 +69,8 @@ static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *ou
 // A texel of mip l is pi / height * 2^l high.
 static void fill_background(const struct hg_view_state *view, struct hg_gpu_frame *f)
 {
-    const struct hg_gpu_texture background = hg_textures_background(view->rooms->textures);
-    const struct hg_environment *env = &view->rooms->scene->environment;
+    const struct hg_gpu_texture background = hg_textures_background(view->scene_gpu->textures);
+    const struct hg_environment *env = &view->scene_gpu->scene->environment;
     if (env->kind != HG_ENV_IMAGE || background.bits == 0)
         return;
     const uint32_t height =
@@ -85,11 +85,11 @@ static void fill_background(const struct hg_view_state *view, struct hg_gpu_fram
 static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
 {
     const struct hg_gpu_camera *camera = &view->frame.camera;
-    if (!hg_geometry_is_simplified(view->rooms->geometry))
+    if (!hg_geometry_is_simplified(view->scene_gpu->geometry))
         return;
     const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
-    const float error_px = hg_visible_count(view->visible) > 0
-                               ? hg_visible_set(view->visible, 0)->error_px
+    const float error_px = hg_culling_count(view->visible) > 0
+                               ? hg_culling_set(view->visible, 0)->error_px
                                : view->settings.error_px;
     const float slack = error_px / px_scale;
     *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
@@ -122,7 +122,7 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     fill_slack(view, &f->lighting);
     fill_textures(view, &f->textures);
     fill_background(view, f);
-    hg_geometry_fill(view->rooms->geometry, &f->geometry);
+    hg_geometry_fill(view->scene_gpu->geometry, &f->geometry);
     memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
 }
 
@@ -130,7 +130,7 @@ void hg_frame_fill_path(struct hg_view_state *view)
 {
     hg_frame_fill(view, 0, false, 0);
     struct hg_gpu_frame *f = &view->frame;
-    hg_textures_fill(view->rooms->textures, HG_TEXTURES_EXACT, &f->textures);
+    hg_textures_fill(view->scene_gpu->textures, HG_TEXTURES_EXACT, &f->textures);
     f->textures.mode = HG_TEXTURES_EXACT;
     fill_background(view, f);
     memcpy(view->blocks.mapped, f, sizeof *f);
@@ -158,7 +158,7 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
         return;
     struct hg_page_cache_stats textures;
     uint32_t shadows;
-    hg_page_cache_stats(hg_textures_cache(view->rooms->textures), &textures);
+    hg_page_cache_stats(hg_textures_cache(view->scene_gpu->textures), &textures);
     hg_lighting_shadow_maps(view->lighting, &shadows);
     const struct hg_gpu_geometry *g = &f->geometry;
     const struct hg_gpu_lighting *l = &f->lighting;
@@ -175,8 +175,8 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_BLOCK_WORDS, 4);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
     struct hg_gpu_uniform first;
-    if (hg_geometry_facets(view->rooms->geometry, &first, &pass->bindings.texels))
-        bind_table(pass, HG_BIND_FACETS, first.address, first.size_bytes, 1);
+    if (hg_geometry_triangle_cache(view->scene_gpu->geometry, &first, &pass->bindings.texels))
+        bind_table(pass, HG_BIND_TRIANGLE_CACHE, first.address, first.size_bytes, 1);
 }
 
 // What the scene and its lights make use of. Devices that branch get one pipeline for all.
@@ -185,7 +185,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     const uint32_t sampled =
         HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
     const struct hg_gpu_lighting *l = &view->frame.lighting;
-    uint32_t features = view->rooms->features;
+    uint32_t features = view->scene_gpu->features;
     struct hg_lighting_stats stats;
     hg_lighting_stats(view->lighting, &stats);
     if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables) {
@@ -195,16 +195,16 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     }
     features |= view->stream.on ? HG_FEATURE_STREAM : 0;
     features |= view->frame.textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
-    features |= hg_geometry_has_levels(view->rooms->geometry) ? HG_FEATURE_LOD : 0;
+    features |= hg_geometry_has_levels(view->scene_gpu->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
     features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
     features |= !view->coarse || view->stream.exact ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
-    features |= (tables & HG_TABLE_BIT(HG_BIND_FACETS)) == 0 ? HG_FEATURE_NO_FACETS : 0;
+    features |= (tables & HG_TABLE_BIT(HG_BIND_TRIANGLE_CACHE)) == 0 ? HG_FEATURE_NO_TRIANGLE_CACHE : 0;
     const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;
-    if ((features & apart) != 0 || !hg_geometry_one_shape(view->rooms->geometry))
+    if ((features & apart) != 0 || !hg_geometry_one_shape(view->scene_gpu->geometry))
         features |= HG_FEATURE_SHAPES;
     return features;
 }
@@ -214,7 +214,7 @@ static uint32_t mixes_of(const struct hg_view_state *view, uint32_t features)
     if ((features & HG_FEATURE_LOBES) == 0)
         return 0;
     if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables)
-        return view->rooms->mixes;
+        return view->scene_gpu->mixes;
     return HG_MIX_ALL & ~((features & HG_FEATURE_TRANSMISSION) == 0 ? HG_MIX_OF_GLASS : 0u);
 }
 
@@ -232,9 +232,9 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
 {
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd, .jobs = view->context->jobs};
     struct hg_gpu_image **images = pass.bindings.images;
-    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->rooms->textures, HG_POOL_SRGB);
-    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->rooms->textures, HG_POOL_LINEAR);
-    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(view->rooms->textures, HG_POOL_FLOAT);
+    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_SRGB);
+    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_LINEAR);
+    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_FLOAT);
     images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(view->lighting);
     images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);

@@ -31,9 +31,9 @@ static double normalize(double v[3])
 
 // --- where it will be ----------------------------------------------------------------------------
 
-static struct hg_ahead_place place_of(const struct hg_view_camera_state *camera)
+static struct hg_prefetch_place place_of(const struct hg_view_camera_state *camera)
 {
-    struct hg_ahead_place p = {.ns = hg_clock_now_ns()};
+    struct hg_prefetch_place p = {.ns = hg_clock_now_ns()};
     for (int i = 0; i < 3; i++) {
         p.eye[i] = camera->eye[i];
         p.direction[i] = camera->target[i] - camera->eye[i];
@@ -52,10 +52,10 @@ static bool agree(const double a[3], const double b[3])
     return la <= FASTER_MOST * lb && lb <= FASTER_MOST * la && dot(a, b) > 0.5 * la * lb;
 }
 
-bool hg_ahead_predict(
-    const struct hg_ahead_place places[3], uint64_t horizon_ns, struct hg_view_camera_state *camera)
+bool hg_prefetch_predict(
+    const struct hg_prefetch_place places[3], uint64_t horizon_ns, struct hg_view_camera_state *camera)
 {
-    const struct hg_ahead_place *p = places;
+    const struct hg_prefetch_place *p = places;
     double move[2][3], turn[2][3], direction[3];
     const bool timed = p[0].ns > p[1].ns && p[1].ns > p[2].ns;
     if (!timed || p[0].ns - p[2].ns > STEADY_NS)
@@ -90,7 +90,7 @@ bool hg_ahead_predict(
 // True when the camera has changed since the last time.
 static bool note_place(struct hg_view_state *view)
 {
-    struct hg_ahead *a = &view->ahead;
+    struct hg_prefetch *a = &view->ahead;
     if (a->place_count > 0 && a->revision == view->camera_revision)
         return false;
     memmove(a->places + 1, a->places, 2 * sizeof a->places[0]);
@@ -102,13 +102,13 @@ static bool note_place(struct hg_view_state *view)
 
 // --- the picture ---------------------------------------------------------------------------------
 
-void hg_ahead_finish(struct hg_gpu *gpu, struct hg_ahead *a)
+void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *a)
 {
     hg_gpu_image_destroy(gpu, &a->visibility);
     hg_gpu_image_destroy(gpu, &a->depth);
     hg_gpu_image_destroy(gpu, &a->color);
-    hg_visible_destroy(a->visible);
-    *a = (struct hg_ahead){0};
+    hg_culling_destroy(a->visible);
+    *a = (struct hg_prefetch){0};
 }
 
 static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
@@ -127,7 +127,7 @@ static enum hg_status make(struct hg_view_state *view, VkFormat format, const ch
 
 static enum hg_status make_all(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_ahead *a = &view->ahead;
+    struct hg_prefetch *a = &view->ahead;
     enum hg_status status =
         make(view, HG_VISIBILITY_FORMAT, "ahead visibility", &a->visibility, err);
     if (status == HG_OK)
@@ -135,7 +135,7 @@ static enum hg_status make_all(struct hg_view_state *view, struct hg_error *err)
     if (status == HG_OK)
         status = make(view, HG_COLOR_FORMAT, "ahead colour", &a->color, err);
     if (status == HG_OK && a->visible == NULL)
-        status = hg_visible_create(view->context->gpu, &a->visible, err);
+        status = hg_culling_create(view->context->gpu, &a->visible, err);
     return status;
 }
 
@@ -143,7 +143,7 @@ static enum hg_status make_all(struct hg_view_state *view, struct hg_error *err)
 struct aside {
     struct hg_view_camera_state camera;
     struct hg_gpu_frame frame;
-    struct hg_visible *visible;
+    struct hg_culling *visible;
     struct hg_gpu_image visibility, depth, accumulated;
     uint32_t missing_clusters;
 };
@@ -180,7 +180,7 @@ static void look_back(struct hg_view_state *view, const struct aside *aside)
 
 static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
+    struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
     struct hg_gpu *gpu = view->context->gpu;
     struct hg_page_demand demand;
     struct hg_gpu_cmd *cmd;
@@ -188,7 +188,7 @@ static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
     if (status != HG_OK)
         return status;
     hg_page_cache_begin(pages, cmd);
-    status = hg_frame_record_ahead(view, cmd, err);
+    status = hg_frame_record_prefetch(view, cmd, err);
     if (status != HG_OK) {
         hg_gpu_discard(gpu, cmd);
         return status;
@@ -196,7 +196,7 @@ static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
     hg_page_cache_end(pages, cmd);
     status = hg_gpu_submit_and_wait(gpu, cmd, err);
     if (status == HG_OK)
-        hg_page_cache_collect(pages, HG_PAGES_AHEAD, &demand);
+        hg_page_cache_collect(pages, HG_PAGES_PREFETCH, &demand);
     return status;
 }
 
@@ -207,7 +207,7 @@ static void widen(struct hg_view_camera_state *camera)
 }
 
 // Pictures that come seldom look further, else what is seen between two of them is missed.
-static uint64_t horizon(const struct hg_ahead *a, uint64_t now_ns)
+static uint64_t horizon(const struct hg_prefetch *a, uint64_t now_ns)
 {
     const uint64_t since = now_ns - a->begun_ns, needed = since + HORIZON_NS / 2;
     if (a->begun_ns == 0 || since > STEADY_NS || needed < HORIZON_NS)
@@ -215,15 +215,15 @@ static uint64_t horizon(const struct hg_ahead *a, uint64_t now_ns)
     return needed;
 }
 
-enum hg_status hg_ahead_draw(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_prefetch_draw(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_ahead *a = &view->ahead;
+    struct hg_prefetch *a = &view->ahead;
     struct hg_view_camera_state camera = view->camera;
     const uint64_t start = hg_clock_now_ns();
-    if (view->context->no_ahead || !note_place(view) || a->place_count < 3)
+    if (view->context->no_prefetch || !note_place(view) || a->place_count < 3)
         return HG_OK;
     if (!view->stream.on || start < a->next_ns ||
-        !hg_ahead_predict(a->places, horizon(a, start), &camera))
+        !hg_prefetch_predict(a->places, horizon(a, start), &camera))
         return HG_OK;
     widen(&camera);
     enum hg_status status = make_all(view, err);

@@ -12,32 +12,32 @@
 
 struct hg_view_state;
 struct hg_view_camera_state;
-struct hg_visible;
+struct hg_culling;
 
 // Where a camera was, and when.
-struct hg_ahead_place {
+struct hg_prefetch_place {
     double eye[3], direction[3], up[3]; // direction, up: of unit length
     double distance;                    // to the target
     uint64_t ns;
 };
 
-struct hg_ahead {
-    struct hg_ahead_place places[3]; // of the newest changes, the last one first
+struct hg_prefetch {
+    struct hg_prefetch_place places[3]; // of the newest changes, the last one first
     uint32_t place_count;
     uint64_t revision; // of the camera, of the last place
     uint64_t begun_ns; // the newest picture; 0 = none
     uint64_t next_ns;  // not before
     uint32_t drawn;    // pictures, since creation
-    struct hg_visible *visible;
+    struct hg_culling *visible;
     struct hg_gpu_image visibility, depth, color;
 };
 
-void hg_ahead_finish(struct hg_gpu *gpu, struct hg_ahead *ahead); // accepts a zeroed one
+void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *ahead); // accepts a zeroed one
 // Where it will be after horizon_ns, or two more changes. False when the camera does not move
 // steadily, as after a jump. Pure.
-bool hg_ahead_predict(const struct hg_ahead_place places[3], uint64_t horizon_ns,
+bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t horizon_ns,
     struct hg_view_camera_state *camera);
 // After a picture in motion: takes note of the camera, and may draw.
-enum hg_status hg_ahead_draw(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_prefetch_draw(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -102,16 +102,16 @@ static bool has_holes(const struct hg_scene *scene)
 
 // --- rooms ---------------------------------------------------------------------------------------
 
-static void destroy(struct hg_frame_context *context, struct hg_rooms *rooms)
+static void destroy(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu)
 {
-    struct hg_rooms **link = &context->rooms;
-    while (*link != NULL && *link != rooms)
+    struct hg_scene_gpu **link = &context->scene_gpu;
+    while (*link != NULL && *link != scene_gpu)
         link = &(*link)->next;
-    if (*link == rooms)
-        *link = rooms->next;
-    hg_geometry_destroy(rooms->geometry);
-    hg_textures_destroy(rooms->textures);
-    hg_free(rooms);
+    if (*link == scene_gpu)
+        *link = scene_gpu->next;
+    hg_geometry_destroy(scene_gpu->geometry);
+    hg_textures_destroy(scene_gpu->textures);
+    hg_free(scene_gpu);
 }
 
 static enum hg_status make_pages(struct hg_frame_context *context, struct hg_error *err)
@@ -134,14 +134,14 @@ void hg_frame_context_finish(struct hg_frame_context *context)
 }
 
 static enum hg_status create(struct hg_frame_context *context, struct hg_scene *scene,
-    struct hg_rooms **out, struct hg_error *err)
+    struct hg_scene_gpu **out, struct hg_error *err)
 {
     *out = NULL;
-    struct hg_rooms *rooms = hg_calloc(1, sizeof *rooms);
-    if (rooms == NULL)
+    struct hg_scene_gpu *scene_gpu = hg_calloc(1, sizeof *scene_gpu);
+    if (scene_gpu == NULL)
         return hg_error_set(err, HG_E_NOMEM, "scene", NULL, "out of host memory");
-    rooms->scene = scene;
-    rooms->scene_revision = UINT64_MAX;
+    scene_gpu->scene = scene;
+    scene_gpu->scene_revision = UINT64_MAX;
     enum hg_status status = make_pages(context, err);
     const struct hg_textures_params textures = {.cache = context->pages};
     const struct hg_geometry_params geometry = {.budget_bytes = context->geometry_budget_bytes,
@@ -149,23 +149,23 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
         .store = context->store,
         .bake_from = context->bake_from};
     if (status == HG_OK)
-        status = hg_textures_create(context->gpu, &textures, &rooms->textures, err);
+        status = hg_textures_create(context->gpu, &textures, &scene_gpu->textures, err);
     if (status == HG_OK)
-        status = hg_geometry_create(context->gpu, &geometry, &rooms->geometry, err);
+        status = hg_geometry_create(context->gpu, &geometry, &scene_gpu->geometry, err);
     if (status != HG_OK) {
-        destroy(context, rooms);
+        destroy(context, scene_gpu);
         return status;
     }
-    rooms->next = context->rooms;
-    context->rooms = rooms;
-    *out = rooms;
+    scene_gpu->next = context->scene_gpu;
+    context->scene_gpu = scene_gpu;
+    *out = scene_gpu;
     return HG_OK;
 }
 
-enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *scene,
-    struct hg_rooms **out, struct hg_error *err)
+enum hg_status hg_scene_gpu_ref(struct hg_frame_context *context, struct hg_scene *scene,
+    struct hg_scene_gpu **out, struct hg_error *err)
 {
-    *out = context->rooms;
+    *out = context->scene_gpu;
     while (*out != NULL && (*out)->scene != scene)
         *out = (*out)->next;
     enum hg_status status = *out != NULL ? HG_OK : create(context, scene, out, err);
@@ -174,68 +174,68 @@ enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *s
     return status;
 }
 
-void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms)
+void hg_scene_gpu_unref(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu)
 {
-    if (rooms != NULL && --rooms->refs == 0)
-        destroy(context, rooms);
+    if (scene_gpu != NULL && --scene_gpu->refs == 0)
+        destroy(context, scene_gpu);
 }
 
-static uint64_t revision_of(const struct hg_rooms *rooms)
+static uint64_t revision_of(const struct hg_scene_gpu *scene_gpu)
 {
     double origin[3];
-    hg_geometry_origin(rooms->geometry, origin);
-    uint64_t h = hg_mix(5, rooms->shown_revision);
+    hg_geometry_origin(scene_gpu->geometry, origin);
+    uint64_t h = hg_hash_mix(5, scene_gpu->shown_revision);
     for (int i = 0; i < 3; i++)
-        h = hg_mix(h, (uint64_t)(int64_t)origin[i]);
+        h = hg_hash_mix(h, (uint64_t)(int64_t)origin[i]);
     return h;
 }
 
-static enum hg_status sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+static enum hg_status sync(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
-    const bool came = hg_geometry_poll(rooms->geometry, until_ns);
-    const bool moved = hg_geometry_set_origin(rooms->geometry, eye_ws);
-    const bool same = rooms->scene_revision == rooms->scene->revision && !came &&
-                      !hg_textures_is_stale(rooms->textures);
-    if (same && !moved && rooms->posed == NULL)
+    const bool came = hg_geometry_poll(scene_gpu->geometry, until_ns);
+    const bool moved = hg_geometry_set_origin(scene_gpu->geometry, eye_ws);
+    const bool same = scene_gpu->scene_revision == scene_gpu->scene->revision && !came &&
+                      !hg_textures_is_stale(scene_gpu->textures);
+    if (same && !moved && scene_gpu->posed == NULL)
         return HG_OK;
-    const uint64_t before = hg_geometry_revision(rooms->geometry);
-    rooms->posed = NULL;
-    rooms->scene_revision = UINT64_MAX; // a failure is tried again
-    hg_scene_update(rooms->scene);
-    enum hg_status status = hg_textures_sync(rooms->textures, rooms->scene, context->jobs, err);
+    const uint64_t before = hg_geometry_revision(scene_gpu->geometry);
+    scene_gpu->posed = NULL;
+    scene_gpu->scene_revision = UINT64_MAX; // a failure is tried again
+    hg_scene_update(scene_gpu->scene);
+    enum hg_status status = hg_textures_sync(scene_gpu->textures, scene_gpu->scene, context->jobs, err);
     if (status == HG_OK)
-        status = hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
+        status = hg_geometry_sync(scene_gpu->geometry, scene_gpu->scene, scene_gpu->textures, err);
     if (status == HG_OK) {
-        rooms->features = scene_features(rooms->scene, rooms->textures);
-        rooms->mixes = scene_mixes(rooms->scene);
-        rooms->has_holes = has_holes(rooms->scene);
-        rooms->scene_revision = rooms->scene->revision;
-        if (!same && hg_geometry_revision(rooms->geometry) != before)
-            rooms->shown_revision = hg_geometry_revision(rooms->geometry);
-        rooms->geometry_revision = revision_of(rooms);
+        scene_gpu->features = scene_features(scene_gpu->scene, scene_gpu->textures);
+        scene_gpu->mixes = scene_mixes(scene_gpu->scene);
+        scene_gpu->has_holes = has_holes(scene_gpu->scene);
+        scene_gpu->scene_revision = scene_gpu->scene->revision;
+        if (!same && hg_geometry_revision(scene_gpu->geometry) != before)
+            scene_gpu->shown_revision = hg_geometry_revision(scene_gpu->geometry);
+        scene_gpu->geometry_revision = revision_of(scene_gpu);
     }
     return status;
 }
 
-enum hg_status hg_rooms_pose(struct hg_rooms *rooms, const void *who, struct hg_error *err)
+enum hg_status hg_scene_gpu_pose(struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err)
 {
-    rooms->posed = who;
-    return hg_geometry_sync(rooms->geometry, rooms->scene, rooms->textures, err);
+    scene_gpu->posed = who;
+    return hg_geometry_sync(scene_gpu->geometry, scene_gpu->scene, scene_gpu->textures, err);
 }
 
-bool hg_rooms_are_posed(const struct hg_rooms *rooms, const void *who)
+bool hg_scene_gpu_is_posed(const struct hg_scene_gpu *scene_gpu, const void *who)
 {
-    return rooms->posed == who && rooms->scene_revision == rooms->scene->revision &&
-           hg_geometry_baking(rooms->geometry) == 0 && !hg_textures_is_stale(rooms->textures);
+    return scene_gpu->posed == who && scene_gpu->scene_revision == scene_gpu->scene->revision &&
+           hg_geometry_baking(scene_gpu->geometry) == 0 && !hg_textures_is_stale(scene_gpu->textures);
 }
 
-enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
-    const enum hg_status status = sync(context, rooms, eye_ws, until_ns, err);
+    const enum hg_status status = sync(context, scene_gpu, eye_ws, until_ns, err);
     // Parts that were queued just now: the one who waits does so for them too.
-    return status == HG_OK && until_ns > 0 && hg_geometry_baking(rooms->geometry) > 0
-               ? sync(context, rooms, eye_ws, until_ns, err)
+    return status == HG_OK && until_ns > 0 && hg_geometry_baking(scene_gpu->geometry) > 0
+               ? sync(context, scene_gpu, eye_ws, until_ns, err)
                : status;
 }

@@ -12,7 +12,7 @@
 #include "renderer/texture/textures.h"
 
 // Whether cells that no light reaches are shaded without lights; pictures are the same.
-enum hg_frame_dark { HG_FRAME_DARK_WHERE_IT_PAYS, HG_FRAME_DARK_OFF, HG_FRAME_DARK_ON };
+enum hg_frame_unlit_tiles { HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS, HG_FRAME_UNLIT_TILES_OFF, HG_FRAME_UNLIT_TILES_ON };
 
 // What views need of their renderer.
 struct hg_frame_context {
@@ -22,12 +22,12 @@ struct hg_frame_context {
     uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
     struct hg_store *store;      // page packs and cluster files on disk; NULL = none
     struct hg_page_cache *pages; // of all scenes; made on first use
-    struct hg_rooms *rooms;      // list of all scenes in use
+    struct hg_scene_gpu *scene_gpu;      // list of all scenes in use
     uint32_t bake_from;          // as of struct hg_geometry_params
-    bool no_ahead;               // read no page before it is missing, for comparisons
+    bool no_prefetch;               // read no page before it is missing, for comparisons
     bool no_culling;             // draw everything, for tests
     bool no_host;                // the device draws every triangle, for tests
-    enum hg_frame_dark dark;     // for tests
+    enum hg_frame_unlit_tiles dark;     // for tests
     uint32_t estimators;         // HG_PATH_USE_* of paths, for tests; 0 = all
     uint32_t branches;           // of what the camera sees (path_branch.c), for tests; 0 = chosen
     uint64_t slice_ns;           // of a step of paths, for tests; 0 = path.c's
@@ -35,8 +35,8 @@ struct hg_frame_context {
     bool no_tables;              // reach every table by address, as GPUs do, for tests
 };
 
-struct hg_rooms {
-    struct hg_rooms *next;
+struct hg_scene_gpu {
+    struct hg_scene_gpu *next;
     struct hg_scene *scene;
     uint32_t refs;
     uint32_t features;          // HG_FEATURE_* of its materials and meshes
@@ -51,9 +51,9 @@ struct hg_rooms {
 };
 
 // The scene's rooms, made on first use; one reference.
-enum hg_status hg_rooms_ref(struct hg_frame_context *context, struct hg_scene *scene,
-    struct hg_rooms **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_rooms_unref(struct hg_frame_context *context, struct hg_rooms *rooms); // accepts NULL
+enum hg_status hg_scene_gpu_ref(struct hg_frame_context *context, struct hg_scene *scene,
+    struct hg_scene_gpu **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_scene_gpu_unref(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu); // accepts NULL
 
 // What all scenes shared; before the device goes, after all rooms. Accepts a zeroed context.
 void hg_frame_context_finish(struct hg_frame_context *context);
@@ -62,14 +62,14 @@ void hg_frame_context_finish(struct hg_frame_context *context);
 // the scene's revision is known already and nothing came in from threads. eye_ws: scene space.
 // Waits for levels of detail that are being made, at most until that time of hg_clock_now_ns; 0 =
 // does not.
-enum hg_status hg_rooms_sync(struct hg_frame_context *context, struct hg_rooms *rooms,
+enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err) HG_MUST_CHECK;
 
 // The geometry shows another time of the scene until the next sync, which puts things back; that is
 // no change of geometry_revision. hg_scene_update was called in the pose; `who` is only compared.
-enum hg_status hg_rooms_pose(
-    struct hg_rooms *rooms, const void *who, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_scene_gpu_pose(
+    struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err) HG_MUST_CHECK;
 // It still does, for `who`, and a sync would find nothing else to do.
-bool hg_rooms_are_posed(const struct hg_rooms *rooms, const void *who);
+bool hg_scene_gpu_is_posed(const struct hg_scene_gpu *scene_gpu, const void *who);
 
 #endif

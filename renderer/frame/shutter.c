@@ -28,7 +28,7 @@ static const struct hg_node *camera_node(const struct hg_view_state *view)
 {
     return view->camera.node == 0 ? NULL
                                   : (const struct hg_node *)hg_scene_find(
-                                        view->rooms->scene, HG_OBJECT_NODE, view->camera.node);
+                                        view->scene_gpu->scene, HG_OBJECT_NODE, view->camera.node);
 }
 
 // The scene is in the pose of that time.
@@ -55,7 +55,7 @@ static struct hg_view_camera_state camera_at(const struct hg_view_state *view, d
 
 bool hg_shutter_moves(const struct hg_view_state *view)
 {
-    return view->camera.moves || hg_scene_moves(view->rooms->scene);
+    return view->camera.moves || hg_scene_moves(view->scene_gpu->scene);
 }
 
 // --- poses ---------------------------------------------------------------------------------------
@@ -74,26 +74,26 @@ static void put_back(struct hg_scene *scene, struct hg_pose_kept *kept)
 enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, double frames,
     struct hg_gpu_camera *camera, struct hg_error *err)
 {
-    struct hg_scene *scene = view->rooms->scene;
+    struct hg_scene *scene = view->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
     enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
     if (status != HG_OK)
         return hg_error_set(err, status, "motion", NULL, "out of host memory");
     hg_scene_update(scene);
-    status = hg_rooms_pose(view->rooms, who, err);
+    status = hg_scene_gpu_pose(view->scene_gpu, who, err);
     const struct hg_view_camera_state at = camera_at(view, frames);
     hg_frame_camera(view, &at, camera);
     put_back(scene, &kept);
-    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err) : status;
 }
 
 enum hg_status hg_shutter_lights(
     struct hg_view_state *view, double frames, struct hg_light_set *lights, struct hg_error *err)
 {
-    struct hg_scene *scene = view->rooms->scene;
+    struct hg_scene *scene = view->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
     double origin[3];
-    hg_geometry_origin(view->rooms->geometry, origin);
+    hg_geometry_origin(view->scene_gpu->geometry, origin);
     enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
     if (status == HG_OK) {
         hg_scene_update(scene);
@@ -146,7 +146,7 @@ static double off_line(const struct track *t, const float now[16], double share)
 static void matrix_of(
     const struct hg_view_state *view, uint32_t index, double frames, float out[16])
 {
-    const struct hg_object_list *nodes = &view->rooms->scene->objects[HG_OBJECT_NODE];
+    const struct hg_object_list *nodes = &view->scene_gpu->scene->objects[HG_OBJECT_NODE];
     if (index < nodes->count) {
         memcpy(out, ((const struct hg_node *)nodes->items[index])->world, 16 * sizeof *out);
         return;
@@ -188,7 +188,7 @@ static double parts_for(const struct track *t)
 static enum hg_status look_at_all(
     struct hg_view_state *view, double open, double close, struct track *tracks, uint32_t count)
 {
-    struct hg_scene *scene = view->rooms->scene;
+    struct hg_scene *scene = view->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
     enum hg_status status = HG_OK;
     for (uint32_t look = 0; look <= LOOKS && status == HG_OK; look++) {
@@ -211,7 +211,7 @@ static enum hg_status look_at_all(
 enum hg_status hg_shutter_parts(struct hg_view_state *view, double open, double close,
     uint32_t most, uint32_t *parts, struct hg_error *err)
 {
-    const uint32_t count = view->rooms->scene->objects[HG_OBJECT_NODE].count + 1;
+    const uint32_t count = view->scene_gpu->scene->objects[HG_OBJECT_NODE].count + 1;
     struct track *tracks = hg_calloc(count, sizeof *tracks);
     double need = 1.0;
     *parts = 1;

@@ -13,8 +13,8 @@ void hg_shutter_look_along(const struct hg_node *node, float eye[3], float targe
 bool hg_shutter_moves(const struct hg_view_state *view);
 
 // Brings the view's geometry to its pose `frames` later (or before), deformations included, until
-// the next hg_rooms_sync; the scene itself is then as it was. *camera: of that time. `who`: see
-// hg_rooms_pose. HG_E_NOMEM, HG_E_LIMIT, device errors.
+// the next hg_scene_gpu_sync; the scene itself is then as it was. *camera: of that time. `who`: see
+// hg_scene_gpu_pose. HG_E_NOMEM, HG_E_LIMIT, device errors.
 enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, double frames,
     struct hg_gpu_camera *camera, struct hg_error *err) HG_MUST_CHECK;
 // The punctual lights of that time. HG_E_NOMEM.

@@ -22,7 +22,7 @@ enum hg_status hg_view_make_image(struct hg_view_state *view, VkFormat format, c
 
 float hg_view_error_px(const struct hg_view_state *view)
 {
-    const struct hg_stream *s = &view->stream;
+    const struct hg_tiled_accumulation *s = &view->stream;
     const float drawn =
         view->shown_error_px > 0.0f ? view->shown_error_px : view->settings.error_px;
     const float shown = drawn > s->shadow_error_px ? drawn : s->shadow_error_px;
@@ -30,9 +30,9 @@ float hg_view_error_px(const struct hg_view_state *view)
                                                                         : shown;
 }
 
-const struct hg_stream_area *hg_view_area(const struct hg_view_state *view)
+const struct hg_tiled_accumulation_area *hg_view_area(const struct hg_view_state *view)
 {
-    const struct hg_stream *s = &view->stream;
+    const struct hg_tiled_accumulation *s = &view->stream;
     if (!s->exact || s->area_count == 0)
         return NULL;
     return s->behind ? &s->behind_areas[s->behind_count - 1] : &s->areas[s->area_count - 1];
@@ -40,7 +40,7 @@ const struct hg_stream_area *hg_view_area(const struct hg_view_state *view)
 
 uint32_t hg_view_first_sample(const struct hg_view_state *view)
 {
-    const struct hg_stream_area *area = hg_view_area(view);
+    const struct hg_tiled_accumulation_area *area = hg_view_area(view);
     return area != NULL ? area->samples : view->samples;
 }
 

@@ -72,7 +72,7 @@ struct hg_view_stage {
 
 struct hg_view_state {
     struct hg_frame_context *context;
-    struct hg_rooms *rooms;
+    struct hg_scene_gpu *scene_gpu;
     struct hg_lighting *lighting;
     struct hg_view_settings settings;
     struct hg_view_camera_state camera;
@@ -85,13 +85,13 @@ struct hg_view_state {
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
     struct hg_gpu_buffer blocks, readback, pick;
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
-    struct hg_dark dark;
+    struct hg_unlit_tiles dark;
     uint32_t dark_wait;         // pictures in motion until dark cells are looked for
     bool dark_told;             // in the newest sample they were
-    struct hg_visible *visible; // set 0: the camera; then stale shadow maps
+    struct hg_culling *visible; // set 0: the camera; then stale shadow maps
     struct hg_gpu_frame frame;  // of the newest sample
-    struct hg_stream stream;
-    struct hg_ahead ahead;
+    struct hg_tiled_accumulation stream;
+    struct hg_prefetch ahead;
     struct hg_path *path;                   // made when the mode asks for it
     uint8_t *path_checkpoint;               // to go on from (path_save.c); NULL = none
     struct hg_view_key path_checkpoint_key; // that it was loaded for; the geometry does not count
@@ -117,7 +117,7 @@ struct hg_view_state {
     bool crowded;              // the geometry budget did not hold all that the newest cull wanted
     bool clipped;              // so the picture shown is coarser than asked for
     float shown_error_px;      // of geometry in the picture
-    struct hg_visible *pick_visible; // what one pixel shows
+    struct hg_culling *pick_visible; // what one pixel shows
     struct hg_quality quality;
     uint64_t triangles_drawn, draws_drawn;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES];
@@ -132,7 +132,7 @@ enum hg_status hg_view_make_image(struct hg_view_state *view, VkFormat format, c
 // Projected error of the geometry in the newest sample.
 float hg_view_error_px(const struct hg_view_state *view);
 // The area that is drawn now (stream.h); NULL: not in areas.
-const struct hg_stream_area *hg_view_area(const struct hg_view_state *view);
+const struct hg_tiled_accumulation_area *hg_view_area(const struct hg_view_state *view);
 // Number of the first sample of the next batch.
 uint32_t hg_view_first_sample(const struct hg_view_state *view);
 void hg_view_mark_shadows(struct hg_view_state *view, bool stale); // all maps

@@ -17,10 +17,10 @@
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
-    return hg_textures_cache(view->rooms->textures);
+    return hg_textures_cache(view->scene_gpu->textures);
 }
 
-void hg_stream_finish(struct hg_gpu *gpu, struct hg_stream *s)
+void hg_tiled_accumulation_finish(struct hg_gpu *gpu, struct hg_tiled_accumulation *s)
 {
     hg_gpu_buffer_destroy(gpu, &s->progress);
     hg_gpu_buffer_destroy(gpu, &s->progress_read);
@@ -42,9 +42,9 @@ static void forget_behind(struct hg_view_state *view)
     view->stream.behind_count = 0;
 }
 
-void hg_stream_restart(struct hg_view_state *view)
+void hg_tiled_accumulation_restart(struct hg_view_state *view)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     forget_behind(view);
     s->exact = s->inexact = s->uneven = s->waiting = s->has_fallback = s->forced = false;
     s->area_count = s->shadow_count = s->still = 0;
@@ -58,7 +58,7 @@ void hg_stream_restart(struct hg_view_state *view)
 static enum hg_status reserve(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_gpu *gpu = view->context->gpu;
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     const uint64_t bytes = (uint64_t)view->settings.width * view->settings.height * 4;
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_DEVICE, bytes, "pixel progress", &s->progress, err);
@@ -74,7 +74,7 @@ static enum hg_status reserve(struct hg_view_state *view, struct hg_error *err)
 static enum hg_status start_exact(
     struct hg_view_state *view, uint32_t samples, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_gpu_cmd *cmd;
     enum hg_status status = reserve(view, err);
     if (status == HG_OK)
@@ -101,21 +101,21 @@ static enum hg_status start_exact(
     view->clipped = false;
     s->has_fallback = s->uneven = samples == 0;
     s->bias = 0.0f;
-    s->areas[0] = (struct hg_stream_area){
+    s->areas[0] = (struct hg_tiled_accumulation_area){
         .rect = {{0, 0}, {view->settings.width, view->settings.height}}, .samples = samples};
     s->area_count = 1;
     view->samples = samples;
     return status;
 }
 
-bool hg_stream_is_blank(const struct hg_view_state *view)
+bool hg_tiled_accumulation_is_blank(const struct hg_view_state *view)
 {
     return view->stream.exact && !view->stream.has_fallback && view->samples == 0;
 }
 
-enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_tiled_accumulation_rest(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     if (view->clipped)
         return start_exact(view, 0, err);
     if (!s->inexact)
@@ -139,9 +139,9 @@ enum hg_status hg_stream_rest(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
-enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_tiled_accumulation_shown(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_page_demand demand;
     const uint32_t missed = s->missing;
     s->missing = 0;
@@ -169,7 +169,7 @@ enum hg_status hg_stream_shown(struct hg_view_state *view, struct hg_error *err)
 // Least number of samples of the pixels of a rectangle.
 static uint32_t least_samples(const struct hg_view_state *view, VkRect2D rect)
 {
-    const struct hg_stream *s = &view->stream;
+    const struct hg_tiled_accumulation *s = &view->stream;
     const uint32_t *words =
         s->progress.mapped != NULL ? s->progress.mapped : s->progress_read.mapped;
     uint32_t least = UINT32_MAX;
@@ -185,15 +185,15 @@ static uint32_t least_samples(const struct hg_view_state *view, VkRect2D rect)
 }
 
 // Cuts the area on top in two. False when it is a single pixel already, or the stack is full.
-static bool split(struct hg_stream_area *areas, uint32_t *count)
+static bool split(struct hg_tiled_accumulation_area *areas, uint32_t *count)
 {
-    struct hg_stream_area *a = &areas[*count - 1], b = *a;
+    struct hg_tiled_accumulation_area *a = &areas[*count - 1], b = *a;
     const VkExtent2D size = a->rect.extent;
     const bool wide = size.width >= size.height;
     uint32_t half = (wide ? size.width : size.height) / 2;
     if (half > AREA_LEAST_PX)
         half -= half % AREA_LEAST_PX;
-    if (half == 0 || *count == HG_STREAM_MAX_AREAS)
+    if (half == 0 || *count == HG_TILED_MAX_AREAS)
         return false;
     if (wide) {
         b.rect.offset.x += (int32_t)half;
@@ -210,10 +210,10 @@ static bool split(struct hg_stream_area *areas, uint32_t *count)
 }
 
 // Cuts the share of the geometry on top in two. False when hardly more than a chunk can be in it.
-static bool share(struct hg_stream_area *areas, uint32_t *count)
+static bool share(struct hg_tiled_accumulation_area *areas, uint32_t *count)
 {
-    struct hg_stream_area *a = &areas[*count - 1], b = *a;
-    if (a->shares >= MOST_SHARES || *count == HG_STREAM_MAX_AREAS)
+    struct hg_tiled_accumulation_area *a = &areas[*count - 1], b = *a;
+    if (a->shares >= MOST_SHARES || *count == HG_TILED_MAX_AREAS)
         return false;
     a->shares = b.shares = a->shares > 0 ? 2 * a->shares : 2;
     b.share += b.shares / 2;
@@ -224,7 +224,7 @@ static bool share(struct hg_stream_area *areas, uint32_t *count)
 static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bool shadows,
     struct hg_page_demand *demand, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_gpu_cmd *cmd;
     enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
@@ -252,22 +252,22 @@ static enum hg_status run_batch(struct hg_view_state *view, uint32_t samples, bo
     }
     status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status == HG_OK) {
-        hg_geometry_deforms_done(view->rooms->geometry);
+        hg_geometry_deforms_done(view->scene_gpu->geometry);
         if (!shadows)
-            hg_geometry_facets_done(view->rooms->geometry);
+            hg_geometry_triangle_cache_done(view->scene_gpu->geometry);
         hg_page_cache_collect(pages_of(view), HG_PAGES_EXACT, demand);
     }
     return status;
 }
 
-enum hg_status hg_stream_begin_exact(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_tiled_accumulation_begin_exact(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_page_demand demand = {0};
     enum hg_status status = start_exact(view, 0, err);
     if (status != HG_OK)
         return status;
-    s->finding = HG_STREAM_FIND_SMALLER;
+    s->finding = HG_TILED_FIND_SMALLER;
     status = hg_frame_cull(view, HG_FRAME_PICTURE, 1, err);
     if (status == HG_OK)
         status = run_batch(view, 1, false, &demand, err);
@@ -305,12 +305,12 @@ static enum hg_status wait_pages(struct hg_view_state *view, bool *arrived, stru
 // holes leave out what misses a texel and are drawn again, in parts of the atlas if need be.
 static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_page_demand demand;
     const struct hg_gpu_image *atlas = hg_lighting_image_shadow(view->lighting);
     if (s->shadow_count == 0) {
         s->shadow_areas[s->shadow_count++] =
-            (struct hg_stream_area){.rect = {{0, 0}, {atlas->width, atlas->height}}};
+            (struct hg_tiled_accumulation_area){.rect = {{0, 0}, {atlas->width, atlas->height}}};
         s->shadow_begun = false;
         s->shadow_error_px = 0.0f;
     }
@@ -340,7 +340,7 @@ static enum hg_status finish_shadows(struct hg_view_state *view, struct hg_error
 
 static void count_samples(struct hg_view_state *view)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     view->samples = view->settings.samples;
     for (uint32_t i = 0; i < s->area_count; i++)
         if (s->areas[i].samples < view->samples)
@@ -352,8 +352,8 @@ static void count_samples(struct hg_view_state *view)
 // that are ahead ask for nothing that others may see of them.
 static bool wants_behind(struct hg_view_state *view)
 {
-    struct hg_stream *s = &view->stream;
-    struct hg_stream_area *top = &s->areas[s->area_count - 1];
+    struct hg_tiled_accumulation *s = &view->stream;
+    struct hg_tiled_accumulation_area *top = &s->areas[s->area_count - 1];
     const VkExtent2D size = top->rect.extent, whole = {view->settings.width, view->settings.height};
     if (!hg_frame_transmits(view) || view->settings.debug != 0)
         return false;
@@ -363,7 +363,7 @@ static bool wants_behind(struct hg_view_state *view)
         return false;
     }
     for (uint32_t i = 0; i + 1 < s->area_count; i++) {
-        const struct hg_stream_area other = s->areas[i];
+        const struct hg_tiled_accumulation_area other = s->areas[i];
         if (other.samples >= top->samples)
             continue;
         s->areas[i] = *top;
@@ -375,7 +375,7 @@ static bool wants_behind(struct hg_view_state *view)
         s->behind_there = false;
         s->behind_sample = top->samples;
         s->behind_tries = 0;
-        s->behind_areas[0] = (struct hg_stream_area){.rect.extent = whole, .samples = top->samples};
+        s->behind_areas[0] = (struct hg_tiled_accumulation_area){.rect.extent = whole, .samples = top->samples};
         s->behind_count = 1;
     }
     return true;
@@ -383,7 +383,7 @@ static bool wants_behind(struct hg_view_state *view)
 
 static enum hg_status draw_behind(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     struct hg_page_demand demand;
     enum hg_status status = hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_DEVICE,
         s->progress.size_bytes, "progress behind", &s->behind_progress, err);
@@ -397,7 +397,7 @@ static enum hg_status draw_behind(struct hg_view_state *view, struct hg_error *e
     if (status != HG_OK)
         return status;
     if (!fits) {
-        s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
+        s->shadows = hg_culling_count(view->visible) > 1; // without the camera they may fit
         if (!s->shadows)
             s->forced = !split(s->behind_areas, &s->behind_count);
         return HG_OK;
@@ -420,10 +420,10 @@ static enum hg_status draw_behind(struct hg_view_state *view, struct hg_error *e
 static enum hg_status draw_area(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     if (wants_behind(view))
         return draw_behind(view, err);
-    struct hg_stream_area *area = &s->areas[s->area_count - 1];
+    struct hg_tiled_accumulation_area *area = &s->areas[s->area_count - 1];
     struct hg_page_demand demand;
     uint32_t count = view->settings.samples - area->samples;
     count = count < max_samples ? count : max_samples;
@@ -431,7 +431,7 @@ static enum hg_status draw_area(
     count = s->behind_there ? 1 : count;
     enum hg_status status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && view->crowded && !s->forced) {
-        s->shadows = hg_visible_count(view->visible) > 1; // without the camera they may fit
+        s->shadows = hg_culling_count(view->visible) > 1; // without the camera they may fit
         // What even one pixel needs may be more than the budget holds: it is drawn coarser, and the
         // picture says so by its error.
         if (!s->shadows)
@@ -466,10 +466,10 @@ static enum hg_status draw_area(
     return HG_OK;
 }
 
-enum hg_status hg_stream_draw(
+enum hg_status hg_tiled_accumulation_draw(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
+    struct hg_tiled_accumulation *s = &view->stream;
     enum hg_status status = HG_OK;
     bool arrived = true;
     if (s->waiting)

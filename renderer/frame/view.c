@@ -34,7 +34,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->behind);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->pixels[i]);
-    hg_stream_finish(gpu, &view->stream);
+    hg_tiled_accumulation_finish(gpu, &view->stream);
     hg_gpu_buffer_destroy(gpu, &view->readback);
 }
 
@@ -86,13 +86,13 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     *view = (struct hg_view_state){
         .context = context, .layer_limit = HG_VIEW_FIRST_LAYERS, .dark_wait = HG_VIEW_DARK_AFTER};
     const struct hg_lighting_params lighting = {.store = context->store};
-    enum hg_status status = hg_rooms_ref(context, scene, &view->rooms, err);
+    enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
     if (status == HG_OK)
-        status = hg_visible_create(context->gpu, &view->visible, err);
+        status = hg_culling_create(context->gpu, &view->visible, err);
     if (status == HG_OK)
-        status = hg_visible_create(context->gpu, &view->pick_visible, err);
+        status = hg_culling_create(context->gpu, &view->pick_visible, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
             HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_BLOCK_BYTES, "frame blocks", &view->blocks,
@@ -126,12 +126,12 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
     hg_gpu_buffer_destroy(gpu, &view->layers_full);
-    hg_ahead_finish(gpu, &view->ahead);
-    hg_dark_finish(gpu, &view->dark);
-    hg_visible_destroy(view->visible);
-    hg_visible_destroy(view->pick_visible);
+    hg_prefetch_finish(gpu, &view->ahead);
+    hg_unlit_tiles_finish(gpu, &view->dark);
+    hg_culling_destroy(view->visible);
+    hg_culling_destroy(view->pick_visible);
     hg_lighting_destroy(view->lighting);
-    hg_rooms_unref(view->context, view->rooms);
+    hg_scene_gpu_unref(view->context, view->scene_gpu);
     *view = (struct hg_view_state){0};
 }
 
@@ -177,16 +177,16 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 
 static struct hg_view_key present_key(const struct hg_view_state *view)
 {
-    return (struct hg_view_key){.scene = view->rooms->scene->revision,
-        .environment = view->rooms->scene->environment.revision,
-        .geometry = view->rooms->geometry_revision,
+    return (struct hg_view_key){.scene = view->scene_gpu->scene->revision,
+        .environment = view->scene_gpu->scene->environment.revision,
+        .geometry = view->scene_gpu->geometry_revision,
         .settings = view->settings_revision,
         .camera = view->camera_revision};
 }
 
 static bool bakes(const struct hg_view_state *view)
 {
-    return hg_geometry_baking(view->rooms->geometry) > 0;
+    return hg_geometry_baking(view->scene_gpu->geometry) > 0;
 }
 
 static bool is_known(const struct hg_view_state *view)
@@ -255,7 +255,7 @@ static void choose_error(struct hg_view_state *view, uint32_t max_samples)
     const bool moves =
         max_samples == 1 && !view->final && memcmp(&key, &view->key, sizeof key) != 0;
     if (key.camera != view->key.camera)
-        hg_visible_relax(view->visible);
+        hg_culling_relax(view->visible);
     view->wait = max_samples > 1 || view->final || (view->stream.exact && !moves);
     view->error_px =
         moves ? hg_quality_error_px(&view->quality, s->error_px, s->target_ms) : s->error_px;
@@ -289,7 +289,7 @@ static bool goes_direct(const struct hg_view_state *view)
 static enum hg_status draw_shown(
     struct hg_view_state *view, bool changed, uint32_t max_samples, struct hg_error *err)
 {
-    struct hg_page_cache *pages = hg_textures_cache(view->rooms->textures);
+    struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
     struct hg_gpu_cmd *cmd;
     if (changed || view->coarse || view->direct || view->shallow || view->stream.inexact ||
         view->eased || view->clipped || view->missing_clusters > 0)
@@ -307,7 +307,7 @@ static enum hg_status draw_shown(
         status = hg_frame_cull(view, HG_FRAME_PICTURE, count, err);
     view->clipped = view->crowded && view->settings.debug == 0;
     if (status == HG_OK && view->clipped && view->final)
-        return hg_stream_begin_exact(view, err);
+        return hg_tiled_accumulation_begin_exact(view, err);
     if (status == HG_OK)
         status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
@@ -326,33 +326,33 @@ static enum hg_status draw_shown(
     status = hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
     if (status != HG_OK)
         return status;
-    hg_geometry_deforms_done(view->rooms->geometry);
-    hg_geometry_facets_done(view->rooms->geometry);
+    hg_geometry_deforms_done(view->scene_gpu->geometry);
+    hg_geometry_triangle_cache_done(view->scene_gpu->geometry);
     hg_frame_note_drawn(view, count);
     view->samples += count;
     view->number++;
-    status = hg_stream_shown(view, err);
+    status = hg_tiled_accumulation_shown(view, err);
     const bool ahead = changed && max_samples == 1 && view->settings.debug == 0;
-    return status == HG_OK && ahead ? hg_ahead_draw(view, err) : status;
+    return status == HG_OK && ahead ? hg_prefetch_draw(view, err) : status;
 }
 
 // A new state. What nobody looks at yet is not drawn with coarser texels first.
 static enum hg_status start_anew(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_stream *s = &view->stream;
-    hg_stream_restart(view);
-    s->on = !hg_page_cache_is_complete(hg_textures_cache(view->rooms->textures));
+    struct hg_tiled_accumulation *s = &view->stream;
+    hg_tiled_accumulation_restart(view);
+    s->on = !hg_page_cache_is_complete(hg_textures_cache(view->scene_gpu->textures));
     if (!s->on || !view->final || view->settings.debug != 0)
         return HG_OK;
     view->coarse = false;
-    return hg_stream_begin_exact(view, err);
+    return hg_tiled_accumulation_begin_exact(view, err);
 }
 
 // Moving parts are needed at other times than that of the pose.
 static void deform_for_motion(struct hg_view_state *view)
 {
-    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->rooms->geometry))
-        view->rooms->scene_revision = UINT64_MAX;
+    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->scene_gpu->geometry))
+        view->scene_gpu->scene_revision = UINT64_MAX;
 }
 
 static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
@@ -364,16 +364,16 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
         return status;
     const struct hg_view_key key = present_key(view);
-    const bool blank = hg_stream_is_blank(view) && !view->final; // somebody wants to look now
+    const bool blank = hg_tiled_accumulation_is_blank(view) && !view->final; // somebody wants to look now
     const bool changed = (view->number == 0 && !view->stream.exact) ||
                          memcmp(&key, &view->key, sizeof key) != 0 || blank;
     view->path_begins |= changed;
     if (changed)
         status = start_anew(view, err);
     else if (!view->stream.exact && !view->direct)
-        status = hg_stream_rest(view, err);
+        status = hg_tiled_accumulation_rest(view, err);
     if (status == HG_OK)
-        status = view->stream.exact ? hg_stream_draw(view, max_samples, err)
+        status = view->stream.exact ? hg_tiled_accumulation_draw(view, max_samples, err)
                                     : draw_shown(view, changed, max_samples, err);
     if (status == HG_OK && view->stream.exact && view->shallow) { // all of it lacks layers
         status = start_anew(view, err);
@@ -392,7 +392,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
 static enum hg_status draw_preview(struct hg_view_state *view, struct hg_error *err)
 {
     const uint32_t samples = view->settings.samples;
-    hg_stream_restart(view);
+    hg_tiled_accumulation_restart(view);
     view->settings.samples = 1;
     view->accumulate = true;
     enum hg_status status = draw_shown(view, true, 1, err);
@@ -429,7 +429,7 @@ static enum hg_status draw_path(
     key = present_key(view);
     const bool changed = memcmp(&key, &view->key, sizeof key) != 0;
     if (changed) {
-        hg_stream_restart(view);
+        hg_tiled_accumulation_restart(view);
         view->path_begins = true;
         view->path_preview = false;
         view->samples = 0;
@@ -496,7 +496,7 @@ enum hg_status hg_view_state_step(
         collect_times(view);
     if (status != HG_OK) { // what was accumulated may be incomplete
         view->samples = 0;
-        hg_stream_restart(view);
+        hg_tiled_accumulation_restart(view);
         view->key = (struct hg_view_key){0};
         hg_view_mark_shadows(view, true); // nobody knows which were drawn
         view->dark.seen = 0;
@@ -597,11 +597,11 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
 // Where a shutter has brought the geometry elsewhere, back to the scene.
 static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
 {
-    if (view->rooms->posed == NULL)
+    if (view->scene_gpu->posed == NULL)
         return HG_OK;
     const enum hg_status status =
-        hg_rooms_sync(view->context, view->rooms, view->camera.eye, 0, err);
-    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
+        hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, 0, err);
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err) : status;
 }
 
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
@@ -633,7 +633,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         memcpy(out, view->pick.mapped, sizeof *out);
         const float position[3] = {out->position_ws.x, out->position_ws.y, out->position_ws.z};
         out->triangle = hg_geometry_source_primitive(
-            view->rooms->geometry, out->draw_plus_one - 1, out->triangle, position);
+            view->scene_gpu->geometry, out->draw_plus_one - 1, out->triangle, position);
     }
     return status;
 }

@@ -193,7 +193,7 @@ static void number_groups(struct hg_sync *s)
         if (groups > UINT32_MAX - s->bit_count)
             continue; // bits are hints
         s->bit_count += groups;
-        s->bit_layout = hg_mix(s->bit_layout, (uint64_t)i << 32 | groups);
+        s->bit_layout = hg_hash_mix(s->bit_layout, (uint64_t)i << 32 | groups);
     }
 }
 
@@ -226,19 +226,19 @@ enum hg_status hg_draw_tables_make(struct hg_sync *s, struct hg_error *err)
 enum hg_status hg_draw_tables_write(struct hg_sync *s, struct hg_error *err)
 {
     struct hg_geometry *g = s->g;
-    enum hg_status status = hg_table_write(
+    enum hg_status status = hg_gpu_array_write(
         g->gpu, &g->part_table, s->parts, s->part_count * sizeof *s->parts, &s->written, err);
     if (status == HG_OK)
-        status = hg_table_write(g->gpu, &g->material_table, s->materials,
+        status = hg_gpu_array_write(g->gpu, &g->material_table, s->materials,
             s->material_count * sizeof *s->materials, &s->written, err);
     if (status == HG_OK)
-        status = hg_table_write(
+        status = hg_gpu_array_write(
             g->gpu, &g->lobe_table, s->lobes, s->lobe_count * sizeof *s->lobes, &s->written, err);
     if (status == HG_OK)
-        status = hg_table_write(g->gpu, &g->instance_table, s->instances,
+        status = hg_gpu_array_write(g->gpu, &g->instance_table, s->instances,
             s->instance_count * sizeof *s->instances, &s->written, err);
     if (status == HG_OK)
-        status = hg_table_write(g->gpu, &g->draw_table, s->gpu_draws,
+        status = hg_gpu_array_write(g->gpu, &g->draw_table, s->gpu_draws,
             s->draw_count * sizeof *s->gpu_draws, &s->written, err);
     return status;
 }

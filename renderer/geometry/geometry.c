@@ -26,7 +26,7 @@ enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_p
     if (g->params.jobs != NULL && g->params.bake_from != HG_GEOMETRY_BAKE_NONE) {
         status = hg_cluster_pool_create(gpu, &g->pool, err);
         if (status == HG_OK)
-            status = hg_baker_create(g->params.store, g->params.jobs, &g->baker, err);
+            status = hg_lod_build_queue_create(g->params.store, g->params.jobs, &g->baker, err);
     }
     if (status != HG_OK) {
         hg_geometry_destroy(g);
@@ -40,17 +40,17 @@ void hg_geometry_destroy(struct hg_geometry *g)
 {
     if (g == NULL)
         return;
-    hg_baker_destroy(g->baker);
+    hg_lod_build_queue_destroy(g->baker);
     for (uint32_t i = 0; i < g->mesh_count; i++)
         hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
     for (uint32_t i = 0; i < g->deform_count; i++)
         hg_deform_finish(g->gpu, &g->deforms[i]);
-    hg_facets_finish(g->gpu, &g->facets);
-    hg_table_finish(g->gpu, &g->draw_table);
-    hg_table_finish(g->gpu, &g->instance_table);
-    hg_table_finish(g->gpu, &g->part_table);
-    hg_table_finish(g->gpu, &g->material_table);
-    hg_table_finish(g->gpu, &g->lobe_table);
+    hg_triangle_cache_finish(g->gpu, &g->facets);
+    hg_gpu_array_finish(g->gpu, &g->draw_table);
+    hg_gpu_array_finish(g->gpu, &g->instance_table);
+    hg_gpu_array_finish(g->gpu, &g->part_table);
+    hg_gpu_array_finish(g->gpu, &g->material_table);
+    hg_gpu_array_finish(g->gpu, &g->lobe_table);
     hg_free(g->meshes);
     hg_free(g->deforms);
     hg_free(g->changed);
@@ -105,7 +105,7 @@ void hg_geometry_stats(const struct hg_geometry *g, struct hg_geometry_stats *ou
     if (g->pool != NULL) {
         hg_cluster_pool_stats(g->pool, &out->chunks);
         out->used_bytes += out->chunks.used_bytes;
-        out->baking = hg_baker_pending(g->baker);
+        out->baking = hg_lod_build_queue_pending(g->baker);
     }
     out->budget_bytes = g->params.budget_bytes;
     out->facet_bytes = g->facets.buffer.size_bytes;
@@ -163,7 +163,7 @@ uint32_t hg_geometry_source_primitive(
         const struct hg_gpu_instance *instances =
             (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
         hg_spill_begin(NULL);
-        primitive = hg_baked_nearest(
+        primitive = hg_lod_intake_nearest(
             &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
         hg_spill_end();
         return primitive;

@@ -107,21 +107,21 @@ uint32_t hg_geometry_source_primitive(
 // What shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h): 96 bytes for each of at
 // most 466,000. Points of facets are those of vertices but for rounding, and pictures do not
 // depend on the budget: so facets are not of it.
-struct hg_facet_job {
+struct hg_triangle_cache_job {
     uint32_t draw, first, count; // first: facet of the draw's first triangle
 };
 // After hg_geometry_sync. wanted: all draws are triangles without second uv sets and colours.
 // Device errors.
-enum hg_status hg_geometry_sync_facets(
+enum hg_status hg_geometry_sync_triangle_cache(
     struct hg_geometry *geometry, bool wanted, struct hg_error *err) HG_MUST_CHECK;
-// For HG_BIND_FACETS and HG_BIND_TEXELS; false: there are none.
-bool hg_geometry_facets(const struct hg_geometry *geometry, struct hg_gpu_uniform *first,
+// For HG_BIND_TRIANGLE_CACHE and HG_BIND_TEXELS; false: there are none.
+bool hg_geometry_triangle_cache(const struct hg_geometry *geometry, struct hg_gpu_uniform *first,
     const struct hg_gpu_buffer **facets);
 // Draws whose facets are not up to date.
 uint32_t hg_geometry_facet_jobs(
-    const struct hg_geometry *geometry, const struct hg_facet_job **jobs);
+    const struct hg_geometry *geometry, const struct hg_triangle_cache_job **jobs);
 // Call when they were recorded into a batch that was submitted.
-void hg_geometry_facets_done(struct hg_geometry *geometry);
+void hg_geometry_triangle_cache_done(struct hg_geometry *geometry);
 
 // --- deformation (recorded by passes/skin.h) -----------------------------------------------------
 

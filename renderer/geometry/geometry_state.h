@@ -50,14 +50,14 @@ struct hg_geometry {
     uint32_t changed_count;
     struct hg_draw_entry *draws; // in draw order
     uint32_t draw_count;
-    struct hg_facets facets;
-    struct hg_table draw_table, instance_table, part_table, material_table, lobe_table;
+    struct hg_triangle_cache facets;
+    struct hg_gpu_array draw_table, instance_table, part_table, material_table, lobe_table;
     uint32_t instance_count, part_count, material_count;
     uint64_t signature; // of the scene at the last sync, 0 = none
     uint64_t shape_signature;
     uint64_t revision, shape_revision;
     struct hg_cluster_pool *pool; // NULL: parts are not baked
-    struct hg_baker *baker;
+    struct hg_lod_build_queue *baker;
     uint64_t bit_layout; // changes when bits of histories mean something else
     uint32_t bit_count;
     bool one_shape;  // of the textures of each material

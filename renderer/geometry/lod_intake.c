@@ -23,7 +23,7 @@ static bool can_bake(const struct hg_geometry *g, const struct hg_mesh *mesh)
     return true;
 }
 
-uint32_t hg_baked_from(const struct hg_geometry *g)
+uint32_t hg_lod_intake_from(const struct hg_geometry *g)
 {
     if (g->baker == NULL)
         return UINT32_MAX;
@@ -32,10 +32,10 @@ uint32_t hg_baked_from(const struct hg_geometry *g)
 
 static bool is_large(const struct hg_geometry *g, const struct hg_part_entry *part)
 {
-    return part->primitive_count >= hg_baked_from(g) && part->clusters == NULL && !part->baking;
+    return part->primitive_count >= hg_lod_intake_from(g) && part->clusters == NULL && !part->baking;
 }
 
-void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count)
+void hg_lod_intake_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count)
 {
     for (uint32_t i = 0; g->baker != NULL && i < count; i++) {
         struct hg_mesh_entry *e = &meshes[i];
@@ -45,7 +45,7 @@ void hg_baked_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_
                 !hg_lod_can_bake(&e->mesh->parts[p], e->target_count))
                 continue;
             // Without memory for a copy the part is drawn as it is.
-            part->baking = hg_baker_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
+            part->baking = hg_lod_build_queue_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
         }
     }
 }
@@ -56,7 +56,7 @@ static bool wants_proxy(const struct hg_part_entry *part)
            part->buffer.size_bytes == 0 && part->primitive_count > PROXY_MOST;
 }
 
-enum hg_status hg_baked_show_proxies(
+enum hg_status hg_lod_intake_show_proxies(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, uint64_t used_bytes)
 {
     const uint64_t budget = g->params.budget_bytes;
@@ -82,7 +82,7 @@ enum hg_status hg_baked_show_proxies(
     return status;
 }
 
-uint64_t hg_baked_lost_bytes(
+uint64_t hg_lod_intake_lost_bytes(
     const struct hg_mesh_entry *meshes, uint32_t count, uint64_t *proxy_bytes)
 {
     uint64_t bytes = 0;
@@ -100,7 +100,7 @@ uint64_t hg_baked_lost_bytes(
     return bytes;
 }
 
-enum hg_status hg_baked_drop_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
+enum hg_status hg_lod_intake_drop_proxies(struct hg_geometry *g, struct hg_mesh_entry *meshes,
     uint32_t count, uint64_t *written, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
@@ -124,7 +124,7 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     hg_gpu_buffer_destroy(g->gpu, &part->buffer);
     hg_free(part->host_indices);
     hg_meshlets_finish(&part->meshlets);
-    hg_numbered_finish(&part->numbered);
+    hg_provoking_finish(&part->numbered);
     g->stats.proxies -= part->proxy != NULL && g->stats.proxies > 0;
     hg_proxy_free(part->proxy);
     part->proxy = NULL;
@@ -143,7 +143,7 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
 }
 
 static bool take_in(
-    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, struct hg_baked *baked)
+    struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, struct hg_lod_built *baked)
 {
     struct hg_mesh_entry *e = hg_mesh_entry_find(meshes, count, baked->mesh);
     if (e != NULL && e->revision != baked->revision)
@@ -175,12 +175,12 @@ static bool take_in(
     return true;
 }
 
-bool hg_baked_collect(
+bool hg_lod_intake_collect(
     struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count, uint64_t until_ns)
 {
-    struct hg_baked baked;
+    struct hg_lod_built baked;
     bool some = false;
-    while (g->baker != NULL && hg_baker_take(g->baker, until_ns, &baked))
+    while (g->baker != NULL && hg_lod_build_queue_take(g->baker, until_ns, &baked))
         some = take_in(g, meshes, count, &baked) || some;
     return some;
 }
@@ -191,7 +191,7 @@ bool hg_geometry_poll(struct hg_geometry *g, uint64_t until_ns)
         return false;
     hg_geometry_note_peak(g);
     hg_cluster_pool_tick(g->pool);
-    if (!hg_baked_collect(g, g->meshes, g->mesh_count, until_ns))
+    if (!hg_lod_intake_collect(g, g->meshes, g->mesh_count, until_ns))
         return false;
     g->signature = 0;
     g->shape_revision++;
@@ -200,7 +200,7 @@ bool hg_geometry_poll(struct hg_geometry *g, uint64_t until_ns)
 
 uint32_t hg_geometry_baking(const struct hg_geometry *g)
 {
-    return g->baker != NULL ? hg_baker_pending(g->baker) : 0;
+    return g->baker != NULL ? hg_lod_build_queue_pending(g->baker) : 0;
 }
 
 bool hg_geometry_has_levels(const struct hg_geometry *g)
@@ -241,7 +241,7 @@ static void to_object(const struct hg_mat4x3 *world, const float point[3], float
             det != 0.0 ? (float)((c[i][0] * p[0] + c[i][1] * p[1] + c[i][2] * p[2]) / det) : 0.0f;
 }
 
-uint32_t hg_baked_nearest(
+uint32_t hg_lod_intake_nearest(
     const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3])
 {
     float at[4] = {0}, best = INFINITY;

@@ -6,9 +6,9 @@
 #include "base/checked.h"
 #include "renderer/geometry/geometry_state.h"
 
-struct hg_moment {
+struct hg_pose_snapshot {
     struct hg_gpu *gpu;
-    struct hg_table worlds, parts;
+    struct hg_gpu_array worlds, parts;
     struct hg_gpu_buffer deformed; // outputs, one after the other
 };
 
@@ -21,12 +21,12 @@ bool hg_geometry_deform_all(struct hg_geometry *g)
     return is_new;
 }
 
-void hg_moment_free(struct hg_moment *m)
+void hg_pose_snapshot_free(struct hg_pose_snapshot *m)
 {
     if (m == NULL)
         return;
-    hg_table_finish(m->gpu, &m->worlds);
-    hg_table_finish(m->gpu, &m->parts);
+    hg_gpu_array_finish(m->gpu, &m->worlds);
+    hg_gpu_array_finish(m->gpu, &m->parts);
     hg_gpu_buffer_destroy(m->gpu, &m->deformed);
     hg_free(m);
 }
@@ -37,7 +37,7 @@ static enum hg_status no_memory(struct hg_error *err)
 }
 
 static enum hg_status take_worlds(
-    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+    const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     const struct hg_gpu_instance *instances =
         (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
@@ -47,7 +47,7 @@ static enum hg_status take_worlds(
         return no_memory(err);
     for (uint32_t i = 0; i < g->instance_count; i++)
         worlds[i] = instances[i].world;
-    const enum hg_status status = hg_table_write(
+    const enum hg_status status = hg_gpu_array_write(
         g->gpu, &m->worlds, worlds, g->instance_count * sizeof *worlds, &written, err);
     hg_free(worlds);
     return status;
@@ -55,7 +55,7 @@ static enum hg_status take_worlds(
 
 // The part table, where deformed parts lead to what is kept here.
 static enum hg_status take_parts(
-    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+    const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     uint64_t written = 0, at = m->deformed.address;
     const uint64_t bytes = g->part_count * sizeof(struct hg_gpu_part);
@@ -72,13 +72,13 @@ static enum hg_status take_parts(
         parts[d->index].vertices = at + d->vertices_offset;
         at += d->output_bytes;
     }
-    const enum hg_status status = hg_table_write(g->gpu, &m->parts, parts, bytes, &written, err);
+    const enum hg_status status = hg_gpu_array_write(g->gpu, &m->parts, parts, bytes, &written, err);
     hg_free(parts);
     return status;
 }
 
 static enum hg_status copy_deformed(
-    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+    const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     struct hg_gpu_cmd *cmd;
     uint64_t at = 0;
@@ -99,7 +99,7 @@ static enum hg_status copy_deformed(
 }
 
 static enum hg_status take_deformed(
-    const struct hg_geometry *g, struct hg_moment *m, struct hg_error *err)
+    const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     uint64_t bytes = 0;
     for (uint32_t i = 0; i < g->deform_count; i++)
@@ -113,14 +113,14 @@ static enum hg_status take_deformed(
     return status == HG_OK ? copy_deformed(g, m, err) : status;
 }
 
-enum hg_status hg_moment_take(
-    struct hg_geometry *geometry, struct hg_moment **moment, struct hg_error *err)
+enum hg_status hg_pose_snapshot_take(
+    struct hg_geometry *geometry, struct hg_pose_snapshot **moment, struct hg_error *err)
 {
     if (*moment == NULL)
         *moment = hg_calloc(1, sizeof **moment);
     if (*moment == NULL)
         return no_memory(err);
-    struct hg_moment *m = *moment;
+    struct hg_pose_snapshot *m = *moment;
     m->gpu = geometry->gpu;
     m->worlds.name = "matrices of a moment";
     m->parts.name = "parts of a moment";
@@ -130,13 +130,13 @@ enum hg_status hg_moment_take(
     return status == HG_OK ? take_parts(geometry, m, err) : status;
 }
 
-void hg_moment_fill(const struct hg_moment *m, struct hg_gpu_moment *out)
+void hg_pose_snapshot_fill(const struct hg_pose_snapshot *m, struct hg_gpu_pose_snapshot *out)
 {
-    *out = (struct hg_gpu_moment){
+    *out = (struct hg_gpu_pose_snapshot){
         .worlds = m->worlds.buffer.address, .parts = m->parts.buffer.address};
 }
 
-uint64_t hg_moment_bytes(const struct hg_moment *m)
+uint64_t hg_pose_snapshot_bytes(const struct hg_pose_snapshot *m)
 {
     return m == NULL
                ? 0

@@ -9,7 +9,7 @@
 
 #include "renderer/geometry/geometry.h"
 
-struct hg_moment;
+struct hg_pose_snapshot;
 
 // From the next sync on parts with morph targets are deformed also while all their weights are 0.
 // True: this is new, and the geometry has to be synced.
@@ -17,10 +17,10 @@ bool hg_geometry_deform_all(struct hg_geometry *geometry);
 
 // What the geometry shows now; deformations have run (hg_geometry_deforms_done), no batch is open.
 // *moment: NULL, or one whose place it takes. HG_E_NOMEM, device errors; then it is not to be used.
-enum hg_status hg_moment_take(
-    struct hg_geometry *geometry, struct hg_moment **moment, struct hg_error *err) HG_MUST_CHECK;
-void hg_moment_free(struct hg_moment *moment); // before the geometry; accepts NULL
-void hg_moment_fill(const struct hg_moment *moment, struct hg_gpu_moment *out);
-uint64_t hg_moment_bytes(const struct hg_moment *moment); // on the device; NULL: 0
+enum hg_status hg_pose_snapshot_take(
+    struct hg_geometry *geometry, struct hg_pose_snapshot **moment, struct hg_error *err) HG_MUST_CHECK;
+void hg_pose_snapshot_free(struct hg_pose_snapshot *moment); // before the geometry; accepts NULL
+void hg_pose_snapshot_fill(const struct hg_pose_snapshot *moment, struct hg_gpu_pose_snapshot *out);
+uint64_t hg_pose_snapshot_bytes(const struct hg_pose_snapshot *moment); // on the device; NULL: 0
 
 #endif

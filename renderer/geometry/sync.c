@@ -20,19 +20,19 @@ static uint64_t shape_signature(const struct hg_geometry *g, const struct hg_sce
 {
     uint64_t h = 1;
     for (int i = 0; i < 3; i++)
-        h = hg_mix(h, (uint64_t)(int64_t)g->origin[i]);
+        h = hg_hash_mix(h, (uint64_t)(int64_t)g->origin[i]);
     const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
     for (uint32_t i = 0; i < nodes->count; i++) {
         const struct hg_node *n = (const struct hg_node *)nodes->items[i];
-        h = hg_mix_bytes(h, n->world, sizeof n->world); // also of joints, which have no mesh
+        h = hg_hash_mix_bytes(h, n->world, sizeof n->world); // also of joints, which have no mesh
         if (n->mesh == NULL)
             continue;
-        h = hg_mix(h, n->head.id);
-        h = hg_mix(h, n->head.revision);
-        h = hg_mix(h, n->mesh->head.id);
-        h = hg_mix(h, n->mesh->head.revision * 2 + n->world_visible);
+        h = hg_hash_mix(h, n->head.id);
+        h = hg_hash_mix(h, n->head.revision);
+        h = hg_hash_mix(h, n->mesh->head.id);
+        h = hg_hash_mix(h, n->mesh->head.revision * 2 + n->world_visible);
         if (n->weights != NULL)
-            h = hg_mix_bytes(h, n->weights, n->mesh->target_count * sizeof *n->weights);
+            h = hg_hash_mix_bytes(h, n->weights, n->mesh->target_count * sizeof *n->weights);
     }
     return h | 1;
 }
@@ -42,11 +42,11 @@ static uint64_t material_signature(const struct hg_scene *scene, const struct hg
     uint64_t h = textures != NULL ? hg_textures_revision(textures) : 0;
     const struct hg_object_list *list = &scene->objects[HG_OBJECT_MATERIAL];
     for (uint32_t i = 0; i < list->count; i++) {
-        h = hg_mix(h, list->items[i]->id);
-        h = hg_mix(h, list->items[i]->revision);
+        h = hg_hash_mix(h, list->items[i]->id);
+        h = hg_hash_mix(h, list->items[i]->revision);
     }
     for (uint32_t i = 0; i < scene->asset_count; i++)
-        h = hg_mix(
+        h = hg_hash_mix(
             h, (uint64_t)scene->assets[i]->number << 32 | (uint32_t)scene->assets[i]->variant);
     return h;
 }
@@ -83,7 +83,7 @@ static void look(struct hg_sync *s)
 static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
 {
     const struct hg_object_list *list = &s->scene->objects[HG_OBJECT_MESH];
-    const uint32_t from = hg_baked_from(s->g);
+    const uint32_t from = hg_lod_intake_from(s->g);
     const struct hg_mesh_entry_limits limits = {
         .number_below = hg_gpu_get_caps(s->g->gpu)->is_cpu ? from : 0, .meshlets_below = from};
     s->meshes = hg_calloc(list->count, sizeof *s->meshes);
@@ -218,19 +218,19 @@ static enum hg_status check_budget(struct hg_sync *s, struct hg_error *err)
     if (budget > 0 && g->pool != NULL && bytes + chunks > budget) {
         // Not all parts fit as they are: what can have levels is shown by proxies until it has
         // them.
-        hg_baked_queue(g, s->meshes, s->mesh_count);
-        if (hg_baked_show_proxies(g, s->meshes, s->mesh_count, bytes + chunks) != HG_OK)
+        hg_lod_intake_queue(g, s->meshes, s->mesh_count);
+        if (hg_lod_intake_show_proxies(g, s->meshes, s->mesh_count, bytes + chunks) != HG_OK)
             return out_of_memory(err);
         bytes = bytes_of(s);
         chunks = pool_bytes(g, bytes);
     }
     if (budget > 0 && g->pool != NULL && bytes + chunks > budget) { // parts that are shown already
-        hg_baked_collect(g, s->meshes, s->mesh_count, HG_COND_FOREVER);
+        hg_lod_intake_collect(g, s->meshes, s->mesh_count, HG_COND_FOREVER);
         bytes = bytes_of(s);
         chunks = pool_bytes(g, bytes);
     }
     uint64_t proxies;
-    const uint64_t lost = hg_baked_lost_bytes(s->meshes, s->mesh_count, &proxies);
+    const uint64_t lost = hg_lod_intake_lost_bytes(s->meshes, s->mesh_count, &proxies);
     if (lost > 0) { // those that could not get levels are shown as they are, or nothing is
         bytes += lost - proxies;
         chunks = pool_bytes(g, bytes);
@@ -255,7 +255,7 @@ static enum hg_status upload_meshes(struct hg_sync *s, struct hg_error *err)
     enum hg_status status = HG_OK;
     if (s->drops_proxies) {
         look(s);
-        status = hg_baked_drop_proxies(s->g, s->meshes, s->mesh_count, &s->written, err);
+        status = hg_lod_intake_drop_proxies(s->g, s->meshes, s->mesh_count, &s->written, err);
     }
     for (uint32_t i = 0; i < s->mesh_count && status == HG_OK; i++) {
         struct hg_mesh_entry *entry = &s->meshes[i];
@@ -396,10 +396,10 @@ static uint64_t caster_signature(const struct hg_geometry *g, uint64_t shape, ui
 {
     bool masked = false;
     for (uint32_t i = 0; i < g->draw_count; i++) {
-        shape = hg_mix(shape, g->draws[i].gpu.flags);
+        shape = hg_hash_mix(shape, g->draws[i].gpu.flags);
         masked = masked || (g->draws[i].gpu.flags & HG_DRAW_MASK) != 0;
     }
-    return masked ? hg_mix(shape, material) : shape;
+    return masked ? hg_hash_mix(shape, material) : shape;
 }
 
 enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *scene,
@@ -407,7 +407,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
 {
     const uint64_t shape = shape_signature(g, scene);
     const uint64_t material = material_signature(scene, textures);
-    const uint64_t signature = hg_mix(shape, material) | 1;
+    const uint64_t signature = hg_hash_mix(shape, material) | 1;
     g->stats.uploaded_bytes = 0;
     g->stats.parts_uploaded = 0;
     g->stats.deforms_changed = g->changed_count;
@@ -421,7 +421,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
         g->shape_signature = casters;
         g->signature = signature;
         g->revision++;
-        hg_baked_queue(g, g->meshes, g->mesh_count);
+        hg_lod_intake_queue(g, g->meshes, g->mesh_count);
     }
     if (s.looks)
         hg_spill_end();

@@ -16,12 +16,12 @@
 static uint64_t key_of(const struct hg_geometry *g, const struct hg_draw_entry *d, uint32_t first)
 {
     const size_t instance = d->gpu.instance * sizeof(struct hg_gpu_instance);
-    uint64_t h = hg_mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
-    h = hg_mix(hg_mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
-    h = hg_mix(h, d->mesh_part);
-    h = hg_mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
+    uint64_t h = hg_hash_mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
+    h = hg_hash_mix(hg_hash_mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
+    h = hg_hash_mix(h, d->mesh_part);
+    h = hg_hash_mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
         sizeof(struct hg_gpu_part));
-    return hg_mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
+    return hg_hash_mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
 }
 
 static bool pose_changed(const struct hg_geometry *g, const struct hg_draw_entry *d)
@@ -40,18 +40,18 @@ static uint64_t count_facets(const struct hg_geometry *g)
     return count;
 }
 
-void hg_facets_finish(struct hg_gpu *gpu, struct hg_facets *f)
+void hg_triangle_cache_finish(struct hg_gpu *gpu, struct hg_triangle_cache *f)
 {
     hg_gpu_buffer_destroy(gpu, &f->buffer);
-    hg_table_finish(gpu, &f->first);
+    hg_gpu_array_finish(gpu, &f->first);
     hg_free(f->firsts);
     hg_free(f->keys);
     hg_free(f->next_keys);
     hg_free(f->jobs);
-    *f = (struct hg_facets){0};
+    *f = (struct hg_triangle_cache){0};
 }
 
-static enum hg_status grow(struct hg_facets *f, uint32_t draws)
+static enum hg_status grow(struct hg_triangle_cache *f, uint32_t draws)
 {
     const size_t before = f->key_capacity;
     enum hg_status status = hg_grow(&f->keys, &f->key_capacity, draws, sizeof *f->keys);
@@ -66,7 +66,7 @@ static enum hg_status grow(struct hg_facets *f, uint32_t draws)
 
 static void list_jobs(struct hg_geometry *g)
 {
-    struct hg_facets *f = &g->facets;
+    struct hg_triangle_cache *f = &g->facets;
     uint32_t first = 0;
     f->job_count = 0;
     for (uint32_t i = 0; i < g->draw_count; i++) {
@@ -75,14 +75,14 @@ static void list_jobs(struct hg_geometry *g)
         f->firsts[i] = first;
         f->next_keys[i] = key_of(g, d, first);
         if (f->next_keys[i] != f->keys[i] || pose_changed(g, d))
-            f->jobs[f->job_count++] = (struct hg_facet_job){i, first, count};
+            f->jobs[f->job_count++] = (struct hg_triangle_cache_job){i, first, count};
         first += count;
     }
 }
 
 static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_error *err)
 {
-    struct hg_facets *f = &g->facets;
+    struct hg_triangle_cache *f = &g->facets;
     if (grow(f, g->draw_count) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "facets", NULL, "no memory");
     const VkBuffer old = f->buffer.handle;
@@ -95,13 +95,13 @@ static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_erro
     list_jobs(g);
     uint64_t written = 0;
     f->first.name = "first facets";
-    return hg_table_write(
+    return hg_gpu_array_write(
         g->gpu, &f->first, f->firsts, g->draw_count * sizeof *f->firsts, &written, err);
 }
 
-enum hg_status hg_geometry_sync_facets(struct hg_geometry *g, bool wanted, struct hg_error *err)
+enum hg_status hg_geometry_sync_triangle_cache(struct hg_geometry *g, bool wanted, struct hg_error *err)
 {
-    struct hg_facets *f = &g->facets;
+    struct hg_triangle_cache *f = &g->facets;
     if (f->wanted == wanted && f->revision == g->revision && g->changed_count == 0)
         return HG_OK;
     const uint64_t bytes = count_facets(g) * sizeof(struct hg_gpu_facet);
@@ -111,32 +111,32 @@ enum hg_status hg_geometry_sync_facets(struct hg_geometry *g, bool wanted, struc
         grown / 16 <= hg_gpu_get_caps(g->gpu)->max_texels)
         status = make(g, bytes, err);
     else
-        hg_facets_finish(g->gpu, f);
+        hg_triangle_cache_finish(g->gpu, f);
     if (status != HG_OK)
-        hg_facets_finish(g->gpu, f);
+        hg_triangle_cache_finish(g->gpu, f);
     f->wanted = wanted;
     f->revision = status == HG_OK ? g->revision : 0;
     return status;
 }
 
-bool hg_geometry_facets(
+bool hg_geometry_triangle_cache(
     const struct hg_geometry *g, struct hg_gpu_uniform *first, const struct hg_gpu_buffer **facets)
 {
-    const struct hg_facets *f = &g->facets;
+    const struct hg_triangle_cache *f = &g->facets;
     *first = (struct hg_gpu_uniform){f->first.buffer.address, f->first.size_bytes};
     *facets = f->buffer.handle != VK_NULL_HANDLE ? &f->buffer : NULL;
     return *facets != NULL;
 }
 
-uint32_t hg_geometry_facet_jobs(const struct hg_geometry *g, const struct hg_facet_job **jobs)
+uint32_t hg_geometry_facet_jobs(const struct hg_geometry *g, const struct hg_triangle_cache_job **jobs)
 {
     *jobs = g->facets.jobs;
     return g->facets.job_count;
 }
 
-void hg_geometry_facets_done(struct hg_geometry *g)
+void hg_geometry_triangle_cache_done(struct hg_geometry *g)
 {
-    struct hg_facets *f = &g->facets;
+    struct hg_triangle_cache *f = &g->facets;
     for (uint32_t i = 0; i < f->job_count; i++)
         f->keys[f->jobs[i].draw] = f->next_keys[f->jobs[i].draw];
     f->job_count = 0;

@@ -5,17 +5,17 @@
 
 #include "renderer/mesh/gpu_array.h"
 
-struct hg_facets {
+struct hg_triangle_cache {
     struct hg_gpu_buffer buffer;
-    struct hg_table first;      // [draws]
+    struct hg_gpu_array first;      // [draws]
     uint32_t *firsts;           // what it will hold
     uint64_t *keys, *next_keys; // [draws] what the buffer holds, 0 = nothing; what it will
-    struct hg_facet_job *jobs;
+    struct hg_triangle_cache_job *jobs;
     size_t first_capacity, key_capacity, next_capacity, job_capacity;
     uint32_t job_count;
     uint64_t revision; // of the geometry at the last sync
     bool wanted;
 };
-void hg_facets_finish(struct hg_gpu *gpu, struct hg_facets *facets);
+void hg_triangle_cache_finish(struct hg_gpu *gpu, struct hg_triangle_cache *facets);
 
 #endif

@@ -21,14 +21,14 @@ struct task {
     struct task *beside;      // in the table of those that were not taken: of the render thread
     struct hg_mesh_part part; // owns its arrays
     char name[64];            // of the mesh
-    struct hg_baked result;
+    struct hg_lod_built result;
 };
 
 struct queue {
     struct task *first, **last;
 };
 
-struct hg_baker {
+struct hg_lod_build_queue {
     struct hg_store *store;
     struct hg_jobs *jobs;
     pthread_t thread;
@@ -75,13 +75,13 @@ static bool may_go_on(void *user, uint64_t done, uint64_t total)
 {
     (void)done;
     (void)total;
-    return !atomic_load(&((struct hg_baker *)user)->stop);
+    return !atomic_load(&((struct hg_lod_build_queue *)user)->stop);
 }
 
 // A store that fails costs nothing but the next bake.
-static void keep(struct hg_baker *b, const struct hg_store_key *key, struct task *task)
+static void keep(struct hg_lod_build_queue *b, const struct hg_store_key *key, struct task *task)
 {
-    struct hg_baked *r = &task->result;
+    struct hg_lod_built *r = &task->result;
     struct hg_error err;
     struct hg_lod_stored stored;
     if (hg_lod_stored_write(b->store, key, task->name, r->data, r->size, &err) != HG_OK ||
@@ -93,9 +93,9 @@ static void keep(struct hg_baker *b, const struct hg_store_key *key, struct task
     r->size = 0;
 }
 
-static void bake(struct hg_baker *b, struct task *task)
+static void bake(struct hg_lod_build_queue *b, struct task *task)
 {
-    struct hg_baked *r = &task->result;
+    struct hg_lod_built *r = &task->result;
     struct hg_store_key key;
     struct hg_error err;
     const struct hg_lod_params params = {
@@ -116,7 +116,7 @@ static void bake(struct hg_baker *b, struct task *task)
 
 static void *thread_main(void *user)
 {
-    struct hg_baker *b = user;
+    struct hg_lod_build_queue *b = user;
     pthread_mutex_lock(&b->lock);
     while (!atomic_load(&b->stop)) {
         struct task *task = pop(&b->todo);
@@ -142,11 +142,11 @@ static void *thread_main(void *user)
 
 // --- life ----------------------------------------------------------------------------------------
 
-enum hg_status hg_baker_create(
-    struct hg_store *store, struct hg_jobs *jobs, struct hg_baker **out, struct hg_error *err)
+enum hg_status hg_lod_build_queue_create(
+    struct hg_store *store, struct hg_jobs *jobs, struct hg_lod_build_queue **out, struct hg_error *err)
 {
     *out = NULL;
-    struct hg_baker *b = hg_calloc(1, sizeof *b);
+    struct hg_lod_build_queue *b = hg_calloc(1, sizeof *b);
     if (b == NULL)
         return hg_error_set(err, HG_E_NOMEM, "levels of detail", NULL, "no memory");
     b->pending_bits = TABLE_BITS;
@@ -172,7 +172,7 @@ enum hg_status hg_baker_create(
     return HG_OK;
 }
 
-void hg_baker_destroy(struct hg_baker *b)
+void hg_lod_build_queue_destroy(struct hg_lod_build_queue *b)
 {
     if (b == NULL)
         return;
@@ -226,18 +226,18 @@ static bool copy_part(struct hg_mesh_part *to, const struct hg_mesh_part *from)
 }
 
 static struct task **pending_slot(
-    const struct hg_baker *b, uint64_t id, uint64_t revision, uint32_t index)
+    const struct hg_lod_build_queue *b, uint64_t id, uint64_t revision, uint32_t index)
 {
-    const uint64_t h = hg_mix(hg_mix(hg_mix(0, id), revision), index);
+    const uint64_t h = hg_hash_mix(hg_hash_mix(hg_hash_mix(0, id), revision), index);
     return &b->pending[h & ((1u << b->pending_bits) - 1)];
 }
 
-static struct task **slot_of(const struct hg_baker *b, const struct task *task)
+static struct task **slot_of(const struct hg_lod_build_queue *b, const struct task *task)
 {
     return pending_slot(b, task->result.mesh, task->result.revision, task->result.part);
 }
 
-static bool is_pending(const struct hg_baker *b, uint64_t id, uint64_t revision, uint32_t index)
+static bool is_pending(const struct hg_lod_build_queue *b, uint64_t id, uint64_t revision, uint32_t index)
 {
     const struct task *t = *pending_slot(b, id, revision, index);
     while (t != NULL &&
@@ -246,7 +246,7 @@ static bool is_pending(const struct hg_baker *b, uint64_t id, uint64_t revision,
     return t != NULL;
 }
 
-static void remember(struct hg_baker *b, struct task *task)
+static void remember(struct hg_lod_build_queue *b, struct task *task)
 {
     struct task **slot = slot_of(b, task);
     task->beside = *slot;
@@ -254,7 +254,7 @@ static void remember(struct hg_baker *b, struct task *task)
 }
 
 // Twice the lists, once there are as many tasks. Without memory they get longer.
-static void grow_table(struct hg_baker *b)
+static void grow_table(struct hg_lod_build_queue *b)
 {
     struct task **old = b->pending, **twice = NULL;
     const uint32_t lists = 1u << b->pending_bits;
@@ -271,7 +271,7 @@ static void grow_table(struct hg_baker *b)
     hg_free(old);
 }
 
-static void forget(struct hg_baker *b, const struct task *task)
+static void forget(struct hg_lod_build_queue *b, const struct task *task)
 {
     struct task **link = slot_of(b, task);
     while (*link != task)
@@ -280,8 +280,8 @@ static void forget(struct hg_baker *b, const struct task *task)
     b->pending_count--;
 }
 
-enum hg_status hg_baker_add(
-    struct hg_baker *b, const struct hg_mesh *mesh, uint64_t id, uint64_t revision, uint32_t index)
+enum hg_status hg_lod_build_queue_add(
+    struct hg_lod_build_queue *b, const struct hg_mesh *mesh, uint64_t id, uint64_t revision, uint32_t index)
 {
     if (is_pending(b, id, revision, index))
         return HG_OK;
@@ -304,7 +304,7 @@ enum hg_status hg_baker_add(
     return HG_OK;
 }
 
-bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
+bool hg_lod_build_queue_take(struct hg_lod_build_queue *b, uint64_t until_ns, struct hg_lod_built *out)
 {
     memset(out, 0, sizeof *out);
     if (b->pending_count == 0)
@@ -322,7 +322,7 @@ bool hg_baker_take(struct hg_baker *b, uint64_t until_ns, struct hg_baked *out)
     return true;
 }
 
-uint32_t hg_baker_pending(const struct hg_baker *b)
+uint32_t hg_lod_build_queue_pending(const struct hg_lod_build_queue *b)
 {
     return b->pending_count;
 }

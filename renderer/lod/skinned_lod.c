@@ -183,7 +183,7 @@ struct measure {
     const struct hg_mesh_part *part;
     uint32_t target_count;
     const struct grid *grid;
-    struct hg_posed_level *level;
+    struct hg_skinned_lod_level *level;
     struct candidate *candidates; // [vertex_count]
     const uint32_t *shared;       // [vertex_count] how many are at its position
 };
@@ -191,11 +191,11 @@ struct measure {
 struct candidate { // a sample, by what is to be expected of it
     float weight;
     uint32_t triangle; // of the level
-    struct hg_posed_sample sample;
+    struct hg_skinned_lod_sample sample;
 };
 
 static float gap_of(
-    const float *values, uint32_t n, const struct hg_posed_sample *s) // length of the difference
+    const float *values, uint32_t n, const struct hg_skinned_lod_sample *s) // length of the difference
 {
     float sum = 0.0f;
     for (uint32_t k = 0; k < n; k++) {
@@ -217,7 +217,7 @@ static float joint_weight(const struct hg_mesh_part *part, uint32_t vertex, uint
 }
 
 // How much a vertex and its place differ in what moves them, 0..2.
-static float skin_gap(const struct hg_mesh_part *part, const struct hg_posed_sample *s)
+static float skin_gap(const struct hg_mesh_part *part, const struct hg_skinned_lod_sample *s)
 {
     const size_t n = (size_t)part->joint_sets * 4;
     float gap = 0.0f;
@@ -246,14 +246,14 @@ static int by_weight(const void *a, const void *b)
 // The first of each triangle of the level, so that they lie in all places.
 static enum hg_status keep_samples(struct measure *m)
 {
-    struct hg_posed_level *l = m->level;
+    struct hg_skinned_lod_level *l = m->level;
     if (m->part->joints == NULL)
         return HG_OK;
     qsort(m->candidates, m->part->vertex_count, sizeof *m->candidates, by_weight);
     uint8_t *taken = hg_calloc(m->grid->count, 1);
-    l->samples = hg_calloc(HG_POSED_SAMPLES, sizeof *l->samples);
+    l->samples = hg_calloc(HG_SKINNED_LOD_SAMPLES, sizeof *l->samples);
     for (uint32_t i = 0; taken != NULL && l->samples != NULL && i < m->part->vertex_count &&
-                         l->sample_count < HG_POSED_SAMPLES;
+                         l->sample_count < HG_SKINNED_LOD_SAMPLES;
          i++) {
         if (taken[m->candidates[i].triangle])
             continue;
@@ -292,7 +292,7 @@ static void scales(const struct measure *m, float *edge, float *per_uv)
 static void measure_vertices(struct measure *m)
 {
     const struct hg_mesh_part *p = m->part;
-    struct hg_posed_level *l = m->level;
+    struct hg_skinned_lod_level *l = m->level;
     double normals = 0.0, uvs = 0.0;
     float edge, per_uv;
     scales(m, &edge, &per_uv);
@@ -300,7 +300,7 @@ static void measure_vertices(struct measure *m)
         m->grid->side * (float)(m->grid->size[0] + m->grid->size[1] + m->grid->size[2]);
     for (uint32_t v = 0; v < p->vertex_count; v++) {
         const struct place at = nearest(m->grid, p->positions + (size_t)v * 3);
-        struct hg_posed_sample s = {.vertex = v};
+        struct hg_skinned_lod_sample s = {.vertex = v};
         for (uint32_t i = 0; i < 3; i++) {
             s.corners[i] = m->grid->triangles[at.triangle * 3 + i];
             s.weights[i] = at.weights[i];
@@ -349,7 +349,7 @@ static enum hg_status count_shared(const struct hg_mesh_part *part, uint32_t *sh
 }
 
 static enum hg_status measure_level(const struct hg_mesh_part *part, uint32_t target_count,
-    const uint32_t *triangles, const uint32_t *shared, struct hg_posed_level *level)
+    const uint32_t *triangles, const uint32_t *shared, struct hg_skinned_lod_level *level)
 {
     struct grid grid = {
         .positions = part->positions, .triangles = triangles, .count = level->count};
@@ -377,7 +377,7 @@ static enum hg_status measure_level(const struct hg_mesh_part *part, uint32_t ta
 // ---- building -----------------------------------------------------------------------------------
 
 // For every triangle of the levels the part's triangle nearest to its middle, by place.
-static enum hg_status find_sources(const struct hg_mesh_part *part, struct hg_posed_levels *l)
+static enum hg_status find_sources(const struct hg_mesh_part *part, struct hg_skinned_lod_levels *l)
 {
     struct grid grid = {
         .positions = part->positions, .triangles = part->indices, .count = part->index_count / 3};
@@ -395,9 +395,9 @@ static enum hg_status find_sources(const struct hg_mesh_part *part, struct hg_po
 }
 
 static enum hg_status add_level(const struct hg_mesh_part *part, uint32_t target_count,
-    const uint32_t *from, uint32_t from_count, const uint32_t *shared, struct hg_posed_levels *l)
+    const uint32_t *from, uint32_t from_count, const uint32_t *shared, struct hg_skinned_lod_levels *l)
 {
-    struct hg_posed_level *level = &l->items[l->count];
+    struct hg_skinned_lod_level *level = &l->items[l->count];
     uint32_t *to = l->indices + l->index_count;
     const size_t wanted = from_count / 6 * 3;
     const size_t left = meshopt_simplify(to, from, from_count, part->positions, part->vertex_count,
@@ -411,12 +411,12 @@ static enum hg_status add_level(const struct hg_mesh_part *part, uint32_t target
     return measure_level(part, target_count, to, shared, level);
 }
 
-enum hg_status hg_posed_build(
-    const struct hg_mesh_part *part, uint32_t target_count, struct hg_posed_levels *out)
+enum hg_status hg_skinned_lod_build(
+    const struct hg_mesh_part *part, uint32_t target_count, struct hg_skinned_lod_levels *out)
 {
     const bool posed = part->joints != NULL || (part->targets != NULL && target_count > 0);
-    *out = (struct hg_posed_levels){0};
-    if (!posed || part->topology != HG_TOPOLOGY_TRIANGLES || part->index_count / 3 < HG_POSED_FROM)
+    *out = (struct hg_skinned_lod_levels){0};
+    if (!posed || part->topology != HG_TOPOLOGY_TRIANGLES || part->index_count / 3 < HG_SKINNED_LOD_FROM)
         return HG_OK;
     // meshopt_simplify may write as much as it reads.
     out->indices = hg_calloc((size_t)part->index_count * 2, sizeof *out->indices);
@@ -426,7 +426,7 @@ enum hg_status hg_posed_build(
         status = count_shared(part, shared);
     const uint32_t *from = part->indices;
     uint32_t count = part->index_count;
-    while (status == HG_OK && out->count < HG_POSED_LEVELS) {
+    while (status == HG_OK && out->count < HG_SKINNED_LOD_LEVELS) {
         status = add_level(part, target_count, from, count, shared, out);
         if (status == HG_OK) {
             count = out->items[out->count - 1].count * 3;
@@ -439,24 +439,24 @@ enum hg_status hg_posed_build(
     if (status == HG_OK && out->count > 0)
         status = find_sources(part, out);
     if (status != HG_OK || out->count == 0)
-        hg_posed_finish(out);
+        hg_skinned_lod_finish(out);
     return status;
 }
 
-void hg_posed_finish(struct hg_posed_levels *l)
+void hg_skinned_lod_finish(struct hg_skinned_lod_levels *l)
 {
-    for (uint32_t i = 0; i < HG_POSED_LEVELS; i++) {
+    for (uint32_t i = 0; i < HG_SKINNED_LOD_LEVELS; i++) {
         hg_free(l->items[i].morph_errors);
         hg_free(l->items[i].samples);
     }
     hg_free(l->indices);
     hg_free(l->sources);
-    *l = (struct hg_posed_levels){0};
+    *l = (struct hg_skinned_lod_levels){0};
 }
 
 // ---- poses --------------------------------------------------------------------------------------
 
-static void pose_vertex(const struct hg_mesh_part *part, const struct hg_posed_pose *pose,
+static void pose_vertex(const struct hg_mesh_part *part, const struct hg_skinned_lod_pose *pose,
     uint32_t vertex, float weight, float sum[3])
 {
     const size_t n = (size_t)part->joint_sets * 4;
@@ -471,8 +471,8 @@ static void pose_vertex(const struct hg_mesh_part *part, const struct hg_posed_p
     }
 }
 
-static float posed_gap(const struct hg_mesh_part *part, const struct hg_posed_pose *pose,
-    const struct hg_posed_sample *s)
+static float posed_gap(const struct hg_mesh_part *part, const struct hg_skinned_lod_pose *pose,
+    const struct hg_skinned_lod_sample *s)
 {
     float gap[3] = {0};
     pose_vertex(part, pose, s->vertex, 1.0f, gap);
@@ -481,12 +481,12 @@ static float posed_gap(const struct hg_mesh_part *part, const struct hg_posed_po
     return sqrtf(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]);
 }
 
-void hg_posed_errors(const struct hg_posed_levels *levels, const struct hg_mesh_part *part,
-    const struct hg_posed_pose *pose, float errors[HG_POSED_LEVELS])
+void hg_skinned_lod_errors(const struct hg_skinned_lod_levels *levels, const struct hg_mesh_part *part,
+    const struct hg_skinned_lod_pose *pose, float errors[HG_SKINNED_LOD_LEVELS])
 {
     float last = 0.0f;
     for (uint32_t i = 0; i < levels->count; i++) {
-        const struct hg_posed_level *l = &levels->items[i];
+        const struct hg_skinned_lod_level *l = &levels->items[i];
         float morphs = 0.0f;
         for (uint32_t t = 0;
              pose->weights != NULL && l->morph_errors != NULL && t < pose->target_count; t++)

@@ -6,7 +6,7 @@
 
 #define STEP 1024 // bytes compared and written at once
 
-void hg_table_finish(struct hg_gpu *gpu, struct hg_table *table)
+void hg_gpu_array_finish(struct hg_gpu *gpu, struct hg_gpu_array *table)
 {
     hg_gpu_buffer_destroy(gpu, &table->buffer);
     hg_free(table->shadow);
@@ -15,7 +15,7 @@ void hg_table_finish(struct hg_gpu *gpu, struct hg_table *table)
     table->size_bytes = 0;
 }
 
-static enum hg_status write_differences(struct hg_gpu *gpu, struct hg_table *table,
+static enum hg_status write_differences(struct hg_gpu *gpu, struct hg_gpu_array *table,
     const uint8_t *data, uint64_t size, uint64_t *written, struct hg_error *err)
 {
     for (uint64_t at = 0; at < size;) {
@@ -41,7 +41,7 @@ static enum hg_status write_differences(struct hg_gpu *gpu, struct hg_table *tab
     return HG_OK;
 }
 
-enum hg_status hg_table_write(struct hg_gpu *gpu, struct hg_table *table, const void *data,
+enum hg_status hg_gpu_array_write(struct hg_gpu *gpu, struct hg_gpu_array *table, const void *data,
     uint64_t size_bytes, uint64_t *written, struct hg_error *err)
 {
     if (size_bytes == 0) {

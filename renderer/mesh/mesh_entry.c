@@ -100,7 +100,7 @@ static enum hg_status init_part(
     if (status == HG_OK && part->targets != NULL && target_count > 0)
         status = init_morphs(e, part, target_count);
     if (status == HG_OK)
-        status = hg_posed_build(part, target_count, &e->posed);
+        status = hg_skinned_lod_build(part, target_count, &e->posed);
     if (status == HG_OK)
         make_room(&e->layout, rounded(e->posed.index_count * 4ull));
     return status;
@@ -133,7 +133,7 @@ enum hg_status hg_mesh_entry_set_proxy(
 // The numbered list comes behind the other streams.
 static enum hg_status number_part(struct hg_part_entry *e, const struct hg_mesh_part *part)
 {
-    const enum hg_status status = hg_numbered_build(part, e->meshlets.order, &e->numbered);
+    const enum hg_status status = hg_provoking_build(part, e->meshlets.order, &e->numbered);
     if (status != HG_OK)
         return status == HG_E_LIMIT ? HG_OK : status; // drawn as it is
     e->numbered_at = e->layout.total_bytes;
@@ -255,8 +255,8 @@ static void finish_part(struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct
     if (e->clusters != NULL)
         hg_cluster_mesh_close(pool, e->clusters);
     hg_meshlets_finish(&e->meshlets);
-    hg_numbered_finish(&e->numbered);
-    hg_posed_finish(&e->posed);
+    hg_provoking_finish(&e->numbered);
+    hg_skinned_lod_finish(&e->posed);
     hg_free(e->host_indices);
     hg_proxy_free(e->proxy);
     hg_free(e->joint_boxes);

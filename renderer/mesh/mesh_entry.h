@@ -27,10 +27,10 @@ struct hg_part_entry {
     const uint32_t *indices;         // in the order of the device; on it, or `host_indices`
     uint32_t *host_indices;
     // The list of numbered.h, on the device behind the other streams. Only its indices stay here.
-    struct hg_numbered numbered;
+    struct hg_provoking numbered;
     const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
     uint64_t numbered_at, numbered_positions_at; // bytes
-    struct hg_posed_levels posed;                // of skinned and morphed ones
+    struct hg_skinned_lod_levels posed;                // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     struct hg_mesh_part *proxy; // what the streams hold until there are levels; NULL: the part
     bool baking, unbaked;       // unbaked: it has a proxy and gets no levels

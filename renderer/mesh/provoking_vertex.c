@@ -11,7 +11,7 @@ struct build {
     const struct hg_mesh_part *part;
     const uint32_t *order;
     uint32_t *place; // [part->vertex_count] vertex of the new list, or NONE
-    struct hg_numbered *out;
+    struct hg_provoking *out;
 };
 
 static const uint32_t *corners_of(const struct build *b, uint32_t triangle)
@@ -64,8 +64,8 @@ static void write_indices(const struct build *b, uint32_t triangles)
     }
 }
 
-enum hg_status hg_numbered_build(
-    const struct hg_mesh_part *part, const uint32_t *order, struct hg_numbered *out)
+enum hg_status hg_provoking_build(
+    const struct hg_mesh_part *part, const uint32_t *order, struct hg_provoking *out)
 {
     const uint32_t triangles = part->index_count / 3;
     memset(out, 0, sizeof *out);
@@ -77,7 +77,7 @@ enum hg_status hg_numbered_build(
     out->sources = hg_calloc((size_t)triangles + part->vertex_count, sizeof *out->sources);
     if (b.place == NULL || out->indices == NULL || out->sources == NULL) {
         hg_free(b.place);
-        hg_numbered_finish(out);
+        hg_provoking_finish(out);
         return HG_E_NOMEM;
     }
     memset(b.place, 0xff, part->vertex_count * sizeof *b.place);
@@ -88,7 +88,7 @@ enum hg_status hg_numbered_build(
     return HG_OK;
 }
 
-void hg_numbered_finish(struct hg_numbered *numbered)
+void hg_provoking_finish(struct hg_provoking *numbered)
 {
     hg_free(numbered->indices);
     hg_free(numbered->sources);

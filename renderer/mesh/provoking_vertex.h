@@ -13,7 +13,7 @@
 
 #include "renderer/scene/scene.h"
 
-struct hg_numbered {       // zeroed = none
+struct hg_provoking {       // zeroed = none
     uint32_t *indices;     // [triangles * 3], winding as in the part
     uint32_t *sources;     // [vertex_count] vertex of the part
     uint32_t vertex_count; // >= triangles
@@ -21,8 +21,8 @@ struct hg_numbered {       // zeroed = none
 
 // Of a part of triangles in `order` (NULL: as they are). HG_E_NOMEM, HG_E_LIMIT (more vertices than
 // 32 bits count). Cost O(n).
-enum hg_status hg_numbered_build(
-    const struct hg_mesh_part *part, const uint32_t *order, struct hg_numbered *out) HG_MUST_CHECK;
-void hg_numbered_finish(struct hg_numbered *numbered);
+enum hg_status hg_provoking_build(
+    const struct hg_mesh_part *part, const uint32_t *order, struct hg_provoking *out) HG_MUST_CHECK;
+void hg_provoking_finish(struct hg_provoking *numbered);
 
 #endif

@@ -1,6 +1,6 @@
 #include "renderer/passes/peel_test.h"
 
-enum hg_status hg_layer_any_record(struct hg_pass *pass, struct hg_gpu_image *depth,
+enum hg_status hg_peel_test_record(struct hg_pass *pass, struct hg_gpu_image *depth,
     const struct hg_gpu_buffer *target, uint32_t index, struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;

@@ -100,7 +100,7 @@ static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_imag
     status = draw(pass, &style, err);
     style.background = false;
     if (dark)
-        place(pass, target, HG_DARK_DEPTH);
+        place(pass, target, HG_UNLIT_TILES_DEPTH);
     if (status == HG_OK)
         status = draw(pass, &style, err);
     style.dark = true;

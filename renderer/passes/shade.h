@@ -20,7 +20,7 @@ struct hg_shade {
                   // this one noted is waited for
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
-    bool dark;  // surfaces at HG_DARK_DEPTH are reached by no light, others lie in front of it. Not
+    bool dark;  // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of it. Not
                 // for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
     // The opaque scene alone, to be seen through layers that let light through: alpha is how deep

@@ -33,14 +33,14 @@ struct push {
     VkDeviceAddress positions, vertices, extra;
 };
 
-static enum hg_status draw_set(struct hg_pass *pass, const struct hg_visible *visible,
+static enum hg_status draw_set(struct hg_pass *pass, const struct hg_culling *visible,
     uint32_t set_index, const float view_proj[16], struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
-    const struct hg_visible_set *set = hg_visible_set(visible, set_index);
+    const struct hg_culling_set *set = hg_culling_set(visible, set_index);
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = 0; i < set->item_count; i++) {
-        const struct hg_visible_item *item = hg_visible_item(visible, set->first_item + i);
+        const struct hg_culling_item *item = hg_culling_item(visible, set->first_item + i);
         const bool masked = (item->flags & HG_DRAW_MASK) != 0;
         const struct hg_gpu_pipeline_params params =
             pipeline_of(masked, pass->find, topology_of(item->flags), pass->tables, pass->features);
@@ -57,7 +57,7 @@ static enum hg_status draw_set(struct hg_pass *pass, const struct hg_visible *vi
             .positions = item->positions, .vertices = item->vertices, .extra = item->extra};
         memcpy(push.view_proj, view_proj, sizeof push.view_proj);
         hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
-        hg_visible_draw(visible, pass->cmd, item);
+        hg_culling_draw(visible, pass->cmd, item);
     }
     return HG_OK;
 }
@@ -88,7 +88,7 @@ static VkRect2D rect_of(const struct hg_gpu_shadow *s)
 }
 
 static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map *map,
-    struct hg_gpu_image *atlas, const struct hg_visible *visible, uint32_t set,
+    struct hg_gpu_image *atlas, const struct hg_culling *visible, uint32_t set,
     struct hg_error *err)
 {
     const VkRect2D whole = rect_of(&map->gpu);
@@ -134,7 +134,7 @@ static uint32_t planes_of(
 }
 
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
-    const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_visible *visible,
+    const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_culling *visible,
     struct hg_error *err)
 {
     uint32_t count;
@@ -144,7 +144,7 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
         if (!is_due(&maps[i], choice->coarse))
             continue;
         const struct hg_gpu_shadow *s = &maps[i].gpu;
-        struct hg_visible_view view = {.both_sides = true,
+        struct hg_culling_view view = {.both_sides = true,
             .casters_only = true,
             .eye = {s->origin_ws.x, s->origin_ws.y, s->origin_ws.z},
             .px_scale = 1.0f / s->texel_size,
@@ -160,15 +160,15 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
             choice->area.extent.width == 0
                 ? hg_frustum_planes(maps[i].view_proj, view.planes)
                 : planes_of(maps[i].view_proj, whole, cut(whole, choice->area), view.planes);
-        status = hg_visible_add(visible, geometry, &view, jobs, err);
+        status = hg_culling_add(visible, geometry, &view, jobs, err);
     }
     return status;
 }
 
 enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighting, bool coarse,
-    const struct hg_visible *visible, uint32_t first_set, struct hg_error *err)
+    const struct hg_culling *visible, uint32_t first_set, struct hg_error *err)
 {
-    if (first_set == hg_visible_count(visible))
+    if (first_set == hg_culling_count(visible))
         return HG_OK; // none is due
     uint32_t count;
     struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
@@ -184,7 +184,7 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
             continue;
         status =
             draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set, err);
-        const struct hg_visible_set *set = hg_visible_set(visible, first_set);
+        const struct hg_culling_set *set = hg_culling_set(visible, first_set);
         maps[i].stale = pass->find || status != HG_OK || set->missing > 0 || set->crowded;
         first_set++;
     }

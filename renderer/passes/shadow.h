@@ -13,21 +13,21 @@
 struct hg_shadow_choice {
     bool coarse; // leave out (and leave stale) what only refines the map of the whole scene; the
                  // frame block must carry HG_FRAME_COARSE_SHADOWS then
-    bool wait, whole;       // as of struct hg_visible_view
+    bool wait, whole;       // as of struct hg_culling_view
     VkRect2D area;          // of the atlas; nothing else will be drawn. Zero = all of it
-    uint32_t share, shares; // as of struct hg_visible_view
+    uint32_t share, shares; // as of struct hg_culling_view
 };
-// Once per step, before hg_visible_upload: adds a set for each map that is stale. Levels of detail
+// Once per step, before hg_culling_upload: adds a set for each map that is stale. Levels of detail
 // are as fine as the map's texels, wherever the camera is, so that a map that is kept fits every
 // view. HG_E_NOMEM.
 enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_lighting *lighting,
-    const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_visible *visible,
+    const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_culling *visible,
     struct hg_error *err) HG_MUST_CHECK;
 // Draws the sets from first_set on, which hg_shadow_select added, before shading; nothing is
 // recorded when there are none. A map stays stale when its set is not as fine as it should be.
 // Device errors.
 enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighting, bool coarse,
-    const struct hg_visible *visible, uint32_t first_set, struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_culling *visible, uint32_t first_set, struct hg_error *err) HG_MUST_CHECK;
 // All pipelines of this pass. *count = how many.
 enum hg_status hg_shadow_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;

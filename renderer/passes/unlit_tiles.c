@@ -4,10 +4,10 @@
 
 static uint32_t cells_along(uint32_t px)
 {
-    return (px + HG_DARK_CELL_PX - 1) / HG_DARK_CELL_PX;
+    return (px + HG_UNLIT_TILES_CELL_PX - 1) / HG_UNLIT_TILES_CELL_PX;
 }
 
-void hg_dark_finish(struct hg_gpu *gpu, struct hg_dark *dark)
+void hg_unlit_tiles_finish(struct hg_gpu *gpu, struct hg_unlit_tiles *dark)
 {
     hg_gpu_buffer_destroy(gpu, &dark->head);
     hg_gpu_buffer_destroy(gpu, &dark->cells);
@@ -22,11 +22,11 @@ static uint64_t cell_words(const struct hg_gpu_image *depth)
     return (words + 1) / 2 * 2;
 }
 
-static enum hg_status reserve(struct hg_dark *dark, struct hg_gpu *gpu,
+static enum hg_status reserve(struct hg_unlit_tiles *dark, struct hg_gpu *gpu,
     const struct hg_gpu_image *depth, uint32_t atlas_px, struct hg_error *err)
 {
     const uint64_t words = cell_words(depth), rows = cells_along(depth->height);
-    const uint64_t runs = (words + rows) / 2 + 1, side = atlas_px / HG_DARK_TEXELS;
+    const uint64_t runs = (words + rows) / 2 + 1, side = atlas_px / HG_UNLIT_TILES_TEXELS;
     enum hg_status status = HG_OK;
     if (dark->head.handle == VK_NULL_HANDLE)
         status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_READBACK, sizeof(struct hg_gpu_dark_head),
@@ -44,7 +44,7 @@ static enum hg_status reserve(struct hg_dark *dark, struct hg_gpu *gpu,
 }
 
 static struct hg_gpu_dark push_of(
-    const struct hg_dark *dark, const struct hg_gpu_image *depth, uint32_t atlas_px)
+    const struct hg_unlit_tiles *dark, const struct hg_gpu_image *depth, uint32_t atlas_px)
 {
     return (struct hg_gpu_dark){.head = dark->head.address,
         .cells = dark->cells.address,
@@ -75,8 +75,8 @@ static enum hg_status make_levels(struct hg_pass *pass, struct hg_lighting *ligh
     uint32_t count;
     const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
     enum hg_status status = HG_OK;
-    for (uint32_t level = 0; level < HG_DARK_LEVELS; level++) {
-        const uint32_t texels = HG_DARK_TEXELS << level;
+    for (uint32_t level = 0; level < HG_UNLIT_TILES_LEVELS; level++) {
+        const uint32_t texels = HG_UNLIT_TILES_TEXELS << level;
         const struct hg_gpu_pipeline_params params = {
             .compute = "unlit_tiles_level.comp", .spec = {level == 0}, .spec_count = 1};
         for (uint32_t i = 0; i < count && status == HG_OK; i++) {
@@ -94,7 +94,7 @@ static enum hg_status make_levels(struct hg_pass *pass, struct hg_lighting *ligh
     return status;
 }
 
-static enum hg_status find(struct hg_pass *pass, struct hg_dark *dark, struct hg_lighting *lighting,
+static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark, struct hg_lighting *lighting,
     bool coarse, const struct hg_gpu_dark *push, struct hg_error *err)
 {
     const uint64_t revision = hg_lighting_atlas_revision(lighting);
@@ -108,7 +108,7 @@ static enum hg_status find(struct hg_pass *pass, struct hg_dark *dark, struct hg
     const struct hg_gpu_pipeline_params finds = {
         .compute = "unlit_tiles_cells.comp", .spec = {0, pass->tables, pass->features}, .spec_count = 3};
     const struct hg_gpu_pipeline_params joins = {.compute = "unlit_tiles_runs.comp"};
-    const uint32_t groups[2] = {(cells + HG_DARK_GROUP - 1) / HG_DARK_GROUP, 1};
+    const uint32_t groups[2] = {(cells + HG_UNLIT_TILES_GROUP - 1) / HG_UNLIT_TILES_GROUP, 1};
     const uint32_t rows[2] = {(push->rows + 7) / 8, 1};
     if (status == HG_OK)
         status = dispatch(pass, &finds, push, groups, err);
@@ -119,7 +119,7 @@ static enum hg_status find(struct hg_pass *pass, struct hg_dark *dark, struct hg
     return status;
 }
 
-enum hg_status hg_dark_find(struct hg_pass *pass, struct hg_dark *dark,
+enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
     struct hg_lighting *lighting, bool coarse, struct hg_gpu_image *depth, struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;
@@ -138,7 +138,7 @@ enum hg_status hg_dark_find(struct hg_pass *pass, struct hg_dark *dark,
     return status;
 }
 
-enum hg_status hg_dark_mark(struct hg_pass *pass, const struct hg_dark *dark,
+enum hg_status hg_unlit_tiles_mark(struct hg_pass *pass, const struct hg_unlit_tiles *dark,
     struct hg_gpu_image *depth, struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
@@ -150,7 +150,7 @@ enum hg_status hg_dark_mark(struct hg_pass *pass, const struct hg_dark *dark,
     const struct hg_gpu_rendering rendering = {.depth = {.image = depth}};
     const struct hg_gpu_dark push = push_of(dark, depth, 0);
     const VkViewport view = {
-        0.0f, 0.0f, (float)depth->width, (float)depth->height, HG_DARK_DEPTH, 1.0f};
+        0.0f, 0.0f, (float)depth->width, (float)depth->height, HG_UNLIT_TILES_DEPTH, 1.0f};
     hg_gpu_cmd_begin_stage(pass->cmd, "dark marks");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     const enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
@@ -164,7 +164,7 @@ enum hg_status hg_dark_mark(struct hg_pass *pass, const struct hg_dark *dark,
     return status;
 }
 
-float hg_dark_share(const struct hg_dark *dark, const struct hg_gpu_image *depth)
+float hg_unlit_tiles_share(const struct hg_unlit_tiles *dark, const struct hg_gpu_image *depth)
 {
     const struct hg_gpu_dark_head *head = dark->head.mapped;
     const float cells = (float)cells_along(depth->width) * (float)cells_along(depth->height);

@@ -80,22 +80,22 @@ struct manner {
     bool late;
 };
 
-static void push_item(struct hg_pass *pass, const struct hg_visible *visible,
-    const struct hg_visible_item *item, uint32_t width)
+static void push_item(struct hg_pass *pass, const struct hg_culling *visible,
+    const struct hg_culling_item *item, uint32_t width)
 {
     struct hg_gpu_item push;
-    hg_visible_fill(visible, item, &push);
+    hg_culling_fill(visible, item, &push);
     push.width = width;
     hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
 }
 
-static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *visible,
+static enum hg_status draw_items(struct hg_pass *pass, const struct hg_culling *visible,
     uint32_t first, uint32_t end, const struct manner *manner, struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = first; i < end; i++) {
-        const struct hg_visible_item *item = hg_visible_item(visible, i);
+        const struct hg_culling_item *item = hg_culling_item(visible, i);
         if (item->index_count == 0)
             continue;
         const struct style style = {.listed = item->listed,
@@ -116,7 +116,7 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_visible *
         if (pipeline != bound || !item->numbered)
             push_item(pass, visible, item, manner->width);
         bound = pipeline;
-        hg_visible_draw(visible, pass->cmd, item);
+        hg_culling_draw(visible, pass->cmd, item);
     }
     return HG_OK;
 }
@@ -138,9 +138,9 @@ static void begin(
 static enum hg_status record_late(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err)
 {
-    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     hg_gpu_cmd_begin_stage(pass->cmd, "occlusion");
-    enum hg_status status = hg_visible_test(scene->visible, pass->cmd, scene->set, target->depth,
+    enum hg_status status = hg_culling_test(scene->visible, pass->cmd, scene->set, target->depth,
         target->visibility, pass->tables, pass->features, err);
     hg_gpu_cmd_end_stage(pass->cmd);
     if (status != HG_OK || set->late_count == 0)
@@ -158,7 +158,7 @@ static enum hg_status record_late(struct hg_pass *pass, const struct hg_visibili
 enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err)
 {
-    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const struct manner manner = {.solid = SOLID, .mask = MASK};
     const uint32_t first = set->class_first[HG_DRAW_CLASS_OPAQUE];
     const uint32_t end = set->class_first[HG_DRAW_CLASS_BLEND];
@@ -167,7 +167,7 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
     if (set->hosted)
-        hg_visible_copy_hosted(scene->visible, pass->cmd, scene->slot, target->visibility,
+        hg_culling_copy_cpu(scene->visible, pass->cmd, scene->slot, target->visibility,
             target->depth, pass->area);
     if (!set->hosted || end > first) {
         begin(pass, target, pass->area, !set->hosted);
@@ -183,7 +183,7 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
     struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous, struct hg_error *err)
 {
-    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const enum variant variant = previous != NULL ? LAYER_NEXT : LAYER_FIRST;
     const struct manner manner = {.solid = variant, .mask = variant};
     struct hg_gpu_bindings bindings = pass->bindings;
@@ -205,7 +205,7 @@ enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
     VkRect2D area, struct hg_error *err)
 {
-    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const struct manner manner = {.solid = SOLID, .mask = MASK};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)
@@ -225,7 +225,7 @@ enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
 enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, struct hg_gpu_image *counts, struct hg_error *err)
 {
-    const struct hg_visible_set *set = hg_visible_set(scene->visible, scene->set);
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const struct manner manner = {.solid = OVERDRAW, .mask = OVERDRAW};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     if (status != HG_OK)

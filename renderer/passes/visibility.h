@@ -19,7 +19,7 @@ struct hg_visibility_target {
 
 // What is drawn.
 struct hg_visibility_scene {
-    struct hg_visible *visible;
+    struct hg_culling *visible;
     uint32_t set;
     uint32_t slot; // of what the host drew, where the set is hosted
 };

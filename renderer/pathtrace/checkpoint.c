@@ -45,7 +45,7 @@ static enum hg_status hash_state(const struct hg_view_state *view, uint8_t out[H
 static void note_scene(const struct hg_view_state *view, struct header *h)
 {
     struct hg_geometry_stats stats;
-    hg_geometry_stats(view->rooms->geometry, &stats);
+    hg_geometry_stats(view->scene_gpu->geometry, &stats);
     h->triangles = stats.triangles_total;
     h->draws = stats.draws;
     h->materials = stats.materials;
@@ -114,8 +114,8 @@ enum hg_status hg_path_save(
 // Baked levels may come between loading and the first wave.
 static struct hg_view_key key_of(const struct hg_view_state *view)
 {
-    return (struct hg_view_key){.scene = view->rooms->scene->revision,
-        .environment = view->rooms->scene->environment.revision,
+    return (struct hg_view_key){.scene = view->scene_gpu->scene->revision,
+        .environment = view->scene_gpu->scene->environment.revision,
         .settings = view->settings_revision,
         .camera = view->camera_revision};
 }

@@ -11,7 +11,7 @@
 
 enum kind { OBJECT, MATERIAL, ASSET, KINDS }; // enum hg_matte_kind of renderer.h
 
-void hg_path_names_destroy(struct hg_path *p)
+void hg_cryptomatte_ids_destroy(struct hg_path *p)
 {
     hg_gpu_buffer_destroy(p->context->gpu, &p->names);
     p->list_count = p->name_draws = 0;
@@ -87,7 +87,7 @@ static uint32_t kinds_of(const struct hg_view_state *view)
     return (s->planes >> HG_PATH_PLANE_DRAWS & 1u) != 0 ? s->mattes : 0;
 }
 
-enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_cryptomatte_ids_make(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct hg_geometry_stats stats;
@@ -95,7 +95,7 @@ enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *e
     p->list_count = (uint32_t)__builtin_popcount(kinds);
     if (p->list_count == 0)
         return HG_OK;
-    hg_geometry_stats(view->rooms->geometry, &stats);
+    hg_geometry_stats(view->scene_gpu->geometry, &stats);
     p->name_draws = (uint32_t)stats.draws;
     enum hg_status status = hg_gpu_buffer_reserve(p->context->gpu, HG_GPU_BUFFER_UPLOAD,
         ((uint64_t)p->list_count * p->name_draws + 1) * 4, "names of draws", &p->names, err);
@@ -105,7 +105,7 @@ enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *e
     for (uint32_t kind = 0; kind < KINDS && status == HG_OK; kind++) {
         if ((kinds >> kind & 1u) == 0)
             continue;
-        status = name_all(view->rooms->geometry, kind, p->name_draws, to);
+        status = name_all(view->scene_gpu->geometry, kind, p->name_draws, to);
         to += p->name_draws;
     }
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "names", NULL, "out of host memory");

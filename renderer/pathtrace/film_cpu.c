@@ -16,7 +16,7 @@ struct work {
     float weights[TAPS];
 };
 
-bool hg_path_host_adds(const struct hg_path *p)
+bool hg_film_cpu_is_used(const struct hg_path *p)
 {
     return hg_gpu_get_caps(p->context->gpu)->is_cpu && p->film.mapped != NULL &&
            p->ring.mapped != NULL && p->state.mapped != NULL;
@@ -58,7 +58,7 @@ static void keep_tile(void *user, size_t index)
     }
 }
 
-void hg_path_host_keep(struct hg_path *p)
+void hg_film_cpu_keep(struct hg_path *p)
 {
     struct work work = {.path = p, .tiles = p->tile_index};
     hg_jobs_for(p->context->jobs, p->wave_tiles, keep_tile, &work);
@@ -132,7 +132,7 @@ static float taken(const struct tile *t, uint32_t word, uint32_t x, uint32_t y, 
     return sum;
 }
 
-HG_WIDE_LOOP static void blend_row(
+HG_SIMD_LOOP static void blend_row(
     const float *const rows[3], const float w[TAPS], float out[restrict SIDE])
 {
     for (uint32_t x = 0; x < SIDE; x++) {
@@ -314,7 +314,7 @@ static void add_tile(void *user, size_t index)
     add_planes(&t);
 }
 
-void hg_path_host_add(struct hg_path *p, const uint32_t *tiles, uint32_t count)
+void hg_film_cpu_add(struct hg_path *p, const uint32_t *tiles, uint32_t count)
 {
     struct work work = {.path = p, .tiles = tiles};
     const float *x = &p->block.splat_x.x, *y = &p->block.splat_y.x;

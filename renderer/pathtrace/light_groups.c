@@ -11,7 +11,7 @@
 #include "renderer/pathtrace/path_state.h"
 #include "renderer/light/lights.h"
 
-void hg_path_groups_destroy(struct hg_path *p)
+void hg_light_groups_destroy(struct hg_path *p)
 {
     hg_gpu_buffer_destroy(p->context->gpu, &p->draw_marks);
     hg_gpu_buffer_destroy(p->context->gpu, &p->light_groups);
@@ -124,8 +124,8 @@ static enum hg_status name_lights(
     struct hg_path *p = n->path;
     struct hg_light_set set = {0};
     double origin[3];
-    hg_geometry_origin(view->rooms->geometry, origin);
-    enum hg_status status = hg_light_set_collect(&set, view->rooms->scene, origin);
+    hg_geometry_origin(view->scene_gpu->geometry, origin);
+    enum hg_status status = hg_light_set_collect(&set, view->scene_gpu->scene, origin);
     if (status != HG_OK)
         hg_error_set(err, status, "groups of lights", NULL, "no memory");
     else
@@ -157,7 +157,7 @@ static enum hg_status reserve_marks(struct hg_view_state *view, struct hg_error 
 {
     struct hg_path *p = view->path;
     struct hg_geometry_stats stats;
-    hg_geometry_stats(view->rooms->geometry, &stats);
+    hg_geometry_stats(view->scene_gpu->geometry, &stats);
     const enum hg_status status = reserve(p, &p->draw_marks, stats.draws, err);
     if (status == HG_OK)
         memset(p->draw_marks.mapped, 0, (size_t)stats.draws * 4);
@@ -169,11 +169,11 @@ static enum hg_status mark_draws(struct hg_view_state *view, struct naming *n, s
     struct hg_path *p = n->path;
     struct hg_geometry_stats stats;
     struct hg_draw_info info;
-    hg_geometry_stats(view->rooms->geometry, &stats);
+    hg_geometry_stats(view->scene_gpu->geometry, &stats);
     const enum hg_status status = reserve_marks(view, err);
     uint32_t *marks = status == HG_OK ? p->draw_marks.mapped : NULL;
     for (uint32_t i = 0; i < stats.draws && marks != NULL; i++) {
-        if (!hg_geometry_draw_info(view->rooms->geometry, i, &info))
+        if (!hg_geometry_draw_info(view->scene_gpu->geometry, i, &info))
             continue;
         if (p->group_count > 0 && shines(info.material))
             marks[i] = group_of(n, info.node->head.name, "emission");
@@ -185,18 +185,18 @@ static enum hg_status mark_draws(struct hg_view_state *view, struct naming *n, s
     return status;
 }
 
-void hg_path_groups_mark_placed(struct hg_view_state *view)
+void hg_light_groups_mark_placed(struct hg_view_state *view)
 {
     struct hg_path *p = view->path;
     struct hg_geometry_stats stats;
-    hg_geometry_stats(view->rooms->geometry, &stats);
+    hg_geometry_stats(view->scene_gpu->geometry, &stats);
     p->options &= ~HG_PATH_PLACED;
     if (p->draw_marks.mapped != NULL &&
         hg_trace_mark_placed(p->trace, p->draw_marks.mapped, stats.draws, HG_PATH_MARK_PLACED))
         p->options |= HG_PATH_PLACED;
 }
 
-enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_light_groups_make(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     const uint32_t planes = view->settings.path.planes;

@@ -13,10 +13,10 @@
 
 #define MOST_PARTS 64 // two turns: what goes round is off its circle by 0.5 % of the radius at most
 
-void hg_path_time_destroy(struct hg_path *p)
+void hg_motion_blur_destroy(struct hg_path *p)
 {
     for (int i = 0; i < HG_PATH_MOMENTS; i++) {
-        hg_moment_free(p->kept[i]);
+        hg_pose_snapshot_free(p->kept[i]);
         p->kept[i] = NULL;
     }
     hg_light_set_finish(&p->lights[0]);
@@ -49,7 +49,7 @@ bool hg_path_is_posed(const struct hg_view_state *view)
 {
     const struct hg_path *p = view->path;
     return p != NULL && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
-           !view->path_begins && hg_rooms_are_posed(view->rooms, p);
+           !view->path_begins && hg_scene_gpu_is_posed(view->scene_gpu, p);
 }
 
 static void note_camera(struct hg_path *p, uint32_t moment, const struct hg_gpu_camera *c)
@@ -74,9 +74,9 @@ static enum hg_status pose(
     note_camera(p, moment, &camera);
     if (!keep)
         return HG_OK;
-    status = hg_moment_take(view->rooms->geometry, &p->kept[moment], err);
+    status = hg_pose_snapshot_take(view->scene_gpu->geometry, &p->kept[moment], err);
     if (status == HG_OK)
-        hg_moment_fill(p->kept[moment], &p->moments[moment].scene);
+        hg_pose_snapshot_fill(p->kept[moment], &p->moments[moment].scene);
     return status;
 }
 
@@ -88,12 +88,12 @@ static uint32_t part_of(const struct hg_path *p)
     return part;
 }
 
-bool hg_path_time_passes(const struct hg_path *p)
+bool hg_motion_blur_passes(const struct hg_path *p)
 {
     return (p->options & HG_PATH_BLURS) != 0 && part_of(p) != p->time_part;
 }
 
-enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_motion_blur_open(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     const struct hg_path_settings *s = &view->settings.path;
@@ -107,7 +107,7 @@ enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *er
     if (status == HG_OK)
         status = pose(view, HG_PATH_OPENING, from, true, err);
     if (status == HG_OK)
-        status = hg_cut_open_shutter(view->rooms->geometry, &p->cut, err);
+        status = hg_ray_geometry_open_shutter(view->scene_gpu->geometry, &p->cut, err);
     return status == HG_OK ? pose(view, HG_PATH_CLOSING, to, false, err) : status;
 }
 
@@ -142,7 +142,7 @@ static enum hg_status pose_frames(struct hg_view_state *view, struct hg_error *e
     return status;
 }
 
-enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_motion_blur_begin(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     enum hg_status status = HG_OK;
@@ -161,6 +161,6 @@ enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *e
         return choose_parts(view, err);
     }
     if (status == HG_OK)
-        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
-    return status == HG_OK ? hg_skin_run(view->context->gpu, view->rooms->geometry, err) : status;
+        status = hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, view->wait, err);
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err) : status;
 }

@@ -12,7 +12,7 @@
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
-    return hg_textures_cache(view->rooms->textures);
+    return hg_textures_cache(view->scene_gpu->textures);
 }
 
 // --- life ----------------------------------------------------------------------------------------
@@ -26,10 +26,10 @@ void hg_path_destroy(struct hg_path *p)
     hg_denoise_destroy(p->history);
     hg_trace_destroy(p->trace);
     hg_emitters_destroy(p->emitters);
-    hg_cut_free(p->cut);
-    hg_path_time_destroy(p);
-    hg_path_groups_destroy(p);
-    hg_path_names_destroy(p);
+    hg_ray_geometry_free(p->cut);
+    hg_motion_blur_destroy(p);
+    hg_light_groups_destroy(p);
+    hg_cryptomatte_ids_destroy(p);
     hg_free(p);
 }
 
@@ -68,27 +68,27 @@ static enum hg_status sync_cut(struct hg_view_state *view, struct hg_error *err)
     struct hg_path *p = view->path;
     const struct hg_gpu_camera *c = &view->frame.camera;
     const bool flat = c->orthographic != 0;
-    const struct hg_cut_lens lens = {.eye = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z},
+    const struct hg_ray_geometry_lens lens = {.eye = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z},
         .px_scale = 1.0f / (flat ? c->pixel_size : c->pixel_angle),
         .orthographic = flat,
         .near = fmaxf(c->near, 1e-6f),
         .motion = (p->options & HG_PATH_BLURS) != 0,
         .error_px = view->settings.error_px};
     enum hg_status status =
-        hg_cut_make(view->rooms->geometry, &lens, view->context->jobs, &p->cut, err);
-    if (status != HG_OK || hg_cut_revision(p->cut) == p->cut_revision)
+        hg_ray_geometry_make(view->scene_gpu->geometry, &lens, view->context->jobs, &p->cut, err);
+    if (status != HG_OK || hg_ray_geometry_revision(p->cut) == p->cut_revision)
         return status;
     p->cut_revision = UINT64_MAX;
     status = hg_trace_sync(p->trace, p->cut, err);
     if (status == HG_OK)
-        p->cut_revision = hg_cut_revision(p->cut);
+        p->cut_revision = hg_ray_geometry_revision(p->cut);
     return status;
 }
 
 static enum hg_status sync_emitters(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
-    const struct hg_rooms *rooms = view->rooms;
+    const struct hg_scene_gpu *scene_gpu = view->scene_gpu;
     const struct hg_emitters_params params = {0};
     enum hg_status status = HG_OK;
     if (p->emitters == NULL)
@@ -100,13 +100,13 @@ static enum hg_status sync_emitters(struct hg_view_state *view, struct hg_error 
     hg_emitters_move_lights(
         p->emitters, blurs ? &p->lights[0] : NULL, blurs ? &p->lights[1] : NULL);
     return hg_emitters_sync(
-        p->emitters, rooms->geometry, p->cut, rooms->scene, rooms->textures, err);
+        p->emitters, scene_gpu->geometry, p->cut, scene_gpu->scene, scene_gpu->textures, err);
 }
 
-static uint32_t has_holes(const struct hg_cut *cut)
+static uint32_t has_holes(const struct hg_ray_geometry *cut)
 {
-    const struct hg_cut_piece *pieces = hg_cut_pieces(cut);
-    for (uint32_t i = 0; i < hg_cut_count(cut); i++) {
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(cut);
+    for (uint32_t i = 0; i < hg_ray_geometry_count(cut); i++) {
         if ((pieces[i].flags & (HG_DRAW_MASK | HG_DRAW_BLEND)) != 0)
             return 1;
     }
@@ -129,12 +129,12 @@ static enum hg_status sync_scene(struct hg_view_state *view, struct hg_error *er
 static enum hg_status open_shutter(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    const enum hg_status status = hg_path_time_open(view, err);
+    const enum hg_status status = hg_motion_blur_open(view, err);
     if (status != HG_OK)
         return status;
     const enum hg_status synced = sync_scene(view, err);
     if (synced == HG_OK)
-        hg_path_groups_mark_placed(view);
+        hg_light_groups_mark_placed(view);
     view->path->stats.build_ns += hg_clock_now_ns() - start;
     return synced;
 }
@@ -154,17 +154,17 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     if (status == HG_OK)
         status = make_trace(view, err);
     if (status == HG_OK)
-        status = hg_skin_run(view->context->gpu, view->rooms->geometry, err);
+        status = hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err);
     if (status == HG_OK)
-        status = hg_path_time_begin(view, err);
+        status = hg_motion_blur_begin(view, err);
     if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
         status = sync_scene(view, err);
     if (status == HG_OK)
-        status = hg_path_groups_make(view, err);
+        status = hg_light_groups_make(view, err);
     if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
-        hg_path_groups_mark_placed(view);
+        hg_light_groups_mark_placed(view);
     if (status == HG_OK)
-        status = hg_path_names_make(view, err);
+        status = hg_cryptomatte_ids_make(view, err);
     if (status == HG_OK)
         status = hg_path_film_create(p, &view->settings, err);
     if (status == HG_OK)
@@ -172,11 +172,11 @@ static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error 
     if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0)
         status = open_shutter(view, err);
     if (status == HG_OK)
-        status = hg_path_branch_choose(view, err);
+        status = hg_path_splitting_choose(view, err);
     if (status != HG_OK)
         return status;
     memset(p->samples.mapped, 0, (size_t)p->tile_count * 4);
-    hg_geometry_origin(view->rooms->geometry, p->origin);
+    hg_geometry_origin(view->scene_gpu->geometry, p->origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
     hg_view_add_stage(view, "path build", p->stats.build_ns);
     return hg_path_resume(view, err);
@@ -240,7 +240,7 @@ static enum hg_status next_wave(struct hg_view_state *view, struct hg_error *err
             return status;
         (void)choose_tiles(p); // tiles that are not done are all there
     }
-    if (hg_path_time_passes(p))
+    if (hg_motion_blur_passes(p))
         status = open_shutter(view, err);
     if (status != HG_OK)
         return status;
@@ -314,17 +314,17 @@ enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_
     } else {
         status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
         if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0 && !hg_path_done(p))
-            status = hg_skin_run(view->context->gpu, view->rooms->geometry, err); // others' poses
+            status = hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err); // others' poses
         if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
-            view->rooms->posed != p) { // others have looked at the scene in between
+            view->scene_gpu->posed != p) { // others have looked at the scene in between
             status = open_shutter(view, err);
             hg_path_wave_fill(view);
         }
     }
     if (status == HG_OK && !hg_path_done(p))
         status = work(view, err);
-    if (status == HG_OK && hg_path_done(p) && view->rooms->posed == p)
-        status = hg_rooms_sync(view->context, view->rooms, view->camera.eye, view->wait, err);
+    if (status == HG_OK && hg_path_done(p) && view->scene_gpu->posed == p)
+        status = hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, view->wait, err);
     view->stream.missing = status == HG_OK ? p->missing : 0;
     if (status != HG_OK)
         hg_path_film_destroy(p); // begins anew

@@ -88,7 +88,7 @@ static enum hg_status count_hits(
     return status;
 }
 
-enum hg_status hg_path_branch_choose(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_path_splitting_choose(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     struct probe probe = {0};

@@ -33,13 +33,13 @@ struct hg_path_list {
 struct hg_path {
     struct hg_frame_context *context;
     struct hg_trace *trace;
-    struct hg_cut *cut;
+    struct hg_ray_geometry *cut;
     uint64_t cut_revision; // that `trace` has
     struct hg_emitters *emitters;
     uint32_t backend; // asked for when `trace` was made
 
     // Time. A pass has one part of the time that the shutter is open.
-    struct hg_moment *kept[HG_PATH_MOMENTS];            // made when first asked for
+    struct hg_pose_snapshot *kept[HG_PATH_MOMENTS];            // made when first asked for
     struct hg_gpu_path_moment moments[HG_PATH_MOMENTS]; // for the block
     uint32_t options;                                   // HG_PATH_BLURS, ...
     uint32_t time_parts,
@@ -121,7 +121,7 @@ void hg_path_wave_fill(struct hg_view_state *view);
 uint32_t hg_path_sample_bits(uint32_t samples);
 
 // path_branch.c: chooses branch_bits, when rays can be traced and options are known.
-enum hg_status hg_path_branch_choose(
+enum hg_status hg_path_splitting_choose(
     struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
 // path_save.c: what was loaded takes the place of the empty film of a picture that was just begun.
@@ -129,11 +129,11 @@ enum hg_status hg_path_resume(struct hg_view_state *view, struct hg_error *err) 
 
 // path_time.c: where things are at other times than the pose. Before the cut is made; the geometry
 // may be posed otherwise than the scene afterwards.
-enum hg_status hg_path_time_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_motion_blur_begin(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // The part of the shutter's time that the next pass has is posed: the cut has to be made anew.
-bool hg_path_time_passes(const struct hg_path *path);
-enum hg_status hg_path_time_open(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-void hg_path_time_destroy(struct hg_path *path);
+bool hg_motion_blur_passes(const struct hg_path *path);
+enum hg_status hg_motion_blur_open(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+void hg_motion_blur_destroy(struct hg_path *path);
 
 // path_denoise.c: another picture begins.
 enum hg_status hg_path_denoise_begin(
@@ -143,21 +143,21 @@ bool hg_path_denoise_due(const struct hg_path *path);
 enum hg_status hg_path_denoise(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // path_groups.c: which lights belong together, and which draws catch shadows; before the film is
 // made, when the geometry is synced. Adds to options.
-enum hg_status hg_path_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_light_groups_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // Which draws rays meet in their own space: after groups were made, and whenever structures were.
-void hg_path_groups_mark_placed(struct hg_view_state *view);
-void hg_path_groups_destroy(struct hg_path *path);
+void hg_light_groups_mark_placed(struct hg_view_state *view);
+void hg_light_groups_destroy(struct hg_path *path);
 // path_names.c: as well before the film is made.
-enum hg_status hg_path_names_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-void hg_path_names_destroy(struct hg_path *path);
+enum hg_status hg_cryptomatte_ids_make(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+void hg_cryptomatte_ids_destroy(struct hg_path *path);
 // Which list has names of a kind; false: none.
 bool hg_path_list_of(const struct hg_view_state *view, uint32_t kind, uint32_t *list);
 
 // path_host.c: samples to the film by the host, where it is the device. keep: of the wave, to the
 // ring; add: of `count` tiles of the picture, from there.
-bool hg_path_host_adds(const struct hg_path *path);
-void hg_path_host_keep(struct hg_path *path);
-void hg_path_host_add(struct hg_path *path, const uint32_t *tiles, uint32_t count);
+bool hg_film_cpu_is_used(const struct hg_path *path);
+void hg_film_cpu_keep(struct hg_path *path);
+void hg_film_cpu_add(struct hg_path *path, const uint32_t *tiles, uint32_t count);
 
 // path_film.c
 enum hg_status hg_path_film_create(struct hg_path *path, const struct hg_view_settings *settings,

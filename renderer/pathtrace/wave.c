@@ -12,7 +12,7 @@
 
 static struct hg_page_cache *pages_of(const struct hg_view_state *view)
 {
-    return hg_textures_cache(view->rooms->textures);
+    return hg_textures_cache(view->scene_gpu->textures);
 }
 
 // --- times ---------------------------------------------------------------------------------------
@@ -566,9 +566,9 @@ static enum hg_status add_tiles(
     }
     if (count == 0)
         return HG_OK;
-    if (!hg_path_host_adds(p))
+    if (!hg_film_cpu_is_used(p))
         return run(view, HG_PATH_ADD, &p->live, 0, count * HG_PATH_TILE_PX, &demand, err);
-    hg_path_host_add(p, all, count);
+    hg_film_cpu_add(p, all, count);
     return HG_OK;
 }
 
@@ -594,8 +594,8 @@ static enum hg_status add(struct hg_view_state *view, struct hg_error *err)
     uint32_t *traced = p->traced.mapped;
     p->live.count = p->slots; // for its address alone: these kernels go by slot
     enum hg_status status = HG_OK;
-    if (hg_path_host_adds(p))
-        hg_path_host_keep(p);
+    if (hg_film_cpu_is_used(p))
+        hg_film_cpu_keep(p);
     else
         status = run(view, HG_PATH_KEEP, &p->live, 0, p->slots, &demand, err);
     for (uint32_t i = 0; i < p->wave_tiles; i++)

@@ -145,7 +145,7 @@ static bool load_corners(const float *positions, const uint32_t index[3], const 
 
 // Appends the triangles of a piece.
 static void add_piece(
-    struct soup *s, const struct hg_cut_piece *piece, const float *world, uint32_t owner)
+    struct soup *s, const struct hg_ray_geometry_piece *piece, const float *world, uint32_t owner)
 {
     const float *before = piece->opening != NULL ? piece->opening : piece->positions;
     for (uint32_t i = 0; i < piece->triangle_count; i++) {
@@ -282,7 +282,7 @@ static enum hg_status build_flat(
         for (uint32_t p = 0; body->flat && p < body->place_count; p++) {
             const struct hg_trace_place *place = &l->places[body->first_place + p];
             for (uint32_t k = 0; k < place->piece_count; k++) {
-                const struct hg_cut_piece *piece = hg_trace_piece(l, place, k);
+                const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, k);
                 add_piece(&s, piece, piece->world, place->draw | place->mask << 28);
             }
         }
@@ -427,7 +427,7 @@ static void add_world_box(struct hg_bvh_box *box, const struct hg_bvh_box *from,
 }
 
 static void place_body(struct placing *p, const struct body *body, const struct hg_trace_body *from,
-    const struct hg_trace_place *place, const struct hg_cut_piece *piece)
+    const struct hg_trace_place *place, const struct hg_ray_geometry_piece *piece)
 {
     static const float identity[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
     const float *world = piece != NULL ? piece->world : identity;

@@ -23,7 +23,7 @@ struct build {
 
 // Positions in world space, at one end of the shutter.
 static RTCBuffer world_positions(
-    struct hg_embree *e, const struct hg_cut_piece *piece, const float m[12])
+    struct hg_embree *e, const struct hg_ray_geometry_piece *piece, const float m[12])
 {
     const size_t count = piece->vertex_count;
     const RTCBuffer buffer = rtcNewBuffer(e->device, (count + 1) * 12);
@@ -36,7 +36,7 @@ static RTCBuffer world_positions(
 }
 
 static RTCGeometry open_geometry(
-    struct hg_embree *e, const struct hg_cut_piece *piece, enum RTCBuildQuality quality)
+    struct hg_embree *e, const struct hg_ray_geometry_piece *piece, enum RTCBuildQuality quality)
 {
     const RTCGeometry geometry = rtcNewGeometry(e->device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (geometry == NULL)
@@ -48,7 +48,7 @@ static RTCGeometry open_geometry(
 }
 
 static void share_positions(
-    RTCGeometry geometry, const struct hg_cut_piece *piece, uint32_t step, const float *positions)
+    RTCGeometry geometry, const struct hg_ray_geometry_piece *piece, uint32_t step, const float *positions)
 {
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, step, RTC_FORMAT_FLOAT3, positions,
         0, 12, piece->vertex_count);
@@ -110,7 +110,7 @@ static enum hg_status add_flat_place(
     RTCBuffer buffer = NULL;
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++) {
-        const struct hg_cut_piece *piece = hg_trace_piece(b->layout, place, i);
+        const struct hg_ray_geometry_piece *piece = hg_trace_piece(b->layout, place, i);
         if (i == 0 || piece->positions != piece[-1].positions) {
             if (buffer != NULL)
                 rtcReleaseBuffer(buffer);
@@ -180,7 +180,7 @@ static uint64_t shape_of(const struct build *b, const struct hg_trace_body *body
     uint64_t h = body->moves;
     const struct hg_trace_place *place = &b->layout->places[body->first_place];
     for (uint32_t i = 0; i < place->piece_count; i++) {
-        const struct hg_cut_piece *p = hg_trace_piece(b->layout, place, i);
+        const struct hg_ray_geometry_piece *p = hg_trace_piece(b->layout, place, i);
         h = (h * 31 + (uintptr_t)p->positions) * 31 + (uintptr_t)p->indices;
     }
     return h;
@@ -196,7 +196,7 @@ static enum hg_status build_body(
     if (status != HG_OK)
         return status;
     for (uint32_t i = 0; i < place->piece_count; i++) {
-        const struct hg_cut_piece *piece = hg_trace_piece(b->layout, place, i);
+        const struct hg_ray_geometry_piece *piece = hg_trace_piece(b->layout, place, i);
         const RTCGeometry geometry = open_geometry(b->e, piece, quality);
         if (geometry == NULL)
             return HG_E_NOMEM;
@@ -281,7 +281,7 @@ static enum hg_status add_instance(const struct build *b, const struct hg_embree
     const struct hg_trace_place *place, uint32_t id)
 {
     struct hg_embree *e = b->e;
-    const struct hg_cut_piece *piece = &b->layout->pieces[place->first_piece];
+    const struct hg_ray_geometry_piece *piece = &b->layout->pieces[place->first_piece];
     const RTCGeometry geometry = rtcNewGeometry(e->device, RTC_GEOMETRY_TYPE_INSTANCE);
     if (geometry == NULL)
         return HG_E_NOMEM;

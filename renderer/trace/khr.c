@@ -327,14 +327,14 @@ static enum hg_status input_grow(struct input *in)
     return HG_OK;
 }
 
-static bool is_corner(const struct hg_cut_piece *p, uint32_t index)
+static bool is_corner(const struct hg_ray_geometry_piece *p, uint32_t index)
 {
     const float *v = p->positions + (size_t)index * 3;
     return index < p->vertex_count && fabsf(v[0]) <= 1e18f && fabsf(v[1]) <= 1e18f &&
            fabsf(v[2]) <= 1e18f;
 }
 
-static bool is_triangle(const struct hg_cut_piece *p, uint32_t triangle)
+static bool is_triangle(const struct hg_ray_geometry_piece *p, uint32_t triangle)
 {
     const uint32_t *i = p->indices + (size_t)triangle * 3;
     return is_corner(p, i[0]) && is_corner(p, i[1]) && is_corner(p, i[2]);
@@ -343,7 +343,7 @@ static bool is_triangle(const struct hg_cut_piece *p, uint32_t triangle)
 // Indices of a piece some of whose triangles are none: those become points. *address: where, or
 // that of the piece when all are.
 static enum hg_status mend_indices(struct khr *k, struct input *in,
-    const struct hg_cut_piece *piece, VkDeviceAddress *address, struct hg_error *err)
+    const struct hg_ray_geometry_piece *piece, VkDeviceAddress *address, struct hg_error *err)
 {
     uint32_t good = 0, bad = 0;
     *address = piece->indices_address;
@@ -380,7 +380,7 @@ static enum hg_status mend_indices(struct khr *k, struct input *in,
 }
 
 // transform: address of a row-major 3 x 4 matrix; 0 = none.
-static enum hg_status add_piece(struct khr *k, struct input *in, const struct hg_cut_piece *piece,
+static enum hg_status add_piece(struct khr *k, struct input *in, const struct hg_ray_geometry_piece *piece,
     VkDeviceAddress transform, struct hg_error *err)
 {
     VkDeviceAddress indices;
@@ -493,7 +493,7 @@ static enum hg_status list_flat(struct khr *k, const struct hg_trace_layout *l, 
             const struct hg_trace_place *place = &l->places[at];
             for (uint32_t n = 0;
                  place->mask == 1u << class && n < place->piece_count && status == HG_OK; n++) {
-                const struct hg_cut_piece *piece = hg_trace_piece(l, place, n);
+                const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, n);
                 status = add_piece(
                     k, in, piece, k->transforms.address + at * sizeof(VkTransformMatrixKHR), err);
                 if (status == HG_OK &&
@@ -531,7 +531,7 @@ static enum hg_status list_body(struct khr *k, const struct hg_trace_layout *l,
     const struct hg_trace_place *place = &l->places[from->first_place];
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++) {
-        const struct hg_cut_piece *piece = hg_trace_piece(l, place, i);
+        const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, i);
         status = add_piece(k, in, piece, 0, err);
         if (status == HG_OK && add_geometry(t, 0, piece->first_primitive) != HG_OK)
             status = no_memory(err);

@@ -76,13 +76,13 @@ static int by_key(const void *a, const void *b)
 
 // One place per draw.
 static enum hg_status list_places(
-    struct hg_trace_layout *l, const struct hg_cut_piece *pieces, uint32_t count)
+    struct hg_trace_layout *l, const struct hg_ray_geometry_piece *pieces, uint32_t count)
 {
     l->place_count = 0;
     for (uint32_t i = 0, n; i < count; i += n) {
-        uint64_t key = hg_mix(3, pieces[i].key);
+        uint64_t key = hg_hash_mix(3, pieces[i].key);
         for (n = 1; i + n < count && pieces[i + n].draw == pieces[i].draw; n++)
-            key = hg_mix(key, pieces[i + n].key);
+            key = hg_hash_mix(key, pieces[i + n].key);
         if (!is_somewhere(pieces[i].world) || !is_somewhere(pieces[i].previous))
             continue;
         const enum hg_status status =
@@ -104,7 +104,7 @@ static void measure_body(const struct hg_trace_layout *l, struct hg_trace_body *
 {
     const struct hg_trace_place *place = &l->places[body->first_place];
     for (uint32_t i = 0; i < place->piece_count; i++) {
-        const struct hg_cut_piece *piece = hg_trace_piece(l, place, i);
+        const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, i);
         body->triangles += piece->triangle_count;
         if (i == 0 || piece->positions != piece[-1].positions)
             body->vertices += piece->vertex_count;
@@ -118,7 +118,7 @@ static void choose(const struct hg_trace_layout *l, struct hg_trace_body *body)
 {
     bool invertible = true, still = true, animated = false;
     for (uint32_t i = 0; i < body->place_count; i++) {
-        const struct hg_cut_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
+        const struct hg_ray_geometry_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
         // Matrices that turn inside out have none half-way.
         invertible = invertible && hg_trace_is_invertible(p->world) &&
                      hg_trace_is_invertible(p->previous) &&
@@ -138,11 +138,11 @@ static uint64_t hash_flat(
 {
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_trace_place *place = &l->places[body->first_place + i];
-        h = hg_mix(hg_mix(h, place->key), (uint64_t)place->draw << 32 | place->mask);
-        h = hg_mix_bytes(h, l->pieces[place->first_piece].world, 12 * sizeof(float));
+        h = hg_hash_mix(hg_hash_mix(h, place->key), (uint64_t)place->draw << 32 | place->mask);
+        h = hg_hash_mix_bytes(h, l->pieces[place->first_piece].world, 12 * sizeof(float));
         for (uint32_t k = 0; k < place->piece_count; k++) {
-            const struct hg_cut_piece *piece = hg_trace_piece(l, place, k);
-            h = hg_mix(hg_mix(h, (uintptr_t)piece->positions), (uintptr_t)piece->indices);
+            const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, k);
+            h = hg_hash_mix(hg_hash_mix(h, (uintptr_t)piece->positions), (uintptr_t)piece->indices);
         }
     }
     return h | 1;
@@ -186,7 +186,7 @@ static void sum_up(struct hg_trace_layout *l)
 }
 
 enum hg_status hg_trace_layout_make(
-    struct hg_trace_layout *l, const struct hg_cut_piece *pieces, uint32_t count)
+    struct hg_trace_layout *l, const struct hg_ray_geometry_piece *pieces, uint32_t count)
 {
     l->pieces = pieces;
     enum hg_status status = list_places(l, pieces, count);

@@ -28,7 +28,7 @@ struct hg_trace_place {
 };
 
 struct hg_trace_layout {               // zeroed = empty; keeps its memory
-    const struct hg_cut_piece *pieces; // of the cut
+    const struct hg_ray_geometry_piece *pieces; // of the cut
     struct hg_trace_place *places;     // by body, then draw
     size_t place_capacity;
     uint32_t place_count;
@@ -45,10 +45,10 @@ struct hg_trace_layout {               // zeroed = empty; keeps its memory
 
 // HG_E_NOMEM.
 enum hg_status hg_trace_layout_make(struct hg_trace_layout *layout,
-    const struct hg_cut_piece *pieces, uint32_t count) HG_MUST_CHECK;
+    const struct hg_ray_geometry_piece *pieces, uint32_t count) HG_MUST_CHECK;
 void hg_trace_layout_finish(struct hg_trace_layout *layout);
 // The piece of a place, with where it is.
-static inline const struct hg_cut_piece *hg_trace_piece(
+static inline const struct hg_ray_geometry_piece *hg_trace_piece(
     const struct hg_trace_layout *layout, const struct hg_trace_place *place, uint32_t index)
 {
     return &layout->pieces[place->first_piece + index];

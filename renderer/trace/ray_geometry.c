@@ -41,10 +41,10 @@ struct placed {           // a draw
     float world[12];
 };
 
-struct hg_cut {
+struct hg_ray_geometry {
     struct hg_geometry *geometry;
     struct hg_selection runs;
-    struct hg_cut_piece *pieces;
+    struct hg_ray_geometry_piece *pieces;
     size_t capacity;
     uint32_t count;
     struct held *held;
@@ -74,14 +74,14 @@ static bool host_reads(const struct hg_geometry *g)
 
 // --- life ----------------------------------------------------------------------------------------
 
-static void drop_copies(struct hg_cut *c)
+static void drop_copies(struct hg_ray_geometry *c)
 {
     for (uint32_t i = 0; i < c->copy_count; i++)
         hg_free(c->copies[i].bytes);
     c->copy_count = 0;
 }
 
-static void let_go(struct hg_cut *c)
+static void let_go(struct hg_ray_geometry *c)
 {
     for (uint32_t i = 0; i < c->held_count; i++)
         hg_cluster_pool_let_go(c->geometry->pool, c->held[i].number, c->held[i].chunk);
@@ -95,7 +95,7 @@ static void poses_finish(struct poses *p)
     hg_free(p->positions);
 }
 
-void hg_cut_free(struct hg_cut *c)
+void hg_ray_geometry_free(struct hg_ray_geometry *c)
 {
     if (c == NULL)
         return;
@@ -113,7 +113,7 @@ void hg_cut_free(struct hg_cut *c)
 }
 
 static enum hg_status create(
-    struct hg_geometry *geometry, struct hg_cut **out, struct hg_error *err)
+    struct hg_geometry *geometry, struct hg_ray_geometry **out, struct hg_error *err)
 {
     if (*out == NULL)
         *out = hg_calloc(1, sizeof **out);
@@ -123,24 +123,24 @@ static enum hg_status create(
     return HG_OK;
 }
 
-uint32_t hg_cut_count(const struct hg_cut *c)
+uint32_t hg_ray_geometry_count(const struct hg_ray_geometry *c)
 {
     return c->count;
 }
 
-const struct hg_cut_piece *hg_cut_pieces(const struct hg_cut *c)
+const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_geometry *c)
 {
     return c->pieces;
 }
 
-uint64_t hg_cut_revision(const struct hg_cut *c)
+uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *c)
 {
     return c->revision;
 }
 
 // --- what there is to see ------------------------------------------------------------------------
 
-static enum hg_status select_once(struct hg_cut *c, const struct hg_visible_view *view,
+static enum hg_status select_once(struct hg_ray_geometry *c, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_error *err)
 {
     c->runs.count = c->runs.want_count = 0;
@@ -151,7 +151,7 @@ static enum hg_status select_once(struct hg_cut *c, const struct hg_visible_view
 }
 
 // All that is wanted comes in; what was there before and is not wanted goes where it must.
-static enum hg_status select_all(struct hg_cut *c, const struct hg_visible_view *view,
+static enum hg_status select_all(struct hg_ray_geometry *c, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_error *err)
 {
     struct hg_cluster_pool *pool = c->geometry->pool;
@@ -174,7 +174,7 @@ static enum hg_status select_all(struct hg_cut *c, const struct hg_visible_view 
     return status;
 }
 
-static enum hg_status hold_chunks(struct hg_cut *c, struct hg_error *err)
+static enum hg_status hold_chunks(struct hg_ray_geometry *c, struct hg_error *err)
 {
     const struct hg_geometry *g = c->geometry;
     for (uint32_t i = 0; i < c->runs.count; i++) {
@@ -211,7 +211,7 @@ static struct pose *find_pose(const struct poses *p, const struct hg_deform_entr
     return NULL;
 }
 
-static enum hg_status list_poses(struct hg_cut *c, struct poses *p, struct hg_error *err)
+static enum hg_status list_poses(struct hg_ray_geometry *c, struct poses *p, struct hg_error *err)
 {
     const struct hg_geometry *g = c->geometry;
     p->count = 0;
@@ -260,7 +260,7 @@ static enum hg_status read_back(struct hg_geometry *g, struct poses *p, struct h
     return status;
 }
 
-static enum hg_status copy_poses(struct hg_cut *c, struct poses *p, struct hg_error *err)
+static enum hg_status copy_poses(struct hg_ray_geometry *c, struct poses *p, struct hg_error *err)
 {
     struct hg_geometry *g = c->geometry;
     enum hg_status status = list_poses(c, p, err);
@@ -292,7 +292,7 @@ static struct placed place_of(const struct hg_geometry *g, const struct hg_draw_
     return p;
 }
 
-static enum hg_status keep_places(struct hg_cut *c, struct hg_error *err)
+static enum hg_status keep_places(struct hg_ray_geometry *c, struct hg_error *err)
 {
     const struct hg_geometry *g = c->geometry;
     c->placed_count = 0;
@@ -306,8 +306,8 @@ static enum hg_status keep_places(struct hg_cut *c, struct hg_error *err)
     return HG_OK;
 }
 
-enum hg_status hg_cut_open_shutter(
-    struct hg_geometry *geometry, struct hg_cut **cut, struct hg_error *err)
+enum hg_status hg_ray_geometry_open_shutter(
+    struct hg_geometry *geometry, struct hg_ray_geometry **cut, struct hg_error *err)
 {
     enum hg_status status = create(geometry, cut, err);
     if (status == HG_OK)
@@ -321,7 +321,7 @@ enum hg_status hg_cut_open_shutter(
 
 // Where a draw was when the shutter opened, relative to the origin of now.
 static void place_before(
-    const struct hg_cut *c, const struct hg_draw_entry *d, struct hg_cut_piece *piece)
+    const struct hg_ray_geometry *c, const struct hg_draw_entry *d, struct hg_ray_geometry_piece *piece)
 {
     const struct placed key = place_of(c->geometry, d);
     const struct placed *found =
@@ -338,15 +338,15 @@ static void place_before(
 
 static uint64_t key_of(const struct hg_draw_entry *d, const struct hg_run *run)
 {
-    uint64_t h = hg_mix(1, d->node->mesh->head.id);
-    h = hg_mix(h, d->node->mesh->head.revision);
-    h = hg_mix(h, (uint64_t)d->mesh_part << 32 | run->chunk);
-    h = hg_mix(h, (uint64_t)run->first << 32 | run->count);
-    return d->deform != NULL ? hg_mix(h, d->deform->node) : h;
+    uint64_t h = hg_hash_mix(1, d->node->mesh->head.id);
+    h = hg_hash_mix(h, d->node->mesh->head.revision);
+    h = hg_hash_mix(h, (uint64_t)d->mesh_part << 32 | run->chunk);
+    h = hg_hash_mix(h, (uint64_t)run->first << 32 | run->count);
+    return d->deform != NULL ? hg_hash_mix(h, d->deform->node) : h;
 }
 
 static void fill_whole(
-    const struct hg_cut *c, const struct hg_draw_entry *d, struct hg_cut_piece *piece)
+    const struct hg_ray_geometry *c, const struct hg_draw_entry *d, struct hg_ray_geometry_piece *piece)
 {
     const struct hg_part_entry *part = d->part;
     const struct hg_mesh_part *source = &d->node->mesh->parts[d->mesh_part];
@@ -378,7 +378,7 @@ static const struct hg_gpu_vertex *vertices_of(
 }
 
 static void fill_chunk(
-    const struct hg_draw_entry *d, const struct hg_run *run, struct hg_cut_piece *piece)
+    const struct hg_draw_entry *d, const struct hg_run *run, struct hg_ray_geometry_piece *piece)
 {
     const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
     piece->vertex_count = d->part->clusters->lod->chunks[run->chunk].vertex_count;
@@ -396,8 +396,8 @@ static bool is_animated(const struct hg_node *node)
     return node != NULL;
 }
 
-static void place_piece(const struct hg_cut *c, const struct hg_cut_lens *lens,
-    const struct hg_draw_entry *d, struct hg_cut_piece *piece)
+static void place_piece(const struct hg_ray_geometry *c, const struct hg_ray_geometry_lens *lens,
+    const struct hg_draw_entry *d, struct hg_ray_geometry_piece *piece)
 {
     const struct placed at = place_of(c->geometry, d);
     memcpy(piece->world, at.world, sizeof piece->world);
@@ -416,13 +416,13 @@ static bool continues(const struct hg_run *run, const struct hg_run *before)
            run->first == before->first + before->count;
 }
 
-static enum hg_status add_piece(struct hg_cut *c, const struct hg_cut_lens *lens,
+static enum hg_status add_piece(struct hg_ray_geometry *c, const struct hg_ray_geometry_lens *lens,
     const struct hg_run *run, struct hg_error *err)
 {
     const struct hg_draw_entry *d = &c->geometry->draws[run->draw];
     if (hg_grow(&c->pieces, &c->capacity, c->count + 1, sizeof *c->pieces) != HG_OK)
         return no_memory(err);
-    struct hg_cut_piece *piece = &c->pieces[c->count++];
+    struct hg_ray_geometry_piece *piece = &c->pieces[c->count++];
     memset(piece, 0, sizeof *piece); // all bytes count in the revision
     piece->key = key_of(d, run);
     piece->draw = run->draw;
@@ -445,7 +445,7 @@ static enum hg_status add_piece(struct hg_cut *c, const struct hg_cut_lens *lens
 
 static void decode_copy(void *user, size_t index)
 {
-    struct copy *copy = &((struct hg_cut *)user)->copies[index];
+    struct copy *copy = &((struct hg_ray_geometry *)user)->copies[index];
     struct hg_lod_layout layout;
     struct hg_error ignored;
     hg_lod_chunk_layout(copy->mesh->lod, copy->chunk, &layout);
@@ -455,7 +455,7 @@ static void decode_copy(void *user, size_t index)
                        : HG_E_NOMEM;
 }
 
-static enum hg_status add_copy(struct hg_cut *c, const struct hg_run *run, struct hg_error *err)
+static enum hg_status add_copy(struct hg_ray_geometry *c, const struct hg_run *run, struct hg_error *err)
 {
     const struct hg_cluster_mesh *mesh = c->geometry->draws[run->draw].part->clusters;
     struct copy *last = c->copy_count > 0 ? &c->copies[c->copy_count - 1] : NULL;
@@ -472,7 +472,7 @@ static enum hg_status add_copy(struct hg_cut *c, const struct hg_run *run, struc
 }
 
 // Positions of chunks, where the host cannot read those of the device.
-static enum hg_status fill_copies(struct hg_cut *c, struct hg_jobs *jobs, struct hg_error *err)
+static enum hg_status fill_copies(struct hg_ray_geometry *c, struct hg_jobs *jobs, struct hg_error *err)
 {
     for (uint32_t i = 0; i < c->copy_count && jobs == NULL; i++)
         decode_copy(c, i);
@@ -495,7 +495,7 @@ static enum hg_status fill_copies(struct hg_cut *c, struct hg_jobs *jobs, struct
 // --- a cut ---------------------------------------------------------------------------------------
 
 static enum hg_status list_pieces(
-    struct hg_cut *c, const struct hg_cut_lens *lens, struct hg_jobs *jobs, struct hg_error *err)
+    struct hg_ray_geometry *c, const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_error *err)
 {
     const bool copies = !lens->addresses && !host_reads(c->geometry);
     enum hg_status status = HG_OK;
@@ -517,21 +517,21 @@ static enum hg_status list_pieces(
     return status == HG_OK ? fill_copies(c, jobs, err) : status;
 }
 
-static uint64_t revision_of(const struct hg_cut *c)
+static uint64_t revision_of(const struct hg_ray_geometry *c)
 {
-    uint64_t h = hg_mix(2, c->count);
+    uint64_t h = hg_hash_mix(2, c->count);
     bool deforms = false;
     for (uint32_t i = 0; i < c->count; i++) {
-        h = hg_mix_bytes(h, &c->pieces[i], sizeof c->pieces[i]);
+        h = hg_hash_mix_bytes(h, &c->pieces[i], sizeof c->pieces[i]);
         deforms = deforms || c->pieces[i].deforms;
     }
-    return deforms ? hg_mix(h, hg_geometry_shape_revision(c->geometry)) : h;
+    return deforms ? hg_hash_mix(h, hg_geometry_shape_revision(c->geometry)) : h;
 }
 
-enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_lens *lens,
-    struct hg_jobs *jobs, struct hg_cut **out, struct hg_error *err)
+enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry, const struct hg_ray_geometry_lens *lens,
+    struct hg_jobs *jobs, struct hg_ray_geometry **out, struct hg_error *err)
 {
-    const struct hg_visible_view view = {.eye = {lens->eye[0], lens->eye[1], lens->eye[2]},
+    const struct hg_culling_view view = {.eye = {lens->eye[0], lens->eye[1], lens->eye[2]},
         .px_scale = lens->px_scale,
         .orthographic = lens->orthographic,
         .near = lens->near,
@@ -542,7 +542,7 @@ enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_len
     enum hg_status status = create(geometry, out, err);
     if (status != HG_OK)
         return status;
-    struct hg_cut *c = *out;
+    struct hg_ray_geometry *c = *out;
     let_go(c);
     drop_copies(c);
     status = select_all(c, &view, jobs, err);

@@ -18,7 +18,7 @@
 
 // Consecutive triangles of one piece of geometry. Pieces with the same key have the same positions
 // and triangles, in this cut and in later ones.
-struct hg_cut_piece {
+struct hg_ray_geometry_piece {
     uint64_t key;
     uint32_t draw;            // index of the device's draws
     uint32_t first_primitive; // number of the first one in hits: HG_LOD_SHIFT
@@ -37,32 +37,32 @@ struct hg_cut_piece {
     bool animated; // its node, or one above, is brought elsewhere by animations
 };
 
-struct hg_cut_lens {
+struct hg_ray_geometry_lens {
     float eye[3];   // relative to the geometry's origin
     float px_scale; // pixels per radian, or per metre when orthographic
     bool orthographic;
     float near;     // metres, > 0
     float error_px; // greatest projected error; 0: everything as fine as it is
-    bool motion;    // from hg_cut_open_shutter to now; else nothing moves while the shutter is open
+    bool motion;    // from hg_ray_geometry_open_shutter to now; else nothing moves while the shutter is open
     bool addresses; // only they are wanted: positions and indices may be NULL
 };
 
-struct hg_cut;
+struct hg_ray_geometry;
 
 // Loads what the cut wants and is not there. HG_E_LIMIT: the geometry budget does not hold it.
 // HG_E_NOMEM, device errors. *out: kept and brought up to date when it is not NULL (also after an
 // error: then it is empty); its chunks stay resident until it is freed, made anew or the geometry
 // is synced. Free it before the geometry.
-enum hg_status hg_cut_make(struct hg_geometry *geometry, const struct hg_cut_lens *lens,
-    struct hg_jobs *jobs, struct hg_cut **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry, const struct hg_ray_geometry_lens *lens,
+    struct hg_jobs *jobs, struct hg_ray_geometry **out, struct hg_error *err) HG_MUST_CHECK;
 // Keeps where everything is now, and the positions of deformed parts: what `previous` and `opening`
 // are of the cuts with motion that follow. Draws that were not there then do not move. *cut: as of
-// hg_cut_make; what it holds stays. HG_E_NOMEM, device errors.
-enum hg_status hg_cut_open_shutter(
-    struct hg_geometry *geometry, struct hg_cut **cut, struct hg_error *err) HG_MUST_CHECK;
-void hg_cut_free(struct hg_cut *cut); // accepts NULL
-uint32_t hg_cut_count(const struct hg_cut *cut);
-const struct hg_cut_piece *hg_cut_pieces(const struct hg_cut *cut); // by draw, then primitive
-uint64_t hg_cut_revision(const struct hg_cut *cut); // differs when anything of it does
+// hg_ray_geometry_make; what it holds stays. HG_E_NOMEM, device errors.
+enum hg_status hg_ray_geometry_open_shutter(
+    struct hg_geometry *geometry, struct hg_ray_geometry **cut, struct hg_error *err) HG_MUST_CHECK;
+void hg_ray_geometry_free(struct hg_ray_geometry *cut); // accepts NULL
+uint32_t hg_ray_geometry_count(const struct hg_ray_geometry *cut);
+const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_geometry *cut); // by draw, then primitive
+uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *cut); // differs when anything of it does
 
 #endif

@@ -126,20 +126,20 @@ static enum hg_status sync_backend(struct hg_trace *t, struct hg_error *err)
     return status == HG_OK ? hg_trace_compute.sync(t->spare, &t->layout, err) : status;
 }
 
-enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_cut *cut, struct hg_error *err)
+enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_ray_geometry *cut, struct hg_error *err)
 {
     t->stats.build_ns = t->stats.refit_ns = 0;
-    if (t->synced && t->revision == hg_cut_revision(cut))
+    if (t->synced && t->revision == hg_ray_geometry_revision(cut))
         return HG_OK;
     t->synced = false;
-    enum hg_status status = hg_trace_layout_make(&t->layout, hg_cut_pieces(cut), hg_cut_count(cut));
+    enum hg_status status = hg_trace_layout_make(&t->layout, hg_ray_geometry_pieces(cut), hg_ray_geometry_count(cut));
     if (status != HG_OK)
         return hg_error_set(err, status, "ray tracing", NULL, "no memory");
     status = sync_backend(t, err);
     if (status != HG_OK)
         return status;
     t->synced = true;
-    t->revision = hg_cut_revision(cut);
+    t->revision = hg_ray_geometry_revision(cut);
     t->stats.triangles = t->layout.triangles;
     t->stats.instances = t->layout.instances;
     return HG_OK;

@@ -47,7 +47,7 @@ const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree
 // moved is refitted. No batch may be open. HG_E_LIMIT (budget, said before memory is taken),
 // HG_E_NOMEM, device errors; then there is no scene until the next sync.
 enum hg_status hg_trace_sync(
-    struct hg_trace *trace, const struct hg_cut *cut, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_trace *trace, const struct hg_ray_geometry *cut, struct hg_error *err) HG_MUST_CHECK;
 
 // Draws that rays meet in their own space, not in the world's (instances), of the newest sync: sets
 // `mark` in their words, clears it in others. True when there are any. marks: [draws]

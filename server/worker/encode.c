@@ -161,7 +161,7 @@ void encode_job_destroy(struct encode_job *job)
     for (uint32_t i = 0; i < job->plane_count; i++)
         hg_refbuf_unref(job->planes[i].values);
     for (uint32_t i = 0; i < ENCODE_MATTES; i++)
-        hg_matte_finish(&job->mattes[i]);
+        hg_cryptomatte_view_finish(&job->mattes[i]);
     hg_refbuf_unref(job->pixels);
     hg_free(job);
 }

@@ -106,7 +106,7 @@ struct hg_bsdf_mean {
 hg_bsdf_mean hg_bsdf_mean_reflectance(hg_bsdf b, float cos_theta, vec2 dfg, float eta, bool inside)
 {
     bool glass = HG_HAS(HG_FEATURE_TRANSMISSION) && b.exact && b.transmission > 0.0;
-    uint films = HG_HAS_MIX(HG_MIX_UNUSUAL_GLASS) && glass && !b.glass_plain ? HG_FACET_NODES : 0u;
+    uint films = HG_HAS_MIX(HG_MIX_UNUSUAL_GLASS) && glass && !b.glass_plain ? HG_VNDF_NODES : 0u;
     uint angles = b.exact && (!glass || b.metallic > 0.0) ? HG_ANGLE_NODES : 0u;
     hg_bsdf_mean mean;
     mean.dielectric = mean.base = mean.more = mean.less_through = vec3(0.0);

@@ -25,7 +25,7 @@ uint hg_morton(uvec2 p) // 16 bits of each
     return p.x | (p.y << 1u);
 }
 
-uint hg_mix_bits(uint x)
+uint hg_hash_mix_bits(uint x)
 {
     x ^= x >> 16u;
     x *= 0x21f0aaadu;
@@ -50,7 +50,7 @@ hg_sampler hg_sampler_make(uvec2 pixel, uint number, uint sample_bits, uint seed
 {
     hg_sampler s;
     s.index = (hg_morton(pixel & 255u) << sample_bits) | number;
-    s.seed = hg_mix_bits(seed ^ hg_mix_bits((pixel.x >> 8u) | ((pixel.y >> 8u) << 16u)));
+    s.seed = hg_hash_mix_bits(seed ^ hg_hash_mix_bits((pixel.x >> 8u) | ((pixel.y >> 8u) << 16u)));
     s.dimension = 0u;
     return s;
 }
@@ -58,7 +58,7 @@ hg_sampler hg_sampler_make(uvec2 pixel, uint number, uint sample_bits, uint seed
 // The next two dimensions, in [0, 1).
 vec2 hg_sobol2(inout hg_sampler s)
 {
-    uint h = hg_mix_bits(s.seed + s.dimension * 0x9e3779b9u);
+    uint h = hg_hash_mix_bits(s.seed + s.dimension * 0x9e3779b9u);
     s.dimension++;
     uint i = bitfieldReverse(hg_scramble_up(bitfieldReverse(s.index), h));
     // The second dimension's generator matrix is Pascal's triangle modulo 2.
@@ -67,8 +67,8 @@ vec2 hg_sobol2(inout hg_sampler s)
     p ^= (p >> 4u) & 0x0f0f0f0fu;
     p ^= (p >> 8u) & 0x00ff00ffu;
     p ^= p >> 16u;
-    uint x = bitfieldReverse(hg_scramble_up(i, hg_mix_bits(h ^ 0x68bc21ebu)));
-    uint y = bitfieldReverse(hg_scramble_up(p, hg_mix_bits(h ^ 0x02e5be93u)));
+    uint x = bitfieldReverse(hg_scramble_up(i, hg_hash_mix_bits(h ^ 0x68bc21ebu)));
+    uint y = bitfieldReverse(hg_scramble_up(p, hg_hash_mix_bits(h ^ 0x02e5be93u)));
     return vec2(x >> 8u, y >> 8u) * (1.0 / 16777216.0);
 }
 

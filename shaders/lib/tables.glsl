@@ -30,7 +30,7 @@ HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
 HG_TABLE(HG_BIND_DFG_TABLE, uint, 4, dfg)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
-HG_TABLE(HG_BIND_FACETS, uint, 4, facets)
+HG_TABLE(HG_BIND_TRIANGLE_CACHE, uint, 4, facets)
 
 #define HG_IN_UNIFORM(binding) ((hg_tables & HG_TABLE_BIT(binding)) != 0u)
 
@@ -129,8 +129,8 @@ vec2 hg_table_4(uint first, vec4 place, uvec4 size)
         p - float(i));
 }
 
-// Only where there are facets, which is where they fit (HG_FEATURE_NO_FACETS).
-uint hg_facet_first_at(uint draw)
+// Only where there are facets, which is where they fit (HG_FEATURE_NO_TRIANGLE_CACHE).
+uint hg_triangle_cache_first_at(uint draw)
 {
     return hg_table_facets[draw];
 }

@@ -7,10 +7,10 @@
 #include "lib/vertex.glsl"
 #include "shared/triangle_cache.h"
 
-layout(set = 0, binding = HG_BIND_TEXELS) uniform usamplerBuffer hg_facet_texels;
+layout(set = 0, binding = HG_BIND_TEXELS) uniform usamplerBuffer hg_triangle_cache_texels;
 
 // The ray of a pixel: start relative to the eye, direction.
-void hg_facet_ray(vec2 pixel, out vec3 start, out vec3 direction)
+void hg_triangle_cache_ray(vec2 pixel, out vec3 start, out vec3 direction)
 {
     vec3 at = hg_frame.camera.ray_origin_ws + pixel.x * hg_frame.camera.ray_x_ws +
         pixel.y * hg_frame.camera.ray_y_ws;
@@ -22,17 +22,17 @@ void hg_facet_ray(vec2 pixel, out vec3 start, out vec3 direction)
 // As hg_fetch_triangle, for triangles without a second uv set and colours.
 hg_vertex hg_fetch_facet(uint draw, uint triangle, vec2 pixel)
 {
-    int at = int((hg_facet_first_at(draw) + triangle) * uint(HG_FACET_TEXELS));
-    uvec4 a = texelFetch(hg_facet_texels, at), b = texelFetch(hg_facet_texels, at + 1);
-    uvec4 c = texelFetch(hg_facet_texels, at + 2), e = texelFetch(hg_facet_texels, at + 3);
-    uvec4 f = texelFetch(hg_facet_texels, at + 4), g = texelFetch(hg_facet_texels, at + 5);
+    int at = int((hg_triangle_cache_first_at(draw) + triangle) * uint(HG_TRIANGLE_CACHE_TEXELS));
+    uvec4 a = texelFetch(hg_triangle_cache_texels, at), b = texelFetch(hg_triangle_cache_texels, at + 1);
+    uvec4 c = texelFetch(hg_triangle_cache_texels, at + 2), e = texelFetch(hg_triangle_cache_texels, at + 3);
+    uvec4 f = texelFetch(hg_triangle_cache_texels, at + 4), g = texelFetch(hg_triangle_cache_texels, at + 5);
     hg_gpu_draw d = hg_draw_at(draw);
     vec3 g1 = uintBitsToFloat(a.xyz), g2 = uintBitsToFloat(b.xyz);
     vec3 p0 = uintBitsToFloat(uvec3(a.w, b.w, c.w)) - hg_frame.camera.eye_ws;
 
     // Where the ray meets the plane, and how that moves from pixel to pixel.
     vec3 start, direction, n = cross(g1, g2);
-    hg_facet_ray(pixel, start, direction);
+    hg_triangle_cache_ray(pixel, start, direction);
     float along = dot(n, direction);
     float inverse = along != 0.0 ? 1.0 / along : 0.0;
     float t = dot(n, p0 - start) * inverse;
@@ -77,7 +77,7 @@ hg_vertex hg_fetch_facet(uint draw, uint triangle, vec2 pixel)
 // From whichever of the two the scene has.
 hg_vertex hg_fetch_surface(uint draw, uint triangle, vec2 pixel)
 {
-    if (HG_HAS(HG_FEATURE_NO_FACETS))
+    if (HG_HAS(HG_FEATURE_NO_TRIANGLE_CACHE))
         return hg_fetch_triangle(draw, triangle, pixel);
     return hg_fetch_facet(draw, triangle, pixel);
 }

@@ -10,15 +10,15 @@ layout(push_constant, scalar) uniform hg_push
 };
 
 // Squares along a side of a level.
-uint hg_dark_side(uint level)
+uint hg_unlit_tiles_side(uint level)
 {
-    return dark.atlas_px / (uint(HG_DARK_TEXELS) << level);
+    return dark.atlas_px / (uint(HG_UNLIT_TILES_TEXELS) << level);
 }
 
 // First word of a level: 1 + 1/4 + ... of the first one's squares.
-uint hg_dark_first(uint level)
+uint hg_unlit_tiles_first(uint level)
 {
-    uint squares = hg_dark_side(0u) * hg_dark_side(0u);
+    uint squares = hg_unlit_tiles_side(0u) * hg_unlit_tiles_side(0u);
     return level == 0u ? 0u : (squares - (squares >> (2u * level))) / 3u * 4u;
 }
 

@@ -180,7 +180,7 @@ uint miss(path p)
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
-        hg_seen_note(p.slot, hg_seen_tint(p) * hg_seen_light_color(radiance), HG_SEEN_FAR, false);
+        hg_features_note(p.slot, hg_features_tint(p) * hg_features_light_color(radiance), HG_FEATURES_FAR, false);
     if (p.bounce == 0u && push.branch == 0u)
         hg_path_set(HG_PATH_OUT + 3u, p.slot, alpha);
     if (push.branch == 0u && HG_PATH_CAN(HG_PATH_MOTION) && HG_PATH_HAS(HG_PATH_PLANE_MOTION) &&
@@ -223,8 +223,8 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
 {
     uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, hg_seen_scattering(b));
-    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_seen_mirroring(b));
+    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, hg_features_scattering(b));
+    hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
     hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
@@ -552,7 +552,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     bool followed = HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u;
     if (s.unlit || p.bounce >= hg_path.max_bounces) {
         if (followed)
-            hg_seen_follow(p, b, hit, medium, emitted, false);
+            hg_features_follow(p, b, hit, medium, emitted, false);
         return HG_PATH_DONE;
     }
 
@@ -572,10 +572,10 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (go_on(p, b, v, s, ub.xyz, ua.w, width, cone.y, lobe))
         status |= HG_PATH_LIVE;
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && p.bounce == 0u)
-        hg_seen_begin(p, b, v.depth, lobe, direction);
+        hg_features_begin(p, b, v.depth, lobe, direction);
     else if (followed)
-        hg_seen_follow(p, b, hit, medium, emitted,
-            (status & HG_PATH_LIVE) != 0u && hg_seen_is_smooth(b, lobe));
+        hg_features_follow(p, b, hit, medium, emitted,
+            (status & HG_PATH_LIVE) != 0u && hg_features_is_smooth(b, lobe));
     p.bounce++;
     p.flags = both ? p.flags | HG_PATH_BOTH_SIDES : p.flags & ~HG_PATH_BOTH_SIDES;
     if ((status & HG_PATH_LIVE) != 0u)

@@ -10,7 +10,7 @@ layout(constant_id = 0) const uint hg_variant = 0u;
 #include "lib/vertex.glsl"
 #include "shared/triangle_cache.h"
 
-layout(local_size_x = HG_FACET_GROUP) in;
+layout(local_size_x = HG_TRIANGLE_CACHE_GROUP) in;
 layout(push_constant, scalar) uniform hg_push
 {
     hg_gpu_facet_push job;

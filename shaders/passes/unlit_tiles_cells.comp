@@ -13,7 +13,7 @@
 #include "lib/tables.glsl"
 #include "lib/unlit_tiles.glsl"
 
-layout(local_size_x = HG_DARK_GROUP) in;
+layout(local_size_x = HG_UNLIT_TILES_GROUP) in;
 layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_depth; // 0 = nothing
 
 // Texels around a receiver that its filter looks at: HG_SHADOW_RADIUS_PX, bilinear, rounding.
@@ -34,7 +34,7 @@ vec2 depths_of(uvec2 first)
 {
     vec2 inv_size = 1.0 / vec2(dark.width, dark.height);
     float near = 0.0, far = 2.0;
-    const uint gathers = uint(HG_DARK_CELL_PX) / 2u; // along a side
+    const uint gathers = uint(HG_UNLIT_TILES_CELL_PX) / 2u; // along a side
     uint i = 0u;
     do {
         vec2 at = vec2(first) + 2.0 * vec2(i % gathers, i / gathers) + 1.0;
@@ -72,7 +72,7 @@ vec2 along(piece p, vec3 axis)
 // Farthest caster over the texels [low, high] of the atlas; 0 when that is too large to be told.
 float farthest(vec2 low, vec2 high)
 {
-    uvec2 first = uvec2(low) / uint(HG_DARK_TEXELS), last = uvec2(high) / uint(HG_DARK_TEXELS);
+    uvec2 first = uvec2(low) / uint(HG_UNLIT_TILES_TEXELS), last = uvec2(high) / uint(HG_UNLIT_TILES_TEXELS);
     uint level = 0u;
     do {
         if (any(greaterThan(last - first, uvec2(1u)))) {
@@ -80,10 +80,10 @@ float farthest(vec2 low, vec2 high)
             first >>= 1u;
             last >>= 1u;
         }
-    } while (level < uint(HG_DARK_LEVELS - 1) && any(greaterThan(last - first, uvec2(1u))));
+    } while (level < uint(HG_UNLIT_TILES_LEVELS - 1) && any(greaterThan(last - first, uvec2(1u))));
     if (any(greaterThan(last - first, uvec2(1u))))
         return 0.0;
-    uint side = hg_dark_side(level), base = hg_dark_first(level);
+    uint side = hg_unlit_tiles_side(level), base = hg_unlit_tiles_first(level);
     return min(min(dark.levels.v[base + first.y * side + first.x],
                    dark.levels.v[base + first.y * side + last.x]),
         min(dark.levels.v[base + last.y * side + first.x],
@@ -149,13 +149,13 @@ bool out_of_range(hg_gpu_light light, piece p)
 
 bool is_dark(uvec2 cell)
 {
-    uvec2 first = cell * uint(HG_DARK_CELL_PX);
+    uvec2 first = cell * uint(HG_UNLIT_TILES_CELL_PX);
     vec2 depths = depths_of(first);
     if (depths.x <= 0.0)
         return false; // nothing is there: it need not be marked
     piece p; // a pixel more on each side, for lines and points
     p.low = vec2(first) - 1.0;
-    p.high = vec2(first + uint(HG_DARK_CELL_PX)) + 1.0;
+    p.high = vec2(first + uint(HG_UNLIT_TILES_CELL_PX)) + 1.0;
     p.near = distance_of(depths.x);
     p.far = distance_of(depths.y);
     bool hidden = true;

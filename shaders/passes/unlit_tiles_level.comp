@@ -16,20 +16,20 @@ layout(set = 0, binding = HG_BIND_SHADOW) uniform sampler2D hg_atlas;
 float of_texels(uvec2 square)
 {
     float inv_size = 1.0 / float(dark.atlas_px), least = 1.0;
-    uvec2 first = square * uint(HG_DARK_TEXELS);
+    uvec2 first = square * uint(HG_UNLIT_TILES_TEXELS);
     uint i = 0u;
     do {
-        uvec2 at = first + 2u * uvec2(i % uint(HG_DARK_TEXELS / 2), i / uint(HG_DARK_TEXELS / 2));
+        uvec2 at = first + 2u * uvec2(i % uint(HG_UNLIT_TILES_TEXELS / 2), i / uint(HG_UNLIT_TILES_TEXELS / 2));
         vec4 d = textureGather(hg_atlas, (vec2(at) + 1.0) * inv_size);
         least = min(least, min(min(d.x, d.y), min(d.z, d.w)));
-    } while (++i < uint(HG_DARK_TEXELS * HG_DARK_TEXELS / 4));
+    } while (++i < uint(HG_UNLIT_TILES_TEXELS * HG_UNLIT_TILES_TEXELS / 4));
     return least;
 }
 
 float of_squares(uvec2 square)
 {
-    uint side = hg_dark_side(dark.level - 1u);
-    uint at = hg_dark_first(dark.level - 1u) + 2u * square.y * side + 2u * square.x;
+    uint side = hg_unlit_tiles_side(dark.level - 1u);
+    uint at = hg_unlit_tiles_first(dark.level - 1u) + 2u * square.y * side + 2u * square.x;
     return min(min(dark.levels.v[at], dark.levels.v[at + 1u]),
         min(dark.levels.v[at + side], dark.levels.v[at + side + 1u]));
 }
@@ -44,5 +44,5 @@ void main()
         least = of_texels(square);
     else
         least = of_squares(square);
-    dark.levels.v[hg_dark_first(dark.level) + square.y * hg_dark_side(dark.level) + square.x] = least;
+    dark.levels.v[hg_unlit_tiles_first(dark.level) + square.y * hg_unlit_tiles_side(dark.level) + square.x] = least;
 }

@@ -11,6 +11,6 @@ void main()
     uvec2 run = dark.runs.v[gl_VertexIndex / 6];
     uint corner = gl_VertexIndex % 6, right = 0x32u >> corner & 1u, down = 0x2cu >> corner & 1u;
     uvec2 cell = uvec2(right != 0u ? run.x >> 16u : run.x & 0xffffu, run.y + down);
-    vec2 at = vec2(cell * uint(HG_DARK_CELL_PX)) / vec2(dark.width, dark.height);
+    vec2 at = vec2(cell * uint(HG_UNLIT_TILES_CELL_PX)) / vec2(dark.width, dark.height);
     gl_Position = vec4(at * 2.0 - 1.0, 0.0, 1.0);
 }

@@ -31,7 +31,7 @@
 #define HG_BIND_SHADOWS    19 // struct hg_gpu_shadow[]
 #define HG_BIND_DFG_TABLE  20 // uint[], the first of it
 #define HG_BIND_IRRADIANCE 21 // vec4[]
-#define HG_BIND_FACETS     22 // uint[] of draws: their first facet
+#define HG_BIND_TRIANGLE_CACHE     22 // uint[] of draws: their first facet
 #define HG_BIND_TEXELS     23 // usamplerBuffer, facets (facet.h)
 #define HG_BIND_COUNT      24
 

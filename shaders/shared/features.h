@@ -16,7 +16,7 @@
 #define HG_FEATURE_CLUSTERS    0x0100u // lights in clusters
 #define HG_FEATURE_LOCAL       0x0200u // point or spot lights
 #define HG_FEATURE_SHADOWS     0x0400u // shadow maps
-#define HG_FEATURE_NO_FACETS   0x0800u // surface points come from vertices, not from facets (facet.h)
+#define HG_FEATURE_NO_TRIANGLE_CACHE   0x0800u // surface points come from vertices, not from facets (facet.h)
 #define HG_FEATURE_STREAM      0x1000u // pages that may not be resident
 #define HG_FEATURE_WIDE        0x2000u // textures wider or higher than 65536 texels
 #define HG_FEATURE_SHAPES      0x4000u // materials with textures of more than one size

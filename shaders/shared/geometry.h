@@ -92,11 +92,11 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_
     mat4x3 v[];
 };
 #endif
-struct hg_gpu_moment {
+struct hg_gpu_pose_snapshot {
     HG_PTR(hg_world_list) worlds; // [instances]
     HG_PTR(hg_part_list) parts;   // [parts]; positions and vertices of deformed ones
 };
-HG_SHARED_SIZE(hg_gpu_moment, 16);
+HG_SHARED_SIZE(hg_gpu_pose_snapshot, 16);
 
 // Part of hg_gpu_frame.
 struct hg_gpu_geometry {

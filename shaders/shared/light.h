@@ -25,7 +25,7 @@
 #define HG_ANGLES_FIRST    (HG_SHEEN_FIRST + HG_SHEEN_SIZE * HG_SHEEN_SIZE)
 #define HG_ANGLES_SIZE     24 // samples of cos(theta) and of perceptual roughness
 #define HG_ANGLE_NODES     3 // facets that stand for all
-#define HG_FACET_NODES     4 // likewise, below films on glass
+#define HG_VNDF_NODES     4 // likewise, below films on glass
 #define HG_MEAN_NODES      6 // likewise, of all directions
 #define HG_LAYER_SIZE      16 // samples of cos(theta) and of perceptual roughness
 #define HG_LAYER_ROUGHS    8  // of the layer's own roughness
@@ -46,7 +46,7 @@
 #define HG_FILM_ROUGHS     24
 #define HG_FILM_IORS       8
 #define HG_FILM_WORDS      (HG_FILM_IORS * HG_FILM_ROUGHS * HG_FILM_COSINES) // of one side
-#define HG_FILM_MEANS      (HG_FILM_FIRST + 2 * 2 * HG_FACET_NODES * HG_FILM_WORDS)
+#define HG_FILM_MEANS      (HG_FILM_FIRST + 2 * 2 * HG_VNDF_NODES * HG_FILM_WORDS)
 #define HG_HELD_FIRST \
     (HG_FILM_MEANS + 2 * 2 * HG_MEAN_NODES * HG_FILM_IORS * HG_FILM_ROUGHS)
 #define HG_HELD_COSINES    31

@@ -167,7 +167,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer hg_path_floa
 
 // A time: where things are, and the camera (as in hg_gpu_camera).
 struct hg_gpu_path_moment {
-    HG_STRUCT(hg_gpu_moment) scene; // not of HG_PATH_CLOSING
+    HG_STRUCT(hg_gpu_pose_snapshot) scene; // not of HG_PATH_CLOSING
     HG_VEC3 eye_ws;
     HG_VEC3 forward_ws;
     HG_VEC3 ray_origin_ws, ray_x_ws, ray_y_ws;

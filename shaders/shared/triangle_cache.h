@@ -10,8 +10,8 @@
 
 #include "shared/types.h"
 
-#define HG_FACET_TEXELS 6 // of four words
-#define HG_FACET_GROUP  64
+#define HG_TRIANGLE_CACHE_TEXELS 6 // of four words
+#define HG_TRIANGLE_CACHE_GROUP  64
 
 struct hg_gpu_facet {
     HG_VEC3 g1; // 1 / metres
@@ -26,17 +26,17 @@ struct hg_gpu_facet {
     HG_UINT tangents[3]; // parts without tangents: thrice the direction of growing u
     HG_UINT unused[2];
 };
-HG_SHARED_SIZE(hg_gpu_facet, HG_FACET_TEXELS * 16);
+HG_SHARED_SIZE(hg_gpu_facet, HG_TRIANGLE_CACHE_TEXELS * 16);
 
 #ifndef __STDC__
-layout(buffer_reference, scalar, buffer_reference_align = 16) writeonly buffer hg_facet_list
+layout(buffer_reference, scalar, buffer_reference_align = 16) writeonly buffer hg_triangle_cache_list
 {
     hg_gpu_facet v[];
 };
 #endif
 
 struct hg_gpu_facet_push {
-    HG_PTR(hg_facet_list) facets;
+    HG_PTR(hg_triangle_cache_list) facets;
     HG_UINT draw, first, count; // first: where in the list
     HG_UINT reserved;
 };

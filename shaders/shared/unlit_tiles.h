@@ -5,13 +5,13 @@
 
 #include "shared/types.h"
 
-#define HG_DARK_CELL_PX     8  // side of the squares of the picture that are told apart
-#define HG_DARK_TEXELS      8  // of the atlas, side of a square of level 0 of the pyramid
-#define HG_DARK_LEVELS      5  // each of half the side; a square of the last is no larger than a map
-#define HG_DARK_GROUP       64 // invocations
-#define HG_DARK_MOST_LIGHTS 64 // more are not looked at one by one
+#define HG_UNLIT_TILES_CELL_PX     8  // side of the squares of the picture that are told apart
+#define HG_UNLIT_TILES_TEXELS      8  // of the atlas, side of a square of level 0 of the pyramid
+#define HG_UNLIT_TILES_LEVELS      5  // each of half the side; a square of the last is no larger than a map
+#define HG_UNLIT_TILES_GROUP       64 // invocations
+#define HG_UNLIT_TILES_MOST_LIGHTS 64 // more are not looked at one by one
 
-#define HG_DARK_DEPTH       0x1p-100f // reversed: behind every surface, in front of the background
+#define HG_UNLIT_TILES_DEPTH       0x1p-100f // reversed: behind every surface, in front of the background
 
 // What is drawn over the dark cells, and how many there are.
 struct hg_gpu_dark_head {
@@ -20,29 +20,29 @@ struct hg_gpu_dark_head {
 };
 
 #ifndef __STDC__
-layout(buffer_reference, scalar) buffer hg_dark_head_ref
+layout(buffer_reference, scalar) buffer hg_unlit_tiles_head_ref
 {
     hg_gpu_dark_head v;
 };
-layout(buffer_reference, scalar) buffer hg_dark_word_ref
+layout(buffer_reference, scalar) buffer hg_unlit_tiles_word_ref
 {
     uint v[];
 };
-layout(buffer_reference, scalar) buffer hg_dark_level_ref
+layout(buffer_reference, scalar) buffer hg_unlit_tiles_level_ref
 {
     float v[];
 };
-layout(buffer_reference, scalar) buffer hg_dark_run_ref
+layout(buffer_reference, scalar) buffer hg_unlit_tiles_run_ref
 {
     uvec2 v[];
 };
 #endif
 
 struct hg_gpu_dark {
-    HG_PTR(hg_dark_head_ref) head;
-    HG_PTR(hg_dark_word_ref) cells;    // [columns * rows] 1: dark for sure
-    HG_PTR(hg_dark_run_ref) runs;      // (first | end << 16, row) in cells
-    HG_PTR(hg_dark_level_ref) levels;  // farthest depth (the least) in squares of the shadow atlas
+    HG_PTR(hg_unlit_tiles_head_ref) head;
+    HG_PTR(hg_unlit_tiles_word_ref) cells;    // [columns * rows] 1: dark for sure
+    HG_PTR(hg_unlit_tiles_run_ref) runs;      // (first | end << 16, row) in cells
+    HG_PTR(hg_unlit_tiles_level_ref) levels;  // farthest depth (the least) in squares of the shadow atlas
     HG_UINT width, height;             // px
     HG_UINT columns, rows;             // cells
     HG_UINT atlas_px;                  // side of the shadow atlas

@@ -99,7 +99,7 @@ struct mesh *rig_add_mesh(struct rig *r, uint32_t vertices, uint32_t triangles, 
     hg_material_set_defaults(&m->material);
     for (int c = 0; c < 3; c++)
         m->material.emissive[c] = radiance;
-    m->piece = (struct hg_cut_piece){.key = r->mesh_count + 1,
+    m->piece = (struct hg_ray_geometry_piece){.key = r->mesh_count + 1,
         .draw = r->mesh_count,
         .triangle_count = triangles,
         .vertex_count = vertices,

@@ -19,7 +19,7 @@ struct mesh {
     float *positions;
     uint32_t *indices;
     struct hg_material material;
-    struct hg_cut_piece piece;
+    struct hg_ray_geometry_piece piece;
     struct hg_gpu_buffer buffers[3]; // positions, vertices, indices
 };
 

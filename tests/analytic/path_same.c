@@ -126,7 +126,7 @@ static void read_all(struct hg_view *view, const struct hg_view_params *params, 
         struct hg_matte matte;
         test_ok(hg_view_read_matte(view, (enum hg_matte_kind)i, &matte, &err), &err);
         out->parts[out->count++] = hg_refbuf_ref(matte.ranks);
-        hg_matte_finish(&matte);
+        hg_cryptomatte_view_finish(&matte);
     }
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &out->parts[out->count++], &err), &err);
 }

@@ -33,7 +33,7 @@
 struct fixture {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
-    struct hg_visible *visible;
+    struct hg_culling *visible;
     struct hg_gpu_buffer block, ids, depth;
     struct hg_gpu_image image_ids, image_depth;
     struct hg_error err;
@@ -80,7 +80,7 @@ static int setup(void **state)
     check(f, hg_gpu_create(&params, &f->gpu, &f->err));
     f->jobs = hg_jobs_create(2);
     assert_non_null(f->jobs);
-    check(f, hg_visible_create(f->gpu, &f->visible, &f->err));
+    check(f, hg_culling_create(f->gpu, &f->visible, &f->err));
     check(f, hg_gpu_buffer_create(
                  f->gpu, HG_GPU_BUFFER_UPLOAD, BLOCK_BYTES, "frame", &f->block, &f->err));
     check(f,
@@ -97,7 +97,7 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     struct fixture *f = *state;
-    hg_visible_destroy(f->visible);
+    hg_culling_destroy(f->visible);
     hg_gpu_image_destroy(f->gpu, &f->image_ids);
     hg_gpu_image_destroy(f->gpu, &f->image_depth);
     hg_gpu_buffer_destroy(f->gpu, &f->block);
@@ -273,9 +273,9 @@ static struct hg_camera_setup random_camera(struct fixture *f, const struct worl
 }
 
 // What the frame asks for; see camera_view of renderer/frame/frame.c.
-static struct hg_visible_view view_of(const struct hg_gpu_camera *camera, bool culled)
+static struct hg_culling_view view_of(const struct hg_gpu_camera *camera, bool culled)
 {
-    struct hg_visible_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
+    struct hg_culling_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},
         .forward = {camera->forward_ws.x, camera->forward_ws.y, camera->forward_ws.z},
         .orthographic = camera->orthographic != 0,
         .px_scale = 1.0f / (camera->orthographic != 0 ? camera->pixel_size : camera->pixel_angle),
@@ -296,15 +296,15 @@ struct picture {
 };
 
 // sample: where the host draws what it takes; NULL: the device draws all.
-static void draw(struct fixture *f, const struct world *w, const struct hg_visible_view *view,
-    const struct hg_visible_lens *sample, struct picture *out, struct hg_visible_stats *stats)
+static void draw(struct fixture *f, const struct world *w, const struct hg_culling_view *view,
+    const struct hg_culling_lens *sample, struct picture *out, struct hg_culling_stats *stats)
 {
     const struct hg_gpu_region all = {.width = WIDTH, .height = HEIGHT};
-    hg_visible_reset(f->visible);
-    check(f, hg_visible_add(f->visible, w->geometry, view, f->jobs, &f->err));
-    check(f, hg_visible_upload(f->visible, f->jobs, &f->err));
-    if (hg_visible_set(f->visible, 0)->hosted)
-        check(f, hg_visible_host(f->visible, sample, 0, 1, f->jobs, &f->err));
+    hg_culling_reset(f->visible);
+    check(f, hg_culling_add(f->visible, w->geometry, view, f->jobs, &f->err));
+    check(f, hg_culling_upload(f->visible, f->jobs, &f->err));
+    if (hg_culling_set(f->visible, 0)->hosted)
+        check(f, hg_culling_draw_cpu(f->visible, sample, 0, 1, f->jobs, &f->err));
     hg_geometry_fill(w->geometry, &((struct hg_gpu_frame *)f->block.mapped)->geometry);
     struct hg_pass pass = {.gpu = f->gpu, .features = HG_FEATURE_ALL};
     pass.bindings.uniforms[0] = (struct hg_gpu_uniform){f->block.address, BLOCK_BYTES};
@@ -318,7 +318,7 @@ static void draw(struct fixture *f, const struct world *w, const struct hg_visib
     submit(f, pass.cmd);
     memcpy(out->ids, f->ids.mapped, sizeof out->ids);
     memcpy(out->depth, f->depth.mapped, sizeof out->depth);
-    hg_visible_stats(f->visible, stats);
+    hg_culling_stats(f->visible, stats);
 }
 
 static void assert_same(const struct picture *a, const struct picture *b, const char *what)
@@ -352,14 +352,14 @@ static void compare(struct fixture *f, const struct picture *device, const struc
 }
 
 // known: where the samples lie; else only that they are near the centres of pixels.
-static struct hg_visible_lens lens_of(const struct hg_camera_setup *setup, bool known)
+static struct hg_culling_lens lens_of(const struct hg_camera_setup *setup, bool known)
 {
     struct hg_camera_setup s = *setup;
     struct hg_gpu_camera camera;
     if (!known)
         s.jitter_px[0] = s.jitter_px[1] = 0.0f;
     hg_camera_fill(&s, &camera);
-    struct hg_visible_lens lens = {
+    struct hg_culling_lens lens = {
         .width = WIDTH, .height = HEIGHT, .shift_px = known ? 0.0f : 2.0f};
     memcpy(lens.view_proj, camera.view_proj.m, sizeof lens.view_proj);
     memcpy(lens.clip, camera.proj.m + 12, sizeof lens.clip);
@@ -368,13 +368,13 @@ static struct hg_visible_lens lens_of(const struct hg_camera_setup *setup, bool 
 
 // A sieve for samples that lie half a pixel aside loses what it must not lose.
 static void check_control(struct fixture *f, const struct world *w,
-    const struct hg_camera_setup *setup, struct hg_visible_view view, const struct picture *off)
+    const struct hg_camera_setup *setup, struct hg_culling_view view, const struct picture *off)
 {
     static struct picture on;
-    struct hg_visible_stats stats;
+    struct hg_culling_stats stats;
     struct hg_camera_setup aside = *setup;
     aside.jitter_px[0] += 0.5f;
-    const struct hg_visible_lens lens = lens_of(&aside, true);
+    const struct hg_culling_lens lens = lens_of(&aside, true);
     view.lens = &lens;
     draw(f, w, &view, NULL, &on, &stats);
     f->spoiled += memcmp(off, &on, sizeof on) != 0;
@@ -384,15 +384,15 @@ static void check_control(struct fixture *f, const struct world *w,
 // whose arithmetic the host repeats), and nearly the same at the border of the image; with the
 // history of the device, and with its own.
 static void check_host(struct fixture *f, const struct world *w,
-    const struct hg_camera_setup *setup, struct hg_visible_view view, const struct picture *off,
+    const struct hg_camera_setup *setup, struct hg_culling_view view, const struct picture *off,
     const char *name)
 {
     static struct picture on;
-    struct hg_visible_stats stats;
+    struct hg_culling_stats stats;
     struct hg_camera_setup still = *setup;
     still.jitter_px[0] = still.jitter_px[1] = 0.0f;
-    const struct hg_visible_lens sample = lens_of(setup, true), whole = lens_of(&still, true);
-    struct hg_visible_lens inner = whole; // the border of this lies inside of the image
+    const struct hg_culling_lens sample = lens_of(setup, true), whole = lens_of(&still, true);
+    struct hg_culling_lens inner = whole; // the border of this lies inside of the image
     for (int c = 0; c < 4; c++) {
         inner.view_proj[c * 4] *= 2.0f;
         inner.view_proj[c * 4 + 1] *= 2.0f;
@@ -402,7 +402,7 @@ static void check_host(struct fixture *f, const struct world *w,
     for (int pass = 0; pass < 4; pass++) {
         view.host = pass < 2 ? &inner : &whole;
         draw(f, w, &view, &sample, &on, &stats);
-        f->hosted_views += pass >= 2 && hg_visible_set(f->visible, 0)->hosted;
+        f->hosted_views += pass >= 2 && hg_culling_set(f->visible, 0)->hosted;
         if (pass < 2 && strstr(hg_gpu_get_caps(f->gpu)->driver, "Mesa 22.3.") != NULL)
             assert_same(off, &on, name);
         else
@@ -414,7 +414,7 @@ static void check_view(struct fixture *f, const struct world *w, int index, cons
 {
     static struct picture off, on;
     struct hg_gpu_frame *frame = f->block.mapped;
-    struct hg_visible_stats stats;
+    struct hg_culling_stats stats;
     char what[256];
     memset(frame, 0, sizeof *frame);
     struct hg_camera_setup camera = random_camera(f, w, index);
@@ -422,14 +422,14 @@ static void check_view(struct fixture *f, const struct world *w, int index, cons
     frame->width = WIDTH;
     frame->height = HEIGHT;
     frame->inv_size = (struct hg_vec2){1.0f / WIDTH, 1.0f / HEIGHT};
-    const struct hg_visible_view all = view_of(&frame->camera, false);
-    struct hg_visible_view some = view_of(&frame->camera, true);
-    const struct hg_visible_lens known = lens_of(&camera, true), near = lens_of(&camera, false);
+    const struct hg_culling_view all = view_of(&frame->camera, false);
+    struct hg_culling_view some = view_of(&frame->camera, true);
+    const struct hg_culling_lens known = lens_of(&camera, true), near = lens_of(&camera, false);
     draw(f, w, &all, NULL, &off, &stats);
     f->drawn_off += stats.triangles;
     // No occlusion; occlusion, unknown and known; sieves with it and without.
     for (int pass = 0; pass < 5; pass++) {
-        hg_visible_set_occlusion_from(f->visible, pass % 4 > 0 ? 1 : UINT64_MAX);
+        hg_culling_set_occlusion_from(f->visible, pass % 4 > 0 ? 1 : UINT64_MAX);
         some.lens = pass < 3 ? NULL : pass == 3 && index % 2 == 0 ? &near : &known;
         draw(f, w, &some, NULL, &on, &stats);
         snprintf(what, sizeof what, "%s, view %d, pass %d", name, index, pass);

@@ -16,11 +16,11 @@
 #include "renderer/math/frustum.h"
 #include "renderer/cull/culling.h"
 
-static bool draw_is_listed(const struct hg_visible *v, uint32_t set, uint32_t draw)
+static bool draw_is_listed(const struct hg_culling *v, uint32_t set, uint32_t draw)
 {
-    const struct hg_visible_set *s = hg_visible_set(v, set);
+    const struct hg_culling_set *s = hg_culling_set(v, set);
     for (uint32_t i = 0; i < s->item_count; i++) {
-        const struct hg_visible_item *item = hg_visible_item(v, s->first_item + i);
+        const struct hg_culling_item *item = hg_culling_item(v, s->first_item + i);
         if (draw - item->first_draw < item->draw_count)
             return true;
     }
@@ -44,20 +44,20 @@ static void test_culling(void **state)
         }
     }
     geo_sync(f, g, scene);
-    struct hg_visible *v;
-    geo_check(f, hg_visible_create(f->gpu, &v, &f->err));
-    const struct hg_visible_view off = {.plane_count = 0};
-    geo_check(f, hg_visible_add(v, g, &off, NULL, &f->err));
-    assert_int_equal(hg_visible_set(v, 0)->item_count, 1); // instances of one part are one item
-    assert_int_equal(hg_visible_item(v, 0)->draw_count, 400);
+    struct hg_culling *v;
+    geo_check(f, hg_culling_create(f->gpu, &v, &f->err));
+    const struct hg_culling_view off = {.plane_count = 0};
+    geo_check(f, hg_culling_add(v, g, &off, NULL, &f->err));
+    assert_int_equal(hg_culling_set(v, 0)->item_count, 1); // instances of one part are one item
+    assert_int_equal(hg_culling_item(v, 0)->draw_count, 400);
     const double eye[3] = {0, 0, 0}, target[3] = {1, 0.2, 0.4}, origin[3] = {0};
     const struct geo_eye e = geo_look_at(eye, target, false);
     struct hg_gpu_camera camera = {0};
     geo_fill_camera(&e, origin, &camera);
-    struct hg_visible_view cull = {.both_sides = true};
+    struct hg_culling_view cull = {.both_sides = true};
     cull.plane_count = hg_frustum_planes(camera.view_proj.m, cull.planes);
     assert_int_equal(cull.plane_count, 5); // the far plane is at infinity
-    geo_check(f, hg_visible_add(v, g, &cull, NULL, &f->err));
+    geo_check(f, hg_culling_add(v, g, &cull, NULL, &f->err));
     uint32_t must = 0;
     for (uint32_t d = 0; d < g->draw_count; d++) {
         bool on_screen = false;
@@ -77,7 +77,7 @@ static void test_culling(void **state)
         listed += draw_is_listed(v, 1, d);
     print_message("%u draws have corners on the screen, %u are drawn, of 400\n", must, listed);
     assert_true(must > 10 && listed < 200);
-    hg_visible_destroy(v);
+    hg_culling_destroy(v);
     hg_geometry_destroy(g);
     hg_scene_destroy(scene);
 }

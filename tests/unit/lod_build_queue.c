@@ -46,14 +46,14 @@ static double own_seconds(void)
 // Seconds of this thread until all parts are queued.
 static double queue_all(struct hg_jobs *jobs, const struct hg_mesh *mesh)
 {
-    struct hg_baker *baker;
-    assert_int_equal(hg_baker_create(NULL, jobs, &baker, NULL), HG_OK);
+    struct hg_lod_build_queue *baker;
+    assert_int_equal(hg_lod_build_queue_create(NULL, jobs, &baker, NULL), HG_OK);
     const double start = own_seconds();
     for (uint32_t i = 0; i < mesh->part_count; i++)
-        assert_int_equal(hg_baker_add(baker, mesh, 7, 1, i), HG_OK);
+        assert_int_equal(hg_lod_build_queue_add(baker, mesh, 7, 1, i), HG_OK);
     const double seconds = own_seconds() - start;
-    assert_int_equal(hg_baker_pending(baker), mesh->part_count);
-    hg_baker_destroy(baker);
+    assert_int_equal(hg_lod_build_queue_pending(baker), mesh->part_count);
+    hg_lod_build_queue_destroy(baker);
     return seconds;
 }
 
@@ -85,20 +85,20 @@ static void test_each_once(void **state)
     static uint8_t seen[KINDS][PARTS];
     struct hg_jobs *jobs = hg_jobs_create(1);
     struct hg_mesh *mesh = mesh_of(PARTS);
-    struct hg_baker *baker;
-    struct hg_baked baked;
+    struct hg_lod_build_queue *baker;
+    struct hg_lod_built baked;
     assert_non_null(jobs);
-    assert_int_equal(hg_baker_create(NULL, jobs, &baker, NULL), HG_OK);
+    assert_int_equal(hg_lod_build_queue_create(NULL, jobs, &baker, NULL), HG_OK);
     for (uint32_t kind = 0; kind < KINDS; kind++)
         for (uint32_t i = 0; i < PARTS; i++)
-            assert_int_equal(hg_baker_add(baker, mesh, 1 + kind / 2, kind % 2, i), HG_OK);
-    assert_int_equal(hg_baker_pending(baker), KINDS * PARTS);
+            assert_int_equal(hg_lod_build_queue_add(baker, mesh, 1 + kind / 2, kind % 2, i), HG_OK);
+    assert_int_equal(hg_lod_build_queue_pending(baker), KINDS * PARTS);
     for (uint32_t i = 0; i < PARTS; i++)
-        assert_int_equal(hg_baker_add(baker, mesh, 2, 1, i), HG_OK);
-    assert_int_equal(hg_baker_pending(baker), KINDS * PARTS);
+        assert_int_equal(hg_lod_build_queue_add(baker, mesh, 2, 1, i), HG_OK);
+    assert_int_equal(hg_lod_build_queue_pending(baker), KINDS * PARTS);
     for (uint32_t left = KINDS * PARTS; left > 0; left--) {
-        assert_true(hg_baker_take(baker, HG_COND_FOREVER, &baked));
-        assert_int_equal(hg_baker_pending(baker), left - 1);
+        assert_true(hg_lod_build_queue_take(baker, HG_COND_FOREVER, &baked));
+        assert_int_equal(hg_lod_build_queue_pending(baker), left - 1);
         seen[(baked.mesh - 1) * 2 + baked.revision][baked.part]++;
         hg_lod_stored_close(&baked.stored);
         hg_free(baked.data);
@@ -106,10 +106,10 @@ static void test_each_once(void **state)
     for (uint32_t kind = 0; kind < KINDS; kind++)
         for (uint32_t i = 0; i < PARTS; i++)
             assert_int_equal(seen[kind][i], 1);
-    assert_false(hg_baker_take(baker, HG_COND_FOREVER, &baked));
-    assert_int_equal(hg_baker_add(baker, mesh, 2, 1, 0), HG_OK); // again, once it was taken
-    assert_int_equal(hg_baker_pending(baker), 1);
-    hg_baker_destroy(baker);
+    assert_false(hg_lod_build_queue_take(baker, HG_COND_FOREVER, &baked));
+    assert_int_equal(hg_lod_build_queue_add(baker, mesh, 2, 1, 0), HG_OK); // again, once it was taken
+    assert_int_equal(hg_lod_build_queue_pending(baker), 1);
+    hg_lod_build_queue_destroy(baker);
     free_mesh(mesh);
     hg_jobs_destroy(jobs);
 }

@@ -174,8 +174,8 @@ static void test_too_large(void **state)
 // Every triangle keeps its corners and its winding, and its first corner is its number.
 static void check_numbered(const struct hg_mesh_part *part, const uint32_t *order)
 {
-    struct hg_numbered n;
-    assert_int_equal(hg_numbered_build(part, order, &n), HG_OK);
+    struct hg_provoking n;
+    assert_int_equal(hg_provoking_build(part, order, &n), HG_OK);
     for (uint32_t i = 0; i < part->index_count / 3; i++) {
         const uint32_t *c = part->indices + (size_t)(order != NULL ? order[i] : i) * 3;
         const uint32_t *to = n.indices + (size_t)i * 3;
@@ -190,7 +190,7 @@ static void check_numbered(const struct hg_mesh_part *part, const uint32_t *orde
         assert_true(k < 3);
     }
     assert_true(n.vertex_count <= part->index_count / 3 + part->vertex_count);
-    hg_numbered_finish(&n);
+    hg_provoking_finish(&n);
 }
 
 static void test_numbered(void **state)
@@ -218,8 +218,8 @@ static void test_numbered(void **state)
     part.vertex_count = 60;
     check_numbered(&part, NULL);
     part.vertex_count = UINT32_MAX - 1;
-    struct hg_numbered none;
-    assert_int_equal(hg_numbered_build(&part, NULL, &none), HG_E_LIMIT);
+    struct hg_provoking none;
+    assert_int_equal(hg_provoking_build(&part, NULL, &none), HG_E_LIMIT);
     assert_null(none.indices);
 }
 

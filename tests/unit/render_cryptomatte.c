@@ -96,7 +96,7 @@ static void test_objects(void **state)
     memcpy(bits, ids, sizeof bits);
     snprintf(wanted, sizeof wanted, "{\"near\":\"%08x\",\"node 2\":\"%08x\"}", bits[0], bits[1]);
     assert_string_equal(matte.manifest, wanted);
-    hg_matte_finish(&matte);
+    hg_cryptomatte_view_finish(&matte);
     rig_close(&rig);
 }
 
@@ -115,12 +115,12 @@ static void test_materials_and_assets(void **state)
         assert_true(
             fabsf(share(&matte, x, "paint") -
                   ((const float *)(const void *)color->data)[(16 * SIDE + x) * 4 + 3]) < 1e-6f);
-    hg_matte_finish(&matte);
+    hg_cryptomatte_view_finish(&matte);
     hg_refbuf_unref(color);
     test_ok(hg_view_read_matte(rig.view, HG_MATTE_ASSET, &matte, &rig.err), &rig.err);
     assert_true(share(&matte, 10, "client") == 1);
     assert_non_null(strstr(matte.manifest, "\"client\""));
-    hg_matte_finish(&matte);
+    hg_cryptomatte_view_finish(&matte);
     rig_close(&rig);
 }
 
@@ -186,8 +186,8 @@ static void check_leaves(const struct hg_view_camera *camera, float alpha, float
         assert_near(share(&materials, AT, "leaf"), covered / 2);
     }
     hg_refbuf_unref(color);
-    hg_matte_finish(&materials);
-    hg_matte_finish(&assets);
+    hg_cryptomatte_view_finish(&materials);
+    hg_cryptomatte_view_finish(&assets);
     rig_close(&rig);
 }
 

@@ -426,7 +426,7 @@ static void test_budget_changes_nothing(void **state)
         look_at_scene(&rig, 0.4f);
         settle(&rig, 5);
         struct hg_geometry_stats stats;
-        hg_geometry_stats(rig.view->state.rooms->geometry, &stats);
+        hg_geometry_stats(rig.view->state.scene_gpu->geometry, &stats);
         assert_true(stats.peak_bytes <= budget || i == 0);
         assert_true(stats.facet_bytes > 0 || !hg_gpu_get_caps(rig.renderer->context.gpu)->is_cpu);
         budget = stats.used_bytes;

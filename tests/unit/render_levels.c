@@ -110,7 +110,7 @@ static void open_whole(struct rig *rig)
 static struct hg_geometry_stats geometry_stats(const struct rig *rig)
 {
     struct hg_geometry_stats stats;
-    hg_geometry_stats(rig->view->state.rooms->geometry, &stats);
+    hg_geometry_stats(rig->view->state.scene_gpu->geometry, &stats);
     return stats;
 }
 

@@ -79,10 +79,10 @@ static void pose_all(
 }
 
 // The farthest that a vertex of the part is from a level, all of them posed.
-static float distance_to(const struct hg_mesh_part *p, const struct hg_posed_levels *levels,
+static float distance_to(const struct hg_mesh_part *p, const struct hg_skinned_lod_levels *levels,
     uint32_t level, const float (*posed)[3])
 {
-    const struct hg_posed_level *l = &levels->items[level];
+    const struct hg_skinned_lod_level *l = &levels->items[level];
     const uint32_t *triangles = levels->indices + (l->first - p->index_count / 3) * 3;
     float worst = 0.0f;
     for (uint32_t v = 0; v < p->vertex_count; v += 5) {
@@ -100,8 +100,8 @@ static void test_errors_hold_in_poses(void **state)
 {
     (void)state;
     struct hg_mesh_part p = make_posed();
-    struct hg_posed_levels levels;
-    assert_int_equal(hg_posed_build(&p, 1, &levels), HG_OK);
+    struct hg_skinned_lod_levels levels;
+    assert_int_equal(hg_skinned_lod_build(&p, 1, &levels), HG_OK);
     assert_true(levels.count >= 4);
     float(*posed)[3] = hg_calloc(p.vertex_count, sizeof *posed);
     // Turn, scale and weight; then as they come: what is stated is sampled, pose by pose.
@@ -117,13 +117,13 @@ static void test_errors_hold_in_poses(void **state)
     for (int i = 0; i < POSES; i++) {
         struct hg_mat4x3 joints[2];
         set_joints(poses[i][0], poses[i][1], joints);
-        const struct hg_posed_pose pose = {.matrices = joints,
+        const struct hg_skinned_lod_pose pose = {.matrices = joints,
             .joint_count = 2,
             .weights = &poses[i][2],
             .target_count = 1,
             .stretch = fmaxf(1.0f, poses[i][1])};
-        float errors[HG_POSED_LEVELS];
-        hg_posed_errors(&levels, &p, &pose, errors);
+        float errors[HG_SKINNED_LOD_LEVELS];
+        hg_skinned_lod_errors(&levels, &p, &pose, errors);
         pose_all(&p, joints, poses[i][2], posed);
         for (uint32_t l = 0; l < levels.count; l++) {
             const float d = distance_to(&p, &levels, l, (const float(*)[3])posed);
@@ -137,7 +137,7 @@ static void test_errors_hold_in_poses(void **state)
     }
     assert_true(tight > 0.3f); // what is stated is not far from what is there
     hg_free(posed);
-    hg_posed_finish(&levels);
+    hg_skinned_lod_finish(&levels);
     finish_posed(&p);
 }
 
@@ -145,9 +145,9 @@ static void test_lists_are_sound(void **state)
 {
     (void)state;
     struct hg_mesh_part p = make_posed();
-    struct hg_posed_levels levels, again;
-    assert_int_equal(hg_posed_build(&p, 1, &levels), HG_OK);
-    assert_int_equal(hg_posed_build(&p, 1, &again), HG_OK);
+    struct hg_skinned_lod_levels levels, again;
+    assert_int_equal(hg_skinned_lod_build(&p, 1, &levels), HG_OK);
+    assert_int_equal(hg_skinned_lod_build(&p, 1, &again), HG_OK);
     uint32_t next = p.index_count / 3, before = next;
     for (uint32_t l = 0; l < levels.count; l++) {
         assert_int_equal(levels.items[l].first, next);
@@ -161,11 +161,11 @@ static void test_lists_are_sound(void **state)
         assert_true(levels.sources[i] < p.index_count / 3);
     assert_int_equal(again.index_count, levels.index_count);
     assert_memory_equal(again.indices, levels.indices, levels.index_count * 4);
-    hg_posed_finish(&levels);
-    hg_posed_finish(&again);
+    hg_skinned_lod_finish(&levels);
+    hg_skinned_lod_finish(&again);
     uint16_t *joints = p.joints; // neither skinned nor morphed: none
     p.joints = NULL;
-    assert_int_equal(hg_posed_build(&p, 0, &levels), HG_OK);
+    assert_int_equal(hg_skinned_lod_build(&p, 0, &levels), HG_OK);
     assert_int_equal(levels.count, 0);
     p.joints = joints;
     finish_posed(&p);
@@ -178,11 +178,11 @@ static void test_any_number_of_vertices(void **state)
     uint32_t remainders = 0;
     for (uint32_t i = 0; i < 3; i++) {
         struct hg_mesh_part p = make_posed_of(60 + i, 42 + i);
-        struct hg_posed_levels levels;
+        struct hg_skinned_lod_levels levels;
         remainders |= 1u << p.vertex_count % 3;
-        assert_int_equal(hg_posed_build(&p, 1, &levels), HG_OK);
+        assert_int_equal(hg_skinned_lod_build(&p, 1, &levels), HG_OK);
         assert_true(levels.count > 0);
-        hg_posed_finish(&levels);
+        hg_skinned_lod_finish(&levels);
         finish_posed(&p);
     }
     assert_true((remainders & 6) != 0); // not all of them were multiples

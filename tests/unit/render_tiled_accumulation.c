@@ -290,9 +290,9 @@ static void test_final_no_longer(void **state)
     rig_close(&rig);
 }
 
-static struct hg_ahead_place place(double x, double turn, uint64_t ms)
+static struct hg_prefetch_place place(double x, double turn, uint64_t ms)
 {
-    return (struct hg_ahead_place){.eye = {x, 1, 5},
+    return (struct hg_prefetch_place){.eye = {x, 1, 5},
         .direction = {sin(turn), 0, -cos(turn)},
         .up = {0, 1, 0},
         .distance = 2,
@@ -304,26 +304,26 @@ static void test_prediction(void **state)
 {
     (void)state;
     struct hg_view_camera_state c = {0};
-    struct hg_ahead_place steady[3] = {
+    struct hg_prefetch_place steady[3] = {
         place(1.2, 0.02, 200), place(1.1, 0.01, 100), place(1.0, 0.0, 0)};
-    assert_true(hg_ahead_predict(steady, 300000000, &c));
+    assert_true(hg_prefetch_predict(steady, 300000000, &c));
     assert_float_equal(c.eye[0], 1.5, 1e-6); // 300 ms at 1 m/s
     assert_float_equal(c.eye[1], 1, 1e-6);
     assert_float_equal((c.target[0] - c.eye[0]) / 2, sin(0.05), 1e-4);
-    struct hg_ahead_place slow[3] = {place(3, 0, 1200), place(2, 0, 600), place(1, 0, 0)};
-    assert_true(hg_ahead_predict(slow, 300000000, &c)); // two changes, not 300 ms
+    struct hg_prefetch_place slow[3] = {place(3, 0, 1200), place(2, 0, 600), place(1, 0, 0)};
+    assert_true(hg_prefetch_predict(slow, 300000000, &c)); // two changes, not 300 ms
     assert_float_equal(c.eye[0], 5, 1e-6);
-    struct hg_ahead_place spin[3] = {
+    struct hg_prefetch_place spin[3] = {
         place(1, 1.8, 200), place(1, 0.9, 100), place(1, 0, 0)}; // never more than it can know
-    assert_true(hg_ahead_predict(spin, 300000000, &c));
+    assert_true(hg_prefetch_predict(spin, 300000000, &c));
     const double turned = atan2(c.target[0] - c.eye[0], -(c.target[2] - c.eye[2]));
     assert_true(turned > 1.8 && turned < 2.7);
-    struct hg_ahead_place jump[3] = {place(9, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(jump, 300000000, &c));
-    struct hg_ahead_place back[3] = {place(1, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(back, 300000000, &c));
-    struct hg_ahead_place late[3] = {place(1.2, 0, 9000), place(1.1, 0, 100), place(1, 0, 0)};
-    assert_false(hg_ahead_predict(late, 300000000, &c));
+    struct hg_prefetch_place jump[3] = {place(9, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_prefetch_predict(jump, 300000000, &c));
+    struct hg_prefetch_place back[3] = {place(1, 0, 200), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_prefetch_predict(back, 300000000, &c));
+    struct hg_prefetch_place late[3] = {place(1.2, 0, 9000), place(1.1, 0, 100), place(1, 0, 0)};
+    assert_false(hg_prefetch_predict(late, 300000000, &c));
 }
 
 // In steady motion it is looked ahead, at the same pictures in the end and within the budget.
@@ -377,7 +377,7 @@ static void test_finding_does_not_show(void **state)
         hg_view_set_final(rig.view, i > 0);
         rig_settle(&rig, i == 1 ? 1 : 16);
         struct hg_geometry_stats stats;
-        hg_geometry_stats(rig.view->state.rooms->geometry, &stats);
+        hg_geometry_stats(rig.view->state.scene_gpu->geometry, &stats);
         assert_true(stats.chunks.resident > 0);
         pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
         rig_close(&rig);

@@ -132,7 +132,7 @@ static void open_rig(struct rig *rig, const char *dark, enum lights lights)
 
 static float share(const struct rig *rig)
 {
-    return hg_dark_share(&rig->view->state.dark, &rig->view->state.depth);
+    return hg_unlit_tiles_share(&rig->view->state.dark, &rig->view->state.depth);
 }
 
 static struct hg_refbuf *settle(struct rig *rig, const struct hg_view_camera *camera)

@@ -68,15 +68,15 @@ static void bake_all(struct rig *r)
     assert_true(hg_geometry_has_levels(r->geometry));
 }
 
-static const struct hg_cut_lens fine = {.px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}};
-static const struct hg_cut_lens coarse = {
+static const struct hg_ray_geometry_lens fine = {.px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}};
+static const struct hg_ray_geometry_lens coarse = {
     .px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}, .error_px = 4.0f};
 
-static uint64_t triangles_of(const struct hg_cut *cut)
+static uint64_t triangles_of(const struct hg_ray_geometry *cut)
 {
     uint64_t sum = 0;
-    for (uint32_t i = 0; i < hg_cut_count(cut); i++)
-        sum += hg_cut_pieces(cut)[i].triangle_count;
+    for (uint32_t i = 0; i < hg_ray_geometry_count(cut); i++)
+        sum += hg_ray_geometry_pieces(cut)[i].triangle_count;
     return sum;
 }
 
@@ -144,18 +144,18 @@ static void same_cut(void **state)
         rig_node(r, ball(r, 60), far);
         bake_all(r);
         if (small) {
-            const struct hg_cut_lens other = {
+            const struct hg_ray_geometry_lens other = {
                 .px_scale = 300.0f, .near = 0.01f, .eye = {0, 0, -57}, .error_px = 2.0f};
-            rig_check(r, hg_cut_make(r->geometry, &other, r->jobs, &r->cut, &r->err));
+            rig_check(r, hg_ray_geometry_make(r->geometry, &other, r->jobs, &r->cut, &r->err));
         }
-        rig_check(r, hg_cut_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
-        count[small] = hg_cut_count(r->cut);
+        rig_check(r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
+        count[small] = hg_ray_geometry_count(r->cut);
         assert_in_range(count[small], 2, 4096);
         for (uint32_t i = 0; i < count[small]; i++)
-            keys[small][i] = hg_cut_pieces(r->cut)[i].key;
-        const uint64_t revision = hg_cut_revision(r->cut);
-        rig_check(r, hg_cut_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
-        assert_true(hg_cut_revision(r->cut) == revision);
+            keys[small][i] = hg_ray_geometry_pieces(r->cut)[i].key;
+        const uint64_t revision = hg_ray_geometry_revision(r->cut);
+        rig_check(r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
+        assert_true(hg_ray_geometry_revision(r->cut) == revision);
         rig_close(r);
     }
     assert_int_equal(count[0], count[1]);
@@ -169,8 +169,8 @@ static void too_small(void **state)
     for (int i = 0; i < 4; i++)
         rig_node(r, ball(r, 80), NULL);
     bake_all(r);
-    assert_int_equal(hg_cut_make(r->geometry, &fine, r->jobs, &r->cut, &r->err), HG_E_LIMIT);
-    assert_int_equal(hg_cut_count(r->cut), 0);
+    assert_int_equal(hg_ray_geometry_make(r->geometry, &fine, r->jobs, &r->cut, &r->err), HG_E_LIMIT);
+    assert_int_equal(hg_ray_geometry_count(r->cut), 0);
     rig_close(r);
 }
 
@@ -231,12 +231,12 @@ static void motion(void **state)
 {
     (void)state;
     struct rig *r = rig_open(backend);
-    struct hg_cut_lens lens = fine;
+    struct hg_ray_geometry_lens lens = fine;
     struct hg_node *node = lift(r);
     lens.motion = true;
     node->weights[0] = 0.5f;
     rig_pose(r);
-    rig_check(r, hg_cut_open_shutter(r->geometry, &r->cut, &r->err));
+    rig_check(r, hg_ray_geometry_open_shutter(r->geometry, &r->cut, &r->err));
     node->weights[0] = 1.0f; // the surface moves by half a metre, then the node by another
     hg_scene_touch(r->scene, &node->head);
     rig_pose(r);

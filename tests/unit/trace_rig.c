@@ -48,7 +48,7 @@ void rig_close(struct rig *r)
 {
     const uint32_t messages = hg_gpu_validation_messages(r->gpu);
     hg_trace_destroy(r->trace);
-    hg_cut_free(r->cut);
+    hg_ray_geometry_free(r->cut);
     hg_gpu_buffer_destroy(r->gpu, &r->rays);
     hg_gpu_buffer_destroy(r->gpu, &r->hits);
     hg_gpu_buffer_destroy(r->gpu, &r->blocked);
@@ -143,9 +143,9 @@ void rig_pose(struct rig *r)
 }
 
 static enum hg_status try_trace(
-    struct rig *r, const struct hg_cut_lens *lens, uint64_t budget_bytes)
+    struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes)
 {
-    rig_check(r, hg_cut_make(r->geometry, lens, r->jobs, &r->cut, &r->err));
+    rig_check(r, hg_ray_geometry_make(r->geometry, lens, r->jobs, &r->cut, &r->err));
     if (r->trace == NULL) {
         const struct hg_trace_params params = {
             .backend = r->backend, .jobs = r->jobs, .budget_bytes = budget_bytes};
@@ -154,14 +154,14 @@ static enum hg_status try_trace(
     return hg_trace_sync(r->trace, r->cut, &r->err);
 }
 
-void rig_trace(struct rig *r, const struct hg_cut_lens *lens, uint64_t budget_bytes)
+void rig_trace(struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes)
 {
     rig_check(r, try_trace(r, lens, budget_bytes));
 }
 
 enum hg_status rig_try(struct rig *r, uint64_t budget_bytes)
 {
-    const struct hg_cut_lens lens = {.px_scale = 1000.0f, .near = 0.01f};
+    const struct hg_ray_geometry_lens lens = {.px_scale = 1000.0f, .near = 0.01f};
     rig_pose(r);
     return try_trace(r, &lens, budget_bytes);
 }

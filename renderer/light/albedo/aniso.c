@@ -15,14 +15,14 @@ static void fill_aniso(struct hg_vec2 *table, uint32_t job)
     struct hg_vec2 *out = table + HG_ANISO_FIRST + job * A * C;
     const bool strong = job % S != 0;
     float alpha[2], v[3], ab[2];
-    struct hg_facets facets;
+    struct hg_vndf_quadrature facets;
     hg_aniso_alpha(hg_table_place(job / S, HG_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
     for (uint32_t i = 0; i < A * C; i++) {
         const uint32_t column = i % C > 0 ? i % C : 1; // grazing ones are like their neighbours
-        hg_facets_direction(
+        hg_vndf_direction(
             hg_table_cosine(column, C), hg_table_place(i / C, A) * hg_table_place(i / C, A), v);
-        hg_facets_init(&facets, v, alpha, strong ? 28 : 1, false);
-        hg_facets_reflect(&facets, NULL, NULL, ab);
+        hg_vndf_init(&facets, v, alpha, strong ? 28 : 1, false);
+        hg_vndf_reflect(&facets, NULL, NULL, ab);
         const struct hg_vec2 guess = aniso_guess(table, v, alpha);
         out[i].x = strong ? hg_table_correction(ab[0] - guess.x) : 0.5f;
         out[i].y = strong ? hg_table_correction(ab[1] - guess.y) : 0.5f;
@@ -40,7 +40,7 @@ static void fill_aniso_mean(struct hg_vec2 *table, uint32_t job)
     for (uint32_t k = 0; k < HG_DFG_QUADRANT; k++) {
         float s, turn;
         const float w = hg_dfg_quadrant(k, &s, &turn);
-        hg_facets_direction(s * s, turn, v);
+        hg_vndf_direction(s * s, turn, v);
         const struct hg_vec2 guess = aniso_guess(table, v, alpha);
         const struct hg_vec2 more =
             hg_table_middle_off(hg_table_bilinear(delta, C, A, s * (C - 1), sqrtf(turn) * (A - 1)));
@@ -91,16 +91,16 @@ static void brushed_more(struct hg_vec2 *table, uint32_t job, uint32_t i, const 
     enum { C = HG_BRUSHED_COSINES, A = HG_BRUSHED_AZIMUTHS };
     const float roughness = hg_aniso_roughness(alpha);
     float eta[HG_BRUSHED_IORS], v[3];
-    struct hg_facets facets;
+    struct hg_vndf_quadrature facets;
     struct hg_vec2 glass[HG_BRUSHED_IORS];
     for (uint32_t k = 0; k < layers; k++)
         eta[k] = brushed_eta(first + k, inside);
     const float cosine = hg_glass_cosine(hg_table_place(i % C, C), eta[0]);
     const float lean = hg_brushed_lean(hg_table_place(i / C, A), cosine, eta[0]);
     const float sine = sqrtf(fmaxf(1 - cosine * cosine, 1e-6f));
-    hg_facets_direction(cosine, fminf(cosine * sinhf(lean) / sine, 1), v);
-    hg_facets_init(&facets, v, alpha, 32, false);
-    hg_facets_glass(&facets, layers, eta, glass);
+    hg_vndf_direction(cosine, fminf(cosine * sinhf(lean) / sine, 1), v);
+    hg_vndf_init(&facets, v, alpha, 32, false);
+    hg_vndf_glass(&facets, layers, eta, glass);
     for (uint32_t k = 0; k < layers; k++) {
         struct hg_vec2 *out = &brushed_at(table, first + k, job)[i];
         const float guess = hg_table_glass(table, hg_table_place(i % C, C), roughness, eta[k]).x;

@@ -28,7 +28,7 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //   hg_dfg              cosine, roughness; behind it one row of cosine-weighted means
 //   HG_SHEEN_FIRST      x: the sheen's albedo / HG_SHEEN_MOST, likewise; y: its albedo where f is
 //                       divided by the largest of x at both directions and 1
-//   HG_ANGLES_FIRST     hg_facets_rule of mirrored light: HG_ANGLE_NODES words (root of the cosine,
+//   HG_ANGLES_FIRST     hg_vndf_rule of mirrored light: HG_ANGLE_NODES words (root of the cosine,
 //                       weight) for each cosine, roughness
 //   HG_COAT_FIRST       what a and b lose below a coat to light that it lets through less than that
 //                       of v: weighted with max(0, E(l) - E(v)), E the coat's albedo; cosine,
@@ -38,14 +38,14 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
 //                       coat's roughness
 // Of glass, layer k is that of index (ior - 1) / (ior + 1) = HG_GLASS_FAR s^2. From inside cosines
 // are those of hg_glass_cosine (table.h), at whose s = HG_GLASS_EDGE total reflection begins.
-//   HG_GLASS_FIRST      hg_facets_glass: x the share lost, y the share reflected; cosine,
+//   HG_GLASS_FIRST      hg_vndf_glass: x the share lost, y the share reflected; cosine,
 //                       roughness, layer, first from outside and then from inside
 //   HG_GLASS_MEANS      their cosine-weighted means: roughness, layer, side
-//   HG_FILM_FIRST       hg_facets_rule: cosine, roughness, layer, side, two words of each node:
+//   HG_FILM_FIRST       hg_vndf_rule: cosine, roughness, layer, side, two words of each node:
 //                       the root of its cosine (0 where total reflection ends, 1 along the
 //                       normal) and the weight m of mirrored light as 0.5 + m / 2; then m less
 //                       that of refracted light likewise
-//   HG_FILM_MEANS       hg_facets_rule_of_nodes, the mean over all light of one side: roughness,
+//   HG_FILM_MEANS       hg_vndf_rule_of_nodes, the mean over all light of one side: roughness,
 //                       layer, side, two words of each of HG_MEAN_NODES nodes: as above, and y
 //                       of the second one the weight in the mean of a smooth surface
 //   HG_HELD_FIRST       share that a coat (x) and a sheen (y) hold back of light that glass lets

@@ -3,11 +3,11 @@
 #include "renderer/light/albedo/table.h"
 
 // Of a surface that is as rough in all directions.
-static void round_facets(struct hg_facets *facets, float cosine, float alpha, uint32_t n)
+static void round_facets(struct hg_vndf_quadrature *facets, float cosine, float alpha, uint32_t n)
 {
     float v[3];
-    hg_facets_direction(cosine, 1, v);
-    hg_facets_init(facets, v, (float[2]){alpha, alpha}, n, true);
+    hg_vndf_direction(cosine, 1, v);
+    hg_vndf_init(facets, v, (float[2]){alpha, alpha}, n, true);
 }
 
 // Index behind over that in front, from outside or from inside.
@@ -23,9 +23,9 @@ static void fill_glass(struct hg_vec2 *table, uint32_t job)
     enum { N = HG_GLASS_COSINES, R = HG_GLASS_ROUGHS, L = HG_GLASS_IORS };
     const float rough = hg_table_place(job % R, R), eta = eta_of(job / R % L, L, job >= R * L);
     for (uint32_t i = 0; i < N; i++) {
-        struct hg_facets facets;
+        struct hg_vndf_quadrature facets;
         round_facets(&facets, hg_glass_cosine(hg_table_place(i, N), eta), rough * rough, 72);
-        hg_facets_glass(&facets, 1, &eta, &table[HG_GLASS_FIRST + job * N + i]);
+        hg_vndf_glass(&facets, 1, &eta, &table[HG_GLASS_FIRST + job * N + i]);
     }
 }
 
@@ -59,10 +59,10 @@ static void fill_angles(struct hg_vec2 *table, uint32_t row)
     enum { N = HG_ANGLES_SIZE };
     const float alpha = hg_table_place(row, N) * hg_table_place(row, N);
     for (uint32_t i = 0; i < N; i++) {
-        struct hg_facets facets;
-        struct hg_facet_node nodes[HG_ANGLE_NODES];
+        struct hg_vndf_quadrature facets;
+        struct hg_vndf_node nodes[HG_ANGLE_NODES];
         round_facets(&facets, hg_table_cosine(i, N), alpha, 48);
-        hg_facets_rule(&facets, 0, HG_ANGLE_NODES, nodes);
+        hg_vndf_rule(&facets, 0, HG_ANGLE_NODES, nodes);
         for (uint32_t k = 0; k < HG_ANGLE_NODES; k++)
             table[HG_ANGLES_FIRST + (row * N + i) * HG_ANGLE_NODES + k] =
                 (struct hg_vec2){sqrtf(nodes[k].cosine), nodes[k].mirrored};
@@ -76,12 +76,12 @@ static void fill_film(struct hg_vec2 *table, uint32_t job)
     const float rough = hg_table_place(job % R, R), eta = eta_of(job / R % L, L, job >= R * L);
     const float edge = eta < 1 ? hg_glass_edge(eta) : 0;
     for (uint32_t i = 0; i < N; i++) {
-        struct hg_facets facets;
-        struct hg_facet_node nodes[HG_FACET_NODES];
+        struct hg_vndf_quadrature facets;
+        struct hg_vndf_node nodes[HG_VNDF_NODES];
         round_facets(&facets, hg_glass_cosine(hg_table_place(i, N), eta), rough * rough, 48);
-        hg_facets_rule(&facets, eta, HG_FACET_NODES, nodes);
-        for (uint32_t k = 0; k < HG_FACET_NODES; k++) {
-            const struct hg_facet_node *n = &nodes[k];
+        hg_vndf_rule(&facets, eta, HG_VNDF_NODES, nodes);
+        for (uint32_t k = 0; k < HG_VNDF_NODES; k++) {
+            const struct hg_vndf_node *n = &nodes[k];
             struct hg_vec2 *out = table + HG_FILM_FIRST + 2 * k * 2 * HG_FILM_WORDS + job * N + i;
             const float less = n->mirrored - n->refracted;
             out[0] = (struct hg_vec2){
@@ -92,7 +92,7 @@ static void fill_film(struct hg_vec2 *table, uint32_t job)
 }
 
 // Those of one node of one direction, as fill_film stores them, between entries.
-static struct hg_facet_node film_node(
+static struct hg_vndf_node film_node(
     const struct hg_vec2 *table, uint32_t job, uint32_t node, float at, float eta)
 {
     const struct hg_vec2 *first =
@@ -101,7 +101,7 @@ static struct hg_facet_node film_node(
     const struct hg_vec2 b =
         hg_table_bilinear(first + 2 * HG_FILM_WORDS, HG_FILM_COSINES, 1, at, 0);
     const float edge = eta < 1 ? hg_glass_edge(eta) : 0, mirrored = 2 * a.y - 1;
-    return (struct hg_facet_node){
+    return (struct hg_vndf_node){
         edge + (1 - edge) * a.x * a.x, mirrored, mirrored - (2 * b.x - 1), 0};
 }
 
@@ -109,8 +109,8 @@ static struct hg_facet_node film_node(
 static void fill_film_mean(struct hg_vec2 *table, uint32_t job)
 {
     enum { R = HG_FILM_ROUGHS, L = HG_FILM_IORS, FINE = 16 };
-    static _Thread_local struct hg_facet_node many[HG_FACETS_MOST];
-    struct hg_facet_node nodes[HG_MEAN_NODES];
+    static _Thread_local struct hg_vndf_node many[HG_VNDF_MOST];
+    struct hg_vndf_node nodes[HG_MEAN_NODES];
     const float eta = eta_of(job / R % L, L, job >= R * L), last = HG_FILM_COSINES - 1;
     const float edge = eta < 1 ? hg_glass_edge(eta) : 0;
     uint32_t count = 0;
@@ -119,18 +119,18 @@ static void fill_film_mean(struct hg_vec2 *table, uint32_t job)
         const float low = hg_glass_cosine((float)k / FINE / last, eta);
         const float high = hg_glass_cosine((float)(k + 1) / FINE / last, eta);
         const float weight = high * high - low * low, cosine = hg_glass_cosine(at / last, eta);
-        for (uint32_t i = 0; i < HG_FACET_NODES; i++) {
-            struct hg_facet_node *n = &many[count++];
+        for (uint32_t i = 0; i < HG_VNDF_NODES; i++) {
+            struct hg_vndf_node *n = &many[count++];
             *n = film_node(table, job, i, at, eta);
             n->mirrored *= weight;
             n->refracted *= weight;
         }
         if (cosine > edge)
-            many[count++] = (struct hg_facet_node){.cosine = cosine, .smooth = weight};
+            many[count++] = (struct hg_vndf_node){.cosine = cosine, .smooth = weight};
     }
-    hg_facets_rule_of_nodes(many, count, eta, HG_MEAN_NODES, nodes);
+    hg_vndf_rule_of_nodes(many, count, eta, HG_MEAN_NODES, nodes);
     for (uint32_t k = 0; k < HG_MEAN_NODES; k++) {
-        const struct hg_facet_node *n = &nodes[k];
+        const struct hg_vndf_node *n = &nodes[k];
         struct hg_vec2 *out = table + HG_FILM_MEANS + 2 * k * 2 * R * L + job;
         out[0] = (struct hg_vec2){
             sqrtf(hg_clampf((n->cosine - edge) / (1 - edge), 0, 1)), 0.5f + 0.5f * n->mirrored};
@@ -163,10 +163,10 @@ static void fill_held(struct hg_vec2 *table, uint32_t job)
     enum { N = HG_HELD_COSINES, R = HG_HELD_ROUGHS, L = HG_HELD_IORS };
     const float rough = hg_table_place(job % R, R), eta = eta_of(job / R % L, L, job >= R * L);
     for (uint32_t i = 0; i < N; i++) {
-        struct hg_facets facets;
+        struct hg_vndf_quadrature facets;
         struct held held = {.table = table};
         round_facets(&facets, hg_glass_cosine(hg_table_place(i, N), eta), rough * rough, 48);
-        hg_facets_let_through(&facets, eta, hold, &held);
+        hg_vndf_let_through(&facets, eta, hold, &held);
         for (uint32_t k = 0; k < HG_HELD_LAYERS; k++) {
             // Where nothing leaves, what little did would graze, where layers hold all back.
             struct hg_vec2 *out =

@@ -22,7 +22,7 @@ static void direction_of(uint32_t i, float v[3])
     enum { C = HG_OVER_ANISO_COSINES, A = HG_OVER_ANISO_AZIMUTHS };
     const float turn = hg_table_place(i / C, A);
     // Grazing ones are like their neighbours.
-    hg_facets_direction(hg_table_cosine(i % C > 0 ? i % C : 1, C), turn * turn, v);
+    hg_vndf_direction(hg_table_cosine(i % C > 0 ? i % C : 1, C), turn * turn, v);
 }
 
 // All layers over one base.
@@ -35,15 +35,15 @@ static void fill_base(struct hg_vec2 *table, uint32_t job)
         hg_table_place(job / S, HG_OVER_ANISO_ROUGHS), hg_table_place(job % S, S), alpha);
     const float roughness = hg_aniso_roughness(alpha);
     for (uint32_t i = 0; i < HG_OVER_ANISO_SIDE; i++) {
-        struct hg_facets facets;
+        struct hg_vndf_quadrature facets;
         float v[3], ab[2];
         direction_of(i, v);
-        hg_facets_init(&facets, v, alpha, strong ? 24 : 1, false);
+        hg_vndf_init(&facets, v, alpha, strong ? 24 : 1, false);
         for (uint32_t k = 0; k < 2 * L; k++) {
             struct hg_layer layer = {
                 .table = table, .coat = k < L, .roughness = hg_table_place(k % L, L)};
             layer.here = hg_layer_albedo(&layer, v[2]);
-            hg_facets_reflect(&facets, hg_layer_more, &layer, ab);
+            hg_vndf_reflect(&facets, hg_layer_more, &layer, ab);
             const struct hg_vec2 guess = layer_loss(table, &layer, v[2], roughness);
             struct hg_vec2 *out = &table[HG_OVER_ANISO_FIRST +
                                          (k * HG_OVER_ANISO_BASES + job) * HG_OVER_ANISO_SIDE + i];
@@ -63,12 +63,12 @@ static void fill_base_mean(struct hg_vec2 *table, uint32_t job)
         hg_table_place(job % HG_OVER_ANISO_STRENGTHS, HG_OVER_ANISO_STRENGTHS), alpha);
     const float roughness = hg_aniso_roughness(alpha);
     for (uint32_t i = 0; i < HG_DFG_QUADRANT && job % HG_OVER_ANISO_STRENGTHS != 0; i++) {
-        struct hg_facets facets;
+        struct hg_vndf_quadrature facets;
         float s, turn, v[3], ab[2];
         const float weight = hg_dfg_quadrant(i, &s, &turn);
-        hg_facets_direction(s * s, turn, v);
-        hg_facets_init(&facets, v, alpha, 16, false);
-        hg_facets_reflect(&facets, NULL, NULL, ab);
+        hg_vndf_direction(s * s, turn, v);
+        hg_vndf_init(&facets, v, alpha, 16, false);
+        hg_vndf_reflect(&facets, NULL, NULL, ab);
         const struct hg_vec2 plain = hg_table_look_up(table, HG_DFG_SIZE, s * s, roughness);
         const float more = ab[0] + ab[1] - plain.x - plain.y;
         for (uint32_t k = 0; k < 2 * L; k++) {

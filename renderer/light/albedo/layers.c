@@ -20,12 +20,12 @@ static void fill_layer(struct hg_vec2 *out, struct hg_layer *layer, float roughn
     enum { N = HG_LAYER_SIZE };
     const float alpha = roughness * roughness;
     for (uint32_t i = 0; i < N; i++) {
-        struct hg_facets facets;
+        struct hg_vndf_quadrature facets;
         float ab[2], v[3];
         layer->here = hg_layer_albedo(layer, hg_table_cosine(i, N));
-        hg_facets_direction(hg_table_cosine(i, N), 1, v);
-        hg_facets_init(&facets, v, (float[2]){alpha, alpha}, 48, true);
-        hg_facets_reflect(&facets, hg_layer_more, layer, ab);
+        hg_vndf_direction(hg_table_cosine(i, N), 1, v);
+        hg_vndf_init(&facets, v, (float[2]){alpha, alpha}, 48, true);
+        hg_vndf_reflect(&facets, hg_layer_more, layer, ab);
         out[i] = (struct hg_vec2){ab[0], ab[1]};
     }
 }

@@ -4,9 +4,9 @@
 
 // Loops over facets, also for processors with wider vectors: the same bits in half the time.
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-#define HG_WIDE __attribute__((target_clones("avx2", "default")))
+#define HG_SIMD __attribute__((target_clones("avx2", "default")))
 #else
-#define HG_WIDE
+#define HG_SIMD
 #endif
 
 // --- visible normals -----------------------------------------------------------------------------
@@ -20,15 +20,15 @@ static inline float smith_lambda(float x, float y, float z, const float alpha[2]
 
 // What is not in shadow of the light that a visible facet sends to a direction: G2 / G1(v), Heitz
 // 2014 eq. 99.
-static inline float unshadowed(const struct hg_facets *c, float x, float y, float z)
+static inline float unshadowed(const struct hg_vndf_quadrature *c, float x, float y, float z)
 {
     return c->one_and_lambda_v / (c->one_and_lambda_v + smith_lambda(x, y, z, c->alpha));
 }
 
 // A ring of normals from `first` on. circle: cosines and sines of their azimuths; u: share of the
 // cap above it; weight of each.
-HG_WIDE static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t points,
-    const float circle[2][HG_FACETS_RING], float u, float weight, const float stretched[3])
+HG_SIMD static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first, uint32_t points,
+    const float circle[2][HG_VNDF_RING], float u, float weight, const float stretched[3])
 {
     const float z = (1 - u) * (1 + stretched[2]) - stretched[2];
     const float r = sqrtf(hg_clampf(1 - z * z, 0, 1)), up = fmaxf(z + stretched[2], 1e-9f);
@@ -44,7 +44,7 @@ HG_WIDE static void ring_fill(struct hg_facets *c, uint32_t first, uint32_t poin
     }
 }
 
-HG_WIDE static void mirror_fill(struct hg_facets *c)
+HG_SIMD static void mirror_fill(struct hg_vndf_quadrature *c)
 {
     for (uint32_t i = 0; i < c->count; i++) {
         const float twice = 2 * c->v_dot_h[i];
@@ -56,12 +56,12 @@ HG_WIDE static void mirror_fill(struct hg_facets *c)
     }
 }
 
-void hg_facets_init(
-    struct hg_facets *c, const float v[3], const float alpha[2], uint32_t n, bool half)
+void hg_vndf_init(
+    struct hg_vndf_quadrature *c, const float v[3], const float alpha[2], uint32_t n, bool half)
 {
     const uint32_t all_points = half && n > 1 ? n / 2 : n;
-    const uint32_t points = all_points < HG_FACETS_RING ? all_points : HG_FACETS_RING;
-    float circle[2][HG_FACETS_RING];
+    const uint32_t points = all_points < HG_VNDF_RING ? all_points : HG_VNDF_RING;
+    float circle[2][HG_VNDF_RING];
     for (uint32_t i = 0; i < points; i++) {
         const float phi = (float)HG_PI * (half ? 1 : 2) * ((float)i + 0.5f) / (float)points;
         circle[0][i] = cosf(phi);
@@ -74,7 +74,7 @@ void hg_facets_init(
     hg_normalize3(stretched);
     c->one_and_lambda_v = 1 + smith_lambda(v[0], v[1], v[2], c->alpha);
     c->count = 0;
-    for (uint32_t j = 0; j < n && c->count + points <= HG_FACETS_MOST; j++) {
+    for (uint32_t j = 0; j < n && c->count + points <= HG_VNDF_MOST; j++) {
         // Midpoints of t with u = t^2 (3 - 2 t): the ends, where integrands bend, lie denser.
         const float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
         const float all = (float)n + 0.5f / (float)n; // of 6 t (1 - t) over the rings
@@ -85,7 +85,7 @@ void hg_facets_init(
     mirror_fill(c);
 }
 
-void hg_facets_direction(float cosine, float azimuth_cosine, float v[3])
+void hg_vndf_direction(float cosine, float azimuth_cosine, float v[3])
 {
     const float s = sqrtf(fmaxf(0, 1 - cosine * cosine));
     v[0] = s * azimuth_cosine;
@@ -106,7 +106,7 @@ static inline float fresnel(float c, float eta)
 
 // Share of what facet i would refract, if it let all of it through, that arrives behind; cosine
 // there.
-static inline float refracted(const struct hg_facets *c, uint32_t i, float eta, float *cosine)
+static inline float refracted(const struct hg_vndf_quadrature *c, uint32_t i, float eta, float *cosine)
 {
     const float d = c->v_dot_h[i], k = 1 - (1 - d * d) / (eta * eta);
     const float along = d / eta - sqrtf(fmaxf(k, 0)), s = 1 / eta;
@@ -116,10 +116,10 @@ static inline float refracted(const struct hg_facets *c, uint32_t i, float eta, 
     return k > 0 && z < 0 ? share : 0;
 }
 
-HG_WIDE void hg_facets_glass(
-    const struct hg_facets *c, uint32_t count, const float *eta, struct hg_vec2 *out)
+HG_SIMD void hg_vndf_glass(
+    const struct hg_vndf_quadrature *c, uint32_t count, const float *eta, struct hg_vec2 *out)
 {
-    static _Thread_local float reflected[HG_FACETS_MOST], through[HG_FACETS_MOST];
+    static _Thread_local float reflected[HG_VNDF_MOST], through[HG_VNDF_MOST];
     for (uint32_t k = 0; k < count; k++) {
         double back = 0, behind = 0;
         for (uint32_t i = 0; i < c->count; i++) {
@@ -137,7 +137,7 @@ HG_WIDE void hg_facets_glass(
     }
 }
 
-void hg_facets_let_through(const struct hg_facets *c, float eta,
+void hg_vndf_let_through(const struct hg_vndf_quadrature *c, float eta,
     void (*each)(void *user, float share, float cosine), void *user)
 {
     for (uint32_t i = 0; i < c->count; i++) {
@@ -148,12 +148,12 @@ void hg_facets_let_through(const struct hg_facets *c, float eta,
 }
 
 // Cosines at facets, where there is total reflection as x = sqrt(cosine - edge), and their weights
-// in each of hg_facet_node's measures.
+// in each of hg_vndf_node's measures.
 enum { MIRRORED, REFRACTED, SMOOTH, MEASURES };
 struct cosines {
     uint32_t count;
     double edge; // 0: x are cosines
-    double x[HG_FACETS_MOST], weight[MEASURES][HG_FACETS_MOST];
+    double x[HG_VNDF_MOST], weight[MEASURES][HG_VNDF_MOST];
 };
 
 static void cosines_init(struct cosines *m, float eta)
@@ -162,7 +162,7 @@ static void cosines_init(struct cosines *m, float eta)
     m->edge = eta > 0 && eta < 1 ? sqrt(1 - (double)(eta * eta)) : 0;
 }
 
-static void cosines_add(struct cosines *m, const struct hg_facet_node *node)
+static void cosines_add(struct cosines *m, const struct hg_vndf_node *node)
 {
     const double x = (double)node->cosine;
     m->x[m->count] = m->edge > 0 ? sqrt(fmax(x - m->edge, 0)) : x;
@@ -174,7 +174,7 @@ static void cosines_add(struct cosines *m, const struct hg_facet_node *node)
 // The first orthogonal polynomials of all their measures together:
 // p[k + 1] = (x - a[k]) p[k] - b[k] p[k - 1]. norm: integrals of p[k]^2.
 enum { N = HG_MEAN_NODES };
-_Static_assert(N >= HG_FACET_NODES && N >= HG_ANGLE_NODES, "most nodes of a rule");
+_Static_assert(N >= HG_VNDF_NODES && N >= HG_ANGLE_NODES, "most nodes of a rule");
 struct polynomials {
     double a[N], b[N], norm[N];
 };
@@ -233,7 +233,7 @@ static void roots_of(const struct polynomials *q, uint32_t nodes, double out[N])
     }
 }
 
-static void rule_of(const struct cosines *m, uint32_t nodes, struct hg_facet_node *out)
+static void rule_of(const struct cosines *m, uint32_t nodes, struct hg_vndf_node *out)
 {
     struct polynomials q;
     double roots[N], along[MEASURES][N] = {{0}}, p[N + 1];
@@ -266,7 +266,7 @@ static void rule_of(const struct cosines *m, uint32_t nodes, struct hg_facet_nod
     }
 }
 
-void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct hg_facet_node *out)
+void hg_vndf_rule(const struct hg_vndf_quadrature *c, float eta, uint32_t nodes, struct hg_vndf_node *out)
 {
     static _Thread_local struct cosines m;
     cosines_init(&m, eta);
@@ -274,23 +274,23 @@ void hg_facets_rule(const struct hg_facets *c, float eta, uint32_t nodes, struct
         float cosine;
         const float refracts = eta > 0 ? refracted(c, i, eta, &cosine) : 0;
         if (eta <= 0 || fresnel(c->v_dot_h[i], eta) < 1)
-            cosines_add(&m, &(struct hg_facet_node){c->v_dot_h[i], c->mirrored[i], refracts, 0});
+            cosines_add(&m, &(struct hg_vndf_node){c->v_dot_h[i], c->mirrored[i], refracts, 0});
     }
     rule_of(&m, nodes, out);
 }
 
-void hg_facets_rule_of_nodes(const struct hg_facet_node *many, uint32_t count, float eta,
-    uint32_t nodes, struct hg_facet_node *out)
+void hg_vndf_rule_of_nodes(const struct hg_vndf_node *many, uint32_t count, float eta,
+    uint32_t nodes, struct hg_vndf_node *out)
 {
     static _Thread_local struct cosines m;
     cosines_init(&m, eta);
-    for (uint32_t i = 0; i < count && i < HG_FACETS_MOST; i++)
+    for (uint32_t i = 0; i < count && i < HG_VNDF_MOST; i++)
         cosines_add(&m, &many[i]);
     rule_of(&m, nodes, out);
 }
 
-void hg_facets_reflect(
-    const struct hg_facets *c, float (*kept)(const void *, float), const void *user, float ab[2])
+void hg_vndf_reflect(
+    const struct hg_vndf_quadrature *c, float (*kept)(const void *, float), const void *user, float ab[2])
 {
     double a = 0, b = 0;
     for (uint32_t i = 0; i < c->count; i++) {

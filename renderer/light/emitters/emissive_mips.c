@@ -35,13 +35,13 @@ struct reading {
     const struct hg_page_source_info *info;
     uint32_t mip;
     uint8_t *page;
-    struct hg_glow *out;
+    struct hg_emissive_mips *out;
 };
 
 // One page of the mip into its place; the corner of its payload in the page is (cx, cy).
 static void take_page(const struct reading *r, uint32_t px, uint32_t py, uint32_t cx, uint32_t cy)
 {
-    const struct hg_glow *g = r->out;
+    const struct hg_emissive_mips *g = r->out;
     const uint32_t x0 = px * HG_PAGE_TEXELS, y0 = py * HG_PAGE_TEXELS;
     for (uint32_t y = 0; y < HG_PAGE_TEXELS && y0 + y < g->height; y++)
         for (uint32_t x = 0; x < HG_PAGE_TEXELS && x0 + x < g->width; x++)
@@ -77,7 +77,7 @@ static uint32_t side_at(uint32_t side, uint32_t level)
     return side >> level > 0 ? side >> level : 1;
 }
 
-static enum hg_status allocate(struct hg_glow *g, uint32_t width, uint32_t height)
+static enum hg_status allocate(struct hg_emissive_mips *g, uint32_t width, uint32_t height)
 {
     g->width = width;
     g->height = height;
@@ -91,7 +91,7 @@ static enum hg_status allocate(struct hg_glow *g, uint32_t width, uint32_t heigh
 }
 
 // Each texel of a coarser level is the mean of those it covers; of three where a side is odd.
-static void shrink(const struct hg_glow *g, uint32_t level)
+static void shrink(const struct hg_emissive_mips *g, uint32_t level)
 {
     const uint32_t fw = side_at(g->width, level - 1), fh = side_at(g->height, level - 1);
     const uint32_t w = side_at(g->width, level), h = side_at(g->height, level);
@@ -107,16 +107,16 @@ static void shrink(const struct hg_glow *g, uint32_t level)
         }
 }
 
-static enum hg_status make_white(struct hg_glow *g)
+static enum hg_status make_white(struct hg_emissive_mips *g)
 {
-    hg_glow_finish(g);
+    hg_emissive_mips_finish(g);
     enum hg_status status = allocate(g, 1, 1);
     if (!status)
         g->texels[0][0] = 1;
     return status;
 }
 
-static enum hg_status make_from(struct hg_page_source *source, struct hg_glow *out)
+static enum hg_status make_from(struct hg_page_source *source, struct hg_emissive_mips *out)
 {
     struct hg_error err = {0};
     struct reading r = {.source = source, .info = hg_page_source_info(source), .out = out};
@@ -124,7 +124,7 @@ static enum hg_status make_from(struct hg_page_source *source, struct hg_glow *o
         return make_white(out);
     const struct hg_page_layout *l = &r.info->layout;
     while (r.mip + 1 < l->mips &&
-           (side_at(l->width, r.mip) > HG_GLOW_SIDE || side_at(l->height, r.mip) > HG_GLOW_SIDE))
+           (side_at(l->width, r.mip) > HG_EMISSIVE_MIPS_SIDE || side_at(l->height, r.mip) > HG_EMISSIVE_MIPS_SIDE))
         r.mip++;
     enum hg_status status = allocate(out, side_at(l->width, r.mip), side_at(l->height, r.mip));
     r.page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, r.info->texel_bytes);
@@ -139,8 +139,8 @@ static enum hg_status make_from(struct hg_page_source *source, struct hg_glow *o
     return HG_OK;
 }
 
-enum hg_status hg_glow_make(struct hg_page_sources *sources, const struct hg_texture *texture,
-    enum hg_texture_use use, uint32_t cutoff, struct hg_glow *out)
+enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources, const struct hg_texture *texture,
+    enum hg_texture_use use, uint32_t cutoff, struct hg_emissive_mips *out)
 {
     struct hg_error err = {0};
     struct hg_page_source *source;
@@ -149,7 +149,7 @@ enum hg_status hg_glow_make(struct hg_page_sources *sources, const struct hg_tex
         .cutoff = (uint8_t)cutoff,
         .wrap_s = texture->wrap_s,
         .wrap_t = texture->wrap_t};
-    *out = (struct hg_glow){0};
+    *out = (struct hg_emissive_mips){0};
     enum hg_status status;
     if (!texture->image || hg_page_source_open(sources, &params, &source, &err) != HG_OK) {
         status = make_white(out);
@@ -160,15 +160,15 @@ enum hg_status hg_glow_make(struct hg_page_sources *sources, const struct hg_tex
     out->wrap_s = texture->wrap_s;
     out->wrap_t = texture->wrap_t;
     if (status)
-        hg_glow_finish(out);
+        hg_emissive_mips_finish(out);
     return status;
 }
 
-void hg_glow_finish(struct hg_glow *g)
+void hg_emissive_mips_finish(struct hg_emissive_mips *g)
 {
-    for (uint32_t i = 0; i < HG_GLOW_LEVELS; i++)
+    for (uint32_t i = 0; i < HG_EMISSIVE_MIPS_LEVELS; i++)
         hg_free(g->texels[i]);
-    *g = (struct hg_glow){0};
+    *g = (struct hg_emissive_mips){0};
 }
 
 // --- lookups -------------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ static uint32_t wrapped(int64_t i, uint32_t side, enum hg_wrap wrap)
     return (uint32_t)(at < n ? at : period - 1 - at);
 }
 
-float hg_glow_mean(const struct hg_glow *g, const float min[2], const float max[2])
+float hg_emissive_mips_mean(const struct hg_emissive_mips *g, const float min[2], const float max[2])
 {
     const uint32_t last = g->levels - 1;
     const double span_x = (double)(max[0] - min[0]) * g->width;

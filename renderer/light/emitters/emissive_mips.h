@@ -1,29 +1,29 @@
 // emissive_mips.h - how bright an emissive texture is over a piece of it.
 // Floor 2 (light). Private to the room. Thread: the render thread; lookups from any.
 //
-// A coarse mip (sides of at most HG_GLOW_SIDE texels) of the same pages that are seen, as
+// A coarse mip (sides of at most HG_EMISSIVE_MIPS_SIDE texels) of the same pages that are seen, as
 // luminance, with coarser ones made from it.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMISSIVE_MIPS_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMISSIVE_MIPS_H
 
 #include "renderer/texture/source/page_source.h"
 
-#define HG_GLOW_SIDE   256
-#define HG_GLOW_LEVELS 9
+#define HG_EMISSIVE_MIPS_SIDE   256
+#define HG_EMISSIVE_MIPS_LEVELS 9
 
-struct hg_glow {
+struct hg_emissive_mips {
     uint32_t width, height, levels;
-    float *texels[HG_GLOW_LEVELS]; // halved each time, down to 1 x 1
+    float *texels[HG_EMISSIVE_MIPS_LEVELS]; // halved each time, down to 1 x 1
     enum hg_wrap wrap_s, wrap_t;
 };
 
 // White where the image cannot be read. Waits for it to be decoded. HG_E_NOMEM.
-enum hg_status hg_glow_make(struct hg_page_sources *sources, const struct hg_texture *texture,
-    enum hg_texture_use use, uint32_t cutoff, struct hg_glow *out) HG_MUST_CHECK;
-void hg_glow_finish(struct hg_glow *glow); // accepts a zeroed one
+enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources, const struct hg_texture *texture,
+    enum hg_texture_use use, uint32_t cutoff, struct hg_emissive_mips *out) HG_MUST_CHECK;
+void hg_emissive_mips_finish(struct hg_emissive_mips *glow); // accepts a zeroed one
 
 // About the mean over a box of texture coordinates; 0 only where the mip is 0 all around it. Boxes
 // that are not finite: of all.
-float hg_glow_mean(const struct hg_glow *glow, const float min[2], const float max[2]);
+float hg_emissive_mips_mean(const struct hg_emissive_mips *glow, const float min[2], const float max[2]);
 
 #endif

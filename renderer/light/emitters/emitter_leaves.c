@@ -39,7 +39,7 @@ static void grow_box(struct triangle *t, const double p[3], bool first)
     }
 }
 
-static struct triangle triangle_at(const struct hg_cut_piece *piece, uint32_t index)
+static struct triangle triangle_at(const struct hg_ray_geometry_piece *piece, uint32_t index)
 {
     struct triangle t = {.area = 0};
     double p[3][3], e1[3], e2[3], length = 0;
@@ -95,7 +95,7 @@ static float glow_of(const struct hg_emitter_source *s, uint32_t index)
             max[a] = fmaxf(max[a], at);
         }
     }
-    return hg_glow_mean(s->glow, min, max); // of all of it when there are no coordinates
+    return hg_emissive_mips_mean(s->glow, min, max); // of all of it when there are no coordinates
 }
 
 // --- leaves --------------------------------------------------------------------------------------
@@ -145,7 +145,7 @@ static void cone_of(struct hg_light_item *item, const struct triangle *triangles
 }
 
 // While the shutter is open: then its normals may go anywhere.
-static bool turns(const struct hg_cut_piece *piece)
+static bool turns(const struct hg_ray_geometry_piece *piece)
 {
     return piece->opening != NULL ||
            memcmp(piece->world, piece->previous, 9 * sizeof *piece->world) != 0;
@@ -153,7 +153,7 @@ static bool turns(const struct hg_cut_piece *piece)
 
 static void fill_leaf(const struct filling *f, const struct hg_emitter_source *s, uint32_t leaf)
 {
-    const struct hg_cut_piece *piece = s->part->piece;
+    const struct hg_ray_geometry_piece *piece = s->part->piece;
     const uint32_t shift = f->plan->shift, first = (leaf - s->first_leaf) << shift;
     const uint32_t rest = piece->triangle_count - first;
     const uint32_t count = rest < 1u << shift ? rest : 1u << shift;

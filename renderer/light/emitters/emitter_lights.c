@@ -54,12 +54,12 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
         }
         l->items[l->count] = *light;
         l->items[l->count].shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
-        *signature = hg_mix_bytes(*signature, &l->items[l->count++], sizeof *light);
+        *signature = hg_hash_mix_bytes(*signature, &l->items[l->count++], sizeof *light);
     }
     for (uint32_t i = 0, k = l->count; i < l->set.count && l->move; i++) {
         if (!is_usable(&now[i]) || !is_usable(&then[i]))
             continue;
-        *signature = hg_mix_bytes(*signature, &then[i], sizeof then[i]);
+        *signature = hg_hash_mix_bytes(*signature, &then[i], sizeof then[i]);
         l->items[k++] = then[i];
     }
     return HG_OK;

@@ -41,7 +41,7 @@ static enum hg_status find_glow(struct hg_emitter_sources *s, struct hg_textures
     if (hg_grow(&s->glows, &s->glow_capacity, s->glow_count + 1, sizeof *s->glows))
         return HG_E_NOMEM;
     struct hg_emitter_glow entry = {texture->head.id, texture->head.revision, use, {0}, true};
-    if (hg_glow_make(
+    if (hg_emissive_mips_make(
             hg_page_cache_sources(hg_textures_cache(textures)), texture, use, 0, &entry.glow))
         return HG_E_NOMEM;
     *index = s->glow_count;
@@ -63,7 +63,7 @@ static void keep_used_glows(struct hg_emitter_sources *s)
         if (s->glows[i].used)
             s->glows[kept++] = s->glows[i];
         else
-            hg_glow_finish(&s->glows[i].glow);
+            hg_emissive_mips_finish(&s->glows[i].glow);
     }
     if (moved)
         s->glow_count = kept;
@@ -77,20 +77,20 @@ static void keep_used_glows(struct hg_emitter_sources *s)
 
 static uint64_t mix_part(uint64_t h, const struct hg_emitter_part *part, uint64_t poses)
 {
-    const struct hg_cut_piece *p = part->piece;
+    const struct hg_ray_geometry_piece *p = part->piece;
     const struct hg_material *m = part->material;
     const struct hg_texture_ref *ref = &m->slots[HG_SLOT_EMISSIVE];
-    h = hg_mix(hg_mix(h, p->key), (uint64_t)p->draw << 32 | p->first_primitive);
-    h = hg_mix(hg_mix(h, p->triangle_count), p->flags);
-    h = hg_mix_bytes(h, p->world, sizeof p->world);
-    h = hg_mix_bytes(h, p->previous, sizeof p->previous);
-    h = hg_mix_bytes(h, m->emissive, sizeof m->emissive);
+    h = hg_hash_mix(hg_hash_mix(h, p->key), (uint64_t)p->draw << 32 | p->first_primitive);
+    h = hg_hash_mix(hg_hash_mix(h, p->triangle_count), p->flags);
+    h = hg_hash_mix_bytes(h, p->world, sizeof p->world);
+    h = hg_hash_mix_bytes(h, p->previous, sizeof p->previous);
+    h = hg_hash_mix_bytes(h, m->emissive, sizeof m->emissive);
     if (ref->texture) {
-        h = hg_mix(hg_mix(h, ref->texture->head.id), ref->texture->head.revision);
-        h = hg_mix_bytes(hg_mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
-        h = hg_mix(h, part->uv != NULL);
+        h = hg_hash_mix(hg_hash_mix(h, ref->texture->head.id), ref->texture->head.revision);
+        h = hg_hash_mix_bytes(hg_hash_mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
+        h = hg_hash_mix(h, part->uv != NULL);
     }
-    return p->deforms ? hg_mix(h, poses) : h;
+    return p->deforms ? hg_hash_mix(h, poses) : h;
 }
 
 enum hg_status hg_emitter_sources_collect(
@@ -114,14 +114,14 @@ enum hg_status hg_emitter_sources_collect(
         *signature = mix_part(*signature, part, in->poses);
     }
     keep_used_glows(s);
-    *signature = hg_mix(hg_mix(*signature, in->draw_count), s->count);
+    *signature = hg_hash_mix(hg_hash_mix(*signature, in->draw_count), s->count);
     return HG_OK;
 }
 
 void hg_emitter_sources_finish(struct hg_emitter_sources *s)
 {
     for (uint32_t i = 0; i < s->glow_count; i++)
-        hg_glow_finish(&s->glows[i].glow);
+        hg_emissive_mips_finish(&s->glows[i].glow);
     hg_free(s->glows);
     hg_free(s->items);
 }

@@ -11,7 +11,7 @@
 // A part that shines.
 struct hg_emitter_source {
     const struct hg_emitter_part *part;
-    const struct hg_glow *glow;      // NULL: no texture
+    const struct hg_emissive_mips *glow;      // NULL: no texture
     uint32_t glow_index;             // in `glows`, UINT32_MAX: none
     float luminance;                 // of the factor
     uint32_t first_leaf, leaf_count; // of hg_emitter_sources_plan
@@ -22,7 +22,7 @@ struct hg_emitter_source {
 struct hg_emitter_glow {
     uint64_t texture, revision;
     enum hg_texture_use use;
-    struct hg_glow glow;
+    struct hg_emissive_mips glow;
     bool used;
 };
 

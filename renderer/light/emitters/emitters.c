@@ -110,7 +110,7 @@ static enum hg_status upload_pieces(
     uint32_t *first = hg_calloc((size_t)draw_count + 1, sizeof *first), draw = 0;
     enum hg_status status = pieces && first ? HG_OK : no_memory(err);
     for (uint32_t i = 0; i < s->count && !status; i++) {
-        const struct hg_cut_piece *p = s->items[i].part->piece;
+        const struct hg_ray_geometry_piece *p = s->items[i].part->piece;
         pieces[i] = (struct hg_gpu_emitter_piece){
             p->first_primitive, p->triangle_count, s->items[i].first_leaf, shift};
         while (draw <= p->draw && draw < draw_count)
@@ -214,17 +214,17 @@ static enum hg_status build(
 // What the image shows; 0: there is none.
 static uint64_t environment_signature(const struct hg_environment *env, bool has_sun)
 {
-    uint64_t h = hg_mix(1, env->kind);
+    uint64_t h = hg_hash_mix(1, env->kind);
     if (env->kind == HG_ENV_SKY) {
-        h = hg_mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
-        h = hg_mix_bytes(h, &env->turbidity, sizeof env->turbidity);
-        return hg_mix(h, has_sun) | 1;
+        h = hg_hash_mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
+        h = hg_hash_mix_bytes(h, &env->turbidity, sizeof env->turbidity);
+        return hg_hash_mix(h, has_sun) | 1;
     }
     if (env->kind != HG_ENV_IMAGE || !env->image.pixels)
         return 0;
-    h = hg_mix_bytes(h, env->image_hash, sizeof env->image_hash);
-    h = hg_mix(h, (uint64_t)(uintptr_t)env->image.pixels);
-    return hg_mix(hg_mix(h, env->revision), (uint64_t)env->image.width << 32 | env->image.height) |
+    h = hg_hash_mix_bytes(h, env->image_hash, sizeof env->image_hash);
+    h = hg_hash_mix(h, (uint64_t)(uintptr_t)env->image.pixels);
+    return hg_hash_mix(hg_hash_mix(h, env->revision), (uint64_t)env->image.width << 32 | env->image.height) |
            1;
 }
 
@@ -323,7 +323,7 @@ static void fill_addresses(struct hg_emitters *e)
 enum hg_status hg_emitters_update(
     struct hg_emitters *e, const struct hg_emitter_input *in, struct hg_error *err)
 {
-    uint64_t signature = hg_mix(1, e->budget_bytes);
+    uint64_t signature = hg_hash_mix(1, e->budget_bytes);
     enum hg_status status = HG_OK;
     if (hg_emitter_lights_collect(&e->lights, in->scene, in->origin, &signature) ||
         hg_emitter_sources_collect(&e->sources, in, &signature))

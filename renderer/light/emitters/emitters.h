@@ -36,7 +36,7 @@ void hg_emitters_destroy(struct hg_emitters *emitters); // accepts NULL
 
 // Triangles of one draw that may shine.
 struct hg_emitter_part {
-    const struct hg_cut_piece *piece;
+    const struct hg_ray_geometry_piece *piece;
     const struct hg_material *material; // NULL: the default one, which is dark
     // Texture coordinates of the emissive slot's set: uv_stride floats from vertex to vertex. NULL:
     // all of the texture is taken for each triangle.
@@ -53,7 +53,7 @@ struct hg_emitter_input {
     struct hg_textures *textures; // to look at emissive textures; NULL: they count as white
 };
 
-// Pieces whose positions or indices the host does not have (hg_cut_lens.addresses) are left out.
+// Pieces whose positions or indices the host does not have (hg_ray_geometry_lens.addresses) are left out.
 //
 // Brings the tables in line. No batch may be open; uploads are recorded in front of the next one.
 // Waits for emissive textures that are seen for the first time to be decoded. On error the tables
@@ -62,7 +62,7 @@ enum hg_status hg_emitters_update(struct hg_emitters *emitters,
     const struct hg_emitter_input *input, struct hg_error *err) HG_MUST_CHECK;
 // The same for all of a cut.
 enum hg_status hg_emitters_sync(struct hg_emitters *emitters, const struct hg_geometry *geometry,
-    const struct hg_cut *cut, const struct hg_scene *scene, struct hg_textures *textures,
+    const struct hg_ray_geometry *cut, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err) HG_MUST_CHECK;
 
 // From here on punctual lights go from the one place to the other while a shutter is open: the

@@ -10,7 +10,7 @@ static bool emits(const struct hg_material *m)
 // Vertices of parts without levels of detail are numbered as in their mesh.
 static void find_coordinates(const struct hg_draw_info *info, struct hg_emitter_part *part)
 {
-    const struct hg_cut_piece *piece = part->piece;
+    const struct hg_ray_geometry_piece *piece = part->piece;
     const struct hg_mesh_part *mesh = &info->mesh->parts[info->part];
     const uint32_t set = info->material->slots[HG_SLOT_EMISSIVE].uv_set;
     if (piece->vertices && set == 0) {
@@ -24,11 +24,11 @@ static void find_coordinates(const struct hg_draw_info *info, struct hg_emitter_
 }
 
 enum hg_status hg_emitters_sync(struct hg_emitters *e, const struct hg_geometry *geometry,
-    const struct hg_cut *cut, const struct hg_scene *scene, struct hg_textures *textures,
+    const struct hg_ray_geometry *cut, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err)
 {
-    const uint32_t count = hg_cut_count(cut);
-    const struct hg_cut_piece *pieces = hg_cut_pieces(cut);
+    const uint32_t count = hg_ray_geometry_count(cut);
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(cut);
     struct hg_gpu_geometry tables;
     struct hg_emitter_part *parts = hg_calloc((size_t)count + 1, sizeof *parts);
     struct hg_emitter_input in = {.scene = scene, .parts = parts, .textures = textures};
@@ -46,7 +46,7 @@ enum hg_status hg_emitters_sync(struct hg_emitters *e, const struct hg_geometry 
         in.part_count++;
     }
     in.draw_count = tables.draw_count;
-    in.poses = hg_cut_revision(cut);
+    in.poses = hg_ray_geometry_revision(cut);
     enum hg_status status = hg_emitters_update(e, &in, err);
     hg_free(parts);
     return status;

@@ -3,7 +3,7 @@
 #include "base/alloc.h"
 #include "base/checked.h"
 
-void hg_cube_direction(uint32_t face, float x, float y, float out[3])
+void hg_cubemap_direction(uint32_t face, float x, float y, float out[3])
 {
     // Vulkan specification, table "Cube map face and coordinate selection", solved for the ray.
     const float rows[6][3] = {
@@ -58,7 +58,7 @@ hg_v4 hg_equirect_sample(const struct hg_image *image, const float dir[3])
 }
 
 struct cube_fill {
-    struct hg_cube *cube;
+    struct hg_cubemap *cube;
     const struct hg_image *image;
     uint32_t level, grid; // grid: samples per texel and axis
 };
@@ -76,7 +76,7 @@ static void fill_row(void *user, size_t index)
         for (uint32_t k = 0; k < n * n; k++) {
             float x = ((float)(i * n + k % n) + 0.5f - (float)n) * step - 1, d[3];
             float y = ((float)(row * n + k / n) + 0.5f - (float)n) * step - 1;
-            hg_cube_direction(face, x, y, d);
+            hg_cubemap_direction(face, x, y, d);
             sum += hg_equirect_sample(fill->image, d);
         }
         out[i] = sum * weight;
@@ -97,14 +97,14 @@ static void shrink_face(void *user, size_t face)
         }
 }
 
-static hg_v4 *texel(const struct hg_cube *cube, uint32_t level, uint32_t face, int x, int y)
+static hg_v4 *texel(const struct hg_cubemap *cube, uint32_t level, uint32_t face, int x, int y)
 {
     const size_t pitch = (cube->size >> level) + 2;
     return cube->faces[level] + face * pitch * pitch + (size_t)(y + 1) * pitch + (size_t)(x + 1);
 }
 
 // Border texels of one level: the nearest inner texel of the neighbouring face.
-static void fill_border(const struct hg_cube *cube, uint32_t level)
+static void fill_border(const struct hg_cubemap *cube, uint32_t level)
 {
     const int s = (int)(cube->size >> level);
     for (uint32_t face = 0; face < 6; face++)
@@ -113,7 +113,7 @@ static void fill_border(const struct hg_cube *cube, uint32_t level)
             int x = side == 0 ? k - 1 : side == 1 ? s : side == 2 ? s - k : -1;
             int y = side == 0 ? -1 : side == 1 ? k - 1 : side == 2 ? s : s - k;
             float d[3], u, v;
-            hg_cube_direction(
+            hg_cubemap_direction(
                 face, (2 * (float)x + 1) / (float)s - 1, (2 * (float)y + 1) / (float)s - 1, d);
             uint32_t other = cube_face(d, &u, &v);
             int ox = (int)hg_clampf((u + 1) * 0.5f * (float)s, 0, (float)s - 1);
@@ -122,7 +122,7 @@ static void fill_border(const struct hg_cube *cube, uint32_t level)
         }
 }
 
-static enum hg_status take_memory(struct hg_cube *cube)
+static enum hg_status take_memory(struct hg_cubemap *cube)
 {
     for (uint32_t l = 0; l < cube->levels; l++) {
         size_t pitch = (cube->size >> l) + 2, bytes;
@@ -135,26 +135,26 @@ static enum hg_status take_memory(struct hg_cube *cube)
     return HG_OK;
 }
 
-enum hg_status hg_cube_create(
-    struct hg_cube *cube, const struct hg_image *image, uint32_t size, struct hg_jobs *jobs)
+enum hg_status hg_cubemap_create(
+    struct hg_cubemap *cube, const struct hg_image *image, uint32_t size, struct hg_jobs *jobs)
 {
-    *cube = (struct hg_cube){.size = size};
-    while (cube->levels < HG_CUBE_MAX_LEVELS && size >> cube->levels)
+    *cube = (struct hg_cubemap){.size = size};
+    while (cube->levels < HG_CUBEMAP_MAX_LEVELS && size >> cube->levels)
         cube->levels++;
     enum hg_status status = take_memory(cube);
     if (status) {
-        hg_cube_finish(cube);
+        hg_cubemap_finish(cube);
         return status;
     }
     // A face spans 90 degrees; its texels are 4 / pi wider in the middle than on average.
     uint32_t grid = (image->width + 2 * size - 1) / (2 * size);
     struct cube_fill fill = {cube, image, 0, grid < 1 ? 1 : grid > 8 ? 8 : grid};
     hg_jobs_for(jobs, (size_t)6 * (cube->size + 2), fill_row, &fill);
-    hg_cube_shrink_from(cube, 0, jobs);
+    hg_cubemap_shrink_from(cube, 0, jobs);
     return HG_OK;
 }
 
-void hg_cube_shrink_from(struct hg_cube *cube, uint32_t level, struct hg_jobs *jobs)
+void hg_cubemap_shrink_from(struct hg_cubemap *cube, uint32_t level, struct hg_jobs *jobs)
 {
     struct cube_fill fill = {cube, NULL, level + 1, 0};
     fill_border(cube, level);
@@ -164,28 +164,28 @@ void hg_cube_shrink_from(struct hg_cube *cube, uint32_t level, struct hg_jobs *j
     }
 }
 
-hg_v4 *hg_cube_texel(
-    const struct hg_cube *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y)
+hg_v4 *hg_cubemap_texel(
+    const struct hg_cubemap *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y)
 {
     return texel(cube, level, face, (int)x, (int)y);
 }
 
-float hg_cube_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y)
+float hg_cubemap_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y)
 {
     float u = (2 * (float)x + 1) / (float)s - 1, v = (2 * (float)y + 1) / (float)s - 1;
     float d2 = 1 + u * u + v * v;
     return 4 / ((float)s * (float)s * d2 * sqrtf(d2));
 }
 
-void hg_cube_finish(struct hg_cube *cube)
+void hg_cubemap_finish(struct hg_cubemap *cube)
 {
-    for (uint32_t l = 0; l < HG_CUBE_MAX_LEVELS; l++)
+    for (uint32_t l = 0; l < HG_CUBEMAP_MAX_LEVELS; l++)
         hg_free(cube->faces[l]);
-    *cube = (struct hg_cube){0};
+    *cube = (struct hg_cubemap){0};
 }
 
 static hg_v4 sample_level(
-    const struct hg_cube *cube, uint32_t level, uint32_t face, float u, float v)
+    const struct hg_cubemap *cube, uint32_t level, uint32_t face, float u, float v)
 {
     const size_t s = cube->size >> level, pitch = s + 2;
     float x = (u + 1) * 0.5f * (float)s + 0.5f, y = (v + 1) * 0.5f * (float)s + 0.5f;
@@ -196,7 +196,7 @@ static hg_v4 sample_level(
     return low + (high - low) * fy;
 }
 
-hg_v4 hg_cube_sample(const struct hg_cube *cube, const float dir[3], float lod)
+hg_v4 hg_cubemap_sample(const struct hg_cubemap *cube, const float dir[3], float lod)
 {
     float u, v, last = (float)(cube->levels - 1);
     uint32_t face = cube_face(dir, &u, &v);

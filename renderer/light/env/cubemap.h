@@ -11,33 +11,33 @@
 #include "renderer/image/image.h"
 #include "renderer/math/vec.h"
 
-#define HG_CUBE_MAX_LEVELS 13
+#define HG_CUBEMAP_MAX_LEVELS 13
 
-struct hg_cube {
+struct hg_cubemap {
     uint32_t size, levels;            // px of level 0, a power of two; down to 1 px
-    hg_v4 *faces[HG_CUBE_MAX_LEVELS]; // [6 * (s + 2)^2] of level l, s = size >> l
+    hg_v4 *faces[HG_CUBEMAP_MAX_LEVELS]; // [6 * (s + 2)^2] of level l, s = size >> l
 };
 
 // Unit direction through a point of a face, x and y in -1..1 with y down.
-void hg_cube_direction(uint32_t face, float x, float y, float out[3]);
+void hg_cubemap_direction(uint32_t face, float x, float y, float out[3]);
 
 // Level 0 by bilinear resampling (supersampled where the image is finer), then 2x2 means.
 // image: RGBA32F equirectangular. size: power of two, 1..4096. HG_E_NOMEM.
-enum hg_status hg_cube_create(struct hg_cube *cube, const struct hg_image *image, uint32_t size,
+enum hg_status hg_cubemap_create(struct hg_cubemap *cube, const struct hg_image *image, uint32_t size,
     struct hg_jobs *jobs) HG_MUST_CHECK;
-void hg_cube_finish(struct hg_cube *cube); // accepts a zeroed one
+void hg_cubemap_finish(struct hg_cubemap *cube); // accepts a zeroed one
 
 // Levels above `level` from it once more, after it was changed in place (border included).
-void hg_cube_shrink_from(struct hg_cube *cube, uint32_t level, struct hg_jobs *jobs);
+void hg_cubemap_shrink_from(struct hg_cubemap *cube, uint32_t level, struct hg_jobs *jobs);
 // Inner texel of a face.
-hg_v4 *hg_cube_texel(
-    const struct hg_cube *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y);
+hg_v4 *hg_cubemap_texel(
+    const struct hg_cubemap *cube, uint32_t level, uint32_t face, uint32_t x, uint32_t y);
 // Solid angle of a texel of a face with s x s texels, steradians (Jacobian of the gnomonic
 // projection at its centre).
-float hg_cube_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y);
+float hg_cubemap_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y);
 
 // Trilinear radiance along a direction (any length > 0), lod clamped to the levels.
-hg_v4 hg_cube_sample(const struct hg_cube *cube, const float dir[3], float lod);
+hg_v4 hg_cubemap_sample(const struct hg_cubemap *cube, const float dir[3], float lod);
 
 // Bilinear radiance of an equirectangular image along a unit direction; wraps around in u.
 hg_v4 hg_equirect_sample(const struct hg_image *image, const float dir[3]);

@@ -38,30 +38,30 @@ static float peak(hg_v4 v)
     return fmaxf(v[0], fmaxf(v[1], v[2]));
 }
 
-static double mean_peak(const struct hg_cube *cube, uint32_t level)
+static double mean_peak(const struct hg_cubemap *cube, uint32_t level)
 {
     const uint32_t s = cube->size >> level;
     double sum = 0, weight = 0;
     for (uint32_t i = 0; i < 6 * s * s; i++) {
-        double w = (double)hg_cube_texel_solid_angle(s, i % s, i / s % s);
-        sum += w * (double)peak(*hg_cube_texel(cube, level, i / (s * s), i % s, i / s % s));
+        double w = (double)hg_cubemap_texel_solid_angle(s, i % s, i / s % s);
+        sum += w * (double)peak(*hg_cubemap_texel(cube, level, i / (s * s), i % s, i / s % s));
         weight += w;
     }
     return sum / weight;
 }
 
-static uint32_t count_above(const struct hg_cube *cube, uint32_t level, float threshold)
+static uint32_t count_above(const struct hg_cubemap *cube, uint32_t level, float threshold)
 {
     const uint32_t s = cube->size >> level;
     uint32_t count = 0;
     for (uint32_t i = 0; i < 6 * s * s; i++)
-        count += peak(*hg_cube_texel(cube, level, i / (s * s), i % s, i / s % s)) > threshold;
+        count += peak(*hg_cubemap_texel(cube, level, i / (s * s), i % s, i / s % s)) > threshold;
     return count;
 }
 
 // Moves the excess over the lowest threshold (>= 8 means) that leaves at most MAX_SOURCES texels.
 static void sources_take(
-    struct sources *sources, struct hg_cube *cube, uint32_t level, struct hg_jobs *jobs)
+    struct sources *sources, struct hg_cubemap *cube, uint32_t level, struct hg_jobs *jobs)
 {
     const uint32_t s = cube->size >> level;
     float threshold = 8 * (float)mean_peak(cube, level);
@@ -71,21 +71,21 @@ static void sources_take(
     while (count_above(cube, level, threshold) > MAX_SOURCES)
         threshold *= 1.25f;
     for (uint32_t i = 0; i < 6 * s * s; i++) {
-        hg_v4 *texel = hg_cube_texel(cube, level, i / (s * s), i % s, i / s % s);
+        hg_v4 *texel = hg_cubemap_texel(cube, level, i / (s * s), i % s, i / s % s);
         float p = peak(*texel), d[3];
         if (!(p > threshold))
             continue;
-        hg_cube_direction(i / (s * s), (2 * (float)(i % s) + 1) / (float)s - 1,
+        hg_cubemap_direction(i / (s * s), (2 * (float)(i % s) + 1) / (float)s - 1,
             (2 * (float)(i / s % s) + 1) / (float)s - 1, d);
         hg_v4 kept = *texel * (threshold / p);
         uint32_t k = sources->count++;
         sources->x[k] = d[0];
         sources->y[k] = d[1];
         sources->z[k] = d[2];
-        sources->flux[k] = (*texel - kept) * hg_cube_texel_solid_angle(s, i % s, i / s % s);
+        sources->flux[k] = (*texel - kept) * hg_cubemap_texel_solid_angle(s, i % s, i / s % s);
         *texel = kept;
     }
-    hg_cube_shrink_from(cube, level, jobs);
+    hg_cubemap_shrink_from(cube, level, jobs);
 }
 
 // --- specular: GGX about the mirror direction ----------------------------------------------------
@@ -134,7 +134,7 @@ static void lobe_make(struct lobe *lobe, float alpha, uint32_t count, uint32_t s
 }
 
 struct specular_fill {
-    const struct hg_cube *cube;
+    const struct hg_cubemap *cube;
     const struct sources *sources;
     const struct lobe *lobe;
     uint16_t *out;
@@ -153,10 +153,10 @@ static void mirror_row(void *user, size_t index)
     const struct specular_fill *fill = user;
     const uint32_t s = fill->size, face = (uint32_t)(index / s), y = (uint32_t)(index % s);
     for (uint32_t x = 0; x < s; x++)
-        store_half(fill->out + (index * s + x) * 4, *hg_cube_texel(fill->cube, 0, face, x, y));
+        store_half(fill->out + (index * s + x) * 4, *hg_cubemap_texel(fill->cube, 0, face, x, y));
 }
 
-static hg_v4 lobe_radiance(const struct hg_cube *cube, const struct lobe *lobe, const float n[3])
+static hg_v4 lobe_radiance(const struct hg_cubemap *cube, const struct lobe *lobe, const float n[3])
 {
     float t[3], b[3];
     hg_v4 sum = {0, 0, 0, 0};
@@ -166,7 +166,7 @@ static hg_v4 lobe_radiance(const struct hg_cube *cube, const struct lobe *lobe, 
         float d[3];
         for (int c = 0; c < 3; c++)
             d[c] = t[c] * p->dir[0] + b[c] * p->dir[1] + n[c] * p->dir[2];
-        sum += hg_cube_sample(cube, d, p->lod) * p->weight;
+        sum += hg_cubemap_sample(cube, d, p->lod) * p->weight;
     }
     return sum;
 }
@@ -193,7 +193,7 @@ static void specular_row(void *user, size_t index)
     const uint32_t s = fill->size, face = (uint32_t)(index / s), y = (uint32_t)(index % s);
     for (uint32_t x = 0; x < s; x++) {
         float n[3];
-        hg_cube_direction(
+        hg_cubemap_direction(
             face, (2 * (float)x + 1) / (float)s - 1, (2 * (float)y + 1) / (float)s - 1, n);
         store_half(fill->out + (index * s + x) * 4,
             lobe_radiance(fill->cube, fill->lobe, n) + lobe_sources(fill->sources, fill->lobe, n));
@@ -206,7 +206,7 @@ struct specular_scratch {
 };
 
 static enum hg_status specular_levels(
-    struct hg_environment_map *map, struct hg_cube *cube, struct hg_jobs *jobs)
+    struct hg_environment_map *map, struct hg_cubemap *cube, struct hg_jobs *jobs)
 {
     // Fewer texels per level, so more samples each.
     static const uint32_t counts[HG_ENVIRONMENT_LEVELS] = {0, 32, 96, 256, 512, 1024, 2048};
@@ -264,19 +264,19 @@ static enum hg_status clean_image(const struct hg_image *image, struct hg_image 
 enum hg_status hg_environment_map_create(
     struct hg_environment_map *map, const struct hg_image *image, struct hg_jobs *jobs)
 {
-    struct hg_cube cube = {0};
+    struct hg_cubemap cube = {0};
     struct hg_image clean = {0};
     *map = (struct hg_environment_map){.face_size = hg_environment_face_size(image->width)};
     enum hg_status status = take_memory(map);
     if (!status)
         status = clean_image(image, &clean);
     if (!status)
-        status = hg_cube_create(&cube, &clean, map->face_size, jobs);
+        status = hg_cubemap_create(&cube, &clean, map->face_size, jobs);
     if (!status)
         status = specular_levels(map, &cube, jobs);
     if (!status)
         status = hg_irradiance_fill(&clean, jobs, map->irradiance);
-    hg_cube_finish(&cube);
+    hg_cubemap_finish(&cube);
     hg_image_finish(&clean);
     if (status)
         hg_environment_map_finish(map);

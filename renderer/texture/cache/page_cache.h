@@ -76,7 +76,7 @@ uint64_t hg_page_cache_revision(const struct hg_page_cache *cache);
 enum hg_page_mode {
     HG_PAGES_SHOW,  // a moving picture: what is in use stays, the bias rises when it does not fit
     HG_PAGES_EXACT, // a picture to be kept: what the newest batch did not need may go
-    HG_PAGES_AHEAD, // of collect only: what may be needed soon, asked for behind everything else
+    HG_PAGES_PREFETCH, // of collect only: what may be needed soon, asked for behind everything else
 };
 
 // Uploads what was read, within about upload_ns (UINT64_MAX: all of it), and has threads read what

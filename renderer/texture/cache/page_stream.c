@@ -410,14 +410,14 @@ void hg_page_cache_collect(
     struct hg_page_cache *c, enum hg_page_mode mode, struct hg_page_demand *out)
 {
     struct tally tally = {.weight = 1.0f, .most = {UINT32_MAX, UINT32_MAX}};
-    if (mode == HG_PAGES_AHEAD)
+    if (mode == HG_PAGES_PREFETCH)
         limit_ahead(c, &tally);
     *out = (struct hg_page_demand){.fits = true};
     const bool mapped = c->feedback.mapped != NULL;
     uint32_t *words = mapped ? c->feedback.mapped : c->readback.mapped;
     if (words == NULL)
         return;
-    for (uint32_t i = 0; i < POOLS && mode != HG_PAGES_AHEAD; i++) {
+    for (uint32_t i = 0; i < POOLS && mode != HG_PAGES_PREFETCH; i++) {
         hg_residency_tick(c->residency[i]);
         if (mode == HG_PAGES_EXACT)
             hg_residency_drop_requests(c->residency[i]);
@@ -434,7 +434,7 @@ void hg_page_cache_collect(
     }
     c->asked = true;
     out->missing = tally.missing;
-    if (mode != HG_PAGES_AHEAD)
+    if (mode != HG_PAGES_PREFETCH)
         note_missing(c, tally.missing);
     if (mode == HG_PAGES_SHOW)
         steer_bias(c, &tally);
