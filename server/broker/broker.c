@@ -154,7 +154,7 @@ static void accept_ready(struct hg_source *source, uint32_t events)
 static enum hg_status watch_listeners(struct hg_broker *b, struct hg_error *err)
 {
     for (struct hg_listener *it = b->listeners; it; it = it->next) {
-        if (!it->is_unix && !b->tokens.count)
+        if (it->transport != &hg_transport_unix && !b->tokens.count)
             return hg_error_set(err, HG_E_INVAL, it->name, NULL,
                 "tcp clients need tokens; name a file with --tokens");
         it->source.ready = accept_ready;
@@ -174,7 +174,7 @@ static void write_ports(struct hg_writer *w, const struct hg_listener *it)
         return;
     write_ports(w, it->next);
     int n = snprintf(line, sizeof line, "%u\n", it->port);
-    if (!it->is_unix)
+    if (it->port)
         hg_write_bytes(w, line, (size_t)n);
 }
 

@@ -48,11 +48,12 @@ struct hg_conn {
     struct hg_conn *prev, *next;
     struct hg_broker *broker;
     struct hg_source source;
-    struct hg_framer in;
+    struct hg_transport transport;
+    struct hgp_framer in;
     struct hg_outq out;
     enum hg_conn_state state;
-    bool is_unix, same_user, paused, peer_ended;
-    char peer[64];    // address without port, or uid, for logs and the guard
+    bool paused, peer_ended;
+    struct hg_peer peer;
     char client[129]; // from hello
     uint16_t version;
     uint64_t number;                          // of the session
@@ -207,7 +208,8 @@ enum { HG_DEATHS_KEPT = 64 };
 
 struct hg_link {
     struct hg_source source;
-    struct hg_framer in;
+    struct hg_transport transport;
+    struct hgp_framer in;
     struct hg_outq out;
     enum hg_link_state state;
     pid_t pid; // 0 = none

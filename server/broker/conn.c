@@ -1,13 +1,7 @@
 // conn.c - client connections: accepting, handshake, framing, rules of the protocol, time limits.
-#include <errno.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -70,12 +64,13 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->state == HG_CONN_DEAD)
         return;
     if (conn->state < HG_CONN_OPEN)
-        hg_peer_log(b, NET, "closed %s before it was open: %s", conn->peer, reason);
+        hg_peer_log(b, NET, "closed %s before it was open: %s", conn->peer.name, reason);
     else
-        hg_info(NET, "session %llu of %s closed: %s", (unsigned long long)conn->number, conn->peer,
-            reason);
+        hg_info(NET, "session %llu of %s closed: %s", (unsigned long long)conn->number,
+            conn->peer.name, reason);
     conn->state = HG_CONN_DEAD;
-    hg_loop_close(&b->loop, &conn->source);
+    hg_loop_remove(&b->loop, &conn->source);
+    hg_transport_close(&conn->transport);
     if (conn->paused)
         b->paused_count--;
     conn->paused = false;
@@ -96,7 +91,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
                 .what = hgp_str_make(err->what),
                 .where = hgp_str_make(err->where),
                 .reason = hgp_str_make(text)});
-        hg_peer_log(conn->broker, NET, "closing %s: %s: %s (%s)", conn->peer, reason, text,
+        hg_peer_log(conn->broker, NET, "closing %s: %s: %s (%s)", conn->peer.name, reason, text,
             hg_status_name(err->status));
     }
     hg_conn_send(conn, 0, HGP_T_bye, &(struct hgp_bye){.reason = hgp_str_make(reason)});
@@ -110,7 +105,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
 
 void hg_conn_destroy(struct hg_conn *conn)
 {
-    hg_framer_finish(&conn->in);
+    hgp_framer_finish(&conn->in);
     hg_outq_finish(&conn->out);
     hg_free(conn);
 }
@@ -146,7 +141,7 @@ static bool open_session(struct hg_conn *conn, enum hgp_role role, const char *n
     conn->opened_ns = b->loop.now_ns;
     hg_info(SESSION, "session %llu open: %s, role %s, client %s, from %s",
         (unsigned long long)conn->number, name, hgp_enum_name("role", role), conn->client,
-        conn->peer);
+        conn->peer.name);
     return true;
 }
 
@@ -160,14 +155,14 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
         return;
     }
     conn->version = m->version_max < HGP_VERSION_MAX ? m->version_max : HGP_VERSION_MAX;
-    bool trusted = conn->is_unix && conn->same_user && !b->options.require_token;
+    bool trusted = conn->peer.is_local && conn->peer.same_user && !b->options.require_token;
     if (!trusted && !b->tokens.count) {
         refuse(conn, HG_E_AUTH, "hello",
             "only the daemon's own user may connect: it has no tokens for others");
         return;
     }
     if (!trusted &&
-        hg_guard_is_blocked(&b->guard, conn->peer, b->options.auth_failures, b->loop.now_ns)) {
+        hg_guard_is_blocked(&b->guard, conn->peer.name, b->options.auth_failures, b->loop.now_ns)) {
         refuse(conn, HG_E_AUTH, "hello", "too many wrong tokens from this address; wait a minute");
         return;
     }
@@ -189,12 +184,12 @@ static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp
 {
     struct hg_broker *b = conn->broker;
     bool blocked =
-        hg_guard_is_blocked(&b->guard, conn->peer, b->options.auth_failures, b->loop.now_ns);
+        hg_guard_is_blocked(&b->guard, conn->peer.name, b->options.auth_failures, b->loop.now_ns);
     const struct hg_token *token = hg_tokens_find(&b->tokens, m->token);
     if (!token || blocked) {
-        hg_guard_count_failure(&b->guard, conn->peer, b->loop.now_ns);
+        hg_guard_count_failure(&b->guard, conn->peer.name, b->loop.now_ns);
         if (hg_broker_may_log(b))
-            hg_warn(AUTH, "wrong token from %s (client %s)%s", conn->peer, conn->client,
+            hg_warn(AUTH, "wrong token from %s (client %s)%s", conn->peer.name, conn->client,
                 blocked ? ", blocked" : "");
         refuse(conn, HG_E_AUTH, "auth",
             blocked ? "too many wrong tokens from this address; wait a minute"
@@ -275,7 +270,7 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
     case HGP_T_pong:
         return;
     case HGP_T_error:
-        hg_peer_log(conn->broker, NET, "%s reports an error: %.*s", conn->peer,
+        hg_peer_log(conn->broker, NET, "%s reports an error: %.*s", conn->peer.name,
             (int)m->error.reason.size, m->error.reason.data);
         return;
     case HGP_T_bye:
@@ -368,7 +363,7 @@ static bool must_pause(struct hg_conn *conn)
 
 static bool take_preface(struct hg_conn *conn)
 {
-    const uint8_t *bytes = hg_framer_take(&conn->in, HGP_PREFACE_BYTES);
+    const uint8_t *bytes = hgp_framer_take(&conn->in, HGP_PREFACE_BYTES);
     if (!bytes)
         return false;
     if (memcmp(bytes, HGP_PREFACE, HGP_PREFACE_BYTES) != 0) {
@@ -382,7 +377,7 @@ static bool take_preface(struct hg_conn *conn)
 static bool take_message(struct hg_conn *conn)
 {
     struct hg_packet *packet;
-    enum hg_status status = hg_framer_next(&conn->in, payload_limit(conn), &packet);
+    enum hg_status status = hg_packet_next(&conn->in, payload_limit(conn), &packet);
     if (status == HG_E_NOMEM)
         hg_conn_kill(conn, "no memory for a message");
     else if (status)
@@ -408,11 +403,11 @@ static void process(struct hg_conn *conn)
 
 static void receive(struct hg_conn *conn)
 {
-    enum hg_status status = hg_framer_read(&conn->in, conn->source.fd);
+    enum hg_status status = hg_packet_receive(&conn->in, &conn->transport);
     conn->received_ns = conn->broker->loop.now_ns;
     conn->ping_ns = 0;
     if (conn->state == HG_CONN_CLOSING) { // what still comes is of no interest
-        hg_framer_finish(&conn->in);
+        hgp_framer_finish(&conn->in);
         if (status == HG_E_CLOSED || status == HG_E_IO)
             hg_conn_kill(conn, "the client closed the connection");
         return;
@@ -427,12 +422,12 @@ static void receive(struct hg_conn *conn)
 static void transmit(struct hg_conn *conn)
 {
     bool was_over = conn->out.bytes > conn->broker->options.output_limit_bytes;
-    if (hg_outq_flush(&conn->out, conn->source.fd)) {
+    if (hg_outq_flush(&conn->out, &conn->transport)) {
         hg_conn_kill(conn, "the client closed the connection");
         return;
     }
     if (conn->state == HG_CONN_CLOSING && !conn->out.head) {
-        shutdown(conn->source.fd, SHUT_WR);
+        conn->transport.class->end_writing(&conn->transport);
         if (conn->peer_ended)
             hg_conn_kill(conn, "done");
         return;
@@ -465,7 +460,7 @@ void hg_conn_update(struct hg_conn *conn)
     }
     bool read = !conn->paused && !conn->peer_ended;
     hg_loop_set_events(&conn->broker->loop, &conn->source,
-        (read ? EPOLLIN : 0u) | (conn->out.head ? EPOLLOUT : 0u));
+        conn->transport.class->wants(&conn->transport, read, conn->out.head != NULL));
 }
 
 void hg_conn_resume(struct hg_conn *conn)
@@ -484,7 +479,7 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
 {
     const struct hg_options *o = &conn->broker->options;
     uint64_t silent_ns = now_ns - conn->received_ns;
-    if (conn->is_unix || conn->paused)
+    if (conn->peer.is_local || conn->paused)
         return;
     if (o->idle_timeout_ns && silent_ns > o->idle_timeout_ns)
         hg_conn_kill(conn, "silent for too long (idle-timeout)");
@@ -521,88 +516,59 @@ void hg_conn_check_time(struct hg_conn *conn, uint64_t now_ns)
 
 // ---- accepting ----------------------------------------------------------------------------------
 
-static void describe_unix(struct hg_conn *conn)
-{
-    struct ucred credentials = {0};
-    socklen_t size = sizeof credentials;
-    if (getsockopt(conn->source.fd, SOL_SOCKET, SO_PEERCRED, &credentials, &size) == 0) {
-        conn->same_user = credentials.uid == geteuid();
-        snprintf(conn->peer, sizeof conn->peer, "uid:%u", credentials.uid);
-    } else {
-        snprintf(conn->peer, sizeof conn->peer, "unix");
-    }
-}
-
-static void describe_tcp(struct hg_conn *conn, const struct sockaddr_storage *name, socklen_t size)
-{
-    int on = 1;
-    unsigned timeout_ms = (unsigned)(conn->broker->options.peer_timeout_ns / 1000000);
-    setsockopt(conn->source.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    setsockopt(conn->source.fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
-    setsockopt(conn->source.fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &timeout_ms, sizeof timeout_ms);
-    if (getnameinfo((const struct sockaddr *)name, size, conn->peer, sizeof conn->peer, NULL, 0,
-            NI_NUMERICHOST))
-        snprintf(conn->peer, sizeof conn->peer, "tcp");
-}
-
-static void turn_away(struct hg_broker *b, struct hg_conn *conn)
+static void turn_away(struct hg_conn *conn)
 {
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_LIMIT, "connection", NULL,
         "the daemon has as many connections as it takes (max-connections); try again later");
     hg_conn_close(conn, &err, "too many connections");
-    if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, conn->source.fd) == HG_OK)
+    if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
         hg_conn_kill(conn, "too many connections");
-    (void)b;
 }
 
-static void add_conn(struct hg_broker *b, struct hg_listener *listener, int fd,
-    const struct sockaddr_storage *name, socklen_t size)
+static void add_conn(
+    struct hg_broker *b, const struct hg_listener *listener, struct hg_transport *transport)
 {
     struct hg_conn *conn = hg_calloc(1, sizeof *conn);
     if (!conn) {
-        close(fd);
+        hg_transport_close(transport);
         return;
     }
     *conn = (struct hg_conn){
         .broker = b,
-        .source = {.fd = fd, .events = EPOLLIN, .ready = ready, .owner = conn},
-        .is_unix = listener->is_unix,
+        .source = {.fd = transport->fd, .events = EPOLLIN, .ready = ready, .owner = conn},
+        .transport = *transport,
+        .in = {.frames = &hg_packet_frames},
         .deadline_ns = b->loop.now_ns + b->options.handshake_timeout_ns,
         .received_ns = b->loop.now_ns,
         .allowance = b->options.max_rate,
         .allowance_ns = b->loop.now_ns,
     };
     if (hg_loop_add(&b->loop, &conn->source)) {
-        close(fd);
+        hg_transport_close(transport);
         hg_free(conn);
         return;
     }
     HG_LIST_ADD(b->conns, conn);
     b->conn_count++;
-    if (conn->is_unix)
-        describe_unix(conn);
-    else
-        describe_tcp(conn, name, size);
-    hg_debug(NET, "connection from %s at %s", conn->peer, listener->name);
+    conn->transport.class->greet(&conn->transport, b->options.peer_timeout_ns, &conn->peer);
+    hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
     if (b->conn_count > b->options.max_connections)
-        turn_away(b, conn);
+        turn_away(conn);
 }
 
 void hg_conn_accept(struct hg_broker *b, struct hg_listener *listener)
 {
+    struct hg_transport transport;
+    struct hg_error err = {0};
     for (int i = 0; i < ACCEPTS_PER_EVENT; i++) {
-        struct sockaddr_storage name = {0};
-        socklen_t size = sizeof name;
-        int fd = accept4(
-            listener->source.fd, (struct sockaddr *)&name, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-        if (fd >= 0) {
-            add_conn(b, listener, fd, &name, size);
+        enum hg_status status = hg_listener_accept(listener, &transport, &err);
+        if (!status) {
+            add_conn(b, listener, &transport);
             continue;
         }
-        if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
-            // The connection stays in the backlog; look again when others may have gone.
-            hg_peer_log(b, NET, "cannot accept: %s", strerror(errno));
+        if (status == HG_E_LIMIT) { // look again when others may have gone
+            hg_peer_log(b, NET, "%s", err.reason);
             b->accept_pause_ns = b->loop.now_ns + ACCEPT_PAUSE_NS;
         }
         return;

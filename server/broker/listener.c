@@ -119,7 +119,7 @@ static enum hg_status open_unix(
         close(fd);
         return status;
     }
-    listener->is_unix = true;
+    listener->transport = &hg_transport_unix;
     listener->unix_path = hg_strdup(sun.sun_path);
     snprintf(listener->name, sizeof listener->name, "%s", address);
     return HG_OK;
@@ -136,6 +136,7 @@ static void name_tcp(struct hg_listener *listener)
         getnameinfo((struct sockaddr *)&bound, size, host, sizeof host, port, sizeof port,
             NI_NUMERICHOST | NI_NUMERICSERV);
     bool v6 = bound.ss_family == AF_INET6;
+    listener->transport = &hg_transport_tcp;
     listener->port = (uint16_t)strtoul(port, NULL, 10);
     snprintf(listener->name, sizeof listener->name, v6 ? "tcp:[%s]:%s" : "tcp:%s:%s", host, port);
 }
@@ -235,14 +236,30 @@ enum hg_status hg_listener_adopt(int fd, struct hg_listener **list, struct hg_er
     struct hg_listener *listener;
     if (add(list, fd, &listener))
         return hg_error_set(err, HG_E_NOMEM, "LISTEN_FDS", NULL, "no memory");
-    listener->is_unix = name.ss_family == AF_UNIX;
-    if (listener->is_unix)
-        snprintf(listener->name, sizeof listener->name, "unix:%.*s",
-            (int)(size - offsetof(struct sockaddr_un, sun_path)),
-            ((struct sockaddr_un *)&name)->sun_path);
-    else
+    if (name.ss_family != AF_UNIX) {
         name_tcp(listener);
+        return HG_OK;
+    }
+    listener->transport = &hg_transport_unix;
+    snprintf(listener->name, sizeof listener->name, "unix:%.*s",
+        (int)(size - offsetof(struct sockaddr_un, sun_path)),
+        ((struct sockaddr_un *)&name)->sun_path);
     return HG_OK;
+}
+
+enum hg_status hg_listener_accept(
+    struct hg_listener *listener, struct hg_transport *out, struct hg_error *err)
+{
+    *out = (struct hg_transport){.fd = -1};
+    int fd = accept4(listener->source.fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (fd >= 0) {
+        hg_transport_open(out, listener->transport, fd);
+        return HG_OK;
+    }
+    if (errno != EMFILE && errno != ENFILE && errno != ENOMEM && errno != ENOBUFS)
+        return HG_E_AGAIN;
+    return hg_error_set(
+        err, HG_E_LIMIT, listener->name, NULL, "cannot accept: %s", strerror(errno));
 }
 
 void hg_listeners_destroy(struct hg_loop *loop, struct hg_listener **list)

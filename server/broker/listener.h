@@ -4,14 +4,15 @@
 #define HG_BROKER_LISTENER_H
 
 #include "server/broker/loop.h"
+#include "server/broker/transport.h"
 
 struct hg_listener {
     struct hg_listener *next;
     struct hg_source source;
-    bool is_unix;
-    uint16_t port;   // of a tcp listener, as bound
-    char *unix_path; // removed at the end; NULL for tcp and passed sockets
-    char name[160];  // for logs
+    const struct hg_transport_class *transport; // of the connections that come in here
+    uint16_t port;                              // of a tcp listener, as bound; 0 for unix
+    char *unix_path;                            // removed at the end; NULL for tcp and passed ones
+    char name[160];                             // for logs
 };
 
 // Checks the form of an address without touching the network. HG_E_INVAL.
@@ -26,6 +27,10 @@ enum hg_status hg_listener_open(
 // Takes over a listening socket.
 enum hg_status hg_listener_adopt(
     int fd, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
+// Opens *out to the next client that waits. HG_E_AGAIN: there is none, or it has gone again;
+// HG_E_LIMIT: the system lacks what a connection takes, and the client stays in the backlog.
+enum hg_status hg_listener_accept(
+    struct hg_listener *listener, struct hg_transport *out, struct hg_error *err) HG_MUST_CHECK;
 // Closes all and removes socket files. The objects are freed: not inside a round of events.
 void hg_listeners_destroy(struct hg_loop *loop, struct hg_listener **list);
 

@@ -44,13 +44,19 @@ void hg_loop_set_events(struct hg_loop *loop, struct hg_source *source, uint32_t
     epoll_ctl(loop->epoll_fd, EPOLL_CTL_MOD, source->fd, &event);
 }
 
+void hg_loop_remove(struct hg_loop *loop, struct hg_source *source)
+{
+    if (source->fd >= 0)
+        epoll_ctl(loop->epoll_fd, EPOLL_CTL_DEL, source->fd, NULL);
+    source->fd = -1;
+}
+
 void hg_loop_close(struct hg_loop *loop, struct hg_source *source)
 {
-    if (source->fd < 0)
-        return;
-    epoll_ctl(loop->epoll_fd, EPOLL_CTL_DEL, source->fd, NULL);
-    close(source->fd);
-    source->fd = -1;
+    int fd = source->fd;
+    hg_loop_remove(loop, source);
+    if (fd >= 0)
+        close(fd);
 }
 
 static int wait_ms(const struct hg_loop *loop, uint64_t deadline_ns)

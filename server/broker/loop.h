@@ -27,6 +27,8 @@ void hg_loop_finish(struct hg_loop *loop);
 
 enum hg_status hg_loop_add(struct hg_loop *loop, struct hg_source *source) HG_MUST_CHECK;
 void hg_loop_set_events(struct hg_loop *loop, struct hg_source *source, uint32_t events);
+// Stops watching; the descriptor stays its owner's.
+void hg_loop_remove(struct hg_loop *loop, struct hg_source *source);
 // Stops watching and closes the descriptor.
 void hg_loop_close(struct hg_loop *loop, struct hg_source *source);
 

@@ -1,15 +1,11 @@
 #include "server/broker/packet.h"
 
-#include <errno.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <sys/uio.h>
 
 #include "base/alloc.h"
-#include "base/checked.h"
 #include "base/clock.h"
 
-enum { FLUSH_ITEMS = 32, DIRECT_BYTES = 32 * 1024, READ_BYTES = 1 << 20 };
+enum { FLUSH_ITEMS = 32, FLUSH_BYTES = 1 << 20 };
 
 struct hg_packet *hg_packet_create(const struct hgp_header *header)
 {
@@ -47,8 +43,7 @@ void hg_packet_unref(struct hg_packet *packet)
         hg_free(packet);
 }
 
-// ---- output
-// --------------------------------------------------------------------------------------
+// ---- output -------------------------------------------------------------------------------------
 
 struct hg_outq_item {
     struct hg_outq_item *next;
@@ -94,7 +89,7 @@ static int gather(const struct hg_outq *q, struct iovec *parts)
         if (rest)
             parts[count++] = (struct iovec){item->packet->payload + skip, rest};
         total += rest;
-        if (total >= READ_BYTES)
+        if (total >= FLUSH_BYTES)
             break;
     }
     return count;
@@ -122,20 +117,16 @@ static void advance(struct hg_outq *q, size_t sent)
     }
 }
 
-enum hg_status hg_outq_flush(struct hg_outq *q, int fd)
+enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t)
 {
-    for (size_t done = 0; q->head && done < READ_BYTES;) {
+    for (size_t done = 0; q->head && done < FLUSH_BYTES;) {
         struct iovec parts[2 * FLUSH_ITEMS];
-        struct msghdr message = {.msg_iov = parts, .msg_iovlen = (size_t)gather(q, parts)};
-        ssize_t n = sendmsg(fd, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
-            return HG_OK;
-        if (n < 0)
-            return errno == EPIPE || errno == ECONNRESET ? HG_E_CLOSED : HG_E_IO;
-        done += (size_t)n;
-        advance(q, (size_t)n);
+        size_t sent;
+        enum hg_status status = t->class->write(t, parts, gather(q, parts), &sent);
+        if (status)
+            return status == HG_E_AGAIN ? HG_OK : status;
+        done += sent;
+        advance(q, sent);
         q->progress_ns = hg_clock_now_ns();
     }
     return HG_OK;
@@ -148,101 +139,42 @@ void hg_outq_finish(struct hg_outq *q)
     *q = (struct hg_outq){0};
 }
 
-// ---- input
-// ---------------------------------------------------------------------------------------
+// ---- input --------------------------------------------------------------------------------------
 
-static enum hg_status receive(int fd, uint8_t *dst, size_t size, size_t *got)
+static void *frame_create(const struct hgp_header *header)
 {
-    ssize_t n;
-    *got = 0;
-    do
-        n = recv(fd, dst, size, MSG_DONTWAIT);
-    while (n < 0 && errno == EINTR);
-    if (n > 0)
-        *got = (size_t)n;
-    if (n == 0 || (n < 0 && errno == ECONNRESET))
-        return HG_E_CLOSED;
-    if (n < 0)
-        return errno == EAGAIN || errno == EWOULDBLOCK ? HG_E_AGAIN : HG_E_IO;
-    return HG_OK;
+    return hg_packet_create(header);
 }
 
-enum hg_status hg_framer_read(struct hg_framer *f, int fd)
+static uint8_t *frame_payload(void *packet)
 {
-    size_t got;
-    enum hg_status status;
-    size_t rest = f->partial ? f->partial->header.length - f->filled : 0;
-    if (rest >= DIRECT_BYTES && f->start == f->end) {
-        size_t size = rest < READ_BYTES ? rest : READ_BYTES;
-        status = receive(fd, f->partial->payload + f->filled, size, &got);
-        f->filled += got;
-    } else {
-        if (!f->buffer && !(f->buffer = hg_calloc(HG_FRAMER_BUFFER_BYTES, 1)))
-            return HG_E_NOMEM;
-        if (f->start) {
-            memmove(f->buffer, f->buffer + f->start, f->end - f->start);
-            f->end -= f->start;
-            f->start = 0;
-        }
-        if (f->end == HG_FRAMER_BUFFER_BYTES)
-            return HG_OK; // full: the caller takes messages first
-        status = receive(fd, f->buffer + f->end, HG_FRAMER_BUFFER_BYTES - f->end, &got);
-        f->end += got;
-    }
-    f->total_bytes += got;
+    return ((struct hg_packet *)packet)->payload;
+}
+
+static void frame_destroy(void *packet)
+{
+    hg_packet_unref(packet);
+}
+
+const struct hgp_frame_class hg_packet_frames = {frame_create, frame_payload, frame_destroy};
+
+enum hg_status hg_packet_receive(struct hgp_framer *f, struct hg_transport *t)
+{
+    size_t size, got;
+    uint8_t *dst = hgp_framer_space(f, &size);
+    if (!dst)
+        return HG_E_NOMEM;
+    if (!size)
+        return HG_OK; // full: the caller takes messages first
+    enum hg_status status = t->class->read(t, dst, size, &got);
+    hgp_framer_fill(f, got);
     return status;
 }
 
-const uint8_t *hg_framer_take(struct hg_framer *f, size_t size)
+enum hg_status hg_packet_next(struct hgp_framer *f, uint32_t limit, struct hg_packet **out)
 {
-    if (f->end - f->start < size)
-        return NULL;
-    const uint8_t *data = f->buffer + f->start;
-    f->start += size;
-    return data;
-}
-
-static enum hg_status begin_packet(struct hg_framer *f, uint32_t limit)
-{
-    struct hgp_header header;
-    enum hg_status status =
-        hgp_header_decode(f->buffer + f->start, f->end - f->start, limit, &header);
-    if (status)
-        return status;
-    f->partial = hg_packet_create(&header);
-    if (!f->partial)
-        return HG_E_NOMEM;
-    f->start += HGP_HEADER_BYTES;
-    f->filled = 0;
-    return HG_OK;
-}
-
-enum hg_status hg_framer_next(struct hg_framer *f, uint32_t limit, struct hg_packet **out)
-{
-    *out = NULL;
-    if (!f->partial) {
-        if (f->end - f->start < HGP_HEADER_BYTES)
-            return HG_OK;
-        enum hg_status status = begin_packet(f, limit);
-        if (status)
-            return status;
-    }
-    size_t rest = f->partial->header.length - f->filled, here = f->end - f->start;
-    size_t take = here < rest ? here : rest;
-    if (take)
-        memcpy(f->partial->payload + f->filled, f->buffer + f->start, take);
-    f->start += take;
-    f->filled += take;
-    if (take == rest) {
-        *out = f->partial;
-        f->partial = NULL;
-    }
-    return HG_OK;
-}
-
-void hg_framer_finish(struct hg_framer *f)
-{
-    hg_free(f->buffer);
-    hg_packet_unref(f->partial);
-    *f = (struct hg_framer){0};
+    void *message;
+    enum hg_status status = hgp_framer_next(f, limit, &message);
+    *out = message;
+    return status == HG_E_AGAIN ? HG_OK : status;
 }

@@ -1,10 +1,11 @@
-// packet.h - whole messages in memory, and the queues and readers that move them over sockets.
+// packet.h - whole messages in memory, and what moves them over transports.
 // Floor 6 (broker). Thread: the loop. A payload is received once into its packet and sent from it;
 // relaying changes only the header, which belongs to the queue entry.
 #ifndef HG_BROKER_PACKET_H
 #define HG_BROKER_PACKET_H
 
-#include "protocol/hgp.h"
+#include "protocol/framing.h"
+#include "server/broker/transport.h"
 
 struct hg_packet {
     uint32_t refs;
@@ -19,48 +20,35 @@ struct hg_packet *hg_packet_encode(enum hgp_type type, const void *message) HG_M
 struct hg_packet *hg_packet_ref(struct hg_packet *packet);
 void hg_packet_unref(struct hg_packet *packet); // accepts NULL
 
-// ---- output
-// --------------------------------------------------------------------------------------
+// ---- output -------------------------------------------------------------------------------------
 
 struct hg_outq_item;
 
 // Zero-initialised = empty.
 struct hg_outq {
     struct hg_outq_item *head, **tail;
-    size_t bytes;         // not yet taken by the system
-    uint64_t progress_ns; // when the system last took something, or the queue became non-empty
+    size_t bytes;         // not yet taken by the transport
+    uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
 };
 
 // Takes over the caller's reference, also on failure. HG_E_NOMEM.
 enum hg_status hg_outq_push(
     struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel) HG_MUST_CHECK;
-// Writes what the socket takes now, at most about a MiB. HG_OK (also when some is left),
+// Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),
 // HG_E_CLOSED, HG_E_IO.
-enum hg_status hg_outq_flush(struct hg_outq *q, int fd) HG_MUST_CHECK;
+enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t) HG_MUST_CHECK;
 void hg_outq_finish(struct hg_outq *q);
 
-// ---- input
-// ---------------------------------------------------------------------------------------
+// ---- input --------------------------------------------------------------------------------------
 
-enum { HG_FRAMER_BUFFER_BYTES = 64 * 1024 };
+// Messages of a framer that are packets: hgp_framer_next gives a `struct hg_packet *`.
+extern const struct hgp_frame_class hg_packet_frames;
 
-// Zero-initialised = empty; the buffer is taken with the first read.
-struct hg_framer {
-    uint8_t *buffer;
-    size_t start, end;
-    struct hg_packet *partial; // a message whose payload is still arriving
-    size_t filled;
-    uint64_t total_bytes; // received so far
-};
-
-// One recv. HG_OK, HG_E_AGAIN (nothing there), HG_E_CLOSED (end of stream), HG_E_IO, HG_E_NOMEM.
-enum hg_status hg_framer_read(struct hg_framer *f, int fd) HG_MUST_CHECK;
-// Takes `size` raw bytes (the preface). NULL while fewer are there.
-const uint8_t *hg_framer_take(struct hg_framer *f, size_t size);
-// The next whole message, owned by the caller; *out NULL when more bytes are needed.
-// HG_E_LIMIT (payload over `limit`), HG_E_FORMAT (flags), HG_E_NOMEM: the stream is unusable.
-enum hg_status hg_framer_next(
-    struct hg_framer *f, uint32_t limit, struct hg_packet **out) HG_MUST_CHECK;
-void hg_framer_finish(struct hg_framer *f);
+// One read of the transport. HG_OK, HG_E_AGAIN (nothing there), HG_E_CLOSED (end of stream),
+// HG_E_IO, HG_E_NOMEM.
+enum hg_status hg_packet_receive(struct hgp_framer *f, struct hg_transport *t) HG_MUST_CHECK;
+// hgp_framer_next, with *out NULL and HG_OK when more bytes are needed.
+enum hg_status hg_packet_next(
+    struct hgp_framer *f, uint32_t limit, struct hg_packet **out) HG_MUST_CHECK;
 
 #endif

@@ -49,7 +49,7 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     put_number(w, "{\"session\":", s->number);
     put_text(w, ",\"name\":", s->name);
     put_text(w, ",\"role\":", hgp_enum_name("role", s->role));
-    put_text(w, ",\"peer\":", conn ? conn->peer : "");
+    put_text(w, ",\"peer\":", conn ? conn->peer.name : "");
     put_text(w, ",\"client\":", conn ? conn->client : "");
     put_text(w, ",\"scene\":", s->scene ? s->scene->key : "");
     put_number(w, ",\"views\":", views);

@@ -141,6 +141,8 @@ void hg_link_start(struct hg_broker *b)
         postpone(b, "start the worker", rc);
         return;
     }
+    hg_transport_open(&link->transport, &hg_transport_unix, pair[0]);
+    link->in.frames = &hg_packet_frames;
     link->source = (struct hg_source){.fd = pair[0], .events = EPOLLIN, .ready = ready, .owner = b};
     if (hg_loop_add(&b->loop, &link->source)) {
         hg_link_fail(b, "cannot watch the link");
@@ -198,8 +200,9 @@ void hg_link_fail(struct hg_broker *b, const char *reason)
     if (link->pid)
         kill(link->pid, SIGKILL); // reaped on SIGCHLD
     link->pid = 0;
-    hg_loop_close(&b->loop, &link->source);
-    hg_framer_finish(&link->in);
+    hg_loop_remove(&b->loop, &link->source);
+    hg_transport_close(&link->transport);
+    hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
     link->state = HG_LINK_DOWN;
     link->death_ns[link->deaths++ % HG_DEATHS_KEPT] = b->loop.now_ns;
@@ -227,8 +230,9 @@ void hg_link_reap(struct hg_broker *b)
 void hg_link_stop(struct hg_broker *b)
 {
     struct hg_link *link = &b->link;
-    hg_loop_close(&b->loop, &link->source); // the worker ends when its link closes
-    hg_framer_finish(&link->in);
+    hg_loop_remove(&b->loop, &link->source);
+    hg_transport_close(&link->transport); // the worker ends when its link closes
+    hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
     if (link->pid) {
         kill(link->pid, SIGKILL);
@@ -287,8 +291,8 @@ void hg_link_send(
 
 void hg_link_update(struct hg_broker *b)
 {
-    hg_loop_set_events(
-        &b->loop, &b->link.source, EPOLLIN | (b->link.out.head ? (uint32_t)EPOLLOUT : 0u));
+    const struct hg_transport *t = &b->link.transport;
+    hg_loop_set_events(&b->loop, &b->link.source, t->class->wants(t, true, b->link.out.head));
 }
 
 // ---- listening ----------------------------------------------------------------------------------
@@ -373,11 +377,11 @@ static bool handle(struct hg_broker *b, struct hg_packet *packet)
 static void receive(struct hg_broker *b)
 {
     struct hg_link *link = &b->link;
-    enum hg_status status = hg_framer_read(&link->in, link->source.fd);
+    enum hg_status status = hg_packet_receive(&link->in, &link->transport);
     struct hg_packet *packet = NULL;
     enum hg_status framing = HG_OK;
     while (link->state != HG_LINK_DOWN &&
-           (framing = hg_framer_next(&link->in, PAYLOAD_LIMIT, &packet)) == HG_OK && packet) {
+           (framing = hg_packet_next(&link->in, PAYLOAD_LIMIT, &packet)) == HG_OK && packet) {
         bool good = handle(b, packet);
         hg_packet_unref(packet);
         if (!good)
@@ -395,7 +399,7 @@ static void ready(struct hg_source *source, uint32_t events)
 {
     struct hg_broker *b = source->owner;
     if (events & EPOLLOUT) {
-        if (hg_outq_flush(&b->link.out, source->fd) == HG_OK)
+        if (hg_outq_flush(&b->link.out, &b->link.transport) == HG_OK)
             hg_link_update(b);
         // A broken stream shows in reading, after the last answers.
     }

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "protocol/framing.h"
 #include "protocol/layout.h"
 #include "tests/fuzz/fuzz.h"
 
@@ -100,6 +101,70 @@ static size_t read_message(struct stream *s, const uint8_t *data, size_t size)
     return goes_on ? total : 0;
 }
 
+// ---- framing ------------------------------------------------------------------------------------
+
+struct piece {
+    struct hgp_header header;
+    uint8_t payload[];
+};
+
+static void *piece_create(const struct hgp_header *header)
+{
+    struct piece *p = malloc(sizeof *p + header->length);
+    FUZZ_CHECK(p);
+    p->header = *header;
+    return p;
+}
+
+static uint8_t *piece_payload(void *piece)
+{
+    return ((struct piece *)piece)->payload;
+}
+
+static const struct hgp_frame_class pieces = {piece_create, piece_payload, free};
+
+// Takes what is whole; the messages must be those that lie at *at of the bytes.
+static enum hg_status take_pieces(struct hgp_framer *f, const uint8_t *data, size_t *at)
+{
+    void *message;
+    enum hg_status status;
+    while ((status = hgp_framer_next(f, OPEN_LIMIT, &message)) == HG_OK) {
+        struct piece *p = message;
+        uint8_t head[HGP_HEADER_BYTES];
+        hgp_header_encode(&p->header, head);
+        FUZZ_CHECK(memcmp(head, data + *at, sizeof head) == 0);
+        *at += HGP_HEADER_BYTES;
+        FUZZ_CHECK(!p->header.length || memcmp(p->payload, data + *at, p->header.length) == 0);
+        *at += p->header.length;
+        free(p);
+    }
+    return status;
+}
+
+// However a stream is cut, the framer finds the messages that its bytes have.
+static void check_framing(const uint8_t *data, size_t size, size_t step)
+{
+    struct hgp_framer f = {.frames = &pieces};
+    enum hg_status status = HG_E_AGAIN;
+    size_t at = 0;
+    for (size_t fed = 0; fed < size && status == HG_E_AGAIN;) {
+        size_t room;
+        uint8_t *dst = hgp_framer_space(&f, &room);
+        FUZZ_CHECK(dst && room);
+        size_t n = size - fed < step ? size - fed : step;
+        n = n < room ? n : room;
+        memcpy(dst, data + fed, n);
+        hgp_framer_fill(&f, n);
+        fed += n;
+        status = take_pieces(&f, data, &at);
+    }
+    struct hgp_header h;
+    enum hg_status want = hgp_header_decode(data + at, size - at, OPEN_LIMIT, &h);
+    FUZZ_CHECK(status == (want == HG_OK || want == HG_E_TRUNCATED ? HG_E_AGAIN : want));
+    FUZZ_CHECK(want != HG_OK || h.length > size - at - HGP_HEADER_BYTES);
+    hgp_framer_finish(&f);
+}
+
 void hgp_stream_read(const uint8_t *data, size_t size, bool to_server)
 {
     struct stream s = {.to_server = to_server};
@@ -116,6 +181,8 @@ void hgp_stream_read(const uint8_t *data, size_t size, bool to_server)
     }
     if (s.link)
         s.state = HGP_OPEN;
+    check_framing(data, size, SIZE_MAX);
+    check_framing(data, size, 1 + (size ? data[size - 1] % 23u : 0));
     for (size_t step; (step = read_message(&s, data, size)); size -= step)
         data += step;
 }

@@ -518,7 +518,9 @@ static void send_pulse(uint64_t now_ns)
 
 static void run(void)
 {
-    struct hg_framer in = {0};
+    struct hgp_framer in = {.frames = &hg_packet_frames};
+    struct hg_transport link;
+    hg_transport_open(&link, &hg_transport_unix, LINK_FD);
     for (;;) {
         struct pollfd p = {LINK_FD, (short)(POLLIN | (out.head ? POLLOUT : 0)), 0};
         poll(&p, 1, hung ? -1 : 2);
@@ -526,9 +528,9 @@ static void run(void)
             pause();
         uint64_t now_ns = hg_clock_now_ns();
         if (p.revents & (POLLIN | POLLHUP)) {
-            enum hg_status status = hg_framer_read(&in, LINK_FD);
+            enum hg_status status = hg_packet_receive(&in, &link);
             struct hg_packet *packet;
-            while (hg_framer_next(&in, UINT32_MAX, &packet) == HG_OK && packet) {
+            while (hg_packet_next(&in, UINT32_MAX, &packet) == HG_OK && packet) {
                 handle(packet);
                 hg_packet_unref(packet);
             }
@@ -538,7 +540,7 @@ static void run(void)
         run_delayed(now_ns);
         run_subscriptions(now_ns);
         send_pulse(now_ns);
-        if (hg_outq_flush(&out, LINK_FD))
+        if (hg_outq_flush(&out, &link))
             exit(0);
     }
 }

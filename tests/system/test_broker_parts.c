@@ -283,10 +283,13 @@ static void streams_are_cut_into_messages(void **state)
     (void)state;
     int pair[2];
     struct hg_outq out = {0};
-    struct hg_framer in = {0};
+    struct hgp_framer in = {.frames = &hg_packet_frames};
+    struct hg_transport from, to;
     uint32_t received = 0;
     enum { COUNT = 60 };
-    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
+    hg_transport_open(&from, &hg_transport_unix, pair[0]);
+    hg_transport_open(&to, &hg_transport_unix, pair[1]);
     for (uint32_t i = 0; i < COUNT; i++) {
         struct hgp_header header = {.length = i * i * 97, .type = 1};
         struct hg_packet *packet = hg_packet_create(&header);
@@ -295,12 +298,12 @@ static void streams_are_cut_into_messages(void **state)
         assert_int_equal(hg_outq_push(&out, packet, i, i + 1), HG_OK);
     }
     while (received < COUNT) {
-        assert_int_equal(hg_outq_flush(&out, pair[0]), HG_OK);
-        enum hg_status status = hg_framer_read(&in, pair[1]);
+        assert_int_equal(hg_outq_flush(&out, &from), HG_OK);
+        enum hg_status status = hg_packet_receive(&in, &to);
         assert_true(status == HG_OK || status == HG_E_AGAIN);
         for (;;) {
             struct hg_packet *packet;
-            assert_int_equal(hg_framer_next(&in, 1 << 20, &packet), HG_OK);
+            assert_int_equal(hg_packet_next(&in, 1 << 20, &packet), HG_OK);
             if (!packet)
                 break;
             assert_int_equal(packet->header.length, received * received * 97);
@@ -318,13 +321,14 @@ static void streams_are_cut_into_messages(void **state)
     struct hg_packet *packet;
     hgp_header_encode(&(struct hgp_header){.length = (1 << 20) + 1}, header);
     assert_int_equal(send(pair[0], header, sizeof header, 0), sizeof header);
-    assert_int_equal(hg_framer_read(&in, pair[1]), HG_OK);
-    assert_int_equal(hg_framer_next(&in, 1 << 20, &packet), HG_E_LIMIT);
+    assert_int_equal(hg_packet_receive(&in, &to), HG_OK);
+    assert_int_equal(hg_packet_next(&in, 1 << 20, &packet), HG_E_LIMIT);
     assert_null(packet);
-    close(pair[0]);
-    assert_int_equal(hg_framer_read(&in, pair[1]), HG_E_CLOSED);
-    close(pair[1]);
-    hg_framer_finish(&in);
+    hg_transport_close(&from);
+    assert_int_equal(hg_packet_receive(&in, &to), HG_E_CLOSED);
+    hg_transport_close(&to);
+    hg_transport_close(&to); // closed already
+    hgp_framer_finish(&in);
     hg_outq_finish(&out);
 }
 

@@ -1,0 +1,93 @@
+#include "protocol/framing.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+
+uint8_t *hgp_framer_space(struct hgp_framer *f, size_t *size)
+{
+    *size = 0;
+    size_t missing = f->partial ? f->length - f->filled : 0;
+    if (missing >= HGP_FRAMER_DIRECT_BYTES && f->start == f->end) {
+        *size = missing < HGP_FRAMER_READ_BYTES ? missing : HGP_FRAMER_READ_BYTES;
+        return f->frames->payload(f->partial) + f->filled;
+    }
+    if (!f->chunk && !(f->chunk = hg_calloc(HGP_FRAMER_CHUNK_BYTES, 1)))
+        return NULL;
+    if (f->start) { // what is left is a part of a header, unless messages wait to be taken
+        memmove(f->chunk, f->chunk + f->start, f->end - f->start);
+        f->end -= f->start;
+        f->start = 0;
+    }
+    *size = HGP_FRAMER_CHUNK_BYTES - f->end;
+    return f->chunk + f->end;
+}
+
+void hgp_framer_fill(struct hgp_framer *f, size_t size)
+{
+    size_t missing = f->partial ? f->length - f->filled : 0;
+    if (missing >= HGP_FRAMER_DIRECT_BYTES && f->start == f->end)
+        f->filled += size;
+    else
+        f->end += size;
+    f->total_bytes += size;
+}
+
+const uint8_t *hgp_framer_take(struct hgp_framer *f, size_t size)
+{
+    if (f->end - f->start < size)
+        return NULL;
+    const uint8_t *data = f->chunk + f->start;
+    f->start += size;
+    return data;
+}
+
+static enum hg_status begin_message(struct hgp_framer *f, uint32_t limit)
+{
+    struct hgp_header header;
+    if (f->end - f->start < HGP_HEADER_BYTES)
+        return HG_E_AGAIN;
+    enum hg_status status =
+        hgp_header_decode(f->chunk + f->start, f->end - f->start, limit, &header);
+    if (status)
+        return status;
+    f->partial = f->frames->create(&header);
+    if (!f->partial)
+        return HG_E_NOMEM;
+    f->start += HGP_HEADER_BYTES;
+    f->length = header.length;
+    f->filled = 0;
+    return HG_OK;
+}
+
+enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **message)
+{
+    *message = NULL;
+    enum hg_status status = f->partial ? HG_OK : begin_message(f, limit);
+    if (status)
+        return status;
+    size_t missing = f->length - f->filled, here = f->end - f->start;
+    size_t step = here < missing ? here : missing;
+    if (step)
+        memcpy(f->frames->payload(f->partial) + f->filled, f->chunk + f->start, step);
+    f->start += step;
+    f->filled += step;
+    if (f->filled < f->length)
+        return HG_E_AGAIN;
+    *message = f->partial;
+    f->partial = NULL;
+    return HG_OK;
+}
+
+bool hgp_framer_is_empty(const struct hgp_framer *f)
+{
+    return !f->partial && f->start == f->end;
+}
+
+void hgp_framer_finish(struct hgp_framer *f)
+{
+    hg_free(f->chunk);
+    if (f->partial)
+        f->frames->destroy(f->partial);
+    *f = (struct hgp_framer){.frames = f->frames};
+}

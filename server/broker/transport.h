@@ -1,0 +1,54 @@
+// transport.h - a stream of bytes to a peer: what a connection or a worker link reads and writes.
+// Floor 6 (broker). Thread: the loop. Nothing here blocks, and nothing above it touches a
+// descriptor.
+//
+// Sockets (unix, tcp) pass bytes on as they are. A transport that changes them (TLS, WebSocket)
+// brings the same operations and keeps what it needs in `state`; framing and queues above stay as
+// they are.
+#ifndef HG_BROKER_TRANSPORT_H
+#define HG_BROKER_TRANSPORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/uio.h>
+
+#include "base/status.h"
+
+struct hg_transport;
+
+// Who is at the other end, as the transport knows it.
+struct hg_peer {
+    char name[64];  // address without port, or uid: for logs and for counting failures
+    bool is_local;  // on this machine: it cannot vanish without a trace
+    bool same_user; // it runs as the user of this process
+};
+
+struct hg_transport_class {
+    // At most `size` bytes. HG_OK with *got > 0, HG_E_AGAIN (nothing there), HG_E_CLOSED (end of
+    // the stream), HG_E_IO.
+    enum hg_status (*read)(struct hg_transport *t, void *dst, size_t size, size_t *got);
+    // As much of the parts as is taken now. HG_OK with *sent > 0, HG_E_AGAIN, HG_E_CLOSED, HG_E_IO.
+    enum hg_status (*write)(
+        struct hg_transport *t, const struct iovec *parts, int count, size_t *sent);
+    // The events of `fd` to wait for (EPOLLIN | EPOLLOUT) when the owner wants to read or write.
+    uint32_t (*wants)(const struct hg_transport *t, bool read, bool write);
+    void (*end_writing)(struct hg_transport *t); // the peer sees the end of the stream
+    // Once, when a client has been accepted: options of the connection, and who it is.
+    void (*greet)(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer);
+    void (*close)(struct hg_transport *t); // closes fd, frees `state`
+};
+
+struct hg_transport {
+    const struct hg_transport_class *class; // NULL: closed
+    int fd;
+    void *state; // of the class
+};
+
+extern const struct hg_transport_class hg_transport_unix, hg_transport_tcp;
+
+// Takes over a connected descriptor, which becomes non-blocking.
+void hg_transport_open(struct hg_transport *t, const struct hg_transport_class *class, int fd);
+void hg_transport_close(struct hg_transport *t); // accepts a closed one
+
+#endif
