@@ -32,6 +32,14 @@ static bool take_interrupt(struct helio *h)
     return read(h->wake_fd, &count, sizeof count) == sizeof count;
 }
 
+// A full queue is not added to.
+static short events_wanted(const struct helio *h)
+{
+    const struct hg_client_transport *t = &h->transport;
+    bool read = h->queue.count < HG_CLIENT_QUEUE_MESSAGES;
+    return t->class ? t->class->wants(t, read, helio_want_write(h)) : 0;
+}
+
 static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct hg_error *err)
 {
     for (;;) {
@@ -39,10 +47,8 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             return hg_error_set(err, HG_E_CANCELLED, h->url, NULL, "interrupted");
         if (h->error.status)
             return hg_client_failed(h, err);
-        bool full = h->queued >= HG_CLIENT_QUEUE_MESSAGES;
         struct pollfd p[2] = {
-            {.fd = h->fd,
-                .events = (short)((full ? 0 : POLLIN) | (helio_want_write(h) ? POLLOUT : 0))},
+            {.fd = helio_fd(h), .events = events_wanted(h)},
             {.fd = h->wake_fd, .events = POLLIN},
         };
         int n = poll(p, 2, poll_ms(deadline_ns));
@@ -105,18 +111,10 @@ static bool belongs_to(const struct helio *h, const struct hg_client_message *m,
 static struct hg_client_message *take_answer(struct helio *h, uint32_t request)
 {
     struct hg_client_message *before = NULL;
-    for (struct hg_client_message *m = h->first; m; before = m, m = m->next) {
+    for (struct hg_client_message *m = h->queue.first; m; before = m, m = m->next) {
         if (!belongs_to(h, m, request))
             continue;
-        if (before)
-            before->next = m->next;
-        else
-            h->first = m->next;
-        if (h->last == m)
-            h->last = before;
-        m->next = NULL;
-        h->queued--;
-        h->queued_bytes -= m->pub.size_bytes;
+        hg_client_queue_take(&h->queue, before, m);
         return m;
     }
     return NULL;
@@ -181,7 +179,7 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
             return found;
         if (status)
             return status;
-        if (h->queued >= HG_CLIENT_QUEUE_MESSAGES)
+        if (h->queue.count >= HG_CLIENT_QUEUE_MESSAGES)
             return hg_error_set(err, HG_E_STATE, h->url, NULL,
                 "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
         status = wait_until(h, deadline, err);

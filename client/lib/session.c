@@ -16,7 +16,7 @@ static enum hg_status send_hello(struct helio *h)
     };
     struct hg_error err = {0};
     enum hg_status status =
-        h->out.failed ? HG_E_NOMEM : hg_client_queue(h, HGP_T_hello, 0, &hello, &err);
+        h->out.failed ? HG_E_NOMEM : hg_client_enqueue(h, HGP_T_hello, 0, &hello, &err);
     return status ? hg_client_fail(h, status, NULL, "cannot say hello: %s", err.reason) : HG_OK;
 }
 
@@ -42,11 +42,11 @@ static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welc
     if (welcome->version < HGP_VERSION_MIN || welcome->version > HGP_VERSION_MAX)
         return hg_client_fail(
             h, HG_E_VERSION, "version", "the server chose protocol version %u", welcome->version);
-    h->version = welcome->version;
-    h->session = welcome->session;
-    h->role = welcome->role;
-    h->send_limit = welcome->max_message_bytes;
-    snprintf(h->server, sizeof h->server, "%.*s", (int)welcome->server.size,
+    h->server.version = welcome->version;
+    h->server.session = welcome->session;
+    h->server.role = welcome->role;
+    h->server.send_limit = welcome->max_message_bytes;
+    snprintf(h->server.name, sizeof h->server.name, "%.*s", (int)welcome->server.size,
         welcome->server.data ? welcome->server.data : "");
     if (!welcome->auth_required && !h->token) {
         h->state = HELIO_OPEN;
@@ -60,7 +60,7 @@ static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welc
     }
     struct hgp_auth auth = {.token = hgp_str_make(h->token)};
     struct hg_error err = {0};
-    enum hg_status status = hg_client_queue(h, HGP_T_auth, 0, &auth, &err);
+    enum hg_status status = hg_client_enqueue(h, HGP_T_auth, 0, &auth, &err);
     h->auth_sent = true;
     return status ? hg_client_fail(h, HG_E_AUTH, "token", "%s", err.reason) : HG_OK;
 }
@@ -70,10 +70,10 @@ static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_r
     char *device = hg_strndup(ready->device.data ? ready->device.data : "", ready->device.size);
     if (!device)
         return hg_client_fail(h, HG_E_NOMEM, NULL, "no memory for the device's description");
-    hg_free(h->device);
-    h->device = device;
-    snprintf(h->server, sizeof h->server, "helio-worker");
-    h->role = HGP_role_ADMIN;
+    hg_free(h->server.device);
+    h->server.device = device;
+    snprintf(h->server.name, sizeof h->server.name, "helio-worker");
+    h->server.role = HGP_role_ADMIN;
     struct hgp_session_attach attach = {
         .session = 1,
         .role = HGP_role_ADMIN,
@@ -83,7 +83,7 @@ static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_r
         .max_pixels = UINT64_MAX,
     };
     struct hg_error err = {0};
-    enum hg_status status = hg_client_queue(h, HGP_T_session_attach, 0, &attach, &err);
+    enum hg_status status = hg_client_enqueue(h, HGP_T_session_attach, 0, &attach, &err);
     if (status)
         return hg_client_fail(h, status, NULL, "cannot attach: %s", err.reason);
     h->state = HELIO_OPEN;
@@ -92,10 +92,10 @@ static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_r
 
 static enum hg_status greeting(struct helio *h, const struct hg_client_message *message)
 {
-    if (!h->embedded && message->pub.type == HGP_T_welcome && !h->auth_sent && !h->server[0])
+    if (!h->embedded && message->pub.type == HGP_T_welcome && !h->auth_sent && !h->server.name[0])
         return on_welcome(h, &message->body.welcome);
     if (!h->embedded && message->pub.type == HGP_T_auth_ok && h->auth_sent) {
-        h->role = message->body.auth_ok.role;
+        h->server.role = message->body.auth_ok.role;
         h->state = HELIO_OPEN;
         return HG_OK;
     }
@@ -103,17 +103,6 @@ static enum hg_status greeting(struct helio *h, const struct hg_client_message *
         return on_worker_ready(h, &message->body.worker_ready);
     return hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not expected before the session is open",
         hgp_find((uint16_t)message->pub.type)->name);
-}
-
-static void enqueue(struct helio *h, struct hg_client_message *message)
-{
-    if (h->last)
-        h->last->next = message;
-    else
-        h->first = message;
-    h->last = message;
-    h->queued++;
-    h->queued_bytes += message->pub.size_bytes;
 }
 
 static bool may_come_from_server(const struct helio *h, enum hgp_type type)
@@ -136,7 +125,7 @@ static bool handle_own(
                 (unsigned)(message->body.pulse.busy_ns / HG_CLIENT_SECOND_NS));
         return true;
     case HGP_T_ping:
-        *status = hg_client_queue(h, HGP_T_pong, message->pub.request,
+        *status = hg_client_enqueue(h, HGP_T_pong, message->pub.request,
             &(struct hgp_pong){.nonce = message->body.ping.nonce}, &err);
         if (*status)
             *status = hg_client_fail(h, *status, NULL, "cannot answer a ping: %s", err.reason);
@@ -168,7 +157,7 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
             status = greeting(h, message);
         } else {
             h->draining |= message->pub.type == HGP_T_drain;
-            enqueue(h, message);
+            hg_client_queue_push(&h->queue, message);
             used = false;
         }
     }

@@ -76,7 +76,8 @@ static enum hg_status send_file(
         status =
             hg_error_set(err, HG_E_HASH, file->path, NULL, "the file changed while it was sent");
     // A message must stay below what the server takes, header fields included.
-    uint32_t limit = h->send_limit > 2048 ? h->send_limit - 1024 : h->send_limit / 2;
+    uint32_t limit =
+        h->server.send_limit > 2048 ? h->server.send_limit - 1024 : h->server.send_limit / 2;
     uint32_t piece_bytes = limit < PIECE_BYTES ? limit : PIECE_BYTES;
     size_t at = 0;
     do {

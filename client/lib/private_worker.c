@@ -1,0 +1,158 @@
+#include "client/lib/private_worker.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+
+extern char **environ;
+
+// HELIO_WORKER, or ../libexec/helio-worker beside the running program.
+static void find_worker(const char *given, char *path, size_t size)
+{
+    const char *env = getenv("HELIO_WORKER");
+    if (given || (env && *env)) {
+        snprintf(path, size, "%s", given ? given : env);
+        return;
+    }
+    char self[3072];
+    ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
+    self[n > 0 ? n : 0] = 0;
+    for (int i = 0; i < 2; i++) { // the program's name, then its folder's
+        char *slash = strrchr(self, '/');
+        if (slash)
+            *slash = 0;
+    }
+    snprintf(path, size, "%s/libexec/helio-worker", self);
+}
+
+static enum hg_status build_argv(const char *path, const char *const *args, const char ***out)
+{
+    size_t count = 0;
+    while (args && args[count])
+        count++;
+    const char **argv = hg_calloc(count + 4, sizeof *argv);
+    *out = argv;
+    if (!argv)
+        return HG_E_NOMEM;
+    argv[0] = path;
+    argv[1] = "--fd";
+    argv[2] = "3";
+    for (size_t i = 0; i < count; i++)
+        argv[i + 3] = args[i];
+    return HG_OK;
+}
+
+// The worker gets its socket as 3 and the standard streams; a process group of its own, so that
+// Ctrl-C reaches only the client; default signals.
+static int spawn_with_socket(const char *path, const char **argv, int fd, pid_t *pid)
+{
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t all, none;
+    int failed = posix_spawn_file_actions_init(&actions);
+    if (failed)
+        return failed;
+    failed = posix_spawnattr_init(&attributes);
+    if (failed) {
+        posix_spawn_file_actions_destroy(&actions);
+        return failed;
+    }
+    sigfillset(&all);
+    sigemptyset(&none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(
+        &attributes, POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
+    failed = posix_spawn_file_actions_adddup2(&actions, fd, 3);
+    if (!failed)
+        failed = posix_spawn_file_actions_addclosefrom_np(&actions, 4);
+    if (!failed)
+        failed = posix_spawn(pid, path, &actions, &attributes, (char *const *)argv, environ);
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&actions);
+    return failed;
+}
+
+enum hg_status hg_client_worker_start(
+    const char *given, const char *const *args, pid_t *pid, int *fd, struct hg_error *err)
+{
+    static const char what[] = "private worker";
+    char path[4096];
+    const char **argv;
+    int pair[2];
+    *pid = 0;
+    *fd = -1;
+    find_worker(given, path, sizeof path);
+    if (build_argv(path, args, &argv))
+        return hg_error_set(err, HG_E_NOMEM, what, NULL, "no memory for its arguments");
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair)) {
+        hg_free(argv);
+        return hg_error_set(
+            err, hg_status_from_errno(errno), what, NULL, "no socket pair: %s", strerror(errno));
+    }
+    int failed = spawn_with_socket(path, argv, pair[1], pid);
+    hg_free(argv);
+    close(pair[1]);
+    if (failed) {
+        close(pair[0]);
+        *pid = 0;
+        return hg_error_set(
+            err, HG_E_WORKER, path, NULL, "cannot start the worker: %s", strerror(failed));
+    }
+    *fd = pair[0];
+    return HG_OK;
+}
+
+static void describe_end(int how, char *text, size_t size)
+{
+    if (WIFSIGNALED(how))
+        snprintf(
+            text, size, "was killed by signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
+    else
+        snprintf(text, size, "ended with exit code %d", WEXITSTATUS(how));
+}
+
+bool hg_client_worker_reap(pid_t *pid, uint64_t wait_ns, char *text, size_t size)
+{
+    uint64_t end_ns = hg_clock_now_ns() + wait_ns, step_ns = 200 * 1000;
+    int how = 0;
+    while (*pid) {
+        pid_t got = waitpid(*pid, &how, WNOHANG);
+        if (got != 0) {
+            *pid = 0;
+            if (got > 0)
+                describe_end(how, text, size);
+            else
+                snprintf(text, size, "ended");
+            return true;
+        }
+        if (hg_clock_now_ns() >= end_ns)
+            break;
+        hg_clock_sleep_ns(step_ns);
+        step_ns = step_ns < 10 * 1000 * 1000 ? step_ns * 2 : step_ns;
+    }
+    return false;
+}
+
+void hg_client_worker_stop(pid_t *pid, uint64_t wait_ns)
+{
+    char text[96];
+    int how;
+    if (!*pid || hg_client_worker_reap(pid, wait_ns, text, sizeof text))
+        return;
+    kill(*pid, SIGKILL);
+    while (waitpid(*pid, &how, 0) < 0 && errno == EINTR)
+        ;
+    *pid = 0;
+}
