@@ -768,11 +768,6 @@ bool hg_cli_op_holds(enum hg_cli_op op, double seen, double wanted)
     return false;
 }
 
-const char *hg_cli_op_text(enum hg_cli_op op)
-{
-    return op_texts[op];
-}
-
 // ---- lines -------------------------------------------------------------------------------------
 
 static enum hg_status parse_words(struct words *w, struct hg_cli_step *s, struct hg_error *err)

@@ -70,6 +70,5 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
 void hg_cli_script_finish(struct hg_cli_script *script);
 
 bool hg_cli_op_holds(enum hg_cli_op op, double seen, double wanted);
-const char *hg_cli_op_text(enum hg_cli_op op);
 
 #endif

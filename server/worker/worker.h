@@ -9,7 +9,6 @@
 
 #include <stdatomic.h>
 
-#include "base/handle.h"
 #include "base/queue.h"
 #include "base/refbuf.h"
 #include "base/spill.h"
