@@ -75,8 +75,6 @@ struct helio {
     struct helio_handlers handlers;
 };
 
-// ---- conn.c -------------------------------------------------------------------------------------
-
 // Ends the connection for a reason (the first one is kept) and reports it.
 enum hg_status hg_client_fail(struct helio *h, enum hg_status status, const char *where,
     const char *fmt, ...) HG_PRINTF(4, 5);
@@ -95,17 +93,5 @@ void hg_client_queue_push(struct hg_client_queue *q, struct hg_client_message *m
 // Takes a message out of the queue; `before` is the one in front of it, NULL = it is the first.
 void hg_client_queue_take(
     struct hg_client_queue *q, struct hg_client_message *before, struct hg_client_message *message);
-
-// ---- session.c ----------------------------------------------------------------------------------
-
-// Acts on one complete message; owns it from here on.
-enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *message) HG_MUST_CHECK;
-// The first bytes of a connection that has just been made.
-enum hg_status hg_client_greet(struct helio *h) HG_MUST_CHECK;
-
-// ---- receive.c ----------------------------------------------------------------------------------
-
-// Reads what is there. HG_OK, or the connection has failed.
-enum hg_status hg_client_receive(struct helio *h) HG_MUST_CHECK;
 
 #endif

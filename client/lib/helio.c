@@ -9,7 +9,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
-#include "client/lib/conn.h"
+#include "client/lib/receive.h"
 
 const char *helio_version(void)
 {

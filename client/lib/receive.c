@@ -1,7 +1,6 @@
-// receive.c - bytes of the transport to whole messages.
 #include <string.h>
 
-#include "client/lib/conn.h"
+#include "client/lib/receive.h"
 
 static uint32_t payload_limit(const struct helio *h)
 {

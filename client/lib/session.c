@@ -4,7 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "client/lib/conn.h"
+#include "client/lib/session.h"
 
 static enum hg_status send_hello(struct helio *h)
 {

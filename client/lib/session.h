@@ -1,0 +1,13 @@
+// session.h - the conversation: hello, authentication, the messages that the library answers itself.
+// Floor 6 (client). One thread at a time.
+#ifndef HG_CLIENT_LIB_SESSION_H
+#define HG_CLIENT_LIB_SESSION_H
+
+#include "client/lib/conn.h"
+
+// The first bytes of a connection that has just been made.
+enum hg_status hg_client_greet(struct helio *h) HG_MUST_CHECK;
+// Acts on one complete message; owns it from here on.
+enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *message) HG_MUST_CHECK;
+
+#endif
