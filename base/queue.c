@@ -54,20 +54,6 @@ enum hg_status hg_queue_push(struct hg_queue *q, void *item)
     return status;
 }
 
-enum hg_status hg_queue_push_newest(struct hg_queue *q, void *item, void **dropped)
-{
-    *dropped = NULL;
-    pthread_mutex_lock(&q->lock);
-    enum hg_status status = q->closed ? HG_E_CLOSED : HG_OK;
-    if (!status) {
-        if (q->count == q->capacity)
-            *dropped = take(q);
-        put(q, item);
-    }
-    pthread_mutex_unlock(&q->lock);
-    return status;
-}
-
 void *hg_queue_try_pop(struct hg_queue *q)
 {
     pthread_mutex_lock(&q->lock);

@@ -21,8 +21,6 @@ struct hg_queue {
 enum hg_status hg_queue_init(struct hg_queue *q, size_t capacity) HG_MUST_CHECK;
 // HG_E_AGAIN when full, HG_E_CLOSED after hg_queue_close. Never blocks.
 enum hg_status hg_queue_push(struct hg_queue *q, void *item) HG_MUST_CHECK;
-// As push, but when full removes the oldest item and returns it in *dropped (else NULL).
-enum hg_status hg_queue_push_newest(struct hg_queue *q, void *item, void **dropped) HG_MUST_CHECK;
 // Oldest item, or NULL at once when empty.
 void *hg_queue_try_pop(struct hg_queue *q);
 // Waits up to timeout_ns (UINT64_MAX = for ever); NULL on timeout or when closed and empty.

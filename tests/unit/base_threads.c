@@ -50,34 +50,14 @@ static void test_queue_order_and_event(void **state)
     hg_queue_finish(&zeroed);
 }
 
-static void test_queue_newest(void **state)
-{
-    (void)state;
-    struct hg_queue q;
-    void *dropped = &q;
-    assert_int_equal(hg_queue_init(&q, 2), HG_OK);
-    assert_int_equal(hg_queue_push_newest(&q, &items[0], &dropped), HG_OK);
-    assert_null(dropped);
-    assert_int_equal(hg_queue_push_newest(&q, &items[1], &dropped), HG_OK);
-    assert_int_equal(hg_queue_push_newest(&q, &items[2], &dropped), HG_OK);
-    assert_ptr_equal(dropped, &items[0]);
-    assert_ptr_equal(hg_queue_try_pop(&q), &items[1]);
-    assert_ptr_equal(hg_queue_try_pop(&q), &items[2]);
-    assert_false(is_readable(q.event_fd));
-    hg_queue_finish(&q);
-}
-
 static void test_queue_close(void **state)
 {
     (void)state;
     struct hg_queue q;
-    void *dropped;
     assert_int_equal(hg_queue_init(&q, 2), HG_OK);
     assert_int_equal(hg_queue_push(&q, &items[0]), HG_OK);
     hg_queue_close(&q);
     assert_int_equal(hg_queue_push(&q, &items[1]), HG_E_CLOSED);
-    assert_int_equal(hg_queue_push_newest(&q, &items[1], &dropped), HG_E_CLOSED);
-    assert_null(dropped);
     assert_ptr_equal(hg_queue_pop(&q, UINT64_MAX), &items[0]); // what was inside stays
     assert_null(hg_queue_pop(&q, UINT64_MAX));                 // and nothing waits for more
     hg_queue_finish(&q);
@@ -283,7 +263,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_queue_order_and_event),
-        cmocka_unit_test(test_queue_newest),
         cmocka_unit_test(test_queue_close),
         cmocka_unit_test(test_queue_timeout),
         cmocka_unit_test(test_queue_between_threads),
