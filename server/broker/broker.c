@@ -128,7 +128,7 @@ static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
     if (!status && !folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
     if (!status)
-        status = hg_store_create(folder, b->options.upload_store_bytes, &b->store, err);
+        status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);
     return status;
 }
@@ -246,7 +246,7 @@ static void reload(struct hg_broker *b)
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
         apply_log(&b->options);
-        hg_store_set_limit(b->store, b->options.upload_store_bytes);
+        hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
         hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
             differ ? "; a restart is needed for: " : "", differ ? names : "");
         warn_exposed(b);
@@ -470,7 +470,7 @@ static void stop(struct hg_broker *b)
         hg_session_destroy(b->sessions);
     hg_listeners_destroy(&b->loop, &b->listeners);
     hg_link_stop(b);
-    hg_store_destroy(b->store);
+    hg_upload_store_destroy(b->store);
     hg_tokens_finish(&b->tokens);
     hg_loop_close(&b->loop, &b->signals);
     hg_loop_finish(&b->loop);

@@ -81,8 +81,8 @@ void hg_conn_destroy(struct hg_conn *conn);
 
 // ---- scenes -------------------------------------------------------------------------------------
 
-struct hg_scene_state {
-    struct hg_scene_state *prev, *next;
+struct hg_shared_scene {
+    struct hg_shared_scene *prev, *next;
     uint32_t number;
     char key[160];  // for the worker
     char name[129]; // empty: private
@@ -94,9 +94,9 @@ struct hg_scene_state {
 };
 
 // Finds or makes the scene; *existed. NULL: no memory.
-struct hg_scene_state *hg_scene_join(
+struct hg_shared_scene *hg_shared_scene_join(
     struct hg_broker *b, struct hgp_str name, uint64_t session, bool *existed);
-void hg_scene_leave(struct hg_broker *b, struct hg_scene_state *scene);
+void hg_shared_scene_leave(struct hg_broker *b, struct hg_shared_scene *scene);
 
 // ---- sessions -----------------------------------------------------------------------------------
 
@@ -111,8 +111,8 @@ struct hg_request {
     uint8_t deaths; // of the worker while this was under way
 };
 
-struct hg_view_state {
-    struct hg_view_state *next;
+struct hg_session_view {
+    struct hg_session_view *next;
     uint32_t number;
     bool accepted;            // by the worker, at least once
     uint32_t width, height;   // as asked for; for the quota
@@ -131,14 +131,14 @@ struct hg_session {
     uint32_t number;
     enum hgp_role role;
     char name[129];
-    struct hg_scene_state *scene; // NULL: none open
+    struct hg_shared_scene *scene; // NULL: none open
     uint32_t first_id;
     bool attached;   // the worker knows it
     bool batch_open; // batch_begin was accepted
     struct hg_request *first, *last;
     uint32_t request_count, frame_count;
     uint64_t request_bytes;
-    struct hg_view_state *views;
+    struct hg_session_view *views;
     struct hg_upload *uploads[HG_UPLOADS_AT_ONCE];
     uint64_t uploaded_bytes;
     uint64_t verified_bytes;       // of the file that the worker has for image_query
@@ -170,15 +170,16 @@ struct hg_session *hg_session_find(struct hg_broker *b, uint32_t number);
 uint64_t hg_session_pixels(const struct hg_session *session);
 
 // session_view.c: what the broker keeps of views.
-struct hg_view_state *hg_view_find(struct hg_session *session, uint32_t number);
+struct hg_session_view *hg_session_view_find(struct hg_session *session, uint32_t number);
 // Quotas of view_set; makes the record. HG_E_LIMIT, HG_E_NOMEM.
-enum hg_status hg_view_ask(
+enum hg_status hg_session_view_ask(
     struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
-void hg_view_reset(struct hg_view_state *view); // as if the worker had never taken it
-void hg_view_remove(struct hg_session *session, struct hg_view_state *view);
-uint32_t hg_view_take_window(const struct hg_session *session, struct hg_view_state *view);
-void hg_view_grant(struct hg_session *session, struct hg_view_state *view);
+enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
+void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
+void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
+uint32_t hg_session_view_take_window(
+    const struct hg_session *session, struct hg_session_view *view);
+void hg_session_view_grant(struct hg_session *session, struct hg_session_view *view);
 
 // session_upload.c
 void hg_session_upload(struct hg_session *session, uint32_t request, const struct hgp_upload *m);
@@ -223,7 +224,7 @@ struct hg_link {
     bool broken;          // could not queue a message: replaced at the end of the round
     bool pump;            // sessions may have something to send
     // Recovery:
-    struct hg_scene_state *replaying;
+    struct hg_shared_scene *replaying;
     uint32_t replay_waiting, replay_failed; // answers still to come; refused edits
     uint64_t replay_start_ns;
     struct hg_session *suspect_session; // whose suspect request runs alone; NULL = none
@@ -249,7 +250,7 @@ void hg_recovery_continue(struct hg_broker *b); // the next scene, waiting reque
 void hg_recovery_worker_died(struct hg_broker *b);
 void hg_recovery_attach(struct hg_session *session); // the scene is in the worker
 void hg_recovery_answer(struct hg_broker *b, struct hg_packet *packet, const union hgp_any *m);
-void hg_recovery_scene_gone(struct hg_broker *b, struct hg_scene_state *scene);
+void hg_recovery_scene_gone(struct hg_broker *b, struct hg_shared_scene *scene);
 void hg_recovery_request_done(struct hg_broker *b, const struct hg_request *request);
 
 // ---- the daemon ---------------------------------------------------------------------------------
@@ -261,13 +262,13 @@ struct hg_broker {
     char *const *argv; // for reloads
     struct hg_tokens tokens;
     struct hg_guard guard;
-    struct hg_store *store;
+    struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
     struct hg_conn *conns, *dead;
     uint32_t conn_count, session_count, paused_count;
     struct hg_session *sessions;
-    struct hg_scene_state *scenes;
+    struct hg_shared_scene *scenes;
     uint32_t last_session, last_scene;
     struct hg_link link;
     uint64_t tick_ns, watchdog_ns, watchdog_sent_ns, accept_pause_ns, started_ns;

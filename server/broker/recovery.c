@@ -11,14 +11,14 @@
 
 enum { REPLAY_DEATHS = 2 };
 
-static uint32_t replay_channel(const struct hg_scene_state *scene)
+static uint32_t replay_channel(const struct hg_shared_scene *scene)
 {
     return HG_REPLAY_CHANNEL | scene->number;
 }
 
 // ---- sessions -----------------------------------------------------------------------------------
 
-static void restore_view(struct hg_session *s, struct hg_view_state *view)
+static void restore_view(struct hg_session *s, struct hg_session_view *view)
 {
     struct hg_broker *b = s->broker;
     if (!view->accepted)
@@ -29,7 +29,7 @@ static void restore_view(struct hg_session *s, struct hg_view_state *view)
     if (view->subscribed)
         hg_link_send(b, s->number, hg_link_next_id(b), HGP_T_subscribe,
             &(struct hgp_subscribe){
-                .view = view->number, .credit_frames = hg_view_take_window(s, view)});
+                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
 }
 
 void hg_recovery_attach(struct hg_session *s)
@@ -47,7 +47,7 @@ void hg_recovery_attach(struct hg_session *s)
     if (s->batch_open) // before there is a view that could show half of it
         hg_link_send(
             b, s->number, hg_link_next_id(b), HGP_T_batch_begin, &(struct hgp_batch_begin){0});
-    for (struct hg_view_state *it = s->views; it; it = it->next)
+    for (struct hg_session_view *it = s->views; it; it = it->next)
         restore_view(s, it);
     if (restore)
         hg_link_send(b, s->number, 0, HGP_T_replay_end,
@@ -58,7 +58,7 @@ void hg_recovery_attach(struct hg_session *s)
 
 // The journal holds the edits of open batches, too: who has one open comes first, so that it is
 // open again before anybody has a view of the scene.
-static void attach_all(struct hg_broker *b, struct hg_scene_state *scene)
+static void attach_all(struct hg_broker *b, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
     for (int open = 1; open >= 0; open--)
@@ -77,7 +77,7 @@ static enum hg_status play_entry(void *user, struct hg_packet *packet)
     return HG_OK;
 }
 
-static void begin_replay(struct hg_broker *b, struct hg_scene_state *scene)
+static void begin_replay(struct hg_broker *b, struct hg_shared_scene *scene)
 {
     struct hg_link *link = &b->link;
     link->replaying = scene;
@@ -101,7 +101,7 @@ static void begin_replay(struct hg_broker *b, struct hg_scene_state *scene)
 static void end_replay(struct hg_broker *b)
 {
     struct hg_link *link = &b->link;
-    struct hg_scene_state *scene = link->replaying;
+    struct hg_shared_scene *scene = link->replaying;
     hg_info(JOURNAL, "scene '%s' is back after %.0f ms: %llu edits, %u refused", scene->key,
         (double)(hg_clock_now_ns() - link->replay_start_ns) * 1e-6,
         (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay_failed);
@@ -114,7 +114,7 @@ static void end_replay(struct hg_broker *b)
 void hg_recovery_continue(struct hg_broker *b)
 {
     struct hg_link *link = &b->link;
-    for (struct hg_scene_state *it = b->scenes, *next;
+    for (struct hg_shared_scene *it = b->scenes, *next;
          it && link->state == HG_LINK_UP && !link->replaying; it = next) {
         next = it->next;
         if (it->in_worker)
@@ -152,7 +152,7 @@ void hg_recovery_answer(struct hg_broker *b, struct hg_packet *packet, const uni
         end_replay(b);
 }
 
-void hg_recovery_scene_gone(struct hg_broker *b, struct hg_scene_state *scene)
+void hg_recovery_scene_gone(struct hg_broker *b, struct hg_shared_scene *scene)
 {
     if (b->link.replaying != scene)
         return;
@@ -163,7 +163,7 @@ void hg_recovery_scene_gone(struct hg_broker *b, struct hg_scene_state *scene)
 
 // ---- death --------------------------------------------------------------------------------------
 
-static void give_up_scene(struct hg_broker *b, struct hg_scene_state *scene)
+static void give_up_scene(struct hg_broker *b, struct hg_shared_scene *scene)
 {
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, "scene", NULL,
@@ -215,7 +215,7 @@ static void requeue(struct hg_session *s)
     struct hg_request *next;
     tell_client(s);
     s->attached = false;
-    for (struct hg_view_state *it = s->views; it; it = it->next) {
+    for (struct hg_session_view *it = s->views; it; it = it->next) {
         it->granted = 0;
         it->number_base = it->last_number;
     }
@@ -237,10 +237,10 @@ static void requeue(struct hg_session *s)
 void hg_recovery_worker_died(struct hg_broker *b)
 {
     struct hg_link *link = &b->link;
-    struct hg_scene_state *replaying = link->replaying;
+    struct hg_shared_scene *replaying = link->replaying;
     link->replaying = NULL;
     link->suspect_session = NULL;
-    for (struct hg_scene_state *it = b->scenes; it; it = it->next)
+    for (struct hg_shared_scene *it = b->scenes; it; it = it->next)
         it->in_worker = false;
     for (struct hg_session *it = b->sessions; it; it = it->next)
         requeue(it);

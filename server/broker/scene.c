@@ -5,18 +5,18 @@
 #include "base/alloc.h"
 #include "server/broker/broker.h"
 
-static struct hg_scene_state *find(struct hg_broker *b, struct hgp_str name)
+static struct hg_shared_scene *find(struct hg_broker *b, struct hgp_str name)
 {
-    for (struct hg_scene_state *it = b->scenes; it && name.size; it = it->next)
+    for (struct hg_shared_scene *it = b->scenes; it && name.size; it = it->next)
         if (strlen(it->name) == name.size && memcmp(it->name, name.data, name.size) == 0)
             return it;
     return NULL;
 }
 
-struct hg_scene_state *hg_scene_join(
+struct hg_shared_scene *hg_shared_scene_join(
     struct hg_broker *b, struct hgp_str name, uint64_t session, bool *existed)
 {
-    struct hg_scene_state *scene = find(b, name);
+    struct hg_shared_scene *scene = find(b, name);
     *existed = scene != NULL;
     if (scene) {
         scene->sessions++;
@@ -44,7 +44,7 @@ struct hg_scene_state *hg_scene_join(
     return scene;
 }
 
-void hg_scene_leave(struct hg_broker *b, struct hg_scene_state *scene)
+void hg_shared_scene_leave(struct hg_broker *b, struct hg_shared_scene *scene)
 {
     if (--scene->sessions)
         return;

@@ -21,7 +21,7 @@ struct object {
 };
 
 struct hg_journal {
-    struct hg_store *store;
+    struct hg_upload_store *store;
     struct entry *head, *tail;
     uint64_t next_place, entries, bytes;
     struct object **buckets;
@@ -170,17 +170,17 @@ static enum hg_status hold_uploads(struct hg_journal *j, const struct hg_packet 
     uint32_t count = status || type != HGP_T_asset_load ? 0 : load->files.count, done = 0;
     for (; done < count && !(hold && status); done++)
         if (hold)
-            status = hg_store_pin(j->store, load->files.items[done].hash);
+            status = hg_upload_store_pin(j->store, load->files.items[done].hash);
         else
-            hg_store_unpin(j->store, load->files.items[done].hash);
+            hg_upload_store_unpin(j->store, load->files.items[done].hash);
     if (!status && type == HGP_T_environment_set && any.environment_set.has_hash) {
         if (hold)
-            status = hg_store_pin(j->store, any.environment_set.hash);
+            status = hg_upload_store_pin(j->store, any.environment_set.hash);
         else
-            hg_store_unpin(j->store, any.environment_set.hash);
+            hg_upload_store_unpin(j->store, any.environment_set.hash);
     }
     for (uint32_t i = 0; status && hold && done && i + 1 < done; i++)
-        hg_store_unpin(j->store, load->files.items[i].hash);
+        hg_upload_store_unpin(j->store, load->files.items[i].hash);
     hg_arena_finish(&arena);
     return status;
 }
@@ -581,7 +581,7 @@ struct hg_journal_stats hg_journal_get_stats(const struct hg_journal *j)
     return (struct hg_journal_stats){j->entries, j->bytes};
 }
 
-struct hg_journal *hg_journal_create(struct hg_store *store)
+struct hg_journal *hg_journal_create(struct hg_upload_store *store)
 {
     struct hg_journal *j = hg_calloc(1, sizeof *j);
     if (j)

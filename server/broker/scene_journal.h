@@ -23,8 +23,9 @@ struct hg_journal_stats {
 };
 
 // `store` (may be NULL) keeps the uploads that entries name; it outlives the journal.
-struct hg_journal *hg_journal_create(struct hg_store *store) HG_MUST_CHECK; // NULL: no memory
-void hg_journal_destroy(struct hg_journal *journal);                        // accepts NULL
+struct hg_journal *hg_journal_create(
+    struct hg_upload_store *store) HG_MUST_CHECK;    // NULL: no memory
+void hg_journal_destroy(struct hg_journal *journal); // accepts NULL
 
 // True for the messages that change a scene and belong into its journal.
 bool hg_journal_wants(uint16_t type);

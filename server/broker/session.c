@@ -56,8 +56,8 @@ static void settle_cameras(struct hg_session *s)
         struct hg_reader r =
             hg_reader_make(s->first->packet->payload, s->first->packet->header.length);
         hg_read_u32(&r); // bitmap
-        struct hg_view_state *view = hg_view_find(s, hg_read_u32(&r));
-        if (view && hg_view_merge(&view->camera, s->first->packet))
+        struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
+        if (view && hg_session_view_merge(&view->camera, s->first->packet))
             hg_warn(SESSION, "no memory to remember a camera");
         hg_session_drop_request(s, s->first);
     }
@@ -86,9 +86,9 @@ static struct hg_packet *windowed_subscribe(struct hg_session *s, struct hg_pack
     if (hgp_decode(HGP_VERSION_MAX, HGP_T_subscribe, packet->payload, packet->header.length, NULL,
             &m, NULL))
         return NULL;
-    struct hg_view_state *view = hg_view_find(s, m.view);
+    struct hg_session_view *view = hg_session_view_find(s, m.view);
     if (view)
-        m.credit_frames = hg_view_take_window(s, view);
+        m.credit_frames = hg_session_view_take_window(s, view);
     return hg_packet_encode(HGP_T_subscribe, &m);
 }
 
@@ -142,7 +142,7 @@ static bool merge_camera(struct hg_session *s, struct hg_packet *packet)
         memcmp(last->packet->payload + 4, packet->payload + 4, 4) != 0)
         return false;
     size_t before = packet_bytes(last->packet);
-    if (hg_view_merge(&last->packet, packet))
+    if (hg_session_view_merge(&last->packet, packet))
         return false;
     s->request_bytes += packet_bytes(last->packet) - before;
     if (last->sent && s->attached)
@@ -174,7 +174,7 @@ static enum hg_status check_load(
             "%u is outside this session's range %u to %u", m->asset, s->first_id,
             s->first_id + HG_SCENE_ID_RANGE - 1);
     for (uint32_t i = 0; i < m->files.count; i++)
-        if (!hg_store_has(s->broker->store, m->files.items[i].hash)) {
+        if (!hg_upload_store_has(s->broker->store, m->files.items[i].hash)) {
             char place[128];
             snprintf(place, sizeof place, "files[%u].hash", i);
             return hg_error_set(err, HG_E_NOTFOUND, "asset_load", place,
@@ -204,7 +204,7 @@ static enum hg_status check_journal(
 static enum hg_status check_view(
     struct hg_session *s, const struct hg_packet *packet, uint32_t number, struct hg_error *err)
 {
-    if (hg_view_find(s, number))
+    if (hg_session_view_find(s, number))
         return HG_OK;
     return hg_error_set(err, HG_E_NOTFOUND, hgp_find(packet->header.type)->name, "view",
         "this session has no view %u", number);
@@ -236,14 +236,15 @@ static enum hg_status check_relay(struct hg_session *s, const struct hg_packet *
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
-        if (m->environment_set.has_hash && !hg_store_has(s->broker->store, m->environment_set.hash))
+        if (m->environment_set.has_hash &&
+            !hg_upload_store_has(s->broker->store, m->environment_set.hash))
             return hg_error_set(
                 err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
         return HG_OK;
     case HGP_T_image_query:
         return hg_session_verify(s, &m->image_query, err);
     case HGP_T_view_set:
-        return hg_view_ask(s, &m->view_set, err);
+        return hg_session_view_ask(s, &m->view_set, err);
     case HGP_T_frame_request:
         return check_frame_request(s, packet, m->frame_request.view, err);
     case HGP_T_view_camera:
@@ -261,7 +262,7 @@ static enum hg_status check_relay(struct hg_session *s, const struct hg_packet *
 
 static void subscribe(struct hg_session *s, const struct hgp_subscribe *m)
 {
-    struct hg_view_state *view = hg_view_find(s, m->view);
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
     view->credit = m->credit_frames;
     view->subscribed = m->credit_frames > 0;
     view->resubscribe = false;
@@ -274,15 +275,15 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     struct hg_error err = {0};
     struct hg_broker *b = s->broker;
     bool existed = false;
-    struct hg_scene_state *scene = NULL;
+    struct hg_shared_scene *scene = NULL;
     if (s->scene)
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "close the open scene first");
     else if (b->draining)
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "the daemon is shutting down");
-    else if (!(scene = hg_scene_join(b, m->name, s->number, &existed)))
+    else if (!(scene = hg_shared_scene_join(b, m->name, s->number, &existed)))
         hg_error_set(&err, HG_E_NOMEM, "scene_open", NULL, "no memory for a scene");
     else if (scene->ranges_used >= HG_SCENE_RANGES) {
-        hg_scene_leave(b, scene);
+        hg_shared_scene_leave(b, scene);
         hg_error_set(&err, HG_E_LIMIT, "scene_open", NULL,
             "%u sessions have used this scene; no ids are left", (unsigned)HG_SCENE_RANGES);
     }
@@ -303,11 +304,11 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
 
 static void leave_scene(struct hg_session *s)
 {
-    struct hg_scene_state *scene = s->scene;
+    struct hg_shared_scene *scene = s->scene;
     while (s->first)
         hg_session_drop_request(s, s->first);
     while (s->views)
-        hg_view_remove(s, s->views);
+        hg_session_view_remove(s, s->views);
     if (s->attached)
         hg_link_send(
             s->broker, s->number, 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
@@ -315,7 +316,7 @@ static void leave_scene(struct hg_session *s)
     s->verified_bytes = 0;
     s->scene = NULL;
     if (scene)
-        hg_scene_leave(s->broker, scene);
+        hg_shared_scene_leave(s->broker, scene);
 }
 
 static void close_scene(struct hg_session *s, uint32_t request)
@@ -335,11 +336,11 @@ static void close_scene(struct hg_session *s, uint32_t request)
 
 static void add_credit(struct hg_session *s, const struct hgp_credit *m)
 {
-    struct hg_view_state *view = hg_view_find(s, m->view);
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
     if (!view->subscribed)
         return; // stopped
     view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
-    hg_view_grant(s, view);
+    hg_session_view_grant(s, view);
 }
 
 static void relay_checked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
@@ -386,7 +387,7 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
 
 // A view_set of the same number that is already on its way makes the view anew.
 static void close_view(
-    struct hg_session *s, struct hg_view_state *view, const struct hg_request *request)
+    struct hg_session *s, struct hg_session_view *view, const struct hg_request *request)
 {
     for (const struct hg_request *it = request->next; it; it = it->next) {
         struct hgp_view_set m;
@@ -395,11 +396,11 @@ static void close_view(
             hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length,
                 NULL, &m, NULL) == HG_OK &&
             m.view == view->number) {
-            hg_view_reset(view);
+            hg_session_view_reset(view);
             return;
         }
     }
-    hg_view_remove(s, view);
+    hg_session_view_remove(s, view);
 }
 
 // What an accepted request changes in the broker's picture of the session.
@@ -419,11 +420,11 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         if (hgp_decode(
                 HGP_VERSION_MAX, type, packet->payload, packet->header.length, NULL, &any, NULL))
             return;
-        struct hg_view_state *view =
-            hg_view_find(s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
+        struct hg_session_view *view = hg_session_view_find(
+            s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
         if (view && type == HGP_T_view_close)
             close_view(s, view, request);
-        else if (view && hg_view_merge(&view->params, packet) == HG_OK)
+        else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
             view->accepted = true;
     }
 }
@@ -437,9 +438,9 @@ static void note_refused(struct hg_session *s, struct hg_request *request)
         hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length, NULL,
             &m, NULL))
         return;
-    struct hg_view_state *view = hg_view_find(s, m.view);
+    struct hg_session_view *view = hg_session_view_find(s, m.view);
     if (view && !view->accepted)
-        hg_view_remove(s, view);
+        hg_session_view_remove(s, view);
 }
 
 // Contents that turn out to be damaged are dropped, so that the client sends them again.
@@ -453,9 +454,9 @@ static void forget_uploads(struct hg_session *s, const struct hg_packet *packet)
                      &any, NULL) == HG_OK) {
         uint32_t count = type == HGP_T_asset_load ? any.asset_load.files.count : 0;
         for (uint32_t i = 0; i < count; i++)
-            hg_store_forget(s->broker->store, any.asset_load.files.items[i].hash);
+            hg_upload_store_forget(s->broker->store, any.asset_load.files.items[i].hash);
         if (type == HGP_T_environment_set && any.environment_set.has_hash)
-            hg_store_forget(s->broker->store, any.environment_set.hash);
+            hg_upload_store_forget(s->broker->store, any.environment_set.hash);
     }
     hg_arena_finish(&arena);
 }
@@ -471,7 +472,7 @@ static void note_revision(struct hg_session *s, uint16_t type, const union hgp_a
 }
 
 // Numbers go on where the last worker stopped. Layout of frame: bitmap, view, number.
-static void renumber(struct hg_view_state *view, struct hg_packet *packet, struct hgp_frame *m)
+static void renumber(struct hg_session_view *view, struct hg_packet *packet, struct hgp_frame *m)
 {
     uint64_t number = m->number + view->number_base;
     for (int i = 0; view->number_base && i < 8; i++)
@@ -482,7 +483,7 @@ static void renumber(struct hg_view_state *view, struct hg_packet *packet, struc
 
 static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uint32_t number)
 {
-    struct hg_view_state *view = hg_view_find(s, number);
+    struct hg_session_view *view = hg_session_view_find(s, number);
     if (!view || !s->conn)
         return;
     view->granted -= view->granted > 0;
@@ -492,7 +493,7 @@ static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uin
     }
     view->credit--;
     hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
-    hg_view_grant(s, view);
+    hg_session_view_grant(s, view);
 }
 
 static void relay_answer(struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
@@ -545,7 +546,7 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     struct hg_request *request = find_request(s, packet->header.request);
     note_revision(s, type, m);
     if (type == HGP_T_frame) {
-        struct hg_view_state *view = hg_view_find(s, m->frame.view);
+        struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
         if (view)
             renumber(view, packet, &m->frame);
     }

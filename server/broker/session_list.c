@@ -44,7 +44,7 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
 {
     const struct hg_conn *conn = s->conn;
     uint32_t views = 0;
-    for (const struct hg_view_state *it = s->views; it; it = it->next)
+    for (const struct hg_session_view *it = s->views; it; it = it->next)
         views++;
     put_number(w, "{\"session\":", s->number);
     put_text(w, ",\"name\":", s->name);
@@ -63,7 +63,7 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     put(w, "}");
 }
 
-static void put_scene(struct hg_writer *w, const struct hg_scene_state *scene)
+static void put_scene(struct hg_writer *w, const struct hg_shared_scene *scene)
 {
     struct hg_journal_stats stats = hg_journal_get_stats(scene->journal);
     put_text(w, "{\"scene\":", scene->key);
@@ -98,14 +98,14 @@ void hg_session_list(struct hg_session *asker, uint32_t request)
     }
     put(&w, "],\"scenes\":[");
     separator = "";
-    for (const struct hg_scene_state *it = b->scenes; it; it = it->next, separator = ",") {
+    for (const struct hg_shared_scene *it = b->scenes; it; it = it->next, separator = ",") {
         put(&w, separator);
         put_scene(&w, it);
     }
     put(&w, "],");
     put_worker(&w, b);
     put_number(&w, ",\"connections\":", b->conn_count);
-    put_number(&w, ",\"upload_store_bytes\":", hg_store_bytes(b->store));
+    put_number(&w, ",\"upload_store_bytes\":", hg_upload_store_bytes(b->store));
     put_number(&w, ",\"uptime_s\":", (b->loop.now_ns - b->started_ns) / 1000000000u);
     put(&w, b->draining ? ",\"draining\":true}" : ",\"draining\":false}");
     struct hg_error err = {0};

@@ -100,7 +100,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         return;
     }
     // Somebody sent it meanwhile: nothing is stored twice.
-    if (!running && hg_store_has(s->broker->store, m->hash))
+    if (!running && hg_upload_store_has(s->broker->store, m->hash))
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
@@ -115,8 +115,8 @@ void hg_session_upload_query(
 {
     struct hgp_flag flags[1024];
     for (uint32_t i = 0; i < m->contents.count; i++)
-        flags[i] =
-            (struct hgp_flag){.value = hg_store_has(s->broker->store, m->contents.items[i].hash)};
+        flags[i] = (struct hgp_flag){
+            .value = hg_upload_store_has(s->broker->store, m->contents.items[i].hash)};
     if (request)
         hg_conn_send(s->conn, request, HGP_T_upload_have,
             &(struct hgp_upload_have){.have = {flags, m->contents.count}});

@@ -5,9 +5,9 @@
 
 enum { DEFAULT_WIDTH = 1280, DEFAULT_HEIGHT = 720 };
 
-struct hg_view_state *hg_view_find(struct hg_session *s, uint32_t number)
+struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t number)
 {
-    for (struct hg_view_state *it = s->views; it; it = it->next)
+    for (struct hg_session_view *it = s->views; it; it = it->next)
         if (it->number == number)
             return it;
     return NULL;
@@ -16,14 +16,14 @@ struct hg_view_state *hg_view_find(struct hg_session *s, uint32_t number)
 uint64_t hg_session_pixels(const struct hg_session *s)
 {
     uint64_t pixels = 0;
-    for (const struct hg_view_state *it = s->views; it; it = it->next)
+    for (const struct hg_session_view *it = s->views; it; it = it->next)
         pixels += (uint64_t)it->width * it->height;
     return pixels;
 }
 
-static struct hg_view_state *add_view(struct hg_session *s, uint32_t number)
+static struct hg_session_view *add_view(struct hg_session *s, uint32_t number)
 {
-    struct hg_view_state *view = hg_calloc(1, sizeof *view);
+    struct hg_session_view *view = hg_calloc(1, sizeof *view);
     if (!view)
         return NULL;
     view->number = number;
@@ -35,12 +35,12 @@ static struct hg_view_state *add_view(struct hg_session *s, uint32_t number)
 static uint32_t count_views(const struct hg_session *s)
 {
     uint32_t count = 0;
-    for (const struct hg_view_state *it = s->views; it; it = it->next)
+    for (const struct hg_session_view *it = s->views; it; it = it->next)
         count++;
     return count;
 }
 
-static enum hg_status check_pixels(const struct hg_session *s, const struct hg_view_state *view,
+static enum hg_status check_pixels(const struct hg_session *s, const struct hg_session_view *view,
     uint32_t width, uint32_t height, struct hg_error *err)
 {
     uint64_t old = view ? (uint64_t)view->width * view->height : 0;
@@ -52,9 +52,10 @@ static enum hg_status check_pixels(const struct hg_session *s, const struct hg_v
         (unsigned long long)total, s->broker->options.max_pixels);
 }
 
-enum hg_status hg_view_ask(struct hg_session *s, const struct hgp_view_set *m, struct hg_error *err)
+enum hg_status hg_session_view_ask(
+    struct hg_session *s, const struct hgp_view_set *m, struct hg_error *err)
 {
-    struct hg_view_state *view = hg_view_find(s, m->view);
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
     uint32_t width = m->has_width ? m->width : view ? view->width : DEFAULT_WIDTH;
     uint32_t height = m->has_height ? m->height : view ? view->height : DEFAULT_HEIGHT;
     if (!view && s->broker->draining)
@@ -73,7 +74,7 @@ enum hg_status hg_view_ask(struct hg_session *s, const struct hgp_view_set *m, s
 }
 
 // Newer fields over older ones. `camera` of view_camera counts only in the message that has it.
-enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from)
+enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from)
 {
     if (!*into) {
         *into = hg_packet_ref(from);
@@ -99,7 +100,7 @@ enum hg_status hg_view_merge(struct hg_packet **into, struct hg_packet *from)
     return HG_OK;
 }
 
-void hg_view_reset(struct hg_view_state *view)
+void hg_session_view_reset(struct hg_session_view *view)
 {
     hg_packet_unref(view->params);
     hg_packet_unref(view->camera);
@@ -108,19 +109,19 @@ void hg_view_reset(struct hg_view_state *view)
     view->last_number = view->number_base = 0;
 }
 
-void hg_view_remove(struct hg_session *s, struct hg_view_state *view)
+void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
 {
-    struct hg_view_state **link = &s->views;
+    struct hg_session_view **link = &s->views;
     while (*link != view)
         link = &(*link)->next;
     *link = view->next;
-    hg_view_reset(view);
+    hg_session_view_reset(view);
     hg_free(view);
 }
 
 // ---- credit -------------------------------------------------------------------------------------
 
-uint32_t hg_view_take_window(const struct hg_session *s, struct hg_view_state *view)
+uint32_t hg_session_view_take_window(const struct hg_session *s, struct hg_session_view *view)
 {
     uint32_t window = s->broker->options.frame_window;
     view->granted = view->credit < window ? view->credit : window;
@@ -132,7 +133,7 @@ static bool is_slow(const struct hg_session *s)
     return !s->conn || s->conn->out.bytes > s->broker->options.output_limit_bytes;
 }
 
-void hg_view_grant(struct hg_session *s, struct hg_view_state *view)
+void hg_session_view_grant(struct hg_session *s, struct hg_session_view *view)
 {
     uint32_t window = s->broker->options.frame_window;
     uint32_t allowed = view->credit < window ? view->credit : window;
@@ -142,7 +143,7 @@ void hg_view_grant(struct hg_session *s, struct hg_view_state *view)
         view->resubscribe = false;
         hg_link_send(s->broker, s->number, 0, HGP_T_subscribe,
             &(struct hgp_subscribe){
-                .view = view->number, .credit_frames = hg_view_take_window(s, view)});
+                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
         return;
     }
     hg_link_send(s->broker, s->number, 0, HGP_T_credit,
@@ -152,6 +153,6 @@ void hg_view_grant(struct hg_session *s, struct hg_view_state *view)
 
 void hg_session_grant(struct hg_session *s)
 {
-    for (struct hg_view_state *it = s->views; it; it = it->next)
-        hg_view_grant(s, it);
+    for (struct hg_session_view *it = s->views; it; it = it->next)
+        hg_session_view_grant(s, it);
 }

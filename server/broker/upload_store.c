@@ -22,7 +22,7 @@ struct content {
     bool present;
 };
 
-struct hg_store {
+struct hg_upload_store {
     char *folder;
     uint64_t limit_bytes, bytes, clock; // bytes include what uploads under way announced
     struct content *contents;
@@ -31,7 +31,7 @@ struct hg_store {
 };
 
 struct hg_upload {
-    struct hg_store *store;
+    struct hg_upload_store *store;
     struct hg_sha256 *hasher;
     uint8_t hash[32];
     uint64_t total, offset;
@@ -47,7 +47,7 @@ static enum hg_status fail_errno(struct hg_error *err, const char *path, const c
 }
 
 // Caller frees. NULL: no memory.
-static char *content_path(const struct hg_store *store, const uint8_t hash[32])
+static char *content_path(const struct hg_upload_store *store, const uint8_t hash[32])
 {
     char hex[HG_SHA256_HEX];
     hg_sha256_hex(hash, hex);
@@ -60,7 +60,7 @@ static char *content_path(const struct hg_store *store, const uint8_t hash[32])
 
 // ---- index --------------------------------------------------------------------------------------
 
-static struct content *find(const struct hg_store *store, const uint8_t hash[32])
+static struct content *find(const struct hg_upload_store *store, const uint8_t hash[32])
 {
     for (size_t i = 0; i < store->count; i++)
         if (memcmp(store->contents[i].hash, hash, 32) == 0)
@@ -68,7 +68,7 @@ static struct content *find(const struct hg_store *store, const uint8_t hash[32]
     return NULL;
 }
 
-static struct content *find_or_add(struct hg_store *store, const uint8_t hash[32])
+static struct content *find_or_add(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
     if (content)
@@ -82,7 +82,7 @@ static struct content *find_or_add(struct hg_store *store, const uint8_t hash[32
 }
 
 // Removes the file; the row stays while it is pinned.
-static void drop(struct hg_store *store, struct content *content)
+static void drop(struct hg_upload_store *store, struct content *content)
 {
     char *path = content->present ? content_path(store, content->hash) : NULL;
     if (path)
@@ -95,7 +95,7 @@ static void drop(struct hg_store *store, struct content *content)
         *content = store->contents[--store->count];
 }
 
-static struct content *least_used(const struct hg_store *store)
+static struct content *least_used(const struct hg_upload_store *store)
 {
     struct content *oldest = NULL;
     for (size_t i = 0; i < store->count; i++) {
@@ -106,7 +106,7 @@ static struct content *least_used(const struct hg_store *store)
     return oldest;
 }
 
-static bool make_room(struct hg_store *store, uint64_t need)
+static bool make_room(struct hg_upload_store *store, uint64_t need)
 {
     if (need > store->limit_bytes)
         return false;
@@ -156,7 +156,7 @@ static bool parse_hash(const char *name, uint8_t hash[32])
     return !name[64];
 }
 
-static enum hg_status index_entry(struct hg_store *store, DIR *dir, const char *name)
+static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const char *name)
 {
     struct stat st;
     uint8_t hash[32];
@@ -174,7 +174,7 @@ static enum hg_status index_entry(struct hg_store *store, DIR *dir, const char *
     return HG_OK;
 }
 
-static enum hg_status index_folder(struct hg_store *store, struct hg_error *err)
+static enum hg_status index_folder(struct hg_upload_store *store, struct hg_error *err)
 {
     DIR *dir = opendir(store->folder);
     if (!dir)
@@ -188,11 +188,11 @@ static enum hg_status index_folder(struct hg_store *store, struct hg_error *err)
     return status;
 }
 
-enum hg_status hg_store_create(
-    const char *folder, uint64_t limit_bytes, struct hg_store **out, struct hg_error *err)
+enum hg_status hg_upload_store_create(
+    const char *folder, uint64_t limit_bytes, struct hg_upload_store **out, struct hg_error *err)
 {
     *out = NULL;
-    struct hg_store *store = hg_calloc(1, sizeof *store);
+    struct hg_upload_store *store = hg_calloc(1, sizeof *store);
     if (store)
         store->folder = hg_strdup(folder);
     enum hg_status status = store && store->folder ? make_folders(folder, err) : HG_E_NOMEM;
@@ -201,7 +201,7 @@ enum hg_status hg_store_create(
     if (!status)
         status = index_folder(store, err);
     if (status) {
-        hg_store_destroy(store);
+        hg_upload_store_destroy(store);
         return status;
     }
     store->limit_bytes = limit_bytes;
@@ -209,7 +209,7 @@ enum hg_status hg_store_create(
     return HG_OK;
 }
 
-void hg_store_destroy(struct hg_store *store)
+void hg_upload_store_destroy(struct hg_upload_store *store)
 {
     if (!store)
         return;
@@ -218,19 +218,19 @@ void hg_store_destroy(struct hg_store *store)
     hg_free(store);
 }
 
-void hg_store_set_limit(struct hg_store *store, uint64_t limit_bytes)
+void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes)
 {
     store->limit_bytes = limit_bytes;
     if (!make_room(store, 0))
         hg_warn(SESSION, "scenes in use hold more uploads than upload-store allows");
 }
 
-uint64_t hg_store_bytes(const struct hg_store *store)
+uint64_t hg_upload_store_bytes(const struct hg_upload_store *store)
 {
     return store->bytes;
 }
 
-bool hg_store_has(struct hg_store *store, const uint8_t hash[32])
+bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
     if (!content || !content->present)
@@ -239,7 +239,7 @@ bool hg_store_has(struct hg_store *store, const uint8_t hash[32])
     return true;
 }
 
-enum hg_status hg_store_pin(struct hg_store *store, const uint8_t hash[32])
+enum hg_status hg_upload_store_pin(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find_or_add(store, hash);
     if (!content)
@@ -249,7 +249,7 @@ enum hg_status hg_store_pin(struct hg_store *store, const uint8_t hash[32])
     return HG_OK;
 }
 
-void hg_store_unpin(struct hg_store *store, const uint8_t hash[32])
+void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
     if (!content || !content->pins || --content->pins || content->present)
@@ -257,7 +257,7 @@ void hg_store_unpin(struct hg_store *store, const uint8_t hash[32])
     *content = store->contents[--store->count];
 }
 
-void hg_store_forget(struct hg_store *store, const uint8_t hash[32])
+void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
     if (content && content->present)
@@ -268,7 +268,7 @@ void hg_store_forget(struct hg_store *store, const uint8_t hash[32])
 
 static enum hg_status open_temporary(struct hg_upload *upload, struct hg_error *err)
 {
-    struct hg_store *store = upload->store;
+    struct hg_upload_store *store = upload->store;
     size_t size = strlen(store->folder) + 32;
     upload->path = hg_calloc(size, 1);
     upload->hasher = hg_sha256_create();
@@ -283,8 +283,8 @@ static enum hg_status open_temporary(struct hg_upload *upload, struct hg_error *
     return HG_OK;
 }
 
-enum hg_status hg_upload_begin(struct hg_store *store, const uint8_t hash[32], uint64_t total_bytes,
-    struct hg_upload **out, struct hg_error *err)
+enum hg_status hg_upload_begin(struct hg_upload_store *store, const uint8_t hash[32],
+    uint64_t total_bytes, struct hg_upload **out, struct hg_error *err)
 {
     *out = NULL;
     if (!make_room(store, total_bytes))

@@ -9,28 +9,29 @@
 
 #include "base/status.h"
 
-struct hg_store;
+struct hg_upload_store;
 struct hg_upload; // a content that is still arriving, of one session
 
 // Makes the folder (and its parents), removes leftovers of an earlier run and indexes what is
 // there. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
-enum hg_status hg_store_create(const char *folder, uint64_t limit_bytes, struct hg_store **out,
-    struct hg_error *err) HG_MUST_CHECK;
-void hg_store_destroy(struct hg_store *store); // accepts NULL; uploads must be gone
-void hg_store_set_limit(struct hg_store *store, uint64_t limit_bytes);
-uint64_t hg_store_bytes(const struct hg_store *store);
+enum hg_status hg_upload_store_create(const char *folder, uint64_t limit_bytes,
+    struct hg_upload_store **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_upload_store_destroy(struct hg_upload_store *store); // accepts NULL; uploads must be gone
+void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes);
+uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 
 // Whether the content is there; counts as use.
-bool hg_store_has(struct hg_store *store, const uint8_t hash[32]);
+bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32]);
 // A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
-enum hg_status hg_store_pin(struct hg_store *store, const uint8_t hash[32]) HG_MUST_CHECK;
-void hg_store_unpin(struct hg_store *store, const uint8_t hash[32]);
+enum hg_status hg_upload_store_pin(
+    struct hg_upload_store *store, const uint8_t hash[32]) HG_MUST_CHECK;
+void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32]);
 // Drops a content that turned out to be damaged.
-void hg_store_forget(struct hg_store *store, const uint8_t hash[32]);
+void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32]);
 
 // Begins a content of total_bytes, making room. HG_E_LIMIT, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
-enum hg_status hg_upload_begin(struct hg_store *store, const uint8_t hash[32], uint64_t total_bytes,
-    struct hg_upload **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_upload_begin(struct hg_upload_store *store, const uint8_t hash[32],
+    uint64_t total_bytes, struct hg_upload **out, struct hg_error *err) HG_MUST_CHECK;
 const uint8_t *hg_upload_hash(const struct hg_upload *upload);
 uint64_t hg_upload_offset(const struct hg_upload *upload); // bytes that came so far
 uint64_t hg_upload_total(const struct hg_upload *upload);

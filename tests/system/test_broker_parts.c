@@ -222,7 +222,7 @@ static void addresses_are_checked(void **state)
 
 // ---- uploads ------------------------------------------------------------------------------------
 
-static void put(struct hg_store *store, uint8_t fill, size_t size, uint8_t hash[32])
+static void put(struct hg_upload_store *store, uint8_t fill, size_t size, uint8_t hash[32])
 {
     struct hg_upload *upload;
     struct hg_error err;
@@ -240,39 +240,41 @@ static void put(struct hg_store *store, uint8_t fill, size_t size, uint8_t hash[
 static void store_evicts_what_nobody_uses(void **state)
 {
     (void)state;
-    struct hg_store *store;
+    struct hg_upload_store *store;
     struct hg_error err;
     struct hg_upload *upload;
     uint8_t a[32], b[32], c[32], d[32];
     char uploads[200];
     snprintf(uploads, sizeof uploads, "%s", path_of("cache/deep/uploads"));
-    assert_int_equal(hg_store_create(uploads, 2048, &store, &err), HG_OK);
+    assert_int_equal(hg_upload_store_create(uploads, 2048, &store, &err), HG_OK);
     put(store, 1, 1000, a);
     put(store, 2, 1000, b);
-    assert_true(hg_store_has(store, a)); // used: b is the oldest now
+    assert_true(hg_upload_store_has(store, a)); // used: b is the oldest now
     put(store, 3, 900, c);
-    assert_true(hg_store_has(store, a) && !hg_store_has(store, b) && hg_store_has(store, c));
-    assert_int_equal(hg_store_pin(store, a), HG_OK);
-    assert_int_equal(hg_store_pin(store, c), HG_OK);
+    assert_true(hg_upload_store_has(store, a) && !hg_upload_store_has(store, b) &&
+                hg_upload_store_has(store, c));
+    assert_int_equal(hg_upload_store_pin(store, a), HG_OK);
+    assert_int_equal(hg_upload_store_pin(store, c), HG_OK);
     assert_int_equal(hg_upload_begin(store, b, 1000, &upload, &err), HG_E_LIMIT);
-    hg_store_unpin(store, a);
+    hg_upload_store_unpin(store, a);
     put(store, 4, 500, d);
-    assert_true(!hg_store_has(store, a) && hg_store_has(store, c) && hg_store_has(store, d));
-    assert_true(hg_store_bytes(store) == 1400);
+    assert_true(!hg_upload_store_has(store, a) && hg_upload_store_has(store, c) &&
+                hg_upload_store_has(store, d));
+    assert_true(hg_upload_store_bytes(store) == 1400);
     // An upload under way holds its room; given up, it gives it back and leaves no file.
     assert_int_equal(hg_upload_begin(store, b, 600, &upload, &err), HG_OK);
-    assert_true(hg_store_bytes(store) == 2000);
+    assert_true(hg_upload_store_bytes(store) == 2000);
     hg_upload_abort(upload);
-    assert_true(hg_store_bytes(store) == 1400);
-    hg_store_destroy(store);
+    assert_true(hg_upload_store_bytes(store) == 1400);
+    hg_upload_store_destroy(store);
     // A later run finds what is there, and clears away what was under way.
     test_text_write(folder, "cache/deep/uploads/.incoming.7", "rest");
-    assert_int_equal(hg_store_create(uploads, 2048, &store, &err), HG_OK);
-    assert_true(hg_store_has(store, c) && hg_store_has(store, d));
+    assert_int_equal(hg_upload_store_create(uploads, 2048, &store, &err), HG_OK);
+    assert_true(hg_upload_store_has(store, c) && hg_upload_store_has(store, d));
     assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);
-    hg_store_forget(store, c);
-    assert_false(hg_store_has(store, c));
-    hg_store_destroy(store);
+    hg_upload_store_forget(store, c);
+    assert_false(hg_upload_store_has(store, c));
+    hg_upload_store_destroy(store);
 }
 
 // ---- streams ------------------------------------------------------------------------------------
