@@ -2,6 +2,7 @@
 #include "server/broker/broker.h"
 
 #include <errno.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,47 +15,12 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "server/broker/notify.h"
+#include "server/broker/recovery.h"
+#include "server/broker/session.h"
+#include "server/broker/session_request.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
-enum { LOGS_PER_SECOND = 20 };
-
-bool hg_broker_may_log(struct hg_broker *b)
-{
-    b->log_allowance += (double)(b->loop.now_ns - b->log_allowance_ns) * 1e-9 * LOGS_PER_SECOND;
-    b->log_allowance_ns = b->loop.now_ns;
-    if (b->log_allowance > LOGS_PER_SECOND)
-        b->log_allowance = LOGS_PER_SECOND;
-    if (b->log_allowance < 1) {
-        b->log_dropped++;
-        return false;
-    }
-    b->log_allowance -= 1;
-    if (b->log_dropped)
-        hg_warn(
-            NET, "%llu records about clients were left out", (unsigned long long)b->log_dropped);
-    b->log_dropped = 0;
-    return true;
-}
-
-bool hg_broker_worker_path(const struct hg_options *options, char *path, size_t size)
-{
-    const char *given = options->worker ? options->worker : getenv("HELIO_WORKER");
-    if (given && *given) {
-        snprintf(path, size, "%s", given);
-    } else {
-        ssize_t n = readlink("/proc/self/exe", path, size - 1);
-        path[n > 0 ? n : 0] = 0;
-        for (int up = 0; up < 2; up++) { // program, folder
-            char *slash = strrchr(path, '/');
-            if (slash)
-                *slash = 0;
-        }
-        size_t length = strlen(path);
-        snprintf(path + length, size - length, "/libexec/helio-worker");
-    }
-    return access(path, X_OK) == 0;
-}
 
 // ---- checks -------------------------------------------------------------------------------------
 
@@ -142,13 +108,38 @@ static enum hg_status open_default(struct hg_broker *b, struct hg_error *err)
     return hg_listener_open(address, &b->listeners, err);
 }
 
+// All parts, from below; recovery and client_dispatch act when a link or a connection has
+// something.
+static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_error *err)
+{
+    struct hg_link like = {.loop = &b->loop,
+        .options = &b->options,
+        .events = &hg_recovery_events,
+        .owner = &b->sessions};
+    b->admission = (struct hg_admission){
+        .options = &b->options, .tokens = &b->tokens, .guard = &b->guard, .sessions = &b->sessions};
+    b->conns = (struct hg_conn_table){.loop = &b->loop,
+        .options = &b->options,
+        .events = &hg_client_dispatch_events,
+        .owner = &b->admission};
+    b->sessions = (struct hg_session_table){.loop = &b->loop,
+        .options = &b->options,
+        .store = b->store,
+        .conns = &b->conns,
+        .pool = &b->pool,
+        .scenes = {.pool = &b->pool, .store = b->store}};
+    if (hg_worker_pool_init(&b->pool, workers, &like))
+        return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
+    return HG_OK;
+}
+
 static void accept_ready(struct hg_source *source, uint32_t events)
 {
     struct hg_broker *b = source->owner;
     (void)events;
     for (struct hg_listener *it = b->listeners; it; it = it->next)
         if (&it->source == source)
-            hg_conn_accept(b, it);
+            hg_conn_accept(&b->conns, it);
 }
 
 static enum hg_status watch_listeners(struct hg_broker *b, struct hg_error *err)
@@ -259,12 +250,12 @@ static void reload(struct hg_broker *b)
 static void begin_drain(struct hg_broker *b)
 {
     uint64_t timeout_ns = b->options.drain_timeout_ns;
-    hg_info(
-        MAIN, "draining: %u sessions, at most %.1f s", b->session_count, (double)timeout_ns * 1e-9);
+    hg_info(MAIN, "draining: %u sessions, at most %.1f s", b->sessions.count,
+        (double)timeout_ns * 1e-9);
     hg_notify_send("STOPPING=1\nSTATUS=draining");
-    b->draining = true;
+    b->sessions.draining = true;
     b->drain_deadline_ns = b->loop.now_ns + timeout_ns;
-    for (struct hg_conn *it = b->conns, *next; it; it = next) {
+    for (struct hg_conn *it = b->conns.first, *next; it; it = next) {
         next = it->next;
         if (it->state < HG_CONN_OPEN)
             hg_conn_kill(it, "the daemon is shutting down");
@@ -284,7 +275,7 @@ static void drain_step(struct hg_broker *b)
 {
     bool late = b->loop.now_ns >= b->drain_deadline_ns;
     hg_listeners_destroy(&b->loop, &b->listeners);
-    for (struct hg_conn *it = b->conns, *next; it; it = next) {
+    for (struct hg_conn *it = b->conns.first, *next; it; it = next) {
         next = it->next;
         if (it->state != HG_CONN_OPEN || (has_work(it) && !late))
             continue;
@@ -292,10 +283,10 @@ static void drain_step(struct hg_broker *b)
         hg_error_set(&err, HG_E_CANCELLED, "request", NULL,
             "the daemon shut down before it was done (drain-timeout)");
         if (it->session)
-            hg_session_fail_all(it->session, &err);
+            hg_session_request_fail_all(it->session, &err);
         hg_conn_close(it, NULL, "the daemon is shutting down");
     }
-    if (!b->conns)
+    if (!b->conns.first)
         b->loop.stop = true;
 }
 
@@ -305,13 +296,13 @@ static void take_signal(struct hg_broker *b, uint32_t number)
 {
     switch (number) {
     case SIGCHLD:
-        hg_link_reap(b);
+        hg_worker_pool_reap(&b->pool);
         return;
     case SIGHUP:
         reload(b);
         return;
     default:
-        if (b->draining) {
+        if (b->sessions.draining) {
             hg_warn(MAIN, "second signal: exiting at once");
             b->loop.stop = true;
         } else {
@@ -352,54 +343,26 @@ static enum hg_status watch_signals(struct hg_broker *b, struct hg_error *err)
 
 // ---- the round ----------------------------------------------------------------------------------
 
-// Ends the sessions of connections that began to close, and those that waited for their edits.
-static void end_sessions(struct hg_broker *b)
-{
-    b->closing = false;
-    for (struct hg_conn *it = b->conns; it; it = it->next)
-        if (it->state == HG_CONN_CLOSING)
-            hg_conn_end_session(it);
-    for (struct hg_session *it = b->sessions, *next; it; it = next) {
-        next = it->next;
-        if (!it->conn && !it->first)
-            hg_session_destroy(it);
-    }
-}
-
 static void bury(struct hg_broker *b)
 {
-    if (b->closing)
-        end_sessions(b);
-    while (b->dead) {
-        struct hg_conn *conn = b->dead;
-        b->dead = conn->next;
-        hg_conn_end_session(conn);
-        hg_conn_destroy(conn);
-    }
+    hg_conn_bury(&b->conns);
+    hg_session_bury(&b->sessions);
 }
 
-static void resume_paused(struct hg_broker *b)
+static void watch_accepts(struct hg_broker *b, uint64_t now_ns)
 {
-    for (struct hg_conn *it = b->conns, *next; it && b->paused_count; it = next) {
-        next = it->next;
-        if (it->paused)
-            hg_conn_resume(it);
-    }
+    if (b->conns.accept_pause_ns && now_ns >= b->conns.accept_pause_ns)
+        b->conns.accept_pause_ns = 0;
+    for (struct hg_listener *it = b->listeners; it; it = it->next)
+        hg_loop_set_events(&b->loop, &it->source, b->conns.accept_pause_ns ? 0 : EPOLLIN);
 }
 
 static void tick(struct hg_broker *b)
 {
     uint64_t now_ns = b->loop.now_ns;
-    for (struct hg_conn *it = b->conns, *next; it; it = next) {
-        next = it->next;
-        hg_conn_check_time(it, now_ns);
-    }
-    hg_link_check_time(b, now_ns);
-    b->link.pump |= b->link.suspect_session != NULL;
-    if (b->accept_pause_ns && now_ns >= b->accept_pause_ns)
-        b->accept_pause_ns = 0;
-    for (struct hg_listener *it = b->listeners; it; it = it->next)
-        hg_loop_set_events(&b->loop, &it->source, b->accept_pause_ns ? 0 : EPOLLIN);
+    hg_conn_check_times(&b->conns);
+    hg_worker_pool_check_times(&b->pool);
+    watch_accepts(b, now_ns);
     if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
         b->watchdog_sent_ns = now_ns;
         hg_notify_send("WATCHDOG=1");
@@ -416,36 +379,31 @@ static uint64_t round_end(void *user)
 {
     struct hg_broker *b = user;
     uint64_t now_ns = b->loop.now_ns;
-    if (b->link.broken) {
-        b->link.broken = false;
-        hg_link_fail(b, "no memory to send to it");
-    }
-    bool idle = !b->conns && b->link.state == HG_LINK_UP && !b->draining && !b->watchdog_ns;
+    bool draining = b->sessions.draining;
+    hg_worker_pool_end_round(&b->pool, now_ns);
+    bool idle = !b->conns.first && hg_worker_pool_is_up(&b->pool) && !draining && !b->watchdog_ns;
     if (!idle)
         b->tick_ns = sooner(b->tick_ns, now_ns + TICK_NS);
     if (now_ns >= b->tick_ns) {
         tick(b);
         b->tick_ns = now_ns + (idle ? IDLE_TICK_NS : TICK_NS);
-    } else if (b->link.state == HG_LINK_DOWN) {
-        hg_link_check_time(b, now_ns);
     }
-    resume_paused(b);
+    hg_conn_resume_paused(&b->conns);
     bury(b);
-    hg_recovery_continue(b);
-    if (b->draining)
+    for (uint32_t i = 0; i < b->pool.count; i++)
+        hg_recovery_continue(&b->pool.links[i]);
+    if (draining)
         drain_step(b);
     bury(b);
-    uint64_t deadline_ns = b->tick_ns;
-    if (b->link.state == HG_LINK_DOWN)
-        deadline_ns = sooner(deadline_ns, b->link.restart_ns);
-    if (b->paused_count)
+    uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
+    if (b->conns.paused_count)
         deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
     return deadline_ns;
 }
 
 // ---- life ---------------------------------------------------------------------------------------
 
-static enum hg_status start(struct hg_broker *b, struct hg_error *err)
+static enum hg_status start(struct hg_broker *b, uint32_t workers, struct hg_error *err)
 {
     char path[4096];
     enum hg_status status = hg_loop_init(&b->loop, err);
@@ -453,7 +411,9 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
-    if (!status && !hg_broker_worker_path(&b->options, path, sizeof path))
+    if (!status)
+        status = wire_up(b, workers, err);
+    if (!status && !hg_link_find_program(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
     if (!status)
@@ -463,13 +423,13 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 
 static void stop(struct hg_broker *b)
 {
-    while (b->conns)
-        hg_conn_kill(b->conns, "the daemon ends");
+    while (b->conns.first)
+        hg_conn_kill(b->conns.first, "the daemon ends");
     bury(b);
-    while (b->sessions) // those that waited for their last edits
-        hg_session_destroy(b->sessions);
+    while (b->sessions.first) // those that waited for their last edits
+        hg_session_destroy(b->sessions.first);
     hg_listeners_destroy(&b->loop, &b->listeners);
-    hg_link_stop(b);
+    hg_worker_pool_finish(&b->pool);
     hg_upload_store_destroy(b->store);
     hg_tokens_finish(&b->tokens);
     hg_loop_close(&b->loop, &b->signals);
@@ -486,26 +446,26 @@ static void raise_file_limit(void)
     }
 }
 
-int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
+int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *const *argv)
 {
     static struct hg_broker broker; // large, one per process
     struct hg_broker *b = &broker;
     struct hg_error err = {0};
     *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
     *options = (struct hg_options){0};
-    b->signals.fd = b->link.source.fd = -1;
+    b->signals.fd = b->loop.epoll_fd = -1;
     enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
     raise_file_limit();
     if (!status)
-        status = start(b, &err);
+        status = start(b, workers, &err);
     if (!status) {
-        b->started_ns = b->loop.now_ns;
+        b->sessions.started_ns = b->loop.now_ns;
         b->watchdog_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
-        hg_link_start(b);
+        hg_worker_pool_start(&b->pool);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
         exit_code = 0;

@@ -7,6 +7,7 @@
 #include "server/broker/broker.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
+enum { WORKERS = 1 }; // until there is more than one tenant
 
 static int complain(const struct hg_error *err)
 {
@@ -29,7 +30,7 @@ static int check(const struct hg_options *options)
 static int device_info(const struct hg_options *options)
 {
     char path[4096];
-    if (!hg_broker_worker_path(options, path, sizeof path)) {
+    if (!hg_link_find_program(options, path, sizeof path)) {
         fprintf(stderr, "heliod: %s: the worker's program is not there\n", path);
         return EXIT_START;
     }
@@ -60,7 +61,7 @@ static int act(struct hg_options *options, int argc, char *const *argv)
     case HG_OPTIONS_DEVICE_INFO:
         return device_info(options);
     default:
-        return hg_broker_run(options, argc, argv);
+        return hg_broker_run(options, WORKERS, argc, argv);
     }
 }
 

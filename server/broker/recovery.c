@@ -1,179 +1,131 @@
-// recovery.c - brings scenes and sessions into a worker: a new one, or the successor of a dead one.
+// recovery.c - replay, attach, send again; whose fault a death was.
 //
 // Scenes are played one after the other, each on a channel of its own that may use all ids; when
 // every edit has been answered, the scene's sessions are attached, their views restored, and what
 // was under way is sent again in its order. A death during a scene's replay is blamed on that
 // scene, a death while a suspect request runs alone on that request.
-#include <stdio.h>
+#include "server/broker/recovery.h"
 
 #include "base/clock.h"
-#include "server/broker/broker.h"
+#include "base/log.h"
+#include "server/broker/session.h"
+#include "server/broker/session_answer.h"
+#include "server/broker/session_request.h"
+#include "server/broker/session_upload.h"
 
 enum { REPLAY_DEATHS = 2 };
 
-static uint32_t replay_channel(const struct hg_shared_scene *scene)
-{
-    return HG_REPLAY_CHANNEL | scene->number;
-}
-
 // ---- sessions -----------------------------------------------------------------------------------
-
-static void restore_view(struct hg_session *s, struct hg_session_view *view)
-{
-    struct hg_broker *b = s->broker;
-    if (!view->accepted)
-        return; // its view_set is still under way
-    hg_link_send_packet(b, s->number, hg_link_next_id(b), hg_packet_ref(view->params));
-    if (view->camera)
-        hg_link_send_packet(b, s->number, hg_link_next_id(b), hg_packet_ref(view->camera));
-    if (view->subscribed)
-        hg_link_send(b, s->number, hg_link_next_id(b), HGP_T_subscribe,
-            &(struct hgp_subscribe){
-                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
-}
-
-void hg_recovery_attach(struct hg_session *s)
-{
-    struct hg_broker *b = s->broker;
-    bool restore = s->scene->revision > 0 || s->views;
-    hg_link_send(b, s->number, 0, HGP_T_session_attach,
-        &(struct hgp_session_attach){.session = s->number,
-            .role = s->role,
-            .scene = hgp_str_make(s->scene->key),
-            .first_id = s->first_id,
-            .id_count = HG_SCENE_ID_RANGE,
-            .max_pixels = b->options.max_pixels,
-            .replay = restore});
-    if (s->batch_open) // before there is a view that could show half of it
-        hg_link_send(
-            b, s->number, hg_link_next_id(b), HGP_T_batch_begin, &(struct hgp_batch_begin){0});
-    for (struct hg_session_view *it = s->views; it; it = it->next)
-        restore_view(s, it);
-    if (restore)
-        hg_link_send(b, s->number, 0, HGP_T_replay_end,
-            &(struct hgp_replay_end){.revision = s->scene->revision});
-    s->attached = true;
-    hg_session_pump(s);
-}
 
 // The journal holds the edits of open batches, too: who has one open comes first, so that it is
 // open again before anybody has a view of the scene.
-static void attach_all(struct hg_broker *b, struct hg_shared_scene *scene)
+static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
     for (int open = 1; open >= 0; open--)
-        for (struct hg_session *it = b->sessions; it; it = it->next)
+        for (struct hg_session *it = table->first; it; it = it->next)
             if (it->scene == scene && !it->attached && (it->batch_open || !open))
-                hg_recovery_attach(it);
+                hg_session_request_attach(it);
 }
 
 // ---- scenes -------------------------------------------------------------------------------------
 
 static enum hg_status play_entry(void *user, struct hg_packet *packet)
 {
-    struct hg_broker *b = user;
-    b->link.replay_waiting++;
-    hg_link_send_packet(b, replay_channel(b->link.replaying), hg_link_next_id(b), packet);
+    struct hg_link *link = user;
+    link->replay.waiting++;
+    hg_link_send_packet(
+        link, hg_shared_scene_channel(link->replay.scene), hg_link_next_id(link), packet);
     return HG_OK;
 }
 
-static void begin_replay(struct hg_broker *b, struct hg_shared_scene *scene)
+static void begin_replay(struct hg_link *link, struct hg_shared_scene *scene)
 {
-    struct hg_link *link = &b->link;
-    link->replaying = scene;
-    link->replay_waiting = link->replay_failed = 0;
-    link->replay_start_ns = b->loop.now_ns;
-    hg_link_send(b, replay_channel(scene), 0, HGP_T_session_attach,
+    link->replay = (struct hg_link_replay){.scene = scene, .start_ns = link->loop->now_ns};
+    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_session_attach,
         &(struct hgp_session_attach){.role = HGP_role_EDIT,
             .scene = hgp_str_make(scene->key),
             .first_id = 1,
             .id_count = UINT32_MAX,
             .max_pixels = 1,
             .replay = true});
-    enum hg_status status = hg_journal_play(scene->journal, play_entry, b);
+    enum hg_status status = hg_journal_play(scene->journal, play_entry, link);
     if (status)
         hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, 0,
             "scene '%s' cannot be replayed completely", scene->key);
-    hg_link_send(b, replay_channel(scene), 0, HGP_T_replay_end,
+    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_replay_end,
         &(struct hgp_replay_end){.revision = scene->revision});
 }
 
-static void end_replay(struct hg_broker *b)
+static void end_replay(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    struct hg_shared_scene *scene = link->replaying;
+    struct hg_shared_scene *scene = link->replay.scene;
     hg_info(JOURNAL, "scene '%s' is back after %.0f ms: %llu edits, %u refused", scene->key,
-        (double)(hg_clock_now_ns() - link->replay_start_ns) * 1e-6,
-        (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay_failed);
-    link->replaying = NULL;
-    attach_all(b, scene);
-    hg_link_send(
-        b, replay_channel(scene), 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
+        (double)(hg_clock_now_ns() - link->replay.start_ns) * 1e-6,
+        (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay.failed);
+    link->replay.scene = NULL;
+    attach_all(link->owner, scene);
+    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_session_detach,
+        &(struct hgp_session_detach){0});
 }
 
-void hg_recovery_continue(struct hg_broker *b)
+void hg_recovery_continue(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    for (struct hg_shared_scene *it = b->scenes, *next;
-         it && link->state == HG_LINK_UP && !link->replaying; it = next) {
+    struct hg_session_table *table = link->owner;
+    for (struct hg_shared_scene *it = table->scenes.first, *next;
+         it && link->state == HG_LINK_UP && !link->replay.scene; it = next) {
         next = it->next;
-        if (it->in_worker)
+        if (it->in_worker || it->link != link)
             continue;
         if (!hg_journal_get_stats(it->journal).entries) {
-            attach_all(b, it);
+            attach_all(table, it);
             continue;
         }
-        begin_replay(b, it);
-        if (!link->replay_waiting)
-            end_replay(b);
+        begin_replay(link, it);
+        if (!link->replay.waiting)
+            end_replay(link);
     }
     if (link->pump) {
         link->pump = false;
-        for (struct hg_session *it = b->sessions; it; it = it->next)
-            hg_session_pump(it);
+        for (struct hg_session *it = table->first; it; it = it->next)
+            if (it->scene && it->scene->link == link)
+                hg_session_request_pump(it);
     }
 }
 
-void hg_recovery_answer(struct hg_broker *b, struct hg_packet *packet, const union hgp_any *m)
+static void take_replay_answer(
+    struct hg_link *link, const struct hg_packet *packet, const union hgp_any *m)
 {
-    struct hg_link *link = &b->link;
     uint16_t type = packet->header.type;
-    if (!link->replaying || packet->header.channel != replay_channel(link->replaying) ||
+    if (!link->replay.scene ||
+        packet->header.channel != hg_shared_scene_channel(link->replay.scene) ||
         !packet->header.request || type == HGP_T_progress || type == HGP_T_notice ||
         type == HGP_T_frame_part)
         return;
     if (type == HGP_T_error) {
-        link->replay_failed++;
-        hg_warn(JOURNAL, "scene '%s': an edit is refused now: %.*s: %.*s", link->replaying->key,
+        link->replay.failed++;
+        hg_warn(JOURNAL, "scene '%s': an edit is refused now: %.*s: %.*s", link->replay.scene->key,
             (int)m->error.what.size, m->error.what.data, (int)m->error.reason.size,
             m->error.reason.data);
     }
-    if (link->replay_waiting && --link->replay_waiting == 0)
-        end_replay(b);
-}
-
-void hg_recovery_scene_gone(struct hg_broker *b, struct hg_shared_scene *scene)
-{
-    if (b->link.replaying != scene)
-        return;
-    hg_link_send(
-        b, replay_channel(scene), 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
-    b->link.replaying = NULL;
+    if (link->replay.waiting && --link->replay.waiting == 0)
+        end_replay(link);
 }
 
 // ---- death --------------------------------------------------------------------------------------
 
-static void give_up_scene(struct hg_broker *b, struct hg_shared_scene *scene)
+static void give_up_scene(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
+    const char *last_words = scene->link->last_words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, "scene", NULL,
         "the worker died %u times while this scene was built again; it was given up%s%s",
-        scene->deaths, b->link.last_words[0] ? ": " : "", b->link.last_words);
+        scene->deaths, last_words[0] ? ": " : "", last_words);
     hg_fault(JOURNAL, HG_E_WORKER, "scene '%s': %s", scene->key, err.reason);
-    for (struct hg_session *it = b->sessions; it; it = it->next) {
+    for (struct hg_session *it = table->first; it; it = it->next) {
         if (it->scene != scene)
             continue;
-        hg_session_fail_all(it, &err);
+        hg_session_request_fail_all(it, &err);
         if (it->conn)
             hg_conn_close(it->conn, &err, "the scene was lost");
     }
@@ -182,21 +134,21 @@ static void give_up_scene(struct hg_broker *b, struct hg_shared_scene *scene)
 static void give_up_request(struct hg_session *s, struct hg_request *request)
 {
     const char *name = hgp_find(request->packet->header.type)->name;
-    const char *last_words = s->broker->link.last_words;
+    const char *last_words = s->scene->link->last_words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, name, NULL,
-        "the worker died %d times at this request; it is not tried again%s%s", HG_REQUEST_TRIES,
+        "the worker died %d times at this request; it is not tried again%s%s", HG_SESSION_TRIES,
         last_words[0] ? ": " : "", last_words);
     hg_log_write(HG_LOG_WARN, HG_LOG_SESSION, HG_E_WORKER, s->number, "%s: %s", name, err.reason);
     if (s->conn)
         hg_conn_fail(s->conn, request->client_id, &err);
-    hg_session_drop_request(s, request);
-    s->broker->closing |= !s->conn; // whose last edit this may have been
-    if (++s->poisons < HG_POISON_LIMIT || !s->conn)
+    hg_session_request_drop(s, request);
+    s->table->ended |= !s->conn; // whose last edit this may have been
+    if (++s->poisons < HG_SESSION_POISONS || !s->conn)
         return;
     hg_error_set(&err, HG_E_WORKER, "session", NULL,
         "requests of this session made the worker die again and again");
-    hg_session_fail_all(s, &err);
+    hg_session_request_fail_all(s, &err);
     hg_conn_close(s->conn, &err, "the session is closed");
 }
 
@@ -225,34 +177,67 @@ static void requeue(struct hg_session *s)
         it->sent = false;
         it->link_id = 0;
         it->deaths = (uint8_t)(it->deaths + was_sent);
-        if (it->deaths >= HG_REQUEST_TRIES) {
+        if (it->deaths >= HG_SESSION_TRIES) {
             give_up_request(s, it);
             if (!s->first)
                 break; // the session was closed, nothing is left
         }
     }
-    hg_session_verified(s, NULL);
+    hg_session_upload_verified(s, NULL);
 }
 
-void hg_recovery_worker_died(struct hg_broker *b)
+// Too many deaths in too short a time: the daemon stays, the scenes of this worker do not.
+static void end_all_sessions(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    struct hg_shared_scene *replaying = link->replaying;
-    link->replaying = NULL;
-    link->suspect_session = NULL;
-    for (struct hg_shared_scene *it = b->scenes; it; it = it->next)
-        it->in_worker = false;
-    for (struct hg_session *it = b->sessions; it; it = it->next)
-        requeue(it);
+    struct hg_session_table *table = link->owner;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_WORKER, "worker", NULL,
+        "the worker died %u times within a minute (crash-limit); all scenes were given up",
+        hg_link_recent_deaths(link));
+    hg_fault(WORKER, HG_E_WORKER, "%s", err.reason);
+    for (struct hg_session *it = table->first; it; it = it->next) {
+        if (!it->scene || it->scene->link != link)
+            continue;
+        hg_session_request_fail_all(it, &err);
+        if (it->conn)
+            hg_conn_close(it->conn, &err, "the worker keeps dying");
+    }
+}
+
+static void take_death(struct hg_link *link)
+{
+    struct hg_session_table *table = link->owner;
+    struct hg_shared_scene *replaying = link->replay.scene;
+    link->replay.scene = NULL;
+    link->suspect.session = NULL;
+    for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
+        it->in_worker &= it->link != link;
+    for (struct hg_session *it = table->first; it; it = it->next)
+        if (it->scene && it->scene->link == link)
+            requeue(it);
     if (replaying && ++replaying->deaths >= REPLAY_DEATHS)
-        give_up_scene(b, replaying);
+        give_up_scene(table, replaying);
+    if (hg_link_recent_deaths(link) > link->options->crash_limit)
+        end_all_sessions(link);
 }
 
-void hg_recovery_request_done(struct hg_broker *b, const struct hg_request *request)
+// ---- the link's events --------------------------------------------------------------------------
+
+static void take_message(struct hg_link *link, struct hg_packet *packet, union hgp_any *m)
 {
-    struct hg_link *link = &b->link;
-    if (!link->suspect_session || link->suspect_id != request->link_id || !request->sent)
+    uint32_t channel = packet->header.channel;
+    if (channel & HG_SCENE_REPLAY_CHANNEL) {
+        take_replay_answer(link, packet, m);
         return;
-    link->suspect_session = NULL;
-    link->pump = true; // others may have waited for it
+    }
+    // A worker is believed only about what is its own.
+    struct hg_session *session = hg_session_find(link->owner, channel);
+    if (session && session->attached && session->scene->link == link)
+        hg_session_answer(session, packet, m);
 }
+
+const struct hg_link_events hg_recovery_events = {
+    .ready = hg_recovery_continue,
+    .died = take_death,
+    .message = take_message,
+};

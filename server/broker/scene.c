@@ -1,22 +1,24 @@
-// scene.c - scenes by name, for as long as a session holds them.
+#include "server/broker/scene.h"
+
 #include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
-#include "server/broker/broker.h"
+#include "base/log.h"
+#include "server/broker/list.h"
 
-static struct hg_shared_scene *find(struct hg_broker *b, struct hgp_str name)
+static struct hg_shared_scene *find(struct hg_scene_table *table, struct hgp_str name)
 {
-    for (struct hg_shared_scene *it = b->scenes; it && name.size; it = it->next)
+    for (struct hg_shared_scene *it = table->first; it && name.size; it = it->next)
         if (strlen(it->name) == name.size && memcmp(it->name, name.data, name.size) == 0)
             return it;
     return NULL;
 }
 
 struct hg_shared_scene *hg_shared_scene_join(
-    struct hg_broker *b, struct hgp_str name, uint64_t session, bool *existed)
+    struct hg_scene_table *table, struct hgp_str name, uint64_t session, bool *existed)
 {
-    struct hg_shared_scene *scene = find(b, name);
+    struct hg_shared_scene *scene = find(table, name);
     *existed = scene != NULL;
     if (scene) {
         scene->sessions++;
@@ -24,14 +26,16 @@ struct hg_shared_scene *hg_shared_scene_join(
     }
     scene = hg_calloc(1, sizeof *scene);
     if (scene)
-        scene->journal = hg_journal_create(b->store);
+        scene->journal = hg_journal_create(table->store);
     if (!scene || !scene->journal) {
         hg_free(scene);
         return NULL;
     }
-    scene->number = ++b->last_scene & (HG_REPLAY_CHANNEL - 1);
+    scene->number = ++table->last_number & (HG_SCENE_REPLAY_CHANNEL - 1);
     scene->sessions = 1;
-    scene->in_worker = b->link.state == HG_LINK_UP; // nothing to replay
+    scene->link = hg_worker_pool_route(table->pool);
+    scene->link->scene_count++;
+    scene->in_worker = scene->link->state == HG_LINK_UP; // nothing to replay
     snprintf(scene->name, sizeof scene->name, "%.*s", (int)name.size, name.data ? name.data : "");
     // The number keeps a scene apart from an earlier one of the same name.
     if (name.size)
@@ -39,18 +43,34 @@ struct hg_shared_scene *hg_shared_scene_join(
     else
         snprintf(scene->key, sizeof scene->key, "%u:private of session %llu", scene->number,
             (unsigned long long)session);
-    HG_LIST_ADD(b->scenes, scene);
+    HG_LIST_ADD(table->first, scene);
     hg_debug(JOURNAL, "scene '%s' made", scene->key);
     return scene;
 }
 
-void hg_shared_scene_leave(struct hg_broker *b, struct hg_shared_scene *scene)
+uint32_t hg_shared_scene_channel(const struct hg_shared_scene *scene)
+{
+    return HG_SCENE_REPLAY_CHANNEL | scene->number;
+}
+
+static void end_replay(struct hg_shared_scene *scene)
+{
+    struct hg_link *link = scene->link;
+    if (link->replay.scene != scene)
+        return;
+    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_session_detach,
+        &(struct hgp_session_detach){0});
+    link->replay.scene = NULL;
+}
+
+void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene)
 {
     if (--scene->sessions)
         return;
     hg_debug(JOURNAL, "scene '%s' dropped", scene->key);
-    hg_recovery_scene_gone(b, scene);
-    HG_LIST_REMOVE(b->scenes, scene);
+    end_replay(scene);
+    scene->link->scene_count--;
+    HG_LIST_REMOVE(table->first, scene);
     hg_journal_destroy(scene->journal);
     hg_free(scene);
 }

@@ -1,8 +1,9 @@
-// session_list.c - one JSON object about all sessions, scenes and the worker.
+#include "server/broker/session_list.h"
+
 #include <stdio.h>
 #include <string.h>
 
-#include "server/broker/broker.h"
+#include "server/broker/session_view.h"
 
 static void put(struct hg_writer *w, const char *text)
 {
@@ -53,13 +54,13 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     put_text(w, ",\"client\":", conn ? conn->client : "");
     put_text(w, ",\"scene\":", s->scene ? s->scene->key : "");
     put_number(w, ",\"views\":", views);
-    put_number(w, ",\"pixels\":", hg_session_pixels(s));
+    put_number(w, ",\"pixels\":", hg_session_view_pixels(s));
     put_number(w, ",\"requests\":", s->request_count);
     put_number(w, ",\"uploaded_bytes\":", s->uploaded_bytes);
     put_number(w, ",\"received_bytes\":", conn ? conn->in.total_bytes : 0);
     put_number(w, ",\"waiting_bytes\":", conn ? conn->out.bytes : 0);
     put_number(
-        w, ",\"open_s\":", conn ? (s->broker->loop.now_ns - conn->opened_ns) / 1000000000u : 0);
+        w, ",\"open_s\":", conn ? (s->table->loop->now_ns - conn->opened_ns) / 1000000000u : 0);
     put(w, "}");
 }
 
@@ -75,40 +76,50 @@ static void put_scene(struct hg_writer *w, const struct hg_shared_scene *scene)
     put(w, "}");
 }
 
-static void put_worker(struct hg_writer *w, const struct hg_broker *b)
+static void put_worker(struct hg_writer *w, const struct hg_link *link)
 {
     static const char *const states[] = {"down", "starting", "up"};
-    put_text(w, "\"worker\":{\"state\":", states[b->link.state]);
-    put_number(w, ",\"pid\":", (uint64_t)b->link.pid);
-    put_number(w, ",\"deaths\":", b->link.deaths);
-    put_number(w, ",\"rss_bytes\":", b->link.rss_bytes);
-    put_number(w, ",\"waiting_bytes\":", b->link.out.bytes);
+    put_text(w, "{\"state\":", states[link->state]);
+    put_number(w, ",\"pid\":", (uint64_t)link->pid);
+    put_number(w, ",\"deaths\":", link->deaths);
+    put_number(w, ",\"rss_bytes\":", link->rss_bytes);
+    put_number(w, ",\"waiting_bytes\":", link->out.bytes);
     put(w, "}");
+}
+
+static void put_all(struct hg_writer *w, const struct hg_session_table *table)
+{
+    const char *separator = "";
+    put(w, "{\"sessions\":[");
+    for (const struct hg_session *it = table->first; it; it = it->next, separator = ",") {
+        put(w, separator);
+        put_session(w, it);
+    }
+    put(w, "],\"scenes\":[");
+    separator = "";
+    for (const struct hg_shared_scene *it = table->scenes.first; it; it = it->next) {
+        put(w, separator);
+        put_scene(w, it);
+        separator = ",";
+    }
+    put(w, "],\"worker\":");
+    put_worker(w, &table->pool->links[0]);
+    for (uint32_t i = 0; table->pool->count > 1 && i < table->pool->count; i++) {
+        put(w, i == 0 ? ",\"workers\":[" : ",");
+        put_worker(w, &table->pool->links[i]);
+    }
+    put(w, table->pool->count > 1 ? "]" : "");
+    put_number(w, ",\"connections\":", table->conns->count);
+    put_number(w, ",\"upload_store_bytes\":", hg_upload_store_bytes(table->store));
+    put_number(w, ",\"uptime_s\":", (table->loop->now_ns - table->started_ns) / 1000000000u);
+    put(w, table->draining ? ",\"draining\":true}" : ",\"draining\":false}");
 }
 
 void hg_session_list(struct hg_session *asker, uint32_t request)
 {
-    const struct hg_broker *b = asker->broker;
     struct hg_writer w = {.limit_bytes = 16 << 20};
-    const char *separator = "";
-    put(&w, "{\"sessions\":[");
-    for (const struct hg_session *it = b->sessions; it; it = it->next, separator = ",") {
-        put(&w, separator);
-        put_session(&w, it);
-    }
-    put(&w, "],\"scenes\":[");
-    separator = "";
-    for (const struct hg_shared_scene *it = b->scenes; it; it = it->next, separator = ",") {
-        put(&w, separator);
-        put_scene(&w, it);
-    }
-    put(&w, "],");
-    put_worker(&w, b);
-    put_number(&w, ",\"connections\":", b->conn_count);
-    put_number(&w, ",\"upload_store_bytes\":", hg_upload_store_bytes(b->store));
-    put_number(&w, ",\"uptime_s\":", (b->loop.now_ns - b->started_ns) / 1000000000u);
-    put(&w, b->draining ? ",\"draining\":true}" : ",\"draining\":false}");
     struct hg_error err = {0};
+    put_all(&w, asker->table);
     if (w.failed) {
         hg_error_set(&err, HG_E_NOMEM, "sessions_query", NULL, "no memory for the answer");
         hg_conn_fail(asker->conn, request, &err);

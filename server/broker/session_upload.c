@@ -1,11 +1,10 @@
-// session_upload.c - contents that come in pieces.
-#include <string.h>
+#include "server/broker/session_upload.h"
 
-#include "server/broker/broker.h"
+#include <string.h>
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
-    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++)
         if (s->uploads[i] && memcmp(hg_upload_hash(s->uploads[i]), hash, 32) == 0)
             return &s->uploads[i];
     return NULL;
@@ -13,7 +12,7 @@ static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32]
 
 static struct hg_upload **free_slot(struct hg_session *s)
 {
-    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++)
+    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++)
         if (!s->uploads[i])
             return &s->uploads[i];
     return NULL;
@@ -22,7 +21,7 @@ static struct hg_upload **free_slot(struct hg_session *s)
 // What a session may still send. A file that is verified counts as long as the worker has it.
 static uint64_t left_bytes(const struct hg_session *s)
 {
-    const uint64_t limit = s->broker->options.max_upload_bytes;
+    const uint64_t limit = s->table->options->max_upload_bytes;
     const uint64_t used = s->uploaded_bytes + s->verified_bytes;
     return limit > used ? limit - used : 0;
 }
@@ -30,7 +29,7 @@ static uint64_t left_bytes(const struct hg_session *s)
 static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     struct hg_upload ***slot, struct hg_error *err)
 {
-    const struct hg_options *o = &s->broker->options;
+    const struct hg_options *o = s->table->options;
     if (m->offset)
         return hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
@@ -42,8 +41,8 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     *slot = free_slot(s);
     if (!*slot)
         return hg_error_set(err, HG_E_LIMIT, "upload", NULL,
-            "%d contents of this session are under way already", HG_UPLOADS_AT_ONCE);
-    enum hg_status status = hg_upload_begin(s->broker->store, m->hash, m->total, *slot, err);
+            "%d contents of this session are under way already", HG_SESSION_UPLOADS);
+    enum hg_status status = hg_upload_begin(s->table->store, m->hash, m->total, *slot, err);
     if (!status)
         s->uploaded_bytes += m->total;
     return status;
@@ -100,7 +99,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         return;
     }
     // Somebody sent it meanwhile: nothing is stored twice.
-    if (!running && hg_upload_store_has(s->broker->store, m->hash))
+    if (!running && hg_upload_store_has(s->table->store, m->hash))
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
@@ -116,15 +115,15 @@ void hg_session_upload_query(
     struct hgp_flag flags[1024];
     for (uint32_t i = 0; i < m->contents.count; i++)
         flags[i] = (struct hgp_flag){
-            .value = hg_upload_store_has(s->broker->store, m->contents.items[i].hash)};
+            .value = hg_upload_store_has(s->table->store, m->contents.items[i].hash)};
     if (request)
         hg_conn_send(s->conn, request, HGP_T_upload_have,
             &(struct hgp_upload_have){.have = {flags, m->contents.count}});
 }
 
-void hg_session_abort_uploads(struct hg_session *s)
+void hg_session_upload_abort_all(struct hg_session *s)
 {
-    for (size_t i = 0; i < HG_UPLOADS_AT_ONCE; i++) {
+    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
         hg_upload_abort(s->uploads[i]);
         s->uploads[i] = NULL;
     }
@@ -132,10 +131,10 @@ void hg_session_abort_uploads(struct hg_session *s)
 
 // ---- files that are verified --------------------------------------------------------------------
 
-static uint64_t all_verified_bytes(const struct hg_broker *b)
+static uint64_t all_verified_bytes(const struct hg_session_table *table)
 {
     uint64_t sum = 0;
-    for (const struct hg_session *it = b->sessions; it; it = it->next)
+    for (const struct hg_session *it = table->first; it; it = it->next)
         sum += it->verified_bytes;
     return sum;
 }
@@ -143,10 +142,10 @@ static uint64_t all_verified_bytes(const struct hg_broker *b)
 // A session has one at a time: the next one begins where the worker is done with it.
 static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct hg_error *err)
 {
-    const struct hg_options *o = &s->broker->options;
+    const struct hg_options *o = s->table->options;
     const uint64_t before = s->verified_bytes;
     s->verified_bytes = 0;
-    const uint64_t left = left_bytes(s), others = all_verified_bytes(s->broker);
+    const uint64_t left = left_bytes(s), others = all_verified_bytes(s->table);
     if (size <= left && others <= o->upload_store_bytes && size <= o->upload_store_bytes - others) {
         s->verified_bytes = size;
         return HG_OK;
@@ -158,7 +157,7 @@ static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct h
 }
 
 // What was counted when the file began is what may come of it.
-enum hg_status hg_session_verify(
+enum hg_status hg_session_upload_verify(
     struct hg_session *s, const struct hgp_image_query *m, struct hg_error *err)
 {
     const uint64_t size = m->has_size ? m->size : 0;
@@ -175,7 +174,7 @@ enum hg_status hg_session_verify(
     return m->offset ? HG_OK : begin_verify(s, size, err);
 }
 
-void hg_session_verified(struct hg_session *s, const struct hg_request *request)
+void hg_session_upload_verified(struct hg_session *s, const struct hg_request *request)
 {
     for (const struct hg_request *it = s->first; it; it = it->next)
         if (it != request && it->packet->header.type == HGP_T_image_query)

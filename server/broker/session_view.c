@@ -1,7 +1,6 @@
-// session_view.c - what the broker keeps of a session's views: quotas, state for a new worker,
-// credit.
+#include "server/broker/session_view.h"
+
 #include "base/alloc.h"
-#include "server/broker/broker.h"
 
 enum { DEFAULT_WIDTH = 1280, DEFAULT_HEIGHT = 720 };
 
@@ -13,7 +12,7 @@ struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t numb
     return NULL;
 }
 
-uint64_t hg_session_pixels(const struct hg_session *s)
+uint64_t hg_session_view_pixels(const struct hg_session *s)
 {
     uint64_t pixels = 0;
     for (const struct hg_session_view *it = s->views; it; it = it->next)
@@ -44,12 +43,12 @@ static enum hg_status check_pixels(const struct hg_session *s, const struct hg_s
     uint32_t width, uint32_t height, struct hg_error *err)
 {
     uint64_t old = view ? (uint64_t)view->width * view->height : 0;
-    uint64_t total = hg_session_pixels(s) - old + (uint64_t)width * height;
-    if (total <= s->broker->options.max_pixels)
+    uint64_t total = hg_session_view_pixels(s) - old + (uint64_t)width * height;
+    if (total <= s->table->options->max_pixels)
         return HG_OK;
     return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
         "%llu pixels in all views of this session are more than its quota of %u (max-pixels)",
-        (unsigned long long)total, s->broker->options.max_pixels);
+        (unsigned long long)total, s->table->options->max_pixels);
 }
 
 enum hg_status hg_session_view_ask(
@@ -58,9 +57,9 @@ enum hg_status hg_session_view_ask(
     struct hg_session_view *view = hg_session_view_find(s, m->view);
     uint32_t width = m->has_width ? m->width : view ? view->width : DEFAULT_WIDTH;
     uint32_t height = m->has_height ? m->height : view ? view->height : DEFAULT_HEIGHT;
-    if (!view && s->broker->draining)
+    if (!view && s->table->draining)
         return hg_error_set(err, HG_E_STATE, "view_set", NULL, "the daemon is shutting down");
-    if (!view && count_views(s) >= s->broker->options.max_views)
+    if (!view && count_views(s) >= s->table->options->max_views)
         return hg_error_set(err, HG_E_LIMIT, "view_set", "view",
             "this session has %u views, as many as its quota allows (max-views)", count_views(s));
     enum hg_status status = check_pixels(s, view, width, height, err);
@@ -123,35 +122,35 @@ void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
 
 uint32_t hg_session_view_take_window(const struct hg_session *s, struct hg_session_view *view)
 {
-    uint32_t window = s->broker->options.frame_window;
+    uint32_t window = s->table->options->frame_window;
     view->granted = view->credit < window ? view->credit : window;
     return view->granted;
 }
 
 static bool is_slow(const struct hg_session *s)
 {
-    return !s->conn || s->conn->out.bytes > s->broker->options.output_limit_bytes;
+    return !s->conn || hg_conn_is_slow(s->conn);
 }
 
 void hg_session_view_grant(struct hg_session *s, struct hg_session_view *view)
 {
-    uint32_t window = s->broker->options.frame_window;
+    uint32_t window = s->table->options->frame_window;
     uint32_t allowed = view->credit < window ? view->credit : window;
     if (!s->attached || !view->accepted || is_slow(s) || view->granted >= allowed)
         return;
     if (view->resubscribe) { // frames were dropped: the worker shows the present state again
         view->resubscribe = false;
-        hg_link_send(s->broker, s->number, 0, HGP_T_subscribe,
+        hg_link_send(s->scene->link, s->number, 0, HGP_T_subscribe,
             &(struct hgp_subscribe){
                 .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
         return;
     }
-    hg_link_send(s->broker, s->number, 0, HGP_T_credit,
+    hg_link_send(s->scene->link, s->number, 0, HGP_T_credit,
         &(struct hgp_credit){.view = view->number, .frames = allowed - view->granted});
     view->granted = allowed;
 }
 
-void hg_session_grant(struct hg_session *s)
+void hg_session_view_grant_all(struct hg_session *s)
 {
     for (struct hg_session_view *it = s->views; it; it = it->next)
         hg_session_view_grant(s, it);

@@ -1,17 +1,18 @@
-// worker_link.c - the worker process and the socketpair to it: start, watch, talk, replace.
+#include "server/broker/worker_link.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <spawn.h>
+#include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "base/alloc.h"
-#include "base/clock.h"
-#include "server/broker/broker.h"
+#include "base/log.h"
 
 enum {
     WORKER_FD = 3,
@@ -22,6 +23,25 @@ enum {
 static const uint64_t longest_restart_ns = 10000000000u;
 
 extern char **environ;
+
+bool hg_link_find_program(const struct hg_options *options, char *path, size_t size)
+{
+    const char *given = options->worker ? options->worker : getenv("HELIO_WORKER");
+    if (given && *given) {
+        snprintf(path, size, "%s", given);
+    } else {
+        ssize_t n = readlink("/proc/self/exe", path, size - 1);
+        path[n > 0 ? n : 0] = 0;
+        for (int up = 0; up < 2; up++) { // program, folder
+            char *slash = strrchr(path, '/');
+            if (slash)
+                *slash = 0;
+        }
+        size_t length = strlen(path);
+        snprintf(path + length, size - length, "/libexec/helio-worker");
+    }
+    return access(path, X_OK) == 0;
+}
 
 // ---- starting -----------------------------------------------------------------------------------
 
@@ -55,9 +75,9 @@ static void add_text(struct arguments *a, const char *flag, const char *text)
     add(a, text);
 }
 
-static void make_arguments(struct arguments *a, const struct hg_broker *b, const char *path)
+static void make_arguments(struct arguments *a, const struct hg_link *link, const char *path)
 {
-    const struct hg_options *o = &b->options;
+    const struct hg_options *o = link->options;
     *a = (struct arguments){0};
     add(a, path);
     add_text(a, "--fd", "3");
@@ -74,22 +94,22 @@ static void make_arguments(struct arguments *a, const struct hg_broker *b, const
     add_text(a, "--shader-dir", o->shader_dir);
     if (o->validation)
         add(a, "--validation");
-    if (o->warm_up && !b->link.deaths)
+    if (o->warm_up && !link->deaths)
         add(a, "--warm-up");
     if (!o->sandbox)
         add(a, "--no-sandbox");
-    if (b->link.no_spill)
+    if (link->no_spill)
         add(a, "--no-spill");
 }
 
 // The child gets the socket as 3, nothing to read, our stderr, and no blocked signals.
-static int spawn_worker(struct hg_broker *b, const char *path, int fd)
+static int spawn_worker(struct hg_link *link, const char *path, int fd)
 {
     struct arguments arguments;
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, standard;
-    make_arguments(&arguments, b, path);
+    make_arguments(&arguments, link, path);
     sigemptyset(&none);
     sigfillset(&standard);
     posix_spawn_file_actions_init(&actions);
@@ -101,55 +121,59 @@ static int spawn_worker(struct hg_broker *b, const char *path, int fd)
     posix_spawnattr_setpgroup(&attributes, 0); // a ^C is for the broker, which drains
     posix_spawnattr_setflags(
         &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    int rc = posix_spawn(&b->link.pid, path, &actions, &attributes, arguments.items, environ);
+    int rc = posix_spawn(&link->pid, path, &actions, &attributes, arguments.items, environ);
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
     if (rc)
-        b->link.pid = 0;
+        link->pid = 0;
     return rc;
 }
 
 static void ready(struct hg_source *source, uint32_t events);
 
-static uint64_t restart_delay_ns(const struct hg_broker *b);
+static uint64_t restart_delay_ns(const struct hg_link *link);
 
-static void postpone(struct hg_broker *b, const char *action, int error_number)
+static void count_death(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    link->death_ns[link->deaths++ % HG_DEATHS_KEPT] = b->loop.now_ns;
-    link->restart_ns = b->loop.now_ns + restart_delay_ns(b);
+    link->death_ns[link->deaths++ % HG_LINK_DEATHS_KEPT] = link->loop->now_ns;
+    link->restart_ns = link->loop->now_ns + restart_delay_ns(link);
+}
+
+static void postpone(struct hg_link *link, const char *action, int error_number)
+{
+    count_death(link);
     hg_fault(WORKER, HG_E_WORKER, "cannot %s: %s", action, strerror(error_number));
 }
 
-void hg_link_start(struct hg_broker *b)
+void hg_link_start(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
     char path[4096];
     int pair[2];
-    if (!hg_broker_worker_path(&b->options, path, sizeof path)) {
-        postpone(b, "find the worker's program", ENOENT);
+    if (!hg_link_find_program(link->options, path, sizeof path)) {
+        postpone(link, "find the worker's program", ENOENT);
         return;
     }
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) {
-        postpone(b, "make a socketpair", errno);
+        postpone(link, "make a socketpair", errno);
         return;
     }
-    int rc = spawn_worker(b, path, pair[1]);
+    int rc = spawn_worker(link, path, pair[1]);
     close(pair[1]);
     if (rc) {
         close(pair[0]);
-        postpone(b, "start the worker", rc);
+        postpone(link, "start the worker", rc);
         return;
     }
     hg_transport_open(&link->transport, &hg_transport_unix, pair[0]);
     link->in.frames = &hg_packet_frames;
-    link->source = (struct hg_source){.fd = pair[0], .events = EPOLLIN, .ready = ready, .owner = b};
-    if (hg_loop_add(&b->loop, &link->source)) {
-        hg_link_fail(b, "cannot watch the link");
+    link->source =
+        (struct hg_source){.fd = pair[0], .events = EPOLLIN, .ready = ready, .owner = link};
+    if (hg_loop_add(link->loop, &link->source)) {
+        hg_link_fail(link, "cannot watch the link");
         return;
     }
     link->state = HG_LINK_STARTING;
-    link->started_ns = link->pulse_ns = b->loop.now_ns;
+    link->started_ns = link->pulse_ns = link->loop->now_ns;
     link->busy_ns = 0;
     link->last_words[0] = 0;
     hg_info(WORKER, "worker %d started", (int)link->pid);
@@ -157,80 +181,56 @@ void hg_link_start(struct hg_broker *b)
 
 // ---- dying --------------------------------------------------------------------------------------
 
-static uint32_t deaths_in_window(const struct hg_broker *b)
+uint32_t hg_link_recent_deaths(const struct hg_link *link)
 {
-    const struct hg_link *link = &b->link;
-    uint32_t kept = link->deaths < HG_DEATHS_KEPT ? link->deaths : HG_DEATHS_KEPT, count = 0;
+    uint32_t kept = link->deaths, count = 0;
+    if (kept > HG_LINK_DEATHS_KEPT)
+        kept = HG_LINK_DEATHS_KEPT;
     for (uint32_t i = 0; i < kept; i++)
-        count += b->loop.now_ns - link->death_ns[i] < CRASH_WINDOW_S * 1000000000ull;
+        count += link->loop->now_ns - link->death_ns[i] < CRASH_WINDOW_S * 1000000000ull;
     return count;
 }
 
-static uint64_t restart_delay_ns(const struct hg_broker *b)
+static uint64_t restart_delay_ns(const struct hg_link *link)
 {
-    uint32_t deaths = deaths_in_window(b);
-    uint64_t delay_ns = b->options.restart_delay_ns;
+    uint32_t deaths = hg_link_recent_deaths(link);
+    uint64_t delay_ns = link->options->restart_delay_ns;
     for (uint32_t i = 1; i < deaths && delay_ns < longest_restart_ns; i++)
         delay_ns *= 2;
     return delay_ns < longest_restart_ns ? delay_ns : longest_restart_ns;
 }
 
-static void end_all_sessions(struct hg_broker *b)
+void hg_link_fail(struct hg_link *link, const char *reason)
 {
-    struct hg_error err = {0};
-    hg_error_set(&err, HG_E_WORKER, "worker", NULL,
-        "the worker died %u times within a minute (crash-limit); all scenes were given up",
-        deaths_in_window(b));
-    hg_fault(WORKER, HG_E_WORKER, "%s", err.reason);
-    for (struct hg_session *it = b->sessions; it; it = it->next) {
-        if (!it->scene)
-            continue;
-        hg_session_fail_all(it, &err);
-        if (it->conn)
-            hg_conn_close(it->conn, &err, "the worker keeps dying");
-    }
-}
-
-void hg_link_fail(struct hg_broker *b, const char *reason)
-{
-    struct hg_link *link = &b->link;
     if (link->state == HG_LINK_DOWN)
         return;
     hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
     if (link->pid)
         kill(link->pid, SIGKILL); // reaped on SIGCHLD
     link->pid = 0;
-    hg_loop_remove(&b->loop, &link->source);
+    hg_loop_remove(link->loop, &link->source);
     hg_transport_close(&link->transport);
     hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
     link->state = HG_LINK_DOWN;
-    link->death_ns[link->deaths++ % HG_DEATHS_KEPT] = b->loop.now_ns;
-    link->restart_ns = b->loop.now_ns + restart_delay_ns(b);
-    hg_recovery_worker_died(b);
-    if (deaths_in_window(b) > b->options.crash_limit)
-        end_all_sessions(b);
+    count_death(link);
+    link->events->died(link);
 }
 
-void hg_link_reap(struct hg_broker *b)
+void hg_link_exited(struct hg_link *link, int status)
 {
-    int status;
-    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
-        if (pid != b->link.pid)
-            continue;
-        b->link.pid = 0; // the end of the stream follows and does the rest
-        if (WIFSIGNALED(status))
-            hg_warn(WORKER, "worker %d was killed by signal %d (%s)", (int)pid, WTERMSIG(status),
-                strsignal(WTERMSIG(status)));
-        else
-            hg_warn(WORKER, "worker %d exited with %d", (int)pid, WEXITSTATUS(status));
-    }
+    int pid = (int)link->pid;
+    link->pid = 0; // the end of the stream follows and does the rest
+    if (WIFSIGNALED(status))
+        hg_warn(WORKER, "worker %d was killed by signal %d (%s)", pid, WTERMSIG(status),
+            strsignal(WTERMSIG(status)));
+    else
+        hg_warn(WORKER, "worker %d exited with %d", pid, WEXITSTATUS(status));
 }
 
-void hg_link_stop(struct hg_broker *b)
+void hg_link_stop(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    hg_loop_remove(&b->loop, &link->source);
+    hg_loop_remove(link->loop, &link->source);
     hg_transport_close(&link->transport); // the worker ends when its link closes
     hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
@@ -240,81 +240,75 @@ void hg_link_stop(struct hg_broker *b)
     }
     link->pid = 0;
     link->state = HG_LINK_DOWN;
-    hg_free(link->device);
-    link->device = NULL;
 }
 
 // ---- time ---------------------------------------------------------------------------------------
 
-void hg_link_check_time(struct hg_broker *b, uint64_t now_ns)
+void hg_link_check_time(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
-    const struct hg_options *o = &b->options;
+    const struct hg_options *o = link->options;
+    uint64_t now_ns = link->loop->now_ns;
     if (link->state == HG_LINK_DOWN) {
-        if (now_ns >= link->restart_ns && !b->loop.stop)
-            hg_link_start(b);
+        if (now_ns >= link->restart_ns && !link->loop->stop)
+            hg_link_start(link);
     } else if (link->state == HG_LINK_STARTING) {
         if (now_ns - link->started_ns > o->start_timeout_ns)
-            hg_link_fail(b, "was not ready in time (start-timeout)");
+            hg_link_fail(link, "was not ready in time (start-timeout)");
     } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
-        hg_link_fail(b, "gives no sign of life (worker-timeout)");
+        hg_link_fail(link, "gives no sign of life (worker-timeout)");
     } else if (link->busy_ns > o->hang_timeout_ns) {
-        hg_link_fail(b, "hangs in one step of rendering (hang-timeout)");
+        hg_link_fail(link, "hangs in one step of rendering (hang-timeout)");
     }
 }
 
 // ---- talking ------------------------------------------------------------------------------------
 
-uint32_t hg_link_next_id(struct hg_broker *b)
+uint32_t hg_link_next_id(struct hg_link *link)
 {
-    b->link.last_id += b->link.last_id == UINT32_MAX ? 2 : 1; // never 0
-    return b->link.last_id;
+    link->last_id += link->last_id == UINT32_MAX ? 2 : 1; // never 0
+    return link->last_id;
+}
+
+static void update(struct hg_link *link)
+{
+    const struct hg_transport *t = &link->transport;
+    hg_loop_set_events(link->loop, &link->source, t->class->wants(t, true, link->out.head));
 }
 
 void hg_link_send_packet(
-    struct hg_broker *b, uint32_t channel, uint32_t id, struct hg_packet *packet)
+    struct hg_link *link, uint32_t channel, uint32_t id, struct hg_packet *packet)
 {
-    if (b->link.state != HG_LINK_UP) {
+    if (link->state != HG_LINK_UP) {
         hg_packet_unref(packet);
         return;
     }
-    if (hg_outq_push(&b->link.out, packet, id, channel))
-        b->link.broken = true; // noticed at the end of the round, not in the middle of a walk
-    hg_link_update(b);
+    if (hg_outq_push(&link->out, packet, id, channel))
+        link->broken = true; // noticed at the end of the round, not in the middle of a walk
+    update(link);
 }
 
 void hg_link_send(
-    struct hg_broker *b, uint32_t channel, uint32_t id, enum hgp_type type, const void *message)
+    struct hg_link *link, uint32_t channel, uint32_t id, enum hgp_type type, const void *message)
 {
-    hg_link_send_packet(b, channel, id, hg_packet_encode(type, message));
-}
-
-void hg_link_update(struct hg_broker *b)
-{
-    const struct hg_transport *t = &b->link.transport;
-    hg_loop_set_events(&b->loop, &b->link.source, t->class->wants(t, true, b->link.out.head));
+    hg_link_send_packet(link, channel, id, hg_packet_encode(type, message));
 }
 
 // ---- listening ----------------------------------------------------------------------------------
 
-static void take_ready(struct hg_broker *b, const struct hgp_worker_ready *m)
+static void take_ready(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
     if (link->state != HG_LINK_STARTING)
         return;
-    hg_free(link->device);
-    link->device = hg_strndup(m->device.data ? m->device.data : "", m->device.size);
     link->state = HG_LINK_UP;
-    link->pulse_ns = b->loop.now_ns;
+    link->pulse_ns = link->loop->now_ns;
     hg_info(WORKER, "worker %d ready after %.0f ms", (int)link->pid,
-        (double)(b->loop.now_ns - link->started_ns) * 1e-6);
-    hg_recovery_continue(b);
+        (double)(link->loop->now_ns - link->started_ns) * 1e-6);
+    link->events->ready(link);
 }
 
 // It ends by itself, after this.
-static void take_last_words(struct hg_broker *b, const struct hgp_error *m)
+static void take_last_words(struct hg_link *link, const struct hgp_error *m)
 {
-    struct hg_link *link = &b->link;
     snprintf(link->last_words, sizeof link->last_words, "%.*s: %.*s", (int)m->where.size,
         m->where.size ? m->where.data : "", (int)m->reason.size,
         m->reason.size ? m->reason.data : "");
@@ -323,41 +317,27 @@ static void take_last_words(struct hg_broker *b, const struct hgp_error *m)
         link->no_spill ? "; large arrays stay in memory from now on" : "");
 }
 
-static void take_own(struct hg_broker *b, uint16_t type, const union hgp_any *m)
+static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m)
 {
     switch (type) {
     case HGP_T_worker_ready:
-        take_ready(b, &m->worker_ready);
+        take_ready(link);
         return;
     case HGP_T_pulse:
-        b->link.pulse_ns = b->loop.now_ns;
-        b->link.busy_ns = m->pulse.busy_ns;
-        b->link.rss_bytes = m->pulse.rss_bytes;
+        link->pulse_ns = link->loop->now_ns;
+        link->busy_ns = m->pulse.busy_ns;
+        link->rss_bytes = m->pulse.rss_bytes;
         return;
     case HGP_T_error:
-        take_last_words(b, &m->error);
+        take_last_words(link, &m->error);
         return;
     default:
         return;
     }
 }
 
-static void dispatch(struct hg_broker *b, struct hg_packet *packet, union hgp_any *m)
-{
-    uint32_t channel = packet->header.channel;
-    if (channel == 0) {
-        take_own(b, packet->header.type, m);
-    } else if (channel & HG_REPLAY_CHANNEL) {
-        hg_recovery_answer(b, packet, m);
-    } else {
-        struct hg_session *session = hg_session_find(b, channel);
-        if (session && session->attached)
-            hg_session_answer(session, packet, m);
-    }
-}
-
 // The worker handles untrusted files: what it says is checked like a client's words.
-static bool handle(struct hg_broker *b, struct hg_packet *packet)
+static bool handle(struct hg_link *link, struct hg_packet *packet)
 {
     const struct hgp_message_info *info = hgp_find(packet->header.type);
     struct hg_arena arena = {0};
@@ -369,40 +349,42 @@ static bool handle(struct hg_broker *b, struct hg_packet *packet)
         hg_arena_finish(&arena);
         return false;
     }
-    dispatch(b, packet, &any);
+    if (packet->header.channel == 0)
+        take_own(link, packet->header.type, &any);
+    else
+        link->events->message(link, packet, &any);
     hg_arena_finish(&arena);
     return true;
 }
 
-static void receive(struct hg_broker *b)
+static void receive(struct hg_link *link)
 {
-    struct hg_link *link = &b->link;
     enum hg_status status = hg_packet_receive(&link->in, &link->transport);
     struct hg_packet *packet = NULL;
     enum hg_status framing = HG_OK;
     while (link->state != HG_LINK_DOWN &&
            (framing = hg_packet_next(&link->in, PAYLOAD_LIMIT, &packet)) == HG_OK && packet) {
-        bool good = handle(b, packet);
+        bool good = handle(link, packet);
         hg_packet_unref(packet);
         if (!good)
-            hg_link_fail(b, "sent a message that makes no sense");
+            hg_link_fail(link, "sent a message that makes no sense");
     }
     if (framing)
-        hg_link_fail(b, "sent bytes that make no sense");
+        hg_link_fail(link, "sent bytes that make no sense");
     else if (status == HG_E_CLOSED || status == HG_E_IO)
-        hg_link_fail(b, "closed its link");
+        hg_link_fail(link, "closed its link");
     else if (status == HG_E_NOMEM)
-        hg_link_fail(b, "no memory to read from it");
+        hg_link_fail(link, "no memory to read from it");
 }
 
 static void ready(struct hg_source *source, uint32_t events)
 {
-    struct hg_broker *b = source->owner;
+    struct hg_link *link = source->owner;
     if (events & EPOLLOUT) {
-        if (hg_outq_flush(&b->link.out, &b->link.transport) == HG_OK)
-            hg_link_update(b);
+        if (hg_outq_flush(&link->out, &link->transport) == HG_OK)
+            update(link);
         // A broken stream shows in reading, after the last answers.
     }
     if (events & (EPOLLIN | EPOLLHUP | EPOLLERR))
-        receive(b);
+        receive(link);
 }

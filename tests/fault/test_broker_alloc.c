@@ -12,36 +12,10 @@
 
 #include <cmocka.h>
 
-#include "base/alloc.h"
 #include "base/clock.h"
-#include "server/broker/broker.h"
-#include "tests/system/daemon.h"
+#include "tests/system/forked_daemon.h"
 
 enum { PATIENCE_MS = 30000 }; // of what is no fault, on a machine that is busy
-
-// The daemon in a child of our own, so that its n-th allocation can be made to fail.
-static pid_t start(struct daemon *d, uint64_t n, int count_pipe)
-{
-    pid_t pid = fork();
-    assert_true(pid >= 0);
-    if (pid)
-        return pid;
-    char log[128];
-    snprintf(log, sizeof log, "%s/log", d->folder);
-    if (!freopen(log, "a", stderr) || !freopen("/dev/null", "w", stdout))
-        _exit(99);
-    struct hg_options options;
-    struct hg_error err;
-    hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
-    hg_alloc_fail_at(n);
-    int code = 98;
-    if (hg_options_parse(d->arg_count, d->args, &options, &err) == HG_OK)
-        code = hg_broker_run(&options, d->arg_count, d->args);
-    uint64_t count = hg_alloc_count();
-    if (write(count_pipe, &count, sizeof count) != (ssize_t)sizeof count)
-        _exit(97);
-    _exit(code);
-}
 
 static bool call(struct peer *p, enum hgp_type type, const void *message)
 {
@@ -81,22 +55,6 @@ static bool use(struct peer *p)
            call(p, HGP_T_sessions_query, &(struct hgp_sessions_query){0});
 }
 
-static bool try_connect(struct daemon *d, struct peer *p, pid_t pid)
-{
-    for (int tries = 0; tries < PATIENCE_MS; tries++) {
-        siginfo_t info = {0};
-        if (waitid(P_PID, (id_t)pid, &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid)
-            return false; // refused to start
-        if (daemon_has_file(d, "port")) {
-            peer_connect(p, d, false);
-            return true;
-        }
-        hg_clock_sleep_ns(1000000);
-    }
-    fail_msg("neither listening nor ended");
-    return false;
-}
-
 static int wait_for(pid_t pid)
 {
     int status;
@@ -114,19 +72,17 @@ static uint64_t run(uint64_t n)
     struct daemon d;
     struct peer p;
     int pipe_fds[2];
-    char port[128];
     uint64_t count = 0;
     assert_int_equal(pipe(pipe_fds), 0);
     daemon_init(&d);
     daemon_option(&d, "restart-delay", "0.01");
     daemon_option(&d, "drain-timeout", "2");
-    snprintf(port, sizeof port, "%s/port", d.folder);
-    daemon_option(&d, "port-file", port);
-    setenv("HELIO_FAKE_DIR", d.folder, 1);
-    pid_t pid = d.pid = start(&d, n, pipe_fds[1]);
-    daemon_watch(&d);
+    forked_daemon_begin(
+        &d, &(struct forked_daemon_options){.workers = 1, .fail_at = n, .count_fd = pipe_fds[1]});
+    pid_t pid = d.pid;
     close(pipe_fds[1]);
-    if (try_connect(&d, &p, pid)) {
+    if (forked_daemon_listens(&d)) {
+        peer_connect(&p, &d, false);
         // One allocation fails once: at most one client notices.
         int failed = !use(&p);
         for (int i = 0; i < 2; i++) {

@@ -19,6 +19,7 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/upload_store.h"
+#include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
 
 static char folder[TEST_FOLDER_MAX];
@@ -334,6 +335,36 @@ static void streams_are_cut_into_messages(void **state)
     hg_outq_finish(&out);
 }
 
+// ---- workers ------------------------------------------------------------------------------------
+
+static void scenes_are_spread_over_workers(void **state)
+{
+    (void)state;
+    struct hg_worker_pool pool;
+    assert_int_equal(hg_worker_pool_init(&pool, 3, &(struct hg_link){0}), HG_OK);
+    struct hg_link *links = pool.links;
+    assert_false(hg_worker_pool_is_up(&pool));
+    for (int i = 0; i < 7; i++) { // none runs yet
+        struct hg_link *link = hg_worker_pool_route(&pool);
+        assert_ptr_equal(link, &links[i % 3]);
+        link->scene_count++;
+    }
+    links[0].state = links[2].state = HG_LINK_UP;
+    assert_ptr_equal(hg_worker_pool_route(&pool), &links[2]); // 3, 2 (down), 2
+    links[2].scene_count = 4;
+    assert_ptr_equal(hg_worker_pool_route(&pool), &links[0]);
+    links[2].state = HG_LINK_STARTING;
+    links[0].state = HG_LINK_DOWN;
+    links[0].restart_ns = 7;
+    links[1].restart_ns = 5;
+    assert_ptr_equal(hg_worker_pool_route(&pool), &links[1]);
+    assert_true(hg_worker_pool_deadline_ns(&pool) == 5);
+    links[0].state = links[1].state = links[2].state = HG_LINK_UP;
+    assert_true(hg_worker_pool_is_up(&pool));
+    assert_true(hg_worker_pool_deadline_ns(&pool) == UINT64_MAX);
+    hg_free(pool.links);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -346,6 +377,7 @@ int main(void)
         cmocka_unit_test(addresses_are_checked),
         cmocka_unit_test(store_evicts_what_nobody_uses),
         cmocka_unit_test(streams_are_cut_into_messages),
+        cmocka_unit_test(scenes_are_spread_over_workers),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -1,0 +1,255 @@
+#include "server/broker/client_dispatch.h"
+
+#include <stdio.h>
+
+#include "server/broker/session.h"
+#include "server/broker/session_request.h"
+#include "server/broker/session_view.h"
+
+// ---- handshake ----------------------------------------------------------------------------------
+
+static void refuse(
+    struct hg_conn *conn, enum hg_status status, const char *what, const char *reason)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, status, what, NULL, "%s", reason);
+    hg_conn_close(conn, &err, what);
+}
+
+static bool open_session(struct hg_conn *conn, enum hgp_role role, const char *name)
+{
+    const struct hg_admission *a = conn->table->owner;
+    if (a->sessions->draining) {
+        refuse(conn, HG_E_STATE, "session", "the daemon is shutting down");
+        return false;
+    }
+    if (a->sessions->count >= a->options->max_sessions) {
+        refuse(conn, HG_E_LIMIT, "session",
+            "the daemon has as many sessions as it takes (max-sessions); try again later");
+        return false;
+    }
+    conn->session = hg_session_create(a->sessions, conn, role, name);
+    if (!conn->session) {
+        refuse(conn, HG_E_NOMEM, "session", "no memory for a session");
+        return false;
+    }
+    conn->state = HG_CONN_OPEN;
+    conn->opened_ns = conn->table->loop->now_ns;
+    hg_info(SESSION, "session %llu open: %s, role %s, client %s, from %s",
+        (unsigned long long)conn->number, name, hgp_enum_name("role", role), conn->client,
+        conn->peer.name);
+    return true;
+}
+
+static bool is_blocked(const struct hg_conn *conn)
+{
+    const struct hg_admission *a = conn->table->owner;
+    return hg_guard_is_blocked(
+        a->guard, conn->peer.name, a->options->auth_failures, conn->table->loop->now_ns);
+}
+
+static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hgp_hello *m)
+{
+    const struct hg_admission *a = conn->table->owner;
+    snprintf(conn->client, sizeof conn->client, "%.*s", (int)m->client.size, m->client.data);
+    if (m->version_min > HGP_VERSION_MAX || m->version_max < HGP_VERSION_MIN ||
+        m->version_min > m->version_max) {
+        refuse(conn, HG_E_VERSION, "hello", "this daemon speaks version 1");
+        return;
+    }
+    conn->version = m->version_max < HGP_VERSION_MAX ? m->version_max : HGP_VERSION_MAX;
+    bool trusted = conn->peer.is_local && conn->peer.same_user && !a->options->require_token;
+    if (!trusted && !a->tokens->count) {
+        refuse(conn, HG_E_AUTH, "hello",
+            "only the daemon's own user may connect: it has no tokens for others");
+        return;
+    }
+    if (!trusted && is_blocked(conn)) {
+        refuse(conn, HG_E_AUTH, "hello", "too many wrong tokens from this address; wait a minute");
+        return;
+    }
+    conn->number = ++a->sessions->last_number;
+    if (trusted && !open_session(conn, HGP_role_ADMIN, "local"))
+        return;
+    if (!trusted)
+        conn->state = HG_CONN_AUTH;
+    hg_conn_send(conn, request, HGP_T_welcome,
+        &(struct hgp_welcome){.version = conn->version,
+            .server = hgp_str_make("heliod/" HELIO_VERSION),
+            .session = conn->number,
+            .auth_required = !trusted,
+            .role = trusted ? HGP_role_ADMIN : HGP_role_NONE,
+            .max_message_bytes = (uint32_t)a->options->max_message_bytes});
+}
+
+static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp_auth *m)
+{
+    const struct hg_admission *a = conn->table->owner;
+    uint64_t now_ns = conn->table->loop->now_ns;
+    bool blocked = is_blocked(conn);
+    const struct hg_token *token = hg_tokens_find(a->tokens, m->token);
+    if (!token || blocked) {
+        hg_guard_count_failure(a->guard, conn->peer.name, now_ns);
+        if (hg_peer_log_may(&conn->table->log, now_ns))
+            hg_warn(AUTH, "wrong token from %s (client %s)%s", conn->peer.name, conn->client,
+                blocked ? ", blocked" : "");
+        refuse(conn, HG_E_AUTH, "auth",
+            blocked ? "too many wrong tokens from this address; wait a minute"
+                    : "the token is not known");
+        return;
+    }
+    enum hgp_role role = token->role;
+    if (open_session(conn, role, token->name))
+        hg_conn_send(conn, request, HGP_T_auth_ok,
+            &(struct hgp_auth_ok){.role = role, .name = hgp_str_make(conn->session->name)});
+}
+
+// ---- the rules ----------------------------------------------------------------------------------
+
+static const enum hgp_state table_state[] = {
+    [HG_CONN_PREFACE] = HGP_HELLO,
+    [HG_CONN_HELLO] = HGP_HELLO,
+    [HG_CONN_AUTH] = HGP_AUTH,
+    [HG_CONN_OPEN] = HGP_OPEN,
+};
+
+// State and direction, which end the connection when broken.
+static bool obeys(const struct hg_conn *conn, const struct hgp_message_info *info)
+{
+    if (info->direction != HGP_C2S && info->direction != HGP_ANY)
+        return false;
+    if (info->type == HGP_T_hello)
+        return conn->state == HG_CONN_HELLO;
+    if (info->type == HGP_T_auth)
+        return conn->state == HG_CONN_AUTH;
+    return info->state <= table_state[conn->state];
+}
+
+static void refuse_payload(struct hg_conn *conn, const struct hgp_header *header,
+    enum hg_status status, const struct hgp_fault *fault)
+{
+    const struct hgp_message_info *info = hgp_find(header->type);
+    struct hg_error err = {0};
+    char place[128];
+    if (fault->field[0])
+        snprintf(place, sizeof place, "%s", fault->field);
+    else
+        snprintf(place, sizeof place, "byte %llu", (unsigned long long)fault->offset);
+    hg_error_set(&err, status, info ? info->name : "message", place, "%s (byte %llu)",
+        fault->reason ? fault->reason : hg_status_text(status), (unsigned long long)fault->offset);
+    if (conn->state == HG_CONN_OPEN)
+        hg_conn_fail(conn, header->request, &err);
+    else
+        hg_conn_close(conn, &err, "bad message");
+}
+
+static void refuse_unknown(struct hg_conn *conn, const struct hgp_header *header)
+{
+    if (header->flags & HGP_FLAG_OPTIONAL)
+        return;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_UNSUPPORTED, "message", NULL, "type 0x%04x is not known in version %u",
+        header->type, conn->version);
+    if (conn->state == HG_CONN_OPEN)
+        hg_conn_fail(conn, header->request, &err);
+    else
+        hg_conn_close(conn, &err, "unknown message");
+}
+
+static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union hgp_any *m)
+{
+    uint32_t request = packet->header.request;
+    switch (packet->header.type) {
+    case HGP_T_hello:
+        handle_hello(conn, request, &m->hello);
+        return;
+    case HGP_T_auth:
+        handle_auth(conn, request, &m->auth);
+        return;
+    case HGP_T_ping:
+        hg_conn_send(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        return;
+    case HGP_T_pong:
+        return;
+    case HGP_T_error:
+        hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "%s reports an error: %.*s",
+            conn->peer.name, (int)m->error.reason.size, m->error.reason.data);
+        return;
+    case HGP_T_bye:
+        conn->peer_ended = true;
+        hg_conn_close(conn, NULL, "goodbye");
+        return;
+    default:
+        hg_session_message(conn->session, packet, m);
+    }
+}
+
+static bool may_by_role(struct hg_conn *conn, const struct hgp_message_info *info, uint32_t request)
+{
+    if (!conn->session || info->role <= conn->session->role)
+        return true;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_PERM, info->name, NULL, "needs the role %s; this session has %s",
+        hgp_enum_name("role", info->role), hgp_enum_name("role", conn->session->role));
+    hg_conn_fail(conn, request, &err);
+    return false;
+}
+
+static void take_message(struct hg_conn *conn, struct hg_packet *packet)
+{
+    const struct hgp_message_info *info = hgp_find(packet->header.type);
+    if (!info || (conn->version && info->since > conn->version)) {
+        refuse_unknown(conn, &packet->header);
+        return;
+    }
+    if (!obeys(conn, info)) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_STATE, info->name, NULL, "is not for a client to send now");
+        hg_conn_close(conn, &err, "protocol error");
+        return;
+    }
+    if (!may_by_role(conn, info, packet->header.request))
+        return;
+    struct hg_arena arena = {0};
+    union hgp_any any;
+    struct hgp_fault fault = {0};
+    enum hg_status status = hgp_decode(conn->version ? conn->version : HGP_VERSION_MAX,
+        packet->header.type, packet->payload, packet->header.length, &arena, &any, &fault);
+    if (status)
+        refuse_payload(conn, &packet->header, status, &fault);
+    else
+        dispatch(conn, packet, &any);
+    hg_arena_finish(&arena);
+}
+
+// ---- the connection's events --------------------------------------------------------------------
+
+// Back-pressure of the session, and of the worker that its scene is in.
+static bool must_wait(const struct hg_conn *conn)
+{
+    const struct hg_session *s = conn->session;
+    const struct hg_link *link = s->scene ? s->scene->link : NULL;
+    return hg_session_request_is_full(s) ||
+           (link && link->out.bytes > conn->table->options->input_limit_bytes);
+}
+
+static void grant_frames(struct hg_conn *conn)
+{
+    if (conn->session)
+        hg_session_view_grant_all(conn->session);
+}
+
+static void end_session(struct hg_conn *conn)
+{
+    struct hg_session *session = conn->session;
+    conn->session = NULL;
+    if (session)
+        hg_session_end(session);
+}
+
+const struct hg_conn_events hg_client_dispatch_events = {
+    .message = take_message,
+    .must_wait = must_wait,
+    .drained = grant_frames,
+    .ended = end_session,
+};

@@ -1,0 +1,20 @@
+// client_dispatch.h - what a client may say, and when: hello, authentication, state, direction,
+// role. Floor 6 (broker). Thread: the loop. All else goes to the client's session.
+#ifndef HG_BROKER_CLIENT_DISPATCH_H
+#define HG_BROKER_CLIENT_DISPATCH_H
+
+#include "server/broker/auth.h"
+#include "server/broker/session_state.h"
+
+// Who is let in.
+struct hg_admission {
+    const struct hg_options *options;
+    const struct hg_tokens *tokens;
+    struct hg_guard *guard;
+    struct hg_session_table *sessions;
+};
+
+// For connections whose table's owner is a struct hg_admission.
+extern const struct hg_conn_events hg_client_dispatch_events;
+
+#endif

@@ -1,0 +1,88 @@
+// conn.h - a client's connection: bytes to packets, what waits to be sent, time limits, its end.
+// Floor 6 (broker). Thread: the loop. What packets mean is for the layer above (hg_conn_events).
+#ifndef HG_BROKER_CONN_H
+#define HG_BROKER_CONN_H
+
+#include "server/broker/listener.h"
+#include "server/broker/loop.h"
+#include "server/broker/options.h"
+#include "server/broker/packet.h"
+#include "server/broker/peer_log.h"
+
+struct hg_session;
+
+enum hg_conn_state {
+    HG_CONN_PREFACE, // waiting for the 8 bytes
+    HG_CONN_HELLO,
+    HG_CONN_AUTH,
+    HG_CONN_OPEN,
+    HG_CONN_CLOSING, // only what is queued is still sent
+    HG_CONN_DEAD,    // transport closed; freed at the end of the round
+};
+
+struct hg_conn {
+    struct hg_conn *prev, *next;
+    struct hg_conn_table *table;
+    struct hg_source source;
+    struct hg_transport transport;
+    struct hgp_framer in;
+    struct hg_outq out;
+    enum hg_conn_state state;
+    bool paused, peer_ended;
+    struct hg_peer peer;
+    char client[129]; // from hello
+    uint16_t version;
+    uint64_t number;                          // of the session
+    uint64_t deadline_ns;                     // handshake, or the end of CLOSING
+    uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
+    double allowance;                         // messages that may be taken now
+    uint64_t allowance_ns;
+    struct hg_session *session; // of the layer above
+};
+
+// What the layer above does.
+struct hg_conn_events {
+    // Does not take the packet.
+    void (*message)(struct hg_conn *conn, struct hg_packet *packet);
+    // Too much of what the client asked for is under way: it is not read.
+    bool (*must_wait)(const struct hg_conn *conn);
+    // The output has fallen below its limit again.
+    void (*drained)(struct hg_conn *conn);
+    // It is CLOSING or DEAD; at the end of the round in which that happened.
+    void (*ended)(struct hg_conn *conn);
+};
+
+// All connections. Zero-initialised but for the first four members.
+struct hg_conn_table {
+    struct hg_loop *loop;
+    const struct hg_options *options;
+    const struct hg_conn_events *events;
+    void *owner; // for `events`
+    struct hg_conn *first, *dead;
+    uint32_t count, paused_count;
+    uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
+    bool closing;             // one began to close: `ended` comes at the end of the round
+    struct hg_peer_log log;
+};
+
+// Takes in the clients that wait at a listener.
+void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
+// Takes over the reference.
+void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);
+// Answers `error`, or `notice` when no answer was wanted.
+void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error *err);
+// Error with request 0 (NULL: none), then bye, and the end once all is sent.
+void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason);
+void hg_conn_kill(struct hg_conn *conn, const char *reason); // at once
+void hg_conn_update(struct hg_conn *conn);                   // which events are wanted
+bool hg_conn_is_slow(const struct hg_conn *conn);            // its output is above the limit
+
+// Once in a while: handshakes, silent and stuck clients.
+void hg_conn_check_times(struct hg_conn_table *table);
+// Reads again from those against which nothing stands any more.
+void hg_conn_resume_paused(struct hg_conn_table *table);
+// At the end of a round: `ended` for those that close or closed; frees the dead.
+void hg_conn_bury(struct hg_conn_table *table);
+
+#endif

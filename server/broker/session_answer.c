@@ -1,0 +1,188 @@
+#include "server/broker/session_answer.h"
+
+#include "base/log.h"
+#include "server/broker/session.h"
+#include "server/broker/session_request.h"
+#include "server/broker/session_upload.h"
+#include "server/broker/session_view.h"
+
+// A view_set of the same number that is already on its way makes the view anew.
+static void close_view(
+    struct hg_session *s, struct hg_session_view *view, const struct hg_request *request)
+{
+    for (const struct hg_request *it = request->next; it; it = it->next) {
+        struct hgp_view_set m;
+        const struct hg_packet *packet = it->packet;
+        if (packet->header.type == HGP_T_view_set &&
+            hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length,
+                NULL, &m, NULL) == HG_OK &&
+            m.view == view->number) {
+            hg_session_view_reset(view);
+            return;
+        }
+    }
+    hg_session_view_remove(s, view);
+}
+
+// What an accepted request changes in the broker's picture of the session.
+static void note_accepted(struct hg_session *s, struct hg_request *request)
+{
+    struct hg_packet *packet = request->packet;
+    uint16_t type = packet->header.type;
+    union hgp_any any;
+    if (hg_journal_wants(type)) {
+        enum hg_status status = hg_journal_accept(s->scene->journal, packet);
+        if (status)
+            hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, s->number,
+                "an edit is not in the journal of scene '%s'", s->scene->key);
+    } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
+        s->batch_open = type == HGP_T_batch_begin;
+    } else if (type == HGP_T_view_set || type == HGP_T_view_close) {
+        if (hgp_decode(
+                HGP_VERSION_MAX, type, packet->payload, packet->header.length, NULL, &any, NULL))
+            return;
+        struct hg_session_view *view = hg_session_view_find(
+            s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
+        if (view && type == HGP_T_view_close)
+            close_view(s, view, request);
+        else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
+            view->accepted = true;
+    }
+}
+
+// A view that the worker never took does not count.
+static void note_refused(struct hg_session *s, struct hg_request *request)
+{
+    struct hgp_view_set m;
+    const struct hg_packet *packet = request->packet;
+    if (packet->header.type != HGP_T_view_set ||
+        hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length, NULL,
+            &m, NULL))
+        return;
+    struct hg_session_view *view = hg_session_view_find(s, m.view);
+    if (view && !view->accepted)
+        hg_session_view_remove(s, view);
+}
+
+// Contents that turn out to be damaged are dropped, so that the client sends them again.
+static void forget_uploads(struct hg_session *s, const struct hg_packet *packet)
+{
+    struct hg_arena arena = {0};
+    union hgp_any any;
+    uint16_t type = packet->header.type;
+    bool known = type == HGP_T_asset_load || type == HGP_T_environment_set;
+    if (known && hgp_decode(HGP_VERSION_MAX, type, packet->payload, packet->header.length, &arena,
+                     &any, NULL) == HG_OK) {
+        uint32_t count = type == HGP_T_asset_load ? any.asset_load.files.count : 0;
+        for (uint32_t i = 0; i < count; i++)
+            hg_upload_store_forget(s->table->store, any.asset_load.files.items[i].hash);
+        if (type == HGP_T_environment_set && any.environment_set.has_hash)
+            hg_upload_store_forget(s->table->store, any.environment_set.hash);
+    }
+    hg_arena_finish(&arena);
+}
+
+static void note_revision(struct hg_session *s, uint16_t type, const union hgp_any *m)
+{
+    uint64_t revision = type == HGP_T_ok             ? m->ok.revision
+                        : type == HGP_T_asset_loaded ? m->asset_loaded.revision
+                        : type == HGP_T_frame        ? m->frame.scene_revision
+                                                     : 0;
+    if (s->scene && revision > s->scene->revision)
+        s->scene->revision = revision;
+}
+
+// Numbers go on where the last worker stopped. Layout of frame: bitmap, view, number.
+static void renumber(struct hg_session_view *view, struct hg_packet *packet, struct hgp_frame *m)
+{
+    uint64_t number = m->number + view->number_base;
+    for (int i = 0; view->number_base && i < 8; i++)
+        packet->payload[8 + i] = (uint8_t)(number >> (8 * i));
+    if (number > view->last_number)
+        view->last_number = number;
+}
+
+static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uint32_t number)
+{
+    struct hg_session_view *view = hg_session_view_find(s, number);
+    if (!view || !s->conn)
+        return;
+    view->granted -= view->granted > 0;
+    if (!view->credit) {
+        view->resubscribe = view->subscribed; // shown again when there is credit
+        return;
+    }
+    view->credit--;
+    hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
+    hg_session_view_grant(s, view);
+}
+
+static void relay_answer(struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
+{
+    bool lossy = packet->header.type == HGP_T_progress;
+    if (s->conn && client_id && !(lossy && hg_conn_is_slow(s->conn)))
+        hg_conn_send_packet(s->conn, client_id, hg_packet_ref(packet));
+}
+
+// Failures of requests that wanted no answer, and warnings about the scene.
+static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
+{
+    if (!s->conn)
+        return;
+    if (packet->header.type == HGP_T_notice)
+        hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
+    else if (packet->header.type == HGP_T_error)
+        hg_conn_send(s->conn, 0, HGP_T_notice,
+            &(struct hgp_notice){.code = m->error.code,
+                .what = m->error.what,
+                .where = m->error.where,
+                .reason = m->error.reason});
+}
+
+static void finish_request(struct hg_session *s, struct hg_request *request,
+    struct hg_packet *packet, const union hgp_any *m)
+{
+    bool failed = packet->header.type == HGP_T_error;
+    if (request->packet->header.type == HGP_T_image_query && packet->header.type != HGP_T_ok)
+        hg_session_upload_verified(s, request);
+    if (failed && m->error.code == HG_E_HASH)
+        forget_uploads(s, request->packet);
+    if (failed)
+        note_refused(s, request);
+    else
+        note_accepted(s, request);
+    if (request->client_id)
+        relay_answer(s, packet, request->client_id);
+    else if (failed)
+        relay_unasked(s, packet, m);
+    hg_session_request_drop(s, request);
+}
+
+void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp_any *m)
+{
+    uint16_t type = packet->header.type;
+    struct hg_request *request = hg_session_request_find(s, packet->header.request);
+    note_revision(s, type, m);
+    if (type == HGP_T_frame) {
+        struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
+        if (view)
+            renumber(view, packet, &m->frame);
+    }
+    if (!request) {
+        if (type == HGP_T_frame && !packet->header.request)
+            relay_subscribed(s, packet, m->frame.view);
+        else if (!packet->header.request)
+            relay_unasked(s, packet, m);
+        return; // else an answer to what was played again, or given up
+    }
+    if (type == HGP_T_progress || type == HGP_T_notice || type == HGP_T_frame_part) {
+        relay_answer(s, packet, request->client_id);
+        return;
+    }
+    finish_request(s, request, packet, m);
+    hg_session_request_pump(s);
+    if (s->conn)
+        hg_conn_update(s->conn);
+    else
+        hg_session_end_if_idle(s);
+}

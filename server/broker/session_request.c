@@ -1,0 +1,222 @@
+#include "server/broker/session_request.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+#include "server/broker/session_view.h"
+
+static const uint64_t suspect_patience_ns = 3000000000u;
+
+static size_t packet_bytes(const struct hg_packet *packet)
+{
+    return HGP_HEADER_BYTES + packet->header.length;
+}
+
+static bool is_answered(const struct hg_request *request)
+{
+    return request->packet->header.type != HGP_T_view_camera;
+}
+
+static struct hg_request *add_request(
+    struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
+{
+    struct hg_request *request = hg_calloc(1, sizeof *request);
+    if (!request)
+        return NULL;
+    request->packet = hg_packet_ref(packet);
+    request->client_id = client_id;
+    request->prev = s->last;
+    *(s->last ? &s->last->next : &s->first) = request;
+    s->last = request;
+    s->request_count++;
+    s->frame_count += packet->header.type == HGP_T_frame_request;
+    s->request_bytes += packet_bytes(packet);
+    return request;
+}
+
+// The request that ran alone is done: others may have waited for it.
+static void end_suspicion(struct hg_session *s, const struct hg_request *request)
+{
+    struct hg_link *link = s->scene->link;
+    if (!link->suspect.session || link->suspect.id != request->link_id || !request->sent)
+        return;
+    link->suspect.session = NULL;
+    link->pump = true;
+}
+
+void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
+{
+    *(request->prev ? &request->prev->next : &s->first) = request->next;
+    *(request->next ? &request->next->prev : &s->last) = request->prev;
+    s->request_count--;
+    s->frame_count -= request->packet->header.type == HGP_T_frame_request;
+    s->request_bytes -= packet_bytes(request->packet);
+    end_suspicion(s, request);
+    hg_packet_unref(request->packet);
+    hg_free(request);
+}
+
+void hg_session_request_fail_all(struct hg_session *s, const struct hg_error *err)
+{
+    while (s->first) {
+        if (s->conn && is_answered(s->first))
+            hg_conn_fail(s->conn, s->first->client_id, err);
+        hg_session_request_drop(s, s->first);
+    }
+    if (!s->conn) // nothing is left to wait for
+        s->table->ended = true;
+}
+
+// Cameras that have come to the front took effect after all answered requests before them.
+static void settle_cameras(struct hg_session *s)
+{
+    while (s->first && !is_answered(s->first) && s->first->sent) {
+        struct hg_reader r =
+            hg_reader_make(s->first->packet->payload, s->first->packet->header.length);
+        hg_read_u32(&r); // bitmap
+        struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
+        if (view && hg_session_view_merge(&view->camera, s->first->packet))
+            hg_warn(SESSION, "no memory to remember a camera");
+        hg_session_request_drop(s, s->first);
+    }
+}
+
+struct hg_request *hg_session_request_find(struct hg_session *s, uint32_t link_id)
+{
+    for (struct hg_request *it = s->first; it && link_id; it = it->next)
+        if (it->link_id == link_id)
+            return it;
+    return NULL;
+}
+
+bool hg_session_request_is_full(const struct hg_session *s)
+{
+    const struct hg_options *o = s->table->options;
+    return s->request_count >= o->max_requests || s->request_bytes > o->input_limit_bytes;
+}
+
+// ---- to the worker ------------------------------------------------------------------------------
+
+// The worker gets no more credit than the window allows.
+static struct hg_packet *windowed_subscribe(struct hg_session *s, struct hg_packet *packet)
+{
+    struct hgp_subscribe m;
+    if (hgp_decode(HGP_VERSION_MAX, HGP_T_subscribe, packet->payload, packet->header.length, NULL,
+            &m, NULL))
+        return NULL;
+    struct hg_session_view *view = hg_session_view_find(s, m.view);
+    if (view)
+        m.credit_frames = hg_session_view_take_window(s, view);
+    return hg_packet_encode(HGP_T_subscribe, &m);
+}
+
+static void send_request(struct hg_session *s, struct hg_request *request)
+{
+    struct hg_link *link = s->scene->link;
+    uint16_t type = request->packet->header.type;
+    bool wants_id = is_answered(request) || request->client_id;
+    request->link_id = wants_id ? hg_link_next_id(link) : 0;
+    request->sent = true;
+    struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
+                                                       : hg_packet_ref(request->packet);
+    if (request->deaths) {
+        link->suspect = (struct hg_link_suspect){
+            .session = s, .id = request->link_id, .sent_ns = link->loop->now_ns};
+    }
+    hg_link_send_packet(link, s->number, request->link_id, packet);
+}
+
+// A request that was under way when the worker died runs alone, so that the next death, if it is
+// its fault, is blamed on nothing else. After a while it is taken for harmless.
+static bool must_wait(const struct hg_session *s, const struct hg_request *request)
+{
+    const struct hg_link *link = s->scene->link;
+    return request->deaths && link->suspect.session &&
+           link->loop->now_ns - link->suspect.sent_ns < suspect_patience_ns;
+}
+
+void hg_session_request_pump(struct hg_session *s)
+{
+    struct hg_request *next;
+    for (struct hg_request *it = s->first; it && s->attached; it = next) {
+        next = it->next;
+        if (it->sent)
+            continue;
+        if (must_wait(s, it))
+            return;
+        send_request(s, it);
+    }
+    if (s->attached)
+        settle_cameras(s);
+}
+
+// Two cameras of one view in a row are one.
+static bool merge_camera(struct hg_session *s, struct hg_packet *packet)
+{
+    struct hg_request *last = s->last;
+    if (!last || is_answered(last) || last->packet->header.type != packet->header.type ||
+        last->client_id || packet->header.request || packet->header.length < 8 ||
+        memcmp(last->packet->payload + 4, packet->payload + 4, 4) != 0)
+        return false;
+    size_t before = packet_bytes(last->packet);
+    if (hg_session_view_merge(&last->packet, packet))
+        return false;
+    s->request_bytes += packet_bytes(last->packet) - before;
+    if (last->sent && s->attached)
+        hg_link_send_packet(s->scene->link, s->number, 0, hg_packet_ref(packet));
+    return true;
+}
+
+void hg_session_request_relay(struct hg_session *s, struct hg_packet *packet)
+{
+    uint16_t type = packet->header.type;
+    if (type == HGP_T_view_camera && merge_camera(s, packet))
+        return;
+    if (!add_request(s, packet, packet->header.request)) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOMEM, "request", NULL, "no memory for the request");
+        hg_conn_fail(s->conn, packet->header.request, &err);
+        return;
+    }
+    hg_session_request_pump(s);
+}
+
+// ---- into a worker ------------------------------------------------------------------------------
+
+static void restore_view(struct hg_session *s, struct hg_session_view *view)
+{
+    struct hg_link *link = s->scene->link;
+    if (!view->accepted)
+        return; // its view_set is still under way
+    hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->params));
+    if (view->camera)
+        hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->camera));
+    if (view->subscribed)
+        hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
+            &(struct hgp_subscribe){
+                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
+}
+
+void hg_session_request_attach(struct hg_session *s)
+{
+    struct hg_link *link = s->scene->link;
+    bool restore = s->scene->revision > 0 || s->views;
+    hg_link_send(link, s->number, 0, HGP_T_session_attach,
+        &(struct hgp_session_attach){.session = s->number,
+            .role = s->role,
+            .scene = hgp_str_make(s->scene->key),
+            .first_id = s->first_id,
+            .id_count = HG_SESSION_ID_RANGE,
+            .max_pixels = s->table->options->max_pixels,
+            .replay = restore});
+    if (s->batch_open) // before there is a view that could show half of it
+        hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_batch_begin,
+            &(struct hgp_batch_begin){0});
+    for (struct hg_session_view *it = s->views; it; it = it->next)
+        restore_view(s, it);
+    if (restore)
+        hg_link_send(link, s->number, 0, HGP_T_replay_end,
+            &(struct hgp_replay_end){.revision = s->scene->revision});
+    s->attached = true;
+    hg_session_request_pump(s);
+}

@@ -1,0 +1,100 @@
+#include "server/broker/session_rules.h"
+
+#include <stdio.h>
+
+#include "server/broker/session_upload.h"
+#include "server/broker/session_view.h"
+
+static enum hg_status check_load(
+    const struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
+{
+    if (m->asset < s->first_id || m->asset - s->first_id >= HG_SESSION_ID_RANGE)
+        return hg_error_set(err, HG_E_INVAL, "asset_load", "asset",
+            "%u is outside this session's range %u to %u", m->asset, s->first_id,
+            s->first_id + HG_SESSION_ID_RANGE - 1);
+    for (uint32_t i = 0; i < m->files.count; i++)
+        if (!hg_upload_store_has(s->table->store, m->files.items[i].hash)) {
+            char place[128];
+            snprintf(place, sizeof place, "files[%u].hash", i);
+            return hg_error_set(err, HG_E_NOTFOUND, "asset_load", place,
+                "this content has not been uploaded: %.*s", (int)m->files.items[i].uri.size,
+                m->files.items[i].uri.data);
+        }
+    return HG_OK;
+}
+
+static enum hg_status check_journal(
+    const struct hg_session *s, const struct hg_packet *packet, struct hg_error *err)
+{
+    struct hg_journal_stats stats = hg_journal_get_stats(s->scene->journal);
+    uint64_t need = stats.bytes + s->request_bytes + packet->header.length;
+    bool removes =
+        packet->header.type == HGP_T_object_remove || packet->header.type == HGP_T_asset_unload;
+    if (!hg_journal_wants(packet->header.type) || removes ||
+        need <= s->table->options->journal_limit_bytes)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, hgp_find(packet->header.type)->name, NULL,
+        "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
+        "remove objects or upload assets instead",
+        (unsigned long long)(need >> 20),
+        (unsigned long long)(s->table->options->journal_limit_bytes >> 20));
+}
+
+static enum hg_status check_view(
+    struct hg_session *s, const struct hg_packet *packet, uint32_t number, struct hg_error *err)
+{
+    if (hg_session_view_find(s, number))
+        return HG_OK;
+    return hg_error_set(err, HG_E_NOTFOUND, hgp_find(packet->header.type)->name, "view",
+        "this session has no view %u", number);
+}
+
+static enum hg_status check_frame_request(
+    struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
+{
+    if (s->frame_count >= s->table->options->max_frame_requests)
+        return hg_error_set(err, HG_E_BUSY, "frame_request", NULL,
+            "%u frame requests of this session are under way already (max-frame-requests)",
+            s->frame_count);
+    return check_view(s, packet, view, err);
+}
+
+enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_packet *packet,
+    const union hgp_any *m, struct hg_error *err)
+{
+    const char *name = hgp_find(packet->header.type)->name;
+    if (!s->scene)
+        return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
+    switch (packet->header.type) {
+    case HGP_T_bench:
+    case HGP_T_bake:
+        return hg_error_set(
+            err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
+    case HGP_T_asset_load:
+        if (check_load(s, &m->asset_load, err))
+            return err->status;
+        return check_journal(s, packet, err);
+    case HGP_T_environment_set:
+        if (m->environment_set.has_hash &&
+            !hg_upload_store_has(s->table->store, m->environment_set.hash))
+            return hg_error_set(
+                err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
+        return HG_OK;
+    case HGP_T_image_query:
+        return hg_session_upload_verify(s, &m->image_query, err);
+    case HGP_T_view_set:
+        return hg_session_view_ask(s, &m->view_set, err);
+    case HGP_T_frame_request:
+        return check_frame_request(s, packet, m->frame_request.view, err);
+    case HGP_T_view_camera:
+        return check_view(s, packet, m->view_camera.view, err);
+    case HGP_T_view_close:
+        return check_view(s, packet, m->view_close.view, err);
+    case HGP_T_subscribe:
+        return check_view(s, packet, m->subscribe.view, err);
+    case HGP_T_credit:
+        return check_view(s, packet, m->credit.view, err);
+    default:
+        return check_journal(s, packet, err);
+    }
+}

@@ -1,0 +1,13 @@
+// session_rules.h - what may be relayed to the worker: quotas, ranges, existence.
+// Floor 6 (broker). Thread: the loop.
+#ifndef HG_BROKER_SESSION_RULES_H
+#define HG_BROKER_SESSION_RULES_H
+
+#include "server/broker/session_state.h"
+
+// `m` is the packet, decoded. HG_E_STATE, HG_E_LIMIT, HG_E_NOTFOUND, HG_E_INVAL, HG_E_BUSY,
+// HG_E_UNSUPPORTED, HG_E_NOMEM.
+enum hg_status hg_session_rules_check(struct hg_session *session, const struct hg_packet *packet,
+    const union hgp_any *m, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

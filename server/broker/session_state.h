@@ -1,0 +1,79 @@
+// session_state.h - what the broker keeps of sessions, their views and their requests.
+// Floor 6 (broker). Thread: the loop. The session*.h headers have what is done with it.
+#ifndef HG_BROKER_SESSION_STATE_H
+#define HG_BROKER_SESSION_STATE_H
+
+#include "server/broker/conn.h"
+#include "server/broker/scene.h"
+
+enum {
+    HG_SESSION_ID_RANGE = 1 << 20, // object and asset ids of one session
+    HG_SESSION_RANGES = 4095,      // sessions that one scene can have had
+    HG_SESSION_UPLOADS = 16,       // contents of one session that may alternate
+    HG_SESSION_TRIES = 2,          // deaths of the worker after which a request is given up
+    HG_SESSION_POISONS = 3,        // given-up requests after which a session is closed
+};
+
+// A message on its way to the worker that matters for the order of things. Most are answered;
+// view_camera is not and leaves the list when it reaches the front.
+struct hg_request {
+    struct hg_request *prev, *next;
+    uint32_t link_id;   // on the link; 0 = not sent yet, or never answered
+    uint32_t client_id; // 0 = the client wants no answer
+    struct hg_packet *packet;
+    bool sent;
+    uint8_t deaths; // of the worker while this was under way
+};
+
+struct hg_session_view {
+    struct hg_session_view *next;
+    uint32_t number;
+    bool accepted;            // by the worker, at least once
+    uint32_t width, height;   // as asked for; for the quota
+    struct hg_packet *params; // accepted view_sets, merged; NULL before
+    struct hg_packet *camera; // view_cameras, merged; NULL = none
+    bool subscribed, resubscribe;
+    uint32_t credit;  // frames that the client can take
+    uint32_t granted; // of these, given to the worker
+    uint64_t last_number, number_base;
+};
+
+struct hg_session {
+    struct hg_session *prev, *next;
+    struct hg_session_table *table;
+    struct hg_conn *conn; // NULL: the client disconnected; waits until its edits are answered
+    uint32_t number;
+    enum hgp_role role;
+    char name[129];
+    struct hg_shared_scene *scene; // NULL: none open
+    uint32_t first_id;
+    bool attached;   // the worker knows it
+    bool batch_open; // batch_begin was accepted
+    struct hg_request *first, *last;
+    uint32_t request_count, frame_count;
+    uint64_t request_bytes;
+    struct hg_session_view *views;
+    struct hg_upload *uploads[HG_SESSION_UPLOADS];
+    uint64_t uploaded_bytes;
+    uint64_t verified_bytes;       // of the file that the worker has for image_query
+    uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
+    struct hg_error failed_upload; // and fail the same way
+    uint32_t poisons;
+};
+
+// All sessions and their scenes.
+struct hg_session_table {
+    const struct hg_loop *loop;
+    const struct hg_options *options;
+    struct hg_upload_store *store;
+    const struct hg_conn_table *conns;
+    struct hg_worker_pool *pool;
+    struct hg_scene_table scenes;
+    struct hg_session *first;
+    uint32_t count, last_number;
+    uint64_t started_ns;
+    bool ended;    // one without a client may have nothing left to wait for
+    bool draining; // nothing new is begun
+};
+
+#endif

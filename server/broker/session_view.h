@@ -1,0 +1,22 @@
+// session_view.h - what the broker keeps of a session's views: quotas, state for a new worker,
+// credit. Floor 6 (broker). Thread: the loop.
+#ifndef HG_BROKER_SESSION_VIEW_H
+#define HG_BROKER_SESSION_VIEW_H
+
+#include "server/broker/session_state.h"
+
+struct hg_session_view *hg_session_view_find(struct hg_session *session, uint32_t number);
+uint64_t hg_session_view_pixels(const struct hg_session *session); // of all views
+// Quotas of view_set; makes the record. HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_session_view_ask(
+    struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
+void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
+void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
+uint32_t hg_session_view_take_window(
+    const struct hg_session *session, struct hg_session_view *view);
+void hg_session_view_grant(struct hg_session *session, struct hg_session_view *view);
+// Output drained: gives the worker credit for more frames of all views.
+void hg_session_view_grant_all(struct hg_session *session);
+
+#endif

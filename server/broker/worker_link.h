@@ -1,0 +1,87 @@
+// worker_link.h - a worker process and the link to it: start, watch, talk, replace.
+// Floor 6 (broker). Thread: the loop. What the worker says about sessions is for the layer above
+// (hg_link_events).
+#ifndef HG_BROKER_WORKER_LINK_H
+#define HG_BROKER_WORKER_LINK_H
+
+#include <sys/types.h>
+
+#include "server/broker/loop.h"
+#include "server/broker/options.h"
+#include "server/broker/packet.h"
+
+enum { HG_LINK_DEATHS_KEPT = 64 };
+
+struct hg_link;
+struct hg_session;
+struct hg_shared_scene;
+
+enum hg_link_state {
+    HG_LINK_DOWN,     // until restart_ns
+    HG_LINK_STARTING, // until worker_ready
+    HG_LINK_UP,
+};
+
+// What the layer above does.
+struct hg_link_events {
+    void (*ready)(struct hg_link *link);
+    // Everything that was under way is lost; another worker will come, unless too many have died.
+    void (*died)(struct hg_link *link);
+    // A message on a channel other than 0. Does not take the packet; `m` is the packet, decoded.
+    void (*message)(struct hg_link *link, struct hg_packet *packet, union hgp_any *m);
+};
+
+// A scene that is being built again in the worker. Of the layer above.
+struct hg_link_replay {
+    struct hg_shared_scene *scene; // NULL: none
+    uint32_t waiting, failed;      // answers still to come; refused edits
+    uint64_t start_ns;
+};
+
+// A request that may have killed a worker and runs alone now. Of the layer above.
+struct hg_link_suspect {
+    struct hg_session *session; // NULL: none
+    uint32_t id;
+    uint64_t sent_ns;
+};
+
+struct hg_link {
+    struct hg_loop *loop;
+    const struct hg_options *options;
+    const struct hg_link_events *events;
+    void *owner; // for `events`
+    struct hg_source source;
+    struct hg_transport transport;
+    struct hgp_framer in;
+    struct hg_outq out;
+    enum hg_link_state state;
+    pid_t pid; // 0 = none
+    uint64_t restart_ns, started_ns, pulse_ns, busy_ns, rss_bytes;
+    uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
+    uint32_t deaths;
+    uint32_t last_id, scene_count;
+    char last_words[400]; // why the worker says it ends; "" = it says nothing
+    bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
+    bool broken;          // could not queue a message: replaced at the end of the round
+    bool pump;            // sessions may have something to send
+    struct hg_link_replay replay;
+    struct hg_link_suspect suspect;
+};
+
+// Path of the worker's program; false when there is none.
+bool hg_link_find_program(const struct hg_options *options, char *path, size_t size);
+
+void hg_link_start(struct hg_link *link);
+void hg_link_stop(struct hg_link *link);                     // at the end: kills and frees
+void hg_link_fail(struct hg_link *link, const char *reason); // kill and replace
+void hg_link_check_time(struct hg_link *link);
+void hg_link_exited(struct hg_link *link, int status);      // its process has been reaped
+uint32_t hg_link_recent_deaths(const struct hg_link *link); // within the last minute
+uint32_t hg_link_next_id(struct hg_link *link);
+// Takes over the reference. Without memory the worker is replaced.
+void hg_link_send_packet(
+    struct hg_link *link, uint32_t channel, uint32_t id, struct hg_packet *packet);
+void hg_link_send(
+    struct hg_link *link, uint32_t channel, uint32_t id, enum hgp_type type, const void *message);
+
+#endif
