@@ -3,7 +3,7 @@
 #ifndef HG_SERVER_WORKER_SERVE_H
 #define HG_SERVER_WORKER_SERVE_H
 
-#include "server/worker/opener.h"
+#include "server/worker/lazy_device.h"
 #include "server/worker/task.h"
 #include "server/worker/worker.h"
 
@@ -111,7 +111,7 @@ struct request {
     const union hgp_any *message;
 };
 
-// ---- render.c -----------------------------------------------------------------------------------
+// ---- dispatch.c -----------------------------------------------------------------------------------
 
 void serve_answer(const struct request *r, enum hgp_type type, const void *message);
 void serve_ok(const struct request *r);

@@ -1,8 +1,8 @@
 // worker.h - the parts of helio-worker and how they meet.
 // Floor 6, private to server/worker.
 //
-// Three kinds of threads: the loop thread owns the socketpair (link.c); the render thread owns the
-// renderer, the scenes and the sessions (render.c and everything it calls); task threads load
+// Three kinds of threads: the loop thread owns the socketpair (io_thread.c); the render thread owns the
+// renderer, the scenes and the sessions (dispatch.c and everything it calls); task threads load
 // files and encode frames (task.c). They meet only in the bounded queues of struct worker.
 #ifndef HG_SERVER_WORKER_WORKER_H
 #define HG_SERVER_WORKER_WORKER_H
@@ -49,7 +49,7 @@ struct worker {
     struct hg_spill_loss loss; // once disk_lost is set
 };
 
-// ---- link.c: the loop thread --------------------------------------------------------------------
+// ---- io_thread.c: the loop thread --------------------------------------------------------------------
 
 // Runs until the link closes. HG_E_CLOSED on orderly end, HG_E_IO when arrays could not be read
 // back, which the peer was told, else what broke.
@@ -70,7 +70,7 @@ void link_send_error(
 // HG_E_DEVICE_LOST instead of answering; the broker asks again, or says that the worker died.
 void link_lose_device(struct worker *w, const struct hg_error *err);
 
-// ---- render.c: the render thread ----------------------------------------------------------------
+// ---- dispatch.c: the render thread ----------------------------------------------------------------
 
 void *render_main(void *worker);
 

@@ -1,4 +1,4 @@
-#include "server/worker/opener.h"
+#include "server/worker/lazy_device.h"
 
 #include "base/cond.h"
 #include "base/log.h"

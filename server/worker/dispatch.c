@@ -1,4 +1,4 @@
-// render.c - the render thread: takes messages in order, then lets views work in turn.
+// dispatch.c - the render thread: takes messages in order, then lets views work in turn.
 #include "server/worker/serve.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-// link.c - the loop thread: bytes of the socketpair to commands, messages to bytes, pulses.
+// io_thread.c - the loop thread: bytes of the socketpair to commands, messages to bytes, pulses.
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>

@@ -1,10 +1,10 @@
-// opener.h - opens the device while a session's first asset is being loaded.
+// lazy_device.h - opens the device while a session's first asset is being loaded.
 // Floor 6, private to server/worker. Thread: the render thread; the work is done by one of its own.
 //
 // Most sessions look at what they load, some only ask about it. So the device is opened only when
 // the load takes longer than a moment, or when somebody needs it.
-#ifndef HG_SERVER_WORKER_OPENER_H
-#define HG_SERVER_WORKER_OPENER_H
+#ifndef HG_SERVER_WORKER_LAZY_DEVICE_H
+#define HG_SERVER_WORKER_LAZY_DEVICE_H
 
 #include <pthread.h>
 
