@@ -1,11 +1,11 @@
-// bake.c - `helio bake`: page packs and cluster files of the session's scene, in a private worker.
+#include "server/worker/bake.h"
+
 #include <jansson.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/bake/bake.h"
-#include "server/worker/serve.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
 
@@ -20,8 +20,7 @@ static bool tell(void *user, const char *stage, uint64_t done, uint64_t total)
     uint64_t now = hg_clock_now_ns();
     if (now - b->sent_ns >= PROGRESS_NS) {
         b->sent_ns = now;
-        link_send_lossy(b->r->s->w, b->r->channel, b->r->id, HGP_T_progress,
-            &(struct hgp_progress){.stage = hgp_str_make(stage), .done = done, .total = total});
+        hg_reply_progress(b->r->to, stage, done, total);
     }
     return !atomic_load(&b->r->s->w->stop);
 }
@@ -64,17 +63,16 @@ static enum hg_status run(const struct request *r, char **text, struct hg_error 
     return st ? st : hg_bake_run(&bake, text, err);
 }
 
-void query_bake(const struct request *r)
+void hg_handle_bake(const struct request *r)
 {
     struct hg_error err = {0};
     char *text = NULL;
-    if (!r->s->jobs)
-        r->s->jobs = hg_jobs_create(0);
-    enum hg_status st = r->s->jobs ? run(r, &text, &err)
-                                   : hg_error_set(&err, HG_E_NOMEM, "bake", NULL, "no threads");
+    enum hg_status st = hg_render_state_need_jobs(r->s)
+                            ? run(r, &text, &err)
+                            : hg_error_set(&err, HG_E_NOMEM, "bake", NULL, "no threads");
     if (st)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else
-        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+        hg_reply_send(r->to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
     hg_free(text);
 }

@@ -9,11 +9,12 @@
 #include "base/file.h"
 #include "base/sha256.h"
 #include "renderer/scene/demo.h"
+#include "server/worker/asset_path.h"
 #include "server/worker/bench.h"
 
-// Options of `realtime` and `trace` (all optional): scene (file; default the built-in demo), environment (file;
-// default the demo's), width, height, vfov_deg, rounds, path (list of {eye: [x,y,z], target:
-// [x,y,z]} in metres). Those of the others: bench_stream.c.
+// Options of `realtime` and `trace` (all optional): scene (file; default the built-in demo),
+// environment (file; default the demo's), width, height, vfov_deg, rounds, path (list of {eye:
+// [x,y,z], target: [x,y,z]} in metres). Those of the others: bench_stream.c.
 enum { MAX_POSES = 4096, PROGRESS_NS = 100 * 1000 * 1000 };
 
 static enum hg_status bad_option(struct hg_error *err, const char *name, const char *reason)
@@ -92,7 +93,7 @@ static enum hg_status load_environment(
 {
     struct hg_environment_file file = {0};
     char *path = NULL;
-    enum hg_status st = path_resolve(o, hgp_str_make(b->environment), &path, err);
+    enum hg_status st = hg_asset_path_resolve(o, hgp_str_make(b->environment), &path, err);
     st = st ? st : hg_environment_file_read(path, NULL, &file, err);
     if (!st)
         hg_environment_file_use(&file, &b->scene->environment);
@@ -127,7 +128,7 @@ static enum hg_status load_scene(struct bench *b, struct hg_error *err)
     char *path = NULL;
     enum hg_status st = hg_scene_create(&b->scene);
     if (!st && b->scene_name)
-        st = path_resolve(o, hgp_str_make(b->scene_name), &path, err);
+        st = hg_asset_path_resolve(o, hgp_str_make(b->scene_name), &path, err);
     st = st ? st : load_file(b, path ? path : "demo:", err);
     if (!st && b->environment)
         st = load_environment(b, o, err);
@@ -149,8 +150,7 @@ bool bench_progress(void *user, uint32_t done, uint32_t total)
     uint64_t now = hg_clock_now_ns();
     if (now - b->progress_sent_ns >= PROGRESS_NS) {
         b->progress_sent_ns = now;
-        link_send_lossy(b->r->s->w, b->r->channel, b->r->id, HGP_T_progress,
-            &(struct hgp_progress){.stage = hgp_str_make("frames"), .done = done, .total = total});
+        hg_reply_progress(b->r->to, "frames", done, total);
     }
     return !atomic_load(&b->r->s->w->stop);
 }
@@ -171,11 +171,11 @@ static char *complete(const struct bench *b, const char *text)
 typedef enum hg_status run_scene_fn(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_realtime *bench, char **text, struct hg_error *err);
 
-static enum hg_status run_scene(struct bench *b, const json_t *options, run_scene_fn *run,
-    char **text, struct hg_error *err)
+static enum hg_status run_scene(
+    struct bench *b, const json_t *options, run_scene_fn *run, char **text, struct hg_error *err)
 {
     enum hg_status st = read_options(b, options, err);
-    st = st ? st : serve_need_renderer(b->r->s, err);
+    st = st ? st : hg_render_state_need_renderer(b->r->s, err);
     uint64_t start = hg_clock_now_ns();
     st = st ? st : load_scene(b, err);
     b->load_ms = (double)(hg_clock_now_ns() - start) * 1e-6;
@@ -184,8 +184,8 @@ static enum hg_status run_scene(struct bench *b, const json_t *options, run_scen
     return st ? st : run(b->r->s->renderer, b->scene, &b->run, text, err);
 }
 
-static enum hg_status bench_scene(struct bench *b, const json_t *options, run_scene_fn *run,
-    char **text, struct hg_error *err)
+static enum hg_status bench_scene(
+    struct bench *b, const json_t *options, run_scene_fn *run, char **text, struct hg_error *err)
 {
     char *report = NULL;
     *text = NULL;
@@ -235,7 +235,7 @@ static enum hg_status run_named(
         (int)name->size, name->data ? name->data : "");
 }
 
-void query_bench(const struct request *r)
+void hg_handle_bench(const struct request *r)
 {
     const struct hgp_bench *m = &r->message->bench;
     struct bench b = {.r = r};
@@ -250,9 +250,9 @@ void query_bench(const struct request *r)
             hg_error_set(&err, HG_E_INVAL, "bench", "options", "not a JSON object: %s", fault.text);
     st = st ? st : run_named(&b, options, &text, &err);
     if (st)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else
-        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+        hg_reply_send(r->to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
     hg_free(text);
     json_decref(options);
 }

@@ -5,7 +5,7 @@
 
 #include <jansson.h>
 
-#include "server/worker/serve.h"
+#include "server/worker/request.h"
 
 struct bench {
     const struct request *r;
@@ -16,6 +16,8 @@ struct bench {
     double load_ms;
     uint64_t progress_sent_ns;
 };
+
+void hg_handle_bench(const struct request *r);
 
 // A number of the options in low .. high; absent leaves *value. HG_E_INVAL names the option.
 enum hg_status bench_number(const json_t *options, const char *name, double low, double high,

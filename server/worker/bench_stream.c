@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "server/worker/asset_path.h"
 #include "server/worker/bench.h"
 
 enum { MAX_IMAGES = 64, MAX_SHEETS = 8 };
@@ -32,8 +33,8 @@ static enum hg_status take_path(const struct bench *b, const json_t *value, stru
         return HG_OK;
     if (!text)
         return hg_error_set(err, HG_E_INVAL, "bench", "options", "a file's name is not a string");
-    enum hg_status status =
-        path_resolve(&b->r->s->w->options, hgp_str_make(text), &paths->items[paths->count], err);
+    enum hg_status status = hg_asset_path_resolve(
+        &b->r->s->w->options, hgp_str_make(text), &paths->items[paths->count], err);
     if (!status)
         *out = paths->items[paths->count++];
     return status;

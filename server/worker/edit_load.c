@@ -1,15 +1,15 @@
-// edit_load.c - assets, environments, poses and variants.
+#include "server/worker/edit_load.h"
+
 #include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
-#include "server/worker/serve.h"
 
 enum { NOTICE_LIMIT = 64 };
 
 // An asset number is chosen in the session's range; replayed assets keep the number they had.
-void edit_asset_load(const struct request *r)
+void hg_handle_asset_load(const struct request *r)
 {
     const struct hgp_asset_load *m = &r->message->asset_load;
     struct hg_error err = {0};
@@ -20,18 +20,18 @@ void edit_asset_load(const struct request *r)
              !hg_scene_find(r->session->scene->scene, HG_OBJECT_NODE, m->parent))
         hg_error_set(&err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
     if (err.status) {
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
-    serve_start_task(r, TASK_ASSET, HGP_T_asset_load);
-    serve_expect_renderer(r->s);
+    hg_request_start_task(r, TASK_ASSET, HGP_T_asset_load);
+    hg_render_state_expect_renderer(r->s);
 }
 
 static void send_notices(const struct request *r, const struct hg_asset *asset)
 {
     for (uint32_t i = 0; i < asset->warning_count && i < NOTICE_LIMIT; i++) {
         const struct hg_warning *warning = &asset->warnings[i];
-        serve_answer(r, HGP_T_notice,
+        hg_reply_send(r->to, HGP_T_notice,
             &(struct hgp_notice){.what = hgp_str_fit(warning->what, 256),
                 .where = hgp_str_fit(warning->where, 128),
                 .reason = hgp_str_fit(warning->reason, 512)});
@@ -39,7 +39,7 @@ static void send_notices(const struct request *r, const struct hg_asset *asset)
     if (asset->warning_count > NOTICE_LIMIT) {
         char text[64];
         snprintf(text, sizeof text, "%u more warnings", asset->warning_count - NOTICE_LIMIT);
-        serve_answer(r, HGP_T_notice,
+        hg_reply_send(r->to, HGP_T_notice,
             &(struct hgp_notice){
                 .what = hgp_str_fit(asset->label, 256), .reason = hgp_str_make(text)});
     }
@@ -78,7 +78,7 @@ static void answer_loaded(const struct request *r, const struct hg_asset *asset)
             answer.duration_s = asset->animations[i].duration_s;
     hg_scene_update(scene);
     hg_scene_bounds(scene, NULL, answer.bounds_min, answer.bounds_max);
-    serve_answer(r, HGP_T_asset_loaded, &answer);
+    hg_reply_send(r->to, HGP_T_asset_loaded, &answer);
 }
 
 static enum hg_status choose_variant(
@@ -95,14 +95,6 @@ static enum hg_status choose_variant(
         }
     return hg_error_set(err, HG_E_NOTFOUND, asset->label, "variant", "no variant '%.*s'",
         (int)name.size, name.data);
-}
-
-static void publish_or_mark(struct session *session)
-{
-    if (session->batch_depth)
-        session->scene->dirty = true;
-    else
-        hg_scene_publish(session->scene->scene);
 }
 
 // A transform of the asset is one more node of it, behind those of the file, above its roots.
@@ -131,7 +123,7 @@ static void light_demo(struct hg_scene *scene, const struct hg_asset *asset)
     scene->environment.revision = scene->revision + 1;
 }
 
-static void finish_asset(const struct request *r, struct task *task)
+void hg_edit_asset_loaded(const struct request *r, struct task *task)
 {
     const struct hgp_asset_load *m = &r->message->asset_load;
     struct hg_scene *scene = r->session->scene->scene;
@@ -154,17 +146,17 @@ static void finish_asset(const struct request *r, struct task *task)
                 hg_status_text(status));
     }
     if (status) {
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     task->asset = NULL; // the scene's now
     light_demo(scene, asset);
-    publish_or_mark(r->session);
+    hg_session_edited(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);
 }
 
-void edit_asset_unload(const struct request *r)
+void hg_handle_asset_unload(const struct request *r)
 {
     struct hg_error err = {0};
     enum hg_status status =
@@ -172,10 +164,10 @@ void edit_asset_unload(const struct request *r)
     if (status) {
         hg_error_set(
             &err, status, "asset_unload", "asset", "no asset %u", r->message->asset_unload.asset);
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
-    serve_edited(r);
+    hg_request_edited(r);
 }
 
 // ---- environment --------------------------------------------------------------------------------
@@ -205,10 +197,18 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
     if (file)
         hg_environment_file_use(file, env);
     env->revision = r->session->scene->scene->revision + 1;
-    serve_edited(r);
+    hg_request_edited(r);
 }
 
-void edit_environment_set(const struct request *r)
+void hg_edit_environment_loaded(const struct request *r, struct task *task)
+{
+    if (task->status)
+        hg_reply_error(r->to, &task->err);
+    else
+        apply_environment(r, &task->environment);
+}
+
+void hg_handle_environment_set(const struct request *r)
 {
     const struct hgp_environment_set *m = &r->message->environment_set;
     const struct hg_environment *env = &r->session->scene->scene->environment;
@@ -221,9 +221,9 @@ void edit_environment_set(const struct request *r)
              m->sun_direction[2] == 0)
         hg_error_set(&err, HG_E_INVAL, "environment_set", "sun_direction", "must not be zero");
     if (err.status)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else if (file)
-        serve_start_task(r, TASK_ENVIRONMENT, HGP_T_environment_set);
+        hg_request_start_task(r, TASK_ENVIRONMENT, HGP_T_environment_set);
     else
         apply_environment(r, NULL);
 }
@@ -236,12 +236,12 @@ static struct hg_asset *need_asset(const struct request *r, const char *message,
     struct hg_error err = {0};
     if (!asset) {
         hg_error_set(&err, HG_E_NOTFOUND, message, "asset", "no asset %u", number);
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     }
     return asset;
 }
 
-void edit_animation_set(const struct request *r)
+void hg_handle_animation_set(const struct request *r)
 {
     const struct hgp_animation_set *m = &r->message->animation_set;
     struct hg_asset *asset = need_asset(r, "animation_set", m->asset);
@@ -251,14 +251,14 @@ void edit_animation_set(const struct request *r)
     enum hg_status status = hg_asset_pose(asset, m->animation, m->time_s);
     if (status) {
         hg_error_set(&err, status, asset->label, "animation", "no animation %d", m->animation);
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     r->session->scene->time_s = m->time_s;
-    serve_edited(r);
+    hg_request_edited(r);
 }
 
-void edit_variant_set(const struct request *r)
+void hg_handle_variant_set(const struct request *r)
 {
     const struct hgp_variant_set *m = &r->message->variant_set;
     struct hg_asset *asset = need_asset(r, "variant_set", m->asset);
@@ -268,31 +268,10 @@ void edit_variant_set(const struct request *r)
     int32_t before = asset->variant;
     if (choose_variant(asset, m->variant, &err)) {
         asset->variant = before;
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     for (uint32_t i = 0; i < asset->mesh_count; i++)
         hg_scene_touch(r->session->scene->scene, &asset->meshes[i]->head);
-    serve_edited(r);
-}
-
-// ---- results of tasks ---------------------------------------------------------------------------
-
-void task_finish(const struct request *r, struct task *task)
-{
-    if (task->kind == TASK_ASSET) {
-        finish_asset(r, task);
-    } else if (task->kind == TASK_IMAGE && !task->status) {
-        query_image_finish(r, &task->told);
-    } else if (task->status) {
-        serve_fail(r, &task->err);
-    } else if (task->kind == TASK_ENVIRONMENT) {
-        apply_environment(r, &task->environment);
-    } else {
-        serve_answer(r, HGP_T_compared,
-            &(struct hgp_compared){.value = task->value,
-                .width = task->width,
-                .height = task->height,
-                .diff = {task->diff.data, (uint32_t)task->diff.size}});
-    }
+    hg_request_edited(r);
 }

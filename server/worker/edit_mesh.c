@@ -1,4 +1,5 @@
-// edit_mesh.c - meshes that clients make from their own arrays.
+#include "server/worker/edit_mesh.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -7,7 +8,7 @@
 #include "base/spill.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
-#include "server/worker/serve.h"
+#include "server/worker/edit_object.h"
 
 // Copies an array of n x width floats; `bytes` may be empty (then *out is NULL) unless required.
 static enum hg_status copy_floats(struct hgp_bytes bytes, size_t n, size_t width, const char *field,
@@ -120,7 +121,7 @@ static void free_parts(struct hg_mesh_part *parts, uint32_t count)
     hg_free(parts);
 }
 
-void edit_mesh_set(const struct request *r)
+void hg_handle_mesh_set(const struct request *r)
 {
     const struct hgp_mesh_set *m = &r->message->mesh_set;
     struct hg_error err = {0};
@@ -135,10 +136,10 @@ void edit_mesh_set(const struct request *r)
         status = make_part(r, &m->parts.items[i], &parts[i], &err);
     hg_spill_end();
     if (status)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     struct hg_mesh *mesh =
         status ? NULL
-               : (struct hg_mesh *)serve_find_or_make(r, HG_OBJECT_MESH, m->mesh, "mesh_set");
+               : (struct hg_mesh *)hg_edit_find_or_make(r, HG_OBJECT_MESH, m->mesh, "mesh_set");
     if (!mesh) {
         if (parts)
             free_parts(parts, count);
@@ -153,5 +154,5 @@ void edit_mesh_set(const struct request *r)
     mesh->parts = parts;
     mesh->part_count = count;
     hg_scene_touch(r->session->scene->scene, &mesh->head);
-    serve_edited(r);
+    hg_request_edited(r);
 }

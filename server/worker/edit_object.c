@@ -1,4 +1,5 @@
-// edit_object.c - objects that clients make or change: textures, materials, nodes, lights, cameras.
+#include "server/worker/edit_object.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +8,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/scene/asset.h"
-#include "server/worker/serve.h"
 
 static struct hg_scene *scene_of(const struct request *r)
 {
@@ -15,7 +15,7 @@ static struct hg_scene *scene_of(const struct request *r)
 }
 
 // Finds the object, or makes it when its id lies in the session's range. NULL after failing.
-struct hg_object *serve_find_or_make(
+struct hg_object *hg_edit_find_or_make(
     const struct request *r, enum hg_object_kind kind, uint64_t id, const char *message)
 {
     struct hg_object *object = hg_scene_find(scene_of(r), kind, id);
@@ -35,11 +35,11 @@ struct hg_object *serve_find_or_make(
                 &err, status, message, NULL, "cannot make the object: %s", hg_status_text(status));
     }
     if (status)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     return status ? NULL : object;
 }
 
-// Takes back what serve_find_or_make made for an edit that is refused after all.
+// Takes back what hg_edit_find_or_make made for an edit that is refused after all.
 static void unmake(
     const struct request *r, enum hg_object_kind kind, struct hg_object *object, bool was_there)
 {
@@ -54,7 +54,7 @@ static bool rename_object(const struct request *r, struct hg_object *object, str
     struct hg_error err = {0};
     if (!copy) {
         hg_error_set(&err, HG_E_NOMEM, "name", NULL, "no memory");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return false;
     }
     hg_free(object->name);
@@ -71,14 +71,14 @@ static bool resolve(const struct request *r, enum hg_object_kind kind, uint64_t 
         return true;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_NOTFOUND, "edit", field, "no object %llu", (unsigned long long)id);
-    serve_fail(r, &err);
+    hg_reply_error(r->to, &err);
     return false;
 }
 
 static void finish_edit(const struct request *r, struct hg_object *object)
 {
     hg_scene_touch(scene_of(r), object);
-    serve_edited(r);
+    hg_request_edited(r);
 }
 
 // ---- textures -----------------------------------------------------------------------------------
@@ -112,7 +112,7 @@ static enum hg_status fill_pixels(
     return HG_OK;
 }
 
-void edit_texture_set(const struct request *r)
+void hg_handle_texture_set(const struct request *r)
 {
     const struct hgp_texture_set *m = &r->message->texture_set;
     struct hg_error err = {0};
@@ -122,9 +122,9 @@ void edit_texture_set(const struct request *r)
                                 : hg_error_set(&err, HG_E_NOMEM, "texture_set", NULL, "no memory");
     struct hg_object *object = NULL;
     if (status)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else
-        object = serve_find_or_make(r, HG_OBJECT_TEXTURE, m->texture, "texture_set");
+        object = hg_edit_find_or_make(r, HG_OBJECT_TEXTURE, m->texture, "texture_set");
     if (!object) {
         hg_image_source_unref(source);
         return;
@@ -190,18 +190,18 @@ static void set_factors(struct hg_material *material, const struct hgp_material_
         material->unlit = m->unlit;
 }
 
-void edit_material_set(const struct request *r)
+void hg_handle_material_set(const struct request *r)
 {
     const struct hgp_material_set *m = &r->message->material_set;
     if (m->has_emissive_strength && !m->has_emissive) {
         struct hg_error err = {0};
         hg_error_set(&err, HG_E_INVAL, "material_set", "emissive_strength", "goes with emissive");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     bool was_there = hg_scene_find(scene_of(r), HG_OBJECT_MATERIAL, m->material) != NULL;
     struct hg_object *object =
-        serve_find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
+        hg_edit_find_or_make(r, HG_OBJECT_MATERIAL, m->material, "material_set");
     if (!object)
         return;
     struct hg_material changed = *(struct hg_material *)object;
@@ -303,7 +303,7 @@ static bool rotation_is_valid(
         return true;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_INVAL, "node_set", field, "a quaternion must not be zero");
-    serve_fail(r, &err);
+    hg_reply_error(r->to, &err);
     return false;
 }
 
@@ -317,11 +317,11 @@ static bool can_go_on(
     hg_error_set(&err, HG_E_STATE, "node_set", "next",
         "the node has a matrix in its file: set its "
         "translation, rotation and scale, too");
-    serve_fail(r, &err);
+    hg_reply_error(r->to, &err);
     return false;
 }
 
-void edit_node_set(const struct request *r)
+void hg_handle_node_set(const struct request *r)
 {
     const struct hgp_node_set *m = &r->message->node_set;
     struct node_refs refs;
@@ -329,7 +329,7 @@ void edit_node_set(const struct request *r)
         !rotation_is_valid(r, m->has_next_rotation, m->next_rotation, "next_rotation") ||
         !resolve_node(r, m, &refs))
         return;
-    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
+    struct hg_object *object = hg_edit_find_or_make(r, HG_OBJECT_NODE, m->node, "node_set");
     if (!object)
         return;
     struct hg_node *node = (struct hg_node *)object;
@@ -338,7 +338,7 @@ void edit_node_set(const struct request *r)
         return;
     if (m->has_parent && hg_scene_set_parent(scene_of(r), node, (struct hg_node *)refs.parent)) {
         hg_error_set(&err, HG_E_INVAL, "node_set", "parent", "would make a cycle");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     set_transform(node, m);
@@ -350,11 +350,11 @@ void edit_node_set(const struct request *r)
 
 // ---- lights and cameras -------------------------------------------------------------------------
 
-void edit_light_set(const struct request *r)
+void hg_handle_light_set(const struct request *r)
 {
     const struct hgp_light_set *m = &r->message->light_set;
     bool was_there = hg_scene_find(scene_of(r), HG_OBJECT_LIGHT, m->light) != NULL;
-    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
+    struct hg_object *object = hg_edit_find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
     if (!object)
         return;
     struct hg_light *light = (struct hg_light *)object;
@@ -364,7 +364,7 @@ void edit_light_set(const struct request *r)
         struct hg_error err = {0};
         hg_error_set(
             &err, HG_E_INVAL, "light_set", "inner_cone_rad", "must be less than outer_cone_rad");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         unmake(r, HG_OBJECT_LIGHT, object, was_there);
         return;
     }
@@ -388,10 +388,10 @@ void edit_light_set(const struct request *r)
     finish_edit(r, object);
 }
 
-void edit_camera_set(const struct request *r)
+void hg_handle_camera_set(const struct request *r)
 {
     const struct hgp_camera_set *m = &r->message->camera_set;
-    struct hg_object *object = serve_find_or_make(r, HG_OBJECT_CAMERA, m->camera, "camera_set");
+    struct hg_object *object = hg_edit_find_or_make(r, HG_OBJECT_CAMERA, m->camera, "camera_set");
     if (!object)
         return;
     struct hg_camera *camera = (struct hg_camera *)object;
@@ -409,24 +409,24 @@ void edit_camera_set(const struct request *r)
     finish_edit(r, object);
 }
 
-void edit_object_remove(const struct request *r)
+void hg_handle_object_remove(const struct request *r)
 {
     const struct hgp_object_remove *m = &r->message->object_remove;
     struct hg_error err = {0};
     if (hg_scene_remove(scene_of(r), (enum hg_object_kind)m->kind, m->object, &err))
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else
-        serve_edited(r);
+        hg_request_edited(r);
 }
 
 // ---- batches ------------------------------------------------------------------------------------
 
-void edit_batch_begin(const struct request *r)
+void hg_handle_batch_begin(const struct request *r)
 {
     struct hg_error err = {0};
     if (r->session->batch_depth) {
         hg_error_set(&err, HG_E_STATE, "batch_begin", NULL, "a batch is open already");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     r->session->batch_depth = 1;
@@ -434,17 +434,17 @@ void edit_batch_begin(const struct request *r)
         r->session->scene->batch_started_ns = hg_clock_now_ns();
     // A batch that a dead worker left open: its edits came with the replay.
     r->session->scene->dirty |= r->session->restoring;
-    serve_ok(r);
+    hg_request_ok(r);
 }
 
-void edit_batch_end(const struct request *r)
+void hg_handle_batch_end(const struct request *r)
 {
     struct hg_error err = {0};
     if (!r->session->batch_depth) {
         hg_error_set(&err, HG_E_STATE, "batch_end", NULL, "no batch is open");
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
-    session_close_batch(r->session);
-    serve_ok(r);
+    hg_session_close_batch(r->session);
+    hg_request_ok(r);
 }

@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "renderer/image/cryptomatte.h"
 #include "renderer/image/exr.h"
-#include "server/worker/task.h"
+#include "server/worker/encode_exr.h"
 
 enum {
     ATTRIBUTES = 24,
@@ -53,7 +53,7 @@ static const struct layout {
 
 // A file in the making; its pixel buffers and names live as long.
 struct file {
-    const struct encode_job *job;
+    const struct encode_request *job;
     struct hg_exr_part parts[MOST_PARTS];
     uint32_t count;
     char names[MOST_PARTS][5][32]; // of the channels, and of the part where we make it
@@ -121,7 +121,7 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_text(f, &n, "heliograph:renderer", frame->has_mode ? "path" : "realtime");
     add_text(f, &n, "heliograph:device", notes->device);
     add_text(f, &n, "heliograph:sceneRevision", f->revision);
-    add_text(f, &n, ENCODE_JOB_KEY, notes->job);
+    add_text(f, &n, ENCODE_FRAME_KEY_ATTRIBUTE, notes->job);
     add_count(f, &n, "heliograph:samples", frame->samples);
     add_word(f, &n, "heliograph:seed", notes->seed);
     add_number(f, &n, "heliograph:time", time_s);
@@ -149,7 +149,7 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
 // EXR holds colour times alpha by definition of the format.
 static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
 {
-    const struct encode_job *job = f->job;
+    const struct encode_request *job = f->job;
     const size_t count = (size_t)job->frame.width * job->frame.height;
     const float *from = (const float *)job->pixels->data;
     struct hg_exr_part *part = &f->parts[f->count];
@@ -266,7 +266,8 @@ static void add_matte(struct file *f, const char *name, const struct hg_refbuf *
     }
 }
 
-enum hg_status encode_exr(const struct encode_job *job, struct hg_writer *out, struct hg_error *err)
+enum hg_status encode_exr(
+    const struct encode_request *job, struct hg_writer *out, struct hg_error *err)
 {
     struct file f = {.job = job};
     const uint32_t size_px[2] = {job->frame.width, job->frame.height};

@@ -1,4 +1,6 @@
 // film.c - what a view's frames are made from, what goes with them, and films kept for later.
+#include "server/worker/film.h"
+
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +11,6 @@
 #include "base/sha256.h"
 #include "renderer/image/zstd.h"
 #include "renderer/scene/fingerprint.h"
-#include "server/worker/serve.h"
 
 #define FILM_LIMIT_BYTES (UINT64_C(16) << 30) // of a checkpoint when unpacked
 
@@ -66,7 +67,7 @@ enum hg_status film_planes(uint32_t bits, uint32_t *planes, uint32_t *mattes, st
 
 // ---- jobs --------------------------------------------------------------------------------------
 
-static const char *device_name(struct serve *s)
+static const char *device_name(struct render_state *s)
 {
     char *text = NULL;
     if (s->device[0] || !s->renderer || hg_renderer_device_json(s->renderer, &text))
@@ -110,20 +111,21 @@ static void put_params(struct hg_writer *w, const struct hg_view_params *p, cons
 // A camera of the scene counts by its pose and lens, not by its number.
 static void put_camera(struct hg_writer *w, const struct hg_scene *scene, const struct view_slot *v)
 {
-    const struct hg_node *node = v->camera_node ? (const struct hg_node *)hg_scene_find(
-                                                      scene, HG_OBJECT_NODE, v->camera_node)
-                                                : NULL;
+    const struct hg_node *node =
+        v->settings.camera_node
+            ? (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, v->settings.camera_node)
+            : NULL;
     hg_write_u8(w, node && node->camera);
     if (node && node->camera) {
         const struct hg_camera *c = node->camera;
-        const float lens[] = {c->vfov_rad, c->half_height, c->near, c->far, v->camera.lens_radius,
-            v->camera.focus_distance};
+        const float lens[] = {c->vfov_rad, c->half_height, c->near, c->far,
+            v->settings.camera.lens_radius, v->settings.camera.focus_distance};
         put_floats(w, node->world, 16);
         hg_write_u32(w, (uint32_t)c->kind);
         put_floats(w, lens, 6);
         return;
     }
-    const struct hg_view_camera *c = &v->camera;
+    const struct hg_view_camera *c = &v->settings.camera;
     const float lens[] = {
         c->vfov_rad, c->half_height, c->near, c->far, c->lens_radius, c->focus_distance};
     put_floats(w, c->eye, 3);
@@ -222,7 +224,7 @@ static void put_materials(
 static enum hg_status put_numbers(
     struct hg_writer *w, const struct hg_scene *scene, const struct view_slot *v)
 {
-    const uint32_t planes = v->params.planes, mattes = v->mattes;
+    const uint32_t planes = v->settings.params.planes, mattes = v->settings.mattes;
     const bool files = mattes >> HG_MATTE_ASSET & 1;
     const bool objects = (planes >> HG_PLANE_OBJECT & 1) || (mattes >> HG_MATTE_OBJECT & 1);
     const bool materials = (planes >> HG_PLANE_MATERIAL & 1) || (mattes >> HG_MATTE_MATERIAL & 1);
@@ -244,7 +246,7 @@ static enum hg_status put_numbers(
     return HG_OK;
 }
 
-enum hg_status film_job(struct serve *s, struct session *session, struct view_slot *view,
+enum hg_status film_job(struct render_state *s, struct session *session, struct view_slot *view,
     enum hgp_encoding encoding, uint8_t quality, uint8_t hash[32], struct hg_error *err)
 {
     struct scene_slot *slot = session->scene;
@@ -264,10 +266,10 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     hg_write_bytes(&w, HELIO_VERSION, sizeof HELIO_VERSION);
     hg_write_bytes(&w, device, strlen(device) + 1);
     hg_write_bytes(&w, scene, sizeof scene);
-    put_params(&w, &view->params, view->job_after);
-    hg_write_u32(&w, view->mattes);
+    put_params(&w, &view->settings.params, view->frame_key.after);
+    hg_write_u32(&w, view->settings.mattes);
     put_camera(&w, slot->scene, view);
-    put_motion(&w, slot->scene, &view->params);
+    put_motion(&w, slot->scene, &view->settings.params);
     status = put_numbers(&w, slot->scene, view);
     hg_write_u32(&w, (uint32_t)encoding);
     hg_write_u8(&w, encoding == HGP_encoding_JPEG ? quality : 0);
@@ -277,32 +279,32 @@ enum hg_status film_job(struct serve *s, struct session *session, struct view_sl
     return status ? hg_error_set(err, status, "job", NULL, "no memory") : HG_OK;
 }
 
-void view_job_query(const struct request *r)
+void hg_handle_job_query(const struct request *r)
 {
     const struct hgp_job_query *m = &r->message->job_query;
-    struct view_slot *view = session_need_view(r, m->view);
+    struct view_slot *view = hg_request_view(r, m->view);
     struct hgp_job answer = {.scene_revision = r->session->scene->scene->revision};
     struct hg_error err = {0};
     if (!view)
         return;
-    view->job_encoding = m->has_encoding ? m->encoding : view->still_encoding;
-    view->job_quality = m->has_quality ? m->quality : view->quality;
-    memset(view->job_after, 0, sizeof view->job_after);
+    view->frame_key.encoding = m->has_encoding ? m->encoding : view->subscription.still_encoding;
+    view->frame_key.quality = m->has_quality ? m->quality : view->subscription.quality;
+    memset(view->frame_key.after, 0, sizeof view->frame_key.after);
     if (m->has_after)
-        memcpy(view->job_after, m->after, sizeof view->job_after);
-    if (film_job(
-            r->s, r->session, view, view->job_encoding, view->job_quality, answer.hash, &err)) {
-        serve_fail(r, &err);
+        memcpy(view->frame_key.after, m->after, sizeof view->frame_key.after);
+    if (film_job(r->s, r->session, view, view->frame_key.encoding, view->frame_key.quality,
+            answer.hash, &err)) {
+        hg_reply_error(r->to, &err);
         return;
     }
-    view->job_asked = true;
-    serve_answer(r, HGP_T_job, &answer);
+    view->frame_key.asked = true;
+    hg_reply_send(r->to, HGP_T_job, &answer);
 }
 
 // ---- what goes with a frame --------------------------------------------------------------------
 
 static enum hg_status read_groups(
-    struct view_slot *view, struct encode_job *job, struct hg_error *err)
+    struct view_slot *view, struct encode_request *job, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     const uint32_t count = hg_view_light_groups(view->view);
@@ -317,11 +319,11 @@ static enum hg_status read_groups(
 }
 
 static enum hg_status read_planes(
-    struct view_slot *view, struct encode_job *job, struct hg_error *err)
+    struct view_slot *view, struct encode_request *job, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; !status && i < HG_PLANE_COUNT; i++) {
-        if (!(view->params.planes >> i & 1) || i == HG_PLANE_COLOR || i == HG_PLANE_DRAWS)
+        if (!(view->settings.params.planes >> i & 1) || i == HG_PLANE_COLOR || i == HG_PLANE_DRAWS)
             continue;
         if (i == HG_PLANE_LIGHT_GROUPS) {
             status = read_groups(view, job, err);
@@ -333,7 +335,7 @@ static enum hg_status read_planes(
         job->plane_count += !status;
     }
     for (uint32_t i = 0; !status && i < ENCODE_MATTES; i++)
-        if (view->mattes >> i & 1)
+        if (view->settings.mattes >> i & 1)
             status = hg_view_read_matte(view->view, (enum hg_matte_kind)i, &job->mattes[i], err);
     return status;
 }
@@ -341,8 +343,8 @@ static enum hg_status read_planes(
 // Filter, lens, and the limits that make a path-traced picture biased.
 static void note_path(const struct view_slot *view, struct encode_notes *notes)
 {
-    const struct hg_view_params *p = &view->params;
-    const struct hg_view_camera *c = &view->camera;
+    const struct hg_view_params *p = &view->settings.params;
+    const struct hg_view_camera *c = &view->settings.camera;
     double way = 0;
     for (int i = 0; i < 3; i++)
         way = hypot(way, (double)c->target[i] - (double)c->eye[i]);
@@ -356,13 +358,13 @@ static void note_path(const struct view_slot *view, struct encode_notes *notes)
     notes->focus_distance = c->focus_distance > 0 ? c->focus_distance : (float)way;
 }
 
-enum hg_status film_attach(struct serve *s, struct session *session, struct view_slot *view,
-    struct encode_job *job, struct hg_error *err)
+enum hg_status film_attach(struct render_state *s, struct session *session, struct view_slot *view,
+    struct encode_request *job, struct hg_error *err)
 {
     struct encode_notes *notes = &job->notes;
     struct hgp_frame *frame = &job->frame;
     enum hg_status status = HG_OK;
-    if (frame->settled && view->job_asked) {
+    if (frame->settled && view->frame_key.asked) {
         status = film_job(s, session, view, frame->encoding, job->quality, frame->job, err);
         frame->has_job = !status;
         if (!status)
@@ -378,17 +380,19 @@ enum hg_status film_attach(struct serve *s, struct session *session, struct view
     memcpy(notes->world_to_camera, matrices.world_to_camera, sizeof notes->world_to_camera);
     memcpy(notes->world_to_ndc, matrices.world_to_ndc, sizeof notes->world_to_ndc);
     snprintf(notes->device, sizeof notes->device, "%s", device_name(s));
-    notes->seed = view->params.seed;
-    notes->shutter[0] = view->params.shutter_open;
-    notes->shutter[1] = view->params.shutter_close;
-    notes->frame_s = view->params.frame_s > 0 ? view->params.frame_s : 1.0f / 24.0f;
+    notes->seed = view->settings.params.seed;
+    notes->shutter[0] = view->settings.params.shutter_open;
+    notes->shutter[1] = view->settings.params.shutter_close;
+    notes->frame_s =
+        view->settings.params.frame_s > 0 ? view->settings.params.frame_s : 1.0f / 24.0f;
     notes->time_s = session->scene->time_s;
     note_path(view, notes);
-    notes->denoise = view->params.mode == HG_MODE_PATH ? view->params.denoise : HG_DENOISE_OFF;
-    notes->exposure = exp2f(view->params.exposure_ev);
-    const bool traced = view->params.mode == HG_MODE_PATH && frame->samples > 0;
-    const bool there = view->params.debug == HG_DEBUG_OFF && (traced || frame->settled);
-    return view->params.planes && there ? read_planes(view, job, err) : HG_OK;
+    notes->denoise =
+        view->settings.params.mode == HG_MODE_PATH ? view->settings.params.denoise : HG_DENOISE_OFF;
+    notes->exposure = exp2f(view->settings.params.exposure_ev);
+    const bool traced = view->settings.params.mode == HG_MODE_PATH && frame->samples > 0;
+    const bool there = view->settings.params.debug == HG_DEBUG_OFF && (traced || frame->settled);
+    return view->settings.params.planes && there ? read_planes(view, job, err) : HG_OK;
 }
 
 // ---- films kept for later ----------------------------------------------------------------------
@@ -401,22 +405,25 @@ static enum hg_status pack(
     return hg_zstd_encode(film->data, film->size, 1, out, err);
 }
 
-// What is to be sent, to view->sending.
+// What is to be sent, to view->checkpoint.sending.
 static enum hg_status make_checkpoint(const struct request *r, struct view_slot *view,
     enum hgp_checkpoint_kind kind, struct hg_error *err)
 {
     const bool history = kind == HGP_checkpoint_kind_HISTORY;
-    enum hgp_encoding encoding = view->job_asked ? view->job_encoding : view->still_encoding;
-    uint8_t quality = view->job_asked ? view->job_quality : view->quality;
+    enum hgp_encoding encoding =
+        view->frame_key.asked ? view->frame_key.encoding : view->subscription.still_encoding;
+    uint8_t quality = view->frame_key.asked ? view->frame_key.quality : view->subscription.quality;
     struct hg_refbuf *film = NULL;
-    hg_writer_finish(&view->sending);
-    view->sending_notes = (struct hgp_checkpoint){.samples = view->info.samples};
+    hg_writer_finish(&view->checkpoint.sending);
+    view->checkpoint.sending_notes =
+        (struct hgp_checkpoint){.samples = view->progress.info.samples};
     enum hg_status status = history ? hg_view_save_history(view->view, &film, err)
                                     : hg_view_save(view->view, &film, err);
     if (!status)
-        status = film_job(r->s, r->session, view, encoding, quality, view->sending_notes.job, err);
+        status = film_job(
+            r->s, r->session, view, encoding, quality, view->checkpoint.sending_notes.job, err);
     if (!status)
-        status = pack(film, &view->sending, err);
+        status = pack(film, &view->checkpoint.sending, err);
     hg_refbuf_unref(film);
     return status;
 }
@@ -425,8 +432,8 @@ static enum hg_status make_checkpoint(const struct request *r, struct view_slot 
 static enum hg_status answer_part(struct view_slot *view, bool part, uint64_t offset,
     struct hgp_checkpoint *answer, struct hg_error *err)
 {
-    const struct hg_writer *w = &view->sending;
-    *answer = view->sending_notes;
+    const struct hg_writer *w = &view->checkpoint.sending;
+    *answer = view->checkpoint.sending_notes;
     if (offset >= w->size)
         return hg_error_set(
             err, HG_E_STATE, "checkpoint_query", "offset", "nothing is left to send");
@@ -441,10 +448,10 @@ static enum hg_status answer_part(struct view_slot *view, bool part, uint64_t of
     return HG_OK;
 }
 
-void view_checkpoint_query(const struct request *r)
+void hg_handle_checkpoint_query(const struct request *r)
 {
     const struct hgp_checkpoint_query *m = &r->message->checkpoint_query;
-    struct view_slot *view = session_need_view(r, m->view);
+    struct view_slot *view = hg_request_view(r, m->view);
     struct hg_error err = {0};
     struct hgp_checkpoint answer;
     enum hg_status status = HG_OK;
@@ -456,11 +463,11 @@ void view_checkpoint_query(const struct request *r)
     if (!status)
         status = answer_part(view, m->has_offset, offset, &answer, &err);
     if (status)
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
     else
-        serve_answer(r, HGP_T_checkpoint, &answer);
-    if (status || offset + answer.data.size == view->sending.size)
-        hg_writer_finish(&view->sending);
+        hg_reply_send(r->to, HGP_T_checkpoint, &answer);
+    if (status || offset + answer.data.size == view->checkpoint.sending.size)
+        hg_writer_finish(&view->checkpoint.sending);
 }
 
 static enum hg_status unpack(
@@ -490,14 +497,14 @@ static enum hg_status load_checkpoint(struct view_slot *view, enum hgp_checkpoin
         status = hg_view_load_history(view->view, film, size, err);
     else if (!status)
         status = hg_view_load(view->view, film, size, err);
-    view->changed |= !status && kind == HGP_checkpoint_kind_FILM; // settled as it may be
+    view->settings.changed |= !status && kind == HGP_checkpoint_kind_FILM; // settled as it may be
     hg_free(film);
     return status;
 }
 
 static enum hg_status bad_part(struct view_slot *view, struct hg_error *err, const char *why)
 {
-    hg_writer_finish(&view->receiving);
+    hg_writer_finish(&view->checkpoint.receiving);
     return hg_error_set(err, HG_E_INVAL, "checkpoint_set", "offset", "%s", why);
 }
 
@@ -505,32 +512,32 @@ static enum hg_status bad_part(struct view_slot *view, struct hg_error *err, con
 static enum hg_status take_part(struct view_slot *view, const struct hgp_checkpoint_set *m,
     enum hgp_checkpoint_kind kind, bool *all, struct hg_error *err)
 {
-    struct hg_writer *w = &view->receiving;
+    struct hg_writer *w = &view->checkpoint.receiving;
     *all = false;
     if (!m->has_size || m->size > FILM_LIMIT_BYTES)
         return bad_part(view, err, "needs the size of the whole, 16 GiB at most");
     if (m->offset == 0) {
         hg_writer_finish(w);
-        view->receiving_kind = kind;
-        view->receive_bytes = m->size;
+        view->checkpoint.receiving_kind = kind;
+        view->checkpoint.receive_bytes = m->size;
     }
-    if (m->offset != w->size || kind != view->receiving_kind || m->size != view->receive_bytes ||
-        m->data.size > m->size - w->size)
+    if (m->offset != w->size || kind != view->checkpoint.receiving_kind ||
+        m->size != view->checkpoint.receive_bytes || m->data.size > m->size - w->size)
         return bad_part(view, err, "is not where the part before has ended");
     hg_write_bytes(w, m->data.data, m->data.size);
     if (w->failed) {
         hg_writer_finish(w);
         return hg_error_set(err, HG_E_NOMEM, "checkpoint_set", NULL, "no memory for its parts");
     }
-    *all = w->size == view->receive_bytes;
+    *all = w->size == view->checkpoint.receive_bytes;
     return HG_OK;
 }
 
-void view_checkpoint_set(const struct request *r)
+void hg_handle_checkpoint_set(const struct request *r)
 {
     const struct hgp_checkpoint_set *m = &r->message->checkpoint_set;
     const enum hgp_checkpoint_kind kind = m->has_kind ? m->kind : HGP_checkpoint_kind_FILM;
-    struct view_slot *view = session_need_view(r, m->view);
+    struct view_slot *view = hg_request_view(r, m->view);
     struct hg_error err = {0};
     bool all = true;
     enum hg_status status = HG_OK;
@@ -541,13 +548,14 @@ void view_checkpoint_set(const struct request *r)
     else
         status = take_part(view, m, kind, &all, &err);
     if (!status && m->has_offset && all) {
-        status = load_checkpoint(view, kind, view->receiving.data, view->receiving.size, &err);
-        hg_writer_finish(&view->receiving);
+        status = load_checkpoint(
+            view, kind, view->checkpoint.receiving.data, view->checkpoint.receiving.size, &err);
+        hg_writer_finish(&view->checkpoint.receiving);
     }
     if (status) {
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
-    view->failed = view->failed && !all;
-    serve_ok(r);
+    view->progress.failed = view->progress.failed && !all;
+    hg_request_ok(r);
 }

@@ -1,4 +1,5 @@
-// io_thread.c - the loop thread: bytes of the socketpair to commands, messages to bytes, pulses.
+#include "server/worker/io_thread.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>
@@ -11,7 +12,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "server/worker/worker.h"
+#include "server/worker/reply.h"
 
 enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
 
@@ -31,83 +32,6 @@ struct link {
 
 // ---- sending ------------------------------------------------------------------------------------
 
-// An answer that breaks a rule of the protocol is our bug, but the asker must not wait for ever:
-// an error takes its place.
-static struct hg_refbuf *encode_message(
-    uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
-{
-    struct hg_writer writer = {0};
-    struct hgp_fault fault = {0};
-    enum hg_status status =
-        hgp_encode(&writer, HGP_VERSION_MAX, type, request, channel, message, &fault);
-    struct hg_refbuf *buf = status ? NULL : hg_refbuf_create(writer.size);
-    if (buf)
-        memcpy(buf->data, writer.data, writer.size);
-    else
-        hg_fault(WORKER, status ? status : HG_E_NOMEM,
-            "cannot encode message 0x%04x: field '%s': %s", type, fault.field,
-            fault.reason ? fault.reason : "no memory");
-    hg_writer_finish(&writer);
-    if (buf || !request || type == HGP_T_error)
-        return buf;
-    struct hgp_error error = {.code = status == HG_E_INVAL ? HG_E_INTERNAL : HG_E_NOMEM,
-        .what = hgp_str_make(hgp_find((uint16_t)type)->name),
-        .where = hgp_str_make(fault.field),
-        .reason = hgp_str_make("the answer cannot be sent")};
-    return encode_message(channel, request, HGP_T_error, &error);
-}
-
-static void send_message(struct worker *w, bool lossy, uint32_t channel, uint32_t request,
-    enum hgp_type type, const void *message)
-{
-    struct hg_refbuf *buf = encode_message(channel, request, type, message);
-    enum hg_status status = buf ? HG_E_AGAIN : HG_OK;
-    while (status == HG_E_AGAIN) {
-        status = hg_queue_push(&w->outbox, buf);
-        if (status == HG_E_AGAIN && (lossy || atomic_load(&w->stop)))
-            break;
-        if (status == HG_E_AGAIN)
-            hg_clock_sleep_ns(
-                1000000); // the peer is slow: the render thread waits, the loop does not
-    }
-    if (status)
-        hg_refbuf_unref(buf);
-}
-
-void link_send(
-    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
-{
-    send_message(w, false, channel, request, type, message);
-}
-
-void link_send_lossy(
-    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message)
-{
-    send_message(w, true, channel, request, type, message);
-}
-
-void link_lose_device(struct worker *w, const struct hg_error *err)
-{
-    hg_fault(WORKER, HG_E_DEVICE_LOST, "%s: %s", err->what, err->reason);
-    atomic_store(&w->device_lost, true);
-}
-
-void link_send_error(
-    struct worker *w, uint32_t channel, uint32_t request, const struct hg_error *err)
-{
-    if (err->status == HG_E_DEVICE_LOST) {
-        link_lose_device(w, err);
-        return;
-    }
-    struct hgp_error message = {
-        .code = (uint16_t)(err->status ? err->status : HG_E_INTERNAL),
-        .what = hgp_str_make(err->what),
-        .where = hgp_str_make(err->where),
-        .reason = hgp_str_make(err->reason[0] ? err->reason : hg_status_text(err->status)),
-    };
-    link_send(w, channel, request, HGP_T_error, &message);
-}
-
 static void send_pulse(struct link *l)
 {
     uint64_t expirations, started = atomic_load(&l->w->step_started_ns);
@@ -126,7 +50,7 @@ static void send_pulse(struct link *l)
         .rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE),
         .views = atomic_load(&l->w->view_count),
     };
-    link_send_lossy(l->w, 0, 0, HGP_T_pulse, &pulse);
+    hg_reply_send_lossy((struct reply_to){.w = l->w}, HGP_T_pulse, &pulse);
 }
 
 // A peer that closes with unread bytes of ours resets the stream: an end like any other.
@@ -241,7 +165,7 @@ static void lose_disk(void *user, const struct hg_spill_loss *loss)
     _exit(WORKER_EXIT_DISK);
 }
 
-void link_watch_disk(struct worker *w)
+void hg_io_thread_watch_disk(struct worker *w)
 {
     hg_spill_watch(lose_disk, w);
 }
@@ -265,7 +189,7 @@ static void tell_loss(struct link *l)
         loss->what[0] ? loss->what : "working memory");
     hg_fault(WORKER, HG_E_IO, "%s: %s", err.where, err.reason);
     flush(l, until_ns);
-    link_send_error(l->w, 0, 0, &err);
+    hg_reply_error((struct reply_to){.w = l->w}, &err);
     flush(l, until_ns);
 }
 
@@ -295,7 +219,7 @@ static enum hg_status run_once(struct link *l)
     return status == HG_E_AGAIN ? HG_OK : status;
 }
 
-enum hg_status link_run(struct worker *w)
+enum hg_status hg_io_thread_run(struct worker *w)
 {
     struct link l = {.w = w, .fd = w->options.fd, .timer_fd = -1};
     l.timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);

@@ -6,7 +6,7 @@
 enum { MOMENT_NS = 20 * 1000 * 1000 };
 
 // True when the device is to be opened.
-static bool wait_a_moment(struct opener *o)
+static bool wait_a_moment(struct lazy_device *o)
 {
     const uint64_t until_ns = hg_cond_after(MOMENT_NS);
     pthread_mutex_lock(&o->lock);
@@ -17,9 +17,9 @@ static bool wait_a_moment(struct opener *o)
     return open;
 }
 
-static void *opener_main(void *arg)
+static void *lazy_device_main(void *arg)
 {
-    struct opener *o = arg;
+    struct lazy_device *o = arg;
     struct hg_error err = {0};
     // Who needs the device tries again and is told why.
     if (wait_a_moment(o) && hg_renderer_create(&o->params, &o->renderer, &err))
@@ -27,21 +27,21 @@ static void *opener_main(void *arg)
     return NULL;
 }
 
-void opener_start(struct opener *o, const struct hg_renderer_params *params)
+void hg_lazy_device_start(struct lazy_device *o, const struct hg_renderer_params *params)
 {
     if (o->started)
         return;
-    *o = (struct opener){.params = *params};
+    *o = (struct lazy_device){.params = *params};
     pthread_mutex_init(&o->lock, NULL);
     hg_cond_init(&o->changed);
-    o->started = pthread_create(&o->thread, NULL, opener_main, o) == 0;
+    o->started = pthread_create(&o->thread, NULL, lazy_device_main, o) == 0;
     if (!o->started) {
         pthread_cond_destroy(&o->changed);
         pthread_mutex_destroy(&o->lock);
     }
 }
 
-static void join(struct opener *o, bool stop)
+static void join(struct lazy_device *o, bool stop)
 {
     if (!o->started)
         return;
@@ -56,7 +56,7 @@ static void join(struct opener *o, bool stop)
     o->started = false;
 }
 
-struct hg_renderer *opener_take(struct opener *o)
+struct hg_renderer *hg_lazy_device_take(struct lazy_device *o)
 {
     join(o, false);
     struct hg_renderer *renderer = o->renderer;
@@ -64,7 +64,7 @@ struct hg_renderer *opener_take(struct opener *o)
     return renderer;
 }
 
-void opener_finish(struct opener *o)
+void hg_lazy_device_finish(struct lazy_device *o)
 {
     join(o, true);
     hg_renderer_destroy(o->renderer);

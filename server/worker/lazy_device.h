@@ -10,7 +10,7 @@
 
 #include "renderer/renderer.h"
 
-struct opener {
+struct lazy_device {
     bool started; // a thread is there to be joined
     bool hurry, stop;
     pthread_mutex_t lock;
@@ -22,10 +22,10 @@ struct opener {
 
 // Begins, unless it has begun. What the parameters point to must outlive the opener. Where no
 // thread is to be had nothing happens.
-void opener_start(struct opener *opener, const struct hg_renderer_params *params);
+void hg_lazy_device_start(struct lazy_device *opener, const struct hg_renderer_params *params);
 // Waits for the device and hands it over, once. NULL: it was not begun, or cannot be opened.
-struct hg_renderer *opener_take(struct opener *opener);
+struct hg_renderer *hg_lazy_device_take(struct lazy_device *opener);
 // What nobody took is closed again.
-void opener_finish(struct opener *opener);
+void hg_lazy_device_finish(struct lazy_device *opener);
 
 #endif

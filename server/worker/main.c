@@ -18,10 +18,13 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "base/spill.h"
-#include "server/worker/task.h"
-#include "server/worker/worker.h"
+#include "renderer/renderer.h"
+#include "server/worker/dispatch.h"
+#include "server/worker/encode_queue.h"
+#include "server/worker/io_thread.h"
+#include "server/worker/reply.h"
+#include "server/worker/sandbox.h"
 
-enum { INBOX_ITEMS = 4096, OUTBOX_ITEMS = 1024, ENCODE_ITEMS = 3 };
 enum { EXIT_USAGE = 2, EXIT_DEVICE = 7, EXIT_DISK = WORKER_EXIT_DISK };
 enum { KEPT_FREE_BYTES = 64 << 20, MAPPED_BYTES = 8 << 20 };
 
@@ -163,63 +166,33 @@ static int print_device_info(const struct worker_options *o)
 
 // ---- threads ------------------------------------------------------------------------------------
 
-static enum hg_status init_queues(struct worker *w)
+static void stop_threads(struct worker *w, pthread_t render)
 {
-    enum hg_status status = hg_queue_init(&w->inbox, INBOX_ITEMS);
-    if (!status)
-        status = hg_queue_init(&w->outbox, OUTBOX_ITEMS);
-    if (!status)
-        status = hg_queue_init(&w->encode, ENCODE_ITEMS);
-    return status;
-}
-
-static void drain_queues(struct worker *w)
-{
-    struct hg_refbuf *buf;
-    struct command *c;
-    struct encode_job *job;
-    while (w->outbox.items && (buf = hg_queue_try_pop(&w->outbox)))
-        hg_refbuf_unref(buf);
-    while (w->inbox.items && (c = hg_queue_try_pop(&w->inbox))) {
-        hg_refbuf_unref(c->payload);
-        hg_free(c);
-    }
-    while (w->encode.items && (job = hg_queue_try_pop(&w->encode)))
-        encode_job_destroy(job);
-    hg_queue_finish(&w->inbox);
-    hg_queue_finish(&w->outbox);
-    hg_queue_finish(&w->encode);
-}
-
-static void stop_threads(struct worker *w, pthread_t render, pthread_t encoder)
-{
-    struct command *wake = hg_calloc(1, sizeof *wake); // an empty command wakes the render thread
     atomic_store(&w->stop, true);
-    if (wake && hg_queue_push(&w->inbox, wake) != HG_OK)
-        hg_free(wake);
+    hg_worker_wake(w);
     pthread_join(render, NULL);
-    hg_queue_close(&w->encode);
-    pthread_join(encoder, NULL);
+    hg_encode_queue_destroy(w->encoders);
+    w->encoders = NULL;
 }
 
 static enum hg_status serve_link(struct worker *w)
 {
-    pthread_t render, encoder;
-    struct hgp_worker_ready ready = {.pid = (uint32_t)getpid(), .device = hgp_str_make("{}")};
-    link_send(w, 0, 0, HGP_T_worker_ready, &ready);
-    if (pthread_create(&encoder, NULL, encode_main, w) != 0)
-        return HG_E_LIMIT;
-    if (pthread_create(&render, NULL, render_main, w) != 0) {
-        hg_queue_close(&w->encode);
-        pthread_join(encoder, NULL);
+    pthread_t render;
+    const struct hgp_worker_ready ready = {.pid = (uint32_t)getpid(), .device = hgp_str_make("{}")};
+    hg_reply_send((struct reply_to){.w = w}, HGP_T_worker_ready, &ready);
+    enum hg_status status = hg_encode_queue_create(w, 0, hg_encoder_find, &w->encoders);
+    if (status)
+        return status;
+    if (pthread_create(&render, NULL, hg_dispatch_main, w) != 0) {
+        hg_encode_queue_destroy(w->encoders);
         return HG_E_LIMIT;
     }
-    enum hg_status status = link_run(w);
+    status = hg_io_thread_run(w);
     if (status == HG_E_DEVICE_LOST || atomic_load(&w->device_lost))
         _exit(EXIT_DEVICE); // the driver's state is not to be trusted any more
     if (atomic_load(&w->disk_lost))
         _exit(EXIT_DISK); // a thread stands where it looked
-    stop_threads(w, render, encoder);
+    stop_threads(w, render);
     return status;
 }
 
@@ -270,8 +243,8 @@ int main(int argc, char **argv)
             w.options.fd);
         return EXIT_USAGE;
     }
-    // Ctrl-C on a terminal and the stop of a service reach all processes at once. What is under way is
-    // for the other end of the link to keep or to drop; the worker ends when that closes.
+    // Ctrl-C on a terminal and the stop of a service reach all processes at once. What is under way
+    // is for the other end of the link to keep or to drop; the worker ends when that closes.
     signal(SIGINT, SIG_IGN);
     signal(SIGTERM, SIG_IGN);
     signal(SIGPIPE, SIG_IGN);
@@ -280,14 +253,14 @@ int main(int argc, char **argv)
     allow_files();
     point_mesa_cache(&w.options);
     point_spill(&w.options);
-    link_watch_disk(&w);
+    hg_io_thread_watch_disk(&w);
     struct hg_error err = {0};
-    enum hg_status status = sandbox_enter(&w.options, &err);
+    enum hg_status status = hg_sandbox_enter(&w.options, &err);
     if (!status)
-        status = init_queues(&w);
+        status = hg_worker_init(&w);
     if (!status)
         status = serve_link(&w);
-    drain_queues(&w);
+    hg_worker_finish(&w);
     for (uint32_t i = 0; i < w.options.asset_root_count; i++)
         free(w.options.asset_roots[i]);
     hg_free(w.options.asset_roots);

@@ -1,4 +1,5 @@
-// query.c - questions about views, scenes and images.
+#include "server/worker/query.h"
+
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,7 +10,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/spill.h"
-#include "server/worker/serve.h"
+#include "server/worker/view_schedule.h"
 
 // Of a file that comes in parts: in all, and where it cannot be spilled.
 #define IMAGE_LIMIT_BYTES  (UINT64_C(4) << 30)
@@ -21,7 +22,7 @@ static void fail_nomem(const struct request *r)
 {
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_NOMEM, "query", NULL, "no memory for the answer");
-    serve_fail(r, &err);
+    hg_reply_error(r->to, &err);
 }
 
 static void answer_json(const struct request *r, json_t *root)
@@ -29,25 +30,25 @@ static void answer_json(const struct request *r, json_t *root)
     char *text = root ? json_dumps(root, JSON_COMPACT) : NULL;
     json_decref(root);
     if (text)
-        serve_answer(r, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
+        hg_reply_send(r->to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(text)});
     else
         fail_nomem(r);
     free(text);
 }
 
-void query_pick(const struct request *r)
+void hg_handle_pick(const struct request *r)
 {
     const struct hgp_pick *m = &r->message->pick;
-    struct view_slot *view = session_need_view(r, m->view);
+    struct view_slot *view = hg_request_view(r, m->view);
     if (!view)
         return;
     struct hg_error err = {0};
     struct hg_pick hit;
-    enum hg_status status = view_refresh(r->s, r->session, view, &err);
+    enum hg_status status = hg_schedule_refresh(r->session, view, &err);
     if (!status)
         status = hg_view_pick(view->view, m->x, m->y, &hit, &err);
     if (status) {
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     struct hgp_picked answer = {
@@ -63,10 +64,10 @@ void query_pick(const struct request *r)
     memcpy(answer.position, hit.position, sizeof answer.position);
     memcpy(answer.normal, hit.normal, sizeof answer.normal);
     memcpy(answer.uv, hit.uv, sizeof answer.uv);
-    serve_answer(r, HGP_T_picked, &answer);
+    hg_reply_send(r->to, HGP_T_picked, &answer);
 }
 
-void query_bounds(const struct request *r)
+void hg_handle_bounds_query(const struct request *r)
 {
     struct hg_scene *scene = r->session->scene->scene;
     uint64_t id = r->message->bounds_query.node;
@@ -75,13 +76,13 @@ void query_bounds(const struct request *r)
         struct hg_error err = {0};
         hg_error_set(
             &err, HG_E_NOTFOUND, "bounds_query", "node", "no node %llu", (unsigned long long)id);
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     hg_scene_update(scene);
     struct hgp_bounds answer = {.revision = scene->revision};
     answer.empty = !hg_scene_bounds(scene, (struct hg_node *)node, answer.min, answer.max);
-    serve_answer(r, HGP_T_bounds, &answer);
+    hg_reply_send(r->to, HGP_T_bounds, &answer);
 }
 
 static uint64_t id_of(const struct hg_object *object)
@@ -102,7 +103,7 @@ static struct hgp_node_entry describe_node(const struct hg_node *node)
     };
 }
 
-void query_nodes(const struct request *r)
+void hg_handle_nodes_query(const struct request *r)
 {
     const struct hgp_nodes_query *m = &r->message->nodes_query;
     const struct hg_scene *scene = r->session->scene->scene;
@@ -119,7 +120,7 @@ void query_nodes(const struct request *r)
     struct hgp_nodes answer = {.revision = scene->revision, .total = list->count};
     answer.nodes.items = entries;
     answer.nodes.count = count;
-    serve_answer(r, HGP_T_nodes, &answer);
+    hg_reply_send(r->to, HGP_T_nodes, &answer);
     hg_free(entries);
 }
 
@@ -133,10 +134,10 @@ static json_t *child_object(json_t *root, const char *key)
     return child;
 }
 
-void query_stats(const struct request *r)
+void hg_handle_stats_query(const struct request *r)
 {
     uint32_t number = r->message->stats_query.view;
-    struct view_slot *view = number ? session_need_view(r, number) : NULL;
+    struct view_slot *view = number ? hg_request_view(r, number) : NULL;
     if (number && !view)
         return;
     char *text = NULL;
@@ -164,7 +165,7 @@ void query_stats(const struct request *r)
     answer_json(r, root);
 }
 
-void query_info(const struct request *r)
+void hg_handle_info_query(const struct request *r)
 {
     struct hg_scene *scene = r->session->scene->scene;
     json_t *root = json_object(), *assets = json_array();
@@ -186,9 +187,9 @@ void query_info(const struct request *r)
     answer_json(r, root);
 }
 
-void query_compare(const struct request *r)
+void hg_handle_compare(const struct request *r)
 {
-    serve_start_task(r, TASK_COMPARE, HGP_T_compare);
+    hg_request_start_task(r, TASK_COMPARE, HGP_T_compare);
 }
 
 static void drop_file(struct session *session)
@@ -248,7 +249,7 @@ static enum hg_status take_part(
     return HG_OK;
 }
 
-void query_image(const struct request *r)
+void hg_handle_image_query(const struct request *r)
 {
     const struct hgp_image_query *m = &r->message->image_query;
     struct hg_error err = {0};
@@ -256,19 +257,37 @@ void query_image(const struct request *r)
         drop_file(r->session); // a file that came only in part is not this one
     if (m->has_offset && take_part(r->session, m, &err)) {
         drop_file(r->session);
-        serve_fail(r, &err);
+        hg_reply_error(r->to, &err);
         return;
     }
     if (m->has_offset && r->session->file.size < r->session->file_bytes) {
-        serve_ok(r);
+        hg_request_ok(r);
         return;
     }
-    serve_start_task(r, TASK_IMAGE, HGP_T_image_query);
+    hg_request_start_task(r, TASK_IMAGE, HGP_T_image_query);
     drop_file(r->session); // it has gone with the task, if there is one
 }
 
-void query_image_finish(const struct request *r, const struct hg_image_told *told)
+void hg_query_compared(const struct request *r, struct task *task)
 {
+    if (task->status) {
+        hg_reply_error(r->to, &task->err);
+        return;
+    }
+    hg_reply_send(r->to, HGP_T_compared,
+        &(struct hgp_compared){.value = task->value,
+            .width = task->width,
+            .height = task->height,
+            .diff = {task->diff.data, (uint32_t)task->diff.size}});
+}
+
+void hg_query_image_examined(const struct request *r, struct task *task)
+{
+    const struct hg_image_told *told = &task->told;
+    if (task->status) {
+        hg_reply_error(r->to, &task->err);
+        return;
+    }
     json_t *root = json_pack("{s:s, s:I, s:I, s:I}", "format", told->file_format, "width",
         (json_int_t)told->width, "height", (json_int_t)told->height, "parts",
         (json_int_t)told->parts);

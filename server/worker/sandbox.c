@@ -1,5 +1,7 @@
 // sandbox.c - what a worker can no longer do once it may meet hostile files: gain privileges, start
 // programs, open sockets, read outside its folders, write outside its cache, take all the memory.
+#include "server/worker/sandbox.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/landlock.h>
@@ -12,7 +14,6 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "server/worker/worker.h"
 
 // ---- Landlock -----------------------------------------------------------------------------------
 
@@ -170,7 +171,7 @@ static bool enter_seccomp(void)
 
 // ---- together -----------------------------------------------------------------------------------
 
-enum hg_status sandbox_enter(const struct worker_options *o, struct hg_error *err)
+enum hg_status hg_sandbox_enter(const struct worker_options *o, struct hg_error *err)
 {
     if (o->memory_limit_bytes) {
         // Private writable memory; address space as such is free (drivers map a lot of it).

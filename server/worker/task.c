@@ -1,10 +1,7 @@
 // task.c - loads and comparisons on threads of their own.
 #include "server/worker/task.h"
 
-#include <limits.h>
 #include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -14,80 +11,10 @@
 #include "base/log.h"
 #include "base/sha256.h"
 #include "renderer/image/metrics.h"
+#include "server/worker/asset_path.h"
+#include "server/worker/encode_request.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
-
-// ---- paths --------------------------------------------------------------------------------------
-
-static bool lies_under(const char *path, const char *root)
-{
-    size_t n = strlen(root);
-    return strncmp(path, root, n) == 0 &&
-           (path[n] == '/' || path[n] == 0 || (n && root[n - 1] == '/'));
-}
-
-// Real path of `path` under `root`; when the file is missing, that of its folder (*missing).
-static char *resolve_under(const char *root, struct hgp_str path, bool *missing)
-{
-    char joined[PATH_MAX];
-    int n = path.data[0] == '/'
-                ? snprintf(joined, sizeof joined, "%.*s", (int)path.size, path.data)
-                : snprintf(joined, sizeof joined, "%s/%.*s", root, (int)path.size, path.data);
-    if (n < 0 || n >= (int)sizeof joined)
-        return NULL;
-    char *real = realpath(joined, NULL);
-    *missing = !real;
-    char *slash = strrchr(joined, '/');
-    if (real || !slash)
-        return real;
-    slash[slash == joined] = 0;
-    return realpath(joined, NULL);
-}
-
-static bool in_roots(const struct worker_options *options, const char *real)
-{
-    for (uint32_t i = 0; i < options->asset_root_count; i++)
-        if (lies_under(real, options->asset_roots[i]))
-            return true;
-    return false;
-}
-
-// Whether a file outside the roots exists is not told: there everything is "not allowed".
-enum hg_status path_resolve(
-    const struct worker_options *options, struct hgp_str path, char **out, struct hg_error *err)
-{
-    char name[256];
-    snprintf(name, sizeof name, "%.*s", (int)path.size, path.data);
-    *out = NULL;
-    bool inside = false;
-    for (uint32_t i = 0; i < options->asset_root_count && path.size; i++) {
-        bool missing;
-        char *real = resolve_under(options->asset_roots[i], path, &missing);
-        bool allowed = real && in_roots(options, real);
-        if (allowed && !missing) {
-            *out = real;
-            return HG_OK;
-        }
-        inside |= allowed;
-        free(real);
-    }
-    if (inside)
-        return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such file");
-    return hg_error_set(err, HG_E_PERM, name, NULL, "does not lie under an asset root");
-}
-
-enum hg_status path_upload(
-    const struct worker_options *options, const uint8_t hash[32], char **out, struct hg_error *err)
-{
-    char hex[HG_SHA256_HEX], path[PATH_MAX];
-    *out = NULL;
-    hg_sha256_hex(hash, hex);
-    if (!options->cache_dir)
-        return hg_error_set(err, HG_E_STATE, hex, NULL, "this worker has no cache folder");
-    snprintf(path, sizeof path, "%s/uploads/%s", options->cache_dir, hex);
-    *out = hg_strdup(path);
-    return *out ? HG_OK : hg_error_set(err, HG_E_NOMEM, hex, NULL, "no memory for a path");
-}
 
 // ---- assets -------------------------------------------------------------------------------------
 
@@ -97,8 +24,7 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
     uint64_t now = hg_clock_now_ns();
     if (now - task->progress_sent_ns >= PROGRESS_NS) {
         task->progress_sent_ns = now;
-        link_send_lossy(task->w, task->channel, task->request, HGP_T_progress,
-            &(struct hgp_progress){.stage = hgp_str_make(stage), .done = done, .total = total});
+        hg_reply_progress(task->to, stage, done, total);
     }
     return !atomic_load(&task->cancel);
 }
@@ -110,7 +36,7 @@ static enum hg_status read_upload(const struct worker_options *options, const ui
     uint8_t *data = NULL, digest[32];
     size_t size = 0;
     *out = NULL;
-    enum hg_status status = path_upload(options, hash, &path, err);
+    enum hg_status status = hg_asset_path_upload(options, hash, &path, err);
     if (!status)
         status = hg_file_read(path, limit_bytes, &data, &size, err);
     if (!status)
@@ -136,7 +62,7 @@ static enum hg_status fetch_upload(
     for (uint32_t i = 0; i < m->files.count; i++) {
         const struct hgp_asset_file *file = &m->files.items[i];
         if (file->uri.size == strlen(uri) && memcmp(file->uri.data, uri, file->uri.size) == 0)
-            return read_upload(&task->w->options, file->hash, limit_bytes, out, err);
+            return read_upload(&task->to.w->options, file->hash, limit_bytes, out, err);
     }
     return hg_error_set(err, HG_E_NOTFOUND, uri, NULL, "was not uploaded with the asset");
 }
@@ -144,7 +70,7 @@ static enum hg_status fetch_upload(
 static enum hg_status load_asset(struct task *task)
 {
     const struct hgp_asset_load *m = &task->message.asset_load;
-    const struct worker_options *options = &task->w->options;
+    const struct worker_options *options = &task->to.w->options;
     struct hg_load_params params = {
         .roots = (const char *const *)options->asset_roots,
         .root_count = options->asset_root_count,
@@ -168,7 +94,7 @@ static enum hg_status load_asset(struct task *task)
                memcmp(m->path.data, demo, sizeof demo - 1) == 0) {
         path = hg_strdup(demo);
     } else {
-        status = path_resolve(options, m->path, &path, &task->err);
+        status = hg_asset_path_resolve(options, m->path, &path, &task->err);
     }
     params.path = path;
     if (!status)
@@ -191,9 +117,9 @@ static enum hg_status load_environment(struct task *task)
 {
     const struct hgp_environment_set *m = &task->message.environment_set;
     char *path = NULL;
-    enum hg_status status = m->has_hash
-                                ? path_upload(&task->w->options, m->hash, &path, &task->err)
-                                : path_resolve(&task->w->options, m->path, &path, &task->err);
+    enum hg_status status =
+        m->has_hash ? hg_asset_path_upload(&task->to.w->options, m->hash, &path, &task->err)
+                    : hg_asset_path_resolve(&task->to.w->options, m->path, &path, &task->err);
     if (!status)
         status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     hg_free(path);
@@ -251,7 +177,7 @@ static enum hg_status examine_image(struct task *task)
     hg_spill_begin("a file that is verified");
     const enum hg_status status =
         hg_image_examine(parts ? task->file.data : one->data, parts ? task->file.size : one->size,
-            "image", ENCODE_JOB_KEY, NULL, &task->told, &task->err);
+            "image", ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->told, &task->err);
     hg_spill_end();
     return status;
 }
@@ -281,12 +207,12 @@ static void *task_main(void *arg)
     while (!command && !(command = hg_calloc(1, sizeof *command)))
         hg_clock_sleep_ns(PROGRESS_NS); // the result must come back; wait for memory
     command->task = task;
-    while (hg_queue_push(&task->w->inbox, command) == HG_E_AGAIN)
+    while (hg_queue_push(&task->to.w->inbox, command) == HG_E_AGAIN)
         hg_clock_sleep_ns(1000000);
     return NULL;
 }
 
-enum hg_status task_start(struct task *task)
+enum hg_status hg_task_start(struct task *task)
 {
     pthread_t thread;
     if (pthread_create(&thread, NULL, task_main, task) != 0)
@@ -295,7 +221,7 @@ enum hg_status task_start(struct task *task)
     return HG_OK;
 }
 
-void task_destroy(struct task *task)
+void hg_task_destroy(struct task *task)
 {
     if (!task)
         return;

@@ -1,9 +1,30 @@
-// worker.h - the parts of helio-worker and how they meet.
+// worker.h - what the threads of helio-worker share, and the layers of its files.
 // Floor 6, private to server/worker.
 //
-// Three kinds of threads: the loop thread owns the socketpair (io_thread.c); the render thread owns the
-// renderer, the scenes and the sessions (dispatch.c and everything it calls); task threads load
-// files and encode frames (task.c). They meet only in the bounded queues of struct worker.
+// Three kinds of threads: the I/O thread owns the socketpair (io_thread.c); the render thread owns
+// the renderer, the scenes, the sessions and their views (dispatch.c and everything it calls); task
+// threads load files (task.c) and encoder threads encode frames (encode_queue.c). They meet only in
+// the bounded queues of struct worker. Nothing here belongs to the process as a whole: a process
+// may hold several workers, and a broker may have several such processes.
+//
+// Layers, lowest first. A file includes only files of lower layers, and what a .c file exports is
+// declared in its own header, so calls go the same way; tests/unit/floors/floors.py checks both.
+//
+//   worker                            options, queues
+//   reply  asset_path  sandbox  lazy_device
+//   encode_request                    a frame to be encoded, and what its file says
+//   encode_exr
+//   encoder                           the encodings behind one interface
+//   encode_queue                      streams of requests, one for each view; encoder threads
+//   io_thread  task
+//   render_state                      what the render thread owns
+//   scene_slot  <  session  <  view_slot
+//   request                           a decoded message, and who is answered
+//   film                              frame keys, metadata of frames, checkpoints
+//   view_rate  <  view_output  <  view_schedule
+//   session_messages  edit_load  edit_object  edit_mesh  view_messages  query  bake  bench
+//   dispatch                          the render thread: messages to their handlers
+//   main
 #ifndef HG_SERVER_WORKER_WORKER_H
 #define HG_SERVER_WORKER_WORKER_H
 
@@ -12,10 +33,13 @@
 #include "base/queue.h"
 #include "base/refbuf.h"
 #include "base/spill.h"
+#include "base/status.h"
 #include "protocol/hgp.h"
-#include "renderer/renderer.h"
 
 enum { WORKER_EXIT_DISK = 9 };
+
+struct encode_queue;
+struct task;
 
 struct worker_options {
     int fd;             // the socketpair's end; default 3
@@ -29,7 +53,7 @@ struct worker_options {
     bool no_sandbox, no_spill, device_info, validation, warm_up;
 };
 
-// A message on its way to the render thread, or a finished task.
+// A message on its way to the render thread, or a finished task; neither: a wake-up.
 struct command {
     struct hgp_header header;
     struct hg_refbuf *payload; // bytes of the message; NULL for a finished task
@@ -39,45 +63,28 @@ struct command {
 
 struct worker {
     struct worker_options options;
-    struct hg_queue inbox;  // struct command *, loop and tasks -> render
-    struct hg_queue outbox; // struct hg_refbuf *, whole messages, render and tasks -> loop
-    struct hg_queue encode; // struct encode_job *, render -> encoder thread
-    _Atomic uint64_t step_started_ns; // of the render thread; 0 = idle (read by the loop)
+    struct hg_queue inbox;         // struct command *, I/O, task and encoder threads -> render
+    struct hg_queue outbox;        // struct hg_refbuf *, whole messages, all threads -> I/O
+    struct encode_queue *encoders; // render -> encoder threads; set before the threads start
+    struct command wake;           // in the inbox while wake_queued
+    _Atomic bool wake_queued;
+    _Atomic uint64_t step_started_ns; // of the render thread; 0 = idle (read by the I/O thread)
     _Atomic uint32_t view_count;
     _Atomic uint64_t encode_ns; // of the newest frame
     _Atomic bool stop, device_lost, disk_lost;
     struct hg_spill_loss loss; // once disk_lost is set
 };
 
-// ---- io_thread.c: the loop thread --------------------------------------------------------------------
+// The queues of a worker whose options are set; on error hg_worker_finish is still to be called.
+enum hg_status hg_worker_init(struct worker *w) HG_MUST_CHECK;
+// After all threads have ended. What is still queued is dropped; options stay.
+void hg_worker_finish(struct worker *w);
 
-// Runs until the link closes. HG_E_CLOSED on orderly end, HG_E_IO when arrays could not be read
-// back, which the peer was told, else what broke.
-enum hg_status link_run(struct worker *w);
-
-// From now on a disk that does not give back what was spilled ends the process by way of link_run.
-void link_watch_disk(struct worker *w);
-
-// Encodes a message and hands it to the loop; waits while the outbox is full. Any thread.
-void link_send(
-    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message);
-// The same, but dropped when the outbox is full (progress).
-void link_send_lossy(
-    struct worker *w, uint32_t channel, uint32_t request, enum hgp_type type, const void *message);
-void link_send_error(
-    struct worker *w, uint32_t channel, uint32_t request, const struct hg_error *err);
-// Ends the process soon: only a new one gets a clean device. link_send_error calls it for
-// HG_E_DEVICE_LOST instead of answering; the broker asks again, or says that the worker died.
-void link_lose_device(struct worker *w, const struct hg_error *err);
-
-// ---- dispatch.c: the render thread ----------------------------------------------------------------
-
-void *render_main(void *worker);
-
-// ---- sandbox.c ----------------------------------------------------------------------------------
-
-// No new privileges, memory limit, Landlock and seccomp where the kernel has them. Logs what holds.
-enum hg_status sandbox_enter(
-    const struct worker_options *options, struct hg_error *err) HG_MUST_CHECK;
+// The render thread looks for work again. Any thread; never waits, takes no memory.
+void hg_worker_wake(struct worker *w);
+// Frees what came out of the inbox, or remembers that the wake-up did.
+void hg_worker_free_command(struct worker *w, struct command *c);
+// Ends the process soon: only a new one gets a clean device. Any thread.
+void hg_worker_lose_device(struct worker *w, const struct hg_error *err);
 
 #endif

@@ -1,4 +1,4 @@
-// worker_sandbox.c - what a process can still do after sandbox_enter: each attempt in a child of
+// worker_sandbox.c - what a process can still do after hg_sandbox_enter: each attempt in a child of
 // its own. What the running kernel cannot restrict is expected to be possible.
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +18,7 @@
 
 #include <cmocka.h>
 
-#include "server/worker/worker.h"
+#include "server/worker/sandbox.h"
 #include "tests/support/folder.h"
 
 enum { SCOPE_ABI = 6 };
@@ -71,7 +71,7 @@ static int inside(int (*attempt)(void))
             .cache_dir = cache,
             .memory_limit_bytes = MEMORY_LIMIT};
         struct hg_error err = {0};
-        if (sandbox_enter(&options, &err))
+        if (hg_sandbox_enter(&options, &err))
             _exit(255);
         errno = 0;
         _exit(attempt() < 0 ? errno : 0);

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/refbuf.h"
-#include "server/worker/task.h"
+#include "server/worker/encode_exr.h"
 #include "tests/unit/image_exr.h"
 
 enum { WIDTH = 3, HEIGHT = 2, PIXELS = WIDTH * HEIGHT, EXPOSURE = 4 };
@@ -37,7 +37,7 @@ static void test_scales(void **state)
         {HG_PLANE_DEPTH, 1, 1}, {HG_PLANE_POSITION, 1, 1}, {HG_PLANE_SAMPLES, 1, 1},
         {HG_PLANE_MOTION, 1, -1}};
     enum { ROWS = sizeof rows / sizeof *rows };
-    struct encode_job job = {.opaque = true,
+    struct encode_request job = {.opaque = true,
         .frame = {.width = WIDTH, .height = HEIGHT, .encoding = HGP_encoding_EXR_FLOAT},
         .notes = {.exposure = EXPOSURE},
         .pixels = numbers(4)};

@@ -1,0 +1,16 @@
+// asset_path.h - which files a worker may read.
+// Floor 6, private to server/worker. Thread: any.
+#ifndef HG_SERVER_WORKER_ASSET_PATH_H
+#define HG_SERVER_WORKER_ASSET_PATH_H
+
+#include "server/worker/worker.h"
+
+// Real path of a file that lies under the asset roots: absolute, or relative to one of them.
+// *out is freed with hg_free. HG_E_NOTFOUND, HG_E_PERM.
+enum hg_status hg_asset_path_resolve(const struct worker_options *options, struct hgp_str path,
+    char **out, struct hg_error *err) HG_MUST_CHECK;
+// `<cache>/uploads/<hex>`; HG_E_STATE without a cache folder.
+enum hg_status hg_asset_path_upload(const struct worker_options *options, const uint8_t hash[32],
+    char **out, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

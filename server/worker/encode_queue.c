@@ -1,0 +1,304 @@
+#include "server/worker/encode_queue.h"
+
+#include <pthread.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/sha256.h"
+
+enum {
+    FRAME_DATA_LIMIT = 512 << 20, // of frame.data
+    STREAM_FRAMES = 2,            // one that is being encoded, one behind it
+    MIN_THREADS = 2,
+    MAX_THREADS = 16,
+    MAX_STAGES = 64,
+};
+
+// An encoder of a stream between its frames. Used by the thread that runs the stream.
+struct encoder_state {
+    bool is_open;
+    uint32_t width, height; // px, of the frames
+    void *state;
+};
+
+struct encode_stream {
+    struct encode_queue *queue;
+    struct encode_stream *next_ready;
+    struct encode_request *first, **end; // waiting, oldest first
+    _Atomic uint32_t frames;             // waiting and being encoded
+    bool running, closed;
+    struct encoder_state states[ENCODER_COUNT];
+};
+
+struct encode_queue {
+    struct worker *w;
+    encoder_find_fn *find;
+    pthread_mutex_t lock; // of the streams' lists and flags, and of what follows
+    pthread_cond_t changed;
+    struct encode_stream *ready, **ready_end; // with frames, not running
+    bool stop;
+    uint32_t thread_count;
+    pthread_t threads[MAX_THREADS];
+};
+
+// ---- one frame ----------------------------------------------------------------------------------
+
+static void close_state(const struct encoder_ops *ops, struct encoder_state *s)
+{
+    if (s->is_open && ops->close)
+        ops->close(s->state);
+    *s = (struct encoder_state){0};
+}
+
+static enum hg_status open_state(const struct encoder_ops *ops, struct encoder_state *s,
+    const struct encode_request *request, struct hg_error *err)
+{
+    const struct hgp_frame *f = &request->frame;
+    if (s->is_open && s->width == f->width && s->height == f->height)
+        return HG_OK;
+    close_state(ops, s);
+    enum hg_status status = ops->open ? ops->open(request, &s->state, err) : HG_OK;
+    if (status)
+        return status;
+    s->is_open = true;
+    s->width = f->width;
+    s->height = f->height;
+    return HG_OK;
+}
+
+// The picture must fit the data of a frame message.
+static enum hg_status check_size(
+    const struct encode_request *request, size_t size, struct hg_error *err)
+{
+    if (request->parts || size <= FRAME_DATA_LIMIT)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "frame", "data",
+        "%zu bytes are more than a message holds (%d); choose another encoding or size", size,
+        FRAME_DATA_LIMIT);
+}
+
+static enum hg_status encode(struct encode_stream *stream, const struct encode_request *request,
+    struct hgp_frame *frame, struct hg_writer *data, struct hg_error *err)
+{
+    const struct encoder_ops *ops = stream->queue->find(frame->encoding);
+    struct encoder_state *s = &stream->states[frame->encoding];
+    enum hg_status status = open_state(ops, s, request, err);
+    if (status)
+        return status;
+    status = ops->encode(s->state, request, data, err);
+    if (status) {
+        close_state(ops, s); // the next frame begins anew
+        return status;
+    }
+    frame->lossless = ops->lossless;
+    status = check_size(request, data->size ? data->size : request->pixels->size, err);
+    if (status || !frame->settled || !frame->lossless)
+        return status;
+    frame->has_hash = true;
+    return hg_sha256(request->pixels->data, request->pixels->size, frame->hash);
+}
+
+static uint32_t list_stages(const struct encode_request *request, uint64_t encode_ns,
+    struct hgp_stage_time stages[MAX_STAGES])
+{
+    uint32_t n = 0;
+    const struct hg_frame_info *info = &request->info;
+    for (; n < info->stage_count && n < MAX_STAGES - 2; n++)
+        stages[n] = (struct hgp_stage_time){hgp_str_make(info->stages[n].name), info->stages[n].ns};
+    stages[n++] = (struct hgp_stage_time){hgp_str_make("read"), request->read_ns};
+    stages[n++] = (struct hgp_stage_time){hgp_str_make("encode"), encode_ns};
+    return n;
+}
+
+static void encode_and_send(struct encode_stream *stream, const struct encode_request *request)
+{
+    struct worker *w = stream->queue->w;
+    struct hgp_stage_time stages[MAX_STAGES];
+    struct hgp_frame frame = request->frame;
+    struct hg_writer data = {0};
+    struct hg_error err = {0};
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = encode(stream, request, &frame, &data, &err);
+    if (status) {
+        if (!err.status)
+            hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        hg_reply_error(request->to, &err);
+    } else {
+        frame.stages.items = stages;
+        frame.stages.count = list_stages(request, hg_clock_now_ns() - start, stages);
+        hg_reply_frame(request->to, &frame, request->parts,
+            data.size ? data.data : request->pixels->data,
+            data.size ? data.size : request->pixels->size);
+        atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
+    }
+    hg_writer_finish(&data);
+}
+
+// ---- streams ------------------------------------------------------------------------------------
+
+static void destroy_stream(struct encode_stream *stream)
+{
+    for (uint32_t i = 0; i < ENCODER_COUNT; i++)
+        close_state(stream->queue->find((enum hgp_encoding)i), &stream->states[i]);
+    for (struct encode_request *next; stream->first; stream->first = next) {
+        next = stream->first->next;
+        hg_encode_request_destroy(stream->first);
+    }
+    hg_free(stream);
+}
+
+// Under the lock.
+static void make_ready(struct encode_stream *stream)
+{
+    struct encode_queue *q = stream->queue;
+    stream->next_ready = NULL;
+    *q->ready_end = stream;
+    q->ready_end = &stream->next_ready;
+    pthread_cond_signal(&q->changed);
+}
+
+struct encode_stream *hg_encode_stream_open(struct encode_queue *queue)
+{
+    struct encode_stream *stream = hg_calloc(1, sizeof *stream);
+    if (!stream)
+        return NULL;
+    stream->queue = queue;
+    stream->end = &stream->first;
+    return stream;
+}
+
+void hg_encode_stream_close(struct encode_stream *stream)
+{
+    if (!stream)
+        return;
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    stream->closed = true;
+    const bool idle = !stream->running && !stream->first;
+    pthread_mutex_unlock(&q->lock);
+    if (idle)
+        destroy_stream(stream);
+}
+
+bool hg_encode_stream_has_room(const struct encode_stream *stream)
+{
+    return atomic_load(&stream->frames) < STREAM_FRAMES;
+}
+
+void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request)
+{
+    struct encode_queue *q = stream->queue;
+    request->next = NULL;
+    atomic_fetch_add(&stream->frames, 1);
+    pthread_mutex_lock(&q->lock);
+    const bool ready = !stream->first && !stream->running;
+    *stream->end = request;
+    stream->end = &request->next;
+    if (ready)
+        make_ready(stream);
+    pthread_mutex_unlock(&q->lock);
+}
+
+// ---- threads ------------------------------------------------------------------------------------
+
+// The stream whose turn it is, with its oldest request; NULL: the end.
+static struct encode_stream *begin(struct encode_queue *q, struct encode_request **request)
+{
+    pthread_mutex_lock(&q->lock);
+    while (!q->ready && !q->stop)
+        pthread_cond_wait(&q->changed, &q->lock);
+    struct encode_stream *stream = q->stop ? NULL : q->ready;
+    if (stream) {
+        q->ready = stream->next_ready;
+        if (!q->ready)
+            q->ready_end = &q->ready;
+        *request = stream->first;
+        stream->first = stream->first->next;
+        if (!stream->first)
+            stream->end = &stream->first;
+        stream->running = true;
+    }
+    pthread_mutex_unlock(&q->lock);
+    return stream;
+}
+
+static void end(struct encode_queue *q, struct encode_stream *stream)
+{
+    pthread_mutex_lock(&q->lock);
+    stream->running = false;
+    const bool last = stream->closed && !stream->first;
+    if (stream->first)
+        make_ready(stream);
+    if (!last)
+        atomic_fetch_sub(&stream->frames, 1);
+    pthread_mutex_unlock(&q->lock); // from here on the stream may be gone
+    if (last)
+        destroy_stream(stream);
+    hg_worker_wake(q->w);
+}
+
+static void *encoder_main(void *arg)
+{
+    struct encode_queue *q = arg;
+    struct encode_request *request;
+    for (struct encode_stream *stream; (stream = begin(q, &request));) {
+        encode_and_send(stream, request);
+        hg_encode_request_destroy(request);
+        end(q, stream);
+    }
+    return NULL;
+}
+
+static uint32_t default_threads(void)
+{
+    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    return cores < MIN_THREADS ? MIN_THREADS : cores > MAX_THREADS ? MAX_THREADS : (uint32_t)cores;
+}
+
+enum hg_status hg_encode_queue_create(
+    struct worker *w, uint32_t threads, encoder_find_fn *find, struct encode_queue **out)
+{
+    struct encode_queue *q = *out = hg_calloc(1, sizeof *q);
+    if (!q)
+        return HG_E_NOMEM;
+    q->w = w;
+    q->find = find;
+    q->ready_end = &q->ready;
+    pthread_mutex_init(&q->lock, NULL);
+    pthread_cond_init(&q->changed, NULL);
+    const uint32_t count = threads ? threads : default_threads();
+    while (q->thread_count < count && q->thread_count < MAX_THREADS &&
+           pthread_create(&q->threads[q->thread_count], NULL, encoder_main, q) == 0)
+        q->thread_count++;
+    if (q->thread_count > 0)
+        return HG_OK;
+    hg_encode_queue_destroy(q);
+    *out = NULL;
+    return HG_E_LIMIT;
+}
+
+void hg_encode_queue_destroy(struct encode_queue *q)
+{
+    if (!q)
+        return;
+    pthread_mutex_lock(&q->lock);
+    q->stop = true;
+    pthread_cond_broadcast(&q->changed);
+    pthread_mutex_unlock(&q->lock);
+    for (uint32_t i = 0; i < q->thread_count; i++)
+        pthread_join(q->threads[i], NULL);
+    for (struct encode_stream *next; q->ready; q->ready = next) {
+        next = q->ready->next_ready;
+        destroy_stream(q->ready);
+    }
+    pthread_cond_destroy(&q->changed);
+    pthread_mutex_destroy(&q->lock);
+    hg_free(q);
+}
+
+const struct encoder_ops *hg_encode_queue_encoder(
+    const struct encode_queue *queue, enum hgp_encoding encoding)
+{
+    return queue->find(encoding);
+}

@@ -1,0 +1,54 @@
+// encode_request.h - a frame on its way to an encoder: pixels, planes, and what its file says.
+// Floor 6, private to server/worker. Owned by one thread at a time.
+#ifndef HG_SERVER_WORKER_ENCODE_REQUEST_H
+#define HG_SERVER_WORKER_ENCODE_REQUEST_H
+
+#include "renderer/renderer.h"
+#include "server/worker/reply.h"
+
+// What a file says besides its pixels.
+struct encode_notes {
+    char device[128];
+    uint32_t seed;
+    double time_s;             // the scene's pose
+    float shutter[2], frame_s; // frames from the pose; seconds
+    float exposure;
+    enum hg_view_denoise denoise;
+    bool traced; // in path mode; else nothing is said of what follows
+    enum hg_filter filter;
+    uint32_t max_bounces;
+    float filter_radius_px, clamp_indirect;
+    float lens_radius, focus_distance; // metres; radius 0 = all is sharp
+    float world_to_camera[16], world_to_ndc[16];
+    char job[65];   // hexadecimal, or empty
+    char scene[65]; // with a job: hash of what the scene holds
+};
+
+enum { ENCODE_MAX_PLANES = 40, ENCODE_MATTES = 3 };
+
+struct encode_request {
+    struct encode_request *next; // in its stream
+    struct reply_to to;
+    struct hgp_frame frame; // without data, hash and stages
+    uint8_t quality;
+    bool opaque;
+    bool parts; // the data may go in parts
+    struct hg_refbuf *pixels;
+    struct hg_frame_info info;
+    uint64_t read_ns;
+    struct encode_notes notes;
+    struct encode_plane {
+        enum hg_plane plane;
+        char name[32];            // of the part; "": the plane's
+        struct hg_refbuf *values; // floats
+    } planes[ENCODE_MAX_PLANES];  // EXR only
+    uint32_t plane_count;
+    struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not asked for
+};
+
+// Key of the text attribute that holds the hash of what a file was made from.
+#define ENCODE_FRAME_KEY_ATTRIBUTE "heliograph:job"
+
+void hg_encode_request_destroy(struct encode_request *request); // accepts NULL
+
+#endif

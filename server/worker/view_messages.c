@@ -1,0 +1,240 @@
+#include "server/worker/view_messages.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+#include "server/worker/film.h"
+#include "server/worker/view_rate.h"
+
+static uint64_t pixels_of(const struct hg_view_params *p)
+{
+    return (uint64_t)(p->width ? p->width : 1280) * (p->height ? p->height : 720);
+}
+
+static enum hg_status check_quota(const struct request *r, const struct view_slot *changed,
+    const struct hg_view_params *params, struct hg_error *err)
+{
+    uint64_t total = pixels_of(params);
+    for (const struct view_slot *it = r->session->views; it; it = it->next)
+        if (it != changed)
+            total += pixels_of(&it->settings.params);
+    if (total > r->session->max_pixels)
+        return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
+            "%llu pixels are more than this session's %llu", (unsigned long long)total,
+            (unsigned long long)r->session->max_pixels);
+    return HG_OK;
+}
+
+static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *m)
+{
+    if (m->has_width)
+        p->width = m->width;
+    if (m->has_height)
+        p->height = m->height;
+    if (m->has_tonemap)
+        p->tonemap = (enum hg_tonemap)m->tonemap;
+    if (m->has_exposure_ev)
+        p->exposure_ev = m->exposure_ev;
+    if (m->has_background)
+        p->background = (enum hg_background)m->background;
+    if (m->has_background_color)
+        memcpy(p->background_color, m->background_color, sizeof p->background_color);
+    if (m->has_samples)
+        p->samples = m->samples;
+    if (m->has_seed)
+        p->seed = m->seed;
+    if (m->has_debug_view)
+        p->debug = (enum hg_debug_view)m->debug_view;
+    if (m->has_error_px)
+        p->error_px = m->error_px;
+    if (m->has_target_ms)
+        p->target_ms = m->target_ms;
+    if (m->has_mode)
+        p->mode = (enum hg_render_mode)m->mode;
+    if (m->has_trace)
+        p->trace = (enum hg_view_trace)m->trace;
+    if (m->has_max_bounces)
+        p->max_bounces = m->max_bounces;
+    if (m->has_noise)
+        p->noise = m->noise;
+    if (m->has_time_limit_s)
+        p->time_s = m->time_limit_s;
+    if (m->has_denoise)
+        p->denoise = (enum hg_view_denoise)m->denoise;
+    if (m->has_frame_s)
+        p->frame_s = m->frame_s;
+    if (m->has_shutter_open)
+        p->shutter_open = m->shutter_open;
+    if (m->has_shutter_close)
+        p->shutter_close = m->shutter_close;
+    if (m->has_series_s)
+        p->series_s = m->series_s;
+    if (m->has_filter)
+        p->filter = (enum hg_filter)m->filter;
+    if (m->has_filter_radius_px)
+        p->filter_radius_px = m->filter_radius_px;
+    if (m->has_clamp_indirect)
+        p->clamp_indirect = m->clamp_indirect;
+}
+
+static enum hg_status overlay_planes(
+    struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
+{
+    return m->has_planes ? film_planes(m->planes, &p->planes, mattes, err) : HG_OK;
+}
+
+static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
+{
+    if (m->has_encoding)
+        view->subscription.encoding = m->encoding;
+    if (m->has_still_encoding)
+        view->subscription.still_encoding = m->still_encoding;
+    if (m->has_quality)
+        view->subscription.quality = m->quality;
+    if (m->has_max_fps)
+        view->subscription.max_fps = m->max_fps;
+}
+
+void hg_handle_view_set(const struct request *r)
+{
+    const struct hgp_view_set *m = &r->message->view_set;
+    struct hg_error err = {0};
+    struct view_slot *view = hg_view_slot_find(r->session, m->view), *made = NULL;
+    struct hg_view_params params = view ? view->settings.params : (struct hg_view_params){0};
+    enum hg_status status = HG_OK;
+    overlay_params(&params, m);
+    uint32_t mattes = view ? view->settings.mattes : 0;
+    status = overlay_planes(&params, &mattes, m, &err);
+    params.mattes = mattes;
+    if (!status)
+        status = check_quota(r, view, &params, &err);
+    if (!status && !view)
+        status = hg_view_slot_create(r->s, r->session, m->view, &made, &err);
+    if (made)
+        view = made;
+    if (!status)
+        status = hg_view_set_params(view->view, &params, &err);
+    if (status) {
+        if (made)
+            hg_view_slot_destroy(r->s, r->session, made);
+        hg_reply_error(r->to, &err);
+        return;
+    }
+    view->settings.params = params;
+    view->settings.mattes = mattes;
+    view->settings.changed = true;
+    overlay_delivery(view, m);
+    hg_request_ok(r);
+}
+
+void hg_handle_view_close(const struct request *r)
+{
+    struct view_slot *view = hg_request_view(r, r->message->view_close.view);
+    if (!view)
+        return;
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_CANCELLED, "view", NULL, "the view was closed");
+    for (struct frame_wait *wait = view->waits; wait; wait = wait->next)
+        hg_reply_error((struct reply_to){r->s->w, r->to.channel, wait->request}, &err);
+    hg_view_slot_destroy(r->s, r->session, view);
+    hg_request_ok(r);
+}
+
+static void overlay_camera(struct hg_view_camera *c, const struct hgp_view_camera *m)
+{
+    c->input_seq = m->input_seq;
+    if (m->has_eye)
+        memcpy(c->eye, m->eye, sizeof c->eye);
+    if (m->has_target)
+        memcpy(c->target, m->target, sizeof c->target);
+    if (m->has_up)
+        memcpy(c->up, m->up, sizeof c->up);
+    if (m->has_kind)
+        c->orthographic = m->kind == HGP_camera_kind_ORTHOGRAPHIC;
+    if (m->has_vfov_rad)
+        c->vfov_rad = m->vfov_rad;
+    if (m->has_half_height)
+        c->half_height = m->half_height;
+    if (m->has_near)
+        c->near = m->near;
+    if (m->has_far)
+        c->far = m->far;
+    if (m->has_lens_radius)
+        c->lens_radius = m->lens_radius;
+    if (m->has_focus_distance)
+        c->focus_distance = m->focus_distance;
+    c->moves = m->has_next_eye || m->has_next_target;
+    memcpy(c->next_eye, m->has_next_eye ? m->next_eye : c->eye, sizeof c->next_eye);
+    memcpy(c->next_target, m->has_next_target ? m->next_target : c->target, sizeof c->next_target);
+    memset(c->next_up, 0, sizeof c->next_up);
+    if (m->has_next_up)
+        memcpy(c->next_up, m->next_up, sizeof c->next_up);
+}
+
+void hg_handle_view_camera(const struct request *r)
+{
+    const struct hgp_view_camera *m = &r->message->view_camera;
+    struct view_slot *view = hg_request_view(r, m->view);
+    if (!view)
+        return;
+    struct hg_error err = {0};
+    struct hg_view_camera camera = view->settings.camera;
+    uint64_t node = m->has_camera ? m->camera : 0;
+    overlay_camera(&camera, m);
+    if (node)
+        hg_scene_update(r->session->scene->scene);
+    enum hg_status status = node ? hg_view_set_camera_node(view->view, node, &camera, &err)
+                                 : hg_view_set_camera(view->view, &camera, &err);
+    if (status) {
+        hg_reply_error(r->to, &err);
+        return;
+    }
+    view->settings.camera = camera;
+    view->settings.camera_node = node;
+    view->settings.camera_node_revision = r->session->scene->scene->revision;
+    view->settings.changed = true;
+    hg_request_ok(r);
+}
+
+void hg_handle_frame_request(const struct request *r)
+{
+    const struct hgp_frame_request *m = &r->message->frame_request;
+    struct view_slot *view = hg_request_view(r, m->view);
+    if (!view)
+        return;
+    struct frame_wait *wait = hg_calloc(1, sizeof *wait);
+    if (!wait) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOMEM, "frame_request", NULL, "no memory");
+        hg_reply_error(r->to, &err);
+        return;
+    }
+    wait->request = r->to.request;
+    wait->settled = m->settled;
+    wait->parts = m->has_parts && m->parts;
+    wait->encoding = m->has_encoding ? m->encoding
+                     : m->settled    ? view->subscription.still_encoding
+                                     : view->subscription.encoding;
+    wait->quality = m->has_quality ? m->quality : view->subscription.quality;
+    struct frame_wait **end = &view->waits;
+    while (*end)
+        end = &(*end)->next;
+    *end = wait;
+    view->progress.failed = false;
+}
+
+void hg_handle_subscribe(const struct request *r)
+{
+    struct view_slot *view = hg_request_view(r, r->message->subscribe.view);
+    if (!view)
+        return;
+    hg_rate_subscribe(view, r->message->subscribe.credit_frames);
+    hg_request_ok(r);
+}
+
+void hg_handle_credit(const struct request *r)
+{
+    struct view_slot *view = hg_request_view(r, r->message->credit.view);
+    if (view)
+        hg_rate_add_credit(view, r->message->credit.frames);
+}

@@ -1,0 +1,15 @@
+// view_messages.h - views: their parameters, cameras, and who waits for their frames.
+// Floor 6, private to server/worker. Thread: the render thread. A handler answers its request.
+#ifndef HG_SERVER_WORKER_VIEW_MESSAGES_H
+#define HG_SERVER_WORKER_VIEW_MESSAGES_H
+
+#include "server/worker/request.h"
+
+void hg_handle_view_set(const struct request *r);
+void hg_handle_view_close(const struct request *r);
+void hg_handle_view_camera(const struct request *r);
+void hg_handle_frame_request(const struct request *r);
+void hg_handle_subscribe(const struct request *r);
+void hg_handle_credit(const struct request *r);
+
+#endif

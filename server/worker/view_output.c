@@ -1,0 +1,162 @@
+#include "server/worker/view_output.h"
+
+#include <stdio.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "server/worker/film.h"
+#include "server/worker/view_rate.h"
+
+static struct reply_to reply_to(
+    const struct render_state *s, const struct session *session, uint32_t request)
+{
+    return (struct reply_to){.w = s->w, .channel = session->channel, .request = request};
+}
+
+static float asked_error_px(const struct hg_view_params *p)
+{
+    return p->error_px > 0 ? p->error_px : 1;
+}
+
+// A picture that lacks textures is not passed on in silence.
+static void send_failed_textures(struct view_slot *view, struct reply_to to)
+{
+    const uint32_t failed = hg_view_failed_textures(view->view);
+    if (failed == view->progress.failed_textures_sent)
+        return;
+    view->progress.failed_textures_sent = failed;
+    if (failed == 0)
+        return;
+    char text[96];
+    snprintf(text, sizeof text, "%u of the images cannot be read and are drawn white", failed);
+    hg_reply_notice(
+        to, &(struct hgp_notice){
+                .code = HG_E_IO, .what = hgp_str_make("textures"), .reason = hgp_str_make(text)});
+}
+
+static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_encoding encoding)
+{
+    const struct hg_view_params *p = &view->settings.params;
+    const struct hg_frame_info *info = &view->progress.info;
+    return (struct hgp_frame){
+        .view = view->number,
+        .number = info->number,
+        .scene_revision = info->scene_revision,
+        .input_seq = info->input_seq,
+        .width = info->width,
+        .height = info->height,
+        .encoding = encoding,
+        .samples = info->samples,
+        .missing_pages = info->missing_pages,
+        .missing_clusters = info->missing_clusters,
+        .settled = info->settled,
+        .has_mip_bias = info->mip_bias > 0,
+        .mip_bias = info->mip_bias,
+        .has_error_px = info->error_px > asked_error_px(p),
+        .error_px = info->error_px,
+        .has_mode = p->mode == HG_MODE_PATH,
+        .mode = HGP_render_mode_PATH,
+        .has_noise = info->noise > 0,
+        .noise = info->noise,
+    };
+}
+
+static enum hg_status fill_request(struct render_state *s, struct session *session,
+    struct view_slot *view, struct encode_request *request, struct hg_error *err)
+{
+    const struct encoder_ops *encoder =
+        hg_encode_queue_encoder(s->w->encoders, request->frame.encoding);
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = hg_view_read_pixels(view->view, encoder->pixels, &request->pixels, err);
+    if (status)
+        return status;
+    request->read_ns = hg_clock_now_ns() - start;
+    request->info = view->progress.info;
+    request->opaque = view->settings.params.background != HG_BACKGROUND_NONE;
+    send_failed_textures(view, request->to);
+    return film_attach(s, session, view, request, err);
+}
+
+// There is room in the view's stream.
+static enum hg_status queue_frame(struct render_state *s, struct session *session,
+    struct view_slot *view, const struct frame_wait *what, struct hg_error *err)
+{
+    struct encode_request *request = hg_calloc(1, sizeof *request);
+    if (!request)
+        return hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory");
+    request->to = reply_to(s, session, what->request);
+    request->quality = what->quality;
+    request->parts = what->parts;
+    request->frame = describe_frame(view, what->encoding);
+    enum hg_status status = fill_request(s, session, view, request, err);
+    if (status) {
+        hg_encode_request_destroy(request);
+        return status;
+    }
+    hg_encode_stream_push(view->encoder, request);
+    return HG_OK;
+}
+
+static void deliver_waits(struct render_state *s, struct session *session, struct view_slot *view)
+{
+    bool room = true;
+    for (struct frame_wait **link = &view->waits; *link;) {
+        struct frame_wait *wait = *link;
+        const struct reply_to to = reply_to(s, session, wait->request);
+        if (wait->settled && !view->progress.info.settled) {
+            hg_rate_send_progress(view, wait, to);
+            link = &wait->next;
+            continue;
+        }
+        room = room && hg_encode_stream_has_room(view->encoder);
+        if (!room) {
+            link = &wait->next;
+            continue;
+        }
+        struct hg_error err = {0};
+        if (queue_frame(s, session, view, wait, &err))
+            hg_reply_error(to, &err);
+        *link = wait->next;
+        hg_free(wait);
+    }
+}
+
+static void deliver_subscription(
+    struct render_state *s, struct session *session, struct view_slot *view)
+{
+    if (!hg_rate_wants(view) || hg_clock_now_ns() < hg_rate_due_ns(view) ||
+        !hg_encode_stream_has_room(view->encoder))
+        return;
+    const struct view_subscription *sub = &view->subscription;
+    const bool settled = view->progress.info.settled;
+    const struct frame_wait what = {
+        .encoding = settled ? sub->still_encoding : sub->encoding,
+        .quality = sub->quality,
+    };
+    struct hg_error err = {0};
+    if (queue_frame(s, session, view, &what, &err))
+        hg_output_fail(s, session, view, &err);
+    else
+        hg_rate_sent(view);
+}
+
+void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view)
+{
+    deliver_waits(s, session, view);
+    deliver_subscription(s, session, view);
+}
+
+void hg_output_fail(struct render_state *s, struct session *session, struct view_slot *view,
+    const struct hg_error *err)
+{
+    view->progress.failed = true;
+    view->progress.failed_revision = session->scene->scene->revision;
+    if (!view->waits) // a subscription: tell once, then rest until something changes
+        hg_reply_error(reply_to(s, session, 0), err);
+    while (view->waits) {
+        struct frame_wait *wait = view->waits;
+        hg_reply_error(reply_to(s, session, wait->request), err);
+        view->waits = wait->next;
+        hg_free(wait);
+    }
+}

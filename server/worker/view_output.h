@@ -1,0 +1,15 @@
+// view_output.h - reads the picture of a view's newest step and hands it to the view's encoders.
+// Floor 6, private to server/worker. Thread: the render thread. Renders nothing.
+#ifndef HG_SERVER_WORKER_VIEW_OUTPUT_H
+#define HG_SERVER_WORKER_VIEW_OUTPUT_H
+
+#include "server/worker/view_slot.h"
+
+// Gives the newest frame to those who wait for it and to the subscription, as far as it is due and
+// the view's encode stream has room; for the rest it is tried again when there is.
+void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view);
+// All who wait get the error, and the view rests until something changes.
+void hg_output_fail(struct render_state *s, struct session *session, struct view_slot *view,
+    const struct hg_error *err);
+
+#endif

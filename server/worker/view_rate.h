@@ -1,0 +1,24 @@
+// view_rate.h - how fast frames go out: credit, frame rate, samples of a step, progress.
+// Floor 6, private to server/worker. Thread: the render thread.
+#ifndef HG_SERVER_WORKER_VIEW_RATE_H
+#define HG_SERVER_WORKER_VIEW_RATE_H
+
+#include "server/worker/view_slot.h"
+
+// A client begins to watch, and may be sent `credit` frames.
+void hg_rate_subscribe(struct view_slot *view, uint32_t credit);
+void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
+// Is the newest frame one for the client who watches? The first of a new state, then those at
+// doubling sample counts, then the settled one; whether or not it is due yet.
+bool hg_rate_wants(const struct view_slot *view);
+// When max_fps lets it go.
+uint64_t hg_rate_due_ns(const struct view_slot *view);
+// The newest frame has been sent.
+void hg_rate_sent(struct view_slot *view);
+
+// How many samples the next step should draw to stay responsive.
+uint32_t hg_rate_samples(const struct view_slot *view);
+// Tells who waits for the settled frame how far it is, a few times a second.
+void hg_rate_send_progress(struct view_slot *view, struct frame_wait *wait, struct reply_to to);
+
+#endif

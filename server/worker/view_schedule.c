@@ -1,0 +1,160 @@
+#include "server/worker/view_schedule.h"
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "server/worker/view_output.h"
+#include "server/worker/view_rate.h"
+
+// ---- steps --------------------------------------------------------------------------------------
+
+// All who wait want the settled frame, and no client watches.
+static bool is_final(const struct view_slot *view)
+{
+    bool final = view->waits != NULL && view->subscription.credit == 0;
+    for (const struct frame_wait *it = view->waits; it; it = it->next)
+        final &= it->settled;
+    return final;
+}
+
+// The time limit of realtime views; path-traced ones keep to it themselves. A picture with
+// something missing is not settled, nor is one whose planes are yet to come.
+static void keep_to_time(struct view_slot *view)
+{
+    const struct hg_view_params *p = &view->settings.params;
+    struct hg_frame_info *info = &view->progress.info;
+    if (p->mode == HG_MODE_REALTIME && !p->planes && p->time_s > 0 && info->samples > 0 &&
+        !info->missing_pages && !info->missing_clusters &&
+        (double)view->progress.spent_ns * 1e-9 >= (double)p->time_s)
+        info->settled = true;
+}
+
+// The pose of a camera of the scene may have changed with it.
+static enum hg_status follow_camera_node(
+    struct hg_scene *scene, struct view_slot *view, struct hg_error *err)
+{
+    struct view_settings *set = &view->settings;
+    if (!set->camera_node || set->camera_node_revision == scene->revision)
+        return HG_OK;
+    hg_scene_update(scene);
+    set->camera_node_revision = scene->revision;
+    return hg_view_set_camera_node(view->view, set->camera_node, &set->camera, err);
+}
+
+static enum hg_status step(
+    struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
+{
+    struct view_progress *progress = &view->progress;
+    enum hg_status status = follow_camera_node(session->scene->scene, view, err);
+    // A failed step leaves no info behind: what comes after it is a new state, too.
+    const bool restarted = hg_view_slot_is_stale(session, view);
+    view->subscription.fresh |= restarted;
+    uint64_t start = hg_clock_now_ns();
+    hg_view_set_final(view->view, is_final(view));
+    if (!status)
+        status = hg_view_step(view->view, samples, &progress->info, err);
+    view->settings.changed = false;
+    if (status)
+        return status;
+    uint64_t took_ns = hg_clock_now_ns() - start;
+    progress->spent_ns = restarted ? took_ns : progress->spent_ns + took_ns;
+    progress->sample_ns = took_ns / samples;
+    progress->stepped = true;
+    keep_to_time(view);
+    return HG_OK;
+}
+
+enum hg_status hg_schedule_refresh(
+    struct session *session, struct view_slot *view, struct hg_error *err)
+{
+    hg_scene_slot_publish(session->scene);
+    return hg_view_slot_is_stale(session, view) ? step(session, view, 1, err) : HG_OK;
+}
+
+// ---- turns --------------------------------------------------------------------------------------
+
+// A step that failed would fail again: it waits for another state or another request.
+static bool rests(const struct session *session, const struct view_slot *view)
+{
+    return view->progress.failed && !view->settings.changed &&
+           view->progress.failed_revision == session->scene->scene->revision;
+}
+
+// Is there more to draw, for an encoder that has room or for the settled frame?
+static bool wants_step(const struct session *session, const struct view_slot *view)
+{
+    if (!hg_view_slot_is_stale(session, view) && view->progress.info.settled)
+        return false;
+    bool wanted = hg_encode_stream_has_room(view->encoder);
+    for (const struct frame_wait *it = view->waits; it && !wanted; it = it->next)
+        wanted = it->settled;
+    return wanted;
+}
+
+// Must the view work now? One that only waits for its frame to be due says until when; one whose
+// encoder is full is woken for.
+static bool has_work(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
+{
+    if (rests(session, view) || (!view->waits && !view->subscription.credit))
+        return false;
+    if (hg_scene_slot_in_batch(session->scene, wait_ns))
+        return false;
+    if (wants_step(session, view))
+        return true;
+    if (!hg_encode_stream_has_room(view->encoder))
+        return false;
+    if (view->waits)
+        return true;
+    if (!hg_rate_wants(view))
+        return false;
+    uint64_t now = hg_clock_now_ns(), due = hg_rate_due_ns(view);
+    if (now >= due)
+        return true;
+    *wait_ns = *wait_ns < due - now ? *wait_ns : due - now;
+    return false;
+}
+
+// Renders, then reads: what is delivered is what the step left.
+static void work(struct render_state *s, struct session *session, struct view_slot *view)
+{
+    struct hg_error err = {0};
+    enum hg_status status = HG_OK;
+    view->progress.failed = false;
+    hg_scene_slot_publish(session->scene); // a batch may be open for too long
+    if (wants_step(session, view))
+        status = step(session, view, hg_rate_samples(view), &err);
+    if (status == HG_E_DEVICE_LOST) {
+        // Only a new process gets a clean device; the broker replays the journal into it.
+        hg_worker_lose_device(s->w, &err);
+        return;
+    }
+    if (status) {
+        hg_fault(FRAME, status, "%s: %s", err.what, err.reason);
+        hg_output_fail(s, session, view, &err);
+        return;
+    }
+    hg_output_deliver(s, session, view);
+}
+
+bool hg_schedule_step_next(struct render_state *s, uint64_t *wait_ns)
+{
+    struct session *chosen_session = NULL;
+    struct view_slot *chosen = NULL;
+    bool passed_turn = s->turn == NULL, chosen_after_turn = false;
+    *wait_ns = UINT64_MAX;
+    // The first view with work after the one that went last, else the first of all.
+    for (struct session *session = s->sessions; session; session = session->next)
+        for (struct view_slot *view = session->views; view; view = view->next) {
+            bool candidate = !chosen || (passed_turn && !chosen_after_turn);
+            if (candidate && has_work(session, view, wait_ns)) {
+                chosen = view;
+                chosen_session = session;
+                chosen_after_turn = passed_turn;
+            }
+            passed_turn |= view == s->turn;
+        }
+    if (!chosen)
+        return false;
+    s->turn = chosen;
+    work(s, chosen_session, chosen);
+    return true;
+}

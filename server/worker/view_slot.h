@@ -1,0 +1,94 @@
+// view_slot.h - views of a session: what they show, who waits for their frames, how far they are.
+// Floor 6, private to server/worker. Thread: the render thread.
+#ifndef HG_SERVER_WORKER_VIEW_SLOT_H
+#define HG_SERVER_WORKER_VIEW_SLOT_H
+
+#include "renderer/renderer.h"
+#include "server/worker/encode_queue.h"
+#include "server/worker/session.h"
+
+// A client waiting for one frame of a view.
+struct frame_wait {
+    struct frame_wait *next;
+    uint32_t request;
+    bool settled, parts;
+    enum hgp_encoding encoding;
+    uint8_t quality;
+    uint64_t progress_sent_ns;
+    uint32_t most_missing; // pages and clusters, since it was asked for
+    uint32_t most_baking;  // mesh parts
+    uint64_t baked_before; // texels, when it was asked for; `began` then
+    bool began;
+};
+
+// What the view shows.
+struct view_settings {
+    struct hg_view_params params;
+    uint32_t mattes; // bits of enum hg_matte_kind
+    struct hg_view_camera camera;
+    uint64_t camera_node; // 0: `camera` counts
+    uint64_t camera_node_revision;
+    bool changed; // since the newest step
+};
+
+// How frames go to a client who watches, and which did.
+struct view_subscription {
+    enum hgp_encoding encoding, still_encoding;
+    uint8_t quality;
+    float max_fps;
+    uint32_t credit; // frames that may still be sent
+    uint64_t sent_ns, sent_number, sent_samples;
+    bool fresh; // nothing of the newest step's state has been sent yet
+};
+
+// What steps came to.
+struct view_progress {
+    struct hg_frame_info info; // of the newest step
+    bool stepped;
+    bool failed;                   // the newest step failed; rests until something changes
+    uint64_t failed_revision;      // of the scene then
+    uint32_t failed_textures_sent; // textures that could not be read, as far as the client knows
+    uint64_t sample_ns;            // of the newest step
+    uint64_t spent_ns;             // rendering, since the state was new
+};
+
+// The frame key that the client asked for last: settled frames say what they were made from.
+struct view_frame_key {
+    bool asked;
+    enum hgp_encoding encoding;
+    uint8_t quality;
+    uint8_t after[32]; // key of the picture before in a series; zero = none
+};
+
+// Checkpoints on their way in parts: what is sent, what has come of `receive_bytes`.
+struct view_checkpoint {
+    struct hg_writer sending, receiving;
+    enum hgp_checkpoint_kind receiving_kind;
+    uint64_t receive_bytes;
+    struct hgp_checkpoint sending_notes; // without data
+};
+
+struct view_slot {
+    struct view_slot *next;
+    uint32_t number;
+    struct hg_view *view;
+    struct encode_stream *encoder;
+    struct frame_wait *waits; // oldest first
+    struct view_settings settings;
+    struct view_subscription subscription;
+    struct view_progress progress;
+    struct view_frame_key frame_key;
+    struct view_checkpoint checkpoint;
+};
+
+struct view_slot *hg_view_slot_find(struct session *session, uint32_t number); // may be NULL
+// HG_E_DEVICE, HG_E_NOMEM and errors of hg_view_create.
+enum hg_status hg_view_slot_create(struct render_state *s, struct session *session, uint32_t number,
+    struct view_slot **out, struct hg_error *err) HG_MUST_CHECK;
+// Frames that are being encoded are still sent.
+void hg_view_slot_destroy(struct render_state *s, struct session *session, struct view_slot *view);
+
+// Does its newest step show another state than it has to show now?
+bool hg_view_slot_is_stale(const struct session *session, const struct view_slot *view);
+
+#endif
