@@ -7,23 +7,28 @@
 // the bounded queues of struct worker. Nothing here belongs to the process as a whole: a process
 // may hold several workers, and a broker may have several such processes.
 //
-// Layers, lowest first. A file includes only files of lower layers, and what a .c file exports is
-// declared in its own header, so calls go the same way; tests/unit/floors/floors.py checks both.
-//
-//   worker                            options, queues
-//   reply  asset_path  sandbox  lazy_device
-//   encode_request                    a frame to be encoded, and what its file says
+// Files include only files of the lines above their own, and what a .c file exports is declared in
+// its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
+// Layers, lowest first:
+//   worker                                  options, queues between threads
+//   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
+//   encode_request                          a frame to be encoded, and what its file says
 //   encode_exr
-//   encoder                           the encodings behind one interface
-//   encode_queue                      streams of requests, one for each view; encoder threads
-//   io_thread  task
-//   render_state                      what the render thread owns
-//   scene_slot  <  session  <  view_slot
-//   request                           a decoded message, and who is answered
-//   film                              frame keys, metadata of frames, checkpoints
-//   view_rate  <  view_output  <  view_schedule
-//   session_messages  edit_load  edit_object  edit_mesh  view_messages  query  bake  bench
-//   dispatch                          the render thread: messages to their handlers
+//   encoder                                 encodings behind one interface
+//   encode_queue                            a stream of requests for each view, encoder threads
+//   io_thread task                          the socketpair; loads and comparisons
+//   render_state                            what the render thread owns
+//   scene_slot
+//   session
+//   view_slot
+//   request                                 a decoded message, and who is answered
+//   film                                    frame keys, metadata of frames, checkpoints
+//   view_rate                               credit, frame rate, progress
+//   view_output                             reads what a step left
+//   view_schedule                           whose turn it is to render
+//   session_messages view_messages edit_load edit_object query bake bench    handlers of messages
+//   edit_mesh bench_stream
+//   dispatch                                the render thread
 //   main
 #ifndef HG_SERVER_WORKER_WORKER_H
 #define HG_SERVER_WORKER_WORKER_H

@@ -15,6 +15,11 @@ Rules (names as they are printed):
     socket      socket headers outside server/ and client/
     root        an include in quotes that is not written from the root, or names no file
     c++         a C++ file that no C++-only library forces
+    layer       within a room that lists its layers, an include that does not go to a lower one, or
+                a file that is in no layer
+    home        in such a room, a function that is exported and not declared in its file's header
+A room lists its layers in a comment of one of its headers: "// Layers, lowest first:", then a line
+for each, three spaces and the names of its files without suffix; four spaces end the names.
 """
 import os
 import re
@@ -55,6 +60,9 @@ VULKAN = re.compile(r"^(vulkan/|vk_|volk|vma)")
 SOCKET = re.compile(r"^(sys/socket|sys/un|netinet/|arpa/|netdb|net/|linux/(if|in|tcp|un)|openssl/ssl)")
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:<([^>]+)>|"([^"]+)")', re.M)
 CAUGHT = re.compile(r"caught: ([a-z+]+)")
+LAYERS = re.compile(r"^// Layers, lowest first:\n((?://   \S.*\n)+)", re.M)
+# A line at the margin that begins a function: its name is the last word before the parenthesis.
+FUNCTION = re.compile(r"^(?!static\b|typedef\b|extern\b)[A-Za-z_][\w \t*]*?\b(\w+)\([^;{]*\{", re.M)
 
 
 def room_of(path):
@@ -70,6 +78,8 @@ class Tree:
     def __init__(self, root):
         self.root = root
         self.files = {}  # path -> [(line, name, quoted)]
+        self.text = {}   # path -> its text without block comments
+        self.layers = {}  # room -> {stem: layer}
         for top in SCANNED:
             for folder, _, names in os.walk(os.path.join(root, top)):
                 for name in names:
@@ -81,6 +91,11 @@ class Tree:
             text = f.read()
         # Comments are blanked (not removed) so that line numbers stay.
         text = re.sub(r"/\*.*?\*/", lambda m: re.sub(r"[^\n]", " ", m.group()), text, flags=re.S)
+        self.text[path] = text
+        listed = LAYERS.search(text) if path.endswith(".h") else None
+        if listed:
+            lines = [line[5:].split("    ")[0].split() for line in listed.group(1).splitlines()]
+            self.layers[os.path.dirname(path)] = {n: i for i, names in enumerate(lines) for n in names}
         self.files[path] = [(text.count("\n", 0, m.start()) + 1, m.group(1) or m.group(2),
                              m.group(2) is not None) for m in INCLUDE.finditer(text)]
 
@@ -136,6 +151,21 @@ def check_target(path, target):
     return None if FLOORS[other] < FLOORS[room] else "floor"
 
 
+def check_layer(layers, path, target):
+    """Does an include within a room with layers go to a lower one, or to the file's own header?"""
+    if stem(target) == stem(path):
+        return True
+    return layers.get(stem(target), len(layers)) < layers.get(stem(path), -1)
+
+
+def check_home(tree, path):
+    """The lines of functions that a .c file exports without declaring them in its own header."""
+    header = tree.text.get(os.path.splitext(path)[0] + ".h", "")
+    text = tree.text[path]
+    return [(text.count("\n", 0, m.start()) + 1, m.group(1)) for m in FUNCTION.finditer(text)
+            if m.group(1) != "main" and not re.search(r"\b%s\(" % m.group(1), header)]
+
+
 def check_system(path, name):
     if VULKAN.match(name) and not path.startswith("renderer/"):
         return "vulkan"
@@ -149,6 +179,10 @@ def check_quoted(tree, path, name):
     if target is None:
         return "root"
     rule = check_target(path, target)
+    room = os.path.dirname(path)
+    if rule is None and room in tree.layers and os.path.dirname(target) == room and \
+            not check_layer(tree.layers[room], path, target):
+        return "layer"
     if rule is None and path.startswith(("server/", "client/")) and \
             not target.startswith(("server/", "client/")) and tree.reaches_vulkan(target, set()):
         return "vulkan"
@@ -161,6 +195,11 @@ def check(root):
     for path in sorted(tree.files):
         if path.endswith((".cpp", ".cc", ".cxx", ".hpp")) and path not in CPP_FILES:
             found.append((path, 1, "c++", path))
+        if os.path.dirname(path) in tree.layers:
+            if stem(path) not in tree.layers[os.path.dirname(path)]:
+                found.append((path, 1, "layer", "is in no layer"))
+            if path.endswith(".c"):
+                found += [(path, line, "home", name) for line, name in check_home(tree, path)]
         for line, name, quoted in tree.files[path]:
             rule = check_quoted(tree, path, name) if quoted else check_system(path, name)
             if rule:

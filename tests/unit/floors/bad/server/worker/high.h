@@ -1,0 +1,1 @@
+struct low *low_make(int a, int b);

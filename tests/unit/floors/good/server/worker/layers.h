@@ -1,0 +1,4 @@
+// Layers, lowest first:
+//   layers
+//   low        its text may name high
+//   serve high

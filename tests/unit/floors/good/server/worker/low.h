@@ -1,0 +1,2 @@
+#include "server/worker/layers.h"
+struct low *low_make(int a, int b);
