@@ -41,7 +41,7 @@ static bool in_roots(const struct worker_options *options, const char *real)
     return false;
 }
 
-// Whether a file outside the roots exists is not told: there everything is "not allowed".
+// Does not disclose whether a file outside the roots exists: there everything is "not allowed".
 enum hg_status hg_asset_path_resolve(
     const struct worker_options *options, struct hgp_str path, char **out, struct hg_error *err)
 {

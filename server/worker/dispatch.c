@@ -192,7 +192,7 @@ static void linger(struct render_state *s)
     hg_renderer_linger(s->renderer, ran_ns / 10 < most_ns ? ran_ns / 10 : most_ns);
 }
 
-// Messages that are still in the inbox take no effect: nobody is there to be answered.
+// Messages that are still in the inbox take no effect: the link that asked is closed.
 static void shut_down(struct render_state *s)
 {
     linger(s);

@@ -123,34 +123,38 @@ static void light_demo(struct hg_scene *scene, const struct hg_asset *asset)
     scene->environment.revision = scene->revision + 1;
 }
 
-void hg_edit_asset_loaded(const struct request *r, struct task *task)
+// The asset becomes the scene's; on error it stays the task's.
+static enum hg_status join_scene(const struct request *r, struct task *task, struct hg_error *err)
 {
     const struct hgp_asset_load *m = &r->message->asset_load;
     struct hg_scene *scene = r->session->scene->scene;
+    const bool has_parent = m->has_parent && m->parent;
+    struct hg_object *parent = has_parent ? hg_scene_find(scene, HG_OBJECT_NODE, m->parent) : NULL;
+    if (has_parent && !parent) // others may have removed it since
+        return hg_error_set(err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
+    enum hg_status status = m->has_variant ? choose_variant(task->asset, m->variant, err) : HG_OK;
+    if (status)
+        return status;
+    if (m->has_transform)
+        status = transform_roots(task->asset, m->transform);
+    if (!status)
+        status = hg_scene_add_asset(scene, task->asset, (struct hg_node *)parent);
+    if (status)
+        return hg_error_set(
+            err, status, "asset_load", NULL, "cannot join the scene: %s", hg_status_text(status));
+    task->asset = NULL;
+    return HG_OK;
+}
+
+void hg_edit_asset_loaded(const struct request *r, struct task *task)
+{
     struct hg_asset *asset = task->asset;
     struct hg_error err = task->err;
-    enum hg_status status = task->status;
-    struct hg_object *parent =
-        m->has_parent && m->parent ? hg_scene_find(scene, HG_OBJECT_NODE, m->parent) : NULL;
-    if (!status && m->has_parent && m->parent && !parent) // others may remove it meanwhile
-        status = hg_error_set(&err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
-    if (!status && m->has_variant)
-        status = choose_variant(asset, m->variant, &err);
-    if (!status) {
-        if (m->has_transform)
-            status = transform_roots(asset, m->transform);
-        if (!status)
-            status = hg_scene_add_asset(scene, asset, (struct hg_node *)parent);
-        if (status)
-            hg_error_set(&err, status, "asset_load", NULL, "cannot join the scene: %s",
-                hg_status_text(status));
-    }
-    if (status) {
+    if (task->status || join_scene(r, task, &err)) {
         hg_reply_error(r->to, &err);
         return;
     }
-    task->asset = NULL; // the scene's now
-    light_demo(scene, asset);
+    light_demo(r->session->scene->scene, asset);
     hg_session_edited(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);

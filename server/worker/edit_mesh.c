@@ -36,18 +36,26 @@ static enum hg_status copy_arrays(
     if (n == 0)
         return hg_error_set(err, HG_E_INVAL, "mesh_set", "positions", "a part needs vertices");
     part->vertex_count = (uint32_t)n;
-    enum hg_status status = copy_floats(m->positions, n, 3, "positions", &part->positions, err);
-    if (!status)
-        status = copy_floats(m->normals, n, 3, "normals", &part->normals, err);
-    if (!status)
-        status = copy_floats(m->tangents, n, 4, "tangents", &part->tangents, err);
-    if (!status)
-        status = copy_floats(m->uv0, n, 2, "uv0", &part->uv[0], err);
-    if (!status)
-        status = copy_floats(m->uv1, n, 2, "uv1", &part->uv[1], err);
-    if (!status)
-        status = copy_floats(m->colors, n, 4, "colors", &part->colors, err);
-    return status;
+    const struct {
+        struct hgp_bytes bytes;
+        size_t width;
+        const char *field;
+        float **out;
+    } arrays[] = {
+        {m->positions, 3, "positions", &part->positions},
+        {m->normals, 3, "normals", &part->normals},
+        {m->tangents, 4, "tangents", &part->tangents},
+        {m->uv0, 2, "uv0", &part->uv[0]},
+        {m->uv1, 2, "uv1", &part->uv[1]},
+        {m->colors, 4, "colors", &part->colors},
+    };
+    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
+        enum hg_status status =
+            copy_floats(arrays[i].bytes, n, arrays[i].width, arrays[i].field, arrays[i].out, err);
+        if (status)
+            return status;
+    }
+    return HG_OK;
 }
 
 static enum hg_status expand_indices(const uint32_t *in, uint32_t count,
@@ -88,30 +96,46 @@ static enum hg_status copy_indices(
     return status;
 }
 
+static enum hg_status find_material(
+    const struct request *r, uint64_t id, struct hg_mesh_part *part, struct hg_error *err)
+{
+    struct hg_object *material =
+        id ? hg_scene_find(r->session->scene->scene, HG_OBJECT_MATERIAL, id) : NULL;
+    if (id && !material)
+        return hg_error_set(
+            err, HG_E_NOTFOUND, "mesh_set", "material", "no material %llu", (unsigned long long)id);
+    part->material = (struct hg_material *)material;
+    return HG_OK;
+}
+
+// Client-made materials may get a normal map at any time, so tangents are made in advance.
+static enum hg_status make_normals(struct hg_mesh_part *part)
+{
+    if (part->topology != HG_TOPOLOGY_TRIANGLES)
+        return HG_OK;
+    enum hg_status status = part->normals ? HG_OK : hg_part_make_flat_normals(part, 0);
+    if (status)
+        return status;
+    return part->tangents || !part->uv[0] ? HG_OK : hg_part_make_tangents(part, 0, 0);
+}
+
 static enum hg_status make_part(const struct request *r, const struct hgp_mesh_part *m,
     struct hg_mesh_part *part, struct hg_error *err)
 {
-    struct hg_object *material = NULL;
     enum hg_status status = copy_arrays(m, part, err);
-    if (!status)
-        status = copy_indices(m, part, err);
-    if (!status && m->material) {
-        material = hg_scene_find(r->session->scene->scene, HG_OBJECT_MATERIAL, m->material);
-        if (!material)
-            status = hg_error_set(err, HG_E_NOTFOUND, "mesh_set", "material", "no material %llu",
-                (unsigned long long)m->material);
-    }
-    part->material = (struct hg_material *)material;
-    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->normals)
-        status = hg_part_make_flat_normals(part, 0);
-    // Client-made materials may get a normal map at any time, so tangents are made ahead.
-    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && !part->tangents && part->uv[0])
-        status = hg_part_make_tangents(part, 0, 0);
-    if (status && !err->status)
-        hg_error_set(err, status, "mesh_set", NULL, "%s", hg_status_text(status));
-    if (!status)
-        hg_mesh_part_update_bounds(part, 0);
-    return status;
+    if (status)
+        return status;
+    status = copy_indices(m, part, err);
+    if (status)
+        return status;
+    status = find_material(r, m->material, part, err);
+    if (status)
+        return status;
+    status = make_normals(part);
+    if (status)
+        return hg_error_set(err, status, "mesh_set", NULL, "%s", hg_status_text(status));
+    hg_mesh_part_update_bounds(part, 0);
+    return HG_OK;
 }
 
 static void free_parts(struct hg_mesh_part *parts, uint32_t count)
@@ -121,30 +145,30 @@ static void free_parts(struct hg_mesh_part *parts, uint32_t count)
     hg_free(parts);
 }
 
-void hg_handle_mesh_set(const struct request *r)
+static enum hg_status make_parts(
+    const struct request *r, struct hg_mesh_part **out, struct hg_error *err)
 {
     const struct hgp_mesh_set *m = &r->message->mesh_set;
-    struct hg_error err = {0};
-    uint32_t count = m->parts.count;
-    struct hg_mesh_part *parts = hg_calloc(count, sizeof *parts);
-    enum hg_status status =
-        parts ? HG_OK : hg_error_set(&err, HG_E_NOMEM, "mesh_set", NULL, "no memory");
+    const uint32_t count = m->parts.count;
+    struct hg_mesh_part *parts = *out = hg_calloc(count, sizeof *parts);
+    if (!parts)
+        return hg_error_set(err, HG_E_NOMEM, "mesh_set", NULL, "no memory");
     char name[32];
     snprintf(name, sizeof name, "mesh %llu", (unsigned long long)m->mesh);
+    enum hg_status status = HG_OK;
     hg_spill_begin(name);
     for (uint32_t i = 0; i < count && !status; i++)
-        status = make_part(r, &m->parts.items[i], &parts[i], &err);
+        status = make_part(r, &m->parts.items[i], &parts[i], err);
     hg_spill_end();
-    if (status)
-        hg_reply_error(r->to, &err);
-    struct hg_mesh *mesh =
-        status ? NULL
-               : (struct hg_mesh *)hg_edit_find_or_make(r, HG_OBJECT_MESH, m->mesh, "mesh_set");
-    if (!mesh) {
-        if (parts)
-            free_parts(parts, count);
-        return;
-    }
+    if (!status)
+        return HG_OK;
+    free_parts(parts, count);
+    *out = NULL;
+    return status;
+}
+
+static void replace_parts(struct hg_mesh *mesh, struct hg_mesh_part *parts, uint32_t count)
+{
     for (uint32_t i = 0; i < mesh->part_count; i++)
         hg_mesh_part_finish(&mesh->parts[i], mesh->target_count);
     hg_free(mesh->parts);
@@ -153,6 +177,23 @@ void hg_handle_mesh_set(const struct request *r)
     mesh->target_count = 0;
     mesh->parts = parts;
     mesh->part_count = count;
-    hg_scene_touch(r->session->scene->scene, &mesh->head);
+}
+
+void hg_handle_mesh_set(const struct request *r)
+{
+    const struct hgp_mesh_set *m = &r->message->mesh_set;
+    struct hg_error err = {0};
+    struct hg_mesh_part *parts;
+    if (make_parts(r, &parts, &err)) {
+        hg_reply_error(r->to, &err);
+        return;
+    }
+    struct hg_object *object = hg_edit_find_or_make(r, HG_OBJECT_MESH, m->mesh, "mesh_set");
+    if (!object) {
+        free_parts(parts, m->parts.count);
+        return;
+    }
+    replace_parts((struct hg_mesh *)object, parts, m->parts.count);
+    hg_scene_touch(r->session->scene->scene, object);
     hg_request_edited(r);
 }

@@ -88,7 +88,7 @@ static enum hg_status encode(struct encode_stream *stream, const struct encode_r
         return status;
     status = ops->encode(s->state, request, data, err);
     if (status) {
-        close_state(ops, s); // the next frame begins anew
+        close_state(ops, s); // the next frame opens another
         return status;
     }
     frame->lossless = ops->lossless;

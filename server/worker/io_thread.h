@@ -6,7 +6,7 @@
 #include "server/worker/worker.h"
 
 // Runs until the link closes. HG_E_CLOSED on orderly end, HG_E_IO when arrays could not be read
-// back, which the peer was told, else what broke.
+// back, after an error message to the peer, else what broke.
 enum hg_status hg_io_thread_run(struct worker *w) HG_MUST_CHECK;
 
 // From now on a disk that does not give back what was spilled ends the process by way of

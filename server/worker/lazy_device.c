@@ -21,7 +21,7 @@ static void *lazy_device_main(void *arg)
 {
     struct lazy_device *o = arg;
     struct hg_error err = {0};
-    // Who needs the device tries again and is told why.
+    // A caller that needs the device tries again and gets the reason.
     if (wait_a_moment(o) && hg_renderer_create(&o->params, &o->renderer, &err))
         hg_debug(WORKER, "%s: %s", err.what, err.reason);
     return NULL;

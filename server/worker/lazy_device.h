@@ -2,7 +2,7 @@
 // Floor 6, private to server/worker. Thread: the render thread; the work is done by one of its own.
 //
 // Most sessions look at what they load, some only ask about it. So the device is opened only when
-// the load takes longer than a moment, or when somebody needs it.
+// the load takes longer than a moment, or when a message needs it.
 #ifndef HG_SERVER_WORKER_LAZY_DEVICE_H
 #define HG_SERVER_WORKER_LAZY_DEVICE_H
 
@@ -25,7 +25,7 @@ struct lazy_device {
 void hg_lazy_device_start(struct lazy_device *opener, const struct hg_renderer_params *params);
 // Waits for the device and hands it over, once. NULL: it was not begun, or cannot be opened.
 struct hg_renderer *hg_lazy_device_take(struct lazy_device *opener);
-// What nobody took is closed again.
+// A device that was not taken is closed.
 void hg_lazy_device_finish(struct lazy_device *opener);
 
 #endif

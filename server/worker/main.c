@@ -191,7 +191,7 @@ static enum hg_status serve_link(struct worker *w)
     if (status == HG_E_DEVICE_LOST || atomic_load(&w->device_lost))
         _exit(EXIT_DEVICE); // the driver's state is not to be trusted any more
     if (atomic_load(&w->disk_lost))
-        _exit(EXIT_DISK); // a thread stands where it looked
+        _exit(EXIT_DISK); // a thread still waits for what it was reading
     stop_threads(w, render);
     return status;
 }
@@ -207,7 +207,7 @@ static void allow_files(void)
     }
 }
 
-// Large meshes lie there while nobody looks at them.
+// Large meshes are kept there while no view needs them.
 static void point_spill(const struct worker_options *o)
 {
     char path[4096];
@@ -229,7 +229,7 @@ int main(int argc, char **argv)
     struct worker w = {.options = {.fd = 3}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
     // Software rasterisers take and free megabytes with every draw, and so do pictures that are
-    // read: kept, not faulted in anew. (Setting the first alone would map all from 128 KiB on.)
+    // read: memory is kept instead of faulted in again. (Setting the first alone would map all from 128 KiB on.)
     mallopt(M_TRIM_THRESHOLD, KEPT_FREE_BYTES);
     mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     if (!parse_options(&w.options, argc, argv))

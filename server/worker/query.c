@@ -217,10 +217,10 @@ static enum hg_status begin_file(struct session *session, uint64_t bytes, struct
 static enum hg_status check_part(
     const struct session *session, const struct hgp_image_query *m, struct hg_error *err)
 {
-    const uint64_t bytes = session->file_bytes, told = m->has_size ? m->size : 0;
-    if (told != bytes)
+    const uint64_t bytes = session->file_bytes, size = m->has_size ? m->size : 0;
+    if (size != bytes)
         return hg_error_set(err, HG_E_INVAL, "image_query", "size",
-            "is %llu, and was %llu where the file began", (unsigned long long)told,
+            "is %llu, and was %llu where the file began", (unsigned long long)size,
             (unsigned long long)bytes);
     if (m->offset != session->file.size || !m->data.size)
         return hg_error_set(

@@ -5,7 +5,7 @@
 
 #include "server/worker/worker.h"
 
-// Who gets an answer. Request 0: nobody asked (a subscription, an edit without a request).
+// Who gets an answer. Request 0: no request is answered (frames of a subscription).
 struct reply_to {
     struct worker *w;
     uint32_t channel, request;
@@ -15,7 +15,7 @@ struct reply_to {
 void hg_reply_send(struct reply_to to, enum hgp_type type, const void *message);
 // The same, but dropped when the outbox is full.
 void hg_reply_send_lossy(struct reply_to to, enum hgp_type type, const void *message);
-// Nothing where nobody asked.
+// Only where the message was a request.
 void hg_reply_ok(struct reply_to to, uint64_t revision);
 // HG_E_DEVICE_LOST is not answered but ends the process: the broker asks the next one again, or
 // says that the worker died.

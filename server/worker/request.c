@@ -38,21 +38,29 @@ static enum hg_status fill_task(const struct request *r, struct task *task, enum
         &task->arena, &task->message, NULL);
 }
 
-void hg_request_start_task(const struct request *r, enum task_kind kind, enum hgp_type type)
+static enum hg_status start_task(const struct request *r, enum task_kind kind, enum hgp_type type)
 {
     struct task *task = hg_render_state_need_jobs(r->s) ? hg_calloc(1, sizeof *task) : NULL;
-    enum hg_status status = task ? fill_task(r, task, type) : HG_E_NOMEM;
-    if (!status) {
-        task->kind = kind;
-        r->session->task = task;
+    if (!task)
+        return HG_E_NOMEM;
+    task->kind = kind;
+    enum hg_status status = fill_task(r, task, type);
+    if (!status)
         status = hg_task_start(task);
+    if (status) {
+        hg_task_destroy(task);
+        return status;
     }
-    if (!status) {
-        r->s->tasks++;
+    r->session->task = task;
+    r->s->tasks++;
+    return HG_OK;
+}
+
+void hg_request_start_task(const struct request *r, enum task_kind kind, enum hgp_type type)
+{
+    enum hg_status status = start_task(r, kind, type);
+    if (!status)
         return;
-    }
-    r->session->task = NULL;
-    hg_task_destroy(task);
     struct hg_error err = {0};
     hg_error_set(&err, status, "task", NULL, "cannot start a thread for the request");
     hg_reply_error(r->to, &err);

@@ -15,6 +15,7 @@
 #include "server/worker/encode_request.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
+static const char demo[] = "demo:"; // the built-in scene
 
 // ---- assets -------------------------------------------------------------------------------------
 
@@ -29,25 +30,37 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
     return !atomic_load(&task->cancel);
 }
 
+// Checks a stored upload against its hash, and copies it.
+static enum hg_status take_upload(const char *path, const uint8_t hash[32], const uint8_t *data,
+    size_t size, struct hg_refbuf **out, struct hg_error *err)
+{
+    uint8_t digest[32];
+    enum hg_status status = hg_sha256(data, size, digest);
+    if (status)
+        return status;
+    if (memcmp(digest, hash, 32) != 0)
+        return hg_error_set(
+            err, HG_E_HASH, path, NULL, "the stored upload is damaged; send it again");
+    *out = hg_refbuf_create(size);
+    if (!*out)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for %zu bytes", size);
+    memcpy((*out)->data, data, size);
+    return HG_OK;
+}
+
 static enum hg_status read_upload(const struct worker_options *options, const uint8_t hash[32],
     uint64_t limit_bytes, struct hg_refbuf **out, struct hg_error *err)
 {
-    char *path = NULL;
-    uint8_t *data = NULL, digest[32];
+    char *path;
+    uint8_t *data = NULL;
     size_t size = 0;
     *out = NULL;
     enum hg_status status = hg_asset_path_upload(options, hash, &path, err);
+    if (status)
+        return status;
+    status = hg_file_read(path, limit_bytes, &data, &size, err);
     if (!status)
-        status = hg_file_read(path, limit_bytes, &data, &size, err);
-    if (!status)
-        status = hg_sha256(data, size, digest);
-    if (!status && memcmp(digest, hash, 32) != 0)
-        status =
-            hg_error_set(err, HG_E_HASH, path, NULL, "the stored upload is damaged; send it again");
-    if (!status && !(*out = hg_refbuf_create(size)))
-        status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for %zu bytes", size);
-    if (!status)
-        memcpy((*out)->data, data, size);
+        status = take_upload(path, hash, data, size, out, err);
     hg_free(data);
     hg_free(path);
     return status;
@@ -67,38 +80,44 @@ static enum hg_status fetch_upload(
     return hg_error_set(err, HG_E_NOTFOUND, uri, NULL, "was not uploaded with the asset");
 }
 
+static bool is_demo(struct hgp_str path)
+{
+    return path.size == sizeof demo - 1 && memcmp(path.data, demo, sizeof demo - 1) == 0;
+}
+
+// What to load: the first of the uploaded files, the built-in scene, or a file under the roots.
+static enum hg_status asset_path(struct task *task, char **path)
+{
+    const struct hgp_asset_load *m = &task->message.asset_load;
+    if (!m->files.count && !is_demo(m->path))
+        return hg_asset_path_resolve(&task->to.w->options, m->path, path, &task->err);
+    *path = m->files.count ? hg_strndup(m->files.items[0].uri.data, m->files.items[0].uri.size)
+                           : hg_strdup(demo);
+    return *path ? HG_OK
+                 : hg_error_set(&task->err, HG_E_NOMEM, "asset_load", NULL, "no memory for a name");
+}
+
 static enum hg_status load_asset(struct task *task)
 {
     const struct hgp_asset_load *m = &task->message.asset_load;
     const struct worker_options *options = &task->to.w->options;
-    struct hg_load_params params = {
+    char *path;
+    enum hg_status status = asset_path(task, &path);
+    if (status)
+        return status;
+    const struct hg_load_params params = {
+        .path = path,
         .roots = (const char *const *)options->asset_roots,
         .root_count = options->asset_root_count,
         .asset_number = m->asset,
         .scene_index = m->has_scene_index ? m->scene_index : -1,
         .jobs = task->jobs,
+        .fetch = m->files.count ? fetch_upload : NULL,
+        .fetch_user = task,
         .progress = report_progress,
         .progress_user = task,
     };
-    static const char demo[] = "demo:";
-    char *path = NULL;
-    enum hg_status status = HG_OK;
-    if (m->files.count) {
-        path = hg_strndup(m->files.items[0].uri.data, m->files.items[0].uri.size);
-        params.fetch = fetch_upload;
-        params.fetch_user = task;
-        if (!path)
-            status =
-                hg_error_set(&task->err, HG_E_NOMEM, "asset_load", NULL, "no memory for a name");
-    } else if (m->path.size == sizeof demo - 1 &&
-               memcmp(m->path.data, demo, sizeof demo - 1) == 0) {
-        path = hg_strdup(demo);
-    } else {
-        status = hg_asset_path_resolve(options, m->path, &path, &task->err);
-    }
-    params.path = path;
-    if (!status)
-        status = hg_load_asset(&params, &task->asset, &task->err);
+    status = hg_load_asset(&params, &task->asset, &task->err);
     hg_free(path);
     return status;
 }
@@ -116,12 +135,14 @@ static enum hg_status go_on(struct task *task, const char *what)
 static enum hg_status load_environment(struct task *task)
 {
     const struct hgp_environment_set *m = &task->message.environment_set;
-    char *path = NULL;
-    enum hg_status status =
-        m->has_hash ? hg_asset_path_upload(&task->to.w->options, m->hash, &path, &task->err)
-                    : hg_asset_path_resolve(&task->to.w->options, m->path, &path, &task->err);
-    if (!status)
-        status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
+    const struct worker_options *options = &task->to.w->options;
+    char *path;
+    enum hg_status status = m->has_hash
+                                ? hg_asset_path_upload(options, m->hash, &path, &task->err)
+                                : hg_asset_path_resolve(options, m->path, &path, &task->err);
+    if (status)
+        return status;
+    status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     hg_free(path);
     return status;
 }
@@ -133,40 +154,68 @@ static enum hg_status read_side(struct hgp_bytes bytes, const char *name, bool a
         bytes.data, bytes.size, name, as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
 }
 
-static enum hg_status compare_images(struct task *task)
+// 8-bit pictures are compared as they are; anything deeper in float.
+static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, struct hg_error *err)
+{
+    struct hg_image_info a, b;
+    enum hg_status status = hg_image_probe_memory(m->a.data, m->a.size, "first image", &a, err);
+    if (status)
+        return status;
+    status = hg_image_probe_memory(m->b.data, m->b.size, "second image", &b, err);
+    if (status)
+        return status;
+    *as_float = a.is_float || b.is_float || a.is_16bit || b.is_16bit;
+    return HG_OK;
+}
+
+struct comparison {
+    struct hg_image a, b, diff;
+};
+
+static enum hg_status read_sides(struct task *task, struct comparison *c)
 {
     const struct hgp_compare *m = &task->message.compare;
-    struct hg_image_info info_a, info_b;
-    struct hg_image a = {0}, b = {0}, diff = {0};
-    struct hg_error *err = &task->err;
-    enum hg_status status =
-        hg_image_probe_memory(m->a.data, m->a.size, "first image", &info_a, err);
+    bool as_float;
+    enum hg_status status = probe_sides(m, &as_float, &task->err);
+    if (status)
+        return status;
+    status = read_side(m->a, "first image", as_float, &c->a, &task->err);
+    if (status)
+        return status;
+    status = go_on(task, "compare");
+    if (status)
+        return status;
+    status = read_side(m->b, "second image", as_float, &c->b, &task->err);
+    if (status)
+        return status;
+    return go_on(task, "compare");
+}
+
+static enum hg_status compare_sides(struct task *task, struct comparison *c)
+{
+    const struct hgp_compare *m = &task->message.compare;
+    enum hg_status status = hg_image_compare(&c->a, &c->b, (enum hg_metric)m->metric, &task->value,
+        m->want_diff ? &c->diff : NULL, &task->err);
+    if (status)
+        return status;
+    status = go_on(task, "compare");
+    if (status || !m->want_diff)
+        return status;
+    return hg_image_encode(&c->diff,
+        &(struct hg_image_encode){.file = HG_IMAGE_PNG8, .opaque = true}, &task->diff, &task->err);
+}
+
+static enum hg_status compare_images(struct task *task)
+{
+    struct comparison c = {0};
+    enum hg_status status = read_sides(task, &c);
     if (!status)
-        status = hg_image_probe_memory(m->b.data, m->b.size, "second image", &info_b, err);
-    // 8-bit pictures are compared as they are; anything deeper in float.
-    bool as_float =
-        !status && (info_a.is_float || info_b.is_float || info_a.is_16bit || info_b.is_16bit);
-    if (!status)
-        status = read_side(m->a, "first image", as_float, &a, err);
-    if (!status)
-        status = go_on(task, "compare");
-    if (!status)
-        status = read_side(m->b, "second image", as_float, &b, err);
-    if (!status)
-        status = go_on(task, "compare");
-    if (!status)
-        status = hg_image_compare(
-            &a, &b, (enum hg_metric)m->metric, &task->value, m->want_diff ? &diff : NULL, err);
-    if (!status)
-        status = go_on(task, "compare");
-    if (!status && m->want_diff)
-        status = hg_image_encode(&diff,
-            &(struct hg_image_encode){.file = HG_IMAGE_PNG8, .opaque = true}, &task->diff, err);
-    task->width = a.width;
-    task->height = a.height;
-    hg_image_finish(&a);
-    hg_image_finish(&b);
-    hg_image_finish(&diff);
+        status = compare_sides(task, &c);
+    task->width = c.a.width;
+    task->height = c.a.height;
+    hg_image_finish(&c.a);
+    hg_image_finish(&c.b);
+    hg_image_finish(&c.diff);
     return status;
 }
 

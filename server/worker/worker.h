@@ -4,8 +4,7 @@
 // Three kinds of threads: the I/O thread owns the socketpair (io_thread.c); the render thread owns
 // the renderer, the scenes, the sessions and their views (dispatch.c and everything it calls); task
 // threads load files (task.c) and encoder threads encode frames (encode_queue.c). They meet only in
-// the bounded queues of struct worker. Nothing here belongs to the process as a whole: a process
-// may hold several workers, and a broker may have several such processes.
+// the bounded queues of struct worker. A broker may run several workers.
 //
 // Files include only files of the lines above their own, and what a .c file exports is declared in
 // its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
