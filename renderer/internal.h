@@ -18,4 +18,9 @@ struct hg_view {
     struct hg_view_state state;
 };
 
+// HG_E_INVAL of a value outside its range.
+enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field);
+// Only paths that follow light know this plane.
+bool hg_plane_needs_light(uint32_t plane);
+
 #endif

@@ -9,7 +9,6 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "renderer/frame/shutter.h"
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
@@ -163,17 +162,9 @@ void hg_view_destroy(struct hg_view *view)
     hg_free(view);
 }
 
-static enum hg_status bad(struct hg_error *err, const char *what, const char *field)
+enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field)
 {
     return hg_error_set(err, HG_E_INVAL, what, field, "outside its range");
-}
-
-// What only paths that follow light know.
-static bool needs_light(uint32_t plane)
-{
-    return plane == HG_PLANE_VARIANCE || plane == HG_PLANE_NOISY ||
-           plane == HG_PLANE_LIGHT_GROUPS ||
-           (plane >= HG_PLANE_DIRECT_DIFFUSE && plane <= HG_PLANE_INDIRECT_TRANSMISSION);
 }
 
 #define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
@@ -181,11 +172,11 @@ static bool needs_light(uint32_t plane)
 static enum hg_status check_planes(const struct hg_view_params *p, struct hg_error *err)
 {
     if (p->planes >> HG_PLANE_COUNT != 0)
-        return bad(err, "view", "planes");
+        return hg_renderer_out_of_range(err, "view", "planes");
     if ((p->mattes & ~ALL_MATTES) != 0)
-        return bad(err, "view", "mattes");
+        return hg_renderer_out_of_range(err, "view", "mattes");
     for (uint32_t i = 0; i < HG_PLANE_COUNT && p->mode != HG_MODE_PATH; i++)
-        if ((p->planes >> i & 1u) != 0 && needs_light(i))
+        if ((p->planes >> i & 1u) != 0 && hg_plane_needs_light(i))
             return hg_error_set(err, HG_E_UNSUPPORTED, "view", "planes",
                 "%s is only kept by path-traced views", hg_plane_name((enum hg_plane)i));
     return HG_OK;
@@ -194,58 +185,58 @@ static enum hg_status check_planes(const struct hg_view_params *p, struct hg_err
 static enum hg_status check_path(const struct hg_view_params *p, struct hg_error *err)
 {
     if ((unsigned)p->mode > HG_MODE_PATH)
-        return bad(err, "view", "mode");
+        return hg_renderer_out_of_range(err, "view", "mode");
     if ((unsigned)p->trace > HG_VIEW_TRACE_KHR)
-        return bad(err, "view", "trace");
+        return hg_renderer_out_of_range(err, "view", "trace");
     if (p->max_bounces > HG_VIEW_MAX_BOUNCES)
-        return bad(err, "view", "max_bounces");
+        return hg_renderer_out_of_range(err, "view", "max_bounces");
     if (!(p->noise >= 0.0f && p->noise <= 1.0f))
-        return bad(err, "view", "noise");
+        return hg_renderer_out_of_range(err, "view", "noise");
     if (!(p->time_s >= 0.0f && p->time_s <= 1e9f))
-        return bad(err, "view", "time_s");
+        return hg_renderer_out_of_range(err, "view", "time_s");
     if ((unsigned)p->filter > HG_FILTER_GAUSSIAN)
-        return bad(err, "view", "filter");
+        return hg_renderer_out_of_range(err, "view", "filter");
     if (!(p->filter_radius_px >= 0.0f && p->filter_radius_px <= 8.0f))
-        return bad(err, "view", "filter_radius_px");
+        return hg_renderer_out_of_range(err, "view", "filter_radius_px");
     if (!(p->clamp_indirect >= 0.0f && p->clamp_indirect <= 1e9f))
-        return bad(err, "view", "clamp_indirect");
+        return hg_renderer_out_of_range(err, "view", "clamp_indirect");
     if (!(p->frame_s >= 0.0f && p->frame_s <= 1e9f))
-        return bad(err, "view", "frame_s");
+        return hg_renderer_out_of_range(err, "view", "frame_s");
     if (!(p->series_s >= 0.0f && p->series_s <= 1e9f))
-        return bad(err, "view", "series_s");
+        return hg_renderer_out_of_range(err, "view", "series_s");
     if (!(fabsf(p->shutter_open) <= 1.0f))
-        return bad(err, "view", "shutter_open");
+        return hg_renderer_out_of_range(err, "view", "shutter_open");
     if (!(fabsf(p->shutter_close) <= 1.0f && p->shutter_close >= p->shutter_open))
-        return bad(err, "view", "shutter_close");
+        return hg_renderer_out_of_range(err, "view", "shutter_close");
     if ((unsigned)p->denoise > HG_DENOISE_ANIMATION)
-        return bad(err, "view", "denoise");
+        return hg_renderer_out_of_range(err, "view", "denoise");
     return check_planes(p, err);
 }
 
 static enum hg_status check_params(const struct hg_view_params *p, struct hg_error *err)
 {
     if (p->width > HG_VIEW_MAX_SIDE_PX)
-        return bad(err, "view", "width");
+        return hg_renderer_out_of_range(err, "view", "width");
     if (p->height > HG_VIEW_MAX_SIDE_PX)
-        return bad(err, "view", "height");
+        return hg_renderer_out_of_range(err, "view", "height");
     if ((unsigned)p->tonemap > HG_TONEMAP_LINEAR)
-        return bad(err, "view", "tonemap");
+        return hg_renderer_out_of_range(err, "view", "tonemap");
     if ((unsigned)p->background > HG_BACKGROUND_COLOR)
-        return bad(err, "view", "background");
+        return hg_renderer_out_of_range(err, "view", "background");
     if (!(fabsf(p->exposure_ev) <= 64.0f))
-        return bad(err, "view", "exposure_ev");
+        return hg_renderer_out_of_range(err, "view", "exposure_ev");
     for (int i = 0; i < 3; i++) {
         if (!(p->background_color[i] >= 0.0f && p->background_color[i] <= 65504.0f))
-            return bad(err, "view", "background_color");
+            return hg_renderer_out_of_range(err, "view", "background_color");
     }
     if ((unsigned)p->debug > HG_DEBUG_OVERDRAW)
-        return bad(err, "view", "debug");
+        return hg_renderer_out_of_range(err, "view", "debug");
     if (p->error_px != 0.0f && !(p->error_px >= 0.01f && p->error_px <= 1024.0f))
-        return bad(err, "view", "error_px");
+        return hg_renderer_out_of_range(err, "view", "error_px");
     if (!(p->target_ms >= 0.0f && p->target_ms <= 1e5f))
-        return bad(err, "view", "target_ms");
+        return hg_renderer_out_of_range(err, "view", "target_ms");
     if (p->samples > HG_VIEW_MAX_SAMPLES)
-        return bad(err, "view", "samples");
+        return hg_renderer_out_of_range(err, "view", "samples");
     return check_path(p, err);
 }
 
@@ -315,107 +306,6 @@ enum hg_status hg_view_set_params(
     return hg_view_state_set(&view->state, &s, err);
 }
 
-static bool is_finite3(const float v[3])
-{
-    return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]);
-}
-
-static enum hg_status check_camera(const struct hg_view_camera *c, struct hg_error *err)
-{
-    if (!is_finite3(c->eye))
-        return bad(err, "camera", "eye");
-    if (!is_finite3(c->target) || memcmp(c->eye, c->target, sizeof c->eye) == 0)
-        return bad(err, "camera", "target");
-    if (!is_finite3(c->up))
-        return bad(err, "camera", "up");
-    if (!(c->vfov_rad >= 0.0f && c->vfov_rad < (float)M_PI))
-        return bad(err, "camera", "vfov_rad");
-    if (!(c->half_height >= 0.0f) || !isfinite(c->half_height))
-        return bad(err, "camera", "half_height");
-    if (!isfinite(c->near) || (!c->orthographic && c->near < 0.0f))
-        return bad(err, "camera", "near");
-    if (!isfinite(c->far) || c->far < 0.0f || (c->far > 0.0f && c->far <= c->near))
-        return bad(err, "camera", "far");
-    if (!(c->lens_radius >= 0.0f && c->lens_radius <= 1e6f))
-        return bad(err, "camera", "lens_radius");
-    if (!(c->focus_distance >= 0.0f) || !isfinite(c->focus_distance))
-        return bad(err, "camera", "focus_distance");
-    if (c->moves && !is_finite3(c->next_eye))
-        return bad(err, "camera", "next_eye");
-    if (c->moves && (!is_finite3(c->next_target) ||
-                        memcmp(c->next_eye, c->next_target, sizeof c->next_eye) == 0))
-        return bad(err, "camera", "next_target");
-    if (c->moves && !is_finite3(c->next_up))
-        return bad(err, "camera", "next_up");
-    return HG_OK;
-}
-
-// node: that it was taken from, or 0.
-static enum hg_status set_camera(
-    struct hg_view *view, const struct hg_view_camera *c, uint64_t node, struct hg_error *err)
-{
-    enum hg_status status = check_camera(c, err);
-    if (status != HG_OK)
-        return status;
-    struct hg_view_camera_state s;
-    memset(&s, 0, sizeof s); // compared as bytes
-    const bool has_up = c->up[0] != 0 || c->up[1] != 0 || c->up[2] != 0;
-    for (int i = 0; i < 3; i++) {
-        s.eye[i] = c->eye[i];
-        s.target[i] = c->target[i];
-        s.up[i] = has_up ? c->up[i] : i == 1;
-    }
-    s.orthographic = c->orthographic;
-    s.vfov_rad = c->vfov_rad > 0 ? c->vfov_rad : HG_CAMERA_DEFAULT_VFOV_RAD;
-    s.half_height = c->half_height > 0 ? c->half_height : 1.0f;
-    s.near = c->near;
-    s.far = c->far;
-    s.lens_radius = c->lens_radius;
-    s.focus_distance = c->focus_distance;
-    s.input_seq = c->input_seq;
-    s.node = node;
-    s.moves = c->moves;
-    const bool has_next_up = c->next_up[0] != 0 || c->next_up[1] != 0 || c->next_up[2] != 0;
-    for (int i = 0; i < 3 && c->moves; i++) {
-        s.next_eye[i] = c->next_eye[i];
-        s.next_target[i] = c->next_target[i];
-        s.next_up[i] = has_next_up ? c->next_up[i] : s.up[i];
-    }
-    hg_view_state_look(&view->state, &s);
-    return HG_OK;
-}
-
-enum hg_status hg_view_set_camera(
-    struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err)
-{
-    return set_camera(view, camera, 0, err);
-}
-
-enum hg_status hg_view_set_camera_node(
-    struct hg_view *view, uint64_t node_id, const struct hg_view_camera *with, struct hg_error *err)
-{
-    struct hg_scene *scene = view->state.scene_gpu->scene;
-    const struct hg_node *node =
-        (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
-    if (node == NULL || node->camera == NULL)
-        return hg_error_set(err, HG_E_NOTFOUND, "camera", "node", "no such node with a camera");
-    if (with->lens_radius > 0.0f && !(with->focus_distance > 0.0f))
-        return hg_error_set(err, HG_E_INVAL, "camera", "focus_distance",
-            "a camera of the scene looks at no point: its lens needs a distance");
-    hg_scene_update(scene);
-    const struct hg_camera *camera = node->camera;
-    struct hg_view_camera c = {.orthographic = camera->kind == HG_CAMERA_ORTHOGRAPHIC,
-        .vfov_rad = camera->vfov_rad,
-        .half_height = camera->half_height,
-        .near = camera->near,
-        .far = camera->far,
-        .lens_radius = with->lens_radius,
-        .focus_distance = with->focus_distance,
-        .input_seq = with->input_seq};
-    hg_shutter_look_along(node, c.eye, c.target, c.up);
-    return set_camera(view, &c, node_id, err);
-}
-
 // --- frames --------------------------------------------------------------------------------------
 
 static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
@@ -466,58 +356,8 @@ enum hg_status hg_view_read_pixels(
 {
     *out = NULL;
     if ((unsigned)format > HG_PIXEL_RGBA32F)
-        return bad(err, "pixels", "format");
+        return hg_renderer_out_of_range(err, "pixels", "format");
     return hg_view_state_read(&view->state, (uint32_t)format, out, err);
-}
-
-static const struct {
-    const char *name;
-    uint32_t channels;
-} planes[HG_PLANE_COUNT] = {{"color", 4}, {"albedo", 3}, {"normal", 3}, {"geometric_normal", 3},
-    {"depth", 1}, {"position", 3}, {"emission", 3}, {"direct_diffuse", 3}, {"direct_specular", 3},
-    {"direct_transmission", 3}, {"indirect_diffuse", 3}, {"indirect_specular", 3},
-    {"indirect_transmission", 3}, {"motion", 4}, {"object", 1}, {"material", 1}, {"samples", 1},
-    {"variance", 1}, {"draws", 2 * HG_PLANE_DRAWS_LENGTH}, {"noisy", 3}, {"light_groups", 3}};
-
-uint32_t hg_plane_channels(enum hg_plane plane)
-{
-    return (unsigned)plane < HG_PLANE_COUNT ? planes[plane].channels : 0;
-}
-
-const char *hg_plane_name(enum hg_plane plane)
-{
-    return (unsigned)plane < HG_PLANE_COUNT ? planes[plane].name : "";
-}
-
-enum hg_status hg_view_read_plane(
-    struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out, struct hg_error *err)
-{
-    *out = NULL;
-    if ((unsigned)plane >= HG_PLANE_COUNT || plane == HG_PLANE_LIGHT_GROUPS)
-        return bad(err, "planes", "plane");
-    const struct hg_view_state *s = &view->state;
-    const bool path = s->settings.mode == HG_VIEW_MODE_PATH;
-    if (!path && (plane == HG_PLANE_COLOR || needs_light((uint32_t)plane)))
-        return hg_error_set(err, HG_E_STATE, "view", "planes", "not of a path-traced view");
-    if (!path && !hg_view_state_has_planes(s))
-        return hg_error_set(err, HG_E_STATE, "view", "planes", "the picture is not settled");
-    return hg_path_read(&view->state, (uint32_t)plane, planes[plane].channels, out, err);
-}
-
-uint32_t hg_view_light_groups(const struct hg_view *view)
-{
-    return hg_path_group_count(&view->state);
-}
-
-const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group)
-{
-    return hg_path_group_name(&view->state, group);
-}
-
-enum hg_status hg_view_read_light_group(
-    struct hg_view *view, uint32_t group, struct hg_refbuf **out, struct hg_error *err)
-{
-    return hg_path_read_group(&view->state, group, out, err);
 }
 
 enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
