@@ -1,9 +1,10 @@
-// The generated sections of docs/protocol.md.
+// The generated sections of docs/protocol.md and docs/client.md.
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "protocol/gen/gen.h"
+#include "protocol/view_params.h"
 
 static const char *const direction_texts[] = {
     "client to server", "server to client", "both ways", "broker to worker", "worker to broker"};
@@ -77,6 +78,18 @@ static void print_type(struct hg_writer *out, const struct hgp_field *field)
         gen_print(out, "%s", kind);
 }
 
+// Fields of view_set have their defaults from the table of view parameters.
+static void print_meaning(
+    struct hg_writer *out, const struct gen_row *owner, const struct hgp_field *field)
+{
+    const struct hgp_view_param *param =
+        strcmp(owner->name, "view_set") == 0 ? hgp_view_param_find(field->name) : NULL;
+    char text[HGP_VIEW_TEXT_BYTES];
+    if (param)
+        hgp_view_param_text(param, false, text);
+    gen_print(out, "%s", param ? text : gen_find_field(owner, field->name)->doc);
+}
+
 static void print_fields(
     struct hg_writer *out, const struct hgp_layout *layout, const struct gen_row *owner)
 {
@@ -97,7 +110,9 @@ static void print_fields(
             gen_print(out, " | bit %u", bit++);
         else
             gen_print(out, " | always");
-        gen_print(out, " | %u | %s |\n", field->since, gen_find_field(owner, field->name)->doc);
+        gen_print(out, " | %u | ", field->since);
+        print_meaning(out, owner, field);
+        gen_print(out, " |\n");
     }
 }
 
@@ -144,6 +159,43 @@ static void section_limits(struct hg_writer *out)
     gen_print(out, "| payload after it, default | %d |\n", HGP_LIMIT_OPEN_DEFAULT);
 }
 
+// A cell in code letters behind `prefix`, or an empty one.
+static void print_code(struct hg_writer *out, const char *prefix, const char *text)
+{
+    if (text)
+        gen_print(out, " | `%s%s`", prefix, text);
+    else
+        gen_print(out, " |");
+}
+
+static void print_standard(struct hg_writer *out, const struct hgp_view_param *param)
+{
+    const char *unset = hgp_view_param_unset(param);
+    char word[HGP_WORD_BYTES] = "";
+    uint32_t value;
+    if (param->kind == HGP_K_ENUM && hgp_enum_value(param->values, param->standard, &value))
+        hgp_enum_word(param->values, value, word);
+    gen_print(out, "%s", unset ? unset : *word ? word : param->standard);
+}
+
+static void section_view_params(struct hg_writer *out)
+{
+    gen_print(out, "| parameter | default | option | in scripts: `set` | job hash | EXR "
+                   "attribute |\n|---|---|---|---|---|---|\n");
+    for (size_t i = 0; i < HGP_VIEW_PARAM_COUNT; i++) {
+        const struct hgp_view_param *param = &hgp_view_params[i];
+        if (param->delivery)
+            continue;
+        gen_print(out, "| `%s` | ", param->name);
+        print_standard(out, param);
+        print_code(out, "--", hgp_view_param_option(param));
+        print_code(out, "", hgp_view_param_word(param));
+        gen_print(out, " | %s", param->key ? "yes" : "no");
+        print_code(out, "", hgp_view_param_attribute(param));
+        gen_print(out, " |\n");
+    }
+}
+
 bool gen_docs_section(struct hg_writer *out, const char *name, size_t name_length)
 {
     static const struct {
@@ -156,6 +208,7 @@ bool gen_docs_section(struct hg_writer *out, const char *name, size_t name_lengt
         {"parts", section_parts},
         {"summary", section_summary},
         {"messages", section_messages},
+        {"view_params", section_view_params},
         {"transcript", gen_transcript},
     };
     for (size_t i = 0; i < sizeof sections / sizeof *sections; i++)

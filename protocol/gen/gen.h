@@ -30,7 +30,7 @@ const char *gen_kind_name(enum hgp_kind kind);
 
 // The whole of client/web/hgp.js; `runtime` is the hand-written part.
 void gen_js(struct hg_writer *out, const uint8_t *runtime, size_t runtime_size);
-// One generated section of docs/protocol.md; false for an unknown name.
+// One generated section of docs/protocol.md or docs/client.md; false for an unknown name.
 bool gen_docs_section(struct hg_writer *out, const char *name, size_t name_length);
 // The worked example of docs/protocol.md.
 void gen_transcript(struct hg_writer *out);
