@@ -89,7 +89,7 @@ enum hg_status hg_view_set_camera(
 enum hg_status hg_view_set_camera_node(
     struct hg_view *view, uint64_t node_id, const struct hg_view_camera *with, struct hg_error *err)
 {
-    struct hg_scene *scene = view->state.rooms->scene;
+    struct hg_scene *scene = view->state.scene_gpu->scene;
     const struct hg_node *node =
         (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
     if (node == NULL || node->camera == NULL)
