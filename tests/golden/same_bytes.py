@@ -348,13 +348,8 @@ def merge(passes):
     return found, unstable
 
 
-def record(options, maker, progress, rows):
-    problems = {}
-    for number in range(options.repeat):
-        print("pass %d of %d" % (number + 1, options.repeat), flush=True)
-        problems.update(make_all(options, maker, progress, rows, number))
-        if number == 0:
-            keep_pictures(maker, rows)
+def write_recording(options, maker, progress, rows):
+    """What is there so far, beside rows of the same build that are not made now."""
     recorded = {"rows": {}}
     if os.path.exists(options.record):
         before = read_json(options.record)
@@ -364,16 +359,29 @@ def record(options, maker, progress, rows):
             sys.exit("%s is of another build: record all rows" % options.record)
     for key in ("build", "devices"):
         recorded[key] = progress.state[key]
-    recorded.update(kept=maker.kept, passes=options.repeat)
+    recorded["kept"] = maker.kept
     for row in rows:
-        passes = [progress.find(row, n) for n in range(options.repeat)]
-        if not all(passes):
-            continue
-        found, unstable = merge([p["found"] for p in passes])
-        recorded["rows"][row["name"]] = {"row": hash_of(row), "found": found, "unstable": unstable}
-        for name in unstable:
-            print("not deterministic: %s/%s" % (row["name"], name))
+        passes = [p["found"] for p in (progress.find(row, n) for n in range(options.repeat)) if p]
+        if passes:
+            found, unstable = merge(passes)
+            recorded["rows"][row["name"]] = {"row": hash_of(row), "found": found,
+                                             "unstable": unstable, "passes": len(passes)}
     write_json(options.record, recorded)
+    return recorded
+
+
+def record(options, maker, progress, rows):
+    problems = {}
+    write_recording(options, maker, progress, rows)
+    for number in range(options.repeat):
+        print("pass %d of %d" % (number + 1, options.repeat), flush=True)
+        problems.update(make_all(options, maker, progress, rows, number))
+        if number == 0:
+            keep_pictures(maker, rows)
+        recorded = write_recording(options, maker, progress, rows)
+    for row in rows:
+        for name in recorded["rows"].get(row["name"], {}).get("unstable", []):
+            print("not deterministic: %s/%s" % (row["name"], name))
     return problems
 
 
