@@ -372,7 +372,7 @@ struct hg_bench_vt {
     const char *const *images;     // [image_count] further ones, from files
     uint32_t image_count;
     uint32_t teleports;        // 40
-    uint32_t peer_mib;         // memory for texels beside OpenImageIO's texture system; 32
+    uint32_t baseline_mib;     // memory for texels beside OpenImageIO's texture system; 32
     const uint32_t *sheets_px; // [sheet_count] sides of single pictures, up to 131072
     uint32_t sheet_count;
 };
@@ -384,8 +384,8 @@ struct hg_bench_lod {
     struct hg_bench_stream stream; // budget: 512 MiB of geometry
     const char *heights;           // picture of 16-bit heights; NULL: made
     const char *statue;            // mesh file; NULL: made
-    uint32_t cells;                // of the made land's side; 1200
-    uint32_t tiles, statues;       // of the large scene: tiles^2 meshes of land, instances; 3, 1440
+    uint32_t cells;                // of the made terrain's side; 1200
+    uint32_t tiles, statues; // of the large scene: tiles^2 meshes of terrain, instances; 3, 1440
 };
 enum hg_status hg_bench_lod_run(
     const struct hg_bench_lod *bench, char **text, struct hg_error *err) HG_MUST_CHECK;

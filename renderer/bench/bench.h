@@ -43,7 +43,7 @@ enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_
     struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
 
 // Tells the progress of a run; HG_E_CANCELLED when nobody wants it any more.
-enum hg_status hg_bench_step_done(const struct hg_bench_stream *stream, uint32_t done,
+enum hg_status hg_bench_report_progress(const struct hg_bench_stream *stream, uint32_t done,
     uint32_t total, struct hg_error *err) HG_MUST_CHECK;
 // An option: 0 means the default.
 static inline uint32_t hg_bench_or(uint32_t value, uint32_t otherwise)

@@ -141,7 +141,7 @@ enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_
     return status;
 }
 
-enum hg_status hg_bench_step_done(
+enum hg_status hg_bench_report_progress(
     const struct hg_bench_stream *stream, uint32_t done, uint32_t total, struct hg_error *err)
 {
     if (stream->progress == NULL || stream->progress(stream->progress_user, done, total))

@@ -1,10 +1,11 @@
 // lod.c - frame time and picture of scenes with many triangles (helio bench lod).
 //
-// All scenes are a land of tiles^2 meshes under the same flight, with statues on it. Two kinds of
-// comparisons:
-//  - base and hundred, looking down, so that land covers every pixel of both: the base has all
-//    triangles and few statues; in the hundred the land goes on in all directions, a hundred times
-//    as large, with a hundred times as many triangles and statues, instances of the same meshes.
+// All scenes are a terrain of tiles^2 meshes under the same flight, with statues on it. Two kinds
+// of comparisons:
+//  - base and hundred, looking down, so that terrain covers every pixel of both: the base has all
+//    triangles and few statues; in the hundred the terrain goes on in all directions, a hundred
+//    times as large, with a hundred times as many triangles and statues, instances of the same
+//    meshes.
 //  - small, covering and large, looking to the horizon: as many objects in the same places, of a
 //    hundredth, a tenth and all of their triangles. Triangles of the small scene are several pixels
 //    large: it has less detail than the screen could show.
@@ -59,7 +60,7 @@ struct run {
 
 static enum hg_status step_done(struct run *run, struct hg_error *err)
 {
-    return hg_bench_step_done(&run->bench->stream, ++run->done, run->total, err);
+    return hg_bench_report_progress(&run->bench->stream, ++run->done, run->total, err);
 }
 
 // --- scenes --------------------------------------------------------------------------------------
@@ -79,7 +80,8 @@ static enum hg_status load_statue(struct run *run, struct hg_asset **out, struct
 static enum hg_status make_scene(
     struct run *run, int which, uint32_t tiles, uint32_t statues, struct hg_error *err)
 {
-    struct hg_bench_land land = {.heights = run->heights.pixels != NULL ? &run->heights : NULL,
+    struct hg_bench_terrain terrain = {
+        .heights = run->heights.pixels != NULL ? &run->heights : NULL,
         .tiles = tiles,
         .statues = statues,
         .cells = run->bench->cells,
@@ -87,10 +89,10 @@ static enum hg_status make_scene(
                 : which == COVERING ? THIN_COVERING
                                     : 0,
         .copies = which == HUNDRED ? GROWTH_SIDE : 1};
-    enum hg_status status = load_statue(run, &land.statue, err);
+    enum hg_status status = load_statue(run, &terrain.statue, err);
     if (status == HG_OK) {
-        status =
-            hg_bench_land_make(&land, hg_renderer_jobs(run->renderer), &run->scenes[which], err);
+        status = hg_bench_terrain_make(
+            &terrain, hg_renderer_jobs(run->renderer), &run->scenes[which], err);
     }
     const struct hg_view_params view = {.width = run->bench->stream.width,
         .height = run->bench->stream.height,
@@ -147,7 +149,7 @@ static enum hg_status open_scenes(struct run *run, struct hg_error *err)
 
 static void pose_of(int side, uint32_t at, uint32_t count, struct hg_bench_pose *pose)
 {
-    hg_bench_land_pose(at, count, pose);
+    hg_bench_terrain_pose(at, count, pose);
     if (side == BASE || side == HUNDRED)
         pose->target[1] = pose->eye[1] - LOOK_DOWN;
 }
@@ -253,7 +255,7 @@ static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_e
     struct hg_image images[2] = {{0}};
     struct hg_bench_pose pose;
     double psnr_db = 0, flip = 1;
-    hg_bench_land_pose(2 * index + 1, 2 * run->bench->stream.stills, &pose);
+    hg_bench_terrain_pose(2 * index + 1, 2 * run->bench->stream.stills, &pose);
     enum hg_status status = hg_bench_view_settle(&run->views[STILL], &pose, &images[0], err);
     if (status == HG_OK)
         status = hg_bench_view_settle(&run->whole_view, &pose, &images[1], err);
@@ -272,7 +274,7 @@ static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_e
     return status == HG_OK ? step_done(run, err) : status;
 }
 
-// A land mesh and the statue, baked in memory.
+// A terrain mesh and the statue, baked in memory.
 static enum hg_status bake_meshes(struct run *run, struct hg_error *err)
 {
     const struct hg_object_list *list = &run->scenes[STILL].scene->objects[HG_OBJECT_MESH];

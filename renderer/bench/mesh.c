@@ -185,7 +185,7 @@ static enum hg_status thin_part(struct hg_mesh_part *part, uint32_t thin)
     return HG_OK;
 }
 
-enum hg_status hg_bench_mesh_thin(struct hg_mesh *mesh, uint32_t thin)
+enum hg_status hg_bench_mesh_decimate(struct hg_mesh *mesh, uint32_t thin)
 {
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < mesh->part_count && status == HG_OK; i++)

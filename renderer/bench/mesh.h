@@ -33,6 +33,6 @@ enum hg_status hg_bench_mesh_ball(struct hg_bench_scene *scene, uint32_t rings,
     struct hg_material *material, struct hg_mesh **out) HG_MUST_CHECK;
 
 // Leaves about one triangle in `thin` of each part.
-enum hg_status hg_bench_mesh_thin(struct hg_mesh *mesh, uint32_t thin) HG_MUST_CHECK;
+enum hg_status hg_bench_mesh_decimate(struct hg_mesh *mesh, uint32_t thin) HG_MUST_CHECK;
 
 #endif

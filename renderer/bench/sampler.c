@@ -169,16 +169,21 @@ static inline const uint8_t *find_page(
 
 // --- samples -------------------------------------------------------------------------------------
 
-// Adds the bilinear value of a mip, times a weight.
-static bool add_mip(struct hg_bench_sampler *s, uint32_t texture, uint32_t mip, const float uv[2],
-    float weight, float rgba[4], struct hg_error *err)
+// A bilinear sample of one mip, and its weight in a trilinear one.
+struct tap {
+    uint32_t texture, mip;
+    float uv[2], weight;
+};
+
+static bool add_mip(
+    struct hg_bench_sampler *s, const struct tap *tap, float rgba[4], struct hg_error *err)
 {
-    const struct mip *m = &s->textures[texture].mips[mip];
-    const float fx = uv[0] * m->width, fy = uv[1] * m->height;
+    const struct mip *m = &s->textures[tap->texture].mips[tap->mip];
+    const float fx = tap->uv[0] * m->width, fy = tap->uv[1] * m->height;
     const uint32_t ix = (uint32_t)fx < m->last_x ? (uint32_t)fx : m->last_x;
     const uint32_t iy = (uint32_t)fy < m->last_y ? (uint32_t)fy : m->last_y;
     const uint32_t px = m->tail ? 0 : ix / HG_PAGE_TEXELS, py = m->tail ? 0 : iy / HG_PAGE_TEXELS;
-    const uint8_t *page = find_page(s, texture, m->first + py * m->across + px, err);
+    const uint8_t *page = find_page(s, tap->texture, m->first + py * m->across + px, err);
     if (page == NULL)
         return false;
     const float x = fx - (float)(px * HG_PAGE_TEXELS) + m->at_x;
@@ -189,20 +194,20 @@ static bool add_mip(struct hg_bench_sampler *s, uint32_t texture, uint32_t mip, 
     static const size_t offsets[4] = {0, 4, HG_PAGE_PITCH * 4, HG_PAGE_PITCH * 4 + 4};
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 4; i++)
-            rgba[i] += weight * weights[k] * s->decode[p[offsets[k] + (size_t)i]];
+            rgba[i] += tap->weight * weights[k] * s->decode[p[offsets[k] + (size_t)i]];
     return true;
 }
 
-bool hg_bench_sampler_sample(struct hg_bench_sampler *s, uint32_t texture, float u, float v,
+bool hg_bench_sampler_sample(struct hg_bench_sampler *s, uint32_t texture, const float uv[2],
     float footprint, float rgba[4], struct hg_error *err)
 {
     const struct texture *t = &s->textures[texture];
-    const float uv[2] = {u, v};
     float lod = log2f(footprint * t->side);
     lod = lod < 0 ? 0 : lod > t->last_mip ? t->last_mip : lod;
     const uint32_t mip = (uint32_t)lod;
     const float blend = lod - (float)mip;
+    const struct tap fine = {texture, mip, {uv[0], uv[1]}, 1 - blend};
+    const struct tap coarse = {texture, mip + 1, {uv[0], uv[1]}, blend};
     memset(rgba, 0, 4 * sizeof *rgba);
-    return add_mip(s, texture, mip, uv, 1 - blend, rgba, err) &&
-           (blend == 0 || add_mip(s, texture, mip + 1, uv, blend, rgba, err));
+    return add_mip(s, &fine, rgba, err) && (blend == 0 || add_mip(s, &coarse, rgba, err));
 }

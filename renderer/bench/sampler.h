@@ -14,9 +14,9 @@ enum hg_status hg_bench_sampler_create(struct hg_page_source *const *sources, ui
 void hg_bench_sampler_destroy(struct hg_bench_sampler *sampler); // accepts NULL
 // Samples of one texture follow, which count as used at the same time.
 void hg_bench_sampler_begin(struct hg_bench_sampler *sampler);
-// Trilinear, repeating, of the stored bytes / 255; u, v in 0..1. footprint: side of the square that
+// Trilinear, repeating, of the stored bytes / 255; uv in 0..1. footprint: side of the square that
 // the sample covers, in texture coordinates. False: a page cannot be read (err).
-bool hg_bench_sampler_sample(struct hg_bench_sampler *sampler, uint32_t texture, float u, float v,
+bool hg_bench_sampler_sample(struct hg_bench_sampler *sampler, uint32_t texture, const float uv[2],
     float footprint, float rgba[4], struct hg_error *err);
 // Bytes of pages decoded since creation.
 uint64_t hg_bench_sampler_decoded_bytes(const struct hg_bench_sampler *sampler);

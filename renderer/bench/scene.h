@@ -48,20 +48,20 @@ void hg_bench_gallery_walk(uint32_t at, struct hg_bench_pose *pose);
 enum hg_status hg_bench_sheet_make(
     uint32_t side_px, struct hg_bench_scene *out, struct hg_error *err) HG_MUST_CHECK;
 
-// Land of `tiles` x `tiles` meshes and `statues` instances of one mesh standing on it. Each land
-// tile has detail of its own; neighbours share their border.
-struct hg_bench_land {
+// Terrain of `tiles` x `tiles` meshes and `statues` instances of one mesh standing on it. Each
+// terrain tile has detail of its own; neighbours share their border.
+struct hg_bench_terrain {
     const struct hg_image *heights; // RGBA16, grey: metres above -0; borrowed. NULL: made
     struct hg_asset *statue;        // taken, also on failure; NULL: a made one
     uint32_t tiles, statues;
     uint32_t cells;  // per side of a tile; statues that are made have about 16 cells^2 / 100
     uint32_t thin;   // tiles and statues have one triangle in so many; 0 = all
-    uint32_t copies; // per side: the land goes on, so many times as wide, with tiles of the same
+    uint32_t copies; // per side: the terrain goes on, so many times as wide, with tiles of the same
                      // meshes; 0 = 1
 };
-enum hg_status hg_bench_land_make(const struct hg_bench_land *land, struct hg_jobs *jobs,
+enum hg_status hg_bench_terrain_make(const struct hg_bench_terrain *terrain, struct hg_jobs *jobs,
     struct hg_bench_scene *out, struct hg_error *err) HG_MUST_CHECK;
 // Pose of a flight over the first tile, which looks the same whatever lies beyond.
-void hg_bench_land_pose(uint32_t at, uint32_t count, struct hg_bench_pose *pose);
+void hg_bench_terrain_pose(uint32_t at, uint32_t count, struct hg_bench_pose *pose);
 
 #endif

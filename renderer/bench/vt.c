@@ -11,7 +11,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/bench/bench.h"
-#include "renderer/bench/peer.h"
+#include "renderer/bench/oiio_baseline.h"
 #include "renderer/bench/prefetch.h"
 #include "renderer/bench/scene.h"
 #include "renderer/image/metrics.h"
@@ -21,7 +21,10 @@
 #define VFOV_RAD   0.8f
 #define ZOOM_STEPS 24
 
-enum { PEER_MADE = 6, PEER_SIDE_PX = 2048 }; // most made textures beside files, and their sides
+enum {
+    BASELINE_MADE = 6,
+    BASELINE_SIDE_PX = 2048
+}; // most made textures beside files, and their sides
 
 enum { STREAMED, RESIDENT, SIDES };
 
@@ -47,15 +50,15 @@ struct run {
     uint64_t rss_bytes, rss_before_bytes;
     struct sheet_result *sheets;
     struct hg_bench_prefetch_result prefetch;
-    struct hg_bench_peer_params peer;
-    struct hg_bench_peer_result peer_result;
+    struct hg_bench_oiio_params baseline;
+    struct hg_bench_oiio_result baseline_result;
     char device[256];
     uint32_t done, total;
 };
 
 static enum hg_status step_done(struct run *run, struct hg_error *err)
 {
-    return hg_bench_step_done(&run->bench->stream, ++run->done, run->total, err);
+    return hg_bench_report_progress(&run->bench->stream, ++run->done, run->total, err);
 }
 
 static struct hg_bench_pose flight(const struct run *run, uint32_t at, uint32_t count)
@@ -220,7 +223,7 @@ static enum hg_status measure_prefetch(struct run *run, struct hg_error *err)
     return status == HG_OK ? step_done(run, err) : status;
 }
 
-static bool peer_progress(void *user, uint32_t done)
+static bool baseline_progress(void *user, uint32_t done)
 {
     struct run *run = user;
     (void)done;
@@ -228,20 +231,20 @@ static bool peer_progress(void *user, uint32_t done)
 }
 
 // With nothing else under way in this process.
-static enum hg_status measure_peer(struct run *run, struct hg_error *err)
+static enum hg_status measure_baseline(struct run *run, struct hg_error *err)
 {
     const struct hg_bench_vt *b = run->bench;
-    run->peer = (struct hg_bench_peer_params){.cache_dir = b->stream.renderer->cache_dir,
-        .memory_bytes = (uint64_t)b->peer_mib << 20,
+    run->baseline = (struct hg_bench_oiio_params){.cache_dir = b->stream.renderer->cache_dir,
+        .memory_bytes = (uint64_t)b->baseline_mib << 20,
         .host_bytes = b->stream.renderer->host_budget_bytes,
-        .made = b->made < PEER_MADE ? b->made : PEER_MADE,
-        .side_px = b->side_px < PEER_SIDE_PX ? b->side_px : PEER_SIDE_PX,
+        .made = b->made < BASELINE_MADE ? b->made : BASELINE_MADE,
+        .side_px = b->side_px < BASELINE_SIDE_PX ? b->side_px : BASELINE_SIDE_PX,
         .images = b->images,
         .image_count = b->image_count,
         .moments = b->stream.frames * 5 / 2,
-        .progress = peer_progress,
+        .progress = baseline_progress,
         .progress_user = run};
-    return hg_bench_peer_run(&run->peer, &run->peer_result, err);
+    return hg_bench_oiio_run(&run->baseline, &run->baseline_result, err);
 }
 
 // --- single pictures -----------------------------------------------------------------------------
@@ -393,7 +396,7 @@ static enum hg_status write_report(const struct run *run, char **text)
     hg_json_put(&w, ",");
     hg_bench_prefetch_put(&w, &run->prefetch);
     hg_json_put(&w, ",");
-    hg_bench_peer_put(&w, &run->peer, &run->peer_result);
+    hg_bench_oiio_put(&w, &run->baseline, &run->baseline_result);
     hg_json_put(&w, ",\"device\":");
     hg_json_string(&w, run->device);
     hg_json_put(&w, "}");
@@ -415,7 +418,7 @@ static void set_defaults(struct hg_bench_vt *b)
     b->made = hg_bench_or(b->made, 12);
     b->side_px = hg_bench_or(b->side_px, 4096);
     b->teleports = hg_bench_or(b->teleports, 40);
-    b->peer_mib = hg_bench_or(b->peer_mib, 32);
+    b->baseline_mib = hg_bench_or(b->baseline_mib, 32);
     if (b->sheets_px == NULL) {
         b->sheets_px = sheets;
         b->sheet_count = 2;
@@ -435,7 +438,7 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
     if (status == HG_OK)
         status = measure_prefetch(run, err);
     hg_bench_scene_finish(&run->scene);
-    return status == HG_OK ? measure_peer(run, err) : status;
+    return status == HG_OK ? measure_baseline(run, err) : status;
 }
 
 enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, struct hg_error *err)
@@ -445,7 +448,7 @@ enum hg_status hg_bench_vt_run(const struct hg_bench_vt *bench, char **text, str
     set_defaults(&full);
     struct run run = {.bench = &full,
         .total = 4 * full.stream.frames + full.teleports + full.stream.stills +
-                 full.sheet_count * ZOOM_STEPS + 1 + HG_BENCH_PEER_STEPS};
+                 full.sheet_count * ZOOM_STEPS + 1 + HG_BENCH_OIIO_STEPS};
     run.sheets = hg_calloc(full.sheet_count, sizeof *run.sheets);
     enum hg_status status = run.sheets != NULL
                                 ? measure(&run, err)

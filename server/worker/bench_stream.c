@@ -127,7 +127,7 @@ enum hg_status bench_vt(struct bench *b, const json_t *options, char **text, str
     st = st ? st : take_u32(options, "made", 1000, &vt.made, err);
     st = st ? st : take_u32(options, "side_px", 65536, &vt.side_px, err);
     st = st ? st : take_u32(options, "teleports", 10000, &vt.teleports, err);
-    st = st ? st : take_u32(options, "peer_mib", 65536, &vt.peer_mib, err);
+    st = st ? st : take_u32(options, "peer_mib", 65536, &vt.baseline_mib, err);
     st = st ? st : take_images(b, json_object_get(options, "images"), &paths, &vt, images, err);
     st = st ? st : take_sheets(json_object_get(options, "sheets"), &vt, sheets, err);
     st = st ? st : hg_bench_vt_run(&vt, text, err);

@@ -4,9 +4,9 @@
 //
 //     test_render_path_memory [CELLS TILES SIDE_PX BUDGET_MIB]
 //
-// The scene: land of TILES^2 meshes of 2 CELLS^2 triangles, and a wall of 400 posters over it, each
-// with a picture of its own of SIDE_PX^2. Seen from two places in turn. Without arguments it takes
-// seconds; with 1200 3 1024 64 it has 26 million triangles and 2.2 GB of texels.
+// The scene: terrain of TILES^2 meshes of 2 CELLS^2 triangles, and a wall of 400 posters over it,
+// each with a picture of its own of SIDE_PX^2. Seen from two places in turn. Without arguments it
+// takes seconds; with 1200 3 1024 64 it has 26 million triangles and 2.2 GB of texels.
 
 #include "base/alloc.h"
 #include "base/log.h"
@@ -94,16 +94,16 @@ static void add_posters(struct hg_bench_scene *s, const struct hg_bench_pose *po
 
 static void pose_of(int place, struct hg_bench_pose *pose)
 {
-    hg_bench_land_pose(place == 0 ? 1 : 3, 4, pose);
+    hg_bench_terrain_pose(place == 0 ? 1 : 3, 4, pose);
 }
 
 static struct hg_bench_scene make_scene(struct hg_jobs *jobs)
 {
-    const struct hg_bench_land land = {.tiles = tiles, .cells = cells};
+    const struct hg_bench_terrain terrain = {.tiles = tiles, .cells = cells};
     struct hg_bench_scene s = {0};
     struct hg_bench_pose pose;
     struct hg_error err = {0};
-    test_ok(hg_bench_land_make(&land, jobs, &s, &err), &err);
+    test_ok(hg_bench_terrain_make(&terrain, jobs, &s, &err), &err);
     pose_of(0, &pose);
     add_posters(&s, &pose);
     hg_scene_publish(s.scene);

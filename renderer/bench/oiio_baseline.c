@@ -1,4 +1,4 @@
-#include "renderer/bench/peer.h"
+#include "renderer/bench/oiio_baseline.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -17,8 +17,8 @@
 
 enum { SHOWN = 24, GRID = 64, ROUNDS = 3, TILE = 64, PATH_BYTES = 4096 };
 
-struct peer {
-    const struct hg_bench_peer_params *params;
+struct comparison {
+    const struct hg_bench_oiio_params *params;
     struct hg_store *store;
     struct hg_page_sources *sources;
     struct hg_image_source *origins; // [most]; path owned
@@ -33,10 +33,10 @@ static enum hg_status no_memory(struct hg_error *err)
     return hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
 }
 
-static enum hg_status step_done(struct peer *p, struct hg_error *err)
+static enum hg_status step_done(struct comparison *c, struct hg_error *err)
 {
-    const struct hg_bench_peer_params *params = p->params;
-    if (params->progress == NULL || params->progress(params->progress_user, ++p->steps))
+    const struct hg_bench_oiio_params *params = c->params;
+    if (params->progress == NULL || params->progress(params->progress_user, ++c->steps))
         return HG_OK;
     return hg_error_set(err, HG_E_CANCELLED, "bench", NULL, "cancelled");
 }
@@ -86,10 +86,10 @@ static enum hg_status paint(
 }
 
 // Opens texture number `index` of made ones and files, and makes its pack.
-static enum hg_status open_texture(struct peer *p, uint32_t index, struct hg_error *err)
+static enum hg_status open_texture(struct comparison *c, uint32_t index, struct hg_error *err)
 {
-    const struct hg_bench_peer_params *params = p->params;
-    struct hg_image_source *origin = &p->origins[index];
+    const struct hg_bench_oiio_params *params = c->params;
+    struct hg_image_source *origin = &c->origins[index];
     struct hg_page_bake bake;
     enum hg_status status = HG_OK;
     static char label[] = "bench";
@@ -101,7 +101,7 @@ static enum hg_status open_texture(struct peer *p, uint32_t index, struct hg_err
     const struct hg_page_source_params source = {.image = origin};
     struct hg_page_source *opened = NULL;
     if (status == HG_OK)
-        status = hg_page_source_open(p->sources, &source, &opened, err);
+        status = hg_page_source_open(c->sources, &source, &opened, err);
     if (status == HG_OK && hg_page_source_info(opened)->texel_bytes != 4) {
         hg_page_source_close(opened);
         return HG_OK;
@@ -109,52 +109,52 @@ static enum hg_status open_texture(struct peer *p, uint32_t index, struct hg_err
     if (status == HG_OK)
         status = hg_page_source_bake(opened, &bake, err);
     if (opened != NULL)
-        p->opened[p->count++] = opened;
+        c->opened[c->count++] = opened;
     return status;
 }
 
-static enum hg_status open_set(struct peer *p, struct hg_error *err)
+static enum hg_status open_set(struct comparison *c, struct hg_error *err)
 {
-    const struct hg_bench_peer_params *params = p->params;
+    const struct hg_bench_oiio_params *params = c->params;
     char dir[PATH_BYTES];
     if (params->cache_dir == NULL ||
         snprintf(dir, sizeof dir, "%s/store", params->cache_dir) >= (int)sizeof dir)
         return hg_error_set(
             err, HG_E_STATE, "bench", NULL, "packs and tiled files need a cache folder");
-    p->most = params->made + params->image_count;
-    p->origins = hg_calloc(p->most + 1, sizeof *p->origins);
-    p->opened = hg_calloc(p->most + 1, sizeof *p->opened);
-    p->paths = hg_calloc(p->most + 1, sizeof *p->paths);
-    if (p->origins == NULL || p->opened == NULL || p->paths == NULL)
+    c->most = params->made + params->image_count;
+    c->origins = hg_calloc(c->most + 1, sizeof *c->origins);
+    c->opened = hg_calloc(c->most + 1, sizeof *c->opened);
+    c->paths = hg_calloc(c->most + 1, sizeof *c->paths);
+    if (c->origins == NULL || c->opened == NULL || c->paths == NULL)
         return no_memory(err);
-    enum hg_status status = hg_store_open(&(struct hg_store_params){.dir = dir}, &p->store, err);
+    enum hg_status status = hg_store_open(&(struct hg_store_params){.dir = dir}, &c->store, err);
     const struct hg_page_sources_params sources = {
-        .store = p->store, .memory_bytes = params->host_bytes};
+        .store = c->store, .memory_bytes = params->host_bytes};
     if (status == HG_OK)
-        status = hg_page_sources_create(&sources, &p->sources, err);
-    for (uint32_t i = 0; i < p->most && status == HG_OK; i++)
-        status = open_texture(p, i, err);
-    if (status == HG_OK && p->count == 0)
+        status = hg_page_sources_create(&sources, &c->sources, err);
+    for (uint32_t i = 0; i < c->most && status == HG_OK; i++)
+        status = open_texture(c, i, err);
+    if (status == HG_OK && c->count == 0)
         return hg_error_set(err, HG_E_INVAL, "bench", NULL, "no textures of 8 bits");
-    return status == HG_OK ? step_done(p, err) : status;
+    return status == HG_OK ? step_done(c, err) : status;
 }
 
-static void close_set(struct peer *p)
+static void close_set(struct comparison *c)
 {
-    for (uint32_t i = 0; i < p->count; i++) {
-        hg_page_source_close(p->opened[i]);
-        if (p->paths[i][0] != '\0')
-            unlink(p->paths[i]);
+    for (uint32_t i = 0; i < c->count; i++) {
+        hg_page_source_close(c->opened[i]);
+        if (c->paths[i][0] != '\0')
+            unlink(c->paths[i]);
     }
-    for (uint32_t i = 0; p->origins != NULL && i < p->most; i++) {
-        hg_image_finish(&p->origins[i].pixels);
-        hg_free(p->origins[i].path);
+    for (uint32_t i = 0; c->origins != NULL && i < c->most; i++) {
+        hg_image_finish(&c->origins[i].pixels);
+        hg_free(c->origins[i].path);
     }
-    hg_page_sources_destroy(p->sources);
-    hg_store_close(p->store);
-    hg_free(p->origins);
-    hg_free(p->opened);
-    hg_free(p->paths);
+    hg_page_sources_destroy(c->sources);
+    hg_store_close(c->store);
+    hg_free(c->origins);
+    hg_free(c->opened);
+    hg_free(c->paths);
 }
 
 // --- tiled files ---------------------------------------------------------------------------------
@@ -228,55 +228,53 @@ static enum hg_status write_file(
     return status;
 }
 
-static enum hg_status write_files(struct peer *p, struct hg_error *err)
+static enum hg_status write_files(struct comparison *c, struct hg_error *err)
 {
     uint8_t *page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, 4);
     enum hg_status status = page != NULL ? HG_OK : no_memory(err);
-    for (uint32_t i = 0; i < p->count && status == HG_OK; i++) {
-        if (snprintf(p->paths[i], PATH_BYTES, "%s/bench-%ld-%u.tif", p->params->cache_dir,
+    for (uint32_t i = 0; i < c->count && status == HG_OK; i++) {
+        if (snprintf(c->paths[i], PATH_BYTES, "%s/bench-%ld-%u.tif", c->params->cache_dir,
                 (long)getpid(), i) >= PATH_BYTES)
-            p->paths[i][0] = '\0';
-        status = write_file(p->opened[i], p->paths[i], page, err);
+            c->paths[i][0] = '\0';
+        status = write_file(c->opened[i], c->paths[i], page, err);
     }
     hg_free(page);
-    return status == HG_OK ? step_done(p, err) : status;
+    return status == HG_OK ? step_done(c, err) : status;
 }
 
 // --- the trace -----------------------------------------------------------------------------------
 
 // One of two sides.
 struct side {
-    struct hg_bench_sampler *ours;
-    struct hg_texture_system *theirs;
+    struct hg_bench_sampler *packs;
+    struct hg_texture_system *oiio;
     double sum;
 };
 
 static bool sample_patch(
     struct side *side, uint32_t texture, const float centre[2], float scale, struct hg_error *err)
 {
-    if (side->ours != NULL)
-        hg_bench_sampler_begin(side->ours);
+    if (side->packs != NULL)
+        hg_bench_sampler_begin(side->packs);
     bool good = true;
     for (uint32_t i = 0; i < GRID * GRID && good; i++) {
-        float u = centre[0] + scale * ((float)(i % GRID) / GRID - 0.5f);
-        float v = centre[1] + scale * ((float)(i / GRID) / GRID - 0.5f);
+        const float u = centre[0] + scale * ((float)(i % GRID) / GRID - 0.5f);
+        const float v = centre[1] + scale * ((float)(i / GRID) / GRID - 0.5f);
         float rgba[4] = {0};
-        u -= floorf(u);
-        v -= floorf(v);
-        const float footprint = scale / GRID;
-        good = side->ours != NULL
-                   ? hg_bench_sampler_sample(side->ours, texture, u, v, footprint, rgba, err)
-                   : hg_texture_system_sample(side->theirs, texture, u, v, footprint, rgba);
+        const float uv[2] = {u - floorf(u), v - floorf(v)}, footprint = scale / GRID;
+        good = side->packs != NULL
+                   ? hg_bench_sampler_sample(side->packs, texture, uv, footprint, rgba, err)
+                   : hg_texture_system_sample(side->oiio, texture, uv[0], uv[1], footprint, rgba);
         side->sum += (double)rgba[1];
     }
     return good;
 }
 
-static enum hg_status run_trace(const struct peer *p, struct side *side, struct hg_error *err)
+static enum hg_status run_trace(const struct comparison *c, struct side *side, struct hg_error *err)
 {
-    for (uint32_t moment = 0; moment < p->params->moments; moment++)
+    for (uint32_t moment = 0; moment < c->params->moments; moment++)
         for (uint32_t k = 0; k < SHOWN; k++) {
-            const uint32_t texture = (moment / 12 + k * 5) % p->count;
+            const uint32_t texture = (moment / 12 + k * 5) % c->count;
             const float at = (float)moment, phase = at * 0.03f + (float)k * 0.7f;
             const float scale = exp2f(-4.5f + 4.5f * cosf(phase)); // 1 .. 1/512 of the texture
             const float centre[2] = {0.5f + 0.4f * sinf(at * 0.011f + (float)k),
@@ -290,36 +288,36 @@ static enum hg_status run_trace(const struct peer *p, struct side *side, struct 
 }
 
 static enum hg_status open_side(
-    const struct peer *p, bool ours, struct side *side, struct hg_error *err)
+    const struct comparison *c, bool packs, struct side *side, struct hg_error *err)
 {
     *side = (struct side){0};
-    if (ours)
+    if (packs)
         return hg_bench_sampler_create(
-            p->opened, p->count, p->params->memory_bytes, &side->ours, err);
-    enum hg_status status = hg_texture_system_create(p->params->memory_bytes, &side->theirs, err);
-    for (uint32_t i = 0; i < p->count && status == HG_OK; i++)
-        status = hg_texture_system_add(side->theirs, p->paths[i], err);
+            c->opened, c->count, c->params->memory_bytes, &side->packs, err);
+    enum hg_status status = hg_texture_system_create(c->params->memory_bytes, &side->oiio, err);
+    for (uint32_t i = 0; i < c->count && status == HG_OK; i++)
+        status = hg_texture_system_add(side->oiio, c->paths[i], err);
     return status;
 }
 
 static void close_side(struct side *side)
 {
-    hg_bench_sampler_destroy(side->ours);
-    hg_texture_system_destroy(side->theirs);
+    hg_bench_sampler_destroy(side->packs);
+    hg_texture_system_destroy(side->oiio);
 }
 
 // A round of one side, from nothing in memory.
-static enum hg_status run_round(struct peer *p, bool ours, struct hg_bench_times *times,
-    struct hg_bench_peer_side *out, struct hg_error *err)
+static enum hg_status run_round(struct comparison *c, bool packs, struct hg_bench_times *times,
+    struct hg_bench_oiio_side *out, struct hg_error *err)
 {
     struct side side;
     uint64_t before = 0, after = 0, start = 0;
-    enum hg_status status = open_side(p, ours, &side, err);
+    enum hg_status status = open_side(c, packs, &side, err);
     if (status == HG_OK)
         status = count_bytes_read(&before, err);
     start = hg_clock_now_ns();
     if (status == HG_OK)
-        status = run_trace(p, &side, err);
+        status = run_trace(c, &side, err);
     const uint64_t ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
         status = count_bytes_read(&after, err);
@@ -327,25 +325,25 @@ static enum hg_status run_round(struct peer *p, bool ours, struct hg_bench_times
         status = no_memory(err);
     if (status == HG_OK) {
         out->bytes_read = after - before;
-        out->texel_bytes = ours ? hg_bench_sampler_decoded_bytes(side.ours)
-                                : hg_texture_system_decoded_bytes(side.theirs);
-        out->mean = side.sum / ((double)p->params->moments * SHOWN * GRID * GRID);
+        out->texel_bytes = packs ? hg_bench_sampler_decoded_bytes(side.packs)
+                                 : hg_texture_system_decoded_bytes(side.oiio);
+        out->mean = side.sum / ((double)c->params->moments * SHOWN * GRID * GRID);
     }
     close_side(&side);
-    return status == HG_OK ? step_done(p, err) : status;
+    return status == HG_OK ? step_done(c, err) : status;
 }
 
 static enum hg_status run_rounds(
-    struct peer *p, struct hg_bench_peer_result *out, struct hg_error *err)
+    struct comparison *c, struct hg_bench_oiio_result *out, struct hg_error *err)
 {
     struct hg_bench_times times[2] = {{0}};
-    struct hg_bench_peer_side *sides[2] = {&out->theirs, &out->ours};
+    struct hg_bench_oiio_side *sides[2] = {&out->oiio, &out->packs};
     enum hg_status status = HG_OK;
     for (int i = 0; i < 2 * ROUNDS && status == HG_OK; i++) {
-        const bool ours = (i + i / 2) % 2 == 0; // ours, theirs, theirs, ours, ours, theirs
-        status = run_round(p, ours, &times[ours], sides[ours], err);
+        const bool packs = (i + i / 2) % 2 == 0; // packs, oiio, oiio, packs, packs, oiio
+        status = run_round(c, packs, &times[packs], sides[packs], err);
     }
-    out->samples = (uint64_t)p->params->moments * SHOWN * GRID * GRID;
+    out->samples = (uint64_t)c->params->moments * SHOWN * GRID * GRID;
     for (int i = 0; i < 2; i++) {
         const double ms = hg_bench_times_at(&times[i], 0.5);
         sides[i]->samples_per_s = ms > 0 ? (double)out->samples / (ms * 1e-3) : 0;
@@ -354,50 +352,50 @@ static enum hg_status run_rounds(
     return status;
 }
 
-enum hg_status hg_bench_peer_run(const struct hg_bench_peer_params *params,
-    struct hg_bench_peer_result *out, struct hg_error *err)
+enum hg_status hg_bench_oiio_run(const struct hg_bench_oiio_params *params,
+    struct hg_bench_oiio_result *out, struct hg_error *err)
 {
-    struct peer peer = {.params = params};
-    *out = (struct hg_bench_peer_result){0};
-    enum hg_status status = open_set(&peer, err);
+    struct comparison comparison = {.params = params};
+    *out = (struct hg_bench_oiio_result){0};
+    enum hg_status status = open_set(&comparison, err);
     if (status == HG_OK)
-        status = write_files(&peer, err);
+        status = write_files(&comparison, err);
     if (status == HG_OK)
-        status = run_rounds(&peer, out, err);
-    out->images = peer.count;
-    for (uint32_t i = 0; i < peer.count; i++) {
-        const struct hg_page_layout *l = &hg_page_source_info(peer.opened[i])->layout;
+        status = run_rounds(&comparison, out, err);
+    out->images = comparison.count;
+    for (uint32_t i = 0; i < comparison.count; i++) {
+        const struct hg_page_layout *l = &hg_page_source_info(comparison.opened[i])->layout;
         for (uint32_t m = 0; m < l->mips; m++)
             out->set_bytes += (uint64_t)hg_mips_side(l->width, m) * hg_mips_side(l->height, m) * 4;
     }
-    close_set(&peer);
+    close_set(&comparison);
     if (status != HG_OK)
-        *out = (struct hg_bench_peer_result){0};
+        *out = (struct hg_bench_oiio_result){0};
     return status;
 }
 
 // --- report --------------------------------------------------------------------------------------
 
-static void put_side(struct hg_writer *w, const char *prefix, const struct hg_bench_peer_side *s)
+static void put_side(struct hg_writer *w, const char *prefix, const struct hg_bench_oiio_side *s)
 {
     hg_json_put(w, "\"%ssamples_per_s\":%.0f,\"%sbytes_read\":%llu,\"%stexel_bytes\":%llu,", prefix,
         s->samples_per_s, prefix, (unsigned long long)s->bytes_read, prefix,
         (unsigned long long)s->texel_bytes);
 }
 
-void hg_bench_peer_put(struct hg_writer *w, const struct hg_bench_peer_params *params,
-    const struct hg_bench_peer_result *r)
+void hg_bench_oiio_put(struct hg_writer *w, const struct hg_bench_oiio_params *params,
+    const struct hg_bench_oiio_result *r)
 {
-    const struct hg_bench_peer_side *ours = &r->ours, *theirs = &r->theirs;
+    const struct hg_bench_oiio_side *packs = &r->packs, *oiio = &r->oiio;
     hg_json_put(w, "\"peer\":{\"system\":");
     hg_json_string(w, hg_texture_system_version());
     hg_json_put(w, ",\"memory_bytes\":%llu,\"images\":%u,\"set_bytes\":%llu,\"samples\":%llu,",
         (unsigned long long)params->memory_bytes, r->images, (unsigned long long)r->set_bytes,
         (unsigned long long)r->samples);
-    put_side(w, "", theirs);
-    put_side(w, "our_", ours);
+    put_side(w, "", oiio);
+    put_side(w, "our_", packs);
     hg_json_put(w, "\"samples_ratio\":%.3f,\"bytes_ratio\":%.3f,\"mean_difference\":%.6f}",
-        theirs->samples_per_s > 0 ? ours->samples_per_s / theirs->samples_per_s : 0,
-        theirs->bytes_read > 0 ? (double)ours->bytes_read / (double)theirs->bytes_read : 0,
-        fabs(ours->mean - theirs->mean));
+        oiio->samples_per_s > 0 ? packs->samples_per_s / oiio->samples_per_s : 0,
+        oiio->bytes_read > 0 ? (double)packs->bytes_read / (double)oiio->bytes_read : 0,
+        fabs(packs->mean - oiio->mean));
 }
