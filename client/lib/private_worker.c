@@ -13,27 +13,9 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/program.h"
 
 extern char **environ;
-
-// HELIO_WORKER, or ../libexec/helio-worker beside the running program.
-static void find_worker(const char *given, char *path, size_t size)
-{
-    const char *env = getenv("HELIO_WORKER");
-    if (given || (env && *env)) {
-        snprintf(path, size, "%s", given ? given : env);
-        return;
-    }
-    char self[3072];
-    ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
-    self[n > 0 ? n : 0] = 0;
-    for (int i = 0; i < 2; i++) { // the program's name, then its folder's
-        char *slash = strrchr(self, '/');
-        if (slash)
-            *slash = 0;
-    }
-    snprintf(path, size, "%s/libexec/helio-worker", self);
-}
 
 static enum hg_status build_argv(const char *path, const char *const *args, const char ***out)
 {
@@ -93,7 +75,10 @@ enum hg_status hg_client_worker_start(
     int pair[2];
     *pid = 0;
     *fd = -1;
-    find_worker(given, path, sizeof path);
+    if (given)
+        snprintf(path, sizeof path, "%s", given);
+    else
+        hg_program_path("HELIO_WORKER", "helio-worker", path, sizeof path);
     if (build_argv(path, args, &argv))
         return hg_error_set(err, HG_E_NOMEM, what, NULL, "no memory for its arguments");
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair)) {

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "base/program.h"
 
 enum {
     WORKER_FD = 3,
@@ -26,20 +27,10 @@ extern char **environ;
 
 bool hg_link_find_program(const struct hg_options *options, char *path, size_t size)
 {
-    const char *given = options->worker ? options->worker : getenv("HELIO_WORKER");
-    if (given && *given) {
-        snprintf(path, size, "%s", given);
-    } else {
-        ssize_t n = readlink("/proc/self/exe", path, size - 1);
-        path[n > 0 ? n : 0] = 0;
-        for (int up = 0; up < 2; up++) { // program, folder
-            char *slash = strrchr(path, '/');
-            if (slash)
-                *slash = 0;
-        }
-        size_t length = strlen(path);
-        snprintf(path + length, size - length, "/libexec/helio-worker");
-    }
+    if (options->worker && *options->worker)
+        snprintf(path, size, "%s", options->worker);
+    else
+        hg_program_path("HELIO_WORKER", "helio-worker", path, size);
     return access(path, X_OK) == 0;
 }
 

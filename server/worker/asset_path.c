@@ -2,67 +2,23 @@
 
 #include <limits.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "base/alloc.h"
+#include "base/roots.h"
 #include "base/sha256.h"
 
-static bool lies_under(const char *path, const char *root)
-{
-    size_t n = strlen(root);
-    return strncmp(path, root, n) == 0 &&
-           (path[n] == '/' || path[n] == 0 || (n && root[n - 1] == '/'));
-}
-
-// Real path of `path` under `root`; when the file is missing, that of its folder (*missing).
-static char *resolve_under(const char *root, struct hgp_str path, bool *missing)
-{
-    char joined[PATH_MAX];
-    int n = path.data[0] == '/'
-                ? snprintf(joined, sizeof joined, "%.*s", (int)path.size, path.data)
-                : snprintf(joined, sizeof joined, "%s/%.*s", root, (int)path.size, path.data);
-    if (n < 0 || n >= (int)sizeof joined)
-        return NULL;
-    char *real = realpath(joined, NULL);
-    *missing = !real;
-    char *slash = strrchr(joined, '/');
-    if (real || !slash)
-        return real;
-    slash[slash == joined] = 0;
-    return realpath(joined, NULL);
-}
-
-static bool in_roots(const struct worker_options *options, const char *real)
-{
-    for (uint32_t i = 0; i < options->asset_root_count; i++)
-        if (lies_under(real, options->asset_roots[i]))
-            return true;
-    return false;
-}
-
-// Does not disclose whether a file outside the roots exists: there everything is "not allowed".
 enum hg_status hg_asset_path_resolve(
     const struct worker_options *options, struct hgp_str path, char **out, struct hg_error *err)
 {
-    char name[256];
-    snprintf(name, sizeof name, "%.*s", (int)path.size, path.data);
+    const struct hg_roots roots = {
+        (const char *const *)options->asset_roots, options->asset_root_count};
+    char *name = hg_strndup(path.data ? path.data : "", path.size);
     *out = NULL;
-    bool inside = false;
-    for (uint32_t i = 0; i < options->asset_root_count && path.size; i++) {
-        bool missing;
-        char *real = resolve_under(options->asset_roots[i], path, &missing);
-        bool allowed = real && in_roots(options, real);
-        if (allowed && !missing) {
-            *out = real;
-            return HG_OK;
-        }
-        inside |= allowed;
-        free(real);
-    }
-    if (inside)
-        return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such file");
-    return hg_error_set(err, HG_E_PERM, name, NULL, "does not lie under an asset root");
+    if (!name)
+        return hg_error_set(err, HG_E_NOMEM, "path", NULL, "no memory for a name");
+    enum hg_status status = hg_roots_resolve(&roots, name, out, err);
+    hg_free(name);
+    return status;
 }
 
 enum hg_status hg_asset_path_upload(
