@@ -1,4 +1,4 @@
-// internal.h - what the files of the facade share. Private to renderer/*.c.
+// internal.h - what the files of the facade share. Private to renderer/*.c and renderer/bench.
 #ifndef HG_RENDERER_INTERNAL_H
 #define HG_RENDERER_INTERNAL_H
 
@@ -22,5 +22,6 @@ struct hg_view {
 enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field);
 // Only paths that follow light know this plane.
 bool hg_plane_needs_light(uint32_t plane);
+uint64_t hg_renderer_peak_rss_bytes(void); // of this process (stats.c)
 
 #endif

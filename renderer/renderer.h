@@ -18,6 +18,11 @@
 struct hg_renderer;
 struct hg_view;
 
+// Sets up a process for rendering, before it starts threads: the allocator keeps what frames take
+// and free, as many files may be open as the system allows, Mesa's shader cache lies under
+// cache_dir and, with `spill`, large arrays may go there as well. cache_dir may be NULL.
+void hg_renderer_prepare_process(const char *cache_dir, bool spill);
+
 struct hg_renderer_params {
     const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
     const char *cache_dir;  // shader, environment, page and cluster caches; NULL = none
@@ -310,84 +315,5 @@ uint32_t hg_view_failed_textures(struct hg_view *view);
 // One JSON object with the keys of docs/client.md (--stats); view may be NULL.
 enum hg_status hg_renderer_stats_json(
     struct hg_renderer *renderer, struct hg_view *view, char **text) HG_MUST_CHECK;
-
-struct hg_bench_pose {
-    float eye[3], target[3]; // metres
-};
-
-struct hg_bench_realtime {  // zero of each field = default
-    uint32_t width, height; // px; 1280 x 720
-    float vfov_rad;         // 45 degrees
-    uint32_t rounds;        // walks along the path that are measured; 3. Others come before, until
-                            // nothing is streamed or baked any more, at most two minutes
-    const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
-    uint32_t path_count;
-    // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
-    bool (*progress)(void *user, uint32_t done, uint32_t total);
-    void *progress_user;
-};
-
-// Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
-// object: frames_ms, frame_ms (median), at_rest (nothing was streamed or baked meanwhile), passes[]
-// (name, ms: medians over the frames in which they ran, frames), triangles_total, triangles_drawn,
-// memory. HG_E_INVAL; errors of hg_view_step.
-enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
-
-// Rays of three kinds through each backend, at the first pose of the path: primary (centres of all
-// pixels), diffuse (one cosine-distributed bounce each, in any direction) and shadow (whether a
-// light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One
-// JSON object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s,
-// cpu_ns_per_ray of each, build_ms, bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays
-// that hit something else than Embree's)} or {refused}; raw: Embree alone on the same rays; ratio:
-// embree over raw.
-enum hg_status hg_renderer_bench_trace(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
-
-// Where the time of a path-traced picture goes, at the first pose of the path. Fields are those of
-// realtime; rounds: samples per pixel; 8. One JSON object: ms, cpu_ms (processor time of all
-// threads), cpu_us_per_path, pieces[] (name, items: rays or paths, ms, cpu_ms, share of the
-// processor time, cpu_ns_per_item), mrays_per_s {closest, shadow}, raw_mrays_per_s: Embree alone
-// with the same rays, ratio: the former over the latter.
-enum hg_status hg_renderer_bench_path(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
-
-// What the benchmarks of streaming have in common. They make renderers of their own.
-struct hg_bench_stream {                       // zero of each field = default
-    const struct hg_renderer_params *renderer; // device, caches, threads; budgets are set here
-    uint64_t budget_bytes;                     // of what is streamed
-    uint32_t width, height;                    // px; 1280 x 720
-    uint32_t frames;                           // of the fly-through; vt 120, lod 6
-    uint32_t stills;                           // settled pictures that are compared; vt 3, lod 1
-    uint32_t samples;                          // of each; 8
-    bool (*progress)(void *user, uint32_t done, uint32_t total); // as in hg_bench_realtime
-    void *progress_user;
-};
-
-// `helio bench vt`: textures many times larger than their budget against all of them resident, and
-// page packs beside OpenImageIO's texture system (needs a cache folder).
-struct hg_bench_vt {
-    struct hg_bench_stream stream; // budget: 64 MiB of texture pages
-    uint32_t made, side_px;        // textures that are made on demand; 12 of 4096 px
-    const char *const *images;     // [image_count] further ones, from files
-    uint32_t image_count;
-    uint32_t teleports;        // 40
-    uint32_t baseline_mib;     // memory for texels beside OpenImageIO's texture system; 32
-    const uint32_t *sheets_px; // [sheet_count] sides of single pictures, up to 131072
-    uint32_t sheet_count;
-};
-enum hg_status hg_bench_vt_run(
-    const struct hg_bench_vt *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
-
-// `helio bench lod`: a scene of many triangles against one of few that covers the same pixels.
-struct hg_bench_lod {
-    struct hg_bench_stream stream; // budget: 512 MiB of geometry
-    const char *heights;           // picture of 16-bit heights; NULL: made
-    const char *statue;            // mesh file; NULL: made
-    uint32_t cells;                // of the made terrain's side; 1200
-    uint32_t tiles, statues; // of the large scene: tiles^2 meshes of terrain, instances; 3, 1440
-};
-enum hg_status hg_bench_lod_run(
-    const struct hg_bench_lod *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

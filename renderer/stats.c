@@ -2,13 +2,12 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/json.h"
 #include "base/spill.h"
-#include "renderer/bench/bench.h"
-#include "renderer/pathtrace/path.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
+#include "renderer/pathtrace/path.h"
 
-uint64_t hg_bench_peak_rss_bytes(void)
+uint64_t hg_renderer_peak_rss_bytes(void)
 {
     char line[256];
     unsigned long long kib = 0;
@@ -39,7 +38,7 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
     hg_json_put(w,
         ",\"process\":{\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,"
         "\"spill_refused_bytes\":%llu}",
-        (unsigned long long)hg_bench_peak_rss_bytes(), (unsigned long long)spill.bytes,
+        (unsigned long long)hg_renderer_peak_rss_bytes(), (unsigned long long)spill.bytes,
         (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
 }
 

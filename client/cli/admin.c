@@ -1,11 +1,9 @@
-// admin.c - helio ping, stats, sessions, bench.
-#include <limits.h>
+// admin.c - helio ping, stats, sessions.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/file.h"
 #include "client/cli/cli.h"
 
 // Connects to the daemon that --connect names.
@@ -182,95 +180,5 @@ enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
     else if (!status)
         print_sessions(answer);
     json_decref(answer);
-    return finish(&cli, doing, status, &err);
-}
-
-// ---- bench -------------------------------------------------------------------------------------
-
-// Names of files that are there become absolute and are gathered: the worker may read their
-// folders.
-static void gather_files(json_t *value, struct hg_cli_texts *files)
-{
-    size_t index;
-    const char *key;
-    json_t *item;
-    char full[PATH_MAX];
-    json_array_foreach(value, index, item)
-    {
-        gather_files(item, files);
-    }
-    json_object_foreach(value, key, item)
-    {
-        gather_files(item, files);
-    }
-    const char *text = json_string_value(value);
-    if (!text || !*text || !realpath(text, full) || files->count == HG_CLI_TEXTS_MAX)
-        return;
-    if (!json_string_set(value, full))
-        files->items[files->count++] = json_string_value(value);
-}
-
-// *options: the object of --options.
-static enum hg_status check_bench(
-    const struct hg_cli_options *o, json_t **options, struct hg_error *err)
-{
-    json_error_t wrong;
-    *options = NULL;
-    if (o->json_file) {
-        enum hg_status status = hg_cli_check_output(o->json_file, err);
-        if (status)
-            return status;
-    }
-    *options = json_loads(o->bench_options ? o->bench_options : "{}", 0, &wrong);
-    if (json_is_object(*options))
-        return HG_OK;
-    json_decref(*options);
-    *options = NULL;
-    return hg_error_set(err, HG_E_INVAL, "--options", NULL, "is not a JSON object");
-}
-
-static enum hg_status write_result(
-    const struct hg_cli_options *o, const struct hgp_str *json, struct hg_error *err)
-{
-    if (o->json_file)
-        return hg_file_write_atomic(o->json_file, json->data, json->size, err);
-    if (fwrite(json->data, 1, json->size, stdout) != json->size || putchar('\n') == EOF)
-        return hg_error_set(err, HG_E_IO, "standard output", NULL, "cannot write");
-    return HG_OK;
-}
-
-enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options)
-{
-    struct hg_cli cli;
-    struct hg_error err = {0};
-    enum hg_cli_doing doing = HG_CLI_DOING_ARGUMENTS;
-    struct helio_message *answer = NULL;
-    struct hg_cli_texts files = {0};
-    json_t *object = NULL;
-    hg_cli_init(&cli, options);
-    enum hg_status status = check_bench(options, &object, &err);
-    if (!status) {
-        gather_files(object, &files);
-        doing = HG_CLI_DOING_CONNECT;
-        status = hg_cli_connect(&cli, NULL, &files, true, &err);
-    }
-    char *text = object ? json_dumps(object, JSON_COMPACT) : NULL;
-    json_decref(object);
-    struct hgp_bench bench = {
-        .name = hgp_str_make(options->args[0]),
-        .options = hgp_str_make(text ? text : "{}"),
-    };
-    if (!status) {
-        hg_cli_progress_stage(&cli.progress, "measuring");
-        doing = HG_CLI_DOING_ARGUMENTS; // an unknown name or option
-        status = helio_call_for(cli.h, HGP_T_bench, &bench, HGP_T_json, &answer, &err);
-    }
-    hg_cli_progress_clear(&cli.progress);
-    if (!status) {
-        doing = HG_CLI_DOING_OUTPUT;
-        status = write_result(options, &answer->body->json.text, &err);
-    }
-    helio_message_free(answer);
-    free(text);
     return finish(&cli, doing, status, &err);
 }

@@ -128,15 +128,9 @@ enum hg_cli_exit hg_cli_report(
     return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : in_file ? HG_E_FORMAT : err->status);
 }
 
-// ---- the private worker's arguments ------------------------------------------------------------
+// ---- arguments of programs that work for this one ----------------------------------------------
 
-struct worker_args {
-    const char **items;
-    size_t count, capacity;
-    struct hg_arena arena;
-};
-
-static enum hg_status add_arg(struct worker_args *args, const char *option, const char *value)
+static enum hg_status add_arg(struct hg_cli_args *args, const char *option, const char *value)
 {
     if (hg_grow(&args->items, &args->capacity, args->count + 3, sizeof *args->items))
         return HG_E_NOMEM;
@@ -150,7 +144,7 @@ static enum hg_status add_arg(struct worker_args *args, const char *option, cons
 }
 
 // The folder of a file, absolute, symbolic links resolved.
-static enum hg_status add_folder_of(struct worker_args *args, const char *file)
+static enum hg_status add_folder_of(struct hg_cli_args *args, const char *file)
 {
     char full[PATH_MAX];
     if (!realpath(file, full))
@@ -177,7 +171,7 @@ bool hg_cli_cache_dir(const char *given, char *path, size_t size)
     return true;
 }
 
-static enum hg_status add_cache_dir(struct worker_args *args, const char *given)
+static enum hg_status add_cache_dir(struct hg_cli_args *args, const char *given)
 {
     char path[PATH_MAX];
     if (!hg_cli_cache_dir(given, path, sizeof path))
@@ -195,7 +189,7 @@ static enum hg_status add_cache_dir(struct worker_args *args, const char *given)
     return add_arg(args, "--cache-dir", full);
 }
 
-static enum hg_status add_options(struct worker_args *args, const struct hg_cli_options *o)
+static enum hg_status add_options(struct hg_cli_args *args, const struct hg_cli_options *o)
 {
     const struct {
         const char *option;
@@ -222,14 +216,53 @@ static enum hg_status add_options(struct worker_args *args, const struct hg_cli_
     return status ? status : add_arg(args, "--log", o->log ? o->log : "warn");
 }
 
-static enum hg_status build_args(
-    struct worker_args *args, const struct hg_cli *cli, const struct hg_cli_texts *files)
+static enum hg_status add_all(
+    struct hg_cli_args *args, const struct hg_cli_options *o, const struct hg_cli_texts *files)
 {
-    enum hg_status status = HG_OK;
-    for (uint32_t i = 0; !status && files && i < files->count; i++)
-        if (files->items[i] && strcmp(files->items[i], "demo:") != 0)
-            status = add_folder_of(args, files->items[i]);
-    return status ? status : add_options(args, cli->options);
+    for (uint32_t i = 0; files && i < files->count; i++) {
+        if (!files->items[i] || strcmp(files->items[i], "demo:") == 0)
+            continue;
+        enum hg_status status = add_folder_of(args, files->items[i]);
+        if (status)
+            return status;
+    }
+    return add_options(args, o);
+}
+
+// What the other program would refuse without saying so to the client.
+static enum hg_status check_options(const struct hg_cli_options *o, struct hg_error *err)
+{
+    struct hg_error inner = {0};
+    for (uint32_t i = 0; i < o->asset_root.count; i++) {
+        struct stat st;
+        if (stat(o->asset_root.items[i], &st) || !S_ISDIR(st.st_mode))
+            return hg_error_set(err, HG_E_INVAL, "--asset-root", NULL, "'%s' is not a folder",
+                o->asset_root.items[i]);
+    }
+    if (o->log && hg_log_configure(o->log, &inner))
+        return hg_error_set(err, HG_E_INVAL, "--log", NULL, "%s", inner.reason);
+    return HG_OK;
+}
+
+enum hg_status hg_cli_args_make(struct hg_cli_args *args, const struct hg_cli_options *o,
+    const struct hg_cli_texts *files, struct hg_error *err)
+{
+    *args = (struct hg_cli_args){0};
+    enum hg_status status = check_options(o, err);
+    if (status)
+        return status;
+    if (add_all(args, o, files)) {
+        hg_cli_args_finish(args);
+        return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory for its arguments");
+    }
+    return HG_OK;
+}
+
+void hg_cli_args_finish(struct hg_cli_args *args)
+{
+    hg_arena_finish(&args->arena);
+    hg_free(args->items);
+    *args = (struct hg_cli_args){0};
 }
 
 // ---- connecting --------------------------------------------------------------------------------
@@ -249,21 +282,6 @@ static enum hg_status refuse_worker_options(const struct hg_cli_options *o, stru
         return HG_OK;
     return hg_error_set(err, HG_E_INVAL, name, NULL,
         "is for the private worker; with --connect the daemon decides");
-}
-
-// What the worker would refuse without saying so to the client.
-static enum hg_status check_worker_options(const struct hg_cli_options *o, struct hg_error *err)
-{
-    struct hg_error inner = {0};
-    for (uint32_t i = 0; i < o->asset_root.count; i++) {
-        struct stat st;
-        if (stat(o->asset_root.items[i], &st) || !S_ISDIR(st.st_mode))
-            return hg_error_set(err, HG_E_INVAL, "--asset-root", NULL, "'%s' is not a folder",
-                o->asset_root.items[i]);
-    }
-    if (o->log && hg_log_configure(o->log, &inner))
-        return hg_error_set(err, HG_E_INVAL, "--log", NULL, "%s", inner.reason);
-    return HG_OK;
 }
 
 static enum hg_status find_token(
@@ -324,13 +342,12 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
     const struct hg_cli_options *o = cli->options;
     char token[257];
     bool has_token = false;
-    struct worker_args args = {0};
+    struct hg_cli_args args = {0};
     cli->embedded = !url;
-    enum hg_status status = url ? refuse_worker_options(o, err) : check_worker_options(o, err);
+    enum hg_status status =
+        url ? refuse_worker_options(o, err) : hg_cli_args_make(&args, o, files, err);
     if (!status && url)
         status = find_token(o, token, sizeof token, &has_token, err);
-    if (!status && !url && build_args(&args, cli, files))
-        status = hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory for its arguments");
     uint64_t begin = hg_clock_now_ns();
     uint64_t timeout = o->has_timeout ? (uint64_t)(o->timeout * 1e9) : 0;
     struct helio_options options = {
@@ -344,8 +361,7 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
     if (!status)
         status = open_session(cli, &options, err);
     explicit_bzero(token, sizeof token);
-    hg_arena_finish(&args.arena);
-    hg_free(args.items);
+    hg_cli_args_finish(&args);
     if (status)
         return status;
     cli->connect_ns = hg_clock_now_ns() - begin;

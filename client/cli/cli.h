@@ -5,6 +5,7 @@
 
 #include <jansson.h>
 
+#include "base/arena.h"
 #include "client/cli/options.h"
 #include "client/cli/progress.h"
 #include "client/include/helio/helio.h"
@@ -56,6 +57,18 @@ void hg_cli_finish(struct hg_cli *cli);
 
 // The folder of caches: `given`, or what the environment says. False: it names none.
 bool hg_cli_cache_dir(const char *given, char *path, size_t size);
+
+// Arguments that a private worker and helio-bench take alike: the folders of `files` (may be NULL;
+// NULL entries and "demo:" are skipped) and the options' roots as --asset-root, caches, budgets,
+// device, log levels. HG_E_INVAL names the option that is wrong. Freed with hg_cli_args_finish.
+struct hg_cli_args {
+    const char **items; // [count], then NULL; NULL when empty
+    size_t count, capacity;
+    struct hg_arena arena;
+};
+enum hg_status hg_cli_args_make(struct hg_cli_args *args, const struct hg_cli_options *options,
+    const struct hg_cli_texts *files, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_args_finish(struct hg_cli_args *args); // accepts a zeroed one
 
 // Opens the session: to `url`, or (NULL) a private worker that may read the folders of `files`
 // (NULL entries and "demo:" are skipped) and the options' roots. Opens a private scene as well

@@ -715,14 +715,6 @@ export const messages = {
             { name: "diff", kind: "bytes", max: 268435456, since: 1 },
         ],
     },
-    // run a benchmark; progress, then json; private workers only
-    bench: {
-        type: 0x040d, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
-        fields: [
-            { name: "name", kind: "str", max: 64, since: 1 },
-            { name: "options", kind: "str", max: 65536, since: 1 },
-        ],
-    },
     // make the page packs and cluster files of the scene's assets in the worker's cache; progress, then json; private workers only
     bake: {
         type: 0x040e, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,

@@ -136,6 +136,9 @@ static void section_summary(struct hg_writer *out)
             info->name, info->name, direction_texts[info->direction], state_texts[info->state],
             hgp_enum_name("role", (uint32_t)info->role), info->since,
             gen_find(GEN_MESSAGE, info->name)->doc);
+#define HGP_RETIRED(name, id, doc)                                                                 \
+    gen_print(out, "| 0x%04x | `%s` | retired | | | | %s |\n", (unsigned)id, #name, doc);
+#include "protocol/messages.def"
 }
 
 static void section_messages(struct hg_writer *out)

@@ -4,8 +4,8 @@
 #include <stdio.h>
 
 #include "base/clock.h"
+#include "base/json.h"
 #include "renderer/bake/internal.h"
-#include "renderer/json.h"
 
 bool hg_bake_tell(const struct hg_bake *bake, const char *stage, uint64_t done, uint64_t total)
 {

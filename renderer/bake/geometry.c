@@ -4,10 +4,10 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/json.h"
 #include "base/log.h"
 #include "renderer/bake/internal.h"
 #include "renderer/lod/store.h"
-#include "renderer/json.h"
 #include "renderer/scene/scene.h"
 
 struct geometry {

@@ -8,9 +8,9 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/json.h"
 #include "base/log.h"
 #include "renderer/bake/internal.h"
-#include "renderer/json.h"
 #include "renderer/texture/source/page_source.h"
 
 #define POLL_NS 100000000u

@@ -1,56 +1,87 @@
-// bench.h - what the benchmarks share: times, poses, drawing to a goal. Private to renderer/bench.
+// bench.h - the benchmarks behind `helio bench NAME`: each renders, measures and writes a report,
+// one JSON object that is freed with hg_free. Floor 6, the program helio-bench; one thread.
 #ifndef HG_RENDERER_BENCH_BENCH_H
 #define HG_RENDERER_BENCH_BENCH_H
 
-#include "base/bytes.h"
 #include "renderer/renderer.h"
 
-// A list of measured times. Zeroed = empty; hg_bench_times_finish frees it.
-struct hg_bench_times {
-    float *ms;
-    size_t capacity;
-    uint32_t count;
+struct hg_bench_pose {
+    float eye[3], target[3]; // metres
 };
 
-enum hg_status hg_bench_times_add(struct hg_bench_times *times, uint64_t ns) HG_MUST_CHECK;
-// Nearest rank of fraction 0..1; 0.5 is the median (mean of the middle two). 0 when empty.
-double hg_bench_times_at(const struct hg_bench_times *times, double fraction);
-void hg_bench_times_finish(struct hg_bench_times *times);
-// "key":{"p50":..,"p95":..,"max":..,"count":..}
-void hg_bench_put_times(struct hg_writer *w, const char *key, const struct hg_bench_times *times);
-
-// A view of a scene that is measured.
-struct hg_bench_view {
-    struct hg_view *view;
-    float vfov_rad;
-    struct hg_frame_info info; // of the newest step
+struct hg_bench_settings {  // zero of each field = default
+    uint32_t width, height; // px; 1280 x 720
+    float vfov_rad;         // 45 degrees
+    uint32_t rounds;        // walks along the path that are measured; 3. Others come before, until
+                            // nothing is streamed or baked any more, at most two minutes
+    const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
+    uint32_t path_count;
+    // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
+    bool (*progress)(void *user, uint32_t done, uint32_t total);
+    void *progress_user;
 };
 
-// A new view; samples as of the settled picture.
-enum hg_status hg_bench_view_init(struct hg_bench_view *view, struct hg_renderer *renderer,
-    struct hg_scene *scene, const struct hg_view_params *params,
-    struct hg_error *err) HG_MUST_CHECK;
-void hg_bench_view_finish(struct hg_bench_view *view); // accepts a zeroed one
-// Looks at a pose, draws one sample and reads it back as RGBA8. *ns: how long that took.
-enum hg_status hg_bench_view_draw(struct hg_bench_view *view, const struct hg_bench_pose *pose,
-    uint64_t *ns, struct hg_error *err) HG_MUST_CHECK;
-// Looks at a pose and draws until nothing is missing. *ns: until the first such picture is there.
-// HG_E_TIMEOUT after ten minutes.
-enum hg_status hg_bench_view_sharpen(struct hg_bench_view *view, const struct hg_bench_pose *pose,
-    uint64_t *ns, struct hg_error *err) HG_MUST_CHECK;
-// Looks at a pose and reads the settled picture; freed with hg_image_finish.
-enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_bench_pose *pose,
-    struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
+// Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
+// object: frames_ms, frame_ms (median), at_rest (nothing was streamed or baked meanwhile), passes[]
+// (name, ms: medians over the frames in which they ran, frames), triangles_total, triangles_drawn,
+// memory. HG_E_INVAL; errors of hg_view_step.
+enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-// Tells the progress of a run; HG_E_CANCELLED when nobody wants it any more.
-enum hg_status hg_bench_report_progress(const struct hg_bench_stream *stream, uint32_t done,
-    uint32_t total, struct hg_error *err) HG_MUST_CHECK;
-// An option: 0 means the default.
-static inline uint32_t hg_bench_or(uint32_t value, uint32_t otherwise)
-{
-    return value > 0 ? value : otherwise;
-}
+// Rays of three kinds through each backend, at the first pose of the path: primary (centres of all
+// pixels), diffuse (one cosine-distributed bounce each, in any direction) and shadow (whether a
+// light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One
+// JSON object: triangles, rays; embree, compute, khr: {primary, diffuse, shadow in Mrays/s,
+// cpu_ns_per_ray of each, build_ms, bytes, bytes_per_triangle, peak_bytes, differ_per_million (rays
+// that hit something else than Embree's)} or {refused}; raw: Embree alone on the same rays; ratio:
+// embree over raw.
+enum hg_status hg_bench_trace_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-uint64_t hg_bench_peak_rss_bytes(void); // stats.c
+// Where the time of a path-traced picture goes, at the first pose of the path. Fields are those of
+// realtime; rounds: samples per pixel; 8. One JSON object: ms, cpu_ms (processor time of all
+// threads), cpu_us_per_path, pieces[] (name, items: rays or paths, ms, cpu_ms, share of the
+// processor time, cpu_ns_per_item), mrays_per_s {closest, shadow}, raw_mrays_per_s: Embree alone
+// with the same rays, ratio: the former over the latter.
+enum hg_status hg_bench_path_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// What the benchmarks of streaming have in common. They make renderers of their own.
+struct hg_bench_stream {                       // zero of each field = default
+    const struct hg_renderer_params *renderer; // device, caches, threads; budgets are set here
+    uint64_t budget_bytes;                     // of what is streamed
+    uint32_t width, height;                    // px; 1280 x 720
+    uint32_t frames;                           // of the fly-through; vt 120, lod 6
+    uint32_t stills;                           // settled pictures that are compared; vt 3, lod 1
+    uint32_t samples;                          // of each; 8
+    bool (*progress)(void *user, uint32_t done, uint32_t total); // as in hg_bench_settings
+    void *progress_user;
+};
+
+// `helio bench vt`: textures many times larger than their budget against all of them resident, and
+// page packs beside OpenImageIO's texture system (needs a cache folder).
+struct hg_bench_vt {
+    struct hg_bench_stream stream; // budget: 64 MiB of texture pages
+    uint32_t made, side_px;        // textures that are made on demand; 12 of 4096 px
+    const char *const *images;     // [image_count] further ones, from files
+    uint32_t image_count;
+    uint32_t teleports;        // 40
+    uint32_t baseline_mib;     // memory for texels beside OpenImageIO's texture system; 32
+    const uint32_t *sheets_px; // [sheet_count] sides of single pictures, up to 131072
+    uint32_t sheet_count;
+};
+enum hg_status hg_bench_vt_run(
+    const struct hg_bench_vt *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// `helio bench lod`: a scene of many triangles against one of few that covers the same pixels.
+struct hg_bench_lod {
+    struct hg_bench_stream stream; // budget: 512 MiB of geometry
+    const char *heights;           // picture of 16-bit heights; NULL: made
+    const char *statue;            // mesh file; NULL: made
+    uint32_t cells;                // of the made terrain's side; 1200
+    uint32_t tiles, statues; // of the large scene: tiles^2 meshes of terrain, instances; 3, 1440
+};
+enum hg_status hg_bench_lod_run(
+    const struct hg_bench_lod *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -1,4 +1,4 @@
-#include "renderer/bench/bench.h"
+#include "renderer/bench/common.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,8 +6,8 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/json.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 
 #define PATIENCE_NS (UINT64_C(600) * 1000000000)
 

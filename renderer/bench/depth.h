@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_BENCH_DEPTH_H
 #define HG_RENDERER_BENCH_DEPTH_H
 
-#include "renderer/bench/bench.h"
+#include "renderer/bench/common.h"
 
 struct hg_bench_depth {
     float *metres; // [width * height] along the view axis; INFINITY: nothing there

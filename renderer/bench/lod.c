@@ -17,13 +17,13 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/bench/bench.h"
+#include "base/json.h"
+#include "renderer/bench/common.h"
 #include "renderer/bench/depth.h"
 #include "renderer/bench/scene.h"
 #include "renderer/lod/lod.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 
 #define VFOV_RAD      0.8f
 #define STILL_STATUES 24 // drawn whole for comparison
@@ -434,7 +434,7 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
         status = bake_meshes(run, err);
     if (status == HG_OK)
         hg_geometry_stats(run->views[LARGE].view->state.scene_gpu->geometry, &run->geometry);
-    run->rss_bytes = hg_bench_peak_rss_bytes();
+    run->rss_bytes = hg_renderer_peak_rss_bytes();
     return status;
 }
 

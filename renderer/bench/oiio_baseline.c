@@ -8,12 +8,12 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/jobs.h"
-#include "renderer/bench/bench.h"
+#include "base/json.h"
+#include "renderer/bench/common.h"
 #include "renderer/bench/sampler.h"
 #include "renderer/bench/scene.h"
 #include "renderer/image/texture_system.h"
 #include "renderer/image/writer.h"
-#include "renderer/json.h"
 
 enum { SHOWN = 24, GRID = 64, ROUNDS = 3, TILE = 64, PATH_BYTES = 4096 };
 

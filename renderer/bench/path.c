@@ -4,17 +4,17 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "renderer/bench/bench.h"
-#include "renderer/pathtrace/path.h"
+#include "base/json.h"
+#include "renderer/bench/common.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
+#include "renderer/pathtrace/path.h"
 
 #define DEFAULT_SAMPLES 8
 #define WARM_UP_SEED    1000003u // of the picture before: its rays are others
 
 struct run {
     struct hg_renderer *renderer;
-    const struct hg_bench_realtime *bench;
+    const struct hg_bench_settings *bench;
     struct hg_bench_pose pose;
     struct hg_bench_view view;
     struct hg_path_stats stats, raw; // of the picture that counts; of the one with Embree alone
@@ -43,7 +43,7 @@ static void choose_pose(struct run *run, const struct hg_scene *scene)
 static enum hg_status draw(struct run *run, uint32_t samples, uint32_t seed,
     struct hg_path_stats *stats, struct hg_error *err)
 {
-    const struct hg_bench_realtime *b = run->bench;
+    const struct hg_bench_settings *b = run->bench;
     const struct hg_view_params params = {.mode = HG_MODE_PATH,
         .width = b->width,
         .height = b->height,
@@ -130,8 +130,8 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
     return status == HG_OK ? draw(run, run->samples, 1, &run->stats, err) : status;
 }
 
-enum hg_status hg_renderer_bench_path(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err)
+enum hg_status hg_bench_path_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err)
 {
     *text = NULL;
     struct run run = {.renderer = renderer,

@@ -3,8 +3,8 @@
 #include <time.h>
 
 #include "base/clock.h"
+#include "base/json.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 
 enum { JUMPS = 4 }; // of a round and side
 

@@ -7,7 +7,7 @@
 #ifndef HG_RENDERER_BENCH_PREFETCH_H
 #define HG_RENDERER_BENCH_PREFETCH_H
 
-#include "renderer/bench/bench.h"
+#include "renderer/bench/common.h"
 #include "renderer/bench/scene.h"
 
 #define HG_BENCH_PREFETCH_ROUNDS 3

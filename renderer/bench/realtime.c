@@ -5,8 +5,9 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/json.h"
+#include "renderer/bench/bench.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 
 #define DEFAULT_POSES  16
 #define DEFAULT_ROUNDS 3
@@ -23,7 +24,7 @@ struct pass_times {
 struct run {
     struct hg_renderer *renderer;
     struct hg_view *view;
-    const struct hg_bench_realtime *bench;
+    const struct hg_bench_settings *bench;
     struct hg_bench_pose circle[DEFAULT_POSES];
     const struct hg_bench_pose *path;
     uint32_t path_count, rounds, frames;
@@ -194,7 +195,7 @@ static enum hg_status write_report(struct run *run, char **text)
 
 static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg_error *err)
 {
-    const struct hg_bench_realtime *b = run->bench;
+    const struct hg_bench_settings *b = run->bench;
     run->path = b->path;
     run->path_count = b->path_count;
     run->rounds = b->rounds > 0 ? b->rounds : DEFAULT_ROUNDS;
@@ -213,8 +214,8 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
     return status == HG_OK ? hg_view_set_params(run->view, &params, err) : status;
 }
 
-enum hg_status hg_renderer_bench_realtime(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err)
+enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err)
 {
     *text = NULL;
     struct run *run = hg_calloc(1, sizeof *run);

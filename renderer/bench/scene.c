@@ -6,7 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/bench/mesh.h"
-#include "renderer/renderer.h"
+#include "renderer/bench/bench.h"
 
 #define PANEL_M    4.0f
 #define CORRIDOR_M 8.0f

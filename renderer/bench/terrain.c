@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "base/spill.h"
 #include "renderer/bench/mesh.h"
-#include "renderer/renderer.h"
+#include "renderer/bench/bench.h"
 
 #define SIDE_M   900.0f // of the terrain without copies, however many tiles it has
 #define RELIEF_M 40.0f

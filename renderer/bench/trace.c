@@ -5,9 +5,10 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/json.h"
+#include "renderer/bench/bench.h"
 #include "renderer/frame/camera.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 #include "renderer/passes/skin.h"
 #include "renderer/trace/trace.h"
 
@@ -31,7 +32,7 @@ struct result {
 
 struct run {
     struct hg_renderer *renderer;
-    const struct hg_bench_realtime *bench;
+    const struct hg_bench_settings *bench;
     struct hg_geometry *geometry;
     struct hg_ray_geometry *cut;
     struct hg_trace *traces[HG_TRACE_KHR + 1];
@@ -384,7 +385,7 @@ static enum hg_status write_report(const struct run *run, char **text)
 
 static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg_error *err)
 {
-    const struct hg_bench_realtime *b = run->bench;
+    const struct hg_bench_settings *b = run->bench;
     struct hg_gpu *gpu = run->renderer->gpu;
     run->width = (b->width > 0 ? b->width : DEFAULT_WIDTH) / TILE * TILE;
     run->height = (b->height > 0 ? b->height : DEFAULT_HEIGHT) / TILE * TILE;
@@ -426,8 +427,8 @@ static void finish(struct run *run)
     hg_free(run);
 }
 
-enum hg_status hg_renderer_bench_trace(struct hg_renderer *renderer, struct hg_scene *scene,
-    const struct hg_bench_realtime *bench, char **text, struct hg_error *err)
+enum hg_status hg_bench_trace_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err)
 {
     *text = NULL;
     struct run *run = hg_calloc(1, sizeof *run);

@@ -10,13 +10,13 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/bench/bench.h"
+#include "base/json.h"
+#include "renderer/bench/common.h"
 #include "renderer/bench/oiio_baseline.h"
 #include "renderer/bench/prefetch.h"
 #include "renderer/bench/scene.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
-#include "renderer/json.h"
 
 #define VFOV_RAD   0.8f
 #define ZOOM_STEPS 24
@@ -181,7 +181,7 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
             return status;
         run->gallery.image_texels += (uint64_t)info.width * info.height;
     }
-    run->rss_before_bytes = hg_bench_peak_rss_bytes();
+    run->rss_before_bytes = hg_renderer_peak_rss_bytes();
     enum hg_status status = hg_bench_gallery_make(&run->gallery, &run->scene, err);
     if (status == HG_OK)
         status = open_side(run, STREAMED, err);
@@ -189,7 +189,7 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
         status = visit_all(run, STREAMED, err);
     if (status == HG_OK)
         status = teleport(run, err);
-    run->rss_bytes = hg_bench_peak_rss_bytes();
+    run->rss_bytes = hg_renderer_peak_rss_bytes();
     run->set_bytes = run->scene.texture_bytes;
     if (status == HG_OK)
         status = open_side(run, RESIDENT, err);

@@ -66,7 +66,6 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
     if (!s->scene)
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
     switch (packet->header.type) {
-    case HGP_T_bench:
     case HGP_T_bake:
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");

@@ -3,7 +3,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "server/worker/bake.h"
-#include "server/worker/bench.h"
 #include "server/worker/edit_load.h"
 #include "server/worker/edit_mesh.h"
 #include "server/worker/edit_object.h"
@@ -57,7 +56,6 @@ static const struct {
     {HGP_T_info_query, hg_handle_info_query},
     {HGP_T_compare, hg_handle_compare},
     {HGP_T_image_query, hg_handle_image_query},
-    {HGP_T_bench, hg_handle_bench},
     {HGP_T_bake, hg_handle_bake},
 };
 

@@ -4,20 +4,16 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <getopt.h>
-#include <malloc.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "base/spill.h"
 #include "renderer/renderer.h"
 #include "server/worker/dispatch.h"
 #include "server/worker/encode_queue.h"
@@ -26,7 +22,6 @@
 #include "server/worker/sandbox.h"
 
 enum { EXIT_USAGE = 2, EXIT_DEVICE = 7, EXIT_DISK = WORKER_EXIT_DISK };
-enum { KEPT_FREE_BYTES = 64 << 20, MAPPED_BYTES = 8 << 20 };
 
 static const struct option long_options[] = {
     {"fd", required_argument, NULL, 'f'},
@@ -196,42 +191,10 @@ static enum hg_status serve_link(struct worker *w)
     return status;
 }
 
-// Open packs hold a file descriptor each, and a scene may have thousands of textures.
-static void allow_files(void)
-{
-    struct rlimit files;
-    if (getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
-        files.rlim_cur = files.rlim_max;
-        if (setrlimit(RLIMIT_NOFILE, &files) != 0)
-            hg_debug(WORKER, "files: %s", strerror(errno));
-    }
-}
-
-// Large meshes are kept there while no view needs them.
-static void point_spill(const struct worker_options *o)
-{
-    char path[4096];
-    if (o->cache_dir && !o->no_spill &&
-        snprintf(path, sizeof path, "%s/store", o->cache_dir) < (int)sizeof path)
-        hg_spill_set_folder(path);
-}
-
-// The renderer would do it, too, but by then other threads may be reading the environment.
-static void point_mesa_cache(const struct worker_options *o)
-{
-    char path[4096];
-    if (o->cache_dir && snprintf(path, sizeof path, "%s/shaders", o->cache_dir) < (int)sizeof path)
-        setenv("MESA_SHADER_CACHE_DIR", path, 0);
-}
-
 int main(int argc, char **argv)
 {
     struct worker w = {.options = {.fd = 3}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
-    // Software rasterisers take and free megabytes with every draw, and so do pictures that are
-    // read: memory is kept instead of faulted in again. (Setting the first alone would map all from 128 KiB on.)
-    mallopt(M_TRIM_THRESHOLD, KEPT_FREE_BYTES);
-    mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     if (!parse_options(&w.options, argc, argv))
         return EXIT_USAGE;
     if (w.options.device_info)
@@ -250,9 +213,7 @@ int main(int argc, char **argv)
     signal(SIGPIPE, SIG_IGN);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
-    allow_files();
-    point_mesa_cache(&w.options);
-    point_spill(&w.options);
+    hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);
     hg_io_thread_watch_disk(&w);
     struct hg_error err = {0};
     enum hg_status status = hg_sandbox_enter(&w.options, &err);

@@ -25,8 +25,8 @@
 //   view_rate                               credit, frame rate, progress
 //   view_output                             reads what a step left
 //   view_schedule                           whose turn it is to render
-//   session_messages view_messages edit_load edit_object query bake bench    handlers of messages
-//   edit_mesh bench_stream
+//   session_messages view_messages edit_load edit_object query bake    handlers of messages
+//   edit_mesh
 //   dispatch                                the render thread
 //   main
 #ifndef HG_SERVER_WORKER_WORKER_H

@@ -245,8 +245,6 @@ static void relays_edits_and_frames(void **state)
     assert_int_equal(p.m.frame.input_seq, 77);
     assert_int_equal(p.m.frame.data.size, 64 * 32 * 4);
     peer_refused(
-        &p, HGP_T_bench, &(struct hgp_bench){.name = hgp_str_make("realtime")}, HG_E_UNSUPPORTED);
-    peer_refused(
         &p, HGP_T_bake, &(struct hgp_bake){.options = hgp_str_make("{}")}, HG_E_UNSUPPORTED);
     // A request without an id that fails is told as a notice.
     peer_tell(&p, HGP_T_node_set,

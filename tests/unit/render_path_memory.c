@@ -11,7 +11,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "base/spill.h"
-#include "renderer/bench/bench.h"
+#include "renderer/bench/common.h"
 #include "renderer/bench/mesh.h"
 #include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
@@ -176,7 +176,7 @@ static void render(bool limited, struct run *run)
         (double)run->structure_bytes / (double)run->structure_triangles,
         (double)run->geometry.peak_bytes * 1e-6, (unsigned long long)run->geometry.chunks.evicted,
         (unsigned long long)run->textures.evicted, (double)run->textures.peak_bytes * 1e-6,
-        (double)hg_bench_peak_rss_bytes() * 1e-6);
+        (double)hg_renderer_peak_rss_bytes() * 1e-6);
     hg_view_destroy(rig.view);
     hg_bench_scene_finish(&scene);
     hg_renderer_destroy(rig.renderer);

@@ -6,7 +6,8 @@
 //                       it must be refused, at byte `at`
 //   make_vectors corpus FOLDER   streams for the fuzz harnesses in FOLDER/hgp_c2s and hgp_s2c
 //
-// The stored files under vectors/ are compared with this output; a stored line never changes.
+// The stored files under vectors/ are compared with this output; a stored line never changes, and
+// goes only with a message that is retired (HGP_RETIRED).
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

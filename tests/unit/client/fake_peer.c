@@ -276,9 +276,6 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
     case HGP_T_sessions_query:
         answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(sessions)});
         break;
-    case HGP_T_bench:
-        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"ok\":1}")});
-        break;
     case HGP_T_bake:
         answer(h, HGP_T_json,
             &(struct hgp_json){

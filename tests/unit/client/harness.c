@@ -23,6 +23,7 @@ void harness_begin(struct harness *h)
     setenv("HELIO", HELIO_PROGRAM, 1);
     setenv("PEER", FAKE_PEER, 1);
     setenv("HELIO_WORKER", FAKE_PEER, 1);
+    setenv("HELIO_BENCH", FAKE_BENCH, 1);
     setenv("XDG_CACHE_HOME", h->folder, 1);
     unsetenv("HELIO_TOKEN");
     unsetenv("FAKE");

@@ -9,7 +9,7 @@ Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
     down        rooms of floor 2 include each other only downhill, in the order of HILL
     apart       broker, worker and client meet only in the protocol; client and broker do not
-                include the renderer
+                include the renderer, the worker includes it without the benchmarks
     pass        a pass includes another pass
     vulkan      Vulkan headers outside renderer/, also through headers of the project
     socket      socket headers outside server/ and client/
@@ -36,8 +36,8 @@ FLOORS = {
     "renderer/trace": 2, "renderer/light": 2, "renderer/denoise": 2, "shaders/passes": 2,
     "renderer/passes": 3,
     "renderer/frame": 4, "renderer/pathtrace": 4,
-    "renderer": 5,
-    "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
+    "renderer": 5, "renderer/bake": 5,
+    "renderer/bench": 6, "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
 }
 # Within floor 2 an include goes to a smaller number.
 HILL = {room: height for height, room in enumerate((
@@ -143,7 +143,7 @@ def check_target(path, target):
         if other in ("base", "protocol") or other in APART[room]:
             return None
         inside = "renderer" in APART[room] and other.startswith("renderer/")
-        return None if inside else "apart"
+        return None if inside and FLOORS[other] < FLOORS[room] else "apart"
     if {room, other} == {"renderer/frame", "renderer/pathtrace"}:
         return None
     if room in HILL and other in HILL:

@@ -1,1 +1,2 @@
 #include "server/worker/serve.h" // caught: floor
+#include "renderer/bench/run.h" // caught: floor

@@ -1,6 +1,6 @@
-// json.h - the little of JSON that the facade writes. Private to renderer/*.c.
-#ifndef HG_RENDERER_JSON_H
-#define HG_RENDERER_JSON_H
+// json.h - JSON reports, written to a growing buffer. Floor 0. Thread: that of the writer.
+#ifndef HG_BASE_JSON_H
+#define HG_BASE_JSON_H
 
 #include "base/bytes.h"
 

@@ -1,4 +1,4 @@
-#include "renderer/json.h"
+#include "base/json.h"
 
 #include <stdarg.h>
 #include <stdio.h>

@@ -1,0 +1,54 @@
+// run.c - the table of benchmarks, and numbers of their options.
+#include "renderer/bench/run.h"
+
+#include <string.h>
+
+enum hg_status hg_bench_read_numbers(const json_t *options, const struct hg_bench_number *numbers,
+    size_t count, struct hg_error *err)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct hg_bench_number *number = &numbers[i];
+        const json_t *item = json_object_get(options, number->name);
+        if (!item)
+            continue;
+        *number->value = json_number_value(item);
+        if (!json_is_number(item) || !(*number->value >= number->low) ||
+            !(*number->value <= number->high))
+            return hg_error_set(err, HG_E_INVAL, "bench", number->name, "not a number in range");
+    }
+    return HG_OK;
+}
+
+static enum hg_status run_realtime(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    return hg_bench_run_scene(host, options, hg_bench_realtime_run, text, err);
+}
+
+static enum hg_status run_trace(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    return hg_bench_run_scene(host, options, hg_bench_trace_run, text, err);
+}
+
+static enum hg_status run_path(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    return hg_bench_run_scene(host, options, hg_bench_path_run, text, err);
+}
+
+static const struct {
+    const char *name;
+    enum hg_status (*run)(const struct hg_bench_host *, const json_t *, char **, struct hg_error *);
+} benchmarks[] = {{"realtime", run_realtime}, {"vt", hg_bench_run_vt}, {"lod", hg_bench_run_lod},
+    {"trace", run_trace}, {"path", run_path}};
+
+enum hg_status hg_bench_run(const struct hg_bench_host *host, const char *name,
+    const json_t *options, char **text, struct hg_error *err)
+{
+    *text = NULL;
+    for (size_t i = 0; i < sizeof benchmarks / sizeof *benchmarks; i++)
+        if (strcmp(benchmarks[i].name, name) == 0)
+            return benchmarks[i].run(host, options, text, err);
+    return hg_error_set(err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%s'", name);
+}

@@ -1,0 +1,2 @@
+#include "renderer/renderer.h" // caught: floor
+#include "renderer/bench/run.h" // caught: floor

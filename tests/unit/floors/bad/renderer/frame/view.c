@@ -1,0 +1,1 @@
+#include "renderer/bake/bake.h" // caught: floor

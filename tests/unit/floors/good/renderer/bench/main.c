@@ -1,0 +1,3 @@
+#include "renderer/bench/run.h"
+#include "renderer/gpu/device.h"
+#include "renderer/renderer.h"
