@@ -2,48 +2,27 @@
 
 #include <string.h>
 
-// The assembler reads the files: no megabytes of array literals for the compiler.
-#define HG_SHADER(symbol, name, path)                                                              \
-    __asm__(".section .rodata\n.balign 16\n.global hg_spirv_" #symbol "\n"                         \
-            ".hidden hg_spirv_" #symbol "\nhg_spirv_" #symbol ":\n.incbin \"" path "\"\n"          \
-            ".global hg_spirv_end_" #symbol "\n.hidden hg_spirv_end_" #symbol "\n"                 \
-            "hg_spirv_end_" #symbol ":\n.byte 0\n.previous\n");                                    \
-    extern const uint32_t hg_spirv_##symbol[];                                                     \
-    extern const char hg_spirv_end_##symbol[];
-#include <embedded_shaders.def>
-#undef HG_SHADER
+#include "renderer/gpu/embed_table.h"
 
-static struct hg_shader_binary table[] = {
-#define HG_SHADER(symbol, name, path) {name, hg_spirv_##symbol, 0},
-#include <embedded_shaders.def>
-#undef HG_SHADER
-    {NULL, NULL, 0},
-};
+static struct hg_shader_list own = {table, TABLE_COUNT, NULL};
 
-#define TABLE_COUNT (sizeof table / sizeof table[0] - 1)
-
-// Sizes are differences of link-time addresses, which C does not accept as constants.
-__attribute__((constructor)) static void measure_table(void)
+void hg_shader_add_list(struct hg_shader_list *list)
 {
-    size_t i = 0;
-#define HG_SHADER(symbol, name, path)                                                              \
-    table[i++].size_bytes = (size_t)(hg_spirv_end_##symbol - (const char *)hg_spirv_##symbol);
-#include <embedded_shaders.def>
-#undef HG_SHADER
-    (void)i;
+    list->next = own.next;
+    own.next = list;
 }
 
 const struct hg_shader_binary *hg_shader_find(const char *name)
 {
-    for (size_t i = 0; i < TABLE_COUNT; i++) {
-        if (strcmp(table[i].name, name) == 0)
-            return &table[i];
-    }
+    for (const struct hg_shader_list *list = &own; list != NULL; list = list->next)
+        for (size_t i = 0; i < list->count; i++)
+            if (strcmp(list->items[i].name, name) == 0)
+                return &list->items[i];
     return NULL;
 }
 
 const struct hg_shader_binary *hg_shader_table(size_t *count)
 {
-    *count = TABLE_COUNT;
-    return table;
+    *count = own.count;
+    return own.items;
 }

@@ -1,5 +1,5 @@
 // embed.h - SPIR-V compiled and validated at build time, by the name of its source file.
-// Floor 1. Read-only data; any thread.
+// Floor 1. Any thread, once all lists are added.
 #ifndef HG_RENDERER_GPU_EMBED_H
 #define HG_RENDERER_GPU_EMBED_H
 
@@ -12,9 +12,18 @@ struct hg_shader_binary {
     size_t size_bytes;
 };
 
-// NULL when there is no such shader.
+// Shaders that a program has beside the renderer's: those of tests.
+struct hg_shader_list {
+    const struct hg_shader_binary *items; // [count]
+    size_t count;
+    struct hg_shader_list *next; // set by hg_shader_add_list
+};
+// To be called while there is one thread. The list stays for good.
+void hg_shader_add_list(struct hg_shader_list *list);
+
+// NULL when there is no such shader. The renderer's come first.
 const struct hg_shader_binary *hg_shader_find(const char *name);
-// All of them, ordered by name.
+// The renderer's, ordered by name.
 const struct hg_shader_binary *hg_shader_table(size_t *count);
 
 #endif

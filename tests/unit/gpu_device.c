@@ -354,7 +354,9 @@ static void test_shader_dir(void **state)
     assert_true(test_folder_make(folder, "shaders"));
     const char *source = getenv("HELIO_SOURCE_DIR");
     assert_non_null(source);
-    snprintf(command, sizeof command, "cp -r '%s/shaders/.' %s", source, folder);
+    snprintf(command, sizeof command,
+        "cp -r '%s/shaders/.' %s && cp '%s/tests/support/shaders/test_fill.comp' %s/passes", source,
+        folder, source, folder);
     assert_int_equal(system(command), 0);
     const struct hg_gpu_params params = {.shader_dir = folder, .validation = true};
     struct fixture f = {0};

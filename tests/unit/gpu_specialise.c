@@ -86,7 +86,7 @@ static void test_valid(void **state)
     assert_true(test_folder_remove(folder));
 }
 
-// What shaders/passes/test_branches.comp computes.
+// What tests/support/shaders/test_branches.comp computes.
 struct constants {
     uint32_t bits;
     int32_t step;
