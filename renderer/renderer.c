@@ -59,9 +59,6 @@ static enum hg_status init(
     if (r->jobs == NULL)
         return hg_error_set(err, HG_E_NOMEM, "renderer", NULL, "no threads or no memory");
     status = hg_gpu_create(&gpu, &r->gpu, err);
-    const char *culling = getenv("HELIO_CULLING"), *tables = getenv("HELIO_GPU_TABLES");
-    const char *ahead = getenv("HELIO_PREFETCH"), *dark = getenv("HELIO_DARK");
-    const char *raster = getenv("HELIO_RASTER");
     r->context = (struct hg_frame_context){.gpu = r->gpu,
         .jobs = r->jobs,
         .cache_dir = r->cache_dir,
@@ -69,14 +66,7 @@ static enum hg_status init(
         .geometry_budget_bytes = params->geometry_budget_bytes,
         .host_budget_bytes = params->host_budget_bytes,
         .store = r->store,
-        .no_prefetch = ahead != NULL && strcmp(ahead, "off") == 0,
-        .no_culling = culling != NULL && strcmp(culling, "off") == 0,
-        .no_host = raster != NULL && strcmp(raster, "device") == 0,
-        .dark = dark == NULL               ? HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS
-                : strcmp(dark, "off") == 0 ? HG_FRAME_UNLIT_TILES_OFF
-                : strcmp(dark, "on") == 0  ? HG_FRAME_UNLIT_TILES_ON
-                                           : HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS,
-        .no_tables = tables != NULL && strcmp(tables, "off") == 0};
+        .overrides = params->overrides};
     return status;
 }
 

@@ -11,6 +11,7 @@
 #include "base/jobs.h"
 #include "base/refbuf.h"
 #include "base/status.h"
+#include "renderer/frame/debug_overrides.h"
 #include "renderer/image/image.h"
 #include "renderer/scene/load.h"
 #include "renderer/scene/scene.h"
@@ -33,6 +34,7 @@ struct hg_renderer_params {
     uint64_t cache_limit_bytes;     // page packs and cluster files under cache_dir; 0 = unlimited
     bool validation;                // Vulkan validation layers with synchronization validation
     unsigned threads;               // CPU jobs; 0 = one per core
+    struct hg_debug_overrides overrides; // of tests and benchmarks; zero = none
 };
 
 // HG_E_DEVICE with the reason when no Vulkan 1.3 device fits. HG_E_NOMEM.

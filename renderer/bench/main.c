@@ -21,6 +21,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/bench/run.h"
+#include "renderer/debug_environment.h"
 
 enum { EXIT_ERROR = 1, EXIT_USAGE = 2, PROGRESS_NS = 100 * 1000 * 1000 };
 
@@ -189,6 +190,7 @@ int main(int argc, char **argv)
     struct program p = {.host.progress = show_progress};
     struct hg_error err = {0};
     p.host.progress_user = &p;
+    p.host.renderer.overrides = hg_debug_environment_read();
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
     watch_signals();
     int code = EXIT_USAGE;

@@ -123,10 +123,10 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
 {
     struct hg_path_stats unused;
     enum hg_status status = draw(run, 2, WARM_UP_SEED, &unused, err);
-    run->renderer->context.trace_raw = true;
+    run->renderer->context.overrides.trace_raw = true;
     if (status == HG_OK)
         status = draw(run, run->samples, 0, &run->raw, err);
-    run->renderer->context.trace_raw = false;
+    run->renderer->context.overrides.trace_raw = false;
     return status == HG_OK ? draw(run, run->samples, 1, &run->stats, err) : status;
 }
 

@@ -78,7 +78,7 @@ static enum hg_status run_side(const struct hg_bench_prefetch *bench, bool on,
         .width = bench->stream->width, .height = bench->stream->height, .samples = 1};
     enum hg_status status = hg_renderer_create(bench->renderer, &renderer, err);
     if (status == HG_OK) {
-        renderer->context.no_prefetch = !on;
+        renderer->context.overrides.no_prefetch = !on;
         status = hg_bench_view_init(&view, renderer, bench->scene, &params, err);
     }
     view.vfov_rad = bench->vfov_rad;

@@ -53,7 +53,8 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
         hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, until_ns, err);
     if (status != HG_OK)
         return status;
-    const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables &&
+    const bool facets = hg_gpu_get_caps(view->context->gpu)->is_cpu &&
+                        !view->context->overrides.table_addresses &&
                         !hg_geometry_has_levels(view->scene_gpu->geometry) &&
                         (view->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
     status = hg_geometry_sync_triangle_cache(view->scene_gpu->geometry, facets, err);
@@ -171,12 +172,12 @@ static enum hg_status record_debug(
 
 static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
 {
-    const enum hg_frame_unlit_tiles wish = view->context->dark;
+    const enum hg_override wish = view->context->overrides.unlit_tiles;
     const uint32_t lights = view->frame.lighting.light_count;
-    if (wish == HG_FRAME_UNLIT_TILES_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
+    if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
         pass->area.extent.width > 0)
         return false;
-    if (wish == HG_FRAME_UNLIT_TILES_ON)
+    if (wish == HG_OVERRIDE_ON)
         return true;
     if (!view->direct || !hg_gpu_get_caps(pass->gpu)->is_cpu)
         return false;

@@ -154,7 +154,7 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     const struct hg_gpu_frame *f = &view->frame;
     pass->bindings.uniforms[0] = (struct hg_gpu_uniform){
         view->blocks.address + (uint64_t)slot * HG_FRAME_BLOCK_BYTES, HG_FRAME_BLOCK_BYTES};
-    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->no_tables)
+    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->overrides.table_addresses)
         return;
     struct hg_page_cache_stats textures;
     uint32_t shadows;
@@ -188,7 +188,7 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     uint32_t features = view->scene_gpu->features;
     struct hg_lighting_stats stats;
     hg_lighting_stats(view->lighting, &stats);
-    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->no_tables) {
+    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->overrides.table_addresses) {
         // A table that is not there is not read.
         const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
         return HG_FEATURE_ALL & ~absent;
@@ -213,7 +213,7 @@ static uint32_t mixes_of(const struct hg_view_state *view, uint32_t features)
 {
     if ((features & HG_FEATURE_LOBES) == 0)
         return 0;
-    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->no_tables)
+    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->overrides.table_addresses)
         return view->scene_gpu->mixes;
     return HG_MIX_ALL & ~((features & HG_FEATURE_TRANSMISSION) == 0 ? HG_MIX_OF_GLASS : 0u);
 }

@@ -40,7 +40,7 @@ static struct hg_culling_view camera_view(const struct hg_view_state *view, VkRe
     struct hg_gpu_camera camera;
     const struct hg_camera_setup setup = hg_frame_setup(view);
     hg_camera_fill(&setup, &camera);
-    const bool off = view->context->no_culling;
+    const bool off = view->context->overrides.no_culling;
     struct hg_culling_view look = {.eye = {camera.eye_ws.x, camera.eye_ws.y, camera.eye_ws.z},
         .forward = {camera.forward_ws.x, camera.forward_ws.y, camera.forward_ws.z},
         .orthographic = camera.orthographic != 0,
@@ -97,13 +97,13 @@ static enum hg_status select_sets(
     struct hg_culling_view look = camera_view(view, area_of(view));
     const struct hg_culling_lens lens = lens_of(view, samples);
     const bool is_cpu = hg_gpu_get_caps(view->context->gpu)->is_cpu;
-    if (is_cpu && !view->context->no_culling)
+    if (is_cpu && !view->context->overrides.no_culling)
         look.lens = &lens;
     struct hg_gpu_camera camera;
     const struct hg_camera_setup setup = hg_frame_setup(view);
     hg_camera_fill(&setup, &camera);
     const struct hg_culling_lens host = hg_frame_lens(&camera, hg_frame_size(view));
-    if (is_cpu && !view->context->no_host && view->settings.debug == 0)
+    if (is_cpu && !view->context->overrides.no_cpu_raster && view->settings.debug == 0)
         look.host = &host;
     struct hg_shadow_choice choice = {
         .coarse = view->coarse, .wait = look.wait, .whole = look.whole};

@@ -220,7 +220,7 @@ enum hg_status hg_prefetch_draw(struct hg_view_state *view, struct hg_error *err
     struct hg_prefetch *a = &view->ahead;
     struct hg_view_camera_state camera = view->camera;
     const uint64_t start = hg_clock_now_ns();
-    if (view->context->no_prefetch || !note_place(view) || a->place_count < 3)
+    if (view->context->overrides.no_prefetch || !note_place(view) || a->place_count < 3)
         return HG_OK;
     if (!view->stream.on || start < a->next_ns ||
         !hg_prefetch_predict(a->places, horizon(a, start), &camera))

@@ -4,15 +4,13 @@
 #define HG_RENDERER_FRAME_SCENE_GPU_H
 
 #include "base/jobs.h"
+#include "renderer/frame/debug_overrides.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
 #include "base/store/store.h"
 #include "renderer/texture/cache/page_cache.h"
 #include "renderer/texture/textures.h"
-
-// Whether cells that no light reaches are shaded without lights; pictures are the same.
-enum hg_frame_unlit_tiles { HG_FRAME_UNLIT_TILES_WHERE_IT_PAYS, HG_FRAME_UNLIT_TILES_OFF, HG_FRAME_UNLIT_TILES_ON };
 
 // What views need of their renderer.
 struct hg_frame_context {
@@ -24,15 +22,7 @@ struct hg_frame_context {
     struct hg_page_cache *pages; // of all scenes; made on first use
     struct hg_scene_gpu *scene_gpu;      // list of all scenes in use
     uint32_t bake_from;          // as of struct hg_geometry_params
-    bool no_prefetch;               // read no page before it is missing, for comparisons
-    bool no_culling;             // draw everything, for tests
-    bool no_host;                // the device draws every triangle, for tests
-    enum hg_frame_unlit_tiles dark;     // for tests
-    uint32_t estimators;         // HG_PATH_USE_* of paths, for tests; 0 = all
-    uint32_t branches;           // of what the camera sees (path_branch.c), for tests; 0 = chosen
-    uint64_t slice_ns;           // of a step of paths, for tests; 0 = path.c's
-    bool trace_raw;              // for benchmarks: rays of paths go through Embree alone as well
-    bool no_tables;              // reach every table by address, as GPUs do, for tests
+    struct hg_debug_overrides overrides;
 };
 
 struct hg_scene_gpu {

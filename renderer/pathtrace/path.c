@@ -280,7 +280,8 @@ static enum hg_status work(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_path *p = view->path;
     const uint64_t start = hg_clock_now_ns();
-    const uint64_t slice_ns = p->context->slice_ns > 0 ? p->context->slice_ns : STEP_NS;
+    const uint64_t wanted_ns = p->context->overrides.path_slice_ns;
+    const uint64_t slice_ns = wanted_ns > 0 ? wanted_ns : STEP_NS;
     const struct hg_path_stats before = p->stats;
     enum hg_status status = HG_OK;
     do {

@@ -119,7 +119,7 @@ struct hg_path_stats { // since the picture was begun
     uint64_t build_ns; // of acceleration structures
     uint64_t denoise_ns;
     uint64_t paths, waves;
-    // Embree alone on the same rays, where hg_frame_context.trace_raw asks for it: nearest hits,
+    // Embree alone on the same rays, where hg_debug_overrides.trace_raw asks for it: nearest hits,
     // and rays to lights.
     uint64_t raw_ns[2], raw_rays[2];
 };

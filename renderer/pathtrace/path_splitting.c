@@ -94,8 +94,9 @@ enum hg_status hg_path_splitting_choose(struct hg_view_state *view, struct hg_er
     struct probe probe = {0};
     double share = 1.0;
     p->branch_bits = 0;
-    if (view->context->branches != 0) {
-        while (2u << p->branch_bits <= view->context->branches && p->branch_bits < MOST_BITS)
+    const uint32_t wanted = view->context->overrides.path_branches;
+    if (wanted != 0) {
+        while (2u << p->branch_bits <= wanted && p->branch_bits < MOST_BITS)
             p->branch_bits++;
         return HG_OK;
     }

@@ -156,6 +156,7 @@ void hg_path_wave_fill(struct hg_view_state *view)
 {
     struct hg_path *p = view->path;
     const struct hg_path_settings *s = &view->settings.path;
+    const uint32_t estimators = view->context->overrides.path_estimators;
     p->block = (struct hg_gpu_path){.rays = p->rays.address,
         .shadow_rays = p->shadow_rays.address,
         .hits = p->hits.address,
@@ -185,8 +186,7 @@ void hg_path_wave_fill(struct hg_view_state *view)
         .max_bounces = s->max_bounces,
         .clamp_indirect = s->clamp_indirect,
         .holes = p->holes,
-        .estimators = view->context->estimators != 0 ? view->context->estimators
-                                                     : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
+        .estimators = estimators != 0 ? estimators : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
     hg_emitters_fill(p->emitters, &p->block.emitters);
     memcpy(p->block.moments, p->moments, sizeof p->moments);
     p->may = may_of(view, &p->block.emitters) | (p->splats ? HG_PATH_SPLATS : 0);
@@ -296,7 +296,7 @@ static enum hg_status trace_raw(struct hg_view_state *view, const struct hg_trac
 {
     struct hg_path *p = view->path;
     uint64_t ns = 0;
-    if (!view->context->trace_raw || hg_trace_backend(p->trace) != HG_TRACE_EMBREE)
+    if (!view->context->overrides.trace_raw || hg_trace_backend(p->trace) != HG_TRACE_EMBREE)
         return HG_OK;
     const enum hg_status status = hg_trace_raw(p->trace, wave, any, &ns, err);
     p->stats.raw_ns[any] += ns;

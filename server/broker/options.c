@@ -519,6 +519,20 @@ static const char token_text[] =
     "the daemon's user alone; the daemon warns when it is not. Clients on a unix socket that run "
     "as the daemon's own user need no token (they are `admin`) unless `require-token` is set.\n";
 
+// Read by renderer/debug_environment.c.
+static const char environment_text[] =
+    "\n## Environment of workers\n\n"
+    "`HELIO_WORKER` is the worker's program, see above. For people who look into a frame, workers "
+    "of "
+    "a daemon, private workers and `helio-bench` take these; pictures stay the same:\n\n"
+    "| variable | |\n|---|---|\n"
+    "| `HELIO_CULLING=off` | Everything is drawn, seen or not. |\n"
+    "| `HELIO_RASTER=device` | On CPU devices, too, the device draws every triangle. |\n"
+    "| `HELIO_PREFETCH=off` | No texture page is read before it is missing. |\n"
+    "| `HELIO_GPU_TABLES=off` | Shaders reach every table by address, as on GPUs. |\n"
+    "| `HELIO_DARK=on`, `off` | Tiles that no light reaches are shaded without lights everywhere, "
+    "nowhere; default where it pays. |\n";
+
 void hg_options_print_markdown(FILE *file)
 {
     fputs(markdown_head, file);
@@ -546,6 +560,7 @@ void hg_options_print_markdown(FILE *file)
         fprintf(file, "| `--%s%s%s` | %s |\n", extra[i].name, *extra[i].metavar ? " " : "",
             extra[i].metavar, extra[i].help);
     fputs(token_text, file);
+    fputs(environment_text, file);
 }
 
 static void print_roff(FILE *file, const char *text)

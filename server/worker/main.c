@@ -14,6 +14,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/debug_environment.h"
 #include "renderer/renderer.h"
 #include "server/worker/dispatch.h"
 #include "server/worker/encode_queue.h"
@@ -193,7 +194,7 @@ static enum hg_status serve_link(struct worker *w)
 
 int main(int argc, char **argv)
 {
-    struct worker w = {.options = {.fd = 3}};
+    struct worker w = {.options = {.fd = 3, .overrides = hg_debug_environment_read()}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
     if (!parse_options(&w.options, argc, argv))
         return EXIT_USAGE;

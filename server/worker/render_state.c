@@ -11,6 +11,7 @@ static struct hg_renderer_params renderer_params(const struct worker_options *o)
         .host_budget_bytes = o->host_budget_bytes,
         .cache_limit_bytes = o->cache_limit_bytes,
         .validation = o->validation,
+        .overrides = o->overrides,
     };
 }
 

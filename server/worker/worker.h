@@ -39,6 +39,7 @@
 #include "base/spill.h"
 #include "base/status.h"
 #include "protocol/hgp.h"
+#include "renderer/frame/debug_overrides.h"
 
 enum { WORKER_EXIT_DISK = 9 };
 
@@ -55,6 +56,7 @@ struct worker_options {
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
     uint64_t host_budget_bytes, cache_limit_bytes;
     bool no_sandbox, no_spill, device_info, validation, warm_up;
+    struct hg_debug_overrides overrides; // from the environment
 };
 
 // A message on its way to the render thread, or a finished task; neither: a wake-up.

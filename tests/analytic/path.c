@@ -200,13 +200,13 @@ static void test_estimators(void **state)
     double mean[3];
     for (uint32_t use = 1; use <= 3; use++) {
         path_rig_room(rig);
-        rig->renderer->context.estimators = use;
+        rig->renderer->context.overrides.path_estimators = use;
         struct hg_view_params params = defaults;
         params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
         params.max_bounces = 4;
         mean[use - 1] = render(rig, &params, eye, target, 0.8f, 1.0);
     }
-    rig->renderer->context.estimators = 0;
+    rig->renderer->context.overrides.path_estimators = 0;
     print_message("estimators: %.5f %.5f %.5f\n", mean[0], mean[1], mean[2]);
     assert_true(fabs(mean[0] / mean[2] - 1.0) < 0.004);
     assert_true(fabs(mean[1] / mean[2] - 1.0) < 0.004);

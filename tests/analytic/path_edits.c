@@ -262,11 +262,11 @@ static void expect_as_fresh(struct rig *rig, int kind, int edit)
     memcpy(s.camera.next_target, target, sizeof target);
     path_rig_set_camera(s.view, &s.camera);
     hg_view_set_final(s.view, false);
-    rig->renderer->context.slice_ns = 1; // pieces of waves
+    rig->renderer->context.overrides.path_slice_ns = 1; // pieces of waves
     for (int more = 3; info.samples < 3 || more-- > 0;)
         test_ok(hg_view_step(s.view, 1, &info, &err), &err);
     edits[edit].edit(&s);
-    rig->renderer->context.slice_ns = 0;
+    rig->renderer->context.overrides.path_slice_ns = 0;
     struct hg_refbuf *edited = settled(s.view);
     struct hg_view *view = path_rig_view(rig, &s.params);
     path_rig_set_camera(view, &s.camera);
@@ -346,14 +346,14 @@ static void test_picked(void **state)
     path_rig_settle(view);
     test_ok(hg_view_pick(view, 32, 20, &before, &err), &err);
     assert_true(before.hit);
-    rig->renderer->context.slice_ns = 1;
+    rig->renderer->context.overrides.path_slice_ns = 1;
     for (int i = 0; i < 12; i++) {
         test_ok(hg_view_step(other, 1, &info, &err), &err);
         test_ok(hg_view_pick(view, 32, 20, &after, &err), &err);
         assert_true(after.hit && after.node == before.node);
         assert_memory_equal(after.position, before.position, sizeof before.position);
     }
-    rig->renderer->context.slice_ns = 0;
+    rig->renderer->context.overrides.path_slice_ns = 0;
     hg_view_destroy(view);
     hg_view_destroy(other);
 }

@@ -162,9 +162,9 @@ static double lamp(struct rig *rig, double far, uint32_t estimators)
     struct hg_view_params params = defaults;
     params.max_bounces = 1;
     params.samples = estimators == HG_PATH_USE_SURFACES ? 512 : 128;
-    rig->renderer->context.estimators = estimators;
+    rig->renderer->context.overrides.path_estimators = estimators;
     const double mean = mean_of(rig, &params, eye, target, 0.3f);
-    rig->renderer->context.estimators = 0;
+    rig->renderer->context.overrides.path_estimators = 0;
     return mean;
 }
 
@@ -208,9 +208,9 @@ static double lamps(struct rig *rig, double far)
     struct hg_view_params params = defaults;
     params.max_bounces = 1;
     params.samples = 64;
-    rig->renderer->context.estimators = HG_PATH_USE_EMITTERS;
+    rig->renderer->context.overrides.path_estimators = HG_PATH_USE_EMITTERS;
     const double mean = mean_of(rig, &params, eye, target, 0.3f);
-    rig->renderer->context.estimators = 0;
+    rig->renderer->context.overrides.path_estimators = 0;
     return mean;
 }
 

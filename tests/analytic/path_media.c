@@ -165,11 +165,11 @@ static void test_light_in_volume(void **state)
         m->emissive[0] = m->emissive[1] = m->emissive[2] = 5;
         const float corners[4][3] = {{-4, 2, -1}, {-2, 2, -1}, {-2, 2, 1}, {-4, 2, 1}};
         rig_quad(rig, m, corners);
-        rig->renderer->context.estimators = use;
+        rig->renderer->context.overrides.path_estimators = use;
         struct rig_camera c = camera;
         c.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
         const double got = render_mean(rig, &c);
-        rig->renderer->context.estimators = 0;
+        rig->renderer->context.overrides.path_estimators = 0;
         expect(names[use], got, expected, 0.005);
     }
 }

@@ -411,13 +411,13 @@ static void test_lamp(void **state)
     double mean[4] = {0};
     for (uint32_t use = 1; use <= 3; use++) {
         lit_floor(rig, true);
-        rig->renderer->context.estimators = use;
+        rig->renderer->context.overrides.path_estimators = use;
         struct hg_view_params params = defaults;
         params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
         params.max_bounces = 2;
         mean[use - 1] = mean_of(rig, &params);
     }
-    rig->renderer->context.estimators = 0;
+    rig->renderer->context.overrides.path_estimators = 0;
     for (int i = 0; i < 16; i++) {
         lit_floor(rig, true);
         path_rig_pose(rig, 1.0 + ((i + 0.5) / 16 - 0.5) * 0.5);

@@ -90,7 +90,7 @@ static void open_scene(struct rig *rig, const struct option_set *set)
 static struct hg_view *open_view(struct rig *rig, const struct option_set *set)
 {
     static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
-    rig->renderer->context.branches = set->branches;
+    rig->renderer->context.overrides.path_branches = set->branches;
     struct hg_view *view = path_rig_view(rig, &set->params);
     path_rig_look(view, eye, target, 0.8f);
     return view;
@@ -185,12 +185,12 @@ static struct hg_refbuf *save_after(struct rig *rig, const struct option_set *se
     struct hg_refbuf *saved;
     open_scene(rig, set);
     struct hg_view *view = open_view(rig, set);
-    rig->renderer->context.slice_ns = 1;
+    rig->renderer->context.overrides.path_slice_ns = 1;
     while (info.samples < samples || pieces-- > 0) {
         test_ok(hg_view_step(view, 1, &info, &err), &err);
         assert_false(info.settled);
     }
-    rig->renderer->context.slice_ns = 0;
+    rig->renderer->context.overrides.path_slice_ns = 0;
     test_ok(hg_view_save(view, &saved, &err), &err);
     hg_view_destroy(view);
     return saved;

@@ -182,11 +182,11 @@ static void test_looked_at_late(void **state)
             path_rig_settle(view);
         path_rig_look(view, elsewhere, room_target, 0.8f);
         test_ok(hg_view_set_params(view, &defaults, &err), &err);
-        rig->renderer->context.slice_ns = 1; // a piece of a wave
+        rig->renderer->context.overrides.path_slice_ns = 1; // a piece of a wave
         (void)step(view);
         hg_view_set_final(view, false);
         assert_int_equal(step(view).samples, 0);
-        rig->renderer->context.slice_ns = 0;
+        rig->renderer->context.overrides.path_slice_ns = 0;
         struct hg_refbuf *now = pixels_of(view);
         assert_memory_equal(now->data, preview->data, preview->size);
         hg_refbuf_unref(now);
@@ -403,10 +403,10 @@ static void test_clamp(void **state)
     const float limit = 0.05f;
     double most[2], sum[2], direct[2];
     path_rig_room(rig);
-    rig->renderer->context.branches = 1;
+    rig->renderer->context.overrides.path_branches = 1;
     for (int i = 0; i < 2; i++)
         indirect_of(rig, i ? limit : 0.0f, &most[i], &sum[i], &direct[i]);
-    rig->renderer->context.branches = 0;
+    rig->renderer->context.overrides.path_branches = 0;
     print_message("indirect light: %.3f at most, %.3f with a limit of %.2f; %.4f of it is left\n",
         most[0], most[1], (double)limit, sum[1] / sum[0]);
     assert_true(most[0] > 6 * (double)limit);
@@ -484,9 +484,9 @@ static void test_backends(void **state)
 {
     struct rig *rig = *state;
     compare_backends(rig);
-    rig->renderer->context.branches = 4;
+    rig->renderer->context.overrides.path_branches = 4;
     compare_backends(rig);
-    rig->renderer->context.branches = 0;
+    rig->renderer->context.overrides.path_branches = 0;
 }
 
 static struct hg_refbuf *room_branched(
@@ -495,13 +495,13 @@ static struct hg_refbuf *room_branched(
     struct hg_view_params params = defaults;
     params.samples = samples;
     params.seed = seed;
-    rig->renderer->context.branches = branches;
+    rig->renderer->context.overrides.path_branches = branches;
     struct hg_view *view = path_rig_view(rig, &params);
     path_rig_look(view, room_eye, room_target, 0.8f);
     path_rig_settle(view);
     struct hg_refbuf *color = pixels_of(view);
     hg_view_destroy(view);
-    rig->renderer->context.branches = 0;
+    rig->renderer->context.overrides.path_branches = 0;
     return color;
 }
 

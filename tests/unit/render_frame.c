@@ -127,17 +127,24 @@ static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b, in
 }
 
 // RGBA8 of a settled test scene, in a renderer of its own.
-static struct hg_refbuf *render(const char *name, uint32_t step, float turn)
+static struct hg_refbuf *render_overridden(
+    const char *name, uint32_t step, float turn, struct hg_debug_overrides overrides)
 {
     struct rig rig;
     const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
     open_rig(&rig, false);
+    rig.renderer->context.overrides = overrides;
     use_scene(&rig, load(name, hg_renderer_jobs(rig.renderer)), &params);
     look_at_scene(&rig, turn);
     settle(&rig, step);
     struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA8);
     rig_close(&rig);
     return out;
+}
+
+static struct hg_refbuf *render(const char *name, uint32_t step, float turn)
+{
+    return render_overridden(name, step, turn, (struct hg_debug_overrides){0});
 }
 
 // --- conventions ---------------------------------------------------------------------------------
@@ -363,20 +370,13 @@ static void test_same_bytes(void **state)
     }
 }
 
-static struct hg_refbuf *render_with(const char *variable, const char *value, float turn)
-{
-    setenv(variable, value, 1);
-    struct hg_refbuf *out = render("AlphaBlendModeTest", 4, turn);
-    unsetenv(variable);
-    return out;
-}
-
 static void test_culling_changes_nothing(void **state)
 {
     (void)state;
     for (int i = 0; i < 3; i++) {
         struct hg_refbuf *on = render("AlphaBlendModeTest", 4, (float)i * 2.0f);
-        struct hg_refbuf *off = render_with("HELIO_CULLING", "off", (float)i * 2.0f);
+        struct hg_refbuf *off = render_overridden("AlphaBlendModeTest", 4, (float)i * 2.0f,
+            (struct hg_debug_overrides){.no_culling = true});
         assert_same(on, off, 0);
         hg_refbuf_unref(on);
         hg_refbuf_unref(off);
@@ -389,8 +389,11 @@ static void test_gpu_paths_agree(void **state)
 {
     (void)state;
     struct hg_refbuf *plain = render("AlphaBlendModeTest", 4, 0.4f);
-    struct hg_refbuf *staged = render_with("HELIO_GPU_FORCE_STAGING", "1", 0.4f);
-    struct hg_refbuf *by_address = render_with("HELIO_GPU_TABLES", "off", 0.4f);
+    setenv("HELIO_GPU_FORCE_STAGING", "1", 1);
+    struct hg_refbuf *staged = render("AlphaBlendModeTest", 4, 0.4f);
+    unsetenv("HELIO_GPU_FORCE_STAGING");
+    struct hg_refbuf *by_address = render_overridden(
+        "AlphaBlendModeTest", 4, 0.4f, (struct hg_debug_overrides){.table_addresses = true});
     assert_same(plain, staged, 0);
     assert_same(plain, by_address, 1);
     hg_refbuf_unref(plain);

@@ -117,15 +117,14 @@ static const struct hg_view_camera poses[] = {
 };
 #define POSES (sizeof poses / sizeof poses[0])
 
-static void open_rig(struct rig *rig, const char *dark, enum lights lights)
+static void open_rig(struct rig *rig, enum hg_override unlit_tiles, enum lights lights)
 {
-    const struct hg_renderer_params params = {.threads = 2};
+    const struct hg_renderer_params params = {
+        .threads = 2, .overrides = {.unlit_tiles = unlit_tiles}};
     const struct hg_view_params view = {
         .width = WIDTH_PX, .height = HEIGHT_PX, .samples = SAMPLES, .seed = 3};
     *rig = (struct rig){0};
-    setenv("HELIO_DARK", dark, 1);
     test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
-    unsetenv("HELIO_DARK");
     rig->scene = make_scene(lights);
     rig_view(rig, &view);
 }
@@ -157,8 +156,8 @@ static void check(enum lights lights, shoot_fn *shoot, const char *name)
 {
     struct rig on, off;
     float most = 0, least = 1;
-    open_rig(&on, "on", lights);
-    open_rig(&off, "off", lights);
+    open_rig(&on, HG_OVERRIDE_ON, lights);
+    open_rig(&off, HG_OVERRIDE_OFF, lights);
     for (size_t i = 0; i < POSES; i++) {
         struct hg_refbuf *a = shoot(&on, &poses[i]), *b = shoot(&off, &poses[i]);
         print_message("%s, pose %zu: %.3f of the cells are dark\n", name, i, (double)share(&on));
@@ -198,7 +197,7 @@ static void test_edit(void **state)
 {
     (void)state;
     struct rig rig;
-    open_rig(&rig, "on", SUN);
+    open_rig(&rig, HG_OVERRIDE_ON, SUN);
     struct hg_refbuf *before = settle(&rig, &poses[0]);
     const float dark = share(&rig);
     struct hg_light *light = (struct hg_light *)hg_scene_find(rig.scene, HG_OBJECT_LIGHT, 3);

@@ -1,0 +1,12 @@
+// debug_environment.h - debug overrides from environment variables, for the programs that render.
+// A library of its own: the renderer does not read them.
+#ifndef HG_RENDERER_DEBUG_ENVIRONMENT_H
+#define HG_RENDERER_DEBUG_ENVIRONMENT_H
+
+#include "renderer/frame/debug_overrides.h"
+
+// HELIO_CULLING=off, HELIO_RASTER=device, HELIO_PREFETCH=off, HELIO_GPU_TABLES=off and
+// HELIO_DARK=on|off; other values count as none. Before there are threads.
+struct hg_debug_overrides hg_debug_environment_read(void);
+
+#endif

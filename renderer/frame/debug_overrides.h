@@ -1,0 +1,28 @@
+// debug_overrides.h - parts of a renderer that tests, benchmarks and people who look into a frame
+// switch off or to something else. Zero of each member is what everybody else gets.
+// Floor 4, no Vulkan. Copied when a renderer is made.
+#ifndef HG_RENDERER_FRAME_DEBUG_OVERRIDES_H
+#define HG_RENDERER_FRAME_DEBUG_OVERRIDES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum hg_override { HG_OVERRIDE_AUTO, HG_OVERRIDE_OFF, HG_OVERRIDE_ON };
+
+struct hg_debug_overrides {
+    // Settled pictures are the same with each of these.
+    bool no_culling;      // everything is drawn
+    bool no_cpu_raster;   // on CPU devices, too, the device draws every triangle
+    bool no_prefetch;     // no texture page is read before it is missing
+    bool table_addresses; // shaders reach every table by address, as on GPUs; same to one in 255
+    enum hg_override unlit_tiles; // shading tiles that no light reaches without lights
+    uint64_t path_slice_ns;       // length of a step of path tracing; 0 = that of pathtrace/path.c
+    // Pictures agree within their noise.
+    uint32_t path_estimators; // HG_PATH_USE_* bits; 0 = all
+    uint32_t path_branches;   // of each path at what the camera sees; 0 = chosen
+    // Statistics of paths have the time of Embree alone on the same rays, which takes as long
+    // again.
+    bool trace_raw;
+};
+
+#endif
