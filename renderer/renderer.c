@@ -2,7 +2,6 @@
 #include "renderer/renderer.h"
 
 #include <limits.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,11 +13,6 @@
 #include "renderer/passes/shade.h"
 #include "renderer/passes/visibility.h"
 #include "shaders/shared/pick.h"
-
-#define DEFAULT_WIDTH    1280
-#define DEFAULT_HEIGHT   720
-#define DEFAULT_SAMPLES  32
-#define DEFAULT_ERROR_PX 1.0f
 
 // --- renderer ------------------------------------------------------------------------------------
 
@@ -155,145 +149,6 @@ void hg_view_destroy(struct hg_view *view)
 enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field)
 {
     return hg_error_set(err, HG_E_INVAL, what, field, "outside its range");
-}
-
-#define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
-
-static enum hg_status check_planes(const struct hg_view_params *p, struct hg_error *err)
-{
-    if (p->planes >> HG_PLANE_COUNT != 0)
-        return hg_renderer_out_of_range(err, "view", "planes");
-    if ((p->mattes & ~ALL_MATTES) != 0)
-        return hg_renderer_out_of_range(err, "view", "mattes");
-    for (uint32_t i = 0; i < HG_PLANE_COUNT && p->mode != HG_MODE_PATH; i++)
-        if ((p->planes >> i & 1u) != 0 && hg_plane_needs_light(i))
-            return hg_error_set(err, HG_E_UNSUPPORTED, "view", "planes",
-                "%s is only kept by path-traced views", hg_plane_name((enum hg_plane)i));
-    return HG_OK;
-}
-
-static enum hg_status check_path(const struct hg_view_params *p, struct hg_error *err)
-{
-    if ((unsigned)p->mode > HG_MODE_PATH)
-        return hg_renderer_out_of_range(err, "view", "mode");
-    if ((unsigned)p->trace > HG_VIEW_TRACE_KHR)
-        return hg_renderer_out_of_range(err, "view", "trace");
-    if (p->max_bounces > HG_VIEW_MAX_BOUNCES)
-        return hg_renderer_out_of_range(err, "view", "max_bounces");
-    if (!(p->noise >= 0.0f && p->noise <= 1.0f))
-        return hg_renderer_out_of_range(err, "view", "noise");
-    if (!(p->time_s >= 0.0f && p->time_s <= 1e9f))
-        return hg_renderer_out_of_range(err, "view", "time_s");
-    if ((unsigned)p->filter > HG_FILTER_GAUSSIAN)
-        return hg_renderer_out_of_range(err, "view", "filter");
-    if (!(p->filter_radius_px >= 0.0f && p->filter_radius_px <= 8.0f))
-        return hg_renderer_out_of_range(err, "view", "filter_radius_px");
-    if (!(p->clamp_indirect >= 0.0f && p->clamp_indirect <= 1e9f))
-        return hg_renderer_out_of_range(err, "view", "clamp_indirect");
-    if (!(p->frame_s >= 0.0f && p->frame_s <= 1e9f))
-        return hg_renderer_out_of_range(err, "view", "frame_s");
-    if (!(p->series_s >= 0.0f && p->series_s <= 1e9f))
-        return hg_renderer_out_of_range(err, "view", "series_s");
-    if (!(fabsf(p->shutter_open) <= 1.0f))
-        return hg_renderer_out_of_range(err, "view", "shutter_open");
-    if (!(fabsf(p->shutter_close) <= 1.0f && p->shutter_close >= p->shutter_open))
-        return hg_renderer_out_of_range(err, "view", "shutter_close");
-    if ((unsigned)p->denoise > HG_DENOISE_ANIMATION)
-        return hg_renderer_out_of_range(err, "view", "denoise");
-    return check_planes(p, err);
-}
-
-static enum hg_status check_params(const struct hg_view_params *p, struct hg_error *err)
-{
-    if (p->width > HG_VIEW_MAX_SIDE_PX)
-        return hg_renderer_out_of_range(err, "view", "width");
-    if (p->height > HG_VIEW_MAX_SIDE_PX)
-        return hg_renderer_out_of_range(err, "view", "height");
-    if ((unsigned)p->tonemap > HG_TONEMAP_LINEAR)
-        return hg_renderer_out_of_range(err, "view", "tonemap");
-    if ((unsigned)p->background > HG_BACKGROUND_COLOR)
-        return hg_renderer_out_of_range(err, "view", "background");
-    if (!(fabsf(p->exposure_ev) <= 64.0f))
-        return hg_renderer_out_of_range(err, "view", "exposure_ev");
-    for (int i = 0; i < 3; i++) {
-        if (!(p->background_color[i] >= 0.0f && p->background_color[i] <= 65504.0f))
-            return hg_renderer_out_of_range(err, "view", "background_color");
-    }
-    if ((unsigned)p->debug > HG_DEBUG_OVERDRAW)
-        return hg_renderer_out_of_range(err, "view", "debug");
-    if (p->error_px != 0.0f && !(p->error_px >= 0.01f && p->error_px <= 1024.0f))
-        return hg_renderer_out_of_range(err, "view", "error_px");
-    if (!(p->target_ms >= 0.0f && p->target_ms <= 1e5f))
-        return hg_renderer_out_of_range(err, "view", "target_ms");
-    if (p->samples > HG_VIEW_MAX_SAMPLES)
-        return hg_renderer_out_of_range(err, "view", "samples");
-    return check_path(p, err);
-}
-
-float hg_filter_radius_px(enum hg_filter filter)
-{
-    static const float radius_px[] = {1.5f, 0.5f, 1.0f, 1.5f};
-    return (unsigned)filter <= HG_FILTER_GAUSSIAN ? radius_px[filter] : 0.0f;
-}
-
-static void fill_path(const struct hg_view_params *p, struct hg_path_settings *s)
-{
-    s->trace = (uint32_t)p->trace; // same values as enum hg_trace_backend
-    s->filter = (uint32_t)p->filter;
-    s->filter_radius_px =
-        p->filter_radius_px > 0 ? p->filter_radius_px : hg_filter_radius_px(p->filter);
-    s->max_bounces = p->max_bounces > 0 ? p->max_bounces : HG_VIEW_DEFAULT_BOUNCES;
-    s->planes = p->planes;
-    s->mattes = p->mattes != 0 ? p->mattes : ALL_MATTES;
-    s->noise = p->noise;
-    s->time_s = p->time_s;
-    s->clamp_indirect = p->clamp_indirect;
-    s->frame_s = p->frame_s > 0.0f ? p->frame_s : 1.0f / 24.0f;
-    s->shutter_open = p->shutter_close > p->shutter_open ? p->shutter_open : 0.0f;
-    s->shutter_close = p->shutter_close > p->shutter_open ? p->shutter_close : 0.0f;
-    s->denoise = (uint32_t)p->denoise;
-    if (p->denoise == HG_DENOISE_ANIMATION)
-        s->series_s = p->series_s > 0.0f ? p->series_s : s->frame_s;
-}
-
-// Of a real-time picture: by the filter that it has itself.
-static void fill_planes(const struct hg_view_params *p, struct hg_path_settings *s)
-{
-    const struct hg_view_params seen = {
-        .trace = p->trace, .planes = p->planes, .mattes = p->mattes, .frame_s = p->frame_s};
-    fill_path(&seen, s);
-}
-
-enum hg_status hg_view_set_params(
-    struct hg_view *view, const struct hg_view_params *p, struct hg_error *err)
-{
-    enum hg_status status = check_params(p, err);
-    if (status != HG_OK)
-        return status;
-    struct hg_view_settings s;
-    memset(&s, 0, sizeof s); // compared as bytes
-    s.width = p->width > 0 ? p->width : DEFAULT_WIDTH;
-    s.height = p->height > 0 ? p->height : DEFAULT_HEIGHT;
-    s.tonemap = (uint32_t)p->tonemap;       // same values as HG_FRAME_TONEMAP_*
-    s.background = (uint32_t)p->background; // same values as HG_BACKGROUND_MODE_*
-    memcpy(s.background_color, p->background_color, sizeof s.background_color);
-    s.exposure = exp2f(p->exposure_ev);
-    s.samples = p->samples > 0 ? p->samples : DEFAULT_SAMPLES;
-    s.seed = p->seed;
-    s.debug = (uint32_t)p->debug;
-    s.error_px = p->error_px > 0 ? p->error_px : DEFAULT_ERROR_PX;
-    s.target_ms = p->target_ms;
-    s.mode = p->debug == HG_DEBUG_OFF ? (uint32_t)p->mode : HG_VIEW_MODE_REALTIME;
-    if (s.mode == HG_VIEW_MODE_PATH)
-        fill_path(p, &s.path);
-    else if (p->mode == HG_MODE_REALTIME && s.debug == HG_DEBUG_OFF && p->planes != 0)
-        fill_planes(p, &s.path);
-    if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
-        s.samples = 1;
-        s.exposure = 1.0f;
-        s.tonemap = HG_FRAME_TONEMAP_LINEAR;
-    }
-    return hg_view_state_set(&view->state, &s, err);
 }
 
 // --- frames --------------------------------------------------------------------------------------

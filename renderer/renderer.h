@@ -133,43 +133,38 @@ enum hg_plane {
 // What Cryptomattes go by.
 enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 
-#define HG_VIEW_MAX_SAMPLES     65536 // also the limit of the protocol
-#define HG_VIEW_MAX_BOUNCES     256
-#define HG_VIEW_DEFAULT_BOUNCES 16
-
-struct hg_view_params {     // zero of each field = default
-    uint32_t width, height; // px, 1..16384; default 1280 x 720
-    enum hg_tonemap tonemap;
-    float exposure_ev; // stops
-    enum hg_background background;
-    float background_color[3]; // linear
-    uint32_t samples;          // per pixel until settled; default 32
-    uint32_t seed;
-    enum hg_debug_view debug; // other than OFF: one sample per pixel, no tone curve
-    float error_px;           // greatest projected error of geometry, 0.01..1024; default 1
-    float target_ms;          // frame time in motion that quality gives way to; 0 = none
-    enum hg_render_mode mode;
-    // Of HG_MODE_PATH alone:
-    enum hg_view_trace trace;
-    uint32_t max_bounces; // 1..HG_VIEW_MAX_BOUNCES; default 16
-    float noise;          // a part of the picture is done when its relative error is below; 0 = off
-    float time_s; // settled after hg_frame_info.spent_ns of this, whatever there is; 0 = no limit
-    enum hg_filter filter;
-    float filter_radius_px; // 0 = the filter's; at most 8
-    float clamp_indirect;   // greatest radiance of a sample's indirect light; 0 = off (unbiased)
-    enum hg_view_denoise denoise;
-    // Of both modes: 1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
-    // names one that the mode does not have.
-    uint32_t planes;
+// What a view is made with; the table protocol/view_params.def has ranges, units and defaults. Zero
+// of each member = its default. Notes beyond the table:
+//   debug_view     other than OFF: one sample per pixel, no tone curve
+//   time_limit_s   of path-traced views: hg_frame_info.spent_ns
+//   planes         1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
+//                  names one that the mode does not have
+//   frame_s        animations that were posed (hg_asset_pose), and cameras of nodes or with a next
+//                  place, go on before and after the pose
+//   shutter_close  >= shutter_open; equal: all light comes at one moment, that of the pose
+#define HG_VIEW_TYPE_U32(field, a)  uint32_t field;
+#define HG_VIEW_TYPE_F32(field, a)  float field;
+#define HG_VIEW_TYPE_VEC3(field, a) float field[3];
+#define HG_VIEW_TYPE_ENUM(field, a) HG_VIEW_ENUM_##a field;
+#define HG_VIEW_ENUM_render_mode    enum hg_render_mode
+#define HG_VIEW_ENUM_tonemap        enum hg_tonemap
+#define HG_VIEW_ENUM_background     enum hg_background
+#define HG_VIEW_ENUM_debug_view     enum hg_debug_view
+#define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
+#define HG_VIEW_ENUM_denoise        enum hg_view_denoise
+#define HG_VIEW_ENUM_filter         enum hg_filter
+struct hg_view_params {
+#define HGP_VIEW_PARAM(kind, field, a, b, standard, unit, mode, key, place, doc)                   \
+    HG_VIEW_TYPE_##kind(field, a)
+#include "protocol/view_params.def"
     uint32_t mattes; // of HG_PLANE_DRAWS: 1 << HG_MATTE_*, 64 bytes a pixel each; 0 = all three
-    // Time: animations that were posed (hg_asset_pose), and cameras of nodes or with a next place,
-    // go on before and after the pose.
-    float frame_s;  // from one frame to the next, seconds; default 1/24
-    float series_s; // of HG_DENOISE_ANIMATION: from the picture before to this one; default frame_s
-    // Motion blur: the shutter is open from shutter_open to shutter_close, in frames from the pose
-    // (-1..1). Equal = all light comes at one moment, that of the pose.
-    float shutter_open, shutter_close;
 };
+
+// HG_E_INVAL names the member that is outside its range; HG_E_UNSUPPORTED: see planes.
+enum hg_status hg_view_params_check(
+    const struct hg_view_params *params, struct hg_error *err) HG_MUST_CHECK;
+// The same parameters with defaults in place of zeros, so that what is left says what counts.
+struct hg_view_params hg_view_params_filled(const struct hg_view_params *params);
 
 struct hg_view_camera {             // world space, metres
     float eye[3], target[3], up[3]; // up is made orthogonal; 0 = +Y

@@ -1,8 +1,7 @@
 #include "server/broker/session_view.h"
 
 #include "base/alloc.h"
-
-enum { DEFAULT_WIDTH = 1280, DEFAULT_HEIGHT = 720 };
+#include "protocol/view_params.h"
 
 struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t number)
 {
@@ -55,8 +54,8 @@ enum hg_status hg_session_view_ask(
     struct hg_session *s, const struct hgp_view_set *m, struct hg_error *err)
 {
     struct hg_session_view *view = hg_session_view_find(s, m->view);
-    uint32_t width = m->has_width ? m->width : view ? view->width : DEFAULT_WIDTH;
-    uint32_t height = m->has_height ? m->height : view ? view->height : DEFAULT_HEIGHT;
+    uint32_t width = m->has_width ? m->width : view ? view->width : HGP_STANDARD_width;
+    uint32_t height = m->has_height ? m->height : view ? view->height : HGP_STANDARD_height;
     if (!view && s->table->draining)
         return hg_error_set(err, HG_E_STATE, "view_set", NULL, "the daemon is shutting down");
     if (!view && count_views(s) >= s->table->options->max_views)

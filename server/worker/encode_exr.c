@@ -6,9 +6,10 @@
 #include "renderer/image/cryptomatte.h"
 #include "renderer/image/exr.h"
 #include "server/worker/encode_exr.h"
+#include "server/worker/view_params.h"
 
 enum {
-    ATTRIBUTES = 24,
+    ATTRIBUTES = 16 + HGP_VIEW_PARAM_COUNT,
     MATTE_ATTRIBUTES = 4,
     MATTE_LAYERS = HG_MATTE_RANKS / 2, // parts of a matte
     MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
@@ -59,6 +60,7 @@ struct file {
     char names[MOST_PARTS][5][32]; // of the channels, and of the part where we make it
     void *buffers[MOST_PARTS];
     struct hg_image_attribute attributes[ATTRIBUTES + ENCODE_MATTES * MATTE_ATTRIBUTES];
+    struct hg_view_attributes params;
     char revision[32], keys[ENCODE_MATTES * MATTE_ATTRIBUTES][40];
 };
 
@@ -83,28 +85,19 @@ static void add_count(struct file *f, uint32_t *n, const char *name, uint32_t co
         (struct hg_image_attribute){.name = name, .type = HG_ATTR_INT, .integer = (int)count};
 }
 
-// Of all 32 bits.
-static void add_word(struct file *f, uint32_t *n, const char *name, uint32_t count)
+static void add_lens(struct file *f, uint32_t *n)
 {
-    f->attributes[(*n)++] =
-        (struct hg_image_attribute){.name = name, .type = HG_ATTR_COUNT, .count = count};
+    const struct encode_notes *notes = &f->job->notes;
+    if (notes->params.mode != HG_MODE_PATH || !(notes->lens_radius > 0))
+        return;
+    add_number(f, n, "heliograph:lensRadius", &notes->lens_radius);
+    add_number(f, n, "heliograph:focusDistance", &notes->focus_distance);
 }
 
-static void add_path(struct file *f, uint32_t *n)
+static void add_params(struct file *f, uint32_t *n)
 {
-    static const char *const filters[] = {"blackman-harris", "box", "tent", "gaussian"};
-    const struct encode_notes *notes = &f->job->notes;
-    if (!notes->traced)
-        return;
-    add_text(f, n, "heliograph:filter", filters[notes->filter]);
-    add_number(f, n, "heliograph:filterRadius", &notes->filter_radius_px);
-    add_count(f, n, "heliograph:maxBounces", notes->max_bounces);
-    if (notes->clamp_indirect > 0)
-        add_number(f, n, "heliograph:clampIndirect", &notes->clamp_indirect);
-    if (notes->lens_radius > 0) {
-        add_number(f, n, "heliograph:lensRadius", &notes->lens_radius);
-        add_number(f, n, "heliograph:focusDistance", &notes->focus_distance);
-    }
+    for (uint32_t i = 0; i < f->params.count; i++)
+        f->attributes[(*n)++] = f->params.items[i];
 }
 
 static uint32_t list_attributes(struct file *f, const float *time_s)
@@ -123,19 +116,11 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_text(f, &n, "heliograph:sceneRevision", f->revision);
     add_text(f, &n, ENCODE_FRAME_KEY_ATTRIBUTE, notes->job);
     add_count(f, &n, "heliograph:samples", frame->samples);
-    add_word(f, &n, "heliograph:seed", notes->seed);
     add_number(f, &n, "heliograph:time", time_s);
-    if (notes->shutter[1] > notes->shutter[0]) {
-        add_number(f, &n, "heliograph:shutterOpen", &notes->shutter[0]);
-        add_number(f, &n, "heliograph:shutterClose", &notes->shutter[1]);
-        add_number(f, &n, "heliograph:frameTime", &notes->frame_s);
-    }
-    add_number(f, &n, "heliograph:exposure", &notes->exposure);
     if (frame->has_noise)
         add_number(f, &n, "heliograph:noise", &frame->noise);
-    static const char *const denoise[] = {"", "still", "animation"};
-    add_text(f, &n, "heliograph:denoise", denoise[notes->denoise]);
-    add_path(f, &n);
+    add_params(f, &n);
+    add_lens(f, &n);
     // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.
     f->attributes[n++] = (struct hg_image_attribute){
         .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = notes->world_to_camera};
@@ -178,7 +163,7 @@ static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
 static enum hg_status convert(
     struct file *f, const struct encode_plane *p, enum kind kind, struct hg_exr_part *part)
 {
-    const float factor = f->job->notes.exposure;
+    const float factor = f->params.exposure;
     const float exposure = kind == RADIANCE ? factor : kind == SQUARES ? factor * factor : 1.0f;
     const size_t values = p->values->size / sizeof(float);
     const float *from = (const float *)p->values->data;
@@ -272,6 +257,7 @@ enum hg_status encode_exr(
     struct file f = {.job = job};
     const uint32_t size_px[2] = {job->frame.width, job->frame.height};
     const float time_s = (float)job->notes.time_s;
+    hg_view_params_attributes(&job->notes.params, &f.params);
     enum hg_status status = add_picture(&f, list_mattes(&f, list_attributes(&f, &time_s)));
     for (uint32_t i = 0; !status && i < job->plane_count; i++)
         status = add_plane(&f, &job->planes[i]);

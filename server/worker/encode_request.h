@@ -9,15 +9,8 @@
 // What a file says besides its pixels.
 struct encode_notes {
     char device[128];
-    uint32_t seed;
-    double time_s;             // the scene's pose
-    float shutter[2], frame_s; // frames from the pose; seconds
-    float exposure;
-    enum hg_view_denoise denoise;
-    bool traced; // in path mode; else nothing is said of what follows
-    enum hg_filter filter;
-    uint32_t max_bounces;
-    float filter_radius_px, clamp_indirect;
+    struct hg_view_params params;
+    double time_s;                     // the scene's pose
     float lens_radius, focus_distance; // metres; radius 0 = all is sharp
     float world_to_camera[16], world_to_ndc[16];
     char job[65];   // hexadecimal, or empty

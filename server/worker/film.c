@@ -1,5 +1,6 @@
 // film.c - what a view's frames are made from, what goes with them, and films kept for later.
 #include "server/worker/film.h"
+#include "server/worker/view_params.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -86,26 +87,6 @@ static void put_floats(struct hg_writer *w, const float *values, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         hg_write_f32(w, values[i]);
-}
-
-static void put_params(struct hg_writer *w, const struct hg_view_params *p, const uint8_t after[32])
-{
-    const uint32_t words[] = {p->width ? p->width : 1280, p->height ? p->height : 720,
-        (uint32_t)p->tonemap, (uint32_t)p->background, p->samples ? p->samples : 32, p->seed,
-        (uint32_t)p->debug, (uint32_t)p->mode, (uint32_t)p->trace, p->max_bounces,
-        (uint32_t)p->filter, p->planes};
-    const float floats[] = {p->exposure_ev, p->background_color[0], p->background_color[1],
-        p->background_color[2], p->error_px > 0 ? p->error_px : 1, p->noise, p->time_s,
-        p->filter_radius_px, p->clamp_indirect, p->frame_s, p->shutter_open, p->shutter_close};
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
-        hg_write_u32(w, words[i]);
-    put_floats(w, floats, sizeof floats / sizeof *floats);
-    if (p->denoise != HG_DENOISE_OFF)
-        hg_write_u32(w, (uint32_t)p->denoise);
-    if (p->denoise == HG_DENOISE_ANIMATION) {
-        hg_write_f32(w, p->series_s);
-        hg_write_bytes(w, after, 32);
-    }
 }
 
 // A camera of the scene counts by its pose and lens, not by its number.
@@ -266,7 +247,7 @@ enum hg_status film_job(struct render_state *s, struct session *session, struct 
     hg_write_bytes(&w, HELIO_VERSION, sizeof HELIO_VERSION);
     hg_write_bytes(&w, device, strlen(device) + 1);
     hg_write_bytes(&w, scene, sizeof scene);
-    put_params(&w, &view->settings.params, view->frame_key.after);
+    hg_view_params_write_key(&w, &view->settings.params, view->frame_key.after);
     hg_write_u32(&w, view->settings.mattes);
     put_camera(&w, slot->scene, view);
     put_motion(&w, slot->scene, &view->settings.params);
@@ -340,20 +321,12 @@ static enum hg_status read_planes(
     return status;
 }
 
-// Filter, lens, and the limits that make a path-traced picture biased.
-static void note_path(const struct view_slot *view, struct encode_notes *notes)
+// A focus of 0 is that of the target.
+static void note_lens(const struct hg_view_camera *c, struct encode_notes *notes)
 {
-    const struct hg_view_params *p = &view->settings.params;
-    const struct hg_view_camera *c = &view->settings.camera;
     double way = 0;
     for (int i = 0; i < 3; i++)
         way = hypot(way, (double)c->target[i] - (double)c->eye[i]);
-    notes->traced = p->mode == HG_MODE_PATH;
-    notes->filter = p->filter;
-    notes->filter_radius_px =
-        p->filter_radius_px > 0 ? p->filter_radius_px : hg_filter_radius_px(p->filter);
-    notes->max_bounces = p->max_bounces ? p->max_bounces : HG_VIEW_DEFAULT_BOUNCES;
-    notes->clamp_indirect = p->clamp_indirect;
     notes->lens_radius = c->lens_radius;
     notes->focus_distance = c->focus_distance > 0 ? c->focus_distance : (float)way;
 }
@@ -380,18 +353,12 @@ enum hg_status film_attach(struct render_state *s, struct session *session, stru
     memcpy(notes->world_to_camera, matrices.world_to_camera, sizeof notes->world_to_camera);
     memcpy(notes->world_to_ndc, matrices.world_to_ndc, sizeof notes->world_to_ndc);
     snprintf(notes->device, sizeof notes->device, "%s", device_name(s));
-    notes->seed = view->settings.params.seed;
-    notes->shutter[0] = view->settings.params.shutter_open;
-    notes->shutter[1] = view->settings.params.shutter_close;
-    notes->frame_s =
-        view->settings.params.frame_s > 0 ? view->settings.params.frame_s : 1.0f / 24.0f;
+    notes->params = view->settings.params;
     notes->time_s = session->scene->time_s;
-    note_path(view, notes);
-    notes->denoise =
-        view->settings.params.mode == HG_MODE_PATH ? view->settings.params.denoise : HG_DENOISE_OFF;
-    notes->exposure = exp2f(view->settings.params.exposure_ev);
+    note_lens(&view->settings.camera, notes);
     const bool traced = view->settings.params.mode == HG_MODE_PATH && frame->samples > 0;
-    const bool there = view->settings.params.debug == HG_DEBUG_OFF && (traced || frame->settled);
+    const bool there =
+        view->settings.params.debug_view == HG_DEBUG_OFF && (traced || frame->settled);
     return view->settings.params.planes && there ? read_planes(view, job, err) : HG_OK;
 }
 

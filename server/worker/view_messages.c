@@ -4,11 +4,13 @@
 
 #include "base/alloc.h"
 #include "server/worker/film.h"
+#include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
 static uint64_t pixels_of(const struct hg_view_params *p)
 {
-    return (uint64_t)(p->width ? p->width : 1280) * (p->height ? p->height : 720);
+    const struct hg_view_params filled = hg_view_params_filled(p);
+    return (uint64_t)filled.width * filled.height;
 }
 
 static enum hg_status check_quota(const struct request *r, const struct view_slot *changed,
@@ -25,58 +27,6 @@ static enum hg_status check_quota(const struct request *r, const struct view_slo
     return HG_OK;
 }
 
-static void overlay_params(struct hg_view_params *p, const struct hgp_view_set *m)
-{
-    if (m->has_width)
-        p->width = m->width;
-    if (m->has_height)
-        p->height = m->height;
-    if (m->has_tonemap)
-        p->tonemap = (enum hg_tonemap)m->tonemap;
-    if (m->has_exposure_ev)
-        p->exposure_ev = m->exposure_ev;
-    if (m->has_background)
-        p->background = (enum hg_background)m->background;
-    if (m->has_background_color)
-        memcpy(p->background_color, m->background_color, sizeof p->background_color);
-    if (m->has_samples)
-        p->samples = m->samples;
-    if (m->has_seed)
-        p->seed = m->seed;
-    if (m->has_debug_view)
-        p->debug = (enum hg_debug_view)m->debug_view;
-    if (m->has_error_px)
-        p->error_px = m->error_px;
-    if (m->has_target_ms)
-        p->target_ms = m->target_ms;
-    if (m->has_mode)
-        p->mode = (enum hg_render_mode)m->mode;
-    if (m->has_trace)
-        p->trace = (enum hg_view_trace)m->trace;
-    if (m->has_max_bounces)
-        p->max_bounces = m->max_bounces;
-    if (m->has_noise)
-        p->noise = m->noise;
-    if (m->has_time_limit_s)
-        p->time_s = m->time_limit_s;
-    if (m->has_denoise)
-        p->denoise = (enum hg_view_denoise)m->denoise;
-    if (m->has_frame_s)
-        p->frame_s = m->frame_s;
-    if (m->has_shutter_open)
-        p->shutter_open = m->shutter_open;
-    if (m->has_shutter_close)
-        p->shutter_close = m->shutter_close;
-    if (m->has_series_s)
-        p->series_s = m->series_s;
-    if (m->has_filter)
-        p->filter = (enum hg_filter)m->filter;
-    if (m->has_filter_radius_px)
-        p->filter_radius_px = m->filter_radius_px;
-    if (m->has_clamp_indirect)
-        p->clamp_indirect = m->clamp_indirect;
-}
-
 static enum hg_status overlay_planes(
     struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
 {
@@ -85,14 +35,10 @@ static enum hg_status overlay_planes(
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
 {
-    if (m->has_encoding)
-        view->subscription.encoding = m->encoding;
-    if (m->has_still_encoding)
-        view->subscription.still_encoding = m->still_encoding;
-    if (m->has_quality)
-        view->subscription.quality = m->quality;
-    if (m->has_max_fps)
-        view->subscription.max_fps = m->max_fps;
+#define HGP_VIEW_DELIVERY(kind, field, ...)                                                        \
+    if (m->has_##field)                                                                            \
+        view->subscription.field = m->field;
+#include "protocol/view_params.def"
 }
 
 void hg_handle_view_set(const struct request *r)
@@ -102,7 +48,7 @@ void hg_handle_view_set(const struct request *r)
     struct view_slot *view = hg_view_slot_find(r->session, m->view), *made = NULL;
     struct hg_view_params params = view ? view->settings.params : (struct hg_view_params){0};
     enum hg_status status = HG_OK;
-    overlay_params(&params, m);
+    hg_view_params_apply(&params, m);
     uint32_t mattes = view ? view->settings.mattes : 0;
     status = overlay_planes(&params, &mattes, m, &err);
     params.mattes = mattes;

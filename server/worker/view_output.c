@@ -13,11 +13,6 @@ static struct reply_to reply_to(
     return (struct reply_to){.w = s->w, .channel = session->channel, .request = request};
 }
 
-static float asked_error_px(const struct hg_view_params *p)
-{
-    return p->error_px > 0 ? p->error_px : 1;
-}
-
 // A picture that lacks textures is not passed on in silence.
 static void send_failed_textures(struct view_slot *view, struct reply_to to)
 {
@@ -52,7 +47,7 @@ static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_en
         .settled = info->settled,
         .has_mip_bias = info->mip_bias > 0,
         .mip_bias = info->mip_bias,
-        .has_error_px = info->error_px > asked_error_px(p),
+        .has_error_px = info->error_px > hg_view_params_filled(p).error_px,
         .error_px = info->error_px,
         .has_mode = p->mode == HG_MODE_PATH,
         .mode = HGP_render_mode_PATH,

@@ -84,10 +84,10 @@ static uint32_t expected_samples(const struct view_slot *view)
 {
     const struct hg_view_params *p = &view->settings.params;
     const struct hg_frame_info *info = &view->progress.info;
-    double total = p->samples ? p->samples : 32, n = info->samples;
+    double total = hg_view_params_filled(p).samples, n = info->samples;
     double spent_s = (double)(info->spent_ns > 0 ? info->spent_ns : view->progress.spent_ns) * 1e-9;
-    if (p->time_s > 0 && n > 0 && spent_s > 0)
-        total = fmin(total, n * (double)p->time_s / spent_s);
+    if (p->time_limit_s > 0 && n > 0 && spent_s > 0)
+        total = fmin(total, n * (double)p->time_limit_s / spent_s);
     if (p->noise > 0 && info->noise > 0) // falls with the square root
         total = fmin(total,
             n * (double)info->noise * (double)info->noise / ((double)p->noise * (double)p->noise));

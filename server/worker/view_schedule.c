@@ -22,9 +22,9 @@ static void keep_to_time(struct view_slot *view)
 {
     const struct hg_view_params *p = &view->settings.params;
     struct hg_frame_info *info = &view->progress.info;
-    if (p->mode == HG_MODE_REALTIME && !p->planes && p->time_s > 0 && info->samples > 0 &&
+    if (p->mode == HG_MODE_REALTIME && !p->planes && p->time_limit_s > 0 && info->samples > 0 &&
         !info->missing_pages && !info->missing_clusters &&
-        (double)view->progress.spent_ns * 1e-9 >= (double)p->time_s)
+        (double)view->progress.spent_ns * 1e-9 >= (double)p->time_limit_s)
         info->settled = true;
 }
 

@@ -43,10 +43,12 @@ enum hg_status hg_view_slot_create(struct render_state *s, struct session *sessi
         return status;
     }
     view->number = number;
-    view->subscription.encoding = HGP_encoding_JPEG;
-    view->subscription.still_encoding = HGP_encoding_ZSTD_RGBA8;
-    view->subscription.quality = 80;
-    view->subscription.max_fps = 60;
+#define STANDARD_U8(a, standard)   standard
+#define STANDARD_F32(a, standard)  standard
+#define STANDARD_ENUM(a, standard) HGP_##a##_##standard
+#define HGP_VIEW_DELIVERY(kind, field, a, b, standard, doc)                                        \
+    view->subscription.field = STANDARD_##kind(a, standard);
+#include "protocol/view_params.def"
     view->next = session->views;
     session->views = view;
     atomic_fetch_add(&s->w->view_count, 1);

@@ -25,7 +25,7 @@ static struct hg_view *limited_view(struct rig *rig)
     static const float eye[3] = {0.5f, 1.2f, 3.5f}, target[3] = {0, 0.5f, 0};
     struct hg_view_params params = defaults;
     params.samples = 60000;
-    params.time_s = limit_s;
+    params.time_limit_s = limit_s;
     struct hg_view *view = path_rig_view(rig, &params);
     path_rig_look(view, eye, target, 0.8f);
     return view;

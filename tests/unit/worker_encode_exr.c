@@ -12,7 +12,7 @@
 #include "server/worker/encode_exr.h"
 #include "tests/unit/image_exr.h"
 
-enum { WIDTH = 3, HEIGHT = 2, PIXELS = WIDTH * HEIGHT, EXPOSURE = 4 };
+enum { WIDTH = 3, HEIGHT = 2, PIXELS = WIDTH * HEIGHT, EXPOSURE = 4, EXPOSURE_EV = 2 };
 
 static struct hg_refbuf *numbers(uint32_t channels)
 {
@@ -39,7 +39,7 @@ static void test_scales(void **state)
     enum { ROWS = sizeof rows / sizeof *rows };
     struct encode_request job = {.opaque = true,
         .frame = {.width = WIDTH, .height = HEIGHT, .encoding = HGP_encoding_EXR_FLOAT},
-        .notes = {.exposure = EXPOSURE},
+        .notes = {.params = {.exposure_ev = EXPOSURE_EV}},
         .pixels = numbers(4)};
     struct exr_seen seen[1 + ROWS];
     struct hg_writer file = {0};

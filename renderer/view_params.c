@@ -1,0 +1,160 @@
+// view_params.c - the parameters of views: their ranges and defaults, from the table
+// protocol/view_params.def.
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#include "protocol/view_params.h"
+#include "renderer/internal.h"
+
+#define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
+
+// The renderer's enums have the values of the protocol's.
+static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
+static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
+static_assert((int)HG_BACKGROUND_COLOR == HGP_COUNT_background - 1, "");
+static_assert((int)HG_DEBUG_OVERDRAW == HGP_COUNT_debug_view - 1, "");
+static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
+static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");
+static_assert((int)HG_FILTER_GAUSSIAN == HGP_COUNT_filter - 1, "");
+
+// ---- ranges ------------------------------------------------------------------------------------
+
+static bool is_u32_in(uint32_t value, uint32_t least, uint32_t most)
+{
+    return value == 0 || (value >= least && value <= most);
+}
+
+static bool is_f32_in(float value, float least, float most)
+{
+    return value == 0.0f || (value >= least && value <= most);
+}
+
+static bool is_vec3_in(const float v[3], float least, float most)
+{
+    return is_f32_in(v[0], least, most) && is_f32_in(v[1], least, most) &&
+           is_f32_in(v[2], least, most);
+}
+
+#define IS_IN_U32(value, a, b)  is_u32_in(value, a, b)
+#define IS_IN_F32(value, a, b)  is_f32_in(value, (float)(a), (float)(b))
+#define IS_IN_VEC3(value, a, b) is_vec3_in(value, (float)(a), (float)(b))
+#define IS_IN_ENUM(value, a, b) ((unsigned)(value) < HGP_COUNT_##a)
+
+static enum hg_status out_of_range(struct hg_error *err, const char *field)
+{
+    return hg_renderer_out_of_range(err, "view", field);
+}
+
+static enum hg_status check_planes(const struct hg_view_params *p, struct hg_error *err)
+{
+    if (p->planes >> HG_PLANE_COUNT != 0)
+        return out_of_range(err, "planes");
+    if ((p->mattes & ~ALL_MATTES) != 0)
+        return out_of_range(err, "mattes");
+    for (uint32_t i = 0; i < HG_PLANE_COUNT && p->mode != HG_MODE_PATH; i++)
+        if ((p->planes >> i & 1u) != 0 && hg_plane_needs_light(i))
+            return hg_error_set(err, HG_E_UNSUPPORTED, "view", "planes",
+                "%s is only kept by path-traced views", hg_plane_name((enum hg_plane)i));
+    return HG_OK;
+}
+
+enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_error *err)
+{
+#define HGP_VIEW_PARAM(kind, field, a, b, ...)                                                     \
+    if (!IS_IN_##kind(p->field, a, b))                                                             \
+        return out_of_range(err, #field);
+#include "protocol/view_params.def"
+    if (p->shutter_close < p->shutter_open)
+        return out_of_range(err, "shutter_close");
+    return check_planes(p, err);
+}
+
+// ---- defaults ----------------------------------------------------------------------------------
+
+float hg_filter_radius_px(enum hg_filter filter)
+{
+    static const float radius_px[] = {1.5f, 0.5f, 1.0f, 1.5f};
+    return (unsigned)filter <= HG_FILTER_GAUSSIAN ? radius_px[filter] : 0.0f;
+}
+
+#define FILL_U32(value, standard)                                                                  \
+    if ((value) == 0)                                                                              \
+        value = standard;
+#define FILL_F32(value, standard)                                                                  \
+    if ((value) == 0.0f)                                                                           \
+        value = (float)(standard);
+#define FILL_VEC3(value, standard) // 0
+#define FILL_ENUM(value, standard) // the first
+
+struct hg_view_params hg_view_params_filled(const struct hg_view_params *params)
+{
+    struct hg_view_params p = *params;
+#define HGP_VIEW_PARAM(kind, field, a, b, standard, ...) FILL_##kind(p.field, standard)
+#include "protocol/view_params.def"
+    FILL_F32(p.filter_radius_px, hg_filter_radius_px(p.filter))
+    FILL_F32(p.series_s, p.frame_s)
+    FILL_U32(p.mattes, ALL_MATTES)
+    return p;
+}
+
+static void fill_path(const struct hg_view_params *params, struct hg_path_settings *s)
+{
+    const struct hg_view_params p = hg_view_params_filled(params);
+    const bool blurs = p.shutter_close > p.shutter_open;
+    s->trace = (uint32_t)p.trace; // same values as enum hg_trace_backend
+    s->filter = (uint32_t)p.filter;
+    s->filter_radius_px = p.filter_radius_px;
+    s->max_bounces = p.max_bounces;
+    s->planes = p.planes;
+    s->mattes = p.mattes;
+    s->noise = p.noise;
+    s->time_s = p.time_limit_s;
+    s->clamp_indirect = p.clamp_indirect;
+    s->frame_s = p.frame_s;
+    s->shutter_open = blurs ? p.shutter_open : 0.0f;
+    s->shutter_close = blurs ? p.shutter_close : 0.0f;
+    s->denoise = (uint32_t)p.denoise;
+    s->series_s = p.denoise == HG_DENOISE_ANIMATION ? p.series_s : 0.0f;
+}
+
+// Of a real-time picture: by the filter that it has itself.
+static void fill_planes(const struct hg_view_params *p, struct hg_path_settings *s)
+{
+    const struct hg_view_params seen = {
+        .trace = p->trace, .planes = p->planes, .mattes = p->mattes, .frame_s = p->frame_s};
+    fill_path(&seen, s);
+}
+
+enum hg_status hg_view_set_params(
+    struct hg_view *view, const struct hg_view_params *params, struct hg_error *err)
+{
+    enum hg_status status = hg_view_params_check(params, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_view_params p = hg_view_params_filled(params);
+    struct hg_view_settings s;
+    memset(&s, 0, sizeof s); // compared as bytes
+    s.width = p.width;
+    s.height = p.height;
+    s.tonemap = (uint32_t)p.tonemap;       // same values as HG_FRAME_TONEMAP_*
+    s.background = (uint32_t)p.background; // same values as HG_BACKGROUND_MODE_*
+    memcpy(s.background_color, p.background_color, sizeof s.background_color);
+    s.exposure = exp2f(p.exposure_ev);
+    s.samples = p.samples;
+    s.seed = p.seed;
+    s.debug = (uint32_t)p.debug_view;
+    s.error_px = p.error_px;
+    s.target_ms = p.target_ms;
+    s.mode = p.debug_view == HG_DEBUG_OFF ? (uint32_t)p.mode : HG_VIEW_MODE_REALTIME;
+    if (s.mode == HG_VIEW_MODE_PATH)
+        fill_path(params, &s.path);
+    else if (p.mode == HG_MODE_REALTIME && s.debug == HG_DEBUG_OFF && p.planes != 0)
+        fill_planes(params, &s.path);
+    if (s.debug != HG_DEBUG_OFF) { // colours of a legend: as they are, and sharp
+        s.samples = 1;
+        s.exposure = 1.0f;
+        s.tonemap = HG_FRAME_TONEMAP_LINEAR;
+    }
+    return hg_view_state_set(&view->state, &s, err);
+}
