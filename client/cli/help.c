@@ -15,6 +15,16 @@ const struct hg_cli_exit_row hg_cli_exit_rows[] = {
     {0, NULL},
 };
 
+// What stands behind an option's name.
+static const char *argument_of(
+    const struct hg_cli_option_row *row, char choices[HG_CLI_CHOICES_BYTES])
+{
+    if (row->kind != HG_CLI_KIND_CHOICE)
+        return row->argument;
+    hg_cli_option_choices(row, choices);
+    return choices;
+}
+
 // Prints words wrapped at 80 columns, every line but the first indented.
 static void print_wrapped(FILE *out, const char *text, size_t indent, size_t column)
 {
@@ -58,10 +68,11 @@ void hg_cli_help_command(FILE *out, const struct hg_cli_command_row *command)
         const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
         if (!(row->commands & command->command))
             continue;
-        char left[80], letter[8] = "    ";
+        char left[80], letter[8] = "    ", choices[HG_CLI_CHOICES_BYTES];
+        char text[HG_CLI_OPTION_TEXT_BYTES];
         if (row->letter)
             snprintf(letter, sizeof letter, "-%c, ", row->letter);
-        const char *argument = row->kind == HG_CLI_KIND_CHOICE ? row->choices : row->argument;
+        const char *argument = argument_of(row, choices);
         int n = snprintf(
             left, sizeof left, "  %s--%s%s%s", letter, row->name, *argument ? " " : "", argument);
         fprintf(out, "%s", left);
@@ -69,7 +80,8 @@ void hg_cli_help_command(FILE *out, const struct hg_cli_command_row *command)
             fprintf(out, "\n%*s", 30, "");
         else
             fprintf(out, "%*s", 30 - n, "");
-        print_wrapped(out, row->text, 30, 30);
+        hg_cli_option_text(row, text);
+        print_wrapped(out, text, 30, 30);
     }
     fprintf(out, "      --help                  print this\n");
 }
@@ -140,12 +152,13 @@ static void man_options(FILE *out, const struct hg_cli_command_row *command)
             fprintf(out, "\\fB\\-%c\\fR, ", row->letter);
         fprintf(out, "\\fB\\-\\-");
         man_text(out, row->name);
-        const char *argument = row->kind == HG_CLI_KIND_CHOICE ? row->choices : row->argument;
+        char choices[HG_CLI_CHOICES_BYTES], text[HG_CLI_OPTION_TEXT_BYTES];
+        const char *argument = argument_of(row, choices);
         fprintf(out, "\\fR%s", *argument ? " \\fI" : "");
         man_text(out, argument);
         fprintf(out, "%s\n", *argument ? "\\fR" : "");
-        char text[512];
-        snprintf(text, sizeof text, "%s.", row->text);
+        hg_cli_option_text(row, text);
+        strncat(text, ".", sizeof text - strlen(text) - 1);
         man_paragraph(out, text);
     }
     fprintf(out, ".TP\n\\fB\\-h\\fR, \\fB\\-\\-help\\fR\nprint a summary of the options.\n");
@@ -221,8 +234,8 @@ void hg_cli_completion_bash(FILE *out)
             const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
             if (!(row->commands & hg_cli_commands[c].command) || row->kind != HG_CLI_KIND_CHOICE)
                 continue;
-            char words[128];
-            snprintf(words, sizeof words, "%s", row->choices);
+            char words[HG_CLI_CHOICES_BYTES];
+            hg_cli_option_choices(row, words);
             for (char *p = words; *p; p++)
                 *p = *p == '|' ? ' ' : *p;
             fprintf(out, "    '%s --%s') COMPREPLY=($(compgen -W '%s' -- \"$cur\")); return ;;\n",
@@ -257,6 +270,7 @@ static void zsh_text(FILE *out, const char *text)
 
 static void zsh_action(FILE *out, const struct hg_cli_option_row *row)
 {
+    char choices[HG_CLI_CHOICES_BYTES];
     if (row->kind == HG_CLI_KIND_FLAG)
         return;
     fputc(':', out);
@@ -269,7 +283,8 @@ static void zsh_action(FILE *out, const struct hg_cli_option_row *row)
     if (row->kind != HG_CLI_KIND_CHOICE)
         return;
     fputc('(', out);
-    for (const char *c = row->choices; *c; c++)
+    hg_cli_option_choices(row, choices);
+    for (const char *c = choices; *c; c++)
         fputc(*c == '|' ? ' ' : *c, out);
     fputc(')', out);
 }
@@ -291,7 +306,9 @@ void hg_cli_completion_zsh(FILE *out)
             if (!(row->commands & hg_cli_commands[c].command))
                 continue;
             fprintf(out, "            '--%s[", row->name);
-            zsh_text(out, row->text);
+            char text[HG_CLI_OPTION_TEXT_BYTES];
+            hg_cli_option_text(row, text);
+            zsh_text(out, text);
             fputc(']', out);
             zsh_action(out, row);
             fputs("' \\\n", out);

@@ -15,11 +15,42 @@ const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT] = {
 const struct hg_cli_option_row hg_cli_option_rows[] = {
 #define HG_CLI_OPTION(field, name, letter, kind, argument, commands, low, high, choices, text)     \
     {name, letter, HG_CLI_KIND_##kind, argument, commands, low, high, choices, text,               \
-        offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field)},
+        offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field),      \
+        NULL},
+#define HG_CLI_VIEW_OPTION(field, param, name, kind, argument, low, text)                          \
+    {name, 0, HG_CLI_KIND_##kind, argument, HG_CLI_RENDER, low, 0, NULL, text,                     \
+        offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field),      \
+        &hgp_view_params[HGP_VIEW_##param]},
 #include "client/cli/options.def"
 };
 
 const uint32_t hg_cli_option_count = sizeof hg_cli_option_rows / sizeof *hg_cli_option_rows;
+
+void hg_cli_option_choices(const struct hg_cli_option_row *row, char dst[HG_CLI_CHOICES_BYTES])
+{
+    const bool derived = row->param && row->kind == HG_CLI_KIND_CHOICE;
+    size_t used = 0;
+    snprintf(dst, HG_CLI_CHOICES_BYTES, "%s", row->choices ? row->choices : "");
+    for (uint32_t i = 0; derived && i <= (uint32_t)row->param->most; i++) {
+        char word[HGP_WORD_BYTES];
+        hgp_enum_word(row->param->values, i, word);
+        const int n = snprintf(dst + used, HG_CLI_CHOICES_BYTES - used, "%s%s", i ? "|" : "", word);
+        used += (size_t)n;
+        if (used >= HG_CLI_CHOICES_BYTES)
+            return;
+    }
+}
+
+void hg_cli_option_text(const struct hg_cli_option_row *row, char dst[HG_CLI_OPTION_TEXT_BYTES])
+{
+    char text[HGP_VIEW_TEXT_BYTES] = "";
+    if (row->param && !row->text)
+        hgp_view_param_text(row->param, true, text);
+    snprintf(dst, HG_CLI_OPTION_TEXT_BYTES, "%s", row->text ? row->text : text);
+    if (row->kind == HG_CLI_KIND_SIZE)
+        snprintf(dst, HG_CLI_OPTION_TEXT_BYTES, "%s; default %dx%d", row->text,
+            (int)HGP_STANDARD_width, (int)HGP_STANDARD_height);
+}
 
 enum hg_status hg_cli_parse_number(
     const char *what, const char *text, double low, double high, double *out, struct hg_error *err)
@@ -81,15 +112,19 @@ enum hg_status hg_cli_parse_size(
     *out = (struct hg_cli_size){0};
     if (!x || x == text || (size_t)(x - text) >= sizeof width)
         return hg_error_set(
-            err, HG_E_INVAL, what, NULL, "'%s' is not a size such as 1280x720", text);
+            err, HG_E_INVAL, what, NULL, "'%s' is not a size such as 1920x1080", text);
     snprintf(width, sizeof width, "%.*s", (int)(x - text), text);
     struct hg_cli_size size;
-    enum hg_status status = hg_cli_parse_u32(what, width, 1, 16384, &size.width, err);
-    if (!status)
-        status = hg_cli_parse_u32(what, x + 1, 1, 16384, &size.height, err);
-    if (!status)
-        *out = size;
-    return status;
+    const uint32_t least = (uint32_t)hgp_view_params[HGP_VIEW_width].least;
+    const uint32_t most = (uint32_t)hgp_view_params[HGP_VIEW_width].most;
+    enum hg_status status = hg_cli_parse_u32(what, width, least, most, &size.width, err);
+    if (status)
+        return status;
+    status = hg_cli_parse_u32(what, x + 1, least, most, &size.height, err);
+    if (status)
+        return status;
+    *out = size;
+    return HG_OK;
 }
 
 enum hg_status hg_cli_parse_background(
@@ -167,8 +202,9 @@ static enum hg_status add_text(
 static enum hg_status set_value(const struct hg_cli_option_row *row, const char *text,
     struct hg_cli_options *out, struct hg_error *err)
 {
-    char what[64];
+    char what[64], choices[HG_CLI_CHOICES_BYTES];
     void *value = (char *)out + row->value_offset;
+    const double high = row->param ? row->param->most : row->high;
     snprintf(what, sizeof what, "--%s", row->name);
     *(bool *)((char *)out + row->has_offset) = true;
     if (row->kind != HG_CLI_KIND_FLAG && !*text)
@@ -185,15 +221,16 @@ static enum hg_status set_value(const struct hg_cli_option_row *row, const char 
     case HG_CLI_KIND_FOLDER:
         return add_text(what, value, text, err);
     case HG_CLI_KIND_U32:
-        return hg_cli_parse_u32(what, text, (uint32_t)row->low, (uint32_t)row->high, value, err);
+        return hg_cli_parse_u32(what, text, (uint32_t)row->low, (uint32_t)high, value, err);
     case HG_CLI_KIND_F64:
-        return hg_cli_parse_number(what, text, row->low, row->high, value, err);
+        return hg_cli_parse_number(what, text, row->low, high, value, err);
     case HG_CLI_KIND_SIZE:
         return hg_cli_parse_size(what, text, value, err);
     case HG_CLI_KIND_VEC3:
         return hg_cli_parse_numbers(what, text, 3, ((struct hg_cli_vec3 *)value)->v, err);
     case HG_CLI_KIND_CHOICE:
-        return parse_choice(what, row->choices, text, value, err);
+        hg_cli_option_choices(row, choices);
+        return parse_choice(what, choices, text, value, err);
     case HG_CLI_KIND_FRAMES:
         return parse_frames(what, text, value, err);
     case HG_CLI_KIND_BACKGROUND:

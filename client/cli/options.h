@@ -4,6 +4,7 @@
 #define HG_CLIENT_CLI_OPTIONS_H
 
 #include "base/status.h"
+#include "protocol/view_params.h"
 
 enum {
     HG_CLI_TEXTS_MAX = 64,
@@ -81,6 +82,9 @@ struct hg_cli_options {
 #define HG_CLI_OPTION(field, name, letter, kind, ...)                                              \
     HG_CLI_TYPE_##kind field;                                                                      \
     bool has_##field;
+#define HG_CLI_VIEW_OPTION(field, param, name, kind, ...)                                          \
+    HG_CLI_TYPE_##kind field;                                                                      \
+    bool has_##field;
 #include "client/cli/options.def"
 };
 
@@ -100,11 +104,17 @@ struct hg_cli_option_row {
     double low, high;
     const char *choices, *text;
     size_t value_offset, has_offset;
+    const struct hgp_view_param *param; // that it sets; NULL: none, or more than one
 };
 
 extern const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT];
 extern const struct hg_cli_option_row hg_cli_option_rows[];
 extern const uint32_t hg_cli_option_count;
+
+// Choices and explanation of an option, wherever they come from.
+enum { HG_CLI_CHOICES_BYTES = 128, HG_CLI_OPTION_TEXT_BYTES = 512 };
+void hg_cli_option_choices(const struct hg_cli_option_row *row, char dst[HG_CLI_CHOICES_BYTES]);
+void hg_cli_option_text(const struct hg_cli_option_row *row, char dst[HG_CLI_OPTION_TEXT_BYTES]);
 
 // Parses argv (with the command at argv[1]). HG_E_INVAL: err->what names the option or argument.
 // --help anywhere sets `help` and forgives missing arguments.

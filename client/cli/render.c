@@ -20,36 +20,6 @@ static enum hg_status usage(struct hg_error *err, const char *option, const char
     return hg_error_set(err, HG_E_INVAL, option, NULL, "%s", reason);
 }
 
-static bool is_path(const struct hg_cli_options *o)
-{
-    return o->mode && strcmp(o->mode, "path") == 0;
-}
-
-// Options that say something about path tracing only.
-static enum hg_status check_mode(const struct hg_cli_options *o, struct hg_error *err)
-{
-    const bool planes = o->has_aov; // of motion, which the next place of a camera counts for
-    const char *name = o->has_noise                    ? "--noise"
-                       : o->has_trace                  ? "--trace"
-                       : o->has_max_bounces            ? "--max-bounces"
-                       : o->has_denoise                ? "--denoise"
-                       : o->has_clamp_indirect         ? "--clamp-indirect"
-                       : o->has_filter                 ? "--filter"
-                       : o->has_filter_radius          ? "--filter-radius"
-                       : o->has_lens_radius            ? "--lens-radius"
-                       : o->has_focus                  ? "--focus"
-                       : o->has_shutter                ? "--shutter"
-                       : o->has_catcher                ? "--catcher"
-                       : o->has_next_eye && !planes    ? "--next-eye"
-                       : o->has_next_target && !planes ? "--next-target"
-                       : o->has_resume                 ? "--resume"
-                       : o->has_checkpoint             ? "--checkpoint"
-                                                       : NULL;
-    if (name && !is_path(o))
-        return usage(err, name, "needs --mode path");
-    return HG_OK;
-}
-
 static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_error *err)
 {
     if (o->has_camera && (o->has_orbit || o->has_eye || o->has_target || o->has_fov))
@@ -108,7 +78,7 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         return usage(err, "--aov", "needs a file that ends in .exr");
     if (o->has_debug_view && strcmp(o->debug_view, "off") != 0)
         return usage(err, "--aov", "a debug view has no planes");
-    status = hg_cli_parse_planes("--aov", o->aov, is_path(o), &r->planes, err);
+    status = hg_cli_parse_planes("--aov", o->aov, hg_cli_is_path(o), &r->planes, err);
     r->planes |= o->denoise ? 1u << HGP_plane_NOISY : 0; // goes with the other planes
     return status;
 }
@@ -137,7 +107,7 @@ static enum hg_status parse_shutter(struct hg_cli_render *r, struct hg_error *er
 
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
-    enum hg_status status = check_mode(r->o, err);
+    enum hg_status status = hg_cli_check_mode(r->o, err);
     if (!status)
         status = parse_shutter(r, err);
     if (!status)
@@ -267,11 +237,6 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
 
 // ---- view --------------------------------------------------------------------------------------
 
-static bool is_animation(const struct hg_cli_options *o)
-{
-    return o->has_frames && (o->frames.last - o->frames.first) / o->frames.step > 0;
-}
-
 static enum hg_status set_catchers(struct hg_cli_render *r, struct hg_error *err)
 {
     struct hgp_node_set node = {.has_catches_shadows = true, .catches_shadows = true};
@@ -287,78 +252,8 @@ static enum hg_status set_catchers(struct hg_cli_render *r, struct hg_error *err
 
 static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
 {
-    const struct hg_cli_options *o = r->o;
-    uint32_t value;
-    struct hgp_view_set view = {
-        .view = HG_CLI_VIEW,
-        .has_width = true,
-        .width = r->size.width,
-        .has_height = true,
-        .height = r->size.height,
-        .has_still_encoding = true,
-        .still_encoding = r->format.encoding,
-        .has_quality = true,
-        .quality = r->format.quality,
-        .has_exposure_ev = o->has_exposure,
-        .exposure_ev = (float)o->exposure,
-        .has_samples = o->has_samples || o->has_spp,
-        .samples = o->has_samples ? o->samples : o->spp,
-        .has_seed = o->has_seed,
-        .seed = o->seed,
-        .has_error_px = o->has_error_px,
-        .error_px = (float)o->error_px,
-        .has_max_bounces = o->has_max_bounces,
-        .max_bounces = o->max_bounces,
-        .has_noise = o->has_noise,
-        .noise = (float)o->noise,
-        .has_time_limit_s = o->has_time,
-        .time_limit_s = (float)o->time,
-        .has_filter_radius_px = o->has_filter_radius,
-        .filter_radius_px = (float)o->filter_radius,
-        .has_clamp_indirect = o->has_clamp_indirect,
-        .clamp_indirect = (float)o->clamp_indirect,
-        .has_denoise = o->denoise,
-        .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
-        .has_planes = r->planes != 0,
-        .planes = r->planes,
-        .has_frame_s = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1),
-        .frame_s = (float)(1 / (o->has_fps ? o->fps : 24)),
-        .has_shutter_open = o->has_shutter,
-        .shutter_open = r->shutter[0],
-        .has_shutter_close = o->has_shutter,
-        .shutter_close = r->shutter[1],
-        .has_series_s = o->denoise && is_animation(o),
-        .series_s = (float)((o->has_frames ? o->frames.step : 1) / (o->has_fps ? o->fps : 24)),
-    };
-    if (o->has_mode && hgp_enum_value("render_mode", o->mode, &value)) {
-        view.has_mode = true;
-        view.mode = (enum hgp_render_mode)value;
-    }
-    if (o->has_trace && hgp_enum_value("trace_backend", o->trace, &value)) {
-        view.has_trace = true;
-        view.trace = (enum hgp_trace_backend)value;
-    }
-    if (o->has_filter && hgp_enum_value("filter", o->filter, &value)) {
-        view.has_filter = true;
-        view.filter = (enum hgp_filter)value;
-    }
-    if (o->has_debug_view && hgp_enum_value("debug_view", o->debug_view, &value)) {
-        view.has_debug_view = true;
-        view.debug_view = (enum hgp_debug_view)value;
-    }
-    if (o->has_tonemap && hgp_enum_value("tonemap", o->tonemap, &value)) {
-        view.has_tonemap = true;
-        view.tonemap = (enum hgp_tonemap)value;
-    }
-    if (o->has_background) {
-        view.has_background = true;
-        view.background = o->background.kind == HG_CLI_BACKGROUND_ENV    ? HGP_background_ENV
-                          : o->background.kind == HG_CLI_BACKGROUND_NONE ? HGP_background_NONE
-                                                                         : HGP_background_COLOR;
-        view.has_background_color = o->background.kind == HG_CLI_BACKGROUND_COLOR;
-        for (int i = 0; i < 3; i++)
-            view.background_color[i] = (float)o->background.color[i];
-    }
+    struct hgp_view_set view;
+    hg_cli_render_view(r, &view);
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
     if (status == HG_E_UNSUPPORTED) // the words are right; the device or the build cannot
@@ -485,7 +380,9 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
 
 enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
 {
-    struct hg_cli_render r = {.o = options, .size = {1280, 720}, .doing = HG_CLI_DOING_ARGUMENTS};
+    struct hg_cli_render r = {.o = options,
+        .size = {HGP_STANDARD_width, HGP_STANDARD_height},
+        .doing = HG_CLI_DOING_ARGUMENTS};
     struct hg_error err = {0};
     if (options->has_size)
         r.size = options->size;

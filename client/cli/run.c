@@ -69,8 +69,8 @@ static void forget(struct run *r)
     r->asset_count = r->lights = 0;
     r->has_demo = r->has_env = r->has_camera = false;
     r->dirty = true;
-    r->width = 1280;
-    r->height = 720;
+    r->width = HGP_STANDARD_width;
+    r->height = HGP_STANDARD_height;
 }
 
 static enum hg_status connect_to(struct run *r, const char *url, struct hg_error *err)

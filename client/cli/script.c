@@ -257,125 +257,26 @@ static enum hg_status set_background(struct words *w, struct hg_cli_step *s, str
             hg_cli_parse_background("background", text, &b, &inner), &inner, "background", err);
     if (status)
         return status;
-    s->view.has_background = true;
-    s->view.background = b.kind == HG_CLI_BACKGROUND_ENV    ? HGP_background_ENV
-                         : b.kind == HG_CLI_BACKGROUND_NONE ? HGP_background_NONE
-                                                            : HGP_background_COLOR;
-    s->view.has_background_color = b.kind == HG_CLI_BACKGROUND_COLOR;
-    for (int i = 0; i < 3; i++)
-        s->view.background_color[i] = (float)b.color[i];
+    hg_cli_set_background(&b, &s->view);
     return HG_OK;
 }
 
-static enum hg_status set_tonemap(struct words *w, struct hg_cli_step *s, struct hg_error *err)
+// A parameter of view_set that a word sets alone, by the table of view parameters.
+static enum hg_status set_param(struct words *w, const char *word,
+    const struct hgp_view_param *param, struct hgp_view_set *view, struct hg_error *err)
 {
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "tonemap", &value, err);
-    s->view.has_tonemap = !status;
-    s->view.tonemap = (enum hgp_tonemap)value;
+    const struct hgp_field *field = hgp_view_param_field(param);
+    void *value = (char *)view + field->offset;
+    bool *has = (bool *)((char *)view + field->has_offset);
+    enum hg_status status;
+    if (param->kind == HGP_K_ENUM)
+        status = take_enum(w, param->values, value, err);
+    else if (param->kind == HGP_K_U32)
+        status = take_u32(w, word, (uint32_t)param->least, (uint32_t)param->most, value, err);
+    else
+        return take_f32_in(w, word, param->least, param->most, value, has, err);
+    *has = !status;
     return status;
-}
-
-static enum hg_status set_mode(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "render_mode", &value, err);
-    s->view.has_mode = !status;
-    s->view.mode = (enum hgp_render_mode)value;
-    return status;
-}
-
-static enum hg_status set_trace(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "trace_backend", &value, err);
-    s->view.has_trace = !status;
-    s->view.trace = (enum hgp_trace_backend)value;
-    return status;
-}
-
-static enum hg_status set_noise(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(w, "noise", 0, 1, &s->view.noise, &s->view.has_noise, err);
-}
-
-static enum hg_status set_denoise(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "denoise", &value, err);
-    s->view.has_denoise = !status;
-    s->view.denoise = (enum hgp_denoise)value;
-    return status;
-}
-
-static enum hg_status set_time_limit(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(w, "time", 0, 1e6, &s->view.time_limit_s, &s->view.has_time_limit_s, err);
-}
-
-static enum hg_status set_max_bounces(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    s->view.has_max_bounces = true;
-    return take_u32(w, "max-bounces", 1, 256, &s->view.max_bounces, err);
-}
-
-static enum hg_status set_filter(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "filter", &value, err);
-    s->view.has_filter = !status;
-    s->view.filter = (enum hgp_filter)value;
-    return status;
-}
-
-static enum hg_status set_filter_radius(
-    struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(
-        w, "filter-radius", 0, 8, &s->view.filter_radius_px, &s->view.has_filter_radius_px, err);
-}
-
-static enum hg_status set_clamp_indirect(
-    struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(
-        w, "clamp-indirect", 0, 1e9, &s->view.clamp_indirect, &s->view.has_clamp_indirect, err);
-}
-
-static enum hg_status set_debug_view(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    uint32_t value = 0;
-    enum hg_status status = take_enum(w, "debug_view", &value, err);
-    s->view.has_debug_view = !status;
-    s->view.debug_view = (enum hgp_debug_view)value;
-    return status;
-}
-
-static enum hg_status set_error_px(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(w, "error-px", 0.01, 1024, &s->view.error_px, &s->view.has_error_px, err);
-}
-
-static enum hg_status set_target_ms(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(w, "target-ms", 0, 1e5, &s->view.target_ms, &s->view.has_target_ms, err);
-}
-
-static enum hg_status set_exposure(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    return take_f32_in(w, "exposure", -32, 32, &s->view.exposure_ev, &s->view.has_exposure_ev, err);
-}
-
-static enum hg_status set_samples(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    s->view.has_samples = true;
-    return take_u32(w, "samples", 1, 65536, &s->view.samples, err);
-}
-
-static enum hg_status set_seed(struct words *w, struct hg_cli_step *s, struct hg_error *err)
-{
-    s->view.has_seed = true;
-    return take_u32(w, "seed", 0, UINT32_MAX, &s->view.seed, err);
 }
 
 static enum hg_status set_env(struct words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -553,16 +454,17 @@ static enum hg_status parse_set(struct words *w, struct hg_cli_step *s, struct h
     static const struct {
         const char *key;
         enum hg_status (*parse)(struct words *, struct hg_cli_step *, struct hg_error *);
-    } keys[] = {{"size", set_size}, {"background", set_background}, {"tonemap", set_tonemap},
-        {"mode", set_mode}, {"exposure", set_exposure}, {"samples", set_samples},
-        {"seed", set_seed}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
-        {"material", set_material}, {"debug-view", set_debug_view}, {"error-px", set_error_px},
-        {"target-ms", set_target_ms}, {"spp", set_samples}, {"trace", set_trace},
-        {"noise", set_noise}, {"denoise", set_denoise}, {"time", set_time_limit},
-        {"max-bounces", set_max_bounces}, {"filter", set_filter},
-        {"filter-radius", set_filter_radius}, {"clamp-indirect", set_clamp_indirect},
+    } keys[] = {{"size", set_size}, {"background", set_background}, {"env", set_env},
+        {"variant", set_variant}, {"node", set_node}, {"material", set_material},
         {"shutter", set_shutter}, {"aov", set_planes}};
     s->kind = HG_CLI_STEP_VIEW;
+    const char *word = w->next < w->count ? w->at[w->next] : "";
+    const struct hgp_view_param *param = hgp_view_param_find_word(word);
+    if (param) {
+        w->next++;
+        enum hg_status status = set_param(w, word, param, &s->view, err);
+        return status ? status : follow_planes(w, &s->view, err);
+    }
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (!accept(w, keys[i].key))
             continue;

@@ -11,10 +11,10 @@ _helio()
     'render --bit-depth') COMPREPLY=($(compgen -W '8 16' -- "$cur")); return ;;
     'render --exr') COMPREPLY=($(compgen -W 'half float' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
-    'render --trace') COMPREPLY=($(compgen -W 'embree compute khr' -- "$cur")); return ;;
-    'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
     'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw' -- "$cur")); return ;;
+    'render --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
+    'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'compare --metric') COMPREPLY=($(compgen -W 'psnr ssim flip rmse max' -- "$cur")); return ;;
@@ -25,7 +25,7 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --lens-radius --focus --mode --samples --spp --time --noise --trace --max-bounces --clamp-indirect --filter --filter-radius --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --tonemap --exposure --error-px --debug-view --seed --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --lens-radius --focus --mode --tonemap --exposure --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     info) options='--scene --json --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
     run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;

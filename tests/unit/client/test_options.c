@@ -17,7 +17,7 @@ struct sample {
 
 static struct sample sample_of(const struct hg_cli_option_row *row)
 {
-    static char choice[64];
+    static char choice[HG_CLI_CHOICES_BYTES];
     switch (row->kind) {
     case HG_CLI_KIND_U32:
         return (struct sample){"1", "-1"};
@@ -32,7 +32,8 @@ static struct sample sample_of(const struct hg_cli_option_row *row)
     case HG_CLI_KIND_BACKGROUND:
         return (struct sample){"0.1,0.2,0.3", "red"};
     case HG_CLI_KIND_CHOICE:
-        snprintf(choice, sizeof choice, "%.*s", (int)strcspn(row->choices, "|"), row->choices);
+        hg_cli_option_choices(row, choice);
+        choice[strcspn(choice, "|")] = 0;
         return (struct sample){choice, "nonsense"};
     default:
         return (struct sample){"text", NULL};
@@ -59,7 +60,7 @@ static int base_argv(const struct hg_cli_command_row *command, const char **argv
 static void check_option(
     const struct hg_cli_command_row *command, const struct hg_cli_option_row *row)
 {
-    char name[64], joined[128];
+    char name[64], joined[256];
     const char *argv[8];
     struct hg_error err;
     struct sample sample = sample_of(row);
@@ -145,7 +146,7 @@ static void test_values(void **state)
     assert_int_equal(o.background.kind, HG_CLI_BACKGROUND_NONE);
     assert_int_equal(o.asset_root.count, 2);
     assert_string_equal(o.asset_root.items[1], "b");
-    assert_true(o.has_exposure && o.exposure == -1.5);
+    assert_true(o.has_exposure_ev && o.exposure_ev == -1.5);
     assert_int_equal(o.seed, 4294967295u);
     assert_false(o.has_at);
     const char *dashes[] = {"helio", "info", "--", "--odd.glb"};

@@ -1,0 +1,126 @@
+// view.c - helio render: from its options to the parameters of the view.
+#include <stdio.h>
+#include <string.h>
+
+#include "client/cli/render.h"
+
+bool hg_cli_is_path(const struct hg_cli_options *o)
+{
+    return o->mode && strcmp(o->mode, "path") == 0;
+}
+
+static bool is_given(const struct hg_cli_options *o, const struct hg_cli_option_row *row)
+{
+    return *(const bool *)((const char *)o + row->has_offset);
+}
+
+// An option given that says something about path tracing only; NULL: none.
+static const char *find_path_option(
+    const struct hg_cli_options *o, char name[HG_CLI_OPTION_TEXT_BYTES])
+{
+    for (uint32_t i = 0; i < hg_cli_option_count; i++) {
+        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
+        if (!row->param || !row->param->path_only || !is_given(o, row))
+            continue;
+        snprintf(name, HG_CLI_OPTION_TEXT_BYTES, "--%s", row->name);
+        return name;
+    }
+    const bool planes = o->has_aov; // of motion, which the next place of a camera counts for
+    return o->has_denoise                  ? "--denoise"
+           : o->has_lens_radius            ? "--lens-radius"
+           : o->has_focus                  ? "--focus"
+           : o->has_shutter                ? "--shutter"
+           : o->has_catcher                ? "--catcher"
+           : o->has_next_eye && !planes    ? "--next-eye"
+           : o->has_next_target && !planes ? "--next-target"
+           : o->has_resume                 ? "--resume"
+           : o->has_checkpoint             ? "--checkpoint"
+                                           : NULL;
+}
+
+enum hg_status hg_cli_check_mode(const struct hg_cli_options *o, struct hg_error *err)
+{
+    char text[HG_CLI_OPTION_TEXT_BYTES];
+    const char *name = hg_cli_is_path(o) ? NULL : find_path_option(o, text);
+    return name ? hg_error_set(err, HG_E_INVAL, name, NULL, "needs --mode path") : HG_OK;
+}
+
+void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view)
+{
+    static const enum hgp_background kinds[] = {[HG_CLI_BACKGROUND_ENV] = HGP_background_ENV,
+        [HG_CLI_BACKGROUND_NONE] = HGP_background_NONE,
+        [HG_CLI_BACKGROUND_COLOR] = HGP_background_COLOR};
+    view->has_background = true;
+    view->background = kinds[background->kind];
+    view->has_background_color = background->kind == HG_CLI_BACKGROUND_COLOR;
+    for (int i = 0; i < 3; i++)
+        view->background_color[i] = (float)background->color[i];
+}
+
+// Parameters that an option sets alone.
+#define VALUE_U32(field)    o->field
+#define VALUE_F64(field)    (float)o->field
+#define VALUE_CHOICE(field) choice(HGP_VIEW_##field, o->field)
+
+static uint32_t choice(enum hgp_view_param_index param, const char *text)
+{
+    uint32_t value = 0;
+    if (text)
+        (void)hgp_enum_value(hgp_view_params[param].values, text, &value);
+    return value;
+}
+
+static void set_simple(const struct hg_cli_options *o, struct hgp_view_set *view)
+{
+#define HGP_VIEW_OPTION(field, kind, name, argument, least)                                        \
+    view->has_##field = o->has_##field;                                                            \
+    view->field = VALUE_##kind(field);
+#include "protocol/view_params.def"
+    if (o->has_spp && !o->has_samples) {
+        view->has_samples = true;
+        view->samples = o->spp;
+    }
+}
+
+static bool is_animation(const struct hg_cli_options *o)
+{
+    return o->has_frames && (o->frames.last - o->frames.first) / o->frames.step > 0;
+}
+
+// Frame times, shutter and the time between the pictures of a series.
+static void set_times(const struct hg_cli_render *r, struct hgp_view_set *view)
+{
+    const struct hg_cli_options *o = r->o;
+    const double fps = o->has_fps ? o->fps : 24;
+    view->has_frame_s = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1);
+    view->frame_s = (float)(1 / fps);
+    view->has_shutter_open = view->has_shutter_close = o->has_shutter;
+    view->shutter_open = r->shutter[0];
+    view->shutter_close = r->shutter[1];
+    view->has_series_s = o->denoise && is_animation(o);
+    view->series_s = (float)((o->has_frames ? o->frames.step : 1) / fps);
+}
+
+void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view)
+{
+    const struct hg_cli_options *o = r->o;
+    *view = (struct hgp_view_set){
+        .view = HG_CLI_VIEW,
+        .has_width = true,
+        .width = r->size.width,
+        .has_height = true,
+        .height = r->size.height,
+        .has_still_encoding = true,
+        .still_encoding = r->format.encoding,
+        .has_quality = true,
+        .quality = r->format.quality,
+        .has_denoise = o->denoise,
+        .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
+        .has_planes = r->planes != 0,
+        .planes = r->planes,
+    };
+    set_simple(o, view);
+    set_times(r, view);
+    if (o->has_background)
+        hg_cli_set_background(&o->background, view);
+}
