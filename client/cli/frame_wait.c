@@ -1,0 +1,224 @@
+// frame_wait.c - helio render: waiting for a settled frame, with its film kept on the way.
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "client/cli/frames.h"
+
+// One more part of a frame's data.
+static void take_part(
+    struct hg_writer *parts, const struct hgp_frame_part *part, struct hg_error *err)
+{
+    if (part->offset == 0)
+        hg_writer_finish(parts);
+    if (part->offset != parts->size)
+        hg_error_set(err, HG_E_FORMAT, "frame", "offset", "parts do not fit together");
+    hg_write_bytes(parts, part->data.data, part->data.size);
+    if (parts->failed)
+        hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its parts");
+}
+
+// Messages that came: progress and notices are shown; true when the frame or its error is there.
+static bool take_messages(
+    struct hg_cli_render *r, uint32_t request, struct helio_message **frame, struct hg_error *err)
+{
+    struct hg_cli *cli = &r->cli;
+    struct helio_message *m;
+    struct hg_error ignored;
+    while (helio_next(cli->h, &m, &ignored) == HG_OK) {
+        bool ours = m->request == request;
+        if (m->type == HGP_T_progress && ours)
+            hg_cli_on_progress(&cli->progress, &m->body->progress);
+        else if (m->type == HGP_T_frame_part && ours)
+            take_part(&r->parts, &m->body->frame_part, err);
+        else if (m->type == HGP_T_drain)
+            r->closes_s = fmax(m->body->drain.deadline_ms / 1e3, 0.1);
+        else if (m->type == HGP_T_notice)
+            hg_cli_on_notice(&cli->progress, &m->body->notice);
+        else if (m->type == HGP_T_error) // ours, or of a message that nobody waited for: a camera
+            hg_cli_error_of(&m->body->error, err);
+        if (ours && m->type == HGP_T_frame) {
+            *frame = m;
+            return true;
+        }
+        helio_message_free(m);
+        if (err->status)
+            return true;
+    }
+    return false;
+}
+
+static uint64_t add_s(uint64_t ns, double s)
+{
+    return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
+}
+
+static struct hg_cli_kept film_of(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    return (struct hg_cli_kept){
+        &r->cli, HGP_checkpoint_kind_FILM, name, job, .least = r->kept_samples};
+}
+
+static enum hg_status save_film(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    const struct hg_cli_kept kept = film_of(r, name, job);
+    uint32_t samples;
+    enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, err);
+    if (status == HG_OK) {
+        r->left_checkpoint = true;
+        r->kept_samples = samples;
+    }
+    return status;
+}
+
+static enum hg_status load_film(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    const struct hg_cli_kept kept = film_of(r, name, job);
+    uint32_t samples = 0;
+    enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
+    r->kept_samples = samples; // 0: what is there is of no use
+    if (!status && samples) {
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
+    }
+    return status;
+}
+
+// A disk that takes no film is no reason to end: the picture is smaller, and may find room.
+static enum hg_status save_interval(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    struct hg_error wrong = {0};
+    enum hg_status status = save_film(r, name, job, &wrong);
+    switch (status) {
+    case HG_OK:
+    case HG_E_STATE: // nothing worth keeping yet
+        return HG_OK;
+    case HG_E_NOSPACE:
+    case HG_E_PERM:
+    case HG_E_NOTFOUND:
+    case HG_E_IO:
+    case HG_E_NOMEM:
+    case HG_E_LIMIT:
+        hg_cli_progress_clear(&r->cli.progress);
+        fprintf(stderr, "helio: %s.checkpoint: %s; the rendering goes on\n", name,
+            wrong.reason[0] ? wrong.reason : hg_status_text(status));
+        return HG_OK;
+    default:
+        *err = wrong;
+        return status;
+    }
+}
+
+// A worker that took the place of another knows no job, and begins the picture anew but for what
+// was kept of it.
+static enum hg_status go_on(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    uint8_t same[32];
+    if (r->replaced == r->cli.progress.replaced)
+        return HG_OK;
+    enum hg_status status = hg_cli_frame_ask_job(r, NULL, same, err);
+    if (!status && hg_cli_is_path(r->o) && r->left_checkpoint)
+        status = load_film(r, name, job, err);
+    return status;
+}
+
+// The settled frame; on the way there the film is written to OUT.checkpoint in intervals.
+static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
+    struct helio_message **frame, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    struct hg_cli *cli = &r->cli;
+    struct hgp_frame_request request = {
+        .view = HG_CLI_VIEW,
+        .settled = true,
+        .has_encoding = true,
+        .encoding = r->format.encoding,
+        .has_quality = true,
+        .quality = r->format.quality,
+        .has_parts = true,
+        .parts = true,
+    };
+    uint32_t id;
+    *frame = NULL;
+    hg_writer_finish(&r->parts);
+    enum hg_status status = go_on(r, name, job, err);
+    if (!status)
+        status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
+    uint64_t now = hg_clock_now_ns();
+    uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
+    double every = o->has_checkpoint ? o->checkpoint : 1e12;
+    uint64_t save = add_s(now, every);
+    struct hg_error told = {0};
+    while (!status && !take_messages(r, id, frame, &told)) {
+        status = go_on(r, name, job, err);
+        if (status)
+            break;
+        now = hg_clock_now_ns();
+        if (r->closes_s > 0 && hg_cli_is_path(r->o)) { // at once, and as long as it lasts
+            save = now;
+            every = fmin(every, r->closes_s / 4);
+        }
+        r->closes_s = 0;
+        uint64_t until = save < deadline ? save : deadline;
+        status = helio_wait(cli->h,
+            until == UINT64_MAX ? HELIO_NO_TIMEOUT
+            : until > now       ? until - now
+                                : 0,
+            err);
+        now = hg_clock_now_ns();
+        if (status == HG_E_TIMEOUT && now < deadline)
+            status = HG_OK;
+        if (status || now < save)
+            continue;
+        status = save_interval(r, name, job, err);
+        save = add_s(hg_clock_now_ns(), every);
+    }
+    if (!status && told.status) {
+        status = told.status;
+        *err = told;
+        if (strcmp(told.what, "camera") == 0)
+            r->doing = HG_CLI_DOING_ARGUMENTS;
+    }
+    return status;
+}
+
+// What comes from a worker that was not told of the job is asked for once more.
+enum hg_status hg_cli_frame_wait(struct hg_cli_render *r, const char *name, const uint8_t job[32],
+    struct helio_message **frame, struct hg_error *err)
+{
+    for (;;) {
+        const uint32_t replaced = r->replaced;
+        const enum hg_status status = wait_frame(r, name, job, frame, err);
+        if (status || replaced == r->cli.progress.replaced || hg_cli_series_is_lost(r))
+            return status;
+        helio_message_free(*frame);
+        *frame = NULL;
+    }
+}
+
+// What a command that is stopped leaves of the frame it was at.
+void hg_cli_frame_leave_checkpoint(struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    struct hg_error err = {0};
+    if (!hg_cli_is_path(r->o) || !hg_cli_is_stopped())
+        return;
+    enum hg_status status = save_film(r, name, job, &err);
+    if (status && status != HG_E_STATE)
+        fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
+            err.reason[0] ? err.reason : hg_status_text(status));
+}
+
+enum hg_status hg_cli_frame_resume(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    if (!r->o->resume && !r->left_checkpoint)
+        return HG_OK;
+    enum hg_status status = load_film(r, name, job, err);
+    r->left_checkpoint |= !status && r->kept_samples > 0;
+    return status;
+}

@@ -1,0 +1,64 @@
+// script_words.h - a line of a script as words, and what they are read as. Private to script*.c.
+// Floor 6 (client). Pure. Errors are HG_E_INVAL with a reason, without a place.
+#ifndef HG_CLIENT_CLI_SCRIPT_WORDS_H
+#define HG_CLIENT_CLI_SCRIPT_WORDS_H
+
+#include "client/cli/script.h"
+
+enum { HG_WORDS_MAX = 32, HG_SCRIPT_LINE_BYTES = 8192 };
+
+// The view as the lines before have left it, as far as its planes depend on that.
+struct hg_script_view {
+    const char *planes; // NULL = none
+    bool path, denoise, debug;
+};
+
+// One line being parsed.
+struct hg_words {
+    const char *at[HG_WORDS_MAX];
+    uint32_t count, next;
+    struct hg_arena *arena; // of the words
+    hg_cli_variable_fn *variable;
+    void *user;
+    struct hg_script_view *view;
+};
+
+enum hg_status hg_words_error(struct hg_error *err, const char *fmt, ...) HG_PRINTF(2, 3);
+// The error of a parser that names options, with `what` instead; HG_OK for HG_OK.
+enum hg_status hg_words_rename_error(enum hg_status status, const struct hg_error *inner,
+    const char *what, struct hg_error *err) HG_MUST_CHECK;
+
+// Appends the words of a line, quotes, escapes and variables replaced.
+enum hg_status hg_words_split(
+    struct hg_words *w, const char *line, struct hg_error *err) HG_MUST_CHECK;
+
+// Takes the next word if it is this one.
+bool hg_words_accept(struct hg_words *w, const char *text);
+// The others take what must be there; `what` names it in errors.
+enum hg_status hg_words_take(
+    struct hg_words *w, const char *what, const char **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_words_take_number(struct hg_words *w, const char *what, double low, double high,
+    double *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_words_take_u32(struct hg_words *w, const char *what, uint32_t low, uint32_t high,
+    uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+// `count` numbers as "a,b,c" or as separate words.
+enum hg_status hg_words_take_numbers(struct hg_words *w, const char *what, uint32_t count,
+    double *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_words_take_floats(struct hg_words *w, const char *what, uint32_t count,
+    float *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_words_take_f32(struct hg_words *w, const char *what, double low, double high,
+    float *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_words_take_bool(
+    struct hg_words *w, const char *what, bool *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
+// A value of an enum of the protocol.
+enum hg_status hg_words_take_enum(
+    struct hg_words *w, const char *enum_name, uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+// [as N], to s->asset.
+enum hg_status hg_words_take_asset(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+
+// script_set.c
+enum hg_status hg_script_parse_set(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+
+#endif
