@@ -13,14 +13,13 @@ static const double pi = 3.14159265358979323846;
 
 static enum hg_status take_lens(struct hg_words *w, struct hgp_view_camera *c, struct hg_error *err)
 {
+    const struct hg_words_fields fields = {HGP_T_view_camera, c};
     enum hg_status status = HG_OK;
     while (!status && w->next < w->count) {
         if (hg_words_accept(w, "lens"))
-            status =
-                hg_words_take_f32(w, "lens", 0, 1e6, &c->lens_radius, &c->has_lens_radius, err);
+            status = hg_words_take_field(w, "lens", "lens_radius", &fields, err);
         else if (hg_words_accept(w, "focus"))
-            status = hg_words_take_f32(
-                w, "focus", 0, 1e12, &c->focus_distance, &c->has_focus_distance, err);
+            status = hg_words_take_field(w, "focus", "focus_distance", &fields, err);
         else
             break;
     }
@@ -45,6 +44,28 @@ static enum hg_status take_target_and_fov(
     return status;
 }
 
+static enum hg_status place_orbit(
+    const double place[3], const double target[3], struct hgp_view_camera *c, struct hg_error *err)
+{
+    if (place[2] < 0)
+        return hg_words_error(err, "the radius is negative");
+    helio_camera_orbit(place[0], place[1], place[2], target, c);
+    return HG_OK;
+}
+
+static enum hg_status place_eye(
+    const double place[3], const double target[3], struct hgp_view_camera *c, struct hg_error *err)
+{
+    if (memcmp(place, target, 3 * sizeof *place) == 0)
+        return hg_words_error(err, "eye and target are the same point");
+    c->has_eye = c->has_target = true;
+    for (int i = 0; i < 3; i++) {
+        c->eye[i] = (float)place[i];
+        c->target[i] = (float)target[i];
+    }
+    return HG_OK;
+}
+
 static enum hg_status parse_camera(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     double place[3], target[3] = {0};
@@ -67,26 +88,15 @@ static enum hg_status parse_camera(struct hg_words *w, struct hg_cli_step *s, st
     if (!orbit && !hg_words_accept(w, "eye"))
         return hg_words_error(err, "orbit, eye, node or fit is missing");
     enum hg_status status = hg_words_take_numbers(w, orbit ? "orbit" : "eye", 3, place, err);
-    if (!status)
-        status = take_target_and_fov(w, target, c, err);
-    if (!status)
-        status = take_lens(w, c, err);
     if (status)
         return status;
-    if (orbit && place[2] < 0)
-        return hg_words_error(err, "the radius is negative");
-    if (orbit) {
-        helio_camera_orbit(place[0], place[1], place[2], target, c);
-        return HG_OK;
-    }
-    if (memcmp(place, target, sizeof place) == 0)
-        return hg_words_error(err, "eye and target are the same point");
-    c->has_eye = c->has_target = true;
-    for (int i = 0; i < 3; i++) {
-        c->eye[i] = (float)place[i];
-        c->target[i] = (float)target[i];
-    }
-    return HG_OK;
+    status = take_target_and_fov(w, target, c, err);
+    if (status)
+        return status;
+    status = take_lens(w, c, err);
+    if (status)
+        return status;
+    return orbit ? place_orbit(place, target, c, err) : place_eye(place, target, c, err);
 }
 
 static enum hg_status parse_connect(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -149,8 +159,9 @@ static enum hg_status parse_pick(struct hg_words *w, struct hg_cli_step *s, stru
 {
     s->kind = HG_CLI_STEP_EXPECT_PICK;
     enum hg_status status = hg_words_take_u32(w, "x", 0, 16383, &s->x, err);
-    if (!status)
-        status = hg_words_take_u32(w, "y", 0, 16383, &s->y, err);
+    if (status)
+        return status;
+    status = hg_words_take_u32(w, "y", 0, 16383, &s->y, err);
     if (status || hg_words_accept(w, "nothing"))
         return status;
     if (!hg_words_accept(w, "node"))
@@ -170,9 +181,11 @@ static enum hg_status parse_expect(struct hg_words *w, struct hg_cli_step *s, st
     if (strcmp(what, "hash") == 0) {
         s->kind = HG_CLI_STEP_EXPECT_HASH;
         status = hg_words_take(w, "hash", &s->name, err);
-        if (!status && (strlen(s->name) != 64 || strspn(s->name, "0123456789abcdef") != 64))
-            status = hg_words_error(err, "'%s' is not 64 lower-case hexadecimal digits", s->name);
-        return status;
+        if (status)
+            return status;
+        return strlen(s->name) == 64 && strspn(s->name, "0123456789abcdef") == 64
+                   ? HG_OK
+                   : hg_words_error(err, "'%s' is not 64 lower-case hexadecimal digits", s->name);
     }
     if (strcmp(what, "stat") == 0) {
         s->kind = HG_CLI_STEP_EXPECT_STAT;
@@ -220,9 +233,9 @@ static enum hg_status parse_words(struct hg_words *w, struct hg_cli_step *s, str
         if (!hg_words_accept(w, verbs[i].verb))
             continue;
         enum hg_status status = verbs[i].parse(w, s, err);
-        if (!status && w->next < w->count)
-            status = hg_words_error(err, "'%s' is one word too many", w->at[w->next]);
-        return status;
+        if (status || w->next == w->count)
+            return status;
+        return hg_words_error(err, "'%s' is one word too many", w->at[w->next]);
     }
     return hg_words_error(err, "unknown command '%s'", w->at[0]);
 }
@@ -250,7 +263,7 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
     char line[HG_SCRIPT_LINE_BYTES], place[256];
     struct hg_error inner = {0};
     enum hg_status status = HG_OK;
-    struct hg_script_view told = {0};
+    struct hg_script_view view = {0};
     *out = (struct hg_cli_script){0};
     uint32_t number = 0;
     for (const char *at = text; *at && !status;) {
@@ -265,7 +278,7 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
         if (end && line[end - 1] == '\r')
             line[end - 1] = 0;
         struct hg_words w = {
-            .arena = &out->arena, .variable = variable, .user = user, .view = &told};
+            .arena = &out->arena, .variable = variable, .user = user, .view = &view};
         status = parse_line(out, &w, line, number, &inner);
         at += length + (at[length] == '\n');
     }

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "client/cli/script.h"
+#include "protocol/layout.h"
 
 enum hg_status hg_words_error(struct hg_error *err, const char *fmt, ...)
 {
@@ -115,11 +115,10 @@ enum hg_status hg_words_take(
     return HG_OK;
 }
 
-// The inner parsers name options; here the line is named.
 enum hg_status hg_words_rename_error(
-    enum hg_status status, const struct hg_error *inner, const char *what, struct hg_error *err)
+    const struct hg_error *inner, const char *what, struct hg_error *err)
 {
-    return status ? hg_words_error(err, "%s: %s", what, inner->reason) : HG_OK;
+    return hg_words_error(err, "%s: %s", what, inner->reason);
 }
 
 enum hg_status hg_words_take_number(struct hg_words *w, const char *what, double low, double high,
@@ -131,8 +130,8 @@ enum hg_status hg_words_take_number(struct hg_words *w, const char *what, double
     enum hg_status status = hg_words_take(w, what, &text, err);
     if (status)
         return status;
-    return hg_words_rename_error(
-        hg_cli_parse_number(what, text, low, high, out, &inner), &inner, what, err);
+    status = hg_cli_parse_number(what, text, low, high, out, &inner);
+    return status ? hg_words_rename_error(&inner, what, err) : HG_OK;
 }
 
 enum hg_status hg_words_take_u32(struct hg_words *w, const char *what, uint32_t low, uint32_t high,
@@ -144,8 +143,8 @@ enum hg_status hg_words_take_u32(struct hg_words *w, const char *what, uint32_t 
     enum hg_status status = hg_words_take(w, what, &text, err);
     if (status)
         return status;
-    return hg_words_rename_error(
-        hg_cli_parse_u32(what, text, low, high, out, &inner), &inner, what, err);
+    status = hg_cli_parse_u32(what, text, low, high, out, &inner);
+    return status ? hg_words_rename_error(&inner, what, err) : HG_OK;
 }
 
 // `count` numbers as "a,b,c" or as separate words.
@@ -154,8 +153,9 @@ enum hg_status hg_words_take_numbers(
 {
     if (w->next < w->count && strchr(w->at[w->next], ',')) {
         struct hg_error inner = {0};
-        return hg_words_rename_error(
-            hg_cli_parse_numbers(what, w->at[w->next++], count, out, &inner), &inner, what, err);
+        return hg_cli_parse_numbers(what, w->at[w->next++], count, out, &inner)
+                   ? hg_words_rename_error(&inner, what, err)
+                   : HG_OK;
     }
     for (uint32_t i = 0; i < count; i++) {
         enum hg_status status = hg_words_take_number(w, what, -1e30, 1e30, &out[i], err);
@@ -165,43 +165,97 @@ enum hg_status hg_words_take_numbers(
     return HG_OK;
 }
 
-enum hg_status hg_words_take_floats(struct hg_words *w, const char *what, uint32_t count,
-    float *out, bool *has, struct hg_error *err)
+// ---- fields ------------------------------------------------------------------------------------
+
+static const struct hgp_field *find_field(enum hgp_type type, const char *name)
+{
+    const struct hgp_layout *layout = hgp_layout_find((uint16_t)type);
+    for (size_t i = 0; i < layout->field_count; i++) {
+        const char *a = layout->fields[i].name, *b = name;
+        while (*a && *a == (*b == '-' ? '_' : *b)) {
+            a++;
+            b++;
+        }
+        if (!*a && !*b)
+            return &layout->fields[i];
+    }
+    return NULL;
+}
+
+static enum hg_status take_floats(
+    struct hg_words *w, const char *word, uint32_t count, float *out, struct hg_error *err)
 {
     double v[4];
-    enum hg_status status = hg_words_take_numbers(w, what, count, v, err);
-    for (uint32_t i = 0; !status && i < count; i++)
+    enum hg_status status = hg_words_take_numbers(w, word, count, v, err);
+    if (status)
+        return status;
+    for (uint32_t i = 0; i < count; i++)
         out[i] = (float)v[i];
-    *has = !status;
+    return HG_OK;
+}
+
+static enum hg_status take_f32(struct hg_words *w, const char *word, const struct hgp_field *field,
+    float *out, struct hg_error *err)
+{
+    double v;
+    enum hg_status status =
+        hg_words_take_number(w, word, field->limit.f.least, field->limit.f.most, &v, err);
+    *out = (float)v;
     return status;
 }
 
-enum hg_status hg_words_take_bool(
-    struct hg_words *w, const char *what, bool *out, bool *has, struct hg_error *err)
+static enum hg_status take_bool(
+    struct hg_words *w, const char *word, bool *out, struct hg_error *err)
 {
     *out = hg_words_accept(w, "yes") || hg_words_accept(w, "on") || hg_words_accept(w, "true");
-    *has = *out || hg_words_accept(w, "no") || hg_words_accept(w, "off") ||
-           hg_words_accept(w, "false");
-    return *has ? HG_OK : hg_words_error(err, "%s: yes or no is missing", what);
+    if (*out || hg_words_accept(w, "no") || hg_words_accept(w, "off") ||
+        hg_words_accept(w, "false"))
+        return HG_OK;
+    return hg_words_error(err, "%s: yes or no is missing", word);
 }
 
-enum hg_status hg_words_take_enum(
+static enum hg_status take_enum(
     struct hg_words *w, const char *enum_name, uint32_t *out, struct hg_error *err)
 {
     const char *text;
     enum hg_status status = hg_words_take(w, enum_name, &text, err);
-    if (!status && !hgp_enum_value(enum_name, text, out))
-        status = hg_words_error(err, "'%s' is not a %s", text, enum_name);
-    return status;
+    if (status)
+        return status;
+    return hgp_enum_value(enum_name, text, out)
+               ? HG_OK
+               : hg_words_error(err, "'%s' is not a %s", text, enum_name);
 }
 
-enum hg_status hg_words_take_f32(struct hg_words *w, const char *what, double low, double high,
-    float *out, bool *has, struct hg_error *err)
+static enum hg_status take_value(struct hg_words *w, const char *word,
+    const struct hgp_field *field, void *value, struct hg_error *err)
 {
-    double v;
-    enum hg_status status = hg_words_take_number(w, what, low, high, &v, err);
-    *out = (float)v;
-    *has = !status;
+    switch (field->kind) {
+    case HGP_K_F32:
+        return take_f32(w, word, field, value, err);
+    case HGP_K_U32:
+        return hg_words_take_u32(
+            w, word, (uint32_t)field->limit.u.least, (uint32_t)field->limit.u.most, value, err);
+    case HGP_K_BOOL:
+        return take_bool(w, word, value, err);
+    case HGP_K_ENUM:
+        return take_enum(w, field->limit.values->name, value, err);
+    case HGP_K_VEC3:
+    case HGP_K_VEC4:
+        return take_floats(w, word, (uint32_t)hgp_kind_floats(field->kind), value, err);
+    default:
+        return HG_E_INTERNAL;
+    }
+}
+
+enum hg_status hg_words_take_field(struct hg_words *w, const char *word, const char *name,
+    const struct hg_words_fields *fields, struct hg_error *err)
+{
+    const struct hgp_field *field = find_field(fields->type, name);
+    char *message = fields->message;
+    if (!field)
+        return HG_E_INTERNAL;
+    enum hg_status status = take_value(w, word, field, message + field->offset, err);
+    *(bool *)(message + field->has_offset) = !status;
     return status;
 }
 

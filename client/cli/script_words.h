@@ -24,9 +24,9 @@ struct hg_words {
 };
 
 enum hg_status hg_words_error(struct hg_error *err, const char *fmt, ...) HG_PRINTF(2, 3);
-// The error of a parser that names options, with `what` instead; HG_OK for HG_OK.
-enum hg_status hg_words_rename_error(enum hg_status status, const struct hg_error *inner,
-    const char *what, struct hg_error *err) HG_MUST_CHECK;
+// What a parser that names options said, with `what` instead of the option. HG_E_INVAL.
+enum hg_status hg_words_rename_error(
+    const struct hg_error *inner, const char *what, struct hg_error *err);
 
 // Appends the words of a line, quotes, escapes and variables replaced.
 enum hg_status hg_words_split(
@@ -44,15 +44,15 @@ enum hg_status hg_words_take_u32(struct hg_words *w, const char *what, uint32_t 
 // `count` numbers as "a,b,c" or as separate words.
 enum hg_status hg_words_take_numbers(struct hg_words *w, const char *what, uint32_t count,
     double *out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_words_take_floats(struct hg_words *w, const char *what, uint32_t count,
-    float *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_words_take_f32(struct hg_words *w, const char *what, double low, double high,
-    float *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_words_take_bool(
-    struct hg_words *w, const char *what, bool *out, bool *has, struct hg_error *err) HG_MUST_CHECK;
-// A value of an enum of the protocol.
-enum hg_status hg_words_take_enum(
-    struct hg_words *w, const char *enum_name, uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+// Values of a message of the protocol.
+struct hg_words_fields {
+    enum hgp_type type;
+    void *message;
+};
+// The value of an optional field, by its kind and range there; `word` names it in errors. In
+// `field` - stands for _. Kinds: F32, U32, BOOL, ENUM, VEC3, VEC4.
+enum hg_status hg_words_take_field(struct hg_words *w, const char *word, const char *field,
+    const struct hg_words_fields *fields, struct hg_error *err) HG_MUST_CHECK;
 // [as N], to s->asset.
 enum hg_status hg_words_take_asset(
     struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
