@@ -126,16 +126,19 @@ enum hg_status hg_view_create(struct hg_renderer *renderer, struct hg_scene *sce
     const struct hg_view_params params = {0};
     const struct hg_view_camera camera = {.eye = {0, 0, 3}};
     enum hg_status status = hg_view_state_init(&view->state, &renderer->context, scene, err);
-    if (status == HG_OK)
-        status = hg_view_set_params(view, &params, err);
-    if (status == HG_OK)
-        status = hg_view_set_camera(view, &camera, err);
-    if (status != HG_OK) {
-        hg_view_destroy(view);
-        return status;
-    }
+    if (status != HG_OK)
+        goto fail;
+    status = hg_view_set_params(view, &params, err);
+    if (status != HG_OK)
+        goto fail;
+    status = hg_view_set_camera(view, &camera, err);
+    if (status != HG_OK)
+        goto fail;
     *out = view;
     return HG_OK;
+fail:
+    hg_view_destroy(view);
+    return status;
 }
 
 void hg_view_destroy(struct hg_view *view)
@@ -191,9 +194,10 @@ enum hg_status hg_view_step(
 {
     *info = (struct hg_frame_info){0};
     enum hg_status status = hg_view_state_step(&view->state, max_samples, err);
-    if (status == HG_OK)
-        fill_info(view, info);
-    return status;
+    if (status != HG_OK)
+        return status;
+    fill_info(view, info);
+    return HG_OK;
 }
 
 enum hg_status hg_view_read_pixels(
