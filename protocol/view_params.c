@@ -1,5 +1,6 @@
 #include "protocol/view_params.h"
 
+#include <assert.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -10,6 +11,8 @@
 #define PARAM_ENUM(a, b) .kind = HGP_K_ENUM, .values = #a, .most = HGP_COUNT_##a - 1
 #define IS_PATH_ANY      false
 #define IS_PATH_PATH     true
+
+static_assert(HGP_COUNT_plane == 23, "the greatest value of `planes` has a bit for each plane");
 
 const struct hgp_view_param hgp_view_params[] = {
 #define HGP_VIEW_PARAM(a_kind, field, a, b, a_standard, a_unit, mode, a_key, place, a_doc)         \

@@ -26,11 +26,30 @@ static bool name_of(enum hgp_checkpoint_kind kind, const char *output, char *dst
 
 // ---- saving ------------------------------------------------------------------------------------
 
+// Header and data, all or nothing.
+static enum hg_status write_both(const char *path, const struct hg_writer *head,
+    const struct hg_writer *data, struct hg_error *err)
+{
+    struct hg_file_out out;
+    enum hg_status status = hg_file_begin(&out, path, err);
+    if (status)
+        return status;
+    status = hg_file_write(&out, head->data, head->size, err);
+    if (status)
+        goto fail;
+    status = hg_file_write(&out, data->data, data->size, err);
+    if (status)
+        goto fail;
+    return hg_file_commit(&out, err);
+fail:
+    hg_file_abort(&out);
+    return status;
+}
+
 static enum hg_status write_file(const char *path, const struct hg_cli_kept *kept, uint32_t samples,
     const struct hg_writer *data, struct hg_error *err)
 {
     struct hg_writer head = {0};
-    struct hg_file_out out;
     uint8_t hash[32];
     enum hg_status status = hg_sha256(data->data, data->size, hash);
     if (status)
@@ -43,16 +62,7 @@ static enum hg_status write_file(const char *path, const struct hg_cli_kept *kep
     hg_write_u32(&head, samples);
     hg_write_u64(&head, data->size);
     status = head.failed ? hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory")
-                         : hg_file_begin(&out, path, err);
-    if (!status) {
-        status = hg_file_write(&out, head.data, head.size, err);
-        if (!status)
-            status = hg_file_write(&out, data->data, data->size, err);
-        if (status)
-            hg_file_abort(&out);
-        else
-            status = hg_file_commit(&out, err);
-    }
+                         : write_both(path, &head, data, err);
     hg_writer_finish(&head);
     return status;
 }
@@ -106,10 +116,12 @@ enum hg_status hg_cli_checkpoint_save(
     while (!status && data.size < size)
         status = fetch_part(kept, &data, samples, &size, err);
     helio_set_timeout(cli->h, usual);
-    if (!status && *samples < kept->least)
-        status = hg_error_set(err, HG_E_STATE, kept->output, NULL, "the file holds more samples");
-    if (!status)
-        status = write_file(path, kept, *samples, &data, err);
+    if (status)
+        goto done;
+    status = *samples < kept->least
+                 ? hg_error_set(err, HG_E_STATE, kept->output, NULL, "the file holds more samples")
+                 : write_file(path, kept, *samples, &data, err);
+done:
     hg_writer_finish(&data);
     return status;
 }

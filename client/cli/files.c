@@ -145,6 +145,16 @@ static enum hg_status add_obj(struct list *list, char *text)
     return status;
 }
 
+// Of formats that name other files, by the end of the name.
+static enum hg_status add_references(struct list *list, const char *end, uint8_t *data, size_t size)
+{
+    if (strcasecmp(end, ".gltf") == 0)
+        return add_gltf(list, (const char *)data, size);
+    if (strcasecmp(end, ".glb") == 0)
+        return add_glb(list, data, size);
+    return strcasecmp(end, ".obj") == 0 ? add_obj(list, (char *)data) : HG_OK;
+}
+
 enum hg_status hg_cli_files_of_asset(
     const char *path, struct hg_cli_files *out, struct hg_error *err)
 {
@@ -161,12 +171,8 @@ enum hg_status hg_cli_files_of_asset(
     if (status)
         return status;
     status = add_file(&list, path, name);
-    if (!status && dot && strcasecmp(dot, ".gltf") == 0)
-        status = add_gltf(&list, (const char *)data, size);
-    else if (!status && dot && strcasecmp(dot, ".glb") == 0)
-        status = add_glb(&list, data, size);
-    else if (!status && dot && strcasecmp(dot, ".obj") == 0)
-        status = add_obj(&list, (char *)data);
+    if (!status && dot)
+        status = add_references(&list, dot, data, size);
     hg_free(data);
     if (status) {
         hg_cli_files_free(&list.files);

@@ -69,20 +69,35 @@ static enum hg_status make_series_frame(
 static enum hg_status restore(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
 {
     struct hg_cli_series *s = r->series;
-    enum hg_status status = HG_OK;
-    while (!status && hg_cli_series_is_lost(r)) {
+    while (hg_cli_series_is_lost(r)) {
         s->held = 0;
         s->replaced = r->cli.progress.replaced;
-        status = hg_cli_frame_go_to(r, i > 0 ? i - 1 : i, err);
-        if (!status)
-            status = load_history(r, i, err);
-        if (!status && s->held == 0 && i > 0) // what it has may be of the wrong picture
-            status = hg_error_set(err, HG_E_WORKER, "history", NULL,
+        enum hg_status status = hg_cli_frame_go_to(r, i > 0 ? i - 1 : i, err);
+        if (status)
+            return status;
+        status = load_history(r, i, err);
+        if (status)
+            return status;
+        if (s->held == 0 && i > 0) // what it has may be of the wrong picture
+            return hg_error_set(err, HG_E_WORKER, "history", NULL,
                 "the worker was replaced, and what the next frame depends on was not kept");
-        if (!status)
-            status = ask_series_job(r, i, err);
+        status = ask_series_job(r, i, err);
+        if (status)
+            return status;
     }
-    return status;
+    return HG_OK;
+}
+
+// The picture behind those whose history the view has, unwritten.
+static enum hg_status make_again(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+{
+    const uint32_t held = r->series->held;
+    bool again;
+    enum hg_status status = ask_series_job(r, held, err);
+    if (status)
+        return status;
+    status = make_series_frame(r, held, false, &again, err);
+    return status ? status : restore(r, i, err);
 }
 
 // The view gets the history that picture i is averaged with.
@@ -90,23 +105,21 @@ static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error
 {
     struct hg_cli_series *s = r->series;
     enum hg_status status = restore(r, i, err);
-    if (!status && s->held < i)
-        status = load_history(r, i, err);
+    if (status || s->held == i)
+        return status;
+    status = load_history(r, i, err);
     if (status || s->held == i)
         return status;
     hg_cli_progress_clear(&r->cli.progress);
     fprintf(stderr,
         "helio: frames %u to %u are made again, unwritten: the next one depends on them\n",
         hg_cli_frame_at(r, s->held), hg_cli_frame_at(r, i - 1));
-    while (!status && s->held < i) {
-        bool again;
-        status = ask_series_job(r, s->held, err);
-        if (!status)
-            status = make_series_frame(r, s->held, false, &again, err);
-        if (!status)
-            status = restore(r, i, err);
+    while (s->held < i) {
+        status = make_again(r, i, err);
+        if (status)
+            return status;
     }
-    return status ? status : ask_series_job(r, i, err);
+    return ask_series_job(r, i, err);
 }
 
 enum hg_status hg_cli_series_render_frame(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
@@ -115,14 +128,18 @@ enum hg_status hg_cli_series_render_frame(struct hg_cli_render *r, uint32_t i, s
     bool there = false;
     hg_cli_frame_file(r, hg_cli_frame_at(r, i), name, sizeof name);
     enum hg_status status = ask_series_job(r, i, err);
-    if (!status)
-        status = hg_cli_frame_check(r, name, r->series->job[i], &there, err);
+    if (status)
+        return status;
+    status = hg_cli_frame_check(r, name, r->series->job[i], &there, err);
     if (status || there)
         return status;
-    for (bool again = true; !status && again;) {
+    for (bool again = true; again;) {
         status = reach(r, i, err);
-        if (!status)
-            status = make_series_frame(r, i, true, &again, err);
+        if (status)
+            return status;
+        status = make_series_frame(r, i, true, &again, err);
+        if (status)
+            return status;
     }
-    return status;
+    return HG_OK;
 }

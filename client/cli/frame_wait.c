@@ -66,11 +66,11 @@ static enum hg_status save_film(
     const struct hg_cli_kept kept = film_of(r, name, job);
     uint32_t samples;
     enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, err);
-    if (status == HG_OK) {
-        r->left_checkpoint = true;
-        r->kept_samples = samples;
-    }
-    return status;
+    if (status)
+        return status;
+    r->left_checkpoint = true;
+    r->kept_samples = samples;
+    return HG_OK;
 }
 
 static enum hg_status load_film(
@@ -122,8 +122,66 @@ static enum hg_status go_on(
     if (r->replaced == r->cli.progress.replaced)
         return HG_OK;
     enum hg_status status = hg_cli_frame_ask_job(r, NULL, same, err);
-    if (!status && hg_cli_is_path(r->o) && r->left_checkpoint)
-        status = load_film(r, name, job, err);
+    if (status || !hg_cli_is_path(r->o) || !r->left_checkpoint)
+        return status;
+    return load_film(r, name, job, err);
+}
+
+// A frame that is waited for.
+struct waiting {
+    struct hg_cli_render *r;
+    const char *name;
+    const uint8_t *job;   // [32]
+    uint64_t deadline_ns; // UINT64_MAX = none
+    uint64_t save_ns;     // when its film is kept next
+    double save_every_s;
+};
+
+static struct waiting begin_waiting(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32])
+{
+    const struct hg_cli_options *o = r->o;
+    const uint64_t now = hg_clock_now_ns();
+    const double every_s = o->has_checkpoint ? o->checkpoint : 1e12;
+    return (struct waiting){.r = r,
+        .name = name,
+        .job = job,
+        .deadline_ns = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX,
+        .save_ns = add_s(now, every_s),
+        .save_every_s = every_s};
+}
+
+// A daemon that is about to stop: the film is kept at once, and as long as it lasts.
+static void note_drain(struct waiting *w)
+{
+    if (w->r->closes_s > 0 && hg_cli_is_path(w->r->o)) {
+        w->save_ns = hg_clock_now_ns();
+        w->save_every_s = fmin(w->save_every_s, w->r->closes_s / 4);
+    }
+    w->r->closes_s = 0;
+}
+
+// Until something comes, or the film is to be kept, which is done then.
+static enum hg_status wait_on(struct waiting *w, struct hg_error *err)
+{
+    enum hg_status status = go_on(w->r, w->name, w->job, err);
+    if (status)
+        return status;
+    note_drain(w);
+    const uint64_t now = hg_clock_now_ns();
+    const uint64_t until = w->save_ns < w->deadline_ns ? w->save_ns : w->deadline_ns;
+    status = helio_wait(w->r->cli.h,
+        until == UINT64_MAX ? HELIO_NO_TIMEOUT
+        : until > now       ? until - now
+                            : 0,
+        err);
+    const uint64_t after = hg_clock_now_ns();
+    if (status && (status != HG_E_TIMEOUT || after >= w->deadline_ns))
+        return status;
+    if (after < w->save_ns)
+        return HG_OK;
+    status = save_interval(w->r, w->name, w->job, err);
+    w->save_ns = add_s(hg_clock_now_ns(), w->save_every_s);
     return status;
 }
 
@@ -131,9 +189,7 @@ static enum hg_status go_on(
 static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
 {
-    const struct hg_cli_options *o = r->o;
-    struct hg_cli *cli = &r->cli;
-    struct hgp_frame_request request = {
+    const struct hgp_frame_request request = {
         .view = HG_CLI_VIEW,
         .settled = true,
         .has_encoding = true,
@@ -147,44 +203,24 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     *frame = NULL;
     hg_writer_finish(&r->parts);
     enum hg_status status = go_on(r, name, job, err);
-    if (!status)
-        status = helio_send(cli->h, HGP_T_frame_request, &request, &id, err);
-    uint64_t now = hg_clock_now_ns();
-    uint64_t deadline = o->has_timeout ? add_s(now, o->timeout) : UINT64_MAX;
-    double every = o->has_checkpoint ? o->checkpoint : 1e12;
-    uint64_t save = add_s(now, every);
+    if (status)
+        return status;
+    status = helio_send(r->cli.h, HGP_T_frame_request, &request, &id, err);
+    if (status)
+        return status;
+    struct waiting waiting = begin_waiting(r, name, job);
     struct hg_error told = {0};
-    while (!status && !take_messages(r, id, frame, &told)) {
-        status = go_on(r, name, job, err);
+    while (!take_messages(r, id, frame, &told)) {
+        status = wait_on(&waiting, err);
         if (status)
-            break;
-        now = hg_clock_now_ns();
-        if (r->closes_s > 0 && hg_cli_is_path(r->o)) { // at once, and as long as it lasts
-            save = now;
-            every = fmin(every, r->closes_s / 4);
-        }
-        r->closes_s = 0;
-        uint64_t until = save < deadline ? save : deadline;
-        status = helio_wait(cli->h,
-            until == UINT64_MAX ? HELIO_NO_TIMEOUT
-            : until > now       ? until - now
-                                : 0,
-            err);
-        now = hg_clock_now_ns();
-        if (status == HG_E_TIMEOUT && now < deadline)
-            status = HG_OK;
-        if (status || now < save)
-            continue;
-        status = save_interval(r, name, job, err);
-        save = add_s(hg_clock_now_ns(), every);
+            return status;
     }
-    if (!status && told.status) {
-        status = told.status;
-        *err = told;
-        if (strcmp(told.what, "camera") == 0)
-            r->doing = HG_CLI_DOING_ARGUMENTS;
-    }
-    return status;
+    if (!told.status)
+        return HG_OK;
+    *err = told;
+    if (strcmp(told.what, "camera") == 0)
+        r->doing = HG_CLI_DOING_ARGUMENTS;
+    return told.status;
 }
 
 // What comes from a worker that was not told of the job is asked for once more.

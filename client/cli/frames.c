@@ -36,6 +36,14 @@ void hg_cli_frame_drop_film(struct hg_cli_render *r, const char *name)
     r->kept_samples = 0;
 }
 
+// A picture that is being made.
+struct making {
+    const char *name;
+    const uint8_t *job; // [32]
+    bool wanted;        // written to its file
+    uint64_t begin_ns;
+};
+
 // All of a frame's data, behind the parts that came before; they live as long as both.
 static enum hg_status join_parts(struct hg_cli_render *r, const struct hgp_frame *frame,
     const uint8_t **data, size_t *size, struct hg_error *err)
@@ -58,23 +66,24 @@ static enum hg_status join_parts(struct hg_cli_render *r, const struct hgp_frame
 static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_frame *frame,
     const char *name, uint64_t took_ns, struct hg_error *err)
 {
-    enum hg_status status = HG_OK;
+    const uint8_t *data;
+    size_t size;
     if (frame->encoding != r->format.encoding || !frame->data.size)
-        status = hg_error_set(err, HG_E_FORMAT, "frame", "encoding",
+        return hg_error_set(err, HG_E_FORMAT, "frame", "encoding",
             "the server sent another encoding than the one asked for");
-    const uint8_t *data = NULL;
-    size_t size = 0;
-    if (!status)
-        status = join_parts(r, frame, &data, &size, err);
-    if (!status)
-        status = hg_cli_frame_note(r, frame, name, took_ns, err);
-    if (!status) {
-        r->doing = HG_CLI_DOING_OUTPUT;
-        status = hg_file_write_atomic(name, data, size, err);
-    }
-    if (!status && hg_cli_is_path(r->o))
+    enum hg_status status = join_parts(r, frame, &data, &size, err);
+    if (status)
+        return status;
+    status = hg_cli_frame_note(r, frame, name, took_ns, err);
+    if (status)
+        return status;
+    r->doing = HG_CLI_DOING_OUTPUT;
+    status = hg_file_write_atomic(name, data, size, err);
+    if (status)
+        return status;
+    if (hg_cli_is_path(r->o))
         hg_cli_frame_drop_film(r, name);
-    return status;
+    return HG_OK;
 }
 
 // What the next picture of a series needs is there before the picture itself is: whoever finds the
@@ -93,43 +102,49 @@ static bool keep_history(struct hg_cli_render *r, const char *name, const uint8_
     return status == HG_OK;
 }
 
-// *again: the picture was made without the history that it needs, and is nobody's.
+// The picture is here: what it leaves behind, and its file.
+static enum hg_status take_frame(struct hg_cli_render *r, const struct hgp_frame *frame,
+    const struct making *making, struct hg_error *err)
+{
+    r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
+    enum hg_status status = hg_cli_check_warnings(&r->cli, err);
+    if (status)
+        return status;
+    r->doing = HG_CLI_DOING_RENDER;
+    const uint64_t now = hg_clock_now_ns(), took_ns = now - making->begin_ns;
+    if (!r->first_frame_ns)
+        r->first_frame_ns = now - r->cli.begin_ns;
+    if (r->series)
+        r->series->kept = keep_history(r, making->name, making->job);
+    if (!making->wanted)
+        return HG_OK;
+    status = write_frame(r, frame, making->name, took_ns, err);
+    hg_cli_progress_frame(&r->cli.progress, took_ns);
+    return status;
+}
+
 enum hg_status hg_cli_frame_make(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     bool wanted, bool *again, struct hg_error *err)
 {
+    const struct making making = {name, job, wanted, hg_clock_now_ns()};
     struct helio_message *answer;
     *again = false;
-    uint64_t begin = hg_clock_now_ns();
     hg_cli_progress_stage(&r->cli.progress, "rendering");
     enum hg_status status = hg_cli_frame_resume(r, name, job, err);
-    if (!status)
-        status = hg_cli_frame_wait(r, name, job, &answer, err);
-    if (status) {
-        hg_cli_frame_leave_checkpoint(r, name, job);
-        return status;
-    }
-    if (hg_cli_series_is_lost(r)) {
-        *again = true;
-        helio_message_free(answer);
-        return HG_OK;
-    }
-    if (r->series)
+    if (status)
+        goto stopped;
+    status = hg_cli_frame_wait(r, name, job, &answer, err);
+    if (status)
+        goto stopped;
+    *again = hg_cli_series_is_lost(r);
+    if (!*again && r->series)
         r->series->replaced = r->cli.progress.replaced;
-    r->doing = HG_CLI_DOING_INPUT; // what is wrong with the picture came from the files
-    status = hg_cli_check_warnings(&r->cli, err);
-    if (!status) {
-        r->doing = HG_CLI_DOING_RENDER;
-        uint64_t now = hg_clock_now_ns();
-        if (!r->first_frame_ns)
-            r->first_frame_ns = now - r->cli.begin_ns;
-        if (r->series)
-            r->series->kept = keep_history(r, name, job);
-        if (wanted)
-            status = write_frame(r, &answer->body->frame, name, now - begin, err);
-        if (wanted)
-            hg_cli_progress_frame(&r->cli.progress, now - begin);
-    }
+    if (!*again)
+        status = take_frame(r, &answer->body->frame, &making, err);
     helio_message_free(answer);
+    return status;
+stopped:
+    hg_cli_frame_leave_checkpoint(r, name, job);
     return status;
 }
 
@@ -153,9 +168,12 @@ static enum hg_status render_frame(struct hg_cli_render *r, const char *name, st
     bool there = false, again;
     r->doing = HG_CLI_DOING_RENDER;
     enum hg_status status = hg_cli_frame_ask_job(r, NULL, job, err);
-    if (!status)
-        status = hg_cli_frame_check(r, name, job, &there, err);
-    return status || there ? status : hg_cli_frame_make(r, name, job, true, &again, err);
+    if (status)
+        return status;
+    status = hg_cli_frame_check(r, name, job, &there, err);
+    if (status || there)
+        return status;
+    return hg_cli_frame_make(r, name, job, true, &again, err);
 }
 
 static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
@@ -195,8 +213,7 @@ uint32_t hg_cli_frame_count(const struct hg_cli_render *r)
 enum hg_status hg_cli_frame_go_to(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
     const uint32_t frame = hg_cli_frame_at(r, index);
-    const double fps = r->o->has_fps ? r->o->fps : 24;
-    enum hg_status status = set_time(r, frame / fps, err);
+    enum hg_status status = set_time(r, frame / hg_cli_fps(r->o), err);
     return status ? status : set_seed(r, frame, err);
 }
 

@@ -5,7 +5,7 @@
 
 #include "client/cli/render.h"
 
-enum { PLANE_COUNT = 23, NAME_BYTES = 32 };
+enum { PLANE_COUNT = HGP_COUNT_plane, NAME_BYTES = 32 };
 
 #define BIT(name) (1u << HGP_plane_##name)
 

@@ -92,31 +92,36 @@ static enum hg_status parse_shutter(struct hg_cli_render *r, struct hg_error *er
         return HG_OK;
     snprintf(first, sizeof first, "%.*s", colon ? (int)(colon - text) : 31, text);
     enum hg_status status = hg_cli_parse_number("--shutter", first, -1, 2, &open, err);
-    if (!status && colon)
+    if (status)
+        return status;
+    if (colon) {
         status = hg_cli_parse_number("--shutter", colon + 1, -1, 1, &close, err);
-    if (!status && !colon) {
+        if (status)
+            return status;
+    } else {
         close = open / 2;
         open = -close;
     }
-    if (!status && (open > 1 || close < open))
-        status = usage(err, "--shutter", "closes before it opens");
+    if (open > 1 || close < open)
+        return usage(err, "--shutter", "closes before it opens");
     r->shutter[0] = (float)open;
     r->shutter[1] = (float)close;
-    return status;
+    return HG_OK;
 }
 
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = hg_cli_check_mode(r->o, err);
-    if (!status)
-        status = parse_shutter(r, err);
-    if (!status)
-        status = check_combinations(r->o, err);
-    if (!status)
-        status = check_camera(r->o, err);
-    if (!status)
-        status = check_output(r, err);
-    return status;
+    if (status)
+        return status;
+    status = parse_shutter(r, err);
+    if (status)
+        return status;
+    status = check_combinations(r->o, err);
+    if (status)
+        return status;
+    status = check_camera(r->o, err);
+    return status ? status : check_output(r, err);
 }
 
 // ---- scene -------------------------------------------------------------------------------------
@@ -124,6 +129,26 @@ static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *
 static bool is_env_file(const struct hg_cli_options *o)
 {
     return o->has_env && strcmp(o->env, "none") != 0 && strcmp(o->env, "sky") != 0;
+}
+
+// As asset_load lists them, with their uris in the same block behind the list. NULL: no memory.
+static struct hgp_asset_file *copy_files(const struct hg_cli_files *files)
+{
+    size_t bytes = files->count * sizeof(struct hgp_asset_file);
+    for (uint32_t i = 0; i < files->count; i++)
+        bytes += strlen(files->items[i].uri) + 1;
+    struct hgp_asset_file *list = hg_calloc(1, bytes);
+    if (!list)
+        return NULL;
+    char *names = (char *)(list + files->count);
+    for (uint32_t i = 0; i < files->count; i++) {
+        const size_t length = strlen(files->items[i].uri);
+        memcpy(names, files->items[i].uri, length + 1);
+        list[i].uri = (struct hgp_str){names, (uint32_t)length};
+        memcpy(list[i].hash, files->items[i].hash, sizeof list[i].hash);
+        names += length + 1;
+    }
+    return list;
 }
 
 static enum hg_status upload_asset(struct hg_cli_render *r, struct hgp_asset_load *load,
@@ -137,29 +162,16 @@ static enum hg_status upload_asset(struct hg_cli_render *r, struct hgp_asset_loa
         return status;
     status = helio_upload(r->cli.h, files.items, files.count, &sent, err);
     r->upload_bytes += sent;
-    if (!status && !(*list = hg_calloc(files.count, sizeof **list)))
+    if (status)
+        goto done;
+    *list = copy_files(&files);
+    if (!*list) {
         status = hg_error_set(err, HG_E_NOMEM, r->o->args[0], NULL, "no memory for its files");
-    char *names = NULL; // uris outlive `files` in one block behind the list
-    size_t total = 0;
-    for (uint32_t i = 0; i < files.count; i++)
-        total += strlen(files.items[i].uri) + 1;
-    if (!status) {
-        void *grown = hg_realloc(*list, files.count * sizeof **list + total, 1);
-        if (!grown)
-            status = hg_error_set(err, HG_E_NOMEM, r->o->args[0], NULL, "no memory for its files");
-        else
-            *list = grown;
-        names = (char *)(*list + files.count);
-    }
-    for (uint32_t i = 0; !status && i < files.count; i++) {
-        size_t length = strlen(files.items[i].uri);
-        memcpy(names, files.items[i].uri, length + 1);
-        (*list)[i].uri = (struct hgp_str){names, (uint32_t)length};
-        memcpy((*list)[i].hash, files.items[i].hash, sizeof(*list)[i].hash);
-        names += length + 1;
+        goto done;
     }
     load->files.items = *list;
     load->files.count = files.count;
+done:
     hg_cli_files_free(&files);
     return status;
 }
@@ -179,20 +191,20 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
         load.variant = hgp_str_make(o->variant);
     r->doing = HG_CLI_DOING_INPUT;
     hg_cli_progress_stage(&r->cli.progress, o->upload ? "uploading" : "loading");
-    enum hg_status status;
-    if (o->upload)
-        status = upload_asset(r, &load, &list, err);
-    else if (!(status = hg_cli_server_path(&r->cli, o->args[0], &path, err)))
+    enum hg_status status = o->upload ? upload_asset(r, &load, &list, err)
+                                      : hg_cli_server_path(&r->cli, o->args[0], &path, err);
+    if (status)
+        goto done;
+    if (path)
         load.path = hgp_str_make(path);
-    if (!status)
-        status =
-            helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, &answer, err);
-    if (!status)
-        r->loaded = answer->body->asset_loaded;
-    else if (o->has_variant && strcmp(err->where, "variant") == 0)
+    status = helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, &answer, err);
+    if (status && o->has_variant && strcmp(err->where, "variant") == 0)
         r->doing = HG_CLI_DOING_ARGUMENTS; // the file is good, the option is not
-    if (!status)
-        status = hg_cli_check_warnings(&r->cli, err);
+    if (status)
+        goto done;
+    r->loaded = answer->body->asset_loaded;
+    status = hg_cli_check_warnings(&r->cli, err);
+done:
     helio_message_free(answer);
     hg_free(path);
     hg_free(list);
@@ -200,35 +212,45 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
     return status;
 }
 
+// The environment is an image: sent, or named as the server knows it. *path lives as long as `env`.
+static enum hg_status set_env_file(
+    struct hg_cli_render *r, struct hgp_environment_set *env, char **path, struct hg_error *err)
+{
+    const char *name = r->o->env;
+    enum hg_status status;
+    env->kind = HGP_environment_kind_FILE;
+    if (r->o->upload) {
+        struct helio_file file = {.path = name, .uri = name};
+        uint64_t sent = 0;
+        status = helio_upload(r->cli.h, &file, 1, &sent, err);
+        r->upload_bytes += sent;
+        env->has_hash = true;
+        memcpy(env->hash, file.hash, sizeof env->hash);
+        return status;
+    }
+    status = hg_cli_server_path(&r->cli, name, path, err);
+    if (status)
+        return status;
+    env->has_path = true;
+    env->path = hgp_str_make(*path);
+    return HG_OK;
+}
+
 // Without --env, a scene that brings no light is lit by the sky; the demo brings its own.
 static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
     bool bare = r->loaded.lights == 0 && strcmp(o->args[0], "demo:") != 0;
-    struct hgp_environment_set env = {
-        .has_kind = o->has_env || bare, .kind = HGP_environment_kind_SKY};
+    struct hgp_environment_set env = {.has_kind = o->has_env || bare,
+        .kind = HGP_environment_kind_SKY,
+        .has_intensity = o->has_env_intensity,
+        .intensity = (float)o->env_intensity,
+        .has_rotation_rad = o->has_env_rotation,
+        .rotation_rad = (float)(o->env_rotation * pi / 180)};
     char *path = NULL;
-    enum hg_status status = HG_OK;
     if (o->has_env && strcmp(o->env, "none") == 0)
         env.kind = HGP_environment_kind_NONE;
-    if (is_env_file(o)) {
-        env.kind = HGP_environment_kind_FILE;
-        if (o->upload) {
-            struct helio_file file = {.path = o->env, .uri = o->env};
-            uint64_t sent = 0;
-            status = helio_upload(r->cli.h, &file, 1, &sent, err);
-            r->upload_bytes += sent;
-            env.has_hash = true;
-            memcpy(env.hash, file.hash, sizeof env.hash);
-        } else if (!(status = hg_cli_server_path(&r->cli, o->env, &path, err))) {
-            env.has_path = true;
-            env.path = hgp_str_make(path);
-        }
-    }
-    env.has_intensity = o->has_env_intensity;
-    env.intensity = (float)o->env_intensity;
-    env.has_rotation_rad = o->has_env_rotation;
-    env.rotation_rad = (float)(o->env_rotation * pi / 180);
+    enum hg_status status = is_env_file(o) ? set_env_file(r, &env, &path, err) : HG_OK;
     if (!status && (env.has_kind || env.has_intensity || env.has_rotation_rad))
         status = helio_call_for(r->cli.h, HGP_T_environment_set, &env, HGP_T_ok, NULL, err);
     hg_free(path);
@@ -240,14 +262,17 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
 static enum hg_status set_catchers(struct hg_cli_render *r, struct hg_error *err)
 {
     struct hgp_node_set node = {.has_catches_shadows = true, .catches_shadows = true};
-    enum hg_status status = HG_OK;
-    for (uint32_t i = 0; !status && i < r->o->catcher.count; i++) {
-        status = hg_cli_find_node(&r->cli, r->o->catcher.items[i], &node.node, err);
-        r->doing = status ? HG_CLI_DOING_ARGUMENTS : r->doing;
-        if (!status)
-            status = helio_call_for(r->cli.h, HGP_T_node_set, &node, HGP_T_ok, NULL, err);
+    for (uint32_t i = 0; i < r->o->catcher.count; i++) {
+        enum hg_status status = hg_cli_find_node(&r->cli, r->o->catcher.items[i], &node.node, err);
+        if (status) {
+            r->doing = HG_CLI_DOING_ARGUMENTS;
+            return status;
+        }
+        status = helio_call_for(r->cli.h, HGP_T_node_set, &node, HGP_T_ok, NULL, err);
+        if (status)
+            return status;
     }
-    return status;
+    return HG_OK;
 }
 
 static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
@@ -261,6 +286,38 @@ static enum hg_status set_view(struct hg_cli_render *r, struct hg_error *err)
     return status;
 }
 
+// Where --eye stands and looks, now and a frame later.
+static void place_eye(const struct hg_cli_options *o, struct hgp_view_camera *camera)
+{
+    camera->has_eye = camera->has_target = true;
+    camera->has_next_eye = o->has_next_eye;
+    camera->has_next_target = o->has_next_target;
+    for (int i = 0; i < 3; i++) {
+        camera->eye[i] = (float)o->eye.v[i];
+        camera->target[i] = (float)o->target.v[i];
+        camera->next_eye[i] = (float)o->next_eye.v[i];
+        camera->next_target[i] = (float)o->next_target.v[i];
+    }
+    if (o->eye.v[0] == o->target.v[0] && o->eye.v[2] == o->target.v[2]) {
+        camera->has_up = true; // +Y would be the line of sight
+        camera->up[2] = o->eye.v[1] > o->target.v[1] ? -1 : 1;
+    }
+}
+
+// Without --orbit and --eye: a camera of the scene, unless there is none or --fov asks for another
+// lens; then all of the scene is brought into view.
+static enum hg_status find_place(
+    struct hg_cli_render *r, double fov, struct hgp_view_camera *camera, struct hg_error *err)
+{
+    if (!r->o->has_fov) {
+        enum hg_status status = hg_cli_find_camera(&r->cli, r->o->camera, &camera->camera, err);
+        camera->has_camera = camera->camera != 0;
+        if (status || camera->has_camera)
+            return status;
+    }
+    return hg_cli_fit_camera(&r->cli, fov, (double)r->size.width / r->size.height, camera, err);
+}
+
 static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
@@ -272,36 +329,19 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
         .has_focus_distance = o->has_focus,
         .focus_distance = (float)o->focus};
     enum hg_status status = HG_OK;
-    if (o->has_orbit) {
+    if (o->has_orbit)
         helio_camera_orbit(o->orbit.v[0], o->orbit.v[1], o->orbit.v[2], o->target.v, &camera);
-    } else if (o->has_eye) {
-        camera.has_eye = camera.has_target = true;
-        for (int i = 0; i < 3; i++) {
-            camera.eye[i] = (float)o->eye.v[i];
-            camera.target[i] = (float)o->target.v[i];
-        }
-        if (o->eye.v[0] == o->target.v[0] && o->eye.v[2] == o->target.v[2]) {
-            camera.has_up = true; // +Y would be the line of sight
-            camera.up[2] = o->eye.v[1] > o->target.v[1] ? -1 : 1;
-        }
-        camera.has_next_eye = o->has_next_eye;
-        camera.has_next_target = o->has_next_target;
-        for (int i = 0; i < 3; i++) {
-            camera.next_eye[i] = (float)o->next_eye.v[i];
-            camera.next_target[i] = (float)o->next_target.v[i];
-        }
-    } else if (!o->has_fov) {
-        status = hg_cli_find_camera(&r->cli, o->camera, &camera.camera, err);
-        camera.has_camera = camera.camera != 0;
-    }
-    if (!status && !camera.has_camera && !camera.has_eye)
-        status =
-            hg_cli_fit_camera(&r->cli, fov, (double)r->size.width / r->size.height, &camera, err);
+    else if (o->has_eye)
+        place_eye(o, &camera);
+    else
+        status = find_place(r, fov, &camera, err);
+    if (status)
+        return status;
     if (!camera.has_camera) {
         camera.has_vfov_rad = true;
         camera.vfov_rad = (float)fov;
     }
-    return status ? status : hg_cli_send_camera(&r->cli, &camera, err);
+    return hg_cli_send_camera(&r->cli, &camera, err);
 }
 
 // ---- the command -------------------------------------------------------------------------------
@@ -329,26 +369,34 @@ static enum hg_status check_distinct(const struct hg_cli_options *o, struct hg_e
     return HG_OK;
 }
 
+static enum hg_status check_readable(
+    struct hg_cli_render *r, const char *name, struct hg_error *err)
+{
+    char *path = NULL;
+    enum hg_status status = hg_cli_server_path(&r->cli, name, &path, err);
+    hg_free(path);
+    return status;
+}
+
 static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = hg_cli_check_output(r->o->output, err);
-    if (!status && r->o->stats_file)
-        status = hg_cli_check_output(r->o->stats_file, err);
-    if (!status)
-        status = check_distinct(r->o, err);
     if (status)
         return status;
+    status = r->o->stats_file ? hg_cli_check_output(r->o->stats_file, err) : HG_OK;
+    if (status)
+        return status;
+    status = check_distinct(r->o, err);
+    if (status)
+        return status;
+    // A private worker is not started for a file that does not exist.
     r->doing = HG_CLI_DOING_INPUT;
-    char *path = NULL; // a private worker is not started for a file that does not exist
     r->cli.embedded = !r->o->connect;
-    status = hg_cli_server_path(&r->cli, r->o->args[0], &path, err);
-    hg_free(path);
-    path = NULL;
-    if (!status && is_env_file(r->o))
-        status = hg_cli_server_path(&r->cli, r->o->env, &path, err);
-    hg_free(path);
-    return status;
+    status = check_readable(r, r->o->args[0], err);
+    if (status)
+        return status;
+    return is_env_file(r->o) ? check_readable(r, r->o->env, err) : HG_OK;
 }
 
 static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
@@ -361,21 +409,16 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
         return status;
     r->doing = HG_CLI_DOING_CONNECT;
     status = hg_cli_connect(&r->cli, r->o->connect, &files, true, err);
-    if (!status)
-        status = load_scene(r, err);
-    if (!status)
-        status = set_environment(r, err);
-    if (!status)
-        status = set_catchers(r, err);
-    if (!status)
-        status = set_view(r, err);
-    if (!status)
-        status = set_camera(r, err);
-    if (!status)
-        status = hg_cli_render_frames(r, err);
-    if (!status && r->o->stats_file)
-        status = hg_cli_render_stats(r, err);
-    return status;
+    if (status)
+        return status;
+    static enum hg_status (*const steps[])(struct hg_cli_render *, struct hg_error *) = {
+        load_scene, set_environment, set_catchers, set_view, set_camera, hg_cli_render_frames};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
+        status = steps[i](r, err);
+        if (status)
+            return status;
+    }
+    return r->o->stats_file ? hg_cli_render_stats(r, err) : HG_OK;
 }
 
 enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)

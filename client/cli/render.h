@@ -41,6 +41,7 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
 enum hg_status hg_cli_check_mode(
     const struct hg_cli_options *o, struct hg_error *err) HG_MUST_CHECK;
 bool hg_cli_is_path(const struct hg_cli_options *o);
+double hg_cli_fps(const struct hg_cli_options *o); // frames per second
 // The background of a view as --background and `set background` have it.
 void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view);
 

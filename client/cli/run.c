@@ -83,9 +83,9 @@ static enum hg_status connect_to(struct run *r, const char *url, struct hg_error
     r->cli.progress.warnings = 0; // said
     struct hgp_view_set view = {.view = HG_CLI_VIEW};
     enum hg_status status = hg_cli_connect(&r->cli, url, &r->files, true, err);
-    if (!status)
-        status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
-    return status;
+    if (status)
+        return status;
+    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 
 static enum hg_status need_connection(struct run *r, struct hg_error *err)
@@ -166,11 +166,11 @@ static enum hg_status do_view(struct run *r, const struct hg_cli_step *s, struct
     struct hgp_view_set view = s->view;
     view.view = HG_CLI_VIEW;
     enum hg_status status = call_ok(r, HGP_T_view_set, &view, err);
-    if (!status && view.has_width) {
-        r->width = view.width;
-        r->height = view.height;
-    }
-    return status;
+    if (status || !view.has_width)
+        return status;
+    r->width = view.width;
+    r->height = view.height;
+    return HG_OK;
 }
 
 // A material by "ASSET:INDEX", or by its name in the scene's description.
@@ -256,22 +256,26 @@ static enum hg_status do_edit(struct run *r, const struct hg_cli_step *s, struct
 // What helio render would do: light for a scene without any, a camera when none was chosen.
 static enum hg_status complete_scene(struct run *r, struct hg_error *err)
 {
-    enum hg_status status = HG_OK;
+    enum hg_status status;
     if (!r->has_env && !r->has_demo && r->asset_count && !r->lights) {
         struct hgp_environment_set sky = {.has_kind = true, .kind = HGP_environment_kind_SKY};
         status = call_ok(r, HGP_T_environment_set, &sky, err);
-        r->has_env = !status;
+        if (status)
+            return status;
+        r->has_env = true;
     }
-    if (status || r->has_camera)
-        return status;
+    if (r->has_camera)
+        return HG_OK;
     uint64_t node;
     status = hg_cli_find_camera(&r->cli, NULL, &node, err);
+    if (status)
+        return status;
     struct hg_cli_step step = {.kind = HG_CLI_STEP_CAMERA_FIT, .number = 45};
     if (node) {
         step.kind = HG_CLI_STEP_CAMERA;
         step.camera.camera = node;
     }
-    return status ? status : do_camera(r, &step, err);
+    return do_camera(r, &step, err);
 }
 
 static enum hg_status take_frame(
@@ -289,11 +293,14 @@ static enum hg_status take_frame(
     r->frame = NULL;
     r->doing = HG_CLI_DOING_RENDER;
     hg_cli_progress_stage(&r->cli.progress, "rendering");
+    r->dirty = true;
     enum hg_status status = complete_scene(r, err);
-    if (!status)
-        status = helio_frame(r->cli.h, &request, &r->frame, err);
-    if (!status)
-        status = hg_cli_drain_queue(&r->cli, err);
+    if (status)
+        return status;
+    status = helio_frame(r->cli.h, &request, &r->frame, err);
+    if (status)
+        return status;
+    status = hg_cli_drain_queue(&r->cli, err);
     r->dirty = status != HG_OK;
     return status;
 }
@@ -303,15 +310,17 @@ static const struct hg_cli_format png = {HGP_encoding_PNG8, 90};
 static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
     struct hg_cli_format format = png;
-    enum hg_status status = HG_OK;
+    if (!s->path)
+        return take_frame(r, &png, s->now, err);
     r->doing = HG_CLI_DOING_ARGUMENTS;
-    if (s->path)
-        status = hg_cli_format_of(s->path, NULL, &format, err);
-    if (!status && s->path)
-        status = hg_cli_check_output(s->path, err);
-    if (!status)
-        status = take_frame(r, &format, s->now, err);
-    if (status || !s->path)
+    enum hg_status status = hg_cli_format_of(s->path, NULL, &format, err);
+    if (status)
+        return status;
+    status = hg_cli_check_output(s->path, err);
+    if (status)
+        return status;
+    status = take_frame(r, &format, s->now, err);
+    if (status)
         return status;
     const struct hgp_frame *frame = &r->frame->body->frame;
     r->doing = HG_CLI_DOING_OUTPUT;
@@ -392,8 +401,9 @@ static enum hg_status see_pick(
     struct helio_message *answer;
     uint64_t wanted = 0;
     enum hg_status status = s->name ? hg_cli_find_node(&r->cli, s->name, &wanted, err) : HG_OK;
-    if (!status)
-        status = helio_call_for(r->cli.h, HGP_T_pick, &pick, HGP_T_picked, &answer, err);
+    if (status)
+        return status;
+    status = helio_call_for(r->cli.h, HGP_T_pick, &pick, HGP_T_picked, &answer, err);
     if (status)
         return status;
     const struct hgp_picked *got = &answer->body->picked;
@@ -519,12 +529,13 @@ static enum hg_status read_script(struct run *r, struct hg_error *err)
     snprintf(
         r->folder, sizeof r->folder, "%.*s", slash ? (int)(slash - path) : 1, slash ? path : ".");
     enum hg_status status = check_defines(r->o, err);
-    if (!status && r->o->junit)
-        status = hg_cli_check_output(r->o->junit, err);
-    if (!status) {
-        r->doing = HG_CLI_DOING_INPUT;
-        status = hg_file_read(path, SCRIPT_BYTES, &text, &size, err);
-    }
+    if (status)
+        return status;
+    status = r->o->junit ? hg_cli_check_output(r->o->junit, err) : HG_OK;
+    if (status)
+        return status;
+    r->doing = HG_CLI_DOING_INPUT;
+    status = hg_file_read(path, SCRIPT_BYTES, &text, &size, err);
     if (status)
         return status;
     r->doing = HG_CLI_DOING_ARGUMENTS;

@@ -9,6 +9,11 @@ bool hg_cli_is_path(const struct hg_cli_options *o)
     return o->mode && strcmp(o->mode, "path") == 0;
 }
 
+double hg_cli_fps(const struct hg_cli_options *o)
+{
+    return o->has_fps ? o->fps : 24;
+}
+
 static bool is_given(const struct hg_cli_options *o, const struct hg_cli_option_row *row)
 {
     return *(const bool *)((const char *)o + row->has_offset);
@@ -91,7 +96,7 @@ static bool is_animation(const struct hg_cli_options *o)
 static void set_times(const struct hg_cli_render *r, struct hgp_view_set *view)
 {
     const struct hg_cli_options *o = r->o;
-    const double fps = o->has_fps ? o->fps : 24;
+    const double fps = hg_cli_fps(o);
     view->has_frame_s = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1);
     view->frame_s = (float)(1 / fps);
     view->has_shutter_open = view->has_shutter_close = o->has_shutter;
