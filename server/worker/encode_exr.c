@@ -54,7 +54,7 @@ static const struct layout {
 
 // A file in the making; its pixel buffers and names live as long.
 struct file {
-    const struct encode_request *job;
+    const struct encode_request *request;
     struct hg_exr_part parts[MOST_PARTS];
     uint32_t count;
     char names[MOST_PARTS][5][32]; // of the channels, and of the part where we make it
@@ -87,11 +87,11 @@ static void add_count(struct file *f, uint32_t *n, const char *name, uint32_t co
 
 static void add_lens(struct file *f, uint32_t *n)
 {
-    const struct encode_notes *notes = &f->job->notes;
-    if (notes->params.mode != HG_MODE_PATH || !(notes->lens_radius > 0))
+    const struct frame_metadata *metadata = &f->request->metadata;
+    if (metadata->params.mode != HG_MODE_PATH || !(metadata->lens_radius > 0))
         return;
-    add_number(f, n, "heliograph:lensRadius", &notes->lens_radius);
-    add_number(f, n, "heliograph:focusDistance", &notes->focus_distance);
+    add_number(f, n, "heliograph:lensRadius", &metadata->lens_radius);
+    add_number(f, n, "heliograph:focusDistance", &metadata->focus_distance);
 }
 
 static void add_params(struct file *f, uint32_t *n)
@@ -102,19 +102,19 @@ static void add_params(struct file *f, uint32_t *n)
 
 static uint32_t list_attributes(struct file *f, const float *time_s)
 {
-    const struct hgp_frame *frame = &f->job->frame;
-    const struct encode_notes *notes = &f->job->notes;
+    const struct hgp_frame *frame = &f->request->frame;
+    const struct frame_metadata *metadata = &f->request->metadata;
     uint32_t n = 0;
-    if (notes->job[0]) // depends on the scene alone, not on how many edits led to it
-        snprintf(f->revision, sizeof f->revision, "%.16s", notes->scene);
+    if (metadata->frame_key[0]) // depends on the scene alone, not on how many edits led to it
+        snprintf(f->revision, sizeof f->revision, "%.16s", metadata->scene_hash);
     else
         snprintf(
             f->revision, sizeof f->revision, "%llu", (unsigned long long)frame->scene_revision);
     add_text(f, &n, "heliograph:version", HELIO_VERSION);
     add_text(f, &n, "heliograph:renderer", frame->has_mode ? "path" : "realtime");
-    add_text(f, &n, "heliograph:device", notes->device);
+    add_text(f, &n, "heliograph:device", metadata->device);
     add_text(f, &n, "heliograph:sceneRevision", f->revision);
-    add_text(f, &n, ENCODE_FRAME_KEY_ATTRIBUTE, notes->job);
+    add_text(f, &n, ENCODE_FRAME_KEY_ATTRIBUTE, metadata->frame_key);
     add_count(f, &n, "heliograph:samples", frame->samples);
     add_number(f, &n, "heliograph:time", time_s);
     if (frame->has_noise)
@@ -123,9 +123,9 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_lens(f, &n);
     // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.
     f->attributes[n++] = (struct hg_image_attribute){
-        .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = notes->world_to_camera};
+        .name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = metadata->world_to_camera};
     f->attributes[n++] = (struct hg_image_attribute){
-        .name = "worldToNDC", .type = HG_ATTR_MAT4, .floats = notes->world_to_ndc};
+        .name = "worldToNDC", .type = HG_ATTR_MAT4, .floats = metadata->world_to_ndc};
     return n;
 }
 
@@ -134,20 +134,20 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
 // EXR holds colour times alpha by definition of the format.
 static enum hg_status add_picture(struct file *f, uint32_t attribute_count)
 {
-    const struct encode_request *job = f->job;
-    const size_t count = (size_t)job->frame.width * job->frame.height;
-    const float *from = (const float *)job->pixels->data;
+    const struct encode_request *request = f->request;
+    const size_t count = (size_t)request->frame.width * request->frame.height;
+    const float *from = (const float *)request->pixels->data;
     struct hg_exr_part *part = &f->parts[f->count];
     *part = (struct hg_exr_part){.name = "rgba",
         .channels = {"R", "G", "B", "A"},
-        .channel_count = job->opaque ? 3 : 4,
+        .channel_count = request->opaque ? 3 : 4,
         .stride = 4,
-        .type = job->frame.encoding == HGP_encoding_EXR_FLOAT ? HG_EXR_FLOAT : HG_EXR_HALF,
+        .type = request->frame.encoding == HGP_encoding_EXR_FLOAT ? HG_EXR_FLOAT : HG_EXR_HALF,
         .pixels = from,
-        .size_bytes = job->pixels->size,
+        .size_bytes = request->pixels->size,
         .attributes = f->attributes,
         .attribute_count = attribute_count};
-    if (!job->opaque) {
+    if (!request->opaque) {
         float *to = hg_calloc(count, 16);
         if (!to)
             return HG_E_NOMEM;
@@ -213,7 +213,7 @@ static uint32_t list_mattes(struct file *f, uint32_t n)
 {
     static const char *const keys[MATTE_ATTRIBUTES] = {"name", "hash", "conversion", "manifest"};
     for (uint32_t i = 0; i < ENCODE_MATTES; i++) {
-        const struct hg_matte *m = &f->job->mattes[i];
+        const struct hg_matte *m = &f->request->mattes[i];
         const char *const values[MATTE_ATTRIBUTES] = {
             matte_names[i], "MurmurHash3_32", "uint32_to_float32", m->manifest};
         char prefix[24];
@@ -251,19 +251,19 @@ static void add_matte(struct file *f, const char *name, const struct hg_refbuf *
     }
 }
 
-enum hg_status encode_exr(
-    const struct encode_request *job, struct hg_writer *out, struct hg_error *err)
+enum hg_status hg_encode_exr(
+    const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
 {
-    struct file f = {.job = job};
-    const uint32_t size_px[2] = {job->frame.width, job->frame.height};
-    const float time_s = (float)job->notes.time_s;
-    hg_view_params_attributes(&job->notes.params, &f.params);
+    struct file f = {.request = request};
+    const uint32_t size_px[2] = {request->frame.width, request->frame.height};
+    const float time_s = (float)request->metadata.time_s;
+    hg_view_params_attributes(&request->metadata.params, &f.params);
     enum hg_status status = add_picture(&f, list_mattes(&f, list_attributes(&f, &time_s)));
-    for (uint32_t i = 0; !status && i < job->plane_count; i++)
-        status = add_plane(&f, &job->planes[i]);
+    for (uint32_t i = 0; !status && i < request->plane_count; i++)
+        status = add_plane(&f, &request->planes[i]);
     for (uint32_t i = 0; !status && i < ENCODE_MATTES; i++)
-        if (job->mattes[i].ranks)
-            add_matte(&f, matte_names[i], job->mattes[i].ranks);
+        if (request->mattes[i].ranks)
+            add_matte(&f, matte_names[i], request->mattes[i].ranks);
     if (status)
         hg_error_set(err, status, "frame", NULL, "no memory for the parts of an EXR file");
     else

@@ -7,7 +7,7 @@
 #include "server/worker/encode_request.h"
 
 // HG_E_LIMIT, HG_E_NOMEM with *err.
-enum hg_status encode_exr(
-    const struct encode_request *job, struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_encode_exr(const struct encode_request *request, struct hg_writer *out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 #endif

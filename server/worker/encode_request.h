@@ -7,14 +7,14 @@
 #include "server/worker/reply.h"
 
 // What a file says besides its pixels.
-struct encode_notes {
+struct frame_metadata {
     char device[128];
     struct hg_view_params params;
     double time_s;                     // the scene's pose
     float lens_radius, focus_distance; // metres; radius 0 = all is sharp
     float world_to_camera[16], world_to_ndc[16];
-    char job[65];   // hexadecimal, or empty
-    char scene[65]; // with a job: hash of what the scene holds
+    char frame_key[65];  // hexadecimal, or empty
+    char scene_hash[65]; // with a frame key: of what the scene holds
 };
 
 enum { ENCODE_MAX_PLANES = 40, ENCODE_MATTES = 3 };
@@ -29,7 +29,7 @@ struct encode_request {
     struct hg_refbuf *pixels;
     struct hg_frame_info info;
     uint64_t read_ns;
-    struct encode_notes notes;
+    struct frame_metadata metadata;
     struct encode_plane {
         enum hg_plane plane;
         char name[32];            // of the part; "": the plane's

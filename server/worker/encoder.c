@@ -25,8 +25,9 @@ static enum hg_status encode_file(const struct encode_request *request, enum hg_
     enum hg_pixel_format pixels, struct hg_writer *out, struct hg_error *err)
 {
     const struct hgp_frame *f = &request->frame;
-    const struct hg_image_attribute made_from = {
-        .name = ENCODE_FRAME_KEY_ATTRIBUTE, .type = HG_ATTR_STRING, .string = request->notes.job};
+    const struct hg_image_attribute made_from = {.name = ENCODE_FRAME_KEY_ATTRIBUTE,
+        .type = HG_ATTR_STRING,
+        .string = request->metadata.frame_key};
     struct hg_image image = {
         .width = f->width,
         .height = f->height,
@@ -40,7 +41,7 @@ static enum hg_status encode_file(const struct encode_request *request, enum hg_
             .quality = request->quality,
             .opaque = request->opaque,
             .attributes = &made_from,
-            .attribute_count = request->notes.job[0] != 0},
+            .attribute_count = request->metadata.frame_key[0] != 0},
         out, err);
 }
 
@@ -69,7 +70,7 @@ static enum hg_status encode_exr_file(
     void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
 {
     (void)state;
-    return encode_exr(request, out, err);
+    return hg_encode_exr(request, out, err);
 }
 
 const struct encoder_ops *hg_encoder_find(enum hgp_encoding encoding)

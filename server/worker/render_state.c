@@ -1,5 +1,10 @@
 #include "server/worker/render_state.h"
 
+#include <jansson.h>
+#include <stdio.h>
+
+#include "base/alloc.h"
+
 static struct hg_renderer_params renderer_params(const struct worker_options *o)
 {
     return (struct hg_renderer_params){
@@ -37,6 +42,21 @@ struct hg_jobs *hg_render_state_need_jobs(struct render_state *s)
     if (!s->jobs)
         s->jobs = hg_jobs_create(0);
     return s->jobs;
+}
+
+const char *hg_render_state_device_name(struct render_state *s)
+{
+    char *text = NULL;
+    if (s->device[0] || !s->renderer || hg_renderer_device_json(s->renderer, &text))
+        return s->device;
+    json_t *root = json_loads(text, 0, NULL);
+    const char *name = json_string_value(json_object_get(root, "name"));
+    if (!name)
+        name = json_string_value(json_object_get(json_object_get(root, "device"), "name"));
+    snprintf(s->device, sizeof s->device, "%s", name ? name : "unknown");
+    json_decref(root);
+    hg_free(text);
+    return s->device;
 }
 
 void hg_render_state_finish(struct render_state *s)

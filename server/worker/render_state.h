@@ -31,6 +31,8 @@ enum hg_status hg_render_state_need_renderer(
     struct render_state *s, struct hg_error *err) HG_MUST_CHECK;
 // The threads for loads; made when there are none yet. NULL: no memory.
 struct hg_jobs *hg_render_state_need_jobs(struct render_state *s);
+// Name of the device; "" while there is no renderer.
+const char *hg_render_state_device_name(struct render_state *s);
 // After the sessions.
 void hg_render_state_finish(struct render_state *s);
 

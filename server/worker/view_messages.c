@@ -3,7 +3,8 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "server/worker/film.h"
+#include "server/worker/frame_key.h"
+#include "server/worker/frame_planes.h"
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
@@ -30,7 +31,7 @@ static enum hg_status check_quota(const struct request *r, const struct view_slo
 static enum hg_status overlay_planes(
     struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
 {
-    return m->has_planes ? film_planes(m->planes, &p->planes, mattes, err) : HG_OK;
+    return m->has_planes ? hg_frame_planes_decode(m->planes, &p->planes, mattes, err) : HG_OK;
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
@@ -183,4 +184,26 @@ void hg_handle_credit(const struct request *r)
     struct view_slot *view = hg_request_view(r, r->message->credit.view);
     if (view)
         hg_rate_add_credit(view, r->message->credit.frames);
+}
+
+void hg_handle_job_query(const struct request *r)
+{
+    const struct hgp_job_query *m = &r->message->job_query;
+    struct view_slot *view = hg_request_view(r, m->view);
+    struct hgp_job answer = {.scene_revision = r->session->scene->scene->revision};
+    struct hg_error err = {0};
+    if (!view)
+        return;
+    view->frame_key.encoding = m->has_encoding ? m->encoding : view->subscription.still_encoding;
+    view->frame_key.quality = m->has_quality ? m->quality : view->subscription.quality;
+    memset(view->frame_key.after, 0, sizeof view->frame_key.after);
+    if (m->has_after)
+        memcpy(view->frame_key.after, m->after, sizeof view->frame_key.after);
+    const struct frame_format format = {view->frame_key.encoding, view->frame_key.quality};
+    if (hg_frame_key_make(r->s, r->session, view, format, answer.hash, &err)) {
+        hg_reply_error(r->to, &err);
+        return;
+    }
+    view->frame_key.asked = true;
+    hg_reply_send(r->to, HGP_T_job, &answer);
 }

@@ -4,7 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "server/worker/film.h"
+#include "server/worker/frame_metadata.h"
 #include "server/worker/view_rate.h"
 
 static struct reply_to reply_to(
@@ -69,7 +69,7 @@ static enum hg_status fill_request(struct render_state *s, struct session *sessi
     request->info = view->progress.info;
     request->opaque = view->settings.params.background != HG_BACKGROUND_NONE;
     send_failed_textures(view, request->to);
-    return film_attach(s, session, view, request, err);
+    return hg_frame_metadata_attach(s, session, view, request, err);
 }
 
 // There is room in the view's stream.

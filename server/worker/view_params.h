@@ -7,7 +7,8 @@
 #include "protocol/view_params.h"
 #include "renderer/renderer.h"
 
-// What view_set says takes the place of what was there. Planes are the protocol's: see film_planes.
+// What view_set says takes the place of what was there. Planes are the protocol's: see
+// frame_planes.h.
 void hg_view_params_apply(struct hg_view_params *params, const struct hgp_view_set *message);
 
 // Appends what settled pictures depend on. after: key of the frame before in a series.

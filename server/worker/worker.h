@@ -11,6 +11,7 @@
 // Layers, lowest first:
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
+//   view_params frame_planes                parameters and planes, of protocol and renderer
 //   encode_request                          a frame to be encoded, and what its file says
 //   encode_exr
 //   encoder                                 encodings behind one interface
@@ -21,11 +22,12 @@
 //   session
 //   view_slot
 //   request                                 a decoded message, and who is answered
-//   film                                    frame keys, metadata of frames, checkpoints
+//   frame_key                               the hash of what a frame is made from
+//   frame_metadata                          what a frame says besides its pixels
 //   view_rate                               credit, frame rate, progress
 //   view_output                             reads what a step left
 //   view_schedule                           whose turn it is to render
-//   session_messages view_messages edit_load edit_object query bake    handlers of messages
+//   session_messages view_messages checkpoint edit_load edit_object query bake    handlers
 //   edit_mesh
 //   dispatch                                the render thread
 //   main

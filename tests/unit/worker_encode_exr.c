@@ -37,17 +37,17 @@ static void test_scales(void **state)
         {HG_PLANE_DEPTH, 1, 1}, {HG_PLANE_POSITION, 1, 1}, {HG_PLANE_SAMPLES, 1, 1},
         {HG_PLANE_MOTION, 1, -1}};
     enum { ROWS = sizeof rows / sizeof *rows };
-    struct encode_request job = {.opaque = true,
+    struct encode_request request = {.opaque = true,
         .frame = {.width = WIDTH, .height = HEIGHT, .encoding = HGP_encoding_EXR_FLOAT},
-        .notes = {.params = {.exposure_ev = EXPOSURE_EV}},
+        .metadata = {.params = {.exposure_ev = EXPOSURE_EV}},
         .pixels = numbers(4)};
     struct exr_seen seen[1 + ROWS];
     struct hg_writer file = {0};
     struct hg_error err = {0};
     for (uint32_t i = 0; i < ROWS; i++)
-        job.planes[job.plane_count++] = (struct encode_plane){
+        request.planes[request.plane_count++] = (struct encode_plane){
             .plane = rows[i].plane, .values = numbers(hg_plane_channels(rows[i].plane))};
-    if (encode_exr(&job, &file, &err))
+    if (hg_encode_exr(&request, &file, &err))
         fail_msg("%s: %s", err.what, err.reason);
     assert_int_equal(exr_read(file.data, file.size, seen, 1 + ROWS), 1 + ROWS);
     for (uint32_t i = 0; i < ROWS; i++) {
@@ -59,8 +59,8 @@ static void test_scales(void **state)
     for (uint32_t i = 0; i < 1 + ROWS; i++)
         free(seen[i].pixels);
     for (uint32_t i = 0; i < ROWS; i++)
-        hg_refbuf_unref(job.planes[i].values);
-    hg_refbuf_unref(job.pixels);
+        hg_refbuf_unref(request.planes[i].values);
+    hg_refbuf_unref(request.pixels);
     hg_writer_finish(&file);
 }
 
