@@ -130,7 +130,7 @@ static void write_materials(struct hg_writer *w, const struct hg_node *node,
 static enum hg_status write_ids(
     struct hg_writer *w, const struct hg_scene *scene, const struct view_slot *v)
 {
-    const uint32_t planes = v->settings.params.planes, mattes = v->settings.mattes;
+    const uint32_t planes = v->settings.params.planes, mattes = v->settings.params.mattes;
     const bool files = mattes >> HG_MATTE_ASSET & 1;
     const bool objects = (planes >> HG_PLANE_OBJECT & 1) || (mattes >> HG_MATTE_OBJECT & 1);
     const bool materials = (planes >> HG_PLANE_MATERIAL & 1) || (mattes >> HG_MATTE_MATERIAL & 1);
@@ -176,7 +176,7 @@ static enum hg_status write_key(struct hg_writer *w, const struct scene_slot *sl
     hg_write_bytes(w, device, strlen(device) + 1);
     hg_write_bytes(w, slot->hash, sizeof slot->hash);
     hg_view_params_write_key(w, &set->params, view->frame_key.after);
-    hg_write_u32(w, set->mattes);
+    hg_write_u32(w, set->params.mattes);
     write_camera(w, slot->scene, view);
     write_motion(w, slot->scene, &set->params);
     enum hg_status status = write_ids(w, slot->scene, view);

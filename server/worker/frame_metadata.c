@@ -46,7 +46,7 @@ static enum hg_status read_planes(
         if ((set->params.planes >> i & 1) && i != HG_PLANE_COLOR && i != HG_PLANE_DRAWS)
             status = read_plane(view, (enum hg_plane)i, request, err);
     for (uint32_t i = 0; !status && i < ENCODE_MATTES; i++)
-        if (set->mattes >> i & 1)
+        if (set->params.mattes >> i & 1)
             status =
                 hg_view_read_matte(view->view, (enum hg_matte_kind)i, &request->mattes[i], err);
     return status;

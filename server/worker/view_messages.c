@@ -28,10 +28,17 @@ static enum hg_status check_quota(const struct request *r, const struct view_slo
     return HG_OK;
 }
 
-static enum hg_status overlay_planes(
-    struct hg_view_params *p, uint32_t *mattes, const struct hgp_view_set *m, struct hg_error *err)
+// The parameters that a view has after the message; what that leaves out stays.
+static enum hg_status next_params(const struct request *r, const struct view_slot *view,
+    struct hg_view_params *params, struct hg_error *err)
 {
-    return m->has_planes ? hg_frame_planes_decode(m->planes, &p->planes, mattes, err) : HG_OK;
+    const struct hgp_view_set *m = &r->message->view_set;
+    *params = view ? view->settings.params : (struct hg_view_params){0};
+    hg_view_params_apply(params, m);
+    enum hg_status status =
+        m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
+                      : HG_OK;
+    return status ? status : check_quota(r, view, params, err);
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
@@ -42,36 +49,38 @@ static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *
 #include "protocol/view_params.def"
 }
 
-void hg_handle_view_set(const struct request *r)
+static enum hg_status set_view(const struct request *r, struct hg_error *err)
 {
     const struct hgp_view_set *m = &r->message->view_set;
-    struct hg_error err = {0};
-    struct view_slot *view = hg_view_slot_find(r->session, m->view), *made = NULL;
-    struct hg_view_params params = view ? view->settings.params : (struct hg_view_params){0};
-    enum hg_status status = HG_OK;
-    hg_view_params_apply(&params, m);
-    uint32_t mattes = view ? view->settings.mattes : 0;
-    status = overlay_planes(&params, &mattes, m, &err);
-    params.mattes = mattes;
-    if (!status)
-        status = check_quota(r, view, &params, &err);
-    if (!status && !view)
-        status = hg_view_slot_create(r->s, r->session, m->view, &made, &err);
-    if (made)
-        view = made;
-    if (!status)
-        status = hg_view_set_params(view->view, &params, &err);
+    struct view_slot *view = hg_view_slot_find(r->session, m->view);
+    const bool is_new = !view;
+    struct hg_view_params params;
+    enum hg_status status = next_params(r, view, &params, err);
+    if (status)
+        return status;
+    if (is_new)
+        status = hg_view_slot_create(r->s, r->session, m->view, &view, err);
+    if (status)
+        return status;
+    status = hg_view_set_params(view->view, &params, err);
     if (status) {
-        if (made)
-            hg_view_slot_destroy(r->s, r->session, made);
-        hg_reply_error(r->to, &err);
-        return;
+        if (is_new)
+            hg_view_slot_destroy(r->s, r->session, view);
+        return status;
     }
     view->settings.params = params;
-    view->settings.mattes = mattes;
     view->settings.changed = true;
     overlay_delivery(view, m);
-    hg_request_ok(r);
+    return HG_OK;
+}
+
+void hg_handle_view_set(const struct request *r)
+{
+    struct hg_error err = {0};
+    if (set_view(r, &err))
+        hg_reply_error(r->to, &err);
+    else
+        hg_request_ok(r);
 }
 
 void hg_handle_view_close(const struct request *r)

@@ -24,7 +24,6 @@ struct frame_wait {
 // What the view shows.
 struct view_settings {
     struct hg_view_params params;
-    uint32_t mattes; // bits of enum hg_matte_kind
     struct hg_view_camera camera;
     uint64_t camera_node; // 0: `camera` counts
     uint64_t camera_node_revision;
