@@ -1,12 +1,12 @@
 // conn.h - inside of a libhelio connection. Floor 6 (client). One thread at a time.
 //
-// Layers, from below; includes and calls go downwards only:
-//   transport, private_worker   sockets; a worker process
-//   conn                        the connection's state, why it ended, what waits to be sent
-//   session                     hello, authentication, the messages that the library answers itself
-//   receive                     bytes to messages
-//   helio                       the public calls without waiting
-//   call, upload                the public calls that wait
+// Layers, lowest first:
+//   transport private_worker camera    sockets; a worker process; conventions of cameras
+//   conn                               state, why it ended, what waits to be sent
+//   session                            hello, authentication, messages that the library answers itself
+//   receive                            bytes to messages
+//   helio                              the public calls that do not wait
+//   call upload                        the public calls that wait
 #ifndef HG_CLIENT_LIB_CONN_H
 #define HG_CLIENT_LIB_CONN_H
 

@@ -1,19 +1,24 @@
 // broker.h - heliod: all its parts put together, its start, reload and end.
 // Floor 6, private to server/broker. Everything runs on one thread and nothing blocks.
 //
-// Layers, from below; includes and calls go downwards only, and what has something to say to those
-// above it calls a table of functions that it was given (hg_conn_events, hg_link_events):
+// Includes and calls go downwards only. What has something to say to those above it calls a table of
+// functions that it was given (hg_conn_events, hg_link_events).
 //
-//   loop, options, auth, notify, list, peer_log      the system's side of a daemon
-//   transport < packet, listener                     bytes of a peer, whole messages
-//   conn                                             a client's connection
-//   worker_link < worker_pool                        the worker processes
-//   upload_store < scene_journal < scene             contents, accepted edits, scenes by name
-//   session_state < session_view, session_upload < session_request < session_rules, session_list
-//     < session < session_answer                     a client's session, both ways
-//   recovery                                         scenes and sessions into a new worker
-//   client_dispatch                                  what a client may say: handshake, state, role
-//   broker                                           start, signals, reload, the janitor, drain
+// Layers, lowest first:
+//   loop options auth notify list peer_log upload_store    the system's side of a daemon; contents
+//   transport                                              bytes of a peer
+//   packet listener                                        whole messages; where clients come in
+//   conn worker_link scene_journal                         a client; a worker; a scene's accepted edits
+//   worker_pool                                            which worker a scene goes to
+//   scene                                                  scenes by name
+//   session_state                                          what is kept of sessions
+//   session_view session_upload
+//   session_request session_rules session_list             to the worker; what is refused; who is there
+//   session                                                begin and end, the client's messages
+//   session_answer                                         what the worker says
+//   recovery client_dispatch                               a new worker; what a client may say, and when
+//   broker                                                 start, signals, reload, the janitor, drain
+//   main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
