@@ -14,13 +14,17 @@
 #include "renderer/light/env/sky.h"
 #include "tests/analytic/probe.h"
 #include "tests/support/folder.h"
+#include "tests/support/test_data.h"
 
 #define PI 3.14159265358979
+
+#define ROOM TEST_MODELS "/room.hdr"
 
 static const char *const held[] = {"hdr/lightroom_14b_from_filament_ktx.hdr",
     "hdr/narrow_moonlit_road_1k.hdr", "hdr/noon_grass_1k.hdr", "hdr/royal_esplanade_1k.hdr"};
 
-static void set_image(struct probe *probe, const char *relative)
+// path: NULL: nothing yet.
+static void set_image(struct probe *probe, const char *path)
 {
     struct hg_environment *env = &probe->scene->environment;
     struct hg_error err = {0};
@@ -29,9 +33,9 @@ static void set_image(struct probe *probe, const char *relative)
     env->kind = HG_ENV_IMAGE;
     env->intensity = 1;
     env->rotation_rad = 0;
-    if (!relative)
+    if (!path)
         return;
-    if (hg_image_read_file(probe_data(relative), HG_PIXEL_RGBA32F, NULL, &env->image, &err))
+    if (hg_image_read_file(path, HG_PIXEL_RGBA32F, NULL, &env->image, &err))
         fail_msg("%s: %s", err.what, err.reason);
     probe_sync(probe);
 }
@@ -113,28 +117,30 @@ static void test_orientation(void **state)
 }
 
 // What a mirror shows is the image.
-static void test_roughness_zero_is_the_source(void **state)
+static void check_mirror(struct probe *probe, const char *path)
 {
     enum { COUNT = 4096 };
     static struct hg_vec4 in[2 * COUNT], a[COUNT], b[COUNT];
-    struct probe *probe = *state;
-    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
-        set_image(probe, held[f]);
-        for (int i = 0; i < COUNT; i++) {
-            in[2 * i].w = 0;
-            spread(i, COUNT, &in[2 * i]);
-        }
-        probe_run(probe, PROBE_RADIANCE, COUNT, in, a);
-        probe_run(probe, PROBE_PREFILTERED, COUNT, in, b);
-        double error = 0, mean = 0;
-        for (int i = 0; i < COUNT; i++) {
-            double x = fmin((double)a[i].y, 4), y = fmin((double)b[i].y, 4); // display range
-            error += fabs(x - y);
-            mean += x;
-        }
-        print_message("%s: mirror against source %.4f\n", held[f], error / mean);
-        assert_true(error / mean < 0.03);
+    double error = 0, mean = 0;
+    set_image(probe, path);
+    for (int i = 0; i < COUNT; i++) {
+        in[2 * i].w = 0;
+        spread(i, COUNT, &in[2 * i]);
     }
+    probe_run(probe, PROBE_RADIANCE, COUNT, in, a);
+    probe_run(probe, PROBE_PREFILTERED, COUNT, in, b);
+    for (int i = 0; i < COUNT; i++) {
+        double x = fmin((double)a[i].y, 4), y = fmin((double)b[i].y, 4); // display range
+        error += fabs(x - y);
+        mean += x;
+    }
+    print_message("%s: mirror against source %.4f\n", path, error / mean);
+    assert_true(error / mean < 0.03);
+}
+
+static void test_roughness_zero_is_the_source(void **state)
+{
+    check_mirror(*state, ROOM);
 }
 
 // All texels with their exact solid angles.
@@ -192,33 +198,35 @@ static double sh_irradiance(const double sh[9], const struct hg_vec4 *n)
     return sum / PI;
 }
 
-static void test_irradiance(void **state)
+static void check_irradiance(struct probe *probe, const char *path)
 {
     enum { COUNT = 40 };
     struct hg_vec4 in[2 * COUNT] = {{0, 0, 0, 0}}, out[COUNT];
-    struct probe *probe = *state;
-    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
-        double sh[9], map_error = 0, sh_error = 0, mean = 0, worst = 0, peak = 0;
-        set_image(probe, held[f]);
-        const struct hg_image *image = &probe->scene->environment.image;
-        project(image, sh);
-        for (int i = 0; i < COUNT; i++)
-            spread(i, COUNT, &in[2 * i]);
-        probe_run(probe, PROBE_IRRADIANCE, COUNT, in, out);
-        for (int i = 0; i < COUNT; i++) {
-            double e = brute_irradiance(image, &in[2 * i], 1), d = fabs((double)out[i].y - e);
-            map_error += d;
-            worst = fmax(worst, d);
-            sh_error += fabs(sh_irradiance(sh, &in[2 * i]) - e);
-            mean += e;
-            peak = fmax(peak, e);
-        }
-        print_message("%s: irradiance map %.5f (worst %.4f of the peak), nine harmonics %.4f\n",
-            held[f], map_error / mean, worst / peak, sh_error / mean);
-        assert_true(map_error / mean < 0.005);
-        assert_true(worst / peak < 0.02);
-        assert_true(sh_error > map_error); // the reason for a map
+    double sh[9], map_error = 0, sh_error = 0, mean = 0, worst = 0, peak = 0;
+    set_image(probe, path);
+    const struct hg_image *image = &probe->scene->environment.image;
+    project(image, sh);
+    for (int i = 0; i < COUNT; i++)
+        spread(i, COUNT, &in[2 * i]);
+    probe_run(probe, PROBE_IRRADIANCE, COUNT, in, out);
+    for (int i = 0; i < COUNT; i++) {
+        double e = brute_irradiance(image, &in[2 * i], 1), d = fabs((double)out[i].y - e);
+        map_error += d;
+        worst = fmax(worst, d);
+        sh_error += fabs(sh_irradiance(sh, &in[2 * i]) - e);
+        mean += e;
+        peak = fmax(peak, e);
     }
+    print_message("%s: irradiance map %.5f (worst %.4f of the peak), nine harmonics %.4f\n", path,
+        map_error / mean, worst / peak, sh_error / mean);
+    assert_true(map_error / mean < 0.005);
+    assert_true(worst / peak < 0.02);
+    assert_true(sh_error > map_error); // the reason for a map
+}
+
+static void test_irradiance(void **state)
+{
+    check_irradiance(*state, ROOM);
 }
 
 static double brute_lobe(const struct hg_image *image, const struct hg_vec4 *n, double alpha)
@@ -242,30 +250,43 @@ static double brute_lobe(const struct hg_image *image, const struct hg_vec4 *n, 
 }
 
 // Every level of the prefiltered cube against the lobe summed over all texels.
-static void test_prefilter(void **state)
+static void check_prefilter(struct probe *probe, const char *path)
 {
     enum { COUNT = 8 };
     struct hg_vec4 in[2 * COUNT] = {{0, 0, 0, 0}}, out[COUNT];
-    struct probe *probe = *state;
-    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
-        set_image(probe, held[f]);
-        const struct hg_image *image = &probe->scene->environment.image;
-        for (uint32_t level = 2; level < HG_ENVIRONMENT_LEVELS; level++) {
-            float r = hg_environment_roughness(level);
-            double error = 0, mean = 0;
-            for (int i = 0; i < COUNT; i++) {
-                in[2 * i].w = r;
-                spread(i, COUNT, &in[2 * i]);
-            }
-            probe_run(probe, PROBE_PREFILTERED, COUNT, in, out);
-            for (int i = 0; i < COUNT; i++) {
-                double e = brute_lobe(image, &in[2 * i], (double)(r * r));
-                error += fabs((double)out[i].y - e);
-                mean += e;
-            }
-            print_message("%s: roughness %.3f error %.4f\n", held[f], (double)r, error / mean);
-            assert_true(error / mean < 0.06);
+    set_image(probe, path);
+    const struct hg_image *image = &probe->scene->environment.image;
+    for (uint32_t level = 2; level < HG_ENVIRONMENT_LEVELS; level++) {
+        float r = hg_environment_roughness(level);
+        double error = 0, mean = 0;
+        for (int i = 0; i < COUNT; i++) {
+            in[2 * i].w = r;
+            spread(i, COUNT, &in[2 * i]);
         }
+        probe_run(probe, PROBE_PREFILTERED, COUNT, in, out);
+        for (int i = 0; i < COUNT; i++) {
+            double e = brute_lobe(image, &in[2 * i], (double)(r * r));
+            error += fabs((double)out[i].y - e);
+            mean += e;
+        }
+        print_message("%s: roughness %.3f error %.4f\n", path, (double)r, error / mean);
+        assert_true(error / mean < 0.06);
+    }
+}
+
+static void test_prefilter(void **state)
+{
+    check_prefilter(*state, ROOM);
+}
+
+// The same of images from outside.
+static void test_environments_of_others(void **state)
+{
+    for (size_t f = 0; f < sizeof held / sizeof held[0]; f++) {
+        const char *path = test_data(held[f]);
+        check_mirror(*state, path);
+        check_irradiance(*state, path);
+        check_prefilter(*state, path);
     }
 }
 
@@ -317,8 +338,7 @@ static void test_cache(void **state)
     assert_true(test_folder_make(folder, "environment"));
     struct hg_store *store;
     assert_int_equal(hg_store_open(&(struct hg_store_params){.dir = folder}, &store, &err), HG_OK);
-    assert_int_equal(
-        hg_image_read_file(probe_data(held[2]), HG_PIXEL_RGBA32F, NULL, &image, &err), HG_OK);
+    assert_int_equal(hg_image_read_file(ROOM, HG_PIXEL_RGBA32F, NULL, &image, &err), HG_OK);
     uint64_t begin = hg_clock_now_ns();
     assert_int_equal(hg_environment_map_load(&made, &image, key, store, jobs, &cached), HG_OK);
     uint64_t cold = hg_clock_now_ns() - begin;
@@ -526,11 +546,12 @@ int main(void)
         cmocka_unit_test(test_roughness_zero_is_the_source),
         cmocka_unit_test(test_irradiance),
         cmocka_unit_test(test_prefilter),
+        cmocka_unit_test(test_environments_of_others),
         cmocka_unit_test(test_constant_image),
         cmocka_unit_test(test_cache),
         cmocka_unit_test(test_sky_cache),
         cmocka_unit_test(test_sky),
         cmocka_unit_test(test_sky_is_as_blue_as_published),
     };
-    return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
+    return test_run_group(tests, probe_setup, probe_teardown);
 }

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/alloc.h"
 #include "tests/support/check.h"
@@ -124,18 +123,6 @@ void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const stru
     struct hg_vec4 *out)
 {
     probe_run_shader(probe, "probe.comp", (uint32_t)op, count, in, 2 * count, out, count);
-}
-
-const char *probe_data(const char *relative)
-{
-    static char path[4096];
-    const char *root = getenv("HELIO_TEST_DATA");
-    if (!root)
-        fail_msg("HELIO_TEST_DATA is not set");
-    snprintf(path, sizeof path, "%s/%s", root, relative);
-    if (access(path, R_OK))
-        fail_msg("test data is missing: %s", path);
-    return path;
 }
 
 // SplitMix64, Steele et al. 2014.

@@ -60,9 +60,6 @@ void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const stru
 void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint32_t count,
     const struct hg_vec4 *in, uint32_t in_size, struct hg_vec4 *out, uint32_t out_size);
 
-// Path below the folder of test data; fails the test when the file is missing.
-const char *probe_data(const char *relative);
-
 // In [0, 1), the same ones in every run: of 53 bits, and of 24 that a float holds.
 double probe_random(void);
 float probe_random_float(void);

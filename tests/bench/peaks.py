@@ -4,7 +4,8 @@
     peaks.py --helio build/bin/helio --budget 64 [--most MIB] SCENE...
     peaks.py --helio build/bin/helio --budget 16 [--most MIB] --all DATA
 
-Each scene is rendered with a cache of its own, so everything is baked. --all takes every scene,
+Each scene is rendered with a cache of its own, so everything is baked. data:NAME is a scene of the test data,
+left out where it is missing and need not be there (test_data.py). --all takes every scene,
 height map and environment under DATA; what the loaders refuse (exit code 3) is named and counted.
 Prints what the pools took at most and the peak of the worker's resident memory, and fails where
 that is more than the three budgets (textures, geometry, host) and --most MiB, or where a render
@@ -16,6 +17,9 @@ import os
 import subprocess
 import sys
 import tempfile
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+import test_data
 
 FOLDERS = ("khronos", "scenes", "extra-gltf", "asset-generator", "big-geometry")
 SCENES = (".gltf", ".glb", ".ply", ".ply.gz", ".obj", ".fbx", ".stl", ".dae")
@@ -103,7 +107,12 @@ def main():
     parser.add_argument("--all", metavar="DATA", help="every scene of this folder of test data")
     parser.add_argument("scenes", nargs="*")
     options = parser.parse_args()
-    scenes = [(scene, None) for scene in options.scenes]
+    names = [s[5:] for s in options.scenes if s.startswith("data:")]
+    found = [test_data.find(name) for name in names]
+    if None in found and test_data.REQUIRED:
+        return 1
+    scenes = [(s, None) for s in options.scenes if not s.startswith("data:")]
+    scenes += [(s, None) for s in found if s]
     if options.all:
         scenes += find_scenes(options.all)
     if not scenes:

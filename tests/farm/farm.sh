@@ -1,6 +1,6 @@
 #!/bin/bash
 # farm.sh - many frames on machines that stop: whole files, files that are there already, commands that
-# are killed and run again, embedded and through a daemon. Uses HELIO_BUILD_DIR and HELIO_TEST_DATA.
+# are killed and run again, embedded and through a daemon. Uses HELIO_BUILD_DIR.
 . "$(dirname "$0")/../support/shell.sh"
 
 told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not told: $(tail -n 3 "$temp/out")"; }
@@ -8,14 +8,14 @@ stat_is() { # key value
     grep -q "\"$1\": $2,\?\$" "$temp/stats.json" || fail "$1 is not $2: $(grep "\"$1\"" "$temp/stats.json")"
 }
 
-fox=$data/khronos/Fox/glTF-Binary/Fox.glb
-duck=$data/khronos/Duck/glTF/Duck.gltf
-for file in "$helio" "$heliod" "$fox" "$duck"; do need "$file"; done
+worm=$models/worm.glb
+knot=$models/knot/knot.gltf
+for file in "$helio" "$heliod" "$worm" "$knot"; do need "$file"; done
 
-render() { # folder options...: twelve frames of the fox
+render() { # folder options...: twelve frames of the worm
     local folder=$1
     shift
-    ${run:-} "$helio" render "$fox" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --frames 0-22:2 --fps 20 \
+    ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --frames 0-22:2 --fps 20 \
         --stats "$temp/stats.json" "$@"
 }
 mkdir "$temp/once" "$temp/again"
@@ -44,7 +44,7 @@ stat_is skipped_frames 0
 
 # Other kinds of files.
 for kind in exr jpg; do
-    one=("$helio" render "$duck" -o "$temp/one.$kind" --size 64x48 --samples 2 --skip-existing
+    one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --skip-existing
         --stats "$temp/stats.json")
     expect 0 "${one[@]}"
     stat_is skipped_frames 0
@@ -60,8 +60,8 @@ for kind in exr jpg; do
 done
 
 # A file larger than a part of 16 MiB, on its way from the worker and to it.
-large=("$helio" render "$duck" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exr float
-    --env "$data/hdr/noon_grass_1k.hdr" --eye 0,1,8 --target 0,5,0 --skip-existing --stats "$temp/stats.json")
+large=("$helio" render "$knot" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exr float
+    --env "$models/room.hdr" --eye 0,1,8 --target 0,5,0 --skip-existing --stats "$temp/stats.json")
 expect 0 "${large[@]}"
 [ "$(stat -c %s "$temp/large.exr")" -gt $((20 << 20)) ] || fail "the large file is not large"
 stat_is bytes "$(stat -c %s "$temp/large.exr")"
@@ -75,7 +75,7 @@ same "$temp/large.exr" "$temp/large-kept.exr"
 
 # The same scene elsewhere, through a daemon, is the same job.
 url=unix:$temp/sock
-"$heliod" --listen "$url" --asset-root "$data" --asset-root "$temp" --log warn &
+"$heliod" --listen "$url" --asset-root "$models" --asset-root "$temp" --log warn &
 daemon=$!
 answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
 until_true answers
@@ -89,8 +89,8 @@ rm "$temp/large.exr"
 expect 0 "${large[@]}" --connect "$url"
 same "$temp/large.exr" "$temp/large-kept.exr"
 mkdir "$temp/moved"
-cp "$fox" "$temp/moved/renamed.glb"
-fox=$temp/moved/renamed.glb expect 0 render once --skip-existing
+cp "$worm" "$temp/moved/renamed.glb"
+worm=$temp/moved/renamed.glb expect 0 render once --skip-existing
 stat_is skipped_frames 12
 
 # Killed in the middle: whole files only; the same command finishes the rest.
@@ -120,7 +120,7 @@ for f in "$temp"/once/*.png; do same "$f" "$temp/killed/${f##*/}"; done
 trace() { # out options...
     local out=$1
     shift
-    ${run:-} "$helio" render "$duck" -o "$out" --size 96x64 --mode path --env sky --exr float --spp 384 \
+    ${run:-} "$helio" render "$knot" -o "$out" --size 96x64 --mode path --env sky --exr float --spp 384 \
         --aov depth,cryptomatte,variance --stats "$temp/stats.json" "$@"
 }
 expect 0 trace "$temp/whole.exr"
@@ -171,7 +171,7 @@ told 'goes on from [1-9][0-9]* samples'
 same "$temp/whole.exr" "$temp/dies.exr"
 
 # A daemon that is stopped gives its clients the time to keep their films.
-"$heliod" --listen "unix:$temp/brief" --asset-root "$data" --log warn --drain-timeout 3 &
+"$heliod" --listen "unix:$temp/brief" --asset-root "$models" --log warn --drain-timeout 3 &
 brief=$!
 answers() { "$helio" ping --count 1 --connect "unix:$temp/brief" >/dev/null 2>&1; }
 until_true answers
@@ -192,7 +192,7 @@ told 'the same command with --resume goes on from there'
 series() { # folder options...
     local folder=$1
     shift
-    ${run:-} "$helio" render "$fox" -o "$temp/$folder/s-##.exr" --size 48x36 --mode path --spp 4 --env sky \
+    ${run:-} "$helio" render "$worm" -o "$temp/$folder/s-##.exr" --size 48x36 --mode path --spp 4 --env sky \
         --exr float --aov motion --frames 2-10:2 --fps 20 --denoise --stats "$temp/stats.json" "$@"
 }
 same_series() { # folder

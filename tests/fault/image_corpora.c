@@ -1,6 +1,7 @@
 // image_corpora.c - every file of the image corpora ends in a picture or in an error that names
 // the file and the reason: no crash, no hang, no runaway memory.
 //   image_corpora ROOT...         all regular files below each folder
+//   image_corpora --data NAME...  the same, of folders of the test data
 //   image_corpora --dump BITS     decodes the files named on stdin (8 or 16 bit), for pngsuite.py
 #include <dirent.h>
 #include <inttypes.h>
@@ -14,6 +15,7 @@
 #include <unistd.h>
 
 #include "renderer/image/image.h"
+#include "tests/support/test_data.h"
 
 // Of the processor, not of the clock: a busy machine makes no file slow.
 enum { seconds_per_file = 60 };
@@ -111,6 +113,28 @@ static int dump(enum hg_pixel_format format)
     return ferror(stdout) ? 1 : 0;
 }
 
+static void check_root(const char *root)
+{
+    const unsigned before = decoded + refused;
+    check_tree(root);
+    printf("%s: %u readings\n", root, decoded + refused - before);
+    if (decoded + refused == before) {
+        fprintf(stderr, "%s: no files there\n", root);
+        bad++;
+    }
+}
+
+static void check_data(char **names, int count)
+{
+    for (int i = 0; i < count; i++) {
+        const char *root = test_data_find(names[i]);
+        if (root)
+            check_root(root);
+        else if (test_data_is_required())
+            bad++;
+    }
+}
+
 int main(int argc, char **argv)
 {
     if (argc == 3 && strcmp(argv[1], "--dump") == 0)
@@ -120,14 +144,13 @@ int main(int argc, char **argv)
     signal(SIGSEGV, on_signal);
     signal(SIGABRT, on_signal);
 #endif
-    for (int i = 1; i < argc; i++) {
-        unsigned before = decoded + refused;
-        check_tree(argv[i]);
-        printf("%s: %u readings\n", argv[i], decoded + refused - before);
-        if (decoded + refused == before) {
-            fprintf(stderr, "%s: no test data there\n", argv[i]);
-            bad++;
-        }
+    if (argc > 1 && strcmp(argv[1], "--data") == 0) {
+        check_data(argv + 2, argc - 2);
+        if (!bad && !decoded && !refused)
+            return TEST_SKIPPED;
+    } else {
+        for (int i = 1; i < argc; i++)
+            check_root(argv[i]);
     }
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);

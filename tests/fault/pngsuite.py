@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """PngSuite through hg_image_read_file, against a PNG decoder written here on zlib alone.
 
-usage: pngsuite.py IMAGE_CORPORA_PROGRAM PNGSUITE_FOLDER
+usage: pngsuite.py IMAGE_CORPORA_PROGRAM
 Every valid picture must decode to exactly these bytes at 8 and at 16 bits; every x*.png must be
 refused.
 """
@@ -10,6 +10,9 @@ import struct
 import subprocess
 import sys
 import zlib
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+import test_data
 
 
 def chunks(data):
@@ -123,7 +126,8 @@ def read_dump(program, bits, files):
 
 
 def main():
-    program, folder = sys.argv[1:3]
+    program = sys.argv[1]
+    folder, = test_data.need("image-corpora/pngsuite")
     names = sorted(n for n in os.listdir(folder) if n.endswith(".png"))
     if len(names) < 160:
         sys.exit("%s: PngSuite is not there (%d pictures)" % (folder, len(names)))

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Renders the Render-Fidelity scenarios and ranks us among the other engines.
 
-usage: fidelity.py --data DIR --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
+usage: fidelity.py --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
                    [--only NAME]... [--jobs N] [--spp N] [--candidate ENGINE]
                    [--path all|NAME,...] [--path-spp N] [--no-realtime]
 
-Every scenario of DIR/fidelity/scenarios.json is rendered through the command line at the size the
+Every scenario of fidelity/scenarios.json in the test data is rendered through the command line at the size the
 other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
 metric (see score.h). Rasterisers are compared with rasterisers. A scenario of which at least two of them
 have pictures is compared; it passes when our median distance to the others is no larger than the
@@ -34,6 +34,9 @@ import statistics
 import subprocess
 import sys
 import time
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+import test_data
 
 RASTERISERS = ("babylon", "filament", "gltf-sample-viewer", "model-viewer")
 PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
@@ -363,7 +366,7 @@ def write_report(out, records, explanations, summary):
 
 def main():
     parser = argparse.ArgumentParser()
-    for name in ("--data", "--score", "--out", "--explanations"):
+    for name in ("--score", "--out", "--explanations"):
         parser.add_argument(name, required=True)
     parser.add_argument("--helio")
     parser.add_argument("--only", action="append", default=[])
@@ -376,9 +379,8 @@ def main():
     parser.add_argument("--path-denoise", action="store_true")
     parser.add_argument("--no-realtime", action="store_true")
     options = parser.parse_args()
-    path = os.path.join(options.data, "fidelity", "scenarios.json")
-    if not os.path.exists(path):
-        sys.exit("%s is missing: the fidelity test needs the test data" % path)
+    path, = test_data.need("fidelity/scenarios.json")
+    options.data = test_data.ROOT
     with open(path, encoding="utf-8") as file:
         scenarios = json.load(file)
     os.makedirs(options.out, exist_ok=True)

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Renders the rows of golden.toml and compares them with the stored pictures.
 
-usage: golden.py --helio PROGRAM --data DIR --out DIR [--only NAME]... [--update]
+usage: golden.py --helio PROGRAM --out DIR [--only NAME]... [--update]
 
 A row that differs leaves OUT/NAME.png and OUT/NAME.diff.png and fails the test; so does a missing
 reference. Rows with `wrong = true` hold a picture that is wrong on purpose: they must be refused,
 which shows that the tolerances bite. --update writes the references anew (never the wrong ones):
-look at them before you commit them.
+look at them before you commit them. Rows of scenes that are not there are skipped (test_data.py).
 """
 import argparse
 import concurrent.futures
@@ -15,6 +15,9 @@ import shutil
 import subprocess
 import sys
 import tomllib
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+import test_data
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "256x256"
@@ -32,19 +35,19 @@ def run(command):
     return done.returncode, done.stdout.strip()
 
 
+def inputs_of(row):
+    """Files of the test data that a row needs."""
+    files = [] if row["scene"] == "demo" else [row["scene"]]
+    return files + [a.split("DATA/")[1] for a in row["arguments"] if "DATA/" in a]
+
+
 def render(options, row, out):
-    scene = row["scene"]
-    if scene == "demo":
-        scene = "demo:"
-    else:
-        scene = os.path.join(options.data, scene)
-        if not os.path.exists(scene):
-            return "%s is missing: the golden test needs the test data" % scene
+    scene = "demo:" if row["scene"] == "demo" else os.path.join(test_data.ROOT, row["scene"])
     command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
                "--device", "llvmpipe", "--progress", "none",
                "--cache-dir", os.path.join(options.out, "cache")]
     for argument in row["arguments"]:
-        command.append(argument.replace("DATA/", options.data + "/"))
+        command.append(argument.replace("DATA/", test_data.ROOT + "/"))
     code, text = run(command)
     return None if code == 0 else "rendering failed with %d: %s" % (code, text)
 
@@ -83,7 +86,7 @@ def check(options, row):
 
 def main():
     parser = argparse.ArgumentParser()
-    for name in ("--helio", "--data", "--out"):
+    for name in ("--helio", "--out"):
         parser.add_argument(name, required=True)
     parser.add_argument("--only", action="append", default=[])
     parser.add_argument("--update", action="store_true")
@@ -101,9 +104,12 @@ def main():
             sys.exit("%s: a tolerance needs its reason" % row["name"])
     if not any(r.get("wrong") for r in rows) and not options.only:
         sys.exit("golden.toml: no wrong picture is left")
+    there = [r for r in rows if all([test_data.find(f) for f in inputs_of(r)])]
+    if len(there) < len(rows) and test_data.REQUIRED:
+        sys.exit("test data is missing")
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
-        failures = list(pool.map(lambda r: check(options, r), rows))
-    for row, failure in zip(rows, failures):
+        failures = list(pool.map(lambda r: check(options, r), there))
+    for row, failure in zip(there, failures):
         print("%-24s %s" % (row["name"], failure or "ok"))
     sys.exit(1 if any(failures) else 0)
 

@@ -1,10 +1,11 @@
 # shell.sh - what test scripts share: programs, a folder that goes in the end, and expectations that are
-# counted in `failures`. To be sourced. Uses HELIO_BUILD_DIR and HELIO_TEST_DATA; a script that starts a
-# daemon or a client keeps its number in `daemon` or `client`, so that it ends with the script.
+# counted in `failures`. To be sourced. Uses HELIO_BUILD_DIR; a script that starts a daemon or a
+# client keeps its number in `daemon` or `client`, so that it ends with the script.
 set -u
 helio=$HELIO_BUILD_DIR/bin/helio
 heliod=$HELIO_BUILD_DIR/bin/heliod
-data=$HELIO_TEST_DATA
+models=$HELIO_BUILD_DIR/tests/models # what support/models.py makes
+data=${HELIO_TEST_DATA:-$(realpath -m "${BASH_SOURCE[0]%/*}/../../../shared/data")}
 tmpdir=${TMPDIR:-}
 [ ${#tmpdir} -lt 64 ] || export TMPDIR=/tmp # names of sockets have room for 108 bytes
 temp=$(mktemp -d)
@@ -25,5 +26,16 @@ same() { cmp "$1" "$2" || fail "$1 and $2 differ"; }
 until_true() { # command...: waits for it, a minute at most
     for i in $(seq 1200); do "$@" && return 0; sleep 0.05; done
     fail "never came true: $*"
+}
+# Is there this file of the test data? A missing one is a failure where HELIO_TEST_DATA is set or
+# CI=true (test_data.h).
+has_data() {
+    [ -e "$data/$1" ] && return 0
+    if [ -n "${HELIO_TEST_DATA:-}" ] || [ "${CI:-}" = true ]; then
+        fail "test data is missing: $1"
+    else
+        echo "SKIPPED: test data is missing: $1"
+    fi
+    return 1
 }
 need() { [ -e "$1" ] || { echo "$1 is missing"; exit 1; }; }

@@ -3,19 +3,15 @@
 # so is a real-time picture with its planes.
 . "$(dirname "$0")/../support/shell.sh"
 
-sponza=$data/scenes/Sponza/glTF/Sponza.gltf
-env=$data/hdr/lightroom_14b_from_filament_ktx.hdr
-for file in "$helio" "$sponza" "$env"; do need "$file"; done
-
-trace() { # MiB options...
-    local budget=$1
-    shift
-    expect 0 "$helio" render "$sponza" -o "$temp/$budget.exr" --exr float --size 480x270 \
-        --eye 6,1.6,0 --target 5,1.7,0 --fov 60 --env "$env" --spp 2 --texture-budget "$budget" \
-        --asset-root "$data" --stats "$temp/$budget.json" --progress none "$@"
+trace() { # MiB scene options...
+    local budget=$1 scene=$2
+    shift 2
+    expect 0 "$helio" render "$scene" -o "$temp/$budget.exr" --exr float --size 480x270 --spp 2 \
+        --fov 60 --texture-budget "$budget" --asset-root "${root:-$models}" \
+        --stats "$temp/$budget.json" --progress none "$@"
 }
 evicted() { grep -q '"evicted": [1-9]' "$temp/$1.json"; }
-compare() { # options...
+compare() { # scene options...
     trace 16 "$@"
     evicted 16 || fail "16 MiB held all pages: nothing was tested"
     trace 4096 "$@"
@@ -23,8 +19,19 @@ compare() { # options...
     same "$temp/16.exr" "$temp/4096.exr"
 }
 
-compare --mode path
-compare --mode realtime --aov all
+gallery=("$models/gallery/gallery.gltf" --eye 0,0,1 --target 0,0,0 --env "$models/room.hdr")
+need "$helio"
+compare "${gallery[@]}" --mode path
+compare "${gallery[@]}" --mode realtime --aov all
+
+sponza=scenes/Sponza/glTF/Sponza.gltf
+env=hdr/lightroom_14b_from_filament_ktx.hdr
+if has_data $sponza && has_data $env; then
+    root=$data
+    nave=("$data/$sponza" --eye 6,1.6,0 --target 5,1.7,0 --env "$data/$env")
+    compare "${nave[@]}" --mode path
+    compare "${nave[@]}" --mode realtime --aov all
+fi
 
 [ $failures = 0 ] || exit 1
 echo "path_budget: good"

@@ -13,6 +13,7 @@
 #include "base/log.h"
 #include "geometry_device.h"
 #include "renderer/scene/load.h"
+#include "tests/support/test_data.h"
 
 static void reference_vertex(const struct hg_node *node, const struct hg_mesh_part *part,
     uint32_t v, const double anchor[3], double position[3], double normal[3])
@@ -99,11 +100,9 @@ static void check_pose(struct geo *f, const struct hg_deform_entry *e, const cha
     hg_gpu_buffer_destroy(f->gpu, &back);
 }
 
-static void check_file(struct geo *f, const char *name)
+static void check_file(struct geo *f, const char *path)
 {
-    const char *root = getenv("HELIO_TEST_DATA");
-    char path[1024];
-    snprintf(path, sizeof path, "%s/khronos/%s", root != NULL ? root : "../shared/data", name);
+    const char *name = strrchr(path, '/') + 1;
     const struct hg_load_params params = {.path = path, .asset_number = 1, .scene_index = -1};
     struct hg_asset *asset;
     struct hg_scene *scene;
@@ -131,17 +130,24 @@ static void check_file(struct geo *f, const char *name)
 
 static void test_poses(void **state)
 {
-    struct geo *f = *state;
-    check_file(f, "CesiumMan/glTF-Binary/CesiumMan.glb");
-    check_file(f, "Fox/glTF-Binary/Fox.glb");
-    check_file(f, "SimpleSkin/glTF/SimpleSkin.gltf");
-    check_file(f, "AnimatedMorphCube/glTF-Binary/AnimatedMorphCube.glb");
+    check_file(*state, TEST_MODELS "/worm.glb");
+    check_file(*state, TEST_MODELS "/morph.glb");
+}
+
+static void test_poses_of_samples(void **state)
+{
+    static const char *const names[] = {"khronos/CesiumMan/glTF-Binary/CesiumMan.glb",
+        "khronos/Fox/glTF-Binary/Fox.glb", "khronos/SimpleSkin/glTF/SimpleSkin.gltf",
+        "khronos/AnimatedMorphCube/glTF-Binary/AnimatedMorphCube.glb"};
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
+        check_file(*state, test_data(names[i]));
 }
 
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     hg_log_set_level(HG_LOG_WARN);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_poses)};
-    return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_poses), cmocka_unit_test(test_poses_of_samples)};
+    return test_run_group(tests, geo_setup, geo_teardown);
 }

@@ -9,6 +9,7 @@
 #include "renderer/gpu/gpu.h"
 #include "renderer/internal.h"
 #include "renderer/renderer.h"
+#include "tests/support/test_data.h"
 #include "tests/unit/render_rig.h"
 
 // --- scenes --------------------------------------------------------------------------------------
@@ -39,16 +40,13 @@ static struct hg_node *add_quad(
     return node;
 }
 
-static struct hg_scene *load(const char *name, struct hg_jobs *jobs)
+#define PANES TEST_MODELS "/panes.glb" // every alpha mode, lights, glass
+#define KNOT  TEST_MODELS "/knot/knot.gltf"
+#define WORM  TEST_MODELS "/worm.glb"
+#define MORPH TEST_MODELS "/morph.glb"
+
+static struct hg_scene *load(const char *path, struct hg_jobs *jobs)
 {
-    char path[1024];
-    const char *data = getenv("HELIO_TEST_DATA");
-    assert_non_null(data);
-    snprintf(path, sizeof path, "%s/khronos/%s/glTF/%s.gltf", data, name, name);
-    if (access(path, R_OK) != 0)
-        snprintf(path, sizeof path, "%s/khronos/%s/glTF-Binary/%s.glb", data, name, name);
-    if (access(path, R_OK) != 0)
-        snprintf(path, sizeof path, "%s/khronos/%s/%s.glb", data, name, name);
     struct hg_error err = {0};
     struct hg_asset *asset;
     const struct hg_load_params params = {
@@ -128,13 +126,13 @@ static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b, in
 
 // RGBA8 of a settled test scene, in a renderer of its own.
 static struct hg_refbuf *render_overridden(
-    const char *name, uint32_t step, float turn, struct hg_debug_overrides overrides)
+    const char *path, uint32_t step, float turn, struct hg_debug_overrides overrides)
 {
     struct rig rig;
     const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
     open_rig(&rig, false);
     rig.renderer->context.overrides = overrides;
-    use_scene(&rig, load(name, hg_renderer_jobs(rig.renderer)), &params);
+    use_scene(&rig, load(path, hg_renderer_jobs(rig.renderer)), &params);
     look_at_scene(&rig, turn);
     settle(&rig, step);
     struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA8);
@@ -357,11 +355,11 @@ static void test_many_layers(void **state)
 static void test_same_bytes(void **state)
 {
     (void)state;
-    static const char *const names[] = {"AlphaBlendModeTest", "LightsPunctualLamp"};
+    static const char *const paths[] = {PANES, WORM};
     for (int i = 0; i < 2; i++) {
-        struct hg_refbuf *a = render(names[i], 1, 0.4f);
-        struct hg_refbuf *again = render(names[i], 1, 0.4f);
-        struct hg_refbuf *steps = render(names[i], 16, 0.4f);
+        struct hg_refbuf *a = render(paths[i], 1, 0.4f);
+        struct hg_refbuf *again = render(paths[i], 1, 0.4f);
+        struct hg_refbuf *steps = render(paths[i], 16, 0.4f);
         assert_same(a, again, 0);
         assert_same(a, steps, 0);
         hg_refbuf_unref(a);
@@ -374,9 +372,9 @@ static void test_culling_changes_nothing(void **state)
 {
     (void)state;
     for (int i = 0; i < 3; i++) {
-        struct hg_refbuf *on = render("AlphaBlendModeTest", 4, (float)i * 2.0f);
-        struct hg_refbuf *off = render_overridden("AlphaBlendModeTest", 4, (float)i * 2.0f,
-            (struct hg_debug_overrides){.no_culling = true});
+        struct hg_refbuf *on = render(PANES, 4, (float)i * 2.0f);
+        struct hg_refbuf *off = render_overridden(
+            PANES, 4, (float)i * 2.0f, (struct hg_debug_overrides){.no_culling = true});
         assert_same(on, off, 0);
         hg_refbuf_unref(on);
         hg_refbuf_unref(off);
@@ -388,12 +386,12 @@ static void test_culling_changes_nothing(void **state)
 static void test_gpu_paths_agree(void **state)
 {
     (void)state;
-    struct hg_refbuf *plain = render("AlphaBlendModeTest", 4, 0.4f);
+    struct hg_refbuf *plain = render(PANES, 4, 0.4f);
     setenv("HELIO_GPU_FORCE_STAGING", "1", 1);
-    struct hg_refbuf *staged = render("AlphaBlendModeTest", 4, 0.4f);
+    struct hg_refbuf *staged = render(PANES, 4, 0.4f);
     unsetenv("HELIO_GPU_FORCE_STAGING");
-    struct hg_refbuf *by_address = render_overridden(
-        "AlphaBlendModeTest", 4, 0.4f, (struct hg_debug_overrides){.table_addresses = true});
+    struct hg_refbuf *by_address =
+        render_overridden(PANES, 4, 0.4f, (struct hg_debug_overrides){.table_addresses = true});
     assert_same(plain, staged, 0);
     assert_same(plain, by_address, 1);
     hg_refbuf_unref(plain);
@@ -425,7 +423,7 @@ static void test_budget_changes_nothing(void **state)
         struct rig rig = {0};
         const struct hg_renderer_params limited = {.geometry_budget_bytes = budget, .threads = 2};
         test_ok(hg_renderer_create(&limited, &rig.renderer, &rig.err), &rig.err);
-        use_scene(&rig, load("LightsPunctualLamp", hg_renderer_jobs(rig.renderer)), &params);
+        use_scene(&rig, load(KNOT, hg_renderer_jobs(rig.renderer)), &params);
         look_at_scene(&rig, 0.4f);
         settle(&rig, 5);
         struct hg_geometry_stats stats;
@@ -453,7 +451,7 @@ static void test_thread_count_changes_nothing(void **state)
 static int print_hash(void)
 {
     uint8_t hash[32];
-    struct hg_refbuf *image = render("AlphaBlendModeTest", 2, 0.4f);
+    struct hg_refbuf *image = render(PANES, 2, 0.4f);
     if (hg_sha256(image->data, image->size, hash) != HG_OK)
         return 1;
     for (int i = 0; i < 32; i++)
@@ -561,17 +559,14 @@ static void test_limits(void **state)
     rig_close(&rig);
 }
 
-static void test_validation_is_silent(void **state)
+static void check_silent(const char *const *paths, size_t count)
 {
-    static const char *const names[] = {"AlphaBlendModeTest", "CesiumMan", "MeshPrimitiveModes",
-        "LightsPunctualLamp", "TextureSettingsTest", "MorphPrimitivesTest", "SimpleInstancing"};
     struct rig rig;
-    (void)state;
     open_rig(&rig, true);
     test_ok(hg_renderer_warm_up(rig.renderer, NULL, NULL, &rig.err), &rig.err);
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+    for (size_t i = 0; i < count; i++) {
         const struct hg_view_params params = {.width = 48, .height = 32, .samples = 2};
-        use_scene(&rig, load(names[i], hg_renderer_jobs(rig.renderer)), &params);
+        use_scene(&rig, load(paths[i], hg_renderer_jobs(rig.renderer)), &params);
         look_at_scene(&rig, 0.3f);
         settle(&rig, 1);
         look_at_scene(&rig, 1.3f);
@@ -587,6 +582,30 @@ static void test_validation_is_silent(void **state)
     assert_int_equal(hg_renderer_stats_json(rig.renderer, NULL, &text), HG_OK);
     hg_free(text);
     rig_close(&rig);
+}
+
+static void test_validation_is_silent(void **state)
+{
+    static const char *const paths[] = {PANES, KNOT, WORM, MORPH, "demo:"};
+    (void)state;
+    check_silent(paths, sizeof paths / sizeof paths[0]);
+}
+
+static void test_validation_is_silent_with_samples(void **state)
+{
+    static const char *const names[] = {
+        "khronos/AlphaBlendModeTest/glTF-Binary/AlphaBlendModeTest.glb",
+        "khronos/CesiumMan/glTF-Binary/CesiumMan.glb",
+        "khronos/LightsPunctualLamp/glTF/LightsPunctualLamp.gltf",
+        "khronos/MeshPrimitiveModes/glTF/MeshPrimitiveModes.gltf",
+        "khronos/TextureSettingsTest/glTF-Binary/TextureSettingsTest.glb",
+        "khronos/MorphPrimitivesTest/glTF-Binary/MorphPrimitivesTest.glb",
+        "khronos/SimpleInstancing/glTF-Binary/SimpleInstancing.glb"};
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        const char *path = test_data(names[i]);
+        check_silent(&path, 1);
+    }
 }
 
 static enum hg_status try_view(struct rig *rig, struct hg_scene *scene)
@@ -753,9 +772,10 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_pixels_in_motion),
         cmocka_unit_test(test_limits),
         cmocka_unit_test(test_validation_is_silent),
+        cmocka_unit_test(test_validation_is_silent_with_samples),
         cmocka_unit_test(test_failing_calls),
         cmocka_unit_test(test_failing_rays),
         cmocka_unit_test(test_device_lost),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return test_run_group(tests, NULL, NULL);
 }

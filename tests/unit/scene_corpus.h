@@ -1,4 +1,4 @@
-// scene_corpus.h - walking folders of the shared test data.
+// scene_corpus.h - walking folders of the test data.
 #ifndef HG_TESTS_SCENE_CORPUS_H
 #define HG_TESTS_SCENE_CORPUS_H
 
@@ -8,21 +8,7 @@
 #include <string.h>
 
 #include "renderer/scene/load.h"
-
-// "$HELIO_TEST_DATA/relative"; the test fails to start without the data.
-static inline const char *corpus_path(const char *relative)
-{
-    static char path[4][1024];
-    static int next;
-    const char *root = getenv("HELIO_TEST_DATA");
-    if (!root) {
-        fprintf(stderr, "HELIO_TEST_DATA is not set\n");
-        exit(1);
-    }
-    char *out = path[next++ % 4];
-    snprintf(out, sizeof path[0], "%s/%s", root, relative);
-    return out;
-}
+#include "tests/support/test_data.h"
 
 enum { CORPUS_MAX = 4096 };
 
@@ -51,12 +37,12 @@ static inline int corpus_compare(const void *a, const void *b)
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-// All glTF files below a folder, sorted.
+// All glTF files below a folder of the test data, sorted; ends the test when it is missing.
 static inline void corpus_collect(struct corpus *corpus, const char *relative)
 {
     corpus->count = 0;
     corpus_now = corpus;
-    nftw(corpus_path(relative), corpus_visit, 16, FTW_PHYS);
+    nftw(test_data(relative), corpus_visit, 16, FTW_PHYS);
     qsort(corpus->files, corpus->count, sizeof *corpus->files, corpus_compare);
 }
 

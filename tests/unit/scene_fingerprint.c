@@ -16,6 +16,8 @@
 #include "tests/support/check.h"
 #include "tests/support/folder.h"
 
+#define KNOT TEST_MODELS "/knot"
+
 struct made {
     struct hg_scene *scene;
     struct hg_fingerprint *fingerprint;
@@ -56,15 +58,6 @@ static void drop(struct made *m)
     hg_scene_destroy(m->scene);
 }
 
-static const char *data_file(const char *name)
-{
-    static char path[1024];
-    const char *data = getenv("HELIO_TEST_DATA");
-    assert_non_null(data);
-    snprintf(path, sizeof path, "%s/khronos/%s", data, name);
-    return path;
-}
-
 // The scene has changed: so has its hash, and what is remembered gives the same as a fresh look.
 static void assert_changed(struct made *m, uint8_t before[32])
 {
@@ -79,32 +72,32 @@ static void assert_changed(struct made *m, uint8_t before[32])
     memcpy(before, now, 32);
 }
 
-static void copy(const char *folder, const char *name)
+static void copy(const char *folder)
 {
     char command[2500];
-    snprintf(command, sizeof command, "cp '%s/'* '%s'", data_file(name), folder);
+    snprintf(command, sizeof command, "cp '%s/'* '%s'", KNOT, folder);
     assert_int_equal(system(command), 0);
 }
 
 static void test_place_does_not_count(void **state)
 {
     (void)state;
-    struct made a = load(data_file("Duck/glTF/Duck.gltf"), 1);
-    struct made b = load(data_file("Duck/glTF/Duck.gltf"), 77);
+    struct made a = load(KNOT "/knot.gltf", 1);
+    struct made b = load(KNOT "/knot.gltf", 77);
     assert_memory_equal(a.hash, b.hash, 32);
     char folder[TEST_FOLDER_MAX], path[TEST_FOLDER_MAX + 32];
     assert_true(test_folder_make(folder, "fingerprint"));
-    copy(folder, "Duck/glTF");
-    snprintf(path, sizeof path, "%s/Duck.gltf", folder);
+    copy(folder);
+    snprintf(path, sizeof path, "%s/knot.gltf", folder);
     struct made c = load(path, 1);
     assert_memory_equal(a.hash, c.hash, 32);
     drop(&c);
-    snprintf(path, sizeof path, "%s/DuckCM.png", folder); // one byte more of its image
+    snprintf(path, sizeof path, "%s/knot.png", folder); // one byte more of its image
     FILE *image = fopen(path, "ab");
     assert_non_null(image);
     fputc(0, image);
     fclose(image);
-    snprintf(path, sizeof path, "%s/Duck.gltf", folder);
+    snprintf(path, sizeof path, "%s/knot.gltf", folder);
     c = load(path, 1);
     assert_memory_not_equal(a.hash, c.hash, 32);
     drop(&c);
@@ -126,10 +119,9 @@ static enum hg_status fetch_sent(
 static void test_sent_files(void **state)
 {
     (void)state;
-    char folder[1024];
-    struct made a = load(data_file("Duck/glTF/Duck.gltf"), 1);
-    snprintf(folder, sizeof folder, "%s", data_file("Duck/glTF"));
-    struct made b = load_by(&(struct hg_load_params){.path = "Duck.gltf",
+    char folder[] = KNOT;
+    struct made a = load(KNOT "/knot.gltf", 1);
+    struct made b = load_by(&(struct hg_load_params){.path = "knot.gltf",
         .asset_number = 1,
         .scene_index = -1,
         .fetch = fetch_sent,
@@ -142,7 +134,7 @@ static void test_sent_files(void **state)
 static void test_changes(void **state)
 {
     (void)state;
-    struct made m = load(data_file("Fox/glTF-Binary/Fox.glb"), 1);
+    struct made m = load(TEST_MODELS "/worm.glb", 1);
     struct hg_asset *asset = m.scene->assets[0];
     uint8_t before[32];
     memcpy(before, m.hash, 32);

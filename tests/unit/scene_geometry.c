@@ -321,7 +321,7 @@ static struct hg_asset *load_file(const char *relative)
 {
     struct hg_asset *asset;
     struct hg_error err;
-    const char *path = corpus_path(relative);
+    const char *path = test_data(relative);
     if (access(path, R_OK) != 0)
         fail_msg("the test data has no %s", path);
     if (corpus_load(path, &asset, &err) != HG_OK)
@@ -672,5 +672,5 @@ int main(void)
         cmocka_unit_test(test_spec_gloss_equation), cmocka_unit_test(test_spec_gloss_material),
         cmocka_unit_test(test_instancing), cmocka_unit_test(test_lights),
         cmocka_unit_test(test_variants), cmocka_unit_test(test_paths)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return test_run_group(tests, NULL, NULL);
 }

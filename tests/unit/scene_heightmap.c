@@ -15,6 +15,7 @@
 #include "base/alloc.h"
 #include "renderer/scene/load.h"
 #include "tests/support/folder.h"
+#include "tests/support/test_data.h"
 
 #define SIDE 1201u
 
@@ -133,14 +134,11 @@ static void test_refused(void **state)
 static void test_real_picture(void **state)
 {
     (void)state;
-    const char *data = getenv("HELIO_TEST_DATA");
-    char path[512];
+    const char *path = test_data("big-geometry/srtm/N46E008_height16.png");
     struct hg_asset *asset;
     struct hg_error err = {0};
-    snprintf(path, sizeof path, "%s/big-geometry/srtm/N46E008_height16.png",
-        data != NULL ? data : "../shared/data");
     if (load(path, 0, &asset, &err) != HG_OK)
-        fail_msg("%s: %s (test data is missing?)", err.what, err.reason);
+        fail_msg("%s: %s", err.what, err.reason);
     const struct hg_mesh_part *p = &asset->meshes[0]->parts[0];
     assert_int_equal(p->index_count / 3, 2880000);
     assert_true(p->bounds_max[1] > 4000.0f && p->bounds_max[1] < 4810.0f); // the Alps
@@ -155,5 +153,5 @@ int main(void)
         cmocka_unit_test(test_refused),
         cmocka_unit_test(test_real_picture),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return test_run_group(tests, make_folder, remove_folder);
 }

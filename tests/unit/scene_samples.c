@@ -107,5 +107,5 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_khronos),
         cmocka_unit_test(test_generator), cmocka_unit_test(test_scenes)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return test_run_group(tests, NULL, NULL);
 }
