@@ -108,7 +108,7 @@ camera orbit 30,60,3 target 0,0.8,0
 expect psnr $temp/script.png < 60
 camera node 0
 expect max $temp/script.png <= 0
-expect pick 80 60 node 1:2
+expect pick 80 80 node 1:2
 expect stat frame.samples == 8
 SCRIPT
 expect 0 "$helio" run "$temp/script" --junit "$temp/junit.xml"
