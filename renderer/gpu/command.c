@@ -1,4 +1,4 @@
-// command.c - batches, the timeline, barriers, rendering, stage timers.
+// command.c - batches, the timeline, rendering, stage timers.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -83,8 +83,6 @@ void hg_gpu_commands_finish(struct hg_gpu *gpu)
         vkDestroySemaphore(gpu->device, gpu->timeline, NULL);
     gpu->timeline = VK_NULL_HANDLE;
 }
-
-static void restore_states(struct hg_gpu *gpu, int kind);
 
 // --- lifetime ------------------------------------------------------------------------------------
 
@@ -227,25 +225,6 @@ enum hg_status hg_gpu_begin(struct hg_gpu *gpu, struct hg_gpu_cmd **out, struct 
     return HG_OK;
 }
 
-static void full_barrier(VkCommandBuffer cmd)
-{
-    const VkMemoryBarrier2 barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
-        .srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
-        .srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT,
-        .dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT | VK_PIPELINE_STAGE_2_HOST_BIT,
-        .dstAccessMask =
-            VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT | VK_ACCESS_2_HOST_READ_BIT};
-    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
-        .memoryBarrierCount = 1,
-        .pMemoryBarriers = &barrier};
-    vkCmdPipelineBarrier2(cmd, &info);
-}
-
-void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd)
-{
-    full_barrier(cmd->handle);
-}
-
 static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles, uint32_t count,
     uint64_t *value, struct hg_error *err)
 {
@@ -274,7 +253,7 @@ static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles,
 // Ends the upload command buffer so that all copies are visible to what follows.
 static enum hg_status close_uploads(struct hg_gpu *gpu, struct hg_error *err)
 {
-    full_barrier(gpu->upload);
+    hg_gpu_full_barrier(gpu->upload);
     gpu->upload_open = false;
     return HG_VK(gpu, err, vkEndCommandBuffer, gpu->upload);
 }
@@ -287,7 +266,7 @@ enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err)
     if (status == HG_OK)
         status = submit(gpu, &gpu->upload, 1, &gpu->upload_value, err);
     if (status != HG_OK)
-        restore_states(gpu, 1);
+        hg_gpu_restore_states(gpu, 1);
     gpu->epoch[1]++;
     return status;
 }
@@ -297,7 +276,7 @@ enum hg_status hg_gpu_submit(
 {
     *value = 0;
     gpu->open = NULL;
-    full_barrier(cmd->handle);
+    hg_gpu_full_barrier(cmd->handle);
     enum hg_status status = HG_VK(gpu, err, vkEndCommandBuffer, cmd->handle);
     VkCommandBuffer handles[2];
     uint32_t count = 0;
@@ -310,9 +289,9 @@ enum hg_status hg_gpu_submit(
     if (status == HG_OK)
         status = submit(gpu, handles, count, value, err);
     if (status != HG_OK) {
-        restore_states(gpu, 0);
+        hg_gpu_restore_states(gpu, 0);
         if (uploads && !gpu->upload_open)
-            restore_states(gpu, 1);
+            hg_gpu_restore_states(gpu, 1);
         return status;
     }
     gpu->epoch[0]++;
@@ -338,126 +317,9 @@ void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
         return;
     gpu->open = NULL;
     cmd->stage_count = 0;
-    restore_states(gpu, 0);
+    hg_gpu_restore_states(gpu, 0);
     if (vkEndCommandBuffer(cmd->handle) != VK_SUCCESS)
         hg_debug(GPU, "a discarded batch could not be ended");
-}
-
-// --- barriers ------------------------------------------------------------------------------------
-
-static const struct {
-    VkPipelineStageFlags2 stages;
-    VkAccessFlags2 read, write;
-    VkImageLayout layout;
-} uses[] = {
-    [HG_GPU_USE_NONE] = {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0, 0, VK_IMAGE_LAYOUT_UNDEFINED},
-    [HG_GPU_USE_SAMPLED] = {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
-                                VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
-                                VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-        VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, 0, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL},
-    [HG_GPU_USE_COLOR] = {VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
-        VK_ACCESS_2_COLOR_ATTACHMENT_READ_BIT, VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
-        VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL},
-    [HG_GPU_USE_DEPTH] = {VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT |
-                              VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT,
-        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
-        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
-        VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL},
-    [HG_GPU_USE_COPY_READ] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_READ_BIT,
-        0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
-    [HG_GPU_USE_COPY_WRITE] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, 0,
-        VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
-};
-
-static struct hg_gpu_image_state *find_state(struct hg_gpu *gpu, VkImage image)
-{
-    for (uint32_t i = 0; i < gpu->state_count; i++) {
-        if (gpu->states[i].handle == image)
-            return &gpu->states[i];
-    }
-    return NULL;
-}
-
-bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image)
-{
-    if (hg_grow(&gpu->states, &gpu->state_capacity, gpu->state_count + 1, sizeof *gpu->states) !=
-        HG_OK)
-        return false;
-    gpu->states[gpu->state_count++] = (struct hg_gpu_image_state){.handle = image};
-    return true;
-}
-
-void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image)
-{
-    struct hg_gpu_image_state *state = find_state(gpu, image);
-    if (state != NULL)
-        *state = gpu->states[--gpu->state_count];
-}
-
-// Images go back to what they were before the open batch or upload.
-static void restore_states(struct hg_gpu *gpu, int kind)
-{
-    for (uint32_t i = 0; i < gpu->state_count; i++) {
-        struct hg_gpu_image_state *state = &gpu->states[i];
-        if (state->epoch[kind] == gpu->epoch[kind])
-            state->use = state->saved[kind];
-    }
-    gpu->epoch[kind]++;
-}
-
-void hg_gpu_image_barrier(
-    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use)
-{
-    struct hg_gpu_image_state *state = find_state(gpu, image->handle);
-    if (state == NULL)
-        return;
-    // Reads do not wait for reads; uploads see to their own order (upload.c).
-    const enum hg_gpu_use before = state->use;
-    if (before == use && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
-        return;
-    if (state->epoch[kind] != gpu->epoch[kind]) {
-        state->epoch[kind] = gpu->epoch[kind];
-        state->saved[kind] = before;
-    }
-    state->use = use;
-    const VkCommandBuffer cmd = kind == 0 ? gpu->open->handle : gpu->upload;
-    const VkImageMemoryBarrier2 barrier = {
-        .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2,
-        .srcStageMask = uses[before].stages,
-        .srcAccessMask = uses[before].write,
-        .dstStageMask = uses[use].stages,
-        .dstAccessMask = uses[use].read | uses[use].write,
-        .oldLayout = uses[before].layout,
-        .newLayout = uses[use].layout,
-        .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-        .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-        .image = image->handle,
-        .subresourceRange = {image->aspect, 0, VK_REMAINING_MIP_LEVELS, 0,
-            VK_REMAINING_ARRAY_LAYERS},
-    };
-    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
-        .imageMemoryBarrierCount = 1,
-        .pImageMemoryBarriers = &barrier};
-    vkCmdPipelineBarrier2(cmd, &info);
-}
-
-void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
-{
-    hg_gpu_image_barrier(cmd->gpu, 0, image, use);
-}
-
-void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
-    const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
-{
-    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_READ);
-    const VkBufferImageCopy copy = {
-        .bufferOffset = offset,
-        .imageSubresource = {image->aspect, region->mip, region->layer, 1},
-        .imageOffset = {(int32_t)region->x, (int32_t)region->y, 0},
-        .imageExtent = {region->width, region->height, 1},
-    };
-    vkCmdCopyImageToBuffer(
-        cmd->handle, image->handle, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to->handle, 1, &copy);
 }
 
 // --- rendering -----------------------------------------------------------------------------------
@@ -473,7 +335,7 @@ static VkRenderingAttachmentInfo attachment(
     return (VkRenderingAttachmentInfo){
         .sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
         .imageView = view,
-        .imageLayout = uses[use].layout,
+        .imageLayout = hg_gpu_layout(use),
         .loadOp = target->clear     ? VK_ATTACHMENT_LOAD_OP_CLEAR
                   : target->discard ? VK_ATTACHMENT_LOAD_OP_DONT_CARE
                                     : VK_ATTACHMENT_LOAD_OP_LOAD,

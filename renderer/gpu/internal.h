@@ -174,9 +174,13 @@ void hg_gpu_commands_finish(struct hg_gpu *gpu);
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
-// kind: 0 a batch, 1 an upload.
-void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *image,
-    enum hg_gpu_use use);
+
+// barrier.c; kind: 0 a batch, 1 an upload.
+void hg_gpu_full_barrier(VkCommandBuffer cmd);
+void hg_gpu_image_barrier(
+    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use);
+VkImageLayout hg_gpu_layout(enum hg_gpu_use use);
+void hg_gpu_restore_states(struct hg_gpu *gpu, int kind); // to those before the open one
 bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image); // false: no memory
 void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image);
 
@@ -186,6 +190,10 @@ const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAdd
 // upload.c
 void hg_gpu_upload_finish(struct hg_gpu *gpu);
 uint32_t hg_gpu_texel_bytes(VkFormat format);
+
+// descriptor.c
+enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_descriptors_finish(struct hg_gpu *gpu);
 
 // pipeline.c
 enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;

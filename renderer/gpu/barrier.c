@@ -1,0 +1,142 @@
+// barrier.c - what each image is used for, and the barriers between uses.
+#include "base/alloc.h"
+#include "renderer/gpu/internal.h"
+
+void hg_gpu_full_barrier(VkCommandBuffer cmd)
+{
+    const VkMemoryBarrier2 barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
+        .srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+        .srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT,
+        .dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT | VK_PIPELINE_STAGE_2_HOST_BIT,
+        .dstAccessMask =
+            VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT | VK_ACCESS_2_HOST_READ_BIT};
+    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
+        .memoryBarrierCount = 1,
+        .pMemoryBarriers = &barrier};
+    vkCmdPipelineBarrier2(cmd, &info);
+}
+
+void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd)
+{
+    hg_gpu_full_barrier(cmd->handle);
+}
+
+static const struct {
+    VkPipelineStageFlags2 stages;
+    VkAccessFlags2 read, write;
+    VkImageLayout layout;
+} uses[] = {
+    [HG_GPU_USE_NONE] = {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0, 0, VK_IMAGE_LAYOUT_UNDEFINED},
+    [HG_GPU_USE_SAMPLED] = {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
+                                VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+                                VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+        VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, 0, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL},
+    [HG_GPU_USE_COLOR] = {VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
+        VK_ACCESS_2_COLOR_ATTACHMENT_READ_BIT, VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
+        VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL},
+    [HG_GPU_USE_DEPTH] = {VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT |
+                              VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT,
+        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
+        VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+        VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL},
+    [HG_GPU_USE_COPY_READ] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_READ_BIT,
+        0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
+    [HG_GPU_USE_COPY_WRITE] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, 0,
+        VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
+};
+
+VkImageLayout hg_gpu_layout(enum hg_gpu_use use)
+{
+    return uses[use].layout;
+}
+
+static struct hg_gpu_image_state *find_state(struct hg_gpu *gpu, VkImage image)
+{
+    for (uint32_t i = 0; i < gpu->state_count; i++) {
+        if (gpu->states[i].handle == image)
+            return &gpu->states[i];
+    }
+    return NULL;
+}
+
+bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image)
+{
+    if (hg_grow(&gpu->states, &gpu->state_capacity, gpu->state_count + 1, sizeof *gpu->states) !=
+        HG_OK)
+        return false;
+    gpu->states[gpu->state_count++] = (struct hg_gpu_image_state){.handle = image};
+    return true;
+}
+
+void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image)
+{
+    struct hg_gpu_image_state *state = find_state(gpu, image);
+    if (state != NULL)
+        *state = gpu->states[--gpu->state_count];
+}
+
+// Images go back to what they were before the open batch or upload.
+void hg_gpu_restore_states(struct hg_gpu *gpu, int kind)
+{
+    for (uint32_t i = 0; i < gpu->state_count; i++) {
+        struct hg_gpu_image_state *state = &gpu->states[i];
+        if (state->epoch[kind] == gpu->epoch[kind])
+            state->use = state->saved[kind];
+    }
+    gpu->epoch[kind]++;
+}
+
+void hg_gpu_image_barrier(
+    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use)
+{
+    struct hg_gpu_image_state *state = find_state(gpu, image->handle);
+    if (state == NULL)
+        return;
+    // Reads do not wait for reads; uploads see to their own order (upload.c).
+    const enum hg_gpu_use before = state->use;
+    if (before == use && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
+        return;
+    if (state->epoch[kind] != gpu->epoch[kind]) {
+        state->epoch[kind] = gpu->epoch[kind];
+        state->saved[kind] = before;
+    }
+    state->use = use;
+    const VkCommandBuffer cmd = kind == 0 ? gpu->open->handle : gpu->upload;
+    const VkImageMemoryBarrier2 barrier = {
+        .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2,
+        .srcStageMask = uses[before].stages,
+        .srcAccessMask = uses[before].write,
+        .dstStageMask = uses[use].stages,
+        .dstAccessMask = uses[use].read | uses[use].write,
+        .oldLayout = uses[before].layout,
+        .newLayout = uses[use].layout,
+        .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+        .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+        .image = image->handle,
+        .subresourceRange = {image->aspect, 0, VK_REMAINING_MIP_LEVELS, 0,
+            VK_REMAINING_ARRAY_LAYERS},
+    };
+    const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
+        .imageMemoryBarrierCount = 1,
+        .pImageMemoryBarriers = &barrier};
+    vkCmdPipelineBarrier2(cmd, &info);
+}
+
+void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
+{
+    hg_gpu_image_barrier(cmd->gpu, 0, image, use);
+}
+
+void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
+{
+    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_READ);
+    const VkBufferImageCopy copy = {
+        .bufferOffset = offset,
+        .imageSubresource = {image->aspect, region->mip, region->layer, 1},
+        .imageOffset = {(int32_t)region->x, (int32_t)region->y, 0},
+        .imageExtent = {region->width, region->height, 1},
+    };
+    vkCmdCopyImageToBuffer(
+        cmd->handle, image->handle, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to->handle, 1, &copy);
+}
