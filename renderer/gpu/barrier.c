@@ -1,4 +1,6 @@
 // barrier.c - what each image is used for, and the barriers between uses.
+#include <string.h>
+
 #include "base/alloc.h"
 #include "renderer/gpu/internal.h"
 
@@ -26,7 +28,9 @@ static const struct {
     VkAccessFlags2 read, write;
     VkImageLayout layout;
 } uses[] = {
-    [HG_GPU_USE_NONE] = {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0, 0, VK_IMAGE_LAYOUT_UNDEFINED},
+    // Whatever was done with its memory is over: another image may have been there.
+    [HG_GPU_USE_NONE] = {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0, VK_ACCESS_2_MEMORY_WRITE_BIT,
+        VK_IMAGE_LAYOUT_UNDEFINED},
     [HG_GPU_USE_SAMPLED] = {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
                                 VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
                                 VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
@@ -43,6 +47,13 @@ static const struct {
         0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
     [HG_GPU_USE_COPY_WRITE] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, 0,
         VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
+    [HG_GPU_USE_STORAGE_READ] = {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+                                     VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+        VK_ACCESS_2_SHADER_STORAGE_READ_BIT, 0, VK_IMAGE_LAYOUT_GENERAL},
+    [HG_GPU_USE_STORAGE] = {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+                                VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+        VK_ACCESS_2_SHADER_STORAGE_READ_BIT, VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
+        VK_IMAGE_LAYOUT_GENERAL},
 };
 
 VkImageLayout hg_gpu_layout(enum hg_gpu_use use)
@@ -81,27 +92,22 @@ void hg_gpu_restore_states(struct hg_gpu *gpu, int kind)
     for (uint32_t i = 0; i < gpu->state_count; i++) {
         struct hg_gpu_image_state *state = &gpu->states[i];
         if (state->epoch[kind] == gpu->epoch[kind])
-            state->use = state->saved[kind];
+            memcpy(state->use, state->saved[kind], sizeof state->use);
     }
     gpu->epoch[kind]++;
 }
 
-void hg_gpu_image_barrier(
-    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use)
+// Reads do not wait for reads; uploads see to their own order (upload.c). Contents that do not
+// matter any more need no barrier before something is done with them.
+static bool is_free(enum hg_gpu_use before, enum hg_gpu_use use)
 {
-    struct hg_gpu_image_state *state = find_state(gpu, image->handle);
-    if (state == NULL)
-        return;
-    // Reads do not wait for reads; uploads see to their own order (upload.c).
-    const enum hg_gpu_use before = state->use;
-    if (before == use && (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE))
-        return;
-    if (state->epoch[kind] != gpu->epoch[kind]) {
-        state->epoch[kind] = gpu->epoch[kind];
-        state->saved[kind] = before;
-    }
-    state->use = use;
-    const VkCommandBuffer cmd = kind == 0 ? gpu->open->handle : gpu->upload;
+    return before == use &&
+           (uses[use].write == 0 || use == HG_GPU_USE_COPY_WRITE || use == HG_GPU_USE_NONE);
+}
+
+static void put_barrier(VkCommandBuffer cmd, const struct hg_gpu_image *image,
+    struct hg_gpu_mips mips, enum hg_gpu_use before, enum hg_gpu_use use)
+{
     const VkImageMemoryBarrier2 barrier = {
         .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2,
         .srcStageMask = uses[before].stages,
@@ -113,8 +119,7 @@ void hg_gpu_image_barrier(
         .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
         .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
         .image = image->handle,
-        .subresourceRange = {image->aspect, 0, VK_REMAINING_MIP_LEVELS, 0,
-            VK_REMAINING_ARRAY_LAYERS},
+        .subresourceRange = {image->aspect, mips.first, mips.count, 0, VK_REMAINING_ARRAY_LAYERS},
     };
     const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
         .imageMemoryBarrierCount = 1,
@@ -122,19 +127,51 @@ void hg_gpu_image_barrier(
     vkCmdPipelineBarrier2(cmd, &info);
 }
 
+void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *image,
+    struct hg_gpu_mips mips, enum hg_gpu_use use)
+{
+    struct hg_gpu_image_state *state = find_state(gpu, image->handle);
+    if (state == NULL)
+        return;
+    const uint32_t end = mips.first + mips.count;
+    for (uint32_t first = mips.first, last; first < end; first = last) {
+        const enum hg_gpu_use before = state->use[first];
+        for (last = first + 1; last < end && state->use[last] == before;)
+            last++;
+        if (is_free(before, use))
+            continue;
+        if (state->epoch[kind] != gpu->epoch[kind]) {
+            state->epoch[kind] = gpu->epoch[kind];
+            memcpy(state->saved[kind], state->use, sizeof state->use);
+        }
+        memset(state->use + first, use, last - first);
+        if (use != HG_GPU_USE_NONE)
+            put_barrier(kind == 0 ? gpu->open->handle : gpu->upload->handle, image,
+                (struct hg_gpu_mips){first, last - first}, before, use);
+    }
+}
+
+void hg_gpu_image_use_mips(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, uint32_t first,
+    uint32_t count, enum hg_gpu_use use)
+{
+    hg_gpu_image_barrier(cmd->gpu, 0, image, (struct hg_gpu_mips){first, count}, use);
+}
+
 void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)
 {
-    hg_gpu_image_barrier(cmd->gpu, 0, image, use);
+    hg_gpu_image_use_mips(cmd, image, 0, image->mips, use);
 }
 
 void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
     const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
 {
-    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_READ);
+    const bool slices = image->kind == HG_GPU_IMAGE_3D;
+    hg_gpu_image_use_mips(cmd, image, region->mip, 1, HG_GPU_USE_COPY_READ);
     const VkBufferImageCopy copy = {
         .bufferOffset = offset,
-        .imageSubresource = {image->aspect, region->mip, region->layer, 1},
-        .imageOffset = {(int32_t)region->x, (int32_t)region->y, 0},
+        .imageSubresource = {image->aspect, region->mip, slices ? 0 : region->layer, 1},
+        .imageOffset = {(int32_t)region->x, (int32_t)region->y,
+            slices ? (int32_t)region->layer : 0},
         .imageExtent = {region->width, region->height, 1},
     };
     vkCmdCopyImageToBuffer(

@@ -28,20 +28,21 @@ static enum hg_status init_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot, str
     return status;
 }
 
-static enum hg_status init_upload(struct hg_gpu *gpu, struct hg_error *err)
+static enum hg_status init_upload(
+    struct hg_gpu *gpu, struct hg_gpu_upload *upload, struct hg_error *err)
 {
     const VkCommandPoolCreateInfo pool = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
         .flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
         .queueFamilyIndex = gpu->queue_family};
     enum hg_status status =
-        HG_VK(gpu, err, vkCreateCommandPool, gpu->device, &pool, NULL, &gpu->upload_pool);
+        HG_VK(gpu, err, vkCreateCommandPool, gpu->device, &pool, NULL, &upload->pool);
     if (status != HG_OK)
         return status;
     const VkCommandBufferAllocateInfo buffers = {
         .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
-        .commandPool = gpu->upload_pool,
+        .commandPool = upload->pool,
         .commandBufferCount = 1};
-    return HG_VK(gpu, err, vkAllocateCommandBuffers, gpu->device, &buffers, &gpu->upload);
+    return HG_VK(gpu, err, vkAllocateCommandBuffers, gpu->device, &buffers, &upload->handle);
 }
 
 enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err)
@@ -54,7 +55,9 @@ enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err)
         HG_VK(gpu, err, vkCreateSemaphore, gpu->device, &info, NULL, &gpu->timeline);
     for (uint32_t i = 0; i < HG_GPU_SLOTS && status == HG_OK; i++)
         status = init_slot(gpu, &gpu->slots[i], err);
-    return status == HG_OK ? init_upload(gpu, err) : status;
+    for (uint32_t i = 0; i < HG_GPU_SLOTS && status == HG_OK; i++)
+        status = init_upload(gpu, &gpu->uploads[i], err);
+    return status;
 }
 
 static void finish_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
@@ -90,7 +93,10 @@ void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object
 {
     for (uint32_t i = 0; i < object->layer_view_count; i++)
         vkDestroyImageView(gpu->device, object->layer_views[i], NULL);
+    for (uint32_t i = 0; i < object->mip_view_count; i++)
+        vkDestroyImageView(gpu->device, object->mip_views[i], NULL);
     hg_free(object->layer_views);
+    hg_free(object->mip_views);
     vkDestroyImageView(gpu->device, object->view, NULL);
     vkDestroyImage(gpu->device, object->image, NULL);
     vkDestroyBufferView(gpu->device, object->texels, NULL);
@@ -101,7 +107,7 @@ void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object
 
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 {
-    const bool idle = gpu->open == NULL && !gpu->upload_open && gpu->completed >= gpu->submitted;
+    const bool idle = gpu->open == NULL && gpu->upload == NULL && gpu->completed >= gpu->submitted;
     if (!idle && hg_grow(&gpu->retired, &gpu->retired_capacity, gpu->retired_count + 1,
                      sizeof *gpu->retired) == HG_OK) {
         gpu->retired[gpu->retired_count] = *object;
@@ -116,7 +122,7 @@ void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 static void sweep(struct hg_gpu *gpu)
 {
     uint32_t kept = 0;
-    const bool idle = gpu->open == NULL && !gpu->upload_open && gpu->completed >= gpu->submitted;
+    const bool idle = gpu->open == NULL && gpu->upload == NULL && gpu->completed >= gpu->submitted;
     for (uint32_t i = 0; i < gpu->retired_count; i++) {
         if (idle || gpu->retired[i].value <= gpu->completed)
             hg_gpu_free_retired(gpu, &gpu->retired[i]);
@@ -185,6 +191,21 @@ enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *
     return HG_OK;
 }
 
+enum hg_status hg_gpu_poll(struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err)
+{
+    uint64_t reached = gpu->completed;
+    *over = value <= reached;
+    if (*over)
+        return HG_OK;
+    enum hg_status status =
+        HG_VK(gpu, err, vkGetSemaphoreCounterValue, gpu->device, gpu->timeline, &reached);
+    if (status == HG_OK && value <= reached) {
+        *over = true;
+        status = hg_gpu_wait(gpu, value, err);
+    }
+    return status;
+}
+
 bool hg_gpu_is_lost(const struct hg_gpu *gpu)
 {
     return gpu->lost;
@@ -250,21 +271,26 @@ static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles,
     return HG_OK;
 }
 
-// Ends the upload command buffer so that all copies are visible to what follows.
-static enum hg_status close_uploads(struct hg_gpu *gpu, struct hg_error *err)
+// Ends the open upload, so that all its copies are visible to what follows; *closed is it.
+static enum hg_status close_upload(
+    struct hg_gpu *gpu, struct hg_gpu_upload **closed, struct hg_error *err)
 {
-    hg_gpu_full_barrier(gpu->upload);
-    gpu->upload_open = false;
-    return HG_VK(gpu, err, vkEndCommandBuffer, gpu->upload);
+    *closed = gpu->upload;
+    if (gpu->upload == NULL)
+        return HG_OK;
+    gpu->upload = NULL;
+    hg_gpu_full_barrier((*closed)->handle);
+    return HG_VK(gpu, err, vkEndCommandBuffer, (*closed)->handle);
 }
 
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err)
 {
-    if (!gpu->upload_open)
+    struct hg_gpu_upload *upload;
+    if (gpu->upload == NULL)
         return HG_OK;
-    enum hg_status status = close_uploads(gpu, err);
+    enum hg_status status = close_upload(gpu, &upload, err);
     if (status == HG_OK)
-        status = submit(gpu, &gpu->upload, 1, &gpu->upload_value, err);
+        status = submit(gpu, &upload->handle, 1, &upload->value, err);
     if (status != HG_OK)
         hg_gpu_restore_states(gpu, 1);
     gpu->epoch[1]++;
@@ -277,27 +303,27 @@ enum hg_status hg_gpu_submit(
     *value = 0;
     gpu->open = NULL;
     hg_gpu_full_barrier(cmd->handle);
+    struct hg_gpu_upload *upload = NULL;
     enum hg_status status = HG_VK(gpu, err, vkEndCommandBuffer, cmd->handle);
+    if (status == HG_OK)
+        status = close_upload(gpu, &upload, err);
     VkCommandBuffer handles[2];
     uint32_t count = 0;
-    const bool uploads = gpu->upload_open;
-    if (status == HG_OK && uploads) {
-        status = close_uploads(gpu, err);
-        handles[count++] = gpu->upload;
-    }
+    if (upload != NULL)
+        handles[count++] = upload->handle;
     handles[count++] = cmd->handle;
     if (status == HG_OK)
         status = submit(gpu, handles, count, value, err);
     if (status != HG_OK) {
         hg_gpu_restore_states(gpu, 0);
-        if (uploads && !gpu->upload_open)
+        if (upload != NULL)
             hg_gpu_restore_states(gpu, 1);
         return status;
     }
     gpu->epoch[0]++;
     cmd->value = *value;
-    if (uploads) {
-        gpu->upload_value = *value;
+    if (upload != NULL) {
+        upload->value = *value;
         gpu->epoch[1]++;
     }
     return HG_OK;
@@ -328,7 +354,7 @@ static VkRenderingAttachmentInfo attachment(
     struct hg_gpu_cmd *cmd, const struct hg_gpu_target *target, enum hg_gpu_use use)
 {
     struct hg_gpu_image *image = target->image;
-    hg_gpu_image_use(cmd, image, use);
+    hg_gpu_image_use_mips(cmd, image, target->mip, 1, use);
     VkImageView view = image->view;
     if (image->layer_views != NULL)
         view = image->layer_views[target->mip * image->layers + target->layer];
@@ -355,6 +381,11 @@ static void set_defaults(VkCommandBuffer cmd, const VkRect2D *area)
     vkCmdSetDepthBias(cmd, 0.0f, 0.0f, 0.0f);
 }
 
+static uint32_t side_of(uint32_t side, uint32_t mip)
+{
+    return side >> mip > 0 ? side >> mip : 1;
+}
+
 void hg_gpu_cmd_begin_rendering(struct hg_gpu_cmd *cmd, const struct hg_gpu_rendering *rendering)
 {
     VkRenderingAttachmentInfo colors[HG_GPU_MAX_COLORS];
@@ -367,8 +398,8 @@ void hg_gpu_cmd_begin_rendering(struct hg_gpu_cmd *cmd, const struct hg_gpu_rend
     const struct hg_gpu_target *first = has_depth ? &rendering->depth : &rendering->colors[0];
     VkRect2D area = rendering->area;
     if (area.extent.width == 0)
-        area.extent =
-            (VkExtent2D){first->image->width >> first->mip, first->image->height >> first->mip};
+        area.extent = (VkExtent2D){
+            side_of(first->image->width, first->mip), side_of(first->image->height, first->mip)};
     const VkRenderingInfo info = {
         .sType = VK_STRUCTURE_TYPE_RENDERING_INFO,
         .renderArea = area,

@@ -5,9 +5,9 @@
 // Rules that keep it simple:
 //  - Buffers are reached by device address, images by the one descriptor set of bindings.h.
 //  - All work goes to one queue in order. hg_gpu_begin .. hg_gpu_submit records one batch; the
-//    batch's timeline value says when it is over. A step of a view submits once and waits, so host
-//    writes to mapped memory between batches are safe; writes while a batch is recorded must go to
-//    memory that the batch in flight does not read.
+//    batch's timeline value says when it is over. Up to HG_GPU_MAX_IN_FLIGHT batches run before
+//    hg_gpu_begin waits for the oldest. Whoever needs a result waits for its value; host writes to
+//    mapped memory must go where no batch in flight reads.
 //  - Uploads that need a copy are recorded in front of the batch and are visible to all of it.
 //  - Destroying is deferred: hg_gpu_*_destroy retires the object on the timeline, never waits.
 //  - hg_gpu_image_use() is the only place where layouts and image barriers are made.
@@ -110,23 +110,38 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
 
 // --- images --------------------------------------------------------------------------------------
 
-enum hg_gpu_image_kind { HG_GPU_IMAGE_2D, HG_GPU_IMAGE_2D_ARRAY, HG_GPU_IMAGE_CUBE };
+enum hg_gpu_image_kind {
+    HG_GPU_IMAGE_2D,
+    HG_GPU_IMAGE_2D_ARRAY,
+    HG_GPU_IMAGE_CUBE,
+    HG_GPU_IMAGE_3D
+};
+
+#define HG_GPU_MAX_MIPS 16
 
 enum hg_gpu_use {    // what commands do with an image next
     HG_GPU_USE_NONE, // contents undefined
     HG_GPU_USE_SAMPLED,
-    HG_GPU_USE_COLOR,      // colour attachment
-    HG_GPU_USE_DEPTH,      // depth attachment
-    HG_GPU_USE_COPY_READ,  // source of a transfer
-    HG_GPU_USE_COPY_WRITE, // target of a transfer
+    HG_GPU_USE_COLOR,        // colour attachment
+    HG_GPU_USE_DEPTH,        // depth attachment
+    HG_GPU_USE_COPY_READ,    // source of a transfer
+    HG_GPU_USE_COPY_WRITE,   // target of a transfer
+    HG_GPU_USE_STORAGE_READ, // loads of fragment and compute shaders
+    HG_GPU_USE_STORAGE,      // their loads, stores and atomics
 };
 
 struct hg_gpu_image_params {
     enum hg_gpu_image_kind kind;
     VkFormat format;
     uint32_t width, height, layers, mips; // layers: 0 = 1 (cube: 6), mips: 0 = 1
-    bool attachment;                      // rendered to (colour or depth, by format)
+    uint32_t depth;                       // of HG_GPU_IMAGE_3D; 0 = 1
+    bool attachment;                      // rendered to (colour or depth, by format); not 3D
+    bool storage;                         // loaded from and stored to by shaders
     bool aliased;                         // hg_gpu_image_alias may see it in another format
+    // NULL: memory of its own. Else it lies there, at a multiple of its alignment; contents are
+    // undefined when something else was written there since, which HG_GPU_USE_NONE says.
+    const struct hg_gpu_memory *memory;
+    uint64_t memory_offset;
     const char *name;
 };
 
@@ -136,18 +151,33 @@ struct hg_gpu_image {
     VkImageView view; // of everything, of the kind's view type
     VkFormat format;
     VkImageAspectFlags aspect;
-    uint32_t width, height, layers, mips;
+    uint32_t width, height, depth, layers, mips;
     enum hg_gpu_image_kind kind;
     struct hg_gpu_memory memory;
-    VkImageView
-        *layer_views; // attachments of arrays and cubes: 2D views, index mip * layers + layer
-    bool is_alias;    // owns its view only
+    // Attachments with layers or mips: 2D views, index mip * layers + layer.
+    VkImageView *layer_views;
+    // Storage images, and attachments with mips: all layers of one mip (of cubes as an array).
+    VkImageView *mip_views;
+    bool is_alias; // owns its view only
 };
 
-// HG_E_LIMIT (side, layers, bytes or format not supported), HG_E_NOMEM.
+// HG_E_LIMIT (side, layers, mips, bytes or format not supported), HG_E_NOMEM.
 enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image_params *params,
     struct hg_gpu_image *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image); // as for buffers
+
+// What an image would take, for hg_gpu_image_params.memory.
+struct hg_gpu_image_need {
+    uint64_t size_bytes, alignment;
+    uint32_t type_bits; // kinds of memory that it can lie in
+};
+void hg_gpu_image_need(
+    struct hg_gpu *gpu, const struct hg_gpu_image_params *params, struct hg_gpu_image_need *out);
+// Device memory for images that need no more than `need`. HG_E_NOMEM, HG_E_LIMIT.
+enum hg_status hg_gpu_memory_create(struct hg_gpu *gpu, const struct hg_gpu_image_need *need,
+    struct hg_gpu_memory *out, struct hg_error *err) HG_MUST_CHECK;
+// Retires it, after the images in it; accepts a zeroed one.
+void hg_gpu_memory_destroy(struct hg_gpu *gpu, struct hg_gpu_memory *memory);
 
 // The same texels through another format of the same size and channels (UNORM and SRGB). Destroy it
 // before its owner; only the owner may be uploaded to. HG_E_DEVICE and others of image_create.
@@ -156,7 +186,7 @@ enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image 
     struct hg_error *err) HG_MUST_CHECK;
 
 struct hg_gpu_region {
-    uint32_t mip, layer, x, y, width, height;
+    uint32_t mip, layer, x, y, width, height; // layer: of 3D images the slice
 };
 // Copies rows (row_bytes apart, 0 = tight) into the image in front of the next submitted batch and
 // leaves it sampled. `data` may be freed at once.
@@ -170,7 +200,9 @@ enum hg_status hg_gpu_image_upload_layers(struct hg_gpu *gpu, struct hg_gpu_imag
 
 // --- batches of commands -------------------------------------------------------------------------
 
-// Starts recording. One batch is open at a time. HG_E_DEVICE_LOST.
+#define HG_GPU_MAX_IN_FLIGHT 3
+
+// Starts recording. One batch is open at a time; older ones may be in flight. HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_begin(
     struct hg_gpu *gpu, struct hg_gpu_cmd **out, struct hg_error *err) HG_MUST_CHECK;
 // Submits what was recorded (and pending uploads); *value is its place on the timeline.
@@ -179,9 +211,12 @@ enum hg_status hg_gpu_submit(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_
 // Throws away what was recorded, after an error; images are as before the batch. The same happens
 // when hg_gpu_submit fails.
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd);
-// Waits until the timeline has reached value, then frees what was retired. Times out after 60 s of
+// Waits until the timeline has reached value, then frees what was retired. Times out after 120 s of
 // no progress with HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err) HG_MUST_CHECK;
+// Whether the timeline has reached value; does not wait. What was retired is freed.
+enum hg_status hg_gpu_poll(
+    struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err) HG_MUST_CHECK;
 // Submits what was recorded and waits until it is over.
 enum hg_status hg_gpu_submit_and_wait(
     struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
@@ -191,6 +226,9 @@ VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd);
 // Layout and barrier for what comes next; same read use again is free. The image's contents are
 // kept, except from HG_GPU_USE_NONE.
 void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use);
+// The same for some of its mips: one may be read while another is written.
+void hg_gpu_image_use_mips(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, uint32_t first,
+    uint32_t count, enum hg_gpu_use use);
 // Makes buffer writes of all earlier commands visible to all later ones (and to the host).
 void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd);
 // Image or buffer to a host-readable buffer: rows tight, one mip and layer.

@@ -4,10 +4,10 @@
 
 #include "renderer/gpu/gpu.h"
 
-#define HG_GPU_SLOTS         2               // batches that can be in flight
-#define HG_GPU_BLOCK_BYTES   (64ull << 20)   // one allocation from the driver
-#define HG_GPU_STAGING_BYTES (32ull << 20)   // staging memory for copies
-#define HG_GPU_WAIT_NS       120000000000ull // no progress for this long = device lost
+#define HG_GPU_SLOTS         HG_GPU_MAX_IN_FLIGHT // batches, and as many uploads
+#define HG_GPU_BLOCK_BYTES   (64ull << 20)        // one allocation from the driver
+#define HG_GPU_STAGING_BYTES (32ull << 20)        // staging memory for copies
+#define HG_GPU_WAIT_NS       120000000000ull      // no progress for this long = device lost
 #define HG_GPU_SETS_PER_POOL 64
 
 enum hg_gpu_memory_kind { HG_GPU_MEMORY_DEVICE, HG_GPU_MEMORY_UPLOAD, HG_GPU_MEMORY_READBACK };
@@ -32,16 +32,17 @@ struct hg_gpu_retired {
     VkBuffer buffer;
     VkBufferView texels;
     VkImage image;
-    VkImageView view, *layer_views;
-    uint32_t layer_view_count;
+    VkImageView view, *layer_views, *mip_views;
+    uint32_t layer_view_count, mip_view_count;
     struct hg_gpu_memory memory;
 };
 
-// What an image is used for after the commands recorded so far, by batches (0) and uploads (1);
-// saved: before the open one of each, to go back to when it is thrown away.
+// What each mip of an image is used for (enum hg_gpu_use) after the commands recorded so far, by
+// batches (0) and uploads (1); saved: before the open one of each, to go back to when it is thrown
+// away.
 struct hg_gpu_image_state {
     VkImage handle;
-    enum hg_gpu_use use, saved[2];
+    uint8_t use[HG_GPU_MAX_MIPS], saved[2][HG_GPU_MAX_MIPS];
     uint64_t epoch[2]; // in which saved was written
 };
 
@@ -57,6 +58,14 @@ struct hg_gpu_cmd {
     const char *stages[HG_GPU_MAX_STAGES];
     uint32_t stage_count;
     bool stage_open;
+};
+
+// Copies in front of a batch, from staging memory of their own.
+struct hg_gpu_upload {
+    VkCommandPool pool;
+    VkCommandBuffer handle;
+    struct hg_gpu_buffer staging; // made when it is first used
+    uint64_t value;               // of its last submission
 };
 
 #define HG_GPU_MAX_WRITTEN 64
@@ -112,7 +121,7 @@ struct hg_gpu {
         VkDeviceAddress address;
         uint64_t size_bytes;
         VkBuffer handle;
-    } *live;
+    } * live;
     size_t live_capacity;
     uint32_t live_count;
 
@@ -121,15 +130,12 @@ struct hg_gpu {
     uint32_t state_count;
     uint64_t epoch[2]; // numbers of the open batch and the open upload
 
-    VkCommandPool upload_pool;
-    VkCommandBuffer upload; // recording when upload_open
-    bool upload_open;
-    uint64_t upload_value; // timeline value of its last submission
-    struct hg_gpu_buffer staging;
+    struct hg_gpu_upload uploads[HG_GPU_SLOTS];
+    struct hg_gpu_upload *upload; // that is recorded; NULL = none
     uint64_t staging_used;
-    struct hg_gpu_written { // what copies since the last barrier of the open upload wrote
-        uint64_t handle;    // of a buffer or image
-        uint32_t plane;     // mip and layer of an image
+    struct hg_gpu_written {       // what copies since the last barrier of the open upload wrote
+        uint64_t handle;          // of a buffer or image
+        uint32_t plane;           // mip and layer of an image
         uint64_t low[2], high[2]; // bytes, or texels across and down
     } written[HG_GPU_MAX_WRITTEN];
     uint32_t written_count;
@@ -177,8 +183,11 @@ enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) H
 
 // barrier.c; kind: 0 a batch, 1 an upload.
 void hg_gpu_full_barrier(VkCommandBuffer cmd);
-void hg_gpu_image_barrier(
-    struct hg_gpu *gpu, int kind, struct hg_gpu_image *image, enum hg_gpu_use use);
+struct hg_gpu_mips {
+    uint32_t first, count;
+};
+void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *image,
+    struct hg_gpu_mips mips, enum hg_gpu_use use);
 VkImageLayout hg_gpu_layout(enum hg_gpu_use use);
 void hg_gpu_restore_states(struct hg_gpu *gpu, int kind); // to those before the open one
 bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image); // false: no memory
@@ -199,8 +208,8 @@ void hg_gpu_descriptors_finish(struct hg_gpu *gpu);
 enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_pipelines_finish(struct hg_gpu *gpu);
 
-// shader.c: shaders are read once (hg_gpu_shader_ready, on one thread); modules of them are made for
-// a pipeline and freed after it. HG_E_NOTFOUND, HG_E_FORMAT as hg_gpu_compile, HG_E_DEVICE.
+// shader.c: shaders are read once (hg_gpu_shader_ready, on one thread); modules of them are made
+// for a pipeline and freed after it. HG_E_NOTFOUND, HG_E_FORMAT as hg_gpu_compile, HG_E_DEVICE.
 enum hg_status hg_gpu_shader_ready(
     struct hg_gpu *gpu, const char *name, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const uint32_t *values,

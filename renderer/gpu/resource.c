@@ -175,7 +175,27 @@ static VkImageUsageFlags usage_of(const struct hg_gpu_image_params *params)
                      ? VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT
                      : VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
     }
-    return usage;
+    return usage | (params->storage ? VK_IMAGE_USAGE_STORAGE_BIT : 0);
+}
+
+static VkImageCreateInfo info_of(const struct hg_gpu_image_params *params)
+{
+    const bool cube = params->kind == HG_GPU_IMAGE_CUBE;
+    const bool solid = params->kind == HG_GPU_IMAGE_3D;
+    return (VkImageCreateInfo){
+        .sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO,
+        .flags = (cube ? VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT : 0u) |
+                 (params->aliased ? VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT : 0u) |
+                 (params->memory != NULL ? VK_IMAGE_CREATE_ALIAS_BIT : 0u),
+        .imageType = solid ? VK_IMAGE_TYPE_3D : VK_IMAGE_TYPE_2D,
+        .format = params->format,
+        .extent = {params->width, params->height, solid && params->depth > 0 ? params->depth : 1},
+        .mipLevels = params->mips != 0 ? params->mips : 1,
+        .arrayLayers = params->layers != 0 ? params->layers : (cube ? 6 : 1),
+        .samples = VK_SAMPLE_COUNT_1_BIT,
+        .tiling = VK_IMAGE_TILING_OPTIMAL,
+        .usage = usage_of(params),
+    };
 }
 
 static enum hg_status check_limits(
@@ -186,6 +206,12 @@ static enum hg_status check_limits(
         info->imageType, info->tiling, info->usage, info->flags, &props);
     if (result != VK_SUCCESS)
         return hg_error_set(err, HG_E_LIMIT, name, NULL, "format %d not supported", info->format);
+    if (info->mipLevels > props.maxMipLevels || info->mipLevels > HG_GPU_MAX_MIPS)
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%u mips, the device allows %u",
+            info->mipLevels, props.maxMipLevels);
+    if (info->extent.depth > props.maxExtent.depth)
+        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%u slices, the device allows %u",
+            info->extent.depth, props.maxExtent.depth);
     if (info->extent.width > props.maxExtent.width ||
         info->extent.height > props.maxExtent.height || info->arrayLayers > props.maxArrayLayers) {
         return hg_error_set(err, HG_E_LIMIT, name, NULL,
@@ -196,8 +222,9 @@ static enum hg_status check_limits(
     uint64_t bytes = 0;
     for (uint32_t mip = 0; mip < info->mipLevels; mip++) {
         const uint64_t width = info->extent.width >> mip, height = info->extent.height >> mip;
-        bytes += (width ? width : 1) * (height ? height : 1) * info->arrayLayers *
-                 hg_gpu_texel_bytes(info->format);
+        const uint64_t depth = info->extent.depth >> mip;
+        bytes += (width ? width : 1) * (height ? height : 1) * (depth ? depth : 1) *
+                 info->arrayLayers * hg_gpu_texel_bytes(info->format);
     }
     if (bytes > props.maxResourceSize)
         return hg_error_set(err, HG_E_LIMIT, name, NULL, "%llu bytes, the device allows %llu",
@@ -219,32 +246,50 @@ static enum hg_status create_view(struct hg_gpu *gpu, const struct hg_gpu_image 
     return HG_VK(gpu, err, vkCreateImageView, gpu->device, &info, NULL, out);
 }
 
-static enum hg_status create_views(
-    struct hg_gpu *gpu, struct hg_gpu_image *image, bool attachment, struct hg_error *err)
+// Views of every mip and layer, or of every mip.
+static enum hg_status create_parts(struct hg_gpu *gpu, const struct hg_gpu_image *image,
+    bool by_layer, VkImageView **out, struct hg_error *err)
 {
     static const VkImageViewType types[] = {[HG_GPU_IMAGE_2D] = VK_IMAGE_VIEW_TYPE_2D,
         [HG_GPU_IMAGE_2D_ARRAY] = VK_IMAGE_VIEW_TYPE_2D_ARRAY,
-        [HG_GPU_IMAGE_CUBE] = VK_IMAGE_VIEW_TYPE_CUBE};
-    VkImageSubresourceRange range = {image->aspect, 0, image->mips, 0, image->layers};
-    enum hg_status status = create_view(gpu, image, types[image->kind], &range, &image->view, err);
-    const uint32_t count = image->mips * image->layers;
-    if (status != HG_OK || !attachment || count == 1)
-        return status;
-    image->layer_views = hg_calloc(count, sizeof *image->layer_views);
-    if (image->layer_views == NULL)
+        [HG_GPU_IMAGE_CUBE] = VK_IMAGE_VIEW_TYPE_2D_ARRAY,
+        [HG_GPU_IMAGE_3D] = VK_IMAGE_VIEW_TYPE_3D};
+    const uint32_t layers = by_layer ? image->layers : 1;
+    *out = hg_calloc((size_t)image->mips * layers, sizeof **out);
+    if (*out == NULL)
         return hg_error_set(err, HG_E_NOMEM, "image", NULL, "out of host memory");
-    for (uint32_t i = 0; i < count && status == HG_OK; i++) {
-        range =
-            (VkImageSubresourceRange){image->aspect, i / image->layers, 1, i % image->layers, 1};
-        status =
-            create_view(gpu, image, VK_IMAGE_VIEW_TYPE_2D, &range, &image->layer_views[i], err);
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < image->mips * layers && status == HG_OK; i++) {
+        const VkImageSubresourceRange range = {
+            image->aspect, i / layers, 1, i % layers, by_layer ? 1 : image->layers};
+        status = create_view(gpu, image, by_layer ? VK_IMAGE_VIEW_TYPE_2D : types[image->kind],
+            &range, *out + i, err);
     }
     return status;
 }
 
-static enum hg_status bind_image(
-    struct hg_gpu *gpu, struct hg_gpu_image *image, struct hg_error *err)
+static enum hg_status create_views(struct hg_gpu *gpu, struct hg_gpu_image *image, bool attachment,
+    bool storage, struct hg_error *err)
 {
+    static const VkImageViewType types[] = {[HG_GPU_IMAGE_2D] = VK_IMAGE_VIEW_TYPE_2D,
+        [HG_GPU_IMAGE_2D_ARRAY] = VK_IMAGE_VIEW_TYPE_2D_ARRAY,
+        [HG_GPU_IMAGE_CUBE] = VK_IMAGE_VIEW_TYPE_CUBE,
+        [HG_GPU_IMAGE_3D] = VK_IMAGE_VIEW_TYPE_3D};
+    const VkImageSubresourceRange all = {image->aspect, 0, image->mips, 0, image->layers};
+    enum hg_status status = create_view(gpu, image, types[image->kind], &all, &image->view, err);
+    if (status == HG_OK && attachment && image->mips * image->layers > 1)
+        status = create_parts(gpu, image, true, &image->layer_views, err);
+    if (status == HG_OK && (storage || (attachment && image->mips > 1)))
+        status = create_parts(gpu, image, false, &image->mip_views, err);
+    return status;
+}
+
+static enum hg_status bind_image(struct hg_gpu *gpu, const struct hg_gpu_image_params *params,
+    struct hg_gpu_image *image, struct hg_error *err)
+{
+    if (params->memory != NULL)
+        return HG_VK(gpu, err, vkBindImageMemory, gpu->device, image->handle,
+            params->memory->block->memory, params->memory->offset + params->memory_offset);
     VkMemoryRequirements need;
     vkGetImageMemoryRequirements(gpu->device, image->handle, &need);
     enum hg_status status =
@@ -258,36 +303,24 @@ static enum hg_status bind_image(
 enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image_params *params,
     struct hg_gpu_image *out, struct hg_error *err)
 {
-    const bool cube = params->kind == HG_GPU_IMAGE_CUBE;
+    const VkImageCreateInfo info = info_of(params);
     *out = (struct hg_gpu_image){.format = params->format,
         .aspect = aspect_of(params->format),
         .width = params->width,
         .height = params->height,
-        .layers = params->layers != 0 ? params->layers : (cube ? 6 : 1),
-        .mips = params->mips != 0 ? params->mips : 1,
+        .depth = info.extent.depth,
+        .layers = info.arrayLayers,
+        .mips = info.mipLevels,
         .kind = params->kind};
-    const VkImageCreateInfo info = {
-        .sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO,
-        .flags = (cube ? VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT : 0u) |
-                 (params->aliased ? VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT : 0u),
-        .imageType = VK_IMAGE_TYPE_2D,
-        .format = params->format,
-        .extent = {params->width, params->height, 1},
-        .mipLevels = out->mips,
-        .arrayLayers = out->layers,
-        .samples = VK_SAMPLE_COUNT_1_BIT,
-        .tiling = VK_IMAGE_TILING_OPTIMAL,
-        .usage = usage_of(params),
-    };
     enum hg_status status = check_limits(gpu, &info, params->name, err);
     if (status == HG_OK)
         status = HG_VK(gpu, err, vkCreateImage, gpu->device, &info, NULL, &out->handle);
     if (status == HG_OK && !hg_gpu_state_add(gpu, out->handle))
         status = hg_error_set(err, HG_E_NOMEM, params->name, NULL, "out of host memory");
     if (status == HG_OK)
-        status = bind_image(gpu, out, err);
+        status = bind_image(gpu, params, out, err);
     if (status == HG_OK)
-        status = create_views(gpu, out, params->attachment, err);
+        status = create_views(gpu, out, params->attachment, params->storage, err);
     if (status != HG_OK) {
         hg_gpu_image_destroy(gpu, out);
         return status;
@@ -295,6 +328,34 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
     hg_gpu_name(gpu, VK_OBJECT_TYPE_IMAGE, (uint64_t)out->handle, params->name);
     hg_gpu_name(gpu, VK_OBJECT_TYPE_IMAGE_VIEW, (uint64_t)out->view, params->name);
     return HG_OK;
+}
+
+void hg_gpu_image_need(
+    struct hg_gpu *gpu, const struct hg_gpu_image_params *params, struct hg_gpu_image_need *out)
+{
+    VkImageCreateInfo info = info_of(params);
+    info.flags |= VK_IMAGE_CREATE_ALIAS_BIT;
+    const VkDeviceImageMemoryRequirements image = {
+        .sType = VK_STRUCTURE_TYPE_DEVICE_IMAGE_MEMORY_REQUIREMENTS, .pCreateInfo = &info};
+    VkMemoryRequirements2 need = {.sType = VK_STRUCTURE_TYPE_MEMORY_REQUIREMENTS_2};
+    vkGetDeviceImageMemoryRequirements(gpu->device, &image, &need);
+    *out = (struct hg_gpu_image_need){need.memoryRequirements.size,
+        need.memoryRequirements.alignment, need.memoryRequirements.memoryTypeBits};
+}
+
+enum hg_status hg_gpu_memory_create(struct hg_gpu *gpu, const struct hg_gpu_image_need *need,
+    struct hg_gpu_memory *out, struct hg_error *err)
+{
+    const VkMemoryRequirements all = {need->size_bytes, need->alignment, need->type_bits};
+    return hg_gpu_memory_take(gpu, HG_GPU_MEMORY_DEVICE, &all, out, err);
+}
+
+void hg_gpu_memory_destroy(struct hg_gpu *gpu, struct hg_gpu_memory *memory)
+{
+    const struct hg_gpu_retired object = {.memory = *memory};
+    if (memory->block != NULL)
+        hg_gpu_retire(gpu, &object);
+    *memory = (struct hg_gpu_memory){0};
 }
 
 enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image *image,
@@ -305,8 +366,9 @@ enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image 
     out->view = VK_NULL_HANDLE;
     out->memory = (struct hg_gpu_memory){0};
     out->layer_views = NULL;
+    out->mip_views = NULL;
     out->is_alias = true;
-    const enum hg_status status = create_views(gpu, out, false, err);
+    const enum hg_status status = create_views(gpu, out, false, false, err);
     if (status != HG_OK) {
         *out = (struct hg_gpu_image){0};
         return status;
@@ -327,6 +389,8 @@ void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image)
             .view = image->view,
             .layer_views = image->layer_views,
             .layer_view_count = image->layer_views != NULL ? image->mips * image->layers : 0,
+            .mip_views = image->mip_views,
+            .mip_view_count = image->mip_views != NULL ? image->mips : 0,
             .memory = image->memory,
         };
         hg_gpu_retire(gpu, &object);

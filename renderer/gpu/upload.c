@@ -6,31 +6,48 @@
 
 void hg_gpu_upload_finish(struct hg_gpu *gpu)
 {
-    hg_gpu_buffer_destroy(gpu, &gpu->staging);
-    if (gpu->upload_pool != VK_NULL_HANDLE)
-        vkDestroyCommandPool(gpu->device, gpu->upload_pool, NULL);
-    gpu->upload_pool = VK_NULL_HANDLE;
+    for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
+        struct hg_gpu_upload *upload = &gpu->uploads[i];
+        hg_gpu_buffer_destroy(gpu, &upload->staging);
+        if (upload->pool != VK_NULL_HANDLE)
+            vkDestroyCommandPool(gpu->device, upload->pool, NULL);
+        *upload = (struct hg_gpu_upload){0};
+    }
+    gpu->upload = NULL;
 }
 
-// Opens the upload command buffer; its previous submission must be over.
+// One whose last submission is over, so that as few as possible take memory; else the oldest.
+static struct hg_gpu_upload *choose_upload(struct hg_gpu *gpu)
+{
+    struct hg_gpu_upload *best = &gpu->uploads[0];
+    for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
+        if (gpu->uploads[i].value <= gpu->completed)
+            return &gpu->uploads[i];
+        if (gpu->uploads[i].value < best->value)
+            best = &gpu->uploads[i];
+    }
+    return best;
+}
+
 static enum hg_status open_upload(struct hg_gpu *gpu, struct hg_error *err)
 {
-    if (gpu->upload_open)
+    if (gpu->upload != NULL)
         return HG_OK;
-    enum hg_status status = hg_gpu_wait(gpu, gpu->upload_value, err);
-    if (status == HG_OK && gpu->staging.handle == VK_NULL_HANDLE) {
+    struct hg_gpu_upload *upload = choose_upload(gpu);
+    enum hg_status status = hg_gpu_wait(gpu, upload->value, err);
+    if (status == HG_OK && upload->staging.handle == VK_NULL_HANDLE) {
         status = hg_gpu_buffer_create(
-            gpu, HG_GPU_BUFFER_UPLOAD, HG_GPU_STAGING_BYTES, "staging", &gpu->staging, err);
+            gpu, HG_GPU_BUFFER_UPLOAD, HG_GPU_STAGING_BYTES, "staging", &upload->staging, err);
     }
     if (status == HG_OK)
-        status = HG_VK(gpu, err, vkResetCommandPool, gpu->device, gpu->upload_pool, 0);
+        status = HG_VK(gpu, err, vkResetCommandPool, gpu->device, upload->pool, 0);
     const VkCommandBufferBeginInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
         .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
     if (status == HG_OK)
-        status = HG_VK(gpu, err, vkBeginCommandBuffer, gpu->upload, &info);
+        status = HG_VK(gpu, err, vkBeginCommandBuffer, upload->handle, &info);
     gpu->staging_used = 0;
     gpu->written_count = 0;
-    gpu->upload_open = status == HG_OK;
+    gpu->upload = status == HG_OK ? upload : NULL;
     return status;
 }
 
@@ -80,7 +97,7 @@ static void order_write(struct hg_gpu *gpu, const struct hg_gpu_written *next)
         const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
             .memoryBarrierCount = 1,
             .pMemoryBarriers = &barrier};
-        vkCmdPipelineBarrier2(gpu->upload, &info);
+        vkCmdPipelineBarrier2(gpu->upload->handle, &info);
         gpu->written_count = 0;
     }
     gpu->written[gpu->written_count++] = *next;
@@ -101,12 +118,12 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
         enum hg_status status = take_staging(gpu, 1, size_bytes, &from, &size, err);
         if (status != HG_OK)
             return status;
-        memcpy((uint8_t *)gpu->staging.mapped + from, bytes, size);
+        memcpy((uint8_t *)gpu->upload->staging.mapped + from, bytes, size);
         const struct hg_gpu_written target = {
             (uint64_t)buffer->handle, 0, {offset, 0}, {offset + size, 1}};
         order_write(gpu, &target);
         const VkBufferCopy copy = {from, offset, size};
-        vkCmdCopyBuffer(gpu->upload, gpu->staging.handle, buffer->handle, 1, &copy);
+        vkCmdCopyBuffer(gpu->upload->handle, gpu->upload->staging.handle, buffer->handle, 1, &copy);
         bytes += size;
         offset += size;
         size_bytes -= size;
@@ -140,17 +157,19 @@ uint32_t hg_gpu_texel_bytes(VkFormat format)
 static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
     const struct hg_gpu_region *r, uint32_t y, uint32_t rows, uint64_t from)
 {
-    hg_gpu_image_barrier(gpu, 1, image, HG_GPU_USE_COPY_WRITE);
+    const bool slices = image->kind == HG_GPU_IMAGE_3D;
+    hg_gpu_image_barrier(
+        gpu, 1, image, (struct hg_gpu_mips){0, image->mips}, HG_GPU_USE_COPY_WRITE);
     const struct hg_gpu_written target = {(uint64_t)image->handle, r->mip << 16 | r->layer,
         {r->x, r->y + y}, {r->x + r->width, r->y + y + rows}};
     order_write(gpu, &target);
     const VkBufferImageCopy copy = {
         .bufferOffset = from,
-        .imageSubresource = {image->aspect, r->mip, r->layer, 1},
-        .imageOffset = {(int32_t)r->x, (int32_t)(r->y + y), 0},
+        .imageSubresource = {image->aspect, r->mip, slices ? 0 : r->layer, 1},
+        .imageOffset = {(int32_t)r->x, (int32_t)(r->y + y), slices ? (int32_t)r->layer : 0},
         .imageExtent = {r->width, rows, 1},
     };
-    vkCmdCopyBufferToImage(gpu->upload, gpu->staging.handle, image->handle,
+    vkCmdCopyBufferToImage(gpu->upload->handle, gpu->upload->staging.handle, image->handle,
         VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
 }
 
@@ -160,7 +179,9 @@ enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *imag
     const uint64_t tight = (uint64_t)r->width * hg_gpu_texel_bytes(image->format);
     const uint32_t mip_width = image->width >> r->mip > 0 ? image->width >> r->mip : 1;
     const uint32_t mip_height = image->height >> r->mip > 0 ? image->height >> r->mip : 1;
-    if (r->mip >= image->mips || r->layer >= image->layers ||
+    const uint32_t slices = image->depth >> r->mip > 0 ? image->depth >> r->mip : 1;
+    if (r->mip >= image->mips ||
+        r->layer >= (image->kind == HG_GPU_IMAGE_3D ? slices : image->layers) ||
         !hg_range_ok(r->x, r->width, mip_width) || !hg_range_ok(r->y, r->height, mip_height))
         return hg_error_set(err, HG_E_INVAL, "upload", NULL, "outside the image");
     row_bytes = row_bytes != 0 ? row_bytes : tight;
@@ -171,7 +192,7 @@ enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *imag
         if (status != HG_OK)
             return status;
         const uint32_t rows = (uint32_t)(size / tight);
-        uint8_t *dst = (uint8_t *)gpu->staging.mapped + from;
+        uint8_t *dst = (uint8_t *)gpu->upload->staging.mapped + from;
         for (uint32_t i = 0; i < rows; i++)
             memcpy(dst + i * tight, (const uint8_t *)data + (y + i) * row_bytes, tight);
         copy_to_image(gpu, image, r, y, rows, from);
