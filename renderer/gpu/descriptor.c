@@ -28,6 +28,8 @@ static const struct {
         VK_FORMAT_R32G32B32A32_SFLOAT},
 };
 
+_Static_assert(HG_BIND_IMAGE_COUNT <= HG_GPU_MAX_IO, "sizes of descriptor pools");
+
 static enum hg_status create_sampler(struct hg_gpu *gpu, uint32_t i, struct hg_error *err)
 {
     const VkFilter filter = bindings[i].linear ? VK_FILTER_LINEAR : VK_FILTER_NEAREST;
@@ -97,8 +99,10 @@ static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
     if (hg_grow(&cmd->set_pools, &cmd->set_pool_capacity, cmd->set_pool_count + 1,
             sizeof *cmd->set_pools) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "descriptor pool", NULL, "out of host memory");
+    // Any set of the pool may be the scene's or a pass's.
     const VkDescriptorPoolSize sizes[] = {
-        {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, HG_BIND_IMAGE_COUNT * HG_GPU_SETS_PER_POOL},
+        {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, HG_GPU_MAX_IO * HG_GPU_SETS_PER_POOL},
+        {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, HG_GPU_MAX_IO * HG_GPU_SETS_PER_POOL},
         {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, HG_BIND_UNIFORM_COUNT * HG_GPU_SETS_PER_POOL},
         {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, HG_GPU_SETS_PER_POOL}};
     const VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
@@ -112,7 +116,8 @@ static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
     return status;
 }
 
-static enum hg_status take_set(struct hg_gpu_cmd *cmd, VkDescriptorSet *out, struct hg_error *err)
+enum hg_status hg_gpu_set_take(struct hg_gpu_cmd *cmd, VkDescriptorSetLayout layout,
+    VkDescriptorSet *out, struct hg_error *err)
 {
     struct hg_gpu *gpu = cmd->gpu;
     *out = VK_NULL_HANDLE;
@@ -124,7 +129,7 @@ static enum hg_status take_set(struct hg_gpu_cmd *cmd, VkDescriptorSet *out, str
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
         .descriptorPool = cmd->set_pools[pool],
         .descriptorSetCount = 1,
-        .pSetLayouts = &gpu->set_layout};
+        .pSetLayouts = &layout};
     status = HG_VK(gpu, err, vkAllocateDescriptorSets, gpu->device, &info, out);
     if (status == HG_OK)
         cmd->sets_used++;
@@ -203,7 +208,7 @@ enum hg_status hg_gpu_cmd_bind(
     struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *bound, struct hg_error *err)
 {
     VkDescriptorSet set;
-    enum hg_status status = take_set(cmd, &set, err);
+    enum hg_status status = hg_gpu_set_take(cmd, cmd->gpu->set_layout, &set, err);
     if (status != HG_OK)
         return status;
     struct set_infos infos;
@@ -235,11 +240,12 @@ enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err)
         status = create_set_layout(gpu, err);
     if (status == HG_OK)
         status = create_pipeline_layout(gpu, err);
-    return status;
+    return status == HG_OK ? hg_gpu_io_init(gpu, err) : status;
 }
 
 void hg_gpu_descriptors_finish(struct hg_gpu *gpu)
 {
+    hg_gpu_io_finish(gpu);
     vkDestroyPipelineLayout(gpu->device, gpu->pipeline_layout, NULL);
     vkDestroyDescriptorSetLayout(gpu->device, gpu->set_layout, NULL);
     hg_gpu_buffer_destroy(gpu, &gpu->dummy_frame);

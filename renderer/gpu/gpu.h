@@ -23,6 +23,7 @@
 struct hg_gpu;
 struct hg_gpu_cmd;
 struct hg_gpu_block; // of device memory
+struct hg_gpu_io;    // what a pass reads and writes (io.h)
 
 struct hg_gpu_params {
     const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
@@ -316,7 +317,8 @@ struct hg_gpu_pipeline_params {
     bool positions;   // vertex buffer 0 holds vec3s, 12 bytes apart, for location 0
     bool with_words;  // each followed by a word for location 1: 16 bytes apart
     VkPrimitiveTopology topology;
-    enum hg_gpu_blend blend; // of colour 0; others are never blended
+    enum hg_gpu_blend blend;    // of colour 0; others are never blended
+    const struct hg_gpu_io *io; // descriptor set 1, kept by the cache; NULL: none
 };
 
 // Creates on first use. Dynamic state: viewport, scissor, cull mode, front face, depth bias.

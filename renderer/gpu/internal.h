@@ -3,6 +3,7 @@
 #define HG_RENDERER_GPU_INTERNAL_H
 
 #include "renderer/gpu/gpu.h"
+#include "renderer/gpu/io.h"
 
 #define HG_GPU_SLOTS         HG_GPU_MAX_IN_FLIGHT // batches, and as many uploads
 #define HG_GPU_BLOCK_BYTES   (64ull << 20)        // one allocation from the driver
@@ -141,7 +142,16 @@ struct hg_gpu {
     uint32_t written_count;
 
     VkDescriptorSetLayout set_layout;
-    VkPipelineLayout pipeline_layout;
+    VkPipelineLayout pipeline_layout; // of pipelines with set 0 alone
+    struct hg_gpu_io_layout {
+        struct hg_gpu_io io;
+        VkDescriptorSetLayout set;
+        VkPipelineLayout pipeline;
+    } * io_layouts; // by content
+    size_t io_layout_capacity;
+    uint32_t io_layout_count;
+    VkSampler io_samplers[2];                        // nearest, linear
+    struct hg_gpu_image io_dummies[HG_GPU_IO_KINDS]; // made when something is not bound
     VkSampler samplers[HG_BIND_IMAGE_COUNT];
     struct hg_gpu_image dummies[HG_BIND_IMAGE_COUNT];
     struct hg_gpu_buffer dummy_frame;
@@ -203,6 +213,18 @@ uint32_t hg_gpu_texel_bytes(VkFormat format);
 // descriptor.c
 enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_descriptors_finish(struct hg_gpu *gpu);
+enum hg_status hg_gpu_set_take(struct hg_gpu_cmd *cmd, VkDescriptorSetLayout layout,
+    VkDescriptorSet *out, struct hg_error *err) HG_MUST_CHECK;
+
+// io.c
+enum hg_status hg_gpu_io_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
+void hg_gpu_io_finish(struct hg_gpu *gpu);
+// Makes the layout when it is new; NULL: does nothing.
+enum hg_status hg_gpu_io_ready(
+    struct hg_gpu *gpu, const struct hg_gpu_io *io, struct hg_error *err) HG_MUST_CHECK;
+// Of an io that is ready; NULL: that of set 0 alone. Any thread.
+VkPipelineLayout hg_gpu_io_pipeline_layout(const struct hg_gpu *gpu, const struct hg_gpu_io *io);
+bool hg_gpu_io_same(const struct hg_gpu_io *a, const struct hg_gpu_io *b);
 
 // pipeline.c
 enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;

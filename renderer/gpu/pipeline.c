@@ -212,18 +212,18 @@ static enum hg_status create_graphics(struct hg_gpu *gpu, const struct stages *s
         .pDepthStencilState = &depth,
         .pColorBlendState = &blend,
         .pDynamicState = &dynamic,
-        .layout = gpu->pipeline_layout};
+        .layout = hg_gpu_io_pipeline_layout(gpu, p->io)};
     return HG_VK(
         gpu, err, vkCreateGraphicsPipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
 }
 
-static enum hg_status create_compute(
-    struct hg_gpu *gpu, const struct stages *stages, VkPipeline *out, struct hg_error *err)
+static enum hg_status create_compute(struct hg_gpu *gpu, const struct stages *stages,
+    const struct hg_gpu_io *io, VkPipeline *out, struct hg_error *err)
 {
     const VkComputePipelineCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
         .stage = stages->list[0],
-        .layout = gpu->pipeline_layout};
+        .layout = hg_gpu_io_pipeline_layout(gpu, io)};
     return HG_VK(
         gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
 }
@@ -240,7 +240,7 @@ static enum hg_status create_pipeline(struct hg_gpu *gpu,
     if (status == HG_OK && params->fragment != NULL)
         status = add_stage(gpu, &stages, params->fragment, VK_SHADER_STAGE_FRAGMENT_BIT, err);
     if (status == HG_OK)
-        status = compute ? create_compute(gpu, &stages, out, err)
+        status = compute ? create_compute(gpu, &stages, params->io, out, err)
                          : create_graphics(gpu, &stages, params, out, err);
     for (uint32_t i = 0; i < stages.count; i++)
         vkDestroyShaderModule(gpu->device, stages.list[i].module, NULL);
@@ -262,7 +262,7 @@ static bool same_params(
            a->depth_compare == b->depth_compare && a->depth_write == b->depth_write &&
            a->depth_bias == b->depth_bias && a->depth_clamp == b->depth_clamp &&
            a->positions == b->positions && a->with_words == b->with_words &&
-           a->topology == b->topology && a->blend == b->blend;
+           a->topology == b->topology && a->blend == b->blend && hg_gpu_io_same(a->io, b->io);
 }
 
 static VkPipeline find_pipeline(
@@ -293,12 +293,12 @@ static void keep_pipeline(
                                    : params->vertex);
 }
 
-// On one thread: the list of shaders grows.
-static enum hg_status ready_shaders(
+// On one thread: the lists of shaders and of layouts grow.
+static enum hg_status make_ready(
     struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, struct hg_error *err)
 {
     const char *const names[] = {params->compute, params->vertex, params->fragment};
-    enum hg_status status = HG_OK;
+    enum hg_status status = hg_gpu_io_ready(gpu, params->io, err);
     for (int i = 0; i < 3 && status == HG_OK; i++)
         if (names[i] != NULL)
             status = hg_gpu_shader_ready(gpu, names[i], err);
@@ -313,7 +313,7 @@ enum hg_status hg_gpu_pipeline_get(struct hg_gpu *gpu, const struct hg_gpu_pipel
         return HG_OK;
     enum hg_status status = reserve_pipelines(gpu, 1, err);
     if (status == HG_OK)
-        status = ready_shaders(gpu, params, err);
+        status = make_ready(gpu, params, err);
     if (status == HG_OK)
         status = create_pipeline(gpu, params, out, err);
     if (status == HG_OK)
@@ -349,7 +349,7 @@ enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
         if (find_pipeline(gpu, &params[i]) != VK_NULL_HANDLE)
             continue;
         list[missing++] = (struct making){.gpu = gpu, .params = &params[i]};
-        status = ready_shaders(gpu, &params[i], err);
+        status = make_ready(gpu, &params[i], err);
     }
     if (status != HG_OK || missing == 0)
         return status;

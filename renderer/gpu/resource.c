@@ -198,6 +198,17 @@ static VkImageCreateInfo info_of(const struct hg_gpu_image_params *params)
     };
 }
 
+// Mips down to one texel.
+static uint32_t chain_length(const VkExtent3D *extent)
+{
+    uint32_t side = extent->width, count = 1;
+    side = extent->height > side ? extent->height : side;
+    side = extent->depth > side ? extent->depth : side;
+    for (; side > 1; side /= 2)
+        count++;
+    return count < HG_GPU_MAX_MIPS ? count : HG_GPU_MAX_MIPS;
+}
+
 static enum hg_status check_limits(
     struct hg_gpu *gpu, const VkImageCreateInfo *info, const char *name, struct hg_error *err)
 {
@@ -206,9 +217,10 @@ static enum hg_status check_limits(
         info->imageType, info->tiling, info->usage, info->flags, &props);
     if (result != VK_SUCCESS)
         return hg_error_set(err, HG_E_LIMIT, name, NULL, "format %d not supported", info->format);
-    if (info->mipLevels > props.maxMipLevels || info->mipLevels > HG_GPU_MAX_MIPS)
-        return hg_error_set(err, HG_E_LIMIT, name, NULL, "%u mips, the device allows %u",
-            info->mipLevels, props.maxMipLevels);
+    const uint32_t most_mips = chain_length(&info->extent);
+    if (info->mipLevels > most_mips)
+        return hg_error_set(
+            err, HG_E_LIMIT, name, NULL, "%u mips, there can be %u", info->mipLevels, most_mips);
     if (info->extent.depth > props.maxExtent.depth)
         return hg_error_set(err, HG_E_LIMIT, name, NULL, "%u slices, the device allows %u",
             info->extent.depth, props.maxExtent.depth);

@@ -1,0 +1,19 @@
+// pass_io.h - the images that each pass reads and writes through descriptor set 1 (io.h).
+// Floor 0, shared by C and GLSL. Attachments are not listed here: shaders do not name them.
+#ifndef HG_SHADERS_SHARED_PASS_IO_H
+#define HG_SHADERS_SHARED_PASS_IO_H
+
+#include "shared/io.h"
+
+// Tests of the device room and of the frame graph.
+#define HG_TEST_MIP_IO(X)                                                                          \
+    X(0, IMAGE_2D_R32F, finer)                                                                     \
+    X(1, IMAGE_2D_R32F, coarser)
+#define HG_TEST_VOLUME_IO(X)                                                                       \
+    X(0, LINEAR_3D, volume)                                                                        \
+    X(1, IMAGE_3D_R32F, volume_out)
+#define HG_TEST_BLEND_IO(X)                                                                        \
+    X(0, NEAREST_2D, first)                                                                        \
+    X(1, NEAREST_2D, second)
+
+#endif
