@@ -47,9 +47,6 @@ static const struct {
         0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
     [HG_GPU_USE_COPY_WRITE] = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, 0,
         VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL},
-    [HG_GPU_USE_STORAGE_READ] = {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
-                                     VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-        VK_ACCESS_2_SHADER_STORAGE_READ_BIT, 0, VK_IMAGE_LAYOUT_GENERAL},
     [HG_GPU_USE_STORAGE] = {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
                                 VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
         VK_ACCESS_2_SHADER_STORAGE_READ_BIT, VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
@@ -94,6 +91,7 @@ void hg_gpu_restore_states(struct hg_gpu *gpu, int kind)
         if (state->epoch[kind] == gpu->epoch[kind])
             memcpy(state->use, state->saved[kind], sizeof state->use);
     }
+    gpu->preparation++;
     gpu->epoch[kind]++;
 }
 
@@ -134,11 +132,15 @@ void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *ima
     if (state == NULL)
         return;
     const uint32_t end = mips.first + mips.count;
+    const uint32_t mask = ((1u << mips.count) - 1) << mips.first;
+    const bool prepared =
+        state->prepared_in == gpu->preparation && (state->prepared & mask) == mask;
+    state->prepared &= ~mask;
     for (uint32_t first = mips.first, last; first < end; first = last) {
         const enum hg_gpu_use before = state->use[first];
         for (last = first + 1; last < end && state->use[last] == before;)
             last++;
-        if (is_free(before, use))
+        if (is_free(before, use) || (prepared && before == use))
             continue;
         if (state->epoch[kind] != gpu->epoch[kind]) {
             state->epoch[kind] = gpu->epoch[kind];
@@ -155,6 +157,25 @@ void hg_gpu_image_use_mips(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, u
     uint32_t count, enum hg_gpu_use use)
 {
     hg_gpu_image_barrier(cmd->gpu, 0, image, (struct hg_gpu_mips){first, count}, use);
+}
+
+void hg_gpu_image_prepare(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, uint32_t first,
+    uint32_t count, enum hg_gpu_use use)
+{
+    struct hg_gpu_image_state *state = find_state(cmd->gpu, image->handle);
+    if (state == NULL)
+        return;
+    const uint32_t others = state->prepared_in == cmd->gpu->preparation ? state->prepared : 0;
+    const uint32_t mask = ((1u << count) - 1) << first;
+    state->prepared = 0;
+    hg_gpu_image_use_mips(cmd, image, first, count, use);
+    state->prepared = others | mask;
+    state->prepared_in = cmd->gpu->preparation;
+}
+
+void hg_gpu_cmd_end_prepared(struct hg_gpu_cmd *cmd)
+{
+    cmd->gpu->preparation++;
 }
 
 void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)

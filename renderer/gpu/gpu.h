@@ -123,12 +123,11 @@ enum hg_gpu_image_kind {
 enum hg_gpu_use {    // what commands do with an image next
     HG_GPU_USE_NONE, // contents undefined
     HG_GPU_USE_SAMPLED,
-    HG_GPU_USE_COLOR,        // colour attachment
-    HG_GPU_USE_DEPTH,        // depth attachment
-    HG_GPU_USE_COPY_READ,    // source of a transfer
-    HG_GPU_USE_COPY_WRITE,   // target of a transfer
-    HG_GPU_USE_STORAGE_READ, // loads of fragment and compute shaders
-    HG_GPU_USE_STORAGE,      // their loads, stores and atomics
+    HG_GPU_USE_COLOR,      // colour attachment
+    HG_GPU_USE_DEPTH,      // depth attachment
+    HG_GPU_USE_COPY_READ,  // source of a transfer
+    HG_GPU_USE_COPY_WRITE, // target of a transfer
+    HG_GPU_USE_STORAGE,    // loads, stores and atomics of fragment and compute shaders
 };
 
 struct hg_gpu_image_params {
@@ -230,6 +229,11 @@ void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum h
 // The same for some of its mips: one may be read while another is written.
 void hg_gpu_image_use_mips(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, uint32_t first,
     uint32_t count, enum hg_gpu_use use);
+// The same ahead of the command that binds or draws to it, which then puts no barrier of its own;
+// until hg_gpu_cmd_end_prepared.
+void hg_gpu_image_prepare(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, uint32_t first,
+    uint32_t count, enum hg_gpu_use use);
+void hg_gpu_cmd_end_prepared(struct hg_gpu_cmd *cmd);
 // Makes buffer writes of all earlier commands visible to all later ones (and to the host).
 void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd);
 // Image or buffer to a host-readable buffer: rows tight, one mip and layer.

@@ -44,7 +44,9 @@ struct hg_gpu_retired {
 struct hg_gpu_image_state {
     VkImage handle;
     uint8_t use[HG_GPU_MAX_MIPS], saved[2][HG_GPU_MAX_MIPS];
-    uint64_t epoch[2]; // in which saved was written
+    uint64_t epoch[2];    // in which saved was written
+    uint32_t prepared;    // mips whose barrier for the next use was put ahead (bits),
+    uint64_t prepared_in; // while gpu->preparation is this
 };
 
 struct hg_gpu_cmd {
@@ -130,6 +132,7 @@ struct hg_gpu {
     size_t state_capacity;
     uint32_t state_count;
     uint64_t epoch[2]; // numbers of the open batch and the open upload
+    uint64_t preparation;
 
     struct hg_gpu_upload uploads[HG_GPU_SLOTS];
     struct hg_gpu_upload *upload; // that is recorded; NULL = none
