@@ -26,7 +26,7 @@ enum hg_status hg_bench_depth_read(
 {
     struct hg_view_state *state = &view->state;
     struct hg_gpu *gpu = state->context->gpu;
-    struct hg_gpu_image *image = &state->depth;
+    struct hg_gpu_image *image = &state->targets.depth;
     struct hg_gpu_buffer back = {0};
     const size_t count = (size_t)image->width * image->height;
     const float *proj = state->frame.camera.proj.m;

@@ -29,7 +29,8 @@ static enum hg_status sync_lighting(struct hg_view_state *view, struct hg_error 
         .height = view->settings.height,
         .shape_revision = hg_geometry_shape_revision(view->scene_gpu->geometry)};
     hg_geometry_origin(view->scene_gpu->geometry, look.origin);
-    look.has_bounds = hg_geometry_bounds(view->scene_gpu->geometry, look.bounds_min, look.bounds_max);
+    look.has_bounds =
+        hg_geometry_bounds(view->scene_gpu->geometry, look.bounds_min, look.bounds_max);
     return hg_lighting_sync(view->lighting, &look, err);
 }
 
@@ -87,11 +88,13 @@ static bool has_blend(const struct hg_view_state *view)
 static enum hg_status make_layers(struct hg_view_state *view, struct hg_error *err)
 {
     enum hg_status status = hg_view_make_image(
-        view, HG_VISIBILITY_FORMAT, "layer visibility", &view->layer_visibility, err);
+        view, HG_VISIBILITY_FORMAT, "layer visibility", &view->targets.layer_visibility, err);
     if (status == HG_OK)
-        status = hg_view_make_image(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+        status = hg_view_make_image(
+            view, HG_COLOR_FORMAT, "layer colour", &view->targets.layer_color, err);
     for (int i = 0; i < 2 && status == HG_OK; i++)
-        status = hg_view_make_image(view, HG_DEPTH_FORMAT, "layer depth", &view->layers[i], err);
+        status =
+            hg_view_make_image(view, HG_DEPTH_FORMAT, "layer depth", &view->targets.layers[i], err);
     return status;
 }
 
@@ -105,10 +108,10 @@ static enum hg_status record_behind(
     struct hg_view_state *view, struct hg_pass *pass, struct hg_error *err)
 {
     enum hg_status status =
-        hg_view_make_image(view, HG_COLOR_FORMAT, "scene behind", &view->behind, err);
-    const struct hg_shade shade = {.visibility = &view->visibility,
-        .depth = &view->depth,
-        .target = &view->behind,
+        hg_view_make_image(view, HG_COLOR_FORMAT, "scene behind", &view->targets.behind, err);
+    const struct hg_shade shade = {.visibility = &view->targets.visibility,
+        .depth = &view->targets.depth,
+        .target = &view->targets.behind,
         .clear = true,
         .counted = view->stream.exact,
         .alone = true};
@@ -123,20 +126,21 @@ static enum hg_status record_layers(
     // What lets light through shows what is behind it by itself: it hides further layers.
     const bool holes = view->scene_gpu->has_holes;
     for (uint32_t i = 0; i < (holes ? view->layer_limit : 1) && status == HG_OK; i++) {
-        const struct hg_visibility_target target = {&view->layer_visibility, &view->layers[i % 2]};
-        status = hg_visibility_record_layer(
-            pass, &scene, &target, &view->depth, i > 0 ? &view->layers[(i + 1) % 2] : NULL, err);
-        const struct hg_shade shade = {.visibility = &view->layer_visibility,
+        const struct hg_visibility_target target = {
+            &view->targets.layer_visibility, &view->targets.layers[i % 2]};
+        status = hg_visibility_record_layer(pass, &scene, &target, &view->targets.depth,
+            i > 0 ? &view->targets.layers[(i + 1) % 2] : NULL, err);
+        const struct hg_shade shade = {.visibility = &view->targets.layer_visibility,
             .depth = target.depth,
-            .target = &view->layer_color,
+            .target = &view->targets.layer_color,
             .clear = i == 0,
             .counted = view->stream.exact,
             .layer = true,
-            .behind = hg_frame_transmits(view) ? &view->behind : NULL};
+            .behind = hg_frame_transmits(view) ? &view->targets.behind : NULL};
         if (status == HG_OK)
             status = hg_shade_record(pass, &shade, err);
     }
-    struct hg_gpu_image *last = &view->layers[(view->layer_limit - 1) % 2];
+    struct hg_gpu_image *last = &view->targets.layers[(view->layer_limit - 1) % 2];
     return status == HG_OK && holes ? hg_peel_test_record(pass, last, &view->layers_full, slot, err)
                                     : status;
 }
@@ -147,26 +151,27 @@ static enum hg_status record_debug(
 {
     hg_frame_fill(view, 0, false, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const struct hg_visibility_target target = {&view->targets.visibility, &view->targets.depth};
     const bool counts = view->settings.debug == HG_DEBUG_VIEW_OVERDRAW;
     const bool sampled = view->settings.debug <= HG_DEBUG_VIEW_MISSING;
     const struct hg_visibility_scene scene = {view->visible, 0, 0};
     enum hg_status status = hg_visibility_record(&pass, &scene, &target, err);
     if (status == HG_OK && counts)
-        status = hg_view_make_image(view, HG_COLOR_FORMAT, "layer colour", &view->layer_color, err);
+        status = hg_view_make_image(
+            view, HG_COLOR_FORMAT, "layer colour", &view->targets.layer_color, err);
     if (status == HG_OK && counts)
-        status = hg_visibility_record_overdraw(&pass, &scene, &view->layer_color, err);
+        status = hg_visibility_record_overdraw(&pass, &scene, &view->targets.layer_color, err);
     // The picture itself, drawn over below: it asks for the pages that it would show.
-    const struct hg_shade shade = {.visibility = &view->visibility,
-        .depth = &view->depth,
-        .target = &view->accumulated,
+    const struct hg_shade shade = {.visibility = &view->targets.visibility,
+        .depth = &view->targets.depth,
+        .target = &view->targets.accumulated,
         .clear = true};
     if (status == HG_OK && sampled)
         status = hg_shade_record(&pass, &shade, err);
     const struct hg_debug debug = {.view = view->settings.debug,
-        .visibility = &view->visibility,
-        .counts = counts ? &view->layer_color : NULL,
-        .target = &view->accumulated};
+        .visibility = &view->targets.visibility,
+        .counts = counts ? &view->targets.layer_color : NULL,
+        .target = &view->targets.accumulated};
     return status == HG_OK ? hg_debug_record(&pass, &debug, err) : status;
 }
 
@@ -206,7 +211,7 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
 {
     hg_frame_fill(view, sample, true, slot);
     struct hg_pass pass = hg_frame_pass(view, cmd, slot);
-    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const struct hg_visibility_target target = {&view->targets.visibility, &view->targets.depth};
     const bool blend = has_blend(view);
     const struct hg_visibility_scene scene = {view->visible, 0, slot};
     enum hg_status status = draw_hosted(view, slot, slots, err);
@@ -223,18 +228,19 @@ static enum hg_status record_sample(struct hg_view_state *view, struct hg_gpu_cm
     const bool dark = tells_dark(view, &pass);
     view->dark_told = dark;
     if (status == HG_OK && dark)
-        status = hg_unlit_tiles_find(&pass, &view->dark, view->lighting, view->coarse, &view->depth, err);
+        status = hg_unlit_tiles_find(
+            &pass, &view->dark, view->lighting, view->coarse, &view->targets.depth, err);
     if (status == HG_OK && dark)
-        status = hg_unlit_tiles_mark(&pass, &view->dark, &view->depth, err);
-    const struct hg_shade shade = {.visibility = &view->visibility,
-        .depth = &view->depth,
-        .target = &view->accumulated,
-        .picture = view->direct && view->stream.finding == 0 ? &view->pixels[0] : NULL,
+        status = hg_unlit_tiles_mark(&pass, &view->dark, &view->targets.depth, err);
+    const struct hg_shade shade = {.visibility = &view->targets.visibility,
+        .depth = &view->targets.depth,
+        .target = &view->targets.accumulated,
+        .picture = view->direct && view->stream.finding == 0 ? &view->targets.pixels[0] : NULL,
         .tonemap = view->settings.tonemap,
         .clear = sample == 0 && !view->stream.exact,
         .counted = view->stream.exact,
         .dark = dark,
-        .front = blend ? &view->layer_color : NULL};
+        .front = blend ? &view->targets.layer_color : NULL};
     return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }
 
@@ -281,7 +287,7 @@ void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples)
     view->draws_drawn = drawn.draws;
     view->triangles_drawn = drawn.triangles;
     adapt_layers(view, samples);
-    if (view->dark_told && hg_unlit_tiles_share(&view->dark, &view->depth) < DARK_LEAST)
+    if (view->dark_told && hg_unlit_tiles_share(&view->dark, &view->targets.depth) < DARK_LEAST)
         view->dark_wait = DARK_REST;
 }
 
@@ -326,12 +332,12 @@ enum hg_status hg_frame_record_prefetch(
     if (status != HG_OK)
         return status;
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const struct hg_visibility_target target = {&view->targets.visibility, &view->targets.depth};
     const struct hg_visibility_scene scene = {view->visible, 0, 0};
     status = hg_visibility_record(&pass, &scene, &target, err);
-    const struct hg_shade shade = {.visibility = &view->visibility,
-        .depth = &view->depth,
-        .target = &view->accumulated,
+    const struct hg_shade shade = {.visibility = &view->targets.visibility,
+        .depth = &view->targets.depth,
+        .target = &view->targets.accumulated,
         .clear = true};
     return status == HG_OK ? hg_shade_record(&pass, &shade, err) : status;
 }

@@ -52,8 +52,8 @@ static bool agree(const double a[3], const double b[3])
     return la <= FASTER_MOST * lb && lb <= FASTER_MOST * la && dot(a, b) > 0.5 * la * lb;
 }
 
-bool hg_prefetch_predict(
-    const struct hg_prefetch_place places[3], uint64_t horizon_ns, struct hg_view_camera_state *camera)
+bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t horizon_ns,
+    struct hg_view_camera_state *camera)
 {
     const struct hg_prefetch_place *p = places;
     double move[2][3], turn[2][3], direction[3];
@@ -151,28 +151,28 @@ struct aside {
 static void look_ahead(
     struct hg_view_state *view, const struct hg_view_camera_state *camera, struct aside *aside)
 {
-    *aside = (struct aside){view->camera, view->frame, view->visible, view->visibility, view->depth,
-        view->accumulated, view->missing_clusters};
+    *aside = (struct aside){view->camera, view->frame, view->visible, view->targets.visibility,
+        view->targets.depth, view->targets.accumulated, view->missing_clusters};
     view->camera = *camera;
     view->visible = view->ahead.visible;
-    view->visibility = view->ahead.visibility;
-    view->depth = view->ahead.depth;
-    view->accumulated = view->ahead.color;
+    view->targets.visibility = view->ahead.visibility;
+    view->targets.depth = view->ahead.depth;
+    view->targets.accumulated = view->ahead.color;
     view->stream.finding = SMALLER;
     view->stream.wider = (float)WIDER;
 }
 
 static void look_back(struct hg_view_state *view, const struct aside *aside)
 {
-    view->ahead.visibility = view->visibility; // images know their layouts
-    view->ahead.depth = view->depth;
-    view->ahead.color = view->accumulated;
+    view->ahead.visibility = view->targets.visibility; // images know their layouts
+    view->ahead.depth = view->targets.depth;
+    view->ahead.color = view->targets.accumulated;
     view->camera = aside->camera;
     view->frame = aside->frame;
     view->visible = aside->visible;
-    view->visibility = aside->visibility;
-    view->depth = aside->depth;
-    view->accumulated = aside->accumulated;
+    view->targets.visibility = aside->visibility;
+    view->targets.depth = aside->depth;
+    view->targets.accumulated = aside->accumulated;
     view->missing_clusters = aside->missing_clusters;
     view->stream.finding = 0;
     view->stream.wider = 0;

@@ -15,6 +15,7 @@
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/scene_gpu.h"
+#include "renderer/frame/targets.h"
 #include "renderer/frame/tiled_accumulation.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/unlit_tiles.h"
@@ -79,10 +80,7 @@ struct hg_view_state {
     uint64_t settings_revision, camera_revision;
     struct hg_view_key key;
 
-    struct hg_gpu_image visibility, depth, accumulated;
-    struct hg_gpu_image layers[2], layer_visibility, layer_color; // while blended draws are seen
-    struct hg_gpu_image behind;    // the opaque scene, while draws that let light through are
-    struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
+    struct hg_view_targets targets;
     struct hg_gpu_buffer blocks, readback, pick;
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
     struct hg_unlit_tiles dark;

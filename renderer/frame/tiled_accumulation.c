@@ -83,11 +83,11 @@ static enum hg_status start_exact(
         return status;
     vkCmdFillBuffer(hg_gpu_cmd_handle(cmd), s->progress.handle, 0, VK_WHOLE_SIZE, samples);
     if (samples == 0) {
-        const struct hg_gpu_image shown = view->accumulated;
-        view->accumulated = s->fallback;
+        const struct hg_gpu_image shown = view->targets.accumulated;
+        view->targets.accumulated = s->fallback;
         s->fallback = shown;
         const struct hg_gpu_rendering clear = {
-            .colors = {{.image = &view->accumulated, .clear = true}}, .color_count = 1};
+            .colors = {{.image = &view->targets.accumulated, .clear = true}}, .color_count = 1};
         hg_gpu_cmd_begin_rendering(cmd, &clear);
         hg_gpu_cmd_end_rendering(cmd);
     }
@@ -375,7 +375,8 @@ static bool wants_behind(struct hg_view_state *view)
         s->behind_there = false;
         s->behind_sample = top->samples;
         s->behind_tries = 0;
-        s->behind_areas[0] = (struct hg_tiled_accumulation_area){.rect.extent = whole, .samples = top->samples};
+        s->behind_areas[0] =
+            (struct hg_tiled_accumulation_area){.rect.extent = whole, .samples = top->samples};
         s->behind_count = 1;
     }
     return true;

@@ -28,12 +28,12 @@ static void destroy_extras(struct hg_view_state *view)
 {
     struct hg_gpu *gpu = view->context->gpu;
     for (int i = 0; i < 2; i++)
-        hg_gpu_image_destroy(gpu, &view->layers[i]);
-    hg_gpu_image_destroy(gpu, &view->layer_visibility);
-    hg_gpu_image_destroy(gpu, &view->layer_color);
-    hg_gpu_image_destroy(gpu, &view->behind);
+        hg_gpu_image_destroy(gpu, &view->targets.layers[i]);
+    hg_gpu_image_destroy(gpu, &view->targets.layer_visibility);
+    hg_gpu_image_destroy(gpu, &view->targets.layer_color);
+    hg_gpu_image_destroy(gpu, &view->targets.behind);
     for (int i = 0; i < 3; i++)
-        hg_gpu_image_destroy(gpu, &view->pixels[i]);
+        hg_gpu_image_destroy(gpu, &view->targets.pixels[i]);
     hg_tiled_accumulation_finish(gpu, &view->stream);
     hg_gpu_buffer_destroy(gpu, &view->readback);
 }
@@ -51,7 +51,7 @@ static enum hg_status resize(
     struct hg_view_state *view, uint32_t width, uint32_t height, struct hg_error *err)
 {
     struct hg_gpu *gpu = view->context->gpu;
-    if (view->visibility.width == width && view->visibility.height == height)
+    if (view->targets.visibility.width == width && view->targets.visibility.height == height)
         return HG_OK;
     struct hg_gpu_image images[3] = {0};
     enum hg_status status =
@@ -68,13 +68,13 @@ static enum hg_status resize(
                                           "no memory for %ux%u px", width, height)
                                     : status;
     }
-    hg_gpu_image_destroy(gpu, &view->visibility);
-    hg_gpu_image_destroy(gpu, &view->depth);
-    hg_gpu_image_destroy(gpu, &view->accumulated);
+    hg_gpu_image_destroy(gpu, &view->targets.visibility);
+    hg_gpu_image_destroy(gpu, &view->targets.depth);
+    hg_gpu_image_destroy(gpu, &view->targets.accumulated);
     destroy_extras(view);
-    view->visibility = images[0];
-    view->depth = images[1];
-    view->accumulated = images[2];
+    view->targets.visibility = images[0];
+    view->targets.depth = images[1];
+    view->targets.accumulated = images[2];
     return HG_OK;
 }
 
@@ -120,9 +120,9 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_path_destroy(view->path);
     hg_free(view->path_checkpoint);
     hg_denoise_destroy(view->path_history);
-    hg_gpu_image_destroy(gpu, &view->visibility);
-    hg_gpu_image_destroy(gpu, &view->depth);
-    hg_gpu_image_destroy(gpu, &view->accumulated);
+    hg_gpu_image_destroy(gpu, &view->targets.visibility);
+    hg_gpu_image_destroy(gpu, &view->targets.depth);
+    hg_gpu_image_destroy(gpu, &view->targets.accumulated);
     hg_gpu_buffer_destroy(gpu, &view->blocks);
     hg_gpu_buffer_destroy(gpu, &view->pick);
     hg_gpu_buffer_destroy(gpu, &view->layers_full);
@@ -263,9 +263,10 @@ static void choose_error(struct hg_view_state *view, uint32_t max_samples)
 
 static enum hg_status make_pixels(struct hg_view_state *view, uint32_t format, struct hg_error *err)
 {
-    const uint64_t px = (uint64_t)view->accumulated.width * view->accumulated.height;
+    const uint64_t px =
+        (uint64_t)view->targets.accumulated.width * view->targets.accumulated.height;
     const enum hg_status status = hg_view_make_image(
-        view, formats[format].format, formats[format].name, &view->pixels[format], err);
+        view, formats[format].format, formats[format].name, &view->targets.pixels[format], err);
     return status == HG_OK ? hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_READBACK,
                                  px * formats[format].bytes, "readback", &view->readback, err)
                            : status;
@@ -274,8 +275,8 @@ static enum hg_status make_pixels(struct hg_view_state *view, uint32_t format, s
 static void record_copy(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format)
 {
     const struct hg_gpu_region all = {
-        .width = view->accumulated.width, .height = view->accumulated.height};
-    hg_gpu_image_read(cmd, &view->pixels[format], &all, &view->readback, 0);
+        .width = view->targets.accumulated.width, .height = view->targets.accumulated.height};
+    hg_gpu_image_read(cmd, &view->targets.pixels[format], &all, &view->readback, 0);
 }
 
 // Whether the next sample, of a picture that moves, need not be accumulated.
@@ -364,7 +365,8 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
         return status;
     const struct hg_view_key key = present_key(view);
-    const bool blank = hg_tiled_accumulation_is_blank(view) && !view->final; // somebody wants to look now
+    const bool blank =
+        hg_tiled_accumulation_is_blank(view) && !view->final; // somebody wants to look now
     const bool changed = (view->number == 0 && !view->stream.exact) ||
                          memcmp(&key, &view->key, sizeof key) != 0 || blank;
     view->path_begins |= changed;
@@ -510,8 +512,8 @@ static enum hg_status record_read(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
 {
     struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
-    const struct hg_resolve resolve = {.accumulated = &view->accumulated,
-        .target = &view->pixels[format],
+    const struct hg_resolve resolve = {.accumulated = &view->targets.accumulated,
+        .target = &view->targets.pixels[format],
         .samples =
             view->samples > 0 && view->settings.mode != HG_VIEW_MODE_PATH ? view->samples : 1,
         .progress = view->stream.uneven ? view->stream.progress.address : 0,
@@ -559,8 +561,8 @@ enum hg_status hg_view_state_read(
     const bool path = view->settings.mode == HG_VIEW_MODE_PATH;
     if (path ? view->number == 0 : view->samples == 0 && !view->stream.has_fallback)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
-    const uint64_t size =
-        (uint64_t)view->accumulated.width * view->accumulated.height * formats[format].bytes;
+    const uint64_t size = (uint64_t)view->targets.accumulated.width *
+                          view->targets.accumulated.height * formats[format].bytes;
     const bool ready = format == 0 && view->key.settings == view->settings_revision;
     enum hg_status status = HG_OK;
     if (path)
@@ -586,12 +588,13 @@ static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd 
     hg_frame_fill(view, 0, false, 0);
     struct hg_pass pass = hg_frame_pass(view, cmd, 0);
     view->stream.exact = exact;
-    const struct hg_visibility_target target = {&view->visibility, &view->depth};
+    const struct hg_visibility_target target = {&view->targets.visibility, &view->targets.depth};
     const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
     const struct hg_visibility_scene scene = {view->pick_visible, 0, 0};
     enum hg_status status = hg_visibility_record_pick(&pass, &scene, &target, area, err);
-    return status == HG_OK ? hg_pick_record(&pass, &view->visibility, x, y, &view->pick, err)
-                           : status;
+    return status == HG_OK
+               ? hg_pick_record(&pass, &view->targets.visibility, x, y, &view->pick, err)
+               : status;
 }
 
 // Where a shutter has brought the geometry elsewhere, back to the scene.
@@ -601,7 +604,8 @@ static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
         return HG_OK;
     const enum hg_status status =
         hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, 0, err);
-    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err) : status;
+    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err)
+                           : status;
 }
 
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
@@ -611,7 +615,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
     if (view->number == 0 || (view->settings.mode != HG_VIEW_MODE_PATH && view->samples == 0 &&
                                  !view->stream.has_fallback))
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
-    if (x >= view->visibility.width || y >= view->visibility.height)
+    if (x >= view->targets.visibility.width || y >= view->targets.visibility.height)
         return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");
     const VkRect2D pixel = {{(int32_t)x, (int32_t)y}, {1, 1}};
     struct hg_gpu_cmd *cmd;

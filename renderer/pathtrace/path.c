@@ -315,7 +315,8 @@ enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_
     } else {
         status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
         if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0 && !hg_path_done(p))
-            status = hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err); // others' poses
+            status =
+                hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err); // others' poses
         if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
             view->scene_gpu->posed != p) { // others have looked at the scene in between
             status = open_shutter(view, err);
@@ -325,7 +326,8 @@ enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_
     if (status == HG_OK && !hg_path_done(p))
         status = work(view, err);
     if (status == HG_OK && hg_path_done(p) && view->scene_gpu->posed == p)
-        status = hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, view->wait, err);
+        status =
+            hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, view->wait, err);
     view->stream.missing = status == HG_OK ? p->missing : 0;
     if (status != HG_OK)
         hg_path_film_destroy(p); // begins anew
@@ -375,7 +377,7 @@ enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
     struct hg_pass pass = {.gpu = gpu, .cmd = cmd};
     const struct hg_path_show show = {.film = denoise ? p->denoised.address : p->film.address,
         .samples = p->samples.address,
-        .target = &view->accumulated,
+        .target = &view->targets.accumulated,
         .catcher = denoise ? HG_PATH_NO_PLANE : p->planes[HG_PATH_PLANE_CATCHER],
         .transparent = view->settings.background == HG_BACKGROUND_MODE_NONE,
         .clear = p->pass > 0 || !view->path_preview};

@@ -55,7 +55,7 @@ bool hg_path_is_posed(const struct hg_view_state *view);
 bool hg_path_needs_time(const struct hg_view_state *view);
 // All tiles are done, or the time is over.
 bool hg_path_done(const struct hg_path *path); // NULL: false
-// Brings what the film holds to view->accumulated, if it does not show it yet.
+// Brings what the film holds to view->targets.accumulated, if it does not show it yet.
 enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // Light was followed for that long, runs before a checkpoint included: what time_s is compared
 // with.

@@ -80,7 +80,7 @@ struct hg_path {
     struct hg_denoise *history;    // of views that show an animation
     uint32_t denoised_pass;        // that it was made of; 0 = none
     bool transparent;              // nothing is behind the scene
-    bool stale;                    // the film holds more than view->accumulated
+    bool stale;                    // the film holds more than view->targets.accumulated
     uint64_t spent_ns;             // in slices of work, by runs before a checkpoint as well
 
     // Of the wave.

@@ -131,7 +131,7 @@ static void open_rig(struct rig *rig, enum hg_override unlit_tiles, enum lights 
 
 static float share(const struct rig *rig)
 {
-    return hg_unlit_tiles_share(&rig->view->state.dark, &rig->view->state.depth);
+    return hg_unlit_tiles_share(&rig->view->state.dark, &rig->view->state.targets.depth);
 }
 
 static struct hg_refbuf *settle(struct rig *rig, const struct hg_view_camera *camera)
