@@ -240,7 +240,7 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
     bind_tables(view, slot, &pass);
     pass.features = features_of(view, pass.tables);
-    pass.mixes = mixes_of(view, pass.features);
+    pass.features2 = mixes_of(view, pass.features);
     pass.background = background_features(view);
     pass.find = view->stream.finding > 0;
     if (pass.find)

@@ -20,12 +20,6 @@ static const struct {
     [HG_BIND_DFG] = {true, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_R16G16B16A16_SFLOAT},
     [HG_BIND_SHADOW] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
     [HG_BIND_SHADOW_CMP] = {true, false, false, true, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
-    [HG_BIND_VISIBILITY] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_R32G32_UINT},
-    [HG_BIND_DEPTH] = {false, false, false, false, HG_GPU_IMAGE_2D, VK_FORMAT_D32_SFLOAT},
-    [HG_BIND_COLOR_A] = {false, false, false, false, HG_GPU_IMAGE_2D,
-        VK_FORMAT_R32G32B32A32_SFLOAT},
-    [HG_BIND_COLOR_B] = {false, false, false, false, HG_GPU_IMAGE_2D,
-        VK_FORMAT_R32G32B32A32_SFLOAT},
 };
 
 _Static_assert(HG_BIND_IMAGE_COUNT <= HG_GPU_MAX_IO, "sizes of descriptor pools");

@@ -1,5 +1,12 @@
 #include "renderer/passes/debug.h"
 
+#include "shaders/shared/pass_io.h"
+
+static const struct hg_gpu_io debug_io = HG_GPU_IO(HG_DEBUG_IO);
+struct debug_inputs {
+    HG_DEBUG_IO(HG_GPU_IO_MEMBER)
+};
+
 #define COLOR_FORMAT VK_FORMAT_R32G32B32A32_SFLOAT
 
 static struct hg_gpu_pipeline_params pipeline_of(const struct hg_pass *pass, uint32_t view)
@@ -12,16 +19,16 @@ static struct hg_gpu_pipeline_params pipeline_of(const struct hg_pass *pass, uin
         .colors = {COLOR_FORMAT},
         .color_count = 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
+        .io = &debug_io,
     };
 }
 
 enum hg_status hg_debug_record(
     struct hg_pass *pass, const struct hg_debug *debug, struct hg_error *err)
 {
-    struct hg_gpu_bindings bindings = pass->bindings;
-    bindings.images[HG_BIND_VISIBILITY] = debug->visibility;
-    bindings.images[HG_BIND_COLOR_A] = debug->counts;
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    const struct debug_inputs inputs = {
+        .visibility = {debug->visibility}, .counts = {debug->counts}};
+    enum hg_status status = hg_pass_bind(pass, &debug_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {

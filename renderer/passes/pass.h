@@ -3,19 +3,19 @@
 #ifndef HG_RENDERER_PASSES_PASS_H
 #define HG_RENDERER_PASSES_PASS_H
 
-#include "renderer/gpu/gpu.h"
+#include "renderer/gpu/io.h"
 
 struct hg_pass {
     struct hg_gpu *gpu;
     struct hg_gpu_cmd *cmd;
     struct hg_jobs *jobs; // for pipelines that are not there yet; NULL: one after the other
-    // Images of textures and lighting and the frame block are filled in; a pass adds its own inputs
-    // (HG_BIND_VISIBILITY and up) to a copy.
+    // Images of textures and lighting, the frame block and tables. What a pass reads besides is
+    // declared in shaders/shared/pass_io.h.
     struct hg_gpu_bindings bindings;
     // Second and third specialisation constant of shaders that include lib/tables.glsl: which
     // tables are bound as uniform blocks, and HG_FEATURE_* (shaders/shared/features.h).
     uint32_t tables, features;
-    uint32_t mixes;      // HG_MIX_*, the sixth of those that shade
+    uint32_t features2;  // HG_MIX_*, HG_FEATURE2_*, the sixth of those that shade
     uint32_t background; // HG_FEATURE_SKY_*: what backgrounds have besides
     VkRect2D area;       // of the view that is drawn, clears included; zero = all of it
     // Only what is asked of textures counts, nothing that is drawn: a small view fills the area,
@@ -23,6 +23,14 @@ struct hg_pass {
     bool find;
     bool adds; // shadow maps: to what is in them already
 };
+
+// Binds the scene, and what the pass reads and writes.
+static inline enum hg_status hg_pass_bind(const struct hg_pass *pass, const struct hg_gpu_io *io,
+    const void *bound, size_t size_bytes, struct hg_error *err)
+{
+    const enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    return status == HG_OK ? hg_gpu_cmd_bind_io(pass->cmd, io, bound, size_bytes, err) : status;
+}
 
 // After beginning a rendering with the pass's area: what is drawn covers the view, not the area.
 static inline void hg_pass_view_whole(const struct hg_pass *pass, const struct hg_gpu_image *image)

@@ -1,6 +1,6 @@
 #include "renderer/passes/path.h"
 
-_Static_assert(HG_BIND_PATH == HG_BIND_SHADOWS, "paths have no shadow maps");
+_Static_assert(HG_BIND_PATH == HG_BIND_HISTORY, "paths have no history");
 
 static const struct {
     const char *shader, *stage;
@@ -17,8 +17,8 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, 
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
-        .spec = {kernels[kernel].variant, pass->tables & ~HG_TABLE_BIT(HG_BIND_PATH),
-            pass->features | pass->background, options, 0, pass->mixes},
+        .spec = {kernels[kernel].variant, pass->tables, pass->features | pass->background, options,
+            0, pass->features2},
         .spec_count = 6};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)

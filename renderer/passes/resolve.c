@@ -1,6 +1,12 @@
 #include "renderer/passes/resolve.h"
 
 #include "shaders/shared/frame.h"
+#include "shaders/shared/pass_io.h"
+
+static const struct hg_gpu_io resolve_io = HG_GPU_IO(HG_RESOLVE_IO);
+struct resolve_inputs {
+    HG_RESOLVE_IO(HG_GPU_IO_MEMBER)
+};
 
 #define LINEAR 0xffu // no tone curve, no encoding
 
@@ -17,17 +23,17 @@ static struct hg_gpu_pipeline_params pipeline_of(VkFormat format, uint32_t tonem
         .colors = {format},
         .color_count = 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
+        .io = &resolve_io,
     };
 }
 
 enum hg_status hg_resolve_record(
     struct hg_pass *pass, const struct hg_resolve *resolve, struct hg_error *err)
 {
-    struct hg_gpu_bindings bindings = pass->bindings;
+    const struct resolve_inputs inputs = {
+        .accumulated = {resolve->accumulated}, .fallback = {resolve->fallback}};
     const bool counted = resolve->progress != 0;
-    bindings.images[HG_BIND_COLOR_A] = resolve->accumulated;
-    bindings.images[HG_BIND_COLOR_B] = resolve->fallback;
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    enum hg_status status = hg_pass_bind(pass, &resolve_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {

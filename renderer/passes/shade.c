@@ -2,6 +2,12 @@
 
 #include "shaders/shared/unlit_tiles.h"
 #include "shaders/shared/features.h"
+#include "shaders/shared/pass_io.h"
+
+static const struct hg_gpu_io shade_io = HG_GPU_IO(HG_SHADE_IO);
+struct shade_inputs {
+    HG_SHADE_IO(HG_GPU_IO_MEMBER)
+};
 
 // Values of the specialisation constant of shade.frag. ALONE: what layers let through.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS };
@@ -19,7 +25,7 @@ struct style {
         HG_FEATURE_NO_SUN)
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    const struct style *style, uint32_t tables, uint32_t features, uint32_t mixes)
+    const struct style *style, uint32_t tables, uint32_t features, uint32_t features2)
 {
     if (style->dark)
         features &= ~LIGHT_FEATURES;
@@ -29,14 +35,14 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (!lobes)
         features &= ~HG_FEATURE_LOBES;
     if ((features & HG_FEATURE_TRANSMISSION) == 0)
-        mixes &= ~HG_MIX_OF_GLASS;
+        features2 &= ~HG_MIX_OF_GLASS;
     if (!lobes)
-        mixes = 0;
+        features2 &= ~HG_MIX_ALL;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
                                 : (lobes ? "shade_lobes.frag" : "shade.frag"),
-        .spec = {style->variant, tables, features, style->background, style->picture, mixes},
+        .spec = {style->variant, tables, features, style->background, style->picture, features2},
         .spec_count = 6,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
@@ -49,6 +55,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .blend = style->variant == LAYER ? HG_GPU_BLEND_UNDER
                  : style->first          ? HG_GPU_BLEND_NONE
                                          : HG_GPU_BLEND_ADD,
+        .io = &shade_io,
     };
 }
 
@@ -62,7 +69,7 @@ static uint32_t features_of(const struct hg_pass *pass, bool background)
 static enum hg_status draw(struct hg_pass *pass, const struct style *style, struct hg_error *err)
 {
     const struct hg_gpu_pipeline_params params =
-        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->mixes);
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->features2);
     enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK)
         vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
@@ -77,9 +84,10 @@ static enum hg_status make_all(
     others[0].background = true;
     others[1].dark = true;
     const struct hg_gpu_pipeline_params params[3] = {
-        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->mixes),
-        pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->mixes),
-        pipeline_of(&others[1], pass->tables, features_of(pass, style->background), pass->mixes)};
+        pipeline_of(style, pass->tables, features_of(pass, style->background), pass->features2),
+        pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->features2),
+        pipeline_of(
+            &others[1], pass->tables, features_of(pass, style->background), pass->features2)};
     return pass->jobs != NULL
                ? hg_gpu_pipelines_make(pass->gpu, params, dark ? 3 : 2, pass->jobs, err)
                : HG_OK;
@@ -110,10 +118,8 @@ static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_imag
 enum hg_status hg_shade_record(
     struct hg_pass *pass, const struct hg_shade *shade, struct hg_error *err)
 {
-    struct hg_gpu_bindings bindings = pass->bindings;
-    bindings.images[HG_BIND_VISIBILITY] = shade->visibility;
-    bindings.images[HG_BIND_COLOR_A] = shade->layer ? shade->behind : shade->front;
-    bindings.images[HG_BIND_DEPTH] = NULL;
+    const struct shade_inputs inputs = {
+        .visibility = {shade->visibility}, .front = {shade->layer ? shade->behind : shade->front}};
     const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER
@@ -123,7 +129,7 @@ enum hg_status hg_shade_record(
         .first = picture || shade->clear,
         .flat = hg_gpu_get_caps(pass->gpu)->is_cpu,
         .picture = picture ? shade->tonemap + 1 : 0};
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
         status = make_all(pass, &style, dark, err);
     if (status != HG_OK)

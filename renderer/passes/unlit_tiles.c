@@ -1,6 +1,12 @@
 #include "renderer/passes/unlit_tiles.h"
 
+#include "shaders/shared/pass_io.h"
 #include "shaders/shared/unlit_tiles.h"
+
+static const struct hg_gpu_io depth_io = HG_GPU_IO(HG_DEPTH_IO);
+struct depth_inputs {
+    HG_DEPTH_IO(HG_GPU_IO_MEMBER)
+};
 
 static uint32_t cells_along(uint32_t px)
 {
@@ -94,8 +100,8 @@ static enum hg_status make_levels(struct hg_pass *pass, struct hg_lighting *ligh
     return status;
 }
 
-static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark, struct hg_lighting *lighting,
-    bool coarse, const struct hg_gpu_dark *push, struct hg_error *err)
+static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
+    struct hg_lighting *lighting, bool coarse, const struct hg_gpu_dark *push, struct hg_error *err)
 {
     const uint64_t revision = hg_lighting_atlas_revision(lighting);
     enum hg_status status = HG_OK;
@@ -105,8 +111,10 @@ static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark, st
         dark->coarse = coarse;
     }
     const uint32_t cells = push->columns * push->rows;
-    const struct hg_gpu_pipeline_params finds = {
-        .compute = "unlit_tiles_cells.comp", .spec = {0, pass->tables, pass->features}, .spec_count = 3};
+    const struct hg_gpu_pipeline_params finds = {.compute = "unlit_tiles_cells.comp",
+        .spec = {0, pass->tables, pass->features},
+        .spec_count = 3,
+        .io = &depth_io};
     const struct hg_gpu_pipeline_params joins = {.compute = "unlit_tiles_runs.comp"};
     const uint32_t groups[2] = {(cells + HG_UNLIT_TILES_GROUP - 1) / HG_UNLIT_TILES_GROUP, 1};
     const uint32_t rows[2] = {(push->rows + 7) / 8, 1};
@@ -122,12 +130,11 @@ static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark, st
 enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
     struct hg_lighting *lighting, bool coarse, struct hg_gpu_image *depth, struct hg_error *err)
 {
-    struct hg_gpu_bindings bindings = pass->bindings;
-    bindings.images[HG_BIND_DEPTH] = depth;
+    const struct depth_inputs inputs = {.depth = {depth}};
     const uint32_t atlas_px = hg_lighting_image_shadow(lighting)->width;
     enum hg_status status = reserve(dark, pass->gpu, depth, atlas_px, err);
     if (status == HG_OK)
-        status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+        status = hg_pass_bind(pass, &depth_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_dark push = push_of(dark, depth, atlas_px);

@@ -1,6 +1,13 @@
 #include "renderer/passes/visibility.h"
 
 #include "shaders/shared/features.h"
+#include "shaders/shared/pass_io.h"
+
+static const struct hg_gpu_io alpha_mask_io = HG_GPU_IO(HG_ALPHA_MASK_IO);
+struct alpha_mask_inputs {
+    HG_ALPHA_MASK_IO(HG_GPU_IO_MEMBER)
+};
+static const struct alpha_mask_inputs nothing; // masks read no image of the frame
 
 // How surfaces are drawn. Values are also the specialisation constant of visibility_alpha.frag.
 enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, OVERDRAW };
@@ -62,6 +69,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .depth_compare = late ? VK_COMPARE_OP_GREATER_OR_EQUAL : VK_COMPARE_OP_GREATER,
         .depth_write = true,
         .topology = style->topology,
+        .io = textured ? &alpha_mask_io : NULL,
     };
 }
 
@@ -162,13 +170,13 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
     const struct manner manner = {.solid = SOLID, .mask = MASK};
     const uint32_t first = set->class_first[HG_DRAW_CLASS_OPAQUE];
     const uint32_t end = set->class_first[HG_DRAW_CLASS_BLEND];
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &nothing, sizeof nothing, err);
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
     if (set->hosted)
-        hg_culling_copy_cpu(scene->visible, pass->cmd, scene->slot, target->visibility,
-            target->depth, pass->area);
+        hg_culling_copy_cpu(
+            scene->visible, pass->cmd, scene->slot, target->visibility, target->depth, pass->area);
     if (!set->hosted || end > first) {
         begin(pass, target, pass->area, !set->hosted);
         status = draw_items(pass, scene->visible, first, end, &manner, err);
@@ -186,10 +194,9 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const enum variant variant = previous != NULL ? LAYER_NEXT : LAYER_FIRST;
     const struct manner manner = {.solid = variant, .mask = variant};
-    struct hg_gpu_bindings bindings = pass->bindings;
-    bindings.images[HG_BIND_DEPTH] = opaque_depth;
-    bindings.images[HG_BIND_COLOR_A] = previous;
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
+    const struct alpha_mask_inputs inputs = {
+        .opaque_depth = {opaque_depth}, .previous_depth = {previous}};
+    enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
     hg_gpu_cmd_begin_stage(pass->cmd, "blend visibility");
@@ -207,7 +214,7 @@ enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
 {
     const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
     const struct manner manner = {.solid = SOLID, .mask = MASK};
-    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &nothing, sizeof nothing, err);
     if (status != HG_OK)
         return status;
     struct hg_pass part = *pass;

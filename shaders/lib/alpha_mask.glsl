@@ -9,11 +9,11 @@
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/item.glsl"
+#include "shared/pass_io.h"
 
 layout(constant_id = 0) const uint hg_variant = 1u; // 1 mask, 2 first layer, 3 next layer
 
-layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_opaque_depth;
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_previous_depth;
+HG_ALPHA_MASK_IO(HG_IO_DECLARE)
 
 layout(location = 0) flat in uvec2 in_draw;
 layout(location = 0) out uvec2 out_visibility;

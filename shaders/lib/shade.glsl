@@ -29,11 +29,11 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
 #include "lib/resolve.glsl"
+#include "shared/pass_io.h"
 
-layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
-// Of layers: the opaque scene. Its alpha is how deep it lies, metres, or NOTHING; with a minus where
+// hg_front of layers is the opaque scene. Its alpha is how deep it lies, metres, or NOTHING; with a minus where
 // the sample is not as it will be.
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_front;
+HG_SHADE_IO(HG_IO_DECLARE)
 #define NOTHING 1e30
 
 layout(early_fragment_tests) in; // also where samples are counted

@@ -11,10 +11,11 @@
 layout(constant_id = 1) const uint hg_tables = 0u; // HG_TABLE_BIT of each table that fits
 layout(constant_id = 2) const uint hg_features = HG_FEATURE_ALL; // HG_FEATURE_*: what may occur
 
-layout(constant_id = 5) const uint hg_mixes = HG_MIX_ALL; // HG_MIX_*, likewise
+layout(constant_id = 5) const uint hg_features2 = HG_FEATURE2_ALL; // HG_MIX_* and HG_FEATURE2_*
 
 #define HG_HAS(feature) ((hg_features & (feature)) != 0u)
-#define HG_HAS_MIX(kind) ((hg_mixes & (kind)) != 0u)
+#define HG_HAS2(feature) ((hg_features2 & (feature)) != 0u)
+#define HG_HAS_MIX(kind) ((hg_features2 & (kind)) != 0u)
 
 #define HG_TABLE(slot, type, bytes, name) \
     layout(set = 0, binding = slot, scalar) uniform hg_block_##name \

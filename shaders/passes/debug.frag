@@ -11,9 +11,9 @@ layout(constant_id = 0) const uint hg_view = 1u; // HG_DEBUG_VIEW_*
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "shared/debug.h"
+#include "shared/pass_io.h"
 
-layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_counts;
+HG_DEBUG_IO(HG_IO_DECLARE)
 
 layout(location = 0) out vec4 out_color;
 

@@ -4,11 +4,11 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
-#include "shared/bindings.h"
+#include "shared/pass_io.h"
 
 layout(local_size_x = 64) in;
 
-layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_depth; // 0 = nothing
+HG_DEPTH_IO(HG_IO_DECLARE) // 0 = nothing
 
 layout(buffer_reference, scalar) writeonly buffer hg_word_ref
 {

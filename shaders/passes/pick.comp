@@ -6,11 +6,12 @@
 
 #include "lib/frame.glsl"
 #include "lib/vertex.glsl"
+#include "shared/pass_io.h"
 #include "shared/pick.h"
 
 layout(local_size_x = 1) in;
 
-layout(set = 0, binding = HG_BIND_VISIBILITY) uniform usampler2D hg_visibility;
+HG_PICK_IO(HG_IO_DECLARE)
 
 layout(buffer_reference, scalar) writeonly buffer hg_pick_ref
 {

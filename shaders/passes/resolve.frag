@@ -4,15 +4,14 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
-#include "shared/bindings.h"
+#include "shared/pass_io.h"
 #include "shared/texture.h"
 #include "lib/resolve.glsl"
 
 layout(constant_id = 0) const uint hg_curve = 0u; // of hg_resolve
 layout(constant_id = 1) const bool hg_counted = false; // pixels have different numbers of samples
 
-layout(set = 0, binding = HG_BIND_COLOR_A) uniform sampler2D hg_accumulated;
-layout(set = 0, binding = HG_BIND_COLOR_B) uniform sampler2D hg_fallback;
+HG_RESOLVE_IO(HG_IO_DECLARE)
 layout(push_constant, scalar) uniform hg_push
 {
     hg_pixel_progress progress;

@@ -12,9 +12,10 @@
 #include "lib/frame.glsl"
 #include "lib/tables.glsl"
 #include "lib/unlit_tiles.glsl"
+#include "shared/pass_io.h"
 
 layout(local_size_x = HG_UNLIT_TILES_GROUP) in;
-layout(set = 0, binding = HG_BIND_DEPTH) uniform sampler2D hg_depth; // 0 = nothing
+HG_DEPTH_IO(HG_IO_DECLARE) // 0 = nothing
 
 // Texels around a receiver that its filter looks at: HG_SHADOW_RADIUS_PX, bilinear, rounding.
 #define REACH_PX 3.0

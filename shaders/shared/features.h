@@ -41,7 +41,9 @@
 #define HG_FEATURE_SMALL_LAYERS         0x80000000u // layers of RGBA8 pages may be small (texture.h)
 #define HG_FEATURE_ALL         0xffffffffu
 
-// Lobes of one material that have tables of their own together, as another constant.
+// The second word, another constant: HG_FEATURE2_* from bit 4 on (none yet: the next feature goes
+// here), and lobes of one material that have tables of their own together.
+#define HG_FEATURE2_ALL           0xffffffffu
 #define HG_MIX_ANISOTROPIC_GLASS  0x1u
 #define HG_MIX_LAYERED_GLASS      0x2u // below coats or sheens
 #define HG_MIX_UNUSUAL_GLASS      0x4u // reflects otherwise than Fresnel's equations say

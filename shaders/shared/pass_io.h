@@ -5,6 +5,24 @@
 
 #include "shared/io.h"
 
+// shade*.frag; front: of layers the opaque scene, else the layers in front of it (lib/shade.glsl).
+#define HG_SHADE_IO(X)                                                                             \
+    X(0, NEAREST_U2D, visibility)                                                                  \
+    X(1, NEAREST_2D, front)
+// visibility_alpha*.frag, for layers.
+#define HG_ALPHA_MASK_IO(X)                                                                        \
+    X(0, NEAREST_2D, opaque_depth)                                                                 \
+    X(1, NEAREST_2D, previous_depth)
+// unlit_tiles_cells.comp, peel_test.comp
+#define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
+#define HG_PICK_IO(X)  X(0, NEAREST_U2D, visibility)
+#define HG_DEBUG_IO(X)                                                                             \
+    X(0, NEAREST_U2D, visibility)                                                                  \
+    X(1, NEAREST_2D, counts)
+#define HG_RESOLVE_IO(X)                                                                           \
+    X(0, NEAREST_2D, accumulated)                                                                  \
+    X(1, NEAREST_2D, fallback)
+
 // Tests of the device room and of the frame graph.
 #define HG_TEST_MIP_IO(X)                                                                          \
     X(0, IMAGE_2D_R32F, finer)                                                                     \

@@ -247,6 +247,6 @@ struct hg_gpu_path_push {
 };
 
 // The shadow table has the binding of the path block: paths use no shadow maps.
-#define HG_BIND_PATH 19
+#define HG_BIND_PATH 19 // HG_BIND_HISTORY: paths have none
 
 #endif
