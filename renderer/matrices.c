@@ -1,7 +1,7 @@
 // matrices.c - where a view's camera stands, for files that say so.
 #include <string.h>
 
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 #include "renderer/internal.h"
 
 void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out)

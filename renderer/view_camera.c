@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/frame/shutter.h"
+#include "renderer/pathtrace/shutter.h"
 #include "renderer/internal.h"
 
 static enum hg_status out_of_range(struct hg_error *err, const char *field)

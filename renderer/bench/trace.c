@@ -7,7 +7,7 @@
 #include "base/clock.h"
 #include "base/json.h"
 #include "renderer/bench/bench.h"
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 #include "renderer/internal.h"
 #include "renderer/passes/skin.h"
 #include "renderer/trace/trace.h"

@@ -11,11 +11,11 @@
 #define HG_RENDERER_FRAME_STATE_H
 
 #include "renderer/frame/prefetch.h"
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/quality.h"
-#include "renderer/frame/scene_gpu.h"
 #include "renderer/frame/targets.h"
+#include "renderer/scene_gpu/scene_gpu.h"
 #include "renderer/frame/tiled_accumulation.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/unlit_tiles.h"

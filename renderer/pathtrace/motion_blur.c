@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "renderer/pathtrace/path_state.h"
-#include "renderer/frame/shutter.h"
+#include "renderer/pathtrace/shutter.h"
 #include "renderer/passes/skin.h"
 
 #define MOST_PARTS 64 // two turns: what goes round is off its circle by 0.5 % of the radius at most

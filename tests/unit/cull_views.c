@@ -16,7 +16,7 @@
 #include "base/cond.h"
 #include "base/log.h"
 #include "renderer/math/frustum.h"
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/cull/culling.h"
 #include "renderer/passes/skin.h"

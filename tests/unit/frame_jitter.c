@@ -6,7 +6,7 @@
 #include <math.h>
 #include <cmocka.h>
 
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 
 static void few_samples_do_not_shift_the_picture(void **state)
 {

@@ -30,11 +30,11 @@ FLOORS = {
     "base": 0, "shaders/shared": 0,
     "protocol": 1, "renderer/gpu": 1, "renderer/image": 1, "base/store": 1,
     "renderer/residency": 1, "shaders/lib": 1,
-    "renderer/math": 1,
+    "renderer/math": 1, "renderer/camera": 1,
     "renderer/scene": 2, "renderer/texture": 2, "renderer/lod": 2, "renderer/cluster": 2, "renderer/mesh": 2,
     "renderer/deform": 2, "renderer/geometry": 2, "renderer/cpu_raster": 2, "renderer/cull": 2,
     "renderer/trace": 2, "renderer/light": 2, "renderer/denoise": 2, "renderer/graph": 2,
-    "shaders/passes": 2,
+    "renderer/scene_gpu": 2, "shaders/passes": 2,
     "renderer/passes": 3,
     "renderer/frame": 4, "renderer/pathtrace": 4,
     "renderer": 5, "renderer/bake": 5,
@@ -44,7 +44,7 @@ FLOORS = {
 HILL = {room: height for height, room in enumerate((
     "renderer/scene", "renderer/texture", "renderer/lod", "renderer/cluster", "renderer/mesh",
     "renderer/deform", "renderer/geometry", "renderer/cpu_raster", "renderer/cull",
-    "renderer/trace", "renderer/light"))}
+    "renderer/trace", "renderer/light", "renderer/scene_gpu"))}
 # Floor 6: which rooms a room may include beside base and protocol; "" stands for itself.
 APART = {
     "server": {"server"},

@@ -1,4 +1,4 @@
-#include "renderer/frame/scene_gpu.h"
+#include "renderer/scene_gpu/scene_gpu.h"
 
 #include <string.h>
 

@@ -1,4 +1,4 @@
-#include "renderer/frame/shutter.h"
+#include "renderer/pathtrace/shutter.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "renderer/frame/camera.h"
+#include "renderer/camera/camera.h"
 
 #include <math.h>
 #include <string.h>

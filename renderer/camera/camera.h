@@ -1,8 +1,8 @@
 // camera.h - camera parameters to the matrices and rays of shaders/shared/frame.h; the pattern of
 // samples inside a pixel.
-// Floor 4. Pure functions, any thread.
-#ifndef HG_RENDERER_FRAME_CAMERA_H
-#define HG_RENDERER_FRAME_CAMERA_H
+// Floor 1. Pure functions, any thread.
+#ifndef HG_RENDERER_CAMERA_CAMERA_H
+#define HG_RENDERER_CAMERA_CAMERA_H
 
 #include <stdbool.h>
 

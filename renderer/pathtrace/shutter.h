@@ -1,7 +1,7 @@
 // shutter.h - the scene and the camera of a view at other times than its pose.
 // Floor 4. Thread: the render thread.
-#ifndef HG_RENDERER_FRAME_SHUTTER_H
-#define HG_RENDERER_FRAME_SHUTTER_H
+#ifndef HG_RENDERER_PATHTRACE_SHUTTER_H
+#define HG_RENDERER_PATHTRACE_SHUTTER_H
 
 #include "renderer/frame/state.h"
 #include "renderer/light/lights.h"

@@ -1,7 +1,7 @@
 // scene_gpu.h - what the device holds of one scene: textures and geometry, shared by its views.
-// Floor 4. Thread: the render thread.
-#ifndef HG_RENDERER_FRAME_SCENE_GPU_H
-#define HG_RENDERER_FRAME_SCENE_GPU_H
+// Floor 2 (scene_gpu). Thread: the render thread.
+#ifndef HG_RENDERER_SCENE_GPU_SCENE_GPU_H
+#define HG_RENDERER_SCENE_GPU_SCENE_GPU_H
 
 #include "base/jobs.h"
 #include "renderer/frame/debug_overrides.h"
