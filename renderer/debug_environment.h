@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_DEBUG_ENVIRONMENT_H
 #define HG_RENDERER_DEBUG_ENVIRONMENT_H
 
-#include "renderer/frame/debug_overrides.h"
+#include "renderer/scene_gpu/debug_overrides.h"
 
 // HELIO_CULLING=off, HELIO_RASTER=device, HELIO_PREFETCH=off, HELIO_GPU_TABLES=off and
 // HELIO_DARK=on|off; other values count as none. Before there are threads.

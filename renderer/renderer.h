@@ -11,7 +11,7 @@
 #include "base/jobs.h"
 #include "base/refbuf.h"
 #include "base/status.h"
-#include "renderer/frame/debug_overrides.h"
+#include "renderer/scene_gpu/debug_overrides.h"
 #include "renderer/image/image.h"
 #include "renderer/scene/load.h"
 #include "renderer/scene/scene.h"

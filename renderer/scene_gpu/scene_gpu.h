@@ -4,7 +4,7 @@
 #define HG_RENDERER_SCENE_GPU_SCENE_GPU_H
 
 #include "base/jobs.h"
-#include "renderer/frame/debug_overrides.h"
+#include "renderer/scene_gpu/debug_overrides.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"

@@ -41,7 +41,7 @@
 #include "base/spill.h"
 #include "base/status.h"
 #include "protocol/hgp.h"
-#include "renderer/frame/debug_overrides.h"
+#include "renderer/scene_gpu/debug_overrides.h"
 
 enum { WORKER_EXIT_DISK = 9 };
 

@@ -1,8 +1,8 @@
 // debug_overrides.h - parts of a renderer that tests, benchmarks and people who look into a frame
 // switch off or to something else. Zero of each member is what everybody else gets.
 // Floor 4, no Vulkan. Copied when a renderer is made.
-#ifndef HG_RENDERER_FRAME_DEBUG_OVERRIDES_H
-#define HG_RENDERER_FRAME_DEBUG_OVERRIDES_H
+#ifndef HG_RENDERER_SCENE_GPU_DEBUG_OVERRIDES_H
+#define HG_RENDERER_SCENE_GPU_DEBUG_OVERRIDES_H
 
 #include <stdbool.h>
 #include <stdint.h>
