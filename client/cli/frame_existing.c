@@ -82,6 +82,16 @@ static enum hg_status examine(struct hg_cli_render *r, const uint8_t *data, size
                   : helio_call_for(r->cli.h, HGP_T_image_query, &last, HGP_T_json, answer, err);
 }
 
+// As why_not, of the worker's answer about a file that is whole.
+static const char *judge(const struct helio_message *answer, const uint8_t job[32])
+{
+    const struct hgp_str *json = &answer->body->json.text;
+    char *text = hg_strndup(json->data ? json->data : "", json->size);
+    const char *why = text ? why_not(text, job) : "no memory to look at it";
+    hg_free(text);
+    return why;
+}
+
 // Does `name` hold what this command would write? The worker decodes all of it.
 enum hg_status hg_cli_frame_check_existing(struct hg_cli_render *r, const char *name,
     const uint8_t job[32], bool *good, struct hg_error *err)
@@ -98,24 +108,20 @@ enum hg_status hg_cli_frame_check_existing(struct hg_cli_render *r, const char *
         status = examine(r, data, size, &answer, &wrong);
         hg_free(data);
     }
-    const char *why = wrong.reason;
-    if (!status) {
-        char *text = hg_strndup(answer->body->json.text.data ? answer->body->json.text.data : "",
-            answer->body->json.text.size);
-        why = text ? why_not(text, job) : "no memory to look at it";
-        *good = why == NULL;
-        hg_free(text);
-        helio_message_free(answer);
-    } else if (status != HG_E_FORMAT && status != HG_E_TRUNCATED && status != HG_E_LIMIT &&
-               status != HG_E_UNSUPPORTED) {
+    const bool damaged = status == HG_E_FORMAT || status == HG_E_TRUNCATED ||
+                         status == HG_E_LIMIT || status == HG_E_UNSUPPORTED;
+    if (status && !damaged) {
         *err = wrong;
         return status;
     }
-    if (!*good) {
-        char clean[300];
-        hg_cli_clean(clean, sizeof clean, why, strlen(why));
-        hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s: %s; it is made again\n", name, clean);
-    }
+    const char *why = damaged ? wrong.reason : judge(answer, job);
+    helio_message_free(answer);
+    *good = why == NULL;
+    if (*good)
+        return HG_OK;
+    char clean[300];
+    hg_cli_clean(clean, sizeof clean, why, strlen(why));
+    hg_cli_progress_clear(&r->cli.progress);
+    fprintf(stderr, "helio: %s: %s; it is made again\n", name, clean);
     return HG_OK;
 }

@@ -30,11 +30,14 @@ static enum hg_status make_checkpoint(const struct request *r, struct view_slot 
         (struct hgp_checkpoint){.samples = view->progress.info.samples};
     enum hg_status status = history ? hg_view_save_history(view->view, &film, err)
                                     : hg_view_save(view->view, &film, err);
-    if (!status)
-        status = hg_frame_key_make(r->s, r->session, view, hg_frame_key_format(view),
-            view->checkpoint.sending_notes.job, err);
-    if (!status)
-        status = pack(film, &view->checkpoint.sending, err);
+    if (status)
+        return status;
+    status = hg_frame_key_make(
+        r->s, r->session, view, hg_frame_key_format(view), view->checkpoint.sending_notes.job, err);
+    if (status)
+        goto done;
+    status = pack(film, &view->checkpoint.sending, err);
+done:
     hg_refbuf_unref(film);
     return status;
 }
@@ -59,25 +62,33 @@ static enum hg_status answer_part(struct view_slot *view, bool part, uint64_t of
     return HG_OK;
 }
 
+// From offset 0 on the checkpoint is made; later parts are of the same one.
+static enum hg_status make_answer(const struct request *r, struct view_slot *view,
+    struct hgp_checkpoint *answer, struct hg_error *err)
+{
+    const struct hgp_checkpoint_query *m = &r->message->checkpoint_query;
+    const enum hgp_checkpoint_kind kind = m->has_kind ? m->kind : HGP_checkpoint_kind_FILM;
+    const uint64_t offset = m->has_offset ? m->offset : 0;
+    enum hg_status status = offset == 0 ? make_checkpoint(r, view, kind, err) : HG_OK;
+    return status ? status : answer_part(view, m->has_offset, offset, answer, err);
+}
+
 void hg_handle_checkpoint_query(const struct request *r)
 {
     const struct hgp_checkpoint_query *m = &r->message->checkpoint_query;
     struct view_slot *view = hg_request_view(r, m->view);
     struct hg_error err = {0};
     struct hgp_checkpoint answer;
-    enum hg_status status = HG_OK;
     if (!view)
         return;
-    const uint64_t offset = m->has_offset ? m->offset : 0;
-    if (offset == 0)
-        status = make_checkpoint(r, view, m->has_kind ? m->kind : HGP_checkpoint_kind_FILM, &err);
-    if (!status)
-        status = answer_part(view, m->has_offset, offset, &answer, &err);
-    if (status)
+    if (make_answer(r, view, &answer, &err)) {
         hg_reply_error(r->to, &err);
-    else
-        hg_reply_send(r->to, HGP_T_checkpoint, &answer);
-    if (status || offset + answer.data.size == view->checkpoint.sending.size)
+        hg_writer_finish(&view->checkpoint.sending);
+        return;
+    }
+    hg_reply_send(r->to, HGP_T_checkpoint, &answer);
+    const uint64_t offset = m->has_offset ? m->offset : 0;
+    if (offset + answer.data.size == view->checkpoint.sending.size)
         hg_writer_finish(&view->checkpoint.sending);
 }
 
@@ -104,11 +115,12 @@ static enum hg_status load_checkpoint(struct view_slot *view, enum hgp_checkpoin
     void *film;
     uint64_t size;
     enum hg_status status = unpack(data, bytes, &film, &size, err);
-    if (!status && kind == HGP_checkpoint_kind_HISTORY)
-        status = hg_view_load_history(view->view, film, size, err);
-    else if (!status)
-        status = hg_view_load(view->view, film, size, err);
+    if (status)
+        goto done;
+    status = kind == HGP_checkpoint_kind_HISTORY ? hg_view_load_history(view->view, film, size, err)
+                                                 : hg_view_load(view->view, film, size, err);
     view->settings.changed |= !status && kind == HGP_checkpoint_kind_FILM; // settled as it may be
+done:
     hg_free(film);
     return status;
 }
@@ -144,26 +156,32 @@ static enum hg_status take_part(struct view_slot *view, const struct hgp_checkpo
     return HG_OK;
 }
 
+// All of a checkpoint at once, or one of its parts; the last one loads it.
+static enum hg_status take_message(struct view_slot *view, const struct hgp_checkpoint_set *m,
+    enum hgp_checkpoint_kind kind, bool *all, struct hg_error *err)
+{
+    const struct hg_writer *w = &view->checkpoint.receiving;
+    *all = true;
+    if (!m->has_offset)
+        return load_checkpoint(view, kind, m->data.data, m->data.size, err);
+    enum hg_status status = take_part(view, m, kind, all, err);
+    if (status || !*all)
+        return status;
+    status = load_checkpoint(view, kind, w->data, w->size, err);
+    hg_writer_finish(&view->checkpoint.receiving);
+    return status;
+}
+
 void hg_handle_checkpoint_set(const struct request *r)
 {
     const struct hgp_checkpoint_set *m = &r->message->checkpoint_set;
     const enum hgp_checkpoint_kind kind = m->has_kind ? m->kind : HGP_checkpoint_kind_FILM;
     struct view_slot *view = hg_request_view(r, m->view);
     struct hg_error err = {0};
-    bool all = true;
-    enum hg_status status = HG_OK;
+    bool all;
     if (!view)
         return;
-    if (!m->has_offset)
-        status = load_checkpoint(view, kind, m->data.data, m->data.size, &err);
-    else
-        status = take_part(view, m, kind, &all, &err);
-    if (!status && m->has_offset && all) {
-        status = load_checkpoint(
-            view, kind, view->checkpoint.receiving.data, view->checkpoint.receiving.size, &err);
-        hg_writer_finish(&view->checkpoint.receiving);
-    }
-    if (status) {
+    if (take_message(view, m, kind, &all, &err)) {
         hg_reply_error(r->to, &err);
         return;
     }
