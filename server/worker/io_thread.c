@@ -12,6 +12,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "protocol/framing.h"
 #include "server/worker/reply.h"
 
 enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
@@ -19,11 +20,8 @@ enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
 struct link {
     struct worker *w;
     int fd, timer_fd;
-    // Incoming: the header, then its payload straight into the buffer that the command keeps.
-    uint8_t header_bytes[HGP_HEADER_BYTES];
-    size_t header_fill, payload_fill;
-    struct hgp_header header;
-    struct hg_refbuf *payload;
+    // Incoming.
+    struct hgp_framer in;    // of commands
     struct command *blocked; // the inbox was full: nothing is read until it is taken
     // Outgoing.
     struct hg_refbuf *out;
@@ -84,67 +82,84 @@ static enum hg_status write_some(struct link *l)
 
 // ---- receiving ----------------------------------------------------------------------------------
 
-// Hands the finished message to the render thread; HG_E_AGAIN leaves it blocked.
-static enum hg_status deliver(struct link *l)
+static void *create_command(const struct hgp_header *header)
 {
-    if (!l->blocked) {
-        l->blocked = hg_calloc(1, sizeof *l->blocked);
-        if (!l->blocked)
-            return HG_E_NOMEM;
-        l->blocked->header = l->header;
-        l->blocked->payload = l->payload;
-        l->payload = NULL;
-        l->header_fill = l->payload_fill = 0;
+    struct command *command = hg_calloc(1, sizeof *command);
+    struct hg_refbuf *payload = command ? hg_refbuf_create(header->length) : NULL;
+    if (!payload) {
+        hg_free(command);
+        return NULL;
     }
-    enum hg_status status = hg_queue_push(&l->w->inbox, l->blocked);
-    if (!status)
-        l->blocked = NULL;
-    return status;
+    command->header = *header;
+    command->payload = payload;
+    return command;
 }
 
-static enum hg_status begin_payload(struct link *l)
+static uint8_t *command_payload(void *command)
 {
-    // Lengths are policed by the broker, whose limit can be configured.
-    enum hg_status status =
-        hgp_header_decode(l->header_bytes, sizeof l->header_bytes, UINT32_MAX, &l->header);
-    if (status)
-        return status;
-    l->payload = hg_refbuf_create(l->header.length);
-    return l->payload ? HG_OK : HG_E_NOMEM;
+    return ((struct command *)command)->payload->data;
 }
 
-// Reads a bounded amount, so that a long upload does not hold up pulses and answers.
+static void destroy_command(void *command)
+{
+    hg_refbuf_unref(((struct command *)command)->payload);
+    hg_free(command);
+}
+
+static const struct hgp_frame_class command_frames = {
+    create_command, command_payload, destroy_command};
+
+// Hands the messages that are whole to the render thread. HG_E_AGAIN: the inbox is full, and one is
+// blocked.
+static enum hg_status deliver_all(struct link *l)
+{
+    for (;;) {
+        enum hg_status status = HG_OK;
+        if (!l->blocked) {
+            void *message;
+            // Lengths are policed by the broker, whose limit can be configured.
+            status = hgp_framer_next(&l->in, UINT32_MAX, &message);
+            if (status)
+                return status == HG_E_AGAIN ? HG_OK : status;
+            l->blocked = message;
+        }
+        status = hg_queue_push(&l->w->inbox, l->blocked);
+        if (status)
+            return status;
+        l->blocked = NULL;
+    }
+}
+
+static enum hg_status receive(struct link *l, size_t *taken)
+{
+    size_t size;
+    ssize_t n;
+    uint8_t *dst = hgp_framer_space(&l->in, &size);
+    if (!dst)
+        return HG_E_NOMEM;
+    do
+        n = recv(l->fd, dst, size, 0);
+    while (n < 0 && errno == EINTR);
+    if (n < 0)
+        return socket_status(errno);
+    if (n == 0)
+        return HG_E_CLOSED;
+    hgp_framer_fill(&l->in, (size_t)n);
+    *taken += (size_t)n;
+    return HG_OK;
+}
+
+// Reads a bounded amount, so that a long upload does not hold up pulses and answers. Nothing whole
+// is left behind unless one message is blocked: no event would come for it.
 static enum hg_status read_some(struct link *l)
 {
-    for (size_t taken = 0; !l->blocked && taken < READ_BUDGET_BYTES;) {
-        bool in_header = l->header_fill < HGP_HEADER_BYTES;
-        uint8_t *dst =
-            in_header ? l->header_bytes + l->header_fill : l->payload->data + l->payload_fill;
-        size_t want =
-            in_header ? HGP_HEADER_BYTES - l->header_fill : l->payload->size - l->payload_fill;
-        ssize_t n = want ? recv(l->fd, dst, want, 0) : 0;
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0)
-            return socket_status(errno);
-        if (n == 0 && want)
-            return HG_E_CLOSED;
-        taken += (size_t)n;
-        enum hg_status status = HG_OK;
-        if (in_header) {
-            l->header_fill += (size_t)n;
-            if (l->header_fill == HGP_HEADER_BYTES)
-                status = begin_payload(l);
-        } else {
-            l->payload_fill += (size_t)n;
-        }
-        if (!status && l->payload && l->payload_fill == l->payload->size &&
-            l->header_fill == HGP_HEADER_BYTES)
-            status = deliver(l);
-        if (status && status != HG_E_AGAIN)
-            return status;
+    enum hg_status status = deliver_all(l);
+    for (size_t taken = 0; !status && taken < READ_BUDGET_BYTES;) {
+        status = receive(l, &taken);
+        if (!status)
+            status = deliver_all(l);
     }
-    return HG_OK;
+    return status;
 }
 
 // ---- a disk that fails --------------------------------------------------------------------------
@@ -209,7 +224,7 @@ static enum hg_status run_once(struct link *l)
         return HG_E_IO;
     enum hg_status status = HG_OK;
     if (l->blocked)
-        status = deliver(l);
+        status = deliver_all(l);
     if (fds[2].revents)
         send_pulse(l);
     if (!status || status == HG_E_AGAIN)
@@ -221,7 +236,8 @@ static enum hg_status run_once(struct link *l)
 
 enum hg_status hg_io_thread_run(struct worker *w)
 {
-    struct link l = {.w = w, .fd = w->options.fd, .timer_fd = -1};
+    struct link l = {
+        .w = w, .fd = w->options.fd, .timer_fd = -1, .in = {.frames = &command_frames}};
     l.timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     if (l.timer_fd < 0)
         return HG_E_LIMIT;
@@ -237,11 +253,9 @@ enum hg_status hg_io_thread_run(struct worker *w)
         status = HG_E_DEVICE_LOST;
     }
     close(l.timer_fd);
-    hg_refbuf_unref(l.payload);
+    hgp_framer_finish(&l.in);
     hg_refbuf_unref(l.out);
-    if (l.blocked) {
-        hg_refbuf_unref(l.blocked->payload);
-        hg_free(l.blocked);
-    }
+    if (l.blocked)
+        destroy_command(l.blocked);
     return status;
 }

@@ -1,1 +1,3 @@
 #include <stdint.h>
+
+int helio_open(void);

@@ -1,0 +1,3 @@
+// Layers, lowest first:
+//   layers
+//   conn      its functions are in the public header
