@@ -36,7 +36,6 @@ enum hg_status hg_session_create(struct render_state *s, uint32_t channel,
     session->role = m->role;
     session->first_id = m->first_id;
     session->id_count = m->id_count;
-    session->max_pixels = m->max_pixels;
     session->restoring = m->replay;
     session->waiting_end = &session->waiting;
     session->next = s->sessions;

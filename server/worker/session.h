@@ -15,7 +15,6 @@ struct session {
     enum hgp_role role;
     struct scene_slot *scene;
     uint32_t first_id, id_count;
-    uint64_t max_pixels;
     uint32_t batch_depth;
     bool restoring; // until replay_end
     struct view_slot *views;

@@ -8,26 +8,6 @@
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
-static uint64_t pixels_of(const struct hg_view_params *p)
-{
-    const struct hg_view_params filled = hg_view_params_filled(p);
-    return (uint64_t)filled.width * filled.height;
-}
-
-static enum hg_status check_quota(const struct request *r, const struct view_slot *changed,
-    const struct hg_view_params *params, struct hg_error *err)
-{
-    uint64_t total = pixels_of(params);
-    for (const struct view_slot *it = r->session->views; it; it = it->next)
-        if (it != changed)
-            total += pixels_of(&it->settings.params);
-    if (total > r->session->max_pixels)
-        return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
-            "%llu pixels are more than this session's %llu", (unsigned long long)total,
-            (unsigned long long)r->session->max_pixels);
-    return HG_OK;
-}
-
 // The parameters that a view has after the message; what that leaves out stays.
 static enum hg_status next_params(const struct request *r, const struct view_slot *view,
     struct hg_view_params *params, struct hg_error *err)
@@ -35,10 +15,8 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
     const struct hgp_view_set *m = &r->message->view_set;
     *params = view ? view->settings.params : (struct hg_view_params){0};
     hg_view_params_apply(params, m);
-    enum hg_status status =
-        m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
-                      : HG_OK;
-    return status ? status : check_quota(r, view, params, err);
+    return m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
+                         : HG_OK;
 }
 
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
