@@ -203,7 +203,7 @@ enum hg_status hgp_layout_decode(const struct hgp_layout *layout, uint16_t versi
     return status;
 }
 
-enum hg_status hgp_decode(uint16_t version, uint16_t type, const uint8_t *payload, size_t size,
+enum hg_status hgp_decode(uint16_t version, uint16_t type, struct hg_reader payload,
     struct hg_arena *arena, void *out, struct hgp_fault *fault)
 {
     const struct hgp_message_info *info = hgp_find(type);
@@ -211,6 +211,5 @@ enum hg_status hgp_decode(uint16_t version, uint16_t type, const uint8_t *payloa
         memset(out, 0, info->struct_size);
     if (!info || info->since > version)
         return hgp_fault_set(fault, HG_E_UNSUPPORTED, NULL, NULL, 0, "unknown message type");
-    struct hg_reader r = hg_reader_make(payload, size);
-    return hgp_layout_decode(hgp_layout_find(type), version, &r, arena, out, fault);
+    return hgp_layout_decode(hgp_layout_find(type), version, &payload, arena, out, fault);
 }

@@ -173,10 +173,11 @@ enum hg_status hgp_layout_encode(const struct hgp_layout *layout, uint16_t versi
     return status;
 }
 
-enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, enum hgp_type type,
-    uint32_t request, uint32_t channel, const void *message, struct hgp_fault *fault)
+enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, struct hgp_envelope envelope,
+    const void *message, struct hgp_fault *fault)
 {
-    const struct hgp_message_info *info = hgp_find((uint16_t)type);
+    const uint16_t type = (uint16_t)envelope.type;
+    const struct hgp_message_info *info = hgp_find(type);
     if (!info || info->since > version)
         return hgp_fault_set(fault, HG_E_UNSUPPORTED, NULL, NULL, 0, "unknown message type");
     if (w->failed)
@@ -184,11 +185,12 @@ enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, enum hgp_type t
     size_t start = w->size;
     uint8_t header[HGP_HEADER_BYTES];
     hgp_header_encode(
-        &(struct hgp_header){.type = (uint16_t)type, .request = request, .channel = channel},
+        &(struct hgp_header){
+            .type = type, .request = envelope.request, .channel = envelope.channel},
         header);
     hg_write_bytes(w, header, sizeof header);
     enum hg_status status =
-        hgp_layout_encode(hgp_layout_find((uint16_t)type), version, w, message, fault);
+        hgp_layout_encode(hgp_layout_find(type), version, w, message, fault);
     if (status) {
         w->size = start;
         w->failed = false;

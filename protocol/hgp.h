@@ -143,15 +143,21 @@ struct hgp_fault {
 // HG_E_NOMEM, HG_E_UNSUPPORTED (unknown type or since > version; *out is untouched when the type
 // is unknown). On error *out is zeroed and *fault says where (may be NULL). `arena` may be NULL
 // for types without a LIST.
-enum hg_status hgp_decode(uint16_t version, uint16_t type, const uint8_t *payload, size_t size,
+enum hg_status hgp_decode(uint16_t version, uint16_t type, struct hg_reader payload,
     struct hg_arena *arena, void *out, struct hgp_fault *fault) HG_MUST_CHECK;
+
+// What a message's header says besides its length.
+struct hgp_envelope {
+    enum hgp_type type;
+    uint32_t request, channel;
+};
 
 // Appends header and payload. The message must obey its own limits: HG_E_INVAL names the field in
 // *fault (may be NULL); HG_E_NOMEM when the writer cannot grow or has failed before;
 // HG_E_UNSUPPORTED when the message's since > version. On error nothing is appended and the
 // writer is as usable as before. Fields with since > version are left out.
-enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, enum hgp_type type,
-    uint32_t request, uint32_t channel, const void *message, struct hgp_fault *fault) HG_MUST_CHECK;
+enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, struct hgp_envelope envelope,
+    const void *message, struct hgp_fault *fault) HG_MUST_CHECK;
 
 // Overlays the OPT fields present in `from` on `into` (both struct hgp_<name> of `type`); REQ
 // fields are taken from `from`. Used to compact journals. Shallow: views are copied, not bytes.

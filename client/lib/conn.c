@@ -105,8 +105,8 @@ enum hg_status hg_client_enqueue(struct helio *h, enum hgp_type type, uint32_t r
     size_t before = h->out.size;
     const struct hgp_message_info *info = hgp_find((uint16_t)type);
     const char *name = info ? info->name : "message";
-    enum hg_status status =
-        hgp_encode(&h->out, h->server.version, type, request, channel, message, &fault);
+    enum hg_status status = hgp_encode(
+        &h->out, h->server.version, (struct hgp_envelope){type, request, channel}, message, &fault);
     if (status)
         return hg_error_set(err, status, name, fault.field, "%s",
             fault.reason ? fault.reason : hg_status_text(status));

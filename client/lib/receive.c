@@ -29,8 +29,9 @@ static enum hg_status deliver(struct helio *h, struct hg_client_message *message
     if (header.channel != expected && !(h->embedded && header.channel == 0))
         status = hg_client_fail(
             h, HG_E_FORMAT, "channel", "a message came on channel %u", header.channel);
-    else if (hgp_decode(h->server.version, header.type, message->payload, header.length,
-                 &message->arena, &message->body, &fault))
+    else if (hgp_decode(h->server.version, header.type,
+                 hg_reader_make(message->payload, header.length), &message->arena, &message->body,
+                 &fault))
         status = hg_client_fail(h, HG_E_FORMAT, fault.field, "message 0x%04x is malformed: %s",
             header.type, fault.reason ? fault.reason : "unknown type");
     if (status) {

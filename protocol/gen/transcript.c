@@ -60,7 +60,8 @@ static void tell(const struct teller *t, enum hgp_type type, const void *message
 {
     struct hg_writer bytes = {0}, bitmap = {0};
     const struct hgp_layout *layout = hgp_layout_find((uint16_t)type);
-    if (hgp_encode(&bytes, HGP_VERSION_MAX, type, t->request, 0, message, NULL))
+    if (hgp_encode(
+            &bytes, HGP_VERSION_MAX, (struct hgp_envelope){type, t->request, 0}, message, NULL))
         abort();
     gen_print(t->out, "%c>  %s: %zu bytes of payload, request %u\n     %-18s ", t->side,
         layout->name, bytes.size - HGP_HEADER_BYTES, t->request, "(header)");

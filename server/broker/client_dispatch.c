@@ -213,8 +213,9 @@ static void take_message(struct hg_conn *conn, struct hg_packet *packet)
     struct hg_arena arena = {0};
     union hgp_any any;
     struct hgp_fault fault = {0};
-    enum hg_status status = hgp_decode(conn->version ? conn->version : HGP_VERSION_MAX,
-        packet->header.type, packet->payload, packet->header.length, &arena, &any, &fault);
+    enum hg_status status =
+        hgp_decode(conn->version ? conn->version : HGP_VERSION_MAX, packet->header.type,
+            hg_reader_make(packet->payload, packet->header.length), &arena, &any, &fault);
     if (status)
         refuse_payload(conn, &packet->header, status, &fault);
     else

@@ -22,7 +22,8 @@ struct hg_packet *hg_packet_encode(enum hgp_type type, const void *message)
     struct hg_writer w = {0};
     struct hgp_header header;
     struct hg_packet *packet = NULL;
-    if (hgp_encode(&w, HGP_VERSION_MAX, type, 0, 0, message, NULL) == HG_OK &&
+    if (hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){type, 0, 0}, message, NULL) ==
+            HG_OK &&
         hgp_header_decode(w.data, w.size, UINT32_MAX, &header) == HG_OK)
         packet = hg_packet_create(&header);
     if (packet)

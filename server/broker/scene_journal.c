@@ -164,8 +164,8 @@ static enum hg_status hold_uploads(struct hg_journal *j, const struct hg_packet 
         return HG_OK;
     struct hg_arena arena = {0};
     union hgp_any any;
-    enum hg_status status = hgp_decode(
-        HGP_VERSION_MAX, type, packet->payload, packet->header.length, &arena, &any, NULL);
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, type,
+        hg_reader_make(packet->payload, packet->header.length), &arena, &any, NULL);
     const struct hgp_asset_load *load = &any.asset_load;
     uint32_t count = status || type != HGP_T_asset_load ? 0 : load->files.count, done = 0;
     for (; done < count && !(hold && status); done++)
@@ -256,8 +256,8 @@ struct edit {
 static enum hg_status edit_open(const struct hg_packet *packet, struct edit *edit)
 {
     *edit = (struct edit){0};
-    return hgp_decode(HGP_VERSION_MAX, packet->header.type, packet->payload, packet->header.length,
-        &edit->arena, &edit->any, NULL);
+    return hgp_decode(HGP_VERSION_MAX, packet->header.type,
+        hg_reader_make(packet->payload, packet->header.length), &edit->arena, &edit->any, NULL);
 }
 
 // Clears the optional fields whose bits are in `mask`; bits count the has_ members in order.

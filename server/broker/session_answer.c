@@ -14,8 +14,8 @@ static void close_view(
         struct hgp_view_set m;
         const struct hg_packet *packet = it->packet;
         if (packet->header.type == HGP_T_view_set &&
-            hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length,
-                NULL, &m, NULL) == HG_OK &&
+            hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
+                hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL) == HG_OK &&
             m.view == view->number) {
             hg_session_view_reset(view);
             return;
@@ -38,8 +38,8 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
     } else if (type == HGP_T_view_set || type == HGP_T_view_close) {
-        if (hgp_decode(
-                HGP_VERSION_MAX, type, packet->payload, packet->header.length, NULL, &any, NULL))
+        if (hgp_decode(HGP_VERSION_MAX, type,
+                hg_reader_make(packet->payload, packet->header.length), NULL, &any, NULL))
             return;
         struct hg_session_view *view = hg_session_view_find(
             s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
@@ -56,8 +56,8 @@ static void note_refused(struct hg_session *s, struct hg_request *request)
     struct hgp_view_set m;
     const struct hg_packet *packet = request->packet;
     if (packet->header.type != HGP_T_view_set ||
-        hgp_decode(HGP_VERSION_MAX, HGP_T_view_set, packet->payload, packet->header.length, NULL,
-            &m, NULL))
+        hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
+            hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL))
         return;
     struct hg_session_view *view = hg_session_view_find(s, m.view);
     if (view && !view->accepted)
@@ -71,8 +71,9 @@ static void forget_uploads(struct hg_session *s, const struct hg_packet *packet)
     union hgp_any any;
     uint16_t type = packet->header.type;
     bool known = type == HGP_T_asset_load || type == HGP_T_environment_set;
-    if (known && hgp_decode(HGP_VERSION_MAX, type, packet->payload, packet->header.length, &arena,
-                     &any, NULL) == HG_OK) {
+    if (known &&
+        hgp_decode(HGP_VERSION_MAX, type, hg_reader_make(packet->payload, packet->header.length),
+            &arena, &any, NULL) == HG_OK) {
         uint32_t count = type == HGP_T_asset_load ? any.asset_load.files.count : 0;
         for (uint32_t i = 0; i < count; i++)
             hg_upload_store_forget(s->table->store, any.asset_load.files.items[i].hash);

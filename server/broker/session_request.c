@@ -101,8 +101,8 @@ bool hg_session_request_is_full(const struct hg_session *s)
 static struct hg_packet *windowed_subscribe(struct hg_session *s, struct hg_packet *packet)
 {
     struct hgp_subscribe m;
-    if (hgp_decode(HGP_VERSION_MAX, HGP_T_subscribe, packet->payload, packet->header.length, NULL,
-            &m, NULL))
+    if (hgp_decode(HGP_VERSION_MAX, HGP_T_subscribe,
+            hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL))
         return NULL;
     struct hg_session_view *view = hg_session_view_find(s, m.view);
     if (view)

@@ -80,11 +80,11 @@ enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *
     }
     enum hgp_type type = (enum hgp_type)from->header.type;
     union hgp_any older, newer;
-    enum hg_status status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type, (*into)->payload,
-        (*into)->header.length, NULL, &older, NULL);
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type,
+        hg_reader_make((*into)->payload, (*into)->header.length), NULL, &older, NULL);
     if (!status)
-        status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type, from->payload, from->header.length,
-            NULL, &newer, NULL);
+        status = hgp_decode(HGP_VERSION_MAX, (uint16_t)type,
+            hg_reader_make(from->payload, from->header.length), NULL, &newer, NULL);
     if (status)
         return status;
     if (type == HGP_T_view_camera)

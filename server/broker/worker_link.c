@@ -335,8 +335,8 @@ static bool handle(struct hg_link *link, struct hg_packet *packet)
     union hgp_any any;
     if (!info || info->direction == HGP_C2S || info->direction == HGP_B2W)
         return false;
-    if (hgp_decode(HGP_VERSION_MAX, packet->header.type, packet->payload, packet->header.length,
-            &arena, &any, NULL)) {
+    if (hgp_decode(HGP_VERSION_MAX, packet->header.type,
+            hg_reader_make(packet->payload, packet->header.length), &arena, &any, NULL)) {
         hg_arena_finish(&arena);
         return false;
     }

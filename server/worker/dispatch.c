@@ -93,8 +93,8 @@ static void decode_and_handle(struct render_state *s, struct command *c)
         .payload = c->payload,
         .message = &message,
     };
-    enum hg_status status = hgp_decode(HGP_VERSION_MAX, c->header.type, c->payload->data,
-        c->payload->size, &arena, &message, &fault);
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, c->header.type,
+        hg_reader_make(c->payload->data, c->payload->size), &arena, &message, &fault);
     if (status == HG_OK) {
         handle_message(&r, c->header.type);
     } else if (!(c->header.flags & HGP_FLAG_OPTIONAL) || hgp_find(c->header.type)) {

@@ -15,8 +15,8 @@ static struct hg_refbuf *encode_message(
 {
     struct hg_writer writer = {0};
     struct hgp_fault fault = {0};
-    enum hg_status status =
-        hgp_encode(&writer, HGP_VERSION_MAX, type, request, channel, message, &fault);
+    enum hg_status status = hgp_encode(
+        &writer, HGP_VERSION_MAX, (struct hgp_envelope){type, request, channel}, message, &fault);
     struct hg_refbuf *buf = status ? NULL : hg_refbuf_create(writer.size);
     if (buf)
         memcpy(buf->data, writer.data, writer.size);

@@ -34,8 +34,8 @@ static enum hg_status fill_task(const struct request *r, struct task *task, enum
         task->file = r->session->file;
         r->session->file = (struct hg_writer){0};
     }
-    return hgp_decode(HGP_VERSION_MAX, (uint16_t)type, r->payload->data, r->payload->size,
-        &task->arena, &task->message, NULL);
+    return hgp_decode(HGP_VERSION_MAX, (uint16_t)type,
+        hg_reader_make(r->payload->data, r->payload->size), &task->arena, &task->message, NULL);
 }
 
 static enum hg_status start_task(const struct request *r, enum task_kind kind, enum hgp_type type)

@@ -14,7 +14,8 @@ static const char *variable(void *user, const char *name, size_t length)
 static void check_sendable(enum hgp_type type, const void *message)
 {
     struct hg_writer w = {0};
-    FUZZ_CHECK(hgp_encode(&w, HGP_VERSION_MAX, type, 1, 0, message, NULL) == HG_OK);
+    FUZZ_CHECK(
+        hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){type, 1, 0}, message, NULL) == HG_OK);
     hg_writer_finish(&w);
 }
 

@@ -39,7 +39,8 @@ static void check_round_trip(struct stream *s, const struct hgp_header *h, const
     union hgp_any copy = s->message;
     hgp_merge((enum hgp_type)h->type, &copy, &s->message);
     FUZZ_CHECK(
-        hgp_encode(&w, 1, (enum hgp_type)h->type, h->request, h->channel, &copy, NULL) == HG_OK);
+        hgp_encode(&w, 1, (struct hgp_envelope){(enum hgp_type)h->type, h->request, h->channel},
+            &copy, NULL) == HG_OK);
     FUZZ_CHECK(hgp_header_decode(w.data, w.size, h->length, &back) == HG_OK);
     FUZZ_CHECK(back.length == h->length && back.type == h->type);
     FUZZ_CHECK(back.request == h->request && back.channel == h->channel);
@@ -64,7 +65,8 @@ static bool read_payload(struct stream *s, const struct hgp_header *h, const uin
     struct hg_arena arena = {0};
     struct hgp_fault fault = {0};
     memset(&s->message, 0xaa, sizeof s->message);
-    enum hg_status status = hgp_decode(1, h->type, payload, h->length, &arena, &s->message, &fault);
+    enum hg_status status =
+        hgp_decode(1, h->type, hg_reader_make(payload, h->length), &arena, &s->message, &fault);
     // Memory stays in proportion to the bytes received.
     FUZZ_CHECK(arena.used_bytes <= 8 * (size_t)h->length + 64);
     if (status) {

@@ -55,7 +55,7 @@ static void add(enum hgp_type type, const void *message)
 {
     struct hg_writer w = {0};
     struct hgp_fault fault = {0};
-    if (hgp_encode(&w, 1, type, 9, 0, message, &fault))
+    if (hgp_encode(&w, 1, (struct hgp_envelope){type, 9, 0}, message, &fault))
         fail_msg("%s: %s", hgp_find((uint16_t)type)->name, fault.field);
     add_message(w.data, w.size);
     hg_writer_finish(&w);
@@ -115,7 +115,8 @@ static int free_corpus(void **state)
 static void put(struct hg_writer *w, enum hgp_type type, const void *message)
 {
     uint32_t request = (uint32_t)fuzz_below(&random_state, 100);
-    assert_int_equal(hgp_encode(w, 1, type, request, 0, message, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(w, 1, (struct hgp_envelope){type, request, 0}, message, NULL), HG_OK);
 }
 
 // What makes the messages behind it reach further than the first check.

@@ -341,7 +341,7 @@ static void send_message(struct peer *p, enum hgp_type type, uint32_t request, c
 {
     struct hg_writer w = {0};
     struct hgp_fault fault = {0};
-    if (hgp_encode(&w, 1, type, request, 0, message, &fault))
+    if (hgp_encode(&w, 1, (struct hgp_envelope){type, request, 0}, message, &fault))
         fail_msg("cannot encode: %s %s", fault.field, fault.reason);
     peer_raw(p, w.data, w.size);
     hg_writer_finish(&w);
@@ -392,7 +392,8 @@ bool peer_next_within(struct peer *p, int timeout_ms)
     assert_non_null(p->payload);
     if (!read_all(p, p->payload, p->header.length, PATIENCE_MS))
         fail_msg("the stream ends inside a message");
-    if (hgp_decode(1, p->header.type, p->payload, p->header.length, &p->arena, &p->m, &fault))
+    if (hgp_decode(1, p->header.type, hg_reader_make(p->payload, p->header.length), &p->arena,
+            &p->m, &fault))
         fail_msg("the daemon sent nonsense: %s %s", fault.field, fault.reason);
     return true;
 }

@@ -15,8 +15,8 @@ struct open_message {
 static void open_packet(const struct hg_packet *packet, struct open_message *m)
 {
     *m = (struct open_message){0};
-    if (hgp_decode(HGP_VERSION_MAX, packet->header.type, packet->payload, packet->header.length,
-            &m->arena, &m->any, NULL))
+    if (hgp_decode(HGP_VERSION_MAX, packet->header.type,
+            hg_reader_make(packet->payload, packet->header.length), &m->arena, &m->any, NULL))
         abort(); // the broker lets nothing bad through
 }
 
@@ -215,8 +215,9 @@ static uint64_t parent_of(const struct fake_scene *scene, uint64_t node)
 {
     struct fake_object *object = fake_scene_find(scene, HGP_T_node_set, node, 0);
     struct hgp_node_set m = {0};
-    if (object && hgp_decode(HGP_VERSION_MAX, HGP_T_node_set, object->packet->payload,
-                      object->packet->header.length, NULL, &m, NULL))
+    if (object &&
+        hgp_decode(HGP_VERSION_MAX, HGP_T_node_set,
+            hg_reader_make(object->packet->payload, object->packet->header.length), NULL, &m, NULL))
         abort();
     return m.has_parent ? m.parent : 0;
 }

@@ -197,8 +197,8 @@ static void digest(struct channel *c, struct view *view, uint8_t hash[32])
 static struct hgp_view_set params_of(const struct view *view)
 {
     struct hgp_view_set m = {0};
-    if (hgp_decode(
-            1, HGP_T_view_set, view->params->payload, view->params->header.length, NULL, &m, NULL))
+    if (hgp_decode(1, HGP_T_view_set,
+            hg_reader_make(view->params->payload, view->params->header.length), NULL, &m, NULL))
         abort();
     return m;
 }
@@ -211,8 +211,9 @@ static struct hg_packet *make_frame(struct channel *c, struct view *view)
     uint64_t input_seq = 0;
     if (view->camera) {
         struct hgp_view_camera camera;
-        if (hgp_decode(1, HGP_T_view_camera, view->camera->payload, view->camera->header.length,
-                NULL, &camera, NULL))
+        if (hgp_decode(1, HGP_T_view_camera,
+                hg_reader_make(view->camera->payload, view->camera->header.length), NULL, &camera,
+                NULL))
             abort();
         input_seq = camera.input_seq;
     }
@@ -426,7 +427,8 @@ static void handle(struct hg_packet *packet)
     struct hg_arena arena = {0};
     union hgp_any any;
     struct hgp_fault fault;
-    if (hgp_decode(1, to->type, packet->payload, to->length, &arena, &any, &fault)) {
+    if (hgp_decode(
+            1, to->type, hg_reader_make(packet->payload, to->length), &arena, &any, &fault)) {
         fprintf(
             stderr, "fake_worker: message 0x%04x does not decode: %s\n", to->type, fault.reason);
         abort(); // the broker lets nothing bad through
@@ -461,8 +463,9 @@ static void run_waiting(struct channel *c)
         if (i == 0) { // the load that was slow
             struct hg_arena arena = {0};
             union hgp_any any;
-            if (hgp_decode(1, HGP_T_asset_load, waiting[0]->payload, waiting[0]->header.length,
-                    &arena, &any, NULL))
+            if (hgp_decode(1, HGP_T_asset_load,
+                    hg_reader_make(waiting[0]->payload, waiting[0]->header.length), &arena, &any,
+                    NULL))
                 abort();
             finish_load(c, waiting[0], any.asset_load.asset);
             hg_arena_finish(&arena);

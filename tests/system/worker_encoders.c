@@ -126,8 +126,9 @@ static uint32_t ask(struct rig *rig, enum hgp_type type, const void *message)
     struct hg_writer bytes = {0};
     struct command *c = hg_calloc(1, sizeof *c);
     assert_non_null(c);
-    assert_int_equal(
-        hgp_encode(&bytes, HGP_VERSION_MAX, type, request, CHANNEL, message, NULL), HG_OK);
+    assert_int_equal(hgp_encode(&bytes, HGP_VERSION_MAX,
+                         (struct hgp_envelope){type, request, CHANNEL}, message, NULL),
+        HG_OK);
     assert_int_equal(hgp_header_decode(bytes.data, bytes.size, UINT32_MAX, &c->header), HG_OK);
     c->payload = hg_refbuf_create(c->header.length);
     assert_non_null(c->payload);
@@ -151,9 +152,9 @@ static void next_message(struct rig *rig)
     assert_non_null(rig->bytes);
     assert_int_equal(
         hgp_header_decode(rig->bytes->data, rig->bytes->size, UINT32_MAX, &rig->header), HG_OK);
-    assert_int_equal(
-        hgp_decode(HGP_VERSION_MAX, rig->header.type, rig->bytes->data + HGP_HEADER_BYTES,
-            rig->header.length, &rig->arena, &rig->message, NULL),
+    assert_int_equal(hgp_decode(HGP_VERSION_MAX, rig->header.type,
+                         hg_reader_make(rig->bytes->data + HGP_HEADER_BYTES, rig->header.length),
+                         &rig->arena, &rig->message, NULL),
         HG_OK);
 }
 

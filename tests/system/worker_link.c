@@ -126,7 +126,9 @@ static uint32_t ask(struct rig *rig, uint32_t channel, enum hgp_type type, const
 {
     struct hg_writer w = {0};
     uint32_t request = ++rig->next_request;
-    assert_int_equal(hgp_encode(&w, HGP_VERSION_MAX, type, request, channel, message, NULL), HG_OK);
+    assert_int_equal(hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){type, request, channel},
+                         message, NULL),
+        HG_OK);
     write_all(rig->fd, w.data, w.size);
     hg_writer_finish(&w);
     return request;
@@ -140,8 +142,9 @@ static void read_message(struct rig *rig)
     assert_int_equal(hgp_header_decode(bytes, sizeof bytes, 1 << 28, &rig->header), HG_OK);
     rig->payload = malloc(rig->header.length + 1);
     read_all(rig->fd, rig->payload, rig->header.length);
-    assert_int_equal(hgp_decode(HGP_VERSION_MAX, rig->header.type, rig->payload, rig->header.length,
-                         &rig->arena, &rig->message, NULL),
+    assert_int_equal(
+        hgp_decode(HGP_VERSION_MAX, rig->header.type,
+            hg_reader_make(rig->payload, rig->header.length), &rig->arena, &rig->message, NULL),
         HG_OK);
 }
 
@@ -200,7 +203,9 @@ static void test_malformed_payload_names_the_field(void **state)
     // the bytes are made by the codec and then broken at the end, where the enum value stands.
     struct hg_writer w = {0};
     struct hgp_light_set m = {.light = FIRST_ID, .has_kind = true, .kind = HGP_light_kind_SPOT};
-    assert_int_equal(hgp_encode(&w, HGP_VERSION_MAX, HGP_T_light_set, 99, 1, &m, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){HGP_T_light_set, 99, 1}, &m, NULL),
+        HG_OK);
     w.data[w.size - 1] = 0x7f;
     write_all(rig->fd, w.data, w.size);
     hg_writer_finish(&w);

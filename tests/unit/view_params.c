@@ -168,7 +168,8 @@ static void check_number(const struct member *m, double number, bool good)
     struct hg_writer w = {0};
     *(bool *)((char *)&view + field->has_offset) = true;
     put_number((char *)&view + field->offset, param->kind, number);
-    const enum hg_status wire = hgp_encode(&w, 1, HGP_T_view_set, 0, 0, &view, &fault);
+    const enum hg_status wire =
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_view_set, 0, 0}, &view, &fault);
     hg_writer_finish(&w);
     p.shutter_open = m->param == HGP_VIEW_shutter_close ? (float)param->least : 0;
     p.shutter_close = m->param == HGP_VIEW_shutter_open ? (float)param->most : 0;
@@ -251,9 +252,11 @@ static struct hg_view_params receive(const struct hgp_view_set *view)
     struct hg_writer w = {0};
     struct hgp_view_set back;
     struct hg_view_params params = {0};
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_view_set, 0, 0, view, NULL), HG_OK);
-    assert_int_equal(hgp_decode(1, HGP_T_view_set, w.data + HGP_HEADER_BYTES,
-                         w.size - HGP_HEADER_BYTES, NULL, &back, NULL),
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_view_set, 0, 0}, view, NULL), HG_OK);
+    assert_int_equal(hgp_decode(1, HGP_T_view_set,
+                         hg_reader_make(w.data + HGP_HEADER_BYTES, w.size - HGP_HEADER_BYTES), NULL,
+                         &back, NULL),
         HG_OK);
     hg_writer_finish(&w);
     hg_view_params_apply(&params, &back);

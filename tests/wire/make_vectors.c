@@ -27,7 +27,8 @@ static struct hg_writer encode_sample(
     struct hg_writer w = {0};
     struct hgp_fault fault = {0};
     sample_fill(hgp_layout_find((uint16_t)info->type), variant, &arena, &message);
-    enum hg_status status = hgp_encode(&w, HGP_VERSION_MAX, info->type, 1, 0, &message, &fault);
+    enum hg_status status =
+        hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){info->type, 1, 0}, &message, &fault);
     if (status) {
         fprintf(stderr, "make_vectors: %s %s: %s %s\n", info->name, sample_variant_names[variant],
             fault.field, hg_status_name(status));

@@ -73,7 +73,7 @@ static void assert_encodes(enum hgp_type type, const void *in, const uint8_t *wa
 {
     struct hg_writer w = {0};
     struct hgp_fault fault = {0};
-    assert_int_equal(hgp_encode(&w, 1, type, 0, 0, in, &fault), HG_OK);
+    assert_int_equal(hgp_encode(&w, 1, (struct hgp_envelope){type, 0, 0}, in, &fault), HG_OK);
     assert_int_equal(w.size, HGP_HEADER_BYTES + size);
     assert_memory_equal(w.data + HGP_HEADER_BYTES, want, size);
     hg_writer_finish(&w);
@@ -91,7 +91,8 @@ static void test_hello_bytes(void **state)
         .capabilities = {&capability, 1}};
     assert_encodes(HGP_T_hello, &hello, want, sizeof want);
     struct hgp_hello back;
-    assert_int_equal(hgp_decode(1, HGP_T_hello, want, sizeof want, &arena, &back, NULL), HG_OK);
+    assert_int_equal(
+        hgp_decode(1, HGP_T_hello, hg_reader_make(want, sizeof want), &arena, &back, NULL), HG_OK);
     assert_int_equal(back.version_max, 2);
     assert_ptr_equal(back.client.data, want + 8); // borrowed, not copied
     assert_int_equal(back.capabilities.count, 1);
@@ -112,7 +113,8 @@ static void test_optional_fields_bytes(void **state)
         .mesh = 99}; // not there: has_mesh is false
     assert_encodes(HGP_T_node_set, &set, want, sizeof want);
     struct hgp_node_set back;
-    assert_int_equal(hgp_decode(1, HGP_T_node_set, want, sizeof want, NULL, &back, NULL), HG_OK);
+    assert_int_equal(
+        hgp_decode(1, HGP_T_node_set, hg_reader_make(want, sizeof want), NULL, &back, NULL), HG_OK);
     assert_true(back.has_translation && back.has_visible && back.visible);
     assert_false(back.has_mesh || back.has_parent || back.has_name);
     assert_int_equal(back.mesh, 0);
@@ -129,7 +131,8 @@ static void test_number_bytes(void **state)
     assert_encodes(HGP_T_animation_set, &set, want, sizeof want);
     struct hgp_animation_set back;
     assert_int_equal(
-        hgp_decode(1, HGP_T_animation_set, want, sizeof want, NULL, &back, NULL), HG_OK);
+        hgp_decode(1, HGP_T_animation_set, hg_reader_make(want, sizeof want), NULL, &back, NULL),
+        HG_OK);
     assert_int_equal(back.animation, -1);
     assert_true(back.time_s == 1.5);
 }
@@ -139,7 +142,8 @@ static void test_empty_message(void **state)
     (void)state;
     struct hgp_scene_close close = {0};
     assert_encodes(HGP_T_scene_close, &close, NULL, 0);
-    assert_int_equal(hgp_decode(1, HGP_T_scene_close, NULL, 0, NULL, &close, NULL), HG_OK);
+    assert_int_equal(
+        hgp_decode(1, HGP_T_scene_close, hg_reader_make(NULL, 0), NULL, &close, NULL), HG_OK);
 }
 
 // ---- unknown types, versions -------------------------------------------------------------------
@@ -155,7 +159,8 @@ static void test_retired_types(void **state)
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
         memset(&message, 0xa5, sizeof message);
         assert_null(hgp_find(types[i]));
-        assert_int_equal(hgp_decode(HGP_VERSION_MAX, types[i], NULL, 0, &arena, &message, NULL),
+        assert_int_equal(
+            hgp_decode(HGP_VERSION_MAX, types[i], hg_reader_make(NULL, 0), &arena, &message, NULL),
             HG_E_UNSUPPORTED);
     }
 }
@@ -166,16 +171,20 @@ static void test_unknown_type(void **state)
     struct hgp_fault fault = {0};
     assert_null(hgp_find(0));
     assert_null(hgp_find(0xffff));
-    assert_int_equal(hgp_decode(1, 0xffff, NULL, 0, NULL, &message, &fault), HG_E_UNSUPPORTED);
+    assert_int_equal(
+        hgp_decode(1, 0xffff, hg_reader_make(NULL, 0), NULL, &message, &fault), HG_E_UNSUPPORTED);
     assert_non_null(fault.reason);
     struct hg_writer w = {0};
     assert_int_equal(
-        hgp_encode(&w, 1, (enum hgp_type)0x7fff, 0, 0, &message, NULL), HG_E_UNSUPPORTED);
-    assert_int_equal(hgp_encode(&w, 0, HGP_T_ping, 0, 0, &message, NULL), HG_E_UNSUPPORTED);
+        hgp_encode(&w, 1, (struct hgp_envelope){(enum hgp_type)0x7fff, 0, 0}, &message, NULL),
+        HG_E_UNSUPPORTED);
+    assert_int_equal(hgp_encode(&w, 0, (struct hgp_envelope){HGP_T_ping, 0, 0}, &message, NULL),
+        HG_E_UNSUPPORTED);
     assert_int_equal(w.size, 0);
     struct hgp_ping ping = {.nonce = 5};
     uint8_t payload[8] = {5};
-    assert_int_equal(hgp_decode(0, HGP_T_ping, payload, 8, NULL, &ping, NULL), HG_E_UNSUPPORTED);
+    assert_int_equal(
+        hgp_decode(0, HGP_T_ping, hg_reader_make(payload, 8), NULL, &ping, NULL), HG_E_UNSUPPORTED);
     assert_int_equal(ping.nonce, 0);
 }
 
@@ -297,7 +306,9 @@ static void test_encoder_refuses_bad_values(void **state)
             sample_fill(layout, SAMPLE_FULL, &arena, &message);
             if (!break_member(&layout->fields[i], (char *)&message + layout->fields[i].offset))
                 continue;
-            assert_int_equal(hgp_encode(&w, 1, info->type, 0, 0, &message, &fault), HG_E_INVAL);
+            assert_int_equal(
+                hgp_encode(&w, 1, (struct hgp_envelope){info->type, 0, 0}, &message, &fault),
+                HG_E_INVAL);
             assert_string_equal(fault.field, layout->fields[i].name);
             assert_non_null(fault.reason);
             assert_int_equal(w.size, 1);
@@ -352,12 +363,16 @@ static void try_limit(const struct hgp_message_info *info, const struct hgp_fiel
     sample_fill(layout, SAMPLE_FULL, &memory, &message);
     void *member = (char *)&message + field->offset;
     if (fill_to_limit(field, member, 0, &memory)) {
-        assert_int_equal(hgp_encode(&w, 1, info->type, 0, 0, &message, &fault), HG_OK);
-        assert_int_equal(hgp_decode(1, (uint16_t)info->type, w.data + HGP_HEADER_BYTES,
-                             w.size - HGP_HEADER_BYTES, &memory, &other, &fault),
+        assert_int_equal(
+            hgp_encode(&w, 1, (struct hgp_envelope){info->type, 0, 0}, &message, &fault), HG_OK);
+        assert_int_equal(hgp_decode(1, (uint16_t)info->type,
+                             hg_reader_make(w.data + HGP_HEADER_BYTES, w.size - HGP_HEADER_BYTES),
+                             &memory, &other, &fault),
             HG_OK);
         assert_true(fill_to_limit(field, member, 1, &memory));
-        assert_int_equal(hgp_encode(&w, 1, info->type, 0, 0, &message, &fault), HG_E_INVAL);
+        assert_int_equal(
+            hgp_encode(&w, 1, (struct hgp_envelope){info->type, 0, 0}, &message, &fault),
+            HG_E_INVAL);
         assert_string_equal(fault.field, field->name);
     }
     hg_writer_finish(&w);
@@ -381,15 +396,21 @@ static void test_writer_limits(void **state)
     struct hgp_ping ping = {.nonce = 1};
     struct hgp_fault fault = {0};
     struct hg_writer w = {.limit_bytes = 2 * 24 + 23};
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_ping, 0, 0, &ping, &fault), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_ping, 0, 0, &ping, &fault), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_ping, 0, 0, &ping, &fault), HG_E_NOMEM);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_ping, 0, 0}, &ping, &fault), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_ping, 0, 0}, &ping, &fault), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_ping, 0, 0}, &ping, &fault), HG_E_NOMEM);
     assert_int_equal(w.size, 48); // nothing appended, still usable
     struct hgp_scene_close small = {0};
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_scene_close, 0, 0, &small, &fault), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_scene_close, 0, 0}, &small, &fault), HG_OK);
     assert_int_equal(w.size, 64);
     w.failed = true;
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_scene_close, 0, 0, &small, &fault), HG_E_NOMEM);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_scene_close, 0, 0}, &small, &fault),
+        HG_E_NOMEM);
     hg_writer_finish(&w);
 }
 
@@ -403,8 +424,8 @@ static void test_no_memory_for_absent_items(void **state)
     struct hgp_upload_query query;
     struct hgp_fault fault;
     struct hg_arena small = {0};
-    assert_int_equal(
-        hgp_decode(1, HGP_T_upload_query, payload, sizeof payload, &small, &query, &fault),
+    assert_int_equal(hgp_decode(1, HGP_T_upload_query, hg_reader_make(payload, sizeof payload),
+                         &small, &query, &fault),
         HG_E_TRUNCATED);
     assert_int_equal(small.used_bytes, 0);
     assert_null(small.head);
@@ -413,13 +434,14 @@ static void test_no_memory_for_absent_items(void **state)
     assert_non_null(whole);
     whole[1] = 4;
     small.limit_bytes = 1024 * 32 - 1;
-    assert_int_equal(
-        hgp_decode(1, HGP_T_upload_query, whole, 4 + 1024 * 32, &small, &query, &fault),
+    assert_int_equal(hgp_decode(1, HGP_T_upload_query, hg_reader_make(whole, 4 + 1024 * 32), &small,
+                         &query, &fault),
         HG_E_NOMEM);
     assert_string_equal(fault.field, "contents");
     small.limit_bytes = 1024 * 32;
-    assert_int_equal(
-        hgp_decode(1, HGP_T_upload_query, whole, 4 + 1024 * 32, &small, &query, &fault), HG_OK);
+    assert_int_equal(hgp_decode(1, HGP_T_upload_query, hg_reader_make(whole, 4 + 1024 * 32), &small,
+                         &query, &fault),
+        HG_OK);
     assert_int_equal(query.contents.count, 1024);
     hg_arena_finish(&small);
     free(whole);
@@ -430,10 +452,11 @@ static enum hg_status round_trip(const struct hgp_message_info *info, const stru
 {
     struct hg_arena own = {0};
     struct hg_writer w = {0};
-    enum hg_status status = hgp_decode(1, (uint16_t)info->type, in->data + HGP_HEADER_BYTES,
-        in->size - HGP_HEADER_BYTES, &own, &other, NULL);
+    enum hg_status status = hgp_decode(1, (uint16_t)info->type,
+        hg_reader_make(in->data + HGP_HEADER_BYTES, in->size - HGP_HEADER_BYTES), &own, &other,
+        NULL);
     if (!status)
-        status = hgp_encode(&w, 1, info->type, 1, 0, &other, NULL);
+        status = hgp_encode(&w, 1, (struct hgp_envelope){info->type, 1, 0}, &other, NULL);
     if (!status) {
         assert_int_equal(w.size, in->size);
         assert_memory_equal(w.data, in->data, w.size);
@@ -453,7 +476,8 @@ static void test_allocation_torture(void **state)
     for (size_t n = 0; (info = hgp_message_at(n)); n++) {
         struct hg_writer in = {0};
         sample_fill(hgp_layout_find((uint16_t)info->type), SAMPLE_FULL, &arena, &message);
-        assert_int_equal(hgp_encode(&in, 1, info->type, 1, 0, &message, NULL), HG_OK);
+        assert_int_equal(
+            hgp_encode(&in, 1, (struct hgp_envelope){info->type, 1, 0}, &message, NULL), HG_OK);
         uint64_t fail_at = 1;
         for (;; fail_at++) {
             hg_alloc_fail_at(fail_at);

@@ -115,7 +115,8 @@ static enum hg_status decode(
     *fault = (struct hgp_fault){0};
     memset(&decoded, 0xaa, sizeof decoded);
     hg_arena_finish(&arena);
-    return hgp_decode(VERSION, (uint16_t)info->type, data, size, &arena, &decoded, fault);
+    return hgp_decode(
+        VERSION, (uint16_t)info->type, hg_reader_make(data, size), &arena, &decoded, fault);
 }
 
 static void test_values(void **state)
@@ -155,7 +156,9 @@ static void test_encodes_to_stored_bytes(void **state)
         struct hgp_header header;
         assert_int_equal(decode(info, v.payload, v.size, &fault), HG_OK);
         assert_int_equal(
-            hgp_encode(&w, VERSION, info->type, 0x01020304, 0x0a0b0c0d, &decoded, &fault), HG_OK);
+            hgp_encode(&w, VERSION, (struct hgp_envelope){info->type, 0x01020304, 0x0a0b0c0d},
+                &decoded, &fault),
+            HG_OK);
         assert_int_equal(hgp_header_decode(w.data, w.size, UINT32_MAX, &header), HG_OK);
         assert_int_equal(header.length, v.size);
         assert_int_equal(header.type, info->type);
@@ -192,7 +195,9 @@ static void test_every_message_is_stored(void **state)
             struct hgp_fault fault;
             sample_fill(
                 hgp_layout_find((uint16_t)info->type), (enum sample_variant)i, &arena, &message);
-            assert_int_equal(hgp_encode(&w, VERSION, info->type, 0, 0, &message, &fault), HG_OK);
+            assert_int_equal(
+                hgp_encode(&w, VERSION, (struct hgp_envelope){info->type, 0, 0}, &message, &fault),
+                HG_OK);
             if (!is_stored(info->name, sample_variant_names[i], &w))
                 fail_msg("%s %s has no stored vector of these bytes; see make_vectors.c",
                     info->name, sample_variant_names[i]);

@@ -73,7 +73,7 @@ static void answer(const struct hgp_header *to, enum hgp_type type, const void *
 {
     struct hg_writer w = {0};
     uint32_t channel = to ? to->channel : 0, request = to ? to->request : 0;
-    if (hgp_encode(&w, 1, type, request, channel, message, NULL))
+    if (hgp_encode(&w, 1, (struct hgp_envelope){type, request, channel}, message, NULL))
         abort();
     const char *half = to ? word("half") : NULL;
     const struct hgp_message_info *info = to ? hgp_find(to->type) : NULL;
@@ -407,7 +407,7 @@ static bool serve_one(void)
     union hgp_any m;
     if (!payload || !receive(payload, h.length))
         return false;
-    if (hgp_decode(1, h.type, payload, h.length, &arena, &m, NULL))
+    if (hgp_decode(1, h.type, hg_reader_make(payload, h.length), &arena, &m, NULL))
         abort();
     const char *name = hgp_find(h.type)->name;
     log_message(name, h.type, &m);

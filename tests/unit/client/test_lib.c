@@ -186,7 +186,8 @@ static void test_back_pressure(void **state)
     pair[1] = accept(pair[0], NULL, NULL);
     struct hg_writer w = {0};
     struct hgp_welcome welcome = {.version = 1, .max_message_bytes = 1u << 30};
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_welcome, 0, 0, &welcome, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_welcome, 0, 0}, &welcome, NULL), HG_OK);
     assert_int_equal(send(pair[1], w.data, w.size, 0), (ssize_t)w.size);
     hg_writer_finish(&w);
     drive(c, is_open);
@@ -332,11 +333,17 @@ static size_t good_conversation(uint8_t *out, size_t room)
         .data = {(const uint8_t *)"1234", 4}};
     struct hgp_node_entry node = {.node = 1, .name = hgp_str_make("n")};
     struct hgp_nodes nodes = {.total = 1, .nodes = {&node, 1}};
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_welcome, 0, 0, &welcome, NULL), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_notice, 1, 0, &notice, NULL), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_nodes, 9, 0, &nodes, NULL), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_ping, 0, 0, &(struct hgp_ping){0}, NULL), HG_OK);
-    assert_int_equal(hgp_encode(&w, 1, HGP_T_frame, 1, 0, &frame, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_welcome, 0, 0}, &welcome, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_notice, 1, 0}, &notice, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_nodes, 9, 0}, &nodes, NULL), HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_ping, 0, 0}, &(struct hgp_ping){0}, NULL),
+        HG_OK);
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_frame, 1, 0}, &frame, NULL), HG_OK);
     assert_true(w.size < room);
     memcpy(out, w.data, w.size);
     size_t size = w.size;
@@ -398,7 +405,8 @@ static void test_corpus(void **state)
             continue;
         struct hg_writer w = {0};
         struct hgp_welcome welcome = {.version = 1, .max_message_bytes = 65536};
-        assert_int_equal(hgp_encode(&w, 1, HGP_T_welcome, 0, 0, &welcome, NULL), HG_OK);
+        assert_int_equal(
+            hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_welcome, 0, 0}, &welcome, NULL), HG_OK);
         memcpy(bytes, w.data, w.size);
         size_t n = w.size + fread(bytes + w.size, 1, sizeof bytes - w.size, in);
         hg_writer_finish(&w);
