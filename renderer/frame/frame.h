@@ -45,16 +45,27 @@ enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) H
 bool hg_frame_transmits(const struct hg_view_state *view);
 // How many of so many samples one batch takes: what the host draws of them needs memory.
 uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples);
-enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
-    struct hg_error *err) HG_MUST_CHECK;
 // After the batch: how much it drew; whether it had too few layers, and then how many the next one
 // peels.
 void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
+
+// --- frame_graph.c: the passes of a batch --------------------------------------------------------
+
+// Moved geometry, stale shadow maps and samples of the picture, or a debug view. After a cull of
+// HG_FRAME_PICTURE.
+enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
+    struct hg_error *err) HG_MUST_CHECK;
 // Only what its pixels ask of textures counts; the camera is the one that the view has now.
 enum hg_status hg_frame_record_prefetch(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.
 enum hg_status hg_frame_record_shadows(
     struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+// What is accumulated to targets.pixels[format], and that to `readback`.
+enum hg_status hg_frame_record_read(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
+    uint32_t format, struct hg_error *err) HG_MUST_CHECK;
+// What `pixel` shows to `pick`. After hg_frame_cull_part of it to pick_visible.
+enum hg_status hg_frame_record_pick(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
+    VkRect2D pixel, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -9,7 +9,6 @@
 #include "renderer/frame/frame.h"
 #include "renderer/geometry/pose_snapshot.h"
 #include "renderer/passes/pick.h"
-#include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/skin.h"
 #include "renderer/passes/visibility.h"
@@ -27,10 +26,6 @@ static const struct {
 static void destroy_extras(struct hg_view_state *view)
 {
     struct hg_gpu *gpu = view->context->gpu;
-    for (int i = 0; i < 2; i++)
-        hg_gpu_image_destroy(gpu, &view->targets.layers[i]);
-    hg_gpu_image_destroy(gpu, &view->targets.layer_visibility);
-    hg_gpu_image_destroy(gpu, &view->targets.layer_color);
     hg_gpu_image_destroy(gpu, &view->targets.behind);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->targets.pixels[i]);
@@ -120,6 +115,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_path_destroy(view->path);
     hg_free(view->path_checkpoint);
     hg_denoise_destroy(view->path_history);
+    hg_graph_destroy(view->targets.graph);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -508,25 +504,6 @@ enum hg_status hg_view_state_step(
 
 // --- reading -------------------------------------------------------------------------------------
 
-static enum hg_status record_read(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
-{
-    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd};
-    const struct hg_resolve resolve = {.accumulated = &view->targets.accumulated,
-        .target = &view->targets.pixels[format],
-        .samples =
-            view->samples > 0 && view->settings.mode != HG_VIEW_MODE_PATH ? view->samples : 1,
-        .progress = view->stream.uneven ? view->stream.progress.address : 0,
-        .fallback = view->stream.has_fallback ? &view->stream.fallback : NULL,
-        .exposure = view->settings.exposure,
-        .tonemap = view->settings.tonemap};
-    enum hg_status status = hg_resolve_record(&pass, &resolve, err);
-    if (status != HG_OK)
-        return status;
-    record_copy(view, cmd, format);
-    return HG_OK;
-}
-
 // Brings the pixels to `readback`.
 static enum hg_status fetch_pixels(
     struct hg_view_state *view, uint32_t format, struct hg_error *err)
@@ -537,7 +514,7 @@ static enum hg_status fetch_pixels(
         status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    status = record_read(view, cmd, format, err);
+    status = hg_frame_record_read(view, cmd, format, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
@@ -580,23 +557,6 @@ enum hg_status hg_view_state_read(
     return HG_OK;
 }
 
-static enum hg_status record_pick(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t x,
-    uint32_t y, struct hg_error *err)
-{
-    const bool exact = view->stream.exact;
-    view->stream.exact = false; // all fragments count
-    hg_frame_fill(view, 0, false, 0);
-    struct hg_pass pass = hg_frame_pass(view, cmd, 0);
-    view->stream.exact = exact;
-    const struct hg_visibility_target target = {&view->targets.visibility, &view->targets.depth};
-    const VkRect2D area = {{(int32_t)x, (int32_t)y}, {1, 1}};
-    const struct hg_visibility_scene scene = {view->pick_visible, 0, 0};
-    enum hg_status status = hg_visibility_record_pick(&pass, &scene, &target, area, err);
-    return status == HG_OK
-               ? hg_pick_record(&pass, &view->targets.visibility, x, y, &view->pick, err)
-               : status;
-}
-
 // Where a shutter has brought the geometry elsewhere, back to the scene.
 static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
 {
@@ -627,7 +587,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
     if (status != HG_OK)
         return status;
     memset(view->pick.mapped, 0, sizeof *out);
-    status = record_pick(view, cmd, x, y, err);
+    status = hg_frame_record_pick(view, cmd, pixel, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;

@@ -170,19 +170,17 @@ uint32_t hg_graph_import(struct hg_graph *graph, const char *name, struct hg_gpu
     r->height = image->height;
     r->layers = image->layers;
     r->mips = image->mips;
-    graph->imports[r - graph->frame->resources].image = image;
+    graph->imports[r - graph->frame->resources] = image;
     return number_of(graph, r);
 }
 
-uint32_t hg_graph_import_buffer(
-    struct hg_graph *graph, const char *name, const struct hg_gpu_buffer *buffer)
+uint32_t hg_graph_buffer(struct hg_graph *graph, const char *name)
 {
-    struct hg_graph_resource *r = buffer != NULL ? add_resource(graph, name) : NULL;
+    struct hg_graph_resource *r = add_resource(graph, name);
     if (r == NULL)
         return 0;
     r->kind = HG_GRAPH_BUFFER;
     r->life = HG_GRAPH_PERSISTENT;
-    graph->imports[r - graph->frame->resources].buffer = buffer;
     return number_of(graph, r);
 }
 

@@ -30,7 +30,7 @@ static struct hg_gpu_image *image_of(const struct hg_graph *graph, uint32_t reso
     struct hg_graph_plan *plan = graph->plan;
     const struct hg_graph_resource *r = &plan->resources[resource];
     if (r->kind == HG_GRAPH_IMPORT)
-        return graph->imports[resource].image;
+        return graph->imports[resource];
     if (r->kind == HG_GRAPH_BUFFER)
         return NULL;
     if (r->life == HG_GRAPH_TRANSIENT)

@@ -127,8 +127,8 @@ uint32_t hg_graph_image(struct hg_graph *graph, const struct hg_graph_image_para
 uint32_t hg_graph_previous(struct hg_graph *graph, uint32_t image);
 // Of the caller; alive until the batch is over. NULL: none (0).
 uint32_t hg_graph_import(struct hg_graph *graph, const char *name, struct hg_gpu_image *image);
-uint32_t hg_graph_import_buffer(
-    struct hg_graph *graph, const char *name, const struct hg_gpu_buffer *buffer);
+// Buffers of the caller that passes reach by address, together under one name: for their order.
+uint32_t hg_graph_buffer(struct hg_graph *graph, const char *name);
 void hg_graph_pass(struct hg_graph *graph, const struct hg_graph_pass *pass);
 // Somebody outside wants what is in it when the execution ends.
 void hg_graph_want(struct hg_graph *graph, uint32_t resource);

@@ -82,11 +82,8 @@ struct hg_graph {
     struct hg_graph_frame *frame;
     hg_graph_record **records; // by pass of the frame
     void **users;
-    union hg_graph_outside { // by resource of the frame
-        struct hg_gpu_image *image;
-        const struct hg_gpu_buffer *buffer;
-    } * imports;
-    struct hg_error refused; // what declaring found wrong first
+    struct hg_gpu_image **imports; // by resource of the frame
+    struct hg_error refused;       // what declaring found wrong first
     bool is_refused;
     uint64_t number;                                   // of frames
     uint32_t width, height;                            // of the newest compilation

@@ -4,6 +4,7 @@
 #define HG_RENDERER_PASSES_PASS_H
 
 #include "renderer/gpu/io.h"
+#include "shaders/shared/pass_io.h"
 
 struct hg_pass {
     struct hg_gpu *gpu;
@@ -31,6 +32,20 @@ static inline enum hg_status hg_pass_bind(const struct hg_pass *pass, const stru
     const enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
     return status == HG_OK ? hg_gpu_cmd_bind_io(pass->cmd, io, bound, size_bytes, err) : status;
 }
+
+// One fragment shader over all of an image, whose contents before do not matter.
+struct hg_fullscreen {
+    const char *fragment; // name of the shader
+    struct hg_gpu_image *target;
+    const struct hg_gpu_io *io;
+    const void *inputs; // struct of HG_GPU_IO_MEMBERs
+    size_t inputs_bytes;
+    const void *push; // constants
+    uint32_t push_bytes;
+    uint32_t spec[HG_GPU_MAX_SPEC], spec_count;
+};
+enum hg_status hg_pass_fullscreen(
+    const struct hg_pass *pass, const struct hg_fullscreen *f, struct hg_error *err) HG_MUST_CHECK;
 
 // After beginning a rendering with the pass's area: what is drawn covers the view, not the area.
 static inline void hg_pass_view_whole(const struct hg_pass *pass, const struct hg_gpu_image *image)

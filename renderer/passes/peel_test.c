@@ -1,7 +1,5 @@
 #include "renderer/passes/peel_test.h"
 
-#include "shaders/shared/pass_io.h"
-
 static const struct hg_gpu_io depth_io = HG_GPU_IO(HG_DEPTH_IO);
 struct depth_inputs {
     HG_DEPTH_IO(HG_GPU_IO_MEMBER)
@@ -22,9 +20,7 @@ enum hg_status hg_peel_test_record(struct hg_pass *pass, struct hg_gpu_image *de
         status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status != HG_OK)
         return status;
-    hg_gpu_cmd_begin_stage(pass->cmd, "blend depth");
     hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
     vkCmdDispatch(hg_gpu_cmd_handle(pass->cmd), (rows + 63) / 64, 1, 1);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return HG_OK;
 }

@@ -1,7 +1,5 @@
 #include "renderer/passes/pick.h"
 
-#include "shaders/shared/pass_io.h"
-
 static const struct hg_gpu_io pick_io = HG_GPU_IO(HG_PICK_IO);
 struct pick_inputs {
     HG_PICK_IO(HG_GPU_IO_MEMBER)

@@ -1,7 +1,6 @@
 #include "renderer/passes/resolve.h"
 
 #include "shaders/shared/frame.h"
-#include "shaders/shared/pass_io.h"
 
 static const struct hg_gpu_io resolve_io = HG_GPU_IO(HG_RESOLVE_IO);
 struct resolve_inputs {
@@ -32,30 +31,24 @@ enum hg_status hg_resolve_record(
 {
     const struct resolve_inputs inputs = {
         .accumulated = {resolve->accumulated}, .fallback = {resolve->fallback}};
-    const bool counted = resolve->progress != 0;
-    enum hg_status status = hg_pass_bind(pass, &resolve_io, &inputs, sizeof inputs, err);
-    if (status != HG_OK)
-        return status;
-    const struct hg_gpu_rendering rendering = {
-        .colors = {{.image = resolve->target, .discard = true}}, .color_count = 1};
-    const struct hg_gpu_pipeline_params params =
-        pipeline_of(resolve->target->format, resolve->tonemap, counted);
     const struct {
         uint64_t progress;
         float scale, exposure;
         uint32_t width, reserved;
     } push = {resolve->progress, 1.0f / (float)resolve->samples, resolve->exposure,
         resolve->target->width, 0};
-    hg_gpu_cmd_begin_stage(pass->cmd, "resolve");
-    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
-    status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
-    if (status == HG_OK) {
-        hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
-        vkCmdDraw(hg_gpu_cmd_handle(pass->cmd), 3, 1, 0, 0);
-    }
-    hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
-    return status;
+    const struct hg_gpu_pipeline_params params =
+        pipeline_of(resolve->target->format, resolve->tonemap, resolve->progress != 0);
+    const struct hg_fullscreen fullscreen = {.fragment = params.fragment,
+        .target = resolve->target,
+        .io = params.io,
+        .inputs = &inputs,
+        .inputs_bytes = sizeof inputs,
+        .push = &push,
+        .push_bytes = sizeof push,
+        .spec = {params.spec[0], params.spec[1]},
+        .spec_count = params.spec_count};
+    return hg_pass_fullscreen(pass, &fullscreen, err);
 }
 
 enum hg_status hg_resolve_warm_up(

@@ -2,7 +2,6 @@
 
 #include "shaders/shared/unlit_tiles.h"
 #include "shaders/shared/features.h"
-#include "shaders/shared/pass_io.h"
 
 static const struct hg_gpu_io shade_io = HG_GPU_IO(HG_SHADE_IO);
 struct shade_inputs {
@@ -142,14 +141,10 @@ enum hg_status hg_shade_record(
         .color_count = 1,
         .depth = {.image = shade->depth},
         .area = pass->area};
-    if (shade->counted)
-        hg_gpu_memory_barrier(pass->cmd);
-    hg_gpu_cmd_begin_stage(pass->cmd, shade->layer ? "blend shading" : "shading");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     hg_pass_view_whole(pass, target);
     status = shade->layer ? draw(pass, &style, err) : draw_opaque(pass, target, style, dark, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 

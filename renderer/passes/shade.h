@@ -16,8 +16,6 @@ struct hg_shade {
     struct hg_gpu_image *picture;
     uint32_t tonemap;
     bool clear;   // target starts at zero, else it is added or blended to
-    bool counted; // pixels keep count of their samples (HG_TEXTURES_EXACT): what passes in front of
-                  // this one noted is waited for
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
     bool dark;  // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of it. Not

@@ -178,7 +178,6 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status)
         return status;
-    hg_gpu_cmd_begin_stage(pass->cmd, "shadow");
     for (uint32_t i = 0; i < count && !status; i++) {
         if (!is_due(&maps[i], coarse))
             continue;
@@ -188,7 +187,6 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
         maps[i].stale = pass->find || status != HG_OK || set->missing > 0 || set->crowded;
         first_set++;
     }
-    hg_gpu_cmd_end_stage(pass->cmd);
     hg_lighting_note_drawn(lighting);
     return status;
 }

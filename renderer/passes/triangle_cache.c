@@ -5,8 +5,9 @@
 enum hg_status hg_triangle_cache_record(
     struct hg_pass *pass, const struct hg_geometry *geometry, struct hg_error *err)
 {
-    const struct hg_gpu_pipeline_params params = {
-        .compute = "triangle_cache.comp", .spec = {0, pass->tables, pass->features}, .spec_count = 3};
+    const struct hg_gpu_pipeline_params params = {.compute = "triangle_cache.comp",
+        .spec = {0, pass->tables, pass->features},
+        .spec_count = 3};
     const struct hg_triangle_cache_job *jobs;
     const uint32_t count = hg_geometry_facet_jobs(geometry, &jobs);
     struct hg_gpu_uniform first;
@@ -18,7 +19,6 @@ enum hg_status hg_triangle_cache_record(
         status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status != HG_OK)
         return status;
-    hg_gpu_cmd_begin_stage(pass->cmd, "facets");
     for (uint32_t i = 0; i < count; i++) {
         const struct hg_gpu_facet_push push = {.facets = facets->address,
             .draw = jobs[i].draw,
@@ -28,7 +28,5 @@ enum hg_status hg_triangle_cache_record(
         vkCmdDispatch(hg_gpu_cmd_handle(pass->cmd),
             (jobs[i].count + HG_TRIANGLE_CACHE_GROUP - 1) / HG_TRIANGLE_CACHE_GROUP, 1, 1);
     }
-    hg_gpu_memory_barrier(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return HG_OK;
 }

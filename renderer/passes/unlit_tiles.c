@@ -1,6 +1,5 @@
 #include "renderer/passes/unlit_tiles.h"
 
-#include "shaders/shared/pass_io.h"
 #include "shaders/shared/unlit_tiles.h"
 
 static const struct hg_gpu_io depth_io = HG_GPU_IO(HG_DEPTH_IO);
@@ -138,10 +137,8 @@ enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *
     if (status != HG_OK)
         return status;
     const struct hg_gpu_dark push = push_of(dark, depth, atlas_px);
-    hg_gpu_cmd_begin_stage(pass->cmd, "dark cells");
     hg_gpu_memory_barrier(pass->cmd); // the sample before may still read
     status = find(pass, dark, lighting, coarse, &push, err);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 
@@ -158,7 +155,6 @@ enum hg_status hg_unlit_tiles_mark(struct hg_pass *pass, const struct hg_unlit_t
     const struct hg_gpu_dark push = push_of(dark, depth, 0);
     const VkViewport view = {
         0.0f, 0.0f, (float)depth->width, (float)depth->height, HG_UNLIT_TILES_DEPTH, 1.0f};
-    hg_gpu_cmd_begin_stage(pass->cmd, "dark marks");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     const enum hg_status status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);
     if (status == HG_OK) {
@@ -167,7 +163,6 @@ enum hg_status hg_unlit_tiles_mark(struct hg_pass *pass, const struct hg_unlit_t
         vkCmdDrawIndirect(cmd, dark->head.handle, 0, 1, 0);
     }
     hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 

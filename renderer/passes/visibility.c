@@ -1,7 +1,6 @@
 #include "renderer/passes/visibility.h"
 
 #include "shaders/shared/features.h"
-#include "shaders/shared/pass_io.h"
 
 static const struct hg_gpu_io alpha_mask_io = HG_GPU_IO(HG_ALPHA_MASK_IO);
 struct alpha_mask_inputs {
@@ -142,24 +141,23 @@ static void begin(
     hg_pass_view_whole(pass, target->visibility);
 }
 
-// Of two phases the second: what the first one hides is not drawn.
-static enum hg_status record_late(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+enum hg_status hg_visibility_test(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err)
 {
+    return hg_culling_test(scene->visible, pass->cmd, scene->set, target->depth, target->visibility,
+        pass->tables, pass->features, err);
+}
+
+enum hg_status hg_visibility_record_late(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    struct hg_error *err)
+{
     const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
-    hg_gpu_cmd_begin_stage(pass->cmd, "occlusion");
-    enum hg_status status = hg_culling_test(scene->visible, pass->cmd, scene->set, target->depth,
-        target->visibility, pass->tables, pass->features, err);
-    hg_gpu_cmd_end_stage(pass->cmd);
-    if (status != HG_OK || set->late_count == 0)
-        return status;
     const struct manner manner = {SOLID, MASK, target->visibility->width, true};
-    hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
     begin(pass, target, pass->area, false);
-    status = draw_items(
+    const enum hg_status status = draw_items(
         pass, scene->visible, set->first_late, set->first_late + set->late_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 
@@ -173,7 +171,6 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
     enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &nothing, sizeof nothing, err);
     if (status != HG_OK)
         return status;
-    hg_gpu_cmd_begin_stage(pass->cmd, "visibility");
     if (set->hosted)
         hg_culling_copy_cpu(
             scene->visible, pass->cmd, scene->slot, target->visibility, target->depth, pass->area);
@@ -182,9 +179,7 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
         status = draw_items(pass, scene->visible, first, end, &manner, err);
         hg_gpu_cmd_end_rendering(pass->cmd);
     }
-    hg_gpu_cmd_end_stage(pass->cmd);
-    return status == HG_OK && set->candidate_count > 0 ? record_late(pass, scene, target, err)
-                                                       : status;
+    return status;
 }
 
 enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
@@ -199,12 +194,10 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
-    hg_gpu_cmd_begin_stage(pass->cmd, "blend visibility");
     begin(pass, target, pass->area, true);
     status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_BLEND],
         set->class_first[HG_DRAW_CLASS_BLEND + 1], &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 
@@ -239,12 +232,10 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
         return status;
     const struct hg_gpu_rendering rendering = {
         .colors = {{.image = counts, .clear = true}}, .color_count = 1};
-    hg_gpu_cmd_begin_stage(pass->cmd, "overdraw");
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = draw_items(
         pass, scene->visible, set->first_item, set->first_item + set->item_count, &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
-    hg_gpu_cmd_end_stage(pass->cmd);
     return status;
 }
 

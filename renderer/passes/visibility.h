@@ -24,9 +24,16 @@ struct hg_visibility_scene {
     uint32_t slot; // of what the host drew, where the set is hosted
 };
 
-// Opaque and masked draws; clears the target first.
+// Opaque and masked draws; clears the target first. Of a set with candidates the first phase:
+// hg_visibility_test chooses what else is drawn, and when the set has late draws
+// hg_visibility_record_late draws it.
 enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_visibility_test(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+    const struct hg_visibility_target *target, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_visibility_record_late(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    struct hg_error *err) HG_MUST_CHECK;
 // One layer of blended draws. opaque_depth: of hg_visibility_record; previous: depth of the layer
 // in front, NULL for the first.
 enum hg_status hg_visibility_record_layer(struct hg_pass *pass,

@@ -308,7 +308,12 @@ static void draw(struct fixture *f, const struct world *w, const struct hg_culli
     check(f, hg_gpu_begin(f->gpu, &pass.cmd, &f->err));
     const struct hg_visibility_scene scene = {f->visible, 0, 0};
     const struct hg_visibility_target target = {&f->image_ids, &f->image_depth};
+    const struct hg_culling_set *set = hg_culling_set(f->visible, 0);
     check(f, hg_visibility_record(&pass, &scene, &target, &f->err));
+    if (set->candidate_count > 0)
+        check(f, hg_visibility_test(&pass, &scene, &target, &f->err));
+    if (set->late_count > 0)
+        check(f, hg_visibility_record_late(&pass, &scene, &target, &f->err));
     hg_gpu_image_read(pass.cmd, &f->image_ids, &all, &f->ids, 0);
     hg_gpu_image_read(pass.cmd, &f->image_depth, &all, &f->depth, 0);
     hg_gpu_memory_barrier(pass.cmd);

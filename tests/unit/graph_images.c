@@ -208,7 +208,7 @@ static void test_mips_and_buffers(void **state)
                                                   .format = VK_FORMAT_R32_SFLOAT,
                                                   .size = HG_GRAPH_HALF,
                                                   .mips = HG_GRAPH_ALL_MIPS});
-    const uint32_t back = hg_graph_import_buffer(r->graph, "back", &r->back);
+    const uint32_t back = hg_graph_buffer(r->graph, "back");
     hg_graph_pass(r->graph, &(struct hg_graph_pass){.name = "fill",
                                 .record = record_fill,
                                 .user = &chain,

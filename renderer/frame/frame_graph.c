@@ -1,0 +1,670 @@
+// frame_graph.c - the passes of a view, declared for the frame graph: what each reads and writes,
+// and how it is recorded. See frame.h.
+#include <string.h>
+
+#include "base/clock.h"
+#include "renderer/frame/frame.h"
+#include "renderer/passes/debug.h"
+#include "renderer/passes/peel_test.h"
+#include "renderer/passes/pick.h"
+#include "renderer/passes/resolve.h"
+#include "renderer/passes/shade.h"
+#include "renderer/passes/skin.h"
+#include "renderer/passes/triangle_cache.h"
+#include "shaders/shared/debug.h"
+#include "shaders/shared/unlit_tiles.h"
+
+// One batch: what its passes are recorded with, and its resources (0 = not in this batch).
+struct frame {
+    struct hg_view_state *view;
+    struct hg_graph *graph;
+    struct hg_pass pass; // of the sample that is recorded
+    uint32_t sample, slot, slots, first_shadow_set;
+    bool dark, alone; // alone: the sample is not added to others
+    uint32_t visibility, depth, atlas, behind, accumulated, picture, counts;
+    uint32_t layer_visibility, layer_color, layer_depth[2], layer_limit;
+    uint32_t deformed, cache, progress, unlit_tiles, late_draws, layers_full;
+};
+
+static struct frame *frame_of(const struct hg_graph_run *run)
+{
+    return run->data;
+}
+
+static void add(struct frame *f, const struct hg_graph_pass *pass)
+{
+    hg_graph_pass(f->graph, pass);
+}
+
+static uint32_t image(struct frame *f, const char *name, VkFormat format)
+{
+    return hg_graph_image(
+        f->graph, &(struct hg_graph_image_params){.name = name, .format = format});
+}
+
+// --- what does not depend on the sample ----------------------------------------------------------
+
+static enum hg_status record_skin(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    (void)user;
+    return hg_skin_record(run->cmd, frame_of(run)->view->scene_gpu->geometry, err);
+}
+
+static enum hg_status record_cache(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    return hg_triangle_cache_record(&f->pass, f->view->scene_gpu->geometry, err);
+}
+
+static enum hg_status record_shadow(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_tiled_accumulation *s = &f->view->stream;
+    struct hg_pass pass = f->pass;
+    (void)user;
+    pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
+    pass.adds = s->shadow_count > 0 && s->shadow_begun;
+    return hg_shadow_record(
+        &pass, f->view->lighting, f->view->coarse, f->view->visible, f->first_shadow_set, err);
+}
+
+static void declare_geometry(struct frame *f)
+{
+    const struct hg_geometry *geometry = f->view->scene_gpu->geometry;
+    const struct hg_triangle_cache_job *jobs;
+    if (hg_geometry_deform_count(geometry) > 0) {
+        f->deformed = hg_graph_buffer(f->graph, "deformed vertices");
+        add(f, &(struct hg_graph_pass){.name = "skin",
+                   .record = record_skin,
+                   .accesses = {{f->deformed, HG_GRAPH_WRITE, 0}},
+                   .keep = true, // the next frame may need what it writes
+                   .once = true});
+    }
+    if (hg_geometry_facet_jobs(geometry, &jobs) > 0) {
+        f->cache = hg_graph_buffer(f->graph, "triangle cache");
+        add(f, &(struct hg_graph_pass){.name = "facets",
+                   .record = record_cache,
+                   .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_WRITE, 0}},
+                   .keep = true,
+                   .once = true});
+    }
+}
+
+// first_set: of the maps that are due.
+static void declare_shadows(struct frame *f, uint32_t first_set)
+{
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(f->view->lighting, &stats);
+    f->view->stale_shadows = stats.shadow_maps_stale;
+    f->atlas =
+        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->view->lighting));
+    f->first_shadow_set = first_set;
+    hg_graph_want(f->graph, f->atlas);
+    if (first_set < hg_culling_count(f->view->visible))
+        add(f,
+            &(struct hg_graph_pass){.name = "shadow",
+                .record = record_shadow,
+                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->atlas, HG_GRAPH_DEPTH_KEEP, 0}},
+                .once = true});
+}
+
+// --- visibility ----------------------------------------------------------------------------------
+
+static struct hg_visibility_scene scene_of(const struct frame *f)
+{
+    return (struct hg_visibility_scene){f->view->visible, 0, f->slot};
+}
+
+static struct hg_visibility_target target_of(const struct hg_graph_run *run)
+{
+    const struct frame *f = frame_of(run);
+    return (struct hg_visibility_target){
+        hg_graph_run_image(run, f->visibility), hg_graph_run_image(run, f->depth)};
+}
+
+static enum hg_status record_visibility(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_visibility_scene scene = scene_of(f);
+    const struct hg_visibility_target target = target_of(run);
+    (void)user;
+    return hg_visibility_record(&f->pass, &scene, &target, err);
+}
+
+static enum hg_status record_occlusion(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_visibility_scene scene = scene_of(f);
+    const struct hg_visibility_target target = target_of(run);
+    (void)user;
+    return hg_visibility_test(&f->pass, &scene, &target, err);
+}
+
+static enum hg_status record_late(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_visibility_scene scene = scene_of(f);
+    const struct hg_visibility_target target = target_of(run);
+    (void)user;
+    return hg_visibility_record_late(&f->pass, &scene, &target, err);
+}
+
+// Two phases when there is much to draw (renderer/cull/culling.h).
+static void declare_visibility(struct frame *f)
+{
+    const struct hg_culling_set *set = hg_culling_set(f->view->visible, 0);
+    add(f, &(struct hg_graph_pass){.name = "visibility",
+               .record = record_visibility,
+               .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0}, {f->visibility, HG_GRAPH_COLOR, 0},
+                   {f->depth, HG_GRAPH_DEPTH, 0}}});
+    if (set->candidate_count == 0)
+        return;
+    f->late_draws = hg_graph_buffer(f->graph, "late draws");
+    add(f, &(struct hg_graph_pass){.name = "occlusion",
+               .record = record_occlusion,
+               .accesses = {{f->depth, HG_GRAPH_COPY_FROM, 0},
+                   {f->visibility, HG_GRAPH_COPY_FROM, 0}, {f->late_draws, HG_GRAPH_WRITE, 0}},
+               .keep = true}); // the host counts what it hid
+    if (set->late_count > 0)
+        add(f,
+            &(struct hg_graph_pass){.name = "visibility",
+                .record = record_late,
+                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
+                    {f->late_draws, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                    {f->visibility, HG_GRAPH_COLOR_KEEP, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
+}
+
+// --- blended surfaces ----------------------------------------------------------------------------
+
+// The opaque scene as it is seen through layers.
+static enum hg_status record_behind(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
+        .depth = hg_graph_run_image(run, f->depth),
+        .target = hg_graph_run_image(run, f->behind),
+        .clear = true,
+        .alone = true};
+    return hg_shade_record(&f->pass, &shade, err);
+}
+
+static void declare_behind(struct frame *f)
+{
+    add(f, &(struct hg_graph_pass){.name = "shading",
+               .record = record_behind,
+               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
+                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
+}
+
+static enum hg_status record_layer(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const uintptr_t i = (uintptr_t)user;
+    const struct hg_visibility_scene scene = {f->view->visible, 0, 0};
+    const struct hg_visibility_target target = {hg_graph_run_image(run, f->layer_visibility),
+        hg_graph_run_image(run, f->layer_depth[i % 2])};
+    return hg_visibility_record_layer(&f->pass, &scene, &target, hg_graph_run_image(run, f->depth),
+        i > 0 ? hg_graph_run_image(run, f->layer_depth[(i + 1) % 2]) : NULL, err);
+}
+
+static enum hg_status shade_layer(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const uintptr_t i = (uintptr_t)user;
+    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->layer_visibility),
+        .depth = hg_graph_run_image(run, f->layer_depth[i % 2]),
+        .target = hg_graph_run_image(run, f->layer_color),
+        .clear = i == 0,
+        .layer = true,
+        .behind = f->behind > 0 ? hg_graph_run_image(run, f->behind) : NULL};
+    return hg_shade_record(&f->pass, &shade, err);
+}
+
+static enum hg_status test_layers(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    struct hg_gpu_image *last = hg_graph_run_image(run, f->layer_depth[(f->layer_limit - 1) % 2]);
+    (void)user;
+    return hg_peel_test_record(&f->pass, last, &f->view->layers_full, f->slot, err);
+}
+
+static void declare_layer(struct frame *f, uintptr_t i)
+{
+    add(f, &(struct hg_graph_pass){.name = "blend visibility",
+               .record = record_layer,
+               .user = (void *)i,
+               .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0},
+                   {i > 0 ? f->layer_depth[(i + 1) % 2] : 0, HG_GRAPH_SAMPLE, 0},
+                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->layer_visibility, HG_GRAPH_COLOR, 0},
+                   {f->layer_depth[i % 2], HG_GRAPH_DEPTH, 0}}});
+    add(f, &(struct hg_graph_pass){.name = "blend shading",
+               .record = shade_layer,
+               .user = (void *)i,
+               .accesses = {{f->layer_visibility, HG_GRAPH_SAMPLE, 0},
+                   {f->layer_depth[i % 2], HG_GRAPH_DEPTH_TEST, 0}, {f->behind, HG_GRAPH_SAMPLE, 0},
+                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->layer_color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
+}
+
+static void declare_layers(struct frame *f)
+{
+    // What lets light through shows what is behind it by itself: it hides further layers.
+    const bool holes = f->view->scene_gpu->has_holes;
+    f->layer_limit = holes ? f->view->layer_limit : 1;
+    f->layer_visibility = image(f, "layer visibility", HG_VISIBILITY_FORMAT);
+    f->layer_color = image(f, "layer colour", HG_COLOR_FORMAT);
+    f->layer_depth[0] = image(f, "layer depth", HG_DEPTH_FORMAT);
+    f->layer_depth[1] = f->layer_limit > 1 ? image(f, "other layer depth", HG_DEPTH_FORMAT) : 0;
+    for (uint32_t i = 0; i < f->layer_limit; i++)
+        declare_layer(f, i);
+    if (!holes)
+        return;
+    f->layers_full = hg_graph_buffer(f->graph, "layers full");
+    add(f, &(struct hg_graph_pass){.name = "blend depth",
+               .record = test_layers,
+               .accesses = {{f->layer_depth[(f->layer_limit - 1) % 2], HG_GRAPH_SAMPLE, 0},
+                   {f->layers_full, HG_GRAPH_WRITE, 0}},
+               .keep = true}); // the host reads it
+}
+
+// --- shading -------------------------------------------------------------------------------------
+
+static enum hg_status find_unlit(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    return hg_unlit_tiles_find(&f->pass, &f->view->dark, f->view->lighting, f->view->coarse,
+        hg_graph_run_image(run, f->depth), err);
+}
+
+static enum hg_status mark_unlit(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    return hg_unlit_tiles_mark(&f->pass, &f->view->dark, hg_graph_run_image(run, f->depth), err);
+}
+
+static void declare_unlit(struct frame *f)
+{
+    f->unlit_tiles = hg_graph_buffer(f->graph, "unlit tiles");
+    add(f, &(struct hg_graph_pass){.name = "dark cells",
+               .record = find_unlit,
+               .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                   {f->unlit_tiles, HG_GRAPH_WRITE, 0}}});
+    add(f,
+        &(struct hg_graph_pass){.name = "dark marks",
+            .record = mark_unlit,
+            .accesses = {{f->unlit_tiles, HG_GRAPH_READ, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
+}
+
+static enum hg_status record_shading(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
+        .depth = hg_graph_run_image(run, f->depth),
+        .target = f->accumulated > 0 ? hg_graph_run_image(run, f->accumulated) : NULL,
+        .picture = f->picture > 0 ? hg_graph_run_image(run, f->picture) : NULL,
+        .tonemap = f->view->settings.tonemap,
+        .clear = f->alone || (f->sample == 0 && !f->view->stream.exact),
+        .dark = f->dark,
+        .front = f->layer_color > 0 ? hg_graph_run_image(run, f->layer_color) : NULL};
+    return hg_shade_record(&f->pass, &shade, err);
+}
+
+// keep: what it asks of textures counts, whatever becomes of its colours.
+static void declare_shading(struct frame *f, bool keep)
+{
+    add(f, &(struct hg_graph_pass){.name = "shading",
+               .record = record_shading,
+               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
+                   {f->layer_color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
+                   {f->picture, HG_GRAPH_COLOR, 0}},
+               .keep = keep});
+    hg_graph_want(f->graph, f->accumulated);
+    hg_graph_want(f->graph, f->picture);
+}
+
+// --- debug views ---------------------------------------------------------------------------------
+
+static enum hg_status record_overdraw(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_visibility_scene scene = scene_of(f);
+    (void)user;
+    return hg_visibility_record_overdraw(&f->pass, &scene, hg_graph_run_image(run, f->counts), err);
+}
+
+static enum hg_status record_debug_view(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    (void)user;
+    const struct hg_debug debug = {.view = f->view->settings.debug,
+        .visibility = hg_graph_run_image(run, f->visibility),
+        .counts = f->counts > 0 ? hg_graph_run_image(run, f->counts) : NULL,
+        .target = hg_graph_run_image(run, f->accumulated)};
+    return hg_debug_record(&f->pass, &debug, err);
+}
+
+static void declare_debug(struct frame *f)
+{
+    f->accumulated = hg_graph_import(f->graph, "accumulated", &f->view->targets.accumulated);
+    f->atlas =
+        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->view->lighting));
+    f->alone = true;
+    declare_visibility(f);
+    if (f->view->settings.debug == HG_DEBUG_VIEW_OVERDRAW) {
+        f->counts = image(f, "surface counts", HG_COLOR_FORMAT);
+        add(f, &(struct hg_graph_pass){.name = "overdraw",
+                   .record = record_overdraw,
+                   .accesses = {{f->cache, HG_GRAPH_READ, 0}, {f->counts, HG_GRAPH_COLOR, 0}}});
+    }
+    // The picture itself, drawn over below: it asks for the pages that it would show.
+    if (f->view->settings.debug <= HG_DEBUG_VIEW_MISSING)
+        declare_shading(f, true);
+    add(f, &(struct hg_graph_pass){.name = "debug view",
+               .record = record_debug_view,
+               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->counts, HG_GRAPH_SAMPLE, 0},
+                   {f->cache, HG_GRAPH_READ, 0}, {f->accumulated, HG_GRAPH_COLOR, 0}}});
+    hg_graph_want(f->graph, f->accumulated);
+}
+
+// --- one batch -----------------------------------------------------------------------------------
+
+static enum hg_status open_graph(struct frame *f, struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_view_targets *t = &view->targets;
+    *f = (struct frame){.view = view, .slots = 1};
+    if (t->graph == NULL) {
+        const enum hg_status status = hg_graph_create(view->context->gpu, &t->graph, err);
+        if (status != HG_OK)
+            return status;
+    }
+    f->graph = t->graph;
+    hg_graph_begin(f->graph, view->settings.width, view->settings.height);
+    f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
+    f->depth = hg_graph_import(f->graph, "depth", &t->depth);
+    f->progress = view->stream.exact ? hg_graph_buffer(f->graph, "pixel progress") : 0;
+    return HG_OK;
+}
+
+// The frame block is filled.
+static enum hg_status begin(
+    struct frame *f, struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    const enum hg_status status = open_graph(f, view, err);
+    if (status == HG_OK)
+        f->pass = hg_frame_pass(view, cmd, 0);
+    return status;
+}
+
+static enum hg_status run(struct frame *f, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    const enum hg_status status = hg_graph_compile(f->graph, err);
+    return status == HG_OK ? hg_graph_execute(f->graph, cmd, f, f->slot, err) : status;
+}
+
+static bool has_blend(const struct hg_view_state *view)
+{
+    const struct hg_culling_set *set = hg_culling_set(view->visible, 0);
+    return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
+}
+
+static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
+{
+    const enum hg_override wish = view->context->overrides.unlit_tiles;
+    const uint32_t lights = view->frame.lighting.light_count;
+    if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
+        pass->area.extent.width > 0)
+        return false;
+    if (wish == HG_OVERRIDE_ON)
+        return true;
+    if (!view->direct || !hg_gpu_get_caps(pass->gpu)->is_cpu)
+        return false;
+    if (view->dark_wait > 0)
+        view->dark_wait--;
+    return view->dark_wait == 0;
+}
+
+static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
+{
+    struct hg_view_state *view = f->view;
+    const bool only_behind = view->stream.behind, blend = has_blend(view) || only_behind;
+    const bool seen_through = only_behind || (blend && hg_frame_transmits(view));
+    declare_visibility(f);
+    if (seen_through) {
+        const enum hg_status status =
+            hg_view_make_image(view, HG_COLOR_FORMAT, "scene behind", &view->targets.behind, err);
+        if (status != HG_OK)
+            return status;
+        f->behind = hg_graph_import(f->graph, "scene behind", &view->targets.behind);
+        hg_graph_want(f->graph, f->behind);
+    }
+    if (seen_through && (only_behind || !view->stream.behind_there))
+        declare_behind(f);
+    if (only_behind)
+        return HG_OK;
+    if (blend)
+        declare_layers(f);
+    view->dark_told = f->dark = tells_dark(view, &f->pass);
+    if (f->dark)
+        declare_unlit(f);
+    if (view->direct && view->stream.finding == 0)
+        f->picture = hg_graph_import(f->graph, "picture", &view->targets.pixels[0]);
+    else
+        f->accumulated = hg_graph_import(f->graph, "accumulated", &view->targets.accumulated);
+    declare_shading(f, f->pass.find);
+    return HG_OK;
+}
+
+// What the host draws of a sample; the frame block is that of the sample.
+static enum hg_status draw_hosted(const struct frame *f, struct hg_error *err)
+{
+    struct hg_view_state *view = f->view;
+    if (!hg_culling_set(view->visible, 0)->hosted)
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    const struct hg_culling_lens lens = hg_frame_lens(&view->frame.camera, hg_frame_size(view));
+    const enum hg_status status =
+        hg_culling_draw_cpu(view->visible, &lens, f->slot, f->slots, view->context->jobs, err);
+    hg_view_add_stage(view, "host raster", hg_clock_now_ns() - start);
+    return status;
+}
+
+static enum hg_status record_samples(
+    struct frame *f, struct hg_gpu_cmd *cmd, uint32_t first, struct hg_error *err)
+{
+    enum hg_status status = hg_graph_compile(f->graph, err);
+    for (uint32_t i = 0; i < f->slots && status == HG_OK; i++) {
+        f->sample = first + i;
+        f->slot = i;
+        hg_frame_fill(f->view, f->sample, true, i);
+        f->pass = hg_frame_pass(f->view, cmd, i);
+        status = draw_hosted(f, err);
+        if (status == HG_OK)
+            status = hg_graph_execute(f->graph, cmd, f, i, err);
+    }
+    return status;
+}
+
+// A debug view takes one sample through the pixels' centres and needs no light.
+static enum hg_status record_debug(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct frame f;
+    hg_frame_fill(view, 0, false, 0);
+    enum hg_status status = begin(&f, view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    declare_geometry(&f);
+    declare_debug(&f);
+    return run(&f, cmd, err);
+}
+
+enum hg_status hg_frame_record(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
+{
+    struct frame f;
+    const uint32_t first = hg_view_first_sample(view);
+    if (view->settings.debug != 0)
+        return record_debug(view, cmd, err);
+    hg_frame_fill(view, first, true, 0);
+    enum hg_status status = begin(&f, view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    f.slots = samples;
+    declare_geometry(&f);
+    declare_shadows(&f, 1);
+    status = declare_sample(&f, err);
+    return status == HG_OK ? record_samples(&f, cmd, first, err) : status;
+}
+
+enum hg_status hg_frame_record_shadows(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct frame f;
+    hg_frame_fill(view, view->samples, true, 0); // where the geometry is
+    const enum hg_status status = begin(&f, view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    declare_geometry(&f);
+    declare_shadows(&f, 0);
+    return run(&f, cmd, err);
+}
+
+// Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
+enum hg_status hg_frame_record_prefetch(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct frame f;
+    hg_frame_fill(view, 0, true, 0);
+    enum hg_status status = hg_frame_cull_prefetch(view, err);
+    if (status == HG_OK)
+        status = begin(&f, view, cmd, err);
+    if (status != HG_OK)
+        return status;
+    f.alone = true;
+    f.accumulated = hg_graph_import(f.graph, "accumulated", &view->targets.accumulated);
+    declare_visibility(&f);
+    declare_shading(&f, true);
+    return run(&f, cmd, err);
+}
+
+// --- reading and picking -------------------------------------------------------------------------
+
+struct read {
+    struct hg_view_state *view;
+    uint32_t accumulated, fallback, pixels;
+    uint32_t shown; // what becomes the picture
+};
+
+static enum hg_status record_resolve(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    const struct read *r = user;
+    const struct hg_view_state *view = r->view;
+    struct hg_pass pass = {.gpu = run->gpu, .cmd = run->cmd};
+    const bool sums = view->samples > 0 && view->settings.mode != HG_VIEW_MODE_PATH;
+    const struct hg_resolve resolve = {.accumulated = hg_graph_run_image(run, r->accumulated),
+        .target = hg_graph_run_image(run, r->pixels),
+        .samples = sums ? view->samples : 1,
+        .progress = view->stream.uneven ? view->stream.progress.address : 0,
+        .fallback = r->fallback > 0 ? hg_graph_run_image(run, r->fallback) : NULL,
+        .exposure = view->settings.exposure,
+        .tonemap = view->settings.tonemap};
+    return hg_resolve_record(&pass, &resolve, err);
+}
+
+static enum hg_status record_copy(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    const struct read *r = user;
+    struct hg_gpu_image *shown = hg_graph_run_image(run, r->shown);
+    const struct hg_gpu_region all = {.width = shown->width, .height = shown->height};
+    (void)err;
+    hg_gpu_image_read(run->cmd, shown, &all, &r->view->readback, 0);
+    return HG_OK;
+}
+
+enum hg_status hg_frame_record_read(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
+{
+    struct frame f;
+    const enum hg_status status = open_graph(&f, view, err);
+    if (status != HG_OK)
+        return status;
+    struct read r = {.view = view,
+        .accumulated = hg_graph_import(f.graph, "accumulated", &view->targets.accumulated),
+        .pixels = hg_graph_import(f.graph, "pixels", &view->targets.pixels[format])};
+    if (view->stream.has_fallback)
+        r.fallback = hg_graph_import(f.graph, "fallback", &view->stream.fallback);
+    const uint32_t readback = hg_graph_buffer(f.graph, "readback");
+    r.shown = r.pixels;
+    add(&f, &(struct hg_graph_pass){.name = "resolve",
+                .record = record_resolve,
+                .user = &r,
+                .accesses = {{r.accumulated, HG_GRAPH_SAMPLE, 0}, {r.fallback, HG_GRAPH_SAMPLE, 0},
+                    {r.pixels, HG_GRAPH_COLOR, 0}}});
+    add(&f, &(struct hg_graph_pass){.name = "copy",
+                .record = record_copy,
+                .user = &r,
+                .accesses = {{r.shown, HG_GRAPH_COPY_FROM, 0}, {readback, HG_GRAPH_WRITE, 0}}});
+    hg_graph_want(f.graph, readback);
+    return run(&f, cmd, err);
+}
+
+static enum hg_status record_pick_visibility(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const struct hg_visibility_scene scene = {f->view->pick_visible, 0, 0};
+    const struct hg_visibility_target target = target_of(run);
+    return hg_visibility_record_pick(&f->pass, &scene, &target, *(VkRect2D *)user, err);
+}
+
+static enum hg_status record_pick(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct frame *f = frame_of(run);
+    const VkRect2D *pixel = user;
+    return hg_pick_record(&f->pass, hg_graph_run_image(run, f->visibility),
+        (uint32_t)pixel->offset.x, (uint32_t)pixel->offset.y, &f->view->pick, err);
+}
+
+enum hg_status hg_frame_record_pick(
+    struct hg_view_state *view, struct hg_gpu_cmd *cmd, VkRect2D pixel, struct hg_error *err)
+{
+    struct frame f;
+    const bool exact = view->stream.exact;
+    view->stream.exact = false; // all fragments count
+    hg_frame_fill(view, 0, false, 0);
+    const enum hg_status status = begin(&f, view, cmd, err);
+    view->stream.exact = exact;
+    if (status != HG_OK)
+        return status;
+    const uint32_t result = hg_graph_buffer(f.graph, "pick");
+    add(&f, &(struct hg_graph_pass){.name = "pick visibility",
+                .record = record_pick_visibility,
+                .user = &pixel,
+                .accesses = {{f.visibility, HG_GRAPH_COLOR, 0}, {f.depth, HG_GRAPH_DEPTH, 0}}});
+    add(&f, &(struct hg_graph_pass){.name = "pick",
+                .record = record_pick,
+                .user = &pixel,
+                .accesses = {{f.visibility, HG_GRAPH_SAMPLE, 0}, {result, HG_GRAPH_WRITE, 0}}});
+    hg_graph_want(f.graph, result);
+    return run(&f, cmd, err);
+}
