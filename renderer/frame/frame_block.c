@@ -6,6 +6,7 @@
 #include "shaders/shared/features.h"
 
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
+_Static_assert(sizeof(struct hg_gpu_history) <= HG_FRAME_HISTORY_BYTES, "history");
 
 VkExtent2D hg_frame_size(const struct hg_view_state *view)
 {
@@ -123,7 +124,13 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     fill_textures(view, &f->textures);
     fill_background(view, f);
     hg_geometry_fill(view->scene_gpu->geometry, &f->geometry);
-    memcpy((uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_BLOCK_BYTES, f, sizeof *f);
+    uint8_t *to = (uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
+    memcpy(to, f, sizeof *f);
+    if (view->history.wanted) {
+        struct hg_gpu_history history;
+        hg_frame_history_fill(view, &history);
+        memcpy(to + HG_FRAME_BLOCK_BYTES, &history, sizeof history);
+    }
 }
 
 void hg_frame_fill_path(struct hg_view_state *view)
@@ -152,8 +159,12 @@ static void bind_table(struct hg_pass *pass, uint32_t binding, VkDeviceAddress a
 static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pass *pass)
 {
     const struct hg_gpu_frame *f = &view->frame;
-    pass->bindings.uniforms[0] = (struct hg_gpu_uniform){
-        view->blocks.address + (uint64_t)slot * HG_FRAME_BLOCK_BYTES, HG_FRAME_BLOCK_BYTES};
+    const VkDeviceAddress block = view->blocks.address + (uint64_t)slot * HG_FRAME_SLOT_BYTES;
+    struct hg_gpu_uniform *uniforms = pass->bindings.uniforms;
+    uniforms[0] = (struct hg_gpu_uniform){block, HG_FRAME_BLOCK_BYTES};
+    if (view->history.wanted)
+        uniforms[HG_BIND_HISTORY - HG_BIND_UNIFORM_FIRST] =
+            (struct hg_gpu_uniform){block + HG_FRAME_BLOCK_BYTES, HG_FRAME_HISTORY_BYTES};
     if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->overrides.table_addresses)
         return;
     struct hg_page_cache_stats textures;
@@ -202,7 +213,8 @@ static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
     features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
     features |= !view->coarse || view->stream.exact ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
-    features |= (tables & HG_TABLE_BIT(HG_BIND_TRIANGLE_CACHE)) == 0 ? HG_FEATURE_NO_TRIANGLE_CACHE : 0;
+    features |=
+        (tables & HG_TABLE_BIT(HG_BIND_TRIANGLE_CACHE)) == 0 ? HG_FEATURE_NO_TRIANGLE_CACHE : 0;
     const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;
     if ((features & apart) != 0 || !hg_geometry_one_shape(view->scene_gpu->geometry))
         features |= HG_FEATURE_SHAPES;

@@ -13,6 +13,7 @@
 #include "renderer/frame/prefetch.h"
 #include "renderer/camera/camera.h"
 #include "renderer/pathtrace/path.h"
+#include "renderer/frame/history.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/targets.h"
 #include "renderer/scene_gpu/scene_gpu.h"
@@ -28,7 +29,10 @@
 // seen.
 #define HG_VIEW_FIRST_LAYERS  8
 #define HG_VIEW_MAX_LAYERS    64
-#define HG_FRAME_BLOCK_BYTES  1024
+// Of one sample: the frame block, and behind it the frame before (history.h).
+#define HG_FRAME_BLOCK_BYTES   1536
+#define HG_FRAME_HISTORY_BYTES 512
+#define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MAX_STAGES    64
 #define HG_VIEW_MODE_REALTIME 0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH     1
@@ -81,6 +85,7 @@ struct hg_view_state {
     struct hg_view_key key;
 
     struct hg_view_targets targets;
+    struct hg_frame_history history;
     struct hg_gpu_buffer blocks, readback, pick;
     struct hg_gpu_buffer layers_full; // per sample of a batch: its last layer held something
     struct hg_unlit_tiles dark;

@@ -90,8 +90,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
         status = hg_culling_create(context->gpu, &view->pick_visible, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
-            HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_BLOCK_BYTES, "frame blocks", &view->blocks,
-            err);
+            HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_SLOT_BYTES, "frame blocks", &view->blocks, err);
     }
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_READBACK,
@@ -116,6 +115,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_free(view->path_checkpoint);
     hg_denoise_destroy(view->path_history);
     hg_graph_destroy(view->targets.graph);
+    hg_frame_history_finish(&view->history);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -328,7 +328,9 @@ static enum hg_status draw_shown(
     hg_frame_note_drawn(view, count);
     view->samples += count;
     view->number++;
-    status = hg_tiled_accumulation_shown(view, err);
+    status = hg_frame_history_note(view, err);
+    if (status == HG_OK)
+        status = hg_tiled_accumulation_shown(view, err);
     const bool ahead = changed && max_samples == 1 && view->settings.debug == 0;
     return status == HG_OK && ahead ? hg_prefetch_draw(view, err) : status;
 }
@@ -498,6 +500,9 @@ enum hg_status hg_view_state_step(
         view->key = (struct hg_view_key){0};
         hg_view_mark_shadows(view, true); // nobody knows which were drawn
         view->dark.seen = 0;
+        hg_frame_history_forget(&view->history);
+        if (view->targets.graph != NULL)
+            hg_graph_reset(view->targets.graph);
     }
     return status;
 }
