@@ -3,7 +3,7 @@
 // Layers, lowest first:
 //   transport private_worker camera    sockets; a worker process; conventions of cameras
 //   conn                               state, why it ended, what waits to be sent
-//   session                            hello, authentication, messages that the library answers itself
+//   session                            hello, authentication, what the library answers itself
 //   receive                            bytes to messages
 //   helio                              the public calls that do not wait
 //   call upload                        the public calls that wait

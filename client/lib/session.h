@@ -1,5 +1,5 @@
-// session.h - the conversation: hello, authentication, the messages that the library answers itself.
-// Floor 6 (client). One thread at a time.
+// session.h - the conversation: hello, authentication, the messages that the library answers
+// itself. Floor 6 (client). One thread at a time.
 #ifndef HG_CLIENT_LIB_SESSION_H
 #define HG_CLIENT_LIB_SESSION_H
 

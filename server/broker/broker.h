@@ -1,23 +1,23 @@
 // broker.h - heliod: all its parts put together, its start, reload and end.
 // Floor 6, private to server/broker. Everything runs on one thread and nothing blocks.
 //
-// Includes and calls go downwards only. What has something to say to those above it calls a table of
-// functions that it was given (hg_conn_events, hg_link_events).
+// Includes and calls go downwards only. What has something to say to those above it calls a table
+// of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   loop options auth notify list peer_log upload_store    the system's side of a daemon; contents
-//   transport                                              bytes of a peer
-//   packet listener                                        whole messages; where clients come in
-//   conn worker_link scene_journal                         a client; a worker; a scene's accepted edits
-//   worker_pool                                            which worker a scene goes to
-//   scene                                                  scenes by name
-//   session_state                                          what is kept of sessions
+//   loop options auth notify list peer_log upload_store    the system's side; contents
+//   transport                                    bytes of a peer
+//   packet listener                              whole messages; where clients come in
+//   conn worker_link scene_journal               a client; a worker; accepted edits
+//   worker_pool                                  which worker a scene goes to
+//   scene                                        scenes by name
+//   session_state                                what is kept of sessions
 //   session_view session_upload
-//   session_request session_rules session_list             to the worker; what is refused; who is there
-//   session                                                begin and end, the client's messages
-//   session_answer                                         what the worker says
-//   recovery client_dispatch                               a new worker; what a client may say, and when
-//   broker                                                 start, signals, reload, the janitor, drain
+//   session_request session_rules session_list    to the worker; what is refused; who is there
+//   session                                      begin and end, the client's messages
+//   session_answer                               what the worker says
+//   recovery client_dispatch                     a new worker; what a client may say, and when
+//   broker                                       start, signals, reload, the janitor, drain
 //   main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H

@@ -19,8 +19,8 @@ struct hg_listener {
 enum hg_status hg_listener_check(
     const char *address, bool *is_tcp, struct hg_error *err) HG_MUST_CHECK;
 // Opens `address` (unix:PATH, tcp:HOST:PORT); a name may give several sockets (both families).
-// They are put in front of *list. A unix socket file that nobody serves is replaced; one that
-// somebody serves, or any other file, is HG_E_EXISTS. HG_E_INVAL, HG_E_NOTFOUND (host), HG_E_PERM,
+// They are put in front of *list. A unix socket file that no process serves is replaced; one
+// that is served, or any other file, is HG_E_EXISTS. HG_E_INVAL, HG_E_NOTFOUND (host), HG_E_PERM,
 // HG_E_EXISTS (port in use), HG_E_IO, HG_E_NOMEM. On failure *list is as before.
 enum hg_status hg_listener_open(
     const char *address, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;

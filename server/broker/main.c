@@ -1,4 +1,4 @@
-// main.c - heliod: serves scenes to clients. See options.def for everything it can be told.
+// main.c - heliod: serves scenes to clients. Its options are in options.def.
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -153,19 +153,19 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
 }
 
 // Comes before all that the next worker answers.
-static void tell_client(struct hg_session *s)
+static void notify_client(struct hg_session *s)
 {
     if (s->conn && s->attached)
         hg_conn_send(s->conn, 0, HGP_T_notice,
             &(struct hgp_notice){.code = HG_E_WORKER,
                 .what = hgp_str_make("worker"),
-                .reason = hgp_str_make("it ended and is replaced; what it was at begins anew")});
+                .reason = hgp_str_make("it ended and is replaced; work in progress starts again")});
 }
 
 static void requeue(struct hg_session *s)
 {
     struct hg_request *next;
-    tell_client(s);
+    notify_client(s);
     s->attached = false;
     for (struct hg_session_view *it = s->views; it; it = it->next) {
         it->granted = 0;

@@ -6,7 +6,7 @@
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 
-// A view_set of the same number that is already on its way makes the view anew.
+// A view_set of the same number that is already on its way creates the view again.
 static void close_view(
     struct hg_session *s, struct hg_session_view *view, const struct hg_request *request)
 {

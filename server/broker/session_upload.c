@@ -98,7 +98,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
             hg_conn_fail(s->conn, request, &s->failed_upload);
         return;
     }
-    // Somebody sent it meanwhile: nothing is stored twice.
+    // Another session has sent it meanwhile: nothing is stored twice.
     if (!running && hg_upload_store_has(s->table->store, m->hash))
         done = m->offset + m->data.size >= m->total;
     else
