@@ -13,7 +13,7 @@ usage: models.py FOLDER
   morph.glb         a plate with two morph targets, animated over 2 s
   statue.ply.gz     a closed, bumpy surface of 204,800 triangles, 0.2 m high
   heights.png       16-bit heights of 1201 x 1201 samples
-  large.png         a picture of 4096 x 2048 that does not compress
+  large.png         a picture of 8192 x 4096, noise that changes every 8 rows
   room.hdr          a bright window and a dim room, equirectangular, 1024 x 512
 
 The same bytes on every run of one machine. The functions serve other scripts as well.
@@ -404,7 +404,8 @@ def make_heights(path):
 
 def make_large(path):
     grain = random.Random(2)
-    write(path, png(4096, 2048, 3, 8, [grain.randbytes(4096 * 3) for _ in range(2048)], 1))
+    rows = [row for _ in range(512) for row in [grain.randbytes(8192 * 3)] * 8]
+    write(path, png(8192, 4096, 3, 8, rows, 1))
 
 
 def rgbe(color):

@@ -7,7 +7,7 @@ trace() { # MiB scene options...
     local budget=$1 scene=$2
     shift 2
     expect 0 "$helio" render "$scene" -o "$temp/$budget.exr" --exr float --size 480x270 --spp 2 \
-        --fov 60 --texture-budget "$budget" --asset-root "${root:-$models}" \
+        --fov 60 --texture-budget "$budget" --asset-root "$data" \
         --stats "$temp/$budget.json" --progress none "$@"
 }
 evicted() { grep -q '"evicted": [1-9]' "$temp/$1.json"; }
@@ -19,18 +19,15 @@ compare() { # scene options...
     same "$temp/16.exr" "$temp/4096.exr"
 }
 
-gallery=("$models/gallery/gallery.gltf" --eye 0,0,1 --target 0,0,0 --env "$models/room.hdr")
 need "$helio"
-compare "${gallery[@]}" --mode path
-compare "${gallery[@]}" --mode realtime --aov all
-
 sponza=scenes/Sponza/glTF/Sponza.gltf
 env=hdr/lightroom_14b_from_filament_ktx.hdr
 if has_data $sponza && has_data $env; then
-    root=$data
     nave=("$data/$sponza" --eye 6,1.6,0 --target 5,1.7,0 --env "$data/$env")
     compare "${nave[@]}" --mode path
     compare "${nave[@]}" --mode realtime --aov all
+else
+    [ $failures = 0 ] && exit 77 # skipped (ctest)
 fi
 
 [ $failures = 0 ] || exit 1
