@@ -50,6 +50,25 @@ static void set_texel(struct probe *probe, uint32_t w, uint32_t h, uint32_t x, u
     p[0] = p[1] = p[2] = p[3] = 100;
 }
 
+enum { WIDTH_MAX = 1024 };
+
+// cos and sin of the azimuth of each column of texels.
+struct columns {
+    double cosine[WIDTH_MAX], sine[WIDTH_MAX];
+};
+
+static struct columns columns_of(uint32_t width)
+{
+    struct columns columns;
+    assert_true(width <= WIDTH_MAX);
+    for (uint32_t x = 0; x < width; x++) {
+        const double phi = ((x + 0.5) / width - 0.5) * 2 * PI;
+        columns.cosine[x] = cos(phi);
+        columns.sine[x] = sin(phi);
+    }
+    return columns;
+}
+
 static void texel_direction(double x, double y, uint32_t w, uint32_t h, struct hg_vec4 *out)
 {
     double phi = (x / w - 0.5) * 2 * PI, theta = (0.5 - y / h) * PI;
@@ -147,14 +166,15 @@ static void test_roughness_zero_is_the_source(void **state)
 static double brute_irradiance(const struct hg_image *image, const struct hg_vec4 *n, int channel)
 {
     const float *p = image->pixels;
+    const struct columns columns = columns_of(image->width);
     double sum = 0;
     for (uint32_t y = 0; y < image->height; y++) {
         double t = PI * (0.5 - (y + 0.5) / image->height), half = PI / 2 / image->height;
         double area = 2 * PI / image->width * (sin(t + half) - sin(t - half));
+        const double out = cos(t), up = sin(t) * (double)n->y;
         for (uint32_t x = 0; x < image->width; x++) {
-            double phi = ((x + 0.5) / image->width - 0.5) * 2 * PI;
-            double c = cos(t) * (cos(phi) * (double)n->x + sin(phi) * (double)n->z) +
-                       sin(t) * (double)n->y;
+            double c =
+                out * (columns.cosine[x] * (double)n->x + columns.sine[x] * (double)n->z) + up;
             if (c > 0)
                 sum += c * area * (double)p[((size_t)y * image->width + x) * 4 + channel];
         }
@@ -232,16 +252,17 @@ static void test_irradiance(void **state)
 static double brute_lobe(const struct hg_image *image, const struct hg_vec4 *n, double alpha)
 {
     const float *p = image->pixels;
+    const struct columns columns = columns_of(image->width);
     double sum = 0, weights = 0;
     for (uint32_t y = 0; y < image->height; y++) {
         double t = PI * (0.5 - (y + 0.5) / image->height);
+        const double out = cos(t), up = sin(t) * (double)n->y;
         for (uint32_t x = 0; x < image->width; x++) {
-            double phi = ((x + 0.5) / image->width - 0.5) * 2 * PI;
-            double c = cos(t) * (cos(phi) * (double)n->x + sin(phi) * (double)n->z) +
-                       sin(t) * (double)n->y;
+            double c =
+                out * (columns.cosine[x] * (double)n->x + columns.sine[x] * (double)n->z) + up;
             if (c <= 0)
                 continue;
-            double k = 0.5 * (1 + c) * (alpha * alpha - 1) + 1, w = c / (k * k) * cos(t);
+            double k = 0.5 * (1 + c) * (alpha * alpha - 1) + 1, w = c / (k * k) * out;
             sum += w * (double)p[((size_t)y * image->width + x) * 4 + 1];
             weights += w;
         }
