@@ -34,7 +34,7 @@ struct run {
     struct hg_renderer *renderer;
     const struct hg_bench_settings *bench;
     struct hg_geometry *geometry;
-    struct hg_ray_geometry *cut;
+    struct hg_ray_geometry *ray_geometry;
     struct hg_trace *traces[HG_TRACE_KHR + 1];
     struct result results[HG_TRACE_KHR + 1];
     uint32_t width, height, rounds, rays;
@@ -78,7 +78,8 @@ static enum hg_status open_scene(struct run *run, struct hg_scene *scene, struct
         status = hg_geometry_sync(run->geometry, scene, NULL, err);
     if (status == HG_OK)
         status = hg_skin_run(gpu, run->geometry, err);
-    return status == HG_OK ? hg_ray_geometry_make(run->geometry, &lens, run->renderer->jobs, &run->cut, err)
+    return status == HG_OK ? hg_ray_geometry_make(
+                                 run->geometry, &lens, run->renderer->jobs, &run->ray_geometry, err)
                            : status;
 }
 
@@ -96,7 +97,7 @@ static enum hg_status build(struct run *run, enum hg_trace_backend b, struct hg_
     }
     const uint64_t start = hg_clock_now_ns();
     if (status == HG_OK)
-        status = hg_trace_sync(run->traces[b], run->cut, err);
+        status = hg_trace_sync(run->traces[b], run->ray_geometry, err);
     const uint64_t ns = hg_clock_now_ns() - start;
     if (status != HG_OK)
         return status;
@@ -162,8 +163,8 @@ static void fill_primary(struct run *run)
 
 static const struct hg_ray_geometry_piece *piece_of(const struct run *run, const struct hg_gpu_hit *hit)
 {
-    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(run->cut);
-    uint32_t low = 0, high = hg_ray_geometry_count(run->cut);
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(run->ray_geometry);
+    uint32_t low = 0, high = hg_ray_geometry_count(run->ray_geometry);
     while (high - low > 1) {
         const uint32_t i = low + (high - low) / 2;
         if (pieces[i].draw < hit->draw ||
@@ -417,7 +418,7 @@ static void finish(struct run *run)
     struct hg_gpu *gpu = run->renderer->gpu;
     for (int b = 0; b <= HG_TRACE_KHR; b++)
         hg_trace_destroy(run->traces[b]);
-    hg_ray_geometry_free(run->cut);
+    hg_ray_geometry_free(run->ray_geometry);
     hg_geometry_destroy(run->geometry);
     for (int k = 0; k < KINDS; k++)
         hg_gpu_buffer_destroy(gpu, &run->ray_buffer[k]);

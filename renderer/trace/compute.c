@@ -36,7 +36,6 @@ struct compute {
     uint64_t instances_at;
     struct hg_bvh top_bvh;
     uint32_t features; // HG_BVH_* of any instance
-    uint32_t piece[2]; // rays of a dispatch: closest, blocked
 };
 
 static enum hg_status no_memory(struct hg_error *err)
@@ -81,7 +80,6 @@ static enum hg_status create(struct hg_trace *trace, void **self, struct hg_erro
         return no_memory(err);
     *self = c;
     c->trace = trace;
-    c->piece[0] = c->piece[1] = HG_TRACE_FIRST_PIECE;
     c->top_bvh.root = HG_BVH_NONE;
     return hg_bvh_builder_create(&c->builder, err);
 }
@@ -290,6 +288,7 @@ static enum hg_status build_flat(
     if (status == HG_OK)
         status = build_tree(c, &c->flat, &s, false, err);
     c->flat.key = l->flat_key;
+    c->trace->stats.built_triangles += l->flat_triangles;
     soup_finish(&s);
     return status;
 }
@@ -301,8 +300,10 @@ static enum hg_status fill_body(
 {
     const struct hg_trace_place *place = &l->places[from->first_place];
     const enum hg_status status = soup_init(s, from->triangles, from->moves);
-    for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++)
-        add_piece(s, hg_trace_piece(l, place, i), NULL, HG_RAY_ALL << 28);
+    for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++) {
+        const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, i);
+        add_piece(s, piece, from->in_world ? piece->world : NULL, HG_RAY_ALL << 28);
+    }
     return status;
 }
 
@@ -354,6 +355,7 @@ static enum hg_status bring_body(struct compute *c, const struct hg_trace_layout
     body->shape = from->moves;
     soup_finish(&s);
     *(fits ? &stats->refit_ns : &stats->build_ns) += hg_clock_now_ns() - start;
+    *(fits ? &stats->refit_triangles : &stats->built_triangles) += from->triangles;
     return status;
 }
 
@@ -465,7 +467,8 @@ static void place_all(struct compute *c, const struct hg_trace_layout *l, struct
         const struct hg_trace_body *from = &l->bodies[i];
         for (uint32_t k = 0; !from->flat && k < from->place_count; k++) {
             const struct hg_trace_place *place = &l->places[from->first_place + k];
-            place_body(p, &c->bodies[at], from, place, &l->pieces[place->first_piece]);
+            const struct hg_ray_geometry_piece *piece = &l->pieces[place->first_piece];
+            place_body(p, &c->bodies[at], from, place, from->in_world ? NULL : piece);
         }
         at += !from->flat;
     }
@@ -550,8 +553,8 @@ static enum hg_status sync(void *self, const struct hg_trace_layout *l, struct h
 
 // --- waves ---------------------------------------------------------------------------------------
 
-static enum hg_status dispatch(
-    struct compute *c, const struct hg_gpu_bvh_wave *wave, bool any, struct hg_error *err)
+static enum hg_status dispatch(struct compute *c, const struct hg_gpu_bvh_wave *wave, bool any,
+    uint64_t *value, struct hg_error *err)
 {
     struct hg_gpu *gpu = c->trace->gpu;
     const struct hg_gpu_pipeline_params params = {
@@ -568,37 +571,28 @@ static enum hg_status dispatch(
     hg_gpu_cmd_push(cmd, wave, sizeof *wave);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (wave->count + HG_BVH_GROUP - 1) / HG_BVH_GROUP, 1, 1);
     hg_gpu_memory_barrier(cmd);
-    return hg_gpu_submit_and_wait(gpu, cmd, err);
+    return hg_gpu_submit(gpu, cmd, value, err);
 }
 
-static enum hg_status trace(
-    void *self, const struct hg_trace_wave *w, bool any, struct hg_error *err)
+static enum hg_status submit(
+    void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
 {
     struct compute *c = self;
-    enum hg_status status = HG_OK;
-    for (uint32_t at = 0, n; at < w->count && status == HG_OK; at += n) {
-        uint32_t *piece = &c->piece[any];
-        n = w->count - at < *piece ? w->count - at : *piece;
-        const uint32_t skip = w->list != NULL ? 0 : at; // lists tell places in the whole
-        struct hg_gpu_bvh_wave wave = {
-            .rays = w->rays->address + (w->first_ray + skip) * sizeof(struct hg_gpu_ray),
-            .list = w->list != NULL ? w->list->address + at * sizeof(uint32_t) : 0,
-            .nodes = c->top.address,
-            .instances = c->top.address + c->instances_at,
-            .root = c->top_bvh.root,
-            .count = n};
-        if (any)
-            wave.blocked = w->blocked->address + (w->first_hit + skip) * sizeof(uint32_t);
-        else
-            wave.hits = w->hits->address + (w->first_hit + skip) * sizeof(struct hg_gpu_hit);
-        memcpy(&wave.origin, c->top_bvh.origin, sizeof wave.origin);
-        memcpy(&wave.step, c->top_bvh.step, sizeof wave.step);
-        const uint64_t start = hg_clock_now_ns();
-        status = dispatch(c, &wave, any, err);
-        hg_trace_adapt(piece, LEAST_PIECE, n, hg_clock_now_ns() - start);
-    }
-    return status;
+    const struct hg_trace_addresses at = hg_trace_addresses(piece);
+    struct hg_gpu_bvh_wave wave = {.rays = at.rays,
+        .list = at.list,
+        .nodes = c->top.address,
+        .instances = c->top.address + c->instances_at,
+        .root = c->top_bvh.root,
+        .count = piece->count};
+    *(piece->any ? &wave.blocked : &wave.hits) = at.out;
+    memcpy(&wave.origin, c->top_bvh.origin, sizeof wave.origin);
+    memcpy(&wave.step, c->top_bvh.step, sizeof wave.step);
+    return dispatch(c, &wave, piece->any, value, err);
 }
 
-const struct hg_trace_ops hg_trace_compute = {
-    .create = create, .destroy = destroy, .sync = sync, .trace = trace};
+const struct hg_trace_ops hg_trace_compute = {.create = create,
+    .destroy = destroy,
+    .sync = sync,
+    .submit = submit,
+    .least_piece = LEAST_PIECE};

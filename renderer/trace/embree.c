@@ -96,24 +96,27 @@ struct run {
     const struct hg_embree *e;
     const struct hg_trace_wave *wave;
     bool any;
+    uint32_t at, end;
 };
 
 static void run_block(void *user, size_t index)
 {
     const struct run *run = user;
-    const uint32_t first = (uint32_t)index * BLOCK_RAYS, left = run->wave->count - first;
+    const uint32_t first = run->at + (uint32_t)index * BLOCK_RAYS, left = run->end - first;
     hg_embree_trace(run->e, run->wave, run->any, first, left < BLOCK_RAYS ? left : BLOCK_RAYS);
 }
 
-static enum hg_status trace(
-    void *self, const struct hg_trace_wave *wave, bool any, struct hg_error *err)
+static enum hg_status submit(
+    void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
 {
     const struct hg_embree *e = self;
-    if (wave->rays->mapped == NULL || (any ? wave->blocked : wave->hits)->mapped == NULL)
+    const struct hg_trace_wave *wave = piece->wave;
+    (void)value;
+    if (wave->rays->mapped == NULL || (piece->any ? wave->blocked : wave->hits)->mapped == NULL)
         return hg_error_set(
             err, HG_E_INVAL, "ray tracing", "embree", "the host cannot reach the wave");
-    struct run run = {e, wave, any};
-    const size_t blocks = (wave->count + BLOCK_RAYS - 1) / BLOCK_RAYS;
+    struct run run = {e, wave, piece->any, piece->at, piece->at + piece->count};
+    const size_t blocks = (piece->count + BLOCK_RAYS - 1) / BLOCK_RAYS;
     if (e->trace->params.jobs != NULL)
         hg_jobs_for(e->trace->params.jobs, blocks, run_block, &run);
     else
@@ -146,7 +149,7 @@ static enum hg_status trace_raw(
     void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err)
 {
     const struct hg_embree *e = self;
-    struct raw raw = {.run = {e, wave, any}};
+    struct raw raw = {.run = {.e = e, .wave = wave, .any = any}};
     const size_t blocks = (wave->count + BLOCK_RAYS - 1) / BLOCK_RAYS;
     raw.packets =
         hg_calloc_aligned(64, blocks * (BLOCK_RAYS / HG_EMBREE_PACKET) * hg_embree_packet_bytes());
@@ -167,4 +170,4 @@ static enum hg_status trace_raw(
 }
 
 const struct hg_trace_ops hg_trace_embree = {
-    .create = create, .destroy = destroy, .sync = sync, .trace = trace, .raw = trace_raw};
+    .create = create, .destroy = destroy, .sync = sync, .submit = submit, .raw = trace_raw};

@@ -47,7 +47,7 @@ struct hg_embree {
     bool flat_there;
     // Of the flat ones those that are not opaque once more, by the same numbers, for rays that look
     // for nothing else; NULL: there are none.
-    RTCScene flat_holes;
+    RTCScene flat_alpha_mask;
     struct hg_embree_body *bodies; // that are placed, by key
     uint32_t body_count;
     RTCScene top; // of instances; NULL: there are none

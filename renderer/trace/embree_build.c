@@ -47,8 +47,8 @@ static RTCGeometry open_geometry(
     return geometry;
 }
 
-static void share_positions(
-    RTCGeometry geometry, const struct hg_ray_geometry_piece *piece, uint32_t step, const float *positions)
+static void share_positions(RTCGeometry geometry, const struct hg_ray_geometry_piece *piece,
+    uint32_t step, const float *positions)
 {
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, step, RTC_FORMAT_FLOAT3, positions,
         0, 12, piece->vertex_count);
@@ -86,9 +86,9 @@ static void release_body(struct hg_embree_body *body)
 static void release_flat(struct hg_embree *e)
 {
     release_body(&e->flat);
-    if (e->flat_holes != NULL)
-        rtcReleaseScene(e->flat_holes);
-    e->flat_holes = NULL;
+    if (e->flat_alpha_mask != NULL)
+        rtcReleaseScene(e->flat_alpha_mask);
+    e->flat_alpha_mask = NULL;
     e->flat_there = false;
 }
 
@@ -126,11 +126,11 @@ static enum hg_status add_flat_place(
             piece->vertex_count);
         b->e->flat.geometries[*id] =
             (struct hg_embree_geometry){place->draw, piece->first_primitive};
-        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes == NULL)
-            b->e->flat_holes = open_scene(b->e, false);
-        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes != NULL)
-            rtcAttachGeometryByID(b->e->flat_holes, geometry, *id);
-        if (place->mask != HG_RAY_OPAQUE && b->e->flat_holes == NULL)
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_alpha_mask == NULL)
+            b->e->flat_alpha_mask = open_scene(b->e, false);
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_alpha_mask != NULL)
+            rtcAttachGeometryByID(b->e->flat_alpha_mask, geometry, *id);
+        if (place->mask != HG_RAY_OPAQUE && b->e->flat_alpha_mask == NULL)
             status = HG_E_NOMEM;
         attach(b->e->flat.scene, geometry, place->mask, (*id)++);
     }
@@ -166,10 +166,11 @@ static enum hg_status build_flat(const struct build *b)
     if (status != HG_OK)
         return status;
     rtcCommitScene(e->flat.scene);
-    if (e->flat_holes != NULL)
-        rtcCommitScene(e->flat_holes);
+    if (e->flat_alpha_mask != NULL)
+        rtcCommitScene(e->flat_alpha_mask);
     e->flat.key = l->flat_key;
     e->flat_there = true;
+    e->trace->stats.built_triangles += l->flat_triangles;
     return HG_OK;
 }
 
@@ -186,6 +187,27 @@ static uint64_t shape_of(const struct build *b, const struct hg_trace_body *body
     return h;
 }
 
+// In the body's own space, at both ends of the shutter where they differ.
+static bool set_positions(struct hg_embree *e, const struct hg_trace_body *from,
+    const struct hg_ray_geometry_piece *piece, RTCGeometry geometry)
+{
+    const bool moves = piece->opening != NULL;
+    rtcSetGeometryTimeStepCount(geometry, moves ? 2 : 1);
+    if (from->in_world) {
+        const RTCBuffer buffer = world_positions(e, piece, piece->world);
+        if (buffer == NULL)
+            return false;
+        rtcSetGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, buffer, 0, 12,
+            piece->vertex_count);
+        rtcReleaseBuffer(buffer);
+        return true;
+    }
+    share_positions(geometry, piece, 0, moves ? piece->opening : piece->positions);
+    if (moves)
+        share_positions(geometry, piece, 1, piece->positions);
+    return true;
+}
+
 static enum hg_status build_body(
     const struct build *b, const struct hg_trace_body *from, struct hg_embree_body *body)
 {
@@ -200,11 +222,10 @@ static enum hg_status build_body(
         const RTCGeometry geometry = open_geometry(b->e, piece, quality);
         if (geometry == NULL)
             return HG_E_NOMEM;
-        const bool moves = piece->opening != NULL;
-        rtcSetGeometryTimeStepCount(geometry, moves ? 2 : 1);
-        share_positions(geometry, piece, 0, moves ? piece->opening : piece->positions);
-        if (moves)
-            share_positions(geometry, piece, 1, piece->positions);
+        if (!set_positions(b->e, from, piece, geometry)) {
+            rtcReleaseGeometry(geometry);
+            return HG_E_NOMEM;
+        }
         body->geometries[i].first_primitive = piece->first_primitive;
         attach(body->scene, geometry, HG_RAY_ALL, i);
     }
@@ -243,11 +264,14 @@ static enum hg_status bring_body(const struct build *b, const struct hg_trace_bo
     if (old != NULL && old->shape == shape_of(b, from) && old->refits < MOST_REFITS) {
         *body = *old;
         memset(old, 0, sizeof *old);
-        if (from->deforms)
+        if (from->deforms) {
             refit_body(body, from->moves);
+            stats->refit_triangles += from->triangles;
+        }
         stats->refit_ns += hg_clock_now_ns() - start;
     } else {
         status = build_body(b, from, body);
+        stats->built_triangles += from->triangles;
         stats->build_ns += hg_clock_now_ns() - start;
     }
     return status;
@@ -277,21 +301,23 @@ static enum hg_status build_bodies(const struct build *b)
 
 // --- instances -----------------------------------------------------------------------------------
 
-static enum hg_status add_instance(const struct build *b, const struct hg_embree_body *body,
-    const struct hg_trace_place *place, uint32_t id)
+static enum hg_status add_instance(const struct build *b, const struct hg_trace_body *from,
+    const struct hg_embree_body *body, const struct hg_trace_place *place, uint32_t id)
 {
     struct hg_embree *e = b->e;
     const struct hg_ray_geometry_piece *piece = &b->layout->pieces[place->first_piece];
     const RTCGeometry geometry = rtcNewGeometry(e->device, RTC_GEOMETRY_TYPE_INSTANCE);
     if (geometry == NULL)
         return HG_E_NOMEM;
-    const bool moves = memcmp(piece->world, piece->previous, sizeof piece->world) != 0;
+    const float *world = hg_trace_matrix(from, piece);
+    const bool moves =
+        !from->in_world && memcmp(piece->world, piece->previous, sizeof piece->world) != 0;
     rtcSetGeometryInstancedScene(geometry, body->scene);
     rtcSetGeometryTimeStepCount(geometry, moves ? 2 : 1);
     rtcSetGeometryTransform(
-        geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, moves ? piece->previous : piece->world);
+        geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, moves ? piece->previous : world);
     if (moves)
-        rtcSetGeometryTransform(geometry, 1, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, piece->world);
+        rtcSetGeometryTransform(geometry, 1, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, world);
     e->instances[id] = (struct hg_embree_instance){place->draw, body};
     attach(e->top, geometry, place->mask, id);
     return HG_OK;
@@ -317,7 +343,7 @@ static enum hg_status build_instances(const struct build *b)
         if (from->flat)
             continue;
         for (uint32_t p = 0; p < from->place_count && status == HG_OK; p++)
-            status = add_instance(b, &e->bodies[at], &l->places[from->first_place + p], id++);
+            status = add_instance(b, from, &e->bodies[at], &l->places[from->first_place + p], id++);
         at++;
     }
     if (status == HG_OK)

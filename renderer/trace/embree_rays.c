@@ -99,7 +99,7 @@ static RTCScene flat_scene(const struct hg_embree *e, uint32_t mask)
 {
     if (!e->flat_there)
         return NULL;
-    return (mask & HG_RAY_OPAQUE) != 0 ? e->flat.scene : e->flat_holes;
+    return (mask & HG_RAY_OPAQUE) != 0 ? e->flat.scene : e->flat_alpha_mask;
 }
 
 // --- the two Embrees -----------------------------------------------------------------------------

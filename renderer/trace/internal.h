@@ -5,14 +5,28 @@
 #include "renderer/trace/layout.h"
 #include "renderer/trace/trace.h"
 
+// Rays of a wave that go to the device (or through it) at once.
+struct hg_trace_piece {
+    const struct hg_trace_wave *wave;
+    bool any; // hits are not wanted, only whether there are any
+    uint32_t at, count;
+};
+
+// Where a piece lies on the device.
+struct hg_trace_addresses {
+    VkDeviceAddress rays, list, out; // list: 0 = none; out: words of `blocked`, or hits
+};
+struct hg_trace_addresses hg_trace_addresses(const struct hg_trace_piece *piece);
+
 // What a backend does. `self` is what create made; sync gets a layout that lives until the next.
 struct hg_trace_ops {
     enum hg_status (*create)(struct hg_trace *trace, void **self, struct hg_error *err);
     void (*destroy)(void *self); // accepts NULL
     enum hg_status (*sync)(void *self, const struct hg_trace_layout *layout, struct hg_error *err);
-    // any: hits are not wanted, only whether there are any.
-    enum hg_status (*trace)(
-        void *self, const struct hg_trace_wave *wave, bool any, struct hg_error *err);
+    // *value: of the device's timeline when the results are there; 0: they are.
+    enum hg_status (*submit)(
+        void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err);
+    uint32_t least_piece; // 0: a wave that is waited for goes in one piece
     // hg_trace_raw; NULL: not to be had.
     enum hg_status (*raw)(
         void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err);
@@ -28,8 +42,9 @@ struct hg_trace {
     void *spare;
     bool uses_spare;
     struct hg_trace_layout layout;
-    uint64_t revision; // of the cut
+    uint64_t revision; // of the ray geometry
     bool synced;
+    uint32_t piece[2]; // rays of one that is waited for: nearest hits, any
     struct hg_trace_stats stats;
 };
 
@@ -37,10 +52,5 @@ struct hg_trace {
 uint32_t hg_trace_mask(uint32_t draw_flags);
 // Rays that no backend is to follow: not finite, without direction or interval.
 bool hg_trace_is_ray(const struct hg_gpu_ray *ray);
-
-// Waves go to the device in pieces of about 8 ms: the next one, in rays, after `count` of them took
-// ns. least: clocks of busy machines run ahead of the work.
-#define HG_TRACE_FIRST_PIECE 16384u
-void hg_trace_adapt(uint32_t *piece, uint32_t least, uint32_t count, uint64_t ns);
 
 #endif

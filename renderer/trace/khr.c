@@ -12,6 +12,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/trace/internal.h"
+#include "renderer/trace/khr_input.h"
 #include "shaders/shared/khr.h"
 
 #define MOST_REFITS 64u
@@ -52,19 +53,6 @@ struct khr {
     struct structure top;
     struct hg_gpu_buffer scratch, instances, transforms, tables;
     uint64_t geometries_at; // in tables
-    uint32_t piece[2];      // rays of a dispatch: closest, blocked
-};
-
-// What goes into one structure.
-struct input {
-    VkAccelerationStructureGeometryKHR *geometries;
-    VkAccelerationStructureBuildRangeInfoKHR *ranges;
-    uint32_t *counts; // of primitives
-    size_t geometry_capacity, range_capacity, count_capacity;
-    uint32_t count;
-    struct hg_gpu_buffer *indices; // [index_count] in place of those of pieces, until it is built
-    size_t index_capacity;
-    uint32_t index_count;
 };
 
 static enum hg_status no_memory(struct hg_error *err)
@@ -142,7 +130,6 @@ static enum hg_status create(struct hg_trace *trace, void **self, struct hg_erro
         return no_memory(err);
     *self = k;
     k->trace = trace;
-    k->piece[0] = k->piece[1] = HG_TRACE_FIRST_PIECE;
     if (!load_functions(hg_gpu_device(gpu), &k->vk))
         return hg_error_set(
             err, HG_E_DEVICE, "ray tracing", "khr", "the driver lacks functions of its extension");
@@ -225,7 +212,7 @@ static enum hg_status read_compacted(struct khr *k, uint64_t *bytes, struct hg_e
 }
 
 // Builds (or refits) *s from what lies on the device.
-static enum hg_status build(struct khr *k, const struct input *in, struct order *order,
+static enum hg_status build(struct khr *k, const struct hg_khr_input *in, struct order *order,
     struct structure *s, struct hg_error *err)
 {
     struct hg_gpu *gpu = k->trace->gpu;
@@ -305,118 +292,10 @@ static enum hg_status compact(
     return HG_OK;
 }
 
-// --- input ---------------------------------------------------------------------------------------
+// --- bodies: one structure each -----------------------------------------------------------------
 
-static void input_finish(struct khr *k, struct input *in)
-{
-    for (uint32_t i = 0; i < in->index_count; i++)
-        hg_gpu_buffer_destroy(k->trace->gpu, &in->indices[i]);
-    hg_free(in->indices);
-    hg_free(in->geometries);
-    hg_free(in->ranges);
-    hg_free(in->counts);
-}
-
-static enum hg_status input_grow(struct input *in)
-{
-    const size_t n = (size_t)in->count + 1;
-    if (hg_grow(&in->geometries, &in->geometry_capacity, n, sizeof *in->geometries) != HG_OK ||
-        hg_grow(&in->ranges, &in->range_capacity, n, sizeof *in->ranges) != HG_OK ||
-        hg_grow(&in->counts, &in->count_capacity, n, sizeof *in->counts) != HG_OK)
-        return HG_E_NOMEM;
-    return HG_OK;
-}
-
-static bool is_corner(const struct hg_ray_geometry_piece *p, uint32_t index)
-{
-    const float *v = p->positions + (size_t)index * 3;
-    return index < p->vertex_count && fabsf(v[0]) <= 1e18f && fabsf(v[1]) <= 1e18f &&
-           fabsf(v[2]) <= 1e18f;
-}
-
-static bool is_triangle(const struct hg_ray_geometry_piece *p, uint32_t triangle)
-{
-    const uint32_t *i = p->indices + (size_t)triangle * 3;
-    return is_corner(p, i[0]) && is_corner(p, i[1]) && is_corner(p, i[2]);
-}
-
-// Indices of a piece some of whose triangles are none: those become points. *address: where, or
-// that of the piece when all are.
-static enum hg_status mend_indices(struct khr *k, struct input *in,
-    const struct hg_ray_geometry_piece *piece, VkDeviceAddress *address, struct hg_error *err)
-{
-    uint32_t good = 0, bad = 0;
-    *address = piece->indices_address;
-    if (piece->positions == NULL || piece->indices == NULL)
-        return HG_OK;
-    for (uint32_t i = 0; i < piece->triangle_count; i++) {
-        if (!is_triangle(piece, i))
-            bad++;
-        else
-            good = piece->indices[(size_t)i * 3];
-    }
-    if (bad == 0)
-        return HG_OK;
-    uint32_t *mended = hg_calloc((size_t)piece->triangle_count * 3, sizeof *mended);
-    if (mended == NULL || hg_grow(&in->indices, &in->index_capacity, in->index_count + 1,
-                              sizeof *in->indices) != HG_OK) {
-        hg_free(mended);
-        return no_memory(err);
-    }
-    for (uint32_t i = 0; i < piece->triangle_count; i++)
-        for (uint32_t c = 0; c < 3; c++)
-            mended[i * 3 + c] = is_triangle(piece, i) ? piece->indices[(size_t)i * 3 + c] : good;
-    const uint64_t bytes = piece->triangle_count * 12ull;
-    struct hg_gpu_buffer *buffer = &in->indices[in->index_count];
-    enum hg_status status =
-        hg_gpu_buffer_create(k->trace->gpu, HG_GPU_BUFFER_DEVICE, bytes, "indices", buffer, err);
-    if (status == HG_OK) {
-        in->index_count++;
-        *address = buffer->address;
-        status = hg_gpu_buffer_upload(k->trace->gpu, buffer, 0, mended, bytes, err);
-    }
-    hg_free(mended);
-    return status;
-}
-
-// transform: address of a row-major 3 x 4 matrix; 0 = none.
-static enum hg_status add_piece(struct khr *k, struct input *in, const struct hg_ray_geometry_piece *piece,
-    VkDeviceAddress transform, struct hg_error *err)
-{
-    VkDeviceAddress indices;
-    enum hg_status status = input_grow(in) == HG_OK ? HG_OK : no_memory(err);
-    if (status == HG_OK)
-        status = mend_indices(k, in, piece, &indices, err);
-    if (status != HG_OK)
-        return status;
-    in->geometries[in->count] = (VkAccelerationStructureGeometryKHR){
-        .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
-        .geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR,
-        .geometry.triangles =
-            {.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR,
-                .vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
-                .vertexData.deviceAddress = piece->positions_address,
-                .vertexStride = 12,
-                .maxVertex = piece->vertex_count > 0 ? piece->vertex_count - 1 : 0,
-                .indexType = VK_INDEX_TYPE_UINT32,
-                .indexData.deviceAddress = indices,
-                .transformData.deviceAddress = transform},
-        .flags = VK_GEOMETRY_OPAQUE_BIT_KHR};
-    in->ranges[in->count] =
-        (VkAccelerationStructureBuildRangeInfoKHR){.primitiveCount = piece->triangle_count};
-    in->counts[in->count++] = piece->triangle_count;
-    return HG_OK;
-}
-
-static void to_rows(const float m[12], VkTransformMatrixKHR *out)
-{
-    for (int row = 0; row < 3; row++)
-        for (int column = 0; column < 4; column++)
-            out->matrix[row][column] = m[column * 3 + row];
-}
-
-static enum hg_status build_body(
-    struct khr *k, const struct input *in, bool deforms, struct body *body, struct hg_error *err)
+static enum hg_status build_body(struct khr *k, const struct hg_khr_input *in, bool deforms,
+    struct body *body, struct hg_error *err)
 {
     struct order order = {.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
         .flags = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
@@ -455,7 +334,7 @@ static void add_instance(
         .accelerationStructureReference = body->tree.address};
     i->mask = mask & 0xffu;
     i->instanceCustomIndex = t->instance_count & 0xffffffu;
-    to_rows(world, &i->transform);
+    hg_khr_rows(world, &i->transform);
     t->instances[t->instance_count++] = (struct hg_gpu_khr_instance){draw, body->first_geometry};
 }
 
@@ -469,7 +348,7 @@ static enum hg_status upload_transforms(
     if (matrices == NULL)
         return no_memory(err);
     for (uint32_t i = 0; i < l->place_count; i++)
-        to_rows(l->pieces[l->places[i].first_piece].world, &matrices[i]);
+        hg_khr_rows(l->pieces[l->places[i].first_piece].world, &matrices[i]);
     struct hg_gpu *gpu = k->trace->gpu;
     enum hg_status status = hg_gpu_buffer_reserve(gpu, HG_GPU_BUFFER_DEVICE,
         (uint64_t)l->place_count * sizeof *matrices, "transforms", &k->transforms, err);
@@ -482,7 +361,7 @@ static enum hg_status upload_transforms(
 
 // Pieces of one class; geometry numbers go to the tables whether they are built again or not.
 static enum hg_status list_flat(struct khr *k, const struct hg_trace_layout *l, uint32_t class,
-    struct input *in, struct tables *t, struct hg_error *err)
+    struct hg_khr_input *in, struct tables *t, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     k->flat[class].first_geometry = t->geometry_count;
@@ -494,8 +373,8 @@ static enum hg_status list_flat(struct khr *k, const struct hg_trace_layout *l, 
             for (uint32_t n = 0;
                  place->mask == 1u << class && n < place->piece_count && status == HG_OK; n++) {
                 const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, n);
-                status = add_piece(
-                    k, in, piece, k->transforms.address + at * sizeof(VkTransformMatrixKHR), err);
+                status = hg_khr_input_add(k->trace->gpu, in, piece,
+                    k->transforms.address + at * sizeof(VkTransformMatrixKHR), err);
                 if (status == HG_OK &&
                     add_geometry(t, place->draw, piece->first_primitive) != HG_OK)
                     status = no_memory(err);
@@ -509,37 +388,41 @@ static enum hg_status build_flat(
     struct khr *k, const struct hg_trace_layout *l, struct tables *t, struct hg_error *err)
 {
     const bool same = k->flat_key == l->flat_key && !l->flat_deforms;
-    enum hg_status status = l->flat_key != 0 ? upload_transforms(k, l, err) : HG_OK;
+    enum hg_status status = l->place_count > 0 ? upload_transforms(k, l, err) : HG_OK;
     for (uint32_t class = 0; class < CLASSES && status == HG_OK; class ++) {
-        struct input in = {0};
+        struct hg_khr_input in = {0};
         if (!same)
             release(k, &k->flat[class].tree);
         status = list_flat(k, l, class, &in, t, err);
         if (status == HG_OK && !same && in.count > 0)
             status = build_body(k, &in, false, &k->flat[class], err);
-        input_finish(k, &in);
+        hg_khr_input_finish(k->trace->gpu, &in);
     }
     k->flat_key = l->flat_key;
+    k->trace->stats.built_triangles += same ? 0 : l->flat_triangles;
     return status;
 }
 
 // --- bodies --------------------------------------------------------------------------------------
 
 static enum hg_status list_body(struct khr *k, const struct hg_trace_layout *l,
-    const struct hg_trace_body *from, struct input *in, struct tables *t, struct hg_error *err)
+    const struct hg_trace_body *from, struct hg_khr_input *in, struct tables *t,
+    struct hg_error *err)
 {
     const struct hg_trace_place *place = &l->places[from->first_place];
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < place->piece_count && status == HG_OK; i++) {
         const struct hg_ray_geometry_piece *piece = hg_trace_piece(l, place, i);
-        status = add_piece(k, in, piece, 0, err);
+        const VkDeviceAddress matrix =
+            k->transforms.address + from->first_place * sizeof(VkTransformMatrixKHR);
+        status = hg_khr_input_add(k->trace->gpu, in, piece, from->in_world ? matrix : 0, err);
         if (status == HG_OK && add_geometry(t, 0, piece->first_primitive) != HG_OK)
             status = no_memory(err);
     }
     return status;
 }
 
-static uint64_t shape_of(const struct input *in)
+static uint64_t shape_of(const struct hg_khr_input *in)
 {
     uint64_t h = 1;
     for (uint32_t i = 0; i < in->count; i++) {
@@ -549,8 +432,8 @@ static uint64_t shape_of(const struct input *in)
     return h;
 }
 
-static enum hg_status bring_body(struct khr *k, const struct hg_trace_body *from, struct input *in,
-    struct body *old, struct hg_error *err)
+static enum hg_status bring_body(struct khr *k, const struct hg_trace_body *from,
+    struct hg_khr_input *in, struct body *old, struct hg_error *err)
 {
     struct hg_trace_stats *stats = &k->trace->stats;
     struct body *body = &k->bodies[k->body_count - 1];
@@ -567,11 +450,13 @@ static enum hg_status bring_body(struct khr *k, const struct hg_trace_body *from
         memset(old, 0, sizeof *old);
         if (from->deforms) {
             status = build(k, in, &order, &body->tree, err);
+            stats->refit_triangles += from->triangles;
             body->refits++;
         }
         stats->refit_ns += hg_clock_now_ns() - start;
     } else {
         status = build_body(k, in, from->deforms, body, err);
+        stats->built_triangles += from->triangles;
         stats->build_ns += hg_clock_now_ns() - start;
     }
     body->key = from->key;
@@ -597,14 +482,14 @@ static enum hg_status build_bodies(
     for (uint32_t i = 0; i < l->body_count && status == HG_OK; i++) {
         if (l->bodies[i].flat)
             continue;
-        struct input in = {0};
+        struct hg_khr_input in = {0};
         struct body *found =
             old_count > 0 ? bsearch(&l->bodies[i].key, old, old_count, sizeof *old, by_key) : NULL;
         k->bodies[k->body_count++].first_geometry = t->geometry_count;
         status = list_body(k, l, &l->bodies[i], &in, t, err);
         if (status == HG_OK)
             status = bring_body(k, &l->bodies[i], &in, found, err);
-        input_finish(k, &in);
+        hg_khr_input_finish(k->trace->gpu, &in);
     }
     for (uint32_t i = 0; i < old_count; i++)
         release(k, &old[i].tree);
@@ -625,8 +510,8 @@ static void place_all(struct khr *k, const struct hg_trace_layout *l, struct tab
         const struct hg_trace_body *from = &l->bodies[i];
         for (uint32_t p = 0; !from->flat && p < from->place_count; p++) {
             const struct hg_trace_place *place = &l->places[from->first_place + p];
-            add_instance(
-                t, &k->bodies[at], l->pieces[place->first_piece].world, place->mask, place->draw);
+            const float *world = hg_trace_matrix(from, &l->pieces[place->first_piece]);
+            add_instance(t, &k->bodies[at], world, place->mask, place->draw);
         }
         at += !from->flat;
     }
@@ -675,7 +560,7 @@ static enum hg_status build_top(
             .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR,
             .data.deviceAddress = k->instances.address}};
     VkAccelerationStructureBuildRangeInfoKHR range = {.primitiveCount = t->instance_count};
-    const struct input in = {
+    const struct hg_khr_input in = {
         .geometries = &geometry, .ranges = &range, .counts = &t->instance_count, .count = 1};
     struct order order = {.type = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
         .flags = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR};
@@ -713,8 +598,8 @@ static enum hg_status sync(void *self, const struct hg_trace_layout *l, struct h
 
 // --- waves ---------------------------------------------------------------------------------------
 
-static enum hg_status dispatch(
-    struct khr *k, const struct hg_gpu_khr_wave *wave, bool any, struct hg_error *err)
+static enum hg_status dispatch(struct khr *k, const struct hg_gpu_khr_wave *wave, bool any,
+    uint64_t *value, struct hg_error *err)
 {
     struct hg_gpu *gpu = k->trace->gpu;
     const struct hg_gpu_pipeline_params params = {
@@ -730,35 +615,27 @@ static enum hg_status dispatch(
     }
     hg_gpu_cmd_push(cmd, wave, sizeof *wave);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (wave->count + HG_KHR_GROUP - 1) / HG_KHR_GROUP, 1, 1);
-    return finish_batch(gpu, cmd, err);
+    hg_gpu_memory_barrier(cmd);
+    return hg_gpu_submit(gpu, cmd, value, err);
 }
 
-static enum hg_status trace(
-    void *self, const struct hg_trace_wave *w, bool any, struct hg_error *err)
+static enum hg_status submit(
+    void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
 {
     struct khr *k = self;
-    enum hg_status status = HG_OK;
-    for (uint32_t at = 0, n; at < w->count && status == HG_OK; at += n) {
-        uint32_t *piece = &k->piece[any];
-        n = w->count - at < *piece ? w->count - at : *piece;
-        const uint32_t skip = w->list != NULL ? 0 : at; // lists tell places in the whole
-        struct hg_gpu_khr_wave wave = {
-            .rays = w->rays->address + (w->first_ray + skip) * sizeof(struct hg_gpu_ray),
-            .list = w->list != NULL ? w->list->address + at * sizeof(uint32_t) : 0,
-            .instances = k->tables.address,
-            .geometries = k->tables.address + k->geometries_at,
-            .scene = k->top.address,
-            .count = n};
-        if (any)
-            wave.blocked = w->blocked->address + (w->first_hit + skip) * sizeof(uint32_t);
-        else
-            wave.hits = w->hits->address + (w->first_hit + skip) * sizeof(struct hg_gpu_hit);
-        const uint64_t start = hg_clock_now_ns();
-        status = dispatch(k, &wave, any, err);
-        hg_trace_adapt(piece, LEAST_PIECE, n, hg_clock_now_ns() - start);
-    }
-    return status;
+    const struct hg_trace_addresses at = hg_trace_addresses(piece);
+    struct hg_gpu_khr_wave wave = {.rays = at.rays,
+        .list = at.list,
+        .instances = k->tables.address,
+        .geometries = k->tables.address + k->geometries_at,
+        .scene = k->top.address,
+        .count = piece->count};
+    *(piece->any ? &wave.blocked : &wave.hits) = at.out;
+    return dispatch(k, &wave, piece->any, value, err);
 }
 
-const struct hg_trace_ops hg_trace_khr = {
-    .create = create, .destroy = destroy, .sync = sync, .trace = trace};
+const struct hg_trace_ops hg_trace_khr = {.create = create,
+    .destroy = destroy,
+    .sync = sync,
+    .submit = submit,
+    .least_piece = LEAST_PIECE};

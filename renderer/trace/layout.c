@@ -118,7 +118,8 @@ static void choose(const struct hg_trace_layout *l, struct hg_trace_body *body)
 {
     bool invertible = true, still = true, animated = false;
     for (uint32_t i = 0; i < body->place_count; i++) {
-        const struct hg_ray_geometry_piece *p = &l->pieces[l->places[body->first_place + i].first_piece];
+        const struct hg_ray_geometry_piece *p =
+            &l->pieces[l->places[body->first_place + i].first_piece];
         // Matrices that turn inside out have none half-way.
         invertible = invertible && hg_trace_is_invertible(p->world) &&
                      hg_trace_is_invertible(p->previous) &&
@@ -179,10 +180,17 @@ static void sum_up(struct hg_trace_layout *l)
             l->instances += body->place_count;
             continue;
         }
-        l->flat_deforms = l->flat_deforms || body->deforms;
+        l->flat_deforms = l->flat_deforms || (body->deforms && body->place_count > 0);
         l->flat_triangles += body->triangles * body->place_count;
-        l->flat_key = hash_flat(l, body, l->flat_key);
+        if (body->place_count > 0)
+            l->flat_key = hash_flat(l, body, l->flat_key);
     }
+}
+
+static int by_body_key(const void *a, const void *b)
+{
+    const struct hg_trace_body *x = a, *y = b;
+    return x->key < y->key ? -1 : x->key > y->key;
 }
 
 enum hg_status hg_trace_layout_make(
@@ -192,6 +200,10 @@ enum hg_status hg_trace_layout_make(
     enum hg_status status = list_places(l, pieces, count);
     if (status == HG_OK)
         status = list_bodies(l);
+    if (status == HG_OK && l->apart)
+        status = hg_trace_apart_split(l);
+    if (status == HG_OK && l->apart && l->body_count > 0)
+        qsort(l->bodies, l->body_count, sizeof *l->bodies, by_body_key);
     if (status == HG_OK)
         sum_up(l);
     return status;
@@ -201,5 +213,6 @@ void hg_trace_layout_finish(struct hg_trace_layout *l)
 {
     hg_free(l->places);
     hg_free(l->bodies);
+    hg_trace_apart_finish(&l->moved);
     memset(l, 0, sizeof *l);
 }

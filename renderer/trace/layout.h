@@ -1,5 +1,5 @@
-// layout.h - what of a cut is built once and placed often, and what is flattened into the world.
-// Floor 2 (trace). Thread: any; no shared state. Private to the room.
+// layout.h - what of ray geometry is built once and placed often, and what is flattened into the
+// world. Floor 2 (trace). Thread: any; no shared state. Private to the room.
 //
 // The pieces of a draw are a *body*; draws whose pieces have the same keys share it, each at a
 // *place* of its own. A body that is placed once, or is small, is *flat*: its triangles go with all
@@ -10,6 +10,7 @@
 #ifndef HG_RENDERER_TRACE_LAYOUT_H
 #define HG_RENDERER_TRACE_LAYOUT_H
 
+#include "renderer/trace/layout_apart.h"
 #include "renderer/trace/ray_geometry.h"
 
 struct hg_trace_body {
@@ -17,19 +18,20 @@ struct hg_trace_body {
     uint64_t triangles, vertices;      // vertices: of the pieces, shared ones once
     uint32_t first_place, place_count; // consecutive in `places`
     bool flat, deforms;
-    bool still; // matrices are the same at both ends of the shutter
-    bool moves; // positions are others at the opening of the shutter
+    bool in_world; // not flat, but in world space: its one place has no matrix (layout_apart.h)
+    bool still;    // matrices are the same at both ends of the shutter
+    bool moves;    // positions are others at the opening of the shutter
 };
 
 struct hg_trace_place {
     uint32_t draw, mask;
-    uint32_t first_piece, piece_count; // of the cut
-    uint64_t key;                      // of the body
+    uint32_t first_piece, piece_count;
+    uint64_t key; // of the body
 };
 
-struct hg_trace_layout {               // zeroed = empty; keeps its memory
-    const struct hg_ray_geometry_piece *pieces; // of the cut
-    struct hg_trace_place *places;     // by body, then draw
+struct hg_trace_layout { // zeroed = empty; keeps its memory
+    const struct hg_ray_geometry_piece *pieces;
+    struct hg_trace_place *places; // by body, then draw
     size_t place_capacity;
     uint32_t place_count;
     struct hg_trace_body *bodies; // by key
@@ -41,12 +43,21 @@ struct hg_trace_layout {               // zeroed = empty; keeps its memory
     uint64_t triangles;      // of all bodies, those of flat ones as often as they are placed
     uint32_t instances;      // places of bodies that are not flat
     bool motion;             // something moves while the shutter is open
+    bool apart;              // hg_trace_params.apart
+    struct hg_trace_apart moved;
 };
 
 // HG_E_NOMEM.
 enum hg_status hg_trace_layout_make(struct hg_trace_layout *layout,
     const struct hg_ray_geometry_piece *pieces, uint32_t count) HG_MUST_CHECK;
 void hg_trace_layout_finish(struct hg_trace_layout *layout);
+// What brings a place to world space: none where it is there already.
+static inline const float *hg_trace_matrix(
+    const struct hg_trace_body *body, const struct hg_ray_geometry_piece *piece)
+{
+    static const float identity[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
+    return body->in_world ? identity : piece->world;
+}
 // The piece of a place, with where it is.
 static inline const struct hg_ray_geometry_piece *hg_trace_piece(
     const struct hg_trace_layout *layout, const struct hg_trace_place *place, uint32_t index)

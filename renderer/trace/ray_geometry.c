@@ -1,5 +1,5 @@
-// ray_geometry.c - see ray_geometry.h. What a draw shows is chosen as for a view that sees everything and waits for
-// the whole of it (select.h).
+// ray_geometry.c - see ray_geometry.h. What a draw shows is chosen as for a view that sees
+// everything and waits for the whole of it (select.h).
 #include "renderer/trace/ray_geometry.h"
 
 #include <stdlib.h>
@@ -58,12 +58,13 @@ struct hg_ray_geometry {
     size_t placed_capacity;
     uint32_t placed_count;
     double origin[3]; // that they are relative to
+    uint32_t missing;
     uint64_t revision;
 };
 
 static enum hg_status no_memory(struct hg_error *err)
 {
-    return hg_error_set(err, HG_E_NOMEM, "cut", NULL, "no memory");
+    return hg_error_set(err, HG_E_NOMEM, "ray geometry", NULL, "no memory");
 }
 
 static bool host_reads(const struct hg_geometry *g)
@@ -133,6 +134,11 @@ const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_g
     return c->pieces;
 }
 
+uint32_t hg_ray_geometry_missing(const struct hg_ray_geometry *c)
+{
+    return c->missing;
+}
+
 uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *c)
 {
     return c->revision;
@@ -147,7 +153,18 @@ static enum hg_status select_once(struct hg_ray_geometry *c, const struct hg_cul
     enum hg_status status = hg_select(c->geometry, view, jobs, &c->runs);
     if (status == HG_OK)
         status = hg_select_wants(c->geometry, view, &c->runs);
-    return status == HG_OK ? HG_OK : hg_error_set(err, status, "cut", NULL, "no memory");
+    return status == HG_OK ? HG_OK : hg_error_set(err, status, "ray geometry", NULL, "no memory");
+}
+
+// What is there, and the rest is asked for.
+static enum hg_status select_resident(struct hg_ray_geometry *c, const struct hg_culling_view *view,
+    struct hg_jobs *jobs, struct hg_error *err)
+{
+    const enum hg_status status = select_once(c, view, jobs, err);
+    c->missing = status == HG_OK ? c->runs.want_count : 0;
+    if (c->missing > 0)
+        (void)hg_cluster_pool_request(c->geometry->pool, c->runs.wants, c->missing);
+    return status;
 }
 
 // All that is wanted comes in; what was there before and is not wanted goes where it must.
@@ -307,21 +324,21 @@ static enum hg_status keep_places(struct hg_ray_geometry *c, struct hg_error *er
 }
 
 enum hg_status hg_ray_geometry_open_shutter(
-    struct hg_geometry *geometry, struct hg_ray_geometry **cut, struct hg_error *err)
+    struct hg_geometry *geometry, struct hg_ray_geometry **out, struct hg_error *err)
 {
-    enum hg_status status = create(geometry, cut, err);
+    enum hg_status status = create(geometry, out, err);
     if (status == HG_OK)
-        status = copy_poses(*cut, &(*cut)->opening, err);
+        status = copy_poses(*out, &(*out)->opening, err);
     if (status == HG_OK)
-        status = keep_places(*cut, err);
-    if (status != HG_OK && *cut != NULL)
-        (*cut)->opening.count = (*cut)->placed_count = 0;
+        status = keep_places(*out, err);
+    if (status != HG_OK && *out != NULL)
+        (*out)->opening.count = (*out)->placed_count = 0;
     return status;
 }
 
 // Where a draw was when the shutter opened, relative to the origin of now.
-static void place_before(
-    const struct hg_ray_geometry *c, const struct hg_draw_entry *d, struct hg_ray_geometry_piece *piece)
+static void place_before(const struct hg_ray_geometry *c, const struct hg_draw_entry *d,
+    struct hg_ray_geometry_piece *piece)
 {
     const struct placed key = place_of(c->geometry, d);
     const struct placed *found =
@@ -345,8 +362,8 @@ static uint64_t key_of(const struct hg_draw_entry *d, const struct hg_run *run)
     return d->deform != NULL ? hg_hash_mix(h, d->deform->node) : h;
 }
 
-static void fill_whole(
-    const struct hg_ray_geometry *c, const struct hg_draw_entry *d, struct hg_ray_geometry_piece *piece)
+static void fill_whole(const struct hg_ray_geometry *c, const struct hg_draw_entry *d,
+    struct hg_ray_geometry_piece *piece)
 {
     const struct hg_part_entry *part = d->part;
     const struct hg_mesh_part *source = &d->node->mesh->parts[d->mesh_part];
@@ -455,7 +472,8 @@ static void decode_copy(void *user, size_t index)
                        : HG_E_NOMEM;
 }
 
-static enum hg_status add_copy(struct hg_ray_geometry *c, const struct hg_run *run, struct hg_error *err)
+static enum hg_status add_copy(
+    struct hg_ray_geometry *c, const struct hg_run *run, struct hg_error *err)
 {
     const struct hg_cluster_mesh *mesh = c->geometry->draws[run->draw].part->clusters;
     struct copy *last = c->copy_count > 0 ? &c->copies[c->copy_count - 1] : NULL;
@@ -472,7 +490,8 @@ static enum hg_status add_copy(struct hg_ray_geometry *c, const struct hg_run *r
 }
 
 // Positions of chunks, where the host cannot read those of the device.
-static enum hg_status fill_copies(struct hg_ray_geometry *c, struct hg_jobs *jobs, struct hg_error *err)
+static enum hg_status fill_copies(
+    struct hg_ray_geometry *c, struct hg_jobs *jobs, struct hg_error *err)
 {
     for (uint32_t i = 0; i < c->copy_count && jobs == NULL; i++)
         decode_copy(c, i);
@@ -482,7 +501,8 @@ static enum hg_status fill_copies(struct hg_ray_geometry *c, struct hg_jobs *job
         const struct copy *copy = &c->copies[i];
         struct hg_lod_layout layout;
         if (copy->status != HG_OK)
-            return hg_error_set(err, copy->status, "cut", NULL, "a cluster could not be read");
+            return hg_error_set(
+                err, copy->status, "ray geometry", NULL, "a cluster could not be read");
         hg_lod_chunk_layout(copy->mesh->lod, copy->chunk, &layout);
         for (uint32_t p = copy->first_piece; p < copy->end_piece; p++) {
             c->pieces[p].positions = (const float *)(void *)(copy->bytes + layout.positions);
@@ -492,10 +512,11 @@ static enum hg_status fill_copies(struct hg_ray_geometry *c, struct hg_jobs *job
     return HG_OK;
 }
 
-// --- a cut ---------------------------------------------------------------------------------------
+// --- all of it
+// ---------------------------------------------------------------------------------------
 
-static enum hg_status list_pieces(
-    struct hg_ray_geometry *c, const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_error *err)
+static enum hg_status list_pieces(struct hg_ray_geometry *c,
+    const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_error *err)
 {
     const bool copies = !lens->addresses && !host_reads(c->geometry);
     enum hg_status status = HG_OK;
@@ -528,8 +549,9 @@ static uint64_t revision_of(const struct hg_ray_geometry *c)
     return deforms ? hg_hash_mix(h, hg_geometry_shape_revision(c->geometry)) : h;
 }
 
-enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry, const struct hg_ray_geometry_lens *lens,
-    struct hg_jobs *jobs, struct hg_ray_geometry **out, struct hg_error *err)
+enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry,
+    const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_ray_geometry **out,
+    struct hg_error *err)
 {
     const struct hg_culling_view view = {.eye = {lens->eye[0], lens->eye[1], lens->eye[2]},
         .px_scale = lens->px_scale,
@@ -537,15 +559,17 @@ enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry, const struct h
         .near = lens->near,
         .error_px = lens->error_px,
         .both_sides = true,
-        .wait = true,
-        .whole = true};
+        .wait = !lens->resident,
+        .whole = !lens->resident};
     enum hg_status status = create(geometry, out, err);
     if (status != HG_OK)
         return status;
     struct hg_ray_geometry *c = *out;
     let_go(c);
     drop_copies(c);
-    status = select_all(c, &view, jobs, err);
+    c->missing = 0;
+    status =
+        lens->resident ? select_resident(c, &view, jobs, err) : select_all(c, &view, jobs, err);
     if (status == HG_OK)
         status = hold_chunks(c, err);
     if (status == HG_OK)

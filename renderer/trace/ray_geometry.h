@@ -1,10 +1,10 @@
 // ray_geometry.h - the triangles that rays see: every draw at one level of detail, on the host.
 // Floor 2 (geometry). Thread: the render thread.
 //
-// A cut does not depend on what is resident, on budgets or on the pictures before: two cuts of the
-// same scene for the same lens are the same. Draws that nothing simplifies have one piece, all of
-// their part. Positions are where the device reads them (object space; skinned and morphed parts
-// have been deformed), or copies where the host cannot.
+// Unless its lens asks for what is resident, it does not depend on that, on budgets or on the
+// pictures before: of the same scene for the same lens it is the same. Draws that nothing
+// simplifies have one piece, all of their part. Positions are where the device reads them (object
+// space; skinned and morphed parts have been deformed), or copies where the host cannot.
 //
 // Call it after hg_geometry_sync, when deformations have run (hg_geometry_deforms_done) and no
 // batch is open. Sets of visible.h that were added before are not to be drawn any more: the chunks
@@ -17,7 +17,7 @@
 #include "renderer/geometry/geometry.h"
 
 // Consecutive triangles of one piece of geometry. Pieces with the same key have the same positions
-// and triangles, in this cut and in later ones.
+// and triangles, in this ray geometry and in later ones.
 struct hg_ray_geometry_piece {
     uint64_t key;
     uint32_t draw;            // index of the device's draws
@@ -43,26 +43,34 @@ struct hg_ray_geometry_lens {
     bool orthographic;
     float near;     // metres, > 0
     float error_px; // greatest projected error; 0: everything as fine as it is
-    bool motion;    // from hg_ray_geometry_open_shutter to now; else nothing moves while the shutter is open
+    bool motion; // from hg_ray_geometry_open_shutter to now; else nothing moves while the shutter
+                 // is open
     bool addresses; // only they are wanted: positions and indices may be NULL
+    // What is not there is not waited for: coarser levels take its place, and it is asked for.
+    bool resident;
 };
 
 struct hg_ray_geometry;
 
-// Loads what the cut wants and is not there. HG_E_LIMIT: the geometry budget does not hold it.
+// Loads what is wanted and not there. HG_E_LIMIT: the geometry budget does not hold it.
 // HG_E_NOMEM, device errors. *out: kept and brought up to date when it is not NULL (also after an
 // error: then it is empty); its chunks stay resident until it is freed, made anew or the geometry
 // is synced. Free it before the geometry.
-enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry, const struct hg_ray_geometry_lens *lens,
-    struct hg_jobs *jobs, struct hg_ray_geometry **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry,
+    const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_ray_geometry **out,
+    struct hg_error *err) HG_MUST_CHECK;
 // Keeps where everything is now, and the positions of deformed parts: what `previous` and `opening`
-// are of the cuts with motion that follow. Draws that were not there then do not move. *cut: as of
-// hg_ray_geometry_make; what it holds stays. HG_E_NOMEM, device errors.
+// are of ray geometry with motion that follows. Draws that were not there then do not move. *out:
+// as of hg_ray_geometry_make; what it holds stays. HG_E_NOMEM, device errors.
 enum hg_status hg_ray_geometry_open_shutter(
-    struct hg_geometry *geometry, struct hg_ray_geometry **cut, struct hg_error *err) HG_MUST_CHECK;
-void hg_ray_geometry_free(struct hg_ray_geometry *cut); // accepts NULL
-uint32_t hg_ray_geometry_count(const struct hg_ray_geometry *cut);
-const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_geometry *cut); // by draw, then primitive
-uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *cut); // differs when anything of it does
+    struct hg_geometry *geometry, struct hg_ray_geometry **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_ray_geometry_free(struct hg_ray_geometry *geometry); // accepts NULL
+uint32_t hg_ray_geometry_count(const struct hg_ray_geometry *geometry);
+// By draw, then primitive.
+const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_geometry *geometry);
+// Chunks that it goes without; 0 unless the lens asks for what is resident.
+uint32_t hg_ray_geometry_missing(const struct hg_ray_geometry *geometry);
+// Differs when anything of it does.
+uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *geometry);
 
 #endif

@@ -7,6 +7,8 @@
 #include "base/clock.h"
 #include "renderer/trace/internal.h"
 
+#define FIRST_PIECE 16384u
+
 static const struct hg_trace_ops *const backends[] = {
     [HG_TRACE_EMBREE] = &hg_trace_embree,
     [HG_TRACE_COMPUTE] = &hg_trace_compute,
@@ -42,15 +44,15 @@ bool hg_trace_is_ray(const struct hg_gpu_ray *r)
            r->t_max > r->t_min && r->t_max > 0.0f;
 }
 
-#define PIECE_NS   8000000u
-#define MOST_PIECE (1u << 20)
-
-void hg_trace_adapt(uint32_t *piece, uint32_t least, uint32_t count, uint64_t ns)
+struct hg_trace_addresses hg_trace_addresses(const struct hg_trace_piece *piece)
 {
-    if (ns > PIECE_NS && *piece > least)
-        *piece /= 2;
-    else if (ns < PIECE_NS / 3 && count == *piece && *piece < MOST_PIECE)
-        *piece *= 2;
+    const struct hg_trace_wave *w = piece->wave;
+    const uint64_t skip = w->list != NULL ? 0 : piece->at; // lists tell places in the whole
+    return (struct hg_trace_addresses){
+        .rays = w->rays->address + (w->first_ray + skip) * sizeof(struct hg_gpu_ray),
+        .list = w->list != NULL ? w->list->address + piece->at * sizeof(uint32_t) : 0,
+        .out = piece->any ? w->blocked->address + (w->first_hit + skip) * sizeof(uint32_t)
+                          : w->hits->address + (w->first_hit + skip) * sizeof(struct hg_gpu_hit)};
 }
 
 static enum hg_status create_backend(
@@ -86,6 +88,8 @@ enum hg_status hg_trace_create(struct hg_gpu *gpu, const struct hg_trace_params 
         return hg_error_set(err, HG_E_NOMEM, "ray tracing", NULL, "no memory");
     t->gpu = gpu;
     t->params = *params;
+    t->layout.apart = params->apart;
+    t->piece[0] = t->piece[1] = FIRST_PIECE;
     const enum hg_status status = params->backend == HG_TRACE_AUTO
                                       ? create_best(t, err)
                                       : create_backend(t, params->backend, err);
@@ -126,23 +130,31 @@ static enum hg_status sync_backend(struct hg_trace *t, struct hg_error *err)
     return status == HG_OK ? hg_trace_compute.sync(t->spare, &t->layout, err) : status;
 }
 
-enum hg_status hg_trace_sync(struct hg_trace *t, const struct hg_ray_geometry *cut, struct hg_error *err)
+enum hg_status hg_trace_sync(
+    struct hg_trace *t, const struct hg_ray_geometry *geometry, struct hg_error *err)
 {
     t->stats.build_ns = t->stats.refit_ns = 0;
-    if (t->synced && t->revision == hg_ray_geometry_revision(cut))
+    t->stats.built_triangles = t->stats.refit_triangles = 0;
+    if (t->synced && t->revision == hg_ray_geometry_revision(geometry))
         return HG_OK;
     t->synced = false;
-    enum hg_status status = hg_trace_layout_make(&t->layout, hg_ray_geometry_pieces(cut), hg_ray_geometry_count(cut));
+    enum hg_status status = hg_trace_layout_make(
+        &t->layout, hg_ray_geometry_pieces(geometry), hg_ray_geometry_count(geometry));
     if (status != HG_OK)
         return hg_error_set(err, status, "ray tracing", NULL, "no memory");
     status = sync_backend(t, err);
     if (status != HG_OK)
         return status;
     t->synced = true;
-    t->revision = hg_ray_geometry_revision(cut);
+    t->revision = hg_ray_geometry_revision(geometry);
     t->stats.triangles = t->layout.triangles;
     t->stats.instances = t->layout.instances;
     return HG_OK;
+}
+
+static bool is_placed(const struct hg_trace_body *body)
+{
+    return !body->flat && !body->in_world;
 }
 
 bool hg_trace_mark_placed(const struct hg_trace *t, uint32_t *marks, uint32_t draws, uint32_t mark)
@@ -152,7 +164,7 @@ bool hg_trace_mark_placed(const struct hg_trace *t, uint32_t *marks, uint32_t dr
     for (uint32_t i = 0; i < draws; i++)
         marks[i] &= ~mark;
     for (uint32_t i = 0; i < l->body_count && t->synced; i++) {
-        for (uint32_t p = 0; p < l->bodies[i].place_count && !l->bodies[i].flat; p++) {
+        for (uint32_t p = 0; p < l->bodies[i].place_count && is_placed(&l->bodies[i]); p++) {
             const uint32_t draw = l->places[l->bodies[i].first_place + p].draw;
             if (draw < draws) {
                 marks[draw] |= mark;
@@ -169,8 +181,8 @@ static bool holds(const struct hg_gpu_buffer *buffer, uint64_t first, uint32_t c
            (first + count) * size <= buffer->size_bytes;
 }
 
-static enum hg_status trace(
-    struct hg_trace *t, const struct hg_trace_wave *w, bool any, struct hg_error *err)
+static enum hg_status check(
+    const struct hg_trace *t, const struct hg_trace_wave *w, bool any, struct hg_error *err)
 {
     const uint32_t most = w->list != NULL ? 1 : w->count; // what a list names is not looked at
     const bool to_fits = any ? holds(w->blocked, w->first_hit, most, sizeof(uint32_t))
@@ -178,17 +190,72 @@ static enum hg_status trace(
     if (!to_fits || !holds(w->rays, w->first_ray, most, sizeof(struct hg_gpu_ray)) ||
         (w->list != NULL && !holds(w->list, 0, w->count, sizeof(uint32_t))))
         return hg_error_set(err, HG_E_INVAL, "ray tracing", NULL, "the wave is not in its buffers");
-    if (!t->synced)
-        return hg_error_set(err, HG_E_STATE, "ray tracing", NULL, "there is no scene");
-    if (w->count == 0)
-        return HG_OK;
+    return t->synced ? HG_OK
+                     : hg_error_set(err, HG_E_STATE, "ray tracing", NULL, "there is no scene");
+}
+
+// --- pieces --------------------------------------------------------------------------------------
+
+// Waves go to the device in pieces of about 8 ms, so that others' work gets its turn: devices do
+// not interrupt a dispatch.
+#define PIECE_NS   8000000u
+#define MOST_PIECE (1u << 20)
+
+static const struct hg_trace_ops *ops_of(const struct hg_trace *t)
+{
+    return t->uses_spare ? &hg_trace_compute : t->ops;
+}
+
+static enum hg_status submit(
+    struct hg_trace *t, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
+{
+    *value = 0;
+    return ops_of(t)->submit(t->uses_spare ? t->spare : t->self, piece, value, err);
+}
+
+// The next piece, in rays, after `count` of them took ns.
+static void adapt(uint32_t *piece, uint32_t least, uint32_t count, uint64_t ns)
+{
+    if (ns > PIECE_NS && *piece > least)
+        *piece /= 2;
+    else if (ns < PIECE_NS / 3 && count == *piece && *piece < MOST_PIECE)
+        *piece *= 2;
+}
+
+static enum hg_status trace_from(
+    struct hg_trace *t, const struct hg_trace_wave *w, bool any, uint32_t at, struct hg_error *err)
+{
+    const uint32_t least = ops_of(t)->least_piece;
+    enum hg_status status = HG_OK;
+    while (at < w->count && status == HG_OK) {
+        const uint32_t left = w->count - at, most = least > 0 ? t->piece[any] : left;
+        const struct hg_trace_piece piece = {w, any, at, left < most ? left : most};
+        const uint64_t start = hg_clock_now_ns();
+        uint64_t value;
+        status = submit(t, &piece, &value, err);
+        if (status == HG_OK && value > 0)
+            status = hg_gpu_wait(t->gpu, value, err);
+        if (least > 0)
+            adapt(&t->piece[any], least, piece.count, hg_clock_now_ns() - start);
+        at += piece.count;
+    }
+    return status;
+}
+
+static enum hg_status trace(
+    struct hg_trace *t, const struct hg_trace_wave *w, bool any, struct hg_error *err)
+{
+    enum hg_status status = check(t, w, any, err);
+    if (status != HG_OK)
+        return status;
     const uint64_t start = hg_clock_now_ns();
-    const enum hg_status status = t->uses_spare ? hg_trace_compute.trace(t->spare, w, any, err)
-                                                : t->ops->trace(t->self, w, any, err);
+    status = trace_from(t, w, any, 0, err);
     t->stats.trace_ns += hg_clock_now_ns() - start;
     t->stats.rays += w->count;
     return status;
 }
+
+// --- waves ---------------------------------------------------------------------------------------
 
 enum hg_status hg_trace_closest(
     struct hg_trace *t, const struct hg_trace_wave *wave, struct hg_error *err)
@@ -200,6 +267,65 @@ enum hg_status hg_trace_blocked(
     struct hg_trace *t, const struct hg_trace_wave *wave, struct hg_error *err)
 {
     return trace(t, wave, true, err);
+}
+
+static enum hg_status hand_on(struct hg_trace *t, struct hg_trace_batch *b, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    const uint32_t left = b->wave.count - b->at;
+    const struct hg_trace_piece piece = {
+        &b->wave, b->any, b->at, left < t->piece[b->any] ? left : t->piece[b->any]};
+    enum hg_status status = HG_OK;
+    b->value = 0;
+    if (piece.count > 0)
+        status = submit(t, &piece, &b->value, err);
+    b->at += piece.count;
+    b->running = status == HG_OK && (b->value > 0 || b->at < b->wave.count);
+    t->stats.trace_ns += hg_clock_now_ns() - start;
+    return status;
+}
+
+enum hg_status hg_trace_begin(struct hg_trace *t, const struct hg_trace_wave *wave, bool any,
+    struct hg_trace_batch *batch, struct hg_error *err)
+{
+    *batch = (struct hg_trace_batch){.wave = *wave, .any = any};
+    const enum hg_status status = check(t, wave, any, err);
+    if (status != HG_OK)
+        return status;
+    t->stats.rays += wave->count;
+    batch->running = wave->count > 0;
+    // The host has nothing that works by itself: its first piece is traced by the first poll.
+    return ops_of(t)->least_piece > 0 ? hand_on(t, batch, err) : HG_OK;
+}
+
+enum hg_status hg_trace_poll(
+    struct hg_trace *t, struct hg_trace_batch *batch, bool *over, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    bool arrived = true;
+    if (batch->running && batch->value > 0)
+        status = hg_gpu_poll(t->gpu, batch->value, &arrived, err);
+    if (status == HG_OK && batch->running && arrived)
+        status = hand_on(t, batch, err);
+    batch->running = batch->running && status == HG_OK;
+    *over = !batch->running;
+    return status;
+}
+
+enum hg_status hg_trace_finish(
+    struct hg_trace *t, struct hg_trace_batch *batch, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (!batch->running)
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    if (batch->value > 0)
+        status = hg_gpu_wait(t->gpu, batch->value, err);
+    if (status == HG_OK)
+        status = trace_from(t, &batch->wave, batch->any, batch->at, err);
+    batch->running = false;
+    t->stats.trace_ns += hg_clock_now_ns() - start;
+    return status;
 }
 
 enum hg_status hg_trace_raw(struct hg_trace *t, const struct hg_trace_wave *wave, bool any,

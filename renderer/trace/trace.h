@@ -3,10 +3,11 @@
 //
 // Rays come as wavefronts (shaders/shared/ray.h) in buffers that host and device share. Three
 // backends stand behind one interface: Embree on the host, a compute shader over a quantised BVH2,
-// and ray queries of the device. Which triangles there are is said by a cut (trace/ray_geometry.h): each
-// draw at one level of detail, the same for all rays of a picture. Backends hit the same triangles
-// but for rays that pass within rounding of an edge. Ray queries know no time: cuts in which
-// something moves while the shutter is open are walked by the compute shader there, too.
+// and ray queries of the device. Which triangles there are is said by ray geometry
+// (ray_geometry.h): each draw at one level of detail, the same for all rays. Backends hit the same
+// triangles but for rays that pass within rounding of an edge. Ray queries know no time: ray
+// geometry in which something moves while the shutter is open are walked by the compute shader
+// there, too.
 //
 // Lines and points are not hit. Of hits at the same distance any one may be named, but always the
 // same one for the same wave.
@@ -34,6 +35,10 @@ struct hg_trace_params {
     enum hg_trace_backend backend;
     struct hg_jobs *jobs;
     uint64_t budget_bytes; // of acceleration structures; 0 = unlimited
+    // What moves without being animated leaves the structure of all that stands still, and has one
+    // of its own from then on: of a move only that is built. Which triangle is named of several at
+    // the same distance then depends on what moved before.
+    bool apart;
 };
 
 // HG_E_DEVICE: the backend is not to be had here, with the reason. HG_E_NOMEM. `gpu` is borrowed.
@@ -43,11 +48,11 @@ void hg_trace_destroy(struct hg_trace *trace);                        // accepts
 enum hg_trace_backend hg_trace_backend(const struct hg_trace *trace); // never AUTO
 const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree", ...
 
-// Brings the structures in line with the cut; what it shares with the one before is kept, what only
-// moved is refitted. No batch may be open. HG_E_LIMIT (budget, said before memory is taken),
+// Brings the structures in line with ray geometry; what it shares with the one before is kept, what
+// only moved is refitted. No batch may be open. HG_E_LIMIT (budget, said before memory is taken),
 // HG_E_NOMEM, device errors; then there is no scene until the next sync.
-enum hg_status hg_trace_sync(
-    struct hg_trace *trace, const struct hg_ray_geometry *cut, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_trace_sync(struct hg_trace *trace, const struct hg_ray_geometry *geometry,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // Draws that rays meet in their own space, not in the world's (instances), of the newest sync: sets
 // `mark` in their words, clears it in others. True when there are any. marks: [draws]
@@ -71,6 +76,26 @@ enum hg_status hg_trace_closest(
 enum hg_status hg_trace_blocked(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
 
+// A wave that goes on while others submit work of their own. The device has its pieces one after
+// the other; the host (Embree) traces one piece of its wave in each poll. Its buffers are borrowed
+// until it is over, and nothing may sync the structures or pose the geometry otherwise meanwhile.
+struct hg_trace_batch { // zeroed = none
+    struct hg_trace_wave wave;
+    bool any;       // as of hg_trace_blocked, else of hg_trace_closest
+    uint32_t at;    // rays that were handed on
+    uint64_t value; // of the piece under way on the device's timeline; 0 = none
+    bool running;
+};
+// No batch of commands may be open in any of them. Errors as above; then the batch is over.
+enum hg_status hg_trace_begin(struct hg_trace *trace, const struct hg_trace_wave *wave, bool any,
+    struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
+// Hands the next piece on if the one before is over; waits for nothing.
+enum hg_status hg_trace_poll(struct hg_trace *trace, struct hg_trace_batch *batch, bool *over,
+    struct hg_error *err) HG_MUST_CHECK;
+// Returns when all results are there. Accepts one that is over.
+enum hg_status hg_trace_finish(
+    struct hg_trace *trace, struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
+
 // For benchmarks: how long Embree itself takes for the wave, its rays laid out before and its hits
 // left where they are. HG_E_STATE: another backend. Other statuses as above.
 enum hg_status hg_trace_raw(struct hg_trace *trace, const struct hg_trace_wave *wave, bool any,
@@ -80,6 +105,8 @@ struct hg_trace_stats {
     uint64_t triangles, instances; // of the structures: unique, placed
     uint64_t bytes, peak_bytes;    // of the structures
     uint64_t build_ns, refit_ns;   // of the newest sync
+    uint64_t built_triangles;      // of the newest sync: brought to new structures
+    uint64_t refit_triangles;      // to structures that were there
     uint64_t rays, trace_ns;       // since creation
 };
 void hg_trace_stats(const struct hg_trace *trace, struct hg_trace_stats *out);

@@ -225,7 +225,7 @@ static struct hg_emitters_stats sync_rooms(struct rig *r)
 {
     struct hg_error err = {0};
     struct hg_emitters_stats stats;
-    struct hg_ray_geometry *cut = NULL;
+    struct hg_ray_geometry *ray_geometry = NULL;
     const struct hg_textures_params textures = {.budget_bytes = 64 << 20};
     const struct hg_geometry_params geometry = {0};
     const struct hg_ray_geometry_lens lens = {.px_scale = 500, .near = 0.1f};
@@ -236,13 +236,13 @@ static struct hg_emitters_stats sync_rooms(struct rig *r)
     test_ok(hg_textures_load_all(r->textures, &err), &err);
     test_ok(hg_geometry_create(r->probe.gpu, &geometry, &r->geometry, &err), &err);
     test_ok(hg_geometry_sync(r->geometry, r->probe.scene, r->textures, &err), &err);
-    test_ok(hg_ray_geometry_make(r->geometry, &lens, r->probe.jobs, &cut, &err), &err);
+    test_ok(hg_ray_geometry_make(r->geometry, &lens, r->probe.jobs, &ray_geometry, &err), &err);
     test_ok(hg_emitters_create(r->probe.gpu, r->probe.jobs, NULL, &r->emitters, &err), &err);
     test_ok(
-        hg_emitters_sync(r->emitters, r->geometry, cut, r->probe.scene, r->textures, &err), &err);
+        hg_emitters_sync(r->emitters, r->geometry, ray_geometry, r->probe.scene, r->textures, &err), &err);
     hg_emitters_fill(r->emitters, &r->block);
     hg_emitters_stats(r->emitters, &stats);
-    hg_ray_geometry_free(cut);
+    hg_ray_geometry_free(ray_geometry);
     return stats;
 }
 

@@ -1,4 +1,4 @@
-// trace_ray_geometry.c - cuts of baked parts, poses and motion, as rays see them, for each backend.
+// trace_ray_geometry.c - baked parts, poses and motion, as rays see them, for each backend.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include <cmocka.h>
 
@@ -72,11 +73,11 @@ static const struct hg_ray_geometry_lens fine = {.px_scale = 500.0f, .near = 0.0
 static const struct hg_ray_geometry_lens coarse = {
     .px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}, .error_px = 4.0f};
 
-static uint64_t triangles_of(const struct hg_ray_geometry *cut)
+static uint64_t triangles_of(const struct hg_ray_geometry *ray_geometry)
 {
     uint64_t sum = 0;
-    for (uint32_t i = 0; i < hg_ray_geometry_count(cut); i++)
-        sum += hg_ray_geometry_pieces(cut)[i].triangle_count;
+    for (uint32_t i = 0; i < hg_ray_geometry_count(ray_geometry); i++)
+        sum += hg_ray_geometry_pieces(ray_geometry)[i].triangle_count;
     return sum;
 }
 
@@ -120,19 +121,19 @@ static void levels(void **state)
     rig_node(r, ball(r, 90), NULL);
     bake_all(r);
     rig_trace(r, &fine, 0);
-    const uint64_t all = triangles_of(r->cut);
+    const uint64_t all = triangles_of(r->ray_geometry);
     assert_in_range(all, 90 * 180 * 2 - 800, 90 * 180 * 2);
     fill_inside(r, COUNT);
     assert_true(farthest(r, COUNT) < 1.5e-3);
     rig_trace(r, &coarse, 0);
-    assert_true(triangles_of(r->cut) * 4 < all);
+    assert_true(triangles_of(r->ray_geometry) * 4 < all);
     fill_inside(r, COUNT);
     assert_true(farthest(r, COUNT) < 4.0 * 3.0 / 500.0 * 1.5);
     rig_close(r);
 }
 
 // The same pieces whatever was looked at before and whatever the budget; too little is refused.
-static void same_cut(void **state)
+static void same_for_a_lens(void **state)
 {
     (void)state;
     uint64_t keys[2][4096];
@@ -146,20 +147,52 @@ static void same_cut(void **state)
         if (small) {
             const struct hg_ray_geometry_lens other = {
                 .px_scale = 300.0f, .near = 0.01f, .eye = {0, 0, -57}, .error_px = 2.0f};
-            rig_check(r, hg_ray_geometry_make(r->geometry, &other, r->jobs, &r->cut, &r->err));
+            rig_check(
+                r, hg_ray_geometry_make(r->geometry, &other, r->jobs, &r->ray_geometry, &r->err));
         }
-        rig_check(r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
-        count[small] = hg_ray_geometry_count(r->cut);
+        rig_check(
+            r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->ray_geometry, &r->err));
+        count[small] = hg_ray_geometry_count(r->ray_geometry);
         assert_in_range(count[small], 2, 4096);
         for (uint32_t i = 0; i < count[small]; i++)
-            keys[small][i] = hg_ray_geometry_pieces(r->cut)[i].key;
-        const uint64_t revision = hg_ray_geometry_revision(r->cut);
-        rig_check(r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->cut, &r->err));
-        assert_true(hg_ray_geometry_revision(r->cut) == revision);
+            keys[small][i] = hg_ray_geometry_pieces(r->ray_geometry)[i].key;
+        const uint64_t revision = hg_ray_geometry_revision(r->ray_geometry);
+        rig_check(
+            r, hg_ray_geometry_make(r->geometry, &coarse, r->jobs, &r->ray_geometry, &r->err));
+        assert_true(hg_ray_geometry_revision(r->ray_geometry) == revision);
         rig_close(r);
     }
     assert_int_equal(count[0], count[1]);
     assert_memory_equal(keys[0], keys[1], count[0] * sizeof keys[0][0]);
+}
+
+// What is not there is asked for, and coarser levels stand in until it comes.
+static void resident(void **state)
+{
+    (void)state;
+    enum { COUNT = 5000, MOST_FRAMES = 20000 };
+    struct rig *r = open_baked(0);
+    struct hg_ray_geometry_lens lens = fine;
+    rig_node(r, ball(r, 90), NULL);
+    bake_all(r);
+    lens.resident = true;
+    rig_trace(r, &lens, 0);
+    assert_true(hg_ray_geometry_missing(r->ray_geometry) > 0);
+    const uint64_t before = triangles_of(r->ray_geometry);
+    fill_inside(r, COUNT);
+    assert_true(farthest(r, COUNT) < 0.5);
+    for (int i = 0; i < MOST_FRAMES && hg_ray_geometry_missing(r->ray_geometry) > 0; i++) {
+        (void)hg_cluster_pool_tick(r->geometry->pool);
+        rig_trace(r, &lens, 0);
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+    }
+    assert_int_equal(hg_ray_geometry_missing(r->ray_geometry), 0);
+    const uint64_t after = triangles_of(r->ray_geometry);
+    assert_true(after > 2 * before);
+    rig_trace(r, &fine, 0);
+    assert_int_equal(triangles_of(r->ray_geometry), after);
+    assert_int_equal(hg_ray_geometry_missing(r->ray_geometry), 0);
+    rig_close(r);
 }
 
 static void too_small(void **state)
@@ -169,8 +202,9 @@ static void too_small(void **state)
     for (int i = 0; i < 4; i++)
         rig_node(r, ball(r, 80), NULL);
     bake_all(r);
-    assert_int_equal(hg_ray_geometry_make(r->geometry, &fine, r->jobs, &r->cut, &r->err), HG_E_LIMIT);
-    assert_int_equal(hg_ray_geometry_count(r->cut), 0);
+    assert_int_equal(
+        hg_ray_geometry_make(r->geometry, &fine, r->jobs, &r->ray_geometry, &r->err), HG_E_LIMIT);
+    assert_int_equal(hg_ray_geometry_count(r->ray_geometry), 0);
     rig_close(r);
 }
 
@@ -236,7 +270,7 @@ static void motion(void **state)
     lens.motion = true;
     node->weights[0] = 0.5f;
     rig_pose(r);
-    rig_check(r, hg_ray_geometry_open_shutter(r->geometry, &r->cut, &r->err));
+    rig_check(r, hg_ray_geometry_open_shutter(r->geometry, &r->ray_geometry, &r->err));
     node->weights[0] = 1.0f; // the surface moves by half a metre, then the node by another
     hg_scene_touch(r->scene, &node->head);
     rig_pose(r);
@@ -263,12 +297,13 @@ int main(int argc, char **argv)
     if (backend == HG_TRACE_AUTO)
         return 2;
     if (backend == HG_TRACE_KHR && !rig_has_ray_query()) {
-        printf("no ray queries on this device: cuts go through what it has instead\n");
+        printf("no ray queries on this device: motion goes through what it has instead\n");
         backend = HG_TRACE_AUTO;
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(levels),
-        cmocka_unit_test(same_cut),
+        cmocka_unit_test(same_for_a_lens),
+        cmocka_unit_test(resident),
         cmocka_unit_test(too_small),
         cmocka_unit_test(poses),
         cmocka_unit_test(motion),

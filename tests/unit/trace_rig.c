@@ -48,7 +48,7 @@ void rig_close(struct rig *r)
 {
     const uint32_t messages = hg_gpu_validation_messages(r->gpu);
     hg_trace_destroy(r->trace);
-    hg_ray_geometry_free(r->cut);
+    hg_ray_geometry_free(r->ray_geometry);
     hg_gpu_buffer_destroy(r->gpu, &r->rays);
     hg_gpu_buffer_destroy(r->gpu, &r->hits);
     hg_gpu_buffer_destroy(r->gpu, &r->blocked);
@@ -145,13 +145,13 @@ void rig_pose(struct rig *r)
 static enum hg_status try_trace(
     struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes)
 {
-    rig_check(r, hg_ray_geometry_make(r->geometry, lens, r->jobs, &r->cut, &r->err));
+    rig_check(r, hg_ray_geometry_make(r->geometry, lens, r->jobs, &r->ray_geometry, &r->err));
     if (r->trace == NULL) {
         const struct hg_trace_params params = {
             .backend = r->backend, .jobs = r->jobs, .budget_bytes = budget_bytes};
         rig_check(r, hg_trace_create(r->gpu, &params, &r->trace, &r->err));
     }
-    return hg_trace_sync(r->trace, r->cut, &r->err);
+    return hg_trace_sync(r->trace, r->ray_geometry, &r->err);
 }
 
 void rig_trace(struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes)

@@ -11,7 +11,7 @@ struct rig {
     struct hg_jobs *jobs;
     struct hg_scene *scene;
     struct hg_geometry *geometry;
-    struct hg_ray_geometry *cut;
+    struct hg_ray_geometry *ray_geometry;
     struct hg_trace *trace;
     struct hg_gpu_buffer rays, hits, blocked;
     struct hg_error err;
@@ -33,7 +33,7 @@ struct hg_material *rig_material(struct rig *r, enum hg_alpha_mode mode);
 struct hg_node *rig_node(struct rig *r, struct hg_mesh *mesh, const float matrix[16]);
 void rig_pose(struct rig *r); // scene and geometry only
 void rig_trace(struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes); // the rest
-void rig_sync(struct rig *r); // scene, geometry, cut and structures
+void rig_sync(struct rig *r); // scene, geometry, ray geometry and structures
 enum hg_status rig_try(struct rig *r, uint64_t budget_bytes);
 
 // Rays from around the scene into it.

@@ -1,4 +1,4 @@
-// What shines of a cut's parts. See emitter_sources.h.
+// Emissive parts of ray geometry. See emitter_sources.h.
 #include "renderer/light/emitters/emitter_sources.h"
 
 #include "base/alloc.h"

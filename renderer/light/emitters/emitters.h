@@ -4,7 +4,7 @@
 //
 // Punctual lights with a place and emissive triangles are leaves of one tree (light_tree.h);
 // directional lights and the environment stand beside it. What did not change is kept: while only
-// the camera moves nothing is built, unless the cut shows other triangles.
+// the camera moves nothing is built, unless ray geometry shows other triangles.
 //
 // Memory: 108 bytes per leaf. When there are too many triangles for the budget, leaves hold runs of
 // 2, 4, ... 256 consecutive triangles (which lie side by side), chosen within a leaf by their area,
@@ -60,9 +60,9 @@ struct hg_emitter_input {
 // are empty until the next call. HG_E_NOMEM, device errors.
 enum hg_status hg_emitters_update(struct hg_emitters *emitters,
     const struct hg_emitter_input *input, struct hg_error *err) HG_MUST_CHECK;
-// The same for all of a cut.
+// The same for all ray geometry.
 enum hg_status hg_emitters_sync(struct hg_emitters *emitters, const struct hg_geometry *geometry,
-    const struct hg_ray_geometry *cut, const struct hg_scene *scene, struct hg_textures *textures,
+    const struct hg_ray_geometry *rays, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err) HG_MUST_CHECK;
 
 // From here on punctual lights go from the one place to the other while a shutter is open: the

@@ -1,4 +1,4 @@
-// What shines of a cut. See emitters.h.
+// Emitters of ray geometry. See emitters.h.
 #include "base/alloc.h"
 #include "renderer/light/emitters/emitters.h"
 
@@ -24,11 +24,11 @@ static void find_coordinates(const struct hg_draw_info *info, struct hg_emitter_
 }
 
 enum hg_status hg_emitters_sync(struct hg_emitters *e, const struct hg_geometry *geometry,
-    const struct hg_ray_geometry *cut, const struct hg_scene *scene, struct hg_textures *textures,
+    const struct hg_ray_geometry *rays, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err)
 {
-    const uint32_t count = hg_ray_geometry_count(cut);
-    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(cut);
+    const uint32_t count = hg_ray_geometry_count(rays);
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(rays);
     struct hg_gpu_geometry tables;
     struct hg_emitter_part *parts = hg_calloc((size_t)count + 1, sizeof *parts);
     struct hg_emitter_input in = {.scene = scene, .parts = parts, .textures = textures};
@@ -46,7 +46,7 @@ enum hg_status hg_emitters_sync(struct hg_emitters *e, const struct hg_geometry 
         in.part_count++;
     }
     in.draw_count = tables.draw_count;
-    in.poses = hg_ray_geometry_revision(cut);
+    in.poses = hg_ray_geometry_revision(rays);
     enum hg_status status = hg_emitters_update(e, &in, err);
     hg_free(parts);
     return status;
