@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/cryptomatte.h"
+#include "renderer/frame/path_view.h"
 #include "renderer/internal.h"
 
 _Static_assert(HG_MATTE_RANKS == HG_CRYPTOMATTE_RANKS, "one number of ranks");
@@ -102,10 +103,13 @@ enum hg_status hg_view_read_matte(
 {
     struct hg_refbuf *lists = NULL, *samples = NULL;
     struct names names = {.kind = kind};
+    struct hg_path *film;
     *out = (struct hg_matte){0};
     enum hg_status status = hg_view_read_plane(view, HG_PLANE_SAMPLES, &samples, err);
     if (status == HG_OK)
-        status = hg_path_read_names(&view->state, (uint32_t)kind, &lists, err);
+        status = hg_path_view_film(&view->state, &film, err);
+    if (status == HG_OK)
+        status = hg_path_read_names(film, (uint32_t)kind, &lists, err);
     if (status == HG_OK) {
         names.geometry = view->state.scene_gpu->geometry; // there is one, since something was traced
         status = make(&names, lists, samples, out);

@@ -1,4 +1,5 @@
 // planes.c - the planes of a view's pictures.
+#include "renderer/frame/path_view.h"
 #include "renderer/internal.h"
 
 static const struct {
@@ -39,21 +40,27 @@ enum hg_status hg_view_read_plane(
         return hg_error_set(err, HG_E_STATE, "view", "planes", "not of a path-traced view");
     if (!path && !hg_view_state_has_planes(s))
         return hg_error_set(err, HG_E_STATE, "view", "planes", "the picture is not settled");
-    return hg_path_read(&view->state, (uint32_t)plane, planes[plane].channels, out, err);
+    struct hg_path *film;
+    const enum hg_status status = hg_path_view_film(s, &film, err);
+    return status == HG_OK ? hg_path_read(film, (uint32_t)plane, planes[plane].channels, out, err)
+                           : status;
 }
 
 uint32_t hg_view_light_groups(const struct hg_view *view)
 {
-    return hg_path_group_count(&view->state);
+    return hg_path_group_count(view->state.path);
 }
 
 const char *hg_view_light_group_name(const struct hg_view *view, uint32_t group)
 {
-    return hg_path_group_name(&view->state, group);
+    return hg_path_group_name(view->state.path, group);
 }
 
 enum hg_status hg_view_read_light_group(
     struct hg_view *view, uint32_t group, struct hg_refbuf **out, struct hg_error *err)
 {
-    return hg_path_read_group(&view->state, group, out, err);
+    struct hg_path *film;
+    *out = NULL;
+    const enum hg_status status = hg_path_view_film(&view->state, &film, err);
+    return status == HG_OK ? hg_path_read_group(film, group, out, err) : status;
 }

@@ -8,6 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/frame/path_view.h"
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
@@ -211,25 +212,25 @@ enum hg_status hg_view_read_pixels(
 
 enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
 {
-    return hg_path_save(&view->state, out, err);
+    return hg_path_view_save(&view->state, out, err);
 }
 
 enum hg_status hg_view_load(
     struct hg_view *view, const void *data, uint64_t size_bytes, struct hg_error *err)
 {
-    return hg_path_load(&view->state, data, size_bytes, err);
+    return hg_path_view_load(&view->state, data, size_bytes, err);
 }
 
 enum hg_status hg_view_save_history(
     struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)
 {
-    return hg_path_history_save(&view->state, out, err);
+    return hg_path_view_history_save(&view->state, out, err);
 }
 
 enum hg_status hg_view_load_history(
     struct hg_view *view, const void *data, uint64_t size_bytes, struct hg_error *err)
 {
-    return hg_path_history_load(&view->state, data, size_bytes, err);
+    return hg_path_view_history_load(&view->state, data, size_bytes, err);
 }
 
 enum hg_status hg_view_pick(

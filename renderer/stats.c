@@ -149,13 +149,13 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
         return;
     hg_path_get_stats(s->path, &t);
     const struct hg_path_time *p = t.pieces;
-    const uint64_t shadow_rays = p[HG_PATH_PIECE_SHADOW].items + p[HG_PATH_PIECE_HOLES].items;
+    const uint64_t shadow_rays = p[HG_PATH_PIECE_SHADOW].items + p[HG_PATH_PIECE_ALPHA_MASK].items;
     const uint64_t rays = p[HG_PATH_PIECE_TRACE].items + shadow_rays;
     const uint64_t ns = p[HG_PATH_PIECE_TRACE].ns + p[HG_PATH_PIECE_SHADOW].ns;
     const uint64_t shade =
         p[HG_PATH_PIECE_BEGIN].ns + p[HG_PATH_PIECE_MISS].ns + p[HG_PATH_PIECE_SHADE].ns;
     const uint64_t film =
-        p[HG_PATH_PIECE_LIGHT].ns + p[HG_PATH_PIECE_HOLES].ns + p[HG_PATH_PIECE_FILM].ns;
+        p[HG_PATH_PIECE_LIGHT].ns + p[HG_PATH_PIECE_ALPHA_MASK].ns + p[HG_PATH_PIECE_FILM].ns;
     hg_json_put(w,
         ",\"trace\":{\"rays\":%llu,\"shadow_rays\":%llu,\"paths\":%llu,\"waves\":%llu,"
         "\"mrays_per_s\":%.4f,\"trace_ms\":%.3f,\"shade_ms\":%.3f,\"film_ms\":%.3f,"

@@ -11,6 +11,18 @@
 
 #define HG_CAMERA_DEFAULT_VFOV_RAD 0.7853981633974483f
 
+// In scene space; jitter and near and far are filled in by each step.
+struct hg_view_camera_state {
+    double eye[3], target[3], up[3];
+    bool orthographic;
+    float vfov_rad, half_height, near, far;
+    float lens_radius, focus_distance; // metres; 0 = no lens, at the target
+    uint64_t input_seq;
+    uint64_t node;                                  // that it was taken from; 0 = none
+    bool moves;                                     // a frame later it stands
+    double next_eye[3], next_target[3], next_up[3]; // here; at other times on the line
+};
+
 struct hg_camera_setup {
     double eye[3], target[3], up[3]; // relative to the origin of the geometry room, metres
     bool orthographic;

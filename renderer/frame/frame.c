@@ -6,7 +6,6 @@
 #include "base/log.h"
 #include "shaders/shared/features.h"
 
-#define BAKE_WAIT_NS   UINT64_C(20000000) // of a step, for levels that are being made
 #define SHOW_UPLOAD_NS 4000000u           // of pages, per frame of a moving picture
 #define MOST_HOSTED_PX 2000000            // of a batch that the host draws, 12 bytes each
 
@@ -40,7 +39,7 @@ static enum hg_status sync_pages(struct hg_view_state *view, struct hg_error *er
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    const uint64_t until_ns = view->wait ? hg_cond_after(BAKE_WAIT_NS) : 0;
+    const uint64_t until_ns = view->wait ? hg_cond_after(HG_FRAME_BUILD_WAIT_NS) : 0;
     enum hg_status status =
         hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, until_ns, err);
     if (status != HG_OK)

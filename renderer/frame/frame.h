@@ -17,9 +17,6 @@ struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
 void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);
 // For paths: no jitter, pages waited for.
 void hg_frame_fill_path(struct hg_view_state *view);
-// Another camera for the same picture, without jitter.
-void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_camera_state *camera,
-    struct hg_gpu_camera *out);
 
 // --- frame_cull.c: what is seen ------------------------------------------------------------------
 
@@ -39,6 +36,8 @@ struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExten
 
 // --- frame.c -------------------------------------------------------------------------------------
 
+// Of a step, for levels of detail that are being made.
+#define HG_FRAME_BUILD_WAIT_NS UINT64_C(20000000)
 // Scene, pages and lights.
 enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 // Materials of the scene let light through.

@@ -17,39 +17,10 @@ VkExtent2D hg_frame_size(const struct hg_view_state *view)
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 
-static struct hg_camera_setup setup_of(
-    const struct hg_view_state *view, const struct hg_view_camera_state *c)
-{
-    struct hg_camera_setup setup = {.orthographic = c->orthographic,
-        .vfov_rad = c->vfov_rad,
-        .half_height = c->half_height,
-        .near = c->near,
-        .far = c->far,
-        .width = hg_frame_size(view).width,
-        .height = hg_frame_size(view).height};
-    double origin[3];
-    float min[3] = {0}, max[3] = {0};
-    hg_geometry_origin(view->scene_gpu->geometry, origin);
-    for (int i = 0; i < 3; i++) {
-        setup.eye[i] = c->eye[i] - origin[i];
-        setup.target[i] = c->target[i] - origin[i];
-        setup.up[i] = c->up[i];
-    }
-    const bool has_bounds = hg_geometry_bounds(view->scene_gpu->geometry, min, max);
-    hg_camera_fit_depth(&setup, has_bounds, min, max);
-    return setup;
-}
-
 struct hg_camera_setup hg_frame_setup(const struct hg_view_state *view)
 {
-    return setup_of(view, &view->camera);
-}
-
-void hg_frame_camera(const struct hg_view_state *view, const struct hg_view_camera_state *camera,
-    struct hg_gpu_camera *out)
-{
-    const struct hg_camera_setup setup = setup_of(view, camera);
-    hg_camera_fill(&setup, out);
+    const VkExtent2D size = hg_frame_size(view);
+    return hg_scene_gpu_camera(view->scene_gpu, &view->camera, size.width, size.height);
 }
 
 static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)

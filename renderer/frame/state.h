@@ -3,7 +3,8 @@
 //
 // The files of this room call each other downwards only:
 //   view.h                         one step of a view; reading
-//   stream.h, ahead.h, path.h      how its picture comes about when not all fits at once, what
+//   tiled_accumulation.h, prefetch.h, path_view.h
+//                                  how its picture comes about when not all fits at once, what
 //                                  comes next, paths
 //   frame.h                        what one batch draws
 //   state.h
@@ -53,18 +54,6 @@ struct hg_view_settings {
     struct hg_path_settings path;
 };
 
-// In scene space; jitter and near and far are filled in by each step.
-struct hg_view_camera_state {
-    double eye[3], target[3], up[3];
-    bool orthographic;
-    float vfov_rad, half_height, near, far;
-    float lens_radius, focus_distance; // metres; 0 = no lens, at the target
-    uint64_t input_seq;
-    uint64_t node;                                  // that it was taken from; 0 = none
-    bool moves;                                     // a frame later it stands
-    double next_eye[3], next_target[3], next_up[3]; // here; at other times on the line
-};
-
 // What the accumulated samples were made of; any difference restarts.
 struct hg_view_key {
     uint64_t scene, environment, geometry, settings, camera;
@@ -95,10 +84,7 @@ struct hg_view_state {
     struct hg_gpu_frame frame;  // of the newest sample
     struct hg_tiled_accumulation stream;
     struct hg_prefetch ahead;
-    struct hg_path *path;                   // made when the mode asks for it
-    uint8_t *path_checkpoint;               // to go on from (path_save.c); NULL = none
-    struct hg_view_key path_checkpoint_key; // that it was loaded for; the geometry does not count
-    struct hg_denoise *path_history;        // that was loaded for the next picture; NULL = none
+    struct hg_path *path; // made when the mode asks for it
     bool path_begins;  // its next step begins a picture: the film is of an older one
     bool path_preview; // `accumulated` holds a real-time sample of the same state
 

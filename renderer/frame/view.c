@@ -5,8 +5,8 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/denoise/denoise.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/path_view.h"
 #include "renderer/geometry/pose_snapshot.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/shade.h"
@@ -112,8 +112,6 @@ void hg_view_state_finish(struct hg_view_state *view)
     struct hg_gpu *gpu = view->context->gpu;
     destroy_extras(view);
     hg_path_destroy(view->path);
-    hg_free(view->path_checkpoint);
-    hg_denoise_destroy(view->path_history);
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
@@ -350,7 +348,7 @@ static enum hg_status start_anew(struct hg_view_state *view, struct hg_error *er
 // Moving parts are needed at other times than that of the pose.
 static void deform_for_motion(struct hg_view_state *view)
 {
-    if (hg_path_needs_time(view) && hg_geometry_deform_all(view->scene_gpu->geometry))
+    if (hg_path_view_needs_time(view) && hg_geometry_deform_all(view->scene_gpu->geometry))
         view->scene_gpu->scene_revision = UINT64_MAX;
 }
 
@@ -417,7 +415,7 @@ static enum hg_status draw_path(
     struct hg_view_key key = present_key(view);
     const bool known = memcmp(&key, &view->key, sizeof key) == 0;
     const bool blank = known && lacks_preview(view);
-    const bool posed = known && !blank && hg_path_is_posed(view);
+    const bool posed = known && !blank && hg_path_is_posed(view->path) && !view->path_begins;
     enum hg_status status = HG_OK;
     choose_error(view, max_samples);
     view->wait = view->final || known;
@@ -441,7 +439,7 @@ static enum hg_status draw_path(
         return HG_OK; // light is followed through what is there at last
     const bool begins = view->path_begins;
     view->path_begins = false;
-    status = hg_path_step(view, begins, err);
+    status = hg_path_view_step(view, begins, err);
     view->path_begins |= status != HG_OK;
     return status;
 }
@@ -459,7 +457,7 @@ static enum hg_status draw_planes(struct hg_view_state *view, struct hg_error *e
     if (status != HG_OK || memcmp(&key, &now, sizeof key) != 0)
         return status;
     view->path_begins = false;
-    status = hg_path_step(view, begins, err);
+    status = hg_path_view_step(view, begins, err);
     view->path_begins |= status != HG_OK;
     view->samples = samples;
     view->number = number + (hg_path_done(view->path) ? 1 : 0);
@@ -548,7 +546,7 @@ enum hg_status hg_view_state_read(
     const bool ready = format == 0 && view->key.settings == view->settings_revision;
     enum hg_status status = HG_OK;
     if (path)
-        status = hg_path_show(view, err);
+        status = hg_path_view_show(view, err);
     else if (view->direct && !ready)
         status = draw_accumulated(view, err);
     if (status == HG_OK && !view->direct)

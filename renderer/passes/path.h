@@ -12,7 +12,7 @@ enum hg_path_kernel {
     HG_PATH_MISS,    // the same of rays that left the scene,
     HG_PATH_SURFACE, // and of those that did not
     HG_PATH_ARRIVE,  // light whose way past opaque surfaces is known
-    HG_PATH_HOLES,   // the next surface with holes on its way
+    HG_PATH_ALPHA_MASK,   // the next masked or blended surface on its way
     HG_PATH_CLEAR,   // there is none
     HG_PATH_KEEP,    // what paths brought to the ring
     HG_PATH_ADD,     // samples of the ring to the film

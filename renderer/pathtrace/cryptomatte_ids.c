@@ -2,19 +2,21 @@
 //
 // A pixel lists names, not draws: the instances of a tree are one entry. A name is known by the
 // first draw that has it.
+#include "renderer/pathtrace/cryptomatte_ids.h"
+
 #include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/pathtrace/path_state.h"
 #include "renderer/image/cryptomatte.h"
+#include "shaders/shared/path.h"
 
 enum kind { OBJECT, MATERIAL, ASSET, KINDS }; // enum hg_matte_kind of renderer.h
 
-void hg_cryptomatte_ids_destroy(struct hg_path *p)
+void hg_cryptomatte_ids_destroy(struct hg_cryptomatte_ids *ids, struct hg_gpu *gpu)
 {
-    hg_gpu_buffer_destroy(p->context->gpu, &p->names);
-    p->list_count = p->name_draws = 0;
+    hg_gpu_buffer_destroy(gpu, &ids->names);
+    ids->list_count = ids->draws = 0;
 }
 
 // What has no name of its own goes by its kind and its place in the file.
@@ -81,39 +83,39 @@ static enum hg_status name_all(
     return status;
 }
 
-static uint32_t kinds_of(const struct hg_view_state *view)
+static uint32_t kinds_of(const struct hg_path_settings *s)
 {
-    const struct hg_path_settings *s = &view->settings.path;
     return (s->planes >> HG_PATH_PLANE_DRAWS & 1u) != 0 ? s->mattes : 0;
 }
 
-enum hg_status hg_cryptomatte_ids_make(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_cryptomatte_ids_make(struct hg_cryptomatte_ids *ids, struct hg_gpu *gpu,
+    const struct hg_geometry *geometry, const struct hg_path_settings *settings,
+    struct hg_error *err)
 {
-    struct hg_path *p = view->path;
     struct hg_geometry_stats stats;
-    const uint32_t kinds = kinds_of(view);
-    p->list_count = (uint32_t)__builtin_popcount(kinds);
-    if (p->list_count == 0)
+    const uint32_t kinds = kinds_of(settings);
+    ids->list_count = (uint32_t)__builtin_popcount(kinds);
+    if (ids->list_count == 0)
         return HG_OK;
-    hg_geometry_stats(view->scene_gpu->geometry, &stats);
-    p->name_draws = (uint32_t)stats.draws;
-    enum hg_status status = hg_gpu_buffer_reserve(p->context->gpu, HG_GPU_BUFFER_UPLOAD,
-        ((uint64_t)p->list_count * p->name_draws + 1) * 4, "names of draws", &p->names, err);
+    hg_geometry_stats(geometry, &stats);
+    ids->draws = (uint32_t)stats.draws;
+    enum hg_status status = hg_gpu_buffer_reserve(gpu, HG_GPU_BUFFER_UPLOAD,
+        ((uint64_t)ids->list_count * ids->draws + 1) * 4, "names of draws", &ids->names, err);
     if (status != HG_OK)
         return status;
-    uint32_t *to = p->names.mapped;
+    uint32_t *to = ids->names.mapped;
     for (uint32_t kind = 0; kind < KINDS && status == HG_OK; kind++) {
         if ((kinds >> kind & 1u) == 0)
             continue;
-        status = name_all(view->scene_gpu->geometry, kind, p->name_draws, to);
-        to += p->name_draws;
+        status = name_all(geometry, kind, ids->draws, to);
+        to += ids->draws;
     }
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "names", NULL, "out of host memory");
 }
 
-bool hg_path_list_of(const struct hg_view_state *view, uint32_t kind, uint32_t *list)
+bool hg_cryptomatte_ids_list(const struct hg_path_settings *settings, uint32_t kind, uint32_t *list)
 {
-    const uint32_t kinds = kinds_of(view);
+    const uint32_t kinds = kinds_of(settings);
     *list = (uint32_t)__builtin_popcount(kinds & ((1u << kind) - 1u));
     return (kinds >> kind & 1u) != 0;
 }

@@ -11,27 +11,24 @@
 #define OWN  4 // of the nine
 
 struct work {
-    struct hg_path *path;
+    const struct hg_path_film *film;
+    const struct hg_cryptomatte_ids *ids;
+    const float *state;    // of the wave (keep)
     const uint32_t *tiles; // numbers of tiles of the picture, or of the wave (keep)
+    uint32_t pass;
     float weights[TAPS];
 };
 
-bool hg_film_cpu_is_used(const struct hg_path *p)
+static size_t ring_stride(const struct hg_path_film *f)
 {
-    return hg_gpu_get_caps(p->context->gpu)->is_cpu && p->film.mapped != NULL &&
-           p->ring.mapped != NULL && p->state.mapped != NULL;
-}
-
-static size_t ring_stride(const struct hg_path *p)
-{
-    return (size_t)p->columns * SIDE;
+    return (size_t)f->columns * SIDE;
 }
 
 // First word of a row of pixels in the ring.
-static size_t ring_row(const struct hg_path *p, uint32_t word, uint32_t y)
+static size_t ring_row(const struct hg_path_film *f, uint32_t word, uint32_t y)
 {
-    const size_t row = (size_t)(y / SIDE % p->ring_rows) * SIDE + y % SIDE;
-    return ((size_t)word * p->ring_rows * SIDE + row) * ring_stride(p);
+    const size_t row = (size_t)(y / SIDE % f->ring_rows) * SIDE + y % SIDE;
+    return ((size_t)word * f->ring_rows * SIDE + row) * ring_stride(f);
 }
 
 // --- what a wave brought, to the ring ------------------------------------------------------------
@@ -46,51 +43,49 @@ static uint32_t even_bits(uint32_t i)
 static void keep_tile(void *user, size_t index)
 {
     const struct work *work = user;
-    const struct hg_path *p = work->path;
+    const struct hg_path_film *f = work->film;
     const uint32_t tile = work->tiles[index];
-    const uint32_t x0 = tile % p->columns * SIDE, y0 = tile / p->columns * SIDE;
-    for (uint32_t k = 0; k + 1 < p->sampled_channels; k++) {
-        const float *from = (const float *)p->state.mapped +
-                            (size_t)(HG_PATH_OUT + k) * HG_PATH_WAVE_PX + index * HG_PATH_TILE_PX;
-        float *to = (float *)p->ring.mapped + ring_row(p, k, y0) + x0;
+    const uint32_t x0 = tile % f->columns * SIDE, y0 = tile / f->columns * SIDE;
+    for (uint32_t k = 0; k + 1 < f->sampled_channels; k++) {
+        const float *from =
+            work->state + (size_t)(HG_PATH_OUT + k) * HG_PATH_WAVE_PX + index * HG_PATH_TILE_PX;
+        float *to = (float *)f->ring.mapped + ring_row(f, k, y0) + x0;
         for (uint32_t i = 0; i < HG_PATH_TILE_PX; i++)
-            to[even_bits(i >> 1) * ring_stride(p) + even_bits(i)] = from[i];
+            to[even_bits(i >> 1) * ring_stride(f) + even_bits(i)] = from[i];
     }
-}
-
-void hg_film_cpu_keep(struct hg_path *p)
-{
-    struct work work = {.path = p, .tiles = p->tile_index};
-    hg_jobs_for(p->context->jobs, p->wave_tiles, keep_tile, &work);
 }
 
 // --- from there to the film ----------------------------------------------------------------------
 
 // A tile of the picture, and its pixels' samples of one channel.
 struct tile {
-    const struct hg_path *path;
+    const struct hg_path_film *film;
+    const struct hg_cryptomatte_ids *ids;
     const float *weights;
     uint32_t x0, y0, width, height;
+    uint32_t pass;
     bool first, whole; // whole: all tiles around have samples
     bool around[TAPS]; // which of them have
 };
 
 static struct tile tile_of(const struct work *work, uint32_t number)
 {
-    const struct hg_path *p = work->path;
-    const uint32_t *traced = p->traced.mapped;
-    const uint32_t column = number % p->columns, row = number / p->columns;
-    struct tile t = {.path = p,
+    const struct hg_path_film *f = work->film;
+    const uint32_t *traced = f->traced.mapped;
+    const uint32_t column = number % f->columns, row = number / f->columns;
+    struct tile t = {.film = f,
+        .ids = work->ids,
         .weights = work->weights,
         .x0 = column * SIDE,
         .y0 = row * SIDE,
-        .first = p->pass == 0};
-    t.width = p->width - t.x0 < SIDE ? p->width - t.x0 : SIDE;
-    t.height = p->height - t.y0 < SIDE ? p->height - t.y0 : SIDE;
+        .pass = work->pass,
+        .first = work->pass == 0};
+    t.width = f->width - t.x0 < SIDE ? f->width - t.x0 : SIDE;
+    t.height = f->height - t.y0 < SIDE ? f->height - t.y0 : SIDE;
     t.whole = t.width == SIDE && t.height == SIDE;
     for (uint32_t i = 0; i < TAPS; i++) {
         const uint32_t x = column + i % 3 - 1, y = row + i / 3 - 1; // wraps at the edge
-        t.around[i] = x < p->columns && y < p->rows && traced[y * p->columns + x] == p->pass + 1;
+        t.around[i] = x < f->columns && y < f->rows && traced[y * f->columns + x] == work->pass + 1;
         t.whole = t.whole && t.around[i];
     }
     return t;
@@ -106,12 +101,12 @@ static uint32_t side_of(uint32_t at, uint32_t tap)
 // Weights of the pixel's neighbours that have samples; they add up to one.
 static void weights_at(const struct tile *t, uint32_t x, uint32_t y, float out[TAPS])
 {
-    const struct hg_path *p = t->path;
+    const struct hg_path_film *f = t->film;
     float sum = 0.0f;
     for (uint32_t i = 0; i < TAPS; i++) {
         const uint32_t px = t->x0 + x + i % 3 - 1, py = t->y0 + y + i / 3 - 1;
         const bool there =
-            px < p->width && py < p->height && t->around[side_of(y, i / 3) * 3 + side_of(x, i % 3)];
+            px < f->width && py < f->height && t->around[side_of(y, i / 3) * 3 + side_of(x, i % 3)];
         out[i] = there ? t->weights[i] : 0.0f;
         sum += out[i];
     }
@@ -122,12 +117,12 @@ static void weights_at(const struct tile *t, uint32_t x, uint32_t y, float out[T
 // One pixel; taps without weight may lie outside of the ring and are not read.
 static float taken(const struct tile *t, uint32_t word, uint32_t x, uint32_t y, const float w[TAPS])
 {
-    const float *ring = t->path->ring.mapped;
+    const float *ring = t->film->ring.mapped;
     float sum = 0.0f;
     for (uint32_t i = 0; i < TAPS; i++) {
         if (w[i] != 0.0f)
             sum +=
-                ring[ring_row(t->path, word, t->y0 + y + i / 3 - 1) + t->x0 + x + i % 3 - 1] * w[i];
+                ring[ring_row(t->film, word, t->y0 + y + i / 3 - 1) + t->x0 + x + i % 3 - 1] * w[i];
     }
     return sum;
 }
@@ -146,14 +141,14 @@ HG_SIMD_LOOP static void blend_row(
 // Samples of a word of the ring, of all pixels of a tile.
 static void blend(const struct tile *t, uint32_t word, float out[HG_PATH_TILE_PX])
 {
-    const float *ring = t->path->ring.mapped;
+    const float *ring = t->film->ring.mapped;
     float w[TAPS];
     if (t->whole) {
         weights_at(t, 1, 1, w);
         for (uint32_t y = 0; y < SIDE; y++) {
             const float *rows[3];
             for (uint32_t i = 0; i < 3; i++)
-                rows[i] = ring + ring_row(t->path, word, t->y0 + y + i - 1) + t->x0 - 1;
+                rows[i] = ring + ring_row(t->film, word, t->y0 + y + i - 1) + t->x0 - 1;
             blend_row(rows, w, out + y * SIDE);
         }
         return;
@@ -169,10 +164,10 @@ static void blend(const struct tile *t, uint32_t word, float out[HG_PATH_TILE_PX
 static void add_channel(
     const struct tile *t, uint32_t channel, bool fresh, const float in[HG_PATH_TILE_PX])
 {
-    const struct hg_path *p = t->path;
-    float *film = (float *)p->film.mapped + (size_t)channel * p->width * p->height +
-                  (size_t)t->y0 * p->width + t->x0;
-    for (uint32_t y = 0; y < t->height; y++, film += p->width) {
+    const struct hg_path_film *f = t->film;
+    float *film = (float *)f->sums.mapped + (size_t)channel * f->width * f->height +
+                  (size_t)t->y0 * f->width + t->x0;
+    for (uint32_t y = 0; y < t->height; y++, film += f->width) {
         for (uint32_t x = 0; x < t->width; x++)
             film[x] = fresh ? in[y * SIDE + x] : film[x] + in[y * SIDE + x];
     }
@@ -194,9 +189,9 @@ static void list_name(float *list, size_t pixels, float draw, float weight)
 static void list_pixel(const struct tile *t, uint32_t number, const float w[TAPS],
     const float draws[TAPS], float *list)
 {
-    const struct hg_path *p = t->path;
-    const size_t pixels = (size_t)p->width * p->height;
-    const uint32_t *names = (const uint32_t *)p->names.mapped + (size_t)number * p->name_draws;
+    const struct hg_path_film *f = t->film;
+    const size_t pixels = (size_t)f->width * f->height;
+    const uint32_t *names = (const uint32_t *)t->ids->names.mapped + (size_t)number * t->ids->draws;
     list += (size_t)number * 2 * HG_PATH_DRAWS_LENGTH * pixels;
     for (uint32_t i = 0; i < 2 * HG_PATH_DRAWS_LENGTH && t->first; i++)
         list[i * pixels] = 0.0f;
@@ -208,13 +203,13 @@ static void list_pixel(const struct tile *t, uint32_t number, const float w[TAPS
 
 static void list_all(const struct tile *t)
 {
-    const struct hg_path *p = t->path;
-    const size_t pixels = (size_t)p->width * p->height;
-    const uint32_t word = p->planes[HG_PATH_PLANE_DRAWS] - 1;
+    const struct hg_path_film *f = t->film;
+    const size_t pixels = (size_t)f->width * f->height;
+    const uint32_t word = f->planes[HG_PATH_PLANE_DRAWS] - 1;
     for (uint32_t y = 0; y < t->height; y++) {
         for (uint32_t x = 0; x < t->width; x++) {
-            float *list = (float *)p->film.mapped + p->lists * pixels +
-                          (size_t)(t->y0 + y) * p->width + t->x0 + x;
+            float *list = (float *)f->sums.mapped + f->lists * pixels +
+                          (size_t)(t->y0 + y) * f->width + t->x0 + x;
             float w[TAPS], one[TAPS], draws[TAPS];
             weights_at(t, x, y, w);
             for (uint32_t i = 0; i < TAPS; i++) {
@@ -222,7 +217,7 @@ static void list_all(const struct tile *t)
                 one[i] = w[i] != 0.0f ? 1.0f : 0.0f;
                 draws[i] = taken(t, word, x, y, one);
             }
-            for (uint32_t i = 0; i < p->list_count; i++)
+            for (uint32_t i = 0; i < t->ids->list_count; i++)
                 list_pixel(t, i, w, draws, list);
         }
     }
@@ -230,26 +225,26 @@ static void list_all(const struct tile *t)
 
 // What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be
 // independent.
-static bool is_own(const struct hg_path *p, uint32_t c)
+static bool is_own(const struct hg_path_film *f, uint32_t c)
 {
-    const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED], guide = p->planes[HG_PATH_PLANE_GUIDE];
+    const uint32_t moved = f->planes[HG_PATH_PLANE_MOVED], guide = f->planes[HG_PATH_PLANE_GUIDE];
     return c >= guide || (c >= moved && c - moved < HG_PATH_MOVED_WORDS);
 }
 
 // Channels that are numbers of things and have no mean: those of the pixel's own first sample.
-static bool is_number(const struct hg_path *p, uint32_t c)
+static bool is_number(const struct hg_path_film *f, uint32_t c)
 {
-    const uint32_t moved = p->planes[HG_PATH_PLANE_MOVED];
-    return c == p->planes[HG_PATH_PLANE_OBJECT] || c == p->planes[HG_PATH_PLANE_MATERIAL] ||
-           c == p->planes[HG_PATH_PLANE_DRAWS] ||
+    const uint32_t moved = f->planes[HG_PATH_PLANE_MOVED];
+    return c == f->planes[HG_PATH_PLANE_OBJECT] || c == f->planes[HG_PATH_PLANE_MATERIAL] ||
+           c == f->planes[HG_PATH_PLANE_DRAWS] ||
            (moved != HG_PATH_NO_PLANE && c == moved + HG_PATH_MOVED_WHAT);
 }
 
 static void note_own(const struct tile *t, uint32_t channel, float out[HG_PATH_TILE_PX])
 {
-    const float *ring = t->path->ring.mapped;
+    const float *ring = t->film->ring.mapped;
     for (uint32_t y = 0; y < t->height; y++)
-        memcpy(out + y * SIDE, ring + ring_row(t->path, channel - 1, t->y0 + y) + t->x0,
+        memcpy(out + y * SIDE, ring + ring_row(t->film, channel - 1, t->y0 + y) + t->x0,
             t->width * sizeof *out);
 }
 
@@ -275,21 +270,21 @@ static void add_shown(const struct tile *t, uint32_t guide)
 
 static void add_planes(const struct tile *t)
 {
-    const struct hg_path *p = t->path;
-    const uint32_t guide = p->planes[HG_PATH_PLANE_GUIDE];
+    const struct hg_path_film *f = t->film;
+    const uint32_t guide = f->planes[HG_PATH_PLANE_GUIDE];
     float value[HG_PATH_TILE_PX];
-    for (uint32_t c = HG_PATH_FILM_WORDS; c < p->sampled_channels; c++) {
-        if (is_number(p, c) && !t->first)
+    for (uint32_t c = HG_PATH_FILM_WORDS; c < f->sampled_channels; c++) {
+        if (is_number(f, c) && !t->first)
             continue;
-        if (is_number(p, c) || is_own(p, c))
+        if (is_number(f, c) || is_own(f, c))
             note_own(t, c, value);
         else
             blend(t, c - 1, value);
         add_channel(t, c, t->first, value);
-        if (c >= guide && HG_PATH_IS_FIRST_HALF(p->pass))
+        if (c >= guide && HG_PATH_IS_FIRST_HALF(t->pass))
             add_channel(t, c + HG_PATH_GUIDE_CHANNELS, t->first, value);
     }
-    if (p->list_count > 0)
+    if (t->ids->list_count > 0)
         list_all(t);
     if (guide != HG_PATH_NO_PLANE)
         add_shown(t, guide);
@@ -314,11 +309,27 @@ static void add_tile(void *user, size_t index)
     add_planes(&t);
 }
 
-void hg_film_cpu_add(struct hg_path *p, const uint32_t *tiles, uint32_t count)
+// --- both ----------------------------------------------------------------------------------------
+
+bool hg_film_cpu_is_used(const struct hg_path *p)
 {
-    struct work work = {.path = p, .tiles = tiles};
-    const float *x = &p->block.splat_x.x, *y = &p->block.splat_y.x;
+    return hg_gpu_get_caps(p->context->gpu)->is_cpu && p->film.sums.mapped != NULL &&
+           p->film.ring.mapped != NULL && p->wave.buffers.state.mapped != NULL;
+}
+
+void hg_film_cpu_keep(const struct hg_path *p)
+{
+    struct work work = {
+        .film = &p->film, .state = p->wave.buffers.state.mapped, .tiles = p->wave.tile_index};
+    hg_jobs_for(p->context->jobs, p->wave.tile_count, keep_tile, &work);
+}
+
+void hg_film_cpu_add(const struct hg_path *p, const uint32_t *tiles, uint32_t count)
+{
+    struct work work = {
+        .film = &p->film, .ids = &p->scene.ids, .tiles = tiles, .pass = p->progress.pass};
+    const float *x = &p->wave.block.splat_x.x, *y = &p->wave.block.splat_y.x;
     for (uint32_t i = 0; i < TAPS; i++)
-        work.weights[i] = p->splats ? x[i % 3] * y[i / 3] : i == OWN ? 1.0f : 0.0f;
+        work.weights[i] = p->film.splats ? x[i % 3] * y[i / 3] : i == OWN ? 1.0f : 0.0f;
     hg_jobs_for(p->context->jobs, count, add_tile, &work);
 }

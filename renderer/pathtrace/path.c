@@ -1,284 +1,289 @@
-#include "renderer/pathtrace/path_state.h"
+// path.c - a picture: what it needs, its passes, slices of work. See path.h.
+#include "renderer/pathtrace/path.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "base/log.h"
+#include "base/cond.h"
 #include "renderer/passes/skin.h"
+#include "renderer/pathtrace/path_state.h"
 
 #define STEP_NS 35000000u // a slice of work ends with the piece that passes this
 
-static struct hg_page_cache *pages_of(const struct hg_view_state *view)
+struct hg_page_cache *hg_path_pages(const struct hg_path *p)
 {
-    return hg_textures_cache(view->scene_gpu->textures);
+    return hg_textures_cache(p->scene_gpu->textures);
 }
 
 // --- life ----------------------------------------------------------------------------------------
+
+struct hg_path *hg_path_create(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
+    const struct hg_path_host *host)
+{
+    struct hg_path *p = hg_calloc(1, sizeof *p);
+    if (p == NULL)
+        return NULL;
+    p->context = context;
+    p->scene_gpu = scene_gpu;
+    p->host = *host;
+    return p;
+}
+
+static void destroy_scene(struct hg_path_scene *scene, struct hg_gpu *gpu)
+{
+    hg_rays_unref(scene->rays);
+    hg_emitters_destroy(scene->emitters);
+    hg_motion_blur_destroy(&scene->blur);
+    hg_light_groups_destroy(&scene->groups, gpu);
+    hg_cryptomatte_ids_destroy(&scene->ids, gpu);
+}
 
 void hg_path_destroy(struct hg_path *p)
 {
     if (p == NULL)
         return;
-    hg_path_film_destroy(p);
-    hg_path_wave_destroy(p);
-    hg_denoise_destroy(p->history);
-    hg_trace_destroy(p->trace);
-    hg_emitters_destroy(p->emitters);
-    hg_ray_geometry_free(p->cut);
-    hg_motion_blur_destroy(p);
-    hg_light_groups_destroy(p);
-    hg_cryptomatte_ids_destroy(p);
+    struct hg_gpu *gpu = p->context->gpu;
+    hg_path_film_destroy(gpu, &p->film);
+    hg_path_progress_finish(&p->progress);
+    hg_path_wave_destroy(&p->wave, gpu);
+    hg_path_denoise_destroy(&p->denoiser, gpu);
+    destroy_scene(&p->scene, gpu);
+    hg_free(p->resume.data);
     hg_free(p);
-}
-
-static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
-{
-    if (view->path != NULL)
-        return HG_OK;
-    view->path = hg_calloc(1, sizeof *view->path);
-    if (view->path == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
-    view->path->context = view->context;
-    return HG_OK;
-}
-
-static enum hg_status make_trace(struct hg_view_state *view, struct hg_error *err)
-{
-    struct hg_path *p = view->path;
-    const uint32_t backend = view->settings.path.trace;
-    const struct hg_trace_params params = {.backend = (enum hg_trace_backend)backend,
-        .jobs = view->context->jobs,
-        .budget_bytes = view->context->geometry_budget_bytes};
-    if (p->trace != NULL && p->backend == backend)
-        return HG_OK;
-    hg_trace_destroy(p->trace);
-    p->trace = NULL;
-    hg_path_wave_destroy(p); // memory of another kind, perhaps
-    p->cut_revision = UINT64_MAX;
-    p->backend = backend;
-    return hg_trace_create(view->context->gpu, &params, &p->trace, err);
 }
 
 // --- sync ----------------------------------------------------------------------------------------
 
-static enum hg_status sync_cut(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_path_sync_scene(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
-    const struct hg_gpu_camera *c = &view->frame.camera;
-    const bool flat = c->orthographic != 0;
-    const struct hg_ray_geometry_lens lens = {.eye = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z},
-        .px_scale = 1.0f / (flat ? c->pixel_size : c->pixel_angle),
-        .orthographic = flat,
-        .near = fmaxf(c->near, 1e-6f),
-        .motion = (p->options & HG_PATH_BLURS) != 0,
-        .error_px = view->settings.error_px};
-    enum hg_status status =
-        hg_ray_geometry_make(view->scene_gpu->geometry, &lens, view->context->jobs, &p->cut, err);
-    if (status != HG_OK || hg_ray_geometry_revision(p->cut) == p->cut_revision)
-        return status;
-    p->cut_revision = UINT64_MAX;
-    status = hg_trace_sync(p->trace, p->cut, err);
-    if (status == HG_OK)
-        p->cut_revision = hg_ray_geometry_revision(p->cut);
-    return status;
+    const uint64_t wait_ns = p->request.build_wait_ns;
+    return hg_scene_gpu_sync(p->context, p->scene_gpu, p->request.camera.eye,
+        wait_ns > 0 ? hg_cond_after(wait_ns) : 0, err);
 }
 
-static enum hg_status sync_emitters(struct hg_view_state *view, struct hg_error *err)
+// Structures at the detail that the picture asks for. Those of a shutter are of this picture alone.
+static enum hg_status ref_rays(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
-    const struct hg_scene_gpu *scene_gpu = view->scene_gpu;
+    const struct hg_gpu_camera *c = p->host.camera;
+    const bool flat = c->orthographic != 0, blurs = (p->options & HG_PATH_BLURS) != 0;
+    const struct hg_rays_key key = {.backend = (enum hg_trace_backend)p->request.settings.trace,
+        .exact = true,
+        .owner = blurs ? p : NULL,
+        .lens = {.eye = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z},
+            .px_scale = 1.0f / (flat ? c->pixel_size : c->pixel_angle),
+            .orthographic = flat,
+            .near = fmaxf(c->near, 1e-6f),
+            .motion = blurs,
+            .error_px = p->request.error_px}};
+    if (p->scene.backend != p->request.settings.trace) // memory of another kind, perhaps
+        hg_path_wave_destroy(&p->wave, p->context->gpu);
+    p->scene.backend = p->request.settings.trace;
+    return hg_rays_ref(p->scene_gpu->rays, &key, &p->scene.rays, err);
+}
+
+static enum hg_status sync_rays(struct hg_path *p, struct hg_error *err)
+{
+    const enum hg_status status = ref_rays(p, err);
+    return status == HG_OK ? hg_rays_sync(p->scene.rays, err) : status;
+}
+
+static enum hg_status sync_emitters(struct hg_path *p, struct hg_error *err)
+{
+    const struct hg_scene_gpu *scene_gpu = p->scene_gpu;
     const struct hg_emitters_params params = {0};
     enum hg_status status = HG_OK;
-    if (p->emitters == NULL)
+    if (p->scene.emitters == NULL)
         status =
-            hg_emitters_create(view->context->gpu, view->context->jobs, &params, &p->emitters, err);
+            hg_emitters_create(p->context->gpu, p->context->jobs, &params, &p->scene.emitters, err);
     if (status != HG_OK)
         return status;
     const bool blurs = (p->options & HG_PATH_BLURS) != 0;
-    hg_emitters_move_lights(
-        p->emitters, blurs ? &p->lights[0] : NULL, blurs ? &p->lights[1] : NULL);
-    return hg_emitters_sync(
-        p->emitters, scene_gpu->geometry, p->cut, scene_gpu->scene, scene_gpu->textures, err);
+    hg_emitters_move_lights(p->scene.emitters, blurs ? &p->scene.blur.lights[0] : NULL,
+        blurs ? &p->scene.blur.lights[1] : NULL);
+    return hg_emitters_sync(p->scene.emitters, scene_gpu->geometry, hg_rays_geometry(p->scene.rays),
+        scene_gpu->scene, scene_gpu->textures, err);
 }
 
-static uint32_t has_holes(const struct hg_ray_geometry *cut)
+static uint32_t has_alpha_mask(const struct hg_ray_geometry *geometry)
 {
-    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(cut);
-    for (uint32_t i = 0; i < hg_ray_geometry_count(cut); i++) {
+    const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(geometry);
+    for (uint32_t i = 0; i < hg_ray_geometry_count(geometry); i++) {
         if ((pieces[i].flags & (HG_DRAW_MASK | HG_DRAW_BLEND)) != 0)
             return 1;
     }
     return 0;
 }
 
-// What rays meet, and what shines.
-static enum hg_status sync_scene(struct hg_view_state *view, struct hg_error *err)
+// Which draws rays meet in their own space.
+static void mark_placed(struct hg_path *p)
 {
-    struct hg_path *p = view->path;
-    enum hg_status status = sync_cut(view, err);
+    struct hg_geometry_stats stats;
+    hg_geometry_stats(p->scene_gpu->geometry, &stats);
+    hg_light_groups_mark_placed(
+        &p->scene.groups, hg_rays_trace(p->scene.rays), (uint32_t)stats.draws, &p->options);
+}
+
+// What rays hit, and emitters.
+static enum hg_status sync_scene(struct hg_path *p, struct hg_error *err)
+{
+    enum hg_status status = sync_rays(p, err);
     if (status == HG_OK)
-        status = sync_emitters(view, err);
+        status = sync_emitters(p, err);
     if (status == HG_OK)
-        p->holes = has_holes(p->cut);
+        p->scene.has_alpha_mask = has_alpha_mask(hg_rays_geometry(p->scene.rays));
     return status;
 }
 
 // The part of the shutter's time that the pass has.
-static enum hg_status open_shutter(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status open_shutter(struct hg_path *p, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    const enum hg_status status = hg_motion_blur_open(view, err);
+    enum hg_status status = ref_rays(p, err);
+    if (status == HG_OK)
+        status = hg_motion_blur_open(p, err);
     if (status != HG_OK)
         return status;
-    const enum hg_status synced = sync_scene(view, err);
+    const enum hg_status synced = sync_scene(p, err);
     if (synced == HG_OK)
-        hg_light_groups_mark_placed(view);
-    view->path->stats.build_ns += hg_clock_now_ns() - start;
+        mark_placed(p);
+    p->stats.build_ns += hg_clock_now_ns() - start;
     return synced;
 }
 
-// Everything that does not change while a picture is made.
-static enum hg_status begin_picture(struct hg_view_state *view, struct hg_error *err)
+// What rays hit and what is known of it, up to the film's channels.
+static enum hg_status begin_scene(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
+    struct hg_gpu *gpu = p->context->gpu;
+    const struct hg_geometry *geometry = p->scene_gpu->geometry;
+    enum hg_status status = hg_skin_run(gpu, p->scene_gpu->geometry, err);
+    if (status == HG_OK)
+        status = hg_motion_blur_begin(p, err);
+    const bool blurs = (p->options & HG_PATH_BLURS) != 0;
+    if (status == HG_OK && !blurs)
+        status = sync_scene(p, err);
+    if (status == HG_OK)
+        status = hg_light_groups_make(
+            &p->scene.groups, gpu, p->scene_gpu, &p->request, &p->options, err);
+    if (status == HG_OK && !blurs)
+        mark_placed(p);
+    if (status == HG_OK)
+        status = hg_cryptomatte_ids_make(&p->scene.ids, gpu, geometry, &p->request.settings, err);
+    return status;
+}
+
+static enum hg_status begin_film(struct hg_path *p, struct hg_error *err)
+{
+    const struct hg_path_film_plan plan = {
+        p->options, p->scene.groups.count, p->scene.ids.list_count};
+    enum hg_status status = hg_path_film_create(p->context->gpu, &p->request, &plan, &p->film, err);
+    if (status == HG_OK)
+        status = hg_path_progress_begin(&p->progress, p->film.tile_count, err);
+    return status;
+}
+
+// Everything that does not change while a picture is made.
+static enum hg_status begin_picture(struct hg_path *p, struct hg_error *err)
+{
     const uint64_t start = hg_clock_now_ns();
-    p->phase = HG_PATH_PHASE_NONE;
-    p->finished = p->late = false;
-    p->pass = p->next_tile = p->next_row = 0;
-    p->noise = 0.0f;
+    p->wave.phase = HG_PATH_PHASE_NONE;
     p->stats = (struct hg_path_stats){0};
-    p->spent_ns = 0;
-    enum hg_status status = hg_path_denoise_begin(view, err);
+    enum hg_status status = hg_path_denoise_begin(p, err);
     if (status == HG_OK)
-        status = make_trace(view, err);
+        status = begin_scene(p, err);
     if (status == HG_OK)
-        status = hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err);
-    if (status == HG_OK)
-        status = hg_motion_blur_begin(view, err);
-    if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
-        status = sync_scene(view, err);
-    if (status == HG_OK)
-        status = hg_light_groups_make(view, err);
-    if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0)
-        hg_light_groups_mark_placed(view);
-    if (status == HG_OK)
-        status = hg_cryptomatte_ids_make(view, err);
-    if (status == HG_OK)
-        status = hg_path_film_create(p, &view->settings, err);
+        status = begin_film(p, err);
+    // Of a shutter, structures are made for the first part of its time.
+    if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0)
+        status = open_shutter(p, err);
     if (status == HG_OK)
         status = hg_path_wave_create(p, err);
-    if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0)
-        status = open_shutter(view, err);
     if (status == HG_OK)
-        status = hg_path_splitting_choose(view, err);
+        status = hg_path_splitting_choose(p, err);
     if (status != HG_OK)
         return status;
-    memset(p->samples.mapped, 0, (size_t)p->tile_count * 4);
-    hg_geometry_origin(view->scene_gpu->geometry, p->origin);
+    memset(p->film.samples.mapped, 0, (size_t)p->film.tile_count * 4);
+    hg_geometry_origin(p->scene_gpu->geometry, p->film.origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
-    hg_view_add_stage(view, "path build", p->stats.build_ns);
-    return hg_path_resume(view, err);
+    p->host.add_stage(p->host.user, "path build", p->stats.build_ns);
+    return hg_path_resume(p, err);
 }
 
 // --- passes --------------------------------------------------------------------------------------
 
-// The tiles of the next wave; false: the pass is over. They have to find room in the ring beside
-// the row in front of those that the film waits for.
-static bool choose_tiles(struct hg_path *p)
+static uint32_t choose_tiles(struct hg_path *p)
 {
-    uint32_t at = p->next_tile;
-    p->wave_tiles = 0;
-    while (at < p->tile_count && p->done[at])
-        at++;
-    if (at / p->columns > p->next_row + 1) // no tile before is left
-        p->next_row = at / p->columns - 1;
-    const uint64_t end =
-        ((uint64_t)p->next_row + p->ring_rows - (p->next_row > 0 ? 1 : 0)) * p->columns;
-    for (; at < p->tile_count && at < end && p->wave_tiles < HG_PATH_WAVE_TILES; at++) {
-        if (!p->done[at])
-            p->tile_index[p->wave_tiles++] = at;
-    }
-    while (at < p->tile_count && p->done[at])
-        at++;
-    p->next_tile = at;
-    return p->wave_tiles > 0;
+    p->wave.tile_count = hg_path_progress_choose(&p->progress, &p->film, p->wave.tile_index);
+    return p->wave.tile_count;
 }
 
-static bool any_left(const struct hg_path *p)
+static enum hg_status judge(struct hg_path *p, float noise, struct hg_error *err)
 {
-    for (uint32_t i = 0; i < p->tile_count; i++) {
-        if (!p->done[i])
-            return true;
-    }
-    return false;
+    const uint32_t least = // all parts of the shutter's time
+        p->scene.blur.parts > HG_PATH_LEAST_SAMPLES ? p->scene.blur.parts : HG_PATH_LEAST_SAMPLES;
+    return hg_path_progress_judge(&p->progress, p->context->gpu, &p->film, noise, least, err);
 }
 
-static enum hg_status end_pass(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status end_pass(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
     enum hg_status status = HG_OK;
-    p->pass++;
-    p->next_tile = p->next_row = 0;
-    const bool last = p->pass >= view->settings.samples;
-    if (p->pass >= 2 && (last || p->pass % HG_PATH_NOISE_EVERY == 0))
-        status = hg_path_film_judge(p, view->settings.path.noise, err);
-    p->finished = last || !any_left(p);
-    view->samples = p->pass;
-    view->number++;
+    p->progress.pass++;
+    p->progress.next_tile = p->progress.next_row = 0;
+    const bool last = p->progress.pass >= p->request.samples;
+    if (p->progress.pass >= 2 && (last || p->progress.pass % HG_PATH_NOISE_EVERY == 0))
+        status = judge(p, p->request.settings.noise, err);
+    p->progress.finished = last || !hg_path_progress_any_left(&p->progress, &p->film);
+    p->progress.changes++;
     return status;
 }
 
-static enum hg_status next_wave(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status next_wave(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
     enum hg_status status = HG_OK;
-    if (!choose_tiles(p)) {
-        status = end_pass(view, err);
-        if (status != HG_OK || p->finished)
+    if (choose_tiles(p) == 0) {
+        status = end_pass(p, err);
+        if (status != HG_OK || p->progress.finished)
             return status;
         (void)choose_tiles(p); // tiles that are not done are all there
     }
-    if (hg_motion_blur_passes(p))
-        status = open_shutter(view, err);
+    if (hg_motion_blur_passes(&p->scene.blur, p->progress.pass))
+        status = open_shutter(p, err);
     if (status != HG_OK)
         return status;
-    return hg_path_wave_begin(view, err);
+    return hg_path_wave_begin(p, err);
 }
 
 // --- steps ---------------------------------------------------------------------------------------
 
 // A pass that the last wave of has just finished is ended at once, so that it is shown.
-static enum hg_status after_wave(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status after_wave(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
-    if (p->pass == 0)
-        view->number++; // tiles that were empty
-    return p->next_tile < p->tile_count ? HG_OK : end_pass(view, err);
+    if (p->progress.pass == 0)
+        p->progress.changes++; // tiles that were empty
+    return p->progress.next_tile < p->film.tile_count ? HG_OK : end_pass(p, err);
 }
 
 // `start`: of this slice. Time between slices is that of others.
-static bool is_late(const struct hg_view_state *view, uint64_t start)
+static bool is_late(const struct hg_path *p, uint64_t start)
 {
-    const float limit = view->settings.path.time_s;
-    const uint64_t spent = view->path->spent_ns + hg_clock_now_ns() - start;
-    return limit > 0.0f && view->path->pass > 0 && (double)spent > (double)limit * 1e9;
+    const float limit = p->request.settings.time_s;
+    const uint64_t spent = p->progress.spent_ns + hg_clock_now_ns() - start;
+    return limit > 0.0f && p->progress.pass > 0 && (double)spent > (double)limit * 1e9;
 }
 
-static void add_stages(struct hg_view_state *view, const struct hg_path_stats *before)
+static void add_stages(struct hg_path *p, const struct hg_path_stats *before)
 {
-    const struct hg_path_stats *now = &view->path->stats;
+    const struct hg_path_stats *now = &p->stats;
     for (int i = 0; i < HG_PATH_PIECES; i++) {
         const uint64_t ns = now->pieces[i].ns - before->pieces[i].ns;
         if (ns > 0)
-            hg_view_add_stage(view, hg_path_piece_name((enum hg_path_piece)i), ns);
+            p->host.add_stage(p->host.user, hg_path_piece_name((enum hg_path_piece)i), ns);
     }
 }
 
-static enum hg_status work(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status work(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
     const uint64_t start = hg_clock_now_ns();
     const uint64_t wanted_ns = p->context->overrides.path_slice_ns;
     const uint64_t slice_ns = wanted_ns > 0 ? wanted_ns : STEP_NS;
@@ -286,72 +291,89 @@ static enum hg_status work(struct hg_view_state *view, struct hg_error *err)
     enum hg_status status = HG_OK;
     do {
         bool over = false;
-        if (p->phase == HG_PATH_PHASE_NONE)
-            status = next_wave(view, err);
+        if (p->wave.phase == HG_PATH_PHASE_NONE)
+            status = next_wave(p, err);
         else
-            status = hg_path_advance(view, &over, err);
+            status = hg_path_wave_advance(p, &over, err);
         if (status == HG_OK && over)
-            status = after_wave(view, err);
-        p->late = status == HG_OK && is_late(view, start);
-    } while (status == HG_OK && !p->finished && !p->late && hg_clock_now_ns() - start < slice_ns);
-    add_stages(view, &before);
-    p->spent_ns += hg_clock_now_ns() - start;
-    if (p->late && p->noise == 0.0f && p->pass >= 2 && status == HG_OK)
-        status = hg_path_film_judge(p, 0.0f, err);
-    if (p->late)
-        view->number++;
+            status = after_wave(p, err);
+        p->progress.late = status == HG_OK && is_late(p, start);
+    } while (status == HG_OK && !p->progress.finished && !p->progress.late &&
+             hg_clock_now_ns() - start < slice_ns);
+    add_stages(p, &before);
+    p->progress.spent_ns += hg_clock_now_ns() - start;
+    if (p->progress.late && p->progress.noise == 0.0f && p->progress.pass >= 2 && status == HG_OK)
+        status = judge(p, 0.0f, err);
+    if (p->progress.late)
+        p->progress.changes++;
     return status;
 }
 
-enum hg_status hg_path_step(struct hg_view_state *view, bool changed, struct hg_error *err)
+// The picture goes on; others may have looked at the scene in between.
+static enum hg_status go_on(struct hg_path *p, struct hg_error *err)
 {
-    enum hg_status status = create(view, err);
-    if (status != HG_OK)
+    const bool blurs = (p->options & HG_PATH_BLURS) != 0;
+    enum hg_status status = hg_page_cache_update(hg_path_pages(p), HG_PAGES_EXACT, UINT64_MAX, err);
+    if (status != HG_OK || hg_path_done(p))
         return status;
-    struct hg_path *p = view->path;
-    if (changed || p->film.handle == VK_NULL_HANDLE) {
-        view->samples = 0;
-        status = begin_picture(view, err);
-    } else {
-        status = hg_page_cache_update(pages_of(view), HG_PAGES_EXACT, UINT64_MAX, err);
-        if (status == HG_OK && (p->options & HG_PATH_BLURS) == 0 && !hg_path_done(p))
-            status =
-                hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err); // others' poses
-        if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0 && !hg_path_done(p) &&
-            view->scene_gpu->posed != p) { // others have looked at the scene in between
-            status = open_shutter(view, err);
-            hg_path_wave_fill(view);
-        }
+    if (!blurs)
+        return hg_skin_run(p->context->gpu, p->scene_gpu->geometry, err); // others' poses
+    if (p->scene_gpu->posed != p) {
+        status = open_shutter(p, err);
+        hg_path_wave_fill(p);
     }
-    if (status == HG_OK && !hg_path_done(p))
-        status = work(view, err);
-    if (status == HG_OK && hg_path_done(p) && view->scene_gpu->posed == p)
-        status =
-            hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, view->wait, err);
-    view->stream.missing = status == HG_OK ? p->missing : 0;
-    if (status != HG_OK)
-        hg_path_film_destroy(p); // begins anew
     return status;
+}
+
+enum hg_status hg_path_step(
+    struct hg_path *p, const struct hg_path_request *request, bool begins, struct hg_error *err)
+{
+    p->request = *request;
+    enum hg_status status = begins || !hg_path_has_film(p) ? begin_picture(p, err) : go_on(p, err);
+    if (status == HG_OK && !hg_path_done(p))
+        status = work(p, err);
+    if (status == HG_OK)
+        status = hg_path_denoise_if_due(p, err);
+    if (status == HG_OK && hg_path_done(p) && p->scene_gpu->posed == p)
+        status = hg_path_sync_scene(p, err);
+    if (status != HG_OK)
+        hg_path_film_destroy(p->context->gpu, &p->film); // begins anew
+    return status;
+}
+
+bool hg_path_has_film(const struct hg_path *p)
+{
+    return p != NULL && p->film.sums.handle != VK_NULL_HANDLE;
+}
+
+uint64_t hg_path_changes(const struct hg_path *p)
+{
+    return p->progress.changes;
+}
+
+uint32_t hg_path_missing(const struct hg_path *p)
+{
+    return p->wave.missing;
 }
 
 bool hg_path_done(const struct hg_path *p)
 {
-    return p != NULL && (p->finished || p->late) && p->film.handle != VK_NULL_HANDLE;
+    return hg_path_has_film(p) && (p->progress.finished || p->progress.late);
 }
 
 float hg_path_noise(const struct hg_path *p)
 {
-    return p != NULL ? p->noise : 0.0f;
+    return p != NULL ? p->progress.noise : 0.0f;
 }
 
 uint64_t hg_path_spent_ns(const struct hg_path *p)
 {
-    return p != NULL ? p->spent_ns : 0;
+    return p != NULL ? p->progress.spent_ns : 0;
 }
 
 uint32_t hg_path_samples(const struct hg_path *p)
 {
-    return p != NULL ? p->pass : 0;
+    return p != NULL ? p->progress.pass : 0;
 }
 
 void hg_path_get_stats(const struct hg_path *p, struct hg_path_stats *out)
@@ -359,34 +381,32 @@ void hg_path_get_stats(const struct hg_path *p, struct hg_path_stats *out)
     *out = p != NULL ? p->stats : (struct hg_path_stats){0};
 }
 
-enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_path_show(
+    struct hg_path *p, struct hg_gpu_image *target, bool clear, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
-    struct hg_gpu *gpu = view->context->gpu;
+    struct hg_gpu *gpu = p->context->gpu;
     struct hg_gpu_cmd *cmd;
-    if (p == NULL || p->film.handle == VK_NULL_HANDLE || !p->stale || view->path_begins)
-        return HG_OK; // of another state the film is not shown in place of the preview
-    const bool denoise = view->settings.path.denoise != 0 && p->pass > 0;
-    if (denoise && !hg_path_denoise_due(p))
-        return HG_OK; // what was made of fewer samples stays until then
-    enum hg_status status = denoise ? hg_path_denoise(view, err) : HG_OK;
-    if (status == HG_OK)
-        status = hg_gpu_begin(gpu, &cmd, err);
+    const bool denoised = p->denoiser.pass > 0;
+    bool *unshown = denoised ? &p->denoiser.unshown : &p->progress.unshown;
+    if (!hg_path_has_film(p) || !*unshown)
+        return HG_OK;
+    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
     struct hg_pass pass = {.gpu = gpu, .cmd = cmd};
-    const struct hg_path_show show = {.film = denoise ? p->denoised.address : p->film.address,
-        .samples = p->samples.address,
-        .target = &view->targets.accumulated,
-        .catcher = denoise ? HG_PATH_NO_PLANE : p->planes[HG_PATH_PLANE_CATCHER],
-        .transparent = view->settings.background == HG_BACKGROUND_MODE_NONE,
-        .clear = p->pass > 0 || !view->path_preview};
+    const struct hg_path_show show = {
+        .film = denoised ? p->denoiser.image.address : p->film.sums.address,
+        .samples = denoised ? p->denoiser.samples.address : p->film.samples.address,
+        .target = target,
+        .catcher = denoised ? HG_PATH_NO_PLANE : p->film.planes[HG_PATH_PLANE_CATCHER],
+        .transparent = p->film.transparent,
+        .clear = clear || p->progress.pass > 0};
     status = hg_path_show_record(&pass, &show, err);
     if (status != HG_OK) {
         hg_gpu_discard(gpu, cmd);
         return status;
     }
     status = hg_gpu_submit_and_wait(gpu, cmd, err);
-    p->stale = status != HG_OK;
+    *unshown = status != HG_OK;
     return status;
 }

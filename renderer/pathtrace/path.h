@@ -1,5 +1,5 @@
 // path.h - pictures made by following light (HG_MODE_PATH), and planes of real-time ones.
-// Floor 4. Thread: the render thread.
+// Floor 3.5. Thread: the render thread.
 //
 // The picture is cut in tiles of HG_PATH_TILE_SIDE px. A wave is one sample of each pixel of some
 // tiles, at most HG_PATH_WAVE_TILES; a pass gives each tile that is not done one sample more. Rays
@@ -20,7 +20,10 @@
 #include <stdint.h>
 
 #include "base/refbuf.h"
-#include "base/status.h"
+#include "base/sha256.h"
+#include "renderer/camera/camera.h"
+#include "renderer/passes/pass.h"
+#include "renderer/scene_gpu/scene_gpu.h"
 
 #define HG_PATH_WAVE_TILES 512 // 2^17 paths, 26 MiB
 
@@ -40,68 +43,122 @@ struct hg_path_settings {
 
 #define HG_PATH_DENOISE_SERIES 2u // of `denoise`: with the pictures before
 
-struct hg_path;
-struct hg_view_state;
+// What is asked for. It does not change while one picture is made, but for what only says when that
+// ends (samples excepted) and how long others wait.
+struct hg_path_request {
+    struct hg_path_settings settings;
+    struct hg_view_camera_state camera;
+    uint32_t width, height; // px
+    uint32_t samples;       // per pixel, at most
+    uint32_t seed;
+    float error_px;   // greatest projected error of geometry
+    bool surfaces;    // paths end where they begin: planes of a picture of another mode
+    bool transparent; // nothing is behind the scene
+    bool watched;     // pictures of fewer samples are shown: they are denoised, too
+    // How long bringing the scene in line may wait for levels of detail that are being made.
+    uint64_t build_wait_ns;
+};
 
+// What whoever shows the picture does for its kernels: the frame block, textures and environment.
+struct hg_path_host {
+    void *user;
+    const struct hg_gpu_camera *camera; // as kernels have it; `fill` brings it up to date
+    // Brings the frame block in line with what the geometry shows: no jitter, pages waited for.
+    void (*fill)(void *user);
+    // The same, and a pass for a batch. streams: its shaders report what they miss of textures.
+    struct hg_pass (*begin)(void *user, struct hg_gpu_cmd *cmd, bool streams);
+    void (*add_stage)(void *user, const char *name, uint64_t ns); // name: literal
+};
+
+struct hg_path;
+
+// NULL: no memory. Everything is borrowed and outlives it; *host is copied.
+struct hg_path *hg_path_create(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
+    const struct hg_path_host *host) HG_MUST_CHECK;
 void hg_path_destroy(struct hg_path *path); // accepts NULL
 
-// One slice of work for a view, made on first use in view->path. changed: what was
-// there counts no longer. Errors of tracing, budgets and devices; then the next slice starts anew.
-enum hg_status hg_path_step(
-    struct hg_view_state *view, bool changed, struct hg_error *err) HG_MUST_CHECK;
+// One slice of work. begins: what was there counts no longer. The slice that completes what is to
+// be shown also denoises it. Errors of tracing, budgets and devices; then the next slice begins
+// anew.
+enum hg_status hg_path_step(struct hg_path *path, const struct hg_path_request *request,
+    bool begins, struct hg_error *err) HG_MUST_CHECK;
 // The picture goes on from a pose of the geometry that is still there: nothing is to be synced.
-bool hg_path_is_posed(const struct hg_view_state *view);
-// The settings ask for other times than that of the pose, and something moves.
-bool hg_path_needs_time(const struct hg_view_state *view);
+bool hg_path_is_posed(const struct hg_path *path); // NULL: false
+// The request asks for other times than that of the pose, and something moves.
+bool hg_path_needs_time(
+    const struct hg_path_request *request, const struct hg_scene_gpu *scene_gpu);
+// There is a film: of all that follows, only then anything is known.
+bool hg_path_has_film(const struct hg_path *path); // NULL: false
 // All tiles are done, or the time is over.
 bool hg_path_done(const struct hg_path *path); // NULL: false
-// Brings what the film holds to view->targets.accumulated, if it does not show it yet.
-enum hg_status hg_path_show(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// Pictures that differ, so far: one more for each that has something new.
+uint64_t hg_path_changes(const struct hg_path *path);
+uint32_t hg_path_missing(const struct hg_path *path); // texture pages, of the newest kernel
 // Light was followed for that long, runs before a checkpoint included: what time_s is compared
 // with.
-uint64_t hg_path_spent_ns(const struct hg_path *path);
-uint32_t hg_path_samples(const struct hg_path *path); // that all pixels have
-float hg_path_noise(const struct hg_path *path);      // estimate, 0 = not known
+uint64_t hg_path_spent_ns(const struct hg_path *path); // NULL: 0
+uint32_t hg_path_samples(const struct hg_path *path);  // that all pixels have. NULL: 0
+float hg_path_noise(const struct hg_path *path);       // estimate, 0 = not known. NULL: 0
+
+// Brings what is there, denoised where that is asked for, to an image of the picture's size, unless
+// that was done already. clear: pixels without samples; else they are kept. Renders nothing.
+enum hg_status hg_path_show(struct hg_path *path, struct hg_gpu_image *target, bool clear,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // Planes of the film by enum hg_plane of renderer.h: [height][width][channels] floats.
 // HG_E_STATE: not asked for, or nothing there.
-enum hg_status hg_path_read(struct hg_view_state *view, uint32_t plane, uint32_t channels,
+enum hg_status hg_path_read(struct hg_path *path, uint32_t plane, uint32_t channels,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // Groups of lights, of a picture that keeps HG_PATH_PLANE_GROUPS: their names, and the radiance by
 // one of them, [height][width][3] floats. 0, HG_E_STATE: not asked for, or nothing there.
 #define HG_PATH_GROUP_NAME 21 // longer names are cut, and end in ~2, ~3, ... where that was taken
-uint32_t hg_path_group_count(const struct hg_view_state *view);
-const char *hg_path_group_name(const struct hg_view_state *view, uint32_t group);
-enum hg_status hg_path_read_group(struct hg_view_state *view, uint32_t group,
-    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+uint32_t hg_path_group_count(const struct hg_path *path); // NULL: 0
+const char *hg_path_group_name(const struct hg_path *path, uint32_t group);
+enum hg_status hg_path_read_group(struct hg_path *path, uint32_t group, struct hg_refbuf **out,
+    struct hg_error *err) HG_MUST_CHECK;
 // Names that pixels show, by enum hg_matte_kind of renderer.h:
 // [height][width][HG_PLANE_DRAWS_LENGTH] pairs of floats (first draw of that name + 1, samples).
 // Errors as of hg_path_read.
-enum hg_status hg_path_read_names(struct hg_view_state *view, uint32_t kind, struct hg_refbuf **out,
+enum hg_status hg_path_read_names(struct hg_path *path, uint32_t kind, struct hg_refbuf **out,
     struct hg_error *err) HG_MUST_CHECK;
 #define HG_PATH_NAME 256 // bytes
 struct hg_draw_info;
 void hg_path_name_draw(uint32_t kind, const struct hg_draw_info *draw, char out[HG_PATH_NAME]);
-// Checkpoints (renderer.h). Load: takes effect with the next step, which makes sure of the rest.
-enum hg_status hg_path_save(
-    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_path_load(struct hg_view_state *view, const void *data, uint64_t size_bytes,
-    struct hg_error *err) HG_MUST_CHECK;
+
+// Checkpoints (renderer.h). state: hash of all that samples depend on besides the scene; scene:
+// numbers that differ when it is another one, or asked for otherwise.
+struct hg_path_identity {
+    uint8_t state[HG_SHA256_BYTES];
+    uint64_t scene[4];
+};
+enum hg_status hg_path_save(struct hg_path *path, const struct hg_path_identity *identity,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// The next picture goes on from there. Its first step makes sure of the rest: when it is asked for
+// something else by then (hg_path_expect), it begins anew.
+struct hg_path_checkpoint {
+    const void *data;
+    uint64_t size_bytes;
+    uint32_t width, height; // of the picture that is asked for
+};
+enum hg_status hg_path_load(struct hg_path *path, const struct hg_path_identity *identity,
+    const struct hg_path_checkpoint *checkpoint, struct hg_error *err) HG_MUST_CHECK;
+// Before a step that begins a picture: what is asked for now.
+void hg_path_expect(struct hg_path *path, const struct hg_path_identity *identity);
 
 // The history of a series (renderer.h). Load: takes effect with the next picture.
 enum hg_status hg_path_history_save(
-    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_path_history_load(struct hg_view_state *view, const void *data,
-    uint64_t size_bytes, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_path *path, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_path_history_load(struct hg_path *path, const void *data, uint64_t size_bytes,
+    struct hg_error *err) HG_MUST_CHECK;
 
-enum hg_path_piece {      // what the time of a picture goes into
-    HG_PATH_PIECE_BEGIN,  // camera rays
-    HG_PATH_PIECE_TRACE,  // nearest hits
-    HG_PATH_PIECE_MISS,   // shading of rays that left the scene
-    HG_PATH_PIECE_SHADE,  // shading of surfaces (of all rays, where the host does not see hits)
-    HG_PATH_PIECE_SHADOW, // rays to lights
-    HG_PATH_PIECE_LIGHT,  // what they bring
-    HG_PATH_PIECE_HOLES,  // surfaces with holes on their way: rays and shading
+enum hg_path_piece {          // what the time of a picture goes into
+    HG_PATH_PIECE_BEGIN,      // camera rays
+    HG_PATH_PIECE_TRACE,      // nearest hits
+    HG_PATH_PIECE_MISS,       // shading of rays that left the scene
+    HG_PATH_PIECE_SHADE,      // shading of surfaces (of all rays, where the host does not see hits)
+    HG_PATH_PIECE_SHADOW,     // rays to lights
+    HG_PATH_PIECE_LIGHT,      // what they bring
+    HG_PATH_PIECE_ALPHA_MASK, // masked and blended surfaces on their way: rays and shading
     HG_PATH_PIECE_FILM,
     HG_PATH_PIECE_LISTS, // the host's lists
     HG_PATH_PIECE_PAGES, // waiting for textures
@@ -123,6 +180,6 @@ struct hg_path_stats { // since the picture was begun
     // and rays to lights.
     uint64_t raw_ns[2], raw_rays[2];
 };
-void hg_path_get_stats(const struct hg_path *path, struct hg_path_stats *out);
+void hg_path_get_stats(const struct hg_path *path, struct hg_path_stats *out); // NULL: zeros
 
 #endif

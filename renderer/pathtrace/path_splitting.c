@@ -70,17 +70,17 @@ static enum hg_status reserve(struct hg_gpu *gpu, struct probe *probe, struct hg
 
 // Share of a grid of camera rays that meet something.
 static enum hg_status count_hits(
-    struct hg_view_state *view, const struct probe *probe, double *share, struct hg_error *err)
+    const struct hg_path *p, const struct probe *probe, double *share, struct hg_error *err)
 {
     const uint32_t n = GRID_X * GRID_Y;
     struct hg_gpu_ray *rays = probe->rays.mapped;
     const struct hg_gpu_hit *hits = probe->hits.mapped;
-    const float width = (float)view->settings.width, height = (float)view->settings.height;
+    const float width = (float)p->request.width, height = (float)p->request.height;
     for (uint32_t i = 0; i < n; i++)
-        rays[i] = ray_at(&view->frame.camera, ((float)(i % GRID_X) + 0.5f) * width / GRID_X,
+        rays[i] = ray_at(p->host.camera, ((float)(i % GRID_X) + 0.5f) * width / GRID_X,
             ((float)(i / GRID_X) + 0.5f) * height / GRID_Y);
     const struct hg_trace_wave wave = {.rays = &probe->rays, .hits = &probe->hits, .count = n};
-    const enum hg_status status = hg_trace_closest(view->path->trace, &wave, err);
+    const enum hg_status status = hg_trace_closest(hg_rays_trace(p->scene.rays), &wave, err);
     uint32_t met = 0;
     for (uint32_t i = 0; i < n && status == HG_OK; i++)
         met += hits[i].draw != HG_HIT_NONE;
@@ -88,13 +88,12 @@ static enum hg_status count_hits(
     return status;
 }
 
-enum hg_status hg_path_splitting_choose(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_path_splitting_choose(struct hg_path *p, struct hg_error *err)
 {
-    struct hg_path *p = view->path;
     struct probe probe = {0};
     double share = 1.0;
     p->branch_bits = 0;
-    const uint32_t wanted = view->context->overrides.path_branches;
+    const uint32_t wanted = p->context->overrides.path_branches;
     if (wanted != 0) {
         while (2u << p->branch_bits <= wanted && p->branch_bits < MOST_BITS)
             p->branch_bits++;
@@ -102,13 +101,13 @@ enum hg_status hg_path_splitting_choose(struct hg_view_state *view, struct hg_er
     }
     if ((p->options & HG_PATH_CATCHER) != 0) // catchers count their light themselves
         return HG_OK;
-    hg_frame_fill_path(view);
-    enum hg_status status = reserve(view->context->gpu, &probe, err);
+    p->host.fill(p->host.user);
+    enum hg_status status = reserve(p->context->gpu, &probe, err);
     if (status == HG_OK)
-        status = count_hits(view, &probe, &share, err);
-    hg_gpu_buffer_destroy(view->context->gpu, &probe.rays);
-    hg_gpu_buffer_destroy(view->context->gpu, &probe.hits);
-    const uint32_t room = POINTS - hg_path_sample_bits(view->settings.samples);
+        status = count_hits(p, &probe, &share, err);
+    hg_gpu_buffer_destroy(p->context->gpu, &probe.rays);
+    hg_gpu_buffer_destroy(p->context->gpu, &probe.hits);
+    const uint32_t room = POINTS - hg_path_sample_bits(p->request.samples);
     while (status == HG_OK && p->branch_bits < MOST_BITS && p->branch_bits < room &&
            share * (double)(2u << p->branch_bits) <= MOST_MET)
         p->branch_bits++;

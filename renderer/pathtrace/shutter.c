@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/frame/frame.h"
 #include "renderer/passes/skin.h"
 
 #define LOOKS       16   // poses that are looked at to see how straight motion is
@@ -24,18 +23,19 @@ void hg_shutter_look_along(const struct hg_node *node, float eye[3], float targe
     }
 }
 
-static const struct hg_node *camera_node(const struct hg_view_state *view)
+static const struct hg_node *camera_node(const struct hg_shutter *shutter)
 {
-    return view->camera.node == 0 ? NULL
-                                  : (const struct hg_node *)hg_scene_find(
-                                        view->scene_gpu->scene, HG_OBJECT_NODE, view->camera.node);
+    const uint64_t id = shutter->camera->node;
+    return id == 0 ? NULL
+                   : (const struct hg_node *)hg_scene_find(
+                         shutter->scene_gpu->scene, HG_OBJECT_NODE, id);
 }
 
 // The scene is in the pose of that time.
-static struct hg_view_camera_state camera_at(const struct hg_view_state *view, double frames)
+static struct hg_view_camera_state camera_at(const struct hg_shutter *shutter, double frames)
 {
-    struct hg_view_camera_state c = view->camera;
-    const struct hg_node *node = camera_node(view);
+    struct hg_view_camera_state c = *shutter->camera;
+    const struct hg_node *node = camera_node(shutter);
     float eye[3], target[3], up[3];
     if (node != NULL) {
         hg_shutter_look_along(node, eye, target, up);
@@ -53,16 +53,19 @@ static struct hg_view_camera_state camera_at(const struct hg_view_state *view, d
     return c;
 }
 
-bool hg_shutter_moves(const struct hg_view_state *view)
+static void fill_camera(const struct hg_shutter *shutter, double frames, struct hg_gpu_camera *out)
 {
-    return view->camera.moves || hg_scene_moves(view->scene_gpu->scene);
+    const struct hg_view_camera_state at = camera_at(shutter, frames);
+    const struct hg_camera_setup setup =
+        hg_scene_gpu_camera(shutter->scene_gpu, &at, shutter->width, shutter->height);
+    hg_camera_fill(&setup, out);
 }
 
 // --- poses ---------------------------------------------------------------------------------------
 
-static double seconds(const struct hg_view_state *view, double frames)
+static double seconds(const struct hg_shutter *shutter, double frames)
 {
-    return frames * (double)view->settings.path.frame_s;
+    return frames * (double)shutter->frame_s;
 }
 
 static void put_back(struct hg_scene *scene, struct hg_pose_kept *kept)
@@ -71,30 +74,29 @@ static void put_back(struct hg_scene *scene, struct hg_pose_kept *kept)
     hg_scene_update(scene);
 }
 
-enum hg_status hg_shutter_pose(struct hg_view_state *view, const void *who, double frames,
+enum hg_status hg_shutter_pose(const struct hg_shutter *shutter, double frames,
     struct hg_gpu_camera *camera, struct hg_error *err)
 {
-    struct hg_scene *scene = view->scene_gpu->scene;
+    struct hg_scene *scene = shutter->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
-    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
+    enum hg_status status = hg_scene_pose_shift(scene, seconds(shutter, frames), frames, &kept);
     if (status != HG_OK)
         return hg_error_set(err, status, "motion", NULL, "out of host memory");
     hg_scene_update(scene);
-    status = hg_scene_gpu_pose(view->scene_gpu, who, err);
-    const struct hg_view_camera_state at = camera_at(view, frames);
-    hg_frame_camera(view, &at, camera);
+    status = hg_scene_gpu_pose(shutter->scene_gpu, shutter->who, err);
+    fill_camera(shutter, frames, camera);
     put_back(scene, &kept);
-    return status == HG_OK ? hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err) : status;
+    return status == HG_OK ? hg_skin_run(shutter->gpu, shutter->scene_gpu->geometry, err) : status;
 }
 
-enum hg_status hg_shutter_lights(
-    struct hg_view_state *view, double frames, struct hg_light_set *lights, struct hg_error *err)
+enum hg_status hg_shutter_lights(const struct hg_shutter *shutter, double frames,
+    struct hg_light_set *lights, struct hg_error *err)
 {
-    struct hg_scene *scene = view->scene_gpu->scene;
+    struct hg_scene *scene = shutter->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
     double origin[3];
-    hg_geometry_origin(view->scene_gpu->geometry, origin);
-    enum hg_status status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
+    hg_geometry_origin(shutter->scene_gpu->geometry, origin);
+    enum hg_status status = hg_scene_pose_shift(scene, seconds(shutter, frames), frames, &kept);
     if (status == HG_OK) {
         hg_scene_update(scene);
         status = hg_light_set_collect(lights, scene, origin);
@@ -144,16 +146,15 @@ static double off_line(const struct track *t, const float now[16], double share)
 }
 
 static void matrix_of(
-    const struct hg_view_state *view, uint32_t index, double frames, float out[16])
+    const struct hg_shutter *shutter, uint32_t index, double frames, float out[16])
 {
-    const struct hg_object_list *nodes = &view->scene_gpu->scene->objects[HG_OBJECT_NODE];
+    const struct hg_object_list *nodes = &shutter->scene_gpu->scene->objects[HG_OBJECT_NODE];
     if (index < nodes->count) {
         memcpy(out, ((const struct hg_node *)nodes->items[index])->world, 16 * sizeof *out);
         return;
     }
-    const struct hg_view_camera_state c = camera_at(view, frames); // one more: the camera
-    struct hg_gpu_camera camera;
-    hg_frame_camera(view, &c, &camera);
+    struct hg_gpu_camera camera; // one more
+    fill_camera(shutter, frames, &camera);
     memcpy(out, camera.inv_view.m, 16 * sizeof *out);
 }
 
@@ -185,22 +186,22 @@ static double parts_for(const struct track *t)
     return isfinite(parts) ? parts : LOOKS;
 }
 
-static enum hg_status look_at_all(
-    struct hg_view_state *view, double open, double close, struct track *tracks, uint32_t count)
+static enum hg_status look_at_all(const struct hg_shutter *shutter,
+    const struct hg_shutter_span *span, struct track *tracks, uint32_t count)
 {
-    struct hg_scene *scene = view->scene_gpu->scene;
+    struct hg_scene *scene = shutter->scene_gpu->scene;
     struct hg_pose_kept kept = {0};
     enum hg_status status = HG_OK;
     for (uint32_t look = 0; look <= LOOKS && status == HG_OK; look++) {
         const double share = look == 0 ? 0.0 : look == 1 ? 1.0 : (look - 1.0) / LOOKS;
-        const double frames = open + share * (close - open);
+        const double frames = span->open + share * (span->close - span->open);
         float now[16];
-        status = hg_scene_pose_shift(scene, seconds(view, frames), frames, &kept);
+        status = hg_scene_pose_shift(scene, seconds(shutter, frames), frames, &kept);
         if (status != HG_OK)
             break;
         hg_scene_update(scene);
         for (uint32_t i = 0; i < count; i++) {
-            matrix_of(view, i, frames, now);
+            matrix_of(shutter, i, frames, now);
             follow(&tracks[i], now, look, share);
         }
     }
@@ -208,19 +209,18 @@ static enum hg_status look_at_all(
     return status;
 }
 
-enum hg_status hg_shutter_parts(struct hg_view_state *view, double open, double close,
-    uint32_t most, uint32_t *parts, struct hg_error *err)
+enum hg_status hg_shutter_parts(const struct hg_shutter *shutter,
+    const struct hg_shutter_span *span, uint32_t *parts, struct hg_error *err)
 {
-    const uint32_t count = view->scene_gpu->scene->objects[HG_OBJECT_NODE].count + 1;
+    const uint32_t count = shutter->scene_gpu->scene->objects[HG_OBJECT_NODE].count + 1;
     struct track *tracks = hg_calloc(count, sizeof *tracks);
     double need = 1.0;
     *parts = 1;
-    enum hg_status status =
-        tracks != NULL ? look_at_all(view, open, close, tracks, count) : HG_E_NOMEM;
+    enum hg_status status = tracks != NULL ? look_at_all(shutter, span, tracks, count) : HG_E_NOMEM;
     for (uint32_t i = 0; i < count && status == HG_OK; i++)
         need = fmax(need, parts_for(&tracks[i]));
     hg_free(tracks);
-    while (*parts < most && (double)*parts < need)
+    while (*parts < span->most && (double)*parts < need)
         *parts *= 2;
     return status == HG_OK ? HG_OK
                            : hg_error_set(err, status, "motion", NULL, "out of host memory");

@@ -1,6 +1,6 @@
 // debug_overrides.h - parts of a renderer that tests, benchmarks and people who look into a frame
 // switch off or to something else. Zero of each member is what everybody else gets.
-// Floor 4, no Vulkan. Copied when a renderer is made.
+// Floor 2 (scene_gpu), no Vulkan. Copied when a renderer is made.
 #ifndef HG_RENDERER_SCENE_GPU_DEBUG_OVERRIDES_H
 #define HG_RENDERER_SCENE_GPU_DEBUG_OVERRIDES_H
 

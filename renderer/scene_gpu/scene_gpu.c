@@ -109,6 +109,7 @@ static void destroy(struct hg_frame_context *context, struct hg_scene_gpu *scene
         link = &(*link)->next;
     if (*link == scene_gpu)
         *link = scene_gpu->next;
+    hg_rays_destroy(scene_gpu->rays);
     hg_geometry_destroy(scene_gpu->geometry);
     hg_textures_destroy(scene_gpu->textures);
     hg_free(scene_gpu);
@@ -148,10 +149,14 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
         .jobs = context->jobs,
         .store = context->store,
         .bake_from = context->bake_from};
+    const struct hg_rays_params rays = {
+        .jobs = context->jobs, .budget_bytes = context->geometry_budget_bytes};
     if (status == HG_OK)
         status = hg_textures_create(context->gpu, &textures, &scene_gpu->textures, err);
     if (status == HG_OK)
         status = hg_geometry_create(context->gpu, &geometry, &scene_gpu->geometry, err);
+    if (status == HG_OK)
+        status = hg_rays_create(context->gpu, scene_gpu->geometry, &rays, &scene_gpu->rays, err);
     if (status != HG_OK) {
         destroy(context, scene_gpu);
         return status;
@@ -203,7 +208,8 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_scene_gpu
     scene_gpu->posed = NULL;
     scene_gpu->scene_revision = UINT64_MAX; // a failure is tried again
     hg_scene_update(scene_gpu->scene);
-    enum hg_status status = hg_textures_sync(scene_gpu->textures, scene_gpu->scene, context->jobs, err);
+    enum hg_status status =
+        hg_textures_sync(scene_gpu->textures, scene_gpu->scene, context->jobs, err);
     if (status == HG_OK)
         status = hg_geometry_sync(scene_gpu->geometry, scene_gpu->scene, scene_gpu->textures, err);
     if (status == HG_OK) {
@@ -218,7 +224,8 @@ static enum hg_status sync(struct hg_frame_context *context, struct hg_scene_gpu
     return status;
 }
 
-enum hg_status hg_scene_gpu_pose(struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err)
+enum hg_status hg_scene_gpu_pose(
+    struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err)
 {
     scene_gpu->posed = who;
     return hg_geometry_sync(scene_gpu->geometry, scene_gpu->scene, scene_gpu->textures, err);
@@ -227,7 +234,8 @@ enum hg_status hg_scene_gpu_pose(struct hg_scene_gpu *scene_gpu, const void *who
 bool hg_scene_gpu_is_posed(const struct hg_scene_gpu *scene_gpu, const void *who)
 {
     return scene_gpu->posed == who && scene_gpu->scene_revision == scene_gpu->scene->revision &&
-           hg_geometry_baking(scene_gpu->geometry) == 0 && !hg_textures_is_stale(scene_gpu->textures);
+           hg_geometry_baking(scene_gpu->geometry) == 0 &&
+           !hg_textures_is_stale(scene_gpu->textures);
 }
 
 enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu,
@@ -238,4 +246,27 @@ enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_sce
     return status == HG_OK && until_ns > 0 && hg_geometry_baking(scene_gpu->geometry) > 0
                ? sync(context, scene_gpu, eye_ws, until_ns, err)
                : status;
+}
+
+struct hg_camera_setup hg_scene_gpu_camera(const struct hg_scene_gpu *scene_gpu,
+    const struct hg_view_camera_state *c, uint32_t width, uint32_t height)
+{
+    struct hg_camera_setup setup = {.orthographic = c->orthographic,
+        .vfov_rad = c->vfov_rad,
+        .half_height = c->half_height,
+        .near = c->near,
+        .far = c->far,
+        .width = width,
+        .height = height};
+    double origin[3];
+    float min[3] = {0}, max[3] = {0};
+    hg_geometry_origin(scene_gpu->geometry, origin);
+    for (int i = 0; i < 3; i++) {
+        setup.eye[i] = c->eye[i] - origin[i];
+        setup.target[i] = c->target[i] - origin[i];
+        setup.up[i] = c->up[i];
+    }
+    const bool has_bounds = hg_geometry_bounds(scene_gpu->geometry, min, max);
+    hg_camera_fit_depth(&setup, has_bounds, min, max);
+    return setup;
 }

@@ -4,13 +4,15 @@
 #define HG_RENDERER_SCENE_GPU_SCENE_GPU_H
 
 #include "base/jobs.h"
-#include "renderer/scene_gpu/debug_overrides.h"
+#include "renderer/camera/camera.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
+#include "renderer/scene_gpu/debug_overrides.h"
 #include "base/store/store.h"
 #include "renderer/texture/cache/page_cache.h"
 #include "renderer/texture/textures.h"
+#include "renderer/trace/rays.h"
 
 // What views need of their renderer.
 struct hg_frame_context {
@@ -18,10 +20,10 @@ struct hg_frame_context {
     struct hg_jobs *jobs;
     const char *cache_dir;                                                   // NULL = none
     uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
-    struct hg_store *store;      // page packs and cluster files on disk; NULL = none
-    struct hg_page_cache *pages; // of all scenes; made on first use
-    struct hg_scene_gpu *scene_gpu;      // list of all scenes in use
-    uint32_t bake_from;          // as of struct hg_geometry_params
+    struct hg_store *store;         // page packs and cluster files on disk; NULL = none
+    struct hg_page_cache *pages;    // of all scenes; made on first use
+    struct hg_scene_gpu *scene_gpu; // list of all scenes in use
+    uint32_t bake_from;             // as of struct hg_geometry_params
     struct hg_debug_overrides overrides;
 };
 
@@ -38,12 +40,14 @@ struct hg_scene_gpu {
     const void *posed;          // who has posed the geometry otherwise than the scene; NULL: nobody
     struct hg_textures *textures;
     struct hg_geometry *geometry;
+    struct hg_rays *rays; // of its views and passes
 };
 
 // The scene's rooms, made on first use; one reference.
 enum hg_status hg_scene_gpu_ref(struct hg_frame_context *context, struct hg_scene *scene,
     struct hg_scene_gpu **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_scene_gpu_unref(struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu); // accepts NULL
+void hg_scene_gpu_unref(
+    struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu); // accepts NULL
 
 // What all scenes shared; before the device goes, after all rooms. Accepts a zeroed context.
 void hg_frame_context_finish(struct hg_frame_context *context);
@@ -61,5 +65,10 @@ enum hg_status hg_scene_gpu_pose(
     struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err) HG_MUST_CHECK;
 // It still does, for `who`, and a sync would find nothing else to do.
 bool hg_scene_gpu_is_posed(const struct hg_scene_gpu *scene_gpu, const void *who);
+
+// A camera for a picture of that size, relative to the geometry's origin, its depth fitted to what
+// the geometry shows now; no jitter.
+struct hg_camera_setup hg_scene_gpu_camera(const struct hg_scene_gpu *scene_gpu,
+    const struct hg_view_camera_state *camera, uint32_t width, uint32_t height);
 
 #endif

@@ -307,7 +307,7 @@ light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec
 // What a ray to a light looks for first: what nothing comes through.
 uint first_mask(hg_emitter_sample e)
 {
-    return hg_path.holes != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
+    return hg_path.has_alpha_mask != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
 }
 
 // What the medium that the surface is in, or bounds, lets through of a light. Light from outside of

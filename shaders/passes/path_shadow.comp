@@ -43,7 +43,7 @@ vec3 let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
     uvec2 pixel = hg_path_pixel(slot);
     uint steps = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot)) & HG_PATH_STEPS_MASK;
     uvec3 bits = hg_hash3(uvec3(pixel, hg_path_number(slot) * 1024u + steps +
-        (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u) * 0x9e3779b1u));
+        (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_ALPHA_MASK_SHIFT) + 1u) * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
     hg_path_time = ray.time;
     hg_vertex v = hg_fetch_hit(hit, ray.direction_ws, cone.x + cone.y * hit.t);
@@ -91,7 +91,7 @@ void main()
     } else if (kind == 0u) {
         bool blocked = hg_path.blocked.v[slot] != 0u;
         uint mask = hg_path.shadow_rays.v[at].mask;
-        over = blocked || hg_path.holes == 0u || (mask & HG_RAY_OPAQUE) == 0u;
+        over = blocked || hg_path.has_alpha_mask == 0u || (mask & HG_RAY_OPAQUE) == 0u;
         if (over && !blocked)
             arrive(slot, light);
         if (!over)
@@ -108,16 +108,16 @@ void main()
             return; // once more
         if (more && share != vec3(1.0))
             hg_path_set3(pending, slot, light * share);
-        uint passed = (hg_path.status.v[slot] >> HG_PATH_HOLES_SHIFT) + 1u;
-        over = !more || share == vec3(0.0) || passed >= HG_PATH_MOST_HOLES;
+        uint passed = (hg_path.status.v[slot] >> HG_PATH_ALPHA_MASK_SHIFT) + 1u;
+        over = !more || share == vec3(0.0) || passed >= HG_PATH_MOST_ALPHA_MASKS;
         if (!more)
             arrive(slot, light);
         else
             hg_path.shadow_rays.v[at].t_min = hit.t * (1.0 + 1e-6);
-        hg_path.status.v[slot] = (hg_path.status.v[slot] & ((1u << HG_PATH_HOLES_SHIFT) - 1u)) |
-            (passed << HG_PATH_HOLES_SHIFT);
+        hg_path.status.v[slot] = (hg_path.status.v[slot] & ((1u << HG_PATH_ALPHA_MASK_SHIFT) - 1u)) |
+            (passed << HG_PATH_ALPHA_MASK_SHIFT);
     }
     if (over)
         hg_path.status.v[slot] &=
-            ((1u << HG_PATH_HOLES_SHIFT) - 1u) & ~(HG_PATH_SHADOW << push.second);
+            ((1u << HG_PATH_ALPHA_MASK_SHIFT) - 1u) & ~(HG_PATH_SHADOW << push.second);
 }

@@ -24,8 +24,8 @@
 #define HG_PATH_SHADOW 4u // it has a shadow ray
 #define HG_PATH_SUN    8u // and one to a directional light (HG_PATH_SUNS_APART)
 #define HG_PATH_STATUS_MASK 3u
-#define HG_PATH_HOLES_SHIFT 8    // surfaces with holes that the shadow ray has passed
-#define HG_PATH_MOST_HOLES  256u // then it is blocked
+#define HG_PATH_ALPHA_MASK_SHIFT 8    // masked and blended surfaces that the shadow ray has passed
+#define HG_PATH_MOST_ALPHA_MASKS  256u // then it is blocked
 
 // Words of state.
 #define HG_PATH_THROUGHPUT 0  // rgb
@@ -54,7 +54,7 @@
 #define HG_PATH_WORDS      15 // before that
 
 // HG_PATH_FLAGS
-#define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind holes included
+#define HG_PATH_STEPS_MASK    0x000003ffu // rays so far, those behind masked surfaces included
 #define HG_PATH_BOUNCE_SHIFT  10
 #define HG_PATH_BOUNCE_MASK   0x000001ffu
 #define HG_PATH_FOLLOWED      0x00100000u // all it came by is smooth: what it meets is seen in that
@@ -194,7 +194,7 @@ struct hg_gpu_path {
     HG_PTR(hg_ray_list) rays;        // [capacity]
     HG_PTR(hg_ray_list) shadow_rays; // [2][capacity] the second ones to directional lights
     HG_PTR(hg_hit_list) hits;        // [capacity]
-    HG_PTR(hg_hit_list) shadow_hits; // [capacity], of surfaces with holes
+    HG_PTR(hg_hit_list) shadow_hits; // [capacity], of masked and blended surfaces
     HG_PTR(hg_path_words) blocked;   // [capacity]
     HG_PTR(hg_path_words) status;    // [capacity]
     HG_PTR(hg_path_floats) state;    // [words][capacity]
@@ -217,7 +217,7 @@ struct hg_gpu_path {
     float focus_distance;
     HG_VEC3 lens_y_ws;
     float clamp_indirect; // 0 = off
-    HG_UINT holes; // 1: there are masked or blended surfaces
+    HG_UINT has_alpha_mask; // 1: there are masked or blended surfaces
     HG_UINT estimators; // HG_PATH_USE_*
     HG_UINT split;      // first word of HG_PATH_SPLIT_*
     HG_UINT columns, ring_rows; // of tiles

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/internal.h"
 #include "tests/analytic/path_rig.h"
 
 enum { WIDTH = 128, HEIGHT = 96, PIXELS = WIDTH * HEIGHT, REFERENCE = 256 };
@@ -471,7 +472,12 @@ static void test_preview(void **state)
     hg_view_set_final(view, false);
     for (int i = 0; i < 100000 && !info.settled; i++) {
         test_ok(hg_view_step(view, 1, &info, &err), &err);
+        struct hg_path_stats stepped, read;
+        hg_path_get_stats(view->state.path, &stepped);
         hg_refbuf_unref(pixels_of(view));
+        hg_path_get_stats(view->state.path, &read);
+        assert_memory_equal(&stepped, &read, sizeof read); // reading shows what a step made
+        assert_true(info.samples == 0 || read.denoise_ns > 0);
     }
     struct hg_refbuf *seen = pixels_of(view), *unseen = picture(rig, 12, 5, HG_DENOISE_STILL);
     assert_memory_equal(seen->data, unseen->data, seen->size);

@@ -319,6 +319,113 @@ static void test_device_film(void **state)
     rig_finish(&staged);
 }
 
+// --- beside other users of the scene's rays ------------------------------------------------------
+
+enum { ASKED = 20000 };
+
+// What a pass of a real-time view does: rays at the default level of detail, in batches.
+struct pass {
+    struct hg_rays_scene *rays;
+    struct hg_gpu_buffer wave[2], once; // rays and hits; hits of a wave that is not interrupted
+    struct hg_trace_batch batch;
+};
+
+static void open_pass(struct pass *pass, struct hg_view *beside)
+{
+    struct hg_gpu *gpu = beside->renderer->context.gpu;
+    struct hg_rays *rays = beside->state.scene_gpu->rays;
+    const struct hg_rays_key key = hg_rays_default_key(rays, HG_TRACE_AUTO, true);
+    struct hg_gpu_buffer *all[3] = {&pass->wave[0], &pass->wave[1], &pass->once};
+    struct hg_error err = {0};
+    *pass = (struct pass){0};
+    test_ok(hg_rays_ref(rays, &key, &pass->rays, &err), &err);
+    for (int i = 0; i < 3; i++)
+        test_ok(hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_READBACK,
+                    ASKED * (i == 0 ? sizeof(struct hg_gpu_ray) : sizeof(struct hg_gpu_hit)),
+                    "rays of a pass", all[i], &err),
+            &err);
+    struct hg_gpu_ray *to = pass->wave[0].mapped;
+    for (int i = 0; i < ASKED; i++)
+        to[i] = (struct hg_gpu_ray){.origin_ws = {0.5f, 1.2f, 3.5f},
+            .direction_ws = {(float)(i % 200) * 0.01f - 1, (float)(i / 200) * 0.01f - 1, -3},
+            .t_max = 1e30f,
+            .mask = HG_RAY_ALL};
+}
+
+static void close_pass(struct pass *pass, struct hg_view *beside)
+{
+    struct hg_gpu *gpu = beside->renderer->context.gpu;
+    hg_rays_unref(pass->rays);
+    hg_gpu_buffer_destroy(gpu, &pass->wave[0]);
+    hg_gpu_buffer_destroy(gpu, &pass->wave[1]);
+    hg_gpu_buffer_destroy(gpu, &pass->once);
+}
+
+// Asks before a step of the path-traced view, and has its answers after it.
+static void ask(struct pass *pass)
+{
+    struct hg_error err = {0};
+    struct hg_trace_wave wave = {.rays = &pass->wave[0], .hits = &pass->once, .count = ASKED};
+    memset(pass->once.mapped, 0x55, ASKED * sizeof(struct hg_gpu_hit)); // misses leave some
+    memset(pass->wave[1].mapped, 0x55, ASKED * sizeof(struct hg_gpu_hit));
+    test_ok(hg_rays_sync(pass->rays, &err), &err);
+    test_ok(hg_trace_closest(hg_rays_trace(pass->rays), &wave, &err), &err);
+    wave.hits = &pass->wave[1];
+    test_ok(hg_trace_begin(hg_rays_trace(pass->rays), &wave, false, &pass->batch, &err), &err);
+}
+
+static void hear(struct pass *pass)
+{
+    struct hg_error err = {0};
+    bool over;
+    test_ok(hg_trace_poll(hg_rays_trace(pass->rays), &pass->batch, &over, &err), &err);
+    test_ok(hg_trace_finish(hg_rays_trace(pass->rays), &pass->batch, &err), &err);
+    assert_memory_equal(pass->wave[1].mapped, pass->once.mapped, ASKED * sizeof(struct hg_gpu_hit));
+    const struct hg_gpu_hit *hits = pass->wave[1].mapped;
+    uint32_t found = 0;
+    for (uint32_t i = 0; i < ASKED; i++)
+        found += hits[i].draw != HG_HIT_NONE;
+    assert_in_range(found, ASKED / 4, ASKED);
+}
+
+static void test_beside_rays(void **state)
+{
+    static const float eye[3] = {-1.5f, 1.0f, 2.0f}, target[3] = {0, 0.5f, 0};
+    struct rig *rig = *state;
+    const struct hg_view_params realtime = {.width = 64, .height = 32, .samples = 4};
+    struct hg_error err = {0};
+    for (int i = 0; i < 3; i++) { // planes, a wide filter, a shutter that poses the scene
+        struct hg_frame_info info = {0}, other;
+        struct picture beside;
+        struct pass pass;
+        open_scene(rig, &sets[i]);
+        struct hg_view *view = open_view(rig, &sets[i]);
+        struct hg_view *second = path_rig_view(rig, &realtime);
+        path_rig_look(second, eye, target, 0.8f);
+        path_rig_steps(second, 1);
+        open_pass(&pass, second);
+        rig->renderer->context.overrides.path_slice_ns = 1;
+        while (!info.settled) {
+            path_rig_look(second, (float[3]){eye[0], eye[1], eye[2] + 0.01f * (float)info.samples},
+                target, 0.8f);
+            test_ok(hg_view_step(second, 1, &other, &err), &err);
+            ask(&pass);
+            if (sets[i].moves) // answers are of the pose that was asked about
+                hear(&pass);
+            test_ok(hg_view_step(view, 1, &info, &err), &err);
+            if (!sets[i].moves)
+                hear(&pass);
+        }
+        rig->renderer->context.overrides.path_slice_ns = 0;
+        read_all(view, &sets[i].params, &beside);
+        close_pass(&pass, second);
+        hg_view_destroy(second);
+        hg_view_destroy(view);
+        assert_same(sets[i].name, "beside a pass that asks", whole(rig, i), &beside);
+        drop(&beside);
+    }
+}
+
 // --- threads -------------------------------------------------------------------------------------
 
 static const char *self;
@@ -385,6 +492,7 @@ int main(int argc, char **argv)
         return print_hash((unsigned)atoi(argv[2]));
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_resumed),
         cmocka_unit_test(test_resumed_late), cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_device_film), cmocka_unit_test(test_thread_count_changes_nothing)};
+        cmocka_unit_test(test_beside_rays), cmocka_unit_test(test_device_film),
+        cmocka_unit_test(test_thread_count_changes_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, drop_all);
 }

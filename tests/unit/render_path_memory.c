@@ -136,7 +136,7 @@ static void see(struct rig *rig, int place, struct run *run)
     const enum hg_plane plane = run->mode == HG_MODE_PATH ? HG_PLANE_COLOR : HG_PLANE_ALBEDO;
     test_ok(hg_view_read_plane(rig->view, plane, &run->pictures[place], &rig->err), &rig->err);
     struct hg_trace_stats stats;
-    hg_trace_stats(rig->view->state.path->trace, &stats);
+    hg_trace_stats(hg_rays_trace(rig->view->state.path->scene.rays), &stats);
     if (stats.peak_bytes > run->structure_bytes) {
         run->structure_bytes = stats.peak_bytes;
         run->structure_triangles = stats.triangles;

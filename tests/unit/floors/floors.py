@@ -37,7 +37,8 @@ FLOORS = {
     "renderer/trace": 2, "renderer/light": 2, "renderer/denoise": 2, "renderer/graph": 2,
     "renderer/scene_gpu": 2, "shaders/passes": 2,
     "renderer/passes": 3,
-    "renderer/frame": 4, "renderer/pathtrace": 4,
+    "renderer/pathtrace": 3.5,  # made of passes, without a view around it
+    "renderer/frame": 4,
     "renderer": 5, "renderer/bake": 5,
     "renderer/bench": 6, "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
 }
@@ -146,8 +147,6 @@ def check_target(path, target):
             return None
         inside = "renderer" in APART[room] and other.startswith("renderer/")
         return None if inside and FLOORS[other] < FLOORS[room] else "apart"
-    if {room, other} == {"renderer/frame", "renderer/pathtrace"}:
-        return None
     if room in HILL and other in HILL:
         return None if HILL[other] < HILL[room] else "down"
     return None if FLOORS[other] < FLOORS[room] else "floor"

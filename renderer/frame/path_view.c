@@ -1,0 +1,188 @@
+// path_view.c - see path_view.h.
+#include "renderer/frame/path_view.h"
+
+#include <string.h>
+
+#include "renderer/frame/frame.h"
+
+// --- what it does for it -------------------------------------------------------------------------
+
+static void fill(void *user)
+{
+    hg_frame_fill_path(user);
+}
+
+static struct hg_pass begin_batch(void *user, struct hg_gpu_cmd *cmd, bool streams)
+{
+    struct hg_view_state *view = user;
+    view->stream.on = streams;
+    hg_frame_fill_path(view);
+    return hg_frame_pass(view, cmd, 0);
+}
+
+static void add_stage(void *user, const char *name, uint64_t ns)
+{
+    hg_view_add_stage(user, name, ns);
+}
+
+static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_path_host host = {.user = view,
+        .camera = &view->frame.camera,
+        .fill = fill,
+        .begin = begin_batch,
+        .add_stage = add_stage};
+    if (view->path == NULL)
+        view->path = hg_path_create(view->context, view->scene_gpu, &host);
+    return view->path != NULL ? HG_OK
+                              : hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
+}
+
+// --- what it asks of it --------------------------------------------------------------------------
+
+static struct hg_path_request request_of(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    return (struct hg_path_request){.settings = s->path,
+        .camera = view->camera,
+        .width = s->width,
+        .height = s->height,
+        .samples = s->samples,
+        .seed = s->seed,
+        .error_px = s->error_px,
+        .surfaces = s->mode != HG_VIEW_MODE_PATH,
+        .transparent = s->background == HG_BACKGROUND_MODE_NONE,
+        .watched = !view->final,
+        .build_wait_ns = view->wait ? HG_FRAME_BUILD_WAIT_NS : 0};
+}
+
+// What samples depend on, without what only says how many there will be.
+static enum hg_status hash_state(const struct hg_view_state *view, uint8_t out[HG_SHA256_BYTES])
+{
+    struct {
+        struct hg_view_settings settings;
+        struct hg_view_camera_state camera;
+    } state;
+    memset(&state, 0, sizeof state);
+    memcpy(&state.settings, &view->settings, sizeof state.settings);
+    memcpy(&state.camera, &view->camera, sizeof state.camera);
+    state.camera.input_seq = 0;
+    state.settings.exposure = state.settings.target_ms = 0.0f;
+    state.settings.tonemap = 0;
+    state.settings.path.time_s = 0.0f;
+    return hg_sha256(&state, sizeof state, out);
+}
+
+// Baked levels may come between loading and the first wave: the geometry does not count.
+static enum hg_status identify(
+    const struct hg_view_state *view, struct hg_path_identity *out, struct hg_error *err)
+{
+    const struct hg_scene *scene = view->scene_gpu->scene;
+    *out = (struct hg_path_identity){.scene = {scene->revision, scene->environment.revision,
+                                         view->settings_revision, view->camera_revision}};
+    const enum hg_status status = hash_state(view, out->state);
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "checkpoint", NULL, "cannot be hashed");
+}
+
+bool hg_path_view_needs_time(const struct hg_view_state *view)
+{
+    const struct hg_path_request request = request_of(view);
+    return hg_path_needs_time(&request, view->scene_gpu);
+}
+
+static enum hg_status begin(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_path_identity identity;
+    const enum hg_status status = identify(view, &identity, err);
+    if (status == HG_OK)
+        hg_path_expect(view->path, &identity);
+    return status;
+}
+
+enum hg_status hg_path_view_step(struct hg_view_state *view, bool begins, struct hg_error *err)
+{
+    const struct hg_path_request request = request_of(view);
+    enum hg_status status = create(view, err);
+    const bool anew = begins || !hg_path_has_film(view->path);
+    if (status == HG_OK && anew)
+        status = begin(view, err);
+    if (status != HG_OK)
+        return status;
+    const uint64_t changes = hg_path_changes(view->path);
+    status = hg_path_step(view->path, &request, anew, err);
+    view->number += hg_path_changes(view->path) - changes;
+    view->samples = hg_path_samples(view->path);
+    view->stream.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
+    return status;
+}
+
+// --- what it shows -------------------------------------------------------------------------------
+
+enum hg_status hg_path_view_show(struct hg_view_state *view, struct hg_error *err)
+{
+    if (view->path == NULL || view->path_begins)
+        return HG_OK; // of another state the film is not shown in place of the preview
+    return hg_path_show(view->path, &view->targets.accumulated, !view->path_preview, err);
+}
+
+enum hg_status hg_path_view_film(
+    const struct hg_view_state *view, struct hg_path **out, struct hg_error *err)
+{
+    *out = view->path;
+    return hg_path_has_film(view->path) && !view->path_begins
+               ? HG_OK
+               : hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was path-traced yet");
+}
+
+// --- checkpoints ---------------------------------------------------------------------------------
+
+enum hg_status hg_path_view_save(
+    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err)
+{
+    struct hg_path_identity identity;
+    struct hg_path *path;
+    *out = NULL;
+    if (view->settings.mode != HG_VIEW_MODE_PATH)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was path-traced yet");
+    enum hg_status status = hg_path_view_film(view, &path, err);
+    if (status == HG_OK)
+        status = identify(view, &identity, err);
+    return status == HG_OK ? hg_path_save(path, &identity, out, err) : status;
+}
+
+enum hg_status hg_path_view_load(
+    struct hg_view_state *view, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    const struct hg_path_checkpoint checkpoint = {
+        data, size_bytes, view->settings.width, view->settings.height};
+    struct hg_path_identity identity;
+    if (view->settings.mode != HG_VIEW_MODE_PATH)
+        return hg_error_set(err, HG_E_INVAL, "checkpoint", NULL, "is for path-traced views");
+    enum hg_status status = create(view, err);
+    if (status == HG_OK)
+        status = identify(view, &identity, err);
+    if (status == HG_OK)
+        status = hg_path_load(view->path, &identity, &checkpoint, err);
+    view->path_begins |= status == HG_OK; // in the place of what is there
+    return status;
+}
+
+enum hg_status hg_path_view_history_save(
+    struct hg_view_state *view, struct hg_refbuf **out, struct hg_error *err)
+{
+    *out = NULL;
+    if (view->path == NULL)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "has no settled picture of a series");
+    return hg_path_history_save(view->path, out, err);
+}
+
+enum hg_status hg_path_view_history_load(
+    struct hg_view_state *view, const void *data, uint64_t size_bytes, struct hg_error *err)
+{
+    if (view->settings.mode != HG_VIEW_MODE_PATH ||
+        view->settings.path.denoise != HG_PATH_DENOISE_SERIES)
+        return hg_error_set(err, HG_E_INVAL, "history", NULL, "is for views that make a series");
+    const enum hg_status status = create(view, err);
+    return status == HG_OK ? hg_path_history_load(view->path, data, size_bytes, err) : status;
+}

@@ -1,0 +1,39 @@
+// progress.h - how far the accumulation of a picture is: passes, tiles, noise. Private to the room.
+// Floor 3.5. Thread: the render thread.
+#ifndef HG_RENDERER_PATHTRACE_PROGRESS_H
+#define HG_RENDERER_PATHTRACE_PROGRESS_H
+
+#include "renderer/pathtrace/film.h"
+
+#define HG_PATH_LEAST_SAMPLES 16 // before a tile can be done by its noise
+#define HG_PATH_NOISE_EVERY   8  // samples between estimates
+
+struct hg_path_progress { // zeroed = empty; hg_path_progress_finish
+    uint32_t pass;        // samples of the tiles that this pass has finished, less one
+    uint32_t next_tile;   // of the pass
+    uint32_t next_row;    // of tiles: the first one whose samples the film does not have
+    uint8_t *done;        // [tile_count] by its noise
+    float *errors;        // [tile_count]
+    float noise;          // estimate, 0 = not known
+    bool finished, late;  // late: the time is over
+    bool unshown;         // the film holds more than was shown
+    uint64_t changes;     // since creation: hg_path_changes
+    uint64_t spent_ns;    // in slices of work, by runs before a checkpoint as well
+};
+
+// A picture of so many tiles begins. HG_E_NOMEM.
+enum hg_status hg_path_progress_begin(
+    struct hg_path_progress *progress, uint32_t tile_count, struct hg_error *err) HG_MUST_CHECK;
+void hg_path_progress_finish(struct hg_path_progress *progress);
+// The tiles of the next wave; 0: the pass is over.
+uint32_t hg_path_progress_choose(struct hg_path_progress *progress, const struct hg_path_film *film,
+    uint32_t tiles[HG_PATH_WAVE_TILES]);
+bool hg_path_progress_any_left(
+    const struct hg_path_progress *progress, const struct hg_path_film *film);
+// Estimates the error of tiles and says which ones are done: those with at most `noise` (0: none)
+// and so many samples.
+enum hg_status hg_path_progress_judge(struct hg_path_progress *progress, struct hg_gpu *gpu,
+    struct hg_path_film *film, float noise, uint32_t least_samples,
+    struct hg_error *err) HG_MUST_CHECK;
+
+#endif
