@@ -18,6 +18,14 @@ struct hg_view {
     struct hg_view_state state;
 };
 
+// What tests and benchmarks ask of a view besides its pictures (stats.c).
+struct hg_view_report {
+    struct hg_geometry_stats geometry;
+    struct hg_textures_stats textures;
+    uint32_t prefetched; // pictures, since creation
+    float unlit_share;   // of tiles, in the newest picture that they were looked for in
+};
+void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out);
 // HG_E_INVAL of a value outside its range.
 enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field);
 // Only paths that follow light know this plane.

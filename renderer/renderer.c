@@ -163,31 +163,43 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
     const bool followed = s->settings.mode == HG_VIEW_MODE_PATH && !s->path_begins;
     struct hg_geometry_stats geometry;
     hg_geometry_stats(s->scene_gpu->geometry, &geometry);
-    *info = (struct hg_frame_info){.number = s->number,
+    *info = (struct hg_frame_info){.number = s->stats.number,
         .scene_revision = s->scene_gpu->scene->revision,
         .input_seq = s->camera.input_seq,
         .width = s->settings.width,
         .height = s->settings.height,
-        .samples = s->samples,
+        .samples = s->accumulation.samples,
         .noise = followed ? hg_path_noise(s->path) : 0.0f,
         .spent_ns = followed ? hg_path_spent_ns(s->path) : 0,
-        .missing_pages = s->stream.missing,
-        .mip_bias = s->stream.bias,
-        .missing_clusters = s->missing_clusters + geometry.proxies,
-        .error_px = hg_view_error_px(s),
+        .missing_pages = s->accumulation.pages.missing,
+        .mip_bias = s->accumulation.pages.bias,
+        .missing_clusters = s->stats.missing_clusters + geometry.proxies,
+        .error_px = hg_tiled_accumulation_error_px(&s->accumulation, s->settings.error_px),
         .settled = hg_view_state_settled(s),
+        .phase = s->accumulation.phase,
+        .shortfall = s->accumulation.shortfall,
         .triangles_total = geometry.triangles_total,
-        .triangles_drawn = s->triangles_drawn};
-    for (uint32_t i = 0; i < s->stage_count && i < 64; i++) {
+        .triangles_drawn = s->stats.triangles_drawn};
+    for (uint32_t i = 0; i < s->stats.stage_count && i < 64; i++) {
         struct hg_stage_time *stage = &info->stages[info->stage_count++];
-        snprintf(stage->name, sizeof stage->name, "%s", s->stages[i].name);
-        stage->ns = s->stages[i].ns;
+        snprintf(stage->name, sizeof stage->name, "%s", s->stats.stages[i].name);
+        stage->ns = s->stats.stages[i].ns;
     }
 }
 
 void hg_view_set_final(struct hg_view *view, bool final)
 {
     view->state.final = final;
+}
+
+void hg_view_set_formats(struct hg_view *view, uint32_t formats)
+{
+    view->state.formats = formats;
+}
+
+bool hg_view_has_pixels(const struct hg_view *view, enum hg_pixel_format format)
+{
+    return hg_view_state_has_pixels(&view->state, (uint32_t)format);
 }
 
 enum hg_status hg_view_step(
@@ -244,7 +256,7 @@ enum hg_status hg_view_pick(
         return status;
     struct hg_draw_info draw;
     double origin[3];
-    out->revision = view->state.key.scene;
+    out->revision = view->state.accumulation.key.scene;
     if (hit.draw_plus_one == 0 || !hg_geometry_draw_info(geometry, hit.draw_plus_one - 1, &draw))
         return HG_OK;
     hg_geometry_origin(geometry, origin);

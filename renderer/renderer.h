@@ -11,6 +11,7 @@
 #include "base/jobs.h"
 #include "base/refbuf.h"
 #include "base/status.h"
+#include "renderer/frame/phase.h"
 #include "renderer/scene_gpu/debug_overrides.h"
 #include "renderer/image/image.h"
 #include "renderer/scene/load.h"
@@ -220,6 +221,8 @@ struct hg_frame_info {
     float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
     float error_px; // projected error of geometry in this picture, >= that of the parameters
     bool settled;
+    enum hg_view_phase phase; // of a real-time picture
+    uint32_t shortfall;       // enum hg_view_shortfall: what its newest samples lack
     uint64_t triangles_total, triangles_drawn;
     uint32_t stage_count;
     struct hg_stage_time stages[64]; // render passes of this step
@@ -228,6 +231,9 @@ struct hg_frame_info {
 // Nobody looks before the picture is settled: steps need not show anything on the way to it, what
 // is missing is loaded before it is drawn with. Until this is said to be over.
 void hg_view_set_final(struct hg_view *view, bool final);
+// Which pixels are read after the next steps: bits 1 << enum hg_pixel_format; at first
+// HG_PIXEL_RGBA8 alone. A picture in motion has no others; one that rests has all.
+void hg_view_set_formats(struct hg_view *view, uint32_t formats);
 // Renders one slice: picks up scene, parameter and camera changes (these restart accumulation),
 // uploads what is new, draws 1..max_samples samples. A settled view does nothing and says so.
 // HG_E_DEVICE_LOST, HG_E_NOMEM, HG_E_LIMIT (budget) with *err; the view stays usable.
@@ -236,9 +242,13 @@ enum hg_status hg_view_step(struct hg_view *view, uint32_t max_samples, struct h
 
 // Pixels of the newest step into *out (width*height*4). RGBA8: tone-mapped, sRGB, straight alpha.
 // RGBA32F: linear radiance times exposure, straight alpha, before tone mapping.
-// RGBA16: as RGBA8 with 16 bits. HG_E_STATE before the first step.
+// RGBA16: as RGBA8 with 16 bits. Renders nothing. HG_E_STATE: hg_view_has_pixels says no.
 enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+
+// False before the first step, and of a picture in motion for formats that were not asked for
+// (hg_view_set_formats).
+bool hg_view_has_pixels(const struct hg_view *view, enum hg_pixel_format format);
 
 // Plane of a path-traced film as [height][width][channels] floats: COLOR, SAMPLES, VARIANCE, or one
 // of those that the view's parameters ask for; of a settled real-time picture one of the latter.
@@ -265,7 +275,8 @@ struct hg_matte {
     struct hg_refbuf *ranks; // [height][width][HG_MATTE_RANKS][id, coverage] floats
     char *manifest;          // JSON of the names met; NULL when longer than 16 MiB
 };
-// HG_E_STATE as for planes; HG_E_NOMEM. Freed with hg_cryptomatte_view_finish, which accepts a zeroed one.
+// HG_E_STATE as for planes; HG_E_NOMEM. Freed with hg_cryptomatte_view_finish, which accepts a
+// zeroed one.
 enum hg_status hg_view_read_matte(struct hg_view *view, enum hg_matte_kind kind,
     struct hg_matte *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_cryptomatte_view_finish(struct hg_matte *matte);

@@ -104,8 +104,9 @@ static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
     hg_json_put(w,
         ",\"frame\":{\"render_ms\":%.3f,\"samples\":%u,\"number\":%llu,\"width\":%u,"
         "\"height\":%u,\"settled\":%s}",
-        (double)s->step_ns * 1e-6, s->samples, (unsigned long long)s->number, s->settings.width,
-        s->settings.height, hg_view_state_settled(s) ? "true" : "false");
+        (double)s->stats.step_ns * 1e-6, s->accumulation.samples,
+        (unsigned long long)s->stats.number, s->settings.width, s->settings.height,
+        hg_view_state_settled(s) ? "true" : "false");
 }
 
 static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
@@ -118,9 +119,9 @@ static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
         "\"draws_drawn\":%llu,\"instances\":%u,\"parts\":%u,\"error_px\":%.3f,\"baking\":%u,",
         (unsigned long long)g.budget_bytes, (unsigned long long)g.peak_bytes,
         (unsigned long long)g.used_bytes, (unsigned long long)g.triangles_total,
-        (unsigned long long)s->triangles_drawn, s->missing_clusters, g.draws,
-        (unsigned long long)s->draws_drawn, g.instances, g.parts, (double)hg_view_error_px(s),
-        g.baking);
+        (unsigned long long)s->stats.triangles_drawn, s->stats.missing_clusters, g.draws,
+        (unsigned long long)s->stats.draws_drawn, g.instances, g.parts,
+        (double)hg_tiled_accumulation_error_px(&s->accumulation, s->settings.error_px), g.baking);
     const struct hg_cluster_pool_stats *c = &g.chunks;
     hg_json_put(w,
         "\"chunks\":%llu,\"chunk_bytes\":%llu,\"chunk_peak_bytes\":%llu,\"queued\":%llu,"
@@ -138,7 +139,7 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
     hg_json_put(w,
         ",\"light\":{\"lights\":%u,\"shadowed\":%u,\"unshadowed\":%u,\"shadow_maps\":%u,"
         "\"shadow_maps_drawn\":%u,\"clusters\":%u}",
-        l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stale_shadows,
+        l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stats.stale_shadows,
         l.clusters);
 }
 
@@ -169,11 +170,20 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w, ",\"passes\":[");
-    for (uint32_t i = 0; i < s->stage_count; i++) {
-        hg_json_put(w, "%s{\"name\":\"%s\",\"ms\":%.3f}", i > 0 ? "," : "", s->stages[i].name,
-            (double)s->stages[i].ns * 1e-6);
+    for (uint32_t i = 0; i < s->stats.stage_count; i++) {
+        hg_json_put(w, "%s{\"name\":\"%s\",\"ms\":%.3f}", i > 0 ? "," : "", s->stats.stages[i].name,
+            (double)s->stats.stages[i].ns * 1e-6);
     }
     hg_json_put(w, "]");
+}
+
+void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out)
+{
+    const struct hg_view_state *s = &view->state;
+    *out = (struct hg_view_report){.prefetched = s->ahead.drawn,
+        .unlit_share = hg_unlit_tiles_share(&s->unlit.tiles, &s->targets.depth)};
+    hg_geometry_stats(s->scene_gpu->geometry, &out->geometry);
+    hg_textures_stats(s->scene_gpu->textures, &out->textures);
 }
 
 void hg_view_baking(struct hg_view *view, struct hg_baking *out)

@@ -161,6 +161,8 @@ static enum hg_status draw_scene(
     status = hg_view_set_params(view, &params, err);
     if (status == HG_OK)
         status = hg_view_step(view, 1, &info, err);
+    if (status == HG_OK)
+        status = hg_view_step(view, 1, &info, err); // after motion
     for (int format = HG_PIXEL_RGBA8; format <= HG_PIXEL_RGBA32F && status == HG_OK; format++) {
         struct hg_refbuf *pixels = NULL;
         status = hg_view_read_pixels(view, (enum hg_pixel_format)format, &pixels, err);

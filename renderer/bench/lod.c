@@ -432,8 +432,11 @@ static enum hg_status measure(struct run *run, struct hg_error *err)
         status = compare_stills(run, err);
     if (status == HG_OK)
         status = bake_meshes(run, err);
-    if (status == HG_OK)
-        hg_geometry_stats(run->views[LARGE].view->state.scene_gpu->geometry, &run->geometry);
+    if (status == HG_OK) {
+        struct hg_view_report report;
+        hg_view_get_report(run->views[LARGE].view, &report);
+        run->geometry = report.geometry;
+    }
     run->rss_bytes = hg_renderer_peak_rss_bytes();
     return status;
 }

@@ -25,9 +25,9 @@ static void sleep_until(uint64_t ns)
 
 static uint64_t pages_loaded(const struct hg_bench_view *view)
 {
-    struct hg_textures_stats stats;
-    hg_textures_stats(view->view->state.scene_gpu->textures, &stats);
-    return stats.loaded;
+    struct hg_view_report report;
+    hg_view_get_report(view->view, &report);
+    return report.textures.loaded;
 }
 
 // What is shown stays on the screen until the next frame is there.

@@ -200,7 +200,9 @@ static enum hg_status measure_gallery(struct run *run, struct hg_error *err)
     for (uint32_t i = 0; i < b->stream.stills && status == HG_OK; i++)
         status = compare_still(run, i, err);
     if (status == HG_OK) {
-        hg_textures_stats(run->views[STREAMED].view->state.scene_gpu->textures, &run->streamed);
+        struct hg_view_report report;
+        hg_view_get_report(run->views[STREAMED].view, &report);
+        run->streamed = report.textures;
         snprintf(run->device, sizeof run->device, "%s",
             hg_gpu_get_caps(run->renderers[STREAMED]->gpu)->device_name);
     }
@@ -330,9 +332,9 @@ static enum hg_status measure_sheet(
     if (status == HG_OK)
         status = check_texels(run, view, result, err);
     if (status == HG_OK) {
-        struct hg_textures_stats stats;
-        hg_textures_stats(view->view->state.scene_gpu->textures, &stats);
-        result->peak_bytes = stats.peak_bytes;
+        struct hg_view_report report;
+        hg_view_get_report(view->view, &report);
+        result->peak_bytes = report.textures.peak_bytes;
     }
     close_side(run, STREAMED);
     hg_bench_scene_finish(&run->scene);

@@ -9,28 +9,29 @@
 // --- frame_block.c: what shaders are told --------------------------------------------------------
 
 // Of the picture that is drawn now, px: only to find out what is needed, a smaller one does.
-VkExtent2D hg_frame_size(const struct hg_view_state *view);
+VkExtent2D hg_frame_size(const struct hg_draw *draw);
 // The view's camera for a picture of that size, relative to the geometry's origin; no jitter.
-struct hg_camera_setup hg_frame_setup(const struct hg_view_state *view);
+struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw);
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
-struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot);
-void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot);
+struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot);
+void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot);
 // For paths: no jitter, pages waited for.
 void hg_frame_fill_path(struct hg_view_state *view);
+struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd);
 
 // --- frame_cull.c: what is seen ------------------------------------------------------------------
 
 enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
 // Chooses what the batch draws: camera and stale shadow maps, or the latter alone, inside of the
-// area that is drawn, for the next `samples` samples or fewer. view->crowded in exact mode: it is
+// area that is drawn, for the next `samples` samples or fewer. draw->crowded in exact mode: it is
 // not all there and must not be drawn.
-enum hg_status hg_frame_cull(struct hg_view_state *view, enum hg_frame_part part, uint32_t samples,
+enum hg_status hg_frame_cull(struct hg_draw *draw, enum hg_frame_part part, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
 // What the camera sees of a rectangle of the image, all of it loaded at once.
-enum hg_status hg_frame_cull_part(struct hg_view_state *view, VkRect2D part,
-    struct hg_culling *visible, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_frame_cull_part(
+    struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
 // What the camera sees of all of the picture, for hg_frame_record_prefetch; no shadow maps.
-enum hg_status hg_frame_cull_prefetch(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // Where samples of a picture of that size lie: in the centres of the camera's pixels.
 struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExtent2D size);
 
@@ -39,32 +40,32 @@ struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExten
 // Of a step, for levels of detail that are being made.
 #define HG_FRAME_BUILD_WAIT_NS UINT64_C(20000000)
 // Scene, pages and lights.
-enum hg_status hg_frame_sync(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // Materials of the scene let light through.
-bool hg_frame_transmits(const struct hg_view_state *view);
+bool hg_frame_transmits(const struct hg_draw *draw);
 // How many of so many samples one batch takes: what the host draws of them needs memory.
-uint32_t hg_frame_batch(const struct hg_view_state *view, uint32_t samples);
+uint32_t hg_frame_batch(const struct hg_draw *draw, uint32_t samples);
 // After the batch: how much it drew; whether it had too few layers, and then how many the next one
 // peels.
-void hg_frame_note_drawn(struct hg_view_state *view, uint32_t samples);
+void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples);
 
 // --- frame_graph.c: the passes of a batch --------------------------------------------------------
 
 // Moved geometry, stale shadow maps and samples of the picture, or a debug view. After a cull of
 // HG_FRAME_PICTURE.
-enum hg_status hg_frame_record(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples,
+enum hg_status hg_frame_record(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// Only what its pixels ask of textures counts; the camera is the one that the view has now.
+// Only what its pixels ask of textures counts.
 enum hg_status hg_frame_record_prefetch(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.
 enum hg_status hg_frame_record_shadows(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // What is accumulated to targets.pixels[format], and that to `readback`.
-enum hg_status hg_frame_record_read(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
-    uint32_t format, struct hg_error *err) HG_MUST_CHECK;
-// What `pixel` shows to `pick`. After hg_frame_cull_part of it to pick_visible.
-enum hg_status hg_frame_record_pick(struct hg_view_state *view, struct hg_gpu_cmd *cmd,
-    VkRect2D pixel, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_frame_record_read(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format,
+    struct hg_error *err) HG_MUST_CHECK;
+// What `pixel` shows to `pick`. After hg_frame_cull_part of it .
+enum hg_status hg_frame_record_pick(struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixel,
+    struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -8,41 +8,41 @@
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 _Static_assert(sizeof(struct hg_gpu_history) <= HG_FRAME_HISTORY_BYTES, "history");
 
-VkExtent2D hg_frame_size(const struct hg_view_state *view)
+VkExtent2D hg_frame_size(const struct hg_draw *draw)
 {
-    const uint32_t less = view->stream.finding > 0 ? view->stream.finding : 1;
-    const float wider = view->stream.wider > 0.0f ? view->stream.wider : 1.0f;
-    const uint32_t width = (uint32_t)((float)view->settings.width * wider) / less;
-    const uint32_t height = (uint32_t)((float)view->settings.height * wider) / less;
+    const uint32_t less = draw->request->smaller > 0 ? draw->request->smaller : 1;
+    const float wider = draw->request->wider > 0.0f ? draw->request->wider : 1.0f;
+    const uint32_t width = (uint32_t)((float)draw->request->settings->width * wider) / less;
+    const uint32_t height = (uint32_t)((float)draw->request->settings->height * wider) / less;
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 
-struct hg_camera_setup hg_frame_setup(const struct hg_view_state *view)
+struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw)
 {
-    const VkExtent2D size = hg_frame_size(view);
-    return hg_scene_gpu_camera(view->scene_gpu, &view->camera, size.width, size.height);
+    const VkExtent2D size = hg_frame_size(draw);
+    return hg_scene_gpu_camera(draw->scene_gpu, draw->request->camera, size.width, size.height);
 }
 
-static void fill_textures(struct hg_view_state *view, struct hg_gpu_textures *out)
+static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
 {
-    struct hg_tiled_accumulation *s = &view->stream;
-    const uint32_t mode = s->exact ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
-    hg_textures_fill(view->scene_gpu->textures, mode, out);
-    s->run = s->run % HG_PROGRESS_RUNS + 1;
-    if (s->finding > 0) // a smaller picture with the texels of the whole one
-        out->bias -= log2f((float)s->finding);
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    const uint32_t mode = hg_draw_is(draw, HG_DRAW_EXACT) ? HG_TEXTURES_EXACT : HG_TEXTURES_SHOW;
+    hg_textures_fill(draw->scene_gpu->textures, mode, out);
+    s->pages.run = s->pages.run % HG_PROGRESS_RUNS + 1;
+    if (draw->request->smaller > 0) // a smaller picture with the texels of the whole one
+        out->bias -= log2f((float)draw->request->smaller);
     out->mode = mode;
-    out->run = s->run;
-    out->progress = s->behind  ? s->behind_progress.address
-                    : s->exact ? s->progress.address
-                               : out->feedback; // read in no other mode
+    out->run = s->pages.run;
+    out->progress = hg_draw_is(draw, HG_DRAW_BEHIND)  ? s->behind.progress.address
+                    : hg_draw_is(draw, HG_DRAW_EXACT) ? s->progress.address
+                                                      : out->feedback; // read in no other mode
 }
 
 // A texel of mip l is pi / height * 2^l high.
-static void fill_background(const struct hg_view_state *view, struct hg_gpu_frame *f)
+static void fill_background(const struct hg_draw *draw, struct hg_gpu_frame *f)
 {
-    const struct hg_gpu_texture background = hg_textures_background(view->scene_gpu->textures);
-    const struct hg_environment *env = &view->scene_gpu->scene->environment;
+    const struct hg_gpu_texture background = hg_textures_background(draw->scene_gpu->textures);
+    const struct hg_environment *env = &draw->scene_gpu->scene->environment;
     if (env->kind != HG_ENV_IMAGE || background.bits == 0)
         return;
     const uint32_t height =
@@ -54,25 +54,25 @@ static void fill_background(const struct hg_view_state *view, struct hg_gpu_fram
 
 // The error of levels of detail that the view allows, as metres: pixels per metre are half the
 // height times the second diagonal element of the projection, over the depth in perspective.
-static void fill_slack(const struct hg_view_state *view, struct hg_gpu_lighting *lighting)
+static void fill_slack(const struct hg_draw *draw, struct hg_gpu_lighting *lighting)
 {
-    const struct hg_gpu_camera *camera = &view->frame.camera;
-    if (!hg_geometry_is_simplified(view->scene_gpu->geometry))
+    const struct hg_gpu_camera *camera = &draw->frame->camera;
+    if (!hg_geometry_is_simplified(draw->scene_gpu->geometry))
         return;
-    const float px_scale = 0.5f * (float)view->settings.height * fabsf(camera->proj.m[5]);
-    const float error_px = hg_culling_count(view->visible) > 0
-                               ? hg_culling_set(view->visible, 0)->error_px
-                               : view->settings.error_px;
+    const float px_scale = 0.5f * (float)draw->request->settings->height * fabsf(camera->proj.m[5]);
+    const float error_px = hg_culling_count(draw->visible) > 0
+                               ? hg_culling_set(draw->visible, 0)->error_px
+                               : draw->request->settings->error_px;
     const float slack = error_px / px_scale;
     *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
         slack;
 }
 
-void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uint32_t slot)
+void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot)
 {
-    struct hg_gpu_frame *f = &view->frame;
-    const struct hg_view_settings *s = &view->settings;
-    struct hg_camera_setup setup = hg_frame_setup(view);
+    struct hg_gpu_frame *f = draw->frame;
+    const struct hg_view_settings *s = draw->request->settings;
+    struct hg_camera_setup setup = hg_frame_setup(draw);
     memset(f, 0, sizeof *f);
     if (jitter)
         hg_camera_jitter(sample, s->seed, setup.jitter_px);
@@ -82,36 +82,48 @@ void hg_frame_fill(struct hg_view_state *view, uint32_t sample, bool jitter, uin
     f->inv_size = (struct hg_vec2){1.0f / (float)setup.width, 1.0f / (float)setup.height};
     f->jitter_px = (struct hg_vec2){setup.jitter_px[0], setup.jitter_px[1]};
     f->sample_index = sample;
-    f->sample_count = s->samples;
+    f->sample_count = draw->request->samples;
     f->seed = s->seed;
     f->background_mode = s->background;
     f->background_color =
         (struct hg_vec3){s->background_color[0], s->background_color[1], s->background_color[2]};
     f->exposure = s->exposure;
     f->tonemap = s->tonemap;
-    f->flags = view->coarse ? HG_FRAME_COARSE_SHADOWS : 0;
-    hg_lighting_fill(view->lighting, sample, &f->lighting);
-    fill_slack(view, &f->lighting);
-    fill_textures(view, &f->textures);
-    fill_background(view, f);
-    hg_geometry_fill(view->scene_gpu->geometry, &f->geometry);
-    uint8_t *to = (uint8_t *)view->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
+    f->flags = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FRAME_COARSE_SHADOWS : 0;
+    hg_lighting_fill(draw->lighting, sample, &f->lighting);
+    fill_slack(draw, &f->lighting);
+    fill_textures(draw, &f->textures);
+    fill_background(draw, f);
+    hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
+    uint8_t *to = (uint8_t *)draw->buffers->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
     memcpy(to, f, sizeof *f);
-    if (view->history.wanted) {
+    if (draw->history->wanted) {
         struct hg_gpu_history history;
-        hg_frame_history_fill(view, &history);
+        hg_frame_history_fill(draw, &history);
         memcpy(to + HG_FRAME_BLOCK_BYTES, &history, sizeof history);
     }
 }
 
+// Kernels of paths look at all of the picture, and at no shadow maps.
+static struct hg_draw_request request_of_path(const struct hg_view_state *view)
+{
+    return (struct hg_draw_request){.settings = &view->settings,
+        .camera = &view->camera,
+        .samples = view->settings.samples,
+        .max_samples = 1,
+        .error_px = view->settings.error_px};
+}
+
 void hg_frame_fill_path(struct hg_view_state *view)
 {
-    hg_frame_fill(view, 0, false, 0);
-    struct hg_gpu_frame *f = &view->frame;
-    hg_textures_fill(view->scene_gpu->textures, HG_TEXTURES_EXACT, &f->textures);
+    const struct hg_draw_request request = request_of_path(view);
+    struct hg_draw draw = hg_view_draw(view, &request);
+    hg_frame_fill(&draw, 0, false, 0);
+    struct hg_gpu_frame *f = draw.frame;
+    hg_textures_fill(draw.scene_gpu->textures, HG_TEXTURES_EXACT, &f->textures);
     f->textures.mode = HG_TEXTURES_EXACT;
-    fill_background(view, f);
-    memcpy(view->blocks.mapped, f, sizeof *f);
+    fill_background(&draw, f);
+    memcpy(draw.buffers->blocks.mapped, f, sizeof *f);
 }
 
 // --- the pass ------------------------------------------------------------------------------------
@@ -127,21 +139,22 @@ static void bind_table(struct hg_pass *pass, uint32_t binding, VkDeviceAddress a
 }
 
 // The frame block, and on CPU devices every table that fits a uniform block.
-static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pass *pass)
+static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pass)
 {
-    const struct hg_gpu_frame *f = &view->frame;
-    const VkDeviceAddress block = view->blocks.address + (uint64_t)slot * HG_FRAME_SLOT_BYTES;
+    const struct hg_gpu_frame *f = draw->frame;
+    const VkDeviceAddress block =
+        draw->buffers->blocks.address + (uint64_t)slot * HG_FRAME_SLOT_BYTES;
     struct hg_gpu_uniform *uniforms = pass->bindings.uniforms;
     uniforms[0] = (struct hg_gpu_uniform){block, HG_FRAME_BLOCK_BYTES};
-    if (view->history.wanted)
+    if (draw->history->wanted)
         uniforms[HG_BIND_HISTORY - HG_BIND_UNIFORM_FIRST] =
             (struct hg_gpu_uniform){block + HG_FRAME_BLOCK_BYTES, HG_FRAME_HISTORY_BYTES};
-    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || view->context->overrides.table_addresses)
+    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || draw->context->overrides.table_addresses)
         return;
     struct hg_page_cache_stats textures;
     uint32_t shadows;
-    hg_page_cache_stats(hg_textures_cache(view->scene_gpu->textures), &textures);
-    hg_lighting_shadow_maps(view->lighting, &shadows);
+    hg_page_cache_stats(hg_textures_cache(draw->scene_gpu->textures), &textures);
+    hg_lighting_shadow_maps(draw->lighting, &shadows);
     const struct hg_gpu_geometry *g = &f->geometry;
     const struct hg_gpu_lighting *l = &f->lighting;
     const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
@@ -157,78 +170,85 @@ static void bind_tables(struct hg_view_state *view, uint32_t slot, struct hg_pas
     bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_BLOCK_WORDS, 4);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
     struct hg_gpu_uniform first;
-    if (hg_geometry_triangle_cache(view->scene_gpu->geometry, &first, &pass->bindings.texels))
+    if (hg_geometry_triangle_cache(draw->scene_gpu->geometry, &first, &pass->bindings.texels))
         bind_table(pass, HG_BIND_TRIANGLE_CACHE, first.address, first.size_bytes, 1);
 }
 
 // What the scene and its lights make use of. Devices that branch get one pipeline for all.
-static uint32_t features_of(const struct hg_view_state *view, uint32_t tables)
+static uint32_t features_of(const struct hg_draw *draw, uint32_t tables)
 {
     const uint32_t sampled =
         HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
-    const struct hg_gpu_lighting *l = &view->frame.lighting;
-    uint32_t features = view->scene_gpu->features;
+    const struct hg_gpu_lighting *l = &draw->frame->lighting;
+    uint32_t features = draw->scene_gpu->features;
     struct hg_lighting_stats stats;
-    hg_lighting_stats(view->lighting, &stats);
-    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu || view->context->overrides.table_addresses) {
+    hg_lighting_stats(draw->lighting, &stats);
+    if (!hg_gpu_get_caps(draw->context->gpu)->is_cpu || draw->context->overrides.table_addresses) {
         // A table that is not there is not read.
         const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
         return HG_FEATURE_ALL & ~absent;
     }
-    features |= view->stream.on ? HG_FEATURE_STREAM : 0;
-    features |= view->frame.textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
-    features |= hg_geometry_has_levels(view->scene_gpu->geometry) ? HG_FEATURE_LOD : 0;
+    features |= draw->accumulation->pages.on ? HG_FEATURE_STREAM : 0;
+    features |= draw->frame->textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
+    features |= hg_geometry_has_levels(draw->scene_gpu->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
     features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
-    features |= !view->coarse || view->stream.exact ? HG_FEATURE_REST : 0;
+    features |= !hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
     features |=
         (tables & HG_TABLE_BIT(HG_BIND_TRIANGLE_CACHE)) == 0 ? HG_FEATURE_NO_TRIANGLE_CACHE : 0;
     const uint32_t apart = HG_FEATURE_SAMPLERS | HG_FEATURE_FLOAT;
-    if ((features & apart) != 0 || !hg_geometry_one_shape(view->scene_gpu->geometry))
+    if ((features & apart) != 0 || !hg_geometry_one_shape(draw->scene_gpu->geometry))
         features |= HG_FEATURE_SHAPES;
     return features;
 }
 
-static uint32_t mixes_of(const struct hg_view_state *view, uint32_t features)
+static uint32_t mixes_of(const struct hg_draw *draw, uint32_t features)
 {
     if ((features & HG_FEATURE_LOBES) == 0)
         return 0;
-    if (hg_gpu_get_caps(view->context->gpu)->is_cpu && !view->context->overrides.table_addresses)
-        return view->scene_gpu->mixes;
+    if (hg_gpu_get_caps(draw->context->gpu)->is_cpu && !draw->context->overrides.table_addresses)
+        return draw->scene_gpu->mixes;
     return HG_MIX_ALL & ~((features & HG_FEATURE_TRANSMISSION) == 0 ? HG_MIX_OF_GLASS : 0u);
 }
 
-static uint32_t background_features(const struct hg_view_state *view)
+static uint32_t background_features(const struct hg_draw *draw)
 {
-    const bool pages = view->frame.textures.background.bits != 0;
-    if (!hg_gpu_get_caps(view->context->gpu)->is_cpu)
+    const bool pages = draw->frame->textures.background.bits != 0;
+    if (!hg_gpu_get_caps(draw->context->gpu)->is_cpu)
         return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN | HG_FEATURE_SKY_MIPS;
-    const struct hg_gpu_textures *t = &view->frame.textures;
+    const struct hg_gpu_textures *t = &draw->frame->textures;
     const bool mips = t->background_lod + t->bias > 0.0f;
     return !pages ? HG_FEATURE_SKY_PLAIN : HG_FEATURE_SKY_PAGES | (mips ? HG_FEATURE_SKY_MIPS : 0);
 }
 
-struct hg_pass hg_frame_pass(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t slot)
+struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
-    struct hg_pass pass = {.gpu = view->context->gpu, .cmd = cmd, .jobs = view->context->jobs};
+    struct hg_pass pass = {.gpu = draw->context->gpu, .cmd = cmd, .jobs = draw->context->jobs};
     struct hg_gpu_image **images = pass.bindings.images;
-    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_SRGB);
-    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_LINEAR);
-    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(view->scene_gpu->textures, HG_POOL_FLOAT);
-    images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(view->lighting);
-    images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(view->lighting);
-    images[HG_BIND_SHADOW] = hg_lighting_image_shadow(view->lighting);
-    bind_tables(view, slot, &pass);
-    pass.features = features_of(view, pass.tables);
-    pass.features2 = mixes_of(view, pass.features);
-    pass.background = background_features(view);
-    pass.find = view->stream.finding > 0;
+    images[HG_BIND_PAGES_SRGB] = hg_textures_pool(draw->scene_gpu->textures, HG_POOL_SRGB);
+    images[HG_BIND_PAGES_LINEAR] = hg_textures_pool(draw->scene_gpu->textures, HG_POOL_LINEAR);
+    images[HG_BIND_PAGES_FLOAT] = hg_textures_pool(draw->scene_gpu->textures, HG_POOL_FLOAT);
+    images[HG_BIND_ENV_SPECULAR] = hg_lighting_image_specular(draw->lighting);
+    images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(draw->lighting);
+    images[HG_BIND_SHADOW] = hg_lighting_image_shadow(draw->lighting);
+    bind_tables(draw, slot, &pass);
+    pass.features = features_of(draw, pass.tables);
+    pass.features2 = mixes_of(draw, pass.features);
+    pass.background = background_features(draw);
+    pass.find = draw->request->smaller > 0;
     if (pass.find)
-        pass.area.extent = hg_frame_size(view);
-    else if (hg_view_area(view) != NULL)
-        pass.area = hg_view_area(view)->rect;
+        pass.area.extent = hg_frame_size(draw);
+    else if (hg_draw_area(draw) != NULL)
+        pass.area = hg_draw_area(draw)->rect;
     return pass;
+}
+
+struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd)
+{
+    const struct hg_draw_request request = request_of_path(view);
+    struct hg_draw draw = hg_view_draw(view, &request);
+    return hg_frame_pass(&draw, cmd, 0);
 }

@@ -16,7 +16,7 @@
 
 // One batch: what its passes are recorded with, and its resources (0 = not in this batch).
 struct frame {
-    struct hg_view_state *view;
+    struct hg_draw *draw;
     struct hg_graph *graph;
     struct hg_pass pass; // of the sample that is recorded
     uint32_t sample, slot, slots, first_shadow_set;
@@ -47,32 +47,33 @@ static uint32_t image(struct frame *f, const char *name, VkFormat format)
 static enum hg_status record_skin(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     (void)user;
-    return hg_skin_record(run->cmd, frame_of(run)->view->scene_gpu->geometry, err);
+    return hg_skin_record(run->cmd, frame_of(run)->draw->scene_gpu->geometry, err);
 }
 
 static enum hg_status record_cache(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
     (void)user;
-    return hg_triangle_cache_record(&f->pass, f->view->scene_gpu->geometry, err);
+    return hg_triangle_cache_record(&f->pass, f->draw->scene_gpu->geometry, err);
 }
 
 static enum hg_status record_shadow(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
-    const struct hg_tiled_accumulation *s = &f->view->stream;
+    const struct hg_tiled_shadows *s = &f->draw->accumulation->shadows;
+    const bool coarse = hg_draw_is(f->draw, HG_DRAW_COARSE_SHADOWS);
     struct hg_pass pass = f->pass;
     (void)user;
-    pass.area = s->shadow_count > 0 ? s->shadow_areas[s->shadow_count - 1].rect : (VkRect2D){0};
-    pass.adds = s->shadow_count > 0 && s->shadow_begun;
+    pass.area = s->areas.count > 0 ? s->areas.items[s->areas.count - 1].rect : (VkRect2D){0};
+    pass.adds = s->areas.count > 0 && s->begun;
     return hg_shadow_record(
-        &pass, f->view->lighting, f->view->coarse, f->view->visible, f->first_shadow_set, err);
+        &pass, f->draw->lighting, coarse, f->draw->visible, f->first_shadow_set, err);
 }
 
 static void declare_geometry(struct frame *f)
 {
-    const struct hg_geometry *geometry = f->view->scene_gpu->geometry;
+    const struct hg_geometry *geometry = f->draw->scene_gpu->geometry;
     const struct hg_triangle_cache_job *jobs;
     if (hg_geometry_deform_count(geometry) > 0) {
         f->deformed = hg_graph_buffer(f->graph, "deformed vertices");
@@ -96,13 +97,13 @@ static void declare_geometry(struct frame *f)
 static void declare_shadows(struct frame *f, uint32_t first_set)
 {
     struct hg_lighting_stats stats;
-    hg_lighting_stats(f->view->lighting, &stats);
-    f->view->stale_shadows = stats.shadow_maps_stale;
+    hg_lighting_stats(f->draw->lighting, &stats);
+    f->draw->stats->stale_shadows = stats.shadow_maps_stale;
     f->atlas =
-        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->view->lighting));
+        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->draw->lighting));
     f->first_shadow_set = first_set;
     hg_graph_want(f->graph, f->atlas);
-    if (first_set < hg_culling_count(f->view->visible))
+    if (first_set < hg_culling_count(f->draw->visible))
         add(f,
             &(struct hg_graph_pass){.name = "shadow",
                 .record = record_shadow,
@@ -114,7 +115,7 @@ static void declare_shadows(struct frame *f, uint32_t first_set)
 
 static struct hg_visibility_scene scene_of(const struct frame *f)
 {
-    return (struct hg_visibility_scene){f->view->visible, 0, f->slot};
+    return (struct hg_visibility_scene){f->draw->visible, 0, f->slot};
 }
 
 static struct hg_visibility_target target_of(const struct hg_graph_run *run)
@@ -156,7 +157,7 @@ static enum hg_status record_late(const struct hg_graph_run *run, void *user, st
 // Two phases when there is much to draw (renderer/cull/culling.h).
 static void declare_visibility(struct frame *f)
 {
-    const struct hg_culling_set *set = hg_culling_set(f->view->visible, 0);
+    const struct hg_culling_set *set = hg_culling_set(f->draw->visible, 0);
     add(f, &(struct hg_graph_pass){.name = "visibility",
                .record = record_visibility,
                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
@@ -209,7 +210,7 @@ static enum hg_status record_layer(const struct hg_graph_run *run, void *user, s
 {
     struct frame *f = frame_of(run);
     const uintptr_t i = (uintptr_t)user;
-    const struct hg_visibility_scene scene = {f->view->visible, 0, 0};
+    const struct hg_visibility_scene scene = {f->draw->visible, 0, 0};
     const struct hg_visibility_target target = {hg_graph_run_image(run, f->layer_visibility),
         hg_graph_run_image(run, f->layer_depth[i % 2])};
     return hg_visibility_record_layer(&f->pass, &scene, &target, hg_graph_run_image(run, f->depth),
@@ -234,7 +235,7 @@ static enum hg_status test_layers(const struct hg_graph_run *run, void *user, st
     struct frame *f = frame_of(run);
     struct hg_gpu_image *last = hg_graph_run_image(run, f->layer_depth[(f->layer_limit - 1) % 2]);
     (void)user;
-    return hg_peel_test_record(&f->pass, last, &f->view->layers_full, f->slot, err);
+    return hg_peel_test_record(&f->pass, last, &f->draw->peeling->reached, f->slot, err);
 }
 
 static void declare_layer(struct frame *f, uintptr_t i)
@@ -260,8 +261,8 @@ static void declare_layer(struct frame *f, uintptr_t i)
 static void declare_layers(struct frame *f)
 {
     // What lets light through shows what is behind it by itself: it hides further layers.
-    const bool holes = f->view->scene_gpu->has_holes;
-    f->layer_limit = holes ? f->view->layer_limit : 1;
+    const bool holes = f->draw->scene_gpu->has_holes;
+    f->layer_limit = holes ? f->draw->peeling->limit : 1;
     f->layer_visibility = image(f, "layer visibility", HG_VISIBILITY_FORMAT);
     f->layer_color = image(f, "layer colour", HG_COLOR_FORMAT);
     f->layer_depth[0] = image(f, "layer depth", HG_DEPTH_FORMAT);
@@ -284,15 +285,16 @@ static enum hg_status find_unlit(const struct hg_graph_run *run, void *user, str
 {
     struct frame *f = frame_of(run);
     (void)user;
-    return hg_unlit_tiles_find(&f->pass, &f->view->dark, f->view->lighting, f->view->coarse,
-        hg_graph_run_image(run, f->depth), err);
+    return hg_unlit_tiles_find(&f->pass, &f->draw->unlit->tiles, f->draw->lighting,
+        hg_draw_is(f->draw, HG_DRAW_COARSE_SHADOWS), hg_graph_run_image(run, f->depth), err);
 }
 
 static enum hg_status mark_unlit(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
     (void)user;
-    return hg_unlit_tiles_mark(&f->pass, &f->view->dark, hg_graph_run_image(run, f->depth), err);
+    return hg_unlit_tiles_mark(
+        &f->pass, &f->draw->unlit->tiles, hg_graph_run_image(run, f->depth), err);
 }
 
 static void declare_unlit(struct frame *f)
@@ -317,8 +319,8 @@ static enum hg_status record_shading(
         .depth = hg_graph_run_image(run, f->depth),
         .target = f->accumulated > 0 ? hg_graph_run_image(run, f->accumulated) : NULL,
         .picture = f->picture > 0 ? hg_graph_run_image(run, f->picture) : NULL,
-        .tonemap = f->view->settings.tonemap,
-        .clear = f->alone || (f->sample == 0 && !f->view->stream.exact),
+        .tonemap = f->draw->request->settings->tonemap,
+        .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
         .dark = f->dark,
         .front = f->layer_color > 0 ? hg_graph_run_image(run, f->layer_color) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
@@ -355,7 +357,7 @@ static enum hg_status record_debug_view(
 {
     struct frame *f = frame_of(run);
     (void)user;
-    const struct hg_debug debug = {.view = f->view->settings.debug,
+    const struct hg_debug debug = {.view = f->draw->request->settings->debug,
         .visibility = hg_graph_run_image(run, f->visibility),
         .counts = f->counts > 0 ? hg_graph_run_image(run, f->counts) : NULL,
         .target = hg_graph_run_image(run, f->accumulated)};
@@ -364,19 +366,19 @@ static enum hg_status record_debug_view(
 
 static void declare_debug(struct frame *f)
 {
-    f->accumulated = hg_graph_import(f->graph, "accumulated", &f->view->targets.accumulated);
+    f->accumulated = hg_graph_import(f->graph, "accumulated", &f->draw->targets->accumulated);
     f->atlas =
-        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->view->lighting));
+        hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->draw->lighting));
     f->alone = true;
     declare_visibility(f);
-    if (f->view->settings.debug == HG_DEBUG_VIEW_OVERDRAW) {
+    if (f->draw->request->settings->debug == HG_DEBUG_VIEW_OVERDRAW) {
         f->counts = image(f, "surface counts", HG_COLOR_FORMAT);
         add(f, &(struct hg_graph_pass){.name = "overdraw",
                    .record = record_overdraw,
                    .accesses = {{f->cache, HG_GRAPH_READ, 0}, {f->counts, HG_GRAPH_COLOR, 0}}});
     }
     // The picture itself, drawn over below: it asks for the pages that it would show.
-    if (f->view->settings.debug <= HG_DEBUG_VIEW_MISSING)
+    if (f->draw->request->settings->debug <= HG_DEBUG_VIEW_MISSING)
         declare_shading(f, true);
     add(f, &(struct hg_graph_pass){.name = "debug view",
                .record = record_debug_view,
@@ -387,30 +389,30 @@ static void declare_debug(struct frame *f)
 
 // --- one batch -----------------------------------------------------------------------------------
 
-static enum hg_status open_graph(struct frame *f, struct hg_view_state *view, struct hg_error *err)
+static enum hg_status open_graph(struct frame *f, struct hg_draw *draw, struct hg_error *err)
 {
-    struct hg_view_targets *t = &view->targets;
-    *f = (struct frame){.view = view, .slots = 1};
+    struct hg_view_targets *t = draw->targets;
+    *f = (struct frame){.draw = draw, .slots = 1};
     if (t->graph == NULL) {
-        const enum hg_status status = hg_graph_create(view->context->gpu, &t->graph, err);
+        const enum hg_status status = hg_graph_create(draw->context->gpu, &t->graph, err);
         if (status != HG_OK)
             return status;
     }
     f->graph = t->graph;
-    hg_graph_begin(f->graph, view->settings.width, view->settings.height);
+    hg_graph_begin(f->graph, draw->request->settings->width, draw->request->settings->height);
     f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
     f->depth = hg_graph_import(f->graph, "depth", &t->depth);
-    f->progress = view->stream.exact ? hg_graph_buffer(f->graph, "pixel progress") : 0;
+    f->progress = hg_draw_is(draw, HG_DRAW_EXACT) ? hg_graph_buffer(f->graph, "pixel progress") : 0;
     return HG_OK;
 }
 
 // The frame block is filled.
 static enum hg_status begin(
-    struct frame *f, struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct frame *f, struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    const enum hg_status status = open_graph(f, view, err);
+    const enum hg_status status = open_graph(f, draw, err);
     if (status == HG_OK)
-        f->pass = hg_frame_pass(view, cmd, 0);
+        f->pass = hg_frame_pass(draw, cmd, 0);
     return status;
 }
 
@@ -420,55 +422,56 @@ static enum hg_status run(struct frame *f, struct hg_gpu_cmd *cmd, struct hg_err
     return status == HG_OK ? hg_graph_execute(f->graph, cmd, f, f->slot, err) : status;
 }
 
-static bool has_blend(const struct hg_view_state *view)
+static bool has_blend(const struct hg_draw *draw)
 {
-    const struct hg_culling_set *set = hg_culling_set(view->visible, 0);
+    const struct hg_culling_set *set = hg_culling_set(draw->visible, 0);
     return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
 }
 
-static bool tells_dark(struct hg_view_state *view, const struct hg_pass *pass)
+static bool tells_dark(struct hg_draw *draw, const struct hg_pass *pass)
 {
-    const enum hg_override wish = view->context->overrides.unlit_tiles;
-    const uint32_t lights = view->frame.lighting.light_count;
+    const enum hg_override wish = draw->context->overrides.unlit_tiles;
+    const uint32_t lights = draw->frame->lighting.light_count;
     if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
         pass->area.extent.width > 0)
         return false;
     if (wish == HG_OVERRIDE_ON)
         return true;
-    if (!view->direct || !hg_gpu_get_caps(pass->gpu)->is_cpu)
+    if (!hg_draw_is(draw, HG_DRAW_DIRECT) || !hg_gpu_get_caps(pass->gpu)->is_cpu)
         return false;
-    if (view->dark_wait > 0)
-        view->dark_wait--;
-    return view->dark_wait == 0;
+    if (draw->unlit->wait > 0)
+        draw->unlit->wait--;
+    return draw->unlit->wait == 0;
 }
 
 static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
 {
-    struct hg_view_state *view = f->view;
-    const bool only_behind = view->stream.behind, blend = has_blend(view) || only_behind;
-    const bool seen_through = only_behind || (blend && hg_frame_transmits(view));
+    struct hg_draw *draw = f->draw;
+    const bool only_behind = hg_draw_is(draw, HG_DRAW_BEHIND),
+               blend = has_blend(draw) || only_behind;
+    const bool seen_through = only_behind || (blend && hg_frame_transmits(draw));
     declare_visibility(f);
     if (seen_through) {
         const enum hg_status status =
-            hg_view_make_image(view, HG_COLOR_FORMAT, "scene behind", &view->targets.behind, err);
+            hg_draw_make_image(draw, HG_COLOR_FORMAT, "scene behind", &draw->targets->behind, err);
         if (status != HG_OK)
             return status;
-        f->behind = hg_graph_import(f->graph, "scene behind", &view->targets.behind);
+        f->behind = hg_graph_import(f->graph, "scene behind", &draw->targets->behind);
         hg_graph_want(f->graph, f->behind);
     }
-    if (seen_through && (only_behind || !view->stream.behind_there))
+    if (seen_through && (only_behind || !draw->accumulation->behind.there))
         declare_behind(f);
     if (only_behind)
         return HG_OK;
     if (blend)
         declare_layers(f);
-    view->dark_told = f->dark = tells_dark(view, &f->pass);
+    draw->unlit->told = f->dark = tells_dark(draw, &f->pass);
     if (f->dark)
         declare_unlit(f);
-    if (view->direct && view->stream.finding == 0)
-        f->picture = hg_graph_import(f->graph, "picture", &view->targets.pixels[0]);
+    if (hg_draw_is(draw, HG_DRAW_DIRECT))
+        f->picture = hg_graph_import(f->graph, "picture", &draw->targets->pixels[0]);
     else
-        f->accumulated = hg_graph_import(f->graph, "accumulated", &view->targets.accumulated);
+        f->accumulated = hg_graph_import(f->graph, "accumulated", &draw->targets->accumulated);
     declare_shading(f, f->pass.find);
     return HG_OK;
 }
@@ -476,14 +479,14 @@ static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
 // What the host draws of a sample; the frame block is that of the sample.
 static enum hg_status draw_hosted(const struct frame *f, struct hg_error *err)
 {
-    struct hg_view_state *view = f->view;
-    if (!hg_culling_set(view->visible, 0)->hosted)
+    struct hg_draw *draw = f->draw;
+    if (!hg_culling_set(draw->visible, 0)->hosted)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const struct hg_culling_lens lens = hg_frame_lens(&view->frame.camera, hg_frame_size(view));
+    const struct hg_culling_lens lens = hg_frame_lens(&draw->frame->camera, hg_frame_size(draw));
     const enum hg_status status =
-        hg_culling_draw_cpu(view->visible, &lens, f->slot, f->slots, view->context->jobs, err);
-    hg_view_add_stage(view, "host raster", hg_clock_now_ns() - start);
+        hg_culling_draw_cpu(draw->visible, &lens, f->slot, f->slots, draw->context->jobs, err);
+    hg_view_stats_add_stage(draw->stats, "host raster", hg_clock_now_ns() - start);
     return status;
 }
 
@@ -494,8 +497,8 @@ static enum hg_status record_samples(
     for (uint32_t i = 0; i < f->slots && status == HG_OK; i++) {
         f->sample = first + i;
         f->slot = i;
-        hg_frame_fill(f->view, f->sample, true, i);
-        f->pass = hg_frame_pass(f->view, cmd, i);
+        hg_frame_fill(f->draw, f->sample, true, i);
+        f->pass = hg_frame_pass(f->draw, cmd, i);
         status = draw_hosted(f, err);
         if (status == HG_OK)
             status = hg_graph_execute(f->graph, cmd, f, i, err);
@@ -505,11 +508,11 @@ static enum hg_status record_samples(
 
 // A debug view takes one sample through the pixels' centres and needs no light.
 static enum hg_status record_debug(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     struct frame f;
-    hg_frame_fill(view, 0, false, 0);
-    enum hg_status status = begin(&f, view, cmd, err);
+    hg_frame_fill(draw, 0, false, 0);
+    enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     declare_geometry(&f);
@@ -518,14 +521,14 @@ static enum hg_status record_debug(
 }
 
 enum hg_status hg_frame_record(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
     struct frame f;
-    const uint32_t first = hg_view_first_sample(view);
-    if (view->settings.debug != 0)
-        return record_debug(view, cmd, err);
-    hg_frame_fill(view, first, true, 0);
-    enum hg_status status = begin(&f, view, cmd, err);
+    const uint32_t first = hg_draw_first_sample(draw);
+    if (draw->request->settings->debug != 0)
+        return record_debug(draw, cmd, err);
+    hg_frame_fill(draw, first, true, 0);
+    enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     f.slots = samples;
@@ -536,11 +539,11 @@ enum hg_status hg_frame_record(
 }
 
 enum hg_status hg_frame_record_shadows(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     struct frame f;
-    hg_frame_fill(view, view->samples, true, 0); // where the geometry is
-    const enum hg_status status = begin(&f, view, cmd, err);
+    hg_frame_fill(draw, draw->accumulation->samples, true, 0); // where the geometry is
+    const enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     declare_geometry(&f);
@@ -550,17 +553,17 @@ enum hg_status hg_frame_record_shadows(
 
 // Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
 enum hg_status hg_frame_record_prefetch(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     struct frame f;
-    hg_frame_fill(view, 0, true, 0);
-    enum hg_status status = hg_frame_cull_prefetch(view, err);
+    hg_frame_fill(draw, 0, true, 0);
+    enum hg_status status = hg_frame_cull_prefetch(draw, err);
     if (status == HG_OK)
-        status = begin(&f, view, cmd, err);
+        status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     f.alone = true;
-    f.accumulated = hg_graph_import(f.graph, "accumulated", &view->targets.accumulated);
+    f.accumulated = hg_graph_import(f.graph, "accumulated", &draw->targets->accumulated);
     declare_visibility(&f);
     declare_shading(&f, true);
     return run(&f, cmd, err);
@@ -569,7 +572,7 @@ enum hg_status hg_frame_record_prefetch(
 // --- reading and picking -------------------------------------------------------------------------
 
 struct read {
-    struct hg_view_state *view;
+    struct hg_draw *draw;
     uint32_t accumulated, fallback, pixels;
     uint32_t shown; // what becomes the picture
 };
@@ -578,16 +581,17 @@ static enum hg_status record_resolve(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     const struct read *r = user;
-    const struct hg_view_state *view = r->view;
+    const struct hg_draw *draw = r->draw;
     struct hg_pass pass = {.gpu = run->gpu, .cmd = run->cmd};
-    const bool sums = view->samples > 0 && view->settings.mode != HG_VIEW_MODE_PATH;
+    const bool sums =
+        draw->accumulation->samples > 0 && draw->request->settings->mode != HG_VIEW_MODE_PATH;
     const struct hg_resolve resolve = {.accumulated = hg_graph_run_image(run, r->accumulated),
         .target = hg_graph_run_image(run, r->pixels),
-        .samples = sums ? view->samples : 1,
-        .progress = view->stream.uneven ? view->stream.progress.address : 0,
+        .samples = sums ? draw->accumulation->samples : 1,
+        .progress = draw->accumulation->uneven ? draw->accumulation->progress.address : 0,
         .fallback = r->fallback > 0 ? hg_graph_run_image(run, r->fallback) : NULL,
-        .exposure = view->settings.exposure,
-        .tonemap = view->settings.tonemap};
+        .exposure = draw->request->settings->exposure,
+        .tonemap = draw->request->settings->tonemap};
     return hg_resolve_record(&pass, &resolve, err);
 }
 
@@ -597,22 +601,22 @@ static enum hg_status record_copy(const struct hg_graph_run *run, void *user, st
     struct hg_gpu_image *shown = hg_graph_run_image(run, r->shown);
     const struct hg_gpu_region all = {.width = shown->width, .height = shown->height};
     (void)err;
-    hg_gpu_image_read(run->cmd, shown, &all, &r->view->readback, 0);
+    hg_gpu_image_read(run->cmd, shown, &all, &r->draw->buffers->readback, 0);
     return HG_OK;
 }
 
 enum hg_status hg_frame_record_read(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
 {
     struct frame f;
-    const enum hg_status status = open_graph(&f, view, err);
+    const enum hg_status status = open_graph(&f, draw, err);
     if (status != HG_OK)
         return status;
-    struct read r = {.view = view,
-        .accumulated = hg_graph_import(f.graph, "accumulated", &view->targets.accumulated),
-        .pixels = hg_graph_import(f.graph, "pixels", &view->targets.pixels[format])};
-    if (view->stream.has_fallback)
-        r.fallback = hg_graph_import(f.graph, "fallback", &view->stream.fallback);
+    struct read r = {.draw = draw,
+        .accumulated = hg_graph_import(f.graph, "accumulated", &draw->targets->accumulated),
+        .pixels = hg_graph_import(f.graph, "pixels", &draw->targets->pixels[format])};
+    if (draw->accumulation->has_fallback)
+        r.fallback = hg_graph_import(f.graph, "fallback", &draw->accumulation->fallback);
     const uint32_t readback = hg_graph_buffer(f.graph, "readback");
     r.shown = r.pixels;
     add(&f, &(struct hg_graph_pass){.name = "resolve",
@@ -632,7 +636,7 @@ static enum hg_status record_pick_visibility(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
-    const struct hg_visibility_scene scene = {f->view->pick_visible, 0, 0};
+    const struct hg_visibility_scene scene = {f->draw->visible, 0, 0};
     const struct hg_visibility_target target = target_of(run);
     return hg_visibility_record_pick(&f->pass, &scene, &target, *(VkRect2D *)user, err);
 }
@@ -642,18 +646,15 @@ static enum hg_status record_pick(const struct hg_graph_run *run, void *user, st
     struct frame *f = frame_of(run);
     const VkRect2D *pixel = user;
     return hg_pick_record(&f->pass, hg_graph_run_image(run, f->visibility),
-        (uint32_t)pixel->offset.x, (uint32_t)pixel->offset.y, &f->view->pick, err);
+        (uint32_t)pixel->offset.x, (uint32_t)pixel->offset.y, &f->draw->buffers->pick, err);
 }
 
 enum hg_status hg_frame_record_pick(
-    struct hg_view_state *view, struct hg_gpu_cmd *cmd, VkRect2D pixel, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixel, struct hg_error *err)
 {
     struct frame f;
-    const bool exact = view->stream.exact;
-    view->stream.exact = false; // all fragments count
-    hg_frame_fill(view, 0, false, 0);
-    const enum hg_status status = begin(&f, view, cmd, err);
-    view->stream.exact = exact;
+    hg_frame_fill(draw, 0, false, 0);
+    const enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     const uint32_t result = hg_graph_buffer(f.graph, "pick");

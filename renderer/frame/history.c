@@ -18,31 +18,31 @@ void hg_frame_history_forget(struct hg_frame_history *history)
     history->wanted = wanted;
 }
 
-enum hg_status hg_frame_history_note(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_frame_history_note(const struct hg_draw *draw, struct hg_error *err)
 {
-    struct hg_frame_history *h = &view->history;
+    struct hg_frame_history *h = draw->history;
     if (!h->wanted)
         return HG_OK;
-    h->camera = hg_frame_setup(view);
-    h->camera.jitter_px[0] = view->frame.jitter_px.x;
-    h->camera.jitter_px[1] = view->frame.jitter_px.y;
-    hg_geometry_origin(view->scene_gpu->geometry, h->origin);
+    h->camera = hg_frame_setup(draw);
+    h->camera.jitter_px[0] = draw->frame->jitter_px.x;
+    h->camera.jitter_px[1] = draw->frame->jitter_px.y;
+    hg_geometry_origin(draw->scene_gpu->geometry, h->origin);
     h->has_camera = true;
-    const enum hg_status status = hg_pose_snapshot_take(view->scene_gpu->geometry, &h->pose, err);
+    const enum hg_status status = hg_pose_snapshot_take(draw->scene_gpu->geometry, &h->pose, err);
     if (status != HG_OK)
         hg_frame_history_forget(h);
     return status;
 }
 
-void hg_frame_history_fill(const struct hg_view_state *view, struct hg_gpu_history *out)
+void hg_frame_history_fill(const struct hg_draw *draw, struct hg_gpu_history *out)
 {
-    const struct hg_frame_history *h = &view->history;
+    const struct hg_frame_history *h = draw->history;
     struct hg_camera_setup setup = h->camera;
     double origin[3];
     memset(out, 0, sizeof *out);
     if (!h->has_camera)
         return;
-    hg_geometry_origin(view->scene_gpu->geometry, origin);
+    hg_geometry_origin(draw->scene_gpu->geometry, origin);
     for (int i = 0; i < 3; i++) {
         const double shift = h->origin[i] - origin[i];
         setup.eye[i] += shift;

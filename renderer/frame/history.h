@@ -1,8 +1,8 @@
-// history.h - the frame before, for passes that look back: camera, jitter, and where all nodes, skins
-// and morphs were (shaders/shared/history.h).
-// Floor 4. Thread: the render thread.
+// history.h - the frame before, for passes that look back: camera, jitter, and where all nodes,
+// skins and morphs were (shaders/shared/history.h). Floor 4. Thread: the render thread.
 //
-// Whoever declares a pass that reads it sets `wanted`; without, nothing is kept and nothing filled in.
+// Whoever declares a pass that reads it sets `wanted`; without, nothing is kept and nothing filled
+// in.
 #ifndef HG_RENDERER_FRAME_HISTORY_H
 #define HG_RENDERER_FRAME_HISTORY_H
 
@@ -10,7 +10,7 @@
 #include "renderer/geometry/pose_snapshot.h"
 #include "shaders/shared/history.h"
 
-struct hg_view_state;
+struct hg_draw;
 
 struct hg_frame_history {
     bool wanted;
@@ -25,8 +25,8 @@ void hg_frame_history_finish(struct hg_frame_history *history); // before the ge
 void hg_frame_history_forget(struct hg_frame_history *history);
 // After a batch that drew the newest frame: it is the one before from now on. No batch is open.
 enum hg_status hg_frame_history_note(
-    struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // For the frame that is drawn now.
-void hg_frame_history_fill(const struct hg_view_state *view, struct hg_gpu_history *out);
+void hg_frame_history_fill(const struct hg_draw *draw, struct hg_gpu_history *out);
 
 #endif

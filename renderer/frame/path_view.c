@@ -15,14 +15,15 @@ static void fill(void *user)
 static struct hg_pass begin_batch(void *user, struct hg_gpu_cmd *cmd, bool streams)
 {
     struct hg_view_state *view = user;
-    view->stream.on = streams;
+    view->accumulation.pages.on = streams;
     hg_frame_fill_path(view);
-    return hg_frame_pass(view, cmd, 0);
+    return hg_frame_pass_path(view, cmd);
 }
 
 static void add_stage(void *user, const char *name, uint64_t ns)
 {
-    hg_view_add_stage(user, name, ns);
+    struct hg_view_state *view = user;
+    hg_view_stats_add_stage(&view->stats, name, ns);
 }
 
 static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
@@ -40,7 +41,7 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 
 // --- what it asks of it --------------------------------------------------------------------------
 
-static struct hg_path_request request_of(const struct hg_view_state *view)
+static struct hg_path_request request_of(const struct hg_view_state *view, uint32_t flags)
 {
     const struct hg_view_settings *s = &view->settings;
     return (struct hg_path_request){.settings = s->path,
@@ -53,7 +54,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .surfaces = s->mode != HG_VIEW_MODE_PATH,
         .transparent = s->background == HG_BACKGROUND_MODE_NONE,
         .watched = !view->final,
-        .build_wait_ns = view->wait ? HG_FRAME_BUILD_WAIT_NS : 0};
+        .build_wait_ns = (flags & HG_DRAW_WAIT) != 0 ? HG_FRAME_BUILD_WAIT_NS : 0};
 }
 
 // What samples depend on, without what only says how many there will be.
@@ -87,7 +88,7 @@ static enum hg_status identify(
 
 bool hg_path_view_needs_time(const struct hg_view_state *view)
 {
-    const struct hg_path_request request = request_of(view);
+    const struct hg_path_request request = request_of(view, 0);
     return hg_path_needs_time(&request, view->scene_gpu);
 }
 
@@ -100,9 +101,10 @@ static enum hg_status begin(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
-enum hg_status hg_path_view_step(struct hg_view_state *view, bool begins, struct hg_error *err)
+enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
+    bool begins, struct hg_error *err)
 {
-    const struct hg_path_request request = request_of(view);
+    const struct hg_path_request request = request_of(view, draw->flags);
     enum hg_status status = create(view, err);
     const bool anew = begins || !hg_path_has_film(view->path);
     if (status == HG_OK && anew)
@@ -111,9 +113,9 @@ enum hg_status hg_path_view_step(struct hg_view_state *view, bool begins, struct
         return status;
     const uint64_t changes = hg_path_changes(view->path);
     status = hg_path_step(view->path, &request, anew, err);
-    view->number += hg_path_changes(view->path) - changes;
-    view->samples = hg_path_samples(view->path);
-    view->stream.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
+    view->stats.number += hg_path_changes(view->path) - changes;
+    view->accumulation.samples = hg_path_samples(view->path);
+    view->accumulation.pages.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
     return status;
 }
 

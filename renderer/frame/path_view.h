@@ -5,9 +5,10 @@
 
 #include "renderer/frame/state.h"
 
-// One slice of work, made on first use in view->path. begins: what was there counts no longer.
-enum hg_status hg_path_view_step(
-    struct hg_view_state *view, bool begins, struct hg_error *err) HG_MUST_CHECK;
+// One slice of work, made on first use in view->path. draw: whether it waits (HG_DRAW_WAIT).
+// begins: what was there counts no longer.
+enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
+    bool begins, struct hg_error *err) HG_MUST_CHECK;
 // The view asks for other times than that of the pose, and something moves.
 bool hg_path_view_needs_time(const struct hg_view_state *view);
 // Brings what is there to targets.accumulated.

@@ -88,15 +88,15 @@ bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t hori
 }
 
 // True when the camera has changed since the last time.
-static bool note_place(struct hg_view_state *view)
+static bool note_place(
+    struct hg_prefetch *a, const struct hg_view_camera_state *camera, uint64_t revision)
 {
-    struct hg_prefetch *a = &view->ahead;
-    if (a->place_count > 0 && a->revision == view->camera_revision)
+    if (a->place_count > 0 && a->revision == revision)
         return false;
     memmove(a->places + 1, a->places, 2 * sizeof a->places[0]);
-    a->places[0] = place_of(&view->camera);
+    a->places[0] = place_of(camera);
     a->place_count += a->place_count < 3;
-    a->revision = view->camera_revision;
+    a->revision = revision;
     return true;
 }
 
@@ -104,91 +104,55 @@ static bool note_place(struct hg_view_state *view)
 
 void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *a)
 {
-    hg_gpu_image_destroy(gpu, &a->visibility);
-    hg_gpu_image_destroy(gpu, &a->depth);
-    hg_gpu_image_destroy(gpu, &a->color);
+    hg_graph_destroy(a->targets.graph);
+    hg_gpu_image_destroy(gpu, &a->targets.visibility);
+    hg_gpu_image_destroy(gpu, &a->targets.depth);
+    hg_gpu_image_destroy(gpu, &a->targets.accumulated);
     hg_culling_destroy(a->visible);
     *a = (struct hg_prefetch){0};
 }
 
-static enum hg_status make(struct hg_view_state *view, VkFormat format, const char *name,
+static enum hg_status make(const struct hg_draw *draw, VkFormat format, const char *name,
     struct hg_gpu_image *image, struct hg_error *err)
 {
+    const struct hg_view_settings *settings = draw->request->settings;
     const struct hg_gpu_image_params params = {.format = format,
-        .width = (uint32_t)(view->settings.width * WIDER) / SMALLER + 1,
-        .height = (uint32_t)(view->settings.height * WIDER) / SMALLER + 1,
+        .width = (uint32_t)(settings->width * WIDER) / SMALLER + 1,
+        .height = (uint32_t)(settings->height * WIDER) / SMALLER + 1,
         .attachment = true,
         .name = name};
     if (image->width == params.width && image->height == params.height)
         return HG_OK;
-    hg_gpu_image_destroy(view->context->gpu, image);
-    return hg_gpu_image_create(view->context->gpu, &params, image, err);
+    hg_gpu_image_destroy(draw->context->gpu, image);
+    return hg_gpu_image_create(draw->context->gpu, &params, image, err);
 }
 
-static enum hg_status make_all(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status make_all(
+    struct hg_prefetch *a, const struct hg_draw *draw, struct hg_error *err)
 {
-    struct hg_prefetch *a = &view->ahead;
+    struct hg_view_targets *t = &a->targets;
     enum hg_status status =
-        make(view, HG_VISIBILITY_FORMAT, "ahead visibility", &a->visibility, err);
+        make(draw, HG_VISIBILITY_FORMAT, "ahead visibility", &t->visibility, err);
     if (status == HG_OK)
-        status = make(view, HG_DEPTH_FORMAT, "ahead depth", &a->depth, err);
+        status = make(draw, HG_DEPTH_FORMAT, "ahead depth", &t->depth, err);
     if (status == HG_OK)
-        status = make(view, HG_COLOR_FORMAT, "ahead colour", &a->color, err);
+        status = make(draw, HG_COLOR_FORMAT, "ahead colour", &t->accumulated, err);
     if (status == HG_OK && a->visible == NULL)
-        status = hg_culling_create(view->context->gpu, &a->visible, err);
+        status = hg_culling_create(draw->context->gpu, &a->visible, err);
     return status;
 }
 
-// What a view draws with, put aside while it looks ahead.
-struct aside {
-    struct hg_view_camera_state camera;
-    struct hg_gpu_frame frame;
-    struct hg_culling *visible;
-    struct hg_gpu_image visibility, depth, accumulated;
-    uint32_t missing_clusters;
-};
-
-static void look_ahead(
-    struct hg_view_state *view, const struct hg_view_camera_state *camera, struct aside *aside)
+static enum hg_status draw_ahead(struct hg_draw *draw, struct hg_error *err)
 {
-    *aside = (struct aside){view->camera, view->frame, view->visible, view->targets.visibility,
-        view->targets.depth, view->targets.accumulated, view->missing_clusters};
-    view->camera = *camera;
-    view->visible = view->ahead.visible;
-    view->targets.visibility = view->ahead.visibility;
-    view->targets.depth = view->ahead.depth;
-    view->targets.accumulated = view->ahead.color;
-    view->stream.finding = SMALLER;
-    view->stream.wider = (float)WIDER;
-}
-
-static void look_back(struct hg_view_state *view, const struct aside *aside)
-{
-    view->ahead.visibility = view->targets.visibility; // images know their layouts
-    view->ahead.depth = view->targets.depth;
-    view->ahead.color = view->targets.accumulated;
-    view->camera = aside->camera;
-    view->frame = aside->frame;
-    view->visible = aside->visible;
-    view->targets.visibility = aside->visibility;
-    view->targets.depth = aside->depth;
-    view->targets.accumulated = aside->accumulated;
-    view->missing_clusters = aside->missing_clusters;
-    view->stream.finding = 0;
-    view->stream.wider = 0;
-}
-
-static enum hg_status draw(struct hg_view_state *view, struct hg_error *err)
-{
-    struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
-    struct hg_gpu *gpu = view->context->gpu;
+    struct hg_page_cache *pages = hg_textures_cache(draw->scene_gpu->textures);
+    struct hg_gpu *gpu = draw->context->gpu;
     struct hg_page_demand demand;
     struct hg_gpu_cmd *cmd;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
         return status;
     hg_page_cache_begin(pages, cmd);
-    status = hg_frame_record_prefetch(view, cmd, err);
+    status = hg_frame_record_prefetch(draw, cmd, err);
     if (status != HG_OK) {
         hg_gpu_discard(gpu, cmd);
         return status;
@@ -215,28 +179,34 @@ static uint64_t horizon(const struct hg_prefetch *a, uint64_t now_ns)
     return needed;
 }
 
-enum hg_status hg_prefetch_draw(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_prefetch_draw(
+    struct hg_prefetch *a, const struct hg_draw *draw, uint64_t revision, struct hg_error *err)
 {
-    struct hg_prefetch *a = &view->ahead;
-    struct hg_view_camera_state camera = view->camera;
+    struct hg_view_camera_state camera = *draw->request->camera;
     const uint64_t start = hg_clock_now_ns();
-    if (view->context->overrides.no_prefetch || !note_place(view) || a->place_count < 3)
+    if (draw->context->overrides.no_prefetch || !note_place(a, &camera, revision) ||
+        a->place_count < 3)
         return HG_OK;
-    if (!view->stream.on || start < a->next_ns ||
+    if (!draw->accumulation->pages.on || start < a->next_ns ||
         !hg_prefetch_predict(a->places, horizon(a, start), &camera))
         return HG_OK;
     widen(&camera);
-    enum hg_status status = make_all(view, err);
+    enum hg_status status = make_all(a, draw, err);
     if (status != HG_OK)
         return status;
-    struct aside aside;
-    look_ahead(view, &camera, &aside);
-    status = draw(view, err);
-    look_back(view, &aside);
+    struct hg_draw_request request = *draw->request;
+    request.camera = &camera;
+    request.smaller = SMALLER;
+    request.wider = (float)WIDER;
+    struct hg_draw ahead = hg_draw_with(draw, &request);
+    ahead.visible = a->visible;
+    ahead.targets = &a->targets;
+    ahead.frame = &a->frame;
+    status = draw_ahead(&ahead, err);
     const uint64_t end = hg_clock_now_ns();
     a->begun_ns = start;
     a->next_ns = end + SHARE * (end - start);
     a->drawn++;
-    hg_view_add_stage(view, "ahead", end - start);
+    hg_view_stats_add_stage(draw->stats, "ahead", end - start);
     return status;
 }

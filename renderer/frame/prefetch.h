@@ -8,11 +8,7 @@
 #ifndef HG_RENDERER_FRAME_PREFETCH_H
 #define HG_RENDERER_FRAME_PREFETCH_H
 
-#include "renderer/gpu/gpu.h"
-
-struct hg_view_state;
-struct hg_view_camera_state;
-struct hg_culling;
+#include "renderer/frame/draw.h"
 
 // Where a camera was, and when.
 struct hg_prefetch_place {
@@ -28,8 +24,10 @@ struct hg_prefetch {
     uint64_t begun_ns; // the newest picture; 0 = none
     uint64_t next_ns;  // not before
     uint32_t drawn;    // pictures, since creation
+    // What its pictures are drawn with.
     struct hg_culling *visible;
-    struct hg_gpu_image visibility, depth, color;
+    struct hg_view_targets targets;
+    struct hg_gpu_frame frame;
 };
 
 void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *ahead); // accepts a zeroed one
@@ -37,7 +35,9 @@ void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *ahead); // accep
 // steadily, as after a jump. Pure.
 bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t horizon_ns,
     struct hg_view_camera_state *camera);
-// After a picture in motion: takes note of the camera, and may draw.
-enum hg_status hg_prefetch_draw(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
+// After a picture in motion, which was drawn like that: takes note of the camera, and may draw.
+// revision: of the camera, another one when it has changed.
+enum hg_status hg_prefetch_draw(struct hg_prefetch *ahead, const struct hg_draw *draw,
+    uint64_t revision, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -18,12 +18,15 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 // One slice: up to max_samples samples, in one batch. In motion (max_samples 1 and something has
 // changed) cascades that would have to be drawn again are left out: the map of the whole scene
 // serves until the view rests, then accumulation starts with all of them. Such a sample that will
-// not be the last one becomes RGBA8 pixels at once.
+// not be the last one becomes RGBA8 pixels at once, where no other pixels are read.
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
 bool hg_view_state_settled(const struct hg_view_state *view);
 // Of the real-time picture that was drawn last.
 bool hg_view_state_has_planes(const struct hg_view_state *view);
+// Pixels of that format can be read: of a picture in motion those that were said in view->formats.
+bool hg_view_state_has_pixels(const struct hg_view_state *view, uint32_t format);
+// Copies or converts what the newest step left, and renders nothing. HG_E_STATE: see has_pixels.
 // format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
 enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

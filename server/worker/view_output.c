@@ -56,13 +56,17 @@ static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_en
     };
 }
 
+static enum hg_pixel_format format_of(const struct render_state *s, enum hgp_encoding encoding)
+{
+    return hg_encode_queue_encoder(s->w->encoders, encoding)->pixels;
+}
+
 static enum hg_status fill_request(struct render_state *s, struct session *session,
     struct view_slot *view, struct encode_request *request, struct hg_error *err)
 {
-    const struct encoder_ops *encoder =
-        hg_encode_queue_encoder(s->w->encoders, request->frame.encoding);
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_view_read_pixels(view->view, encoder->pixels, &request->pixels, err);
+    enum hg_status status = hg_view_read_pixels(
+        view->view, format_of(s, request->frame.encoding), &request->pixels, err);
     if (status)
         return status;
     request->read_ns = hg_clock_now_ns() - start;
@@ -92,6 +96,22 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     return HG_OK;
 }
 
+uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view)
+{
+    const struct view_subscription *sub = &view->subscription;
+    uint32_t formats = sub->credit ? 1u << format_of(s, sub->encoding) : 0;
+    for (const struct frame_wait *it = view->waits; it; it = it->next)
+        formats |= 1u << format_of(s, it->encoding);
+    return formats;
+}
+
+// A wait that is newer than a step in motion may need pixels that the step did not keep.
+static bool has_pixels(
+    const struct render_state *s, const struct view_slot *view, enum hgp_encoding encoding)
+{
+    return hg_view_has_pixels(view->view, format_of(s, encoding));
+}
+
 static void deliver_waits(struct render_state *s, struct session *session, struct view_slot *view)
 {
     bool room = true;
@@ -104,7 +124,7 @@ static void deliver_waits(struct render_state *s, struct session *session, struc
             continue;
         }
         room = room && hg_encode_stream_has_room(view->encoder);
-        if (!room) {
+        if (!room || !has_pixels(s, view, wait->encoding)) {
             link = &wait->next;
             continue;
         }
@@ -128,6 +148,8 @@ static void deliver_subscription(
         .encoding = settled ? sub->still_encoding : sub->encoding,
         .quality = sub->quality,
     };
+    if (!has_pixels(s, view, what.encoding))
+        return;
     struct hg_error err = {0};
     if (queue_frame(s, session, view, &what, &err))
         hg_output_fail(s, session, view, &err);

@@ -5,6 +5,8 @@
 
 #include "server/worker/view_slot.h"
 
+// Formats of the pixels that will be read after the next step: 1 << enum hg_pixel_format.
+uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view);
 // Gives the newest frame to those who wait for it and to the subscription, as far as it is due and
 // the view's encode stream has room; for the rest it is tried again when there is.
 void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view);

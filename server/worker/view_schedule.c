@@ -120,6 +120,7 @@ static void work(struct render_state *s, struct session *session, struct view_sl
     enum hg_status status = HG_OK;
     view->progress.failed = false;
     hg_scene_slot_publish(session->scene); // a batch may be open for too long
+    hg_view_set_formats(view->view, hg_output_formats(s, view));
     if (wants_step(session, view))
         status = step(session, view, hg_rate_samples(view), &err);
     if (status == HG_E_DEVICE_LOST) {

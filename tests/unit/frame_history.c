@@ -53,10 +53,13 @@ static struct result ask(struct rig *rig, const float point[3])
         uint32_t instance, reserved;
         float point[3];
     } push = {back.address, 0, 0, {point[0], point[1], point[2]}};
-    test_ok(hg_frame_sync(state, &rig->err), &rig->err);
-    hg_frame_fill(state, 0, false, 0);
+    const struct hg_draw_request request = {
+        .settings = &state->settings, .camera = &state->camera, .samples = 1, .max_samples = 1};
+    struct hg_draw draw = hg_view_draw(state, &request);
+    test_ok(hg_frame_sync(&draw, &rig->err), &rig->err);
+    hg_frame_fill(&draw, 0, false, 0);
     test_ok(hg_gpu_begin(gpu, &cmd, &rig->err), &rig->err);
-    struct hg_pass pass = hg_frame_pass(state, cmd, 0);
+    struct hg_pass pass = hg_frame_pass(&draw, cmd, 0);
     test_ok(hg_gpu_cmd_bind(cmd, &pass.bindings, &rig->err), &rig->err);
     test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &rig->err), &rig->err);
     hg_gpu_cmd_push(cmd, &push, sizeof push);

@@ -426,8 +426,9 @@ static void test_budget_changes_nothing(void **state)
         use_scene(&rig, load(KNOT, hg_renderer_jobs(rig.renderer)), &params);
         look_at_scene(&rig, 0.4f);
         settle(&rig, 5);
-        struct hg_geometry_stats stats;
-        hg_geometry_stats(rig.view->state.scene_gpu->geometry, &stats);
+        struct hg_view_report report;
+        hg_view_get_report(rig.view, &report);
+        const struct hg_geometry_stats stats = report.geometry;
         assert_true(stats.peak_bytes <= budget || i == 0);
         assert_true(stats.facet_bytes > 0 || !hg_gpu_get_caps(rig.renderer->context.gpu)->is_cpu);
         budget = stats.used_bytes;
@@ -492,8 +493,9 @@ static void test_settles_and_restarts(void **state)
     rig_close(&rig);
 }
 
-// A sample of a moving picture becomes pixels at once; asking for others accumulates it. Both are
-// the same picture, and what settles does not depend on what was read before.
+// A sample of a moving picture becomes 8-bit pixels at once; where others are read, too, it is
+// accumulated. Both are the same picture, reading renders nothing, and what settles does not depend
+// on what was read before.
 static void test_pixels_in_motion(void **state)
 {
     (void)state;
@@ -506,29 +508,32 @@ static void test_pixels_in_motion(void **state)
     add_quad(scene, 2, 0.6f, 0.5f, blue);
     hg_scene_publish(scene);
     use_scene(&rig, scene, &params);
-    struct hg_refbuf *settled[2];
+    struct hg_refbuf *moving[2], *settled[2], *linear;
     for (int i = 0; i < 2; i++) {
         struct hg_frame_info info;
+        const bool all = i == 1;
+        hg_view_set_formats(
+            rig.view, all ? 1u << HG_PIXEL_RGBA8 | 1u << HG_PIXEL_RGBA32F : 1u << HG_PIXEL_RGBA8);
         look_at_scene(&rig, 0.4f);
         settle(&rig, 8); // layers are known
         look_at_scene(&rig, 0.3f);
         test_ok(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
         assert_true(!info.settled && info.samples == 1);
-        struct hg_refbuf *at_once = rig_pixels(&rig, HG_PIXEL_RGBA8);
-        if (i == 0) {
-            struct hg_refbuf *linear = rig_pixels(&rig, HG_PIXEL_RGBA32F);
-            struct hg_refbuf *resolved = rig_pixels(&rig, HG_PIXEL_RGBA8);
-            assert_same(at_once, resolved, 0);
-            hg_refbuf_unref(linear);
-            hg_refbuf_unref(resolved);
-        }
-        hg_refbuf_unref(at_once);
+        assert_int_equal(info.phase == HG_VIEW_DIRECT, !all);
+        assert_int_equal(hg_view_has_pixels(rig.view, HG_PIXEL_RGBA32F), all);
+        moving[i] = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        assert_int_equal(hg_view_read_pixels(rig.view, HG_PIXEL_RGBA32F, &linear, &rig.err),
+            all ? HG_OK : HG_E_STATE);
+        hg_refbuf_unref(linear);
         settle(&rig, 1);
         settled[i] = rig_pixels(&rig, HG_PIXEL_RGBA8);
     }
+    assert_same(moving[0], moving[1], 0);
     assert_same(settled[0], settled[1], 0);
-    hg_refbuf_unref(settled[0]);
-    hg_refbuf_unref(settled[1]);
+    for (int i = 0; i < 2; i++) {
+        hg_refbuf_unref(moving[i]);
+        hg_refbuf_unref(settled[i]);
+    }
     assert_int_equal(hg_renderer_validation_messages(rig.renderer), 0);
     rig_close(&rig);
 }

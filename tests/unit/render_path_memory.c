@@ -164,8 +164,10 @@ static void render(bool limited, struct run *run)
     hg_view_set_final(rig.view, true);
     for (int place = 0; place < PLACES; place++)
         see(&rig, place, run);
-    hg_geometry_stats(rig.view->state.scene_gpu->geometry, &run->geometry);
-    hg_textures_stats(rig.view->state.scene_gpu->textures, &run->textures);
+    struct hg_view_report report;
+    hg_view_get_report(rig.view, &report);
+    run->geometry = report.geometry;
+    run->textures = report.textures;
     print_message(
         "%s: %.2f million triangles, %.0f MB of texels; rays meet %.0f thousand, "
         "%.1f MB (%.0f bytes each); geometry %.1f MB, %llu chunks and %llu pages evicted, "

@@ -1,5 +1,5 @@
-// render_tiled_accumulation.c - pictures do not depend on how much memory textures get, nor on what was looked
-// at before; moving pictures say what they miss and settle down to one mip bias.
+// render_tiled_accumulation.c - pictures do not depend on how much memory textures get, nor on what
+// was looked at before; moving pictures say what they miss and settle down to one mip bias.
 //
 // The scene: 36 lit quads with three textures each, some masked (they cast shadows), some blended.
 // What one view of it needs is more than the 225 slots of the least budget, 16 MiB.
@@ -332,11 +332,13 @@ static void test_looking_ahead(void **state)
     (void)state;
     struct rig rig;
     open_rig(&rig, LEAST);
-    for (int i = 0; i < 20000 && rig.view->state.ahead.drawn < 3; i++) {
+    struct hg_view_report report = {0};
+    for (int i = 0; i < 20000 && report.prefetched < 3; i++) {
         look(&rig, (float)(i % 100) * 0.05f - 2.5f, 4.0f);
         rig_step(&rig, 1);
+        hg_view_get_report(rig.view, &report);
     }
-    assert_true(rig.view->state.ahead.drawn >= 3);
+    assert_true(report.prefetched >= 3);
     look(&rig, 0, 6.5f);
     settle(&rig, 2);
     struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
@@ -376,9 +378,9 @@ static void test_finding_does_not_show(void **state)
         test_ok(hg_view_set_camera(rig.view, &camera, &rig.err), &rig.err);
         hg_view_set_final(rig.view, i > 0);
         rig_settle(&rig, i == 1 ? 1 : 16);
-        struct hg_geometry_stats stats;
-        hg_geometry_stats(rig.view->state.scene_gpu->geometry, &stats);
-        assert_true(stats.chunks.resident > 0);
+        struct hg_view_report report;
+        hg_view_get_report(rig.view, &report);
+        assert_true(report.geometry.chunks.resident > 0);
         pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
         rig_close(&rig);
     }

@@ -1,7 +1,7 @@
-// render_unlit_tiles.c - pictures in which cells without light are shaded without lights (passes/unlit_tiles.h)
-// are the same bytes as pictures in which all are shaded alike: settled, with finer cascades and
-// jitter, and in motion; with thin shadows, soft edges, holes, lines, and lights that end in the
-// picture.
+// render_unlit_tiles.c - pictures in which cells without light are shaded without lights
+// (passes/unlit_tiles.h) are the same bytes as pictures in which all are shaded alike: settled,
+// with finer cascades and jitter, and in motion; with thin shadows, soft edges, holes, lines, and
+// lights that end in the picture.
 
 #include "base/alloc.h"
 #include "renderer/internal.h"
@@ -131,7 +131,9 @@ static void open_rig(struct rig *rig, enum hg_override unlit_tiles, enum lights 
 
 static float share(const struct rig *rig)
 {
-    return hg_unlit_tiles_share(&rig->view->state.dark, &rig->view->state.targets.depth);
+    struct hg_view_report report;
+    hg_view_get_report(rig->view, &report);
+    return report.unlit_share;
 }
 
 static struct hg_refbuf *settle(struct rig *rig, const struct hg_view_camera *camera)
@@ -144,8 +146,7 @@ static struct hg_refbuf *settle(struct rig *rig, const struct hg_view_camera *ca
 static struct hg_refbuf *move(struct rig *rig, const struct hg_view_camera *camera)
 {
     test_ok(hg_view_set_camera(rig->view, camera, &rig->err), &rig->err);
-    rig_step(rig, 1);
-    assert_true(rig->view->state.direct);
+    assert_int_equal(rig_step(rig, 1).phase, HG_VIEW_DIRECT);
     return rig_pixels(rig, HG_PIXEL_RGBA8);
 }
 

@@ -1,0 +1,51 @@
+// draw.c - see draw.h.
+#include "renderer/frame/draw.h"
+
+#include "renderer/frame/state.h"
+
+void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns)
+{
+    if (stats->stage_count < HG_VIEW_MAX_STAGES)
+        stats->stages[stats->stage_count++] = (struct hg_view_stage){name, ns};
+}
+
+struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request)
+{
+    struct hg_draw other = *draw;
+    other.request = request;
+    return other;
+}
+
+bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag)
+{
+    return (draw->request->flags & (uint32_t)flag) != 0;
+}
+
+const struct hg_tiled_area *hg_draw_area(const struct hg_draw *draw)
+{
+    const struct hg_tiled_accumulation *s = draw->accumulation;
+    if (!hg_draw_is(draw, HG_DRAW_EXACT) || s->areas.count == 0)
+        return NULL;
+    const struct hg_tiled_areas *stack =
+        hg_draw_is(draw, HG_DRAW_BEHIND) ? &s->behind.areas : &s->areas;
+    return &stack->items[stack->count - 1];
+}
+
+uint32_t hg_draw_first_sample(const struct hg_draw *draw)
+{
+    const struct hg_tiled_area *area = hg_draw_area(draw);
+    return area != NULL ? area->samples : draw->accumulation->samples;
+}
+
+enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,
+    struct hg_gpu_image *image, struct hg_error *err)
+{
+    const struct hg_gpu_image_params params = {.format = format,
+        .width = draw->request->settings->width,
+        .height = draw->request->settings->height,
+        .attachment = true,
+        .name = name};
+    return image->handle != VK_NULL_HANDLE
+               ? HG_OK
+               : hg_gpu_image_create(draw->context->gpu, &params, image, err);
+}

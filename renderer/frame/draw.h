@@ -1,0 +1,118 @@
+// draw.h - what is to be drawn, and what it is drawn with.
+// Floor 4. Thread: the render thread.
+//
+// A request is made once, by whoever knows what is wanted: a step for its view, prefetching for the
+// camera to come, a preview for one sample. It is never changed while it is drawn; what differs for
+// a part of the work is a request of its own (hg_draw_with).
+#ifndef HG_RENDERER_FRAME_DRAW_H
+#define HG_RENDERER_FRAME_DRAW_H
+
+#include "renderer/cull/culling.h"
+#include "renderer/frame/history.h"
+#include "renderer/frame/phase.h"
+#include "renderer/frame/targets.h"
+#include "renderer/light/lighting.h"
+#include "renderer/passes/unlit_tiles.h"
+#include "renderer/scene_gpu/scene_gpu.h"
+
+struct hg_tiled_accumulation;
+struct hg_tiled_area;
+struct hg_view_camera_state;
+struct hg_view_settings;
+
+#define HG_VIEW_MAX_STAGES 64
+
+enum hg_draw_flag {
+    HG_DRAW_FINAL = 1 << 0,          // nobody looks before the picture is settled
+    HG_DRAW_WAIT = 1 << 1,           // loads what is missing, for a while
+    HG_DRAW_ACCUMULATE = 1 << 2,     // more than RGBA8 will be read: no direct samples
+    HG_DRAW_DIRECT = 1 << 3,         // straight to RGBA8 pixels
+    HG_DRAW_COARSE_SHADOWS = 1 << 4, // without finer cascades
+    HG_DRAW_EXACT = 1 << 5,          // samples are counted per pixel, inside the area on top
+    HG_DRAW_BEHIND = 1 << 6,         // what is seen through surfaces that let light through
+};
+
+struct hg_draw_request {
+    const struct hg_view_settings *settings;
+    const struct hg_view_camera_state *camera;
+    uint32_t flags;       // enum hg_draw_flag
+    uint32_t samples;     // per pixel until settled, >= 1
+    uint32_t max_samples; // of this step, >= 1
+    float error_px;       // greatest projected error of geometry, >= that of the settings
+    // Only what it asks of textures counts: sides so many times smaller, of a picture so many times
+    // wider than the settings'. 0: a picture.
+    uint32_t smaller;
+    float wider;
+};
+
+// --- what lasts from one picture to the next -----------------------------------------------------
+
+// How many layers of blended surfaces are peeled.
+struct hg_draw_peeling {
+    uint32_t limit;               // of the next step
+    bool too_deep_told;           // even HG_VIEW_MAX_LAYERS were not enough
+    struct hg_gpu_buffer reached; // per sample of a batch: its last layer held something
+};
+
+// Tiles that no light reaches, told apart in pictures that follow each other.
+struct hg_draw_unlit {
+    struct hg_unlit_tiles tiles;
+    uint32_t wait; // pictures in motion until they are looked for
+    bool told;     // in the newest sample they were
+};
+
+struct hg_view_stage {
+    const char *name; // literal
+    uint64_t ns;
+};
+
+struct hg_view_stats {
+    uint64_t number; // frames that changed something
+    uint64_t triangles_drawn, draws_drawn;
+    uint32_t stale_shadows;
+    uint32_t missing_clusters; // that the newest sample went without
+    uint64_t step_ns;          // of the newest step that drew something
+    uint32_t stage_count;
+    struct hg_view_stage stages[HG_VIEW_MAX_STAGES]; // of the newest step
+};
+
+void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns);
+
+struct hg_view_buffers {
+    struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
+    struct hg_gpu_buffer readback; // pixels
+    struct hg_gpu_buffer pick;     // struct hg_gpu_pick
+};
+
+// --- one batch -----------------------------------------------------------------------------------
+
+// All is borrowed.
+struct hg_draw {
+    struct hg_frame_context *context;
+    struct hg_scene_gpu *scene_gpu;
+    struct hg_lighting *lighting;
+    const struct hg_draw_request *request;
+    struct hg_view_targets *targets;
+    struct hg_culling *visible; // set 0: the camera; then stale shadow maps
+    struct hg_gpu_frame *frame; // of the newest sample
+    struct hg_view_buffers *buffers;
+    struct hg_frame_history *history;
+    struct hg_tiled_accumulation *accumulation;
+    struct hg_draw_peeling *peeling;
+    struct hg_draw_unlit *unlit;
+    struct hg_view_stats *stats;
+    bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen
+};
+
+// The same for another request, which outlives it.
+struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request);
+bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);
+// The area that is drawn (tiled_accumulation.h); NULL: the whole picture.
+const struct hg_tiled_area *hg_draw_area(const struct hg_draw *draw);
+// Number of the first sample of the batch.
+uint32_t hg_draw_first_sample(const struct hg_draw *draw);
+// An image of the settings' size, to draw to; keeps one that is there. HG_E_NOMEM, device errors.
+enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,
+    struct hg_gpu_image *image, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

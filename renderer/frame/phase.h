@@ -1,0 +1,46 @@
+// phase.h - how far the real-time picture of a view is, and what it lacks.
+// Floor 4. Plain values; renderer.h hands them to callers.
+//
+// "asked": another scene, camera or settings than the picture was made of. "in motion": one sample
+// of it in a step that is not final. "short": a bit of enum hg_view_shortfall is set.
+//
+//   state         event                                              next
+//   any           asked; nobody looks (final) and pages are missing  EXACT, blank
+//   any           asked, in motion, and only RGBA8 is read           DIRECT
+//   any           asked, the sample is short                         PROVISIONAL
+//   any           asked, the sample is whole                         ACCUMULATING
+//   any           a step fails, the size changes                     EMPTY
+//   DIRECT        a step                                             as asked, from sample 0
+//   PROVISIONAL   a step: the budgets of pages or geometry are too   EXACT; what was shown is the
+//                 small, or nothing that is missing is on its way    fallback
+//   PROVISIONAL   a step otherwise                                   as asked, from sample 0
+//   ACCUMULATING  the first sample is whole, and pages may be        EXACT, from sample 1
+//                 missing for others
+//   ACCUMULATING  a step                                             ACCUMULATING, more samples
+//   EXACT         a step: pages, shadow maps, samples of an area     EXACT
+//   EXACT         layers of blended surfaces lay deeper than peeled  as asked, from sample 0
+//   EXACT, blank  a client looks before the first sample             as asked, from sample 0
+//
+// ACCUMULATING and EXACT are settled with the samples that are asked for and no shortfall.
+#ifndef HG_RENDERER_FRAME_PHASE_H
+#define HG_RENDERER_FRAME_PHASE_H
+
+enum hg_view_phase {
+    HG_VIEW_EMPTY,        // nothing that counts; the picture before may still be shown
+    HG_VIEW_DIRECT,       // one sample, straight to RGBA8 pixels
+    HG_VIEW_PROVISIONAL,  // one sample or more, short of something: they will not be kept
+    HG_VIEW_ACCUMULATING, // samples of the whole picture
+    HG_VIEW_EXACT,        // samples pixel by pixel, in areas if need be (tiled_accumulation.h)
+};
+
+// Bits: what the newest samples lack of the picture that was asked for.
+enum hg_view_shortfall {
+    HG_SHORT_OF_SHADOWS = 1 << 0,  // finer cascades were left out
+    HG_SHORT_OF_LAYERS = 1 << 1,   // blended surfaces lay deeper than was peeled
+    HG_SHORT_OF_TEXELS = 1 << 2,   // pages were missing, or mips left out for the budget
+    HG_SHORT_OF_DETAIL = 1 << 3,   // the error of geometry was raised to keep to the frame time
+    HG_SHORT_OF_GEOMETRY = 1 << 4, // the geometry budget did not hold what was chosen
+    HG_SHORT_OF_CLUSTERS = 1 << 5, // clusters that were chosen have not been read yet
+};
+
+#endif
