@@ -618,12 +618,12 @@ enum hg_status hg_frame_record_read(
     if (draw->accumulation->has_fallback)
         r.fallback = hg_graph_import(f.graph, "fallback", &draw->accumulation->fallback);
     const uint32_t readback = hg_graph_buffer(f.graph, "readback");
-    r.shown = r.pixels;
     add(&f, &(struct hg_graph_pass){.name = "resolve",
                 .record = record_resolve,
                 .user = &r,
                 .accesses = {{r.accumulated, HG_GRAPH_SAMPLE, 0}, {r.fallback, HG_GRAPH_SAMPLE, 0},
                     {r.pixels, HG_GRAPH_COLOR, 0}}});
+    r.shown = r.pixels;
     add(&f, &(struct hg_graph_pass){.name = "copy",
                 .record = record_copy,
                 .user = &r,

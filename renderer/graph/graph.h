@@ -19,9 +19,10 @@
 // transient images whose lifetimes do not overlap into the same memory, brings every image to the
 // use that a pass declares (with its barriers), and times each pass under its name.
 //
-// Which write does a read see? The last one declared before it; of a transient image, when none is,
-// the first one declared after it. A pass that reads and writes (the _KEEP and UPDATE uses) sees
-// the one before. Writes of one resource happen in the order of their declaration.
+// Which write does a read see? The last one declared before it. When none is: of an imported or
+// persistent image what was in it before the frame; of others, which hold nothing then, the first
+// write declared after it. A pass that reads and writes (the _KEEP and UPDATE uses) sees the one
+// before. Writes of one resource happen in the order of their declaration.
 //
 // Source: O'Donnell 2017, "FrameGraph: Extensible Rendering Architecture in Frostbite".
 #ifndef HG_RENDERER_GRAPH_GRAPH_H

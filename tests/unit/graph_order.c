@@ -68,6 +68,35 @@ static void test_versions(void **state)
     hg_gpu_image_destroy(r->gpu, &second);
 }
 
+// What is imported has content of its own: a read declared before the writes of a frame sees that.
+static void test_imported_content(void **state)
+{
+    struct graph_rig *r = *state;
+    struct hg_gpu_image from = graph_rig_outside(r, "from", SIDE);
+    struct hg_gpu_image early = graph_rig_outside(r, "early", SIDE);
+    struct hg_gpu_image late = graph_rig_outside(r, "late", SIDE);
+    for (int frame = 0; frame < 2; frame++) {
+        hg_graph_begin(r->graph, SIDE, SIDE);
+        const uint32_t a = hg_graph_import(r->graph, "a", &from);
+        const uint32_t before = hg_graph_import(r->graph, "before", &early);
+        const uint32_t after = hg_graph_import(r->graph, "after", &late);
+        const struct graph_clear set = {a, frame == 0 ? 10.0f : 20.0f};
+        const struct graph_blend read1 = {a, a, before}, read2 = {a, a, after};
+        if (frame > 0)
+            graph_rig_blend(r, "read before", &read1);
+        graph_rig_clear(r, "set", &set);
+        graph_rig_blend(r, "read after", &read2);
+        hg_graph_want(r->graph, before);
+        hg_graph_want(r->graph, after);
+        graph_rig_run(r);
+    }
+    assert_float_equal(graph_rig_texel(r, &early), 11.0f, 1e-5f);
+    assert_float_equal(graph_rig_texel(r, &late), 22.0f, 1e-5f);
+    hg_gpu_image_destroy(r->gpu, &from);
+    hg_gpu_image_destroy(r->gpu, &early);
+    hg_gpu_image_destroy(r->gpu, &late);
+}
+
 static void test_culling(void **state)
 {
     struct graph_rig *r = *state;
@@ -269,8 +298,8 @@ static void test_print(void **state)
 int main(void)
 {
 #define TEST(test) cmocka_unit_test_setup_teardown(test, graph_rig_setup, graph_rig_teardown)
-    const struct CMUnitTest tests[] = {TEST(test_order), TEST(test_versions), TEST(test_culling),
-        TEST(test_refused), TEST(test_plans_are_kept), TEST(test_repetitions_and_errors),
-        TEST(test_print)};
+    const struct CMUnitTest tests[] = {TEST(test_order), TEST(test_versions),
+        TEST(test_imported_content), TEST(test_culling), TEST(test_refused),
+        TEST(test_plans_are_kept), TEST(test_repetitions_and_errors), TEST(test_print)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
