@@ -64,12 +64,6 @@ void hg_raster_destroy(struct hg_raster *r)
     hg_free(r);
 }
 
-uint64_t hg_raster_bytes(const struct hg_raster *r)
-{
-    return r->place_capacity * sizeof *r->places + r->first_capacity * sizeof *r->firsts +
-           r->list_capacity * sizeof *r->list;
-}
-
 // --- boxes ---------------------------------------------------------------------------------------
 
 void hg_raster_open(

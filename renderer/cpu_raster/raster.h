@@ -52,7 +52,6 @@ struct hg_raster; // memory between pictures
 // portable: the plain kernel on every processor, for tests. HG_E_NOMEM as NULL.
 struct hg_raster *hg_raster_create(bool portable) HG_MUST_CHECK;
 void hg_raster_destroy(struct hg_raster *raster); // accepts NULL
-uint64_t hg_raster_bytes(const struct hg_raster *raster);
 
 // Rows of clip space from object space, for boxes.
 struct hg_raster_rows {

@@ -135,10 +135,3 @@ void hg_pose_snapshot_fill(const struct hg_pose_snapshot *m, struct hg_gpu_pose_
     *out = (struct hg_gpu_pose_snapshot){
         .worlds = m->worlds.buffer.address, .parts = m->parts.buffer.address};
 }
-
-uint64_t hg_pose_snapshot_bytes(const struct hg_pose_snapshot *m)
-{
-    return m == NULL
-               ? 0
-               : m->worlds.buffer.size_bytes + m->parts.buffer.size_bytes + m->deformed.size_bytes;
-}

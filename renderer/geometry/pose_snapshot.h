@@ -21,6 +21,5 @@ enum hg_status hg_pose_snapshot_take(
     struct hg_geometry *geometry, struct hg_pose_snapshot **moment, struct hg_error *err) HG_MUST_CHECK;
 void hg_pose_snapshot_free(struct hg_pose_snapshot *moment); // before the geometry; accepts NULL
 void hg_pose_snapshot_fill(const struct hg_pose_snapshot *moment, struct hg_gpu_pose_snapshot *out);
-uint64_t hg_pose_snapshot_bytes(const struct hg_pose_snapshot *moment); // on the device; NULL: 0
 
 #endif

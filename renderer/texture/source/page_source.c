@@ -199,10 +199,10 @@ static void choose_format(const struct hg_page_source_params *p, struct hg_page_
 static enum hg_status describe_image(struct hg_page_sources *s,
     const struct hg_page_source_params *p, struct hg_page_image *image, struct hg_error *err)
 {
-    enum hg_status status = hg_source_identify_with(s->params.store, p->image, &image->info, err);
+    enum hg_status status = hg_source_identify(s->params.store, p->image, &image->info, err);
     if (status == HG_E_NOMEM) { // maybe for want of descriptors
         hg_open_files_give_up(s->files);
-        status = hg_source_identify_with(s->params.store, p->image, &image->info, err);
+        status = hg_source_identify(s->params.store, p->image, &image->info, err);
     }
     if (status != HG_OK)
         return status;

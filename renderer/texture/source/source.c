@@ -150,7 +150,7 @@ static enum hg_status identify_file(struct hg_store *store, const struct hg_imag
     return status;
 }
 
-enum hg_status hg_source_identify_with(struct hg_store *store, const struct hg_image_source *source,
+enum hg_status hg_source_identify(struct hg_store *store, const struct hg_image_source *source,
     struct hg_source_info *out, struct hg_error *err)
 {
     memset(out, 0, sizeof *out);
@@ -170,12 +170,6 @@ enum hg_status hg_source_identify_with(struct hg_store *store, const struct hg_i
     if (status != HG_OK)
         memset(out, 0, sizeof *out);
     return status;
-}
-
-enum hg_status hg_source_identify(
-    const struct hg_image_source *source, struct hg_source_info *out, struct hg_error *err)
-{
-    return hg_source_identify_with(NULL, source, out, err);
 }
 
 // --- whole images --------------------------------------------------------------------------------

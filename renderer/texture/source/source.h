@@ -23,10 +23,8 @@ struct hg_source_info {
 
 // Statuses of image.h and base/file.h, HG_E_LIMIT for sides above 131072. With a store (may be
 // NULL) the hashes of large files are remembered by size, time and id of the file.
-enum hg_status hg_source_identify_with(struct hg_store *store, const struct hg_image_source *source,
+enum hg_status hg_source_identify(struct hg_store *store, const struct hg_image_source *source,
     struct hg_source_info *out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_source_identify(const struct hg_image_source *source, struct hg_source_info *out,
-    struct hg_error *err) HG_MUST_CHECK;
 // RGBA8, or what `pixels` holds, or RGBA32F for float files. *view borrows the pixels of a source
 // that has them, else *owned holds them (hg_image_finish in both cases).
 // HG_E_HASH: the file is not the one that was identified.
