@@ -41,7 +41,10 @@ static enum hg_status init(
         .cache_dir = params->cache_dir,
         .shader_dir = params->shader_dir,
         .validation = params->validation,
-        .validation_try = validation_try};
+        .validation_try = validation_try,
+        .overrides = {.no_host_raster = params->overrides.no_cpu_raster,
+            .no_host_triangle_cull = params->overrides.no_culling,
+            .no_uniform_tables = params->overrides.table_addresses}};
     if (params->cache_dir != NULL) {
         r->cache_dir = hg_strdup(params->cache_dir);
         if (r->cache_dir == NULL)

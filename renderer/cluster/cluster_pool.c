@@ -377,7 +377,7 @@ static enum hg_status fill_slot(struct hg_cluster_pool *p, struct hg_cluster_mes
         .positions = at + l.positions,
         .vertices = at + l.vertices,
         .extra = at + l.extra};
-    if (block->mapped != NULL && hg_gpu_get_caps(p->gpu)->is_cpu) {
+    if (block->mapped != NULL && hg_gpu_strategy(p->gpu)->host_reads) {
         c->indices = (const uint32_t *)(void *)((uint8_t *)block->mapped + offset + l.indices);
         c->positions = (const float *)(void *)((uint8_t *)block->mapped + offset + l.positions);
     } else {

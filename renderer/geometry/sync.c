@@ -85,7 +85,8 @@ static enum hg_status collect_meshes(struct hg_sync *s, struct hg_error *err)
     const struct hg_object_list *list = &s->scene->objects[HG_OBJECT_MESH];
     const uint32_t from = hg_lod_intake_from(s->g);
     const struct hg_mesh_entry_limits limits = {
-        .number_below = hg_gpu_get_caps(s->g->gpu)->is_cpu ? from : 0, .meshlets_below = from};
+        .number_below = hg_gpu_strategy(s->g->gpu)->provoking_vertices ? from : 0,
+        .meshlets_below = from};
     s->meshes = hg_calloc(list->count, sizeof *s->meshes);
     if (s->meshes == NULL)
         return out_of_memory(err);

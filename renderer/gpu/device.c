@@ -514,6 +514,7 @@ static enum hg_status init(
     if (status != HG_OK)
         return status;
     fill_caps(gpu, params);
+    gpu->strategy = hg_device_strategy_choose(gpu->caps.is_cpu, &params->overrides);
     status = create_device(gpu, err);
     if (status == HG_OK)
         status = hg_gpu_commands_init(gpu, err);
@@ -580,6 +581,11 @@ void hg_gpu_destroy(struct hg_gpu *gpu)
 const struct hg_gpu_caps *hg_gpu_get_caps(const struct hg_gpu *gpu)
 {
     return &gpu->caps;
+}
+
+const struct hg_device_strategy *hg_gpu_strategy(const struct hg_gpu *gpu)
+{
+    return &gpu->strategy;
 }
 
 VkDevice hg_gpu_device(const struct hg_gpu *gpu)

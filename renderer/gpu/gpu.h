@@ -18,6 +18,7 @@
 
 #include "base/jobs.h"
 #include "base/status.h"
+#include "renderer/gpu/strategy.h"
 #include "shaders/shared/bindings.h"
 
 struct hg_gpu;
@@ -33,11 +34,12 @@ struct hg_gpu_params {
     bool validation_try;    // the same, but only a warning when it is not
     bool force_staging;     // never map device-local memory: the path of discrete GPUs, for tests;
                             // also the environment variable HELIO_GPU_FORCE_STAGING=1
+    struct hg_device_overrides overrides;
 };
 
 struct hg_gpu_caps {
     char device_name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE], driver[160];
-    bool is_cpu; // a software rasteriser: memory is shared, wide loads are cheap
+    bool is_cpu; // a software rasteriser; for what follows from that ask hg_gpu_strategy
     bool mapped; // device-local memory is host-visible: uploads are plain writes
     bool depth_clamp, anisotropy, large_points, validation;
     bool ray_query; // VK_KHR_ray_query, acceleration structures, buffers as input and storage
@@ -51,6 +53,7 @@ enum hg_status hg_gpu_create(
     const struct hg_gpu_params *params, struct hg_gpu **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_destroy(struct hg_gpu *gpu); // waits for the queue; accepts NULL
 const struct hg_gpu_caps *hg_gpu_get_caps(const struct hg_gpu *gpu);
+const struct hg_device_strategy *hg_gpu_strategy(const struct hg_gpu *gpu);
 VkDevice hg_gpu_device(const struct hg_gpu *gpu);
 // Messages of the validation layers since creation.
 uint32_t hg_gpu_validation_messages(const struct hg_gpu *gpu);

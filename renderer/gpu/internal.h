@@ -92,6 +92,7 @@ struct hg_gpu_shader_module {
 
 struct hg_gpu {
     struct hg_gpu_caps caps;
+    struct hg_device_strategy strategy;
     VkInstance instance;
     VkDebugUtilsMessengerEXT messenger;
     VkPhysicalDevice physical;

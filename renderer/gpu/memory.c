@@ -76,7 +76,7 @@ static enum hg_status allocate(struct hg_gpu *gpu, struct hg_gpu_block *block, s
     if (status == HG_OK && (props & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0) {
         status = HG_VK(
             gpu, err, vkMapMemory, gpu->device, block->memory, 0, VK_WHOLE_SIZE, 0, &block->mapped);
-        if (status == HG_OK && gpu->caps.is_cpu)
+        if (status == HG_OK && gpu->strategy.huge_pages)
             ask_for_huge_pages(block);
     }
     return status;

@@ -233,7 +233,7 @@ static enum hg_status upload_part(struct hg_gpu *gpu, struct hg_part_entry *e,
         write_levels(e, e->buffer.mapped);
         write_numbered(e, part, e->buffer.mapped);
         e->indices = (const uint32_t *)e->buffer.mapped + e->layout.indices / 4;
-        return hg_gpu_get_caps(gpu)->is_cpu ? HG_OK : keep_indices(e, e->indices, err);
+        return hg_gpu_strategy(gpu)->host_reads ? HG_OK : keep_indices(e, e->indices, err);
     }
     uint8_t *packed = hg_calloc(bytes, 1);
     if (packed == NULL)

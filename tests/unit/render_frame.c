@@ -62,11 +62,15 @@ static struct hg_scene *load(const char *path, struct hg_jobs *jobs)
 
 // --- frames --------------------------------------------------------------------------------------
 
+static void open_rig_with(struct rig *rig, const struct hg_renderer_params *params)
+{
+    *rig = (struct rig){0};
+    test_ok(hg_renderer_create(params, &rig->renderer, &rig->err), &rig->err);
+}
+
 static void open_rig(struct rig *rig, bool validation)
 {
-    const struct hg_renderer_params params = {.validation = validation, .threads = 2};
-    *rig = (struct rig){0};
-    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    open_rig_with(rig, &(struct hg_renderer_params){.validation = validation, .threads = 2});
 }
 
 static void look_at_scene(struct rig *rig, float turn)
@@ -130,8 +134,7 @@ static struct hg_refbuf *render_overridden(
 {
     struct rig rig;
     const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
-    open_rig(&rig, false);
-    rig.renderer->context.overrides = overrides;
+    open_rig_with(&rig, &(struct hg_renderer_params){.threads = 2, .overrides = overrides});
     use_scene(&rig, load(path, hg_renderer_jobs(rig.renderer)), &params);
     look_at_scene(&rig, turn);
     settle(&rig, step);
