@@ -199,7 +199,7 @@ static enum hg_status count_pipelines(
     *total = 0;
     for (size_t p = 0; p < PASSES && status == HG_OK; p++) {
         counts[p] = 0;
-        if (!hg_gpu_get_caps(renderer->gpu)->is_cpu)
+        if (!hg_gpu_strategy(renderer->gpu)->lazy_pipelines)
             status = passes[p](renderer->gpu, 0, &counts[p], err);
         *total += counts[p];
     }

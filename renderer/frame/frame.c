@@ -45,8 +45,7 @@ enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err)
         draw->context, draw->scene_gpu, draw->request->camera->eye, until_ns, err);
     if (status != HG_OK)
         return status;
-    const bool facets = hg_gpu_get_caps(draw->context->gpu)->is_cpu &&
-                        !draw->context->overrides.table_addresses &&
+    const bool facets = hg_gpu_strategy(draw->context->gpu)->uniform_tables &&
                         !hg_geometry_has_levels(draw->scene_gpu->geometry) &&
                         (draw->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
     status = hg_geometry_sync_triangle_cache(draw->scene_gpu->geometry, facets, err);

@@ -149,7 +149,7 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
     if (draw->history->wanted)
         uniforms[HG_BIND_HISTORY - HG_BIND_UNIFORM_FIRST] =
             (struct hg_gpu_uniform){block + HG_FRAME_BLOCK_BYTES, HG_FRAME_HISTORY_BYTES};
-    if (!hg_gpu_get_caps(pass->gpu)->is_cpu || draw->context->overrides.table_addresses)
+    if (!hg_gpu_strategy(pass->gpu)->uniform_tables)
         return;
     struct hg_page_cache_stats textures;
     uint32_t shadows;
@@ -183,7 +183,7 @@ static uint32_t features_of(const struct hg_draw *draw, uint32_t tables)
     uint32_t features = draw->scene_gpu->features;
     struct hg_lighting_stats stats;
     hg_lighting_stats(draw->lighting, &stats);
-    if (!hg_gpu_get_caps(draw->context->gpu)->is_cpu || draw->context->overrides.table_addresses) {
+    if (!hg_gpu_strategy(draw->context->gpu)->uniform_tables) {
         // A table that is not there is not read.
         const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
         return HG_FEATURE_ALL & ~absent;
@@ -209,7 +209,7 @@ static uint32_t mixes_of(const struct hg_draw *draw, uint32_t features)
 {
     if ((features & HG_FEATURE_LOBES) == 0)
         return 0;
-    if (hg_gpu_get_caps(draw->context->gpu)->is_cpu && !draw->context->overrides.table_addresses)
+    if (hg_gpu_strategy(draw->context->gpu)->uniform_tables)
         return draw->scene_gpu->mixes;
     return HG_MIX_ALL & ~((features & HG_FEATURE_TRANSMISSION) == 0 ? HG_MIX_OF_GLASS : 0u);
 }
@@ -217,7 +217,7 @@ static uint32_t mixes_of(const struct hg_draw *draw, uint32_t features)
 static uint32_t background_features(const struct hg_draw *draw)
 {
     const bool pages = draw->frame->textures.background.bits != 0;
-    if (!hg_gpu_get_caps(draw->context->gpu)->is_cpu)
+    if (!hg_gpu_strategy(draw->context->gpu)->exact_pipelines)
         return HG_FEATURE_SKY_PAGES | HG_FEATURE_SKY_PLAIN | HG_FEATURE_SKY_MIPS;
     const struct hg_gpu_textures *t = &draw->frame->textures;
     const bool mips = t->background_lod + t->bias > 0.0f;

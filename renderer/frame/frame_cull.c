@@ -99,14 +99,14 @@ static enum hg_status select_sets(
     struct hg_jobs *jobs = draw->context->jobs;
     struct hg_culling_view look = camera_view(draw, area_of(draw));
     const struct hg_culling_lens lens = lens_of(draw, samples);
-    const bool is_cpu = hg_gpu_get_caps(draw->context->gpu)->is_cpu;
-    if (is_cpu && !draw->context->overrides.no_culling)
+    const struct hg_device_strategy *strategy = hg_gpu_strategy(draw->context->gpu);
+    if (strategy->host_triangle_cull)
         look.lens = &lens;
     struct hg_gpu_camera camera;
     const struct hg_camera_setup setup = hg_frame_setup(draw);
     hg_camera_fill(&setup, &camera);
     const struct hg_culling_lens host = hg_frame_lens(&camera, hg_frame_size(draw));
-    if (is_cpu && !draw->context->overrides.no_cpu_raster && draw->request->settings->debug == 0)
+    if (strategy->host_raster && draw->request->settings->debug == 0)
         look.host = &host;
     struct hg_shadow_choice choice = {
         .coarse = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS), .wait = look.wait, .whole = look.whole};

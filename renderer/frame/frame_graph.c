@@ -437,7 +437,7 @@ static bool tells_dark(struct hg_draw *draw, const struct hg_pass *pass)
         return false;
     if (wish == HG_OVERRIDE_ON)
         return true;
-    if (!hg_draw_is(draw, HG_DRAW_DIRECT) || !hg_gpu_get_caps(pass->gpu)->is_cpu)
+    if (!hg_draw_is(draw, HG_DRAW_DIRECT) || !hg_gpu_strategy(pass->gpu)->unlit_tiles)
         return false;
     if (draw->unlit->wait > 0)
         draw->unlit->wait--;

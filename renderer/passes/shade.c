@@ -126,7 +126,7 @@ enum hg_status hg_shade_record(
                                            : shade->front != NULL ? OPAQUE_BEHIND
                                                                   : OPAQUE,
         .first = picture || shade->clear,
-        .flat = hg_gpu_get_caps(pass->gpu)->is_cpu,
+        .flat = hg_gpu_strategy(pass->gpu)->flat_shading,
         .picture = picture ? shade->tonemap + 1 : 0};
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
@@ -155,7 +155,7 @@ enum hg_status hg_shade_warm_up(
     const struct style style = {.variant = (enum variant)(index % VARIANTS),
         .background = index % (2 * VARIANTS - 1) >= VARIANTS,
         .first = true,
-        .flat = hg_gpu_get_caps(gpu)->is_cpu};
+        .flat = hg_gpu_strategy(gpu)->flat_shading};
     const struct hg_gpu_pipeline_params params =
         pipeline_of(&style, 0, HG_FEATURE_ALL & ~HG_FEATURE_LOBES, 0);
     VkPipeline pipeline;

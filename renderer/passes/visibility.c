@@ -242,7 +242,7 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    static const struct style cpu[] = {
+    static const struct style with_numbers[] = {
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED | LATE},
         {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
@@ -253,7 +253,7 @@ enum hg_status hg_visibility_warm_up(
         {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
         {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
     };
-    static const struct style others[] = {
+    static const struct style without[] = {
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
@@ -263,9 +263,10 @@ enum hg_status hg_visibility_warm_up(
         {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
         {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
     };
-    const bool is_cpu = hg_gpu_get_caps(gpu)->is_cpu;
-    const struct style *styles = is_cpu ? cpu : others;
-    *count = (uint32_t)(is_cpu ? sizeof cpu / sizeof cpu[0] : sizeof others / sizeof others[0]);
+    const bool numbered = hg_gpu_strategy(gpu)->provoking_vertices;
+    const struct style *styles = numbered ? with_numbers : without;
+    *count = (uint32_t)(numbered ? sizeof with_numbers / sizeof with_numbers[0]
+                                 : sizeof without / sizeof without[0]);
     const struct hg_gpu_pipeline_params params =
         pipeline_of(&styles[index % *count], 0, HG_FEATURE_ALL);
     VkPipeline pipeline;

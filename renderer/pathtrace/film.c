@@ -130,7 +130,7 @@ enum hg_status hg_path_film_fetch(struct hg_gpu *gpu, struct hg_path_film *f, ui
 {
     const uint64_t bytes = film_bytes(f) / f->channels * channels;
     *out = f->sums.mapped;
-    if (f->sums.mapped != NULL && hg_gpu_get_caps(gpu)->is_cpu)
+    if (f->sums.mapped != NULL && hg_gpu_strategy(gpu)->host_reads)
         return HG_OK;
     struct hg_gpu_cmd *cmd;
     enum hg_status status = hg_gpu_buffer_reserve(

@@ -313,7 +313,7 @@ static void add_tile(void *user, size_t index)
 
 bool hg_film_cpu_is_used(const struct hg_path *p)
 {
-    return hg_gpu_get_caps(p->context->gpu)->is_cpu && p->film.sums.mapped != NULL &&
+    return hg_gpu_strategy(p->context->gpu)->host_film && p->film.sums.mapped != NULL &&
            p->film.ring.mapped != NULL && p->wave.buffers.state.mapped != NULL;
 }
 

@@ -69,8 +69,7 @@ static enum hg_status no_memory(struct hg_error *err)
 
 static bool host_reads(const struct hg_geometry *g)
 {
-    const struct hg_gpu_caps *caps = hg_gpu_get_caps(g->gpu);
-    return caps->is_cpu && caps->mapped;
+    return hg_gpu_strategy(g->gpu)->host_reads && hg_gpu_get_caps(g->gpu)->mapped;
 }
 
 // --- life ----------------------------------------------------------------------------------------

@@ -70,9 +70,9 @@ static enum hg_status create_best(struct hg_trace *t, struct hg_error *err)
 {
     static const enum hg_trace_backend cpu[] = {HG_TRACE_EMBREE, HG_TRACE_COMPUTE};
     static const enum hg_trace_backend gpu[] = {HG_TRACE_KHR, HG_TRACE_COMPUTE, HG_TRACE_EMBREE};
-    const bool is_cpu = hg_gpu_get_caps(t->gpu)->is_cpu;
-    const enum hg_trace_backend *list = is_cpu ? cpu : gpu;
-    const size_t count = is_cpu ? sizeof cpu / sizeof cpu[0] : sizeof gpu / sizeof gpu[0];
+    const bool host_first = hg_gpu_strategy(t->gpu)->host_rays;
+    const enum hg_trace_backend *list = host_first ? cpu : gpu;
+    const size_t count = host_first ? sizeof cpu / sizeof cpu[0] : sizeof gpu / sizeof gpu[0];
     enum hg_status status = HG_E_DEVICE;
     for (size_t i = 0; i < count && status == HG_E_DEVICE; i++)
         status = create_backend(t, list[i], err);
