@@ -1,13 +1,7 @@
 #include "renderer/light/albedo/vndf_quadrature.h"
 
+#include "base/simd.h"
 #include "renderer/math/vec.h"
-
-// Loops over facets, also for processors with wider vectors: the same bits in half the time.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-#define HG_SIMD __attribute__((target_clones("avx2", "default")))
-#else
-#define HG_SIMD
-#endif
 
 // --- visible normals -----------------------------------------------------------------------------
 
@@ -27,7 +21,7 @@ static inline float unshadowed(const struct hg_vndf_quadrature *c, float x, floa
 
 // A ring of normals from `first` on. circle: cosines and sines of their azimuths; u: share of the
 // cap above it; weight of each.
-HG_SIMD static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first, uint32_t points,
+HG_SIMD_LOOP static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first, uint32_t points,
     const float circle[2][HG_VNDF_RING], float u, float weight, const float stretched[3])
 {
     const float z = (1 - u) * (1 + stretched[2]) - stretched[2];
@@ -44,7 +38,7 @@ HG_SIMD static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first, uint
     }
 }
 
-HG_SIMD static void mirror_fill(struct hg_vndf_quadrature *c)
+HG_SIMD_LOOP static void mirror_fill(struct hg_vndf_quadrature *c)
 {
     for (uint32_t i = 0; i < c->count; i++) {
         const float twice = 2 * c->v_dot_h[i];
@@ -116,7 +110,7 @@ static inline float refracted(const struct hg_vndf_quadrature *c, uint32_t i, fl
     return k > 0 && z < 0 ? share : 0;
 }
 
-HG_SIMD void hg_vndf_glass(
+HG_SIMD_LOOP void hg_vndf_glass(
     const struct hg_vndf_quadrature *c, uint32_t count, const float *eta, struct hg_vec2 *out)
 {
     static _Thread_local float reflected[HG_VNDF_MOST], through[HG_VNDF_MOST];
