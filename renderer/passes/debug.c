@@ -9,7 +9,7 @@ enum hg_status hg_debug_record(
     struct hg_pass *pass, const struct hg_debug *debug, struct hg_error *err)
 {
     const struct debug_inputs inputs = {
-        .visibility = {debug->visibility}, .counts = {debug->counts}};
+        .visibility = {.image = debug->visibility}, .counts = {.image = debug->counts}};
     const struct hg_fullscreen fullscreen = {.fragment = "debug.frag",
         .target = debug->target,
         .io = &debug_io,

@@ -8,7 +8,7 @@ struct depth_inputs {
 enum hg_status hg_peel_test_record(struct hg_pass *pass, struct hg_gpu_image *depth,
     const struct hg_gpu_buffer *target, uint32_t index, struct hg_error *err)
 {
-    const struct depth_inputs inputs = {.depth = {depth}};
+    const struct depth_inputs inputs = {.depth = {.image = depth}};
     const struct hg_gpu_pipeline_params params = {.compute = "peel_test.comp", .io = &depth_io};
     const struct {
         uint64_t target;

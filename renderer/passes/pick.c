@@ -8,7 +8,7 @@ struct pick_inputs {
 enum hg_status hg_pick_record(struct hg_pass *pass, struct hg_gpu_image *visibility, uint32_t x,
     uint32_t y, const struct hg_gpu_buffer *target, struct hg_error *err)
 {
-    const struct pick_inputs inputs = {.visibility = {visibility}};
+    const struct pick_inputs inputs = {.visibility = {.image = visibility}};
     const struct hg_gpu_pipeline_params params = {.compute = "pick.comp",
         .spec = {0, pass->tables, pass->features},
         .spec_count = 3,

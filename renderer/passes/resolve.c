@@ -30,7 +30,7 @@ enum hg_status hg_resolve_record(
     struct hg_pass *pass, const struct hg_resolve *resolve, struct hg_error *err)
 {
     const struct resolve_inputs inputs = {
-        .accumulated = {resolve->accumulated}, .fallback = {resolve->fallback}};
+        .accumulated = {.image = resolve->accumulated}, .fallback = {.image = resolve->fallback}};
     const struct {
         uint64_t progress;
         float scale, exposure;

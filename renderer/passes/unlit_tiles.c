@@ -129,7 +129,7 @@ static enum hg_status find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
 enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
     struct hg_lighting *lighting, bool coarse, struct hg_gpu_image *depth, struct hg_error *err)
 {
-    const struct depth_inputs inputs = {.depth = {depth}};
+    const struct depth_inputs inputs = {.depth = {.image = depth}};
     const uint32_t atlas_px = hg_lighting_image_shadow(lighting)->width;
     enum hg_status status = reserve(dark, pass->gpu, depth, atlas_px, err);
     if (status == HG_OK)

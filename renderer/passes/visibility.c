@@ -190,7 +190,7 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     const enum variant variant = previous != NULL ? LAYER_NEXT : LAYER_FIRST;
     const struct manner manner = {.solid = variant, .mask = variant};
     const struct alpha_mask_inputs inputs = {
-        .opaque_depth = {opaque_depth}, .previous_depth = {previous}};
+        .opaque_depth = {.image = opaque_depth}, .previous_depth = {.image = previous}};
     enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
