@@ -6,7 +6,7 @@
 // share them. Passes take the default key: one level of detail of the scene, whoever looks from
 // where, and structures of what moved alone are built anew. Path-traced pictures take the key of
 // their own camera, exact, so that they depend on nothing that others do
-// (docs/decisions/0014-rays-of-a-scene.md).
+// (docs/decisions/0020-rays-of-a-scene.md).
 //
 // Between two submissions: hg_rays_sync, then waves at once (hg_trace_closest of hg_rays_trace) or
 // as batches (hg_trace_begin, _poll, _finish), on all backends alike. A sync may evict what culling
