@@ -329,6 +329,7 @@ static void test_large_images_show_a_preview(void **state)
         hg_scene_publish(rig.scene);
         test_ok(hg_renderer_create(&params, &rig.renderer, &rig.err), &rig.err);
         rig_view(&rig, &view);
+        hg_view_set_formats(rig.view, 1u << HG_PIXEL_RGBA32F); // of pictures in motion, too
         struct hg_page_sources_stats stats = {0};
         for (int i = 0; !with_memory && stats.packs_baked == 0; i++) {
             look(&rig, 0.5f + 0.0001f * (float)(i % 2), 0.3f, 1);
