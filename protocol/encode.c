@@ -189,8 +189,7 @@ enum hg_status hgp_encode(struct hg_writer *w, uint16_t version, struct hgp_enve
             .type = type, .request = envelope.request, .channel = envelope.channel},
         header);
     hg_write_bytes(w, header, sizeof header);
-    enum hg_status status =
-        hgp_layout_encode(hgp_layout_find(type), version, w, message, fault);
+    enum hg_status status = hgp_layout_encode(hgp_layout_find(type), version, w, message, fault);
     if (status) {
         w->size = start;
         w->failed = false;

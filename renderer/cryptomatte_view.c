@@ -1,5 +1,5 @@
-// cryptomatte_view.c - Cryptomattes of path-traced views from the lists of names that pixels show, each known
-// by a draw that has it.
+// cryptomatte_view.c - Cryptomattes of path-traced views from the lists of names that pixels show,
+// each known by a draw that has it.
 #include <stdio.h>
 #include <string.h>
 
@@ -111,7 +111,8 @@ enum hg_status hg_view_read_matte(
     if (status == HG_OK)
         status = hg_path_read_names(film, (uint32_t)kind, &lists, err);
     if (status == HG_OK) {
-        names.geometry = view->state.scene_gpu->geometry; // there is one, since something was traced
+        names.geometry =
+            view->state.scene_gpu->geometry; // there is one, since something was traced
         status = make(&names, lists, samples, out);
         if (status != HG_OK)
             hg_error_set(err, status, "matte", NULL, "no memory for the names of a picture");

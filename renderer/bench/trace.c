@@ -161,7 +161,8 @@ static void fill_primary(struct run *run)
     }
 }
 
-static const struct hg_ray_geometry_piece *piece_of(const struct run *run, const struct hg_gpu_hit *hit)
+static const struct hg_ray_geometry_piece *piece_of(
+    const struct run *run, const struct hg_gpu_hit *hit)
 {
     const struct hg_ray_geometry_piece *pieces = hg_ray_geometry_pieces(run->ray_geometry);
     uint32_t low = 0, high = hg_ray_geometry_count(run->ray_geometry);

@@ -20,7 +20,8 @@ void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *h)
 }
 
 // Several runs may share a bit: it is set when one of them was seen.
-static void learn(const struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
+static void learn(
+    const struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
 {
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < h->count; i++) {
@@ -35,7 +36,8 @@ static void learn(const struct hg_cpu_visibility *h, const struct hg_cpu_visibil
     }
 }
 
-void hg_cpu_visibility_reset(struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
+void hg_cpu_visibility_reset(
+    struct hg_cpu_visibility *h, const struct hg_cpu_visibility_history *history)
 {
     if (h->drawn && history->words != NULL)
         learn(h, history);
@@ -97,7 +99,8 @@ static void add(struct hg_cpu_visibility *h, const struct hg_geometry *g, const 
 {
     const struct hg_draw_entry *d = &g->draws[run->draw];
     const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
-    h->sources[h->count] = (struct hg_cpu_visibility_source){d->part->clusters, run->chunk, run->bit};
+    h->sources[h->count] =
+        (struct hg_cpu_visibility_source){d->part->clusters, run->chunk, run->bit};
     h->marks[h->count] = 0;
     h->runs[h->count++] = (struct hg_raster_run){.positions = positions_of(chunk),
         .indices = chunk->indices + (size_t)run->first * 3,
@@ -139,8 +142,8 @@ static enum hg_status reserve(struct hg_cpu_visibility *h, size_t count)
 }
 
 enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h, const struct hg_geometry *g,
-    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history, uint32_t set,
-    struct hg_jobs *jobs, struct hg_selection *runs)
+    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history,
+    uint32_t set, struct hg_jobs *jobs, struct hg_selection *runs)
 {
     struct taking t = {.hosted = h, .g = g, .runs = runs};
     if (view->host->width > HG_RASTER_MOST_SIDE || view->host->height > HG_RASTER_MOST_SIDE ||
@@ -202,8 +205,8 @@ enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *h, struct hg_gpu
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "draw lists", NULL, "no memory");
 }
 
-static void copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint64_t offset, uint32_t bytes,
-    struct hg_gpu_image *image, VkRect2D area)
+static void copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint64_t offset,
+    uint32_t bytes, struct hg_gpu_image *image, VkRect2D area)
 {
     const uint64_t first = (uint64_t)(uint32_t)area.offset.y * h->width + (uint32_t)area.offset.x;
     const VkBufferImageCopy region = {
@@ -218,8 +221,8 @@ static void copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint
         VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
 }
 
-void hg_cpu_visibility_copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint32_t slot,
-    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
+void hg_cpu_visibility_copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd,
+    uint32_t slot, struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area)
 {
     const uint64_t px = (uint64_t)h->width * h->height;
     if (area.extent.width == 0)

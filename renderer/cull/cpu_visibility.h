@@ -1,5 +1,5 @@
-// cpu_visibility.h - the part of a set that the host draws itself (raster.h), on devices that draw in
-// software. Floor 2 (geometry). Private to the room. Thread: the render thread.
+// cpu_visibility.h - the part of a set that the host draws itself (raster.h), on devices that draw
+// in software. Floor 2 (geometry). Private to the room. Thread: the render thread.
 //
 // It takes opaque clusters of baked parts whose box lies where no triangle is cut. That depends on
 // the scene, the view without its jitter and the cluster alone, never on time or on what else is
@@ -37,20 +37,23 @@ struct hg_cpu_visibility_history {
 
 void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *hosted);
 // Forgets all runs; what the samples saw goes to the history.
-void hg_cpu_visibility_reset(struct hg_cpu_visibility *hosted, const struct hg_cpu_visibility_history *history);
+void hg_cpu_visibility_reset(
+    struct hg_cpu_visibility *hosted, const struct hg_cpu_visibility_history *history);
 // Moves runs from the selection of set number `set` here. HG_E_NOMEM.
-enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry,
-    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history, uint32_t set,
-    struct hg_jobs *jobs, struct hg_selection *runs) HG_MUST_CHECK;
+enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *hosted,
+    const struct hg_geometry *geometry, const struct hg_culling_view *view,
+    const struct hg_cpu_visibility_history *history, uint32_t set, struct hg_jobs *jobs,
+    struct hg_selection *runs) HG_MUST_CHECK;
 // Marks the chunks as used in this frame.
-void hg_cpu_visibility_use(const struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry);
+void hg_cpu_visibility_use(
+    const struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry);
 // Draws one sample to slot `slot` of `slots`. HG_E_NOMEM, device errors.
 enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *hosted, struct hg_gpu *gpu,
     const struct hg_culling_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
     struct hg_error *err) HG_MUST_CHECK;
 // Copies a slot to images, all of it or `area` (zero: all).
-void hg_cpu_visibility_copy(const struct hg_cpu_visibility *hosted, struct hg_gpu_cmd *cmd, uint32_t slot,
-    struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
+void hg_cpu_visibility_copy(const struct hg_cpu_visibility *hosted, struct hg_gpu_cmd *cmd,
+    uint32_t slot, struct hg_gpu_image *visibility, struct hg_gpu_image *depth, VkRect2D area);
 // Triangles that the newest samples looked at.
 uint64_t hg_cpu_visibility_triangles(const struct hg_cpu_visibility *hosted);
 

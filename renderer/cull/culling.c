@@ -196,13 +196,14 @@ enum hg_status hg_culling_add(struct hg_culling *v, const struct hg_geometry *ge
         status = hg_occlusion_keep_history(&v->occlusion, geometry);
     const struct hg_cpu_visibility_history history = history_of(v, view.history);
     if (status == HG_OK && view.host != NULL)
-        status =
-            hg_cpu_visibility_take(&v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
+        status = hg_cpu_visibility_take(
+            &v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
     set.hosted = v->hosted.count > 0 && v->hosted.set == v->set_count;
     // What is in front of the host's pixels at the same depth must not depend on phases.
     const bool occlusion =
         view.history && !set.hosted && triangles_of(&v->runs) >= v->occlusion_from;
-    const struct hg_draw_list_run adding = {geometry, &view, &set, occlusion ? &v->occlusion : NULL};
+    const struct hg_draw_list_run adding = {
+        geometry, &view, &set, occlusion ? &v->occlusion : NULL};
     if (status == HG_OK)
         status = hg_draw_list_add(&v->items, &adding, &v->runs);
     if (status == HG_OK)
@@ -247,7 +248,8 @@ static enum hg_status write_listing(
             err);
     if (status != HG_OK)
         return status;
-    const struct hg_index_lists_memory memory = {v->indices.mapped, v->ids.mapped, v->vertices.mapped};
+    const struct hg_index_lists_memory memory = {
+        v->indices.mapped, v->ids.mapped, v->vertices.mapped};
     hg_index_lists_write(l, jobs, &memory);
     return HG_OK;
 }

@@ -31,7 +31,8 @@ void hg_index_lists_finish(struct hg_index_lists *l)
     memset(l, 0, sizeof *l);
 }
 
-enum hg_status hg_index_lists_begin(struct hg_index_lists *l, const struct hg_index_list *list, uint32_t *index)
+enum hg_status hg_index_lists_begin(
+    struct hg_index_lists *l, const struct hg_index_list *list, uint32_t *index)
 {
     const enum hg_status status =
         hg_grow(&l->lists, &l->list_capacity, l->list_count + 1, sizeof *l->lists);
@@ -114,8 +115,8 @@ void hg_index_list_open(const struct hg_geometry *g, const struct hg_culling_vie
 {
     const struct hg_draw_entry *d = &g->draws[item->first_draw];
     *out = (struct hg_index_list){.corners = (item->flags & HG_DRAW_POINTS) != 0  ? 1
-                                       : (item->flags & HG_DRAW_LINES) != 0 ? 2
-                                                                            : 3,
+                                             : (item->flags & HG_DRAW_LINES) != 0 ? 2
+                                                                                  : 3,
         .has_ids = !item->numbered};
     if (item->chunk == HG_LOD_NONE) {
         if (!hg_index_list_culls_part(g, view, item->first_draw))
@@ -160,7 +161,8 @@ static void write_run(const struct write *w, struct hg_index_list_run *run)
     uint32_t *ids = list->has_ids ? w->memory.ids + run->ids : NULL;
     run->kept = run->count;
     if (list->sieved) {
-        run->kept = hg_triangle_cull_list(&list->sieve, list->positions, from, run->count, to, ids, number);
+        run->kept =
+            hg_triangle_cull_list(&list->sieve, list->positions, from, run->count, to, ids, number);
     } else {
         memcpy(to, from, (size_t)run->count * list->corners * 4);
         for (uint32_t k = 0; ids != NULL && k < run->count; k++)
@@ -195,8 +197,8 @@ static void pack(const struct write *w, struct hg_index_list *list)
     }
 }
 
-static void put_vertex(
-    const struct hg_index_list *list, uint32_t source, uint32_t number, struct hg_index_list_vertex *out)
+static void put_vertex(const struct hg_index_list *list, uint32_t source, uint32_t number,
+    struct hg_index_list_vertex *out)
 {
     memcpy(out->position, list->positions + (size_t)source * 3, sizeof out->position);
     out->number = number;

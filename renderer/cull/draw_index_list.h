@@ -1,5 +1,5 @@
-// draw_index_list.h - lists of indices that are made for one frame. Floor 2 (geometry). Private to the room.
-// Thread: one at a time; writing is spread over jobs.
+// draw_index_list.h - lists of indices that are made for one frame. Floor 2 (geometry). Private to
+// the room. Thread: one at a time; writing is spread over jobs.
 //
 // A list takes runs of primitives from one part. It may go through a sieve, and it may be woven:
 // then it has vertices of its own, positions and numbers together, in which the first corner of a
@@ -69,15 +69,15 @@ bool hg_index_list_culls_part(
 void hg_index_lists_reset(struct hg_index_lists *listing);
 void hg_index_lists_finish(struct hg_index_lists *listing);
 // Begins a list; *index: its number. HG_E_NOMEM.
-enum hg_status hg_index_lists_begin(
-    struct hg_index_lists *listing, const struct hg_index_list *list, uint32_t *index) HG_MUST_CHECK;
+enum hg_status hg_index_lists_begin(struct hg_index_lists *listing,
+    const struct hg_index_list *list, uint32_t *index) HG_MUST_CHECK;
 // Adds primitives to the newest list. HG_E_NOMEM.
 enum hg_status hg_index_lists_add(
     struct hg_index_lists *listing, const struct hg_index_list_run *run) HG_MUST_CHECK;
 // Room for the vertices of the newest list, after its last run.
 void hg_index_lists_end(struct hg_index_lists *listing);
 // Writes all lists. jobs may be NULL.
-void hg_index_lists_write(
-    struct hg_index_lists *listing, struct hg_jobs *jobs, const struct hg_index_lists_memory *memory);
+void hg_index_lists_write(struct hg_index_lists *listing, struct hg_jobs *jobs,
+    const struct hg_index_lists_memory *memory);
 
 #endif

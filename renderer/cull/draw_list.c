@@ -61,7 +61,8 @@ static uint32_t corners_of(uint32_t flags)
 }
 
 // The whole part, joined with the item before where that is the same part.
-static enum hg_status add_whole(struct hg_draw_list *items, const struct hg_draw_list_run *a, uint32_t draw)
+static enum hg_status add_whole(
+    struct hg_draw_list *items, const struct hg_draw_list_run *a, uint32_t draw)
 {
     const struct hg_geometry *g = a->geometry;
     const struct hg_culling_set *set = a->set;
@@ -108,8 +109,8 @@ static enum hg_status fill_list(struct hg_draw_list *items, const struct hg_draw
 }
 
 // Runs of one draw and chunk as one item of its own list of indices.
-static enum hg_status add_listed(
-    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_run *runs, uint32_t count)
+static enum hg_status add_listed(struct hg_draw_list *items, const struct hg_draw_list_run *a,
+    const struct hg_run *runs, uint32_t count)
 {
     struct hg_culling_item item = item_of(a->geometry, runs[0].draw, a->set->numbered);
     item.index_offset = items->listing.index_count * 4;
@@ -162,8 +163,8 @@ static bool joins(const struct hg_draw_list *items, const struct hg_draw_list_ru
 
 // Items of a draw of a baked part: one per chunk. Only draws of one chunk can be joined, so that
 // items stay in draw order.
-static enum hg_status add_chunks(
-    struct hg_draw_list *items, const struct hg_draw_list_run *a, const struct hg_run *runs, uint32_t count)
+static enum hg_status add_chunks(struct hg_draw_list *items, const struct hg_draw_list_run *a,
+    const struct hg_run *runs, uint32_t count)
 {
     if (runs[0].chunk == runs[count - 1].chunk && joins(items, a, runs, count)) {
         items->list[items->count - 1].draw_count++;
@@ -315,7 +316,8 @@ static uint32_t narrow_item(
     return before - item->primitive_count;
 }
 
-void hg_draw_list_narrow(struct hg_draw_list *items, struct hg_occlusion *o, struct hg_culling_set *set)
+void hg_draw_list_narrow(
+    struct hg_draw_list *items, struct hg_occlusion *o, struct hg_culling_set *set)
 {
     for (uint32_t i = 0; i < set->item_count; i++)
         set->triangles -= narrow_item(items, o, &items->list[set->first_item + i]);

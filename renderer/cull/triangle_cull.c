@@ -1,4 +1,5 @@
-// triangle_cull.c - see triangle_cull.h. Loops over arrays of one number per triangle, which compilers vectorise.
+// triangle_cull.c - see triangle_cull.h. Loops over arrays of one number per triangle, which
+// compilers vectorise.
 #include "renderer/cull/triangle_cull.h"
 
 #include <math.h>
@@ -157,8 +158,8 @@ static void test(const struct hg_triangle_cull *s, struct block *restrict b)
     }
 }
 
-uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *s, const float *positions, const uint32_t *indices,
-    uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id)
+uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *s, const float *positions,
+    const uint32_t *indices, uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id)
 {
     struct block b;
     uint32_t kept = 0;

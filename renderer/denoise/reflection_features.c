@@ -1,4 +1,5 @@
-// reflection_features.c - what is seen in smooth surfaces: how noisy that is, and its albedo without that noise.
+// reflection_features.c - what is seen in smooth surfaces: how noisy that is, and its albedo
+// without that noise.
 #include "renderer/denoise/internal.h"
 
 static float square(float x)

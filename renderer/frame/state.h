@@ -78,8 +78,8 @@ struct hg_view_state {
     struct hg_view_stats stats;
 
     struct hg_path *path; // made when the mode asks for it
-    bool path_begins;  // its next step begins a picture: the film is of an older one
-    bool path_preview; // `accumulated` holds a real-time sample of the same state
+    bool path_begins;     // its next step begins a picture: the film is of an older one
+    bool path_preview;    // `accumulated` holds a real-time sample of the same state
 };
 
 // What is drawn with when the view is asked for `request`; borrows both.

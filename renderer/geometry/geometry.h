@@ -102,11 +102,12 @@ bool hg_geometry_draw_info(
 uint32_t hg_geometry_source_primitive(
     const struct hg_geometry *geometry, uint32_t draw, uint32_t primitive, const float position[3]);
 
-// --- facets (recorded by passes/triangle_cache.h) ---------------------------------------------------------
+// --- facets (recorded by passes/triangle_cache.h)
+// ---------------------------------------------------------
 
-// What shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h): 96 bytes for each of at
-// most 466,000. Points of facets are those of vertices but for rounding, and pictures do not
-// depend on the budget: so facets are not of it.
+// What shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h): 96 bytes for
+// each of at most 466,000. Points of facets are those of vertices but for rounding, and pictures do
+// not depend on the budget: so facets are not of it.
 struct hg_triangle_cache_job {
     uint32_t draw, first, count; // first: facet of the draw's first triangle
 };

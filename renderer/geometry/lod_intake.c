@@ -32,7 +32,8 @@ uint32_t hg_lod_intake_from(const struct hg_geometry *g)
 
 static bool is_large(const struct hg_geometry *g, const struct hg_part_entry *part)
 {
-    return part->primitive_count >= hg_lod_intake_from(g) && part->clusters == NULL && !part->baking;
+    return part->primitive_count >= hg_lod_intake_from(g) && part->clusters == NULL &&
+           !part->baking;
 }
 
 void hg_lod_intake_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count)
@@ -45,7 +46,8 @@ void hg_lod_intake_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, ui
                 !hg_lod_can_bake(&e->mesh->parts[p], e->target_count))
                 continue;
             // Without memory for a copy the part is drawn as it is.
-            part->baking = hg_lod_build_queue_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
+            part->baking =
+                hg_lod_build_queue_add(g->baker, e->mesh, e->id, e->revision, p) == HG_OK;
         }
     }
 }

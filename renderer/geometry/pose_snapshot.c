@@ -72,7 +72,8 @@ static enum hg_status take_parts(
         parts[d->index].vertices = at + d->vertices_offset;
         at += d->output_bytes;
     }
-    const enum hg_status status = hg_gpu_array_write(g->gpu, &m->parts, parts, bytes, &written, err);
+    const enum hg_status status =
+        hg_gpu_array_write(g->gpu, &m->parts, parts, bytes, &written, err);
     hg_free(parts);
     return status;
 }

@@ -17,8 +17,8 @@ bool hg_geometry_deform_all(struct hg_geometry *geometry);
 
 // What the geometry shows now; deformations have run (hg_geometry_deforms_done), no batch is open.
 // *moment: NULL, or one whose place it takes. HG_E_NOMEM, device errors; then it is not to be used.
-enum hg_status hg_pose_snapshot_take(
-    struct hg_geometry *geometry, struct hg_pose_snapshot **moment, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_pose_snapshot_take(struct hg_geometry *geometry, struct hg_pose_snapshot **moment,
+    struct hg_error *err) HG_MUST_CHECK;
 void hg_pose_snapshot_free(struct hg_pose_snapshot *moment); // before the geometry; accepts NULL
 void hg_pose_snapshot_fill(const struct hg_pose_snapshot *moment, struct hg_gpu_pose_snapshot *out);
 

@@ -1,5 +1,5 @@
-// triangle_cache.c - what shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h). See
-// geometry.h.
+// triangle_cache.c - what shading reads of triangles on CPU devices
+// (shaders/shared/triangle_cache.h). See geometry.h.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -99,7 +99,8 @@ static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_erro
         g->gpu, &f->first, f->firsts, g->draw_count * sizeof *f->firsts, &written, err);
 }
 
-enum hg_status hg_geometry_sync_triangle_cache(struct hg_geometry *g, bool wanted, struct hg_error *err)
+enum hg_status hg_geometry_sync_triangle_cache(
+    struct hg_geometry *g, bool wanted, struct hg_error *err)
 {
     struct hg_triangle_cache *f = &g->facets;
     if (f->wanted == wanted && f->revision == g->revision && g->changed_count == 0)
@@ -128,7 +129,8 @@ bool hg_geometry_triangle_cache(
     return *facets != NULL;
 }
 
-uint32_t hg_geometry_facet_jobs(const struct hg_geometry *g, const struct hg_triangle_cache_job **jobs)
+uint32_t hg_geometry_facet_jobs(
+    const struct hg_geometry *g, const struct hg_triangle_cache_job **jobs)
 {
     *jobs = g->facets.jobs;
     return g->facets.job_count;

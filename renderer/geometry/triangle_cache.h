@@ -1,5 +1,6 @@
-// triangle_cache.h - what shading reads of triangles on CPU devices (shaders/shared/triangle_cache.h).
-// Floor 2 (geometry). Private to the room. Thread: the render thread. See geometry.h.
+// triangle_cache.h - what shading reads of triangles on CPU devices
+// (shaders/shared/triangle_cache.h). Floor 2 (geometry). Private to the room. Thread: the render
+// thread. See geometry.h.
 #ifndef HG_RENDERER_GEOMETRY_TRIANGLE_CACHE_H
 #define HG_RENDERER_GEOMETRY_TRIANGLE_CACHE_H
 
@@ -7,7 +8,7 @@
 
 struct hg_triangle_cache {
     struct hg_gpu_buffer buffer;
-    struct hg_gpu_array first;      // [draws]
+    struct hg_gpu_array first;  // [draws]
     uint32_t *firsts;           // what it will hold
     uint64_t *keys, *next_keys; // [draws] what the buffer holds, 0 = nothing; what it will
     struct hg_triangle_cache_job *jobs;

@@ -142,8 +142,8 @@ static void *thread_main(void *user)
 
 // --- life ----------------------------------------------------------------------------------------
 
-enum hg_status hg_lod_build_queue_create(
-    struct hg_store *store, struct hg_jobs *jobs, struct hg_lod_build_queue **out, struct hg_error *err)
+enum hg_status hg_lod_build_queue_create(struct hg_store *store, struct hg_jobs *jobs,
+    struct hg_lod_build_queue **out, struct hg_error *err)
 {
     *out = NULL;
     struct hg_lod_build_queue *b = hg_calloc(1, sizeof *b);
@@ -237,7 +237,8 @@ static struct task **slot_of(const struct hg_lod_build_queue *b, const struct ta
     return pending_slot(b, task->result.mesh, task->result.revision, task->result.part);
 }
 
-static bool is_pending(const struct hg_lod_build_queue *b, uint64_t id, uint64_t revision, uint32_t index)
+static bool is_pending(
+    const struct hg_lod_build_queue *b, uint64_t id, uint64_t revision, uint32_t index)
 {
     const struct task *t = *pending_slot(b, id, revision, index);
     while (t != NULL &&
@@ -280,8 +281,8 @@ static void forget(struct hg_lod_build_queue *b, const struct task *task)
     b->pending_count--;
 }
 
-enum hg_status hg_lod_build_queue_add(
-    struct hg_lod_build_queue *b, const struct hg_mesh *mesh, uint64_t id, uint64_t revision, uint32_t index)
+enum hg_status hg_lod_build_queue_add(struct hg_lod_build_queue *b, const struct hg_mesh *mesh,
+    uint64_t id, uint64_t revision, uint32_t index)
 {
     if (is_pending(b, id, revision, index))
         return HG_OK;
@@ -304,7 +305,8 @@ enum hg_status hg_lod_build_queue_add(
     return HG_OK;
 }
 
-bool hg_lod_build_queue_take(struct hg_lod_build_queue *b, uint64_t until_ns, struct hg_lod_built *out)
+bool hg_lod_build_queue_take(
+    struct hg_lod_build_queue *b, uint64_t until_ns, struct hg_lod_built *out)
 {
     memset(out, 0, sizeof *out);
     if (b->pending_count == 0)

@@ -17,15 +17,16 @@ struct hg_lod_built {
 };
 
 // store may be NULL; jobs and store are borrowed and must outlive it. HG_E_NOMEM.
-enum hg_status hg_lod_build_queue_create(struct hg_store *store, struct hg_jobs *jobs, struct hg_lod_build_queue **out,
-    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_lod_build_queue_create(struct hg_store *store, struct hg_jobs *jobs,
+    struct hg_lod_build_queue **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_lod_build_queue_destroy(struct hg_lod_build_queue *baker); // cancels; accepts NULL
 // Queues a part, unless it is pending; its arrays and the mesh's name are copied. HG_E_NOMEM.
-enum hg_status hg_lod_build_queue_add(struct hg_lod_build_queue *baker, const struct hg_mesh *mesh, uint64_t id,
-    uint64_t revision, uint32_t index) HG_MUST_CHECK;
-// Takes a result, waits for one at most until a time of hg_clock_now_ns, HG_COND_FOREVER = as long as
-// it takes. False: none.
-bool hg_lod_build_queue_take(struct hg_lod_build_queue *baker, uint64_t until_ns, struct hg_lod_built *out);
+enum hg_status hg_lod_build_queue_add(struct hg_lod_build_queue *baker, const struct hg_mesh *mesh,
+    uint64_t id, uint64_t revision, uint32_t index) HG_MUST_CHECK;
+// Takes a result, waits for one at most until a time of hg_clock_now_ns, HG_COND_FOREVER = as long
+// as it takes. False: none.
+bool hg_lod_build_queue_take(
+    struct hg_lod_build_queue *baker, uint64_t until_ns, struct hg_lod_built *out);
 // Parts that were added and not taken.
 uint32_t hg_lod_build_queue_pending(const struct hg_lod_build_queue *baker);
 

@@ -1,6 +1,6 @@
-// clusterize.c - triangles cut into clusters by recursive bisection of their centres, across the axis
-// where fewest are met: every cluster is as full as its neighbours, and all threads make the same
-// cuts.
+// clusterize.c - triangles cut into clusters by recursive bisection of their centres, across the
+// axis where fewest are met: every cluster is as full as its neighbours, and all threads make the
+// same cuts.
 #include <float.h>
 #include <string.h>
 

@@ -1,6 +1,5 @@
-// proxy_mesh.h - a part in few triangles, in no time: what is shown of a part that is too large for the
-// budget until its levels of detail are there.
-// Floor 2 (geometry). Thread: any.
+// proxy_mesh.h - a part in few triangles, in no time: what is shown of a part that is too large for
+// the budget until its levels of detail are there. Floor 2 (geometry). Thread: any.
 #ifndef HG_RENDERER_LOD_PROXY_MESH_H
 #define HG_RENDERER_LOD_PROXY_MESH_H
 

@@ -1,5 +1,5 @@
-// skinned_lod.c - see skinned_lod.h. Levels are made by meshoptimizer (Garland and Heckbert 1997) and measured
-// here.
+// skinned_lod.c - see skinned_lod.h. Levels are made by meshoptimizer (Garland and Heckbert 1997)
+// and measured here.
 #include "renderer/lod/skinned_lod.h"
 
 #include <math.h>
@@ -194,8 +194,8 @@ struct candidate { // a sample, by what is to be expected of it
     struct hg_skinned_lod_sample sample;
 };
 
-static float gap_of(
-    const float *values, uint32_t n, const struct hg_skinned_lod_sample *s) // length of the difference
+static float gap_of(const float *values, uint32_t n,
+    const struct hg_skinned_lod_sample *s) // length of the difference
 {
     float sum = 0.0f;
     for (uint32_t k = 0; k < n; k++) {
@@ -395,7 +395,8 @@ static enum hg_status find_sources(const struct hg_mesh_part *part, struct hg_sk
 }
 
 static enum hg_status add_level(const struct hg_mesh_part *part, uint32_t target_count,
-    const uint32_t *from, uint32_t from_count, const uint32_t *shared, struct hg_skinned_lod_levels *l)
+    const uint32_t *from, uint32_t from_count, const uint32_t *shared,
+    struct hg_skinned_lod_levels *l)
 {
     struct hg_skinned_lod_level *level = &l->items[l->count];
     uint32_t *to = l->indices + l->index_count;
@@ -416,7 +417,8 @@ enum hg_status hg_skinned_lod_build(
 {
     const bool posed = part->joints != NULL || (part->targets != NULL && target_count > 0);
     *out = (struct hg_skinned_lod_levels){0};
-    if (!posed || part->topology != HG_TOPOLOGY_TRIANGLES || part->index_count / 3 < HG_SKINNED_LOD_FROM)
+    if (!posed || part->topology != HG_TOPOLOGY_TRIANGLES ||
+        part->index_count / 3 < HG_SKINNED_LOD_FROM)
         return HG_OK;
     // meshopt_simplify may write as much as it reads.
     out->indices = hg_calloc((size_t)part->index_count * 2, sizeof *out->indices);
@@ -481,8 +483,9 @@ static float posed_gap(const struct hg_mesh_part *part, const struct hg_skinned_
     return sqrtf(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]);
 }
 
-void hg_skinned_lod_errors(const struct hg_skinned_lod_levels *levels, const struct hg_mesh_part *part,
-    const struct hg_skinned_lod_pose *pose, float errors[HG_SKINNED_LOD_LEVELS])
+void hg_skinned_lod_errors(const struct hg_skinned_lod_levels *levels,
+    const struct hg_mesh_part *part, const struct hg_skinned_lod_pose *pose,
+    float errors[HG_SKINNED_LOD_LEVELS])
 {
     float last = 0.0f;
     for (uint32_t i = 0; i < levels->count; i++) {

@@ -54,7 +54,8 @@ struct hg_skinned_lod_pose {
     uint32_t target_count;
     float stretch;
 };
-void hg_skinned_lod_errors(const struct hg_skinned_lod_levels *levels, const struct hg_mesh_part *part,
-    const struct hg_skinned_lod_pose *pose, float errors[HG_SKINNED_LOD_LEVELS]);
+void hg_skinned_lod_errors(const struct hg_skinned_lod_levels *levels,
+    const struct hg_mesh_part *part, const struct hg_skinned_lod_pose *pose,
+    float errors[HG_SKINNED_LOD_LEVELS]);
 
 #endif

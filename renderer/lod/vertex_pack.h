@@ -1,4 +1,5 @@
-// vertex_pack.h - vertices of a mesh part as the device reads them. Floor 2 (geometry). Pure: any thread.
+// vertex_pack.h - vertices of a mesh part as the device reads them. Floor 2 (geometry). Pure: any
+// thread.
 //
 // Precision: positions and uvs stay f32. Normals are octahedral, 2 x snorm16 (error below 0.0025
 // degrees); tangents 16 + 15 bits (below 0.006 degrees). Colours are RGBA8 when that is exact to

@@ -10,8 +10,8 @@ void hg_matrix_multiply(const double a[16], const double b[16], double c[16]);
 void hg_matrix_from_float(const float m[16], double out[16]);
 double hg_matrix_determinant3(const double m[16]);
 void hg_matrix_store4x3(const double m[16], struct hg_mat4x3 *out);
-// The most that a length grows under the matrix (largest singular value of the linear part), rounded
-// up. Source: Gershgorin's circles after two squarings.
+// The most that a length grows under the matrix (largest singular value of the linear part),
+// rounded up. Source: Gershgorin's circles after two squarings.
 float hg_matrix_max_stretch(const struct hg_mat4x3 *matrix);
 
 #endif

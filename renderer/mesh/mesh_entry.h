@@ -30,7 +30,7 @@ struct hg_part_entry {
     struct hg_provoking numbered;
     const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
     uint64_t numbered_at, numbered_positions_at; // bytes
-    struct hg_skinned_lod_levels posed;                // of skinned and morphed ones
+    struct hg_skinned_lod_levels posed;          // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     struct hg_mesh_part *proxy; // what the streams hold until there are levels; NULL: the part
     bool baking, unbaked;       // unbaked: it has a proxy and gets no levels

@@ -13,7 +13,7 @@
 
 #include "renderer/scene/scene.h"
 
-struct hg_provoking {       // zeroed = none
+struct hg_provoking {      // zeroed = none
     uint32_t *indices;     // [triangles * 3], winding as in the part
     uint32_t *sources;     // [vertex_count] vertex of the part
     uint32_t vertex_count; // >= triangles

@@ -7,15 +7,15 @@
 #include "shaders/shared/path.h"
 
 enum hg_path_kernel {
-    HG_PATH_BEGIN,   // camera rays
-    HG_PATH_SHADE,   // what rays have found
-    HG_PATH_MISS,    // the same of rays that left the scene,
-    HG_PATH_SURFACE, // and of those that did not
-    HG_PATH_ARRIVE,  // light whose way past opaque surfaces is known
-    HG_PATH_ALPHA_MASK,   // the next masked or blended surface on its way
-    HG_PATH_CLEAR,   // there is none
-    HG_PATH_KEEP,    // what paths brought to the ring
-    HG_PATH_ADD,     // samples of the ring to the film
+    HG_PATH_BEGIN,      // camera rays
+    HG_PATH_SHADE,      // what rays have found
+    HG_PATH_MISS,       // the same of rays that left the scene,
+    HG_PATH_SURFACE,    // and of those that did not
+    HG_PATH_ARRIVE,     // light whose way past opaque surfaces is known
+    HG_PATH_ALPHA_MASK, // the next masked or blended surface on its way
+    HG_PATH_CLEAR,      // there is none
+    HG_PATH_KEEP,       // what paths brought to the ring
+    HG_PATH_ADD,        // samples of the ring to the film
 };
 
 // `block`: struct hg_gpu_path of the wave; options: HG_PATH_BLURS and its like. Its results are visible to later commands and the host.

@@ -117,8 +117,8 @@ static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_imag
 enum hg_status hg_shade_record(
     struct hg_pass *pass, const struct hg_shade *shade, struct hg_error *err)
 {
-    const struct shade_inputs inputs = {
-        .visibility = {.image = shade->visibility}, .front = {.image = shade->layer ? shade->behind : shade->front}};
+    const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
+        .front = {.image = shade->layer ? shade->behind : shade->front}};
     const bool picture = shade->picture != NULL, dark = shade->dark;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER

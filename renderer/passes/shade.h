@@ -15,11 +15,11 @@ struct hg_shade {
     // exposure of the frame block and this curve (HG_FRAME_TONEMAP_*). The opaque scene only.
     struct hg_gpu_image *picture;
     uint32_t tonemap;
-    bool clear;   // target starts at zero, else it is added or blended to
+    bool clear; // target starts at zero, else it is added or blended to
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
-    bool dark;  // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of it. Not
-                // for layers.
+    bool dark;  // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of
+                // it. Not for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
     // The opaque scene alone, to be seen through layers that let light through: alpha is how deep
     // it lies (shade.glsl), with a minus where it is not as it will be. Needs `clear`; keeps no

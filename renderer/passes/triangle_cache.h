@@ -7,8 +7,8 @@
 #include "renderer/passes/pass.h"
 
 // One dispatch per changed draw; nothing when there are no facets or none changed. Record after
-// poses and before anything that shades, outside rendering. Call hg_geometry_triangle_cache_done once the
-// batch is submitted. Device errors.
+// poses and before anything that shades, outside rendering. Call hg_geometry_triangle_cache_done
+// once the batch is submitted. Device errors.
 enum hg_status hg_triangle_cache_record(
     struct hg_pass *pass, const struct hg_geometry *geometry, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,9 +1,9 @@
-// unlit_tiles.h - cells of the picture that no punctual light reaches, for a pipeline without lights.
-// Floor 3. Thread: the render thread.
+// unlit_tiles.h - cells of the picture that no punctual light reaches, for a pipeline without
+// lights. Floor 3. Thread: the render thread.
 //
 // Software rasterisers cannot skip the lights of a pixel inside a shader; the depth test in front
-// of it can. So surfaces are looked at in cells of HG_UNLIT_TILES_CELL_PX before they are shaded. A cell
-// is dark when all maps of the lights that might reach what it shows are nearer to the light
+// of it can. So surfaces are looked at in cells of HG_UNLIT_TILES_CELL_PX before they are shaded. A
+// cell is dark when all maps of the lights that might reach what it shows are nearer to the light
 // everywhere, which a pyramid over the shadow atlas tells; what is not sure is not dark, and
 // pictures are the same bytes without any of this. Depths of surfaces in dark cells become
 // HG_UNLIT_TILES_DEPTH, by which shading (passes/shade.h) tells the three kinds of pixels apart.

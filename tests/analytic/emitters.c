@@ -1,5 +1,6 @@
-// emitters.c - next-event sampling (lib/emitters.glsl, renderer/light/emitters/emitters.h) against closed
-// forms and sums over all lights, on the device. Scenes have nothing that could be in the way.
+// emitters.c - next-event sampling (lib/emitters.glsl, renderer/light/emitters/emitters.h) against
+// closed forms and sums over all lights, on the device. Scenes have nothing that could be in the
+// way.
 #include "tests/analytic/emitters_rig.h"
 
 #include <math.h>
@@ -239,7 +240,8 @@ static struct hg_emitters_stats sync_rooms(struct rig *r)
     test_ok(hg_ray_geometry_make(r->geometry, &lens, r->probe.jobs, &ray_geometry, &err), &err);
     test_ok(hg_emitters_create(r->probe.gpu, r->probe.jobs, NULL, &r->emitters, &err), &err);
     test_ok(
-        hg_emitters_sync(r->emitters, r->geometry, ray_geometry, r->probe.scene, r->textures, &err), &err);
+        hg_emitters_sync(r->emitters, r->geometry, ray_geometry, r->probe.scene, r->textures, &err),
+        &err);
     hg_emitters_fill(r->emitters, &r->block);
     hg_emitters_stats(r->emitters, &stats);
     hg_ray_geometry_free(ray_geometry);

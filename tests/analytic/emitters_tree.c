@@ -1,5 +1,5 @@
-// emitters_tree.c - the tree of lights (renderer/light/emitters/light_tree.h): the same for any number of
-// threads, of bounded depth, and built only when something changed.
+// emitters_tree.c - the tree of lights (renderer/light/emitters/light_tree.h): the same for any
+// number of threads, of bounded depth, and built only when something changed.
 #include "tests/analytic/emitters_rig.h"
 
 #include <math.h>

@@ -1,4 +1,5 @@
-// microfacet_walks.c - light that rough metals reflect once or more, against walks from facet to facet.
+// microfacet_walks.c - light that rough metals reflect once or more, against walks from facet to
+// facet.
 //
 // The walks are those of Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet
 // BSDFs with the Smith Model": a ray goes through a field of GGX facets at evenly distributed

@@ -141,8 +141,8 @@ static void run_queries(struct geo *f, struct hg_geometry *g, const struct geo_e
         struct hg_pass pass = {
             .gpu = f->gpu, .cmd = cmd, .bindings = bindings, .features = HG_FEATURE_ALL};
         geo_check(f, hg_triangle_cache_record(&pass, g, &f->err));
-        assert_true(hg_geometry_triangle_cache(
-            g, &bindings.uniforms[HG_BIND_TRIANGLE_CACHE - HG_BIND_UNIFORM_FIRST], &bindings.texels));
+        assert_true(hg_geometry_triangle_cache(g,
+            &bindings.uniforms[HG_BIND_TRIANGLE_CACHE - HG_BIND_UNIFORM_FIRST], &bindings.texels));
     }
     geo_check(f, hg_gpu_cmd_bind(cmd, &bindings, &f->err));
     geo_check(f, hg_gpu_cmd_pipeline(cmd, &params, &f->err));

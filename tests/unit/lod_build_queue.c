@@ -107,7 +107,8 @@ static void test_each_once(void **state)
         for (uint32_t i = 0; i < PARTS; i++)
             assert_int_equal(seen[kind][i], 1);
     assert_false(hg_lod_build_queue_take(baker, HG_COND_FOREVER, &baked));
-    assert_int_equal(hg_lod_build_queue_add(baker, mesh, 2, 1, 0), HG_OK); // again, once it was taken
+    assert_int_equal(
+        hg_lod_build_queue_add(baker, mesh, 2, 1, 0), HG_OK); // again, once it was taken
     assert_int_equal(hg_lod_build_queue_pending(baker), 1);
     hg_lod_build_queue_destroy(baker);
     free_mesh(mesh);

@@ -1,5 +1,5 @@
-// render_cryptomatte.c - Cryptomattes of path-traced views: shares of pixels to the closed form, names,
-// manifest; planes that were asked for and planes that were not.
+// render_cryptomatte.c - Cryptomattes of path-traced views: shares of pixels to the closed form,
+// names, manifest; planes that were asked for and planes that were not.
 #include "base/alloc.h"
 #include "renderer/image/cryptomatte.h"
 #include "tests/unit/render_rig.h"

@@ -1,5 +1,5 @@
-// render_skinned_lod.c - discrete levels of detail of skinned and morphed parts: how far they are off in
-// poses, which one a view shows, and that pictures and picks do not tell.
+// render_skinned_lod.c - discrete levels of detail of skinned and morphed parts: how far they are
+// off in poses, which one a view shows, and that pictures and picks do not tell.
 
 #include "base/alloc.h"
 #include "base/log.h"

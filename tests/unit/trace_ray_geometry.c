@@ -69,7 +69,8 @@ static void bake_all(struct rig *r)
     assert_true(hg_geometry_has_levels(r->geometry));
 }
 
-static const struct hg_ray_geometry_lens fine = {.px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}};
+static const struct hg_ray_geometry_lens fine = {
+    .px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}};
 static const struct hg_ray_geometry_lens coarse = {
     .px_scale = 500.0f, .near = 0.01f, .eye = {0, 0, 4}, .error_px = 4.0f};
 

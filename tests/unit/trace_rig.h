@@ -32,7 +32,8 @@ struct hg_mesh *rig_soup(struct rig *r, uint32_t triangles, double size);
 struct hg_material *rig_material(struct rig *r, enum hg_alpha_mode mode);
 struct hg_node *rig_node(struct rig *r, struct hg_mesh *mesh, const float matrix[16]);
 void rig_pose(struct rig *r); // scene and geometry only
-void rig_trace(struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes); // the rest
+void rig_trace(
+    struct rig *r, const struct hg_ray_geometry_lens *lens, uint64_t budget_bytes); // the rest
 void rig_sync(struct rig *r); // scene, geometry, ray geometry and structures
 enum hg_status rig_try(struct rig *r, uint64_t budget_bytes);
 

@@ -100,7 +100,8 @@ static inline float fresnel(float c, float eta)
 
 // Share of what facet i would refract, if it let all of it through, that arrives behind; cosine
 // there.
-static inline float refracted(const struct hg_vndf_quadrature *c, uint32_t i, float eta, float *cosine)
+static inline float refracted(
+    const struct hg_vndf_quadrature *c, uint32_t i, float eta, float *cosine)
 {
     const float d = c->v_dot_h[i], k = 1 - (1 - d * d) / (eta * eta);
     const float along = d / eta - sqrtf(fmaxf(k, 0)), s = 1 / eta;
@@ -260,7 +261,8 @@ static void rule_of(const struct cosines *m, uint32_t nodes, struct hg_vndf_node
     }
 }
 
-void hg_vndf_rule(const struct hg_vndf_quadrature *c, float eta, uint32_t nodes, struct hg_vndf_node *out)
+void hg_vndf_rule(
+    const struct hg_vndf_quadrature *c, float eta, uint32_t nodes, struct hg_vndf_node *out)
 {
     static _Thread_local struct cosines m;
     cosines_init(&m, eta);
@@ -283,8 +285,8 @@ void hg_vndf_rule_of_nodes(const struct hg_vndf_node *many, uint32_t count, floa
     rule_of(&m, nodes, out);
 }
 
-void hg_vndf_reflect(
-    const struct hg_vndf_quadrature *c, float (*kept)(const void *, float), const void *user, float ab[2])
+void hg_vndf_reflect(const struct hg_vndf_quadrature *c, float (*kept)(const void *, float),
+    const void *user, float ab[2])
 {
     double a = 0, b = 0;
     for (uint32_t i = 0; i < c->count; i++) {

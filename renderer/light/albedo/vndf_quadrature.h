@@ -25,8 +25,8 @@ struct hg_vndf_quadrature {
 
 // n rings of n points, n / 2 with half, where both halves are alike; at most HG_VNDF_MOST. v:
 // unit, in the surface's frame, v[2] > 0; alpha: its widths along x and y.
-void hg_vndf_init(
-    struct hg_vndf_quadrature *facets, const float v[3], const float alpha[2], uint32_t n, bool half);
+void hg_vndf_init(struct hg_vndf_quadrature *facets, const float v[3], const float alpha[2],
+    uint32_t n, bool half);
 
 // Unit vector at this cosine to the normal and this cosine of its azimuth, v[1] >= 0.
 void hg_vndf_direction(float cosine, float azimuth_cosine, float v[3]);

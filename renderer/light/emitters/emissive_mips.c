@@ -123,8 +123,8 @@ static enum hg_status make_from(struct hg_page_source *source, struct hg_emissiv
     if (hg_page_source_wait(source, &err) != HG_OK)
         return make_white(out);
     const struct hg_page_layout *l = &r.info->layout;
-    while (r.mip + 1 < l->mips &&
-           (side_at(l->width, r.mip) > HG_EMISSIVE_MIPS_SIDE || side_at(l->height, r.mip) > HG_EMISSIVE_MIPS_SIDE))
+    while (r.mip + 1 < l->mips && (side_at(l->width, r.mip) > HG_EMISSIVE_MIPS_SIDE ||
+                                      side_at(l->height, r.mip) > HG_EMISSIVE_MIPS_SIDE))
         r.mip++;
     enum hg_status status = allocate(out, side_at(l->width, r.mip), side_at(l->height, r.mip));
     r.page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, r.info->texel_bytes);
@@ -139,8 +139,9 @@ static enum hg_status make_from(struct hg_page_source *source, struct hg_emissiv
     return HG_OK;
 }
 
-enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources, const struct hg_texture *texture,
-    enum hg_texture_use use, uint32_t cutoff, struct hg_emissive_mips *out)
+enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources,
+    const struct hg_texture *texture, enum hg_texture_use use, uint32_t cutoff,
+    struct hg_emissive_mips *out)
 {
     struct hg_error err = {0};
     struct hg_page_source *source;
@@ -184,7 +185,8 @@ static uint32_t wrapped(int64_t i, uint32_t side, enum hg_wrap wrap)
     return (uint32_t)(at < n ? at : period - 1 - at);
 }
 
-float hg_emissive_mips_mean(const struct hg_emissive_mips *g, const float min[2], const float max[2])
+float hg_emissive_mips_mean(
+    const struct hg_emissive_mips *g, const float min[2], const float max[2])
 {
     const uint32_t last = g->levels - 1;
     const double span_x = (double)(max[0] - min[0]) * g->width;

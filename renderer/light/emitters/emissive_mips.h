@@ -18,12 +18,14 @@ struct hg_emissive_mips {
 };
 
 // White where the image cannot be read. Waits for it to be decoded. HG_E_NOMEM.
-enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources, const struct hg_texture *texture,
-    enum hg_texture_use use, uint32_t cutoff, struct hg_emissive_mips *out) HG_MUST_CHECK;
+enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources,
+    const struct hg_texture *texture, enum hg_texture_use use, uint32_t cutoff,
+    struct hg_emissive_mips *out) HG_MUST_CHECK;
 void hg_emissive_mips_finish(struct hg_emissive_mips *glow); // accepts a zeroed one
 
 // About the mean over a box of texture coordinates; 0 only where the mip is 0 all around it. Boxes
 // that are not finite: of all.
-float hg_emissive_mips_mean(const struct hg_emissive_mips *glow, const float min[2], const float max[2]);
+float hg_emissive_mips_mean(
+    const struct hg_emissive_mips *glow, const float min[2], const float max[2]);
 
 #endif

@@ -87,7 +87,8 @@ static uint64_t mix_part(uint64_t h, const struct hg_emitter_part *part, uint64_
     h = hg_hash_mix_bytes(h, m->emissive, sizeof m->emissive);
     if (ref->texture) {
         h = hg_hash_mix(hg_hash_mix(h, ref->texture->head.id), ref->texture->head.revision);
-        h = hg_hash_mix_bytes(hg_hash_mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
+        h = hg_hash_mix_bytes(
+            hg_hash_mix(h, ref->uv_set), ref->uv_transform, sizeof ref->uv_transform);
         h = hg_hash_mix(h, part->uv != NULL);
     }
     return p->deforms ? hg_hash_mix(h, poses) : h;

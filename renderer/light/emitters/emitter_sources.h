@@ -11,11 +11,11 @@
 // A part that shines.
 struct hg_emitter_source {
     const struct hg_emitter_part *part;
-    const struct hg_emissive_mips *glow;      // NULL: no texture
-    uint32_t glow_index;             // in `glows`, UINT32_MAX: none
-    float luminance;                 // of the factor
-    uint32_t first_leaf, leaf_count; // of hg_emitter_sources_plan
-    uint32_t first_weight;           // likewise
+    const struct hg_emissive_mips *glow; // NULL: no texture
+    uint32_t glow_index;                 // in `glows`, UINT32_MAX: none
+    float luminance;                     // of the factor
+    uint32_t first_leaf, leaf_count;     // of hg_emitter_sources_plan
+    uint32_t first_weight;               // likewise
 };
 
 // An emissive texture, by what it shows.

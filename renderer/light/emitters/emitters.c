@@ -224,7 +224,8 @@ static uint64_t environment_signature(const struct hg_environment *env, bool has
         return 0;
     h = hg_hash_mix_bytes(h, env->image_hash, sizeof env->image_hash);
     h = hg_hash_mix(h, (uint64_t)(uintptr_t)env->image.pixels);
-    return hg_hash_mix(hg_hash_mix(h, env->revision), (uint64_t)env->image.width << 32 | env->image.height) |
+    return hg_hash_mix(hg_hash_mix(h, env->revision),
+               (uint64_t)env->image.width << 32 | env->image.height) |
            1;
 }
 

@@ -53,7 +53,8 @@ struct hg_emitter_input {
     struct hg_textures *textures; // to look at emissive textures; NULL: they count as white
 };
 
-// Pieces whose positions or indices the host does not have (hg_ray_geometry_lens.addresses) are left out.
+// Pieces whose positions or indices the host does not have (hg_ray_geometry_lens.addresses) are
+// left out.
 //
 // Brings the tables in line. No batch may be open; uploads are recorded in front of the next one.
 // Waits for emissive textures that are seen for the first time to be decoded. On error the tables

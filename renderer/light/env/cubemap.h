@@ -14,7 +14,7 @@
 #define HG_CUBEMAP_MAX_LEVELS 13
 
 struct hg_cubemap {
-    uint32_t size, levels;            // px of level 0, a power of two; down to 1 px
+    uint32_t size, levels;               // px of level 0, a power of two; down to 1 px
     hg_v4 *faces[HG_CUBEMAP_MAX_LEVELS]; // [6 * (s + 2)^2] of level l, s = size >> l
 };
 
@@ -23,8 +23,8 @@ void hg_cubemap_direction(uint32_t face, float x, float y, float out[3]);
 
 // Level 0 by bilinear resampling (supersampled where the image is finer), then 2x2 means.
 // image: RGBA32F equirectangular. size: power of two, 1..4096. HG_E_NOMEM.
-enum hg_status hg_cubemap_create(struct hg_cubemap *cube, const struct hg_image *image, uint32_t size,
-    struct hg_jobs *jobs) HG_MUST_CHECK;
+enum hg_status hg_cubemap_create(struct hg_cubemap *cube, const struct hg_image *image,
+    uint32_t size, struct hg_jobs *jobs) HG_MUST_CHECK;
 void hg_cubemap_finish(struct hg_cubemap *cube); // accepts a zeroed one
 
 // Levels above `level` from it once more, after it was changed in place (border included).

@@ -29,8 +29,8 @@ struct hg_page_backing {
     struct hg_page_pack pack;
     struct hg_page_histograms *histograms; // of `mips`
     const struct hg_image_tiles *tiles;
-    struct hg_open_file *file;    // or this
-    enum hg_pixel_format format;  // what `file` is read as
+    struct hg_open_file *file;   // or this
+    enum hg_pixel_format format; // what `file` is read as
 };
 
 struct hg_page_image {
