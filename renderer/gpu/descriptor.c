@@ -1,4 +1,6 @@
 // descriptor.c - samplers, descriptor sets and their layouts.
+#include <string.h>
+
 #include "base/alloc.h"
 #include "renderer/gpu/internal.h"
 
@@ -227,6 +229,7 @@ enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err)
             gpu, HG_GPU_BUFFER_UPLOAD, HG_TABLE_BYTES, "no table", &gpu->dummy_frame, err);
     }
     if (status == HG_OK) {
+        memset(gpu->dummy_frame.mapped, 0, HG_TABLE_BYTES);
         status = hg_gpu_buffer_create(
             gpu, HG_GPU_BUFFER_TEXELS, 16, "no texels", &gpu->dummy_texels, err);
     }

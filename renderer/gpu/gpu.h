@@ -243,7 +243,7 @@ void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd);
 void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
     const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset);
 
-// A piece of a live buffer, by address (a multiple of 256). Zeroed = a dummy.
+// A piece of a live buffer, by address (a multiple of 256). Zeroed = a dummy, which reads as zero.
 struct hg_gpu_uniform {
     VkDeviceAddress address;
     uint64_t size_bytes; // <= HG_TABLE_BYTES
