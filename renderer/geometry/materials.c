@@ -129,28 +129,29 @@ void hg_material_pack_lobes(
     const struct hg_material *m, const struct hg_textures *textures, struct hg_gpu_lobes *out)
 {
     memset(out, 0, sizeof *out);
-    const float *tint = m->attenuation_color, distance = m->attenuation_distance;
+    const float *tint = m->volume.attenuation_color, distance = m->volume.attenuation_distance;
     *out = (struct hg_gpu_lobes){.ior = m->ior > 0.0f ? m->ior : 10000.0f,
-        .specular = m->specular,
-        .specular_color = vec3_of(m->specular_color),
-        .clearcoat = m->clearcoat,
-        .clearcoat_roughness = m->clearcoat_roughness,
-        .clearcoat_normal_scale = m->clearcoat_normal_scale,
-        .sheen_color = vec3_of(m->sheen_color),
-        .sheen_roughness = m->sheen_roughness,
+        .specular = m->specular.factor,
+        .specular_color = vec3_of(m->specular.color),
+        .clearcoat = m->clearcoat.factor,
+        .clearcoat_roughness = m->clearcoat.roughness,
+        .clearcoat_normal_scale = m->clearcoat.normal_scale,
+        .sheen_color = vec3_of(m->sheen.color),
+        .sheen_roughness = m->sheen.roughness,
         .transmission = m->transmission,
-        .thickness = m->thickness,
+        .thickness = m->volume.thickness,
         .attenuation = {absorption(tint[0], distance), absorption(tint[1], distance),
             absorption(tint[2], distance)},
         .dispersion = m->dispersion,
-        .iridescence = m->iridescence,
-        .iridescence_ior = m->iridescence_ior,
-        .iridescence_min = m->iridescence_thickness_min,
-        .iridescence_max = m->iridescence_thickness_max,
-        .anisotropy = m->anisotropy,
-        .anisotropy_direction = {cosf(m->anisotropy_rotation), sinf(m->anisotropy_rotation)},
-        .diffuse_transmission = m->diffuse_transmission,
-        .diffuse_transmission_color = vec3_of(m->diffuse_transmission_color)};
+        .iridescence = m->iridescence.factor,
+        .iridescence_ior = m->iridescence.ior,
+        .iridescence_min = m->iridescence.thickness_min_nm,
+        .iridescence_max = m->iridescence.thickness_max_nm,
+        .anisotropy = m->anisotropy.strength,
+        .anisotropy_direction = {cosf(m->anisotropy.rotation_rad),
+            sinf(m->anisotropy.rotation_rad)},
+        .diffuse_transmission = m->diffuse_transmission.factor,
+        .diffuse_transmission_color = vec3_of(m->diffuse_transmission.color)};
     for (uint32_t i = 0; i < HG_LOBES_SLOTS; i++)
         if (hg_material_uses_slot(m, lobe_slots[i]) &&
             pack_texture(m, textures, lobe_slots[i], &out->slots[i], out->transforms + i * 6))

@@ -46,8 +46,8 @@ static uint64_t material_signature(const struct hg_scene *scene, const struct hg
         h = hg_hash_mix(h, list->items[i]->revision);
     }
     for (uint32_t i = 0; i < scene->asset_count; i++)
-        h = hg_hash_mix(
-            h, (uint64_t)scene->assets[i]->number << 32 | (uint32_t)scene->assets[i]->variant);
+        h = hg_hash_mix(h,
+            (uint64_t)scene->assets[i]->number << 32 | (uint32_t)scene->assets[i]->variants.chosen);
     return h;
 }
 

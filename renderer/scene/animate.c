@@ -217,10 +217,10 @@ static void move(struct hg_node *node, const float from[MOVED_VALUES], float fra
 {
     put_moved(node, from);
     for (int i = 0; i < 3; i++) {
-        node->translation[i] += frames * (node->next_translation[i] - from[i]);
-        node->scale[i] += frames * (node->next_scale[i] - from[7 + i]);
+        node->translation[i] += frames * (node->next.translation[i] - from[i]);
+        node->scale[i] += frames * (node->next.scale[i] - from[7 + i]);
     }
-    hg_quat_slerp(from + 3, node->next_rotation, frames, node->rotation);
+    hg_quat_slerp(from + 3, node->next.rotation, frames, node->rotation);
 }
 
 enum hg_status hg_scene_pose_shift(

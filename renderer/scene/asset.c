@@ -13,7 +13,7 @@ struct hg_asset *hg_asset_create(uint32_t number, const char *label)
     if (!asset)
         return NULL;
     asset->number = number;
-    asset->variant = -1;
+    asset->variants.chosen = -1;
     asset->label = hg_strdup(label);
     if (!asset->label) {
         hg_free(asset);
@@ -279,8 +279,8 @@ void hg_asset_destroy(struct hg_asset *asset)
     }
     hg_free(asset->skins);
     destroy_animations(asset);
-    destroy_strings(asset->variants, asset->variant_count);
-    destroy_strings(asset->extensions_used, asset->extension_count);
+    destroy_strings(asset->variants.names, asset->variants.count);
+    destroy_strings(asset->file.extensions_used, asset->file.extension_count);
     hg_free(asset->warnings);
     hg_free(asset->roots);
     hg_free(asset->label);
@@ -290,9 +290,10 @@ void hg_asset_destroy(struct hg_asset *asset)
 struct hg_material *hg_asset_part_material(
     const struct hg_asset *asset, const struct hg_mesh_part *part)
 {
-    if (asset && part->variants && asset->variant >= 0 &&
-        (uint32_t)asset->variant < asset->variant_count && part->variants[asset->variant])
-        return part->variants[asset->variant];
+    if (asset && part->variants && asset->variants.chosen >= 0 &&
+        (uint32_t)asset->variants.chosen < asset->variants.count &&
+        part->variants[asset->variants.chosen])
+        return part->variants[asset->variants.chosen];
     return part->material;
 }
 
@@ -307,16 +308,16 @@ void hg_material_set_defaults(struct hg_material *m)
     for (int i = 0; i < 4; i++)
         m->base_color[i] = 1;
     m->metallic = m->roughness = 1;
-    m->normal_scale = m->occlusion_strength = m->clearcoat_normal_scale = 1;
+    m->normal_scale = m->occlusion_strength = m->clearcoat.normal_scale = 1;
     m->alpha_cutoff = 0.5f;
     m->ior = 1.5f;
-    m->specular = 1;
+    m->specular.factor = 1;
     for (int i = 0; i < 3; i++)
-        m->specular_color[i] = m->attenuation_color[i] = m->diffuse_transmission_color[i] = 1;
-    m->attenuation_distance = INFINITY;
-    m->iridescence_ior = 1.3f;
-    m->iridescence_thickness_min = 100;
-    m->iridescence_thickness_max = 400;
+        m->specular.color[i] = m->diffuse_transmission.color[i] = 1;
+    m->volume.attenuation_distance = INFINITY;
+    m->iridescence.ior = 1.3f;
+    m->iridescence.thickness_min_nm = 100;
+    m->iridescence.thickness_max_nm = 400;
     for (int i = 0; i < HG_SLOT_COUNT; i++)
         m->slots[i].uv_transform[0] = m->slots[i].uv_transform[4] = 1;
 }

@@ -69,27 +69,27 @@ static void make_materials(struct terrace *t)
     static const float warm[3] = {5.5f, 2.9f, 1.05f};
     memcpy(t->m[GLOW]->emissive, warm, sizeof warm);
     t->m[CLOTH]->double_sided = true;
-    t->m[GLAZE]->clearcoat = t->m[CELADON]->clearcoat = 1;
-    t->m[GLAZE]->clearcoat_roughness = t->m[CELADON]->clearcoat_roughness = 0.04f;
+    t->m[GLAZE]->clearcoat.factor = t->m[CELADON]->clearcoat.factor = 1;
+    t->m[GLAZE]->clearcoat.roughness = t->m[CELADON]->clearcoat.roughness = 0.04f;
     t->m[WATER]->ior = 1.33f;
     t->m[WATER]->has_ior = true;
     for (int i = 0; i < 3; i++)
-        t->m[CLOTH]->sheen_color[i] = 0.25f;
-    t->m[CLOTH]->sheen_roughness = 0.5f;
+        t->m[CLOTH]->sheen.color[i] = 0.25f;
+    t->m[CLOTH]->sheen.roughness = 0.5f;
 }
 
-static void lathe(struct hg_shape *shape, const float (*profile)[2], uint32_t count,
-    uint32_t segments, float x, float y, float z)
+static void lathe(
+    struct hg_shape *shape, const float (*profile)[2], uint32_t count, uint32_t segments)
 {
     hg_shape_add_lathe(
-        shape, &(struct hg_lathe){
-                   .profile = profile, .count = count, .segments = segments, .center = {x, y, z}});
+        shape, &(struct hg_lathe){.profile = profile, .count = count, .segments = segments});
 }
 
-static void place(struct terrace *t, const char *name, struct hg_mesh *mesh, float x, float y,
-    float z, float yaw_deg)
+static const float at_origin[3];
+
+static void place(
+    struct terrace *t, const char *name, struct hg_mesh *mesh, const float at[3], float yaw_deg)
 {
-    const float at[3] = {x, y, z};
     (void)hg_demo_node(&t->d, NULL, name, mesh, at, yaw_deg);
 }
 
@@ -131,25 +131,26 @@ static void make_ground(struct terrace *t)
 {
     struct hg_shape floor = {0}, rim = {0}, water = {0}, hills = {0}, base = {0};
     hg_shape_add_grid(&floor, 96, 6, floor_surface, NULL);
-    place(t, "floor", hg_demo_mesh(&t->d, "floor", &floor, t->m[FLOOR]), 0, 0, 0, 0);
+    place(t, "floor", hg_demo_mesh(&t->d, "floor", &floor, t->m[FLOOR]), at_origin, 0);
     static const float rim_profile[][2] = {{2.02f, -0.01f}, {2.02f, 0.09f}, {2.02f, 0.09f},
         {2.00f, 0.115f}, {1.97f, 0.125f}, {1.97f, 0.125f}, {1.66f, 0.125f}, {1.66f, 0.125f},
         {1.635f, 0.115f}, {1.625f, 0.09f}, {1.625f, 0.09f}, {1.625f, -0.30f}};
-    lathe(&rim, rim_profile, 12, 96, 0, 0, 0);
-    place(t, "rim", hg_demo_mesh(&t->d, "rim", &rim, t->m[MARBLE]), 0, 0, 0, 0);
+    lathe(&rim, rim_profile, 12, 96);
+    place(t, "rim", hg_demo_mesh(&t->d, "rim", &rim, t->m[MARBLE]), at_origin, 0);
     static const float water_profile[][2] = {{1.63f, 0}, {0.8f, 0}, {0.02f, 0}};
-    lathe(&water, water_profile, 3, 64, 0, 0, 0);
+    lathe(&water, water_profile, 3, 64);
     for (uint32_t v = 0; v < water.vertex_count; v++) { // planar UVs: no swirl in the ripples
         water.uv[v * 2] = water.positions[v * 3];
         water.uv[v * 2 + 1] = water.positions[v * 3 + 2];
     }
-    place(t, "water", hg_demo_mesh(&t->d, "water", &water, t->m[WATER]), 0, 0.045f, 0, 0);
+    place(
+        t, "water", hg_demo_mesh(&t->d, "water", &water, t->m[WATER]), (float[3]){0, 0.045f, 0}, 0);
     const float slab_center[3] = {0, -0.31f, 0};
     const float slab[3] = {2 * half_terrace + 0.3f, 0.6f, 2 * half_terrace + 0.3f};
     hg_shape_add_box(&base, slab_center, slab, 0.04f);
-    place(t, "terrace", hg_demo_mesh(&t->d, "terrace", &base, t->m[MARBLE]), 0, 0, 0, 0);
+    place(t, "terrace", hg_demo_mesh(&t->d, "terrace", &base, t->m[MARBLE]), at_origin, 0);
     hg_shape_add_grid(&hills, 160, 36, hill_surface, NULL);
-    place(t, "hills", hg_demo_mesh(&t->d, "hills", &hills, t->m[HILLS]), 0, 0, 0, 0);
+    place(t, "hills", hg_demo_mesh(&t->d, "hills", &hills, t->m[HILLS]), at_origin, 0);
 }
 
 // ---- arcade ------------------------------------------------------------------------------------
@@ -170,8 +171,8 @@ static struct hg_mesh *make_column(struct terrace *t)
     hg_shape_add_lathe(&s,
         &(struct hg_lathe){
             .profile = shaft, .count = 4, .segments = 120, .flutes = 20, .flute_depth = 0.055f});
-    lathe(&s, foot, 12, 48, 0, 0, 0);
-    lathe(&s, head, 10, 48, 0, 0, 0);
+    lathe(&s, foot, 12, 48);
+    lathe(&s, head, 10, 48);
     const float plinth[3] = {0, 0.04f, 0}, plinth_size[3] = {0.62f, 0.09f, 0.62f};
     const float abacus[3] = {0, 2.295f, 0}, abacus_size[3] = {0.6f, 0.11f, 0.6f};
     hg_shape_add_box(&s, plinth, plinth_size, 0.012f);
@@ -206,22 +207,22 @@ static void make_arcade(struct terrace *t)
     struct hg_mesh *cornice = make_cornice(t, bay * 4);
     for (int i = 0; i < 4; i++) {
         float along = ((float)i - 1.5f) * bay;
-        place(t, "arch", bay_mesh, along, 0, -bay * 2, 0);
-        place(t, "arch", bay_mesh, -bay * 2, 0, along, 90);
-        place(t, "column", column, ((float)i - 1) * bay, 0, -bay * 2, 0);
-        place(t, "column", column, -bay * 2, 0, ((float)i - 1) * bay, 0);
+        place(t, "arch", bay_mesh, (float[3]){along, 0, -bay * 2}, 0);
+        place(t, "arch", bay_mesh, (float[3]){-bay * 2, 0, along}, 90);
+        place(t, "column", column, (float[3]){((float)i - 1) * bay, 0, -bay * 2}, 0);
+        place(t, "column", column, (float[3]){-bay * 2, 0, ((float)i - 1) * bay}, 0);
     }
-    place(t, "column", column, -bay * 2, 0, -bay * 2, 0);
-    place(t, "cornice", cornice, 0, 0, -bay * 2, 0);
-    place(t, "cornice", cornice, -bay * 2, 0, 0, 90);
+    place(t, "column", column, (float[3]){-bay * 2, 0, -bay * 2}, 0);
+    place(t, "cornice", cornice, (float[3]){0, 0, -bay * 2}, 0);
+    place(t, "cornice", cornice, (float[3]){-bay * 2, 0, 0}, 90);
     // Behind the back arcade a passage with a wall and a timber ceiling.
     const float wall_center[3] = {0, 2.0f, -6.55f}, wall_size[3] = {13.2f, 4.1f, 0.3f};
     hg_shape_add_box(&wall, wall_center, wall_size, 0.02f);
-    place(t, "wall", hg_demo_mesh(&t->d, "wall", &wall, t->m[PLASTER]), 0, 0, 0, 0);
+    place(t, "wall", hg_demo_mesh(&t->d, "wall", &wall, t->m[PLASTER]), at_origin, 0);
     struct hg_shape ceiling = {0};
     const float ceiling_center[3] = {0, 4.06f, -5.95f}, ceiling_size[3] = {13.0f, 0.1f, 1.4f};
     hg_shape_add_box(&ceiling, ceiling_center, ceiling_size, 0.01f);
-    place(t, "ceiling", hg_demo_mesh(&t->d, "ceiling", &ceiling, t->m[WOOD]), 0, 0, 0, 0);
+    place(t, "ceiling", hg_demo_mesh(&t->d, "ceiling", &ceiling, t->m[WOOD]), at_origin, 0);
 }
 
 static void make_balustrade(struct terrace *t)
@@ -230,15 +231,16 @@ static void make_balustrade(struct terrace *t)
     static const float baluster[][2] = {{0.075f, 0.10f}, {0.075f, 0.14f}, {0.075f, 0.14f},
         {0.045f, 0.16f}, {0.06f, 0.24f}, {0.085f, 0.34f}, {0.07f, 0.46f}, {0.04f, 0.60f},
         {0.038f, 0.66f}, {0.06f, 0.70f}, {0.06f, 0.70f}, {0.075f, 0.72f}, {0.075f, 0.76f}};
-    lathe(&s, baluster, 13, 24, 0, 0, 0);
+    lathe(&s, baluster, 13, 24);
     struct hg_mesh *mesh = hg_demo_mesh(&t->d, "baluster", &s, t->m[MARBLE]);
     for (int i = 0; i < 30; i++)
-        place(t, "baluster", mesh, 6.2f, 0, -5.6f + (float)i * 0.4f, 0);
+        place(t, "baluster", mesh, (float[3]){6.2f, 0, -5.6f + (float)i * 0.4f}, 0);
     const float low[3] = {0, 0.05f, 0}, low_size[3] = {0.30f, 0.11f, 12.6f};
     const float top[3] = {0, 0.82f, 0}, top_size[3] = {0.32f, 0.13f, 12.6f};
     hg_shape_add_box(&rail, low, low_size, 0.02f);
     hg_shape_add_box(&rail, top, top_size, 0.04f);
-    place(t, "rail", hg_demo_mesh(&t->d, "rail", &rail, t->m[MARBLE]), 6.2f, 0, 0.2f, 0);
+    place(
+        t, "rail", hg_demo_mesh(&t->d, "rail", &rail, t->m[MARBLE]), (float[3]){6.2f, 0, 0.2f}, 0);
 }
 
 // ---- the heliograph ----------------------------------------------------------------------------
@@ -262,8 +264,8 @@ static struct hg_mesh *make_mirror(struct terrace *t, struct hg_mesh **frame)
     static const float face[][2] = {{0.205f, 0.012f}, {0.1f, 0.007f}, {0.001f, 0.005f}};
     static const float back[][2] = {{0.001f, -0.035f}, {0.12f, -0.03f}, {0.21f, -0.012f},
         {0.21f, -0.012f}, {0.235f, -0.01f}, {0.24f, 0.005f}, {0.225f, 0.022f}, {0.204f, 0.012f}};
-    lathe(&disc, face, 3, 64, 0, 0, 0);
-    lathe(&rim, back, 8, 64, 0, 0, 0);
+    lathe(&disc, face, 3, 64);
+    lathe(&rim, back, 8, 64);
     *frame = hg_demo_mesh(&t->d, "mirror frame", &rim, t->m[BRASS]);
     return hg_demo_mesh(&t->d, "mirror", &disc, t->m[MIRROR]);
 }
@@ -276,13 +278,13 @@ static void make_pedestal(struct terrace *t)
         {0.30f, 0.27f}, {0.245f, 0.40f}, {0.23f, 0.70f}, {0.255f, 0.86f}, {0.33f, 0.93f},
         {0.33f, 0.93f}, {0.37f, 0.94f}, {0.375f, 0.97f}, {0.36f, 1.0f}, {0.36f, 1.0f},
         {0.01f, 1.0f}};
-    lathe(&s, profile, 19, 64, 0, 0, 0);
-    place(t, "pedestal", hg_demo_mesh(&t->d, "pedestal", &s, t->m[MARBLE]), 0, 0, 0, 0);
+    lathe(&s, profile, 19, 64);
+    place(t, "pedestal", hg_demo_mesh(&t->d, "pedestal", &s, t->m[MARBLE]), at_origin, 0);
     struct hg_shape stand = {0};
     static const float foot[][2] = {{0.24f, 1.0f}, {0.24f, 1.02f}, {0.24f, 1.02f}, {0.18f, 1.04f},
         {0.06f, 1.07f}, {0.035f, 1.12f}, {0.032f, 1.20f}, {0.05f, 1.235f}, {0.02f, 1.27f}};
-    lathe(&stand, foot, 9, 48, 0, 0, 0);
-    place(t, "stand", hg_demo_mesh(&t->d, "stand", &stand, t->m[BRASS]), 0, 0, 0, 0);
+    lathe(&stand, foot, 9, 48);
+    place(t, "stand", hg_demo_mesh(&t->d, "stand", &stand, t->m[BRASS]), at_origin, 0);
 }
 
 static void make_planet(struct terrace *t, struct hg_node *parent, float orbit, float radius,
@@ -368,9 +370,9 @@ static void make_plinths(struct terrace *t)
         struct hg_shape ball = {0};
         const float center[3] = {0, 0, 0};
         hg_shape_add_sphere(&ball, center, balls[i].radius, 64);
-        place(t, "plinth", plinth, px, 0, pz, balls[i].angle_deg);
-        place(t, "sphere", hg_demo_mesh(&t->d, "sphere", &ball, t->m[balls[i].material]), px,
-            0.735f + balls[i].radius, pz, balls[i].angle_deg);
+        place(t, "plinth", plinth, (float[3]){px, 0, pz}, balls[i].angle_deg);
+        place(t, "sphere", hg_demo_mesh(&t->d, "sphere", &ball, t->m[balls[i].material]),
+            (float[3]){px, 0.735f + balls[i].radius, pz}, balls[i].angle_deg);
     }
 }
 
@@ -402,10 +404,13 @@ static void make_bench(struct terrace *t)
     static const float jug[][2] = {{0.07f, 0}, {0.075f, 0.012f}, {0.12f, 0.08f}, {0.135f, 0.15f},
         {0.10f, 0.23f}, {0.05f, 0.29f}, {0.045f, 0.33f}, {0.065f, 0.37f}, {0.065f, 0.37f},
         {0.055f, 0.37f}, {0.035f, 0.32f}};
-    lathe(&pot, jug, 11, 48, 0, 0, 0);
-    place(t, "bench", hg_demo_mesh(&t->d, "bench", &bench, t->m[MARBLE]), 1.35f, 0, 4.6f, 24);
-    place(t, "cloth", hg_demo_mesh(&t->d, "cloth", &cloth, t->m[CLOTH]), 1.35f, 0, 4.6f, 24);
-    place(t, "jug", hg_demo_mesh(&t->d, "jug", &pot, t->m[CELADON]), 1.62f, 0.512f, 4.5f, 0);
+    lathe(&pot, jug, 11, 48);
+    place(t, "bench", hg_demo_mesh(&t->d, "bench", &bench, t->m[MARBLE]),
+        (float[3]){1.35f, 0, 4.6f}, 24);
+    place(t, "cloth", hg_demo_mesh(&t->d, "cloth", &cloth, t->m[CLOTH]), (float[3]){1.35f, 0, 4.6f},
+        24);
+    place(t, "jug", hg_demo_mesh(&t->d, "jug", &pot, t->m[CELADON]),
+        (float[3]){1.62f, 0.512f, 4.5f}, 0);
 }
 
 // A clipped cypress: a flame of overlapping lobes.
@@ -429,14 +434,14 @@ static void make_pots(struct terrace *t)
     static const float profile[][2] = {{0.20f, 0}, {0.215f, 0.02f}, {0.27f, 0.2f}, {0.31f, 0.38f},
         {0.31f, 0.38f}, {0.345f, 0.385f}, {0.35f, 0.43f}, {0.335f, 0.46f}, {0.30f, 0.455f},
         {0.28f, 0.40f}, {0.01f, 0.40f}};
-    lathe(&pot, profile, 11, 48, 0, 0, 0);
+    lathe(&pot, profile, 11, 48);
     hg_shape_add_grid(&tree, 96, 72, cypress_surface, NULL);
     struct hg_mesh *pot_mesh = hg_demo_mesh(&t->d, "pot", &pot, t->m[TERRACOTTA]);
     struct hg_mesh *tree_mesh = hg_demo_mesh(&t->d, "cypress", &tree, t->m[LEAF]);
     static const float places[][2] = {{-1.3f, -4.55f}, {1.3f, -4.55f}, {5.5f, -4.3f}, {5.5f, 1.0f}};
     for (int i = 0; i < 4; i++) {
-        place(t, "pot", pot_mesh, places[i][0], 0, places[i][1], (float)i * 70);
-        place(t, "cypress", tree_mesh, places[i][0], 0, places[i][1], (float)i * 110);
+        place(t, "pot", pot_mesh, (float[3]){places[i][0], 0, places[i][1]}, (float)i * 70);
+        place(t, "cypress", tree_mesh, (float[3]){places[i][0], 0, places[i][1]}, (float)i * 110);
     }
 }
 
@@ -462,8 +467,8 @@ static void make_lanterns(struct terrace *t)
     static const float dish[][2] = {{0.02f, -0.19f}, {0.07f, -0.17f}, {0.11f, -0.14f}};
     static const float body[][2] = {
         {0.07f, -0.14f}, {0.095f, -0.08f}, {0.10f, 0}, {0.095f, 0.08f}, {0.07f, 0.15f}};
-    lathe(&frame, cap, 4, 32, 0, 0, 0);
-    lathe(&frame, dish, 3, 32, 0, 0, 0);
+    lathe(&frame, cap, 4, 32);
+    lathe(&frame, dish, 3, 32);
     for (int i = 0; i < 6; i++) {
         float a = (float)i * (float)M_PI / 3;
         const float low[3] = {0.108f * sinf(a), -0.14f, 0.108f * cosf(a)};
@@ -472,7 +477,7 @@ static void make_lanterns(struct terrace *t)
     }
     const float hook[3] = {0, 0.27f, 0}, beam[3] = {0, 0.9f, 0};
     hg_shape_add_rod(&frame, hook, beam, 0.006f);
-    lathe(&glass, body, 5, 32, 0, 0, 0);
+    lathe(&glass, body, 5, 32);
     struct hg_mesh *frame_mesh = hg_demo_mesh(&t->d, "lantern", &frame, t->m[IRON]);
     struct hg_mesh *glass_mesh = hg_demo_mesh(&t->d, "lantern glass", &glass, t->m[GLOW]);
     static const float warm[3] = {1.0f, 0.60f, 0.27f};
@@ -581,8 +586,8 @@ enum hg_status hg_demo_create(
     struct terrace t = {.d = {.jobs = jobs, .asset = hg_asset_create(number, "demo:")}};
     if (!t.d.asset)
         return hg_error_set(err, HG_E_NOMEM, "demo:", NULL, "no memory");
-    snprintf(t.d.asset->file_format, sizeof t.d.asset->file_format, "demo");
-    snprintf(t.d.asset->generator, sizeof t.d.asset->generator, "Heliograph");
+    snprintf(t.d.asset->file.format, sizeof t.d.asset->file.format, "demo");
+    snprintf(t.d.asset->file.generator, sizeof t.d.asset->file.generator, "Heliograph");
     static void (*const steps[])(struct terrace *) = {make_animation, make_materials, make_ground,
         make_arcade, make_balustrade, make_heliograph, make_plinths, make_bench, make_pots,
         make_lanterns, make_lights, make_cameras};

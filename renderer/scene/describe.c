@@ -244,8 +244,9 @@ static void describe_lists(struct describer *d, json_t *root, const struct hg_as
     put(d, root, "lights", lights);
     put(d, root, "cameras", cameras);
     put(d, root, "animations", describe_animations(d, asset));
-    put(d, root, "variants", names(d, asset->variants, asset->variant_count));
-    put(d, root, "extensions_used", names(d, asset->extensions_used, asset->extension_count));
+    put(d, root, "variants", names(d, asset->variants.names, asset->variants.count));
+    put(d, root, "extensions_used",
+        names(d, asset->file.extensions_used, asset->file.extension_count));
     put(d, root, "warnings", describe_warnings(d, asset));
 }
 
@@ -255,10 +256,10 @@ enum hg_status hg_asset_describe(const struct hg_asset *asset, char **json_text)
     *json_text = NULL;
     json_t *root = json_object();
     put_text(&d, root, "file", asset->label);
-    put_text(&d, root, "format", asset->file_format);
-    put_text(&d, root, "version", asset->version);
-    put_text(&d, root, "generator", asset->generator);
-    put_text(&d, root, "copyright", asset->copyright);
+    put_text(&d, root, "format", asset->file.format);
+    put_text(&d, root, "version", asset->file.version);
+    put_text(&d, root, "generator", asset->file.generator);
+    put_text(&d, root, "copyright", asset->file.copyright);
     put(&d, root, "counts", describe_counts(&d, asset));
     put(&d, root, "bounds", describe_bounds(&d, asset));
     describe_lists(&d, root, asset);

@@ -211,14 +211,74 @@ static enum hg_status add_texture(const struct work *w, const void *object, stru
     return add_image(h, t->image, w->err);
 }
 
-// The numbers of a material lie between its head and its slots, without pointers; what pads them
-// was zeroed with the rest.
+// The bytes of a material, without its slots, that are hashed. Frame keys, which outlive a process,
+// contain the hash: neither order nor padding may change.
+struct material_values {
+    float base_color[4], metallic, roughness, emissive[3], normal_scale, occlusion_strength;
+    uint32_t alpha_mode;
+    float alpha_cutoff;
+    uint8_t double_sided, unlit, padding[2];
+    float ior, specular, specular_color[3];
+    float clearcoat, clearcoat_roughness, clearcoat_normal_scale;
+    float sheen_color[3], sheen_roughness;
+    float transmission, thickness, attenuation_distance, attenuation_color[3], dispersion;
+    float iridescence, iridescence_ior, iridescence_thickness_nm[2];
+    float anisotropy, anisotropy_rotation_rad;
+    float diffuse_transmission, diffuse_transmission_color[3];
+    uint8_t has_specular, has_ior, end_padding[2];
+};
+_Static_assert(sizeof(struct material_values) == 176, "no hidden padding");
+
+#define VEC3(v)                                                                                    \
+    {                                                                                              \
+        (v)[0], (v)[1], (v)[2]                                                                     \
+    }
+
+static struct material_values material_values_of(const struct hg_material *m)
+{
+    return (struct material_values){
+        .base_color = {m->base_color[0], m->base_color[1], m->base_color[2], m->base_color[3]},
+        .metallic = m->metallic,
+        .roughness = m->roughness,
+        .emissive = VEC3(m->emissive),
+        .normal_scale = m->normal_scale,
+        .occlusion_strength = m->occlusion_strength,
+        .alpha_mode = (uint32_t)m->alpha_mode,
+        .alpha_cutoff = m->alpha_cutoff,
+        .double_sided = m->double_sided,
+        .unlit = m->unlit,
+        .ior = m->ior,
+        .specular = m->specular.factor,
+        .specular_color = VEC3(m->specular.color),
+        .clearcoat = m->clearcoat.factor,
+        .clearcoat_roughness = m->clearcoat.roughness,
+        .clearcoat_normal_scale = m->clearcoat.normal_scale,
+        .sheen_color = VEC3(m->sheen.color),
+        .sheen_roughness = m->sheen.roughness,
+        .transmission = m->transmission,
+        .thickness = m->volume.thickness,
+        .attenuation_distance = m->volume.attenuation_distance,
+        .attenuation_color = VEC3(m->volume.attenuation_color),
+        .dispersion = m->dispersion,
+        .iridescence = m->iridescence.factor,
+        .iridescence_ior = m->iridescence.ior,
+        .iridescence_thickness_nm = {m->iridescence.thickness_min_nm,
+            m->iridescence.thickness_max_nm},
+        .anisotropy = m->anisotropy.strength,
+        .anisotropy_rotation_rad = m->anisotropy.rotation_rad,
+        .diffuse_transmission = m->diffuse_transmission.factor,
+        .diffuse_transmission_color = VEC3(m->diffuse_transmission.color),
+        .has_specular = m->specular.is_set,
+        .has_ior = m->has_ior,
+    };
+}
+
 static enum hg_status add_material(const struct work *w, const void *object, struct hg_sha256 *h)
 {
     const struct hg_material *m = object;
-    const size_t first = offsetof(struct hg_material, base_color);
+    const struct material_values values = material_values_of(m);
     enum hg_status status = HG_OK;
-    hg_sha256_update(h, (const char *)m + first, offsetof(struct hg_material, slots) - first);
+    hg_sha256_update(h, &values, sizeof values);
     for (int i = 0; !status && i < HG_SLOT_COUNT; i++) {
         const struct hg_texture_ref *slot = &m->slots[i];
         if (!slot->texture)

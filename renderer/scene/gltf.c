@@ -40,8 +40,8 @@ static enum hg_status read_used(struct hg_gltf *g)
 {
     struct hg_gltf_at list = hg_gltf_key(&g->root, "extensionsUsed");
     size_t count = hg_gltf_count(&list);
-    g->asset->extensions_used = hg_gltf_alloc(g, &list, count, sizeof(char *));
-    if (!g->asset->extensions_used)
+    g->asset->file.extensions_used = hg_gltf_alloc(g, &list, count, sizeof(char *));
+    if (!g->asset->file.extensions_used)
         return g->err->status;
     for (size_t i = 0; i < count; i++) {
         struct hg_gltf_at at = hg_gltf_item(&list, i);
@@ -49,7 +49,7 @@ static enum hg_status read_used(struct hg_gltf *g)
         char *copy = hg_strdup(name ? name : "");
         if (!copy)
             return hg_gltf_fail(g, &at, HG_E_NOMEM, "no memory for a name");
-        g->asset->extensions_used[g->asset->extension_count++] = copy;
+        g->asset->file.extensions_used[g->asset->file.extension_count++] = copy;
         g->has_quantization |= strcmp(copy, "KHR_mesh_quantization") == 0;
         if (!is_known(copy))
             hg_gltf_warn(g, &at, "UNSUPPORTED_EXTENSION: %.100s is ignored", copy);
@@ -63,8 +63,8 @@ static enum hg_status read_variants(struct hg_gltf *g)
     struct hg_gltf_at at = hg_gltf_extension(&g->root, "KHR_materials_variants", &extensions);
     struct hg_gltf_at list = hg_gltf_key(&at, "variants");
     size_t count = hg_gltf_count(&list);
-    g->asset->variants = hg_gltf_alloc(g, &list, count, sizeof(char *));
-    if (!g->asset->variants)
+    g->asset->variants.names = hg_gltf_alloc(g, &list, count, sizeof(char *));
+    if (!g->asset->variants.names)
         return g->err->status;
     for (size_t i = 0; i < count; i++) {
         struct hg_gltf_at item = hg_gltf_item(&list, i);
@@ -72,7 +72,7 @@ static enum hg_status read_variants(struct hg_gltf *g)
         char *copy = hg_strdup(name ? name : "");
         if (!copy)
             return hg_gltf_fail(g, &item, HG_E_NOMEM, "no memory for a name");
-        g->asset->variants[g->asset->variant_count++] = copy;
+        g->asset->variants.names[g->asset->variants.count++] = copy;
     }
     return HG_OK;
 }
@@ -119,9 +119,9 @@ static enum hg_status read_asset(struct hg_gltf *g)
     const char *generator = hg_gltf_string(&at, "generator");
     const char *copyright = hg_gltf_string(&at, "copyright");
     struct hg_asset *asset = g->asset;
-    snprintf(asset->version, sizeof asset->version, "%.15s", version);
-    snprintf(asset->generator, sizeof asset->generator, "%s", generator ? generator : "");
-    snprintf(asset->copyright, sizeof asset->copyright, "%s", copyright ? copyright : "");
+    snprintf(asset->file.version, sizeof asset->file.version, "%.15s", version);
+    snprintf(asset->file.generator, sizeof asset->file.generator, "%s", generator ? generator : "");
+    snprintf(asset->file.copyright, sizeof asset->file.copyright, "%s", copyright ? copyright : "");
     return HG_OK;
 }
 

@@ -91,10 +91,12 @@ enum hg_status hg_gltf_view_get(struct hg_gltf *g, uint64_t index, const struct 
 
 // ---- opening -----------------------------------------------------------------------------------
 
-// Where `count` elements lie in a view; NULL data on failure.
-static enum hg_status locate(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t offset,
-    uint64_t count, uint32_t element_bytes, uint32_t *stride, const uint8_t **data)
+// Finds `count` elements of an accessor (or of a part of a sparse one) in their buffer view.
+// *stride: in bytes; replaced by that of the view, if it has one. *data is NULL on failure.
+static enum hg_status locate(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t count,
+    uint32_t element_bytes, uint32_t *stride, const uint8_t **data)
 {
+    const uint64_t offset = hg_gltf_uint(at, "byteOffset", 0);
     *data = NULL;
     const struct hg_gltf_view *view;
     int64_t index = hg_gltf_index(at, "bufferView");
@@ -140,16 +142,14 @@ static enum hg_status open_sparse(
         return hg_gltf_fail(
             g, &indices, HG_E_FORMAT, "VALUE_NOT_IN_LIST: componentType %u of indices", type);
     uint32_t index_bytes = hg_gltf_component_bytes(type), stride = index_bytes;
-    enum hg_status status = locate(g, &indices, hg_gltf_uint(&indices, "byteOffset", 0), count,
-        index_bytes, &stride, &a->sparse_indices);
+    enum hg_status status = locate(g, &indices, count, index_bytes, &stride, &a->sparse_indices);
     if (status)
         return status;
     if (stride != index_bytes)
         return hg_gltf_fail(g, &indices, HG_E_FORMAT,
             "BUFFER_VIEW_INVALID_BYTE_STRIDE: sparse indices must be tightly packed");
     stride = a->element_bytes;
-    status = locate(g, &values, hg_gltf_uint(&values, "byteOffset", 0), count, a->element_bytes,
-        &stride, &a->sparse_values);
+    status = locate(g, &values, count, a->element_bytes, &stride, &a->sparse_values);
     if (status)
         return status;
     if (stride != a->element_bytes)
@@ -207,8 +207,7 @@ enum hg_status hg_gltf_accessor_open(
     struct hg_gltf_accessor a = {0};
     enum hg_status status = hg_gltf_accessor_shape(g, &at, &a);
     if (!status && hg_gltf_index(&at, "bufferView") >= 0)
-        status = locate(g, &at, hg_gltf_uint(&at, "byteOffset", 0), a.count, a.element_bytes,
-            &a.stride, &a.data);
+        status = locate(g, &at, a.count, a.element_bytes, &a.stride, &a.data);
     struct hg_gltf_at sparse = hg_gltf_key(&at, "sparse");
     if (!status && sparse.json)
         status = open_sparse(g, &sparse, &a);

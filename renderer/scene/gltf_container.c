@@ -77,10 +77,10 @@ enum hg_status hg_gltf_parse_container(struct hg_gltf *g)
 {
     struct hg_reader r = hg_reader_make(g->main->data, g->main->size);
     if (g->main->size >= 4 && hg_read_u32(&r) == GLB_MAGIC) {
-        snprintf(g->asset->file_format, sizeof g->asset->file_format, "glb");
+        snprintf(g->asset->file.format, sizeof g->asset->file.format, "glb");
         return parse_glb(g);
     }
-    snprintf(g->asset->file_format, sizeof g->asset->file_format, "gltf");
+    snprintf(g->asset->file.format, sizeof g->asset->file.format, "gltf");
     return parse_json(g, g->main->data, g->main->size, 0);
 }
 

@@ -73,10 +73,10 @@ static void read_emissive_strength(
 
 static void read_clearcoat(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->clearcoat = unit(at, "clearcoatFactor", 0);
-    m->clearcoat_roughness = unit(at, "clearcoatRoughnessFactor", 0);
+    m->clearcoat.factor = unit(at, "clearcoatFactor", 0);
+    m->clearcoat.roughness = unit(at, "clearcoatRoughnessFactor", 0);
     struct hg_gltf_at normal = hg_gltf_key(at, "clearcoatNormalTexture");
-    m->clearcoat_normal_scale = (float)hg_gltf_number(&normal, "scale", 1);
+    m->clearcoat.normal_scale = (float)hg_gltf_number(&normal, "scale", 1);
     hg_gltf_texture_ref(g, at, "clearcoatTexture", &m->slots[HG_SLOT_CLEARCOAT]);
     hg_gltf_texture_ref(g, at, "clearcoatRoughnessTexture", &m->slots[HG_SLOT_CLEARCOAT_ROUGHNESS]);
     hg_gltf_texture_ref(g, at, "clearcoatNormalTexture", &m->slots[HG_SLOT_CLEARCOAT_NORMAL]);
@@ -84,8 +84,8 @@ static void read_clearcoat(struct hg_gltf *g, const struct hg_gltf_at *at, struc
 
 static void read_sheen(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    color(at, "sheenColorFactor", m->sheen_color, 3);
-    m->sheen_roughness = unit(at, "sheenRoughnessFactor", 0);
+    color(at, "sheenColorFactor", m->sheen.color, 3);
+    m->sheen.roughness = unit(at, "sheenRoughnessFactor", 0);
     hg_gltf_texture_ref(g, at, "sheenColorTexture", &m->slots[HG_SLOT_SHEEN_COLOR]);
     hg_gltf_texture_ref(g, at, "sheenRoughnessTexture", &m->slots[HG_SLOT_SHEEN_ROUGHNESS]);
 }
@@ -98,10 +98,10 @@ static void read_transmission(struct hg_gltf *g, const struct hg_gltf_at *at, st
 
 static void read_volume(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->thickness = clamp(hg_gltf_number(at, "thicknessFactor", 0), 0, 1e30);
+    m->volume.thickness = clamp(hg_gltf_number(at, "thicknessFactor", 0), 0, 1e30);
     double distance = hg_gltf_number(at, "attenuationDistance", INFINITY);
-    m->attenuation_distance = distance > 0 ? (float)distance : INFINITY;
-    color(at, "attenuationColor", m->attenuation_color, 3);
+    m->volume.attenuation_distance = distance > 0 ? (float)distance : INFINITY;
+    color(at, "attenuationColor", m->volume.attenuation_color, 3);
     hg_gltf_texture_ref(g, at, "thicknessTexture", &m->slots[HG_SLOT_THICKNESS]);
 }
 
@@ -115,20 +115,20 @@ static void read_ior(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_m
 
 static void read_specular(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->specular = unit(at, "specularFactor", 1);
-    color(at, "specularColorFactor", m->specular_color, 3);
-    m->has_specular = true;
+    m->specular.factor = unit(at, "specularFactor", 1);
+    color(at, "specularColorFactor", m->specular.color, 3);
+    m->specular.is_set = true;
     hg_gltf_texture_ref(g, at, "specularTexture", &m->slots[HG_SLOT_SPECULAR]);
     hg_gltf_texture_ref(g, at, "specularColorTexture", &m->slots[HG_SLOT_SPECULAR_COLOR]);
 }
 
 static void read_iridescence(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->iridescence = unit(at, "iridescenceFactor", 0);
-    m->iridescence_ior = clamp(hg_gltf_number(at, "iridescenceIor", 1.3), 1, 100);
-    m->iridescence_thickness_min =
+    m->iridescence.factor = unit(at, "iridescenceFactor", 0);
+    m->iridescence.ior = clamp(hg_gltf_number(at, "iridescenceIor", 1.3), 1, 100);
+    m->iridescence.thickness_min_nm =
         clamp(hg_gltf_number(at, "iridescenceThicknessMinimum", 100), 0, 1e9);
-    m->iridescence_thickness_max =
+    m->iridescence.thickness_max_nm =
         clamp(hg_gltf_number(at, "iridescenceThicknessMaximum", 400), 0, 1e9);
     hg_gltf_texture_ref(g, at, "iridescenceTexture", &m->slots[HG_SLOT_IRIDESCENCE]);
     hg_gltf_texture_ref(
@@ -137,8 +137,8 @@ static void read_iridescence(struct hg_gltf *g, const struct hg_gltf_at *at, str
 
 static void read_anisotropy(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->anisotropy = unit(at, "anisotropyStrength", 0);
-    m->anisotropy_rotation = (float)hg_gltf_number(at, "anisotropyRotation", 0);
+    m->anisotropy.strength = unit(at, "anisotropyStrength", 0);
+    m->anisotropy.rotation_rad = (float)hg_gltf_number(at, "anisotropyRotation", 0);
     hg_gltf_texture_ref(g, at, "anisotropyTexture", &m->slots[HG_SLOT_ANISOTROPY]);
 }
 
@@ -151,8 +151,8 @@ static void read_dispersion(struct hg_gltf *g, const struct hg_gltf_at *at, stru
 static void read_diffuse_transmission(
     struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_material *m)
 {
-    m->diffuse_transmission = unit(at, "diffuseTransmissionFactor", 0);
-    color(at, "diffuseTransmissionColorFactor", m->diffuse_transmission_color, 3);
+    m->diffuse_transmission.factor = unit(at, "diffuseTransmissionFactor", 0);
+    color(at, "diffuseTransmissionColorFactor", m->diffuse_transmission.color, 3);
     hg_gltf_texture_ref(
         g, at, "diffuseTransmissionTexture", &m->slots[HG_SLOT_DIFFUSE_TRANSMISSION]);
     hg_gltf_texture_ref(

@@ -432,9 +432,9 @@ static enum hg_status read_variants(struct primitive *p)
     struct hg_gltf_at extensions;
     struct hg_gltf_at at = hg_gltf_extension(&p->at, "KHR_materials_variants", &extensions);
     struct hg_gltf_at mappings = hg_gltf_key(&at, "mappings");
-    if (!mappings.json || g->asset->variant_count == 0)
+    if (!mappings.json || g->asset->variants.count == 0)
         return HG_OK;
-    p->part->variants = hg_gltf_alloc(g, &at, g->asset->variant_count, sizeof *p->part->variants);
+    p->part->variants = hg_gltf_alloc(g, &at, g->asset->variants.count, sizeof *p->part->variants);
     if (!p->part->variants)
         return g->err->status;
     for (size_t i = 0; i < hg_gltf_count(&mappings); i++) {
@@ -443,7 +443,7 @@ static enum hg_status read_variants(struct primitive *p)
         struct hg_material *material = find_material(g, hg_gltf_index(&mapping, "material"));
         for (size_t k = 0; k < hg_gltf_count(&list); k++) {
             uint64_t v = (uint64_t)json_integer_value(json_array_get(list.json, k));
-            if (v < g->asset->variant_count)
+            if (v < g->asset->variants.count)
                 p->part->variants[v] = material;
         }
     }
@@ -491,14 +491,14 @@ static bool needs_tangents(const struct hg_material *m, uint32_t *uv_set)
             return true;
         }
     *uv_set = 0;
-    return m && m->anisotropy != 0;
+    return m && m->anisotropy.strength != 0;
 }
 
 static bool part_needs_tangents(
     const struct hg_asset *asset, const struct hg_mesh_part *part, uint32_t *uv_set)
 {
     bool needs = needs_tangents(part->material, uv_set);
-    for (uint32_t v = 0; !needs && part->variants && v < asset->variant_count; v++)
+    for (uint32_t v = 0; !needs && part->variants && v < asset->variants.count; v++)
         needs = needs_tangents(part->variants[v], uv_set);
     return needs;
 }

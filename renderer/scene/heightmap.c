@@ -250,7 +250,7 @@ enum hg_status hg_heightmap_load(const struct hg_load_params *params, const stru
             status = hg_error_set(err, status, label, NULL, "no memory");
     }
     if (status == HG_OK) {
-        snprintf(asset->file_format, sizeof asset->file_format, "heightmap");
+        snprintf(asset->file.format, sizeof asset->file.format, "heightmap");
         *out = asset;
     } else {
         hg_asset_destroy(asset);

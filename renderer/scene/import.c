@@ -221,7 +221,7 @@ static void turn_up_axis(struct hg_import *im)
     for (unsigned i = 0; meta && i < meta->mNumProperties; i++)
         if (strcmp(meta->mKeys[i].data, "UpAxis") == 0 && meta->mValues[i].mType == AI_INT32)
             memcpy(&up, meta->mValues[i].mData, sizeof up);
-    if (up != 2 || strcmp(im->asset->file_format, "fbx") != 0 || im->asset->root_count == 0)
+    if (up != 2 || strcmp(im->asset->file.format, "fbx") != 0 || im->asset->root_count == 0)
         return;
     struct hg_node *root = im->asset->roots[0];
     const float z_up[16] = {1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1};
@@ -322,7 +322,7 @@ enum hg_status hg_import_load(const struct hg_load_params *params, const struct 
     im.asset = hg_asset_create(params->asset_number, label);
     if (!im.asset)
         return hg_import_fail(&im, HG_E_NOMEM, NULL, "no memory");
-    snprintf(im.asset->file_format, sizeof im.asset->file_format, "%s", format_of(label));
+    snprintf(im.asset->file.format, sizeof im.asset->file.format, "%s", format_of(label));
     im.scene = run_assimp(&im, main);
     enum hg_status status;
     if (!im.scene)

@@ -324,7 +324,7 @@ static float file_unit(const struct hg_import *im)
 static float half_angle(const struct hg_import *im, const struct aiCamera *from)
 {
     const unsigned version = aiGetVersionMajor() * 100 + aiGetVersionMinor();
-    const bool halved = version >= 503 && strcmp(im->asset->file_format, "fbx") == 0;
+    const bool halved = version >= 503 && strcmp(im->asset->file.format, "fbx") == 0;
     return halved ? from->mHorizontalFOV : from->mHorizontalFOV / 2;
 }
 
@@ -409,16 +409,22 @@ static void add_key(struct hg_anim_channel *c, double time_s, const float *value
     c->key_count++;
 }
 
+struct vector_track {
+    enum hg_anim_path path; // translation or scale
+    const struct aiVectorKey *keys;
+    unsigned count;
+};
+
 static bool add_vector_keys(struct hg_import *im, struct hg_animation *animation,
-    struct hg_node *node, enum hg_anim_path path, const struct aiVectorKey *keys, unsigned count,
-    double rate)
+    struct hg_node *node, const struct vector_track *from, double rate)
 {
-    if (count == 0)
+    if (from->count == 0)
         return true;
-    struct hg_anim_channel *c = begin_channel(im, animation, node, path, count);
-    for (unsigned k = 0; c && k < count; k++) {
-        const float v[3] = {keys[k].mValue.x, keys[k].mValue.y, keys[k].mValue.z};
-        add_key(c, keys[k].mTime / rate, v);
+    struct hg_anim_channel *c = begin_channel(im, animation, node, from->path, from->count);
+    for (unsigned k = 0; c && k < from->count; k++) {
+        const struct aiVectorKey *key = &from->keys[k];
+        const float v[3] = {key->mValue.x, key->mValue.y, key->mValue.z};
+        add_key(c, key->mTime / rate, v);
     }
     return c != NULL;
 }
@@ -474,11 +480,12 @@ static enum hg_status add_animation(
         if (!node)
             continue;
         split_matrix(node);
-        if (!add_vector_keys(im, animation, node, HG_ANIM_TRANSLATION, c->mPositionKeys,
-                c->mNumPositionKeys, rate) ||
+        const struct vector_track positions = {
+            HG_ANIM_TRANSLATION, c->mPositionKeys, c->mNumPositionKeys};
+        const struct vector_track scales = {HG_ANIM_SCALE, c->mScalingKeys, c->mNumScalingKeys};
+        if (!add_vector_keys(im, animation, node, &positions, rate) ||
             !add_rotation_keys(im, animation, node, c, rate) ||
-            !add_vector_keys(
-                im, animation, node, HG_ANIM_SCALE, c->mScalingKeys, c->mNumScalingKeys, rate))
+            !add_vector_keys(im, animation, node, &scales, rate))
             return im->err->status;
     }
     for (uint32_t c = 0; c < animation->channel_count; c++) {

@@ -10,8 +10,8 @@ static bool is_black(const float color[3])
 
 static bool has_specular(const struct hg_material *m)
 {
-    const float *c = m->specular_color;
-    return m->specular != 1.0f || c[0] != 1.0f || c[1] != 1.0f || c[2] != 1.0f ||
+    const float *c = m->specular.color;
+    return m->specular.factor != 1.0f || c[0] != 1.0f || c[1] != 1.0f || c[2] != 1.0f ||
            m->slots[HG_SLOT_SPECULAR].texture != NULL ||
            m->slots[HG_SLOT_SPECULAR_COLOR].texture != NULL;
 }
@@ -20,13 +20,13 @@ static uint32_t factor_features(const struct hg_material *m)
 {
     if (m->unlit)
         return 0;
-    return (m->clearcoat > 0.0f ? HG_FEATURE_CLEARCOAT : 0u) |
-           (!is_black(m->sheen_color) ? HG_FEATURE_SHEEN : 0u) |
-           (m->iridescence > 0.0f ? HG_FEATURE_IRIDESCENCE : 0u) |
-           (m->anisotropy > 0.0f ? HG_FEATURE_ANISOTROPY : 0u) |
+    return (m->clearcoat.factor > 0.0f ? HG_FEATURE_CLEARCOAT : 0u) |
+           (!is_black(m->sheen.color) ? HG_FEATURE_SHEEN : 0u) |
+           (m->iridescence.factor > 0.0f ? HG_FEATURE_IRIDESCENCE : 0u) |
+           (m->anisotropy.strength > 0.0f ? HG_FEATURE_ANISOTROPY : 0u) |
            (has_specular(m) ? HG_FEATURE_SPECULAR : 0u) |
            (m->transmission > 0.0f ? HG_FEATURE_TRANSMISSION : 0u) |
-           (m->diffuse_transmission > 0.0f ? HG_FEATURE_DIFFUSE_TRANSMISSION : 0u);
+           (m->diffuse_transmission.factor > 0.0f ? HG_FEATURE_DIFFUSE_TRANSMISSION : 0u);
 }
 
 // The lobe that a slot belongs to; 0: shaded for every material.

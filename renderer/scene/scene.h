@@ -92,15 +92,32 @@ struct hg_material {
     enum hg_alpha_mode alpha_mode;
     float alpha_cutoff; // default 0.5
     bool double_sided, unlit;
-    // KHR_materials_*, defaults as specified there.
-    float ior, specular, specular_color[3];
-    float clearcoat, clearcoat_roughness, clearcoat_normal_scale;
-    float sheen_color[3], sheen_roughness;
-    float transmission, thickness, attenuation_distance, attenuation_color[3], dispersion;
-    float iridescence, iridescence_ior, iridescence_thickness_min, iridescence_thickness_max; // nm
-    float anisotropy, anisotropy_rotation; // rotation in radians
-    float diffuse_transmission, diffuse_transmission_color[3];
-    bool has_specular, has_ior;
+    // Members of KHR_materials_*, with the defaults of each extension.
+    float ior;
+    bool has_ior;
+    float transmission, dispersion;
+    struct {
+        bool is_set; // the material has the extension
+        float factor, color[3];
+    } specular;
+    struct {
+        float factor, roughness, normal_scale;
+    } clearcoat;
+    struct {
+        float color[3], roughness;
+    } sheen;
+    struct {
+        float thickness, attenuation_distance, attenuation_color[3]; // metres
+    } volume;
+    struct {
+        float factor, ior, thickness_min_nm, thickness_max_nm;
+    } iridescence;
+    struct {
+        float strength, rotation_rad;
+    } anisotropy;
+    struct {
+        float factor, color[3];
+    } diffuse_transmission;
     struct hg_texture_ref slots[HG_SLOT_COUNT];
 };
 
@@ -135,7 +152,7 @@ struct hg_mesh_part {
     uint32_t joint_sets;                // 0, 1 or 2
     struct hg_morph_target *targets;    // [mesh.target_count]
     struct hg_material *material;       // NULL: default material
-    struct hg_material **variants; // [asset.variant_count] replacement per variant, entries may
+    struct hg_material **variants; // [asset.variants.count] replacement per variant, entries may
                                    // be NULL (no change); NULL: no mapping
     float bounds_min[3], bounds_max[3]; // of positions, morph targets at full weight included
 };
@@ -178,9 +195,10 @@ struct hg_node {
     float translation[3], rotation[4], scale[3]; // rotation x y z w, unit
     bool has_matrix;                             // `matrix` instead of TRS
     float matrix[16];                            // column-major
-    // Where it will be a frame later, by a client's word; an animation's pose ends it.
-    bool moves;
-    float next_translation[3], next_rotation[4], next_scale[3];
+    bool moves; // a client set `next`; posing an animation of the node clears it
+    struct {    // local transform one frame later, for motion vectors and motion blur
+        float translation[3], rotation[4], scale[3];
+    } next;
     bool animated;        // an animation of its asset turns, moves or sizes it
     bool visible;         // hides the subtree too
     bool catches_shadows; // path-traced: seen by the camera only as the shadow on it (subtree too)
@@ -227,7 +245,11 @@ struct hg_asset {
     struct hg_scene *scene; // that it was added to; NULL: none
     uint32_t number;
     char *label; // file name
-    char generator[128], version[16], copyright[256], file_format[16];
+    struct {     // what the file states about itself
+        char format[16], version[16], generator[128], copyright[256];
+        char **extensions_used;
+        uint32_t extension_count;
+    } file;
     struct hg_node **nodes;
     uint32_t node_count; // ids number << 32 | index
     struct hg_mesh **meshes;
@@ -244,15 +266,15 @@ struct hg_asset {
     uint32_t skin_count;
     struct hg_animation *animations;
     uint32_t animation_count;
-    char **variants;
-    uint32_t variant_count;
-    char **extensions_used;
-    uint32_t extension_count;
+    struct {
+        char **names;
+        uint32_t count;
+        int32_t chosen; // -1 = none
+    } variants;
     struct hg_warning *warnings;
     uint32_t warning_count;
     struct hg_node **roots;
     uint32_t root_count; // of the chosen scene of the file
-    int32_t variant;     // chosen variant, -1 = none
 };
 
 enum hg_environment_kind { HG_ENV_NONE, HG_ENV_COLOR, HG_ENV_IMAGE, HG_ENV_SKY };

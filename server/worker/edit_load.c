@@ -84,13 +84,13 @@ static void answer_loaded(const struct request *r, const struct hg_asset *asset)
 static enum hg_status choose_variant(
     struct hg_asset *asset, struct hgp_str name, struct hg_error *err)
 {
-    asset->variant = -1;
+    asset->variants.chosen = -1;
     if (!name.size)
         return HG_OK;
-    for (uint32_t i = 0; i < asset->variant_count; i++)
-        if (strlen(asset->variants[i]) == name.size &&
-            memcmp(asset->variants[i], name.data, name.size) == 0) {
-            asset->variant = (int32_t)i;
+    for (uint32_t i = 0; i < asset->variants.count; i++)
+        if (strlen(asset->variants.names[i]) == name.size &&
+            memcmp(asset->variants.names[i], name.data, name.size) == 0) {
+            asset->variants.chosen = (int32_t)i;
             return HG_OK;
         }
     return hg_error_set(err, HG_E_NOTFOUND, asset->label, "variant", "no variant '%.*s'",
@@ -269,9 +269,9 @@ void hg_handle_variant_set(const struct request *r)
     if (!asset)
         return;
     struct hg_error err = {0};
-    int32_t before = asset->variant;
+    int32_t before = asset->variants.chosen;
     if (choose_variant(asset, m->variant, &err)) {
-        asset->variant = before;
+        asset->variants.chosen = before;
         hg_reply_error(r->to, &err);
         return;
     }

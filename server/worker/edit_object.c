@@ -262,16 +262,16 @@ static void set_next(struct hg_node *node, const struct hgp_node_set *m)
     if (!has_next(m))
         return;
     if (!node->moves) {
-        memcpy(node->next_translation, node->translation, sizeof node->next_translation);
-        memcpy(node->next_rotation, node->rotation, sizeof node->next_rotation);
-        memcpy(node->next_scale, node->scale, sizeof node->next_scale);
+        memcpy(node->next.translation, node->translation, sizeof node->next.translation);
+        memcpy(node->next.rotation, node->rotation, sizeof node->next.rotation);
+        memcpy(node->next.scale, node->scale, sizeof node->next.scale);
     }
     if (m->has_next_translation)
-        memcpy(node->next_translation, m->next_translation, sizeof node->next_translation);
+        memcpy(node->next.translation, m->next_translation, sizeof node->next.translation);
     if (m->has_next_rotation)
-        set_rotation(node->next_rotation, m->next_rotation);
+        set_rotation(node->next.rotation, m->next_rotation);
     if (m->has_next_scale)
-        memcpy(node->next_scale, m->next_scale, sizeof node->next_scale);
+        memcpy(node->next.scale, m->next_scale, sizeof node->next.scale);
     node->moves = true;
 }
 

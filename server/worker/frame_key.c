@@ -56,9 +56,9 @@ static void write_transforms(struct hg_writer *w, const struct hg_node *node, ui
         write_floats(w, node->translation, 3);
         write_floats(w, node->rotation, 4);
         write_floats(w, node->scale, 3);
-        write_floats(w, node->next_translation, 3);
-        write_floats(w, node->next_rotation, 4);
-        write_floats(w, node->next_scale, 3);
+        write_floats(w, node->next.translation, 3);
+        write_floats(w, node->next.rotation, 4);
+        write_floats(w, node->next.scale, 3);
     }
 }
 

@@ -133,8 +133,8 @@ static double *make_factors(void)
 static struct hg_material *lambert(struct rig *rig, double red, double green)
 {
     struct hg_material *m = rig_material(rig);
-    m->specular = 0;
-    m->has_specular = true;
+    m->specular.factor = 0;
+    m->specular.is_set = true;
     m->base_color[0] = (float)red;
     m->base_color[1] = m->base_color[2] = (float)green;
     return m;

@@ -167,7 +167,7 @@ static void test_planes(void **state)
     rig_scene(rig);
     struct hg_material *m = path_rig_lambert(rig, 0.0f);
     m->emissive[0] = m->emissive[1] = m->emissive[2] = 2.0f;
-    m->clearcoat = 1.0f;
+    m->clearcoat.factor = 1.0f;
     struct hg_node *node = rig_quad(rig, m, corners);
     struct hg_view_params params = defaults;
     params.planes = 1u << HG_PLANE_POSITION | 1u << HG_PLANE_OBJECT | 1u << HG_PLANE_EMISSION;
@@ -233,7 +233,7 @@ static void test_slabs(void **state)
     back_light(rig);
     struct hg_material *glass = rig_material(rig);
     glass->roughness = 0.0f;
-    glass->transmission = glass->thickness = 1.0f;
+    glass->transmission = glass->volume.thickness = 1.0f;
     path_rig_box(rig, glass, low, high);
     const double through = render(rig, &params, eye, origin, 0.02f, 1.0);
     const double expected = (1 - 0.04) / (1 + 0.04);
@@ -243,11 +243,12 @@ static void test_slabs(void **state)
     back_light(rig);
     struct hg_material *dark = rig_material(rig);
     dark->roughness = 0.0f;
-    dark->transmission = dark->thickness = 1.0f;
+    dark->transmission = dark->volume.thickness = 1.0f;
     dark->ior = 1.0f;
     dark->has_ior = true;
-    dark->attenuation_distance = 0.5f;
-    dark->attenuation_color[0] = dark->attenuation_color[1] = dark->attenuation_color[2] = 0.3f;
+    dark->volume.attenuation_distance = 0.5f;
+    dark->volume.attenuation_color[0] = dark->volume.attenuation_color[1] =
+        dark->volume.attenuation_color[2] = 0.3f;
     path_rig_box(rig, dark, low, high);
     params.samples = 64;
     const double left = render(rig, &params, eye, origin, 0.02f, 1.0);

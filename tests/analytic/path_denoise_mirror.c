@@ -91,7 +91,7 @@ static struct hg_material *glass(struct rig *rig, float thickness)
     struct hg_material *m = rig_material(rig);
     m->roughness = 0.0f;
     m->transmission = 1.0f;
-    m->thickness = thickness;
+    m->volume.thickness = thickness;
     m->double_sided = true;
     return m;
 }

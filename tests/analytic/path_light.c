@@ -25,8 +25,8 @@ static const struct rig_camera camera = {.eye = {1, 4, 2.5},
 static struct hg_material *lambert(struct rig *rig, float white, float emission)
 {
     struct hg_material *m = rig_material(rig);
-    m->specular = 0;
-    m->has_specular = true;
+    m->specular.factor = 0;
+    m->specular.is_set = true;
     for (int c = 0; c < 3; c++) {
         m->base_color[c] = white;
         m->emissive[c] = emission;

@@ -113,10 +113,10 @@ static void add_water(struct rig *rig)
 {
     struct hg_material *m = clear_glass(rig, 1);
     m->double_sided = false;
-    m->thickness = 1;
-    m->attenuation_distance = 1;
+    m->volume.thickness = 1;
+    m->volume.attenuation_distance = 1;
     for (int c = 0; c < 3; c++)
-        m->attenuation_color[c] = (float)exp(-water);
+        m->volume.attenuation_color[c] = (float)exp(-water);
     path_rig_box(rig, m, (const float[3]){-20, -1, -20}, (const float[3]){20, DEPTH, 20});
 }
 
@@ -206,7 +206,7 @@ static void add_slab(struct rig *rig, float ior, float half, float from, float t
 {
     struct hg_material *m = clear_glass(rig, ior);
     m->double_sided = false;
-    m->thickness = 1;
+    m->volume.thickness = 1;
     path_rig_box(rig, m, (const float[3]){-half, -half, from}, (const float[3]){half, half, to});
 }
 
@@ -262,7 +262,7 @@ static void test_volume_of_the_same_glass(void **state)
         for (int k = 0; k < (i > 0 ? 2 : 1); k++) {
             struct hg_material *m = clear_glass(rig, i == 2 && k == 1 ? 1.2f : 1.6f);
             m->double_sided = false;
-            m->thickness = 1;
+            m->volume.thickness = 1;
             m->dispersion = 3;
             rig_sphere(rig, m, center, k == 0 ? 0.9f : 0.6f, 48);
         }

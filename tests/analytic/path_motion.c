@@ -30,8 +30,8 @@ static struct hg_material *glow(struct rig *rig, float radiance)
         m->base_color[i] = 0.0f;
         m->emissive[i] = radiance;
     }
-    m->has_specular = true;
-    m->specular = 0.0f;
+    m->specular.is_set = true;
+    m->specular.factor = 0.0f;
     m->double_sided = true;
     return m;
 }
@@ -157,9 +157,9 @@ static struct hg_node *joint(struct rig *rig)
 static void tell(struct hg_node *node, const float translation[3], const float rotation[4])
 {
     node->moves = true;
-    memcpy(node->next_translation, translation, sizeof node->next_translation);
-    memcpy(node->next_rotation, rotation, sizeof node->next_rotation);
-    memcpy(node->next_scale, node->scale, sizeof node->next_scale);
+    memcpy(node->next.translation, translation, sizeof node->next.translation);
+    memcpy(node->next.rotation, rotation, sizeof node->next.rotation);
+    memcpy(node->next.scale, node->scale, sizeof node->next.scale);
 }
 
 static void test_camera(void **state)
@@ -360,8 +360,8 @@ static void lit_floor(struct rig *rig, bool moves)
     static const float rest[9] = {0};
     rig_scene(rig);
     struct hg_material *white = rig_material(rig);
-    white->has_specular = true;
-    white->specular = 0.0f;
+    white->specular.is_set = true;
+    white->specular.factor = 0.0f;
     rig_quad(rig, white, floor);
     struct hg_material *light = glow(rig, 4.0f);
     light->double_sided = false; // shines down

@@ -75,10 +75,10 @@ static struct hg_material *layered(struct rig *rig)
 {
     struct hg_material *m = rig_material(rig);
     m->roughness = 0.4f;
-    m->clearcoat = 0.7f;
-    m->clearcoat_roughness = 0.2f;
-    m->sheen_color[0] = m->sheen_color[1] = m->sheen_color[2] = 0.4f;
-    m->sheen_roughness = 0.5f;
+    m->clearcoat.factor = 0.7f;
+    m->clearcoat.roughness = 0.2f;
+    m->sheen.color[0] = m->sheen.color[1] = m->sheen.color[2] = 0.4f;
+    m->sheen.roughness = 0.5f;
     m->transmission = 0.3f;
     return m;
 }
@@ -248,9 +248,9 @@ static void test_lobes(void **state)
         struct hg_material *m = i == 0 ? path_rig_lambert(rig, 0.7f) : rig_material(rig);
         m->metallic = i == 1 ? 1.0f : 0.0f;
         m->roughness = i == 1 ? 0.3f : 1.0f;
-        m->diffuse_transmission = i == 2 ? 1.0f : 0.0f;
-        m->specular = i == 2 ? 0.0f : m->specular;
-        m->has_specular = m->has_specular || i == 2;
+        m->diffuse_transmission.factor = i == 2 ? 1.0f : 0.0f;
+        m->specular.factor = i == 2 ? 0.0f : m->specular.factor;
+        m->specular.is_set = m->specular.is_set || i == 2;
         rig_sphere(rig, m, center, 0.5f, 48);
         params.max_bounces = 4;
         params.samples = 16;

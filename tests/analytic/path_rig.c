@@ -74,8 +74,8 @@ void path_rig_environment(struct rig *rig, float radiance)
 struct hg_material *path_rig_lambert(struct rig *rig, float albedo)
 {
     struct hg_material *m = rig_material(rig);
-    m->specular = 0.0f;
-    m->has_specular = true;
+    m->specular.factor = 0.0f;
+    m->specular.is_set = true;
     for (int i = 0; i < 3; i++)
         m->base_color[i] = albedo;
     return m;

@@ -77,7 +77,7 @@ static void add_glass(struct hg_scene *scene, uint64_t id)
     m->metallic = 0.0f;
     m->roughness = 0.3f;
     m->transmission = 1.0f;
-    m->thickness = 1.0f;
+    m->volume.thickness = 1.0f;
     struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, id);
     rig_part(mesh, 4, positions, normals, 6, indices)->material = m;
     struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, id);

@@ -282,10 +282,10 @@ static void test_next_places(void **state)
     memcpy(node->translation, place, sizeof place);
     node->moves = true;
     for (int i = 0; i < 3; i++) {
-        node->next_translation[i] = place[i] + (float)i;
-        node->next_scale[i] = 3;
+        node->next.translation[i] = place[i] + (float)i;
+        node->next.scale[i] = 3;
     }
-    node->next_rotation[2] = node->next_rotation[3] = sqrtf(0.5f); // 90 degrees about z
+    node->next.rotation[2] = node->next.rotation[3] = sqrtf(0.5f); // 90 degrees about z
     for (int k = 0; k < 4; k++) {
         const float f = frames[k], half = f * (float)M_PI / 4;
         assert_int_equal(hg_scene_pose_shift(scene, (double)f, (double)f, &kept), HG_OK);

@@ -588,12 +588,12 @@ static void test_variants(void **state)
 {
     (void)state;
     struct hg_asset *asset = load_file("khronos/SheenChair/glTF/SheenChair.gltf");
-    assert_int_equal(asset->variant_count, 2);
-    assert_string_equal(asset->variants[0], "Mango Velvet");
-    assert_string_equal(asset->variants[1], "Peacock Velvet");
-    assert_int_equal(asset->variant, -1);
+    assert_int_equal(asset->variants.count, 2);
+    assert_string_equal(asset->variants.names[0], "Mango Velvet");
+    assert_string_equal(asset->variants.names[1], "Peacock Velvet");
+    assert_int_equal(asset->variants.chosen, -1);
     for (int32_t v = -1; v < 2; v++) {
-        asset->variant = v;
+        asset->variants.chosen = v;
         bool second = v == 1;
         expect_material(
             asset, 0, second ? "fabric Mystere Peacock Velvet" : "fabric Mystere Mango Velvet");
