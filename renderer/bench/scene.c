@@ -98,9 +98,10 @@ void hg_bench_pattern_row(const struct hg_bench_pattern *pattern, uint32_t mip, 
     }
 }
 
-static bool make_rectangle(
-    void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height, void *pixels)
+static bool make_rectangle(void *user, const struct hg_image_rect *rect, void *pixels)
 {
+    const uint32_t mip = rect->mip, x = rect->at[0], y = rect->at[1];
+    const uint32_t width = rect->size[0], height = rect->size[1];
     for (uint32_t j = 0; j < height; j++)
         hg_bench_pattern_row(user, mip, x, y + j, width, (uint8_t *)pixels + (size_t)j * width * 4);
     return true;

@@ -13,7 +13,7 @@ enum hg_status hg_jpeg_encode(const struct hg_image *image, const struct hg_imag
 // Decodes to RGBA8 (alpha 1, *decoded true), or leaves *decoded false when the file is of a kind
 // that needs OpenImageIO (CMYK, or a header that is not understood). `limits` is complete.
 // HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM. A file that is cut short shows what was there.
-enum hg_status hg_jpeg_decode(const void *data, size_t size, const char *name,
+enum hg_status hg_jpeg_decode(const struct hg_image_bytes *file,
     const struct hg_image_limits *limits, struct hg_image *out, bool *decoded,
     struct hg_error *err) HG_MUST_CHECK;
 

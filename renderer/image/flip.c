@@ -144,9 +144,11 @@ static void filter_sensitivity(float *dst, const float *src, float *scratch,
     float sum2 = sensitivity_taps(&second, s->b2, radius, pixels_per_degree);
     float w1 = s->a1 * sqrtf(pi / s->b1) * sum1 * sum1;
     float w2 = s->a2 * sqrtf(pi / s->b2) * sum2 * sum2;
-    hg_plane_filter_add(dst, src, scratch, size->width, size->height, &first, w1 / (w1 + w2));
+    hg_plane_filter_add(
+        dst, src, scratch, (const uint32_t[2]){size->width, size->height}, &first, w1 / (w1 + w2));
     if (w2 > 0)
-        hg_plane_filter_add(dst, src, scratch, size->width, size->height, &second, w2 / (w1 + w2));
+        hg_plane_filter_add(dst, src, scratch, (const uint32_t[2]){size->width, size->height},
+            &second, w2 / (w1 + w2));
 }
 
 // Planes of one picture: opponent colours, then the same filtered.
@@ -241,8 +243,10 @@ static void feature_magnitude(const struct opponent *o, const struct hg_image *s
         p->luma[i] = (o->color[0][i] + 16.0f) / 116.0f;
         p->dx[i] = p->dy[i] = 0;
     }
-    hg_plane_filter_add(p->dx, p->luma, p->scratch, size->width, size->height, taps, 1);
-    hg_plane_filter_add(p->dy, p->luma, p->scratch, size->width, size->height, &other, 1);
+    hg_plane_filter_add(
+        p->dx, p->luma, p->scratch, (const uint32_t[2]){size->width, size->height}, taps, 1);
+    hg_plane_filter_add(
+        p->dy, p->luma, p->scratch, (const uint32_t[2]){size->width, size->height}, &other, 1);
     for (size_t i = 0; i < count; i++)
         p->magnitude[i] = sqrtf(p->dx[i] * p->dx[i] + p->dy[i] * p->dy[i]);
 }

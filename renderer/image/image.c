@@ -93,12 +93,12 @@ enum hg_status hg_image_sniff(
     return hg_error_set(err, HG_E_FORMAT, name, "byte 0", "not an image format that is read here");
 }
 
-// The reader for these bytes, after what is checked before a library sees them.
+// The reader for these bytes, once they have passed the checks that protect the libraries.
 static enum hg_status choose_reader(
-    const void *data, size_t size, const char *name, const char **format, struct hg_error *err)
+    const struct hg_image_bytes *file, const char **format, struct hg_error *err)
 {
-    enum hg_status st = hg_image_sniff(data, size, name, format, err);
-    return st ? st : hg_check_bytes(*format, data, size, name, err);
+    enum hg_status st = hg_image_sniff(file->data, file->size, file->name, format, err);
+    return st ? st : hg_check_bytes(*format, file->data, file->size, file->name, err);
 }
 
 static struct hg_image_limits complete_limits(const struct hg_image_limits *limits)
@@ -110,7 +110,7 @@ static struct hg_image_limits complete_limits(const struct hg_image_limits *limi
     return l;
 }
 
-// What a reader says, and the end of it.
+// Takes the properties from a reader, and closes it.
 static void probe_reader(struct hg_image_reader *reader, struct hg_image_info *out)
 {
     const struct hg_image_reader_info *info = hg_image_reader_info(reader);
@@ -123,35 +123,36 @@ static void probe_reader(struct hg_image_reader *reader, struct hg_image_info *o
     hg_image_reader_close(reader);
 }
 
-enum hg_status hg_image_probe_memory(const void *data, size_t size, const char *name,
-    struct hg_image_info *out, struct hg_error *err)
+enum hg_status hg_image_probe_memory(
+    const struct hg_image_bytes *file, struct hg_image_info *out, struct hg_error *err)
 {
     const char *format;
     memset(out, 0, sizeof *out);
-    enum hg_status st = choose_reader(data, size, name, &format, err);
-    if (st || strcmp(format, "ktx2") != 0)
-        return st ? st : hg_oiio_probe(data, size, name, format, out, err);
+    enum hg_status st = choose_reader(file, &format, err);
+    if (st)
+        return st;
+    if (strcmp(format, "ktx2") != 0)
+        return hg_oiio_probe(file, format, out, err);
     struct hg_image_reader *reader;
-    st = hg_image_reader_open_memory(data, size, name, UINT32_MAX, &reader, err);
+    st = hg_image_reader_open_memory(file, UINT32_MAX, &reader, err);
     if (!st)
         probe_reader(reader, out);
     return st;
 }
 
-// All rows of what is read here, not by a library.
-static enum hg_status read_rows(const void *data, size_t size, const char *name,
-    enum hg_pixel_format format, const struct hg_image_limits *l, struct hg_image *out,
-    struct hg_error *err)
+// A whole file of a format that has only a row reader (KTX2).
+static enum hg_status read_rows(const struct hg_image_bytes *file, enum hg_pixel_format format,
+    const struct hg_image_limits *l, struct hg_image *out, struct hg_error *err)
 {
     struct hg_image_reader *reader;
-    enum hg_status st = hg_image_reader_open_memory(data, size, name, l->max_side_px, &reader, err);
+    enum hg_status st = hg_image_reader_open_memory(file, l->max_side_px, &reader, err);
     if (st)
         return st;
     const struct hg_image_reader_info *info = hg_image_reader_info(reader);
     st = hg_image_create(info->width, info->height, format, l, out);
     if (st)
-        hg_error_set(
-            err, st, name, "size", "%ux%u px: %s", info->width, info->height, hg_status_text(st));
+        hg_error_set(err, st, file->name, "size", "%ux%u px: %s", info->width, info->height,
+            hg_status_text(st));
     else
         st = hg_image_reader_rows(reader, format, info->height, out->pixels, err);
     out->has_alpha = info->has_alpha;
@@ -161,28 +162,32 @@ static enum hg_status read_rows(const void *data, size_t size, const char *name,
     return st;
 }
 
-enum hg_status hg_image_read_memory(const void *data, size_t size, const char *name,
-    enum hg_pixel_format format, const struct hg_image_limits *limits, struct hg_image *out,
-    struct hg_error *err)
+enum hg_status hg_image_read_memory(const struct hg_image_bytes *file, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err)
 {
     const char *reader;
     struct hg_image_limits l = complete_limits(limits);
     memset(out, 0, sizeof *out);
-    enum hg_status st = choose_reader(data, size, name, &reader, err);
+    enum hg_status st = choose_reader(file, &reader, err);
+    if (st)
+        return st;
     bool decoded = false;
-    if (!st && strcmp(reader, "ktx2") == 0)
-        return read_rows(data, size, name, format, &l, out, err);
-    if (!st && format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
-        st = hg_jpeg_decode(data, size, name, &l, out, &decoded, err);
-    return st || decoded ? st : hg_oiio_read(data, size, name, reader, format, &l, out, err);
+    if (strcmp(reader, "ktx2") == 0)
+        return read_rows(file, format, &l, out, err);
+    if (format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
+        st = hg_jpeg_decode(file, &l, out, &decoded, err);
+    return st || decoded ? st : hg_oiio_read(file, reader, format, &l, out, err);
 }
 
 // A JPEG that is cut short would still be shown; its comments hold "key=value".
-static enum hg_status examine_jpeg(const uint8_t *data, size_t size, const char *name,
-    const char *key, struct hg_image_told *out, struct hg_error *err)
+static enum hg_status examine_jpeg(const struct hg_image_bytes *file, const char *key,
+    struct hg_image_told *out, struct hg_error *err)
 {
+    const uint8_t *data = file->data;
+    const size_t size = file->size;
     if (size < 4 || data[size - 2] != 0xff || data[size - 1] != 0xd9)
-        return hg_error_set(err, HG_E_FORMAT, name, NULL, "the end of the picture is missing");
+        return hg_error_set(
+            err, HG_E_FORMAT, file->name, NULL, "the end of the picture is missing");
     size_t length = strlen(key);
     for (size_t at = 2; at + 4 <= size && data[at] == 0xff && data[at + 1] != 0xda;) {
         size_t segment = (size_t)data[at + 2] << 8 | data[at + 3];
@@ -198,19 +203,19 @@ static enum hg_status examine_jpeg(const uint8_t *data, size_t size, const char 
     return HG_OK;
 }
 
-enum hg_status hg_image_examine(const void *data, size_t size, const char *name, const char *key,
+enum hg_status hg_image_examine(const struct hg_image_bytes *file, const char *key,
     const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
 {
     const char *format;
     struct hg_image_limits l = complete_limits(limits);
     memset(out, 0, sizeof *out);
-    enum hg_status st = choose_reader(data, size, name, &format, err);
+    enum hg_status st = choose_reader(file, &format, err);
     if (!st && strcmp(format, "ktx2") == 0)
-        st = hg_error_set(err, HG_E_UNSUPPORTED, name, NULL, "no file that is written here");
+        st = hg_error_set(err, HG_E_UNSUPPORTED, file->name, NULL, "no file that is written here");
     if (!st)
-        st = hg_oiio_examine(data, size, name, format, key, &l, out, err);
+        st = hg_oiio_examine(file, format, key, &l, out, err);
     if (!st && strcmp(format, "jpeg") == 0)
-        st = examine_jpeg(data, size, name, key, out, err);
+        st = examine_jpeg(file, key, out, err);
     if (st)
         memset(out, 0, sizeof *out);
     return st;
@@ -241,7 +246,7 @@ enum hg_status hg_image_probe_file(
     }
     if (st)
         return st;
-    st = hg_image_probe_memory(data, size, path, out, err);
+    st = hg_image_probe_memory(&(struct hg_image_bytes){data, size, path}, out, err);
     hg_free(data);
     return st;
 }
@@ -255,7 +260,7 @@ enum hg_status hg_image_read_file(const char *path, enum hg_pixel_format format,
     enum hg_status st = hg_file_read(path, max_file_bytes, &data, &size, err);
     if (st)
         return st;
-    st = hg_image_read_memory(data, size, path, format, limits, out, err);
+    st = hg_image_read_memory(&(struct hg_image_bytes){data, size, path}, format, limits, out, err);
     hg_free(data);
     return st;
 }

@@ -20,15 +20,27 @@ struct hg_image {
     void *pixels;                // owned; hg_free
 };
 
+// An image file in memory. `name` is used in messages and, by its extension, as a hint; content
+// decides.
+struct hg_image_bytes {
+    const void *data; // borrowed
+    size_t size;
+    const char *name;
+};
+
+// A rectangle of a mip, in texels of that mip, whose sides are max(1, side >> mip).
+struct hg_image_rect {
+    uint32_t mip, at[2], size[2];
+};
+
 // An image that is made on demand, for textures that no file could hold.
 struct hg_image_tiles {
     uint32_t width, height;      // px
     enum hg_pixel_format format; // RGBA8 or RGBA32F
     uint8_t id[32];              // hash of what is made: equal ids give equal pixels
-    // Fills a rectangle of a mip (sides max(1, side >> mip)), rows tight. It lies inside the mip.
-    // Called by many threads at once. False: it cannot be made.
-    bool (*make)(void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
-        void *pixels);
+    // Fills a rectangle that lies inside its mip, rows tight. Called by many threads at once.
+    // False: it cannot be made.
+    bool (*make)(void *user, const struct hg_image_rect *rect, void *pixels);
     void *user;
 };
 
@@ -57,14 +69,12 @@ enum hg_status hg_image_probe_file(
     const char *path, struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_image_read_file(const char *path, enum hg_pixel_format format,
     const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
-// `name` is used in messages and, by its extension, as a hint; content decides.
-enum hg_status hg_image_probe_memory(const void *data, size_t size, const char *name,
-    struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_image_read_memory(const void *data, size_t size, const char *name,
-    enum hg_pixel_format format, const struct hg_image_limits *limits, struct hg_image *out,
+enum hg_status hg_image_probe_memory(const struct hg_image_bytes *file, struct hg_image_info *out,
     struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_image_read_memory(const struct hg_image_bytes *file, enum hg_pixel_format format,
+    const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
 
-// What a file that is whole says about itself.
+// What hg_image_examine found in a complete file.
 struct hg_image_told {
     uint32_t width, height; // of the first part
     uint32_t parts;
@@ -72,9 +82,9 @@ struct hg_image_told {
     char value[160]; // of the attribute asked for; empty when there is none
 };
 
-// Decodes all of a file, every part of it, and reads the text attribute `key` that
-// hg_image_encode has written. HG_E_FORMAT when anything of it is missing or damaged; HG_E_LIMIT.
-enum hg_status hg_image_examine(const void *data, size_t size, const char *name, const char *key,
+// Decodes every part of a file and reads the text attribute `key` that hg_image_encode has written.
+// HG_E_FORMAT when anything of it is missing or damaged; HG_E_LIMIT.
+enum hg_status hg_image_examine(const struct hg_image_bytes *file, const char *key,
     const struct hg_image_limits *limits, struct hg_image_told *out,
     struct hg_error *err) HG_MUST_CHECK;
 

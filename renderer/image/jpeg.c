@@ -63,17 +63,17 @@ enum hg_status hg_jpeg_encode(const struct hg_image *image, const struct hg_imag
     return st;
 }
 
-static enum hg_status decode_pixels(tjhandle handle, const void *data, size_t size,
-    const char *name, struct hg_image *out, struct hg_error *err)
+static enum hg_status decode_pixels(
+    tjhandle handle, const struct hg_image_bytes *file, struct hg_image *out, struct hg_error *err)
 {
-    int rc = tjDecompress2(handle, data, size, out->pixels, (int)out->width, 0, (int)out->height,
-        TJPF_RGBA, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS);
+    int rc = tjDecompress2(handle, file->data, file->size, out->pixels, (int)out->width, 0,
+        (int)out->height, TJPF_RGBA, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS);
     if (rc && tjGetErrorCode(handle) != TJERR_WARNING)
-        return hg_error_set(err, HG_E_FORMAT, name, NULL, "%s", tjGetErrorStr2(handle));
+        return hg_error_set(err, HG_E_FORMAT, file->name, NULL, "%s", tjGetErrorStr2(handle));
     return HG_OK;
 }
 
-enum hg_status hg_jpeg_decode(const void *data, size_t size, const char *name,
+enum hg_status hg_jpeg_decode(const struct hg_image_bytes *file,
     const struct hg_image_limits *limits, struct hg_image *out, bool *decoded, struct hg_error *err)
 {
     int width, height, subsampling, colors;
@@ -81,16 +81,18 @@ enum hg_status hg_jpeg_decode(const void *data, size_t size, const char *name,
     *decoded = false;
     tjhandle handle = tjInitDecompress();
     if (!handle)
-        return hg_error_set(err, HG_E_NOMEM, name, NULL, "no memory for the decoder");
+        return hg_error_set(err, HG_E_NOMEM, file->name, NULL, "no memory for the decoder");
     enum hg_status st = HG_OK;
-    if (tjDecompressHeader3(handle, data, size, &width, &height, &subsampling, &colors) == 0 &&
+    if (tjDecompressHeader3(
+            handle, file->data, file->size, &width, &height, &subsampling, &colors) == 0 &&
         colors != TJCS_CMYK && colors != TJCS_YCCK) {
         *decoded = true;
         st = hg_image_create((uint32_t)width, (uint32_t)height, HG_PIXEL_RGBA8, limits, out);
         if (st)
-            hg_error_set(err, st, name, "size", "%dx%d px: %s", width, height, hg_status_text(st));
+            hg_error_set(
+                err, st, file->name, "size", "%dx%d px: %s", width, height, hg_status_text(st));
         else
-            st = decode_pixels(handle, data, size, name, out, err);
+            st = decode_pixels(handle, file, out, err);
     }
     if (st)
         hg_image_finish(out);

@@ -110,7 +110,8 @@ static void filter_product(struct moments *m, const struct hg_image *size,
 {
     for (size_t i = 0; i < pixel_count(size); i++)
         m->product[i] = p[i] * q[i];
-    hg_plane_filter_add(dst, m->product, m->scratch, size->width, size->height, taps, 1);
+    hg_plane_filter_add(
+        dst, m->product, m->scratch, (const uint32_t[2]){size->width, size->height}, taps, 1);
 }
 
 static void local_moments(const struct hg_image *a, const struct hg_image *b, struct moments *m)
@@ -124,8 +125,10 @@ static void local_moments(const struct hg_image *a, const struct hg_image *b, st
         m->a[i] = 0.299f * pa[0] + 0.587f * pa[1] + 0.114f * pa[2];
         m->b[i] = 0.299f * pb[0] + 0.587f * pb[1] + 0.114f * pb[2];
     }
-    hg_plane_filter_add(m->mean_a, m->a, m->scratch, a->width, a->height, &taps, 1);
-    hg_plane_filter_add(m->mean_b, m->b, m->scratch, a->width, a->height, &taps, 1);
+    hg_plane_filter_add(
+        m->mean_a, m->a, m->scratch, (const uint32_t[2]){a->width, a->height}, &taps, 1);
+    hg_plane_filter_add(
+        m->mean_b, m->b, m->scratch, (const uint32_t[2]){a->width, a->height}, &taps, 1);
     filter_product(m, a, &taps, m->a, m->a, m->aa);
     filter_product(m, a, &taps, m->b, m->b, m->bb);
     filter_product(m, a, &taps, m->a, m->b, m->ab);

@@ -80,23 +80,31 @@ template <class Work> hg_status guarded(const char *name, hg_error *err, Work wo
 // An opened image; the reader borrows the proxy, so the order of members matters. Only the
 // library's own proxies will do: its JPEG reader looks inside them.
 struct Source {
+    std::string label; // of the file, for messages
     std::unique_ptr<OIIO::Filesystem::IOProxy> bytes;
     std::unique_ptr<ImageInput> input;
     ImageSpec spec;
 
-    Source(const void *data, size_t size)
-        : bytes(new OIIO::Filesystem::IOMemReader(const_cast<void *>(data), size))
+    explicit Source(const hg_image_bytes &file)
+        : label(file.name),
+          bytes(new OIIO::Filesystem::IOMemReader(const_cast<void *>(file.data), file.size))
     {
     }
 
-    explicit Source(FILE *file)
-        : bytes(new OIIO::Filesystem::IOFile(file, OIIO::Filesystem::IOProxy::Read))
+    Source(FILE *file, const char *name)
+        : label(name), bytes(new OIIO::Filesystem::IOFile(file, OIIO::Filesystem::IOProxy::Read))
     {
+    }
+
+    const char *name() const
+    {
+        return label.c_str();
     }
 };
 
-hg_status open_source(Source &source, const char *name, const char *format, hg_error *err)
+hg_status open_source(Source &source, const char *format, hg_error *err)
 {
+    const char *name = source.name();
     set_up_library();
     source.input = ImageInput::create(format, false, nullptr, nullptr, "");
     if (!source.input)
@@ -116,13 +124,13 @@ hg_status open_source(Source &source, const char *name, const char *format, hg_e
 }
 
 // The library's own limit is meant for images that are read whole.
-hg_status open_large_source(Source &source, const char *name, const char *format, hg_error *err)
+hg_status open_large_source(Source &source, const char *format, hg_error *err)
 {
     static std::mutex lock;
     std::lock_guard<std::mutex> guard(lock);
     set_up_library();
     OIIO::attribute("limits:imagesize_MB", 1 << 18);
-    hg_status st = open_source(source, name, format, err);
+    hg_status st = open_source(source, format, err);
     OIIO::attribute("limits:imagesize_MB", image_limit_mb);
     return st;
 }
@@ -234,27 +242,28 @@ bool has_alpha(const ImageSpec &s)
     return channels == 2 || channels == 4;
 }
 
-hg_status read_pixels(Source &source, const char *name, hg_image *image, hg_error *err)
+hg_status read_pixels(Source &source, hg_image *image, hg_error *err)
 {
     int channels = channels_to_read(source.spec);
     if (!source.input->read_image(0, 0, 0, channels, type_of(image->format), image->pixels))
-        return fail(err, HG_E_FORMAT, name, source.input->geterror());
+        return fail(err, HG_E_FORMAT, source.name(), source.input->geterror());
     finish_pixels(source.spec, image->pixels, size_t(image->width) * image->height, image->format);
     image->has_alpha = has_alpha(source.spec);
     return HG_OK;
 }
 
-hg_status read_image(Source &source, const char *name, hg_pixel_format format,
-    const hg_image_limits &limits, hg_image *out, hg_error *err)
+hg_status read_image(Source &source, hg_pixel_format format, const hg_image_limits &limits,
+    hg_image *out, hg_error *err)
 {
     const ImageSpec &s = source.spec;
+    const char *name = source.name();
     hg_status st = check_limits(s, name, hg_pixel_bytes(format), limits, err);
     if (st)
         return st;
     st = hg_image_create(uint32_t(s.width), uint32_t(s.height), format, &limits, out);
     if (st)
         return hg_error_set(err, st, name, "size", "no memory for %dx%d px", s.width, s.height);
-    st = read_pixels(source, name, out, err);
+    st = read_pixels(source, out, err);
     if (st)
         hg_image_finish(out);
     return st;
@@ -449,8 +458,9 @@ hg_status encode_part(
 }
 
 // Rows in bands, as stored; decoding is what checks them.
-hg_status read_whole_part(Source &source, int part, const char *name, hg_error *err)
+hg_status read_whole_part(Source &source, int part, hg_error *err)
 {
+    const char *name = source.name();
     ImageSpec s = source.input->spec(part);
     constexpr int band = 64;
     std::vector<unsigned char> rows(s.scanline_bytes(true) * band);
@@ -467,10 +477,11 @@ hg_status read_whole_part(Source &source, int part, const char *name, hg_error *
     return HG_OK;
 }
 
-hg_status examine(Source &source, const char *name, const char *format, const char *key,
+hg_status examine(Source &source, const char *format, const char *key,
     const hg_image_limits &limits, hg_image_told *out, hg_error *err)
 {
-    hg_status st = open_source(source, name, format, err);
+    const char *name = source.name();
+    hg_status st = open_source(source, format, err);
     if (!st)
         st = check_limits(source.spec, name, source.spec.pixel_bytes(true), limits, err);
     if (st)
@@ -485,7 +496,7 @@ hg_status examine(Source &source, const char *name, const char *format, const ch
             break;
         st = check_limits(source.input->spec(part), name, 1, limits, err);
         if (!st)
-            st = read_whole_part(source, part, name, err);
+            st = read_whole_part(source, part, err);
         out->parts++;
     }
     return st;
@@ -499,7 +510,6 @@ constexpr uint64_t max_tile_px = 1 << 24;
 
 struct hg_oiio_reader {
     Source source;
-    std::string name;
     struct hg_image_reader_info info = {};
     std::mutex lock;
     uint32_t next_row = 0;
@@ -507,12 +517,11 @@ struct hg_oiio_reader {
     uint32_t band_first = 0, band_rows = 0;
     hg_pixel_format band_format = HG_PIXEL_RGBA8;
 
-    hg_oiio_reader(const void *data, size_t size, const char *label)
-        : source(data, size), name(label)
+    explicit hg_oiio_reader(const hg_image_bytes &bytes) : source(bytes)
     {
     }
 
-    hg_oiio_reader(FILE *file, const char *label) : source(file), name(label)
+    hg_oiio_reader(FILE *file, const char *name) : source(file, name)
     {
     }
 };
@@ -538,7 +547,7 @@ uint32_t count_mips(ImageInput &input, uint32_t width, uint32_t height)
 hg_status describe(hg_oiio_reader &r, const char *format, uint32_t max_side_px, hg_error *err)
 {
     const ImageSpec &s = r.source.spec;
-    const char *name = r.name.c_str();
+    const char *name = r.source.name();
     if (uint32_t(s.width) > max_side_px || uint32_t(s.height) > max_side_px)
         return hg_error_set(err, HG_E_LIMIT, name, "size", "%dx%d px is more than %u a side",
             s.width, s.height, max_side_px);
@@ -567,7 +576,7 @@ hg_status describe(hg_oiio_reader &r, const char *format, uint32_t max_side_px, 
 
 hg_status open_reader(hg_oiio_reader *r, const char *format, uint32_t max_side_px, hg_error *err)
 {
-    hg_status st = open_large_source(r->source, r->name.c_str(), format, err);
+    hg_status st = open_large_source(r->source, format, err);
     return st ? st : describe(*r, format, max_side_px, err);
 }
 
@@ -578,22 +587,23 @@ hg_status read_scanlines(hg_oiio_reader &r, hg_pixel_format format, uint32_t y, 
     int first = s.y + int(y);
     if (!r.source.input->read_scanlines(
             0, 0, first, first + int(count), 0, 0, channels_to_read(s), type_of(format), pixels))
-        return fail(err, HG_E_FORMAT, r.name.c_str(), r.source.input->geterror());
+        return fail(err, HG_E_FORMAT, r.source.name(), r.source.input->geterror());
     finish_pixels(s, pixels, size_t(r.info.width) * count, format);
     return HG_OK;
 }
 
-// Tiles that touch a rectangle, decoded: tight rows of the rectangle from x0, y0 on that is a
-// multiple of the tiles and ends with them or with the mip.
-hg_status read_tiles(hg_oiio_reader &r, uint32_t mip, const uint32_t begin[2],
-    const uint32_t end[2], hg_pixel_format format, void *pixels, hg_error *err)
+// Decodes whole tiles, rows tight: the area begins at a tile and ends with one, or with the mip.
+hg_status read_tiles(hg_oiio_reader &r, const hg_image_rect &area, hg_pixel_format format,
+    void *pixels, hg_error *err)
 {
     ImageInput &input = *r.source.input;
-    ImageSpec s = input.spec_dimensions(0, int(mip));
-    if (!input.read_tiles(0, int(mip), s.x + int(begin[0]), s.x + int(end[0]), s.y + int(begin[1]),
-            s.y + int(end[1]), 0, 1, 0, channels_to_read(r.source.spec), type_of(format), pixels))
-        return fail(err, HG_E_FORMAT, r.name.c_str(), input.geterror());
-    finish_pixels(r.source.spec, pixels, size_t(end[0] - begin[0]) * (end[1] - begin[1]), format);
+    int mip = int(area.mip), width = int(area.size[0]), height = int(area.size[1]);
+    ImageSpec s = input.spec_dimensions(0, mip);
+    int x = s.x + int(area.at[0]), y = s.y + int(area.at[1]);
+    if (!input.read_tiles(0, mip, x, x + width, y, y + height, 0, 1, 0,
+            channels_to_read(r.source.spec), type_of(format), pixels))
+        return fail(err, HG_E_FORMAT, r.source.name(), input.geterror());
+    finish_pixels(r.source.spec, pixels, size_t(area.size[0]) * area.size[1], format);
     return HG_OK;
 }
 
@@ -601,14 +611,15 @@ hg_status fill_band(hg_oiio_reader &r, hg_pixel_format format, uint32_t y, hg_er
 {
     const struct hg_image_reader_info &i = r.info;
     uint32_t first = y / i.tile_height * i.tile_height;
-    uint32_t begin[2] = {0, first}, end[2] = {i.width, std::min(first + i.tile_height, i.height)};
+    const uint32_t rows = std::min(first + i.tile_height, i.height) - first;
+    const hg_image_rect area = {0, {0, first}, {i.width, rows}};
     r.band.resize(size_t(i.width) * i.tile_height * hg_pixel_bytes(format));
     r.band_rows = 0;
-    hg_status st = read_tiles(r, 0, begin, end, format, r.band.data(), err);
+    hg_status st = read_tiles(r, area, format, r.band.data(), err);
     if (st)
         return st;
     r.band_first = first;
-    r.band_rows = end[1] - first;
+    r.band_rows = rows;
     r.band_format = format;
     return HG_OK;
 }
@@ -628,41 +639,43 @@ hg_status read_rows_of_tiles(hg_oiio_reader &r, hg_pixel_format format, uint32_t
     return HG_OK;
 }
 
-hg_status read_rect(hg_oiio_reader &r, uint32_t mip, const uint32_t at[2], const uint32_t size[2],
-    hg_pixel_format format, void *pixels, uint64_t *bytes, hg_error *err)
+hg_status read_rect(hg_oiio_reader &r, const hg_image_rect &rect, hg_pixel_format format,
+    void *pixels, uint64_t *bytes, hg_error *err)
 {
     const uint32_t tile[2] = {r.info.tile_width, r.info.tile_height};
-    const uint32_t side[2] = {
-        std::max(r.info.width >> mip, 1u), std::max(r.info.height >> mip, 1u)};
-    uint32_t begin[2], end[2];
+    const uint32_t *at = rect.at, *size = rect.size;
+    hg_image_rect area = {rect.mip, {0, 0}, {0, 0}};
     for (int i = 0; i < 2; i++) {
-        if (!tile[i] || mip >= r.info.mips || !size[i] || at[i] >= side[i] ||
-            size[i] > side[i] - at[i])
-            return hg_error_set(err, HG_E_INVAL, r.name.c_str(), nullptr, "no such rectangle");
-        begin[i] = at[i] / tile[i] * tile[i];
-        end[i] = std::min((at[i] + size[i] + tile[i] - 1) / tile[i] * tile[i], side[i]);
+        if (!tile[i] || rect.mip >= r.info.mips)
+            return hg_error_set(err, HG_E_INVAL, r.source.name(), nullptr, "no such rectangle");
+        uint32_t side = std::max((i == 0 ? r.info.width : r.info.height) >> rect.mip, 1u);
+        if (!size[i] || at[i] >= side || size[i] > side - at[i])
+            return hg_error_set(err, HG_E_INVAL, r.source.name(), nullptr, "no such rectangle");
+        area.at[i] = at[i] / tile[i] * tile[i];
+        area.size[i] =
+            std::min((at[i] + size[i] + tile[i] - 1) / tile[i] * tile[i], side) - area.at[i];
     }
-    size_t texel = hg_pixel_bytes(format), wide = end[0] - begin[0], high = end[1] - begin[1];
-    std::vector<unsigned char> tiles(wide * high * texel);
-    hg_status st = read_tiles(r, mip, begin, end, format, tiles.data(), err);
+    size_t texel = hg_pixel_bytes(format), wide = area.size[0];
+    std::vector<unsigned char> tiles(wide * area.size[1] * texel);
+    hg_status st = read_tiles(r, area, format, tiles.data(), err);
     if (st)
         return st;
     *bytes = tiles.size();
     for (uint32_t y = 0; y < size[1]; y++)
         memcpy(static_cast<unsigned char *>(pixels) + y * size[0] * texel,
-            tiles.data() + ((at[1] - begin[1] + y) * wide + at[0] - begin[0]) * texel,
+            tiles.data() + ((at[1] - area.at[1] + y) * wide + at[0] - area.at[0]) * texel,
             size[0] * texel);
     return HG_OK;
 }
 
 } // namespace
 
-hg_status hg_oiio_probe(const void *data, size_t size, const char *name, const char *format,
-    hg_image_info *out, hg_error *err)
+hg_status hg_oiio_probe(
+    const hg_image_bytes *file, const char *format, hg_image_info *out, hg_error *err)
 {
-    return guarded(name, err, [&]() -> hg_status {
-        Source source(data, size);
-        hg_status st = open_source(source, name, format, err);
+    return guarded(file->name, err, [&]() -> hg_status {
+        Source source(*file);
+        hg_status st = open_source(source, format, err);
         if (st)
             return st;
         const ImageSpec &s = source.spec;
@@ -676,13 +689,13 @@ hg_status hg_oiio_probe(const void *data, size_t size, const char *name, const c
     });
 }
 
-hg_status hg_oiio_read(const void *data, size_t size, const char *name, const char *format,
-    hg_pixel_format pixels, const hg_image_limits *limits, hg_image *out, hg_error *err)
+hg_status hg_oiio_read(const hg_image_bytes *file, const char *format, hg_pixel_format pixels,
+    const hg_image_limits *limits, hg_image *out, hg_error *err)
 {
-    hg_status st = guarded(name, err, [&]() -> hg_status {
-        Source source(data, size);
-        hg_status opened = open_source(source, name, format, err);
-        return opened ? opened : read_image(source, name, pixels, *limits, out, err);
+    hg_status st = guarded(file->name, err, [&]() -> hg_status {
+        Source source(*file);
+        hg_status opened = open_source(source, format, err);
+        return opened ? opened : read_image(source, pixels, *limits, out, err);
     });
     if (st)
         hg_image_finish(out);
@@ -701,22 +714,22 @@ hg_status hg_oiio_encode_part(
     return guarded(part->name, err, [&] { return encode_part(size_px, *part, out, err); });
 }
 
-hg_status hg_oiio_examine(const void *data, size_t size, const char *name, const char *format,
-    const char *key, const hg_image_limits *limits, hg_image_told *out, hg_error *err)
+hg_status hg_oiio_examine(const hg_image_bytes *file, const char *format, const char *key,
+    const hg_image_limits *limits, hg_image_told *out, hg_error *err)
 {
-    return guarded(name, err, [&]() -> hg_status {
-        Source source(data, size);
-        return examine(source, name, format, key, *limits, out, err);
+    return guarded(file->name, err, [&]() -> hg_status {
+        Source source(*file);
+        return examine(source, format, key, *limits, out, err);
     });
 }
 
-hg_status hg_oiio_reader_open(FILE *file, const void *data, size_t size, const char *name,
-    const char *format, uint32_t max_side_px, hg_oiio_reader **out, hg_error *err)
+hg_status hg_oiio_reader_open(FILE *file, const hg_image_bytes *bytes, const char *format,
+    uint32_t max_side_px, hg_oiio_reader **out, hg_error *err)
 {
     *out = nullptr;
     hg_oiio_reader *reader = nullptr;
-    hg_status st = guarded(name, err, [&]() -> hg_status {
-        reader = file ? new hg_oiio_reader(file, name) : new hg_oiio_reader(data, size, name);
+    hg_status st = guarded(bytes->name, err, [&]() -> hg_status {
+        reader = file ? new hg_oiio_reader(file, bytes->name) : new hg_oiio_reader(*bytes);
         return open_reader(reader, format, max_side_px, err);
     });
     if (st)
@@ -742,11 +755,11 @@ const struct hg_image_reader_info *hg_oiio_reader_info(const hg_oiio_reader *rea
 hg_status hg_oiio_reader_rows(
     hg_oiio_reader *r, hg_pixel_format format, uint32_t count, void *pixels, hg_error *err)
 {
-    return guarded(r->name.c_str(), err, [&]() -> hg_status {
+    return guarded(r->source.name(), err, [&]() -> hg_status {
         std::lock_guard<std::mutex> guard(r->lock);
         uint32_t y = r->next_row;
         if (count > r->info.height - y)
-            return hg_error_set(err, HG_E_INVAL, r->name.c_str(), nullptr, "no more rows");
+            return hg_error_set(err, HG_E_INVAL, r->source.name(), nullptr, "no more rows");
         hg_status st = r->info.tile_width ? read_rows_of_tiles(*r, format, y, count, pixels, err)
                                           : read_scanlines(*r, format, y, count, pixels, err);
         r->next_row += st ? 0 : count;
@@ -760,13 +773,13 @@ void hg_oiio_reader_skip(hg_oiio_reader *r, uint32_t count)
     r->next_row += std::min(count, r->info.height - r->next_row);
 }
 
-hg_status hg_oiio_reader_rect(hg_oiio_reader *r, uint32_t mip, const uint32_t at[2],
-    const uint32_t size[2], hg_pixel_format format, void *pixels, uint64_t *bytes, hg_error *err)
+hg_status hg_oiio_reader_rect(hg_oiio_reader *r, const hg_image_rect *rect, hg_pixel_format format,
+    void *pixels, uint64_t *bytes, hg_error *err)
 {
     *bytes = 0;
-    return guarded(r->name.c_str(), err, [&]() -> hg_status {
+    return guarded(r->source.name(), err, [&]() -> hg_status {
         std::lock_guard<std::mutex> guard(r->lock);
-        return read_rect(*r, mip, at, size, format, pixels, bytes, err);
+        return read_rect(*r, *rect, format, pixels, bytes, err);
     });
 }
 

@@ -63,9 +63,10 @@ static void add_row(float *restrict dst, const float *restrict src, uint32_t wid
         dst[x] += k * src[x];
 }
 
-void hg_plane_filter_add(float *dst, const float *src, float *scratch, uint32_t width,
-    uint32_t height, const struct hg_taps *taps, float weight)
+void hg_plane_filter_add(float *dst, const float *src, float *scratch, const uint32_t size_px[2],
+    const struct hg_taps *taps, float weight)
 {
+    const uint32_t width = size_px[0], height = size_px[1];
     int r = taps->radius;
     for (uint32_t y = 0; y < height; y++)
         filter_row(scratch + (size_t)y * width, src + (size_t)y * width, width, taps);

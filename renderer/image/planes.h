@@ -21,10 +21,11 @@ float *hg_planes_create(uint32_t width, uint32_t height, size_t count) HG_MUST_C
 void hg_display_pixel(const struct hg_image *image, size_t i, float rgb[3]);
 
 // dst += weight * (src filtered). Pixels beyond the border repeat the nearest one.
+//   size_px    width, height
 //   dst, src   [height][width]     may not overlap
 //   scratch    [height][width]     overwritten
-void hg_plane_filter_add(float *dst, const float *src, float *scratch, uint32_t width,
-    uint32_t height, const struct hg_taps *taps, float weight);
+void hg_plane_filter_add(float *dst, const float *src, float *scratch, const uint32_t size_px[2],
+    const struct hg_taps *taps, float weight);
 
 // RGBA8 picture of errors 0..1: black, violet, red, orange, pale yellow. HG_E_NOMEM, HG_E_LIMIT.
 enum hg_status hg_heat_map(

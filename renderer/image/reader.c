@@ -21,8 +21,7 @@ struct hg_image_reader {
     FILE *file; // NULL: bytes, or it sleeps
     struct stat stat;
     uint32_t max_side_px;
-    const void *data; // borrowed
-    size_t size;
+    struct hg_image_bytes bytes;  // name: for messages while the reader is opened
     struct hg_oiio_reader *inner; // one of two; none while it sleeps
     struct hg_ktx2_reader *ktx2;
     struct hg_image_reader_info info;
@@ -97,12 +96,12 @@ static enum hg_status open_file(
     return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
 }
 
-static enum hg_status open_decoder(struct hg_image_reader *r, const void *data, size_t size,
-    const char *name, const char *format, uint32_t max_side_px, struct hg_error *err)
+static enum hg_status open_decoder(
+    struct hg_image_reader *r, const char *format, struct hg_error *err)
 {
     if (strcmp(format, "ktx2") == 0)
-        return hg_ktx2_reader_open(r->file, data, size, name, max_side_px, &r->ktx2, err);
-    return hg_oiio_reader_open(r->file, data, size, name, format, max_side_px, &r->inner, err);
+        return hg_ktx2_reader_open(r->file, &r->bytes, r->max_side_px, &r->ktx2, err);
+    return hg_oiio_reader_open(r->file, &r->bytes, format, r->max_side_px, &r->inner, err);
 }
 
 static void close_decoder(struct hg_image_reader *r)
@@ -113,25 +112,22 @@ static void close_decoder(struct hg_image_reader *r)
     r->ktx2 = NULL;
 }
 
-static enum hg_status open_inner(struct hg_image_reader *r, const void *data, size_t size,
-    const char *name, const char *format, uint32_t max_side_px, struct hg_error *err)
+static enum hg_status open_first(
+    struct hg_image_reader *r, const char *format, struct hg_error *err)
 {
-    const enum hg_status status = open_decoder(r, data, size, name, format, max_side_px, err);
-    if (status == HG_OK) {
-        r->info = r->ktx2 != NULL ? *hg_ktx2_reader_info(r->ktx2) : *hg_oiio_reader_info(r->inner);
-        r->max_side_px = max_side_px;
-        r->data = data;
-        r->size = size;
-        r->info.file_bytes = size;
-    }
-    if (status == HG_OK && r->file != NULL) {
+    const enum hg_status status = open_decoder(r, format, err);
+    if (status != HG_OK)
+        return status;
+    r->info = r->ktx2 != NULL ? *hg_ktx2_reader_info(r->ktx2) : *hg_oiio_reader_info(r->inner);
+    r->info.file_bytes = r->bytes.size;
+    if (r->file != NULL) {
         r->info.file_bytes = (uint64_t)r->stat.st_size;
         r->info.file_time_ns =
             (uint64_t)r->stat.st_mtim.tv_sec * 1000000000u + (uint64_t)r->stat.st_mtim.tv_nsec;
         r->info.file_id = r->stat.st_ino;
         r->info.device_id = r->stat.st_dev;
     }
-    return status;
+    return HG_OK;
 }
 
 enum hg_status hg_image_reader_open(
@@ -142,14 +138,17 @@ enum hg_status hg_image_reader_open(
     uint8_t *head = hg_calloc(HEAD_BYTES, 1);
     const char *format;
     enum hg_status status = HG_OK;
-    if (r == NULL || head == NULL || (r->path = hg_strdup(path)) == NULL)
+    if (r == NULL || head == NULL || (r->path = hg_strdup(path)) == NULL) {
         status = hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the file");
-    if (status == HG_OK)
+    } else {
+        r->max_side_px = max_side_px;
+        r->bytes.name = r->path;
         status = open_file(path, &r->file, &r->stat, err);
+    }
     if (status == HG_OK)
         status = check_head(r, path, head, &format, err);
     if (status == HG_OK)
-        status = open_inner(r, NULL, 0, path, format, max_side_px, err);
+        status = open_first(r, format, err);
     hg_free(head);
     if (status == HG_OK)
         *out = r;
@@ -158,19 +157,21 @@ enum hg_status hg_image_reader_open(
     return status;
 }
 
-enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const char *name,
-    uint32_t max_side_px, struct hg_image_reader **out, struct hg_error *err)
+enum hg_status hg_image_reader_open_memory(const struct hg_image_bytes *file, uint32_t max_side_px,
+    struct hg_image_reader **out, struct hg_error *err)
 {
     *out = NULL;
     struct hg_image_reader *r = hg_calloc(1, sizeof *r);
     if (r == NULL)
-        return hg_error_set(err, HG_E_NOMEM, name, NULL, "no memory for the file");
+        return hg_error_set(err, HG_E_NOMEM, file->name, NULL, "no memory for the file");
+    r->bytes = *file;
+    r->max_side_px = max_side_px;
     const char *format;
-    enum hg_status status = hg_image_sniff(data, size, name, &format, err);
+    enum hg_status status = hg_image_sniff(file->data, file->size, file->name, &format, err);
     if (status == HG_OK)
-        status = hg_check_bytes(format, data, size, name, err);
+        status = hg_check_bytes(format, file->data, file->size, file->name, err);
     if (status == HG_OK)
-        status = open_inner(r, data, size, name, format, max_side_px, err);
+        status = open_first(r, format, err);
     if (status == HG_OK)
         *out = r;
     else
@@ -233,7 +234,7 @@ enum hg_status hg_image_reader_wake(struct hg_image_reader *r, struct hg_error *
         status =
             hg_error_set(err, HG_E_HASH, r->path, NULL, "the file is not the one that was opened");
     if (status == HG_OK)
-        status = open_decoder(r, NULL, 0, r->path, r->info.file_format, r->max_side_px, err);
+        status = open_decoder(r, r->info.file_format, err);
     if (status != HG_OK && r->file != NULL) {
         fclose(r->file);
         r->file = NULL;
@@ -267,7 +268,7 @@ enum hg_status hg_image_reader_hash(
     if (reader->file != NULL)
         status = hash_file(reader, h, err);
     else
-        hg_sha256_update(h, reader->data, reader->size);
+        hg_sha256_update(h, reader->bytes.data, reader->bytes.size);
     uint8_t result[HG_SHA256_BYTES];
     hg_sha256_end(h, result);
     if (status == HG_OK)
@@ -290,11 +291,11 @@ void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count)
         hg_oiio_reader_skip(reader->inner, count);
 }
 
-enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
-    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
-    uint64_t *bytes, struct hg_error *err)
+enum hg_status hg_image_reader_rect(struct hg_image_reader *reader,
+    const struct hg_image_rect *rect, enum hg_pixel_format format, void *pixels, uint64_t *bytes,
+    struct hg_error *err)
 {
     if (reader->ktx2 != NULL)
         return hg_error_set(err, HG_E_INVAL, "image", NULL, "the file has no tiles");
-    return hg_oiio_reader_rect(reader->inner, mip, at, size, format, pixels, bytes, err);
+    return hg_oiio_reader_rect(reader->inner, rect, format, pixels, bytes, err);
 }

@@ -27,8 +27,8 @@ struct hg_image_reader_info {
 // than 2^24 texels), HG_E_NOMEM, HG_E_IO.
 enum hg_status hg_image_reader_open(const char *path, uint32_t max_side_px,
     struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_image_reader_open_memory(const void *data, size_t size, const char *name,
-    uint32_t max_side_px, struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_image_reader_open_memory(const struct hg_image_bytes *file, uint32_t max_side_px,
+    struct hg_image_reader **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_image_reader_close(struct hg_image_reader *reader); // accepts NULL
 const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_reader *reader);
 
@@ -54,9 +54,10 @@ enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixe
     uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
 // Passes over rows of mip 0 (as many as there are). Compression may ask for reading them.
 void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count);
-// A rectangle of a mip of a tiled file, rows tight. It must lie inside. *bytes: decoded for it.
-enum hg_status hg_image_reader_rect(struct hg_image_reader *reader, uint32_t mip,
-    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
-    uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
+// A rectangle of a tiled file, rows tight. *bytes: of the tiles decoded for it. HG_E_INVAL (not
+// inside the mip, or the file has no tiles), HG_E_FORMAT.
+enum hg_status hg_image_reader_rect(struct hg_image_reader *reader,
+    const struct hg_image_rect *rect, enum hg_pixel_format format, void *pixels, uint64_t *bytes,
+    struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -159,7 +159,8 @@ static json_t *describe_texture(struct describer *d, const struct hg_texture *te
     enum hg_status status = HG_E_NOTFOUND;
     if (image && image->encoded)
         status = hg_image_probe_memory(
-            image->encoded->data, image->encoded->size, image->label, &info, NULL);
+            &(struct hg_image_bytes){image->encoded->data, image->encoded->size, image->label},
+            &info, NULL);
     else if (image && image->path)
         status = hg_image_probe_file(image->path, &info, NULL);
     else if (image) {

@@ -211,74 +211,37 @@ static enum hg_status add_texture(const struct work *w, const void *object, stru
     return add_image(h, t->image, w->err);
 }
 
-// The bytes of a material, without its slots, that are hashed. Frame keys, which outlive a process,
-// contain the hash: neither order nor padding may change.
-struct material_values {
-    float base_color[4], metallic, roughness, emissive[3], normal_scale, occlusion_strength;
-    uint32_t alpha_mode;
-    float alpha_cutoff;
-    uint8_t double_sided, unlit, padding[2];
-    float ior, specular, specular_color[3];
-    float clearcoat, clearcoat_roughness, clearcoat_normal_scale;
-    float sheen_color[3], sheen_roughness;
-    float transmission, thickness, attenuation_distance, attenuation_color[3], dispersion;
-    float iridescence, iridescence_ior, iridescence_thickness_nm[2];
-    float anisotropy, anisotropy_rotation_rad;
-    float diffuse_transmission, diffuse_transmission_color[3];
-    uint8_t has_specular, has_ior, end_padding[2];
-};
-_Static_assert(sizeof(struct material_values) == 176, "no hidden padding");
-
-#define VEC3(v)                                                                                    \
-    {                                                                                              \
-        (v)[0], (v)[1], (v)[2]                                                                     \
-    }
-
-static struct material_values material_values_of(const struct hg_material *m)
+// Frame keys, which outlive a process, contain these bytes: neither order nor padding may change.
+static void add_material_values(struct hg_sha256 *h, const struct hg_material *m)
 {
-    return (struct material_values){
-        .base_color = {m->base_color[0], m->base_color[1], m->base_color[2], m->base_color[3]},
-        .metallic = m->metallic,
-        .roughness = m->roughness,
-        .emissive = VEC3(m->emissive),
-        .normal_scale = m->normal_scale,
-        .occlusion_strength = m->occlusion_strength,
-        .alpha_mode = (uint32_t)m->alpha_mode,
-        .alpha_cutoff = m->alpha_cutoff,
-        .double_sided = m->double_sided,
-        .unlit = m->unlit,
-        .ior = m->ior,
-        .specular = m->specular.factor,
-        .specular_color = VEC3(m->specular.color),
-        .clearcoat = m->clearcoat.factor,
-        .clearcoat_roughness = m->clearcoat.roughness,
-        .clearcoat_normal_scale = m->clearcoat.normal_scale,
-        .sheen_color = VEC3(m->sheen.color),
-        .sheen_roughness = m->sheen.roughness,
-        .transmission = m->transmission,
-        .thickness = m->volume.thickness,
-        .attenuation_distance = m->volume.attenuation_distance,
-        .attenuation_color = VEC3(m->volume.attenuation_color),
-        .dispersion = m->dispersion,
-        .iridescence = m->iridescence.factor,
-        .iridescence_ior = m->iridescence.ior,
-        .iridescence_thickness_nm = {m->iridescence.thickness_min_nm,
-            m->iridescence.thickness_max_nm},
-        .anisotropy = m->anisotropy.strength,
-        .anisotropy_rotation_rad = m->anisotropy.rotation_rad,
-        .diffuse_transmission = m->diffuse_transmission.factor,
-        .diffuse_transmission_color = VEC3(m->diffuse_transmission.color),
-        .has_specular = m->specular.is_set,
-        .has_ior = m->has_ior,
-    };
+    const float *base = m->base_color, *emissive = m->emissive, *specular = m->specular.color;
+    const float *sheen = m->sheen.color, *tint = m->volume.attenuation_color;
+    const float *through = m->diffuse_transmission.color;
+    const float surface[] = {base[0], base[1], base[2], base[3], m->metallic, m->roughness,
+        emissive[0], emissive[1], emissive[2], m->normal_scale, m->occlusion_strength};
+    const uint32_t alpha_mode = m->alpha_mode;
+    const uint8_t flags[4] = {m->double_sided, m->unlit};
+    const float lobes[] = {m->ior, m->specular.factor, specular[0], specular[1], specular[2],
+        m->clearcoat.factor, m->clearcoat.roughness, m->clearcoat.normal_scale, sheen[0], sheen[1],
+        sheen[2], m->sheen.roughness, m->transmission, m->volume.thickness,
+        m->volume.attenuation_distance, tint[0], tint[1], tint[2], m->dispersion,
+        m->iridescence.factor, m->iridescence.ior, m->iridescence.thickness_min_nm,
+        m->iridescence.thickness_max_nm, m->anisotropy.strength, m->anisotropy.rotation_rad,
+        m->diffuse_transmission.factor, through[0], through[1], through[2]};
+    const uint8_t extensions[4] = {m->specular.is_set, m->has_ior};
+    hg_sha256_update(h, surface, sizeof surface);
+    hg_sha256_update(h, &alpha_mode, sizeof alpha_mode);
+    hg_sha256_update(h, &m->alpha_cutoff, sizeof m->alpha_cutoff);
+    hg_sha256_update(h, flags, sizeof flags);
+    hg_sha256_update(h, lobes, sizeof lobes);
+    hg_sha256_update(h, extensions, sizeof extensions);
 }
 
 static enum hg_status add_material(const struct work *w, const void *object, struct hg_sha256 *h)
 {
     const struct hg_material *m = object;
-    const struct material_values values = material_values_of(m);
     enum hg_status status = HG_OK;
-    hg_sha256_update(h, &values, sizeof values);
+    add_material_values(h, m);
     for (int i = 0; !status && i < HG_SLOT_COUNT; i++) {
         const struct hg_texture_ref *slot = &m->slots[i];
         if (!slot->texture)

@@ -115,8 +115,9 @@ static enum hg_status read_pixels(struct hg_gltf *g, const struct hg_gltf_at *at
         .max_bytes = g->memory_limit - g->memory_used};
     enum hg_status status =
         source->path ? hg_image_read_file(source->path, HG_PIXEL_RGBA8, &limits, out, &error)
-                     : hg_image_read_memory(source->encoded->data, source->encoded->size,
-                           source->label, HG_PIXEL_RGBA8, &limits, out, &error);
+                     : hg_image_read_memory(&(struct hg_image_bytes){source->encoded->data,
+                                                source->encoded->size, source->label},
+                           HG_PIXEL_RGBA8, &limits, out, &error);
     if (status == HG_E_LIMIT || status == HG_E_NOMEM)
         return hg_gltf_fail(g, at, status, "%.200s", error.reason);
     if (status)

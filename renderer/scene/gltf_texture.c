@@ -61,9 +61,11 @@ static bool probe(
 {
     struct hg_image_info info;
     struct hg_error error = {0};
-    enum hg_status status = source->path ? hg_image_probe_file(source->path, &info, &error)
-                                         : hg_image_probe_memory(source->encoded->data,
-                                               source->encoded->size, source->label, &info, &error);
+    enum hg_status status =
+        source->path ? hg_image_probe_file(source->path, &info, &error)
+                     : hg_image_probe_memory(&(struct hg_image_bytes){source->encoded->data,
+                                                 source->encoded->size, source->label},
+                           &info, &error);
     if (status)
         hg_gltf_warn(g, at, "IMAGE_UNRECOGNIZED_FORMAT: %.180s; white is shown instead",
             error.reason[0] ? error.reason : hg_status_text(status));

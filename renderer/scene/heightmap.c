@@ -39,7 +39,8 @@ static bool is_picture(const char *label, const struct hg_refbuf *data)
     struct hg_error err = {0};
     if (!has_suffix(label, ".png") && !has_suffix(label, ".tif") && !has_suffix(label, ".tiff"))
         return false;
-    return hg_image_probe_memory(data->data, data->size, label, &info, &err) == HG_OK &&
+    return hg_image_probe_memory(
+               &(struct hg_image_bytes){data->data, data->size, label}, &info, &err) == HG_OK &&
            info.channels == 1 && info.is_16bit && !info.is_float;
 }
 
@@ -79,7 +80,8 @@ static enum hg_status read_picture(const struct hg_load_params *params,
         .max_bytes = params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30};
     struct hg_image image;
     const enum hg_status status =
-        hg_image_read_memory(data->data, data->size, label, HG_PIXEL_RGBA16, &limits, &image, err);
+        hg_image_read_memory(&(struct hg_image_bytes){data->data, data->size, label},
+            HG_PIXEL_RGBA16, &limits, &image, err);
     if (status != HG_OK)
         return status;
     h->width = image.width;

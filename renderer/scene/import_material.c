@@ -166,7 +166,8 @@ static enum hg_status make_texture(
         usable = !hg_image_probe_file(source->path, &info, &error);
     else if (source->encoded)
         usable = !hg_image_probe_memory(
-            source->encoded->data, source->encoded->size, source->label, &info, &error);
+            &(struct hg_image_bytes){source->encoded->data, source->encoded->size, source->label},
+            &info, &error);
     if (!status && !usable) {
         if (error.reason[0])
             hg_asset_warn(im->asset, path->data, "%.180s; white is shown instead", error.reason);

@@ -88,8 +88,8 @@ static enum hg_status fill_pixels(
 {
     if (m->format == HGP_pixel_format_FILE) {
         struct hg_image_info info;
-        enum hg_status status =
-            hg_image_probe_memory(m->pixels.data, m->pixels.size, "texture_set", &info, err);
+        enum hg_status status = hg_image_probe_memory(
+            &(struct hg_image_bytes){m->pixels.data, m->pixels.size, "texture_set"}, &info, err);
         source->encoded = status ? NULL : hg_refbuf_create_spilled(m->pixels.size);
         if (!status && !source->encoded)
             status = hg_error_set(err, HG_E_NOMEM, "texture_set", "pixels", "no memory");

@@ -150,18 +150,20 @@ static enum hg_status load_environment(struct task *task)
 static enum hg_status read_side(struct hgp_bytes bytes, const char *name, bool as_float,
     struct hg_image *out, struct hg_error *err)
 {
-    return hg_image_read_memory(
-        bytes.data, bytes.size, name, as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
+    return hg_image_read_memory(&(struct hg_image_bytes){bytes.data, bytes.size, name},
+        as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
 }
 
 // 8-bit pictures are compared as they are; anything deeper in float.
 static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, struct hg_error *err)
 {
     struct hg_image_info a, b;
-    enum hg_status status = hg_image_probe_memory(m->a.data, m->a.size, "first image", &a, err);
+    enum hg_status status = hg_image_probe_memory(
+        &(struct hg_image_bytes){m->a.data, m->a.size, "first image"}, &a, err);
     if (status)
         return status;
-    status = hg_image_probe_memory(m->b.data, m->b.size, "second image", &b, err);
+    status = hg_image_probe_memory(
+        &(struct hg_image_bytes){m->b.data, m->b.size, "second image"}, &b, err);
     if (status)
         return status;
     *as_float = a.is_float || b.is_float || a.is_16bit || b.is_16bit;
@@ -225,8 +227,9 @@ static enum hg_status examine_image(struct task *task)
     const bool parts = task->file.size > 0;
     hg_spill_begin("a file that is verified");
     const enum hg_status status =
-        hg_image_examine(parts ? task->file.data : one->data, parts ? task->file.size : one->size,
-            "image", ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->told, &task->err);
+        hg_image_examine(&(struct hg_image_bytes){parts ? task->file.data : one->data,
+                             parts ? task->file.size : one->size, "image"},
+            ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->told, &task->err);
     hg_spill_end();
     return status;
 }

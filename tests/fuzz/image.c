@@ -14,11 +14,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size == 0)
         return 0;
     enum hg_pixel_format format = (enum hg_pixel_format)(data[0] % 3);
-    enum hg_status probed = hg_image_probe_memory(data + 1, size - 1, "fuzz.tga", &info, &err);
+    enum hg_status probed = hg_image_probe_memory(
+        &(struct hg_image_bytes){data + 1, size - 1, "fuzz.tga"}, &info, &err);
     FUZZ_CHECK(probed || (info.width > 0 && info.height > 0 && info.channels > 0));
     err = (struct hg_error){0};
-    enum hg_status st =
-        hg_image_read_memory(data + 1, size - 1, "fuzz.tga", format, &limits, &image, &err);
+    enum hg_status st = hg_image_read_memory(
+        &(struct hg_image_bytes){data + 1, size - 1, "fuzz.tga"}, format, &limits, &image, &err);
     if (st == HG_OK) {
         FUZZ_CHECK(probed == HG_OK);
         FUZZ_CHECK(image.width == info.width && image.height == info.height);

@@ -60,7 +60,8 @@ static struct hg_image decode(const struct hg_writer *w, enum hg_pixel_format fo
 {
     struct hg_image image;
     struct hg_error err = {0};
-    if (hg_image_read_memory(w->data, w->size, "test", format, NULL, &image, &err))
+    if (hg_image_read_memory(
+            &(struct hg_image_bytes){w->data, w->size, "test"}, format, NULL, &image, &err))
         fail_msg("%s: %s", err.what, err.reason);
     return image;
 }
@@ -258,8 +259,8 @@ static void limits_are_kept(void **state)
     };
     for (size_t i = 0; i < 3; i++) {
         struct hg_error err = {0};
-        assert_int_equal(
-            hg_image_read_memory(w.data, w.size, "big.png", HG_PIXEL_RGBA8, &limits[i], &b, &err),
+        assert_int_equal(hg_image_read_memory(&(struct hg_image_bytes){w.data, w.size, "big.png"},
+                             HG_PIXEL_RGBA8, &limits[i], &b, &err),
             HG_E_LIMIT);
         assert_string_equal(err.what, "big.png");
         assert_null(b.pixels);
@@ -267,8 +268,9 @@ static void limits_are_kept(void **state)
     struct hg_image_limits enough = {
         test_width, test_width * test_height, test_width * test_height * 4};
     struct hg_error err = {0};
-    assert_int_equal(
-        hg_image_read_memory(w.data, w.size, "big.png", HG_PIXEL_RGBA8, &enough, &b, &err), HG_OK);
+    assert_int_equal(hg_image_read_memory(&(struct hg_image_bytes){w.data, w.size, "big.png"},
+                         HG_PIXEL_RGBA8, &enough, &b, &err),
+        HG_OK);
     hg_image_finish(&a);
     hg_image_finish(&b);
     hg_writer_finish(&w);
@@ -286,8 +288,8 @@ static void every_prefix_is_an_error(void **state)
         assert_non_null(exact);
         memcpy(exact, w.data, n);
         struct hg_error err = {0};
-        enum hg_status st =
-            hg_image_read_memory(exact, n, "cut.png", HG_PIXEL_RGBA8, NULL, &b, &err);
+        enum hg_status st = hg_image_read_memory(
+            &(struct hg_image_bytes){exact, n, "cut.png"}, HG_PIXEL_RGBA8, NULL, &b, &err);
         if (st != HG_E_FORMAT)
             fail_msg("%zu of %zu bytes: %s", n, w.size, hg_status_name(st));
         assert_string_equal(err.what, "cut.png");
@@ -308,13 +310,13 @@ static void exr_attributes_lie_inside_the_file(void **state)
     assert_non_null(type);
     memcpy(type + 7, "\xff\xff\xff\x7f", 4);
     struct hg_error err = {0};
-    assert_int_equal(
-        hg_image_read_memory(w.data, w.size, "big.exr", HG_PIXEL_RGBA32F, NULL, &b, &err),
+    assert_int_equal(hg_image_read_memory(&(struct hg_image_bytes){w.data, w.size, "big.exr"},
+                         HG_PIXEL_RGBA32F, NULL, &b, &err),
         HG_E_FORMAT);
     assert_memory_equal(err.where, "byte ", 5);
     for (size_t n = 4; n < 200; n++)
-        assert_int_equal(
-            hg_image_read_memory(w.data, n, "cut.exr", HG_PIXEL_RGBA32F, NULL, &b, &err),
+        assert_int_equal(hg_image_read_memory(&(struct hg_image_bytes){w.data, n, "cut.exr"},
+                             HG_PIXEL_RGBA32F, NULL, &b, &err),
             HG_E_FORMAT);
     hg_image_finish(&a);
     hg_writer_finish(&w);
@@ -327,13 +329,16 @@ static void probe_says_what_a_file_is(void **state)
     struct hg_writer w = encode(&a, &(struct hg_image_encode){.file = HG_IMAGE_EXR_HALF});
     struct hg_image_info info;
     struct hg_error err = {0};
-    assert_int_equal(hg_image_probe_memory(w.data, w.size, "x", &info, &err), HG_OK);
+    assert_int_equal(
+        hg_image_probe_memory(&(struct hg_image_bytes){w.data, w.size, "x"}, &info, &err), HG_OK);
     assert_string_equal(info.file_format, "openexr");
     assert_int_equal(info.width, test_width);
     assert_int_equal(info.height, test_height);
     assert_int_equal(info.channels, 4);
     assert_true(info.is_float && info.is_16bit);
-    assert_int_equal(hg_image_probe_memory("not one", 7, "x", &info, &err), HG_E_FORMAT);
+    assert_int_equal(
+        hg_image_probe_memory(&(struct hg_image_bytes){"not one", 7, "x"}, &info, &err),
+        HG_E_FORMAT);
     assert_int_equal(hg_image_probe_file("/nowhere/x.png", &info, &err), HG_E_NOTFOUND);
     hg_image_finish(&a);
     hg_writer_finish(&w);
@@ -378,7 +383,8 @@ static void every_allocation_may_fail(void **state)
             st = hg_image_encode(&a, &(struct hg_image_encode){.file = files[i]}, &w, &err);
         }
         if (!st)
-            st = hg_image_read_memory(w.data, w.size, "x.jpg", HG_PIXEL_RGBA8, NULL, &back, &err);
+            st = hg_image_read_memory(&(struct hg_image_bytes){w.data, w.size, "x.jpg"},
+                HG_PIXEL_RGBA8, NULL, &back, &err);
         for (size_t i = 0; i < 3 && !st; i++) {
             st = hg_image_compare(&a, &back, metrics[i], &value, &diff, &err);
             if (!st)

@@ -179,8 +179,8 @@ static void test_examine(void **state)
     struct hg_writer file = encode();
     struct hg_image_told told;
     struct hg_error err = {0};
-    assert_int_equal(
-        hg_image_examine(file.data, file.size, "a.exr", "heliograph:job", NULL, &told, &err),
+    assert_int_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a.exr"},
+                         "heliograph:job", NULL, &told, &err),
         HG_OK);
     assert_string_equal(told.value, "0123abcd");
     assert_int_equal(told.parts, 4);
@@ -189,14 +189,15 @@ static void test_examine(void **state)
     for (size_t size = 0; size < file.size; size += step) {
         uint8_t *cut = malloc(size ? size : 1);
         memcpy(cut, file.data, size);
-        assert_int_not_equal(
-            hg_image_examine(cut, size, "a.exr", "heliograph:job", NULL, &told, &err), HG_OK);
+        assert_int_not_equal(hg_image_examine(&(struct hg_image_bytes){cut, size, "a.exr"},
+                                 "heliograph:job", NULL, &told, &err),
+            HG_OK);
         assert_string_equal(told.value, "");
         free(cut);
     }
     file.data[file.size - file.size / 8] ^= 0x10;
-    assert_int_not_equal(
-        hg_image_examine(file.data, file.size, "a.exr", "heliograph:job", NULL, &told, &err),
+    assert_int_not_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a.exr"},
+                             "heliograph:job", NULL, &told, &err),
         HG_OK);
     hg_writer_finish(&file);
 }
@@ -223,14 +224,15 @@ static void test_examine_kinds(void **state)
             .attributes = attributes,
             .attribute_count = sizeof attributes / sizeof *attributes};
         assert_int_equal(hg_image_encode(&image, &params, &file, &err), HG_OK);
-        assert_int_equal(
-            hg_image_examine(file.data, file.size, "a", "heliograph:job", NULL, &told, &err),
+        assert_int_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a"},
+                             "heliograph:job", NULL, &told, &err),
             HG_OK);
         assert_string_equal(told.value, "0123abcd");
         assert_int_equal(told.width, 64);
         for (size_t cut = 1; cut < file.size; cut += file.size / 20 + 1) {
-            assert_int_not_equal(hg_image_examine(file.data, file.size - cut, "a", "heliograph:job",
-                                     NULL, &told, &err),
+            assert_int_not_equal(
+                hg_image_examine(&(struct hg_image_bytes){file.data, file.size - cut, "a"},
+                    "heliograph:job", NULL, &told, &err),
                 HG_OK);
         }
         hg_writer_finish(&file);

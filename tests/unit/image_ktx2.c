@@ -73,8 +73,8 @@ static int read_all(void **state)
         struct hg_error err = {0};
         files[i] = read_bytes(names[i], "ktx2");
         struct bytes png = read_bytes(names[i], "png");
-        test_ok(
-            hg_image_read_memory(png.data, png.size, "png", HG_PIXEL_RGBA8, NULL, &wanted[i], &err),
+        test_ok(hg_image_read_memory(&(struct hg_image_bytes){png.data, png.size, "png"},
+                    HG_PIXEL_RGBA8, NULL, &wanted[i], &err),
             &err);
         hg_free(png.data);
     }
@@ -121,7 +121,9 @@ static struct hg_image decode(const struct bytes *b, enum hg_pixel_format format
 {
     struct hg_image image;
     struct hg_error err = {0};
-    test_ok(hg_image_read_memory(b->data, b->size, "x.ktx2", format, NULL, &image, &err), &err);
+    test_ok(hg_image_read_memory(
+                &(struct hg_image_bytes){b->data, b->size, "x.ktx2"}, format, NULL, &image, &err),
+        &err);
     return image;
 }
 
@@ -130,8 +132,8 @@ static enum hg_status try_decode(const uint8_t *data, size_t size, struct hg_err
 {
     struct hg_image image;
     *err = (struct hg_error){0};
-    const enum hg_status status =
-        hg_image_read_memory(data, size, "x.ktx2", HG_PIXEL_RGBA8, NULL, &image, err);
+    const enum hg_status status = hg_image_read_memory(
+        &(struct hg_image_bytes){data, size, "x.ktx2"}, HG_PIXEL_RGBA8, NULL, &image, err);
     if (status != HG_OK) {
         assert_null(image.pixels);
         assert_int_equal(err->status, status);
@@ -162,7 +164,9 @@ static void test_texels(void **state)
     for (unsigned i = 0; i < FILES; i++) {
         struct hg_image_info info;
         struct hg_error err = {0};
-        test_ok(hg_image_probe_memory(files[i].data, files[i].size, names[i], &info, &err), &err);
+        test_ok(hg_image_probe_memory(
+                    &(struct hg_image_bytes){files[i].data, files[i].size, names[i]}, &info, &err),
+            &err);
         assert_int_equal(info.width, want[i].width);
         assert_int_equal(info.height, want[i].height);
         assert_int_equal(info.channels, want[i].channels);
@@ -203,7 +207,8 @@ static struct hg_image with_channels(unsigned file, int first, int second, uint3
         b.data[descriptor + 28 + 16 + 3] = (uint8_t)second;
     struct hg_image_info info;
     struct hg_error err = {0};
-    test_ok(hg_image_probe_memory(b.data, b.size, "x.ktx2", &info, &err), &err);
+    test_ok(hg_image_probe_memory(&(struct hg_image_bytes){b.data, b.size, "x.ktx2"}, &info, &err),
+        &err);
     assert_int_equal(info.channels, channels);
     struct hg_image image = decode(&b, HG_PIXEL_RGBA8);
     assert_int_equal(image.has_alpha, channels == 4);
@@ -341,7 +346,9 @@ static uint64_t told_of(const struct bytes *b)
 {
     struct hg_image_reader *reader;
     struct hg_error err = {0};
-    test_ok(hg_image_reader_open_memory(b->data, b->size, "x", 1 << 16, &reader, &err), &err);
+    test_ok(hg_image_reader_open_memory(
+                &(struct hg_image_bytes){b->data, b->size, "x"}, 1 << 16, &reader, &err),
+        &err);
     const uint64_t bytes = hg_image_reader_info(reader)->row_buffer_bytes;
     hg_image_reader_close(reader);
     return bytes;
@@ -375,7 +382,9 @@ static struct hg_image_reader *open_reader(const struct bytes *b)
 {
     struct hg_image_reader *reader;
     struct hg_error err = {0};
-    test_ok(hg_image_reader_open_memory(b->data, b->size, "x.ktx2", 4096, &reader, &err), &err);
+    test_ok(hg_image_reader_open_memory(
+                &(struct hg_image_bytes){b->data, b->size, "x.ktx2"}, 4096, &reader, &err),
+        &err);
     return reader;
 }
 
@@ -422,10 +431,9 @@ static void test_past_the_end(void **state)
     hg_image_reader_skip(reader, UINT32_MAX);
     assert_int_equal(hg_image_reader_rows(reader, HG_PIXEL_RGBA8, 1, rows, &err), HG_E_INVAL);
     uint64_t bytes;
-    const uint32_t corner[2] = {0, 0}, side[2] = {1, 1};
+    const struct hg_image_rect rect = {0, {0, 0}, {1, 1}};
     assert_int_equal(
-        hg_image_reader_rect(reader, 0, corner, side, HG_PIXEL_RGBA8, rows, &bytes, &err),
-        HG_E_INVAL);
+        hg_image_reader_rect(reader, &rect, HG_PIXEL_RGBA8, rows, &bytes, &err), HG_E_INVAL);
     hg_image_reader_close(reader);
 }
 
@@ -488,13 +496,15 @@ static void test_limits(void **state)
     const struct hg_image_limits limits[] = {
         {.max_side_px = 44}, {.max_pixels = 45 * 18 - 1}, {.max_bytes = 45 * 18 * 4 - 1}};
     for (unsigned i = 0; i < 3; i++) {
-        assert_int_equal(hg_image_read_memory(files[UASTC].data, files[UASTC].size, "x",
+        assert_int_equal(hg_image_read_memory(
+                             &(struct hg_image_bytes){files[UASTC].data, files[UASTC].size, "x"},
                              HG_PIXEL_RGBA8, &limits[i], &image, &err),
             HG_E_LIMIT);
         assert_null(image.pixels);
     }
     assert_int_equal(
-        hg_image_reader_open_memory(files[UASTC].data, files[UASTC].size, "x", 44, &reader, &err),
+        hg_image_reader_open_memory(
+            &(struct hg_image_bytes){files[UASTC].data, files[UASTC].size, "x"}, 44, &reader, &err),
         HG_E_LIMIT);
     assert_null(reader);
 }

@@ -38,9 +38,10 @@ static struct hg_image_tiles pictures[POSTERS];
 // --- the scene -----------------------------------------------------------------------------------
 
 // Squares of 8 texels in two colours of the picture's own, in every mip.
-static bool make_picture(
-    void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height, void *pixels)
+static bool make_picture(void *user, const struct hg_image_rect *rect, void *pixels)
 {
+    const uint32_t mip = rect->mip, x = rect->at[0], y = rect->at[1];
+    const uint32_t width = rect->size[0], height = rect->size[1];
     const uint32_t seed = ((uint32_t)((struct hg_image_tiles *)user - pictures) + 1) * 2654435761u;
     for (uint32_t j = 0; j < height; j++) {
         uint8_t *row = (uint8_t *)pixels + (size_t)j * width * 4;

@@ -437,7 +437,8 @@ static void check_width(const struct hg_image_source *image, uint32_t width)
 {
     struct hg_image pixels;
     struct hg_error err = {0};
-    test_ok(hg_image_read_memory(image->encoded->data, image->encoded->size, image->label,
+    test_ok(hg_image_read_memory(
+                &(struct hg_image_bytes){image->encoded->data, image->encoded->size, image->label},
                 HG_PIXEL_RGBA8, NULL, &pixels, &err),
         &err);
     assert_int_equal(pixels.width, width);

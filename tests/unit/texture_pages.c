@@ -244,9 +244,10 @@ static void test_uses(void **state)
     hg_image_finish(&image);
 }
 
-static bool make_tiles(
-    void *user, uint32_t mip, uint32_t x, uint32_t y, uint32_t width, uint32_t height, void *pixels)
+static bool make_tiles(void *user, const struct hg_image_rect *rect, void *pixels)
 {
+    const uint32_t mip = rect->mip, x = rect->at[0], y = rect->at[1];
+    const uint32_t width = rect->size[0], height = rect->size[1];
     const struct hg_mips *mips = user;
     const uint32_t w = hg_mips_side(mips->width, mip);
     for (uint32_t j = 0; j < height; j++)
@@ -296,29 +297,25 @@ static void test_codec(void **state)
     for (int round = 0; round < 300; round++) {
         const uint32_t texel = round % 2 ? 4 : 8;
         const uint32_t w = 1 + next_random() % HG_PAGE_PITCH, h = 1 + next_random() % HG_PAGE_PITCH;
+        const struct hg_texel_layout layout = {w, h, texel, (size_t)w * texel};
         for (size_t i = 0; i < (size_t)w * h * texel; i++)
             texels[i] = (uint8_t)(round % 3 == 0   ? next_random()
                                   : round % 3 == 1 ? i % texel * 40
                                                    : i / texel % w + i % texel * next_random() % 3);
         struct hg_writer out = {0};
-        assert_int_equal(
-            hg_page_encode(codec, texels, (size_t)w * texel, w, h, texel, 1, &out), HG_OK);
-        assert_int_equal(
-            hg_page_decode(codec, out.data, out.size, back, (size_t)w * texel, w, h, texel), HG_OK);
+        assert_int_equal(hg_page_encode(codec, texels, &layout, 1, &out), HG_OK);
+        assert_int_equal(hg_page_decode(codec, out.data, out.size, &layout, back), HG_OK);
         assert_memory_equal(texels, back, (size_t)w * h * texel);
         for (int flip = 0; flip < 40; flip++) {
             const size_t at = next_random() % out.size;
             const uint8_t old = out.data[at];
             out.data[at] ^= (uint8_t)(1 + next_random() % 255);
-            const enum hg_status status =
-                hg_page_decode(codec, out.data, out.size, back, (size_t)w * texel, w, h, texel);
+            const enum hg_status status = hg_page_decode(codec, out.data, out.size, &layout, back);
             assert_true(status == HG_OK || status == HG_E_FORMAT);
             out.data[at] = old;
         }
         for (size_t cut = 0; cut < out.size; cut += 1 + out.size / 50)
-            assert_int_equal(
-                hg_page_decode(codec, out.data, cut, back, (size_t)w * texel, w, h, texel),
-                HG_E_FORMAT);
+            assert_int_equal(hg_page_decode(codec, out.data, cut, &layout, back), HG_E_FORMAT);
         hg_writer_finish(&out);
     }
     free(texels);
@@ -420,22 +417,21 @@ static void test_few_tiles(void **state)
     assert_int_equal(hg_image_reader_open(path, 4096, &reader, NULL), HG_OK);
     assert_int_equal(hg_image_reader_open(path, 4096, &second, NULL), HG_OK);
     assert_int_equal(hg_open_files_create(4, &files), HG_OK);
-    assert_int_equal(hg_open_files_add(files, second, &file), HG_OK);
+    assert_int_equal(hg_open_files_add(files, second, HG_PIXEL_RGBA8, &file), HG_OK);
     assert_int_equal(hg_tile_cache_create(limit, &cache), HG_OK);
     static uint8_t got[132 * 132 * 4], expected[132 * 132 * 4];
     uint32_t n = 1;
     for (int i = 0; i < 300; i++) {
         n = n * 1664525u + 1013904223u;
         const uint32_t mip = n >> 28 & 1, size[2] = {1 + (n >> 8) % 132, 1 + (n >> 16) % 132};
-        const uint32_t at[2] = {(n >> 4) % (hg_mips_side(w, mip) - size[0] + 1),
-            (n >> 12) % (hg_mips_side(h, mip) - size[1] + 1)};
+        const struct hg_image_rect rect = {mip,
+            {(n >> 4) % (hg_mips_side(w, mip) - size[0] + 1),
+                (n >> 12) % (hg_mips_side(h, mip) - size[1] + 1)},
+            {size[0], size[1]}};
         uint64_t bytes, direct;
+        assert_int_equal(hg_tile_cache_rect(cache, file, &rect, got, &bytes, NULL), HG_OK);
         assert_int_equal(
-            hg_tile_cache_rect(cache, file, mip, at, size, HG_PIXEL_RGBA8, got, &bytes, NULL),
-            HG_OK);
-        assert_int_equal(
-            hg_image_reader_rect(reader, mip, at, size, HG_PIXEL_RGBA8, expected, &direct, NULL),
-            HG_OK);
+            hg_image_reader_rect(reader, &rect, HG_PIXEL_RGBA8, expected, &direct, NULL), HG_OK);
         assert_memory_equal(got, expected, (size_t)size[0] * size[1] * 4);
         assert_true(bytes <= direct);
     }

@@ -174,16 +174,16 @@ struct hg_basislz_slice {
     unsigned rover;    // where the next new one goes
 };
 
-enum hg_status hg_basislz_slice_open(const struct hg_basislz *codebooks, const uint8_t *data,
-    size_t size, uint32_t blocks_x, const char *name, struct hg_basislz_slice **out,
+enum hg_status hg_basislz_slice_open(const struct hg_basislz *codebooks,
+    const struct hg_image_bytes *bytes, uint32_t blocks_x, struct hg_basislz_slice **out,
     struct hg_error *err)
 {
     *out = NULL;
     struct hg_basislz_slice *s = hg_calloc(1, sizeof *s);
     if (s != NULL) {
         s->codebooks = codebooks;
-        s->name = hg_strdup(name);
-        s->bits = hg_bits_make(data, size);
+        s->name = hg_strdup(bytes->name);
+        s->bits = hg_bits_make(bytes->data, bytes->size);
         s->blocks_x = blocks_x;
         s->above = hg_calloc(blocks_x, sizeof *s->above);
         s->below = hg_calloc((blocks_x + 1) / 2, sizeof *s->below);
@@ -193,7 +193,7 @@ enum hg_status hg_basislz_slice_open(const struct hg_basislz *codebooks, const u
     if (s == NULL || s->name == NULL || s->above == NULL || s->below == NULL ||
         s->history == NULL) {
         hg_basislz_slice_close(s);
-        return hg_error_set(err, HG_E_NOMEM, name, NULL, "no memory for a slice");
+        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory for a slice");
     }
     *out = s;
     return HG_OK;

@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "base/status.h"
+#include "renderer/image/image.h"
 
 // Codebooks and code tables: the "global data" of a file behind its image descriptions.
 struct hg_basislz;
@@ -28,8 +28,8 @@ void hg_basislz_destroy(struct hg_basislz *codebooks); // accepts NULL
 struct hg_basislz_slice;
 
 // Borrows codebooks and data until close. HG_E_NOMEM.
-enum hg_status hg_basislz_slice_open(const struct hg_basislz *codebooks, const uint8_t *data,
-    size_t size, uint32_t blocks_x, const char *name, struct hg_basislz_slice **out,
+enum hg_status hg_basislz_slice_open(const struct hg_basislz *codebooks,
+    const struct hg_image_bytes *bytes, uint32_t blocks_x, struct hg_basislz_slice **out,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_basislz_slice_close(struct hg_basislz_slice *slice); // accepts NULL
 

@@ -60,18 +60,20 @@ struct hg_ktx2_reader {
     uint64_t inflate_bytes; // that Zstandard takes
     uint32_t blocks_x, blocks_y, level_count;
 
-    // From the first row until a failure or the end.
-    uint64_t at;           // of the level that is read next
-    uint8_t *input;        // [INPUT_BYTES] of a level under Zstandard
-    ZSTD_inBuffer pending; // of it
-    ZSTD_DStream *inflate; //
-    uint8_t *blocks;       // a row of UASTC blocks
-    uint8_t *slice_bytes;  // the level of a file of ETC1S
-    struct hg_basislz *codebooks;
-    struct hg_basislz_slice *slices[2]; // colour, alpha
-    uint8_t *alpha;                     // 4 rows of the second slice
-    uint8_t *texels;                    // 4 rows, RGBA8
-    uint32_t next_block_row, next_row;
+    struct decoding {          // from the first row until a failure or the end
+        uint64_t at;           // of the level that is read next
+        uint8_t *input;        // [INPUT_BYTES] of a level under Zstandard
+        ZSTD_inBuffer pending; // of it
+        ZSTD_DStream *inflate;
+        uint8_t *blocks;      // a row of UASTC blocks
+        uint8_t *slice_bytes; // the level of a file of ETC1S
+        struct hg_basislz *codebooks;
+        struct hg_basislz_slice *slices[2]; // colour, alpha
+        uint8_t *alpha;                     // 4 rows of the second slice
+        uint8_t *texels;                    // 4 rows, RGBA8
+        uint32_t next_block_row;
+    } decoding;
+    uint32_t next_row;
 };
 
 static enum hg_status malformed(
@@ -274,15 +276,16 @@ static int window_log(const struct hg_ktx2_reader *r)
 
 static enum hg_status start_uastc(struct hg_ktx2_reader *r, struct hg_error *err)
 {
-    r->blocks = hg_calloc(r->blocks_x, HG_UASTC_BLOCK_BYTES);
-    if (r->blocks == NULL)
+    r->decoding.blocks = hg_calloc(r->blocks_x, HG_UASTC_BLOCK_BYTES);
+    if (r->decoding.blocks == NULL)
         return no_memory(r, err);
     if (r->scheme != SCHEME_ZSTD)
         return HG_OK;
-    r->input = hg_calloc(INPUT_BYTES, 1);
-    r->inflate = r->input != NULL ? ZSTD_createDStream() : NULL;
-    const bool ok = r->inflate != NULL && !ZSTD_isError(ZSTD_DCtx_setParameter(
-                                              r->inflate, ZSTD_d_windowLogMax, window_log(r)));
+    r->decoding.input = hg_calloc(INPUT_BYTES, 1);
+    r->decoding.inflate = r->decoding.input != NULL ? ZSTD_createDStream() : NULL;
+    const bool ok =
+        r->decoding.inflate != NULL && !ZSTD_isError(ZSTD_DCtx_setParameter(r->decoding.inflate,
+                                           ZSTD_d_windowLogMax, window_log(r)));
     return ok ? HG_OK : no_memory(r, err);
 }
 
@@ -291,8 +294,10 @@ static enum hg_status open_slice(
 {
     if (!hg_range_ok(span->offset, span->length, r->level.length))
         return malformed(r, "level 0", "a slice lies outside", err);
-    return hg_basislz_slice_open(r->codebooks, r->slice_bytes + span->offset, (size_t)span->length,
-        r->blocks_x, r->name, &r->slices[index], err);
+    const struct hg_image_bytes bytes = {
+        r->decoding.slice_bytes + span->offset, (size_t)span->length, r->name};
+    return hg_basislz_slice_open(
+        r->decoding.codebooks, &bytes, r->blocks_x, &r->decoding.slices[index], err);
 }
 
 static enum hg_status start_slices(
@@ -322,7 +327,7 @@ static enum hg_status start_slices(
         return malformed(r, "global data", "they end too early", err);
     if (flags & p_frame)
         return unsupported(r, "global data", "a frame of a video", err);
-    enum hg_status status = hg_basislz_create(&parts, r->name, &r->codebooks, err);
+    enum hg_status status = hg_basislz_create(&parts, r->name, &r->decoding.codebooks, err);
     for (unsigned i = 0; i < 1u + r->has_second_slice && status == HG_OK; i++)
         status = open_slice(r, i, &slices[i], err);
     return status;
@@ -333,13 +338,13 @@ static enum hg_status start_etc1s(struct hg_ktx2_reader *r, struct hg_error *err
     uint8_t *globals;
     enum hg_status status = read_span(r, &r->globals, MAX_BASISLZ, &globals, err);
     if (status == HG_OK)
-        status = read_span(r, &r->level, MAX_BASISLZ, &r->slice_bytes, err);
+        status = read_span(r, &r->level, MAX_BASISLZ, &r->decoding.slice_bytes, err);
     if (status == HG_OK)
         status = start_slices(r, globals, err);
     hg_free(globals);
     if (status == HG_OK && r->has_second_slice) {
-        r->alpha = hg_calloc((size_t)r->blocks_x * 16, 4);
-        if (r->alpha == NULL)
+        r->decoding.alpha = hg_calloc((size_t)r->blocks_x * 16, 4);
+        if (r->decoding.alpha == NULL)
             status = no_memory(r, err);
     }
     return status;
@@ -351,29 +356,23 @@ static enum hg_status start(struct hg_ktx2_reader *r, struct hg_error *err)
     enum hg_status status = r->model == MODEL_UASTC ? start_uastc(r, err) : start_etc1s(r, err);
     if (status != HG_OK)
         return status;
-    r->texels = hg_calloc((size_t)r->blocks_x * 16, 4);
-    return r->texels != NULL ? HG_OK : no_memory(r, err);
+    r->decoding.texels = hg_calloc((size_t)r->blocks_x * 16, 4);
+    return r->decoding.texels != NULL ? HG_OK : no_memory(r, err);
 }
 
 // Rows begin anew.
 static void stop(struct hg_ktx2_reader *r)
 {
-    hg_basislz_slice_close(r->slices[0]);
-    hg_basislz_slice_close(r->slices[1]);
-    hg_basislz_destroy(r->codebooks);
-    ZSTD_freeDStream(r->inflate);
-    hg_free(r->input);
-    hg_free(r->blocks);
-    hg_free(r->slice_bytes);
-    hg_free(r->alpha);
-    hg_free(r->texels);
-    r->slices[0] = r->slices[1] = NULL;
-    r->codebooks = NULL;
-    r->inflate = NULL;
-    r->input = r->blocks = r->slice_bytes = r->alpha = r->texels = NULL;
-    r->pending = (ZSTD_inBuffer){NULL, 0, 0};
-    r->at = 0;
-    r->next_block_row = 0;
+    hg_basislz_slice_close(r->decoding.slices[0]);
+    hg_basislz_slice_close(r->decoding.slices[1]);
+    hg_basislz_destroy(r->decoding.codebooks);
+    ZSTD_freeDStream(r->decoding.inflate);
+    hg_free(r->decoding.input);
+    hg_free(r->decoding.blocks);
+    hg_free(r->decoding.slice_bytes);
+    hg_free(r->decoding.alpha);
+    hg_free(r->decoding.texels);
+    r->decoding = (struct decoding){0};
 }
 
 // ---- what is known before rows -----------------------------------------------------------------
@@ -451,9 +450,10 @@ static enum hg_status look(struct hg_ktx2_reader *r, uint32_t max_side_px, struc
     return status;
 }
 
-enum hg_status hg_ktx2_reader_open(FILE *file, const void *data, size_t size, const char *name,
+enum hg_status hg_ktx2_reader_open(FILE *file, const struct hg_image_bytes *bytes,
     uint32_t max_side_px, struct hg_ktx2_reader **out, struct hg_error *err)
 {
+    const char *name = bytes->name;
     *out = NULL;
     struct stat st = {0};
     struct hg_ktx2_reader *r = hg_calloc(1, sizeof *r);
@@ -463,8 +463,8 @@ enum hg_status hg_ktx2_reader_open(FILE *file, const void *data, size_t size, co
     }
     pthread_mutex_init(&r->lock, NULL);
     r->file = file;
-    r->data = data;
-    r->size = size;
+    r->data = bytes->data;
+    r->size = bytes->size;
     enum hg_status status = HG_OK;
     if (file != NULL && fstat(fileno(file), &st) != 0)
         status = hg_error_set(err, HG_E_IO, name, NULL, "cannot read: %s", strerror(errno));
@@ -499,13 +499,13 @@ const struct hg_image_reader_info *hg_ktx2_reader_info(const struct hg_ktx2_read
 // More of a level under Zstandard.
 static enum hg_status refill(struct hg_ktx2_reader *r, struct hg_error *err)
 {
-    const uint64_t left = r->level.length - r->at;
+    const uint64_t left = r->level.length - r->decoding.at;
     const size_t n = left < INPUT_BYTES ? (size_t)left : INPUT_BYTES;
     if (n == 0)
         return malformed(r, "level 0", "the Zstandard data end too early", err);
-    enum hg_status status = read_at(r, r->level.offset + r->at, r->input, n, err);
-    r->at += n;
-    r->pending = (ZSTD_inBuffer){r->input, n, 0};
+    enum hg_status status = read_at(r, r->level.offset + r->decoding.at, r->decoding.input, n, err);
+    r->decoding.at += n;
+    r->decoding.pending = (ZSTD_inBuffer){r->decoding.input, n, 0};
     return status;
 }
 
@@ -526,10 +526,10 @@ static enum hg_status inflate(
     ZSTD_outBuffer out = {dst, size, 0};
     while (out.pos < size) {
         const size_t before = out.pos;
-        const size_t rc = ZSTD_decompressStream(r->inflate, &out, &r->pending);
+        const size_t rc = ZSTD_decompressStream(r->decoding.inflate, &out, &r->decoding.pending);
         if (ZSTD_isError(rc))
             return inflate_failed(r, rc, err);
-        if (out.pos == before && r->pending.pos == r->pending.size) {
+        if (out.pos == before && r->decoding.pending.pos == r->decoding.pending.size) {
             enum hg_status status = refill(r, err);
             if (status != HG_OK)
                 return status;
@@ -543,26 +543,27 @@ static enum hg_status uastc_row(struct hg_ktx2_reader *r, bool wanted, struct hg
     const size_t row = (size_t)r->blocks_x * HG_UASTC_BLOCK_BYTES;
     enum hg_status status = HG_OK;
     if (r->scheme == SCHEME_ZSTD)
-        status = inflate(r, r->blocks, row, err);
+        status = inflate(r, r->decoding.blocks, row, err);
     else if (wanted)
-        status = read_at(r, r->level.offset + row * r->next_block_row, r->blocks, row, err);
+        status = read_at(
+            r, r->level.offset + row * r->decoding.next_block_row, r->decoding.blocks, row, err);
     for (uint32_t x = 0; x < r->blocks_x && wanted && status == HG_OK; x++) {
         uint8_t texels[16][4];
-        hg_uastc_decode(r->blocks + (size_t)x * HG_UASTC_BLOCK_BYTES, r->srgb, texels);
+        hg_uastc_decode(r->decoding.blocks + (size_t)x * HG_UASTC_BLOCK_BYTES, r->srgb, texels);
         for (unsigned y = 0; y < 4; y++)
-            memcpy(r->texels + (y * (size_t)r->blocks_x + x) * 16, texels[4 * y], 16);
+            memcpy(r->decoding.texels + (y * (size_t)r->blocks_x + x) * 16, texels[4 * y], 16);
     }
     return status;
 }
 
 static enum hg_status etc1s_row(struct hg_ktx2_reader *r, struct hg_error *err)
 {
-    enum hg_status status = hg_basislz_slice_row(r->slices[0], r->texels, err);
+    enum hg_status status = hg_basislz_slice_row(r->decoding.slices[0], r->decoding.texels, err);
     if (status == HG_OK && r->has_second_slice)
-        status = hg_basislz_slice_row(r->slices[1], r->alpha, err);
+        status = hg_basislz_slice_row(r->decoding.slices[1], r->decoding.alpha, err);
     const size_t count = (size_t)r->blocks_x * 16;
     for (size_t i = 0; i < count && status == HG_OK; i++)
-        r->texels[4 * i + 3] = r->has_second_slice ? r->alpha[4 * i + 1] : 255;
+        r->decoding.texels[4 * i + 3] = r->has_second_slice ? r->decoding.alpha[4 * i + 1] : 255;
     return status;
 }
 
@@ -570,7 +571,7 @@ static void apply_meaning(const struct hg_ktx2_reader *r)
 {
     const size_t count = (size_t)r->blocks_x * 16;
     for (size_t i = 0; i < count && r->meaning != MEANS_RGBA; i++) {
-        uint8_t *t = r->texels + 4 * i;
+        uint8_t *t = r->decoding.texels + 4 * i;
         if (r->meaning == MEANS_GREY)
             t[1] = t[2] = t[0];
         if (r->meaning == MEANS_RG_AT_A)
@@ -581,15 +582,15 @@ static void apply_meaning(const struct hg_ktx2_reader *r)
     }
 }
 
-// The row of blocks that holds the next row, in r->texels.
+// The row of blocks that holds the next row, in r->decoding.texels.
 static enum hg_status reach_row(struct hg_ktx2_reader *r, struct hg_error *err)
 {
     const uint32_t wanted = r->next_row / 4;
     enum hg_status status = HG_OK;
-    if (r->texels == NULL)
+    if (r->decoding.texels == NULL)
         status = start(r, err);
-    for (; r->next_block_row <= wanted && status == HG_OK; r->next_block_row++) {
-        const bool last = r->next_block_row == wanted;
+    for (; r->decoding.next_block_row <= wanted && status == HG_OK; r->decoding.next_block_row++) {
+        const bool last = r->decoding.next_block_row == wanted;
         status = r->model == MODEL_UASTC ? uastc_row(r, last, err) : etc1s_row(r, err);
         if (status != HG_OK)
             break;
@@ -623,8 +624,8 @@ enum hg_status hg_ktx2_reader_rows(struct hg_ktx2_reader *r, enum hg_pixel_forma
         status = reach_row(r, err);
         if (status != HG_OK)
             break;
-        convert(r->texels + (size_t)(r->next_row % 4) * r->blocks_x * 16, r->info.width, format,
-            (uint8_t *)pixels + i * row);
+        convert(r->decoding.texels + (size_t)(r->next_row % 4) * r->blocks_x * 16, r->info.width,
+            format, (uint8_t *)pixels + i * row);
         r->next_row++;
     }
     if (status != HG_OK && status != HG_E_INVAL)

@@ -13,11 +13,12 @@
 
 struct hg_ktx2_reader;
 
-// Of a file, which stays the caller's and must outlive the reader, or of bytes (file NULL), which
-// are borrowed until close. HG_E_FORMAT (malformed), HG_E_UNSUPPORTED (no Basis Universal; not one
-// flat picture; turned, swizzled, premultiplied), HG_E_LIMIT (sides of more than max_side_px;
-// ETC1S data of more than 1 GiB; much that is not texels), HG_E_NOMEM, HG_E_IO.
-enum hg_status hg_ktx2_reader_open(FILE *file, const void *data, size_t size, const char *name,
+// Of a file, which stays the caller's and must outlive the reader, or of bytes (file NULL), whose
+// data are borrowed until close; bytes->name is used in messages. HG_E_FORMAT (malformed),
+// HG_E_UNSUPPORTED (no Basis Universal; not one flat picture; turned, swizzled, premultiplied),
+// HG_E_LIMIT (sides of more than max_side_px; ETC1S data of more than 1 GiB; much that is not
+// texels), HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_ktx2_reader_open(FILE *file, const struct hg_image_bytes *bytes,
     uint32_t max_side_px, struct hg_ktx2_reader **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_ktx2_reader_close(struct hg_ktx2_reader *reader); // accepts NULL
 const struct hg_image_reader_info *hg_ktx2_reader_info(const struct hg_ktx2_reader *reader);

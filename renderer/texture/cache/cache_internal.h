@@ -49,21 +49,28 @@ struct hg_page_cache {
     struct hg_page_set **sets;             // ordered by table; those without one first
     size_t set_capacity;
     uint32_t set_count;
-    uint32_t *table; // as on the device
-    size_t table_capacity;
-    uint32_t table_count;
-    uint32_t dirty_first, dirty_end;                       // entries to upload
-    struct hg_gpu_buffer table_buffer, feedback, readback; // readback: feedback cannot be mapped
+    struct {               // the page table
+        uint32_t *entries; // as on the device
+        size_t capacity;
+        uint32_t count;
+        uint32_t dirty_first, dirty_end; // entries to upload
+        struct hg_gpu_buffer buffer;
+    } table;
+    struct hg_gpu_buffer feedback, readback; // readback: feedback cannot be mapped
     uint32_t failures;
     uint64_t revision;
     uint32_t lottery;
     uint64_t missing_since_ns;
-    bool asked;              // requests may be read that could not be before
-    uint64_t asked_revision; // of the sources, when it was last tried
-    uint32_t waiting;        // requests whose images were not ready then
-    uint64_t *put_off;       // those of one pool, for a moment
-    size_t put_off_capacity;
-    uint32_t put_off_count;
+    struct {               // requests for pages of images that were not ready
+        bool is_due;       // some may be read now
+        uint64_t revision; // of the sources, when they were last tried
+        uint32_t waiting;  // how many were not ready then
+    } retry;
+    struct { // requests of one pool that are put back after its queue was read
+        uint64_t *keys;
+        size_t capacity;
+        uint32_t count;
+    } deferred;
     uint32_t pressed, relaxed; // frames in a row in which the pools were too small, or half empty
     uint64_t coarse_revision;  // of the sources, when previews were looked for
     bool refused;              // something in view found no slot since the last collect

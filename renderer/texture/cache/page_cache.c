@@ -42,7 +42,7 @@ enum hg_status hg_page_cache_create(struct hg_gpu *gpu, const struct hg_page_cac
         return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
     c->gpu = gpu;
     c->params = *params;
-    c->table_count = 1; // the first entry belongs to nobody
+    c->table.count = 1; // the first entry belongs to nobody
     c->revision = 1;
     const uint64_t half = hg_gpu_get_caps(gpu)->memory_bytes / 2;
     c->budget_bytes = params->budget_bytes > 0 ? params->budget_bytes : half;
@@ -74,12 +74,12 @@ void hg_page_cache_destroy(struct hg_page_cache *c)
         hg_pool_finish(&c->pools[i]);
         hg_residency_destroy(c->residency[i]);
     }
-    hg_gpu_buffer_destroy(c->gpu, &c->table_buffer);
+    hg_gpu_buffer_destroy(c->gpu, &c->table.buffer);
     hg_gpu_buffer_destroy(c->gpu, &c->feedback);
     hg_gpu_buffer_destroy(c->gpu, &c->readback);
     hg_free(c->sets);
-    hg_free(c->table);
-    hg_free(c->put_off);
+    hg_free(c->table.entries);
+    hg_free(c->deferred.keys);
     hg_free(c);
 }
 
@@ -221,14 +221,15 @@ static enum hg_status place_table(struct hg_page_cache *c)
         end = c->sets[at]->table + c->sets[at]->entries;
     }
     uint32_t count = end + set->entries;
-    count = count > c->table_count ? count : c->table_count;
-    if (count < end || hg_grow(&c->table, &c->table_capacity, count, sizeof *c->table) != HG_OK)
+    count = count > c->table.count ? count : c->table.count;
+    if (count < end ||
+        hg_grow(&c->table.entries, &c->table.capacity, count, sizeof *c->table.entries) != HG_OK)
         return HG_E_NOMEM;
-    if (c->table_count == 1)
-        c->table[0] = HG_PAGE_NOTHING << HG_PAGE_COARSER_SHIFT;
-    for (uint32_t i = c->table_count; i < count; i++)
-        c->table[i] = HG_PAGE_NOTHING << HG_PAGE_COARSER_SHIFT;
-    c->table_count = count;
+    if (c->table.count == 1)
+        c->table.entries[0] = HG_PAGE_NOTHING << HG_PAGE_COARSER_SHIFT;
+    for (uint32_t i = c->table.count; i < count; i++)
+        c->table.entries[i] = HG_PAGE_NOTHING << HG_PAGE_COARSER_SHIFT;
+    c->table.count = count;
     set->table = end;
     memmove(c->sets, c->sets + 1, (at - 1) * sizeof *c->sets);
     c->sets[at - 1] = set;
@@ -239,12 +240,12 @@ static enum hg_status place_table(struct hg_page_cache *c)
 // Buffers for all entries; all of it is uploaded when they moved.
 static enum hg_status reserve_buffers(struct hg_page_cache *c, struct hg_error *err)
 {
-    const uint64_t bytes = (uint64_t)c->table_count * sizeof *c->table;
+    const uint64_t bytes = (uint64_t)c->table.count * sizeof *c->table.entries;
     const bool mapped = hg_gpu_get_caps(c->gpu)->mapped;
-    if (c->table_buffer.size_bytes >= bytes && c->feedback.size_bytes >= 2 * bytes)
+    if (c->table.buffer.size_bytes >= bytes && c->feedback.size_bytes >= 2 * bytes)
         return HG_OK;
     enum hg_status status = hg_gpu_buffer_reserve(
-        c->gpu, HG_GPU_BUFFER_DEVICE, bytes, "page-table", &c->table_buffer, err);
+        c->gpu, HG_GPU_BUFFER_DEVICE, bytes, "page-table", &c->table.buffer, err);
     if (status == HG_OK)
         status = hg_gpu_buffer_reserve(
             c->gpu, HG_GPU_BUFFER_DEVICE, 2 * bytes, "page-feedback", &c->feedback, err);
@@ -253,8 +254,8 @@ static enum hg_status reserve_buffers(struct hg_page_cache *c, struct hg_error *
             c->gpu, HG_GPU_BUFFER_READBACK, 2 * bytes, "page-readback", &c->readback, err);
     if (status == HG_OK && c->feedback.mapped != NULL)
         memset(c->feedback.mapped, 0, c->feedback.size_bytes);
-    c->dirty_first = 0;
-    c->dirty_end = c->table_count;
+    c->table.dirty_first = 0;
+    c->table.dirty_end = c->table.count;
     return status;
 }
 
@@ -500,7 +501,7 @@ void hg_page_cache_stats(const struct hg_page_cache *c, struct hg_page_cache_sta
 {
     *out = c->stats;
     out->budget_bytes = c->params.budget_bytes;
-    out->table_bytes = (uint64_t)c->table_count * sizeof *c->table;
+    out->table_bytes = (uint64_t)c->table.count * sizeof *c->table.entries;
     out->failed = c->failures;
     for (uint32_t i = 0; i < c->set_count; i++)
         out->sets += c->sets[i]->refs > 0 && !c->sets[i]->failed;

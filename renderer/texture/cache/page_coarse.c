@@ -18,7 +18,7 @@ static uint32_t number_of(const struct hg_page_set *set, const struct page_place
 
 static bool tail_is_there(const struct hg_page_cache *c, const struct hg_page_set *set)
 {
-    return c->table[set->table + set->entries - 1] >> HG_PAGE_COARSER_SHIFT == 0;
+    return c->table.entries[set->table + set->entries - 1] >> HG_PAGE_COARSER_SHIFT == 0;
 }
 
 // --- away with it --------------------------------------------------------------------------------

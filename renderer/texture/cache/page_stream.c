@@ -94,7 +94,7 @@ static enum hg_status finish_read(struct hg_page_cache *c, struct hg_page_read *
         return place_page(c, set, read, mode, err);
     if (read->status == HG_E_AGAIN) { // asked for as before, and put off
         set->again = read->stamp;
-        c->asked = true;
+        c->retry.is_due = true;
         hg_residency_put_back(c->residency[set->pool], read->key);
         return HG_OK;
     }
@@ -139,9 +139,9 @@ static struct hg_page_set *next_ready(struct hg_page_cache *c, uint32_t pool, ui
                             hg_page_table_place(set, (uint32_t)*key, place);
         if (wanted && is_ready(set, revision))
             return set;
-        if (wanted && hg_grow(&c->put_off, &c->put_off_capacity, c->put_off_count + 1,
-                          sizeof *c->put_off) == HG_OK)
-            c->put_off[c->put_off_count++] = *key;
+        if (wanted && hg_grow(&c->deferred.keys, &c->deferred.capacity, c->deferred.count + 1,
+                          sizeof *c->deferred.keys) == HG_OK)
+            c->deferred.keys[c->deferred.count++] = *key;
         else
             hg_residency_cancel(c->residency[pool], *key);
     }
@@ -179,38 +179,39 @@ static uint32_t start_reads_of(
 {
     struct hg_residency_stats stats;
     uint32_t room = room_of(c, pool, mode);
-    c->put_off_count = 0;
+    c->deferred.count = 0;
     while (room > 0 && start_read(c, pool, revision))
         room--;
-    for (uint32_t i = 0; i < c->put_off_count; i++)
-        hg_residency_put_back(c->residency[pool], c->put_off[i]);
+    for (uint32_t i = 0; i < c->deferred.count; i++)
+        hg_residency_put_back(c->residency[pool], c->deferred.keys[i]);
     hg_residency_stats(c->residency[pool], &stats);
     c->refused |= room == 0 && stats.requested > 0;
-    c->asked |= stats.requested > c->put_off_count;
-    return c->put_off_count;
+    c->retry.is_due |= stats.requested > c->deferred.count;
+    return c->deferred.count;
 }
 
 static void start_reads(struct hg_page_cache *c, enum hg_page_mode mode)
 {
     const uint64_t revision = revision_of(c);
-    if (!c->asked && c->asked_revision == revision)
+    if (!c->retry.is_due && c->retry.revision == revision)
         return; // all that is left waits for its images
-    c->asked = false;
-    c->asked_revision = revision;
-    c->waiting = 0;
+    c->retry.is_due = false;
+    c->retry.revision = revision;
+    c->retry.waiting = 0;
     for (uint32_t i = 0; i < POOLS; i++)
-        c->waiting += start_reads_of(c, i, revision, mode);
+        c->retry.waiting += start_reads_of(c, i, revision, mode);
 }
 
 static enum hg_status upload_table(struct hg_page_cache *c, struct hg_error *err)
 {
-    if (c->dirty_first >= c->dirty_end)
+    if (c->table.dirty_first >= c->table.dirty_end)
         return HG_OK;
-    const uint64_t first = c->dirty_first, count = c->dirty_end - c->dirty_first;
-    const enum hg_status status = hg_gpu_buffer_upload(c->gpu, &c->table_buffer,
-        first * sizeof *c->table, c->table + first, count * sizeof *c->table, err);
+    const uint64_t first = c->table.dirty_first, count = c->table.dirty_end - c->table.dirty_first;
+    const enum hg_status status =
+        hg_gpu_buffer_upload(c->gpu, &c->table.buffer, first * sizeof *c->table.entries,
+            c->table.entries + first, count * sizeof *c->table.entries, err);
     if (status == HG_OK)
-        c->dirty_first = c->dirty_end = 0;
+        c->table.dirty_first = c->table.dirty_end = 0;
     return status;
 }
 
@@ -237,7 +238,7 @@ enum hg_status hg_page_cache_update(
 
 uint32_t hg_page_cache_under_way(const struct hg_page_cache *c)
 {
-    return hg_page_reader_out(c->reader) + c->waiting;
+    return hg_page_reader_out(c->reader) + c->retry.waiting;
 }
 
 static void wait_for_pages(struct hg_page_cache *c, uint64_t timeout_ns)
@@ -252,7 +253,7 @@ static void wait_for_pages(struct hg_page_cache *c, uint64_t timeout_ns)
                 hg_page_reader_unpop(c->reader, read);
                 return;
             }
-        } else if (c->waiting == 0) {
+        } else if (c->retry.waiting == 0) {
             return;
         } else {
             hg_page_sources_wait(c->sources, seen, step);
@@ -284,7 +285,7 @@ void hg_page_cache_end(struct hg_page_cache *c, struct hg_gpu_cmd *cmd)
     if (c->readback.handle == VK_NULL_HANDLE)
         return;
     hg_gpu_memory_barrier(cmd);
-    const VkBufferCopy copy = {.size = 2ull * c->table_count * sizeof *c->table};
+    const VkBufferCopy copy = {.size = 2ull * c->table.count * sizeof *c->table.entries};
     vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), c->feedback.handle, c->readback.handle, 1, &copy);
 }
 
@@ -304,10 +305,10 @@ static void ask(
     struct page_place place;
     if (!hg_page_table_place(set, entry, &place))
         return;
-    uint32_t gap = c->table[entry] >> HG_PAGE_COARSER_SHIFT;
+    uint32_t gap = c->table.entries[entry] >> HG_PAGE_COARSER_SHIFT;
     if (gap != HG_PAGE_NOTHING)
         hg_residency_use(
-            r, hg_pool_slot(&c->pools[set->pool], c->table[entry] & HG_PAGE_SLOT_MASK));
+            r, hg_pool_slot(&c->pools[set->pool], c->table.entries[entry] & HG_PAGE_SLOT_MASK));
     const uint32_t tail = set->info->layout.tail;
     const bool nothing = gap == HG_PAGE_NOTHING || set->coarse_count > 0;
     gap = nothing ? tail - place.mip + 1 : gap;
@@ -324,7 +325,7 @@ static void ask(
 static void collect_entry(struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry,
     const uint32_t counts[2], enum hg_page_mode mode, struct tally *tally)
 {
-    const uint32_t found = c->table[entry];
+    const uint32_t found = c->table.entries[entry];
     const bool resident = found >> HG_PAGE_COARSER_SHIFT == 0;
     const bool tail = entry == set->table + set->entries - 1;
     tally->needed[set->pool] += counts[0] > 0 && !tail;
@@ -432,7 +433,7 @@ void hg_page_cache_collect(
         hg_residency_stats(c->residency[i], &stats);
         out->fits &= tally.needed[i] <= stats.slots - stats.pinned;
     }
-    c->asked = true;
+    c->retry.is_due = true;
     out->missing = tally.missing;
     if (mode != HG_PAGES_PREFETCH)
         note_missing(c, tally.missing);
@@ -454,7 +455,7 @@ static void request_all(struct hg_page_cache *c)
         for (uint32_t k = 0; k < set->entries; k++) {
             struct page_place place;
             const uint32_t entry = set->table + k;
-            if (c->table[entry] >> HG_PAGE_COARSER_SHIFT != 0 &&
+            if (c->table.entries[entry] >> HG_PAGE_COARSER_SHIFT != 0 &&
                 hg_page_table_place(set, entry, &place))
                 hg_residency_request(c->residency[set->pool], entry, (float)(1 + place.mip));
         }
@@ -473,7 +474,7 @@ enum hg_status hg_page_cache_load_all(struct hg_page_cache *c, struct hg_error *
                 "%llu pages do not fit at once", (unsigned long long)pages[i]);
     while (!hg_page_cache_is_complete(c)) {
         request_all(c);
-        c->asked = true;
+        c->retry.is_due = true;
         const enum hg_status status = hg_page_cache_update(c, HG_PAGES_EXACT, UINT64_MAX, err);
         if (status != HG_OK)
             return status;
@@ -485,7 +486,7 @@ enum hg_status hg_page_cache_load_all(struct hg_page_cache *c, struct hg_error *
 void hg_page_cache_fill(
     struct hg_page_cache *c, enum hg_page_mode mode, struct hg_gpu_textures *out)
 {
-    out->table = c->table_buffer.address;
+    out->table = c->table.buffer.address;
     out->feedback = c->feedback.address;
     out->pool_scale = (float)HG_POOL_SIDE / (float)c->pools[POOL_8].side;
     out->bias = mode == HG_PAGES_SHOW ? c->stats.bias : 0.0f;

@@ -74,25 +74,25 @@ uint32_t hg_page_table_nothing(const struct hg_page_set *set)
 
 static void touch(struct hg_page_cache *cache, uint32_t first, uint32_t end)
 {
-    if (cache->dirty_first >= cache->dirty_end) {
-        cache->dirty_first = first;
-        cache->dirty_end = end;
+    if (cache->table.dirty_first >= cache->table.dirty_end) {
+        cache->table.dirty_first = first;
+        cache->table.dirty_end = end;
         return;
     }
-    cache->dirty_first = first < cache->dirty_first ? first : cache->dirty_first;
-    cache->dirty_end = end > cache->dirty_end ? end : cache->dirty_end;
+    cache->table.dirty_first = first < cache->table.dirty_first ? first : cache->table.dirty_first;
+    cache->table.dirty_end = end > cache->table.dirty_end ? end : cache->table.dirty_end;
 }
 
 void hg_page_table_set_entry(struct hg_page_cache *cache, uint32_t entry, uint32_t value)
 {
-    cache->table[entry] = value;
+    cache->table.entries[entry] = value;
     touch(cache, entry, entry + 1);
 }
 
 void hg_page_table_clear(struct hg_page_cache *cache, const struct hg_page_set *set)
 {
     for (uint32_t i = 0; i < set->entries; i++)
-        cache->table[set->table + i] = hg_page_table_nothing(set);
+        cache->table.entries[set->table + i] = hg_page_table_nothing(set);
     touch(cache, set->table, set->table + set->entries);
 }
 
@@ -129,7 +129,7 @@ static void change(struct hg_page_cache *cache, const struct hg_page_set *set,
             const struct page_place first = {mip, mip < l->tail ? x.first : 0, row};
             const uint32_t at = hg_page_table_entry(set, &first);
             for (uint32_t i = 0; i < x.end - x.first; i++) {
-                uint32_t *entry = &cache->table[at + i];
+                uint32_t *entry = &cache->table.entries[at + i];
                 const uint32_t had = *entry >> HG_PAGE_COARSER_SHIFT;
                 if (add ? had <= up : had != up)
                     continue;
@@ -154,7 +154,7 @@ void hg_page_table_remove(
     struct page_place parent;
     uint32_t entry = hg_page_table_nothing(set);
     if (hg_page_table_parent(set, place, &parent))
-        entry = cache->table[hg_page_table_entry(set, &parent)];
+        entry = cache->table.entries[hg_page_table_entry(set, &parent)];
     const uint32_t coarser = entry >> HG_PAGE_COARSER_SHIFT;
     change(cache, set, place, entry & HG_PAGE_SLOT_MASK,
         coarser == HG_PAGE_NOTHING ? HG_PAGE_NOTHING : coarser + 1, false);

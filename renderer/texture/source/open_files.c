@@ -8,6 +8,7 @@
 struct hg_open_file {
     struct hg_open_files *files;
     struct hg_image_reader *reader;
+    enum hg_pixel_format format;
     struct hg_open_file *newer, *older; // of those that are open
     uint32_t users;                     // who must not lose it
     bool open;                          // and in the list; bytes in memory never are
@@ -90,8 +91,8 @@ void hg_open_files_give_up(struct hg_open_files *f)
     pthread_mutex_unlock(&f->lock);
 }
 
-enum hg_status hg_open_files_add(
-    struct hg_open_files *f, struct hg_image_reader *reader, struct hg_open_file **out)
+enum hg_status hg_open_files_add(struct hg_open_files *f, struct hg_image_reader *reader,
+    enum hg_pixel_format format, struct hg_open_file **out)
 {
     struct hg_open_file *file = hg_calloc(1, sizeof *file);
     *out = file;
@@ -99,7 +100,7 @@ enum hg_status hg_open_files_add(
         hg_image_reader_close(reader);
         return HG_E_NOMEM;
     }
-    *file = (struct hg_open_file){.files = f, .reader = reader};
+    *file = (struct hg_open_file){.files = f, .reader = reader, .format = format};
     pthread_mutex_lock(&f->lock);
     if (hg_image_reader_can_sleep(reader)) {
         link_open(file);
@@ -125,6 +126,11 @@ void hg_open_file_remove(struct hg_open_file *file)
 const struct hg_image_reader_info *hg_open_file_info(const struct hg_open_file *file)
 {
     return hg_image_reader_info(file->reader);
+}
+
+enum hg_pixel_format hg_open_file_format(const struct hg_open_file *file)
+{
+    return file->format;
 }
 
 // The lock is held.
@@ -166,15 +172,14 @@ static void release(struct hg_open_file *file)
     pthread_mutex_unlock(&file->files->lock);
 }
 
-enum hg_status hg_open_file_rect(struct hg_open_file *file, uint32_t mip, const uint32_t at[2],
-    const uint32_t size[2], enum hg_pixel_format format, void *pixels, uint64_t *bytes,
-    struct hg_error *err)
+enum hg_status hg_open_file_rect(struct hg_open_file *file, const struct hg_image_rect *rect,
+    void *pixels, uint64_t *bytes, struct hg_error *err)
 {
     *bytes = 0;
     enum hg_status status = acquire(file, err);
     if (status != HG_OK)
         return status;
-    status = hg_image_reader_rect(file->reader, mip, at, size, format, pixels, bytes, err);
+    status = hg_image_reader_rect(file->reader, rect, file->format, pixels, bytes, err);
     release(file);
     return status;
 }

@@ -359,14 +359,14 @@ static size_t compress(
     return out.pos;
 }
 
-enum hg_status hg_page_encode(struct hg_page_codec *k, const void *texels, size_t pitch_bytes,
-    uint32_t width, uint32_t height, uint32_t texel_bytes, int level, struct hg_writer *out)
+enum hg_status hg_page_encode(struct hg_page_codec *k, const void *texels,
+    const struct hg_texel_layout *layout, int level, struct hg_writer *out)
 {
-    const bool wide = texel_bytes == 8;
-    const uint32_t count = width * height;
+    const bool wide = layout->texel_bytes == 8;
+    const uint32_t width = layout->width, height = layout->height, count = width * height;
     if (k->compressor == NULL && (k->compressor = ZSTD_createCCtx()) == NULL)
         return HG_E_NOMEM;
-    load_texels(k, texels, pitch_bytes, width, height, wide);
+    load_texels(k, texels, layout->pitch_bytes, width, height, wide);
     const uint8_t constants = find_constants(k->texels, count);
     const lanes first = k->texels[0];
     const uint8_t flags = (uint8_t)(constants | subtract_green(k, count, constants));
@@ -400,9 +400,12 @@ static void finish_row(lanes *row, uint32_t width, uint8_t flags, const lanes *v
     }
 }
 
-static bool rebuild(struct hg_page_codec *k, uint8_t flags, lanes values, uint32_t width,
-    uint32_t height, bool wide, uint8_t *texels, size_t pitch)
+static bool rebuild(struct hg_page_codec *k, uint8_t flags, lanes values,
+    const struct hg_texel_layout *layout, uint8_t *texels)
 {
+    const bool wide = layout->texel_bytes == 8;
+    const uint32_t width = layout->width, height = layout->height;
+    const size_t pitch = layout->pitch_bytes;
     static const lanes zeroes[SIDE];
     const lanes *above = zeroes;
     for (uint32_t y = 0; y < height; y++, texels += pitch) {
@@ -421,10 +424,11 @@ static bool rebuild(struct hg_page_codec *k, uint8_t flags, lanes values, uint32
     return true;
 }
 
-enum hg_status hg_page_decode(struct hg_page_codec *k, const void *data, size_t size, void *texels,
-    size_t pitch_bytes, uint32_t width, uint32_t height, uint32_t texel_bytes)
+enum hg_status hg_page_decode(struct hg_page_codec *k, const void *data, size_t size,
+    const struct hg_texel_layout *layout, void *texels)
 {
-    const bool wide = texel_bytes == 8;
+    const bool wide = layout->texel_bytes == 8;
+    const uint32_t width = layout->width, height = layout->height;
     struct hg_reader r = hg_reader_make(data, size);
     const uint8_t flags = hg_read_u8(&r);
     lanes values = {0};
@@ -447,6 +451,5 @@ enum hg_status hg_page_decode(struct hg_page_codec *k, const void *data, size_t 
             return HG_E_FORMAT;
     }
     read_planes(k, height, width * height, flags & 15, wide);
-    return rebuild(k, flags, values, width, height, wide, texels, pitch_bytes) ? HG_OK
-                                                                               : HG_E_FORMAT;
+    return rebuild(k, flags, values, layout, texels) ? HG_OK : HG_E_FORMAT;
 }

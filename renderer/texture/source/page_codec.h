@@ -20,14 +20,18 @@ struct hg_page_codec;
 struct hg_page_codec *hg_page_codec_create(void) HG_MUST_CHECK; // NULL: no memory
 void hg_page_codec_destroy(struct hg_page_codec *codec);        // accepts NULL
 
-// A rectangle of width x height texels (1..HG_PAGE_CODEC_SIDE) of texel_bytes 4 or 8, whose rows
-// lie pitch_bytes apart. Appends to `out`. level: of Zstandard, 1..19. HG_E_NOMEM.
-enum hg_status hg_page_encode(struct hg_page_codec *codec, const void *texels, size_t pitch_bytes,
-    uint32_t width, uint32_t height, uint32_t texel_bytes, int level,
-    struct hg_writer *out) HG_MUST_CHECK;
+// A rectangle of texels in memory.
+struct hg_texel_layout {
+    uint32_t width, height; // texels, 1..HG_PAGE_CODEC_SIDE
+    uint32_t texel_bytes;   // 4: RGBA8, 8: RGBA16F
+    size_t pitch_bytes;     // from row to row
+};
+
+// Appends to `out`. level: of Zstandard, 1..19. HG_E_NOMEM.
+enum hg_status hg_page_encode(struct hg_page_codec *codec, const void *texels,
+    const struct hg_texel_layout *layout, int level, struct hg_writer *out) HG_MUST_CHECK;
 // The inverse; `data` must be exactly what encode made for these sides. HG_E_FORMAT.
 enum hg_status hg_page_decode(struct hg_page_codec *codec, const void *data, size_t size,
-    void *texels, size_t pitch_bytes, uint32_t width, uint32_t height,
-    uint32_t texel_bytes) HG_MUST_CHECK;
+    const struct hg_texel_layout *layout, void *texels) HG_MUST_CHECK;
 
 #endif

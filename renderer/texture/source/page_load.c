@@ -349,9 +349,15 @@ static void account(struct bake *b, struct hg_source_rows *rows, bool more)
     pthread_mutex_unlock(&b->sources->lock);
 }
 
-// From a chain in memory, or from rows.
+// What a pack is made from: one of the two.
+struct pack_input {
+    const struct hg_mips *mips;  // a chain in memory
+    struct hg_source_rows *rows; // of the image file
+    bool failed;                 // out: reading the input failed, not writing the pack
+};
+
 static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image *image,
-    const struct hg_mips *mips, struct hg_source_rows *rows, bool *of_source, struct hg_error *err)
+    struct pack_input *from, struct hg_error *err)
 {
     struct hg_store_key key;
     struct hg_store_writer *writer;
@@ -367,9 +373,10 @@ static enum hg_status write_pack(struct hg_page_sources *s, struct hg_page_image
         writer, "texture %s: %u x %u", image->name, image->info.width, image->info.height);
     status = hg_page_packer_create(&image->chain, writer, s->jobs, &b.packer);
     if (status == HG_OK) {
-        account(&b, rows, true);
-        status = rows != NULL ? pack_rows(&b, rows, of_source, err) : pack_chain(&b, mips);
-        account(&b, rows, false);
+        account(&b, from->rows, true);
+        status = from->rows != NULL ? pack_rows(&b, from->rows, &from->failed, err)
+                                    : pack_chain(&b, from->mips);
+        account(&b, from->rows, false);
         if (status != HG_OK && err->status == HG_OK)
             *err = *hg_page_packer_error(b.packer);
     }
@@ -429,15 +436,14 @@ static void finish_bake(struct hg_page_sources *s, struct hg_page_image *image,
 
 // A pack that is there or is made now. Without the lock.
 static enum hg_status make_pack(struct hg_page_sources *s, struct hg_page_image *image,
-    const struct hg_mips *mips, struct hg_source_rows *rows, bool *of_source,
-    struct hg_page_backing **pack, struct hg_error *err)
+    struct pack_input *from, struct hg_page_backing **pack, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
     image->bake.bake_ns = 0;
     *pack = find_pack(s, image);
     if (*pack != NULL)
         return HG_OK;
-    const enum hg_status status = write_pack(s, image, mips, rows, of_source, err);
+    const enum hg_status status = write_pack(s, image, from, err);
     if (status != HG_OK)
         return status;
     image->bake.bake_ns = hg_clock_now_ns() - start;
@@ -456,8 +462,8 @@ static void bake(
     count_bake(s, image, true);
     pthread_mutex_unlock(&s->lock);
     struct hg_error err = {0};
-    bool of_source = false;
-    const enum hg_status status = make_pack(s, image, &chain->mips, NULL, &of_source, &pack, &err);
+    struct pack_input from = {.mips = &chain->mips};
+    const enum hg_status status = make_pack(s, image, &from, &pack, &err);
     hg_page_backing_unref(s, chain);
     pthread_mutex_lock(&s->lock);
     if (status == HG_OK)
@@ -476,18 +482,17 @@ static void stream(struct hg_page_sources *s, struct hg_page_image *image)
     if (shown)
         hg_page_preview_read(s, image, origin);
     struct hg_error err = {0};
-    struct hg_source_rows *rows;
+    struct pack_input from = {0};
     struct hg_page_backing *pack = NULL;
-    bool of_source = true;
-    enum hg_status status = hg_source_rows_open(origin, &image->info, &rows, &err);
-    if (status == HG_OK) {
-        of_source = false;
-        status = make_pack(s, image, NULL, rows, &of_source, &pack, &err);
-    }
-    hg_source_rows_close(rows);
+    enum hg_status status = hg_source_rows_open(origin, &image->info, &from.rows, &err);
+    if (status == HG_OK)
+        status = make_pack(s, image, &from, &pack, &err);
+    else
+        from.failed = true;
+    hg_source_rows_close(from.rows);
     pthread_mutex_lock(&s->lock);
     image->borrowed = NULL;
-    if (of_source) {
+    if (from.failed) {
         count_bake(s, image, false);
         fail_image(s, image, &err);
     } else {

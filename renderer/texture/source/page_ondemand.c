@@ -12,11 +12,9 @@ struct make {
     struct hg_tile_cache *tiles;
     const struct hg_page_backing *backing;
     const struct hg_page_chain *chain;
-    const struct hg_page_view *view;
-    uint32_t mip;
+    struct hg_page_request *read;
     uint8_t *pixels; // [SIDE * SIDE] as the source has them
     uint8_t *texels; // [4][SIDE * SIDE]
-    uint64_t bytes;
     struct hg_error *err;
 };
 
@@ -28,15 +26,15 @@ static enum hg_status make_pixels(
     struct make *m, uint32_t mip, struct span x, struct span y, void *pixels)
 {
     const struct hg_image_tiles *t = m->backing->tiles;
+    const struct hg_image_rect rect = {mip, {x.first, y.first}, {x.length, y.length}};
     if (t != NULL)
-        return t->make(t->user, mip, x.first, y.first, x.length, y.length, pixels)
+        return t->make(t->user, &rect, pixels)
                    ? HG_OK
                    : hg_error_set(m->err, HG_E_IO, "tiles", NULL, "mip %u cannot be made", mip);
     uint64_t bytes;
-    const uint32_t at[2] = {x.first, y.first}, size[2] = {x.length, y.length};
-    const enum hg_status status = hg_tile_cache_rect(
-        m->tiles, m->backing->file, mip, at, size, m->backing->format, pixels, &bytes, m->err);
-    m->bytes += bytes;
+    const enum hg_status status =
+        hg_tile_cache_rect(m->tiles, m->backing->file, &rect, pixels, &bytes, m->err);
+    m->read->bytes += bytes;
     if (status == HG_OK && !hg_open_file_is_unchanged(m->backing->file))
         return hg_error_set(m->err, HG_E_HASH, "image", NULL, "the file was changed");
     return status;
@@ -76,31 +74,33 @@ static struct span other_span(uint32_t page, uint32_t side, enum hg_wrap wrap)
     return (struct span){0, end > side ? HG_PAGE_BORDER : 0};
 }
 
-static enum hg_status make_page(struct make *m, const uint32_t at[2], void *dst)
+static enum hg_status make_page(struct make *m)
 {
-    const struct hg_page_layout *l = m->view->layout;
-    const uint32_t w = hg_mips_side(l->width, m->mip), h = hg_mips_side(l->height, m->mip);
-    const struct span xs[2] = {own_span(at[0], w), other_span(at[0], w, m->view->wrap_s)};
-    const struct span ys[2] = {own_span(at[1], h), other_span(at[1], h, m->view->wrap_t)};
+    const struct hg_page_request *r = m->read;
+    const struct hg_page_view *view = r->view;
+    const struct hg_page_layout *l = view->layout;
+    const uint32_t w = hg_mips_side(l->width, r->mip), h = hg_mips_side(l->height, r->mip);
+    const struct span xs[2] = {own_span(r->x, w), other_span(r->x, w, view->wrap_s)};
+    const struct span ys[2] = {own_span(r->y, h), other_span(r->y, h, view->wrap_t)};
     struct hg_page_part parts[4] = {0};
     for (int i = 0; i < 4; i++) {
         const struct span x = xs[i & 1], y = ys[i >> 1];
         if (x.length == 0 || y.length == 0)
             continue;
         uint8_t *texels = m->texels + (size_t)i * SIDE * SIDE * m->chain->texel_bytes;
-        const enum hg_status status = make_rect(m, m->mip, x, y, texels);
+        const enum hg_status status = make_rect(m, r->mip, x, y, texels);
         if (status != HG_OK)
             return status;
         parts[i] = (struct hg_page_part){
             texels, (size_t)x.length * m->chain->texel_bytes, x.first, y.first, x.length, y.length};
     }
-    hg_page_assemble(m->view, m->mip, at[0], at[1], parts, dst);
+    hg_page_assemble(view, r->mip, r->x, r->y, parts, r->texels);
     return HG_OK;
 }
 
-static enum hg_status make_tail(struct make *m, void *dst)
+static enum hg_status make_tail(struct make *m)
 {
-    const struct hg_page_layout *l = m->view->layout;
+    const struct hg_page_layout *l = m->read->view->layout;
     const uint8_t *levels[HG_MIPS_MAX] = {0};
     uint8_t *texels = m->texels;
     for (uint32_t i = l->tail; i < l->mips; i++) {
@@ -112,24 +112,22 @@ static enum hg_status make_tail(struct make *m, void *dst)
         levels[i] = texels;
         texels += (size_t)w * h * m->chain->texel_bytes;
     }
-    hg_page_assemble_tail(m->view, levels, dst);
+    hg_page_assemble_tail(m->read->view, levels, m->read->texels);
     return HG_OK;
 }
 
 enum hg_status hg_page_make(struct hg_tile_cache *tiles, const struct hg_page_backing *backing,
-    const struct hg_page_chain *chain, const struct hg_page_view *view, uint32_t mip,
-    const uint32_t at[2], void *texels, uint64_t *bytes, struct hg_error *err)
+    const struct hg_page_chain *chain, struct hg_page_request *read, struct hg_error *err)
 {
-    struct make m = {
-        .tiles = tiles, .backing = backing, .chain = chain, .view = view, .mip = mip, .err = err};
+    struct make m = {.tiles = tiles, .backing = backing, .chain = chain, .read = read, .err = err};
+    read->bytes = 0;
     m.pixels = hg_calloc((size_t)SIDE * SIDE, 16);
     m.texels = hg_calloc((size_t)4 * SIDE * SIDE, chain->texel_bytes);
     enum hg_status status;
     if (m.pixels == NULL || m.texels == NULL)
         status = hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
     else
-        status = mip >= view->layout->tail ? make_tail(&m, texels) : make_page(&m, at, texels);
-    *bytes = m.bytes;
+        status = read->mip >= read->view->layout->tail ? make_tail(&m) : make_page(&m);
     hg_free(m.pixels);
     hg_free(m.texels);
     return status;

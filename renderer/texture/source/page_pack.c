@@ -204,13 +204,14 @@ static enum hg_status encode_span(struct hg_page_packer *p, struct slot *s, uint
     span_of(x, width, &first, &length);
     beyond_edge(x, width, &other, &other_length);
     hg_write_u32(&s->out, 0);
-    enum hg_status status = hg_page_encode(
-        s->codec, rows + (size_t)first * texel, pitch, length, height, texel, LEVEL, &s->out);
+    const struct hg_texel_layout own = {length, height, texel, pitch};
+    const struct hg_texel_layout beyond = {other_length, height, texel, pitch};
+    enum hg_status status =
+        hg_page_encode(s->codec, rows + (size_t)first * texel, &own, LEVEL, &s->out);
     if (status == HG_OK)
         hg_write_patch_u32(&s->out, at, (uint32_t)(s->out.size - at - 4));
     if (status == HG_OK && other_length > 0)
-        status = hg_page_encode(s->codec, rows + (size_t)other * texel, pitch, other_length, height,
-            texel, LEVEL, &s->out);
+        status = hg_page_encode(s->codec, rows + (size_t)other * texel, &beyond, LEVEL, &s->out);
     return status;
 }
 
@@ -342,8 +343,9 @@ static enum hg_status write_tail(struct hg_page_packer *p)
         const uint32_t w = hg_mips_side(l->width, i), h = hg_mips_side(l->height, i);
         const size_t at = out.size;
         hg_write_u32(&out, 0);
-        status = hg_page_encode(s->codec, p->tail[i], (size_t)w * p->chain.texel_bytes, w, h,
-            p->chain.texel_bytes, LEVEL, &out);
+        const struct hg_texel_layout layout = {
+            w, h, p->chain.texel_bytes, (size_t)w * p->chain.texel_bytes};
+        status = hg_page_encode(s->codec, p->tail[i], &layout, LEVEL, &out);
         if (status == HG_OK)
             hg_write_patch_u32(&out, at, (uint32_t)(out.size - at - 4));
     }
@@ -495,13 +497,10 @@ static enum hg_status not_a_page(uint32_t block, struct hg_error *err)
     return hg_error_set(err, HG_E_HASH, "pages", NULL, "block %u is no page", block);
 }
 
-// What is being read.
 struct reading {
     const struct hg_page_pack *pack;
-    const struct hg_page_view *view;
+    struct hg_page_request *page;
     struct hg_page_scratch *scratch;
-    uint32_t mip, x, y;
-    uint64_t bytes;
     struct hg_error *err;
 };
 
@@ -510,23 +509,23 @@ struct reading {
 static bool decode_span(const struct reading *q, struct hg_reader *r, uint32_t y, uint32_t rows,
     int index, struct hg_page_part parts[4])
 {
-    const uint32_t width = hg_mips_side(q->pack->layout.width, q->mip);
+    const uint32_t width = hg_mips_side(q->pack->layout.width, q->page->mip);
     const uint32_t texel = q->pack->texel_bytes;
     uint32_t first[2], length[2];
-    span_of(q->x, width, &first[0], &length[0]);
-    beyond_edge(q->x, width, &first[1], &length[1]);
+    span_of(q->page->x, width, &first[0], &length[0]);
+    beyond_edge(q->page->x, width, &first[1], &length[1]);
     const uint32_t sizes[2] = {hg_read_u32(r), 0};
     for (int i = 0; i < 2 && length[i] > 0; i++) {
         const size_t size = i == 0 ? sizes[0] : r->size - r->pos;
         const uint8_t *data = hg_read_bytes(r, size);
         if (data == NULL)
             return false;
-        if (i == 1 && q->view->wrap_s != HG_WRAP_REPEAT)
+        if (i == 1 && q->page->view->wrap_s != HG_WRAP_REPEAT)
             break;
         uint8_t *dst = q->scratch->parts[index + i];
         const size_t pitch = (size_t)length[i] * texel;
-        if (hg_page_decode(q->scratch->codec, data, size, dst, pitch, length[i], rows, texel) !=
-            HG_OK)
+        const struct hg_texel_layout layout = {length[i], rows, texel, pitch};
+        if (hg_page_decode(q->scratch->codec, data, size, &layout, dst) != HG_OK)
             return false;
         parts[index + i] = (struct hg_page_part){dst, pitch, first[i], y, length[i], rows};
     }
@@ -535,13 +534,14 @@ static bool decode_span(const struct reading *q, struct hg_reader *r, uint32_t y
 
 static enum hg_status read_own(struct reading *q, struct hg_page_part parts[4])
 {
-    const struct rect r = rect_of(&q->pack->layout, q->mip, q->x, q->y);
-    const uint32_t block = 1 + hg_page_number(&q->pack->layout, q->mip, q->x, q->y);
+    const struct rect r = rect_of(&q->pack->layout, q->page->mip, q->page->x, q->page->y);
+    const uint32_t block =
+        1 + hg_page_number(&q->pack->layout, q->page->mip, q->page->x, q->page->y);
     uint32_t size;
     const enum hg_status status = load_block(q->pack, q->scratch, block, &size, q->err);
     if (status != HG_OK)
         return status;
-    q->bytes += size;
+    q->page->bytes += size;
     struct hg_reader reader = hg_reader_make(q->scratch->packed, size);
     return decode_span(q, &reader, r.y, r.height, 0, parts) ? HG_OK : not_a_page(block, q->err);
 }
@@ -551,14 +551,14 @@ static enum hg_status read_strip(struct reading *q, struct hg_page_part parts[4]
 {
     const struct hg_page_layout *l = &q->pack->layout;
     uint32_t first, length, size;
-    beyond_edge(q->y, hg_mips_side(l->height, q->mip), &first, &length);
-    if (length == 0 || q->view->wrap_t != HG_WRAP_REPEAT)
+    beyond_edge(q->page->y, hg_mips_side(l->height, q->page->mip), &first, &length);
+    if (length == 0 || q->page->view->wrap_t != HG_WRAP_REPEAT)
         return HG_OK;
-    const uint32_t block = strip_block(l, q->mip, q->x);
+    const uint32_t block = strip_block(l, q->page->mip, q->page->x);
     const enum hg_status status = load_block(q->pack, q->scratch, block, &size, q->err);
     if (status != HG_OK)
         return status;
-    q->bytes += size;
+    q->page->bytes += size;
     struct hg_reader r = hg_reader_make(q->scratch->packed, size);
     for (int edge = 0; edge < 2; edge++) { // the last rows, then the first
         const uint32_t bytes = hg_read_u32(&r);
@@ -573,49 +573,49 @@ static enum hg_status read_strip(struct reading *q, struct hg_page_part parts[4]
     return not_a_page(block, q->err);
 }
 
-static enum hg_status read_tail(const struct hg_page_pack *pack, const struct hg_page_view *view,
-    struct hg_page_scratch *s, void *dst, uint64_t *bytes, struct hg_error *err)
+static enum hg_status read_tail(struct reading *q)
 {
-    const struct hg_page_layout *l = &pack->layout;
+    const struct hg_page_layout *l = &q->pack->layout;
+    const uint32_t texel = q->pack->texel_bytes;
+    struct hg_page_scratch *s = q->scratch;
     const uint8_t *levels[HG_MIPS_MAX] = {0};
     uint32_t size;
-    const enum hg_status status = load_block(pack, s, l->pages, &size, err);
+    const enum hg_status status = load_block(q->pack, s, l->pages, &size, q->err);
     if (status != HG_OK)
         return status;
-    *bytes += size;
+    q->page->bytes += size;
     struct hg_reader r = hg_reader_make(s->packed, size);
     uint8_t *texels = s->parts[0];
     for (uint32_t i = l->tail; i < l->mips; i++) {
         const uint32_t w = hg_mips_side(l->width, i), h = hg_mips_side(l->height, i);
         const uint32_t length = hg_read_u32(&r);
         const uint8_t *data = hg_read_bytes(&r, length);
-        if (data == NULL || hg_page_decode(s->codec, data, length, texels,
-                                (size_t)w * pack->texel_bytes, w, h, pack->texel_bytes) != HG_OK)
-            return not_a_page(l->pages, err);
+        const struct hg_texel_layout layout = {w, h, texel, (size_t)w * texel};
+        if (data == NULL || hg_page_decode(s->codec, data, length, &layout, texels) != HG_OK)
+            return not_a_page(l->pages, q->err);
         levels[i] = texels;
-        texels += (size_t)w * h * pack->texel_bytes;
+        texels += (size_t)w * h * texel;
     }
-    hg_page_assemble_tail(view, levels, dst);
+    hg_page_assemble_tail(q->page->view, levels, q->page->texels);
     return HG_OK;
 }
 
-enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, const struct hg_page_view *view,
-    struct hg_page_scratch *s, uint32_t mip, uint32_t x, uint32_t y, void *dst, uint64_t *bytes,
-    struct hg_error *err)
+enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, struct hg_page_request *read,
+    struct hg_page_scratch *scratch, struct hg_error *err)
 {
     const struct hg_page_layout *l = &pack->layout;
-    *bytes = 0;
+    const uint32_t mip = read->mip, x = read->x, y = read->y;
+    read->bytes = 0;
     if (hg_page_number(l, mip, x, y) == UINT32_MAX)
         return hg_error_set(err, HG_E_INVAL, "pages", NULL, "no page %u, %u of mip %u", x, y, mip);
+    struct reading q = {pack, read, scratch, err};
     if (mip == l->tail)
-        return read_tail(pack, view, s, dst, bytes, err);
-    struct reading q = {pack, view, s, mip, x, y, 0, err};
+        return read_tail(&q);
     struct hg_page_part parts[4] = {0};
     enum hg_status status = read_own(&q, parts);
     if (status == HG_OK)
         status = read_strip(&q, parts);
-    *bytes = q.bytes;
     if (status == HG_OK)
-        hg_page_assemble(view, mip, x, y, parts, dst);
+        hg_page_assemble(read->view, mip, x, y, parts, read->texels);
     return status;
 }

@@ -72,10 +72,9 @@ void hg_page_scratch_destroy(struct hg_page_scratch *scratch);      // accepts N
 enum hg_status hg_page_pack_open(struct hg_store *store, const struct hg_page_chain *chain,
     struct hg_page_pack *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_page_pack_finish(struct hg_page_pack *pack); // accepts a zeroed pack
-// One page as hg_page_take makes it; many threads may read one pack. *bytes: read from the store.
-// HG_E_HASH (damaged, the entry is gone from the store), HG_E_INVAL (no such page).
-enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, const struct hg_page_view *view,
-    struct hg_page_scratch *scratch, uint32_t mip, uint32_t x, uint32_t y, void *dst,
-    uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
+// One page; many threads may read one pack. HG_E_HASH (damaged, the entry is gone from the store),
+// HG_E_INVAL (no such page).
+enum hg_status hg_page_pack_read(const struct hg_page_pack *pack, struct hg_page_request *read,
+    struct hg_page_scratch *scratch, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -278,7 +278,8 @@ static enum hg_status open_in_place(struct hg_page_sources *s, const struct hg_i
     *out = NULL;
     if (status != HG_OK)
         return status;
-    return hg_open_files_add(s->files, reader, out) == HG_OK ? HG_OK : no_memory(err);
+    const enum hg_pixel_format format = info->is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8;
+    return hg_open_files_add(s->files, reader, format, out) == HG_OK ? HG_OK : no_memory(err);
 }
 
 // What can be read at once: tiles, files in place, a pack that is there.
@@ -502,16 +503,17 @@ static void lose_backing(struct hg_page_source *source, const struct hg_page_bac
 }
 
 static enum hg_status read_backing(struct hg_page_source *source, struct hg_page_backing *b,
-    uint32_t mip, const uint32_t at[2], void *texels, uint64_t *bytes, struct hg_error *err)
+    struct hg_page_request *read, struct hg_error *err)
 {
     const struct hg_page_view view = {.layout = &source->info.layout,
         .wrap_s = source->wrap_s,
         .wrap_t = source->wrap_t,
         .texel_bytes = source->info.texel_bytes,
         .alpha = source->has_alpha ? (const uint8_t(*)[256])source->alpha : NULL};
-    *bytes = 0;
+    read->view = &view;
+    read->bytes = 0;
     if (b->kind == HG_PAGES_IN_MEMORY) {
-        hg_page_take(&view, &b->mips, mip, at[0], at[1], texels);
+        hg_page_take(&view, &b->mips, read->mip, read->x, read->y, read->texels);
         return HG_OK;
     }
     struct hg_page_scratch *scratch = take_scratch(source->sources);
@@ -519,10 +521,9 @@ static enum hg_status read_backing(struct hg_page_source *source, struct hg_page
         return no_memory(err);
     enum hg_status status;
     if (b->kind == HG_PAGES_IN_PACK)
-        status = hg_page_pack_read(&b->pack, &view, scratch, mip, at[0], at[1], texels, bytes, err);
+        status = hg_page_pack_read(&b->pack, read, scratch, err);
     else
-        status = hg_page_make(
-            source->sources->tiles, b, &source->image->chain, &view, mip, at, texels, bytes, err);
+        status = hg_page_make(source->sources->tiles, b, &source->image->chain, read, err);
     give_scratch(source->sources, scratch);
     return status;
 }
@@ -539,11 +540,11 @@ enum hg_status hg_page_source_read(struct hg_page_source *source, uint32_t mip, 
     if (status != HG_OK)
         return status;
     const uint64_t start = hg_clock_now_ns();
-    uint64_t bytes;
-    status = read_backing(source, b, mip, (const uint32_t[2]){x, y}, texels, &bytes, err);
+    struct hg_page_request read = {.mip = mip, .x = x, .y = y, .texels = texels};
+    status = read_backing(source, b, &read, err);
     pthread_mutex_lock(&s->lock);
     s->stats.pages_read += status == HG_OK;
-    s->stats.bytes_read += bytes;
+    s->stats.bytes_read += read.bytes;
     s->stats.read_ns += hg_clock_now_ns() - start;
     pthread_mutex_unlock(&s->lock);
     if (status == HG_E_HASH && b->kind == HG_PAGES_IN_PACK) {

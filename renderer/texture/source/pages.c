@@ -90,14 +90,19 @@ struct place {
     bool other; // of the part beyond the edge
 };
 
-// Positions first.. of a side of `side` texels; own: first texel of the part at hand and its
-// length.
-static void place_texels(struct place *places, uint32_t count, int64_t first, uint32_t side,
-    enum hg_wrap wrap, uint32_t own, uint32_t own_length)
+// Positions along one axis of a mip.
+struct axis {
+    int64_t first;
+    uint32_t count, side; // positions; texels of the mip
+    enum hg_wrap wrap;
+    uint32_t own, own_length; // texels that parts[0] has
+};
+
+static void place_texels(const struct axis *a, struct place *places)
 {
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t at = wrap_texel(first + i, side, wrap);
-        places[i] = (struct place){at, at < own || at - own >= own_length};
+    for (uint32_t i = 0; i < a->count; i++) {
+        const uint32_t at = wrap_texel(a->first + i, a->side, a->wrap);
+        places[i] = (struct place){at, at < a->own || at - a->own >= a->own_length};
     }
 }
 
@@ -120,8 +125,8 @@ static void copy_rectangle(const struct hg_page_view *v, const struct rectangle 
 {
     const size_t bytes = v->texel_bytes;
     struct place xs[HG_PAGE_PITCH], ys[HG_PAGE_PITCH];
-    place_texels(xs, r->columns, r->x, r->width, v->wrap_s, parts->x, parts->width);
-    place_texels(ys, r->rows, r->y, r->height, v->wrap_t, parts->y, parts->height);
+    place_texels(&(struct axis){r->x, r->columns, r->width, v->wrap_s, parts->x, parts->width}, xs);
+    place_texels(&(struct axis){r->y, r->rows, r->height, v->wrap_t, parts->y, parts->height}, ys);
     for (uint32_t y = 0; y < r->rows; y++, dst += HG_PAGE_PITCH * bytes)
         for (uint32_t x = 0, run; x < r->columns; x += run) {
             for (run = 1; x + run < r->columns && xs[x + run].at == xs[x].at + run &&

@@ -36,6 +36,14 @@ struct hg_page_view {
     const uint8_t (*alpha)[256]; // [layout->mips] tables for the alpha of RGBA8, or NULL
 };
 
+// One page to be read.
+struct hg_page_request {
+    const struct hg_page_view *view;
+    uint32_t mip, x, y; // mip == layout.tail (x, y 0): the tail page
+    void *texels;       // out: HG_PAGE_PITCH^2 texels, as hg_page_take makes them
+    uint64_t bytes;     // out: read from the store, or decoded from a file
+};
+
 // Texels of a mip that are at hand.
 struct hg_page_part {
     const uint8_t *texels;

@@ -133,8 +133,9 @@ static enum hg_status open_reader(
     const struct hg_image_source *source, struct hg_image_reader **out, struct hg_error *err)
 {
     return source->encoded != NULL
-               ? hg_image_reader_open_memory(source->encoded->data, source->encoded->size,
-                     source->label, HG_MIPS_SIDE_PX, out, err)
+               ? hg_image_reader_open_memory(&(struct hg_image_bytes){source->encoded->data,
+                                                 source->encoded->size, source->label},
+                     HG_MIPS_SIDE_PX, out, err)
                : hg_image_reader_open(source->path, HG_MIPS_SIDE_PX, out, err);
 }
 
@@ -180,29 +181,22 @@ static enum hg_status changed(const struct hg_image_source *source, struct hg_er
         err, HG_E_HASH, source->label, NULL, "the file is not the one that was opened");
 }
 
-static enum hg_status decode_bytes(const struct hg_image_source *source, const uint8_t *data,
-    size_t size, const struct hg_source_info *info, const struct hg_image_limits *limits,
-    struct hg_image *owned, struct hg_error *err)
-{
-    uint8_t hash[HG_SHA256_BYTES];
-    if (hg_sha256(data, size, hash) != HG_OK)
-        return no_memory(source->label, err);
-    if (memcmp(hash, info->hash, sizeof hash) != 0)
-        return changed(source, err);
-    return hg_image_read_memory(data, size, source->label,
-        info->is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, limits, owned, err);
-}
-
 static enum hg_status decode_file(const struct hg_image_source *source,
     const struct hg_source_info *info, const struct hg_image_limits *limits, struct hg_image *owned,
     struct hg_error *err)
 {
-    uint8_t *data;
+    uint8_t *data, hash[HG_SHA256_BYTES];
     size_t size;
     enum hg_status status = hg_file_read(source->path, FILE_LIMIT_BYTES, &data, &size, err);
     if (status != HG_OK)
         return status;
-    status = decode_bytes(source, data, size, info, limits, owned, err);
+    if (hg_sha256(data, size, hash) != HG_OK)
+        status = no_memory(source->label, err);
+    else if (memcmp(hash, info->hash, sizeof hash) != 0)
+        status = changed(source, err);
+    else
+        status = hg_image_read_memory(&(struct hg_image_bytes){data, size, source->label},
+            info->is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, limits, owned, err);
     hg_free(data);
     return status;
 }
@@ -237,7 +231,8 @@ enum hg_status hg_source_decode(const struct hg_image_source *source,
     *view = NULL;
     enum hg_status status = HG_OK;
     if (source->encoded != NULL)
-        status = hg_image_read_memory(source->encoded->data, source->encoded->size, source->label,
+        status = hg_image_read_memory(
+            &(struct hg_image_bytes){source->encoded->data, source->encoded->size, source->label},
             info->is_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, limits, owned, err);
     else if (source->path != NULL && info->udim_columns > 0)
         status = decode_rows(source, info, limits, owned, err);

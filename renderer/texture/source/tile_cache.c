@@ -26,18 +26,16 @@ struct hg_tile_cache {
     struct tile *buckets[BUCKETS];
 };
 
-// What is asked for.
-struct want {
+struct request {
     struct hg_open_file *file;
-    uint32_t mip;
-    const uint32_t *at, *size;
-    enum hg_pixel_format format;
+    const struct hg_image_rect *rect;
     uint8_t *pixels;
+    size_t texel_bytes;
 };
 
-// A tile as it lies in its mip, in texels.
 struct place {
-    uint32_t x, y, at[2], size[2];
+    uint32_t x, y;             // in tiles
+    struct hg_image_rect rect; // of the tile, in texels
 };
 
 enum hg_status hg_tile_cache_create(uint64_t limit_bytes, struct hg_tile_cache **out)
@@ -91,10 +89,11 @@ static void trim(struct hg_tile_cache *c, uint64_t bytes)
         remove_tile(c, c->oldest);
 }
 
-static struct tile *find(struct hg_tile_cache *c, const struct want *w, const struct place *p)
+static struct tile *find(struct hg_tile_cache *c, const struct request *w, const struct place *p)
 {
-    struct tile *t = c->buckets[bucket_of(w->file, w->mip, p->x, p->y)];
-    while (t != NULL && (t->file != w->file || t->mip != w->mip || t->x != p->x || t->y != p->y))
+    struct tile *t = c->buckets[bucket_of(w->file, w->rect->mip, p->x, p->y)];
+    while (
+        t != NULL && (t->file != w->file || t->mip != w->rect->mip || t->x != p->x || t->y != p->y))
         t = t->next;
     return t;
 }
@@ -136,23 +135,25 @@ void hg_tile_cache_stats(struct hg_tile_cache *c, struct hg_tile_cache_stats *ou
 
 // --- rectangles ----------------------------------------------------------------------------------
 
-// What a tile has of the rectangle.
-static void copy_part(const struct want *w, const struct place *p, const uint8_t *texels)
+// Copies the part of the rectangle that lies in a tile.
+static void copy_part(const struct request *w, const struct place *p, const uint8_t *texels)
 {
-    const size_t texel = hg_pixel_bytes(w->format);
+    const struct hg_image_rect *to = w->rect, *tile = &p->rect;
     uint32_t from[2], end[2];
     for (int i = 0; i < 2; i++) {
-        const uint32_t last = p->at[i] + p->size[i], want = w->at[i] + w->size[i];
-        from[i] = p->at[i] > w->at[i] ? p->at[i] : w->at[i];
+        const uint32_t last = tile->at[i] + tile->size[i], want = to->at[i] + to->size[i];
+        from[i] = tile->at[i] > to->at[i] ? tile->at[i] : to->at[i];
         end[i] = last < want ? last : want;
     }
     for (uint32_t y = from[1]; y < end[1]; y++)
-        memcpy(w->pixels + ((size_t)(y - w->at[1]) * w->size[0] + from[0] - w->at[0]) * texel,
-            texels + ((size_t)(y - p->at[1]) * p->size[0] + from[0] - p->at[0]) * texel,
-            (end[0] - from[0]) * texel);
+        memcpy(w->pixels +
+                   ((size_t)(y - to->at[1]) * to->size[0] + from[0] - to->at[0]) * w->texel_bytes,
+            texels + ((size_t)(y - tile->at[1]) * tile->size[0] + from[0] - tile->at[0]) *
+                         w->texel_bytes,
+            (end[0] - from[0]) * w->texel_bytes);
 }
 
-static bool copy_found(struct hg_tile_cache *c, const struct want *w, const struct place *p)
+static bool copy_found(struct hg_tile_cache *c, const struct request *w, const struct place *p)
 {
     pthread_mutex_lock(&c->lock);
     struct tile *t = find(c, w, p);
@@ -168,7 +169,7 @@ static bool copy_found(struct hg_tile_cache *c, const struct want *w, const stru
 
 // Takes the tile.
 static void keep(
-    struct hg_tile_cache *c, const struct want *w, const struct place *p, struct tile *t)
+    struct hg_tile_cache *c, const struct request *w, const struct place *p, struct tile *t)
 {
     pthread_mutex_lock(&c->lock);
     c->stats.tiles_decoded++;
@@ -176,10 +177,10 @@ static void keep(
         hg_free(t);
     } else {
         t->file = w->file;
-        t->mip = w->mip;
+        t->mip = w->rect->mip;
         t->x = p->x;
         t->y = p->y;
-        t->bucket = bucket_of(w->file, w->mip, p->x, p->y);
+        t->bucket = bucket_of(w->file, w->rect->mip, p->x, p->y);
         t->next = c->buckets[t->bucket];
         c->buckets[t->bucket] = t;
         trim(c, c->limit_bytes - t->bytes);
@@ -191,18 +192,17 @@ static void keep(
     pthread_mutex_unlock(&c->lock);
 }
 
-static enum hg_status copy_tile(struct hg_tile_cache *c, const struct want *w,
+static enum hg_status copy_tile(struct hg_tile_cache *c, const struct request *w,
     const struct place *p, uint64_t *bytes, struct hg_error *err)
 {
     if (copy_found(c, w, p))
         return HG_OK;
-    const size_t size = (size_t)p->size[0] * p->size[1] * hg_pixel_bytes(w->format);
+    const size_t size = (size_t)p->rect.size[0] * p->rect.size[1] * w->texel_bytes;
     struct tile *t = hg_calloc(1, sizeof *t + size);
     if (t == NULL)
         return hg_error_set(err, HG_E_NOMEM, "image", NULL, "no memory for a tile");
     uint64_t decoded;
-    const enum hg_status status =
-        hg_open_file_rect(w->file, w->mip, p->at, p->size, w->format, t->texels, &decoded, err);
+    const enum hg_status status = hg_open_file_rect(w->file, &p->rect, t->texels, &decoded, err);
     if (status != HG_OK) {
         hg_free(t);
         return status;
@@ -214,27 +214,27 @@ static enum hg_status copy_tile(struct hg_tile_cache *c, const struct want *w,
     return HG_OK;
 }
 
-enum hg_status hg_tile_cache_rect(struct hg_tile_cache *c, struct hg_open_file *file, uint32_t mip,
-    const uint32_t at[2], const uint32_t size[2], enum hg_pixel_format format, void *pixels,
-    uint64_t *bytes, struct hg_error *err)
+enum hg_status hg_tile_cache_rect(struct hg_tile_cache *c, struct hg_open_file *file,
+    const struct hg_image_rect *rect, void *pixels, uint64_t *bytes, struct hg_error *err)
 {
     const struct hg_image_reader_info *info = hg_open_file_info(file);
-    const struct want w = {file, mip, at, size, format, pixels};
-    const uint32_t tile[2] = {info->tile_width, info->tile_height};
+    const struct request w = {file, rect, pixels, hg_pixel_bytes(hg_open_file_format(file))};
+    const uint32_t tile[2] = {info->tile_width, info->tile_height}, mip = rect->mip;
     const uint32_t side[2] = {hg_mips_side(info->width, mip), hg_mips_side(info->height, mip)};
-    const uint64_t most =
-        (uint64_t)tile[0] * tile[1] * hg_pixel_bytes(format) + sizeof(struct tile);
+    const uint32_t *at = rect->at, *size = rect->size;
+    const uint64_t most = (uint64_t)tile[0] * tile[1] * w.texel_bytes + sizeof(struct tile);
     *bytes = 0;
     if (most > c->limit_bytes / LARGE_PART)
-        return hg_open_file_rect(file, mip, at, size, format, pixels, bytes, err);
-    enum hg_status status = HG_OK;
+        return hg_open_file_rect(file, rect, pixels, bytes, err);
     for (uint32_t y = at[1] / tile[1]; y * tile[1] < at[1] + size[1]; y++)
-        for (uint32_t x = at[0] / tile[0]; x * tile[0] < at[0] + size[0] && status == HG_OK; x++) {
-            struct place p = {x, y, {x * tile[0], y * tile[1]}, {tile[0], tile[1]}};
+        for (uint32_t x = at[0] / tile[0]; x * tile[0] < at[0] + size[0]; x++) {
+            struct place p = {x, y, {mip, {x * tile[0], y * tile[1]}, {tile[0], tile[1]}}};
             for (int i = 0; i < 2; i++)
-                if (p.size[i] > side[i] - p.at[i])
-                    p.size[i] = side[i] - p.at[i];
-            status = copy_tile(c, &w, &p, bytes, err);
+                if (p.rect.size[i] > side[i] - p.rect.at[i])
+                    p.rect.size[i] = side[i] - p.rect.at[i];
+            const enum hg_status status = copy_tile(c, &w, &p, bytes, err);
+            if (status != HG_OK)
+                return status;
         }
-    return status;
+    return HG_OK;
 }
