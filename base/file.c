@@ -123,7 +123,7 @@ static bool is_temp_of(const char *name, const char *base)
            strspn(name + length + 2, "0123456789abcdef") == DIGITS;
 }
 
-// Whoever lives has it locked.
+// A living owner holds its lock.
 static void remove_if_dead(int folder, const char *name)
 {
     struct stat st;
@@ -149,7 +149,7 @@ static void remove_dead(const char *path)
         closedir(dir);
 }
 
-// A name that nobody has, probably.
+// A name that is probably unused.
 static bool choose_temp(struct hg_file_out *out)
 {
     uint64_t random;

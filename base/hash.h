@@ -1,5 +1,5 @@
 // hash.h - numbers that tell whether something is what it was: keys and signatures.
-// Floor 0. Good enough to notice changes, not against somebody who looks for equal ones (sha256.h).
+// Floor 0. Detects changes; not collision-resistant against an attacker (sha256.h is).
 #ifndef HG_BASE_HASH_H
 #define HG_BASE_HASH_H
 

@@ -1,5 +1,5 @@
 // program.h - where the programs of libexec are that this one starts.
-// Floor 0. Thread-safe as long as nobody sets environment variables.
+// Floor 0. Thread-safe as long as no thread sets environment variables.
 #ifndef HG_BASE_PROGRAM_H
 #define HG_BASE_PROGRAM_H
 

@@ -15,7 +15,7 @@ struct hg_roots {
 
 // The real path of `path`, which is absolute or counts from one of the roots, when it lies under a
 // root; freed with hg_free. HG_E_NOTFOUND: a root has no such file. HG_E_PERM: outside of the
-// roots; whether there is such a file is not told.
+// roots; the error does not reveal whether such a file exists.
 enum hg_status hg_roots_resolve(
     const struct hg_roots *roots, const char *path, char **out, struct hg_error *err) HG_MUST_CHECK;
 

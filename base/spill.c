@@ -173,7 +173,7 @@ static size_t mapped_resident_bytes(void)
     return (size_t)shared * (size_t)sysconf(_SC_PAGESIZE);
 }
 
-// Arrays are told from the rest by what is left when they are dropped.
+// Distinguishes spilled arrays from other memory by the bytes that remain when they are dropped.
 static void *pager_main(void *user)
 {
     const uint32_t turn = (uint32_t)(uintptr_t)user;
@@ -258,7 +258,7 @@ static bool describe_loss(const uint8_t *at, struct hg_spill_loss *out)
 static bool find_loss(const siginfo_t *info, struct hg_spill_loss *out)
 {
     if (info->si_code != BUS_ADRERR && info->si_code != BUS_MCEERR_AR)
-        return false; // somebody's kill
+        return false; // sent by a process
     pthread_mutex_lock(&spill.lock);
     const bool ours = describe_loss(info->si_addr, out);
     pthread_mutex_unlock(&spill.lock);

@@ -6,9 +6,10 @@
 // a signal, and it has no name, so that nothing is left of it whenever the process ends. What
 // cannot have a file is in memory as usual.
 //
-// Whoever looks at much of such arrays does it between hg_spill_begin and hg_spill_end. Until the
-// last end about HG_SPILL_WINDOW_BYTES of all of them are resident at a time, whatever the order of
-// the accesses, and nothing after it. Without the two all is right as well; only pages stay.
+// Code that reads large ranges of such arrays does so between hg_spill_begin and hg_spill_end.
+// Until the last end about HG_SPILL_WINDOW_BYTES of all of them are resident at a time, whatever
+// the order of the accesses, and nothing after it. Without the two all is right as well; only pages
+// stay.
 //
 // A disk may fail when a page is read back. Nothing can go on then with what it held: the kernel
 // sends SIGBUS, and hg_spill_watch says who is told what was lost.
@@ -36,7 +37,7 @@ void *hg_spill_calloc(size_t count, size_t size) HG_MUST_CHECK;
 void *hg_spill_scratch(size_t count, size_t size) HG_MUST_CHECK;
 // Bytes of its file; 0: it is in memory, or NULL.
 size_t hg_spill_size(const void *ptr);
-// One more hg_free until it goes; nobody writes it any more. False: it is in memory, or NULL.
+// Adds a reference: one more hg_free; read-only from now on. False: it is in memory, or NULL.
 bool hg_spill_share(void *ptr) HG_MUST_CHECK;
 
 // Nests, in any threads. Arrays that this thread makes until the last end are called `what` of the

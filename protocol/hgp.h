@@ -168,9 +168,10 @@ void hgp_merge(enum hgp_type type, void *into, const void *from);
 const char *hgp_enum_name(const char *enum_name, uint32_t value);
 bool hgp_enum_value(const char *enum_name, const char *value_name, uint32_t *value);
 
+// NULL is the empty text.
 static inline struct hgp_str hgp_str_make(const char *text)
 {
-    return (struct hgp_str){text, (uint32_t)__builtin_strlen(text)};
+    return (struct hgp_str){text, text ? (uint32_t)__builtin_strlen(text) : 0};
 }
 
 // The longest start of foreign text (names, paths) that may be sent as a STR of at most max_bytes:

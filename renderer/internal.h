@@ -18,7 +18,7 @@ struct hg_view {
     struct hg_view_state state;
 };
 
-// What tests and benchmarks ask of a view besides its pictures (stats.c).
+// Statistics of a view for tests and benchmarks (stats.c).
 struct hg_view_report {
     struct hg_geometry_stats geometry;
     struct hg_textures_stats textures;

@@ -131,10 +131,10 @@ enum hg_plane {
 // a shutter does not. Backgrounds move as what is infinitely far. 0 where that was or will be
 // behind the camera. Mean over the samples of a pixel, those that hit nothing included.
 
-// What Cryptomattes go by.
+// Kinds of Cryptomattes.
 enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 
-// What a view is made with; the table protocol/view_params.def has ranges, units and defaults. Zero
+// Parameters of a view; the table protocol/view_params.def has ranges, units and defaults. Zero
 // of each member = its default. Notes beyond the table:
 //   debug_view     other than OFF: one sample per pixel, no tone curve
 //   time_limit_s   of path-traced views: hg_frame_info.spent_ns
@@ -222,14 +222,14 @@ struct hg_frame_info {
     float error_px; // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     enum hg_view_phase phase; // of a real-time picture
-    uint32_t shortfall;       // enum hg_view_shortfall: what its newest samples lack
+    uint32_t shortfall;       // enum hg_view_shortfall of its newest samples
     uint64_t triangles_total, triangles_drawn;
     uint32_t stage_count;
     struct hg_stage_time stages[64]; // render passes of this step
 };
 
-// Nobody looks before the picture is settled: steps need not show anything on the way to it, what
-// is missing is loaded before it is drawn with. Until this is said to be over.
+// The view is not displayed before its picture is settled: steps skip intermediate pictures, and
+// load missing pages and chunks before drawing. Until it is called with false.
 void hg_view_set_final(struct hg_view *view, bool final);
 // Which pixels are read after the next steps: bits 1 << enum hg_pixel_format; at first
 // HG_PIXEL_RGBA8 alone. A picture in motion has no others; one that rests has all.
@@ -246,13 +246,13 @@ enum hg_status hg_view_step(struct hg_view *view, uint32_t max_samples, struct h
 enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
-// False before the first step, and of a picture in motion for formats that were not asked for
+// False before the first step, and for a picture in motion in formats that were not requested
 // (hg_view_set_formats).
 bool hg_view_has_pixels(const struct hg_view *view, enum hg_pixel_format format);
 
 // Plane of a path-traced film as [height][width][channels] floats: COLOR, SAMPLES, VARIANCE, or one
-// of those that the view's parameters ask for; of a settled real-time picture one of the latter.
-// HG_E_STATE: nothing there (yet), or not asked for.
+// of those in the view's parameters; of a settled real-time picture one of the latter. HG_E_STATE:
+// none yet, or not requested.
 enum hg_status hg_view_read_plane(struct hg_view *view, enum hg_plane plane, struct hg_refbuf **out,
     struct hg_error *err) HG_MUST_CHECK;
 uint32_t hg_plane_channels(enum hg_plane plane);
@@ -286,16 +286,16 @@ void hg_cryptomatte_view_finish(struct hg_matte *matte);
 enum hg_status hg_view_save(
     struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 // HG_E_INVAL: made of another size, camera, scene or parameters, or damaged; the view stays as it
-// was. Call after parameters and camera are set. Takes the place of what the view has followed;
-// what changes before the next step begins anew without it.
+// was. Call after parameters and camera are set. Replaces the view's film; a change before the next
+// step discards it.
 enum hg_status hg_view_load(struct hg_view *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
-// What the next picture of a view of HG_DENOISE_ANIMATION is averaged with: the settled picture,
-// for another process that makes the one after it, to the bit. HG_E_STATE: there is none.
+// The denoiser's history of a view of HG_DENOISE_ANIMATION: its settled picture, for another
+// process that renders the next one, bit for bit. HG_E_STATE: there is none.
 enum hg_status hg_view_save_history(
     struct hg_view *view, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
-// HG_E_INVAL: damaged, or the view makes no animation; the view stays as it was. Takes the place of
-// what the view made before.
+// HG_E_INVAL: damaged, or the view is of no animation; the view stays as it was. Replaces the
+// view's history.
 enum hg_status hg_view_load_history(struct hg_view *view, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
@@ -306,12 +306,12 @@ struct hg_pick {
     float position[3], normal[3], uv[2], distance;
 };
 
-// What the newest step shows at a pixel centre (unjittered sample of the same state).
+// Picking: the surface at a pixel centre in the newest step (unjittered sample of the same state).
 enum hg_status hg_view_pick(struct hg_view *view, uint32_t x, uint32_t y, struct hg_pick *out,
     struct hg_error *err) HG_MUST_CHECK;
 
-// What is baked in the background: of textures all that the renderer has begun, of meshes the parts
-// of this view's scene that are still to come.
+// Background bakes: textures of the whole renderer that are being baked, and parts of this view's
+// scene whose hierarchies are not built yet.
 struct hg_baking {
     uint64_t texels_done, texels_total;
     uint32_t mesh_parts;

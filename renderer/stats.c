@@ -180,7 +180,7 @@ static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out)
 {
     const struct hg_view_state *s = &view->state;
-    *out = (struct hg_view_report){.prefetched = s->ahead.drawn,
+    *out = (struct hg_view_report){.prefetched = s->prefetch.drawn,
         .unlit_share = hg_unlit_tiles_share(&s->unlit.tiles, &s->targets.depth)};
     hg_geometry_stats(s->scene_gpu->geometry, &out->geometry);
     hg_textures_stats(s->scene_gpu->textures, &out->textures);

@@ -1,4 +1,4 @@
-// entry.c - reading entries: nothing is believed before its checksum fits.
+// entry.c - reading entries: checksums are verified before data is used.
 #include <errno.h>
 #include <fcntl.h>
 #include <stdatomic.h>
@@ -62,7 +62,7 @@ static void link_open(struct hg_store_entry *e)
     s->open++;
 }
 
-// Closes files that nobody reads, those used longest ago first, until `most` are open.
+// Closes files that are not being read, least recently used first, until at most `most` are open.
 static void close_oldest(struct hg_store *s, uint32_t most)
 {
     struct hg_store_entry *next;

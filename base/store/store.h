@@ -4,11 +4,11 @@
 // An entry is a file of numbered blocks: a texture's pages, a mesh's chunks. It appears complete or
 // not at all (temporary name, fsync, rename) and never changes. Its table is checked when it is
 // found, every block whenever it is read. Damage is never an answer: a damaged entry is deleted and
-// reported as absent, so its owner makes it anew.
+// reported as absent, so its owner rebuilds it.
 //
 // The folder is a cache: it may vanish, fill up or be read-only at any time. Then entries are
 // absent or cannot be written, nothing else. Entries that are open are never evicted, and what was
-// opened stays readable when somebody deletes the folder.
+// opened stays readable when the folder is deleted.
 #ifndef HG_BASE_STORE_STORE_H
 #define HG_BASE_STORE_STORE_H
 
@@ -69,7 +69,7 @@ uint32_t hg_store_entry_size(const struct hg_store_entry *entry, uint32_t block)
 uint64_t hg_store_entry_bytes(const struct hg_store_entry *entry); // of the file
 // Reads a block whole and checks it; `size` must be its size. Nothing is mapped: files may shrink
 // under a mapping, and mapped pages would count against nobody's budget.
-// HG_E_HASH (damaged: the entry is deleted, close it and make it anew), HG_E_INVAL (size),
+// HG_E_HASH (damaged: the entry is deleted, close and rebuild it), HG_E_INVAL (size),
 // HG_E_NOMEM (for want of descriptors: try again).
 enum hg_status hg_store_entry_read(struct hg_store_entry *entry, uint32_t block, void *dst,
     size_t size, struct hg_error *err) HG_MUST_CHECK;
@@ -85,7 +85,7 @@ enum hg_status hg_store_write(struct hg_store_writer *writer, uint32_t block, co
 // What the entry is made from, for people who look into the cache; cut to fit.
 void hg_store_label(struct hg_store_writer *writer, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
-// Makes the entry appear and evicts others where the limit asks for it. Ends the writer either way.
+// Publishes the entry, and evicts others beyond the limit. Ends the writer either way.
 enum hg_status hg_store_commit(struct hg_store_writer *writer, struct hg_error *err) HG_MUST_CHECK;
 void hg_store_abort(struct hg_store_writer *writer); // accepts NULL
 
@@ -97,7 +97,7 @@ struct hg_store_info {
     uint64_t bytes;
     int64_t used_s;  // last use, seconds since 1970
     uint32_t blocks; // 0 when it is damaged
-    bool is_open;    // somebody has it open
+    bool is_open;    // a process has it open
     bool is_damaged; // its table is; blocks are not looked at
     char label[HG_STORE_LABEL_BYTES];
 };
@@ -110,7 +110,7 @@ enum hg_status hg_store_list(
 // HG_E_NOMEM.
 enum hg_status hg_store_verify(
     const char *dir, const struct hg_store_key *key, struct hg_error *err) HG_MUST_CHECK;
-// Deletes all entries that nobody has open, and what dead writers left. HG_E_NOTFOUND, HG_E_NOMEM.
+// Deletes all entries that are not open, and leftovers of dead writers. HG_E_NOTFOUND, HG_E_NOMEM.
 enum hg_status hg_store_clear(
     const char *dir, uint32_t *entries, uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
 

@@ -84,7 +84,7 @@ static enum hg_status fetch_part(const struct hg_cli_kept *kept, struct hg_write
     const struct hgp_checkpoint *c = &answer->body->checkpoint;
     *samples = c->samples;
     *size = c->has_size ? c->size : c->data.size;
-    // Of another state than the one whose hash was told: nothing to keep.
+    // Of another state than the reported frame key: not kept.
     if (memcmp(c->job, kept->job, 32) != 0)
         status =
             hg_error_set(err, HG_E_STATE, kept->output, NULL, "the view has changed meanwhile");

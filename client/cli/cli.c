@@ -122,7 +122,7 @@ enum hg_cli_exit hg_cli_report(
     }
     if (cli && cli->embedded && doing == HG_CLI_DOING_CONNECT)
         doing = err->status == HG_E_INVAL ? HG_CLI_DOING_ARGUMENTS : HG_CLI_DOING_RENDER;
-    // What a place in a file asks for too much of, or must not name, is the file's fault.
+    // Limits and rights exceeded by an entry of a file are errors of that file.
     bool in_file = doing == HG_CLI_DOING_INPUT && err->where[0] &&
                    (err->status == HG_E_LIMIT || err->status == HG_E_PERM);
     return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : in_file ? HG_E_FORMAT : err->status);

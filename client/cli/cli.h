@@ -86,7 +86,7 @@ enum hg_status hg_cli_server_path(
 // Turns the other side's error into *err (may be NULL), peer bytes made harmless.
 enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err);
 
-// Errors of messages that nobody waited for (view_camera), and other stray messages, are taken
+// Errors of messages without an answer (view_camera), and other stray messages, are taken
 // from the queue; the first error is returned.
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
 
@@ -96,7 +96,7 @@ enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *
 // Checks that `path` can be made: its folder exists and is writable.
 enum hg_status hg_cli_check_output(const char *path, struct hg_error *err) HG_MUST_CHECK;
 
-// The encoding that a file name and options (may be NULL) ask for; HG_E_INVAL for unknown endings.
+// The encoding for a file name and options (may be NULL); HG_E_INVAL for unknown extensions.
 struct hg_cli_format {
     enum hgp_encoding encoding;
     uint8_t quality;

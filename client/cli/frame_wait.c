@@ -36,7 +36,7 @@ static bool take_messages(
             r->closes_s = fmax(m->body->drain.deadline_ms / 1e3, 0.1);
         else if (m->type == HGP_T_notice)
             hg_cli_on_notice(&cli->progress, &m->body->notice);
-        else if (m->type == HGP_T_error) // ours, or of a message that nobody waited for: a camera
+        else if (m->type == HGP_T_error) // ours, or of a message without an answer: a camera
             hg_cli_error_of(&m->body->error, err);
         if (ours && m->type == HGP_T_frame) {
             *frame = m;
@@ -223,7 +223,7 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     return told.status;
 }
 
-// What comes from a worker that was not told of the job is asked for once more.
+// Frames of a worker that does not know the job are requested again.
 enum hg_status hg_cli_frame_wait(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
 {

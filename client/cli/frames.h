@@ -49,7 +49,7 @@ enum hg_status hg_cli_frame_go_to(
 enum hg_status hg_cli_frame_check(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     bool *there, struct hg_error *err) HG_MUST_CHECK;
 // Renders a frame and, if it is wanted, writes it. *again: the picture was made without the history
-// that it needs, and is nobody's.
+// that it needs, and has no owner.
 enum hg_status hg_cli_frame_make(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     bool wanted, bool *again, struct hg_error *err) HG_MUST_CHECK;
 void hg_cli_frame_drop_film(struct hg_cli_render *r, const char *name);

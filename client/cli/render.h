@@ -34,7 +34,7 @@ bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t si
 enum hg_status hg_cli_parse_planes(const char *what, const char *text, bool path, uint32_t *out,
     struct hg_error *err) HG_MUST_CHECK;
 
-// view.c: the parameters of the view that options ask for; pure. r->format, size, planes and
+// view.c: view parameters from options; pure. r->format, size, planes and
 // shutter are known.
 void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view);
 // HG_E_INVAL: an option of path mode without it.
@@ -45,7 +45,7 @@ double hg_cli_fps(const struct hg_cli_options *o); // frames per second
 // The background of a view as --background and `set background` have it.
 void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view);
 
-// frames.c: renders and writes what the options ask for; the view and its camera are set.
+// frames.c: renders and writes the requested frames; the view and its camera are set.
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 // Says how a command that was stopped is taken up again.

@@ -23,7 +23,7 @@ struct hg_client_transport_class {
     // HG_OK with *sent > 0, HG_E_AGAIN, HG_E_CLOSED (the peer takes nothing more), HG_E_IO.
     enum hg_status (*write)(
         struct hg_client_transport *t, const void *data, size_t size, size_t *sent);
-    // The events of `fd` to poll for (POLLIN | POLLOUT) when the owner wants to read or write.
+    // The events of `fd` to poll for (POLLIN | POLLOUT) before the owner can read or write.
     short (*wants)(const struct hg_client_transport *t, bool read, bool write);
     void (*close)(struct hg_client_transport *t);
 };

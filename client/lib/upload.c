@@ -48,7 +48,7 @@ static enum hg_status query(struct helio *h, const struct helio_file *files, uin
     return status;
 }
 
-// Queues one piece, waiting while too much is under way. The last piece asks for an answer.
+// Queues one piece, waiting while too much is in flight. The last piece requests an answer.
 static enum hg_status send_piece(
     struct helio *h, const struct hgp_upload *piece, struct hg_error *err)
 {

@@ -42,7 +42,7 @@ enum hg_status hg_bench_view_sharpen(struct hg_bench_view *view, const struct hg
 enum hg_status hg_bench_view_settle(struct hg_bench_view *view, const struct hg_bench_pose *pose,
     struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
 
-// Tells the progress of a run; HG_E_CANCELLED when nobody wants it any more.
+// Reports the progress of a run; HG_E_CANCELLED when it was cancelled.
 enum hg_status hg_bench_report_progress(const struct hg_bench_stream *stream, uint32_t done,
     uint32_t total, struct hg_error *err) HG_MUST_CHECK;
 // An option: 0 means the default.

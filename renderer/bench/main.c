@@ -123,7 +123,7 @@ static bool parse_options(struct program *p, int argc, char **argv)
 
 // ---- lines --------------------------------------------------------------------------------------
 
-// False when nobody reads.
+// False when the reader is gone.
 static bool put_line(const char *word, const char *json)
 {
     return printf("%s %s\n", word, json) > 0 && fflush(stdout) == 0;

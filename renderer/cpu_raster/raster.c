@@ -410,22 +410,21 @@ static void spread(struct hg_jobs *jobs, size_t count, hg_jobs_fn *fn, struct pi
 }
 
 enum hg_status hg_raster_draw(struct hg_raster *r, const struct hg_raster_view *view,
-    const struct hg_raster_run *runs, uint32_t count, struct hg_jobs *jobs,
-    const struct hg_raster_target *target, uint8_t *marks)
+    const struct hg_raster_runs *runs, const struct hg_raster_target *target, struct hg_jobs *jobs)
 {
     struct picture p = {.raster = r,
         .view = view,
-        .runs = runs,
-        .count = count,
+        .runs = runs->list,
+        .count = runs->count,
         .tiles_x = (view->width + HG_RASTER_WIDE - 1) / HG_RASTER_WIDE,
         .tiles_y = (view->height + HG_RASTER_HIGH - 1) / HG_RASTER_HIGH,
         .target = target,
-        .marks = marks};
+        .marks = runs->marks};
     enum hg_status status =
-        hg_grow(&r->places, &r->place_capacity, (size_t)count + 1, sizeof *r->places);
+        hg_grow(&r->places, &r->place_capacity, (size_t)runs->count + 1, sizeof *r->places);
     if (status != HG_OK)
         return status;
-    spread(jobs, ((size_t)count + RUNS_PER_JOB - 1) / RUNS_PER_JOB, place_runs, &p);
+    spread(jobs, ((size_t)runs->count + RUNS_PER_JOB - 1) / RUNS_PER_JOB, place_runs, &p);
     status = bin(&p);
     if (status == HG_OK)
         spread(jobs, (size_t)p.tiles_x * p.tiles_y, draw_tile, &p);

@@ -32,6 +32,13 @@ struct hg_raster_run {
     bool late; // second phase
 };
 
+// What is drawn of a picture, in draw order.
+struct hg_raster_runs {
+    const struct hg_raster_run *list;
+    uint32_t count; // 0..HG_RASTER_MOST_RUNS
+    uint8_t *marks; // [count] HG_RASTER_* are added
+};
+
 struct hg_raster_view {
     float view_proj[16], clip[4]; // clip = view_proj * (position - eye, 0) + clip
     float eye[3];
@@ -63,9 +70,9 @@ void hg_raster_open(
 // that the driver would cut no triangle in it, wherever samples lie in their pixels.
 bool hg_raster_takes(const struct hg_raster_view *view, const struct hg_raster_rows *rows,
     const float center[3], const float extent[3]);
-// Draws runs, in draw order. marks: [count] HG_RASTER_* are added. HG_E_NOMEM.
+// Draws runs and marks them. jobs may be NULL. HG_E_NOMEM.
 enum hg_status hg_raster_draw(struct hg_raster *raster, const struct hg_raster_view *view,
-    const struct hg_raster_run *runs, uint32_t count, struct hg_jobs *jobs,
-    const struct hg_raster_target *target, uint8_t *marks) HG_MUST_CHECK;
+    const struct hg_raster_runs *runs, const struct hg_raster_target *target,
+    struct hg_jobs *jobs) HG_MUST_CHECK;
 
 #endif

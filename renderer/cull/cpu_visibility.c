@@ -56,8 +56,7 @@ struct taking {
 
 static const struct hg_mat4x3 *world_of(const struct hg_geometry *g, uint32_t draw)
 {
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     return &instances[g->draws[draw].gpu.instance].world;
 }
 
@@ -94,9 +93,11 @@ static const float *positions_of(const struct hg_chunk_state *chunk)
                                          (chunk->part.positions - chunk->part.indices));
 }
 
-static void add(struct hg_cpu_visibility *h, const struct hg_geometry *g, const struct hg_run *run,
-    const struct hg_cpu_visibility_history *history)
+static void add(
+    struct hg_cpu_visibility *h, const struct hg_cpu_visibility_set *set, const struct hg_run *run)
 {
+    const struct hg_geometry *g = set->geometry;
+    const struct hg_cpu_visibility_history *history = &set->history;
     const struct hg_draw_entry *d = &g->draws[run->draw];
     const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
     h->sources[h->count] =
@@ -141,11 +142,11 @@ static enum hg_status reserve(struct hg_cpu_visibility *h, size_t count)
     return status;
 }
 
-enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h, const struct hg_geometry *g,
-    const struct hg_culling_view *view, const struct hg_cpu_visibility_history *history,
-    uint32_t set, struct hg_jobs *jobs, struct hg_selection *runs)
+enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h,
+    const struct hg_cpu_visibility_set *set, struct hg_jobs *jobs, struct hg_selection *runs)
 {
-    struct taking t = {.hosted = h, .g = g, .runs = runs};
+    const struct hg_culling_view *view = set->view;
+    struct taking t = {.hosted = h, .g = set->geometry, .runs = runs};
     if (view->host->width > HG_RASTER_MOST_SIDE || view->host->height > HG_RASTER_MOST_SIDE ||
         runs->count > HG_RASTER_MOST_RUNS || h->count > 0)
         return HG_OK;
@@ -154,7 +155,7 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h, const struct 
     if (status != HG_OK)
         return status;
     memcpy(h->eye, view->eye, sizeof h->eye);
-    h->set = set;
+    h->set = set->number;
     const size_t count = ((size_t)runs->count + RUNS_PER_JOB - 1) / RUNS_PER_JOB;
     if (count > 1 && jobs != NULL)
         hg_jobs_for(jobs, count, look_at_runs, &t);
@@ -164,7 +165,7 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h, const struct 
     uint32_t left = 0;
     for (uint32_t i = 0; i < runs->count; i++) {
         if (h->takes[i] != 0)
-            add(h, g, &runs->items[i], history);
+            add(h, set, &runs->items[i]);
         else
             runs->items[left++] = runs->items[i];
     }
@@ -183,9 +184,10 @@ void hg_cpu_visibility_use(const struct hg_cpu_visibility *h, const struct hg_ge
 // --- drawing -------------------------------------------------------------------------------------
 
 enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *h, struct hg_gpu *gpu,
-    const struct hg_culling_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
-    struct hg_error *err)
+    const struct hg_culling_sample *sample, struct hg_jobs *jobs, struct hg_error *err)
 {
+    const struct hg_culling_lens *lens = sample->lens;
+    const uint32_t slot = sample->slot, slots = sample->slots;
     const uint64_t px = (uint64_t)lens->width * lens->height;
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_UPLOAD, px * slots * PIXEL_BYTES, "pixels of the host", &h->pixels, err);
@@ -201,7 +203,8 @@ enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *h, struct hg_gpu
     if (slot == 0)
         memset(h->marks, 0, h->count);
     h->drawn = true;
-    status = hg_raster_draw(h->raster, &view, h->runs, h->count, jobs, &target, h->marks);
+    const struct hg_raster_runs runs = {h->runs, h->count, h->marks};
+    status = hg_raster_draw(h->raster, &view, &runs, &target, jobs);
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "draw lists", NULL, "no memory");
 }
 

@@ -35,21 +35,28 @@ struct hg_cpu_visibility_history {
     uint32_t bits;
 };
 
+// The set that runs are taken from.
+struct hg_cpu_visibility_set {
+    const struct hg_geometry *geometry;
+    const struct hg_culling_view *view;
+    struct hg_cpu_visibility_history history;
+    uint32_t number;
+};
+
 void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *hosted);
 // Forgets all runs; what the samples saw goes to the history.
 void hg_cpu_visibility_reset(
     struct hg_cpu_visibility *hosted, const struct hg_cpu_visibility_history *history);
-// Moves runs from the selection of set number `set` here. HG_E_NOMEM.
+// Moves runs from the selection of a set here. jobs may be NULL. HG_E_NOMEM.
 enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *hosted,
-    const struct hg_geometry *geometry, const struct hg_culling_view *view,
-    const struct hg_cpu_visibility_history *history, uint32_t set, struct hg_jobs *jobs,
+    const struct hg_cpu_visibility_set *set, struct hg_jobs *jobs,
     struct hg_selection *runs) HG_MUST_CHECK;
 // Marks the chunks as used in this frame.
 void hg_cpu_visibility_use(
     const struct hg_cpu_visibility *hosted, const struct hg_geometry *geometry);
-// Draws one sample to slot `slot` of `slots`. HG_E_NOMEM, device errors.
+// Draws one sample to its slot. HG_E_NOMEM, device errors.
 enum hg_status hg_cpu_visibility_draw(struct hg_cpu_visibility *hosted, struct hg_gpu *gpu,
-    const struct hg_culling_lens *lens, uint32_t slot, uint32_t slots, struct hg_jobs *jobs,
+    const struct hg_culling_sample *sample, struct hg_jobs *jobs,
     struct hg_error *err) HG_MUST_CHECK;
 // Copies a slot to images, all of it or `area` (zero: all).
 void hg_cpu_visibility_copy(const struct hg_cpu_visibility *hosted, struct hg_gpu_cmd *cmd,

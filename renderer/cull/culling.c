@@ -194,10 +194,10 @@ enum hg_status hg_culling_add(struct hg_culling *v, const struct hg_geometry *ge
     set.crowded = crowded || view.error_px > wanted->error_px;
     if (view.history)
         status = hg_occlusion_keep_history(&v->occlusion, geometry);
-    const struct hg_cpu_visibility_history history = history_of(v, view.history);
+    const struct hg_cpu_visibility_set source = {
+        geometry, &view, history_of(v, view.history), v->set_count};
     if (status == HG_OK && view.host != NULL)
-        status = hg_cpu_visibility_take(
-            &v->hosted, geometry, &view, &history, v->set_count, jobs, &v->runs);
+        status = hg_cpu_visibility_take(&v->hosted, &source, jobs, &v->runs);
     set.hosted = v->hosted.count > 0 && v->hosted.set == v->set_count;
     // What is in front of the host's pixels at the same depth must not depend on phases.
     const bool occlusion =
@@ -297,10 +297,10 @@ void hg_culling_fill(
 
 // --- what the host draws -------------------------------------------------------------------------
 
-enum hg_status hg_culling_draw_cpu(struct hg_culling *v, const struct hg_culling_lens *lens,
-    uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err)
+enum hg_status hg_culling_draw_cpu(struct hg_culling *v, const struct hg_culling_sample *sample,
+    struct hg_jobs *jobs, struct hg_error *err)
 {
-    return hg_cpu_visibility_draw(&v->hosted, v->gpu, lens, slot, slots, jobs, err);
+    return hg_cpu_visibility_draw(&v->hosted, v->gpu, sample, jobs, err);
 }
 
 void hg_culling_copy_cpu(const struct hg_culling *v, struct hg_gpu_cmd *cmd, uint32_t slot,
@@ -311,13 +311,12 @@ void hg_culling_copy_cpu(const struct hg_culling *v, struct hg_gpu_cmd *cmd, uin
 
 // --- occlusion -----------------------------------------------------------------------------------
 
-enum hg_status hg_culling_test(struct hg_culling *v, struct hg_gpu_cmd *cmd, uint32_t set,
-    struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
-    struct hg_error *err)
+enum hg_status hg_culling_test(struct hg_culling *v, struct hg_gpu_cmd *cmd,
+    const struct hg_culling_test *test, struct hg_error *err)
 {
-    const enum hg_status status = hg_occlusion_test(
-        v->gpu, &v->occlusion, cmd, &v->sets[set], depth, visibility, tables, features, err);
-    v->occlusion.tested |= status == HG_OK && set == 0;
+    const enum hg_status status =
+        hg_occlusion_test(v->gpu, &v->occlusion, cmd, &v->sets[test->set], test, err);
+    v->occlusion.tested |= status == HG_OK && test->set == 0;
     return status;
 }
 

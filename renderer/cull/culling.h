@@ -5,7 +5,8 @@
 // whole) and writes the indices of what is left of a part to a list of this frame, in the order of
 // the part. Whole parts of consecutive instances are one instanced draw of the part's own indices.
 // Only what cannot show is left out, so the picture is the one of drawing everything. On devices
-// that draw in software single triangles that show at no sample are left out, too (sieve.h).
+// that draw in software single triangles that show at no sample are left out, too
+// (triangle_cull.h).
 //
 // Occlusion, when there is much to draw: what was seen in the frame before is drawn first, a
 // pyramid of its depth is made, and each of the remaining runs is drawn only where it is not behind
@@ -48,7 +49,7 @@ struct hg_culling_view {
     float error_px;    // greatest projected error of levels of detail; 0: none
     float near;        // metres, > 0: nothing is looked at from nearer than this
     bool wait;         // load what is missing now
-    bool numbered;     // lists of numbered.h, where there are
+    bool numbered;     // provoking vertex lists, where there are
     bool whole;        // with wait: never coarser than asked; what does not fit is missing, and
                        // then the set must not be drawn
     uint32_t share, shares; // with whole: one of that many shares of the chunks, which make up the
@@ -118,16 +119,29 @@ void hg_culling_draw(
 void hg_culling_fill(
     const struct hg_culling *visible, const struct hg_culling_item *item, struct hg_gpu_item *out);
 
-// Between the phases: reads depth and visibility buffer, tests every candidate of the set with the
-// camera of the frame block. tables, features: specialisation constants. Outside rendering.
-enum hg_status hg_culling_test(struct hg_culling *visible, struct hg_gpu_cmd *cmd, uint32_t set,
-    struct hg_gpu_image *depth, struct hg_gpu_image *visibility, uint32_t tables, uint32_t features,
-    struct hg_error *err) HG_MUST_CHECK;
+// An occlusion test between the two phases of a set.
+struct hg_culling_test {
+    uint32_t set;
+    struct hg_gpu_image *depth, *visibility; // of the first phase
+    uint32_t tables, features;               // specialisation constants
+};
 
-// Of a set that is hosted: draws the host's part of one sample to slot `slot` of `slots`; the lens
-// has no shift. Slots keep what they hold until slot 0 is drawn. HG_E_NOMEM, device errors.
-enum hg_status hg_culling_draw_cpu(struct hg_culling *visible, const struct hg_culling_lens *lens,
-    uint32_t slot, uint32_t slots, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+// Reads depth and visibility buffer, tests every candidate of the set with the camera of the frame
+// block. Outside rendering. HG_E_NOMEM, device errors.
+enum hg_status hg_culling_test(struct hg_culling *visible, struct hg_gpu_cmd *cmd,
+    const struct hg_culling_test *test, struct hg_error *err) HG_MUST_CHECK;
+
+// One sample of what the host draws.
+struct hg_culling_sample {
+    const struct hg_culling_lens *lens; // without shift
+    uint32_t slot, slots;               // where it goes; slot < slots
+};
+
+// Of a set that is hosted: draws the host's part of one sample. Slots keep what they hold until
+// slot 0 is drawn. HG_E_NOMEM, device errors.
+enum hg_status hg_culling_draw_cpu(struct hg_culling *visible,
+    const struct hg_culling_sample *sample, struct hg_jobs *jobs,
+    struct hg_error *err) HG_MUST_CHECK;
 // Copies a slot to the visibility buffer and its depth, all of it or `area` (zero: all). Outside
 // rendering, and before the items are drawn.
 void hg_culling_copy_cpu(const struct hg_culling *visible, struct hg_gpu_cmd *cmd, uint32_t slot,

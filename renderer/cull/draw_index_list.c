@@ -101,8 +101,7 @@ static void open_sieve(const struct hg_geometry *g, const struct hg_culling_view
     uint32_t draw, struct hg_index_list *list)
 {
     const struct hg_draw_entry *d = &g->draws[draw];
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     list->sieved = true;
     hg_triangle_cull_open(
         view, &instances[d->gpu.instance].world, &d->part->bounds, d->gpu.flags, &list->sieve);
@@ -161,8 +160,8 @@ static void write_run(const struct write *w, struct hg_index_list_run *run)
     uint32_t *ids = list->has_ids ? w->memory.ids + run->ids : NULL;
     run->kept = run->count;
     if (list->sieved) {
-        run->kept =
-            hg_triangle_cull_list(&list->sieve, list->positions, from, run->count, to, ids, number);
+        const struct hg_triangle_list kept = {to, ids, number};
+        run->kept = hg_triangle_cull_list(&list->sieve, list->positions, from, run->count, &kept);
     } else {
         memcpy(to, from, (size_t)run->count * list->corners * 4);
         for (uint32_t k = 0; ids != NULL && k < run->count; k++)

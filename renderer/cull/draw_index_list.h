@@ -3,8 +3,8 @@
 //
 // A list takes runs of primitives from one part. It may go through a sieve, and it may be woven:
 // then it has vertices of its own, positions and numbers together, in which the first corner of a
-// triangle belongs to it alone and holds its number (why: numbered.h). Corners keep their order, so
-// that a triangle has the same depth whatever else is in the list.
+// triangle belongs to it alone and holds its number (why: provoking_vertex.h). Corners keep their
+// order, so that a triangle has the same depth whatever else is in the list.
 #ifndef HG_RENDERER_CULL_DRAW_INDEX_LIST_H
 #define HG_RENDERER_CULL_DRAW_INDEX_LIST_H
 

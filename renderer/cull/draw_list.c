@@ -19,7 +19,7 @@ void hg_draw_list_finish(struct hg_draw_list *items)
 
 static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t part)
 {
-    return (const struct hg_gpu_part *)(const void *)g->part_table.shadow + part;
+    return (const struct hg_gpu_part *)(const void *)g->tables.parts.shadow + part;
 }
 
 static struct hg_culling_item item_of(const struct hg_geometry *g, uint32_t draw, bool numbered)

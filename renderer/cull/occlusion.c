@@ -56,9 +56,9 @@ void hg_occlusion_learn(struct hg_occlusion *o, const struct hg_culling_set *set
 
 enum hg_status hg_occlusion_keep_history(struct hg_occlusion *o, const struct hg_geometry *g)
 {
-    const uint32_t bits = g->bit_count + (g->pool != NULL ? hg_select_lod_bits() : 0);
+    const uint32_t bits = g->bits.count + (g->pool != NULL ? hg_select_lod_bits() : 0);
     const size_t words = ((size_t)bits + 31) / 32;
-    if (o->layout == g->bit_layout && o->history_bits == bits)
+    if (o->layout == g->bits.layout && o->history_bits == bits)
         return HG_OK;
     o->history_bits = 0;
     const enum hg_status status =
@@ -68,7 +68,7 @@ enum hg_status hg_occlusion_keep_history(struct hg_occlusion *o, const struct hg
     if (words > 0)
         memset(o->history, 0xff, words * sizeof *o->history);
     o->history_bits = bits;
-    o->layout = g->bit_layout;
+    o->layout = g->bits.layout;
     return HG_OK;
 }
 
@@ -162,16 +162,16 @@ static enum hg_status dispatch(struct hg_gpu_cmd *cmd, const struct kernel *kern
 }
 
 enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_gpu_cmd *cmd,
-    const struct hg_culling_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
-    uint32_t tables, uint32_t features, struct hg_error *err)
+    const struct hg_culling_set *set, const struct hg_culling_test *test, struct hg_error *err)
 {
+    struct hg_gpu_image *depth = test->depth;
     const struct hg_gpu_region all = {.width = depth->width, .height = depth->height};
     enum hg_status status = reserve_pyramid(gpu, o, depth, set->late_count > 0, err);
     if (status != HG_OK)
         return status;
     hg_gpu_image_read(cmd, depth, &all, &o->depth, 0);
     if (set->late_count > 0)
-        hg_gpu_image_read(cmd, visibility, &all, &o->seen, 0);
+        hg_gpu_image_read(cmd, test->visibility, &all, &o->seen, 0);
     hg_gpu_memory_barrier(cmd);
     const struct hg_gpu_occlusion push = {
         .candidates =
@@ -193,7 +193,7 @@ enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, str
             {(set->candidate_count + HG_CLUSTER_GROUP - 1) / HG_CLUSTER_GROUP, 1}},
     };
     for (size_t i = 0; i < sizeof kernels / sizeof kernels[0] && status == HG_OK; i++)
-        status = dispatch(cmd, &kernels[i], tables, features, &push, err);
+        status = dispatch(cmd, &kernels[i], test->tables, test->features, &push, err);
     return status;
 }
 

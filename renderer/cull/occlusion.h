@@ -1,5 +1,5 @@
 // occlusion.h - what is behind other things, by a pyramid of the depth of what was seen before (see
-// visible.h). Floor 2 (geometry). Private to the room. Thread: the render thread.
+// culling.h). Floor 2 (geometry). Private to the room. Thread: the render thread.
 #ifndef HG_RENDERER_CULL_OCCLUSION_H
 #define HG_RENDERER_CULL_OCCLUSION_H
 
@@ -44,10 +44,10 @@ enum hg_status hg_occlusion_add_command(
 // Brings candidates and draws to the device. HG_E_NOMEM, device errors.
 enum hg_status hg_occlusion_upload(
     struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_error *err) HG_MUST_CHECK;
-// See hg_culling_test.
+// See hg_culling_test. set: the one that the test names.
 enum hg_status hg_occlusion_test(struct hg_gpu *gpu, struct hg_occlusion *o, struct hg_gpu_cmd *cmd,
-    const struct hg_culling_set *set, struct hg_gpu_image *depth, struct hg_gpu_image *visibility,
-    uint32_t tables, uint32_t features, struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_culling_set *set, const struct hg_culling_test *test,
+    struct hg_error *err) HG_MUST_CHECK;
 // Of a set that was tested: adds candidates that were not seen, and triangles of late ones that
 // were.
 void hg_occlusion_count(const struct hg_occlusion *o, const struct hg_culling_set *set,

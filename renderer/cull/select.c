@@ -258,8 +258,9 @@ static enum hg_status select_draw(
     if (d->part->clusters != NULL) {
         const uint32_t first = b->selection.count;
         open_object(view, world, both_sides, &object);
-        const enum hg_status status = hg_select_lod(view, index, run->geometry->bit_count,
-            d->part->clusters, world, &object, &b->selection);
+        const struct hg_lod_draw draw = {
+            index, run->geometry->bits.count, d->part->clusters, world, &object};
+        const enum hg_status status = hg_select_lod(view, &draw, &b->selection);
         // Layers are never candidates of the second phase, which draws opaque surfaces.
         for (uint32_t i = first; i < b->selection.count && d->gpu.flags & HG_DRAW_BLEND; i++)
             b->selection.items[i].bit = HG_RUN_NO_BIT;
@@ -281,8 +282,7 @@ static void select_block(void *user, size_t index)
     struct run *run = user;
     struct block *b = &run->blocks[index];
     const struct hg_geometry *g = run->geometry;
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     for (uint32_t i = b->first_draw; i < b->end_draw && b->status == HG_OK; i++)
         b->status = select_draw(run, b, i, &instances[g->draws[i].gpu.instance].world);
 }

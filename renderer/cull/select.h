@@ -1,4 +1,4 @@
-// select.h - runs of triangles that one view may see, on the host. Private to renderer/geometry/.
+// select.h - runs of triangles that one view may see, on the host. Private to the room.
 #ifndef HG_RENDERER_CULL_SELECT_H
 #define HG_RENDERER_CULL_SELECT_H
 
@@ -38,11 +38,18 @@ struct hg_object_view {
 bool hg_select_is_outside(const struct hg_object_view *object, const struct hg_meshlet *box);
 bool hg_select_faces_away(const struct hg_object_view *object, const struct hg_meshlet *cone);
 
-// select_lod.c: runs of one draw of a baked part, by chunk and place. first_bit: the first of
-// hg_select_lod_bits() bits. HG_E_NOMEM.
-enum hg_status hg_select_lod(const struct hg_culling_view *view, uint32_t draw, uint32_t first_bit,
-    struct hg_cluster_mesh *mesh, const struct hg_mat4x3 *world,
-    const struct hg_object_view *object, struct hg_selection *out) HG_MUST_CHECK;
+// One draw of a baked part.
+struct hg_lod_draw {
+    uint32_t draw;
+    uint32_t first_bit; // of hg_select_lod_bits() bits
+    struct hg_cluster_mesh *mesh;
+    const struct hg_mat4x3 *world;
+    const struct hg_object_view *object; // the view in its space
+};
+
+// select_lod.c: runs of a draw, by chunk and place. HG_E_NOMEM.
+enum hg_status hg_select_lod(const struct hg_culling_view *view, const struct hg_lod_draw *draw,
+    struct hg_selection *out) HG_MUST_CHECK;
 uint32_t hg_select_lod_bits(void);
 // Marks the chunks of the runs as used, and brings the list of what is wanted in order: each chunk
 // once, with its parents unless the view wants the whole of it. HG_E_NOMEM.

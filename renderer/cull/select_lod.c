@@ -156,20 +156,19 @@ static int by_place(const void *a, const void *b)
     return x->first < y->first ? -1 : x->first > y->first;
 }
 
-enum hg_status hg_select_lod(const struct hg_culling_view *view, uint32_t draw, uint32_t first_bit,
-    struct hg_cluster_mesh *mesh, const struct hg_mat4x3 *world,
-    const struct hg_object_view *object, struct hg_selection *out)
+enum hg_status hg_select_lod(
+    const struct hg_culling_view *view, const struct hg_lod_draw *draw, struct hg_selection *out)
 {
     struct walk w = {.view = view,
-        .object = object,
-        .mesh = mesh,
-        .lod = mesh->lod,
-        .draw = draw,
-        .first_bit = first_bit,
+        .object = draw->object,
+        .mesh = draw->mesh,
+        .lod = draw->mesh->lod,
+        .draw = draw->draw,
+        .first_bit = draw->first_bit,
         .out = out};
     for (int i = 0; i < 12; i++)
-        w.world[i] = world->m[i];
-    w.scale = hg_matrix_max_stretch(world);
+        w.world[i] = draw->world->m[i];
+    w.scale = hg_matrix_max_stretch(draw->world);
     const uint32_t first_run = out->count;
     uint32_t stack[STACK], depth = 0;
     if (w.lod->node_count > 0)

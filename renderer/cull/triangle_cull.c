@@ -159,8 +159,9 @@ static void test(const struct hg_triangle_cull *s, struct block *restrict b)
 }
 
 uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *s, const float *positions,
-    const uint32_t *indices, uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id)
+    const uint32_t *indices, uint32_t count, const struct hg_triangle_list *out)
 {
+    uint32_t *to = out->indices, *ids = out->ids;
     struct block b;
     uint32_t kept = 0;
     memset(&b, 0, sizeof b);
@@ -172,9 +173,9 @@ uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *s, const float *po
             project(s, b.x[k], b.y[k], b.z[k], b.w[k]);
         test(s, &b);
         for (uint32_t i = 0; i < n; i++) {
-            memcpy(out + (size_t)kept * 3, from + (size_t)i * 3, 12);
+            memcpy(to + (size_t)kept * 3, from + (size_t)i * 3, 12);
             if (ids != NULL)
-                ids[kept] = first_id + first + i;
+                ids[kept] = out->first_id + first + i;
             kept += !b.drop[i];
         }
     }

@@ -26,10 +26,16 @@ struct hg_triangle_cull {
 void hg_triangle_cull_open(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
     const struct hg_box *bounds, uint32_t flags, struct hg_triangle_cull *out);
 
-// Lists the triangles of `indices` that may show, as they are and in their order. out: room for all
-// of them. positions: [vertices * 3]. Returns how many there are. Cost: 10 ns for each of
-// `indices`.
-uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *sieve, const float *positions,
-    const uint32_t *indices, uint32_t count, uint32_t *out, uint32_t *ids, uint32_t first_id);
+// Where triangles are listed, with room for all of them.
+struct hg_triangle_list {
+    uint32_t *indices; // three each
+    uint32_t *ids;     // one each; NULL: none are wanted
+    uint32_t first_id; // id of the first triangle that is looked at
+};
+
+// Lists the triangles of `indices` that may show, as they are and in their order. indices: [count *
+// 3]. positions: [vertices * 3]. Returns how many there are. Cost: 10 ns for each of `count`.
+uint32_t hg_triangle_cull_list(const struct hg_triangle_cull *cull, const float *positions,
+    const uint32_t *indices, uint32_t count, const struct hg_triangle_list *out);
 
 #endif

@@ -25,7 +25,7 @@ static enum hg_status pass_init(struct pass *pass, const struct hg_dn_planes *p)
     return HG_OK;
 }
 
-// Looked at around what is wanted: each step by as much less as it looks further itself.
+// Margins around the output region: each step needs less margin by its own radius.
 #define LEFT_REACH   2                        // px: smoothing of what is left of the noise
 #define SECOND_REACH (LEFT_REACH + 7 + 2 + 2) // window, patch and smoothed variance
 #define REACH        40u                      // more than 7 + 3 + 2 again, and the fireflies'
@@ -33,7 +33,7 @@ static enum hg_status pass_init(struct pass *pass, const struct hg_dn_planes *p)
 
 struct work {
     const struct hg_denoise_input *input;
-    struct hg_dn_rect rect; // of the picture, that is wanted now
+    struct hg_dn_rect rect; // the output region, in the picture
     struct hg_dn_planes *p;
     struct pass *pass;
     struct hg_dn_clean clean;
@@ -41,7 +41,7 @@ struct work {
     const struct hg_dn_energy *energy;
 };
 
-// Both halves in one, in the place of the first; what is left of the noise, from their difference.
+// Merges both halves in place of the first; the residual noise is estimated from their difference.
 static void merge_row(void *user, size_t y)
 {
     struct work *w = user;
@@ -95,8 +95,8 @@ static void give_back_row(void *user, size_t row)
 #define FIRST_STRENGTH 0.45f  // standard deviations
 #define LEFT_LEAST     0.005f // variance that the first pass leaves at least, of what it began with
 
-// Half the squared difference of the filtered halves: what is left of the noise in each, in the
-// place of the variance that the first pass was guided by.
+// Half the squared difference of the filtered halves: the residual variance of each, which replaces
+// the variance that guided the first pass.
 static void left_row(void *user, size_t y)
 {
     struct work *w = user;
@@ -110,7 +110,7 @@ static void left_row(void *user, size_t y)
     }
 }
 
-// The wanted part and so many px around it, of what the planes hold.
+// The output region and a margin in px, clipped to the planes.
 static struct hg_dn_rect around(const struct work *w, uint32_t px)
 {
     const struct hg_dn_planes *p = w->p;
@@ -123,7 +123,8 @@ static struct hg_dn_rect around(const struct work *w, uint32_t px)
         .height = (below < p->height ? below : p->height) - y};
 }
 
-// Guided by the samples, then, with halves, by what came out: that shows edges which noise hid.
+// Two passes: guided by the samples, then (with half buffers) by the result of the first pass, in
+// which edges are visible that noise hid.
 static enum hg_status filter(struct work *w, struct pass *guide, struct hg_jobs *jobs)
 {
     struct hg_dn_planes *p = w->p;
@@ -218,7 +219,7 @@ static enum hg_status run_part(struct work *w, struct hg_jobs *jobs)
     return status;
 }
 
-// Large pictures in parts: the memory that is taken does not grow with them.
+// Large pictures are processed in parts, so that memory does not grow with their size.
 static enum hg_status run_parts(struct work *w, struct hg_jobs *jobs)
 {
     const struct hg_denoise_input *in = w->input;

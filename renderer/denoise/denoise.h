@@ -1,13 +1,13 @@
-// denoise.h - pictures of few samples without their noise.
+// denoise.h - denoiser for path-traced pictures.
 // Floor 2. Thread: any, one at a time per object; work is spread over jobs. Pure functions of their
 // input: the same bytes for any number of threads.
 //
-// Light that the first surface scattered and light that it mirrored or let through are filtered
-// apart, each divided by the surface's albedo, so that textures are not in what is filtered. A
-// pixel becomes a mean of pixels around it that show the same kind of surface, and whose light does
-// not differ by more than its noise explains (non-local means of patches). Two halves of the
-// samples tell how large the noise is; each half is weighted by what the other one looks like, so
-// that a sample cannot vote for itself. With the noise the width of the filter goes to nothing.
+// Diffuse light of the first surface and its specular (reflected or transmitted) light are filtered
+// separately, each divided by the surface's albedo, so that textures are not blurred. A pixel
+// becomes a weighted mean of neighbours with similar features whose light differs by no more than
+// their noise (non-local means over patches). Half buffers estimate the noise; each half is
+// cross-filtered with weights from the other one, so that a sample does not affect its own weight.
+// The filter converges: its width vanishes with the noise.
 // Sources: Rousselle, Knaus and Zwicker 2012, "Adaptive Rendering with Non-Local Means Filtering"
 // (patch distance, halves); Rousselle, Manzi and Zwicker 2013, "Robust Denoising using Feature and
 // Color Information"; Bitterli et al. 2016, "Nonlinearly Weighted First-order Regression for
@@ -24,31 +24,31 @@
 
 #define HG_DENOISE_LIGHT 9 // channels: rgb of HG_PATH_GUIDE_DIRECT, _INDIRECT, _SPECULAR
 
-// Where pixels look: from the eye through across + px x + py y, a metre deep; orthographic: from
-// there along forward. Scene space; x, y and forward are at right angles.
+// Camera rays of pixels: from the eye through across + px x + py y, at a depth of one metre;
+// orthographic: from there along forward. Scene space; x, y and forward are orthogonal.
 struct hg_denoise_camera {
     double eye[3], forward[3], across[3], x[3], y[3];
     bool orthographic;
 };
 
-// Pictures before this one, for those of an animation.
+// History of an animation's previous pictures.
 struct hg_denoise;
 struct hg_denoise *hg_denoise_create(void) HG_MUST_CHECK; // NULL: no memory
 void hg_denoise_destroy(struct hg_denoise *history);      // accepts NULL
-// Another picture begins; what was run last is the one before. A picture that is run again, with
-// more samples, takes its own place.
+// Begins the next picture; the last one that was run becomes the previous one. Running the same
+// picture again, with more samples, replaces it.
 void hg_denoise_next(struct hg_denoise *history);
 
-// The picture that was run last, for another process: what comes after hg_denoise_next is the same
-// to the bit. HG_E_STATE: there is none; HG_E_NOMEM.
+// Saves the last picture for another process, which continues bit for bit after hg_denoise_next.
+// HG_E_STATE: there is none; HG_E_NOMEM.
 enum hg_status hg_denoise_save(
     const struct hg_denoise *history, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
-// HG_E_INVAL: not what was saved; HG_E_NOMEM.
+// HG_E_INVAL: not a saved history; HG_E_NOMEM.
 enum hg_status hg_denoise_load(const void *data, uint64_t size_bytes, struct hg_denoise **out,
     struct hg_error *err) HG_MUST_CHECK;
 
-// How much of the light of the pixel to the left, of its own, to the right (above, ...) a pixel
-// shows; each three add up to 1, >= 0.
+// Separable pixel filter: weights of the left neighbour, the pixel itself and the right one (above,
+// ...); each three sum to 1, >= 0.
 struct hg_denoise_taps {
     float x[3], y[3];
 };
@@ -65,7 +65,7 @@ struct hg_denoise_input {
     const struct hg_denoise_taps *taps;
     uint32_t taps_count;
     const uint32_t *samples;         // of each tile of HG_PATH_TILE_SIDE px, row by row
-    uint32_t part_px;                // side of parts of large pictures; 0 = usual. Changes nothing
+    uint32_t part_px; // side of parts of large pictures; 0 = default. Does not affect the result
     struct hg_denoise *history;      // NULL: by itself
     struct hg_denoise_camera camera; // with a history
     // [HG_PATH_MOVED_WORDS][height][width] sums: metres in scene space to where surfaces, and

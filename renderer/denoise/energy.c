@@ -1,11 +1,10 @@
-// energy.c - light that the filter has lost is given back around where it was.
+// energy.c - restores locally the energy that filtering removed.
 //
-// Single bright samples are cut (planes.c), and weights favour what is dark: the sum of the light
-// is too small. Nodes of a grid, one every CELL px, take the difference between what was sampled
-// and what came out around them, each pixel's shared out between the four nodes around by bilinear
-// weights; the factor of a node brings what came out back to what was sampled. With the same
-// weights between nodes the sum over the picture is exactly that of the samples, where no factor
-// is at its limit: a sample that outshines all of its surroundings is not to be believed.
+// Fireflies are clamped (planes.c), and the weights are biased towards dark pixels: the filtered
+// picture has too little energy. A grid with one node every CELL px collects sampled and filtered
+// light with bilinear weights; the factor of a node is their ratio. Interpolating the factors with
+// the same weights preserves the sum over the picture exactly, except where factors are clamped:
+// a single sample far brighter than its surroundings is treated as an outlier.
 #include "base/alloc.h"
 #include "renderer/denoise/internal.h"
 
@@ -34,7 +33,7 @@ static uint32_t end_px(uint32_t node, uint32_t size)
     return (node + 1) * CELL < size ? (node + 1) * CELL : size;
 }
 
-// Sums of one pixel: what came out, and what was sampled, of a kind.
+// Filtered and sampled light of one pixel, of one kind.
 static void look(const struct work *w, int kind, size_t at, float n, float *out, float *sampled)
 {
     const struct hg_denoise_input *in = w->input;

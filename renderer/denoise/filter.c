@@ -1,4 +1,4 @@
-// filter.c - means over windows of pixels that are alike: by their patches, and by their surface.
+// filter.c - weighted means over windows of pixels, with weights from patches and features.
 #include <math.h>
 #include <stdatomic.h>
 
@@ -7,7 +7,7 @@
 #include "renderer/denoise/internal.h"
 
 enum {
-    TILE_X = 32, // px that are filtered together; distances of their patches stay in the cache
+    TILE_X = 32, // px that are filtered together, so that patch distances stay in the cache
     TILE_Y = 8,
     MOST_PATCH = 3,
     SETS = 2 * HG_DN_KINDS,
@@ -17,7 +17,7 @@ enum {
     MATRIX = TERMS * (TERMS + 1) / 2, // its upper triangle
 };
 
-// Alikeness of features.
+// Similarity of features.
 #define NORMAL_REACH    0.25f // of unit normals
 #define DISPARITY_REACH 0.02f // of the disparity itself
 #define SLOPE_REACH     0.25f // of what the surface's slope explains
@@ -41,14 +41,14 @@ struct work {
     atomic_bool failed;
 };
 
-// What a loop writes is not what it reads.
+// Restrict pointers: outputs do not alias inputs.
 #ifdef __clang__
 #define APART _Pragma("clang loop vectorize(assume_safety)")
 #else
 #define APART _Pragma("GCC ivdep")
 #endif
 
-// Falls to 0 at x = 8 as exp(-x) does, nearly.
+// Approximates exp(-x); 0 from x = 8 on.
 static inline float falloff(float x)
 {
     const float low = x > 0.0f ? x : 0.0f;
@@ -59,7 +59,7 @@ static inline float falloff(float x)
 
 // --- patches -------------------------------------------------------------------------------------
 
-// Squared differences of two pixels less what noise explains, in units of noise.
+// Squared difference of two pixels minus its expected variance, in units of the variance.
 HG_SIMD_LOOP static void pixel_distances(
     const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
@@ -160,7 +160,7 @@ HG_SIMD_LOOP static void feature_weights(
 
 // --- sums ----------------------------------------------------------------------------------------
 
-// One more neighbour of each pixel. Light of one half counts by what the other half looks like.
+// Adds one neighbour of each pixel. Cross-filtering: the light of a half is weighted by the other.
 HG_SIMD_LOOP static void add(const struct work *w, struct tile *t, int set, size_t at, ptrdiff_t to)
 {
     const struct hg_dn_planes *p = w->p;

@@ -18,16 +18,16 @@
 
 enum {
     KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 7, // planes of a picture that stay
-    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES * 2 + 1,  // that are only there while it is made
+    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES * 2 + 1,  // temporary, while a picture is filtered
 };
 
-// A picture that was made: [height][width] of each plane.
+// A finished picture: [height][width] of each plane.
 struct past {
     uint32_t width, height; // 0 = none
     struct hg_denoise_camera camera;
     float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS];
     float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen, *id;
-    float *image; // disparity of what is seen in smooth surfaces, where its image is; 0 = rough
+    float *image; // disparity of the virtual image in smooth surfaces; 0 = rough
     float *memory;
 };
 
@@ -123,7 +123,7 @@ enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise
 
 // --- files ---------------------------------------------------------------------------------------
 
-// Then the planes, first byte of each float, second, ...: they are packed better so.
+// Then the planes, split into bytes 0, 1, ... of all floats: this compresses better.
 struct saved {
     char magic[8];
     uint32_t width, height, planes, orthographic;
@@ -223,7 +223,7 @@ static void place_of(
     }
 }
 
-// Pixel coordinates and depth of a place; false: behind the camera.
+// Pixel coordinates and depth of a point; false: behind the camera.
 static bool find(
     const struct hg_denoise_camera *c, const double place[3], double *x, double *y, double *depth)
 {
@@ -263,7 +263,7 @@ static void place_at(const struct keep *k, uint32_t x, uint32_t y, size_t at, do
     place_of(&k->d->now.camera, x + 0.5, y + 0.5, depth, out);
 }
 
-// Curvature of what is seen at a pixel along rows (step 1) or columns, 1 / m; above 0: bulges.
+// Curvature of the surface at a pixel along rows (step 1) or columns, 1 / m; > 0: convex.
 static double curvature(const struct keep *k, uint32_t x, uint32_t y, size_t at, bool columns)
 {
     const struct hg_dn_planes *p = k->p;
@@ -282,9 +282,9 @@ static double curvature(const struct keep *k, uint32_t x, uint32_t y, size_t at,
     return length2 > 0.0 ? along / length2 : 0.0;
 }
 
-// Where the image of what is seen in a smooth surface is: in a plane mirror as far behind it as the
-// thing is in front, in one that bulges nearer (the mirror equation). 0: the surface is rough, or
-// there is no image behind it.
+// Depth of the virtual image in a smooth surface: in a plane mirror as far behind it as the object
+// is in front, in a convex one nearer (mirror equation). 0: the surface is rough, or there is no
+// virtual image.
 static float image_disparity(
     const struct keep *k, uint32_t x, uint32_t y, size_t at, float *out_nearer)
 {
@@ -372,14 +372,14 @@ static size_t band_at(const struct work *w, uint32_t x, uint32_t y)
     return (size_t)(y - w->first) * w->now->width + x;
 }
 
-// Kinds of light that are looked up together.
+// Kinds of light that are reprojected together.
 struct kinds {
     int first, last;
 };
 static const struct kinds all_kinds = {0, HG_DN_KINDS - 1}, scattered = {0, HG_DN_INDIRECT},
                           mirrored = {HG_DN_SPECULAR, HG_DN_SPECULAR};
 
-// What pixels around an edge of things have met first says nothing of the others' samples.
+// At object edges, the first hit of a pixel does not represent its other samples.
 static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
 {
     const float id = now->id[(size_t)y * now->width + x];
@@ -392,7 +392,7 @@ static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
     return true;
 }
 
-// The same surface; of light that it mirrors, with an image at the same place.
+// The same surface; for specular light also the same virtual image.
 static bool is_same(const struct work *w, size_t at, size_t old, double depth, bool image)
 {
     const struct past *now = w->now, *past = w->before;
@@ -443,7 +443,7 @@ static bool move(
     return moves;
 }
 
-// Where the image in a pixel's surface was.
+// Previous position of the virtual image in a pixel's surface.
 static bool move_image(const struct work *w, size_t at, double place[3])
 {
     const struct hg_denoise_input *in = w->input;
@@ -454,8 +454,8 @@ static bool move_image(const struct work *w, size_t at, double place[3])
     return move(w, at, HG_PATH_MOVED_SEEN, (double)samples, scale, place);
 }
 
-// The surface has not moved: what edges of pixels show is noisy and may be averaged, albedo and
-// all; unless what is seen in it moves, also of light that it mirrors.
+// The surface has not moved: edge pixels are noisy and may be averaged including albedo; specular
+// light only if the reflected objects have not moved either.
 static bool take_still(
     struct work *w, uint32_t column, uint32_t row, double x, double y, bool image_moves)
 {
@@ -471,13 +471,13 @@ static bool take_still(
     return true;
 }
 
-// Where a pixel's surface was, or the image in it.
+// Previous position of a pixel's surface, or of the virtual image in it.
 struct place {
     double x, y, depth; // px in the picture before; of the middle of its pixel (0, 0) 0
     bool image;
 };
 
-// What the four pixels around showed then, of those that showed the same; false: none did.
+// Bilinear lookup among the four previous pixels that pass the surface test; false: none does.
 static bool take_around(struct work *w, const struct kinds *kinds, uint32_t column, uint32_t row,
     const struct place *there)
 {
@@ -502,7 +502,7 @@ static bool take_around(struct work *w, const struct kinds *kinds, uint32_t colu
     return sum > 0.1f;
 }
 
-// Into the picture before; false: outside.
+// Reprojection into the previous picture; false: outside.
 static bool project(const struct work *w, const double place[3], struct place *out)
 {
     const struct past *past = w->before;
@@ -513,7 +513,7 @@ static bool project(const struct work *w, const double place[3], struct place *o
     return out->x > -1.0 && out->y > -1.0 && out->x < past->width && out->y < past->height;
 }
 
-// Light that a smooth surface mirrors, from where its image was.
+// Reprojects specular light of a smooth surface by its virtual image.
 static bool take_image(struct work *w, uint32_t column, uint32_t row, const double image[3])
 {
     struct place there = {.image = true};
@@ -564,7 +564,7 @@ static float luma_at(float *const rgb[3], size_t at)
     return hg_dn_luma(rgb[0][at], rgb[1][at], rgb[2][at]);
 }
 
-// 1 where both agree, in the mean of a patch, within what noise explains; 0 where they do not.
+// 1 where the patch means of both pictures agree within their noise, falling to 0 where not.
 static float trust(const struct work *w, int kind, uint32_t x, uint32_t y)
 {
     float difference = 0.0f, variance = 0.0f, brightness = 0.0f, count = 0.0f;
@@ -604,8 +604,8 @@ static void trust_row(void *user, size_t index)
     }
 }
 
-// Fewer digits than floats have, so that what is kept in files is small: the same bytes whether it
-// was kept or not.
+// Rounds mantissas, so that saved histories are small; applied whether or not it is saved, so that
+// results are identical.
 static float trim(float x)
 {
     uint32_t bits;
@@ -669,7 +669,7 @@ static void blend_row(void *user, size_t index)
 
 // --- all -----------------------------------------------------------------------------------------
 
-// Energy is given back, and what is compared is noted before it is blended.
+// Restores energy, and stores the unblended picture for comparison before blending.
 static void own_row(void *user, size_t y)
 {
     struct work *w = user;

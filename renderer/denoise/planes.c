@@ -1,4 +1,4 @@
-// planes.c - what the film holds, as the filter wants it.
+// planes.c - converts film channels to the planes of the filter.
 #include <math.h>
 #include <string.h>
 
@@ -234,7 +234,7 @@ static void load_row(void *user, size_t y)
 
 // --- gradients -----------------------------------------------------------------------------------
 
-// The smaller one of the slopes to both sides: the one that leads over no edge.
+// The smaller of the one-sided slopes: the one that crosses no edge.
 static float slope(const float *f, const float *seen, size_t at, size_t step)
 {
     const bool left = seen[at - step] > 0.0f, right = seen[at + step] > 0.0f;
@@ -259,9 +259,9 @@ static void slope_row(void *user, size_t y)
 
 // --- fireflies -----------------------------------------------------------------------------------
 
-// No half of a pixel may make up more than a part of what its surroundings bring, unless the other
-// half says the same: one sample in a thousand that is a thousand times too bright would be a spot
-// as wide as the filter. Where such samples are many they are the light, and stay.
+// Firefly clamp: a half of a pixel is limited relative to its surroundings, unless the other half
+// agrees: a rare very bright sample would become a spot as wide as the filter. Frequent bright
+// samples are signal and stay.
 #define FIREFLY_REACH  8     // px
 #define FIREFLY_SHARE  0.25f // of the sum around
 #define FIREFLY_AGREES 4.0f  // times the other half

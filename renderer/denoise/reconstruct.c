@@ -1,10 +1,10 @@
-// reconstruct.c - from light of whole pixels to what pixels show under their filter.
+// reconstruct.c - applies the pixel filter to denoised light.
 //
-// The filter is given each pixel's own samples, whose noise is that pixel's alone. Edges then have
-// as few steps as pixels have samples. How much of a surface a pixel shows, and of which albedo, is
-// known without noise from the camera's rays: those count for all pixels that the filter reaches
-// (HG_PATH_SHOWN_*), as where nothing is denoised. Light becomes a mean over the pixels around,
-// each as far as its albedo goes, and is multiplied by the albedo that is shown.
+// The denoiser needs unsplatted samples, whose noise is independent between pixels; edges would
+// then have only as many levels as there are samples per pixel. Coverage and albedo of surfaces are
+// known without noise from camera rays, and are splatted (HG_PATH_SHOWN_*) as in undenoised
+// pictures. Demodulated light is averaged over neighbouring pixels, weighted by albedo, and
+// multiplied by the splatted albedo.
 #include "renderer/denoise/internal.h"
 
 struct work {

@@ -1,5 +1,4 @@
-// reflection_features.c - what is seen in smooth surfaces: how noisy that is, and its albedo
-// without that noise.
+// reflection_features.c - features seen in smooth surfaces: their variance, and denoised albedo.
 #include "renderer/denoise/internal.h"
 
 static float square(float x)

@@ -1,9 +1,9 @@
-// draw.h - what is to be drawn, and what it is drawn with.
+// draw.h - a draw request and its context.
 // Floor 4. Thread: the render thread.
 //
-// A request is made once, by whoever knows what is wanted: a step for its view, prefetching for the
-// camera to come, a preview for one sample. It is never changed while it is drawn; what differs for
-// a part of the work is a request of its own (hg_draw_with).
+// A request is created once: by a step for its view, by prefetch for the predicted camera, by a
+// preview for one sample. It is immutable while it is drawn; a part of the work that differs has a
+// request of its own (hg_draw_with).
 #ifndef HG_RENDERER_FRAME_DRAW_H
 #define HG_RENDERER_FRAME_DRAW_H
 
@@ -23,13 +23,13 @@ struct hg_view_settings;
 #define HG_VIEW_MAX_STAGES 64
 
 enum hg_draw_flag {
-    HG_DRAW_FINAL = 1 << 0,          // nobody looks before the picture is settled
+    HG_DRAW_FINAL = 1 << 0,          // not displayed before the picture is settled
     HG_DRAW_WAIT = 1 << 1,           // loads what is missing, for a while
     HG_DRAW_ACCUMULATE = 1 << 2,     // more than RGBA8 will be read: no direct samples
     HG_DRAW_DIRECT = 1 << 3,         // straight to RGBA8 pixels
-    HG_DRAW_COARSE_SHADOWS = 1 << 4, // without finer cascades
+    HG_DRAW_COARSE_SHADOWS = 1 << 4, // without the finer shadow cascades
     HG_DRAW_EXACT = 1 << 5,          // samples are counted per pixel, inside the area on top
-    HG_DRAW_BEHIND = 1 << 6,         // what is seen through surfaces that let light through
+    HG_DRAW_BEHIND = 1 << 6,         // the opaque scene behind transmissive surfaces
 };
 
 struct hg_draw_request {
@@ -39,8 +39,8 @@ struct hg_draw_request {
     uint32_t samples;     // per pixel until settled, >= 1
     uint32_t max_samples; // of this step, >= 1
     float error_px;       // greatest projected error of geometry, >= that of the settings
-    // Only what it asks of textures counts: sides so many times smaller, of a picture so many times
-    // wider than the settings'. 0: a picture.
+    // Prefetch: only the texture requests matter. Image sides are divided by `smaller`, the field
+    // of view is widened by `wider`. 0: an ordinary picture.
     uint32_t smaller;
     float wider;
 };
@@ -50,11 +50,11 @@ struct hg_draw_request {
 // How many layers of blended surfaces are peeled.
 struct hg_draw_peeling {
     uint32_t limit;               // of the next step
-    bool too_deep_told;           // even HG_VIEW_MAX_LAYERS were not enough
+    bool too_deep_told;           // HG_VIEW_MAX_LAYERS layers were too few
     struct hg_gpu_buffer reached; // per sample of a batch: its last layer held something
 };
 
-// Tiles that no light reaches, told apart in pictures that follow each other.
+// Unlit tiles; searched for in consecutive pictures in motion.
 struct hg_draw_unlit {
     struct hg_unlit_tiles tiles;
     uint32_t wait; // pictures in motion until they are looked for
@@ -67,10 +67,10 @@ struct hg_view_stage {
 };
 
 struct hg_view_stats {
-    uint64_t number; // frames that changed something
+    uint64_t number; // frames with new content
     uint64_t triangles_drawn, draws_drawn;
     uint32_t stale_shadows;
-    uint32_t missing_clusters; // that the newest sample went without
+    uint32_t missing_clusters; // missing in the newest sample
     uint64_t step_ns;          // of the newest step that drew something
     uint32_t stage_count;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES]; // of the newest step
@@ -93,7 +93,7 @@ struct hg_draw {
     struct hg_lighting *lighting;
     const struct hg_draw_request *request;
     struct hg_view_targets *targets;
-    struct hg_culling *visible; // set 0: the camera; then stale shadow maps
+    struct hg_culling *culling; // set 0: the camera; then stale shadow maps
     struct hg_gpu_frame *frame; // of the newest sample
     struct hg_view_buffers *buffers;
     struct hg_frame_history *history;

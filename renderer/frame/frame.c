@@ -1,4 +1,4 @@
-// frame.c - around a batch: brings the device in line before it, notes what it drew after it.
+// frame.c - syncs the device before a batch, and evaluates its counters afterwards.
 #include "renderer/frame/frame.h"
 
 #include "base/clock.h"
@@ -45,10 +45,10 @@ enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err)
         draw->context, draw->scene_gpu, draw->request->camera->eye, until_ns, err);
     if (status != HG_OK)
         return status;
-    const bool facets = hg_gpu_strategy(draw->context->gpu)->uniform_tables &&
-                        !hg_geometry_has_levels(draw->scene_gpu->geometry) &&
-                        (draw->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
-    status = hg_geometry_sync_triangle_cache(draw->scene_gpu->geometry, facets, err);
+    const bool triangle_cache = hg_gpu_strategy(draw->context->gpu)->uniform_tables &&
+                                !hg_geometry_has_levels(draw->scene_gpu->geometry) &&
+                                (draw->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
+    status = hg_geometry_sync_triangle_cache(draw->scene_gpu->geometry, triangle_cache, err);
     if (status != HG_OK)
         return status;
     const uint64_t middle = hg_clock_now_ns();
@@ -65,9 +65,9 @@ enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err)
 
 // --- after a batch -------------------------------------------------------------------------------
 
-// Cells without light pay for their own pipeline and the search in pictures that follow each other.
-#define DARK_LEAST 0.25f // share of cells; with less the search rests for DARK_REST pictures
-#define DARK_REST  15
+// Unlit tiles are worth their search and pipeline only in consecutive pictures.
+#define UNLIT_LEAST 0.25f // share of cells; with less the search rests for UNLIT_REST pictures
+#define UNLIT_REST  15
 
 bool hg_frame_transmits(const struct hg_draw *draw)
 {
@@ -92,21 +92,21 @@ static void adapt_layers(struct hg_draw *draw, uint32_t samples)
 void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
 {
     struct hg_culling_stats drawn;
-    hg_culling_stats(draw->visible, &drawn);
+    hg_culling_stats(draw->culling, &drawn);
     draw->stats->draws_drawn = drawn.draws;
     draw->stats->triangles_drawn = drawn.triangles;
     hg_graph_advance(draw->targets->graph);
     adapt_layers(draw, samples);
     if (draw->unlit->told &&
-        hg_unlit_tiles_share(&draw->unlit->tiles, &draw->targets->depth) < DARK_LEAST)
-        draw->unlit->wait = DARK_REST;
+        hg_unlit_tiles_share(&draw->unlit->tiles, &draw->targets->depth) < UNLIT_LEAST)
+        draw->unlit->wait = UNLIT_REST;
 }
 
 uint32_t hg_frame_batch(const struct hg_draw *draw, uint32_t samples)
 {
     const VkExtent2D size = hg_frame_size(draw);
     const uint64_t most = MOST_HOSTED_PX / ((uint64_t)size.width * size.height);
-    if (!hg_culling_set(draw->visible, 0)->hosted || samples <= most)
+    if (!hg_culling_set(draw->culling, 0)->hosted || samples <= most)
         return samples;
     return most > 0 ? (uint32_t)most : 1;
 }

@@ -1,4 +1,4 @@
-// frame.h - what one batch draws: bring the device in line, choose what is seen, record samples.
+// frame.h - one batch: sync the device, cull, record samples.
 // Floor 4. Thread: the render thread. Sync and cull before the batch is begun: they may submit
 // copies of their own.
 #ifndef HG_RENDERER_FRAME_FRAME_H
@@ -17,31 +17,32 @@ struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint3
 void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot);
 // For paths: no jitter, pages waited for.
 void hg_frame_fill_path(struct hg_view_state *view);
-struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd);
+// streams: pages may be missing, so shaders report the pages that they request.
+struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd, bool streams);
 
 // --- frame_cull.c: what is seen ------------------------------------------------------------------
 
 enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
-// Chooses what the batch draws: camera and stale shadow maps, or the latter alone, inside of the
-// area that is drawn, for the next `samples` samples or fewer. draw->crowded in exact mode: it is
-// not all there and must not be drawn.
+// Culls camera and stale shadow maps, or only the latter, inside of the drawn area, for at most the
+// next `samples` samples. draw->crowded in exact mode: not all of it is resident, and it must not
+// be drawn.
 enum hg_status hg_frame_cull(struct hg_draw *draw, enum hg_frame_part part, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// What the camera sees of a rectangle of the image, all of it loaded at once.
+// Culls a rectangle of the image for the camera, and loads all of it at once.
 enum hg_status hg_frame_cull_part(
     struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
-// What the camera sees of all of the picture, for hg_frame_record_prefetch; no shadow maps.
+// Culls the whole picture for the camera, for hg_frame_record_prefetch; no shadow maps.
 enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
-// Where samples of a picture of that size lie: in the centres of the camera's pixels.
+// Sample positions of a picture of that size: pixel centres.
 struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExtent2D size);
 
 // --- frame.c -------------------------------------------------------------------------------------
 
-// Of a step, for levels of detail that are being made.
+// How long a step waits for hierarchies in the LOD build queue.
 #define HG_FRAME_BUILD_WAIT_NS UINT64_C(20000000)
 // Scene, pages and lights.
 enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
-// Materials of the scene let light through.
+// The scene has transmissive materials.
 bool hg_frame_transmits(const struct hg_draw *draw);
 // How many of so many samples one batch takes: what the host draws of them needs memory.
 uint32_t hg_frame_batch(const struct hg_draw *draw, uint32_t samples);
@@ -55,7 +56,7 @@ void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples);
 // HG_FRAME_PICTURE.
 enum hg_status hg_frame_record(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// Only what its pixels ask of textures counts.
+// Only its texture requests matter.
 enum hg_status hg_frame_record_prefetch(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.

@@ -1,4 +1,4 @@
-// frame_block.c - what shaders are told of one sample: its block, tables and features. See frame.h.
+// frame_block.c - the frame block of one sample, tables and feature bits. See frame.h.
 #include <math.h>
 #include <string.h>
 
@@ -52,16 +52,16 @@ static void fill_background(const struct hg_draw *draw, struct hg_gpu_frame *f)
     f->textures.background_lod = log2f(fmaxf(angle * (float)height / (float)M_PI, 1e-20f));
 }
 
-// The error of levels of detail that the view allows, as metres: pixels per metre are half the
-// height times the second diagonal element of the projection, over the depth in perspective.
+// The view's LOD error in metres: pixels per metre are half the height times the second diagonal
+// element of the projection, divided by depth in perspective.
 static void fill_slack(const struct hg_draw *draw, struct hg_gpu_lighting *lighting)
 {
     const struct hg_gpu_camera *camera = &draw->frame->camera;
     if (!hg_geometry_is_simplified(draw->scene_gpu->geometry))
         return;
     const float px_scale = 0.5f * (float)draw->request->settings->height * fabsf(camera->proj.m[5]);
-    const float error_px = hg_culling_count(draw->visible) > 0
-                               ? hg_culling_set(draw->visible, 0)->error_px
+    const float error_px = hg_culling_count(draw->culling) > 0
+                               ? hg_culling_set(draw->culling, 0)->error_px
                                : draw->request->settings->error_px;
     const float slack = error_px / px_scale;
     *(camera->orthographic != 0 ? &lighting->shadow_slack_m : &lighting->shadow_slack_per_m) =
@@ -104,7 +104,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     }
 }
 
-// Kernels of paths look at all of the picture, and at no shadow maps.
+// Path kernels use the whole picture, and no shadow maps.
 static struct hg_draw_request request_of_path(const struct hg_view_state *view)
 {
     return (struct hg_draw_request){.settings = &view->settings,
@@ -174,8 +174,9 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
         bind_table(pass, HG_BIND_TRIANGLE_CACHE, first.address, first.size_bytes, 1);
 }
 
-// What the scene and its lights make use of. Devices that branch get one pipeline for all.
-static uint32_t features_of(const struct hg_draw *draw, uint32_t tables)
+// Features that the scene and its lights use. Devices with cheap branches get one pipeline for all.
+// streams: pages may be missing.
+static uint32_t features_of(const struct hg_draw *draw, uint32_t tables, bool streams)
 {
     const uint32_t sampled =
         HG_FEATURE_TEXTURES | HG_FEATURE_OCCLUSION | HG_FEATURE_EMISSIVE | HG_FEATURE_LOBE_TEXTURES;
@@ -188,7 +189,7 @@ static uint32_t features_of(const struct hg_draw *draw, uint32_t tables)
         const uint32_t absent = (sampled | HG_FEATURE_LOBES) & ~features;
         return HG_FEATURE_ALL & ~absent;
     }
-    features |= draw->accumulation->pages.on ? HG_FEATURE_STREAM : 0;
+    features |= streams ? HG_FEATURE_STREAM : 0;
     features |= draw->frame->textures.pool_scale > 1.0f ? HG_FEATURE_SMALL_LAYERS : 0;
     features |= hg_geometry_has_levels(draw->scene_gpu->geometry) ? HG_FEATURE_LOD : 0;
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
@@ -224,7 +225,8 @@ static uint32_t background_features(const struct hg_draw *draw)
     return !pages ? HG_FEATURE_SKY_PLAIN : HG_FEATURE_SKY_PAGES | (mips ? HG_FEATURE_SKY_MIPS : 0);
 }
 
-struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot)
+static struct hg_pass make_pass(
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot, bool streams)
 {
     struct hg_pass pass = {.gpu = draw->context->gpu, .cmd = cmd, .jobs = draw->context->jobs};
     struct hg_gpu_image **images = pass.bindings.images;
@@ -235,7 +237,7 @@ struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint3
     images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(draw->lighting);
     images[HG_BIND_SHADOW] = hg_lighting_image_shadow(draw->lighting);
     bind_tables(draw, slot, &pass);
-    pass.features = features_of(draw, pass.tables);
+    pass.features = features_of(draw, pass.tables, streams);
     pass.features2 = mixes_of(draw, pass.features);
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;
@@ -246,9 +248,14 @@ struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint3
     return pass;
 }
 
-struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd)
+struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot)
+{
+    return make_pass(draw, cmd, slot, draw->accumulation->pages.on);
+}
+
+struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd, bool streams)
 {
     const struct hg_draw_request request = request_of_path(view);
     struct hg_draw draw = hg_view_draw(view, &request);
-    return hg_frame_pass(&draw, cmd, 0);
+    return make_pass(&draw, cmd, 0, streams);
 }

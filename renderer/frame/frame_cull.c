@@ -1,4 +1,4 @@
-// frame_cull.c - what the camera and the shadow maps of a batch see. See frame.h.
+// frame_cull.c - culling for the camera and the shadow maps of a batch. See frame.h.
 #include <math.h>
 #include <string.h>
 
@@ -28,16 +28,16 @@ static bool is_exact(const struct hg_draw *draw)
     return hg_draw_is(draw, HG_DRAW_EXACT) && draw->request->settings->debug == 0;
 }
 
-// What does not fit the budget is drawn in parts, not coarser.
+// Geometry that exceeds the budget is drawn in parts, not coarser.
 static bool is_whole(const struct hg_draw *draw)
 {
     return is_exact(draw) && !draw->accumulation->forced && !draw->request->smaller;
 }
 
-// What the camera sees of `part`.
+// Culls `part` for the camera.
 static struct hg_culling_view camera_view(const struct hg_draw *draw, VkRect2D part)
 {
-    // Not the newest sample's: that may have been of a smaller picture, for which less would do.
+    // Not the newest sample's: that may have been smaller, with a coarser LOD cut.
     struct hg_gpu_camera camera;
     const struct hg_camera_setup setup = hg_frame_setup(draw);
     hg_camera_fill(&setup, &camera);
@@ -69,7 +69,7 @@ struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExten
     return lens;
 }
 
-// Where the samples of the next batch lie. One sample is known to lie there, several only nearly.
+// Sample positions of the next batch: exact for one sample, a range for several.
 static struct hg_culling_lens lens_of(const struct hg_draw *draw, uint32_t samples)
 {
     struct hg_gpu_camera camera;
@@ -112,7 +112,7 @@ static enum hg_status select_sets(
         .coarse = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS), .wait = look.wait, .whole = look.whole};
     enum hg_status status = HG_OK;
     if (part == HG_FRAME_PICTURE)
-        status = hg_culling_add(draw->visible, draw->scene_gpu->geometry, &look, jobs, err);
+        status = hg_culling_add(draw->culling, draw->scene_gpu->geometry, &look, jobs, err);
     else if (s->shadows.areas.count > 0) {
         const struct hg_tiled_area *top = &s->shadows.areas.items[s->shadows.areas.count - 1];
         choice.area = top->rect;
@@ -121,7 +121,7 @@ static enum hg_status select_sets(
     }
     return status == HG_OK && draw->request->settings->debug == 0
                ? hg_shadow_select(
-                     draw->scene_gpu->geometry, draw->lighting, &choice, jobs, draw->visible, err)
+                     draw->scene_gpu->geometry, draw->lighting, &choice, jobs, draw->culling, err)
                : status;
 }
 
@@ -129,23 +129,23 @@ static void note_sets(struct hg_draw *draw, enum hg_frame_part part)
 {
     draw->stats->missing_clusters = 0;
     draw->crowded = false;
-    for (uint32_t i = 0; i < hg_culling_count(draw->visible); i++) {
-        const struct hg_culling_set *set = hg_culling_set(draw->visible, i);
+    for (uint32_t i = 0; i < hg_culling_count(draw->culling); i++) {
+        const struct hg_culling_set *set = hg_culling_set(draw->culling, i);
         draw->stats->missing_clusters += set->missing;
         draw->crowded |= set->crowded;
     }
     const bool missing = draw->stats->missing_clusters > 0;
     hg_tiled_accumulation_note(draw->accumulation, HG_SHORT_OF_CLUSTERS, missing);
     if (part == HG_FRAME_SHADOWS) { // those that are coarser than a texel make the picture so
-        for (uint32_t i = 0; i < hg_culling_count(draw->visible); i++) {
-            const float texels = hg_culling_set(draw->visible, i)->error_px;
+        for (uint32_t i = 0; i < hg_culling_count(draw->culling); i++) {
+            const float texels = hg_culling_set(draw->culling, i)->error_px;
             float *most_px = &draw->accumulation->shadows.error_px;
             *most_px = texels > 1.0f ? fmaxf(*most_px, draw->request->error_px * texels) : *most_px;
         }
         return;
     }
     float *shown_px = &draw->accumulation->error_px;
-    const float error_px = hg_culling_set(draw->visible, 0)->error_px;
+    const float error_px = hg_culling_set(draw->culling, 0)->error_px;
     *shown_px = hg_draw_is(draw, HG_DRAW_EXACT) ? fmaxf(*shown_px, error_px) : error_px;
 }
 
@@ -153,31 +153,31 @@ enum hg_status hg_frame_cull(
     struct hg_draw *draw, enum hg_frame_part part, uint32_t samples, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    hg_culling_reset(draw->visible);
+    hg_culling_reset(draw->culling);
     enum hg_status status = select_sets(draw, part, samples, err);
     if (status == HG_OK)
         note_sets(draw, part);
     if (status == HG_OK && !(draw->crowded && is_whole(draw)))
-        status = hg_culling_upload(draw->visible, draw->context->jobs, err);
+        status = hg_culling_upload(draw->culling, draw->context->jobs, err);
     hg_view_stats_add_stage(draw->stats, "cull", hg_clock_now_ns() - start);
     return status;
 }
 
 enum hg_status hg_frame_cull_part(struct hg_draw *draw, VkRect2D part, struct hg_error *err)
 {
-    struct hg_culling *visible = draw->visible;
+    struct hg_culling *culling = draw->culling;
     struct hg_culling_view look = camera_view(draw, part);
     look.wait = look.whole = true;
     look.history = false;
-    hg_culling_reset(visible);
+    hg_culling_reset(culling);
     struct hg_jobs *jobs = draw->context->jobs;
-    enum hg_status status = hg_culling_add(visible, draw->scene_gpu->geometry, &look, jobs, err);
-    if (status == HG_OK && hg_culling_set(visible, 0)->crowded) { // then as fine as can be
+    enum hg_status status = hg_culling_add(culling, draw->scene_gpu->geometry, &look, jobs, err);
+    if (status == HG_OK && hg_culling_set(culling, 0)->crowded) { // then as fine as can be
         look.whole = false;
-        hg_culling_reset(visible);
-        status = hg_culling_add(visible, draw->scene_gpu->geometry, &look, jobs, err);
+        hg_culling_reset(culling);
+        status = hg_culling_add(culling, draw->scene_gpu->geometry, &look, jobs, err);
     }
-    return status == HG_OK ? hg_culling_upload(visible, jobs, err) : status;
+    return status == HG_OK ? hg_culling_upload(culling, jobs, err) : status;
 }
 
 enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err)
@@ -186,8 +186,8 @@ enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err
         {0, 0}, {draw->request->settings->width, draw->request->settings->height}};
     const struct hg_culling_view look = camera_view(draw, all);
     struct hg_jobs *jobs = draw->context->jobs;
-    hg_culling_reset(draw->visible);
+    hg_culling_reset(draw->culling);
     const enum hg_status status =
-        hg_culling_add(draw->visible, draw->scene_gpu->geometry, &look, jobs, err);
-    return status == HG_OK ? hg_culling_upload(draw->visible, jobs, err) : status;
+        hg_culling_add(draw->culling, draw->scene_gpu->geometry, &look, jobs, err);
+    return status == HG_OK ? hg_culling_upload(draw->culling, jobs, err) : status;
 }

@@ -20,10 +20,14 @@ struct frame {
     struct hg_graph *graph;
     struct hg_pass pass; // of the sample that is recorded
     uint32_t sample, slot, slots, first_shadow_set;
-    bool dark, alone; // alone: the sample is not added to others
+    bool skips_unlit; // unlit tiles
+    bool alone;       // the sample is not added to others
     uint32_t visibility, depth, atlas, behind, accumulated, picture, counts;
-    uint32_t layer_visibility, layer_color, layer_depth[2], layer_limit;
-    uint32_t deformed, cache, progress, unlit_tiles, late_draws, layers_full;
+    uint32_t deformed, cache, progress, unlit_tiles, late_draws;
+    struct {
+        uint32_t visibility, color, depth[2], full;
+        uint32_t limit; // so many are peeled
+    } layers;           // blended surfaces
 };
 
 static struct frame *frame_of(const struct hg_graph_run *run)
@@ -68,7 +72,7 @@ static enum hg_status record_shadow(
     pass.area = s->areas.count > 0 ? s->areas.items[s->areas.count - 1].rect : (VkRect2D){0};
     pass.adds = s->areas.count > 0 && s->begun;
     return hg_shadow_record(
-        &pass, f->draw->lighting, coarse, f->draw->visible, f->first_shadow_set, err);
+        &pass, f->draw->lighting, coarse, f->draw->culling, f->first_shadow_set, err);
 }
 
 static void declare_geometry(struct frame *f)
@@ -85,7 +89,7 @@ static void declare_geometry(struct frame *f)
     }
     if (hg_geometry_facet_jobs(geometry, &jobs) > 0) {
         f->cache = hg_graph_buffer(f->graph, "triangle cache");
-        add(f, &(struct hg_graph_pass){.name = "facets",
+        add(f, &(struct hg_graph_pass){.name = "triangle cache fill",
                    .record = record_cache,
                    .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_WRITE, 0}},
                    .keep = true,
@@ -103,7 +107,7 @@ static void declare_shadows(struct frame *f, uint32_t first_set)
         hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->draw->lighting));
     f->first_shadow_set = first_set;
     hg_graph_want(f->graph, f->atlas);
-    if (first_set < hg_culling_count(f->draw->visible))
+    if (first_set < hg_culling_count(f->draw->culling))
         add(f,
             &(struct hg_graph_pass){.name = "shadow",
                 .record = record_shadow,
@@ -115,7 +119,7 @@ static void declare_shadows(struct frame *f, uint32_t first_set)
 
 static struct hg_visibility_scene scene_of(const struct frame *f)
 {
-    return (struct hg_visibility_scene){f->draw->visible, 0, f->slot};
+    return (struct hg_visibility_scene){f->draw->culling, 0, f->slot};
 }
 
 static struct hg_visibility_target target_of(const struct hg_graph_run *run)
@@ -157,7 +161,7 @@ static enum hg_status record_late(const struct hg_graph_run *run, void *user, st
 // Two phases when there is much to draw (renderer/cull/culling.h).
 static void declare_visibility(struct frame *f)
 {
-    const struct hg_culling_set *set = hg_culling_set(f->draw->visible, 0);
+    const struct hg_culling_set *set = hg_culling_set(f->draw->culling, 0);
     add(f, &(struct hg_graph_pass){.name = "visibility",
                .record = record_visibility,
                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
@@ -182,7 +186,7 @@ static void declare_visibility(struct frame *f)
 
 // --- blended surfaces ----------------------------------------------------------------------------
 
-// The opaque scene as it is seen through layers.
+// The opaque scene that transmissive layers refract.
 static enum hg_status record_behind(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
@@ -210,20 +214,20 @@ static enum hg_status record_layer(const struct hg_graph_run *run, void *user, s
 {
     struct frame *f = frame_of(run);
     const uintptr_t i = (uintptr_t)user;
-    const struct hg_visibility_scene scene = {f->draw->visible, 0, 0};
-    const struct hg_visibility_target target = {hg_graph_run_image(run, f->layer_visibility),
-        hg_graph_run_image(run, f->layer_depth[i % 2])};
+    const struct hg_visibility_scene scene = {f->draw->culling, 0, 0};
+    const struct hg_visibility_target target = {hg_graph_run_image(run, f->layers.visibility),
+        hg_graph_run_image(run, f->layers.depth[i % 2])};
     return hg_visibility_record_layer(&f->pass, &scene, &target, hg_graph_run_image(run, f->depth),
-        i > 0 ? hg_graph_run_image(run, f->layer_depth[(i + 1) % 2]) : NULL, err);
+        i > 0 ? hg_graph_run_image(run, f->layers.depth[(i + 1) % 2]) : NULL, err);
 }
 
 static enum hg_status shade_layer(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
     const uintptr_t i = (uintptr_t)user;
-    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->layer_visibility),
-        .depth = hg_graph_run_image(run, f->layer_depth[i % 2]),
-        .target = hg_graph_run_image(run, f->layer_color),
+    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->layers.visibility),
+        .depth = hg_graph_run_image(run, f->layers.depth[i % 2]),
+        .target = hg_graph_run_image(run, f->layers.color),
         .clear = i == 0,
         .layer = true,
         .behind = f->behind > 0 ? hg_graph_run_image(run, f->behind) : NULL};
@@ -233,7 +237,7 @@ static enum hg_status shade_layer(const struct hg_graph_run *run, void *user, st
 static enum hg_status test_layers(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
-    struct hg_gpu_image *last = hg_graph_run_image(run, f->layer_depth[(f->layer_limit - 1) % 2]);
+    struct hg_gpu_image *last = hg_graph_run_image(run, f->layers.depth[(f->layers.limit - 1) % 2]);
     (void)user;
     return hg_peel_test_record(&f->pass, last, &f->draw->peeling->reached, f->slot, err);
 }
@@ -244,38 +248,38 @@ static void declare_layer(struct frame *f, uintptr_t i)
                .record = record_layer,
                .user = (void *)i,
                .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0},
-                   {i > 0 ? f->layer_depth[(i + 1) % 2] : 0, HG_GRAPH_SAMPLE, 0},
+                   {i > 0 ? f->layers.depth[(i + 1) % 2] : 0, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->layer_visibility, HG_GRAPH_COLOR, 0},
-                   {f->layer_depth[i % 2], HG_GRAPH_DEPTH, 0}}});
+                   {f->layers.visibility, HG_GRAPH_COLOR, 0},
+                   {f->layers.depth[i % 2], HG_GRAPH_DEPTH, 0}}});
     add(f, &(struct hg_graph_pass){.name = "blend shading",
                .record = shade_layer,
                .user = (void *)i,
-               .accesses = {{f->layer_visibility, HG_GRAPH_SAMPLE, 0},
-                   {f->layer_depth[i % 2], HG_GRAPH_DEPTH_TEST, 0}, {f->behind, HG_GRAPH_SAMPLE, 0},
-                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->layer_color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
+               .accesses = {{f->layers.visibility, HG_GRAPH_SAMPLE, 0},
+                   {f->layers.depth[i % 2], HG_GRAPH_DEPTH_TEST, 0},
+                   {f->behind, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->layers.color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
 }
 
 static void declare_layers(struct frame *f)
 {
-    // What lets light through shows what is behind it by itself: it hides further layers.
+    // Transmissive surfaces sample the scene behind them: they hide further layers.
     const bool holes = f->draw->scene_gpu->has_holes;
-    f->layer_limit = holes ? f->draw->peeling->limit : 1;
-    f->layer_visibility = image(f, "layer visibility", HG_VISIBILITY_FORMAT);
-    f->layer_color = image(f, "layer colour", HG_COLOR_FORMAT);
-    f->layer_depth[0] = image(f, "layer depth", HG_DEPTH_FORMAT);
-    f->layer_depth[1] = f->layer_limit > 1 ? image(f, "other layer depth", HG_DEPTH_FORMAT) : 0;
-    for (uint32_t i = 0; i < f->layer_limit; i++)
+    f->layers.limit = holes ? f->draw->peeling->limit : 1;
+    f->layers.visibility = image(f, "layer visibility", HG_VISIBILITY_FORMAT);
+    f->layers.color = image(f, "layer colour", HG_COLOR_FORMAT);
+    f->layers.depth[0] = image(f, "layer depth", HG_DEPTH_FORMAT);
+    f->layers.depth[1] = f->layers.limit > 1 ? image(f, "other layer depth", HG_DEPTH_FORMAT) : 0;
+    for (uint32_t i = 0; i < f->layers.limit; i++)
         declare_layer(f, i);
     if (!holes)
         return;
-    f->layers_full = hg_graph_buffer(f->graph, "layers full");
+    f->layers.full = hg_graph_buffer(f->graph, "layers full");
     add(f, &(struct hg_graph_pass){.name = "blend depth",
                .record = test_layers,
-               .accesses = {{f->layer_depth[(f->layer_limit - 1) % 2], HG_GRAPH_SAMPLE, 0},
-                   {f->layers_full, HG_GRAPH_WRITE, 0}},
+               .accesses = {{f->layers.depth[(f->layers.limit - 1) % 2], HG_GRAPH_SAMPLE, 0},
+                   {f->layers.full, HG_GRAPH_WRITE, 0}},
                .keep = true}); // the host reads it
 }
 
@@ -300,12 +304,12 @@ static enum hg_status mark_unlit(const struct hg_graph_run *run, void *user, str
 static void declare_unlit(struct frame *f)
 {
     f->unlit_tiles = hg_graph_buffer(f->graph, "unlit tiles");
-    add(f, &(struct hg_graph_pass){.name = "dark cells",
+    add(f, &(struct hg_graph_pass){.name = "unlit tiles",
                .record = find_unlit,
                .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
                    {f->unlit_tiles, HG_GRAPH_WRITE, 0}}});
     add(f,
-        &(struct hg_graph_pass){.name = "dark marks",
+        &(struct hg_graph_pass){.name = "unlit marks",
             .record = mark_unlit,
             .accesses = {{f->unlit_tiles, HG_GRAPH_READ, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
 }
@@ -321,18 +325,18 @@ static enum hg_status record_shading(
         .picture = f->picture > 0 ? hg_graph_run_image(run, f->picture) : NULL,
         .tonemap = f->draw->request->settings->tonemap,
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
-        .dark = f->dark,
-        .front = f->layer_color > 0 ? hg_graph_run_image(run, f->layer_color) : NULL};
+        .unlit = f->skips_unlit,
+        .front = f->layers.color > 0 ? hg_graph_run_image(run, f->layers.color) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
-// keep: what it asks of textures counts, whatever becomes of its colours.
+// keep: its texture requests are counted, even if its colours are discarded.
 static void declare_shading(struct frame *f, bool keep)
 {
     add(f, &(struct hg_graph_pass){.name = "shading",
                .record = record_shading,
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
-                   {f->layer_color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                   {f->layers.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
@@ -377,7 +381,7 @@ static void declare_debug(struct frame *f)
                    .record = record_overdraw,
                    .accesses = {{f->cache, HG_GRAPH_READ, 0}, {f->counts, HG_GRAPH_COLOR, 0}}});
     }
-    // The picture itself, drawn over below: it asks for the pages that it would show.
+    // The picture itself, overwritten below: requests the pages that it would show.
     if (f->draw->request->settings->debug <= HG_DEBUG_VIEW_MISSING)
         declare_shading(f, true);
     add(f, &(struct hg_graph_pass){.name = "debug view",
@@ -424,11 +428,11 @@ static enum hg_status run(struct frame *f, struct hg_gpu_cmd *cmd, struct hg_err
 
 static bool has_blend(const struct hg_draw *draw)
 {
-    const struct hg_culling_set *set = hg_culling_set(draw->visible, 0);
+    const struct hg_culling_set *set = hg_culling_set(draw->culling, 0);
     return set->class_first[HG_DRAW_CLASS_BLEND + 1] > set->class_first[HG_DRAW_CLASS_BLEND];
 }
 
-static bool tells_dark(struct hg_draw *draw, const struct hg_pass *pass)
+static bool finds_unlit(struct hg_draw *draw, const struct hg_pass *pass)
 {
     const enum hg_override wish = draw->context->overrides.unlit_tiles;
     const uint32_t lights = draw->frame->lighting.light_count;
@@ -465,8 +469,8 @@ static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
         return HG_OK;
     if (blend)
         declare_layers(f);
-    draw->unlit->told = f->dark = tells_dark(draw, &f->pass);
-    if (f->dark)
+    draw->unlit->told = f->skips_unlit = finds_unlit(draw, &f->pass);
+    if (f->skips_unlit)
         declare_unlit(f);
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
         f->picture = hg_graph_import(f->graph, "picture", &draw->targets->pixels[0]);
@@ -480,12 +484,13 @@ static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
 static enum hg_status draw_hosted(const struct frame *f, struct hg_error *err)
 {
     struct hg_draw *draw = f->draw;
-    if (!hg_culling_set(draw->visible, 0)->hosted)
+    if (!hg_culling_set(draw->culling, 0)->hosted)
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
     const struct hg_culling_lens lens = hg_frame_lens(&draw->frame->camera, hg_frame_size(draw));
+    const struct hg_culling_sample sample = {&lens, f->slot, f->slots};
     const enum hg_status status =
-        hg_culling_draw_cpu(draw->visible, &lens, f->slot, f->slots, draw->context->jobs, err);
+        hg_culling_draw_cpu(draw->culling, &sample, draw->context->jobs, err);
     hg_view_stats_add_stage(draw->stats, "host raster", hg_clock_now_ns() - start);
     return status;
 }
@@ -551,7 +556,7 @@ enum hg_status hg_frame_record_shadows(
     return run(&f, cmd, err);
 }
 
-// Opaque surfaces in the textures that the camera asks for; casters' own demands are small.
+// Opaque surfaces with the texture pages that the camera requests; those of casters are few.
 enum hg_status hg_frame_record_prefetch(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
@@ -636,7 +641,7 @@ static enum hg_status record_pick_visibility(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct frame *f = frame_of(run);
-    const struct hg_visibility_scene scene = {f->draw->visible, 0, 0};
+    const struct hg_visibility_scene scene = {f->draw->culling, 0, 0};
     const struct hg_visibility_target target = target_of(run);
     return hg_visibility_record_pick(&f->pass, &scene, &target, *(VkRect2D *)user, err);
 }

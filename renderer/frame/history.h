@@ -1,8 +1,7 @@
 // history.h - the frame before, for passes that look back: camera, jitter, and where all nodes,
 // skins and morphs were (shaders/shared/history.h). Floor 4. Thread: the render thread.
 //
-// Whoever declares a pass that reads it sets `wanted`; without, nothing is kept and nothing filled
-// in.
+// The declaration of a pass that reads it sets `wanted`; otherwise nothing is stored.
 #ifndef HG_RENDERER_FRAME_HISTORY_H
 #define HG_RENDERER_FRAME_HISTORY_H
 
@@ -21,7 +20,7 @@ struct hg_frame_history {
 };
 
 void hg_frame_history_finish(struct hg_frame_history *history); // before the geometry
-// What was seen before counts no longer: a new scene, an error.
+// Invalidates the history: a new scene, an error.
 void hg_frame_history_forget(struct hg_frame_history *history);
 // After a batch that drew the newest frame: it is the one before from now on. No batch is open.
 enum hg_status hg_frame_history_note(

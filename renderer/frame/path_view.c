@@ -14,10 +14,8 @@ static void fill(void *user)
 
 static struct hg_pass begin_batch(void *user, struct hg_gpu_cmd *cmd, bool streams)
 {
-    struct hg_view_state *view = user;
-    view->accumulation.pages.on = streams;
-    hg_frame_fill_path(view);
-    return hg_frame_pass_path(view, cmd);
+    hg_frame_fill_path(user);
+    return hg_frame_pass_path(user, cmd, streams);
 }
 
 static void add_stage(void *user, const char *name, uint64_t ns)
@@ -57,7 +55,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, uint3
         .build_wait_ns = (flags & HG_DRAW_WAIT) != 0 ? HG_FRAME_BUILD_WAIT_NS : 0};
 }
 
-// What samples depend on, without what only says how many there will be.
+// All settings that samples depend on, without the stopping criteria.
 static enum hg_status hash_state(const struct hg_view_state *view, uint8_t out[HG_SHA256_BYTES])
 {
     struct {
@@ -74,7 +72,7 @@ static enum hg_status hash_state(const struct hg_view_state *view, uint8_t out[H
     return hg_sha256(&state, sizeof state, out);
 }
 
-// Baked levels may come between loading and the first wave: the geometry does not count.
+// Hierarchies may be built between loading and the first wave: geometry is not compared.
 static enum hg_status identify(
     const struct hg_view_state *view, struct hg_path_identity *out, struct hg_error *err)
 {
@@ -102,19 +100,19 @@ static enum hg_status begin(struct hg_view_state *view, struct hg_error *err)
 }
 
 enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
-    bool begins, struct hg_error *err)
+    bool begins, uint64_t *changes, struct hg_error *err)
 {
     const struct hg_path_request request = request_of(view, draw->flags);
     enum hg_status status = create(view, err);
     const bool anew = begins || !hg_path_has_film(view->path);
+    *changes = 0;
     if (status == HG_OK && anew)
         status = begin(view, err);
     if (status != HG_OK)
         return status;
-    const uint64_t changes = hg_path_changes(view->path);
+    const uint64_t before = hg_path_changes(view->path);
     status = hg_path_step(view->path, &request, anew, err);
-    view->stats.number += hg_path_changes(view->path) - changes;
-    view->accumulation.samples = hg_path_samples(view->path);
+    *changes = hg_path_changes(view->path) - before;
     view->accumulation.pages.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
     return status;
 }
@@ -124,7 +122,7 @@ enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_dra
 enum hg_status hg_path_view_show(struct hg_view_state *view, struct hg_error *err)
 {
     if (view->path == NULL || view->path_begins)
-        return HG_OK; // of another state the film is not shown in place of the preview
+        return HG_OK; // a film of another state does not replace the preview
     return hg_path_show(view->path, &view->targets.accumulated, !view->path_preview, err);
 }
 

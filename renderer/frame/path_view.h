@@ -1,20 +1,20 @@
-// path_view.h - what a view asks of the path tracer, and what it does for it.
+// path_view.h - connects a view and the path tracer.
 // Floor 4. Thread: the render thread.
 #ifndef HG_RENDERER_FRAME_PATH_VIEW_H
 #define HG_RENDERER_FRAME_PATH_VIEW_H
 
 #include "renderer/frame/state.h"
 
-// One slice of work, made on first use in view->path. draw: whether it waits (HG_DRAW_WAIT).
-// begins: what was there counts no longer.
+// One slice of work on view->path, which is made on first use; nothing of the real-time picture
+// changes. draw: whether it waits (HG_DRAW_WAIT). begins: the film starts anew. *changes: how often
+// the film changed.
 enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
-    bool begins, struct hg_error *err) HG_MUST_CHECK;
-// The view asks for other times than that of the pose, and something moves.
+    bool begins, uint64_t *changes, struct hg_error *err) HG_MUST_CHECK;
+// The view needs other times than that of the pose, and something moves.
 bool hg_path_view_needs_time(const struct hg_view_state *view);
-// Brings what is there to targets.accumulated.
+// Writes the film to targets.accumulated.
 enum hg_status hg_path_view_show(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
-// The film that the view's planes are read from. HG_E_STATE: there is none of what is asked for
-// now.
+// The film that the view's planes are read from. HG_E_STATE: there is none for the current state.
 enum hg_status hg_path_view_film(
     const struct hg_view_state *view, struct hg_path **out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,4 +1,4 @@
-// phase.h - how far the real-time picture of a view is, and what it lacks.
+// phase.h - phase of a view's real-time picture, and its shortfall.
 // Floor 4. Plain values; renderer.h hands them to callers.
 //
 // "asked": another scene, camera or settings than the picture was made of. "in motion": one sample
@@ -26,14 +26,14 @@
 #define HG_RENDERER_FRAME_PHASE_H
 
 enum hg_view_phase {
-    HG_VIEW_EMPTY,        // nothing that counts; the picture before may still be shown
+    HG_VIEW_EMPTY,        // no valid samples; the previous picture may still be displayed
     HG_VIEW_DIRECT,       // one sample, straight to RGBA8 pixels
-    HG_VIEW_PROVISIONAL,  // one sample or more, short of something: they will not be kept
+    HG_VIEW_PROVISIONAL,  // samples with a shortfall: they will be discarded
     HG_VIEW_ACCUMULATING, // samples of the whole picture
     HG_VIEW_EXACT,        // samples pixel by pixel, in areas if need be (tiled_accumulation.h)
 };
 
-// Bits: what the newest samples lack of the picture that was asked for.
+// Bits: how the newest samples fall short of the requested picture.
 enum hg_view_shortfall {
     HG_SHORT_OF_SHADOWS = 1 << 0,  // finer cascades were left out
     HG_SHORT_OF_LAYERS = 1 << 1,   // blended surfaces lay deeper than was peeled

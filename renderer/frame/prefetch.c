@@ -43,7 +43,7 @@ static struct hg_prefetch_place place_of(const struct hg_view_camera_state *came
     return p;
 }
 
-// Two changes that belong to one movement: much the same direction, and not of very different size.
+// Two changes belong to one movement: similar direction and size.
 static bool agree(const double a[3], const double b[3])
 {
     const double la = sqrt(dot(a, a)), lb = sqrt(dot(b, b));
@@ -67,9 +67,9 @@ bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t hori
         }
     if (!agree(move[0], move[1]) || !agree(turn[0], turn[1]))
         return false;
-    // In units of the time between the first and the last place.
+    // In units of the time between the first and the last position.
     double time = (double)horizon_ns / (double)(p[0].ns - p[2].ns);
-    time = time > 1 ? time : 1; // two changes ahead at least
+    time = time > 1 ? time : 1; // at least two changes later
     for (int k = 0; k < 3; k++) {
         move[0][k] += move[1][k];
         turn[0][k] += turn[1][k];
@@ -108,7 +108,7 @@ void hg_prefetch_finish(struct hg_gpu *gpu, struct hg_prefetch *a)
     hg_gpu_image_destroy(gpu, &a->targets.visibility);
     hg_gpu_image_destroy(gpu, &a->targets.depth);
     hg_gpu_image_destroy(gpu, &a->targets.accumulated);
-    hg_culling_destroy(a->visible);
+    hg_culling_destroy(a->culling);
     *a = (struct hg_prefetch){0};
 }
 
@@ -132,17 +132,17 @@ static enum hg_status make_all(
 {
     struct hg_view_targets *t = &a->targets;
     enum hg_status status =
-        make(draw, HG_VISIBILITY_FORMAT, "ahead visibility", &t->visibility, err);
+        make(draw, HG_VISIBILITY_FORMAT, "prefetch visibility", &t->visibility, err);
     if (status == HG_OK)
-        status = make(draw, HG_DEPTH_FORMAT, "ahead depth", &t->depth, err);
+        status = make(draw, HG_DEPTH_FORMAT, "prefetch depth", &t->depth, err);
     if (status == HG_OK)
-        status = make(draw, HG_COLOR_FORMAT, "ahead colour", &t->accumulated, err);
-    if (status == HG_OK && a->visible == NULL)
-        status = hg_culling_create(draw->context->gpu, &a->visible, err);
+        status = make(draw, HG_COLOR_FORMAT, "prefetch colour", &t->accumulated, err);
+    if (status == HG_OK && a->culling == NULL)
+        status = hg_culling_create(draw->context->gpu, &a->culling, err);
     return status;
 }
 
-static enum hg_status draw_ahead(struct hg_draw *draw, struct hg_error *err)
+static enum hg_status draw_picture(struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_page_cache *pages = hg_textures_cache(draw->scene_gpu->textures);
     struct hg_gpu *gpu = draw->context->gpu;
@@ -170,7 +170,7 @@ static void widen(struct hg_view_camera_state *camera)
     camera->vfov_rad = 2.0f * atanf((float)WIDER * tanf(0.5f * camera->vfov_rad));
 }
 
-// Pictures that come seldom look further, else what is seen between two of them is missed.
+// At low frame rates the horizon is longer, to cover the time between two frames.
 static uint64_t horizon(const struct hg_prefetch *a, uint64_t now_ns)
 {
     const uint64_t since = now_ns - a->begun_ns, needed = since + HORIZON_NS / 2;
@@ -198,15 +198,15 @@ enum hg_status hg_prefetch_draw(
     request.camera = &camera;
     request.smaller = SMALLER;
     request.wider = (float)WIDER;
-    struct hg_draw ahead = hg_draw_with(draw, &request);
-    ahead.visible = a->visible;
-    ahead.targets = &a->targets;
-    ahead.frame = &a->frame;
-    status = draw_ahead(&ahead, err);
+    struct hg_draw look_ahead = hg_draw_with(draw, &request);
+    look_ahead.culling = a->culling;
+    look_ahead.targets = &a->targets;
+    look_ahead.frame = &a->frame;
+    status = draw_picture(&look_ahead, err);
     const uint64_t end = hg_clock_now_ns();
     a->begun_ns = start;
     a->next_ns = end + SHARE * (end - start);
     a->drawn++;
-    hg_view_stats_add_stage(draw->stats, "ahead", end - start);
+    hg_view_stats_add_stage(draw->stats, "prefetch", end - start);
     return status;
 }

@@ -1,8 +1,8 @@
-// quality.h - how coarse geometry may be in motion so that frames keep to a time.
+// quality.h - quality governor: chooses the LOD error in motion for a target frame time.
 // Floor 4. Pure; one object per view, zeroed = no frame seen yet.
 //
-// A loop on the frame time: a frame that took too long raises the projected error, frames well
-// below the target lower it again, never below what the view asks for. Steps are multiplicative,
+// A feedback loop on frame time: a frame over the target raises the projected error, frames well
+// below it lower it again, never below the view's own. Steps are multiplicative,
 // because the number of triangles falls with a power of the error.
 #ifndef HG_RENDERER_FRAME_QUALITY_H
 #define HG_RENDERER_FRAME_QUALITY_H

@@ -8,7 +8,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .lighting = view->lighting,
         .request = request,
         .targets = &view->targets,
-        .visible = view->visible,
+        .culling = view->culling,
         .frame = &view->frame,
         .buffers = &view->buffers,
         .history = &view->history,

@@ -1,4 +1,4 @@
-// state.h - what a view owns.
+// state.h - the state of a view.
 // Floor 4. Thread: the render thread.
 //
 // The files of this room call each other downwards only:
@@ -33,8 +33,8 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
-// Pictures in motion before dark cells are told apart (passes/unlit_tiles.h).
-#define HG_VIEW_DARK_AFTER 4
+// Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
+#define HG_VIEW_UNLIT_AFTER 4
 
 struct hg_view_settings {
     uint32_t width, height; // px
@@ -56,16 +56,16 @@ struct hg_view_state {
     struct hg_scene_gpu *scene_gpu;
     struct hg_lighting *lighting;
 
-    // What is asked for. Each step makes a request of it (draw.h).
+    // Settings. Each step turns them into a request (draw.h).
     struct hg_view_settings settings;
     struct hg_view_camera_state camera;
     uint64_t settings_revision, camera_revision;
-    bool final;       // nobody looks before the picture is settled
+    bool final;       // not displayed before the picture is settled
     uint32_t formats; // 1 << index into targets.pixels: of pixels that are read after a step
 
     struct hg_view_targets targets;
     struct hg_view_buffers buffers;
-    struct hg_culling *visible, *pick_visible; // of the picture; of what one pixel shows
+    struct hg_culling *culling, *pick_culling; // of the picture; of what one pixel shows
     struct hg_gpu_frame frame;                 // of the newest sample
     struct hg_tiled_accumulation accumulation; // the picture, and how far it is
 
@@ -73,11 +73,11 @@ struct hg_view_state {
     struct hg_frame_history history;
     struct hg_draw_peeling peeling;
     struct hg_draw_unlit unlit;
-    struct hg_prefetch ahead;
+    struct hg_prefetch prefetch;
     struct hg_quality quality;
     struct hg_view_stats stats;
 
-    struct hg_path *path; // made when the mode asks for it
+    struct hg_path *path; // created on first use
     bool path_begins;     // its next step begins a picture: the film is of an older one
     bool path_preview;    // `accumulated` holds a real-time sample of the same state
 };

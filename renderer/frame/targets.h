@@ -8,7 +8,7 @@
 struct hg_view_targets {
     struct hg_graph *graph; // has what lasts for one sample; made when it is first used
     struct hg_gpu_image visibility, depth, accumulated;
-    struct hg_gpu_image behind;    // the opaque scene, while draws that let light through are
+    struct hg_gpu_image behind;    // the opaque scene, while transmissive draws are drawn
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
 };
 

@@ -172,7 +172,7 @@ enum hg_status hg_tiled_accumulation_rest(const struct hg_draw *draw, struct hg_
     return status;
 }
 
-// What the sample asked of textures.
+// Texture requests of the sample.
 static void note_pages(const struct hg_draw *draw)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
@@ -188,7 +188,7 @@ static void note_pages(const struct hg_draw *draw)
     s->pages.bias = draw->frame->textures.bias;
     s->shadows.coarse_texels |= demand.shadows;
     if (draw->request->settings->debug !=
-        0) { // shown until nothing is missing, or nothing more comes
+        0) { // provisional until nothing is missing, or nothing more can be loaded
         const bool idle = hg_page_cache_under_way(pages_of(draw)) == 0;
         s->pages.still = idle && demand.missing == missed ? s->pages.still + 1 : 0;
         hg_tiled_accumulation_note(
@@ -331,8 +331,8 @@ enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, str
     if (status == HG_OK)
         status = run_batch(&find, 1, false, &demand, err);
     if (status == HG_OK)
-        status = start_exact(draw, 0, err); // none of it counts
-    s->has_fallback = false;                // that would be a picture of the past
+        status = start_exact(draw, 0, err); // discards it
+    s->has_fallback = false;                // it would be outdated
     s->pages.missing = demand.missing;
     s->pages.waiting = demand.missing > 0;
     s->shadows.coarse_texels = demand.shadows;
@@ -340,7 +340,7 @@ enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, str
     return status;
 }
 
-// Waits for pages for a while. *arrived: all that were asked for are there, or will never be.
+// Waits for pages for a limited time. *arrived: all requests are resident or have failed.
 static enum hg_status wait_pages(const struct hg_draw *draw, bool *arrived, struct hg_error *err)
 {
     struct hg_page_cache *pages = pages_of(draw);
@@ -357,10 +357,10 @@ static enum hg_status wait_pages(const struct hg_draw *draw, bool *arrived, stru
     return status;
 }
 
-// Shadow maps are made whole before anything is drawn with them. Depths may come in any order, so
-// what does not fit the budget comes in shares of the geometry, each of which is loaded once, and
-// not in parts of the atlas: a single texel may lie below more than the budget holds. Casters with
-// holes leave out what misses a texel and are drawn again, in parts of the atlas if need be.
+// Shadow maps are completed before anything is shaded with them. Depth tests are independent of
+// order, so geometry that exceeds the budget is drawn in shares, each of which is loaded once, and
+// not in parts of the atlas: a single texel may be covered by more than the budget holds. Masked
+// casters skip fragments that miss a page and are drawn again, in parts of the atlas if necessary.
 static enum hg_status finish_shadows(struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
@@ -406,9 +406,9 @@ static void count_samples(struct hg_draw *draw)
             s->samples = s->areas.items[i].samples;
 }
 
-// Areas of a picture through which light is let are not finished one after the other, but sample by
-// sample: the one with the fewest comes next. False: nothing is to be made for it first. Pixels
-// that are ahead ask for nothing that others may see of them.
+// With transmissive surfaces, areas are not finished one after the other but sample by sample: the
+// area with the fewest samples is next. False: no background picture is needed first. Pixels with
+// more samples do not read their neighbours.
 static bool wants_behind(struct hg_draw *draw)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
@@ -460,7 +460,7 @@ static enum hg_status draw_behind(const struct hg_draw *draw, struct hg_error *e
         return status;
     if (!fits) {
         s->shadows.coarse_texels =
-            hg_culling_count(draw->visible) > 1; // without the camera they may fit
+            hg_culling_count(draw->culling) > 1; // without the camera they may fit
         if (!s->shadows.coarse_texels)
             s->forced = !split(&s->behind.areas);
         return HG_OK;
@@ -494,9 +494,9 @@ static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
     enum hg_status status = hg_frame_cull(draw, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && draw->crowded && !s->forced) {
         s->shadows.coarse_texels =
-            hg_culling_count(draw->visible) > 1; // without the camera they may fit
-        // What even one pixel needs may be more than the budget holds: it is drawn coarser, and the
-        // picture says so by its error.
+            hg_culling_count(draw->culling) > 1; // without the camera they may fit
+        // A single pixel may need more than the budget holds: it is drawn coarser, and the picture
+        // reports the larger error.
         if (!s->shadows.coarse_texels)
             s->forced = !split(&s->areas);
         return HG_OK;

@@ -1,19 +1,18 @@
-// tiled_accumulation.h - pictures whose textures arrive while they are drawn.
+// tiled_accumulation.h - accumulation while texture pages and chunks are streamed.
 // Floor 4. Thread: the render thread.
 //
 // Two ways to draw while pages may be missing (texture/cache/page_cache.h):
-//   show   one sample with the texels that are there, at once, and again as better ones arrive
-//   exact  samples are added pixel by pixel: a pixel that misses a texel keeps waiting at that
-//          sample, and what was missing is loaded before it is tried again. When all that waiting
-//          pixels need at once does not fit the budget, the picture is cut in two areas that are
-//          finished one after the other, as often as it takes. So it is when the geometry of an
-//          area does not fit its budget; shadow maps are then made first, from one share of the
-//          geometry after the other.
-// A view that rests goes from show to exact as soon as nothing is missing, nothing more can be
-// loaded, or the mip bias or coarser geometry say that a budget is too small. One that nobody looks
-// at before it is settled is exact from the start: its first batch finds out what it needs. Each
-// pixel adds the same samples in the same order as ever: the settled picture does not depend on
-// budgets, caches or timing.
+//   show   one sample with the resident texels, immediately, and again as better ones arrive
+//   exact  samples are added pixel by pixel: a pixel that misses a texel stays at that sample until
+//          the page is loaded. When the pages of all waiting pixels exceed the budget, the area is
+//          split in two that are finished one after the other, recursively. The same happens when
+//          the geometry of an area exceeds its budget; shadow maps are then completed first, from
+//          one share of the geometry after the other.
+// A resting view goes from show to exact as soon as nothing is missing, nothing more can be loaded,
+// or the mip bias or coarser geometry show that a budget is too small. A view that is not displayed
+// before it is settled is exact from the start: its first batch finds the pages that it needs. Each
+// pixel adds the same samples in the same order in either case: the settled picture does not depend
+// on budgets, caches or timing.
 #ifndef HG_RENDERER_FRAME_TILED_ACCUMULATION_H
 #define HG_RENDERER_FRAME_TILED_ACCUMULATION_H
 
@@ -31,7 +30,7 @@ struct hg_tiled_area {
     uint32_t share, shares; // of shadow maps: the share of the geometry; shares 0 or 1: all of it
 };
 
-// A stack; what is not in it is finished.
+// A stack; areas that are not in it are finished.
 struct hg_tiled_areas {
     struct hg_tiled_area items[HG_TILED_MAX_AREAS];
     uint32_t count;
@@ -42,11 +41,11 @@ struct hg_view_key {
     uint64_t scene, environment, geometry, settings, camera;
 };
 
-// Texture pages that the newest batch asked for.
+// Texture page requests of the newest batch.
 struct hg_tiled_pages {
-    bool on;          // pages may be missing: shaders report what they ask for
-    bool waiting;     // for pages that the newest batch asked for
-    uint32_t missing; // that it asked for in vain
+    bool on;          // pages may be missing: shaders report requests
+    bool waiting;     // for requests of the newest batch
+    uint32_t missing; // requests that were not resident
     uint32_t still;   // debug views: samples in a row for which no page came
     uint32_t run;     // of the newest sample
     float bias;       // of the newest sample
@@ -60,9 +59,9 @@ struct hg_tiled_shadows {
     struct hg_tiled_areas areas;
 };
 
-// What lets light through looks into a picture of all that is behind it. Where a picture is drawn
-// in parts, or some pixels are ahead of others, that of one sample is made first, in parts of its
-// own; then all areas get the sample.
+// Transmissive surfaces sample a background picture of the opaque scene behind them. Where a
+// picture is drawn in areas, or pixels have different numbers of samples, the background of one
+// sample is completed first, in areas of its own; then all areas get that sample.
 struct hg_tiled_behind {
     bool there;      // it is that of `sample`, all of it
     uint32_t sample; // while it is there or made
@@ -79,8 +78,8 @@ struct hg_tiled_accumulation {
     uint32_t most_samples; // that any pixel may have
     float error_px;        // of geometry in the picture
     bool uneven;           // pixels have different numbers of samples
-    bool forced;           // a pixel alone wants more geometry than the budget holds: it gets less
-    bool has_fallback;     // the picture shown by pixels without a sample
+    bool forced; // a single pixel needs more geometry than the budget holds: it is drawn coarser
+    bool has_fallback;       // the picture displayed for pixels without a sample
     float fallback_error_px; // of geometry in it
     struct hg_gpu_image fallback;
     struct hg_gpu_buffer progress, progress_read; // [height][width] u32; read: a copy for the host
@@ -90,27 +89,28 @@ struct hg_tiled_accumulation {
     struct hg_tiled_behind behind;
 };
 
-// Images and buffers. Nothing is drawn any more, but what fits pictures of any size stays.
+// Frees images and buffers that depend on the size. Nothing may be drawing.
 void hg_tiled_accumulation_finish(struct hg_gpu *gpu, struct hg_tiled_accumulation *accumulation);
-// Something changed: what was accumulated counts no longer. Waits and counts start anew.
+// Restarts after a change: discards samples, resets waits and counters.
 void hg_tiled_accumulation_restart(
     struct hg_tiled_accumulation *accumulation, struct hg_lighting *lighting);
-// After a restart of a view that nobody looks at yet: finds out what it needs and turns to exact.
+// After a restart of a view that is not displayed yet: collects its requests and switches to exact.
 enum hg_status hg_tiled_accumulation_begin_exact(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // There is nothing that could be shown.
 bool hg_tiled_accumulation_is_blank(const struct hg_tiled_accumulation *accumulation);
-// Sets or clears what the newest samples lack.
+// Sets or clears shortfall bits of the newest samples.
 void hg_tiled_accumulation_note(
     struct hg_tiled_accumulation *accumulation, enum hg_view_shortfall what, bool lacks);
-// Before a resting view shows the same again: waits a little for pages, or turns to exact.
+// Before a resting view repeats a provisional sample: waits briefly for pages, or switches to
+// exact.
 enum hg_status hg_tiled_accumulation_rest(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
-// After a sample was shown: what it missed, and the phase that follows from it. Turns to exact when
-// that was nothing.
+// After a displayed sample: evaluates what it missed, and the next phase. Switches to exact when
+// nothing was missing.
 enum hg_status hg_tiled_accumulation_shown(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
-// One batch of the exact way. May draw nothing while pages are read.
+// One batch in exact mode. May draw nothing while pages are loaded.
 enum hg_status hg_tiled_accumulation_draw(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // Projected error of the geometry in what is shown, where asked_px was asked for.

@@ -25,43 +25,39 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
 }
 
-static enum hg_status create_image(struct hg_view_state *view, uint32_t width, uint32_t height,
-    VkFormat format, const char *name, struct hg_gpu_image *out, struct hg_error *err)
-{
-    const struct hg_gpu_image_params params = {
-        .format = format, .width = width, .height = height, .attachment = true, .name = name};
-    return hg_gpu_image_create(view->context->gpu, &params, out, err);
-}
-
 // New images first, so that a refusal leaves the old ones.
 static enum hg_status resize(
     struct hg_view_state *view, uint32_t width, uint32_t height, struct hg_error *err)
 {
+    static const struct {
+        VkFormat format;
+        const char *name;
+    } kinds[3] = {{HG_VISIBILITY_FORMAT, "visibility"}, {HG_DEPTH_FORMAT, "depth"},
+        {HG_COLOR_FORMAT, "accumulated"}};
+    struct hg_view_targets *t = &view->targets;
+    struct hg_gpu_image *const to[3] = {&t->visibility, &t->depth, &t->accumulated};
     struct hg_gpu *gpu = view->context->gpu;
-    if (view->targets.visibility.width == width && view->targets.visibility.height == height)
-        return HG_OK;
     struct hg_gpu_image images[3] = {0};
-    enum hg_status status =
-        create_image(view, width, height, HG_VISIBILITY_FORMAT, "visibility", &images[0], err);
-    if (status == HG_OK)
-        status = create_image(view, width, height, HG_DEPTH_FORMAT, "depth", &images[1], err);
-    if (status == HG_OK) {
-        status = create_image(view, width, height, HG_COLOR_FORMAT, "accumulated", &images[2], err);
+    enum hg_status status = HG_OK;
+    if (t->visibility.width == width && t->visibility.height == height)
+        return HG_OK;
+    for (int i = 0; i < 3 && status == HG_OK; i++) {
+        const struct hg_gpu_image_params params = {.format = kinds[i].format,
+            .width = width,
+            .height = height,
+            .attachment = true,
+            .name = kinds[i].name};
+        status = hg_gpu_image_create(gpu, &params, &images[i], err);
     }
-    if (status != HG_OK) {
-        for (int i = 0; i < 3; i++)
-            hg_gpu_image_destroy(gpu, &images[i]);
+    for (int i = 0; i < 3; i++)
+        hg_gpu_image_destroy(gpu, status == HG_OK ? to[i] : &images[i]);
+    if (status != HG_OK)
         return status == HG_E_NOMEM ? hg_error_set(err, HG_E_LIMIT, "view", "size",
                                           "no memory for %ux%u px", width, height)
                                     : status;
-    }
-    hg_gpu_image_destroy(gpu, &view->targets.visibility);
-    hg_gpu_image_destroy(gpu, &view->targets.depth);
-    hg_gpu_image_destroy(gpu, &view->targets.accumulated);
     destroy_extras(view);
-    view->targets.visibility = images[0];
-    view->targets.depth = images[1];
-    view->targets.accumulated = images[2];
+    for (int i = 0; i < 3; i++)
+        *to[i] = images[i];
     return HG_OK;
 }
 
@@ -73,15 +69,15 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     *view = (struct hg_view_state){.context = context,
         .formats = 1,
         .peeling.limit = HG_VIEW_FIRST_LAYERS,
-        .unlit.wait = HG_VIEW_DARK_AFTER};
+        .unlit.wait = HG_VIEW_UNLIT_AFTER};
     const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
     if (status == HG_OK)
-        status = hg_culling_create(context->gpu, &view->visible, err);
+        status = hg_culling_create(context->gpu, &view->culling, err);
     if (status == HG_OK)
-        status = hg_culling_create(context->gpu, &view->pick_visible, err);
+        status = hg_culling_create(context->gpu, &view->pick_culling, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
             HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_SLOT_BYTES, "frame blocks",
@@ -115,16 +111,16 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->buffers.blocks);
     hg_gpu_buffer_destroy(gpu, &view->buffers.pick);
     hg_gpu_buffer_destroy(gpu, &view->peeling.reached);
-    hg_prefetch_finish(gpu, &view->ahead);
+    hg_prefetch_finish(gpu, &view->prefetch);
     hg_unlit_tiles_finish(gpu, &view->unlit.tiles);
-    hg_culling_destroy(view->visible);
-    hg_culling_destroy(view->pick_visible);
+    hg_culling_destroy(view->culling);
+    hg_culling_destroy(view->pick_culling);
     hg_lighting_destroy(view->lighting);
     hg_scene_gpu_unref(view->context, view->scene_gpu);
     *view = (struct hg_view_state){0};
 }
 
-// Of a path-traced picture only what reading its pixels does with them differs.
+// Settings that affect only the resolve of a path-traced picture.
 static bool differs_when_read(const struct hg_view_settings *a, const struct hg_view_settings *b)
 {
     struct hg_view_settings same = *a;
@@ -142,7 +138,7 @@ enum hg_status hg_view_state_set(
         return status;
     const bool differs = memcmp(&view->settings, settings, sizeof *settings) != 0;
     if (differs && view->stats.number > 0 && differs_when_read(&view->settings, settings)) {
-        view->stats.number++; // what was followed stays
+        view->stats.number++; // the film stays valid
     } else if (differs) {
         view->settings_revision++;
         view->path_begins = true; // the film is of another picture, perhaps of another size
@@ -190,13 +186,13 @@ static bool is_drawn(const struct hg_view_state *view)
            a->shortfall == 0 && a->samples >= view->settings.samples;
 }
 
-// Planes of a real-time picture are seen by paths that end where they begin, once it is drawn.
+// Planes of a real-time picture are path-traced (first hits only) once it is drawn.
 static bool keeps_planes(const struct hg_view_state *view)
 {
     return view->settings.mode != HG_VIEW_MODE_PATH && view->settings.path.planes != 0;
 }
 
-// Nothing is left to do with the geometry that is there.
+// The picture is complete with the current geometry.
 static bool is_complete(const struct hg_view_state *view)
 {
     const bool followed = !view->path_begins && hg_path_done(view->path);
@@ -234,7 +230,7 @@ static void collect_times(struct hg_view_state *view)
         hg_view_stats_add_stage(&view->stats, times[i].name, times[i].ns);
 }
 
-// What a step is asked for. In motion geometry may be coarser, so that frames keep to their time.
+// The request of a step. In motion geometry may be coarser to keep the frame time.
 static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t max_samples)
 {
     const struct hg_view_settings *s = &view->settings;
@@ -243,7 +239,7 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
     const bool changes = memcmp(&key, &a->key, sizeof key) != 0;
     const bool moves = max_samples == 1 && !view->final && changes;
     if (key.camera != a->key.camera)
-        hg_culling_relax(view->visible);
+        hg_culling_relax(view->culling);
     struct hg_draw_request request = {.settings = s,
         .camera = &view->camera,
         .samples = s->samples,
@@ -257,8 +253,8 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
     return request;
 }
 
-// How the next sample is drawn: one of a picture that moves goes without finer cascades when these
-// are not there, and straight to pixels when it will not be the last one.
+// Flags of the next sample: in motion without finer cascades when these are stale, and directly to
+// pixels unless it is the last one.
 static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
 {
     const struct hg_draw_request *r = draw->request;
@@ -335,26 +331,27 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
         return hg_tiled_accumulation_begin_exact(&draw, err);
     if (status == HG_OK)
         status = run_shown(view, &draw, clipped ? 1 : hg_frame_batch(&draw, count), err);
-    const bool ahead = changed && request.max_samples == 1 && request.settings->debug == 0;
-    return status == HG_OK && ahead
-               ? hg_prefetch_draw(&view->ahead, &draw, view->camera_revision, err)
+    const bool prefetches = changed && request.max_samples == 1 && request.settings->debug == 0;
+    return status == HG_OK && prefetches
+               ? hg_prefetch_draw(&view->prefetch, &draw, view->camera_revision, err)
                : status;
 }
 
+// The accumulation belongs to another state.
 static void restart(struct hg_view_state *view)
 {
+    struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
     hg_tiled_accumulation_restart(&view->accumulation, view->lighting);
+    view->accumulation.pages.on = !hg_page_cache_is_complete(pages);
 }
 
-// A new state. What nobody looks at yet is not drawn with coarser texels first.
+// A new state. A picture that is not displayed yet is not drawn provisionally first.
 static enum hg_status start_anew(
     struct hg_view_state *view, const struct hg_draw_request *request, struct hg_error *err)
 {
     const struct hg_draw draw = hg_view_draw(view, request);
-    struct hg_tiled_pages *pages = &view->accumulation.pages;
     restart(view);
-    pages->on = !hg_page_cache_is_complete(hg_textures_cache(view->scene_gpu->textures));
-    if (!pages->on || !view->final || view->settings.debug != 0)
+    if (!view->accumulation.pages.on || !view->final || view->settings.debug != 0)
         return HG_OK;
     return hg_tiled_accumulation_begin_exact(&draw, err);
 }
@@ -373,7 +370,7 @@ static enum hg_status sync(
     return hg_frame_sync(&draw, err);
 }
 
-// One batch of a scene that is in line.
+// One batch of a synced scene.
 static enum hg_status draw_batch(struct hg_view_state *view, const struct hg_draw_request *request,
     bool changed, struct hg_error *err)
 {
@@ -409,7 +406,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
         return status;
     const struct hg_view_key key = present_key(view);
-    // A client looks at what was begun in the background, before its first sample.
+    // A client subscribed to a view that was rendering in the background, before its first sample.
     const bool blank = hg_tiled_accumulation_is_blank(a) && !view->final;
     const bool changed = (view->stats.number == 0 && a->phase != HG_VIEW_EXACT) ||
                          memcmp(&key, &a->key, sizeof key) != 0 || blank;
@@ -420,7 +417,7 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     return status;
 }
 
-// A picture of the new state at once, until light has been followed.
+// A real-time preview of the new state, until the path tracer has samples.
 static enum hg_status draw_preview(
     struct hg_view_state *view, const struct hg_draw_request *asked, struct hg_error *err)
 {
@@ -434,8 +431,8 @@ static enum hg_status draw_preview(
     return status;
 }
 
-// Somebody looks at a picture that was begun for nobody, while pixels of it lack their first
-// sample.
+// A client subscribed to a view that was rendering in the background, while some of its pixels have
+// no sample.
 static bool lacks_preview(const struct hg_view_state *view)
 {
     return !view->final && !view->path_begins && !view->path_preview &&
@@ -469,34 +466,31 @@ static enum hg_status draw_path(
     if (blank || (changed && !view->final))
         return draw_preview(view, &request, err);
     if (bakes(view))
-        return HG_OK; // light is followed through what is there at last
+        return HG_OK; // the path tracer uses the geometry that is resident in the end
     const bool begins = view->path_begins;
     view->path_begins = false;
-    status = hg_path_view_step(view, &request, begins, err);
+    uint64_t changes = 0;
+    status = hg_path_view_step(view, &request, begins, &changes, err);
     view->path_begins |= status != HG_OK;
+    view->stats.number += changes;
+    view->accumulation.samples = hg_path_samples(view->path);
     return status;
 }
 
 // The planes of a real-time picture that is drawn; nothing of it changes.
 static enum hg_status draw_planes(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_tiled_accumulation *a = &view->accumulation;
-    const struct hg_view_key key = a->key;
-    const uint32_t samples = a->samples;
-    const uint64_t number = view->stats.number;
-    const bool on = a->pages.on, begins = view->path_begins;
+    const bool begins = view->path_begins;
+    uint64_t changes;
     struct hg_draw_request request = make_request(view, 1);
     request.flags |= HG_DRAW_WAIT;
-    enum hg_status status = sync(view, &request, err); // others may have posed the scene
-    const struct hg_view_key now = present_key(view);
-    if (status != HG_OK || memcmp(&key, &now, sizeof key) != 0)
+    enum hg_status status = sync(view, &request, err); // other views may have posed the scene
+    if (status != HG_OK || !is_known(view))
         return status;
     view->path_begins = false;
-    status = hg_path_view_step(view, &request, begins, err);
+    status = hg_path_view_step(view, &request, begins, &changes, err);
     view->path_begins |= status != HG_OK;
-    a->samples = samples;
-    view->stats.number = number + (hg_path_done(view->path) ? 1 : 0);
-    a->pages.on = on;
+    view->stats.number += hg_path_done(view->path) ? 1 : 0; // planes are shown once they are whole
     return status;
 }
 
@@ -527,17 +521,17 @@ enum hg_status hg_view_state_step(
             &view->quality, (float)((double)view->stats.step_ns * 1e-6), view->settings.target_ms);
     if (status == HG_OK)
         collect_times(view);
-    if (status != HG_OK) { // what was accumulated may be incomplete
+    if (status != HG_OK) { // the accumulation may be incomplete
         restart(view);
         view->accumulation.key = (struct hg_view_key){0};
-        // Nobody knows which were drawn.
+        // It is unknown which shadow maps were drawn.
         hg_tiled_accumulation_mark_shadows(view->lighting, true);
         view->unlit.tiles.seen = 0;
         hg_frame_history_forget(&view->history);
         if (view->targets.graph != NULL)
             hg_graph_reset(view->targets.graph);
-        if (view->ahead.targets.graph != NULL)
-            hg_graph_reset(view->ahead.targets.graph);
+        if (view->prefetch.targets.graph != NULL)
+            hg_graph_reset(view->prefetch.targets.graph);
     }
     return status;
 }

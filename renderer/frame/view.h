@@ -10,7 +10,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     struct hg_scene *scene, struct hg_error *err) HG_MUST_CHECK;
 void hg_view_state_finish(struct hg_view_state *view); // accepts a zeroed one
 
-// HG_E_LIMIT when images of that size are not to be had; the old settings stay.
+// HG_E_LIMIT when images of that size cannot be created; the old settings stay.
 enum hg_status hg_view_state_set(struct hg_view_state *view,
     const struct hg_view_settings *settings, struct hg_error *err) HG_MUST_CHECK;
 void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera);
@@ -26,7 +26,7 @@ bool hg_view_state_settled(const struct hg_view_state *view);
 bool hg_view_state_has_planes(const struct hg_view_state *view);
 // Pixels of that format can be read: of a picture in motion those that were said in view->formats.
 bool hg_view_state_has_pixels(const struct hg_view_state *view, uint32_t format);
-// Copies or converts what the newest step left, and renders nothing. HG_E_STATE: see has_pixels.
+// Copies or converts the result of the newest step; renders nothing. HG_E_STATE: see has_pixels.
 // format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
 enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

@@ -1,4 +1,4 @@
-// view_pixels.c - what a view's picture is read by, and what a pixel of it shows. See view.h.
+// view_pixels.c - reading a view's pixels, and picking. See view.h.
 #include "renderer/frame/view_pixels.h"
 
 #include <string.h>
@@ -38,7 +38,7 @@ void hg_view_record_copy(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uin
 
 // --- reading ------------------------------------------------------------------------------------
 
-// Converts what is accumulated, to `readback`.
+// Resolves the accumulation to `readback`.
 static enum hg_status fetch_pixels(
     struct hg_view_state *view, uint32_t format, struct hg_error *err)
 {
@@ -109,7 +109,7 @@ static enum hg_status run_pick(
     return hg_gpu_submit_and_wait(view->context->gpu, cmd, err);
 }
 
-// Where a shutter has brought the geometry elsewhere, back to the scene.
+// Restores the scene's pose, if motion blur has changed it.
 static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
 {
     if (view->scene_gpu->posed == NULL)
@@ -136,7 +136,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         .max_samples = 1,
         .error_px = view->accumulation.error_px}; // as the picture shows it
     struct hg_draw draw = hg_view_draw(view, &request);
-    draw.visible = view->pick_visible;
+    draw.culling = view->pick_culling;
     enum hg_status status = unpose(view, err);
     if (status == HG_OK)
         status = hg_frame_cull_part(&draw, pixel, err);

@@ -28,8 +28,8 @@ static void fill_parts(struct hg_sync *s)
                 .extra = at + e->layout.extra};
         }
     }
-    for (uint32_t i = 0; i < s->deform_count; i++) {
-        struct hg_deform_entry *e = &s->deforms[i];
+    for (uint32_t i = 0; i < s->deforms.count; i++) {
+        struct hg_deform_entry *e = &s->deforms.items[i];
         e->index = next++;
         s->parts[e->index] = s->parts[e->source->index];
         s->parts[e->index].positions = e->output.address;
@@ -50,27 +50,28 @@ static void fill_materials(struct hg_sync *s)
     uint32_t lobes = 0;
     memset(&defaults, 0, sizeof defaults);
     hg_material_set_defaults(&defaults);
-    s->one_shape = hg_material_pack(&defaults, NULL, &s->materials[0]);
+    s->materials.one_shape = hg_material_pack(&defaults, NULL, &s->materials.items[0]);
     for (uint32_t i = 0; i < list->count; i++) {
-        s->material_ids[i] = (struct hg_material_index){list->items[i]->id, i + 1};
+        s->materials.ids[i] = (struct hg_material_index){list->items[i]->id, i + 1};
         const struct hg_material *material = (const struct hg_material *)list->items[i];
-        s->one_shape &= hg_material_pack(material, s->textures, &s->materials[i + 1]);
+        s->materials.one_shape &=
+            hg_material_pack(material, s->textures, &s->materials.items[i + 1]);
         if (hg_material_lobes(material) != 0) {
-            hg_material_pack_lobes(material, s->textures, &s->lobes[lobes++]);
-            s->materials[i + 1].lobes = lobes;
+            hg_material_pack_lobes(material, s->textures, &s->materials.lobes[lobes++]);
+            s->materials.items[i + 1].lobes = lobes;
         }
     }
     if (list->count > 0)
-        qsort(s->material_ids, list->count, sizeof *s->material_ids, compare_materials);
+        qsort(s->materials.ids, list->count, sizeof *s->materials.ids, compare_materials);
 }
 
 static uint32_t find_material(const struct hg_sync *s, const struct hg_material *material)
 {
-    if (material == NULL || s->material_count == 1)
+    if (material == NULL || s->materials.count == 1)
         return 0;
     const struct hg_material_index key = {.id = material->head.id};
     const struct hg_material_index *found =
-        bsearch(&key, s->material_ids, s->material_count - 1, sizeof key, compare_materials);
+        bsearch(&key, s->materials.ids, s->materials.count - 1, sizeof key, compare_materials);
     return found != NULL ? found->index : 0;
 }
 
@@ -108,7 +109,7 @@ static void add_instance(
     for (uint32_t p = 0; p < n->mesh->part_count; p++) {
         const struct hg_part_entry *part = &n->mesh->parts[p];
         const struct hg_deform_entry *deform =
-            hg_sync_find_deform(s->deforms, s->deform_count, n->node->head.id, p);
+            hg_sync_find_deform(&s->deforms, n->node->head.id, p);
         const bool skinned = deform != NULL && deform->joint_count > 0;
         double world[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
         if (skinned)
@@ -141,7 +142,7 @@ static void add_instance(
         d->gpu.part = deform != NULL ? deform->index : part->index;
         d->gpu.instance = s->instance_count - 1;
         d->gpu.material = find_material(s, material);
-        d->gpu.flags = draw_flags(part, &s->materials[d->gpu.material]) |
+        d->gpu.flags = draw_flags(part, &s->materials.items[d->gpu.material]) |
                        (hg_matrix_determinant3(world) < 0.0 ? HG_DRAW_MIRRORED : 0u);
         d->order = draw_order(&d->gpu);
         d->bounds = hg_box_transform(deform != NULL ? &deform->bounds : &part->bounds, world);
@@ -185,15 +186,15 @@ static int compare_draws(const void *a, const void *b)
 // Which bits of a history are whose.
 static void number_groups(struct hg_sync *s)
 {
-    s->bit_layout = 1;
+    s->bits.layout = 1;
     for (uint32_t i = 0; i < s->draw_count; i++) {
         struct hg_draw_entry *d = &s->draws[i];
         const uint32_t groups = (d->part->meshlets.count + HG_MESHLET_GROUP - 1) / HG_MESHLET_GROUP;
-        d->first_bit = s->bit_count;
-        if (groups > UINT32_MAX - s->bit_count)
+        d->first_bit = s->bits.count;
+        if (groups > UINT32_MAX - s->bits.count)
             continue; // bits are hints
-        s->bit_count += groups;
-        s->bit_layout = hg_hash_mix(s->bit_layout, (uint64_t)i << 32 | groups);
+        s->bits.count += groups;
+        s->bits.layout = hg_hash_mix(s->bits.layout, (uint64_t)i << 32 | groups);
     }
 }
 
@@ -202,15 +203,15 @@ static void number_groups(struct hg_sync *s)
 enum hg_status hg_draw_tables_make(struct hg_sync *s, struct hg_error *err)
 {
     s->parts = hg_calloc(s->part_count, sizeof *s->parts);
-    s->materials = hg_calloc(s->material_count, sizeof *s->materials);
-    s->material_ids = hg_calloc(s->material_count, sizeof *s->material_ids);
-    s->lobes = hg_calloc(s->lobe_count, sizeof *s->lobes);
+    s->materials.items = hg_calloc(s->materials.count, sizeof *s->materials.items);
+    s->materials.ids = hg_calloc(s->materials.count, sizeof *s->materials.ids);
+    s->materials.lobes = hg_calloc(s->materials.lobe_count, sizeof *s->materials.lobes);
     s->instances = hg_calloc(s->instance_limit, sizeof *s->instances);
     s->draws = hg_calloc(s->draw_limit, sizeof *s->draws);
     s->gpu_draws = hg_calloc(s->draw_limit, sizeof *s->gpu_draws);
-    if (s->parts == NULL || s->materials == NULL || s->material_ids == NULL ||
-        (s->lobes == NULL && s->lobe_count > 0) || s->instances == NULL || s->draws == NULL ||
-        s->gpu_draws == NULL)
+    if (s->parts == NULL || s->materials.items == NULL || s->materials.ids == NULL ||
+        (s->materials.lobes == NULL && s->materials.lobe_count > 0) || s->instances == NULL ||
+        s->draws == NULL || s->gpu_draws == NULL)
         return hg_error_set(err, HG_E_NOMEM, "geometry", NULL, "no memory");
     s->bounds = hg_box_empty();
     fill_parts(s);
@@ -227,27 +228,27 @@ enum hg_status hg_draw_tables_write(struct hg_sync *s, struct hg_error *err)
 {
     struct hg_geometry *g = s->g;
     enum hg_status status = hg_gpu_array_write(
-        g->gpu, &g->part_table, s->parts, s->part_count * sizeof *s->parts, &s->written, err);
+        g->gpu, &g->tables.parts, s->parts, s->part_count * sizeof *s->parts, &s->written, err);
     if (status == HG_OK)
-        status = hg_gpu_array_write(g->gpu, &g->material_table, s->materials,
-            s->material_count * sizeof *s->materials, &s->written, err);
+        status = hg_gpu_array_write(g->gpu, &g->tables.materials, s->materials.items,
+            s->materials.count * sizeof *s->materials.items, &s->written, err);
     if (status == HG_OK)
-        status = hg_gpu_array_write(
-            g->gpu, &g->lobe_table, s->lobes, s->lobe_count * sizeof *s->lobes, &s->written, err);
+        status = hg_gpu_array_write(g->gpu, &g->tables.lobes, s->materials.lobes,
+            s->materials.lobe_count * sizeof *s->materials.lobes, &s->written, err);
     if (status == HG_OK)
-        status = hg_gpu_array_write(g->gpu, &g->instance_table, s->instances,
+        status = hg_gpu_array_write(g->gpu, &g->tables.instances, s->instances,
             s->instance_count * sizeof *s->instances, &s->written, err);
     if (status == HG_OK)
-        status = hg_gpu_array_write(g->gpu, &g->draw_table, s->gpu_draws,
+        status = hg_gpu_array_write(g->gpu, &g->tables.draws, s->gpu_draws,
             s->draw_count * sizeof *s->gpu_draws, &s->written, err);
     return status;
 }
 
 void hg_draw_tables_finish(struct hg_sync *s)
 {
-    hg_free(s->materials);
-    hg_free(s->material_ids);
-    hg_free(s->lobes);
+    hg_free(s->materials.items);
+    hg_free(s->materials.ids);
+    hg_free(s->materials.lobes);
     hg_free(s->instances);
     hg_free(s->draws);
     hg_free(s->parts);

@@ -16,11 +16,11 @@ enum hg_status hg_geometry_create(struct hg_gpu *gpu, const struct hg_geometry_p
     g->gpu = gpu;
     if (params != NULL)
         g->params = *params;
-    g->draw_table.name = "draws";
-    g->instance_table.name = "instances";
-    g->part_table.name = "parts";
-    g->material_table.name = "materials";
-    g->lobe_table.name = "material lobes";
+    g->tables.draws.name = "draws";
+    g->tables.instances.name = "instances";
+    g->tables.parts.name = "parts";
+    g->tables.materials.name = "materials";
+    g->tables.lobes.name = "material lobes";
     g->bounds = hg_box_empty();
     enum hg_status status = HG_OK;
     if (g->params.jobs != NULL && g->params.bake_from != HG_GEOMETRY_BAKE_NONE) {
@@ -43,17 +43,17 @@ void hg_geometry_destroy(struct hg_geometry *g)
     hg_lod_build_queue_destroy(g->baker);
     for (uint32_t i = 0; i < g->mesh_count; i++)
         hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
-    for (uint32_t i = 0; i < g->deform_count; i++)
-        hg_deform_finish(g->gpu, &g->deforms[i]);
+    for (uint32_t i = 0; i < g->deforms.count; i++)
+        hg_deform_finish(g->gpu, &g->deforms.items[i]);
     hg_triangle_cache_finish(g->gpu, &g->facets);
-    hg_gpu_array_finish(g->gpu, &g->draw_table);
-    hg_gpu_array_finish(g->gpu, &g->instance_table);
-    hg_gpu_array_finish(g->gpu, &g->part_table);
-    hg_gpu_array_finish(g->gpu, &g->material_table);
-    hg_gpu_array_finish(g->gpu, &g->lobe_table);
+    hg_gpu_array_finish(g->gpu, &g->tables.draws);
+    hg_gpu_array_finish(g->gpu, &g->tables.instances);
+    hg_gpu_array_finish(g->gpu, &g->tables.parts);
+    hg_gpu_array_finish(g->gpu, &g->tables.materials);
+    hg_gpu_array_finish(g->gpu, &g->tables.lobes);
     hg_free(g->meshes);
-    hg_free(g->deforms);
-    hg_free(g->changed);
+    hg_free(g->deforms.items);
+    hg_free(g->changed.items);
     hg_free(g->draws);
     hg_cluster_pool_destroy(g->pool);
     hg_free(g);
@@ -81,15 +81,15 @@ void hg_geometry_origin(const struct hg_geometry *g, double out[3])
 
 void hg_geometry_fill(const struct hg_geometry *g, struct hg_gpu_geometry *out)
 {
-    *out = (struct hg_gpu_geometry){.draws = g->draw_table.buffer.address,
-        .instances = g->instance_table.buffer.address,
-        .parts = g->part_table.buffer.address,
-        .materials = g->material_table.buffer.address,
-        .lobes = g->lobe_table.buffer.address,
+    *out = (struct hg_gpu_geometry){.draws = g->tables.draws.buffer.address,
+        .instances = g->tables.instances.buffer.address,
+        .parts = g->tables.parts.buffer.address,
+        .materials = g->tables.materials.buffer.address,
+        .lobes = g->tables.lobes.buffer.address,
         .draw_count = g->draw_count,
-        .instance_count = g->instance_count,
-        .part_count = g->part_count,
-        .material_count = g->material_count};
+        .instance_count = g->tables.instance_count,
+        .part_count = g->tables.part_count,
+        .material_count = g->tables.material_count};
 }
 
 void hg_geometry_note_peak(struct hg_geometry *g)
@@ -160,8 +160,7 @@ uint32_t hg_geometry_source_primitive(
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_part_entry *part = d->part;
     if (part->clusters != NULL || part->proxy != NULL) {
-        const struct hg_gpu_instance *instances =
-            (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+        const struct hg_gpu_instance *instances = hg_geometry_instances(g);
         hg_spill_begin(NULL);
         primitive = hg_lod_intake_nearest(
             &d->node->mesh->parts[d->mesh_part], &instances[d->gpu.instance].world, position);
@@ -177,18 +176,18 @@ uint32_t hg_geometry_source_primitive(
 
 uint32_t hg_geometry_deform_count(const struct hg_geometry *g)
 {
-    return g->changed_count;
+    return g->changed.count;
 }
 
 struct hg_deform_job hg_geometry_deform(const struct hg_geometry *g, uint32_t index)
 {
-    const struct hg_deform_entry *e = &g->deforms[g->changed[index]];
+    const struct hg_deform_entry *e = &g->deforms.items[g->changed.items[index]];
     return (struct hg_deform_job){e->params.address, e->vertex_count};
 }
 
 void hg_geometry_deforms_done(struct hg_geometry *g)
 {
-    for (uint32_t i = 0; i < g->changed_count; i++)
-        g->deforms[g->changed[i]].changed = false;
-    g->changed_count = 0;
+    for (uint32_t i = 0; i < g->changed.count; i++)
+        g->deforms.items[g->changed.items[i]].changed = false;
+    g->changed.count = 0;
 }

@@ -33,6 +33,31 @@ static inline enum hg_draw_class hg_draw_class_of(uint32_t flags)
                                   : HG_DRAW_CLASS_OPAQUE;
 }
 
+struct hg_deform_list {
+    struct hg_deform_entry *items; // by node id, part
+    size_t capacity;
+    uint32_t count;
+};
+
+// Deforms to run before the next frame.
+struct hg_deform_changes {
+    uint32_t *items; // indices of deforms
+    size_t capacity;
+    uint32_t count;
+};
+
+// What shaders read, and copies of it on the host.
+struct hg_geometry_tables {
+    struct hg_gpu_array draws, instances, parts, materials, lobes;
+    uint32_t instance_count, part_count, material_count;
+};
+
+// Bits of the groups of meshlets of all draws, in histories.
+struct hg_history_bits {
+    uint64_t layout; // changes when bits mean something else
+    uint32_t count;
+};
+
 // Keeps the largest sum of what is in use; called before anything is given back.
 void hg_geometry_note_peak(struct hg_geometry *g);
 
@@ -42,28 +67,27 @@ struct hg_geometry {
     double origin[3];
     struct hg_mesh_entry *meshes; // by id
     uint32_t mesh_count;
-    struct hg_deform_entry *deforms; // by node id, part
-    size_t deform_capacity;
-    uint32_t deform_count;
-    uint32_t *changed; // indices of deforms to run
-    size_t changed_capacity;
-    uint32_t changed_count;
+    struct hg_deform_list deforms;
+    struct hg_deform_changes changed;
     struct hg_draw_entry *draws; // in draw order
     uint32_t draw_count;
     struct hg_triangle_cache facets;
-    struct hg_gpu_array draw_table, instance_table, part_table, material_table, lobe_table;
-    uint32_t instance_count, part_count, material_count;
+    struct hg_geometry_tables tables;
     uint64_t signature; // of the scene at the last sync, 0 = none
     uint64_t shape_signature;
     uint64_t revision, shape_revision;
     struct hg_cluster_pool *pool; // NULL: parts are not baked
     struct hg_lod_build_queue *baker;
-    uint64_t bit_layout; // changes when bits of histories mean something else
-    uint32_t bit_count;
+    struct hg_history_bits bits;
     bool one_shape;  // of the textures of each material
-    bool deform_all; // see moment.h
+    bool deform_all; // see pose_snapshot.h
     struct hg_box bounds;
     struct hg_geometry_stats stats;
 };
+
+static inline const struct hg_gpu_instance *hg_geometry_instances(const struct hg_geometry *g)
+{
+    return (const struct hg_gpu_instance *)(const void *)g->tables.instances.shadow;
+}
 
 #endif

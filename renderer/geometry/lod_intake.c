@@ -17,8 +17,8 @@ static bool can_bake(const struct hg_geometry *g, const struct hg_mesh *mesh)
     for (uint32_t p = 0; p < mesh->part_count; p++)
         if (mesh->parts[p].joints != NULL) // the node's other parts are posed with it
             return false;
-    for (uint32_t i = 0; i < g->deform_count; i++)
-        if (g->deforms[i].mesh == mesh->head.id)
+    for (uint32_t i = 0; i < g->deforms.count; i++)
+        if (g->deforms.items[i].mesh == mesh->head.id)
             return false;
     return true;
 }
@@ -216,8 +216,8 @@ bool hg_geometry_has_levels(const struct hg_geometry *g)
 
 bool hg_geometry_is_simplified(const struct hg_geometry *g)
 {
-    for (uint32_t i = 0; i < g->deform_count; i++)
-        if (g->deforms[i].source->posed.count > 0)
+    for (uint32_t i = 0; i < g->deforms.count; i++)
+        if (g->deforms.items[i].source->posed.count > 0)
             return true;
     return hg_geometry_has_levels(g);
 }

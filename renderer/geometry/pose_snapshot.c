@@ -39,16 +39,15 @@ static enum hg_status no_memory(struct hg_error *err)
 static enum hg_status take_worlds(
     const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     uint64_t written = 0;
-    struct hg_mat4x3 *worlds = hg_calloc(g->instance_count + 1u, sizeof *worlds);
+    struct hg_mat4x3 *worlds = hg_calloc(g->tables.instance_count + 1u, sizeof *worlds);
     if (worlds == NULL)
         return no_memory(err);
-    for (uint32_t i = 0; i < g->instance_count; i++)
+    for (uint32_t i = 0; i < g->tables.instance_count; i++)
         worlds[i] = instances[i].world;
     const enum hg_status status = hg_gpu_array_write(
-        g->gpu, &m->worlds, worlds, g->instance_count * sizeof *worlds, &written, err);
+        g->gpu, &m->worlds, worlds, g->tables.instance_count * sizeof *worlds, &written, err);
     hg_free(worlds);
     return status;
 }
@@ -58,14 +57,14 @@ static enum hg_status take_parts(
     const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     uint64_t written = 0, at = m->deformed.address;
-    const uint64_t bytes = g->part_count * sizeof(struct hg_gpu_part);
-    struct hg_gpu_part *parts = hg_calloc(g->part_count + 1u, sizeof *parts);
+    const uint64_t bytes = g->tables.part_count * sizeof(struct hg_gpu_part);
+    struct hg_gpu_part *parts = hg_calloc(g->tables.part_count + 1u, sizeof *parts);
     if (parts == NULL)
         return no_memory(err);
     if (bytes > 0)
-        memcpy(parts, g->part_table.shadow, bytes);
-    for (uint32_t i = 0; i < g->deform_count; i++) {
-        const struct hg_deform_entry *d = &g->deforms[i];
+        memcpy(parts, g->tables.parts.shadow, bytes);
+    for (uint32_t i = 0; i < g->deforms.count; i++) {
+        const struct hg_deform_entry *d = &g->deforms.items[i];
         if (d->vertex_count == 0)
             continue;
         parts[d->index].positions = at;
@@ -87,8 +86,8 @@ static enum hg_status copy_deformed(
     if (status != HG_OK)
         return status;
     hg_gpu_memory_barrier(cmd);
-    for (uint32_t i = 0; i < g->deform_count; i++) {
-        const struct hg_deform_entry *d = &g->deforms[i];
+    for (uint32_t i = 0; i < g->deforms.count; i++) {
+        const struct hg_deform_entry *d = &g->deforms.items[i];
         const VkBufferCopy region = {0, at, d->output_bytes};
         if (d->vertex_count == 0)
             continue;
@@ -103,9 +102,9 @@ static enum hg_status take_deformed(
     const struct hg_geometry *g, struct hg_pose_snapshot *m, struct hg_error *err)
 {
     uint64_t bytes = 0;
-    for (uint32_t i = 0; i < g->deform_count; i++)
-        if (g->deforms[i].vertex_count > 0 &&
-            !hg_add_u64(bytes, g->deforms[i].output_bytes, &bytes))
+    for (uint32_t i = 0; i < g->deforms.count; i++)
+        if (g->deforms.items[i].vertex_count > 0 &&
+            !hg_add_u64(bytes, g->deforms.items[i].output_bytes, &bytes))
             return no_memory(err);
     if (bytes == 0)
         return HG_OK;

@@ -67,10 +67,11 @@ static int compare_deforms(const void *a, const void *b)
 }
 
 struct hg_deform_entry *hg_sync_find_deform(
-    struct hg_deform_entry *list, uint32_t count, uint64_t node, uint32_t part)
+    const struct hg_deform_list *list, uint64_t node, uint32_t part)
 {
     const struct hg_deform_entry key = {.node = node, .part = part};
-    return count > 0 ? bsearch(&key, list, count, sizeof key, compare_deforms) : NULL;
+    return list->count > 0 ? bsearch(&key, list->items, list->count, sizeof key, compare_deforms)
+                           : NULL;
 }
 
 static void look(struct hg_sync *s)
@@ -120,17 +121,16 @@ static enum hg_status add_node_deforms(
         if (mesh->parts[part].clusters != NULL)
             return HG_OK; // has neither joints nor targets
     if (!hg_deform_is_needed(node) && !(g->deform_all && mesh->target_count > 0) &&
-        hg_sync_find_deform(g->deforms, g->deform_count, node->head.id, 0) == NULL)
+        hg_sync_find_deform(&g->deforms, node->head.id, 0) == NULL)
         return HG_OK;
     for (uint32_t part = 0; part < mesh->part_count; part++) {
-        const enum hg_status status =
-            hg_grow(&s->deforms, &s->deform_capacity, s->deform_count + 1, sizeof *s->deforms);
+        const enum hg_status status = hg_grow(&s->deforms.items, &s->deforms.capacity,
+            s->deforms.count + 1, sizeof *s->deforms.items);
         if (status != HG_OK)
             return status;
         struct hg_deform_entry fresh;
         hg_deform_init(&fresh, node, part, mesh);
-        const struct hg_deform_entry *old =
-            hg_sync_find_deform(g->deforms, g->deform_count, node->head.id, part);
+        const struct hg_deform_entry *old = hg_sync_find_deform(&g->deforms, node->head.id, part);
         if (old != NULL && old->mesh == fresh.mesh && old->mesh_revision == fresh.mesh_revision &&
             old->joint_count == fresh.joint_count) {
             fresh = *old;
@@ -140,7 +140,7 @@ static enum hg_status add_node_deforms(
             fresh.is_new = true;
         }
         fresh.node_object = node;
-        s->deforms[s->deform_count++] = fresh;
+        s->deforms.items[s->deforms.count++] = fresh;
     }
     return HG_OK;
 }
@@ -166,17 +166,18 @@ static enum hg_status collect_nodes(struct hg_sync *s, struct hg_error *err)
     }
     if (draws >= 1u << 28 || instances >= 1u << 28)
         return hg_error_set(err, HG_E_LIMIT, "geometry", NULL, "more than 2^28 draws or instances");
-    if (s->deform_count > 0)
-        qsort(s->deforms, s->deform_count, sizeof *s->deforms, compare_deforms);
+    if (s->deforms.count > 0)
+        qsort(s->deforms.items, s->deforms.count, sizeof *s->deforms.items, compare_deforms);
     s->draw_limit = (uint32_t)draws;
     s->instance_limit = (uint32_t)instances;
-    s->part_count = s->deform_count;
+    s->part_count = s->deforms.count;
     for (uint32_t i = 0; i < s->mesh_count; i++)
         s->part_count += s->meshes[i].part_count;
     const struct hg_object_list *materials = &s->scene->objects[HG_OBJECT_MATERIAL];
-    s->material_count = materials->count + 1;
+    s->materials.count = materials->count + 1;
     for (uint32_t i = 0; i < materials->count; i++)
-        s->lobe_count += hg_material_lobes((const struct hg_material *)materials->items[i]) != 0;
+        s->materials.lobe_count +=
+            hg_material_lobes((const struct hg_material *)materials->items[i]) != 0;
     return HG_OK;
 }
 
@@ -187,13 +188,13 @@ static uint64_t bytes_of(const struct hg_sync *s)
     uint64_t bytes = s->draw_limit * sizeof(struct hg_gpu_draw) +
                      s->instance_limit * sizeof(struct hg_gpu_instance) +
                      s->part_count * sizeof(struct hg_gpu_part) +
-                     s->material_count * sizeof(struct hg_gpu_material) +
-                     s->lobe_count * sizeof(struct hg_gpu_lobes);
+                     s->materials.count * sizeof(struct hg_gpu_material) +
+                     s->materials.lobe_count * sizeof(struct hg_gpu_lobes);
     bytes += bytes / 2; // tables grow by half
     for (uint32_t i = 0; i < s->mesh_count; i++)
         bytes += s->meshes[i].bytes;
-    for (uint32_t i = 0; i < s->deform_count; i++)
-        bytes += hg_deform_bytes(&s->deforms[i]);
+    for (uint32_t i = 0; i < s->deforms.count; i++)
+        bytes += hg_deform_bytes(&s->deforms.items[i]);
     return bytes;
 }
 
@@ -265,8 +266,8 @@ static enum hg_status upload_meshes(struct hg_sync *s, struct hg_error *err)
         status = hg_mesh_entry_upload(s->g->gpu, entry, entry->mesh, &s->written, err);
         s->uploads += entry->part_count;
     }
-    for (uint32_t i = 0; i < s->deform_count && status == HG_OK; i++) {
-        struct hg_deform_entry *entry = &s->deforms[i];
+    for (uint32_t i = 0; i < s->deforms.count && status == HG_OK; i++) {
+        struct hg_deform_entry *entry = &s->deforms.items[i];
         status = hg_deform_update(s->g->gpu, entry, entry->node_object, &s->written, err);
     }
     return status;
@@ -276,12 +277,12 @@ static enum hg_status upload_meshes(struct hg_sync *s, struct hg_error *err)
 
 static enum hg_status list_changed_deforms(struct hg_geometry *g)
 {
-    const enum hg_status status =
-        hg_grow(&g->changed, &g->changed_capacity, g->deform_count, sizeof *g->changed);
-    g->changed_count = 0;
-    for (uint32_t i = 0; i < g->deform_count && status == HG_OK; i++)
-        if (g->deforms[i].changed)
-            g->changed[g->changed_count++] = i;
+    const enum hg_status status = hg_grow(
+        &g->changed.items, &g->changed.capacity, g->deforms.count, sizeof *g->changed.items);
+    g->changed.count = 0;
+    for (uint32_t i = 0; i < g->deforms.count && status == HG_OK; i++)
+        if (g->deforms.items[i].changed)
+            g->changed.items[g->changed.count++] = i;
     return status;
 }
 
@@ -295,11 +296,11 @@ static void retire_old(struct hg_sync *s)
         if (now == NULL || now->is_new)
             hg_mesh_entry_finish(g->gpu, g->pool, &g->meshes[i]);
     }
-    for (uint32_t i = 0; i < g->deform_count; i++) {
-        const struct hg_deform_entry *now = hg_sync_find_deform(
-            s->deforms, s->deform_count, g->deforms[i].node, g->deforms[i].part);
+    for (uint32_t i = 0; i < g->deforms.count; i++) {
+        const struct hg_deform_entry *now =
+            hg_sync_find_deform(&s->deforms, g->deforms.items[i].node, g->deforms.items[i].part);
         if (now == NULL || now->is_new)
-            hg_deform_finish(g->gpu, &g->deforms[i]);
+            hg_deform_finish(g->gpu, &g->deforms.items[i]);
     }
 }
 
@@ -316,18 +317,15 @@ static enum hg_status commit(struct hg_sync *s, struct hg_error *err)
     retire_old(s);
     SWAP(g->meshes, s->meshes);
     SWAP(g->deforms, s->deforms);
-    SWAP(g->deform_capacity, s->deform_capacity);
     SWAP(g->draws, s->draws);
     g->mesh_count = s->mesh_count;
-    g->deform_count = s->deform_count;
     g->draw_count = s->draw_count;
-    g->part_count = s->part_count;
-    g->material_count = s->material_count;
-    g->instance_count = s->instance_count;
+    g->tables.part_count = s->part_count;
+    g->tables.material_count = s->materials.count;
+    g->tables.instance_count = s->instance_count;
     g->bounds = s->bounds;
-    g->one_shape = s->one_shape;
-    g->bit_layout = s->bit_layout;
-    g->bit_count = s->bit_count;
+    g->one_shape = s->materials.one_shape;
+    g->bits = s->bits;
     struct hg_geometry_stats *st = &g->stats;
     st->used_bytes = s->used_bytes;
     hg_geometry_note_peak(g);
@@ -336,8 +334,8 @@ static enum hg_status commit(struct hg_sync *s, struct hg_error *err)
     st->draws = s->draw_count;
     st->instances = s->instance_count;
     st->parts = s->part_count;
-    st->materials = s->material_count;
-    st->deforms = s->deform_count;
+    st->materials = s->materials.count;
+    st->deforms = g->deforms.count;
     st->parts_uploaded = s->uploads;
     st->proxies = 0;
     for (uint32_t i = 0; i < g->mesh_count; i++)
@@ -345,7 +343,7 @@ static enum hg_status commit(struct hg_sync *s, struct hg_error *err)
             st->proxies += g->meshes[i].parts[p].proxy != NULL;
     if (list_changed_deforms(g) != HG_OK)
         return out_of_memory(err);
-    st->deforms_changed = g->changed_count;
+    st->deforms_changed = g->changed.count;
     return HG_OK;
 }
 
@@ -361,12 +359,12 @@ static void roll_back(struct hg_sync *s)
             hg_mesh_entry_find(g->meshes, g->mesh_count, s->meshes[i].id)->bytes =
                 s->meshes[i].bytes;
     }
-    for (uint32_t i = 0; i < s->deform_count; i++)
-        if (s->deforms[i].is_new)
-            hg_deform_finish(g->gpu, &s->deforms[i]);
-    for (uint32_t i = 0; i < g->deform_count; i++)
-        if (g->deforms[i].pose != NULL)
-            memset(g->deforms[i].pose, 0, g->deforms[i].params_bytes);
+    for (uint32_t i = 0; i < s->deforms.count; i++)
+        if (s->deforms.items[i].is_new)
+            hg_deform_finish(g->gpu, &s->deforms.items[i]);
+    for (uint32_t i = 0; i < g->deforms.count; i++)
+        if (g->deforms.items[i].pose != NULL)
+            memset(g->deforms.items[i].pose, 0, g->deforms.items[i].params_bytes);
     g->signature = 0;
 }
 
@@ -411,7 +409,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     const uint64_t signature = hg_hash_mix(shape, material) | 1;
     g->stats.uploaded_bytes = 0;
     g->stats.parts_uploaded = 0;
-    g->stats.deforms_changed = g->changed_count;
+    g->stats.deforms_changed = g->changed.count;
     if (signature == g->signature)
         return HG_OK;
     struct hg_sync s = {.g = g, .scene = scene, .textures = textures};
@@ -427,7 +425,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     if (s.looks)
         hg_spill_end();
     hg_free(s.meshes);
-    hg_free(s.deforms);
+    hg_free(s.deforms.items);
     hg_draw_tables_finish(&s);
     return status;
 }

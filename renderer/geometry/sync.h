@@ -10,21 +10,23 @@ struct hg_material_index {
     uint32_t index;
 };
 
+struct hg_sync_materials {
+    struct hg_gpu_material *items; // [0] is the default material
+    struct hg_material_index *ids; // of the others
+    uint32_t count;
+    struct hg_gpu_lobes *lobes; // of the materials that have some
+    uint32_t lobe_count;
+    bool one_shape; // of the textures of each material
+};
+
 struct hg_sync {
     struct hg_geometry *g;
     const struct hg_scene *scene;
     const struct hg_textures *textures;
     struct hg_mesh_entry *meshes; // the new list by id; entries that stay share their memory with g
     uint32_t mesh_count;
-    struct hg_deform_entry *deforms; // likewise, by node id and part
-    size_t deform_capacity;
-    uint32_t deform_count;
-    struct hg_gpu_material *materials; // [0] is the default material
-    struct hg_material_index *material_ids;
-    uint32_t material_count;
-    struct hg_gpu_lobes *lobes; // of the materials that have some
-    uint32_t lobe_count;
-    bool one_shape; // of the textures of each material
+    struct hg_deform_list deforms; // likewise
+    struct hg_sync_materials materials;
     struct hg_gpu_instance *instances;
     uint32_t instance_count, instance_limit;
     struct hg_draw_entry *draws;
@@ -33,8 +35,7 @@ struct hg_sync {
     uint32_t part_count;
     struct hg_gpu_draw *gpu_draws;
     struct hg_box bounds;
-    uint64_t bit_layout;
-    uint32_t bit_count;
+    struct hg_history_bits bits;
     uint64_t written, triangles, used_bytes;
     uint32_t uploads;
     bool looks;         // at arrays of meshes, which may be spilled
@@ -43,7 +44,7 @@ struct hg_sync {
 
 // In a list by node id and part. NULL: it is not there.
 struct hg_deform_entry *hg_sync_find_deform(
-    struct hg_deform_entry *list, uint32_t count, uint64_t node, uint32_t part);
+    const struct hg_deform_list *list, uint64_t node, uint32_t part);
 
 // --- draw_tables.c: parts, materials, instances and draws ---
 // Fills the tables from the lists; the meshes are on the device. HG_E_NOMEM.

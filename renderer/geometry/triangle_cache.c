@@ -19,15 +19,16 @@ static uint64_t key_of(const struct hg_geometry *g, const struct hg_draw_entry *
     uint64_t h = hg_hash_mix(first + 1, (uint64_t)d->part->primitive_count << 32 | d->gpu.flags);
     h = hg_hash_mix(hg_hash_mix(h, d->node->mesh->head.id), d->node->mesh->head.revision);
     h = hg_hash_mix(h, d->mesh_part);
-    h = hg_hash_mix_bytes(h, g->part_table.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
+    h = hg_hash_mix_bytes(h, g->tables.parts.shadow + d->gpu.part * sizeof(struct hg_gpu_part),
         sizeof(struct hg_gpu_part));
-    return hg_hash_mix_bytes(h, g->instance_table.shadow + instance, sizeof(struct hg_mat4x3)) | 1;
+    return hg_hash_mix_bytes(h, g->tables.instances.shadow + instance, sizeof(struct hg_mat4x3)) |
+           1;
 }
 
 static bool pose_changed(const struct hg_geometry *g, const struct hg_draw_entry *d)
 {
-    for (uint32_t i = 0; i < g->changed_count; i++)
-        if (g->deforms[g->changed[i]].index == d->gpu.part)
+    for (uint32_t i = 0; i < g->changed.count; i++)
+        if (g->deforms.items[g->changed.items[i]].index == d->gpu.part)
             return true;
     return false;
 }
@@ -103,7 +104,7 @@ enum hg_status hg_geometry_sync_triangle_cache(
     struct hg_geometry *g, bool wanted, struct hg_error *err)
 {
     struct hg_triangle_cache *f = &g->facets;
-    if (f->wanted == wanted && f->revision == g->revision && g->changed_count == 0)
+    if (f->wanted == wanted && f->revision == g->revision && g->changed.count == 0)
         return HG_OK;
     const uint64_t bytes = count_facets(g) * sizeof(struct hg_gpu_facet);
     const uint64_t grown = bytes + bytes / 2;

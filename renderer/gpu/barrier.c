@@ -60,19 +60,19 @@ VkImageLayout hg_gpu_layout(enum hg_gpu_use use)
 
 static struct hg_gpu_image_state *find_state(struct hg_gpu *gpu, VkImage image)
 {
-    for (uint32_t i = 0; i < gpu->state_count; i++) {
-        if (gpu->states[i].handle == image)
-            return &gpu->states[i];
+    for (uint32_t i = 0; i < gpu->images.count; i++) {
+        if (gpu->images.states[i].handle == image)
+            return &gpu->images.states[i];
     }
     return NULL;
 }
 
 bool hg_gpu_state_add(struct hg_gpu *gpu, VkImage image)
 {
-    if (hg_grow(&gpu->states, &gpu->state_capacity, gpu->state_count + 1, sizeof *gpu->states) !=
-        HG_OK)
+    if (hg_grow(&gpu->images.states, &gpu->images.capacity, gpu->images.count + 1,
+            sizeof *gpu->images.states) != HG_OK)
         return false;
-    gpu->states[gpu->state_count++] = (struct hg_gpu_image_state){.handle = image};
+    gpu->images.states[gpu->images.count++] = (struct hg_gpu_image_state){.handle = image};
     return true;
 }
 
@@ -80,19 +80,19 @@ void hg_gpu_state_remove(struct hg_gpu *gpu, VkImage image)
 {
     struct hg_gpu_image_state *state = find_state(gpu, image);
     if (state != NULL)
-        *state = gpu->states[--gpu->state_count];
+        *state = gpu->images.states[--gpu->images.count];
 }
 
 // Images go back to what they were before the open batch or upload.
 void hg_gpu_restore_states(struct hg_gpu *gpu, int kind)
 {
-    for (uint32_t i = 0; i < gpu->state_count; i++) {
-        struct hg_gpu_image_state *state = &gpu->states[i];
-        if (state->epoch[kind] == gpu->epoch[kind])
+    for (uint32_t i = 0; i < gpu->images.count; i++) {
+        struct hg_gpu_image_state *state = &gpu->images.states[i];
+        if (state->epoch[kind] == gpu->images.epoch[kind])
             memcpy(state->use, state->saved[kind], sizeof state->use);
     }
-    gpu->preparation++;
-    gpu->epoch[kind]++;
+    gpu->images.preparation++;
+    gpu->images.epoch[kind]++;
 }
 
 // Reads do not wait for reads; uploads see to their own order (upload.c). Contents that do not
@@ -134,7 +134,7 @@ void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *ima
     const uint32_t end = mips.first + mips.count;
     const uint32_t mask = ((1u << mips.count) - 1) << mips.first;
     const bool prepared =
-        state->prepared_in == gpu->preparation && (state->prepared & mask) == mask;
+        state->prepared_in == gpu->images.preparation && (state->prepared & mask) == mask;
     state->prepared &= ~mask;
     for (uint32_t first = mips.first, last; first < end; first = last) {
         const enum hg_gpu_use before = state->use[first];
@@ -142,13 +142,13 @@ void hg_gpu_image_barrier(struct hg_gpu *gpu, int kind, struct hg_gpu_image *ima
             last++;
         if (is_free(before, use) || (prepared && before == use))
             continue;
-        if (state->epoch[kind] != gpu->epoch[kind]) {
-            state->epoch[kind] = gpu->epoch[kind];
+        if (state->epoch[kind] != gpu->images.epoch[kind]) {
+            state->epoch[kind] = gpu->images.epoch[kind];
             memcpy(state->saved[kind], state->use, sizeof state->use);
         }
         memset(state->use + first, use, last - first);
         if (use != HG_GPU_USE_NONE)
-            put_barrier(kind == 0 ? gpu->open->handle : gpu->upload->handle, image,
+            put_barrier(kind == 0 ? gpu->batches.open->handle : gpu->uploads.open->handle, image,
                 (struct hg_gpu_mips){first, last - first}, before, use);
     }
 }
@@ -165,17 +165,18 @@ void hg_gpu_image_prepare(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, ui
     struct hg_gpu_image_state *state = find_state(cmd->gpu, image->handle);
     if (state == NULL)
         return;
-    const uint32_t others = state->prepared_in == cmd->gpu->preparation ? state->prepared : 0;
+    const uint32_t others =
+        state->prepared_in == cmd->gpu->images.preparation ? state->prepared : 0;
     const uint32_t mask = ((1u << count) - 1) << first;
     state->prepared = 0;
     hg_gpu_image_use_mips(cmd, image, first, count, use);
     state->prepared = others | mask;
-    state->prepared_in = cmd->gpu->preparation;
+    state->prepared_in = cmd->gpu->images.preparation;
 }
 
 void hg_gpu_cmd_end_prepared(struct hg_gpu_cmd *cmd)
 {
-    cmd->gpu->preparation++;
+    cmd->gpu->images.preparation++;
 }
 
 void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum hg_gpu_use use)

@@ -52,11 +52,11 @@ enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err)
     const VkSemaphoreCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, .pNext = &type};
     enum hg_status status =
-        HG_VK(gpu, err, vkCreateSemaphore, gpu->device, &info, NULL, &gpu->timeline);
+        HG_VK(gpu, err, vkCreateSemaphore, gpu->device, &info, NULL, &gpu->batches.timeline);
     for (uint32_t i = 0; i < HG_GPU_SLOTS && status == HG_OK; i++)
-        status = init_slot(gpu, &gpu->slots[i], err);
+        status = init_slot(gpu, &gpu->batches.slots[i], err);
     for (uint32_t i = 0; i < HG_GPU_SLOTS && status == HG_OK; i++)
-        status = init_upload(gpu, &gpu->uploads[i], err);
+        status = init_upload(gpu, &gpu->uploads.slots[i], err);
     return status;
 }
 
@@ -75,16 +75,16 @@ static void finish_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
 void hg_gpu_commands_finish(struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < HG_GPU_SLOTS; i++)
-        finish_slot(gpu, &gpu->slots[i]);
-    for (uint32_t i = 0; i < gpu->retired_count; i++)
-        hg_gpu_free_retired(gpu, &gpu->retired[i]);
-    hg_free(gpu->retired);
-    hg_free(gpu->states);
-    gpu->retired = NULL;
-    gpu->retired_count = 0;
-    if (gpu->timeline != VK_NULL_HANDLE)
-        vkDestroySemaphore(gpu->device, gpu->timeline, NULL);
-    gpu->timeline = VK_NULL_HANDLE;
+        finish_slot(gpu, &gpu->batches.slots[i]);
+    for (uint32_t i = 0; i < gpu->retired.count; i++)
+        hg_gpu_free_retired(gpu, &gpu->retired.items[i]);
+    hg_free(gpu->retired.items);
+    hg_free(gpu->images.states);
+    gpu->retired.items = NULL;
+    gpu->retired.count = 0;
+    if (gpu->batches.timeline != VK_NULL_HANDLE)
+        vkDestroySemaphore(gpu->device, gpu->batches.timeline, NULL);
+    gpu->batches.timeline = VK_NULL_HANDLE;
 }
 
 // --- lifetime ------------------------------------------------------------------------------------
@@ -107,11 +107,12 @@ void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object
 
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 {
-    const bool idle = gpu->open == NULL && gpu->upload == NULL && gpu->completed >= gpu->submitted;
-    if (!idle && hg_grow(&gpu->retired, &gpu->retired_capacity, gpu->retired_count + 1,
-                     sizeof *gpu->retired) == HG_OK) {
-        gpu->retired[gpu->retired_count] = *object;
-        gpu->retired[gpu->retired_count++].value = gpu->submitted + 1;
+    const bool idle = gpu->batches.open == NULL && gpu->uploads.open == NULL &&
+                      gpu->batches.completed >= gpu->batches.submitted;
+    if (!idle && hg_grow(&gpu->retired.items, &gpu->retired.capacity, gpu->retired.count + 1,
+                     sizeof *gpu->retired.items) == HG_OK) {
+        gpu->retired.items[gpu->retired.count] = *object;
+        gpu->retired.items[gpu->retired.count++].value = gpu->batches.submitted + 1;
         return;
     }
     if (!idle) // no memory to remember it: wait instead
@@ -122,31 +123,32 @@ void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 static void sweep(struct hg_gpu *gpu)
 {
     uint32_t kept = 0;
-    const bool idle = gpu->open == NULL && gpu->upload == NULL && gpu->completed >= gpu->submitted;
-    for (uint32_t i = 0; i < gpu->retired_count; i++) {
-        if (idle || gpu->retired[i].value <= gpu->completed)
-            hg_gpu_free_retired(gpu, &gpu->retired[i]);
+    const bool idle = gpu->batches.open == NULL && gpu->uploads.open == NULL &&
+                      gpu->batches.completed >= gpu->batches.submitted;
+    for (uint32_t i = 0; i < gpu->retired.count; i++) {
+        if (idle || gpu->retired.items[i].value <= gpu->batches.completed)
+            hg_gpu_free_retired(gpu, &gpu->retired.items[i]);
         else
-            gpu->retired[kept++] = gpu->retired[i];
+            gpu->retired.items[kept++] = gpu->retired.items[i];
     }
-    gpu->retired_count = kept;
+    gpu->retired.count = kept;
 }
 
 static void add_time(struct hg_gpu *gpu, const char *name, uint64_t ns)
 {
-    for (uint32_t i = 0; i < gpu->time_count; i++) {
-        if (strcmp(gpu->times[i].name, name) == 0) {
-            gpu->times[i].ns += ns;
+    for (uint32_t i = 0; i < gpu->times.count; i++) {
+        if (strcmp(gpu->times.items[i].name, name) == 0) {
+            gpu->times.items[i].ns += ns;
             return;
         }
     }
-    gpu->times[gpu->time_count++] = (struct hg_gpu_stage_time){name, ns};
+    gpu->times.items[gpu->times.count++] = (struct hg_gpu_stage_time){name, ns};
 }
 
 static void read_times(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
 {
     uint64_t ticks[2 * HG_GPU_MAX_STAGES];
-    gpu->time_count = 0;
+    gpu->times.count = 0;
     if (slot->stage_count == 0 || slot->queries == VK_NULL_HANDLE)
         return;
     const uint32_t count = 2 * slot->stage_count;
@@ -164,27 +166,27 @@ static void read_times(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
 uint32_t hg_gpu_stage_times(
     const struct hg_gpu *gpu, struct hg_gpu_stage_time out[HG_GPU_MAX_STAGES])
 {
-    memcpy(out, gpu->times, gpu->time_count * sizeof *out);
-    return gpu->time_count;
+    memcpy(out, gpu->times.items, gpu->times.count * sizeof *out);
+    return gpu->times.count;
 }
 
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err)
 {
     if (gpu->lost)
         return hg_error_set(err, HG_E_DEVICE_LOST, "device", NULL, "the device was lost");
-    if (value > gpu->completed) {
+    if (value > gpu->batches.completed) {
         const VkSemaphoreWaitInfo info = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO,
             .semaphoreCount = 1,
-            .pSemaphores = &gpu->timeline,
+            .pSemaphores = &gpu->batches.timeline,
             .pValues = &value};
         enum hg_status status =
             HG_VK(gpu, err, vkWaitSemaphores, gpu->device, &info, HG_GPU_WAIT_NS);
         if (status != HG_OK)
             return status;
-        gpu->completed = value;
+        gpu->batches.completed = value;
         for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
-            if (gpu->slots[i].value == value)
-                read_times(gpu, &gpu->slots[i]);
+            if (gpu->batches.slots[i].value == value)
+                read_times(gpu, &gpu->batches.slots[i]);
         }
     }
     sweep(gpu);
@@ -193,12 +195,12 @@ enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *
 
 enum hg_status hg_gpu_poll(struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err)
 {
-    uint64_t reached = gpu->completed;
+    uint64_t reached = gpu->batches.completed;
     *over = value <= reached;
     if (*over)
         return HG_OK;
     enum hg_status status =
-        HG_VK(gpu, err, vkGetSemaphoreCounterValue, gpu->device, gpu->timeline, &reached);
+        HG_VK(gpu, err, vkGetSemaphoreCounterValue, gpu->device, gpu->batches.timeline, &reached);
     if (status == HG_OK && value <= reached) {
         *over = true;
         status = hg_gpu_wait(gpu, value, err);
@@ -221,8 +223,8 @@ VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd)
 enum hg_status hg_gpu_begin(struct hg_gpu *gpu, struct hg_gpu_cmd **out, struct hg_error *err)
 {
     *out = NULL;
-    struct hg_gpu_cmd *slot = &gpu->slots[gpu->next_slot];
-    if (gpu->open != NULL)
+    struct hg_gpu_cmd *slot = &gpu->batches.slots[gpu->batches.next_slot];
+    if (gpu->batches.open != NULL)
         return hg_error_set(err, HG_E_STATE, "batch", NULL, "another batch is being recorded");
     enum hg_status status = hg_gpu_wait(gpu, slot->value, err);
     if (status == HG_OK)
@@ -240,8 +242,8 @@ enum hg_status hg_gpu_begin(struct hg_gpu *gpu, struct hg_gpu_cmd **out, struct 
     slot->stage_open = false;
     if (slot->queries != VK_NULL_HANDLE)
         vkCmdResetQueryPool(slot->handle, slot->queries, 0, 2 * HG_GPU_MAX_STAGES);
-    gpu->next_slot = (gpu->next_slot + 1) % HG_GPU_SLOTS;
-    gpu->open = slot;
+    gpu->batches.next_slot = (gpu->batches.next_slot + 1) % HG_GPU_SLOTS;
+    gpu->batches.open = slot;
     *out = slot;
     return HG_OK;
 }
@@ -256,8 +258,8 @@ static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles,
             .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO, .commandBuffer = handles[i]};
     }
     const VkSemaphoreSubmitInfo signal = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO,
-        .semaphore = gpu->timeline,
-        .value = gpu->submitted + 1,
+        .semaphore = gpu->batches.timeline,
+        .value = gpu->batches.submitted + 1,
         .stageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT};
     const VkSubmitInfo2 info = {.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2,
         .commandBufferInfoCount = count,
@@ -267,7 +269,7 @@ static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles,
     enum hg_status status = HG_VK(gpu, err, vkQueueSubmit2, gpu->queue, 1, &info, VK_NULL_HANDLE);
     if (status != HG_OK)
         return status;
-    *value = ++gpu->submitted;
+    *value = ++gpu->batches.submitted;
     return HG_OK;
 }
 
@@ -275,10 +277,10 @@ static enum hg_status submit(struct hg_gpu *gpu, const VkCommandBuffer *handles,
 static enum hg_status close_upload(
     struct hg_gpu *gpu, struct hg_gpu_upload **closed, struct hg_error *err)
 {
-    *closed = gpu->upload;
-    if (gpu->upload == NULL)
+    *closed = gpu->uploads.open;
+    if (gpu->uploads.open == NULL)
         return HG_OK;
-    gpu->upload = NULL;
+    gpu->uploads.open = NULL;
     hg_gpu_full_barrier((*closed)->handle);
     return HG_VK(gpu, err, vkEndCommandBuffer, (*closed)->handle);
 }
@@ -286,14 +288,14 @@ static enum hg_status close_upload(
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err)
 {
     struct hg_gpu_upload *upload;
-    if (gpu->upload == NULL)
+    if (gpu->uploads.open == NULL)
         return HG_OK;
     enum hg_status status = close_upload(gpu, &upload, err);
     if (status == HG_OK)
         status = submit(gpu, &upload->handle, 1, &upload->value, err);
     if (status != HG_OK)
         hg_gpu_restore_states(gpu, 1);
-    gpu->epoch[1]++;
+    gpu->images.epoch[1]++;
     return status;
 }
 
@@ -301,7 +303,7 @@ enum hg_status hg_gpu_submit(
     struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_t *value, struct hg_error *err)
 {
     *value = 0;
-    gpu->open = NULL;
+    gpu->batches.open = NULL;
     hg_gpu_full_barrier(cmd->handle);
     struct hg_gpu_upload *upload = NULL;
     enum hg_status status = HG_VK(gpu, err, vkEndCommandBuffer, cmd->handle);
@@ -320,11 +322,11 @@ enum hg_status hg_gpu_submit(
             hg_gpu_restore_states(gpu, 1);
         return status;
     }
-    gpu->epoch[0]++;
+    gpu->images.epoch[0]++;
     cmd->value = *value;
     if (upload != NULL) {
         upload->value = *value;
-        gpu->epoch[1]++;
+        gpu->images.epoch[1]++;
     }
     return HG_OK;
 }
@@ -339,9 +341,9 @@ enum hg_status hg_gpu_submit_and_wait(
 
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
 {
-    if (gpu->open != cmd || cmd == NULL)
+    if (gpu->batches.open != cmd || cmd == NULL)
         return;
-    gpu->open = NULL;
+    gpu->batches.open = NULL;
     cmd->stage_count = 0;
     hg_gpu_restore_states(gpu, 0);
     if (vkEndCommandBuffer(cmd->handle) != VK_SUCCESS)
@@ -419,8 +421,8 @@ void hg_gpu_cmd_end_rendering(struct hg_gpu_cmd *cmd)
 
 void hg_gpu_cmd_push(struct hg_gpu_cmd *cmd, const void *data, uint32_t size_bytes)
 {
-    vkCmdPushConstants(
-        cmd->handle, cmd->gpu->pipeline_layout, VK_SHADER_STAGE_ALL, 0, size_bytes, data);
+    vkCmdPushConstants(cmd->handle, cmd->gpu->shared_set.pipeline_layout, VK_SHADER_STAGE_ALL, 0,
+        size_bytes, data);
 }
 
 void hg_gpu_cmd_begin_stage(struct hg_gpu_cmd *cmd, const char *name)

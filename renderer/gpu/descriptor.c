@@ -43,7 +43,7 @@ static enum hg_status create_sampler(struct hg_gpu *gpu, uint32_t i, struct hg_e
         .compareOp = VK_COMPARE_OP_LESS_OR_EQUAL,
         .maxLod = bindings[i].mips ? VK_LOD_CLAMP_NONE : 0.0f,
     };
-    return HG_VK(gpu, err, vkCreateSampler, gpu->device, &info, NULL, &gpu->samplers[i]);
+    return HG_VK(gpu, err, vkCreateSampler, gpu->device, &info, NULL, &gpu->shared_set.samplers[i]);
 }
 
 // The dummies are left undefined in content: nothing may depend on an unbound image.
@@ -56,7 +56,7 @@ static enum hg_status create_dummy(struct hg_gpu *gpu, uint32_t i, struct hg_err
         .height = 1,
         .name = "dummy",
     };
-    return hg_gpu_image_create(gpu, &params, &gpu->dummies[i], err);
+    return hg_gpu_image_create(gpu, &params, &gpu->shared_set.dummies[i], err);
 }
 
 static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err)
@@ -64,7 +64,7 @@ static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err
     VkDescriptorSetLayoutBinding slots[HG_BIND_COUNT] = {0};
     for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
         slots[i] = (VkDescriptorSetLayoutBinding){i, VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 1,
-            VK_SHADER_STAGE_ALL, &gpu->samplers[i]};
+            VK_SHADER_STAGE_ALL, &gpu->shared_set.samplers[i]};
     }
     for (uint32_t i = HG_BIND_UNIFORM_FIRST; i < HG_BIND_COUNT; i++) {
         slots[i] = (VkDescriptorSetLayoutBinding){
@@ -75,7 +75,8 @@ static enum hg_status create_set_layout(struct hg_gpu *gpu, struct hg_error *err
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
         .bindingCount = HG_BIND_COUNT,
         .pBindings = slots};
-    return HG_VK(gpu, err, vkCreateDescriptorSetLayout, gpu->device, &info, NULL, &gpu->set_layout);
+    return HG_VK(
+        gpu, err, vkCreateDescriptorSetLayout, gpu->device, &info, NULL, &gpu->shared_set.layout);
 }
 
 static enum hg_status create_pipeline_layout(struct hg_gpu *gpu, struct hg_error *err)
@@ -83,10 +84,11 @@ static enum hg_status create_pipeline_layout(struct hg_gpu *gpu, struct hg_error
     const VkPushConstantRange push = {VK_SHADER_STAGE_ALL, 0, 128};
     const VkPipelineLayoutCreateInfo info = {.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
         .setLayoutCount = 1,
-        .pSetLayouts = &gpu->set_layout,
+        .pSetLayouts = &gpu->shared_set.layout,
         .pushConstantRangeCount = 1,
         .pPushConstantRanges = &push};
-    return HG_VK(gpu, err, vkCreatePipelineLayout, gpu->device, &info, NULL, &gpu->pipeline_layout);
+    return HG_VK(gpu, err, vkCreatePipelineLayout, gpu->device, &info, NULL,
+        &gpu->shared_set.pipeline_layout);
 }
 
 static enum hg_status add_set_pool(struct hg_gpu_cmd *cmd, struct hg_error *err)
@@ -135,12 +137,12 @@ enum hg_status hg_gpu_set_take(struct hg_gpu_cmd *cmd, VkDescriptorSetLayout lay
 bool hg_gpu_can_bind_uniform(const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform)
 {
     if (uniform->address == 0 || uniform->size_bytes == 0 || uniform->size_bytes > HG_TABLE_BYTES ||
-        gpu->properties.limits.maxUniformBufferRange < HG_TABLE_BYTES)
+        gpu->physical.properties.limits.maxUniformBufferRange < HG_TABLE_BYTES)
         return false;
     const struct hg_gpu_live *live = hg_gpu_find_live(gpu, uniform->address);
     return live != NULL &&
            (uniform->address - live->address) %
-                   gpu->properties.limits.minUniformBufferOffsetAlignment ==
+                   gpu->physical.properties.limits.minUniformBufferOffsetAlignment ==
                0 &&
            uniform->size_bytes <= live->size_bytes - (uniform->address - live->address);
 }
@@ -148,10 +150,11 @@ bool hg_gpu_can_bind_uniform(const struct hg_gpu *gpu, const struct hg_gpu_unifo
 static VkDescriptorBufferInfo uniform_info(
     const struct hg_gpu *gpu, const struct hg_gpu_uniform *uniform)
 {
-    const uint64_t most = gpu->properties.limits.maxUniformBufferRange;
+    const uint64_t most = gpu->physical.properties.limits.maxUniformBufferRange;
     if (!hg_gpu_can_bind_uniform(gpu, uniform))
-        return (VkDescriptorBufferInfo){gpu->dummy_frame.handle, 0,
-            gpu->dummy_frame.size_bytes < most ? gpu->dummy_frame.size_bytes : most};
+        return (VkDescriptorBufferInfo){gpu->shared_set.dummy_frame.handle, 0,
+            gpu->shared_set.dummy_frame.size_bytes < most ? gpu->shared_set.dummy_frame.size_bytes
+                                                          : most};
     const struct hg_gpu_live *live = hg_gpu_find_live(gpu, uniform->address);
     return (VkDescriptorBufferInfo){
         live->handle, uniform->address - live->address, uniform->size_bytes};
@@ -169,14 +172,15 @@ static void fill_infos(
 {
     struct hg_gpu *gpu = cmd->gpu;
     for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
-        struct hg_gpu_image *image = bound->images[i] != NULL ? bound->images[i] : &gpu->dummies[i];
+        struct hg_gpu_image *image =
+            bound->images[i] != NULL ? bound->images[i] : &gpu->shared_set.dummies[i];
         hg_gpu_image_use(cmd, image, HG_GPU_USE_SAMPLED);
         infos->images[i] = (VkDescriptorImageInfo){
             VK_NULL_HANDLE, image->view, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL};
     }
     for (uint32_t i = 0; i < HG_BIND_UNIFORM_COUNT; i++)
         infos->uniforms[i] = uniform_info(gpu, &bound->uniforms[i]);
-    infos->texels = (bound->texels != NULL ? bound->texels : &gpu->dummy_texels)->texels;
+    infos->texels = (bound->texels != NULL ? bound->texels : &gpu->shared_set.dummy_texels)->texels;
 }
 
 static void write_set(struct hg_gpu *gpu, VkDescriptorSet set, const struct set_infos *infos)
@@ -204,7 +208,7 @@ enum hg_status hg_gpu_cmd_bind(
     struct hg_gpu_cmd *cmd, const struct hg_gpu_bindings *bound, struct hg_error *err)
 {
     VkDescriptorSet set;
-    enum hg_status status = hg_gpu_set_take(cmd, cmd->gpu->set_layout, &set, err);
+    enum hg_status status = hg_gpu_set_take(cmd, cmd->gpu->shared_set.layout, &set, err);
     if (status != HG_OK)
         return status;
     struct set_infos infos;
@@ -212,7 +216,8 @@ enum hg_status hg_gpu_cmd_bind(
     write_set(cmd->gpu, set, &infos);
     for (VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_GRAPHICS;
          point <= VK_PIPELINE_BIND_POINT_COMPUTE; point++)
-        vkCmdBindDescriptorSets(cmd->handle, point, cmd->gpu->pipeline_layout, 0, 1, &set, 0, NULL);
+        vkCmdBindDescriptorSets(
+            cmd->handle, point, cmd->gpu->shared_set.pipeline_layout, 0, 1, &set, 0, NULL);
     return HG_OK;
 }
 
@@ -225,13 +230,13 @@ enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err)
             status = create_dummy(gpu, i, err);
     }
     if (status == HG_OK) {
-        status = hg_gpu_buffer_create(
-            gpu, HG_GPU_BUFFER_UPLOAD, HG_TABLE_BYTES, "no table", &gpu->dummy_frame, err);
+        status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_UPLOAD, HG_TABLE_BYTES, "no table",
+            &gpu->shared_set.dummy_frame, err);
     }
     if (status == HG_OK) {
-        memset(gpu->dummy_frame.mapped, 0, HG_TABLE_BYTES);
+        memset(gpu->shared_set.dummy_frame.mapped, 0, HG_TABLE_BYTES);
         status = hg_gpu_buffer_create(
-            gpu, HG_GPU_BUFFER_TEXELS, 16, "no texels", &gpu->dummy_texels, err);
+            gpu, HG_GPU_BUFFER_TEXELS, 16, "no texels", &gpu->shared_set.dummy_texels, err);
     }
     if (status == HG_OK)
         status = create_set_layout(gpu, err);
@@ -243,12 +248,12 @@ enum hg_status hg_gpu_descriptors_init(struct hg_gpu *gpu, struct hg_error *err)
 void hg_gpu_descriptors_finish(struct hg_gpu *gpu)
 {
     hg_gpu_io_finish(gpu);
-    vkDestroyPipelineLayout(gpu->device, gpu->pipeline_layout, NULL);
-    vkDestroyDescriptorSetLayout(gpu->device, gpu->set_layout, NULL);
-    hg_gpu_buffer_destroy(gpu, &gpu->dummy_frame);
-    hg_gpu_buffer_destroy(gpu, &gpu->dummy_texels);
+    vkDestroyPipelineLayout(gpu->device, gpu->shared_set.pipeline_layout, NULL);
+    vkDestroyDescriptorSetLayout(gpu->device, gpu->shared_set.layout, NULL);
+    hg_gpu_buffer_destroy(gpu, &gpu->shared_set.dummy_frame);
+    hg_gpu_buffer_destroy(gpu, &gpu->shared_set.dummy_texels);
     for (uint32_t i = 0; i < HG_BIND_IMAGE_COUNT; i++) {
-        hg_gpu_image_destroy(gpu, &gpu->dummies[i]);
-        vkDestroySampler(gpu->device, gpu->samplers[i], NULL);
+        hg_gpu_image_destroy(gpu, &gpu->shared_set.dummies[i]);
+        vkDestroySampler(gpu->device, gpu->shared_set.samplers[i], NULL);
     }
 }

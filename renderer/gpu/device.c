@@ -21,7 +21,7 @@ static VKAPI_ATTR VkBool32 VKAPI_CALL on_message(VkDebugUtilsMessageSeverityFlag
 {
     struct hg_gpu *gpu = user;
     (void)types;
-    __atomic_add_fetch(&gpu->messages, 1, __ATOMIC_RELAXED);
+    __atomic_add_fetch(&gpu->debug.messages, 1, __ATOMIC_RELAXED);
     if ((severity & VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT) != 0)
         hg_fault(GPU, HG_E_INTERNAL, "validation: %s", data->pMessage);
     else
@@ -31,7 +31,7 @@ static VKAPI_ATTR VkBool32 VKAPI_CALL on_message(VkDebugUtilsMessageSeverityFlag
 
 uint32_t hg_gpu_validation_messages(const struct hg_gpu *gpu)
 {
-    return __atomic_load_n(&gpu->messages, __ATOMIC_RELAXED);
+    return __atomic_load_n(&gpu->debug.messages, __ATOMIC_RELAXED);
 }
 
 static VkDebugUtilsMessengerCreateInfoEXT messenger_info(struct hg_gpu *gpu)
@@ -74,14 +74,14 @@ static bool has_instance_extension(const char *name)
 
 void hg_gpu_name(struct hg_gpu *gpu, VkObjectType type, uint64_t handle, const char *name)
 {
-    if (gpu->set_name == NULL || name == NULL)
+    if (gpu->debug.set_name == NULL || name == NULL)
         return;
     const VkDebugUtilsObjectNameInfoEXT info = {
         .sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT,
         .objectType = type,
         .objectHandle = handle,
         .pObjectName = name};
-    if (gpu->set_name(gpu->device, &info) != VK_SUCCESS)
+    if (gpu->debug.set_name(gpu->device, &info) != VK_SUCCESS)
         hg_debug(GPU, "%s: no debug name", name);
 }
 
@@ -92,11 +92,11 @@ void hg_gpu_name(struct hg_gpu *gpu, VkObjectType type, uint64_t handle, const c
 static void point_mesa_cache(const struct hg_gpu *gpu)
 {
     char path[4096];
-    if (gpu->cache_dir == NULL ||
-        snprintf(path, sizeof path, "%s/shaders", gpu->cache_dir) >= (int)sizeof path)
+    if (gpu->pipelines.cache_dir == NULL ||
+        snprintf(path, sizeof path, "%s/shaders", gpu->pipelines.cache_dir) >= (int)sizeof path)
         return;
-    if (mkdir(gpu->cache_dir, 0700) != 0 && errno != EEXIST)
-        hg_warn(GPU, "%s: %s", gpu->cache_dir, strerror(errno));
+    if (mkdir(gpu->pipelines.cache_dir, 0700) != 0 && errno != EEXIST)
+        hg_warn(GPU, "%s: %s", gpu->pipelines.cache_dir, strerror(errno));
     if (mkdir(path, 0700) != 0 && errno != EEXIST)
         hg_warn(GPU, "%s: %s", path, strerror(errno));
     if (setenv("MESA_SHADER_CACHE_DIR", path, 0) != 0)
@@ -127,7 +127,7 @@ static enum hg_status create_instance(
     enum hg_status status = wants_validation(params, &gpu->caps.validation, err);
     if (status != HG_OK)
         return status;
-    gpu->debug_names = has_instance_extension(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
+    gpu->debug.names = has_instance_extension(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
     const bool validation = gpu->caps.validation;
     const VkApplicationInfo app = {.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO,
         .pApplicationName = "heliograph",
@@ -135,7 +135,7 @@ static enum hg_status create_instance(
     const char *layers[] = {validation_layer};
     const char *extensions[2];
     uint32_t extension_count = 0;
-    if (gpu->debug_names || validation)
+    if (gpu->debug.names || validation)
         extensions[extension_count++] = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
     if (validation)
         extensions[extension_count++] = VK_EXT_VALIDATION_FEATURES_EXTENSION_NAME;
@@ -161,7 +161,7 @@ static enum hg_status create_instance(
             gpu->instance, "vkCreateDebugUtilsMessengerEXT");
     return create == NULL
                ? HG_OK
-               : HG_VK(gpu, err, create, gpu->instance, &messenger, NULL, &gpu->messenger);
+               : HG_VK(gpu, err, create, gpu->instance, &messenger, NULL, &gpu->debug.messenger);
 }
 
 // --- features ------------------------------------------------------------------------------------
@@ -316,7 +316,7 @@ static enum hg_status choose_device(struct hg_gpu *gpu, const char *wanted, stru
             note(reasons, sizeof reasons, i, props.deviceName, why);
         } else if (rank(props.deviceType) > best) {
             best = rank(props.deviceType);
-            gpu->physical = devices[i];
+            gpu->physical.handle = devices[i];
         }
     }
     if (best >= 0)
@@ -410,11 +410,11 @@ static void fill_limits(struct hg_gpu *gpu)
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES, .pNext = &v12};
     VkPhysicalDeviceProperties2 props = {
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &v11};
-    vkGetPhysicalDeviceProperties2(gpu->physical, &props);
+    vkGetPhysicalDeviceProperties2(gpu->physical.handle, &props);
     struct hg_gpu_caps *caps = &gpu->caps;
-    gpu->properties = props.properties;
-    gpu->driver_id = v12.driverID;
-    gpu->own_disk_cache = v12.driverID == VK_DRIVER_ID_MESA_LLVMPIPE;
+    gpu->physical.properties = props.properties;
+    gpu->physical.driver_id = v12.driverID;
+    gpu->pipelines.driver_keeps_cache = v12.driverID == VK_DRIVER_ID_MESA_LLVMPIPE;
     snprintf(caps->device_name, sizeof caps->device_name, "%s", props.properties.deviceName);
     snprintf(caps->driver, sizeof caps->driver, "%.60s %.90s", v12.driverName, v12.driverInfo);
     caps->is_cpu = props.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
@@ -434,17 +434,17 @@ static void fill_caps(struct hg_gpu *gpu, const struct hg_gpu_params *params)
 {
     struct features have;
     fill_limits(gpu);
-    query_features(gpu->physical, &have);
+    query_features(gpu->physical.handle, &have);
     gpu->caps.depth_clamp = have.core.features.depthClamp;
     gpu->caps.anisotropy = have.core.features.samplerAnisotropy;
     gpu->caps.large_points = have.core.features.largePoints;
-    gpu->caps.ray_query = has_ray_query(gpu->physical);
-    vkGetPhysicalDeviceMemoryProperties(gpu->physical, &gpu->memory_types);
+    gpu->caps.ray_query = has_ray_query(gpu->physical.handle);
+    vkGetPhysicalDeviceMemoryProperties(gpu->physical.handle, &gpu->physical.memory_types);
     const char *force = getenv("HELIO_GPU_FORCE_STAGING");
-    gpu->force_staging = params->force_staging || (force != NULL && strcmp(force, "1") == 0);
-    gpu->caps.mapped = is_mapped(&gpu->memory_types) && !gpu->force_staging;
-    for (uint32_t i = 0; i < gpu->memory_types.memoryHeapCount; i++) {
-        const VkMemoryHeap *heap = &gpu->memory_types.memoryHeaps[i];
+    gpu->memory.force_staging = params->force_staging || (force != NULL && strcmp(force, "1") == 0);
+    gpu->caps.mapped = is_mapped(&gpu->physical.memory_types) && !gpu->memory.force_staging;
+    for (uint32_t i = 0; i < gpu->physical.memory_types.memoryHeapCount; i++) {
+        const VkMemoryHeap *heap = &gpu->physical.memory_types.memoryHeaps[i];
         if ((heap->flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0 &&
             heap->size > gpu->caps.memory_bytes)
             gpu->caps.memory_bytes = heap->size;
@@ -456,12 +456,12 @@ static void fill_caps(struct hg_gpu *gpu, const struct hg_gpu_params *params)
 static enum hg_status create_device(struct hg_gpu *gpu, struct hg_error *err)
 {
     struct features have, want;
-    query_features(gpu->physical, &have);
+    query_features(gpu->physical.handle, &have);
     enable_features(&have, &want);
     struct ray_features rays;
     if (gpu->caps.ray_query)
         want_rays(&rays, &want);
-    if (!find_queue(gpu->physical, &gpu->queue_family))
+    if (!find_queue(gpu->physical.handle, &gpu->queue_family))
         return hg_error_set(err, HG_E_DEVICE, gpu->caps.device_name, NULL, "no queue");
     const float priority = 1.0f;
     const VkDeviceQueueCreateInfo queue = {.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO,
@@ -475,12 +475,12 @@ static enum hg_status create_device(struct hg_gpu *gpu, struct hg_error *err)
         .enabledExtensionCount = gpu->caps.ray_query ? RAY_EXTENSIONS : 0,
         .ppEnabledExtensionNames = ray_extensions};
     enum hg_status status =
-        HG_VK(gpu, err, vkCreateDevice, gpu->physical, &info, NULL, &gpu->device);
+        HG_VK(gpu, err, vkCreateDevice, gpu->physical.handle, &info, NULL, &gpu->device);
     if (status != HG_OK)
         return status;
     vkGetDeviceQueue(gpu->device, gpu->queue_family, 0, &gpu->queue);
-    if (gpu->debug_names) {
-        gpu->set_name = (PFN_vkSetDebugUtilsObjectNameEXT)vkGetDeviceProcAddr(
+    if (gpu->debug.names) {
+        gpu->debug.set_name = (PFN_vkSetDebugUtilsObjectNameEXT)vkGetDeviceProcAddr(
             gpu->device, "vkSetDebugUtilsObjectNameEXT");
     }
     return HG_OK;
@@ -492,11 +492,11 @@ static enum hg_status copy_paths(
     struct hg_gpu *gpu, const struct hg_gpu_params *params, struct hg_error *err)
 {
     if (params->cache_dir != NULL)
-        gpu->cache_dir = hg_strdup(params->cache_dir);
+        gpu->pipelines.cache_dir = hg_strdup(params->cache_dir);
     if (params->shader_dir != NULL)
-        gpu->shader_dir = hg_strdup(params->shader_dir);
-    if ((params->cache_dir != NULL && gpu->cache_dir == NULL) ||
-        (params->shader_dir != NULL && gpu->shader_dir == NULL))
+        gpu->shaders.dir = hg_strdup(params->shader_dir);
+    if ((params->cache_dir != NULL && gpu->pipelines.cache_dir == NULL) ||
+        (params->shader_dir != NULL && gpu->shaders.dir == NULL))
         return hg_error_set(err, HG_E_NOMEM, "device", NULL, "out of host memory");
     return HG_OK;
 }
@@ -533,7 +533,7 @@ enum hg_status hg_gpu_create(
     struct hg_gpu *gpu = hg_calloc(1, sizeof *gpu);
     if (gpu == NULL)
         return hg_error_set(err, HG_E_NOMEM, "device", NULL, "out of host memory");
-    gpu->epoch[0] = gpu->epoch[1] = 1; // 0 in image states: never touched
+    gpu->images.epoch[0] = gpu->images.epoch[1] = 1; // 0 in image states: never touched
     enum hg_status status = init(gpu, params, err);
     if (status != HG_OK) {
         hg_gpu_destroy(gpu);
@@ -547,15 +547,15 @@ static void destroy_device(struct hg_gpu *gpu)
 {
     if (gpu->queue != VK_NULL_HANDLE && vkDeviceWaitIdle(gpu->device) != VK_SUCCESS)
         hg_warn(GPU, "the device did not come to rest");
-    gpu->completed = gpu->submitted;
-    if (gpu->pipeline_cache != VK_NULL_HANDLE && !gpu->lost &&
+    gpu->batches.completed = gpu->batches.submitted;
+    if (gpu->pipelines.cache != VK_NULL_HANDLE && !gpu->lost &&
         hg_gpu_save_pipeline_cache(gpu, NULL) != HG_OK)
         hg_warn(GPU, "the pipeline cache could not be written");
     hg_gpu_upload_finish(gpu);
     hg_gpu_pipelines_finish(gpu);
     hg_gpu_commands_finish(gpu);
     hg_gpu_memory_finish(gpu);
-    hg_free(gpu->live);
+    hg_free(gpu->live.items);
     vkDestroyDevice(gpu->device, NULL);
 }
 
@@ -565,16 +565,16 @@ void hg_gpu_destroy(struct hg_gpu *gpu)
         return;
     if (gpu->device != VK_NULL_HANDLE)
         destroy_device(gpu);
-    if (gpu->messenger != VK_NULL_HANDLE) {
+    if (gpu->debug.messenger != VK_NULL_HANDLE) {
         const PFN_vkDestroyDebugUtilsMessengerEXT destroy =
             (PFN_vkDestroyDebugUtilsMessengerEXT)vkGetInstanceProcAddr(
                 gpu->instance, "vkDestroyDebugUtilsMessengerEXT");
-        destroy(gpu->instance, gpu->messenger, NULL);
+        destroy(gpu->instance, gpu->debug.messenger, NULL);
     }
     if (gpu->instance != VK_NULL_HANDLE)
         vkDestroyInstance(gpu->instance, NULL);
-    hg_free(gpu->cache_dir);
-    hg_free(gpu->shader_dir);
+    hg_free(gpu->pipelines.cache_dir);
+    hg_free(gpu->shaders.dir);
     hg_free(gpu);
 }
 
@@ -639,7 +639,8 @@ static void write_fallbacks(struct hg_writer *w, const struct hg_gpu *gpu)
         {!gpu->caps.large_points, "large_points", "points are drawn one pixel wide"},
         {gpu->caps.timestamp_period_ns <= 0, "timestamps", "passes are not timed on the device"},
         {gpu->caps.is_cpu, "cpu_device", "software rasteriser: textures stay RGBA8"},
-        {gpu->cache_dir == NULL, "no_shader_cache", "shaders are compiled anew by each process"},
+        {gpu->pipelines.cache_dir == NULL, "no_shader_cache",
+            "shaders are compiled anew by each process"},
     };
     const char *comma = "";
     write_text(w, ",\"fallbacks\":{");
@@ -674,12 +675,12 @@ enum hg_status hg_gpu_device_json(const struct hg_gpu *gpu, char **text)
     struct hg_writer w = {0};
     struct features have;
     char version[64];
-    query_features(gpu->physical, &have);
+    query_features(gpu->physical.handle, &have);
     write_text(&w, "{\"name\":");
     write_string(&w, gpu->caps.device_name);
     write_text(&w, ",\"driver\":");
     write_string(&w, gpu->caps.driver);
-    const uint32_t api = gpu->properties.apiVersion;
+    const uint32_t api = gpu->physical.properties.apiVersion;
     snprintf(version, sizeof version, ",\"api\":\"%u.%u.%u\"", VK_API_VERSION_MAJOR(api),
         VK_API_VERSION_MINOR(api), VK_API_VERSION_PATCH(api));
     write_text(&w, version);

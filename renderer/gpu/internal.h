@@ -46,7 +46,7 @@ struct hg_gpu_image_state {
     uint8_t use[HG_GPU_MAX_MIPS], saved[2][HG_GPU_MAX_MIPS];
     uint64_t epoch[2];    // in which saved was written
     uint32_t prepared;    // mips whose barrier for the next use was put ahead (bits),
-    uint64_t prepared_in; // while gpu->preparation is this
+    uint64_t prepared_in; // while gpu->images.preparation is this
 };
 
 struct hg_gpu_cmd {
@@ -90,84 +90,128 @@ struct hg_gpu_shader_module {
     bool specialised; // it holds the values of the constants
 };
 
+struct hg_gpu_live { // a buffer that has an address
+    VkDeviceAddress address;
+    uint64_t size_bytes;
+    VkBuffer handle;
+};
+
+struct hg_gpu_io_layout {
+    struct hg_gpu_io io;
+    VkDescriptorSetLayout set;
+    VkPipelineLayout pipeline;
+};
+
+struct hg_gpu_written {       // what a copy wrote
+    uint64_t handle;          // of a buffer or image
+    uint32_t plane;           // mip and layer of an image
+    uint64_t low[2], high[2]; // bytes, or texels across and down
+};
+
 struct hg_gpu {
     struct hg_gpu_caps caps;
     struct hg_device_strategy strategy;
     VkInstance instance;
-    VkDebugUtilsMessengerEXT messenger;
-    VkPhysicalDevice physical;
-    VkPhysicalDeviceMemoryProperties memory_types;
-    VkPhysicalDeviceProperties properties;
     VkDevice device;
     VkQueue queue;
-    uint32_t queue_family, driver_version, driver_id;
-    uint8_t pipeline_cache_uuid[VK_UUID_SIZE];
-    char *cache_dir, *shader_dir;
-    bool debug_names, force_staging, lost, own_disk_cache;
-    PFN_vkSetDebugUtilsObjectNameEXT set_name;
-    uint32_t messages; // atomic
+    uint32_t queue_family;
+    bool lost;
 
-    struct hg_gpu_block *blocks;
-    struct hg_gpu_memory_stats stats;
+    struct {
+        VkPhysicalDevice handle;
+        VkPhysicalDeviceMemoryProperties memory_types;
+        VkPhysicalDeviceProperties properties;
+        uint32_t driver_version, driver_id;
+        uint8_t pipeline_cache_uuid[VK_UUID_SIZE];
+    } physical;
 
-    VkSemaphore timeline;
-    uint64_t submitted, completed;
-    struct hg_gpu_cmd slots[HG_GPU_SLOTS];
-    uint32_t next_slot;
-    struct hg_gpu_cmd *open;
-    struct hg_gpu_retired *retired;
-    size_t retired_capacity;
-    uint32_t retired_count;
-    struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
-    uint32_t time_count;
+    struct {
+        VkDebugUtilsMessengerEXT messenger;
+        PFN_vkSetDebugUtilsObjectNameEXT set_name;
+        uint32_t messages; // atomic
+        bool names;
+    } debug;
 
-    struct hg_gpu_live { // buffers by ascending address
-        VkDeviceAddress address;
-        uint64_t size_bytes;
-        VkBuffer handle;
-    } * live;
-    size_t live_capacity;
-    uint32_t live_count;
+    struct {
+        struct hg_gpu_block *blocks;
+        struct hg_gpu_memory_stats stats;
+        bool force_staging;
+    } memory;
 
-    struct hg_gpu_image_state *states;
-    size_t state_capacity;
-    uint32_t state_count;
-    uint64_t epoch[2]; // numbers of the open batch and the open upload
-    uint64_t preparation;
+    struct {
+        VkSemaphore timeline;
+        uint64_t submitted, completed; // values of the timeline
+        struct hg_gpu_cmd slots[HG_GPU_SLOTS];
+        uint32_t next_slot;
+        struct hg_gpu_cmd *open;
+    } batches;
 
-    struct hg_gpu_upload uploads[HG_GPU_SLOTS];
-    struct hg_gpu_upload *upload; // that is recorded; NULL = none
-    uint64_t staging_used;
-    struct hg_gpu_written {       // what copies since the last barrier of the open upload wrote
-        uint64_t handle;          // of a buffer or image
-        uint32_t plane;           // mip and layer of an image
-        uint64_t low[2], high[2]; // bytes, or texels across and down
-    } written[HG_GPU_MAX_WRITTEN];
-    uint32_t written_count;
+    struct {
+        struct hg_gpu_retired *items;
+        size_t capacity;
+        uint32_t count;
+    } retired; // freed when the batch that used them has completed
 
-    VkDescriptorSetLayout set_layout;
-    VkPipelineLayout pipeline_layout; // of pipelines with set 0 alone
-    struct hg_gpu_io_layout {
-        struct hg_gpu_io io;
-        VkDescriptorSetLayout set;
-        VkPipelineLayout pipeline;
-    } * io_layouts; // by content
-    size_t io_layout_capacity;
-    uint32_t io_layout_count;
-    VkSampler io_samplers[2];                        // nearest, linear
-    struct hg_gpu_image io_dummies[HG_GPU_IO_KINDS]; // made when something is not bound
-    VkSampler samplers[HG_BIND_IMAGE_COUNT];
-    struct hg_gpu_image dummies[HG_BIND_IMAGE_COUNT];
-    struct hg_gpu_buffer dummy_frame;
-    struct hg_gpu_buffer dummy_texels;
-    VkPipelineCache pipeline_cache;
-    size_t pipeline_cache_bytes; // when last saved
-    struct hg_gpu_pipeline *pipelines;
-    size_t pipeline_capacity;
-    uint32_t pipeline_count;
-    struct hg_gpu_shader *shaders;
-    size_t shader_capacity;
-    uint32_t shader_count;
+    struct {
+        struct hg_gpu_stage_time items[HG_GPU_MAX_STAGES];
+        uint32_t count;
+    } times; // of the batch that was read last
+
+    struct {
+        struct hg_gpu_live *items; // by ascending address
+        size_t capacity;
+        uint32_t count;
+    } live;
+
+    struct {
+        struct hg_gpu_image_state *states;
+        size_t capacity;
+        uint32_t count;
+        uint64_t epoch[2]; // numbers of the open batch and the open upload
+        uint64_t preparation;
+    } images;
+
+    struct {
+        struct hg_gpu_upload slots[HG_GPU_SLOTS];
+        struct hg_gpu_upload *open; // the one being recorded; NULL = none
+        uint64_t staging_used;
+        struct hg_gpu_written written[HG_GPU_MAX_WRITTEN]; // since its last barrier
+        uint32_t written_count;
+    } uploads;
+
+    struct {
+        VkDescriptorSetLayout layout;
+        VkPipelineLayout pipeline_layout; // of pipelines with set 0 alone
+        VkSampler samplers[HG_BIND_IMAGE_COUNT];
+        struct hg_gpu_image dummies[HG_BIND_IMAGE_COUNT];
+        struct hg_gpu_buffer dummy_frame;
+        struct hg_gpu_buffer dummy_texels;
+    } shared_set; // set 0, the same for every pipeline
+
+    struct {
+        struct hg_gpu_io_layout *layouts; // by content
+        size_t capacity;
+        uint32_t count;
+        VkSampler samplers[2];                        // nearest, linear
+        struct hg_gpu_image dummies[HG_GPU_IO_KINDS]; // made when something is not bound
+    } io;                                             // set 1, declared by each pass
+
+    struct {
+        struct hg_gpu_pipeline *items;
+        size_t capacity;
+        uint32_t count;
+        VkPipelineCache cache;
+        size_t cache_bytes; // when last saved
+        char *cache_dir;
+        bool driver_keeps_cache; // on disk, by itself
+    } pipelines;
+
+    struct {
+        struct hg_gpu_shader *items;
+        size_t capacity;
+        uint32_t count;
+        char *dir; // of GLSL to compile; NULL = the embedded words
+    } shaders;
 };
 
 // True when the test hook wants this call to fail; *result is then what to return.

@@ -46,32 +46,32 @@ enum hg_status hg_gpu_io_init(struct hg_gpu *gpu, struct hg_error *err)
             .addressModeW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
             .maxLod = VK_LOD_CLAMP_NONE,
         };
-        status = HG_VK(gpu, err, vkCreateSampler, gpu->device, &info, NULL, &gpu->io_samplers[i]);
+        status = HG_VK(gpu, err, vkCreateSampler, gpu->device, &info, NULL, &gpu->io.samplers[i]);
     }
     return status;
 }
 
 void hg_gpu_io_finish(struct hg_gpu *gpu)
 {
-    for (uint32_t i = 0; i < gpu->io_layout_count; i++) {
-        vkDestroyPipelineLayout(gpu->device, gpu->io_layouts[i].pipeline, NULL);
-        vkDestroyDescriptorSetLayout(gpu->device, gpu->io_layouts[i].set, NULL);
+    for (uint32_t i = 0; i < gpu->io.count; i++) {
+        vkDestroyPipelineLayout(gpu->device, gpu->io.layouts[i].pipeline, NULL);
+        vkDestroyDescriptorSetLayout(gpu->device, gpu->io.layouts[i].set, NULL);
     }
-    hg_free(gpu->io_layouts);
-    gpu->io_layouts = NULL;
-    gpu->io_layout_count = 0;
+    hg_free(gpu->io.layouts);
+    gpu->io.layouts = NULL;
+    gpu->io.count = 0;
     for (uint32_t i = 0; i < HG_GPU_IO_KINDS; i++)
-        hg_gpu_image_destroy(gpu, &gpu->io_dummies[i]);
+        hg_gpu_image_destroy(gpu, &gpu->io.dummies[i]);
     for (uint32_t i = 0; i < 2; i++)
-        vkDestroySampler(gpu->device, gpu->io_samplers[i], NULL);
+        vkDestroySampler(gpu->device, gpu->io.samplers[i], NULL);
 }
 
 static const struct hg_gpu_io_layout *find_layout(
     const struct hg_gpu *gpu, const struct hg_gpu_io *io)
 {
-    for (uint32_t i = 0; i < gpu->io_layout_count; i++)
-        if (hg_gpu_io_same(&gpu->io_layouts[i].io, io))
-            return &gpu->io_layouts[i];
+    for (uint32_t i = 0; i < gpu->io.count; i++)
+        if (hg_gpu_io_same(&gpu->io.layouts[i].io, io))
+            return &gpu->io.layouts[i];
     return NULL;
 }
 
@@ -79,7 +79,7 @@ static const struct hg_gpu_io_layout *find_layout(
 static enum hg_status check_limits(
     const struct hg_gpu *gpu, const struct hg_gpu_io *io, struct hg_error *err)
 {
-    const VkPhysicalDeviceLimits *most = &gpu->properties.limits;
+    const VkPhysicalDeviceLimits *most = &gpu->physical.properties.limits;
     uint32_t storage = 0;
     for (uint32_t i = 0; i < io->count; i++)
         storage += kinds[io->kinds[i]].storage;
@@ -102,7 +102,7 @@ static enum hg_status create_set_layout(
             kinds[kind].storage ? VK_DESCRIPTOR_TYPE_STORAGE_IMAGE
                                 : VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
             1, VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT,
-            kinds[kind].storage ? NULL : &gpu->io_samplers[kinds[kind].linear]};
+            kinds[kind].storage ? NULL : &gpu->io.samplers[kinds[kind].linear]};
     }
     const VkDescriptorSetLayoutCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
@@ -114,7 +114,7 @@ static enum hg_status create_set_layout(
 static enum hg_status create_pipeline_layout(
     struct hg_gpu *gpu, struct hg_gpu_io_layout *layout, struct hg_error *err)
 {
-    const VkDescriptorSetLayout sets[2] = {gpu->set_layout, layout->set};
+    const VkDescriptorSetLayout sets[2] = {gpu->shared_set.layout, layout->set};
     const VkPushConstantRange push = {VK_SHADER_STAGE_ALL, 0, 128};
     const VkPipelineLayoutCreateInfo info = {.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
         .setLayoutCount = 2,
@@ -129,8 +129,8 @@ enum hg_status hg_gpu_io_ready(struct hg_gpu *gpu, const struct hg_gpu_io *io, s
     if (io == NULL || find_layout(gpu, io) != NULL)
         return HG_OK;
     enum hg_status status = check_limits(gpu, io, err);
-    if (status == HG_OK && hg_grow(&gpu->io_layouts, &gpu->io_layout_capacity,
-                               gpu->io_layout_count + 1, sizeof *gpu->io_layouts) != HG_OK)
+    if (status == HG_OK && hg_grow(&gpu->io.layouts, &gpu->io.capacity, gpu->io.count + 1,
+                               sizeof *gpu->io.layouts) != HG_OK)
         status = hg_error_set(err, HG_E_NOMEM, "bindings", NULL, "out of host memory");
     if (status != HG_OK)
         return status;
@@ -139,7 +139,7 @@ enum hg_status hg_gpu_io_ready(struct hg_gpu *gpu, const struct hg_gpu_io *io, s
     if (status == HG_OK)
         status = create_pipeline_layout(gpu, &layout, err);
     if (status == HG_OK)
-        gpu->io_layouts[gpu->io_layout_count++] = layout;
+        gpu->io.layouts[gpu->io.count++] = layout;
     else
         vkDestroyDescriptorSetLayout(gpu->device, layout.set, NULL);
     return status;
@@ -147,7 +147,7 @@ enum hg_status hg_gpu_io_ready(struct hg_gpu *gpu, const struct hg_gpu_io *io, s
 
 VkPipelineLayout hg_gpu_io_pipeline_layout(const struct hg_gpu *gpu, const struct hg_gpu_io *io)
 {
-    return io != NULL ? find_layout(gpu, io)->pipeline : gpu->pipeline_layout;
+    return io != NULL ? find_layout(gpu, io)->pipeline : gpu->shared_set.pipeline_layout;
 }
 
 // --- binding -------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ static enum hg_status use_dummy(
         .height = 1,
         .storage = kinds[kind].storage,
         .name = "dummy"};
-    *out = &gpu->io_dummies[kind];
+    *out = &gpu->io.dummies[kind];
     return (*out)->handle != VK_NULL_HANDLE ? HG_OK : hg_gpu_image_create(gpu, &params, *out, err);
 }
 

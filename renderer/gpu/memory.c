@@ -9,7 +9,7 @@
 static bool type_fits(const struct hg_gpu *gpu, uint32_t type, uint32_t bits, VkFlags flags)
 {
     return (bits >> type & 1) != 0 &&
-           (gpu->memory_types.memoryTypes[type].propertyFlags & flags) == flags;
+           (gpu->physical.memory_types.memoryTypes[type].propertyFlags & flags) == flags;
 }
 
 // Best memory type: wishes are tried in order, the last one is what the kind cannot do without.
@@ -24,7 +24,7 @@ static uint32_t choose_type(const struct hg_gpu *gpu, enum hg_gpu_memory_kind ki
         [HG_GPU_MEMORY_READBACK] = {host | cached, host, host},
     };
     for (int w = 0; w < 3; w++) {
-        for (uint32_t t = 0; t < gpu->memory_types.memoryTypeCount; t++) {
+        for (uint32_t t = 0; t < gpu->physical.memory_types.memoryTypeCount; t++) {
             if (type_fits(gpu, t, bits, wishes[kind][w]))
                 return t;
         }
@@ -34,12 +34,12 @@ static uint32_t choose_type(const struct hg_gpu *gpu, enum hg_gpu_memory_kind ki
 
 static void destroy_block(struct hg_gpu *gpu, struct hg_gpu_block *block)
 {
-    struct hg_gpu_block **link = &gpu->blocks;
+    struct hg_gpu_block **link = &gpu->memory.blocks;
     while (*link != NULL && *link != block)
         link = &(*link)->next;
     if (*link == block) {
         *link = block->next;
-        gpu->stats.reserved_bytes -= block->size_bytes;
+        gpu->memory.stats.reserved_bytes -= block->size_bytes;
     }
     if (block->memory != VK_NULL_HANDLE)
         vkFreeMemory(gpu->device, block->memory, NULL);
@@ -72,7 +72,7 @@ static enum hg_status allocate(struct hg_gpu *gpu, struct hg_gpu_block *block, s
     };
     enum hg_status status =
         HG_VK(gpu, err, vkAllocateMemory, gpu->device, &info, NULL, &block->memory);
-    const VkFlags props = gpu->memory_types.memoryTypes[block->type].propertyFlags;
+    const VkFlags props = gpu->physical.memory_types.memoryTypes[block->type].propertyFlags;
     if (status == HG_OK && (props & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0) {
         status = HG_VK(
             gpu, err, vkMapMemory, gpu->device, block->memory, 0, VK_WHOLE_SIZE, 0, &block->mapped);
@@ -102,11 +102,11 @@ static enum hg_status create_block(struct hg_gpu *gpu, uint32_t type, uint64_t s
         return status;
     }
     block->ranges[block->range_count++] = (struct hg_gpu_range){0, size_bytes};
-    block->next = gpu->blocks;
-    gpu->blocks = block;
-    gpu->stats.reserved_bytes += size_bytes;
-    if (gpu->stats.reserved_bytes > gpu->stats.peak_bytes)
-        gpu->stats.peak_bytes = gpu->stats.reserved_bytes;
+    block->next = gpu->memory.blocks;
+    gpu->memory.blocks = block;
+    gpu->memory.stats.reserved_bytes += size_bytes;
+    if (gpu->memory.stats.reserved_bytes > gpu->memory.stats.peak_bytes)
+        gpu->memory.stats.peak_bytes = gpu->memory.stats.reserved_bytes;
     *out = block;
     return HG_OK;
 }
@@ -143,7 +143,7 @@ static bool take_from_block(struct hg_gpu *gpu, struct hg_gpu_block *block, uint
         uint64_t offset;
         if (cut(block, i, align, need, &offset)) {
             *out = (struct hg_gpu_memory){block, offset, need};
-            gpu->stats.used_bytes += need;
+            gpu->memory.stats.used_bytes += need;
             return true;
         }
     }
@@ -164,12 +164,12 @@ enum hg_status hg_gpu_memory_take(struct hg_gpu *gpu, enum hg_gpu_memory_kind ki
     }
     // Buffers and images share blocks: keep the granularity between them, and room for both.
     uint64_t align = need->alignment > 256 ? need->alignment : 256;
-    if (gpu->properties.limits.bufferImageGranularity > align)
-        align = gpu->properties.limits.bufferImageGranularity;
+    if (gpu->physical.properties.limits.bufferImageGranularity > align)
+        align = gpu->physical.properties.limits.bufferImageGranularity;
     const uint64_t size = (need->size + align - 1) & ~(align - 1);
     const bool dedicated = size > HG_GPU_BLOCK_BYTES / 2;
     if (!dedicated) {
-        for (struct hg_gpu_block *b = gpu->blocks; b != NULL; b = b->next) {
+        for (struct hg_gpu_block *b = gpu->memory.blocks; b != NULL; b = b->next) {
             if (b->type == type && !b->dedicated && take_from_block(gpu, b, align, size, out))
                 return HG_OK;
         }
@@ -201,7 +201,7 @@ void hg_gpu_memory_give(struct hg_gpu *gpu, struct hg_gpu_memory *memory)
     struct hg_gpu_block *block = memory->block;
     if (block == NULL)
         return;
-    gpu->stats.used_bytes -= memory->size_bytes;
+    gpu->memory.stats.used_bytes -= memory->size_bytes;
     if (block->dedicated) {
         destroy_block(gpu, block);
         *memory = (struct hg_gpu_memory){0};
@@ -226,11 +226,11 @@ void hg_gpu_memory_give(struct hg_gpu *gpu, struct hg_gpu_memory *memory)
 
 void hg_gpu_memory_finish(struct hg_gpu *gpu)
 {
-    while (gpu->blocks != NULL)
-        destroy_block(gpu, gpu->blocks);
+    while (gpu->memory.blocks != NULL)
+        destroy_block(gpu, gpu->memory.blocks);
 }
 
 void hg_gpu_memory_stats(const struct hg_gpu *gpu, struct hg_gpu_memory_stats *out)
 {
-    *out = gpu->stats;
+    *out = gpu->memory.stats;
 }

@@ -30,18 +30,18 @@ static struct cache_header cache_header(const struct hg_gpu *gpu, const void *da
     struct cache_header header = {.magic = "HGPIPE1",
         .size_bytes = size,
         .hash = fnv1a(data, size),
-        .vendor = gpu->properties.vendorID,
-        .device = gpu->properties.deviceID,
-        .driver = gpu->properties.driverVersion};
-    memcpy(header.uuid, gpu->properties.pipelineCacheUUID, VK_UUID_SIZE);
+        .vendor = gpu->physical.properties.vendorID,
+        .device = gpu->physical.properties.deviceID,
+        .driver = gpu->physical.properties.driverVersion};
+    memcpy(header.uuid, gpu->physical.properties.pipelineCacheUUID, VK_UUID_SIZE);
     return header;
 }
 
 static bool cache_path(const struct hg_gpu *gpu, char *path, size_t size)
 {
-    if (gpu->cache_dir == NULL || gpu->own_disk_cache)
+    if (gpu->pipelines.cache_dir == NULL || gpu->pipelines.driver_keeps_cache)
         return false;
-    return snprintf(path, size, "%s/shaders/pipelines.bin", gpu->cache_dir) < (int)size;
+    return snprintf(path, size, "%s/shaders/pipelines.bin", gpu->pipelines.cache_dir) < (int)size;
 }
 
 static enum hg_status create_cache(struct hg_gpu *gpu, struct hg_error *err)
@@ -63,9 +63,9 @@ static enum hg_status create_cache(struct hg_gpu *gpu, struct hg_error *err)
             hg_info(GPU, "pipeline cache of another device or driver ignored");
         }
     }
-    gpu->pipeline_cache_bytes = info.initialDataSize;
+    gpu->pipelines.cache_bytes = info.initialDataSize;
     enum hg_status status =
-        HG_VK(gpu, err, vkCreatePipelineCache, gpu->device, &info, NULL, &gpu->pipeline_cache);
+        HG_VK(gpu, err, vkCreatePipelineCache, gpu->device, &info, NULL, &gpu->pipelines.cache);
     hg_free(data);
     return status;
 }
@@ -77,21 +77,22 @@ enum hg_status hg_gpu_save_pipeline_cache(struct hg_gpu *gpu, struct hg_error *e
     if (!cache_path(gpu, path, sizeof path))
         return HG_OK;
     enum hg_status status =
-        HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipeline_cache, &size, NULL);
-    if (status != HG_OK || size <= gpu->pipeline_cache_bytes)
+        HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipelines.cache, &size, NULL);
+    if (status != HG_OK || size <= gpu->pipelines.cache_bytes)
         return status;
     uint8_t *data = hg_calloc(1, sizeof(struct cache_header) + size);
     if (data == NULL)
         return hg_error_set(err, HG_E_NOMEM, path, NULL, "out of host memory");
     uint8_t *blob = data + sizeof(struct cache_header);
-    status = HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipeline_cache, &size, blob);
+    status =
+        HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipelines.cache, &size, blob);
     if (status == HG_OK) {
         const struct cache_header header = cache_header(gpu, blob, size);
         memcpy(data, &header, sizeof header);
         status = hg_file_write_atomic(path, data, sizeof header + size, err);
     }
     if (status == HG_OK)
-        gpu->pipeline_cache_bytes = size;
+        gpu->pipelines.cache_bytes = size;
     hg_free(data);
     return status;
 }
@@ -213,8 +214,8 @@ static enum hg_status create_graphics(struct hg_gpu *gpu, const struct stages *s
         .pColorBlendState = &blend,
         .pDynamicState = &dynamic,
         .layout = hg_gpu_io_pipeline_layout(gpu, p->io)};
-    return HG_VK(
-        gpu, err, vkCreateGraphicsPipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
+    return HG_VK(gpu, err, vkCreateGraphicsPipelines, gpu->device, gpu->pipelines.cache, 1, &info,
+        NULL, out);
 }
 
 static enum hg_status create_compute(struct hg_gpu *gpu, const struct stages *stages,
@@ -225,7 +226,7 @@ static enum hg_status create_compute(struct hg_gpu *gpu, const struct stages *st
         .stage = stages->list[0],
         .layout = hg_gpu_io_pipeline_layout(gpu, io)};
     return HG_VK(
-        gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipeline_cache, 1, &info, NULL, out);
+        gpu, err, vkCreateComputePipelines, gpu->device, gpu->pipelines.cache, 1, &info, NULL, out);
 }
 
 // Its shaders are ready.
@@ -268,16 +269,16 @@ static bool same_params(
 static VkPipeline find_pipeline(
     const struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params)
 {
-    for (uint32_t i = 0; i < gpu->pipeline_count; i++)
-        if (same_params(&gpu->pipelines[i].params, params))
-            return gpu->pipelines[i].handle;
+    for (uint32_t i = 0; i < gpu->pipelines.count; i++)
+        if (same_params(&gpu->pipelines.items[i].params, params))
+            return gpu->pipelines.items[i].handle;
     return VK_NULL_HANDLE;
 }
 
 static enum hg_status reserve_pipelines(struct hg_gpu *gpu, uint32_t more, struct hg_error *err)
 {
-    return hg_grow(&gpu->pipelines, &gpu->pipeline_capacity, gpu->pipeline_count + more,
-               sizeof *gpu->pipelines) == HG_OK
+    return hg_grow(&gpu->pipelines.items, &gpu->pipelines.capacity, gpu->pipelines.count + more,
+               sizeof *gpu->pipelines.items) == HG_OK
                ? HG_OK
                : hg_error_set(err, HG_E_NOMEM, "pipeline", NULL, "out of host memory");
 }
@@ -286,7 +287,7 @@ static enum hg_status reserve_pipelines(struct hg_gpu *gpu, uint32_t more, struc
 static void keep_pipeline(
     struct hg_gpu *gpu, const struct hg_gpu_pipeline_params *params, VkPipeline handle)
 {
-    gpu->pipelines[gpu->pipeline_count++] = (struct hg_gpu_pipeline){*params, handle};
+    gpu->pipelines.items[gpu->pipelines.count++] = (struct hg_gpu_pipeline){*params, handle};
     hg_gpu_name(gpu, VK_OBJECT_TYPE_PIPELINE, (uint64_t)handle,
         params->compute != NULL    ? params->compute
         : params->fragment != NULL ? params->fragment
@@ -381,12 +382,12 @@ enum hg_status hg_gpu_cmd_pipeline(
 
 VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu)
 {
-    return gpu->pipeline_layout;
+    return gpu->shared_set.pipeline_layout;
 }
 
 uint32_t hg_gpu_pipeline_count(const struct hg_gpu *gpu)
 {
-    return gpu->pipeline_count;
+    return gpu->pipelines.count;
 }
 
 // --- all of it -----------------------------------------------------------------------------------
@@ -399,10 +400,10 @@ enum hg_status hg_gpu_pipelines_init(struct hg_gpu *gpu, struct hg_error *err)
 
 void hg_gpu_pipelines_finish(struct hg_gpu *gpu)
 {
-    for (uint32_t i = 0; i < gpu->pipeline_count; i++)
-        vkDestroyPipeline(gpu->device, gpu->pipelines[i].handle, NULL);
-    hg_free(gpu->pipelines);
+    for (uint32_t i = 0; i < gpu->pipelines.count; i++)
+        vkDestroyPipeline(gpu->device, gpu->pipelines.items[i].handle, NULL);
+    hg_free(gpu->pipelines.items);
     hg_gpu_shaders_finish(gpu);
-    vkDestroyPipelineCache(gpu->device, gpu->pipeline_cache, NULL);
+    vkDestroyPipelineCache(gpu->device, gpu->pipelines.cache, NULL);
     hg_gpu_descriptors_finish(gpu);
 }

@@ -9,10 +9,10 @@
 // Index of the first live buffer above an address.
 static uint32_t above(const struct hg_gpu *gpu, VkDeviceAddress address)
 {
-    uint32_t low = 0, high = gpu->live_count;
+    uint32_t low = 0, high = gpu->live.count;
     while (low < high) {
         const uint32_t middle = (low + high) / 2;
-        if (gpu->live[middle].address <= address)
+        if (gpu->live.items[middle].address <= address)
             low = middle + 1;
         else
             high = middle;
@@ -25,28 +25,31 @@ const struct hg_gpu_live *hg_gpu_find_live(const struct hg_gpu *gpu, VkDeviceAdd
     const uint32_t i = above(gpu, address);
     if (i == 0)
         return NULL;
-    const struct hg_gpu_live *live = &gpu->live[i - 1];
+    const struct hg_gpu_live *live = &gpu->live.items[i - 1];
     return address - live->address < live->size_bytes ? live : NULL;
 }
 
 static bool remember(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
 {
-    if (hg_grow(&gpu->live, &gpu->live_capacity, gpu->live_count + 1, sizeof *gpu->live) != HG_OK)
+    if (hg_grow(&gpu->live.items, &gpu->live.capacity, gpu->live.count + 1,
+            sizeof *gpu->live.items) != HG_OK)
         return false;
     const uint32_t i = above(gpu, buffer->address);
-    memmove(gpu->live + i + 1, gpu->live + i, (gpu->live_count - i) * sizeof *gpu->live);
-    gpu->live[i] = (struct hg_gpu_live){buffer->address, buffer->size_bytes, buffer->handle};
-    gpu->live_count++;
+    memmove(gpu->live.items + i + 1, gpu->live.items + i,
+        (gpu->live.count - i) * sizeof *gpu->live.items);
+    gpu->live.items[i] = (struct hg_gpu_live){buffer->address, buffer->size_bytes, buffer->handle};
+    gpu->live.count++;
     return true;
 }
 
 static void forget(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer)
 {
     const uint32_t i = above(gpu, buffer->address);
-    if (i == 0 || gpu->live[i - 1].handle != buffer->handle)
+    if (i == 0 || gpu->live.items[i - 1].handle != buffer->handle)
         return;
-    gpu->live_count--;
-    memmove(gpu->live + i - 1, gpu->live + i, (gpu->live_count - (i - 1)) * sizeof *gpu->live);
+    gpu->live.count--;
+    memmove(gpu->live.items + i - 1, gpu->live.items + i,
+        (gpu->live.count - (i - 1)) * sizeof *gpu->live.items);
 }
 
 #define RAY_USAGE                                                                                  \
@@ -213,8 +216,8 @@ static enum hg_status check_limits(
     struct hg_gpu *gpu, const VkImageCreateInfo *info, const char *name, struct hg_error *err)
 {
     VkImageFormatProperties props;
-    const VkResult result = vkGetPhysicalDeviceImageFormatProperties(gpu->physical, info->format,
-        info->imageType, info->tiling, info->usage, info->flags, &props);
+    const VkResult result = vkGetPhysicalDeviceImageFormatProperties(gpu->physical.handle,
+        info->format, info->imageType, info->tiling, info->usage, info->flags, &props);
     if (result != VK_SUCCESS)
         return hg_error_set(err, HG_E_LIMIT, name, NULL, "format %d not supported", info->format);
     const uint32_t most_mips = chain_length(&info->extent);

@@ -11,7 +11,7 @@ static enum hg_status compile(
     const struct hg_gpu *gpu, struct hg_gpu_shader *shader, struct hg_error *err)
 {
     enum hg_status status =
-        hg_gpu_compile(gpu->shader_dir, shader->name, &shader->compiled, &shader->size_bytes, err);
+        hg_gpu_compile(gpu->shaders.dir, shader->name, &shader->compiled, &shader->size_bytes, err);
     shader->words = shader->compiled;
     return status;
 }
@@ -28,9 +28,9 @@ static enum hg_status find_embedded(struct hg_gpu_shader *shader, struct hg_erro
 
 static const struct hg_gpu_shader *find(const struct hg_gpu *gpu, const char *name)
 {
-    for (uint32_t i = 0; i < gpu->shader_count; i++)
-        if (strcmp(gpu->shaders[i].name, name) == 0)
-            return &gpu->shaders[i];
+    for (uint32_t i = 0; i < gpu->shaders.count; i++)
+        if (strcmp(gpu->shaders.items[i].name, name) == 0)
+            return &gpu->shaders.items[i];
     return NULL;
 }
 
@@ -38,16 +38,16 @@ enum hg_status hg_gpu_shader_ready(struct hg_gpu *gpu, const char *name, struct 
 {
     if (find(gpu, name) != NULL)
         return HG_OK;
-    if (hg_grow(&gpu->shaders, &gpu->shader_capacity, gpu->shader_count + 1,
-            sizeof *gpu->shaders) != HG_OK)
+    if (hg_grow(&gpu->shaders.items, &gpu->shaders.capacity, gpu->shaders.count + 1,
+            sizeof *gpu->shaders.items) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, name, NULL, "out of host memory");
-    struct hg_gpu_shader *shader = &gpu->shaders[gpu->shader_count];
+    struct hg_gpu_shader *shader = &gpu->shaders.items[gpu->shaders.count];
     *shader = (struct hg_gpu_shader){0};
     snprintf(shader->name, sizeof shader->name, "%s", name);
     enum hg_status status =
-        gpu->shader_dir != NULL ? compile(gpu, shader, err) : find_embedded(shader, err);
+        gpu->shaders.dir != NULL ? compile(gpu, shader, err) : find_embedded(shader, err);
     if (status == HG_OK)
-        gpu->shader_count++;
+        gpu->shaders.count++;
     return status;
 }
 
@@ -74,7 +74,7 @@ enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const 
 
 void hg_gpu_shaders_finish(struct hg_gpu *gpu)
 {
-    for (uint32_t i = 0; i < gpu->shader_count; i++)
-        hg_free(gpu->shaders[i].compiled);
-    hg_free(gpu->shaders);
+    for (uint32_t i = 0; i < gpu->shaders.count; i++)
+        hg_free(gpu->shaders.items[i].compiled);
+    hg_free(gpu->shaders.items);
 }

@@ -7,31 +7,31 @@
 void hg_gpu_upload_finish(struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
-        struct hg_gpu_upload *upload = &gpu->uploads[i];
+        struct hg_gpu_upload *upload = &gpu->uploads.slots[i];
         hg_gpu_buffer_destroy(gpu, &upload->staging);
         if (upload->pool != VK_NULL_HANDLE)
             vkDestroyCommandPool(gpu->device, upload->pool, NULL);
         *upload = (struct hg_gpu_upload){0};
     }
-    gpu->upload = NULL;
+    gpu->uploads.open = NULL;
 }
 
 // One whose last submission is over, so that as few as possible take memory; else the oldest.
 static struct hg_gpu_upload *choose_upload(struct hg_gpu *gpu)
 {
-    struct hg_gpu_upload *best = &gpu->uploads[0];
+    struct hg_gpu_upload *best = &gpu->uploads.slots[0];
     for (uint32_t i = 0; i < HG_GPU_SLOTS; i++) {
-        if (gpu->uploads[i].value <= gpu->completed)
-            return &gpu->uploads[i];
-        if (gpu->uploads[i].value < best->value)
-            best = &gpu->uploads[i];
+        if (gpu->uploads.slots[i].value <= gpu->batches.completed)
+            return &gpu->uploads.slots[i];
+        if (gpu->uploads.slots[i].value < best->value)
+            best = &gpu->uploads.slots[i];
     }
     return best;
 }
 
 static enum hg_status open_upload(struct hg_gpu *gpu, struct hg_error *err)
 {
-    if (gpu->upload != NULL)
+    if (gpu->uploads.open != NULL)
         return HG_OK;
     struct hg_gpu_upload *upload = choose_upload(gpu);
     enum hg_status status = hg_gpu_wait(gpu, upload->value, err);
@@ -45,9 +45,9 @@ static enum hg_status open_upload(struct hg_gpu *gpu, struct hg_error *err)
         .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
     if (status == HG_OK)
         status = HG_VK(gpu, err, vkBeginCommandBuffer, upload->handle, &info);
-    gpu->staging_used = 0;
-    gpu->written_count = 0;
-    gpu->upload = status == HG_OK ? upload : NULL;
+    gpu->uploads.staging_used = 0;
+    gpu->uploads.written_count = 0;
+    gpu->uploads.open = status == HG_OK ? upload : NULL;
     return status;
 }
 
@@ -59,19 +59,19 @@ static enum hg_status take_staging(struct hg_gpu *gpu, uint64_t least, uint64_t 
     if (least > HG_GPU_STAGING_BYTES)
         return hg_error_set(err, HG_E_LIMIT, "upload", NULL, "one row is larger than staging");
     enum hg_status status = open_upload(gpu, err);
-    if (status == HG_OK && gpu->staging_used + least > HG_GPU_STAGING_BYTES) {
+    if (status == HG_OK && gpu->uploads.staging_used + least > HG_GPU_STAGING_BYTES) {
         status = hg_gpu_submit_uploads(gpu, err);
         if (status == HG_OK)
             status = open_upload(gpu, err);
     }
     if (status != HG_OK)
         return status;
-    const uint64_t room = HG_GPU_STAGING_BYTES - gpu->staging_used;
-    *offset = gpu->staging_used;
+    const uint64_t room = HG_GPU_STAGING_BYTES - gpu->uploads.staging_used;
+    *offset = gpu->uploads.staging_used;
     *size = most < room ? most : room;
-    gpu->staging_used = (gpu->staging_used + *size + 255) & ~255ull;
-    if (gpu->staging_used > HG_GPU_STAGING_BYTES)
-        gpu->staging_used = HG_GPU_STAGING_BYTES;
+    gpu->uploads.staging_used = (gpu->uploads.staging_used + *size + 255) & ~255ull;
+    if (gpu->uploads.staging_used > HG_GPU_STAGING_BYTES)
+        gpu->uploads.staging_used = HG_GPU_STAGING_BYTES;
     return HG_OK;
 }
 
@@ -85,9 +85,9 @@ static bool overlaps(const struct hg_gpu_written *a, const struct hg_gpu_written
 // it. So does one that finds the list full, which then begins anew.
 static void order_write(struct hg_gpu *gpu, const struct hg_gpu_written *next)
 {
-    bool wait = gpu->written_count == HG_GPU_MAX_WRITTEN;
-    for (uint32_t i = 0; i < gpu->written_count && !wait; i++)
-        wait = overlaps(&gpu->written[i], next);
+    bool wait = gpu->uploads.written_count == HG_GPU_MAX_WRITTEN;
+    for (uint32_t i = 0; i < gpu->uploads.written_count && !wait; i++)
+        wait = overlaps(&gpu->uploads.written[i], next);
     if (wait) {
         const VkMemoryBarrier2 barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
             .srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
@@ -97,10 +97,10 @@ static void order_write(struct hg_gpu *gpu, const struct hg_gpu_written *next)
         const VkDependencyInfo info = {.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO,
             .memoryBarrierCount = 1,
             .pMemoryBarriers = &barrier};
-        vkCmdPipelineBarrier2(gpu->upload->handle, &info);
-        gpu->written_count = 0;
+        vkCmdPipelineBarrier2(gpu->uploads.open->handle, &info);
+        gpu->uploads.written_count = 0;
     }
-    gpu->written[gpu->written_count++] = *next;
+    gpu->uploads.written[gpu->uploads.written_count++] = *next;
 }
 
 enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buffer *buffer,
@@ -118,12 +118,13 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
         enum hg_status status = take_staging(gpu, 1, size_bytes, &from, &size, err);
         if (status != HG_OK)
             return status;
-        memcpy((uint8_t *)gpu->upload->staging.mapped + from, bytes, size);
+        memcpy((uint8_t *)gpu->uploads.open->staging.mapped + from, bytes, size);
         const struct hg_gpu_written target = {
             (uint64_t)buffer->handle, 0, {offset, 0}, {offset + size, 1}};
         order_write(gpu, &target);
         const VkBufferCopy copy = {from, offset, size};
-        vkCmdCopyBuffer(gpu->upload->handle, gpu->upload->staging.handle, buffer->handle, 1, &copy);
+        vkCmdCopyBuffer(
+            gpu->uploads.open->handle, gpu->uploads.open->staging.handle, buffer->handle, 1, &copy);
         bytes += size;
         offset += size;
         size_bytes -= size;
@@ -169,8 +170,8 @@ static void copy_to_image(struct hg_gpu *gpu, struct hg_gpu_image *image,
         .imageOffset = {(int32_t)r->x, (int32_t)(r->y + y), slices ? (int32_t)r->layer : 0},
         .imageExtent = {r->width, rows, 1},
     };
-    vkCmdCopyBufferToImage(gpu->upload->handle, gpu->upload->staging.handle, image->handle,
-        VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
+    vkCmdCopyBufferToImage(gpu->uploads.open->handle, gpu->uploads.open->staging.handle,
+        image->handle, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
 }
 
 enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *image,
@@ -192,7 +193,7 @@ enum hg_status hg_gpu_image_upload(struct hg_gpu *gpu, struct hg_gpu_image *imag
         if (status != HG_OK)
             return status;
         const uint32_t rows = (uint32_t)(size / tight);
-        uint8_t *dst = (uint8_t *)gpu->upload->staging.mapped + from;
+        uint8_t *dst = (uint8_t *)gpu->uploads.open->staging.mapped + from;
         for (uint32_t i = 0; i < rows; i++)
             memcpy(dst + i * tight, (const uint8_t *)data + (y + i) * row_bytes, tight);
         copy_to_image(gpu, image, r, y, rows, from);

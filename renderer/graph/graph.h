@@ -131,7 +131,7 @@ uint32_t hg_graph_import(struct hg_graph *graph, const char *name, struct hg_gpu
 // Buffers of the caller that passes reach by address, together under one name: for their order.
 uint32_t hg_graph_buffer(struct hg_graph *graph, const char *name);
 void hg_graph_pass(struct hg_graph *graph, const struct hg_graph_pass *pass);
-// Somebody outside wants what is in it when the execution ends.
+// The image is read outside of the graph after execution.
 void hg_graph_want(struct hg_graph *graph, uint32_t resource);
 
 // Orders and places everything; keeps what an equal declaration came to before.
@@ -144,7 +144,7 @@ enum hg_status hg_graph_execute(struct hg_graph *graph, struct hg_gpu_cmd *cmd, 
     uint32_t repetition, struct hg_error *err) HG_MUST_CHECK;
 // The frame is over: what history images hold becomes last frame's. Of those not written it stays.
 void hg_graph_advance(struct hg_graph *graph);
-// Contents of persistent and history images count no longer (a cut of the camera, an error).
+// Invalidates persistent and history images (a camera cut, an error).
 void hg_graph_reset(struct hg_graph *graph);
 
 // --- inside and after ----------------------------------------------------------------------------

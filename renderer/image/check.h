@@ -24,7 +24,7 @@ enum hg_status hg_check_exr(
 enum hg_status hg_check_bmp(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
 
-// The one of these that the format (OpenImageIO's name) asks for.
+// Dispatches to the check for the format (OpenImageIO's name), if there is one.
 enum hg_status hg_check_bytes(const char *format, const uint8_t *data, size_t size,
     const char *name, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,4 +1,4 @@
-// cryptomatte.h - names of things as mattes: ids, ranks and manifest of Cryptomatte.
+// cryptomatte.h - Cryptomatte: ids, ranks and manifest.
 // Floor 1. Pure but for the manifest's memory; any thread.
 //
 // Of each pixel the heaviest names are kept with their coverage, two in the four channels of a

@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/checked.h"
 #include "renderer/image/oiio.h"
+#include "renderer/image/pixels.h"
 
 enum {
     MAGIC = 20000630,
@@ -229,6 +230,49 @@ static enum hg_status check_parts(const uint32_t size_px[2], const struct hg_exr
     return HG_OK;
 }
 
+// A part whose values all fit its type.
+static enum hg_status encode_fitting(const uint32_t size_px[2], const struct hg_exr_part *p,
+    const void *pixels, struct hg_writer *out, struct hg_error *err)
+{
+    static const enum hg_oiio_type types[] = {
+        [HG_EXR_HALF] = HG_OIIO_HALF, [HG_EXR_FLOAT] = HG_OIIO_F32, [HG_EXR_UINT] = HG_OIIO_U32};
+    const struct hg_oiio_encode e = {
+        .format = "openexr",
+        .name = p->name,
+        .width = size_px[0],
+        .height = size_px[1],
+        .channels = p->channel_count,
+        .channel_names = p->channels,
+        .type = types[p->type],
+        .attributes = p->attributes,
+        .attribute_count = p->attribute_count,
+        .pixel_type = p->type == HG_EXR_UINT ? HG_OIIO_U32 : HG_OIIO_F32,
+        .pixel_stride_bytes = (size_t)p->stride * 4,
+        .pixels = pixels,
+    };
+    const enum hg_status status = hg_oiio_encode_image(&e, out, err);
+    if (status == HG_OK && out->failed)
+        return hg_error_set(err, HG_E_NOMEM, p->name, NULL, "no room for the part");
+    return status;
+}
+
+// An OpenEXR file of one part.
+static enum hg_status encode_part(const uint32_t size_px[2], const struct hg_exr_part *p,
+    struct hg_writer *out, struct hg_error *err)
+{
+    const size_t values = ((size_t)size_px[0] * size_px[1] - 1) * p->stride + p->channel_count;
+    if (p->type != HG_EXR_HALF || hg_pixels_fit_half(p->pixels, values))
+        return encode_fitting(size_px, p, p->pixels, out, err);
+    float *clamped = hg_calloc(values, sizeof *clamped);
+    if (clamped == NULL)
+        return hg_error_set(err, HG_E_NOMEM, p->name, NULL, "no memory to decode or encode");
+    memcpy(clamped, p->pixels, values * sizeof *clamped);
+    hg_pixels_clamp_to_half(clamped, values);
+    const enum hg_status status = encode_fitting(size_px, p, clamped, out, err);
+    hg_free(clamped);
+    return status;
+}
+
 enum hg_status hg_exr_encode(const uint32_t size_px[2], const struct hg_exr_part *parts,
     uint32_t part_count, uint64_t limit_bytes, struct hg_writer *out, struct hg_error *err)
 {
@@ -236,11 +280,11 @@ enum hg_status hg_exr_encode(const uint32_t size_px[2], const struct hg_exr_part
     if (status)
         return status;
     if (part_count == 1)
-        return hg_oiio_encode_part(size_px, parts, out, err);
+        return encode_part(size_px, parts, out, err);
     struct hg_writer files[HG_EXR_MAX_PARTS] = {0};
     struct hg_exr_piece pieces[HG_EXR_MAX_PARTS];
     for (uint32_t i = 0; i < part_count && !status; i++) {
-        status = hg_oiio_encode_part(size_px, &parts[i], &files[i], err);
+        status = encode_part(size_px, &parts[i], &files[i], err);
         pieces[i] = (struct hg_exr_piece){parts[i].name, files[i].data, files[i].size};
     }
     if (!status)

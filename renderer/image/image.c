@@ -8,8 +8,9 @@
 #include "base/checked.h"
 #include "base/file.h"
 #include "renderer/image/check.h"
+#include "renderer/image/decode.h"
 #include "renderer/image/encode.h"
-#include "renderer/image/oiio.h"
+#include "renderer/image/reader.h"
 
 static const struct hg_image_limits default_limits = {
     .max_side_px = 32768,
@@ -19,8 +20,8 @@ static const struct hg_image_limits default_limits = {
 static const uint64_t max_file_bytes = UINT64_C(1) << 31;
 static const uint64_t max_probe_bytes = UINT64_C(1) << 26; // larger files are not held to be probed
 
-// First bytes of each format that is read. Nothing else is tried: a file never chooses a parser
-// (video containers, camera raw, vendor formats) that nobody expects.
+// Magic numbers of the supported formats. Nothing else is tried: a file never selects an unexpected
+// parser (video containers, camera raw, vendor formats).
 struct magic {
     const char *format; // OpenImageIO's name, or "ktx2", which is read here
     size_t offset, size;
@@ -132,7 +133,7 @@ enum hg_status hg_image_probe_memory(
     if (st)
         return st;
     if (strcmp(format, "ktx2") != 0)
-        return hg_oiio_probe(file, format, out, err);
+        return hg_decode_probe(file, format, out, err);
     struct hg_image_reader *reader;
     st = hg_image_reader_open_memory(file, UINT32_MAX, &reader, err);
     if (!st)
@@ -176,7 +177,7 @@ enum hg_status hg_image_read_memory(const struct hg_image_bytes *file, enum hg_p
         return read_rows(file, format, &l, out, err);
     if (format == HG_PIXEL_RGBA8 && strcmp(reader, "jpeg") == 0)
         st = hg_jpeg_decode(file, &l, out, &decoded, err);
-    return st || decoded ? st : hg_oiio_read(file, reader, format, &l, out, err);
+    return st || decoded ? st : hg_decode_image(file, reader, format, &l, out, err);
 }
 
 // A JPEG that is cut short would still be shown; its comments hold "key=value".
@@ -213,7 +214,7 @@ enum hg_status hg_image_examine(const struct hg_image_bytes *file, const char *k
     if (!st && strcmp(format, "ktx2") == 0)
         st = hg_error_set(err, HG_E_UNSUPPORTED, file->name, NULL, "no file that is written here");
     if (!st)
-        st = hg_oiio_examine(file, format, key, &l, out, err);
+        st = hg_decode_examine(file, format, key, &l, out, err);
     if (!st && strcmp(format, "jpeg") == 0)
         st = examine_jpeg(file, key, out, err);
     if (st)

@@ -1,5 +1,5 @@
 // image.h - pixels in memory: reading and writing files, most of them by OpenImageIO; conversions.
-// Floor 1. Thread-safe; each object belongs to one thread. The only C++ file is oiio.cpp.
+// Floor 1. Thread-safe; each object belongs to one thread. Only oiio.cpp is C++.
 #ifndef HG_RENDERER_IMAGE_IMAGE_H
 #define HG_RENDERER_IMAGE_IMAGE_H
 

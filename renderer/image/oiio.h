@@ -1,50 +1,92 @@
-// oiio.h - OpenImageIO, callable from C.
-// Floor 1, private to renderer/image. Thread-safe. No exception leaves oiio.cpp.
+// oiio.h - OpenImageIO, callable from C: images are opened, decoded and encoded here; what is read,
+// checked and converted is decided in decode.c, row_reader.c, encode.c and exr.c.
+// Floor 1, private to renderer/image. No exception leaves oiio.cpp.
 #ifndef HG_RENDERER_IMAGE_OIIO_H
 #define HG_RENDERER_IMAGE_OIIO_H
 
 #include <stdio.h>
 
-#include "renderer/image/exr.h"
 #include "renderer/image/image.h"
-#include "renderer/image/reader.h"
+
+enum { HG_OIIO_MAX_CHANNELS = 256 };
+
+enum hg_oiio_type {
+    HG_OIIO_NATIVE, // as the file stores it
+    HG_OIIO_U8,
+    HG_OIIO_U16,
+    HG_OIIO_U32,
+    HG_OIIO_HALF,
+    HG_OIIO_F32,
+};
+
+// What a file says about one of its images.
+struct hg_oiio_header {
+    int width, height, tile_width, tile_height; // px; tiles 0: rows
+    int channels, alpha_channel;                // alpha_channel -1: none
+    bool is_float, is_16bit;
+    bool straight_alpha;                          // false: colour is stored times alpha
+    uint64_t pixel_bytes, row_bytes, image_bytes; // decoded as HG_OIIO_NATIVE
+};
+
+// Decoded pixels, tightly packed: the first `channels` channels of the image.
+struct hg_oiio_target {
+    enum hg_oiio_type type;
+    int channels;
+    void *pixels; // large enough
+};
+
+// An image of one part to be encoded to a file in memory. `name` is used in messages.
+struct hg_oiio_encode {
+    const char *format, *name;                   // "png" or "openexr"
+    uint32_t width, height, channels;            //
+    const char *const *channel_names;            // [channels]; NULL: R, G, B, A
+    enum hg_oiio_type type;                      // in the file
+    const struct hg_image_attribute *attributes; // [attribute_count]
+    size_t attribute_count;
+    enum hg_oiio_type pixel_type; // of `pixels`
+    size_t pixel_stride_bytes;    //
+    const void *pixels;
+};
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-// `format` is OpenImageIO's name of the reader; `limits` is complete (no zero field).
-enum hg_status hg_oiio_probe(const struct hg_image_bytes *file, const char *format,
-    struct hg_image_info *out, struct hg_error *err) HG_MUST_CHECK;
-enum hg_status hg_oiio_read(const struct hg_image_bytes *file, const char *format,
-    enum hg_pixel_format pixels, const struct hg_image_limits *limits, struct hg_image *out,
-    struct hg_error *err) HG_MUST_CHECK;
-// PNG and EXR files. The image has the pixel format the file needs (checked by the caller).
-enum hg_status hg_oiio_encode(const struct hg_image *image, const struct hg_image_encode *params,
-    struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
+// A file opened for decoding; one thread at a time. Errors name the file.
+struct hg_oiio_input;
 
-// An OpenEXR file of one part; what the caller checked fits together.
-enum hg_status hg_oiio_encode_part(const uint32_t size_px[2], const struct hg_exr_part *part,
-    struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
-// Decodes all pixels of all parts and forgets them; see hg_image_examine.
-enum hg_status hg_oiio_examine(const struct hg_image_bytes *file, const char *format,
-    const char *key, const struct hg_image_limits *limits, struct hg_image_told *out,
-    struct hg_error *err) HG_MUST_CHECK;
+// `file` stays the caller's and must outlive the input; NULL: bytes->data does. `format` is
+// OpenImageIO's name of the reader. large: without the limit for images that are decoded whole.
+// HG_E_UNSUPPORTED, HG_E_FORMAT (also: no pixels, or a volume), HG_E_NOMEM.
+enum hg_status hg_oiio_open(FILE *file, const struct hg_image_bytes *bytes, const char *format,
+    bool large, struct hg_oiio_input **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_oiio_close(struct hg_oiio_input *input); // accepts NULL
+const char *hg_oiio_name(const struct hg_oiio_input *input);
+// Of the first part.
+const struct hg_oiio_header *hg_oiio_get_header(const struct hg_oiio_input *input);
+// A part of an OpenEXR file or a page of a TIFF file. HG_E_NOTFOUND: there are fewer.
+enum hg_status hg_oiio_part_header(struct hg_oiio_input *input, int part,
+    struct hg_oiio_header *out, struct hg_error *err) HG_MUST_CHECK;
+// False when the first part has no such mip.
+bool hg_oiio_mip_size(struct hg_oiio_input *input, uint32_t mip, uint32_t size_px[2]);
+// A text attribute of the first part, cut to size_bytes; "" when there is none. HG_E_NOMEM.
+enum hg_status hg_oiio_read_text(struct hg_oiio_input *input, const char *key, char *text,
+    size_t size_bytes, struct hg_error *err) HG_MUST_CHECK;
 
-struct hg_oiio_reader; // see reader.h
+// Each: HG_E_FORMAT (with the decoder's reason), HG_E_NOMEM.
+enum hg_status hg_oiio_read_image(struct hg_oiio_input *input, int part,
+    const struct hg_oiio_target *target, struct hg_error *err) HG_MUST_CHECK;
+// `count` rows of mip 0 from row y on.
+enum hg_status hg_oiio_read_rows(struct hg_oiio_input *input, int part, uint32_t y, uint32_t count,
+    const struct hg_oiio_target *target, struct hg_error *err) HG_MUST_CHECK;
+// Whole tiles of the first part: the area begins at a tile and ends with one, or with the mip.
+enum hg_status hg_oiio_read_tiles(struct hg_oiio_input *input, const struct hg_image_rect *area,
+    const struct hg_oiio_target *target, struct hg_error *err) HG_MUST_CHECK;
 
-// Of a file, which stays the caller's and must outlive the reader, or of bytes (file NULL), whose
-// data must; bytes->name is used in messages.
-enum hg_status hg_oiio_reader_open(FILE *file, const struct hg_image_bytes *bytes,
-    const char *format, uint32_t max_side_px, struct hg_oiio_reader **out,
-    struct hg_error *err) HG_MUST_CHECK;
-void hg_oiio_reader_close(struct hg_oiio_reader *reader); // accepts NULL
-const struct hg_image_reader_info *hg_oiio_reader_info(const struct hg_oiio_reader *reader);
-enum hg_status hg_oiio_reader_rows(struct hg_oiio_reader *reader, enum hg_pixel_format format,
-    uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
-void hg_oiio_reader_skip(struct hg_oiio_reader *reader, uint32_t count);
-enum hg_status hg_oiio_reader_rect(struct hg_oiio_reader *reader, const struct hg_image_rect *rect,
-    enum hg_pixel_format format, void *pixels, uint64_t *bytes, struct hg_error *err) HG_MUST_CHECK;
+// Appends the file's bytes to `out` (which may fail for want of room: the caller checks it).
+// EXR: zip, Rec.709 chromaticities, no date; PNG: sRGB, straight alpha. HG_E_UNSUPPORTED, HG_E_IO.
+enum hg_status hg_oiio_encode_image(
+    const struct hg_oiio_encode *image, struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
 
 #ifdef __cplusplus
 }

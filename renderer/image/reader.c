@@ -1,4 +1,4 @@
-// reader.c - see reader.h: files are opened and checked here, decoded in oiio.cpp or ktx2/.
+// reader.c - see reader.h: files are opened and checked here, decoded in row_reader.c or ktx2/.
 #include "renderer/image/reader.h"
 
 #include <errno.h>
@@ -12,7 +12,7 @@
 #include "base/sha256.h"
 #include "renderer/image/check.h"
 #include "renderer/image/ktx2/ktx2.h"
-#include "renderer/image/oiio.h"
+#include "renderer/image/row_reader.h"
 
 enum { HEAD_BYTES = 1 << 20 }; // of a file, in which its header has to lie
 
@@ -21,8 +21,8 @@ struct hg_image_reader {
     FILE *file; // NULL: bytes, or it sleeps
     struct stat stat;
     uint32_t max_side_px;
-    struct hg_image_bytes bytes;  // name: for messages while the reader is opened
-    struct hg_oiio_reader *inner; // one of two; none while it sleeps
+    struct hg_image_bytes bytes; // name: for messages while the reader is opened
+    struct hg_row_reader *inner; // one of two; none while it sleeps
     struct hg_ktx2_reader *ktx2;
     struct hg_image_reader_info info;
 };
@@ -101,12 +101,12 @@ static enum hg_status open_decoder(
 {
     if (strcmp(format, "ktx2") == 0)
         return hg_ktx2_reader_open(r->file, &r->bytes, r->max_side_px, &r->ktx2, err);
-    return hg_oiio_reader_open(r->file, &r->bytes, format, r->max_side_px, &r->inner, err);
+    return hg_row_reader_open(r->file, &r->bytes, format, r->max_side_px, &r->inner, err);
 }
 
 static void close_decoder(struct hg_image_reader *r)
 {
-    hg_oiio_reader_close(r->inner);
+    hg_row_reader_close(r->inner);
     hg_ktx2_reader_close(r->ktx2);
     r->inner = NULL;
     r->ktx2 = NULL;
@@ -118,7 +118,7 @@ static enum hg_status open_first(
     const enum hg_status status = open_decoder(r, format, err);
     if (status != HG_OK)
         return status;
-    r->info = r->ktx2 != NULL ? *hg_ktx2_reader_info(r->ktx2) : *hg_oiio_reader_info(r->inner);
+    r->info = r->ktx2 != NULL ? *hg_ktx2_reader_info(r->ktx2) : *hg_row_reader_info(r->inner);
     r->info.file_bytes = r->bytes.size;
     if (r->file != NULL) {
         r->info.file_bytes = (uint64_t)r->stat.st_size;
@@ -280,7 +280,7 @@ enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixe
     uint32_t count, void *pixels, struct hg_error *err)
 {
     return reader->ktx2 != NULL ? hg_ktx2_reader_rows(reader->ktx2, format, count, pixels, err)
-                                : hg_oiio_reader_rows(reader->inner, format, count, pixels, err);
+                                : hg_row_reader_rows(reader->inner, format, count, pixels, err);
 }
 
 void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count)
@@ -288,7 +288,7 @@ void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count)
     if (reader->ktx2 != NULL)
         hg_ktx2_reader_skip(reader->ktx2, count);
     else
-        hg_oiio_reader_skip(reader->inner, count);
+        hg_row_reader_skip(reader->inner, count);
 }
 
 enum hg_status hg_image_reader_rect(struct hg_image_reader *reader,
@@ -297,5 +297,5 @@ enum hg_status hg_image_reader_rect(struct hg_image_reader *reader,
 {
     if (reader->ktx2 != NULL)
         return hg_error_set(err, HG_E_INVAL, "image", NULL, "the file has no tiles");
-    return hg_oiio_reader_rect(reader->inner, rect, format, pixels, bytes, err);
+    return hg_row_reader_rect(reader->inner, rect, format, pixels, bytes, err);
 }

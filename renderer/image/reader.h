@@ -2,7 +2,7 @@
 // Floor 1. A reader may be used by several threads; they take turns.
 //
 // Texels are those that hg_image_read_file gives for the same format. Memory: what the file's own
-// compression asks for (a strip, a row of tiles, the coefficients of a progressive JPEG).
+// compression needs (a strip, a row of tiles, the coefficients of a progressive JPEG).
 #ifndef HG_RENDERER_IMAGE_READER_H
 #define HG_RENDERER_IMAGE_READER_H
 
@@ -37,7 +37,8 @@ const struct hg_image_reader_info *hg_image_reader_info(const struct hg_image_re
 bool hg_image_reader_is_unchanged(const struct hg_image_reader *reader);
 
 // A reader that sleeps holds neither a descriptor nor the decoder; only what is said above may be
-// asked of it. Nobody else may use it meanwhile. Rows begin at the top again. Bytes cannot sleep.
+// asked of it. No other thread may use it meanwhile. Rows begin at the top again. Bytes cannot
+// sleep.
 bool hg_image_reader_can_sleep(const struct hg_image_reader *reader);
 void hg_image_reader_sleep(struct hg_image_reader *reader);
 // Opens it again, if it sleeps. HG_E_HASH: the file is not the one that was opened; HG_E_NOMEM (also
@@ -52,7 +53,7 @@ enum hg_status hg_image_reader_hash(struct hg_image_reader *reader, uint8_t dige
 // The next `count` rows of mip 0, tight, from the top. HG_E_FORMAT, HG_E_INVAL (past the end).
 enum hg_status hg_image_reader_rows(struct hg_image_reader *reader, enum hg_pixel_format format,
     uint32_t count, void *pixels, struct hg_error *err) HG_MUST_CHECK;
-// Passes over rows of mip 0 (as many as there are). Compression may ask for reading them.
+// Skips rows of mip 0 (as many as there are). Compression may require decoding them.
 void hg_image_reader_skip(struct hg_image_reader *reader, uint32_t count);
 // A rectangle of a tiled file, rows tight. *bytes: of the tiles decoded for it. HG_E_INVAL (not
 // inside the mip, or the file has no tiles), HG_E_FORMAT.

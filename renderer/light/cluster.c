@@ -58,7 +58,7 @@ static void tile_range(const struct cluster_view *view, float low, float high, f
 
 static struct cell_range slice_cells(const struct cluster_view *view, const struct sphere *s, int k)
 {
-    // A hair of slack: the shader's log2 may round a depth into the neighbouring slice.
+    // Slack for rounding: the shader's log2 may put a depth into the neighbouring slice.
     float z0 = fmaxf(slice_depth(view, k) * 0.9999f, s->depth - s->radius);
     float z1 = fminf(slice_depth(view, k + 1) * 1.0001f, s->depth + s->radius);
     float dz = fmaxf(0, fmaxf(z0 - s->depth, s->depth - z1));

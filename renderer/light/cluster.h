@@ -1,4 +1,4 @@
-// cluster.h - lists of the lights that reach each cell of the view.
+// cluster.h - clustered lights: lists of the lights that reach each froxel.
 // Floor 2 (light). Thread: the render thread.
 //
 // Cells are tiles of the image times slices that grow exponentially with depth.

@@ -43,20 +43,20 @@ enum hg_status hg_lod_build_tell(struct hg_lod_build *b)
 
 static enum hg_status reserve(struct hg_lod_build *b)
 {
-    const size_t n = b->pool.count;
-    size_t c[3] = {b->pool_capacity, b->pool_capacity, b->pool_capacity};
-    if (hg_grow(&b->group_of, &c[0], n + 1, 4) != HG_OK ||
-        hg_grow(&b->members, &c[1], n + 1, 4) != HG_OK ||
-        hg_grow(&b->first, &c[2], n + 1, 4) != HG_OK)
+    const size_t n = b->surface.pool.count;
+    size_t c[3] = {b->surface.capacity, b->surface.capacity, b->surface.capacity};
+    if (hg_grow(&b->surface.group_of, &c[0], n + 1, 4) != HG_OK ||
+        hg_grow(&b->surface.members, &c[1], n + 1, 4) != HG_OK ||
+        hg_grow(&b->surface.first, &c[2], n + 1, 4) != HG_OK)
         return HG_E_NOMEM;
-    b->pool_capacity = c[0] < c[1] ? c[0] : c[1];
-    b->pool_capacity = c[2] < b->pool_capacity ? c[2] : b->pool_capacity;
+    b->surface.capacity = c[0] < c[1] ? c[0] : c[1];
+    b->surface.capacity = c[2] < b->surface.capacity ? c[2] : b->surface.capacity;
     return HG_OK;
 }
 
 static enum hg_status partition(struct hg_lod_build *b, uint8_t *open)
 {
-    const uint32_t n = b->pool.count;
+    const uint32_t n = b->surface.pool.count;
     struct hg_lod_pool pool = {.count = n};
     const uint32_t **triangles = hg_calloc(n, sizeof *triangles);
     uint32_t *counts = hg_calloc((size_t)n * 2, sizeof *counts);
@@ -64,16 +64,17 @@ static enum hg_status partition(struct hg_lod_build *b, uint8_t *open)
     enum hg_status status = HG_E_NOMEM;
     if (triangles != NULL && counts != NULL && center != NULL) {
         for (uint32_t i = 0; i < n; i++) {
-            triangles[i] = b->pool.items[i].triangles;
-            counts[i] = b->pool.items[i].info.triangle_count;
-            counts[n + i] = b->pool.items[i].vertex_count;
-            memcpy(center[i], b->pool.items[i].info.center, sizeof center[i]);
+            triangles[i] = b->surface.pool.items[i].triangles;
+            counts[i] = b->surface.pool.items[i].info.triangle_count;
+            counts[n + i] = b->surface.pool.items[i].vertex_count;
+            memcpy(center[i], b->surface.pool.items[i].info.center, sizeof center[i]);
         }
         pool.triangles = triangles;
         pool.triangle_count = counts;
         pool.vertex_count = counts + n;
         pool.center = (const float(*)[3])center;
-        status = hg_lod_partition(&b->mesh, &pool, b->group_of, &b->group_count, open);
+        status =
+            hg_lod_partition(&b->mesh, &pool, b->surface.group_of, &b->surface.group_count, open);
     }
     hg_free(triangles);
     hg_free(counts);
@@ -84,16 +85,16 @@ static enum hg_status partition(struct hg_lod_build *b, uint8_t *open)
 // Members of each group, in the order of the pool.
 static void sort_members(struct hg_lod_build *b)
 {
-    memset(b->first, 0, ((size_t)b->group_count + 1) * 4);
-    for (uint32_t i = 0; i < b->pool.count; i++)
-        b->first[b->group_of[i] + 1]++;
-    for (uint32_t g = 0; g < b->group_count; g++)
-        b->first[g + 1] += b->first[g];
-    for (uint32_t i = 0; i < b->pool.count; i++)
-        b->members[b->first[b->group_of[i]]++] = i;
-    for (uint32_t g = b->group_count; g > 0; g--)
-        b->first[g] = b->first[g - 1];
-    b->first[0] = 0;
+    memset(b->surface.first, 0, ((size_t)b->surface.group_count + 1) * 4);
+    for (uint32_t i = 0; i < b->surface.pool.count; i++)
+        b->surface.first[b->surface.group_of[i] + 1]++;
+    for (uint32_t g = 0; g < b->surface.group_count; g++)
+        b->surface.first[g + 1] += b->surface.first[g];
+    for (uint32_t i = 0; i < b->surface.pool.count; i++)
+        b->surface.members[b->surface.first[b->surface.group_of[i]]++] = i;
+    for (uint32_t g = b->surface.group_count; g > 0; g--)
+        b->surface.first[g] = b->surface.first[g - 1];
+    b->surface.first[0] = 0;
 }
 
 // Positions that more than one group has must stay where they are. Owners of this level are told
@@ -101,18 +102,18 @@ static void sort_members(struct hg_lod_build *b)
 static void lock_borders(struct hg_lod_build *b)
 {
     const struct hg_lod_mesh *m = &b->mesh;
-    for (uint32_t i = 0; i < b->pool.count; i++) {
-        const struct hg_lod_piece *p = &b->pool.items[i];
-        const uint32_t group = b->owner_base + b->group_of[i];
+    for (uint32_t i = 0; i < b->surface.pool.count; i++) {
+        const struct hg_lod_piece *p = &b->surface.pool.items[i];
+        const uint32_t group = b->borders.owner_base + b->surface.group_of[i];
         for (uint32_t k = 0; k < p->info.triangle_count * 3; k++) {
-            const uint32_t at = m->position_of[p->triangles[k]], owner = b->owner[at];
+            const uint32_t at = m->position_of[p->triangles[k]], owner = b->borders.owner[at];
             if (owner == group)
                 continue;
-            b->locked[at] = owner >= b->owner_base;
-            b->owner[at] = group;
+            b->borders.locked[at] = owner >= b->borders.owner_base;
+            b->borders.owner[at] = group;
         }
     }
-    b->owner_base += b->group_count;
+    b->borders.owner_base += b->surface.group_count;
 }
 
 // ---- simplification -----------------------------------------------------------------------------
@@ -143,20 +144,21 @@ static enum hg_status simplify(struct hg_lod_build *b)
         p->uv_weight == 0.0f ? 0.5f : fmaxf(p->uv_weight, 0.0f)};
     // Coarse levels have few clusters, so they can afford more samples each.
     const uint32_t samples = b->level < 12 ? 64 + 48 * b->level : 640;
-    for (uint32_t g = 0; g < b->group_count; g++)
-        b->jobs[g] = (struct hg_lod_group_job){.samples_per_piece = samples,
+    for (uint32_t g = 0; g < b->surface.group_count; g++)
+        b->surface.jobs[g] = (struct hg_lod_group_job){.samples_per_piece = samples,
             .mesh = &b->mesh,
-            .locked = b->locked,
-            .open = b->open,
+            .locked = b->borders.locked,
+            .open = b->borders.open,
             .weights = weights,
-            .pieces = b->pool.items,
-            .members = b->members + b->first[g],
-            .member_count = b->first[g + 1] - b->first[g]};
-    for (uint32_t g = 0; g < b->group_count; g += HG_LOD_BATCH) {
-        const uint32_t n = b->group_count - g < HG_LOD_BATCH ? b->group_count - g : HG_LOD_BATCH;
-        hg_lod_build_each(b, n, run_group, b->jobs + g);
+            .pieces = b->surface.pool.items,
+            .members = b->surface.members + b->surface.first[g],
+            .member_count = b->surface.first[g + 1] - b->surface.first[g]};
+    for (uint32_t g = 0; g < b->surface.group_count; g += HG_LOD_BATCH) {
+        const uint32_t n =
+            b->surface.group_count - g < HG_LOD_BATCH ? b->surface.group_count - g : HG_LOD_BATCH;
+        hg_lod_build_each(b, n, run_group, b->surface.jobs + g);
         for (uint32_t i = 0; i < n; i++) {
-            const struct hg_lod_group_job *job = &b->jobs[g + i];
+            const struct hg_lod_group_job *job = &b->surface.jobs[g + i];
             enum hg_status status = job->status != HG_OK ? job->status : account(b, job);
             if (status != HG_OK)
                 return status;
@@ -179,12 +181,12 @@ static void finish_group(const struct hg_lod_build *b, const struct hg_lod_group
     uint32_t n = 0;
     float error = job->error + b->mesh.format.quantum * 0.8660255f;
     for (uint32_t i = 0; i < job->member_count; i++) {
-        const struct hg_lod_cluster *c = &b->pool.items[job->members[i]].info;
+        const struct hg_lod_cluster *c = &b->surface.pool.items[job->members[i]].info;
         memcpy(spheres[n].center, c->center, sizeof c->center);
         spheres[n++].radius = c->radius;
         if (c->made_from == HG_LOD_NONE)
             continue;
-        const struct hg_lod_group *from = &b->groups[c->made_from];
+        const struct hg_lod_group *from = &b->built.groups[c->made_from];
         memcpy(spheres[n].center, from->center, sizeof from->center);
         spheres[n++].radius = from->radius;
         error = fmaxf(error, from->error * 1.0001f);
@@ -193,7 +195,7 @@ static void finish_group(const struct hg_lod_build *b, const struct hg_lod_group
     memcpy(out->center, s.center, sizeof s.center);
     out->radius = s.radius;
     out->error = terminal ? FLT_MAX : fminf(error, 0.5f * FLT_MAX);
-    out->first_cluster = b->cluster_count;
+    out->first_cluster = b->built.cluster_count;
     out->cluster_count = job->member_count;
     out->level = b->level;
 }
@@ -201,25 +203,26 @@ static void finish_group(const struct hg_lod_build *b, const struct hg_lod_group
 // Adds group and clusters to what is finished; numbers those made from it.
 static enum hg_status add_group(struct hg_lod_build *b, struct hg_lod_group_job *job, bool terminal)
 {
-    if (hg_grow(&b->groups, &b->group_capacity, b->built_groups + 1ull, sizeof *b->groups) ||
-        hg_grow(&b->clusters, &b->cluster_capacity, (size_t)b->cluster_count + job->member_count,
-            sizeof *b->clusters))
+    if (hg_grow(&b->built.groups, &b->built.group_capacity, b->built.group_count + 1ull,
+            sizeof *b->built.groups) ||
+        hg_grow(&b->built.clusters, &b->built.cluster_capacity,
+            (size_t)b->built.cluster_count + job->member_count, sizeof *b->built.clusters))
         return HG_E_NOMEM;
-    struct hg_lod_group *group = &b->groups[b->built_groups];
+    struct hg_lod_group *group = &b->built.groups[b->built.group_count];
     memset(group, 0, sizeof *group);
     finish_group(b, job, terminal, group);
     for (uint32_t i = 0; i < job->member_count; i++) {
-        struct hg_lod_cluster *c = &b->clusters[b->cluster_count++];
-        *c = b->pool.items[job->members[i]].info;
-        c->group = b->built_groups;
+        struct hg_lod_cluster *c = &b->built.clusters[b->built.cluster_count++];
+        *c = b->surface.pool.items[job->members[i]].info;
+        c->group = b->built.group_count;
         b->report.stored_triangles += c->triangle_count;
         b->report.terminal_clusters += terminal;
     }
     for (uint32_t i = 0; i < job->made_count; i++)
-        job->made[i].info.made_from = b->built_groups;
+        job->made[i].info.made_from = b->built.group_count;
     if (!terminal)
         b->report.root_error = fmaxf(b->report.root_error, group->error);
-    b->built_groups++;
+    b->built.group_count++;
     return HG_OK;
 }
 
@@ -242,26 +245,27 @@ static enum hg_status next_pool(struct hg_lod_build *b)
 {
     struct hg_lod_pieces next = {0};
     uint64_t count = 0;
-    for (uint32_t g = 0; g < b->group_count; g++)
-        count += b->jobs[g].product != NULL ? b->jobs[g].made_count : b->jobs[g].member_count;
+    for (uint32_t g = 0; g < b->surface.group_count; g++)
+        count += b->surface.jobs[g].product != NULL ? b->surface.jobs[g].made_count
+                                                    : b->surface.jobs[g].member_count;
     if (hg_grow(&next.items, &next.capacity, count, sizeof *next.items) != HG_OK)
         return HG_E_NOMEM;
-    for (uint32_t g = 0; g < b->group_count; g++) {
-        struct hg_lod_group_job *job = &b->jobs[g];
+    for (uint32_t g = 0; g < b->surface.group_count; g++) {
+        struct hg_lod_group_job *job = &b->surface.jobs[g];
         for (uint32_t i = 0; job->product != NULL && i < job->made_count; i++)
             next.items[next.count++] = job->made[i];
         for (uint32_t i = 0; i < job->member_count; i++) {
             if (job->product != NULL)
-                release_member(b, &b->pool.items[job->members[i]]);
+                release_member(b, &b->surface.pool.items[job->members[i]]);
             else
-                next.items[next.count++] = b->pool.items[job->members[i]];
+                next.items[next.count++] = b->surface.pool.items[job->members[i]];
         }
         job->product = NULL;
         hg_free(job->made);
         job->made = NULL;
     }
-    hg_free(b->pool.items);
-    b->pool = next;
+    hg_free(b->surface.pool.items);
+    b->surface.pool = next;
     return HG_OK;
 }
 
@@ -273,8 +277,9 @@ static enum hg_status group_pool(struct hg_lod_build *b, uint8_t *open)
         status = partition(b, open);
     if (status == HG_OK)
         sort_members(b);
-    b->jobs = status == HG_OK ? hg_calloc(b->group_count, sizeof *b->jobs) : NULL;
-    if (status == HG_OK && b->jobs == NULL)
+    b->surface.jobs =
+        status == HG_OK ? hg_calloc(b->surface.group_count, sizeof *b->surface.jobs) : NULL;
+    if (status == HG_OK && b->surface.jobs == NULL)
         status = HG_E_NOMEM;
     b->report.group_ns += hg_clock_now_ns() - start;
     return status;
@@ -285,8 +290,8 @@ static enum hg_status group_pool(struct hg_lod_build *b, uint8_t *open)
 static void turn_normals(struct hg_lod_build *b)
 {
     struct hg_lod_mesh *m = &b->mesh;
-    for (uint32_t g = 0; !b->holding && g < b->group_count; g++) {
-        const struct hg_lod_group_job *job = &b->jobs[g];
+    for (uint32_t g = 0; !b->held.active && g < b->surface.group_count; g++) {
+        const struct hg_lod_group_job *job = &b->surface.jobs[g];
         for (uint32_t i = 0; i < job->mean_count; i++)
             m->words[(size_t)job->means[i].vertex * m->format.words + (uint32_t)m->format.normal] =
                 job->means[i].word;
@@ -295,8 +300,8 @@ static void turn_normals(struct hg_lod_build *b)
 
 static void drop_jobs(struct hg_lod_build *b)
 {
-    for (uint32_t g = 0; b->jobs != NULL && g < b->group_count; g++) {
-        struct hg_lod_group_job *job = &b->jobs[g];
+    for (uint32_t g = 0; b->surface.jobs != NULL && g < b->surface.group_count; g++) {
+        struct hg_lod_group_job *job = &b->surface.jobs[g];
         if (job->product != NULL) {
             job->product->users = 1;
             hg_lod_product_unref(job->product);
@@ -304,40 +309,40 @@ static void drop_jobs(struct hg_lod_build *b)
         hg_free(job->made);
         hg_free(job->means);
     }
-    hg_free(b->jobs);
-    b->jobs = NULL;
+    hg_free(b->surface.jobs);
+    b->surface.jobs = NULL;
 }
 
 // Once all that is left would fit into one chunk, groups wait for the coarser ones: they share it.
 static void choose_holding(struct hg_lod_build *b)
 {
     uint64_t bytes = 0;
-    for (uint32_t g = 0; g < b->group_count; g++)
-        bytes += hg_lod_group_bytes(b, &b->jobs[g]);
-    b->holding = b->holding || bytes <= HG_LOD_CHUNK_BYTES;
+    for (uint32_t g = 0; g < b->surface.group_count; g++)
+        bytes += hg_lod_group_bytes(b, &b->surface.jobs[g]);
+    b->held.active = b->held.active || bytes <= HG_LOD_CHUNK_BYTES;
 }
 
 // Adds the groups that were simplified (or all, as terminal ones) and encodes or holds them.
 static enum hg_status keep_groups(struct hg_lod_build *b, bool terminal, uint32_t *kept)
 {
-    uint32_t *list = hg_calloc(b->group_count, sizeof *list);
-    const uint32_t first = b->built_groups;
+    uint32_t *list = hg_calloc(b->surface.group_count, sizeof *list);
+    const uint32_t first = b->built.group_count;
     enum hg_status status = list != NULL ? HG_OK : HG_E_NOMEM;
     *kept = 0;
     choose_holding(b);
-    for (uint32_t g = 0; status == HG_OK && g < b->group_count; g++) {
-        struct hg_lod_group_job *job = &b->jobs[g];
+    for (uint32_t g = 0; status == HG_OK && g < b->surface.group_count; g++) {
+        struct hg_lod_group_job *job = &b->surface.jobs[g];
         if (!terminal && job->product == NULL)
             continue;
         job->triangle_count = 0;
         for (uint32_t i = 0; i < job->member_count; i++)
-            job->triangle_count += b->pool.items[job->members[i]].info.triangle_count;
+            job->triangle_count += b->surface.pool.items[job->members[i]].info.triangle_count;
         status = add_group(b, job, terminal);
-        if (status == HG_OK && b->holding)
+        if (status == HG_OK && b->held.active)
             status = hg_lod_hold_group(b, job);
         list[(*kept)++] = g;
     }
-    if (status == HG_OK && *kept > 0 && !b->holding)
+    if (status == HG_OK && *kept > 0 && !b->held.active)
         status = hg_lod_encode_groups(b, list, *kept, first);
     hg_free(list);
     return status;
@@ -347,14 +352,15 @@ static enum hg_status keep_groups(struct hg_lod_build *b, bool terminal, uint32_
 static enum hg_status build_level(struct hg_lod_build *b, bool *more)
 {
     *more = false;
-    if (b->pool.count <= 1 || b->level + 1 >= LEVELS_MAX)
+    if (b->surface.pool.count <= 1 || b->level + 1 >= LEVELS_MAX)
         return HG_OK;
-    enum hg_status status = group_pool(b, b->level == 0 ? b->open : NULL);
+    enum hg_status status = group_pool(b, b->level == 0 ? b->borders.open : NULL);
     const uint64_t start = hg_clock_now_ns();
     if (status == HG_OK && b->level == 0)
-        status = hg_lod_first_samples(&b->mesh, b->open, &b->pool);
+        status = hg_lod_first_samples(&b->mesh, b->borders.open, &b->surface.pool);
     if (status == HG_OK && b->level == 0)
-        b->budget.used += b->pool.items[0].product->sample_count * sizeof(struct hg_lod_sample);
+        b->budget.used +=
+            b->surface.pool.items[0].product->sample_count * sizeof(struct hg_lod_sample);
     if (status == HG_OK) {
         lock_borders(b);
         status = simplify(b);
@@ -376,35 +382,34 @@ static enum hg_status build_level(struct hg_lod_build *b, bool *more)
 static enum hg_status build_roots(struct hg_lod_build *b, uint32_t *root_chunks)
 {
     uint32_t kept = 0;
-    const uint32_t first = b->chunk_count;
+    const uint32_t first = b->built.chunk_count;
     *root_chunks = 0;
-    if (b->pool.count == 0)
+    if (b->surface.pool.count == 0)
         return HG_OK;
     enum hg_status status = group_pool(b, NULL);
-    for (uint32_t g = 0; status == HG_OK && g < b->group_count; g++) {
-        b->jobs[g].members = b->members + b->first[g];
-        b->jobs[g].member_count = b->first[g + 1] - b->first[g];
+    for (uint32_t g = 0; status == HG_OK && g < b->surface.group_count; g++) {
+        b->surface.jobs[g].members = b->surface.members + b->surface.first[g];
+        b->surface.jobs[g].member_count = b->surface.first[g + 1] - b->surface.first[g];
     }
     if (status == HG_OK)
         status = keep_groups(b, true, &kept);
     drop_jobs(b);
     b->level++;
-    b->held_chunk = b->chunk_count;
-    *root_chunks = b->chunk_count - first;
-    return status == HG_OK && b->holding ? hg_lod_encode_held(b, root_chunks) : status;
+    b->held.first_chunk = b->built.chunk_count;
+    *root_chunks = b->built.chunk_count - first;
+    return status == HG_OK && b->held.active ? hg_lod_encode_held(b, root_chunks) : status;
 }
 
 // ---- all of it ----------------------------------------------------------------------------------
 
-static enum hg_status cut_mesh(struct hg_lod_build *b, uint32_t *starts, uint32_t *count)
+static enum hg_status cut_mesh(struct hg_lod_build *b, struct hg_lod_cut *out)
 {
     const uint32_t n = b->mesh.triangle_count;
     const uint64_t scratch = b->budget.used + n * 28ull; // of the cut
     if (b->budget.limit > 0 && scratch > b->budget.limit)
         return HG_E_LIMIT;
     b->budget.peak = scratch > b->budget.peak ? scratch : b->budget.peak;
-    enum hg_status status =
-        hg_lod_cut(&b->mesh, b->mesh.triangles, n, starts, count, NULL, b->params->jobs);
+    enum hg_status status = hg_lod_cut(&b->mesh, b->mesh.triangles, n, out, b->params->jobs);
     if (status == HG_OK)
         status = hg_lod_mesh_reorder(&b->mesh, &b->budget);
     return status == HG_OK ? hg_lod_find_pieces(&b->mesh, &b->budget) : status;
@@ -418,43 +423,45 @@ static enum hg_status begin(struct hg_lod_build *b, const struct hg_mesh_part *p
     if (status != HG_OK)
         return status;
     b->total = b->mesh.triangle_count * 2ull + 1;
-    b->owner_base = 1;
-    hg_writer_spill(&b->bytes, b->mesh.triangle_count * BYTES_GUESS);
-    uint32_t *starts = NULL, count = 0, bound = hg_lod_cut_bound(b->mesh.triangle_count) + 1;
-    status = hg_lod_take(&b->budget, bound, 4, &starts);
+    b->borders.owner_base = 1;
+    hg_writer_spill(&b->built.bytes, b->mesh.triangle_count * BYTES_GUESS);
+    struct hg_lod_cut cut = {0};
+    const uint32_t bound = hg_lod_cut_bound(b->mesh.triangle_count) + 1;
+    status = hg_lod_take(&b->budget, bound, 4, &cut.starts);
     start = hg_clock_now_ns();
     if (status == HG_OK)
-        status = cut_mesh(b, starts, &count);
-    if (status == HG_OK && count > 0)
-        status = hg_lod_first_pieces(&b->mesh, starts, count, &b->pool);
+        status = cut_mesh(b, &cut);
+    if (status == HG_OK && cut.count > 0)
+        status = hg_lod_first_pieces(&b->mesh, cut.starts, cut.count, &b->surface.pool);
     b->report.cluster_ns = hg_clock_now_ns() - start;
-    hg_lod_give(&b->budget, &starts, bound, 4);
+    hg_lod_give(&b->budget, &cut.starts, bound, 4);
     const uint64_t positions = b->mesh.position_count;
-    if (status != HG_OK || (status = hg_lod_take(&b->budget, positions, 1, &b->locked)) != HG_OK ||
-        (status = hg_lod_take(&b->budget, positions, 1, &b->open)) != HG_OK)
+    if (status != HG_OK ||
+        (status = hg_lod_take(&b->budget, positions, 1, &b->borders.locked)) != HG_OK ||
+        (status = hg_lod_take(&b->budget, positions, 1, &b->borders.open)) != HG_OK)
         return status;
-    return hg_lod_take(&b->budget, positions, 4, &b->owner);
+    return hg_lod_take(&b->budget, positions, 4, &b->borders.owner);
 }
 
 static void finish(struct hg_lod_build *b)
 {
     drop_jobs(b);
-    for (uint32_t i = 0; i < b->pool.count; i++)
-        hg_lod_product_unref(b->pool.items[i].product);
-    hg_free(b->pool.items);
+    for (uint32_t i = 0; i < b->surface.pool.count; i++)
+        hg_lod_product_unref(b->surface.pool.items[i].product);
+    hg_free(b->surface.pool.items);
     const uint64_t positions = b->mesh.position_count;
-    hg_lod_give(&b->budget, &b->locked, positions, 1);
-    hg_lod_give(&b->budget, &b->open, positions, 1);
-    hg_lod_give(&b->budget, &b->owner, positions, 4);
+    hg_lod_give(&b->budget, &b->borders.locked, positions, 1);
+    hg_lod_give(&b->budget, &b->borders.open, positions, 1);
+    hg_lod_give(&b->budget, &b->borders.owner, positions, 4);
     hg_lod_mesh_finish(&b->mesh, &b->budget);
-    hg_free(b->group_of);
-    hg_free(b->members);
-    hg_free(b->first);
-    hg_free(b->clusters);
-    hg_free(b->groups);
-    hg_free(b->chunks);
+    hg_free(b->surface.group_of);
+    hg_free(b->surface.members);
+    hg_free(b->surface.first);
+    hg_free(b->built.clusters);
+    hg_free(b->built.groups);
+    hg_free(b->built.chunks);
     hg_lod_drop_held(b);
-    hg_writer_finish(&b->bytes);
+    hg_writer_finish(&b->built.bytes);
 }
 
 static void fill_report(struct hg_lod_build *b, const struct hg_writer *out, uint64_t start)
@@ -463,10 +470,10 @@ static void fill_report(struct hg_lod_build *b, const struct hg_writer *out, uin
     r->source_triangles = b->mesh.triangle_count;
     r->file_bytes = out->size;
     r->peak_bytes = b->budget.peak + out->size * 2;
-    r->clusters = b->cluster_count;
-    r->groups = b->built_groups;
+    r->clusters = b->built.cluster_count;
+    r->groups = b->built.group_count;
     r->levels = b->level;
-    r->chunks = b->chunk_count;
+    r->chunks = b->built.chunk_count;
     r->quantum = b->mesh.format.quantum;
     r->total_ns = hg_clock_now_ns() - start;
 }

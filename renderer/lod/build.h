@@ -12,34 +12,52 @@ struct hg_lod_held {     // a group that waits for its chunk
     uint32_t triangle_count, cluster_count;
 };
 
+// The clusters that make up the surface at one level, and the groups that they are in.
+struct hg_lod_surface {
+    struct hg_lod_pieces pool;
+    uint32_t *group_of, *members, *first; // of the pool: groups and who is in them
+    size_t capacity;                      // of these three
+    uint32_t group_count;
+    struct hg_lod_group_job *jobs; // [group_count]
+};
+
+// Positions that more than one group has stay where they are.
+struct hg_lod_borders {
+    uint8_t *locked, *open; // [position_count]
+    uint32_t *owner;        // [position_count] owner_base + the group that had it last
+    uint32_t owner_base;    // of this level, > 0
+};
+
+// What is finished, in the order of building.
+struct hg_lod_built {
+    struct hg_lod_cluster *clusters;
+    struct hg_lod_group *groups;
+    struct hg_lod_chunk *chunks;
+    size_t cluster_capacity, group_capacity, chunk_capacity;
+    uint32_t cluster_count, group_count, chunk_count;
+    struct hg_writer bytes; // of the chunks
+};
+
+// Groups of the coarse levels that wait to be put into chunks together: the last that were built.
+// Their chunks come last, coarse to fine, from number first_chunk on.
+struct hg_lod_holding {
+    struct hg_lod_held *groups;
+    size_t capacity;
+    uint32_t count, first_chunk;
+    bool active; // from this level on
+};
+
 struct hg_lod_build {
     const struct hg_lod_params *params;
     struct hg_error *err;
     struct hg_lod_budget budget;
     struct hg_lod_mesh mesh;
     struct hg_lod_report report;
-    uint8_t *locked, *open; // [position_count]
-    uint32_t *owner;        // [position_count] owner_base + the group that had it last
-    uint32_t owner_base;    // of this level, > 0
-    struct hg_lod_pieces pool;
-    uint32_t *group_of, *members, *first; // of the pool: groups and who is in them
-    size_t pool_capacity;
-    uint32_t group_count;
-    struct hg_lod_group_job *jobs;
-    // What is finished, in the order of building.
-    struct hg_lod_cluster *clusters;
-    struct hg_lod_group *groups;
-    struct hg_lod_chunk *chunks;
-    size_t cluster_capacity, group_capacity, chunk_capacity;
-    uint32_t cluster_count, built_groups, chunk_count;
-    struct hg_writer bytes; // of the chunks
+    struct hg_lod_borders borders;
+    struct hg_lod_surface surface;
+    struct hg_lod_built built;
+    struct hg_lod_holding held;
     uint32_t level;
-    // Groups of the coarse levels that wait to be put into chunks together: the last that were
-    // built. Their chunks come last, coarse to fine, from number held_chunk on.
-    struct hg_lod_held *held;
-    size_t held_capacity;
-    uint32_t held_count, held_chunk;
-    bool holding;
     uint64_t done, total; // triangles simplified
 };
 

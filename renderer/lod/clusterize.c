@@ -264,10 +264,10 @@ static void reorder(struct cutter *c, uint32_t *triangles, uint32_t *copy)
 }
 
 enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, uint32_t count,
-    uint32_t *starts, uint32_t *cluster_count, uint32_t *order, struct hg_jobs *jobs)
+    struct hg_lod_cut *out, struct hg_jobs *jobs)
 {
-    *cluster_count = 0;
-    starts[0] = 0;
+    out->count = 0;
+    out->starts[0] = 0;
     if (count == 0)
         return HG_OK;
     const size_t most = hg_lod_cut_bound(count);
@@ -281,13 +281,13 @@ enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, u
         status = HG_E_NOMEM;
     } else {
         each(jobs, (count + CENTER_BLOCK - 1) / CENTER_BLOCK, make_items, &c);
-        *cluster_count = cut_all(&c, jobs);
-        for (uint32_t i = 0; i < *cluster_count; i++)
-            starts[i] = c.from[i].first;
-        starts[*cluster_count] = count;
+        out->count = cut_all(&c, jobs);
+        for (uint32_t i = 0; i < out->count; i++)
+            out->starts[i] = c.from[i].first;
+        out->starts[out->count] = count;
         reorder(&c, triangles, copy);
-        for (uint32_t i = 0; order != NULL && i < count; i++)
-            order[i] = c.items[i].triangle;
+        for (uint32_t i = 0; out->order != NULL && i < count; i++)
+            out->order[i] = c.items[i].triangle;
     }
     hg_free(c.items);
     hg_free(c.from);

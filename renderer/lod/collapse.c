@@ -223,6 +223,13 @@ static uint32_t partner(const struct hg_lod_patch *p, uint32_t v, uint32_t to)
     return best;
 }
 
+HG_LOD_INLINE struct hg_lod_looks looks_of(const struct hg_lod_simplifier *s, uint32_t vertex)
+{
+    const uint32_t n = s->patch.attribute_count;
+    return (struct hg_lod_looks){
+        &s->looks[vertex], &s->gradients[(size_t)vertex * n], n, s->looks_area[vertex]};
+}
+
 // What the quadrics of a position say about a place that lies by (at, 1) away, and those of its
 // vertices about the ones of `to`; anything not below `bound` when it is not below that.
 static inline float collapse_sum(const struct hg_lod_simplifier *s,
@@ -239,8 +246,9 @@ static inline float collapse_sum(const struct hg_lod_simplifier *s,
         uint32_t w = p->vertex_first[to];
         if (p->vertex_next[w] != HG_LOD_NONE)
             w = partner(p, v, to);
-        sum += fabsf(hg_lod_looks_at(&s->looks[v], &s->gradients[(size_t)v * n], n,
-            s->looks_area[v], at, p->attributes + (size_t)v * n, p->attributes + (size_t)w * n));
+        const struct hg_lod_looks looks = looks_of(s, v);
+        sum += fabsf(hg_lod_looks_at(
+            &looks, at, p->attributes + (size_t)v * n, p->attributes + (size_t)w * n));
     }
     return sum;
 }
@@ -461,16 +469,15 @@ static void merge_looks(struct hg_lod_simplifier *s, uint32_t v, uint32_t w, hg_
 {
     const struct hg_lod_patch *p = &s->patch;
     const uint32_t n = p->attribute_count;
-    hg_lod_vec *from = &s->gradients[(size_t)v * n], *to = &s->gradients[(size_t)w * n];
+    const struct hg_lod_looks from = looks_of(s, v), to = looks_of(s, w);
     if (p->fixed[p->position_of[w]])
         return;
     s->mean[w] += s->mean[v];
-    hg_lod_looks_move(&s->looks[v], from, n, s->looks_area[v], t, p->attributes + (size_t)v * n,
-        p->attributes + (size_t)w * n);
-    hg_lod_quadric_add(&s->looks[w], &s->looks[v]);
+    hg_lod_looks_move(&from, t, p->attributes + (size_t)v * n, p->attributes + (size_t)w * n);
+    hg_lod_quadric_add(to.quadric, from.quadric);
     s->looks_area[w] += s->looks_area[v];
     for (uint32_t k = 0; k < n; k++)
-        to[k] += from[k];
+        to.gradients[k] += from.gradients[k];
 }
 
 // Moves the triangles of `from` to `to`; those at the edge go. Vertices of `from` remember their

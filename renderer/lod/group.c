@@ -281,13 +281,13 @@ static enum hg_status gather(struct hg_lod_group_job *job, struct hg_lod_simplif
     return HG_OK;
 }
 
-// starts, order: scratch for the cut of the product's triangles.
-static enum hg_status cut(
-    struct hg_lod_group_job *job, uint32_t *starts, uint32_t *order, uint32_t *piece_of)
+// to: scratch for the cut of the product's triangles.
+static enum hg_status cut(struct hg_lod_group_job *job, struct hg_lod_cut *to, uint32_t *piece_of)
 {
     struct hg_lod_product *p = job->product;
-    enum hg_status status = hg_lod_cut(
-        job->mesh, p->triangles, p->triangle_count, starts, &job->made_count, order, NULL);
+    const uint32_t *starts = to->starts;
+    enum hg_status status = hg_lod_cut(job->mesh, p->triangles, p->triangle_count, to, NULL);
+    job->made_count = to->count;
     job->made = status == HG_OK ? hg_calloc(job->made_count, sizeof *job->made) : NULL;
     if (status == HG_OK && job->made == NULL)
         status = HG_E_NOMEM;
@@ -298,7 +298,7 @@ static enum hg_status cut(
         piece->product = p;
         hg_lod_piece_bounds(job->mesh, piece);
         for (uint32_t t = starts[i]; t < starts[i + 1]; t++)
-            piece_of[order[t]] = i;
+            piece_of[to->order[t]] = i;
     }
     p->users = job->made_count;
     return status;
@@ -318,7 +318,8 @@ static enum hg_status make_product(struct hg_lod_group_job *job, struct hg_lod_s
         s->triangles = NULL;
         job->product->triangles = small;
         job->product->triangle_count = n;
-        status = cut(job, scratch + (size_t)n * 2, scratch, scratch + n);
+        struct hg_lod_cut pieces = {.starts = scratch + (size_t)n * 2, .order = scratch};
+        status = cut(job, &pieces, scratch + n);
         if (status == HG_OK)
             status = hand_out(job, s->samples, s->sample_count, scratch + n);
     }

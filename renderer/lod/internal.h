@@ -87,15 +87,20 @@ uint32_t hg_lod_normal_word(const float normal[3]);
 
 // ---- cutting triangles into clusters ------------------------------------------------------------
 
+// Clusters of triangles that are cut.
+struct hg_lod_cut {
+    uint32_t *starts; // [hg_lod_cut_bound(triangles) + 1] out: first triangle of each, then the end
+    uint32_t *order;  // [triangles] out: where each triangle was before; NULL: not wanted
+    uint32_t count;   // out
+};
+
 // Reorders triangles so that consecutive ranges are compact clusters.
 //
 //   triangles   [count * 3]  vertices; reordered in place
-//   starts      [hg_lod_cut_bound(count) + 1]  out: first triangle of each cluster, then count
-//   order       [count]      out: where each triangle was before; NULL: not wanted
 //
 // `jobs` may be NULL. HG_E_NOMEM, HG_E_LIMIT. Cost O(n log n).
 enum hg_status hg_lod_cut(const struct hg_lod_mesh *mesh, uint32_t *triangles, uint32_t count,
-    uint32_t *starts, uint32_t *cluster_count, uint32_t *order, struct hg_jobs *jobs) HG_MUST_CHECK;
+    struct hg_lod_cut *out, struct hg_jobs *jobs) HG_MUST_CHECK;
 
 // Most clusters that `count` triangles can be cut into.
 static inline uint32_t hg_lod_cut_bound(uint32_t count)
@@ -165,13 +170,18 @@ struct hg_lod_simplify_job {
 // be done. Locked positions and the edges between them stay. HG_E_NOMEM. Cost O(n log n).
 enum hg_status hg_lod_simplify(struct hg_lod_simplify_job *job) HG_MUST_CHECK;
 
-// The triangles of a job in a frame of their own: lengths in `unit`s about `origin`.
+// A frame of reference that keeps what is far away exact: lengths in `unit`s about `origin`.
+struct hg_lod_frame {
+    int32_t origin[3];
+    float scale; // lattice steps to units
+    float unit;  // metres
+};
+
+// The triangles of a job in a frame of their own.
 struct hg_lod_patch {
     const struct hg_lod_simplify_job *job;
     uint32_t triangle_count, position_count, vertex_count, attribute_count, live;
-    int32_t origin[3];
-    float scale;                     // lattice steps to units
-    float unit;                      // metres
+    struct hg_lod_frame frame;
     float weight[HG_LOD_ATTRIBUTES]; // units per unit of attribute
     uint32_t (*triangles)[4];        // vertices, [3] unused; [0] HG_LOD_NONE: removed
     uint32_t (*places)[4];           // their positions
@@ -184,8 +194,9 @@ struct hg_lod_patch {
     uint32_t *vertex_first; // [position_count] ring of vertices
     uint32_t *position_of, *vertex_next, *vertex_global; // [vertex_count]
     float *attributes; // [vertex_count * attribute_count], times weight
-    uint32_t *table;   // positions by hash of `global`
-    uint32_t table_mask;
+    struct {
+        uint32_t *slots, mask; // position + 1; 0: free
+    } table;                   // positions by hash of `global`
     void *memory;
 };
 

@@ -397,10 +397,10 @@ static struct nearest look(const struct hg_lod_patch *p, const struct rings *r,
     const int32_t *lattice = m->lattice[m->position_of[s->vertex]];
     float at[3];
     for (int k = 0; k < 3; k++)
-        at[k] = (float)(lattice[k] - p->origin[k]) * p->scale;
+        at[k] = (float)(lattice[k] - p->frame.origin[k]) * p->frame.scale;
     struct nearest near = walk(p, r, at, anchor);
     // The farthest sample decides the error: was there nothing nearer than the walk found?
-    if (near.distance2 > LOOK_AGAIN && sqrtf(near.distance2) * p->unit > worst)
+    if (near.distance2 > LOOK_AGAIN && sqrtf(near.distance2) * p->frame.unit > worst)
         search(p, at, &near, anchor);
     const float open = s->flags & HG_LOD_SAMPLE_OPEN ? open_distance2(p, *anchor, at) : INFINITY;
     near.distance2 = open < INFINITY ? open : near.distance2;
@@ -421,7 +421,7 @@ static void measure(const struct hg_lod_patch *p, const struct rings *r, struct 
     struct nearest near;
     if (!still_there(p, r, s, anchor, &near))
         near = look(p, r, s, worst, &anchor);
-    const float distance = sqrtf(near.distance2) * p->unit;
+    const float distance = sqrtf(near.distance2) * p->frame.unit;
     const float piece =
         near.distance2 > 0.0f ? hg_lod_piece_size(m, m->position_of[s->vertex]) : INFINITY;
     // What is near to a piece that has gone altogether says nothing about its looks.
@@ -464,7 +464,7 @@ enum hg_status hg_lod_measure(const struct hg_lod_patch *p, float *error)
         worst = s->distance > worst ? s->distance : worst;
     }
     drop_rings(&rings);
-    const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->unit : 0.0f;
+    const float mean = compared > 0 ? sqrtf(looks / (float)compared) * p->frame.unit : 0.0f;
     *error = worst > mean ? worst : mean;
     return status;
 }

@@ -20,7 +20,7 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     size_t table = 16;
     while (table < corners)
         table *= 2;
-    p->table_mask = (uint32_t)table - 1;
+    p->table.mask = (uint32_t)table - 1;
     const size_t words = (size_t)triangles * 12 + corners * (8 + 4 + attributes) + table;
     uint32_t *at =
         hg_realloc(NULL, words + corners / 4 + 4, 4); // not cleared: all but `table` is set
@@ -28,7 +28,7 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
     if (at == NULL)
         return HG_E_NOMEM;
     memset(at, 0, table * sizeof *at);
-    p->table = at;
+    p->table.slots = at;
     at += table;
     p->triangles = (uint32_t(*)[4])(void *)at;
     at += (size_t)triangles * 4;
@@ -52,21 +52,21 @@ static enum hg_status take(struct hg_lod_patch *p, uint32_t triangles, uint32_t 
 
 uint32_t hg_lod_patch_find(const struct hg_lod_patch *p, uint32_t global)
 {
-    for (uint32_t slot = hash(global) & p->table_mask; p->table[slot] != 0;
-         slot = (slot + 1) & p->table_mask)
-        if (p->global[p->table[slot] - 1] == global)
-            return p->table[slot] - 1;
+    for (uint32_t slot = hash(global) & p->table.mask; p->table.slots[slot] != 0;
+         slot = (slot + 1) & p->table.mask)
+        if (p->global[p->table.slots[slot] - 1] == global)
+            return p->table.slots[slot] - 1;
     return HG_LOD_NONE;
 }
 
 static uint32_t add_position(struct hg_lod_patch *p, uint32_t global)
 {
-    uint32_t slot = hash(global) & p->table_mask;
-    for (; p->table[slot] != 0; slot = (slot + 1) & p->table_mask)
-        if (p->global[p->table[slot] - 1] == global)
-            return p->table[slot] - 1;
+    uint32_t slot = hash(global) & p->table.mask;
+    for (; p->table.slots[slot] != 0; slot = (slot + 1) & p->table.mask)
+        if (p->global[p->table.slots[slot] - 1] == global)
+            return p->table.slots[slot] - 1;
     const uint32_t i = p->position_count++;
-    p->table[slot] = i + 1;
+    p->table.slots[slot] = i + 1;
     p->global[i] = global;
     p->into[i] = i;
     p->fixed[i] = p->job->locked[global];
@@ -116,10 +116,10 @@ static void add_triangles(struct hg_lod_patch *p)
 static void set_frame(struct hg_lod_patch *p)
 {
     const struct hg_lod_mesh *m = p->job->mesh;
-    memcpy(p->origin, m->lattice[p->global[0]], sizeof p->origin);
+    memcpy(p->frame.origin, m->lattice[p->global[0]], sizeof p->frame.origin);
     for (uint32_t i = 0; i < p->position_count; i++) {
         for (int k = 0; k < 3; k++)
-            p->point[i][k] = (float)(m->lattice[p->global[i]][k] - p->origin[k]);
+            p->point[i][k] = (float)(m->lattice[p->global[i]][k] - p->frame.origin[k]);
         p->point[i][3] = 0.0f;
     }
     double sum = 0.0;
@@ -134,11 +134,11 @@ static void set_frame(struct hg_lod_patch *p)
         sum += (double)lengths;
     }
     const double mean = sum / (p->triangle_count * 3.0);
-    p->scale = (float)(1.0 / mean);
-    p->unit = (float)(mean * (double)m->format.quantum);
+    p->frame.scale = (float)(1.0 / mean);
+    p->frame.unit = (float)(mean * (double)m->format.quantum);
     for (uint32_t i = 0; i < p->position_count; i++)
         for (int k = 0; k < 3; k++)
-            p->point[i][k] *= p->scale;
+            p->point[i][k] *= p->frame.scale;
 }
 
 // Units of surface per uv: from the areas in space and in the uv plane.

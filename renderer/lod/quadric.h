@@ -71,42 +71,51 @@ static inline float hg_lod_quadric_at(const struct hg_lod_quadric *q, hg_lod_vec
     return hg_lod_vec_sum(hg_lod_quadric_times(q, at) * at);
 }
 
-// The same for `count` attributes: their quadric, their gradients (sums of weight times (g, d)) and
-// the sum of the weights, at (r, 1) with the values `to` instead of `from`.
-static inline float hg_lod_looks_at(const struct hg_lod_quadric *q, const hg_lod_vec *gradients,
-    uint32_t count, float weight, hg_lod_vec at, const float *from, const float *to)
+// The same for the attributes of a vertex.
+struct hg_lod_looks {
+    struct hg_lod_quadric *quadric;
+    hg_lod_vec *gradients; // [count] sums of weight times (g, d)
+    uint32_t count;        // of attributes
+    float weight;          // sum of the weights
+};
+
+// Their error at (r, 1) with the values `to` instead of `from`.
+static inline float hg_lod_looks_at(
+    const struct hg_lod_looks *l, hg_lod_vec at, const float *from, const float *to)
 {
-    hg_lod_vec row = hg_lod_quadric_times(q, at);
+    hg_lod_vec row = hg_lod_quadric_times(l->quadric, at);
     float apart2 = 0.0f;
-    for (uint32_t k = 0; k < count; k++) {
+    for (uint32_t k = 0; k < l->count; k++) {
         const float a = to[k] - from[k];
         apart2 += a * a;
-        row -= gradients[k] * (2.0f * a);
+        row -= l->gradients[k] * (2.0f * a);
     }
-    return hg_lod_vec_sum(row * at) + weight * apart2;
+    return hg_lod_vec_sum(row * at) + l->weight * apart2;
 }
 
-// Tells both from a vertex that lies by (t, 0) farther and has the values `to` instead of `from`.
-static inline void hg_lod_looks_move(struct hg_lod_quadric *q, hg_lod_vec *gradients,
-    uint32_t count, float weight, hg_lod_vec t, const float *from, const float *to)
+// Tells quadric and gradients from a vertex that lies by (t, 0) farther and has the values `to`
+// instead of `from`.
+static inline void hg_lod_looks_move(
+    const struct hg_lod_looks *l, hg_lod_vec t, const float *from, const float *to)
 {
+    struct hg_lod_quadric *q = l->quadric;
     hg_lod_vec sum = {0};
     float apart2 = 0.0f;
     hg_lod_quadric_move(q, t);
-    for (uint32_t k = 0; k < count; k++) {
+    for (uint32_t k = 0; k < l->count; k++) {
         const float a = to[k] - from[k];
-        hg_lod_vec g = gradients[k];
+        hg_lod_vec g = l->gradients[k];
         g[3] += g[0] * t[0] + g[1] * t[1] + g[2] * t[2];
         sum += g * a;
         apart2 += a * a;
-        g[3] -= weight * a;
-        gradients[k] = g;
+        g[3] -= l->weight * a;
+        l->gradients[k] = g;
     }
     q->w -= sum;
     q->x[3] = q->w[0];
     q->y[3] = q->w[1];
     q->z[3] = q->w[2];
-    q->w[3] += weight * apart2 - sum[3];
+    q->w[3] += l->weight * apart2 - sum[3];
 }
 
 #endif

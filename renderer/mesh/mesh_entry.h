@@ -26,7 +26,8 @@ struct hg_part_entry {
     struct hg_meshlet_list meshlets; // of triangles
     const uint32_t *indices;         // in the order of the device; on it, or `host_indices`
     uint32_t *host_indices;
-    // The list of numbered.h, on the device behind the other streams. Only its indices stay here.
+    // The list of provoking_vertex.h, on the device behind the other streams. Only its indices stay
+    // here.
     struct hg_provoking numbered;
     const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
     uint64_t numbered_at, numbered_positions_at; // bytes

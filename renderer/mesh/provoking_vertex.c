@@ -88,9 +88,9 @@ enum hg_status hg_provoking_build(
     return HG_OK;
 }
 
-void hg_provoking_finish(struct hg_provoking *numbered)
+void hg_provoking_finish(struct hg_provoking *list)
 {
-    hg_free(numbered->indices);
-    hg_free(numbered->sources);
-    memset(numbered, 0, sizeof *numbered);
+    hg_free(list->indices);
+    hg_free(list->sources);
+    memset(list, 0, sizeof *list);
 }

@@ -23,6 +23,6 @@ struct hg_provoking {      // zeroed = none
 // 32 bits count). Cost O(n).
 enum hg_status hg_provoking_build(
     const struct hg_mesh_part *part, const uint32_t *order, struct hg_provoking *out) HG_MUST_CHECK;
-void hg_provoking_finish(struct hg_provoking *numbered);
+void hg_provoking_finish(struct hg_provoking *list);
 
 #endif

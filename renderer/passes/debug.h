@@ -1,8 +1,8 @@
-// debug.h - pictures of what the renderer does instead of what it shows: mips, residency, clusters,
+// debug.h - debug views: mips, residency, clusters,
 // levels of detail, overdraw. Floor 3.
 //
-// Colours are linear and meant to be shown as they are (HG_TONEMAP_LINEAR, exposure 1). The legend
-// is in docs/client.md. Blended surfaces are left out, except by overdraw.
+// Colours are linear, to be displayed without a tone curve (HG_TONEMAP_LINEAR, exposure 1). The
+// legend is in docs/client.md. Blended surfaces are left out, except by overdraw.
 #ifndef HG_RENDERER_PASSES_DEBUG_H
 #define HG_RENDERER_PASSES_DEBUG_H
 

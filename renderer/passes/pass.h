@@ -9,7 +9,7 @@
 struct hg_pass {
     struct hg_gpu *gpu;
     struct hg_gpu_cmd *cmd;
-    struct hg_jobs *jobs; // for pipelines that are not there yet; NULL: one after the other
+    struct hg_jobs *jobs; // compiles missing pipelines in parallel; NULL: sequentially
     // Images of textures and lighting, the frame block and tables. What a pass reads besides is
     // declared in shaders/shared/pass_io.h.
     struct hg_gpu_bindings bindings;

@@ -1,4 +1,4 @@
-// path.h - kernels over waves of light paths (shaders/shared/path.h).
+// path.h - kernels over waves of paths (shaders/shared/path.h).
 // Floor 3. Thread: the render thread.
 #ifndef HG_RENDERER_PASSES_PATH_H
 #define HG_RENDERER_PASSES_PATH_H
@@ -8,13 +8,13 @@
 
 enum hg_path_kernel {
     HG_PATH_BEGIN,      // camera rays
-    HG_PATH_SHADE,      // what rays have found
+    HG_PATH_SHADE,      // shades the hits
     HG_PATH_MISS,       // the same of rays that left the scene,
     HG_PATH_SURFACE,    // and of those that did not
-    HG_PATH_ARRIVE,     // light whose way past opaque surfaces is known
-    HG_PATH_ALPHA_MASK, // the next masked or blended surface on its way
+    HG_PATH_ARRIVE,     // adds light whose shadow rays passed all opaque surfaces
+    HG_PATH_ALPHA_MASK, // the next masked or blended surface along its shadow ray
     HG_PATH_CLEAR,      // there is none
-    HG_PATH_KEEP,       // what paths brought to the ring
+    HG_PATH_KEEP,       // samples of the wave to the ring
     HG_PATH_ADD,        // samples of the ring to the film
 };
 
@@ -27,7 +27,7 @@ struct hg_path_show {
     VkDeviceAddress film, samples; // samples: of each tile
     struct hg_gpu_image *target;   // gets the mean of the samples
     uint32_t catcher;              // HG_PATH_PLANE_CATCHER in the film, or HG_PATH_NO_PLANE
-    bool transparent;              // nothing is behind the scene
+    bool transparent;              // the background has alpha 0
     bool clear;                    // pixels without samples; else they are kept
 };
 enum hg_status hg_path_show_record(

@@ -1,6 +1,5 @@
-// resolve.h - accumulated radiance to pixels: mean of the samples, exposure, tone curve, sRGB,
-// straight alpha.
-// Floor 3.
+// resolve.h - resolves accumulated radiance to pixels: mean of the samples, exposure, tone curve,
+// sRGB, straight alpha. Floor 3.
 #ifndef HG_RENDERER_PASSES_RESOLVE_H
 #define HG_RENDERER_PASSES_RESOLVE_H
 

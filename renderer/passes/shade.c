@@ -8,13 +8,14 @@ struct shade_inputs {
     HG_SHADE_IO(HG_GPU_IO_MEMBER)
 };
 
-// Values of the specialisation constant of shade.frag. ALONE: what layers let through.
+// Values of the specialisation constant of shade.frag. ALONE: the background of transmissive
+// layers.
 enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS };
 
 struct style {
     enum variant variant;
     bool background, first;
-    bool dark;        // no light reaches it
+    bool unlit;       // no light reaches it
     bool flat;        // shade_flat.*, for CPU devices
     uint32_t picture; // 0, or a picture's curve + 1
 };
@@ -26,7 +27,7 @@ struct style {
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features, uint32_t features2)
 {
-    if (style->dark)
+    if (style->unlit)
         features &= ~LIGHT_FEATURES;
     if (style->variant != LAYER) // what lets light through is drawn as a layer
         features &= ~HG_FEATURE_TRANSMISSION;
@@ -45,11 +46,11 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .spec_count = 6,
         .colors = {style->picture > 0 ? VK_FORMAT_R8G8B8A8_UNORM : HG_COLOR_FORMAT},
         .color_count = 1,
-        // The triangle lies at infinity (0): in front of it is a surface, else nothing. With dark
+        // The triangle lies at infinity (0): in front of it is a surface, else nothing. With unlit
         // cells it lies a little nearer, where their surfaces were moved.
         .depth = VK_FORMAT_D32_SFLOAT,
         .depth_compare =
-            style->background || style->dark ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
+            style->background || style->unlit ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
         .blend = style->variant == LAYER ? HG_GPU_BLEND_UNDER
                  : style->first          ? HG_GPU_BLEND_NONE
@@ -77,18 +78,18 @@ static enum hg_status draw(struct hg_pass *pass, const struct style *style, stru
 
 // Pipelines of a pass, side by side when they are new.
 static enum hg_status make_all(
-    struct hg_pass *pass, const struct style *style, bool dark, struct hg_error *err)
+    struct hg_pass *pass, const struct style *style, bool unlit, struct hg_error *err)
 {
     struct style others[2] = {*style, *style};
     others[0].background = true;
-    others[1].dark = true;
+    others[1].unlit = true;
     const struct hg_gpu_pipeline_params params[3] = {
         pipeline_of(style, pass->tables, features_of(pass, style->background), pass->features2),
         pipeline_of(&others[0], pass->tables, features_of(pass, true), pass->features2),
         pipeline_of(
             &others[1], pass->tables, features_of(pass, style->background), pass->features2)};
     return pass->jobs != NULL
-               ? hg_gpu_pipelines_make(pass->gpu, params, dark ? 3 : 2, pass->jobs, err)
+               ? hg_gpu_pipelines_make(pass->gpu, params, unlit ? 3 : 2, pass->jobs, err)
                : HG_OK;
 }
 
@@ -100,18 +101,18 @@ static void place(struct hg_pass *pass, const struct hg_gpu_image *target, float
 }
 
 static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_image *target,
-    struct style style, bool dark, struct hg_error *err)
+    struct style style, bool unlit, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     style.background = true;
     status = draw(pass, &style, err);
     style.background = false;
-    if (dark)
+    if (unlit)
         place(pass, target, HG_UNLIT_TILES_DEPTH);
     if (status == HG_OK)
         status = draw(pass, &style, err);
-    style.dark = true;
-    return status == HG_OK && dark ? draw(pass, &style, err) : status;
+    style.unlit = true;
+    return status == HG_OK && unlit ? draw(pass, &style, err) : status;
 }
 
 enum hg_status hg_shade_record(
@@ -119,7 +120,7 @@ enum hg_status hg_shade_record(
 {
     const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
         .front = {.image = shade->layer ? shade->behind : shade->front}};
-    const bool picture = shade->picture != NULL, dark = shade->dark;
+    const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->layer           ? LAYER
                                            : shade->alone         ? ALONE
@@ -130,7 +131,7 @@ enum hg_status hg_shade_record(
         .picture = picture ? shade->tonemap + 1 : 0};
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
-        status = make_all(pass, &style, dark, err);
+        status = make_all(pass, &style, unlit, err);
     if (status != HG_OK)
         return status;
     const struct hg_gpu_rendering rendering = {
@@ -143,7 +144,7 @@ enum hg_status hg_shade_record(
         .area = pass->area};
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     hg_pass_view_whole(pass, target);
-    status = shade->layer ? draw(pass, &style, err) : draw_opaque(pass, target, style, dark, err);
+    status = shade->layer ? draw(pass, &style, err) : draw_opaque(pass, target, style, unlit, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }

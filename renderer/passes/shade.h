@@ -1,4 +1,4 @@
-// shade.h - material shading of what a visibility buffer holds, as a full-screen pass.
+// shade.h - deferred material shading of a visibility buffer, as a full-screen pass.
 // Floor 3. Colours are linear radiance, premultiplied by alpha, RGBA32F.
 #ifndef HG_RENDERER_PASSES_SHADE_H
 #define HG_RENDERER_PASSES_SHADE_H
@@ -18,7 +18,7 @@ struct hg_shade {
     bool clear; // target starts at zero, else it is added or blended to
     bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
                 // background, seen through `front` and added to the target
-    bool dark;  // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of
+    bool unlit; // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of
                 // it. Not for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none
     // The opaque scene alone, to be seen through layers that let light through: alpha is how deep

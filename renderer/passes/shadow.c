@@ -67,7 +67,7 @@ static int32_t inside(int64_t value, int64_t least, int64_t most)
     return (int32_t)(value < least ? least : value > most ? most : value);
 }
 
-// What a rectangle has in common with the area of a pass, which may be all of it.
+// Intersection of a rectangle with the area of a pass, which may be empty for all of it.
 static VkRect2D cut(VkRect2D r, VkRect2D area)
 {
     if (area.extent.width == 0)
@@ -111,7 +111,7 @@ static bool is_due(const struct hg_shadow_map *map, bool coarse)
     return map->stale && !(coarse && map->refines);
 }
 
-// Planes of what a map shows inside `part` of its rectangle, a pixel more on each side.
+// Frustum planes of a map inside `part` of its rectangle, enlarged by a pixel on each side.
 static uint32_t planes_of(
     const float view_proj[16], VkRect2D whole, VkRect2D part, float planes[6][4])
 {

@@ -24,7 +24,7 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
     const struct hg_shadow_choice *choice, struct hg_jobs *jobs, struct hg_culling *visible,
     struct hg_error *err) HG_MUST_CHECK;
 // Draws the sets from first_set on, which hg_shadow_select added, before shading; nothing is
-// recorded when there are none. A map stays stale when its set is not as fine as it should be.
+// recorded when there are none. A map stays stale while its set is coarser than requested.
 // Device errors.
 enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighting, bool coarse,
     const struct hg_culling *visible, uint32_t first_set, struct hg_error *err) HG_MUST_CHECK;

@@ -1,12 +1,12 @@
-// unlit_tiles.h - cells of the picture that no punctual light reaches, for a pipeline without
+// unlit_tiles.h - classifies tiles that no punctual light reaches, for a pipeline without
 // lights. Floor 3. Thread: the render thread.
 //
-// Software rasterisers cannot skip the lights of a pixel inside a shader; the depth test in front
-// of it can. So surfaces are looked at in cells of HG_UNLIT_TILES_CELL_PX before they are shaded. A
-// cell is dark when all maps of the lights that might reach what it shows are nearer to the light
-// everywhere, which a pyramid over the shadow atlas tells; what is not sure is not dark, and
-// pictures are the same bytes without any of this. Depths of surfaces in dark cells become
-// HG_UNLIT_TILES_DEPTH, by which shading (passes/shade.h) tells the three kinds of pixels apart.
+// On software rasterisers, branching over lights inside a shader saves little, but the depth test
+// before it does. So surfaces are classified in cells of HG_UNLIT_TILES_CELL_PX before shading. A
+// cell is unlit when the shadow maps of all lights that may reach its surfaces are nearer to the
+// light everywhere, by a min/max pyramid over the shadow atlas. The test is conservative: pictures
+// are byte-identical without it. Depths of surfaces in unlit tiles become HG_UNLIT_TILES_DEPTH, so
+// that the depth test of shading (passes/shade.h) distinguishes the three kinds of pixels.
 #ifndef HG_RENDERER_PASSES_UNLIT_TILES_H
 #define HG_RENDERER_PASSES_UNLIT_TILES_H
 
@@ -20,16 +20,16 @@ struct hg_unlit_tiles {
     bool coarse;   // without the finer cascades
 };
 
-void hg_unlit_tiles_finish(struct hg_gpu *gpu, struct hg_unlit_tiles *dark);
-// Finds the cells of what `depth` holds, with the pass's lights. In front of this the shadow maps
-// are drawn, without the finer cascades when coarse. HG_E_NOMEM, device errors.
-enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *dark,
+void hg_unlit_tiles_finish(struct hg_gpu *gpu, struct hg_unlit_tiles *tiles);
+// Classifies the cells of `depth` for the pass's lights. Recorded after the shadow maps; coarse:
+// these lack the finer cascades. HG_E_NOMEM, device errors.
+enum hg_status hg_unlit_tiles_find(struct hg_pass *pass, struct hg_unlit_tiles *tiles,
     struct hg_lighting *lighting, bool coarse, struct hg_gpu_image *depth,
     struct hg_error *err) HG_MUST_CHECK;
 // Moves their surfaces to HG_UNLIT_TILES_DEPTH (shaders/shared/unlit_tiles.h).
-enum hg_status hg_unlit_tiles_mark(struct hg_pass *pass, const struct hg_unlit_tiles *dark,
+enum hg_status hg_unlit_tiles_mark(struct hg_pass *pass, const struct hg_unlit_tiles *tiles,
     struct hg_gpu_image *depth, struct hg_error *err) HG_MUST_CHECK;
-// Share of cells that the newest picture had in the dark, 0..1; after the batch was waited for.
-float hg_unlit_tiles_share(const struct hg_unlit_tiles *dark, const struct hg_gpu_image *depth);
+// Share of cells that the newest picture had unlit, 0..1; after the batch was waited for.
+float hg_unlit_tiles_share(const struct hg_unlit_tiles *tiles, const struct hg_gpu_image *depth);
 
 #endif

@@ -144,8 +144,12 @@ static void begin(
 enum hg_status hg_visibility_test(struct hg_pass *pass, const struct hg_visibility_scene *scene,
     const struct hg_visibility_target *target, struct hg_error *err)
 {
-    return hg_culling_test(scene->visible, pass->cmd, scene->set, target->depth, target->visibility,
-        pass->tables, pass->features, err);
+    const struct hg_culling_test test = {.set = scene->set,
+        .depth = target->depth,
+        .visibility = target->visibility,
+        .tables = pass->tables,
+        .features = pass->features};
+    return hg_culling_test(scene->visible, pass->cmd, &test, err);
 }
 
 enum hg_status hg_visibility_record_late(struct hg_pass *pass,

@@ -1,4 +1,4 @@
-// visibility.h - which draw and which primitive each pixel shows, and their depth.
+// visibility.h - the visibility buffer: draw and primitive of each pixel, and depth.
 // Floor 3. RG32_UINT: x = draw + 1 (0 = nothing), y = primitive of the draw. D32, reversed.
 //
 // Blended surfaces are peeled front to back: each layer is a visibility buffer of its own that
@@ -40,7 +40,7 @@ enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
     struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous,
     struct hg_error *err) HG_MUST_CHECK;
-// Everything that can be seen, blended surfaces as if opaque, inside `area` only: for picking.
+// All surfaces, blended ones as if opaque, inside `area` only: for picking.
 enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
     VkRect2D area, struct hg_error *err) HG_MUST_CHECK;

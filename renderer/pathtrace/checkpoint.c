@@ -1,8 +1,8 @@
 // checkpoint.c - checkpoints: the film between two waves.
 //
-// A wave under way is not kept, nor samples that wait for those of their neighbours: their paths
-// are traced again, and bring the same. Layout: struct header, samples of tiles (u32), done (u8),
-// film (f32); little endian, as all hosts we run on.
+// Neither an unfinished wave nor samples in the splat ring are saved: their paths are traced again
+// with the same result. Layout: struct header, samples of tiles (u32), done (u8), film (f32);
+// little endian, as all supported hosts.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -22,7 +22,7 @@ struct header {
     uint64_t spent_ns;
     uint64_t triangles, draws, materials; // of the scene
     uint8_t state[HG_SHA256_BYTES];       // of camera and settings
-    uint8_t body[HG_SHA256_BYTES];        // of what follows
+    uint8_t body[HG_SHA256_BYTES];        // of the data after the header
 };
 
 static void note_scene(const struct hg_path *p, struct header *h)
@@ -175,9 +175,9 @@ enum hg_status hg_path_resume(struct hg_path *p, struct hg_error *err)
     uint8_t *kept = p->resume.data;
     if (kept == NULL)
         return HG_OK;
-    p->resume.data = NULL; // counts once
+    p->resume.data = NULL; // is used once
     if (memcmp(&p->resume.expected, &p->resume.identity, sizeof p->resume.identity) != 0) {
-        hg_free(kept); // what came after it begins anew, as all else does
+        hg_free(kept); // later state is rebuilt from the film
         return HG_OK;
     }
     memcpy(&h, kept, sizeof h);

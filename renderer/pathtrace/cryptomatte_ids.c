@@ -1,7 +1,7 @@
-// cryptomatte_ids.c - which draws go by one name, for the lists of what pixels show (Cryptomattes).
+// cryptomatte_ids.c - groups draws by name for the Cryptomatte lists of pixels.
 //
-// A pixel lists names, not draws: the instances of a tree are one entry. A name is known by the
-// first draw that has it.
+// A pixel lists names, not draws: all instances of a tree are one entry. A name is identified by
+// the first draw that has it.
 #include "renderer/pathtrace/cryptomatte_ids.h"
 
 #include <stdio.h>
@@ -19,7 +19,7 @@ void hg_cryptomatte_ids_destroy(struct hg_cryptomatte_ids *ids, struct hg_gpu *g
     ids->list_count = ids->draws = 0;
 }
 
-// What has no name of its own goes by its kind and its place in the file.
+// Unnamed objects are named by kind and index in the file.
 static void name_object(const char *kind, const struct hg_object *object, char out[HG_PATH_NAME])
 {
     if (object->name[0] != '\0')
@@ -41,7 +41,7 @@ void hg_path_name_draw(uint32_t kind, const struct hg_draw_info *d, char out[HG_
             out, HG_PATH_NAME, "%s", d->node->asset != NULL ? d->node->asset->label : "client");
 }
 
-// Open addressing by the bits of ids, which is how names are told apart in the end.
+// Hash set with open addressing, keyed by Cryptomatte id: names with equal ids are one entry.
 struct met {
     uint32_t *slots; // [mask + 1] draw + 1, 0 = free
     uint32_t *ids;   // [draws]

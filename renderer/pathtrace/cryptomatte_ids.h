@@ -1,4 +1,4 @@
-// cryptomatte_ids.h - which draws have one name, for each list of names. Private to the room.
+// cryptomatte_ids.h - groups draws by name, for each Cryptomatte list. Private to the room.
 // Floor 3.5. Thread: the render thread.
 #ifndef HG_RENDERER_PATHTRACE_CRYPTOMATTE_IDS_H
 #define HG_RENDERER_PATHTRACE_CRYPTOMATTE_IDS_H
@@ -16,7 +16,7 @@ enum hg_status hg_cryptomatte_ids_make(struct hg_cryptomatte_ids *ids, struct hg
     const struct hg_geometry *geometry, const struct hg_path_settings *settings,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_cryptomatte_ids_destroy(struct hg_cryptomatte_ids *ids, struct hg_gpu *gpu);
-// Which list has names of a kind; false: none.
+// The list that holds names of a kind; false: none.
 bool hg_cryptomatte_ids_list(
     const struct hg_path_settings *settings, uint32_t kind, uint32_t *list);
 

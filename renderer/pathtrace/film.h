@@ -10,31 +10,31 @@
 struct hg_path_film { // zeroed = empty; hg_path_film_destroy
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // first channel of each plane
-    uint32_t sampled_channels; // those that each sample brings; sums over halves follow, then lists
-    uint32_t lists;            // first channel of the lists of names
+    uint32_t sampled_channels; // written by each sample; half buffers follow, then lists
+    uint32_t lists;            // first channel of the Cryptomatte lists
     double origin[3];          // scene space, metres: what positions are relative to
     struct hg_gpu_buffer sums, read_back;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
-    struct hg_gpu_buffer ring;    // samples of the pass that wait for their neighbours
+    struct hg_gpu_buffer ring;    // samples of the pass whose neighbouring tiles are not traced yet
     struct hg_gpu_buffer traced; // [tile_count] words: samples of each tile that were in it, mapped
     uint32_t ring_rows;          // of tiles that it holds
-    bool splats;                 // samples count for neighbouring pixels, too
-    bool transparent;            // nothing is behind the scene
+    bool splats;                 // samples are splatted to neighbouring pixels
+    bool transparent;            // the background has alpha 0
 };
 
-// What decides the film's channels.
+// Determines the film's channels.
 struct hg_path_film_plan {
-    uint32_t options;     // HG_PATH_CATCHER counts
+    uint32_t options;     // of which HG_PATH_CATCHER is used
     uint32_t group_count; // of lights
     uint32_t list_count;  // of names
 };
 
-// HG_E_NOMEM, device errors. What was there is destroyed.
+// HG_E_NOMEM, device errors. Destroys the previous film.
 enum hg_status hg_path_film_create(struct hg_gpu *gpu, const struct hg_path_request *request,
     const struct hg_path_film_plan *plan, struct hg_path_film *film,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_path_film_destroy(struct hg_gpu *gpu, struct hg_path_film *film);
-// The first `channels` where the host can read them.
+// Maps the first `channels` channels for reading by the host.
 enum hg_status hg_path_film_fetch(struct hg_gpu *gpu, struct hg_path_film *film, uint32_t channels,
     const float **out, struct hg_error *err) HG_MUST_CHECK;
 
@@ -44,9 +44,9 @@ double hg_path_film_luminance(const float *sums, uint64_t at, uint64_t pixels);
 // Variance of a pixel's mean, of its luminance; n >= 2.
 double hg_path_film_variance(
     const struct hg_path_film *film, const float *sums, uint64_t at, double n, double *mean);
-// Share of the light that arrives at a shadow catcher, as far as is known.
+// Estimated share of the unshadowed light that reaches a shadow catcher.
 float hg_path_film_caught(const struct hg_path_film *film, const float *sums, uint64_t at);
-// Adds what shadow catchers show to a pixel's sums of colour and coverage, as path_show.frag does.
+// Adds shadow catchers to a pixel's sums of colour and coverage, as path_show.frag does.
 void hg_path_film_catch(
     const struct hg_path_film *film, const float *sums, uint64_t at, float sum[4]);
 

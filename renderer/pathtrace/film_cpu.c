@@ -1,5 +1,5 @@
-// film_cpu.c - samples to the film by the host, where its processors are the device: what
-// path_add.comp does, with rows of pixels in place of words by address.
+// film_cpu.c - accumulates samples in the film on the host, for CPU devices: the same as
+// path_add.comp, row by row instead of word by word.
 #include <string.h>
 
 #include "base/jobs.h"
@@ -31,7 +31,7 @@ static size_t ring_row(const struct hg_path_film *f, uint32_t word, uint32_t y)
     return ((size_t)word * f->ring_rows * SIDE + row) * ring_stride(f);
 }
 
-// --- what a wave brought, to the ring ------------------------------------------------------------
+// --- from the wave to the ring -------------------------------------------------------------------
 
 static uint32_t even_bits(uint32_t i)
 {
@@ -55,7 +55,7 @@ static void keep_tile(void *user, size_t index)
     }
 }
 
-// --- from there to the film ----------------------------------------------------------------------
+// --- from the ring to the film -------------------------------------------------------------------
 
 // A tile of the picture, and its pixels' samples of one channel.
 struct tile {
@@ -65,7 +65,7 @@ struct tile {
     uint32_t x0, y0, width, height;
     uint32_t pass;
     bool first, whole; // whole: all tiles around have samples
-    bool around[TAPS]; // which of them have
+    bool around[TAPS]; // which of them do
 };
 
 static struct tile tile_of(const struct work *work, uint32_t number)
@@ -91,14 +91,14 @@ static struct tile tile_of(const struct work *work, uint32_t number)
     return t;
 }
 
-// Which tile around a pixel's neighbour lies in.
+// Index (0..8) of the surrounding tile that holds a pixel's neighbour.
 static uint32_t side_of(uint32_t at, uint32_t tap)
 {
-    const uint32_t moved = at + tap; // one more than the place
+    const uint32_t moved = at + tap; // position + 1
     return moved == 0 ? 0 : moved > SIDE ? 2 : 1;
 }
 
-// Weights of the pixel's neighbours that have samples; they add up to one.
+// Weights of the pixel's neighbours that have samples, normalised to 1.
 static void weights_at(const struct tile *t, uint32_t x, uint32_t y, float out[TAPS])
 {
     const struct hg_path_film *f = t->film;
@@ -138,7 +138,7 @@ HG_SIMD_LOOP static void blend_row(
     }
 }
 
-// Samples of a word of the ring, of all pixels of a tile.
+// Reads one channel of the ring for all pixels of a tile.
 static void blend(const struct tile *t, uint32_t word, float out[HG_PATH_TILE_PX])
 {
     const float *ring = t->film->ring.mapped;
@@ -173,7 +173,7 @@ static void add_channel(
     }
 }
 
-// More of a sample for the name that it met, in a list of a pixel.
+// Adds a sample's weight to the entry of the name that it hit, in a pixel's list.
 static void list_name(float *list, size_t pixels, float draw, float weight)
 {
     for (uint32_t i = 0; i < HG_PATH_DRAWS_LENGTH; i++, list += 2 * pixels) {
@@ -185,7 +185,7 @@ static void list_name(float *list, size_t pixels, float draw, float weight)
     }
 }
 
-// Of one pixel, with weights of those around, what they met and its list.
+// Updates the list of one pixel from the hits of its neighbours and their weights.
 static void list_pixel(const struct tile *t, uint32_t number, const float w[TAPS],
     const float draws[TAPS], float *list)
 {
@@ -223,15 +223,14 @@ static void list_all(const struct tile *t)
     }
 }
 
-// What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be
-// independent.
+// Denoiser inputs are not splatted: the denoiser assumes independent noise of neighbouring pixels.
 static bool is_own(const struct hg_path_film *f, uint32_t c)
 {
     const uint32_t moved = f->planes[HG_PATH_PLANE_MOVED], guide = f->planes[HG_PATH_PLANE_GUIDE];
     return c >= guide || (c >= moved && c - moved < HG_PATH_MOVED_WORDS);
 }
 
-// Channels that are numbers of things and have no mean: those of the pixel's own first sample.
+// Channels that are ids and have no mean are taken from the pixel's own first sample.
 static bool is_number(const struct hg_path_film *f, uint32_t c)
 {
     const uint32_t moved = f->planes[HG_PATH_PLANE_MOVED];
@@ -248,7 +247,7 @@ static void note_own(const struct tile *t, uint32_t channel, float out[HG_PATH_T
             t->width * sizeof *out);
 }
 
-// HG_PATH_SHOWN_*: channels of the guide, more than one added up for the light.
+// HG_PATH_SHOWN_*: guide channels of the denoiser; light is the sum of several channels.
 static void add_shown(const struct tile *t, uint32_t guide)
 {
     const uint32_t to = guide + 2 * HG_PATH_GUIDE_CHANNELS;

@@ -24,7 +24,7 @@ static double filter_at(uint32_t filter, double x)
     }
 }
 
-// Entry i: where the filter's integral from its left end is i / steps of the whole.
+// Inverse CDF: entry i is where the filter's integral from its left end reaches i / steps.
 void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FILTER_STEPS + 1])
 {
     enum { FINE = 8192 };
@@ -48,7 +48,7 @@ void hg_path_filter_fill(uint32_t filter, float radius_px, float out[HG_PATH_FIL
     out[HG_PATH_FILTER_STEPS] = radius_px;
 }
 
-// --- samples that count for neighbours -----------------------------------------------------------
+// --- splatting -----------------------------------------------------------------------------------
 
 #define SPLAT_RADIUS_PX 1.5f // of the widest filter that does not reach farther than the next pixel
 
@@ -66,7 +66,7 @@ static uint32_t mix_bits(uint32_t x)
     return x ^ (x >> 15);
 }
 
-// Each bit is flipped depending on the bits above it: Owen's scrambling, bit by bit.
+// Owen scrambling: each bit is flipped depending on the bits above it.
 static uint32_t scramble(uint32_t x, uint32_t seed)
 {
     uint32_t out = 0, above = seed;
@@ -78,9 +78,9 @@ static uint32_t scramble(uint32_t x, uint32_t seed)
     return out;
 }
 
-// Points of Sobol's second and third dimension, scrambled; -0.5..0.5. The first one is by which
-// parts of the shutter's time follow each other (motion_blur.c): all three together are well
-// distributed. Source of the direction numbers: Joe and Kuo 2008, "Constructing Sobol Sequences
+// Scrambled points of Sobol dimensions 2 and 3, -0.5..0.5. Dimension 1 orders the shutter
+// intervals (motion_blur.c), so that time and place together are well distributed. Source of the
+// direction numbers: Joe and Kuo 2008, "Constructing Sobol Sequences
 // with Better Two-Dimensional Projections".
 static void splat_offset(uint32_t number, uint32_t seed, float out[2])
 {
@@ -123,11 +123,12 @@ void hg_path_splat_fill(
     out->splat_y = splat_weights(s, out->splat_offset[1]);
 }
 
-// A pixel's own samples are a mean over its places, which the filter is wider than: three weights
-// that do the rest, so that both together have the mean and the variance of what the filter does.
+// A pixel's own samples cover only the pixel, but the filter is wider: three splat weights per axis
+// are chosen so that samples and weights together have the filter's mean and variance.
 struct spread {
-    double own, own2, all, all2; // sums of places, and squared: own samples', all that count
-    bool reaches;                // neighbours count
+    double own, own2, all,
+        all2;     // sums of offsets and their squares: own samples; all splatted ones
+    bool reaches; // the filter is wider than a pixel
 };
 
 #define SPREAD_LEAST 0.002 // variance: where a pixel's own samples see nothing, those around tell

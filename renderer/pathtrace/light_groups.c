@@ -1,9 +1,9 @@
-// light_groups.c - which lights belong together, and which draws catch shadows.
+// light_groups.c - assigns lights and emissive draws to light groups, and marks shadow catchers.
 //
-// A punctual light belongs to the group of its name, or of its node's when it has none; what shines
-// of a mesh to that of its node's name; a number at the end does not count ("Lamp.003", "Lamp 3").
-// Group 0 is the environment, and all that finds no room belongs to the last group, "other". Groups
-// are called as parts of EXR files may be: 20 bytes, no dots, no control characters.
+// A punctual light's group is its name, or that of its node when it has none; an emissive mesh's
+// group is the name of its node. A trailing number is ignored ("Lamp.003", "Lamp 3"). Group 0 is
+// the environment; lights beyond the limit are in the last group, "other". Group names are valid
+// names of EXR parts: at most 20 bytes, no dots, no control characters.
 #include "renderer/pathtrace/light_groups.h"
 
 #include <stdio.h>
@@ -26,7 +26,7 @@ static bool is_digit(char c)
     return c >= '0' && c <= '9';
 }
 
-// The name without the number behind it and what sets that apart.
+// The name without a trailing number and its separator.
 static size_t stem(const char *name)
 {
     size_t length = strlen(name), end = length;
@@ -37,7 +37,7 @@ static size_t stem(const char *name)
     return end > 0 ? end : length;
 }
 
-// Groups in the making: what they are called in the scene, which keeps it.
+// Groups while they are collected; names are borrowed from the scene.
 struct naming {
     struct hg_light_groups *groups;
     struct hg_gpu *gpu;
@@ -46,7 +46,7 @@ struct naming {
     size_t length[HG_PATH_MOST_GROUPS];
 };
 
-// The first `most` bytes or fewer, whole characters of UTF-8.
+// At most the first `most` bytes, cut at a UTF-8 character.
 static size_t shorten(const char *text, size_t length, size_t most)
 {
     size_t end = length < most ? length : most;
@@ -200,7 +200,7 @@ enum hg_status hg_light_groups_make(struct hg_light_groups *g, struct hg_gpu *gp
     g->count = 0;
     *options &=
         ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES | HG_PATH_FOLLOWS);
-    if (request->surfaces) { // where nothing catches shadows
+    if (request->surfaces) { // there are no shadow catchers
         *options |= HG_PATH_SURFACES;
         return reserve_marks(&n, err);
     }

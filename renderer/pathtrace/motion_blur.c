@@ -1,10 +1,10 @@
-// motion_blur.c - times of a path-traced picture: the frames before and after, and the parts of the
-// time that the shutter is open.
+// motion_blur.c - times of a path-traced picture: the frames before and after, and the shutter
+// intervals.
 //
-// The shutter's time is cut into parts in which motion is nearly a straight line. Each pass has one
-// of them, in bit-reversed order, so that any power of two of passes is spread evenly; what moves
-// is refitted in between. Within a part matrices and vertices go in straight lines
-// (trace/ray_geometry.h), and each path has a time of its own.
+// The time that the shutter is open is cut into intervals in which motion is nearly linear. Each
+// pass samples one interval, in bit-reversed order, so that any power of two of passes is spread
+// evenly; moving geometry is refitted between intervals. Within an interval matrices and vertices
+// are interpolated linearly (trace/ray_geometry.h), and each path has its own time.
 #include "renderer/pathtrace/motion_blur.h"
 
 #include <string.h>
@@ -35,7 +35,7 @@ static bool has_motion(const struct hg_path_request *r)
     return (r->settings.planes >> HG_PATH_PLANE_MOTION & 1u) != 0;
 }
 
-// The picture is one of a series, and wants to know where things were in the one before.
+// The picture is part of a series that is denoised: motion vectors to the previous one are needed.
 static bool is_of_series(const struct hg_path_request *r)
 {
     return r->settings.denoise == HG_PATH_DENOISE_SERIES;
@@ -74,7 +74,7 @@ static void note_camera(struct hg_motion_blur *b, uint32_t moment, const struct 
     m->ray_y_ws = c->ray_y_ws;
 }
 
-// Poses the geometry, and keeps what it shows unless it stays in that pose.
+// Poses the geometry, and takes a snapshot unless the geometry stays in that pose.
 static enum hg_status pose(
     struct hg_path *p, uint32_t moment, double frames, bool keep, struct hg_error *err)
 {
@@ -100,7 +100,7 @@ static uint32_t part_of(const struct hg_motion_blur *b, uint32_t pass)
     return part;
 }
 
-// Of pictures without motion blur there is one part, and it is posed.
+// Without motion blur there is one interval, and it is the current pose.
 bool hg_motion_blur_passes(const struct hg_motion_blur *b, uint32_t pass)
 {
     return part_of(b, pass) != b->part;
@@ -124,7 +124,7 @@ enum hg_status hg_motion_blur_open(struct hg_path *p, struct hg_error *err)
     return status == HG_OK ? pose(p, HG_PATH_CLOSING, to, false, err) : status;
 }
 
-// How many parts: no more than there are samples.
+// Number of shutter intervals: at most the number of samples.
 static enum hg_status choose_parts(struct hg_path *p, struct hg_error *err)
 {
     const struct hg_path_settings *s = &p->request.settings;
@@ -136,7 +136,7 @@ static enum hg_status choose_parts(struct hg_path *p, struct hg_error *err)
     return hg_shutter_parts(&shutter, &span, &p->scene.blur.parts, err);
 }
 
-// What planes of motion are made of.
+// Inputs of the motion planes.
 static enum hg_status pose_frames(struct hg_path *p, struct hg_error *err)
 {
     const struct hg_path_settings *s = &p->request.settings;

@@ -1,4 +1,4 @@
-// path.c - a picture: what it needs, its passes, slices of work. See path.h.
+// path.c - a path-traced picture: resources, passes, slices of work. See path.h.
 #include "renderer/pathtrace/path.h"
 
 #include <math.h>
@@ -63,7 +63,7 @@ enum hg_status hg_path_sync_scene(struct hg_path *p, struct hg_error *err)
         wait_ns > 0 ? hg_cond_after(wait_ns) : 0, err);
 }
 
-// Structures at the detail that the picture asks for. Those of a shutter are of this picture alone.
+// Ray geometry at the requested LOD error. With motion blur it belongs to this picture alone.
 static enum hg_status ref_rays(struct hg_path *p, struct hg_error *err)
 {
     const struct hg_gpu_camera *c = p->host.camera;
@@ -116,7 +116,7 @@ static uint32_t has_alpha_mask(const struct hg_ray_geometry *geometry)
     return 0;
 }
 
-// Which draws rays meet in their own space.
+// Marks the draws that rays intersect in object space.
 static void mark_placed(struct hg_path *p)
 {
     struct hg_geometry_stats stats;
@@ -125,7 +125,7 @@ static void mark_placed(struct hg_path *p)
         &p->scene.groups, hg_rays_trace(p->scene.rays), (uint32_t)stats.draws, &p->options);
 }
 
-// What rays hit, and emitters.
+// Ray geometry and emitters.
 static enum hg_status sync_scene(struct hg_path *p, struct hg_error *err)
 {
     enum hg_status status = sync_rays(p, err);
@@ -136,7 +136,7 @@ static enum hg_status sync_scene(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// The part of the shutter's time that the pass has.
+// The shutter interval of the pass.
 static enum hg_status open_shutter(struct hg_path *p, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
@@ -152,7 +152,7 @@ static enum hg_status open_shutter(struct hg_path *p, struct hg_error *err)
     return synced;
 }
 
-// What rays hit and what is known of it, up to the film's channels.
+// Ray geometry and all that depends on it, up to the film's channels.
 static enum hg_status begin_scene(struct hg_path *p, struct hg_error *err)
 {
     struct hg_gpu *gpu = p->context->gpu;
@@ -183,7 +183,7 @@ static enum hg_status begin_film(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// Everything that does not change while a picture is made.
+// Everything that stays constant while a picture is rendered.
 static enum hg_status begin_picture(struct hg_path *p, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
@@ -194,7 +194,7 @@ static enum hg_status begin_picture(struct hg_path *p, struct hg_error *err)
         status = begin_scene(p, err);
     if (status == HG_OK)
         status = begin_film(p, err);
-    // Of a shutter, structures are made for the first part of its time.
+    // With motion blur, ray geometry is built for the first shutter interval.
     if (status == HG_OK && (p->options & HG_PATH_BLURS) != 0)
         status = open_shutter(p, err);
     if (status == HG_OK)
@@ -245,7 +245,7 @@ static enum hg_status next_wave(struct hg_path *p, struct hg_error *err)
         status = end_pass(p, err);
         if (status != HG_OK || p->progress.finished)
             return status;
-        (void)choose_tiles(p); // tiles that are not done are all there
+        (void)choose_tiles(p); // all tiles that are not done
     }
     if (hg_motion_blur_passes(&p->scene.blur, p->progress.pass))
         status = open_shutter(p, err);
@@ -256,15 +256,15 @@ static enum hg_status next_wave(struct hg_path *p, struct hg_error *err)
 
 // --- steps ---------------------------------------------------------------------------------------
 
-// A pass that the last wave of has just finished is ended at once, so that it is shown.
+// Ends the pass right after its last wave, so that it is displayed.
 static enum hg_status after_wave(struct hg_path *p, struct hg_error *err)
 {
     if (p->progress.pass == 0)
-        p->progress.changes++; // tiles that were empty
+        p->progress.changes++; // first samples of these tiles
     return p->progress.next_tile < p->film.tile_count ? HG_OK : end_pass(p, err);
 }
 
-// `start`: of this slice. Time between slices is that of others.
+// `start`: of this slice. Time between slices is not counted.
 static bool is_late(const struct hg_path *p, uint64_t start)
 {
     const float limit = p->request.settings.time_s;
@@ -309,7 +309,7 @@ static enum hg_status work(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// The picture goes on; others may have looked at the scene in between.
+// Continues the picture; other views may have used the scene in between.
 static enum hg_status go_on(struct hg_path *p, struct hg_error *err)
 {
     const bool blurs = (p->options & HG_PATH_BLURS) != 0;
@@ -317,7 +317,8 @@ static enum hg_status go_on(struct hg_path *p, struct hg_error *err)
     if (status != HG_OK || hg_path_done(p))
         return status;
     if (!blurs)
-        return hg_skin_run(p->context->gpu, p->scene_gpu->geometry, err); // others' poses
+        return hg_skin_run(
+            p->context->gpu, p->scene_gpu->geometry, err); // other views may have posed it
     if (p->scene_gpu->posed != p) {
         status = open_shutter(p, err);
         hg_path_wave_fill(p);
@@ -337,7 +338,7 @@ enum hg_status hg_path_step(
     if (status == HG_OK && hg_path_done(p) && p->scene_gpu->posed == p)
         status = hg_path_sync_scene(p, err);
     if (status != HG_OK)
-        hg_path_film_destroy(p->context->gpu, &p->film); // begins anew
+        hg_path_film_destroy(p->context->gpu, &p->film); // restarts
     return status;
 }
 

@@ -1,4 +1,4 @@
-// path_denoise.c - path-traced pictures without their noise, for views that ask for it.
+// path_denoise.c - runs the denoiser on the film.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -15,7 +15,7 @@ void hg_path_denoise_destroy(struct hg_path_denoiser *d, struct hg_gpu *gpu)
     hg_denoise_destroy(d->loaded);
 }
 
-// While samples come in, a picture that is watched is made again when there are twice as many.
+// Intermediate pictures are denoised whenever the number of samples has doubled.
 static bool is_due(const struct hg_path *p)
 {
     const uint32_t pass = p->progress.pass;
@@ -31,7 +31,7 @@ static const float *shown_of(const struct hg_path_film *f, const float *film)
     return film + (f->planes[HG_PATH_PLANE_GUIDE] + 2 * HG_PATH_GUIDE_CHANNELS) * pixels;
 }
 
-// The film's sums, with the noisy part of the light in the place of the other.
+// The film's sums with the noisy light replaced by the denoised.
 static void compose(const struct hg_path_film *f, const float *film, const float *light, float *out)
 {
     const size_t pixels = (size_t)f->width * f->height;
@@ -67,7 +67,7 @@ enum hg_status hg_path_denoise_begin(struct hg_path *p, struct hg_error *err)
     if (p->denoiser.loaded != NULL) {
         hg_denoise_destroy(p->denoiser.history);
         p->denoiser.history = p->denoiser.loaded;
-        p->denoiser.loaded = NULL; // counts once
+        p->denoiser.loaded = NULL; // is used once
     }
     if (p->denoiser.history == NULL)
         p->denoiser.history = hg_denoise_create();

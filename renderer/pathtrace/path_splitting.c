@@ -1,13 +1,12 @@
-// path_splitting.c - how often what the camera sees first is shaded for each sample.
+// path_splitting.c - chooses the number of branches per camera hit.
 //
-// Where most camera rays leave the scene, most of a sample's time goes into pixels that have next
-// to no noise. There each surface that a camera ray has met gets several paths, of equal weight,
-// from the same point: splitting, Arvo and Kirk 1990, "Particle Transport and Image Synthesis".
-// With r the time of a camera ray over that of a path and h the share of camera rays that meet
-// something, a sample of b branches takes r + h b, and its error falls to 1 / b until that of edges
-// and textures shows. So b h is bounded: more would gain little, and a pass should not take much
-// longer for it. h is counted by a grid of rays (with a shutter in the first part of its time), so
-// it depends on scene and camera alone, and a picture that is gone on with has the same.
+// Where most camera rays leave the scene, most of a sample's time goes into pixels with hardly any
+// noise. There several paths of equal weight start at each camera hit: splitting, Arvo and Kirk
+// 1990, "Particle Transport and Image Synthesis". With r the cost of a camera ray relative to a
+// path and h the hit rate of camera rays, a sample of b branches costs r + h b, and its variance
+// falls as 1 / b until that of edges and textures dominates. So b h is bounded, which also bounds
+// the time of a pass. h is measured with a grid of rays (with motion blur in the first shutter
+// interval): it depends only on scene and camera, and is the same after a checkpoint.
 #include <math.h>
 
 #include "renderer/pathtrace/path_state.h"
@@ -23,7 +22,7 @@ static struct hg_vec3 vec3_of(const double v[3])
     return (struct hg_vec3){(float)v[0], (float)v[1], (float)v[2]};
 }
 
-// Through a point of the picture, px; no lens. Those of parallel projection begin at the near
+// Camera ray through a point of the picture, px; no lens. Orthographic rays start at the near
 // plane, which may lie behind the eye.
 static struct hg_gpu_ray ray_at(const struct hg_gpu_camera *c, float x, float y)
 {
@@ -68,7 +67,7 @@ static enum hg_status reserve(struct hg_gpu *gpu, struct probe *probe, struct hg
     return status;
 }
 
-// Share of a grid of camera rays that meet something.
+// Hit rate of a grid of camera rays.
 static enum hg_status count_hits(
     const struct hg_path *p, const struct probe *probe, double *share, struct hg_error *err)
 {

@@ -1,4 +1,4 @@
-// path_state.h - what a path-traced picture consists of, and what its files share. Private to the
+// path_state.h - state of a path-traced picture, shared by the files of this room. Private to the
 // room. Floor 3.5. Thread: the render thread.
 #ifndef HG_RENDERER_PATHTRACE_PATH_STATE_H
 #define HG_RENDERER_PATHTRACE_PATH_STATE_H
@@ -15,10 +15,10 @@
 #include "renderer/passes/path.h"
 #include "renderer/trace/rays.h"
 
-// What light is followed through.
+// Ray geometry and emitters.
 struct hg_path_scene {
     struct hg_rays_scene *rays; // a reference; NULL: none yet
-    uint32_t backend;           // asked for when that was made
+    uint32_t backend;           // requested when it was created
     struct hg_emitters *emitters;
     struct hg_light_groups groups;
     struct hg_cryptomatte_ids ids;
@@ -28,17 +28,17 @@ struct hg_path_scene {
 
 struct hg_path_denoiser {
     struct hg_gpu_buffer image;   // [4][height][width] as the film's colour, mapped
-    struct hg_denoise *history;   // of views that show an animation
-    struct hg_denoise *loaded;    // takes its place when the next picture begins; NULL = none
+    struct hg_denoise *history;   // for views of an animation
+    struct hg_denoise *loaded;    // replaces it when the next picture begins; NULL = none
     struct hg_gpu_buffer samples; // [tile_count] words: that `image` was made of, mapped
     uint32_t pass;                // the same of the picture; 0 = none
-    bool unshown;                 // `image` is newer than what was shown
+    bool unshown;                 // `image` was not displayed yet
 };
 
-// A checkpoint to go on from.
+// A loaded checkpoint.
 struct hg_path_resume {
     uint8_t *data;                              // NULL = none
-    struct hg_path_identity expected, identity; // of the request; of when it was loaded
+    struct hg_path_identity expected, identity; // of the request; of the checkpoint
 };
 
 struct hg_path {
@@ -47,7 +47,7 @@ struct hg_path {
     struct hg_path_host host;
     struct hg_path_request request; // of the newest step
     uint32_t options;               // HG_PATH_BLURS, ...
-    uint32_t branch_bits;           // each surface that the camera sees gets 2^n paths for a sample
+    uint32_t branch_bits;           // 2^n paths per camera hit
     struct hg_path_scene scene;
     struct hg_path_film film;
     struct hg_path_progress progress;
@@ -58,19 +58,19 @@ struct hg_path {
 };
 
 struct hg_page_cache *hg_path_pages(const struct hg_path *path);
-// Puts the scene back to its pose, where it was brought elsewhere.
+// Restores the scene's pose, if motion blur has changed it.
 enum hg_status hg_path_sync_scene(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
 
-// wave.c: one piece of work. *over: the wave is over, and its samples are in the film.
+// wave.c: one piece of work. *over: the wave has ended, and its samples are in the film.
 enum hg_status hg_path_wave_advance(
     struct hg_path *path, bool *over, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_path_wave_create(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_wave_destroy(struct hg_path_wave *wave, struct hg_gpu *gpu);
 // The tiles of the next wave are in wave.tile_index.
 enum hg_status hg_path_wave_begin(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
-// The block, when what it leads to may lie elsewhere while a wave is under way.
+// Refreshes the block when buffer addresses may have changed during a wave.
 void hg_path_wave_fill(struct hg_path *path);
-// How many bits numbers of samples have.
+// Number of bits of sample indices.
 uint32_t hg_path_sample_bits(uint32_t samples);
 
 // wave_kernels.c: runs a kernel on `count` slots of a list (from `first`). *demand: pages it
@@ -86,17 +86,17 @@ enum hg_status hg_path_wave_run(struct hg_path *path, const struct hg_path_run *
 // path_splitting.c: chooses branch_bits, when rays can be traced and options are known.
 enum hg_status hg_path_splitting_choose(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
 
-// checkpoint.c: what was loaded takes the place of the empty film of a picture that was just begun.
+// checkpoint.c: copies the loaded checkpoint to the empty film of a new picture.
 enum hg_status hg_path_resume(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
 
 // path_denoise.c: another picture begins.
 enum hg_status hg_path_denoise_begin(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
-// What the film holds, without noise, to denoiser.image, if it is time for that.
+// Denoises the film to denoiser.image, if that is due.
 enum hg_status hg_path_denoise_if_due(struct hg_path *path, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_denoise_destroy(struct hg_path_denoiser *denoiser, struct hg_gpu *gpu);
 
-// film_cpu.c: samples to the film by the host, where it is the device. keep: of the wave, to the
-// ring; add: of `count` tiles of the picture, from there.
+// film_cpu.c: accumulation on the host, for CPU devices. keep: from the wave to the ring; add: from
+// the ring to the film, for `count` tiles.
 bool hg_film_cpu_is_used(const struct hg_path *path);
 void hg_film_cpu_keep(const struct hg_path *path);
 void hg_film_cpu_add(const struct hg_path *path, const uint32_t *tiles, uint32_t count);

@@ -1,4 +1,4 @@
-// planes.c - planes of the film: means of pixels, ids, lists of names.
+// planes.c - reads planes from the film: means, ids, Cryptomatte lists.
 #include "renderer/pathtrace/path_state.h"
 
 #define PLANE_COLOR    0u  // enum hg_plane of renderer.h

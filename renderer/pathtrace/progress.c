@@ -31,7 +31,7 @@ enum hg_status hg_path_progress_begin(
 
 // --- tiles ---------------------------------------------------------------------------------------
 
-// They have to find room in the ring beside the row in front of those that the film waits for.
+// The ring must also hold the row before those that are not in the film yet.
 uint32_t hg_path_progress_choose(
     struct hg_path_progress *p, const struct hg_path_film *f, uint32_t tiles[HG_PATH_WAVE_TILES])
 {
@@ -63,7 +63,7 @@ bool hg_path_progress_any_left(const struct hg_path_progress *p, const struct hg
 
 // --- noise ---------------------------------------------------------------------------------------
 
-// Of a shadow catcher's alpha: no more than that of as many yes and no.
+// Variance of a shadow catcher's alpha: at most that of as many Bernoulli samples.
 static double caught_error(const struct hg_path_film *f, const float *sums, uint64_t at, double n)
 {
     if (f->planes[HG_PATH_PLANE_CATCHER] == HG_PATH_NO_PLANE)
@@ -72,7 +72,7 @@ static double caught_error(const struct hg_path_film *f, const float *sums, uint
     return share * (1.0 - share) / n;
 }
 
-// Root of the mean of variance over squared luminance; floor2 keeps black pixels from counting.
+// Root mean of variance over squared luminance; floor2 limits the weight of dark pixels.
 static float tile_error(
     const struct hg_path_film *f, const float *sums, uint32_t tile, double floor2)
 {
@@ -110,7 +110,7 @@ static double mean_luminance(const struct hg_path_film *f, const float *sums)
     return sum / (double)pixels;
 }
 
-// A tile is done when those around it are good enough as well: by itself it may have been lucky.
+// A tile has converged when its neighbours have, too: a single estimate may be too low by chance.
 static bool is_good(
     const struct hg_path_progress *p, const struct hg_path_film *f, uint32_t tile, float noise)
 {

@@ -9,16 +9,16 @@
 #define HG_PATH_NOISE_EVERY   8  // samples between estimates
 
 struct hg_path_progress { // zeroed = empty; hg_path_progress_finish
-    uint32_t pass;        // samples of the tiles that this pass has finished, less one
+    uint32_t pass;        // index of the pass = samples of its finished tiles - 1
     uint32_t next_tile;   // of the pass
-    uint32_t next_row;    // of tiles: the first one whose samples the film does not have
-    uint8_t *done;        // [tile_count] by its noise
+    uint32_t next_row;    // of tiles: the first whose samples are not in the film yet
+    uint8_t *done;        // [tile_count] converged
     float *errors;        // [tile_count]
     float noise;          // estimate, 0 = not known
-    bool finished, late;  // late: the time is over
-    bool unshown;         // the film holds more than was shown
+    bool finished, late;  // late: the time limit is reached
+    bool unshown;         // the film has samples that were not displayed
     uint64_t changes;     // since creation: hg_path_changes
-    uint64_t spent_ns;    // in slices of work, by runs before a checkpoint as well
+    uint64_t spent_ns;    // in slices of work, including those before a checkpoint
 };
 
 // A picture of so many tiles begins. HG_E_NOMEM.
@@ -30,8 +30,8 @@ uint32_t hg_path_progress_choose(struct hg_path_progress *progress, const struct
     uint32_t tiles[HG_PATH_WAVE_TILES]);
 bool hg_path_progress_any_left(
     const struct hg_path_progress *progress, const struct hg_path_film *film);
-// Estimates the error of tiles and says which ones are done: those with at most `noise` (0: none)
-// and so many samples.
+// Estimates the error of tiles and marks those as converged that have at most `noise` (0: none) and
+// that many samples.
 enum hg_status hg_path_progress_judge(struct hg_path_progress *progress, struct hg_gpu *gpu,
     struct hg_path_film *film, float noise, uint32_t least_samples,
     struct hg_error *err) HG_MUST_CHECK;

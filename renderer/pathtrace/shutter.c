@@ -31,7 +31,7 @@ static const struct hg_node *camera_node(const struct hg_shutter *shutter)
                          shutter->scene_gpu->scene, HG_OBJECT_NODE, id);
 }
 
-// The scene is in the pose of that time.
+// Sets the scene to the pose of that time.
 static struct hg_view_camera_state camera_at(const struct hg_shutter *shutter, double frames)
 {
     struct hg_view_camera_state c = *shutter->camera;
@@ -108,11 +108,11 @@ enum hg_status hg_shutter_lights(const struct hg_shutter *shutter, double frames
 
 // --- how straight motion is ----------------------------------------------------------------------
 
-// Of a node over all looks.
+// Motion of a node over all time steps.
 struct track {
     double turn; // radians, summed
     double way;  // metres, of the straight line
-    double bend; // the most that a place is off that line
+    double bend; // greatest deviation from that line
     float first[16], last[16], before[16];
 };
 

@@ -28,7 +28,7 @@ static struct lap lap_start(void)
     return (struct lap){hg_clock_now_ns(), hg_clock_cpu_ns()};
 }
 
-// The time since the start or the last stop counts for a piece.
+// Adds the time since the start or the last stop to a piece.
 static void lap_stop(struct lap *lap, struct hg_path *p, enum hg_path_piece piece, uint64_t items)
 {
     const struct lap now = lap_start();
@@ -73,7 +73,7 @@ enum hg_status hg_path_wave_begin(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// Of the first `count` slots those stay whose status has `bits` of `mask`; so do all others.
+// Removes those of the first `count` slots whose status does not have `bits` in `mask`.
 static void keep(const struct hg_path *p, struct hg_path_list *list, uint32_t count, uint32_t mask,
     uint32_t bits)
 {
@@ -95,7 +95,7 @@ static void copy(const struct hg_path_list *from, struct hg_path_list *to)
     memcpy(to->buffer.mapped, from->buffer.mapped, (size_t)from->count * 4);
 }
 
-// Embree alone on the same rays, for benchmarks; costs no time that counts.
+// Embree alone on the same rays, for benchmarks; not included in the other times.
 static enum hg_status trace_raw(struct hg_path *p, const struct hg_trace_wave *wave, bool any,
     struct lap *lap, struct hg_error *err)
 {
@@ -110,8 +110,8 @@ static enum hg_status trace_raw(struct hg_path *p, const struct hg_trace_wave *w
     return status;
 }
 
-// Slots of a list, first those whose rays hit nothing, then the others, each in their order.
-// Returns how many the first are.
+// Stable partition of a list: slots whose rays missed, then the others. Returns the number of
+// misses.
 static uint32_t sort_hits(
     const struct hg_gpu_buffer *buffer, const struct hg_path_list *from, struct hg_path_list *to)
 {
@@ -182,7 +182,7 @@ static enum hg_status wait_for_pages(struct hg_path *p, bool *arrived, struct hg
     return status;
 }
 
-// After a kernel that may have missed pages: what is left to do, and how much of it at once.
+// After a kernel that may have missed pages: keeps the suspended slots, and adapts the batch size.
 static enum hg_status note_demand(
     struct hg_path *p, const struct hg_page_demand *demand, bool got_on, struct hg_error *err)
 {
@@ -196,7 +196,7 @@ static enum hg_status note_demand(
                      "paths wait for texture pages that do not come");
 }
 
-// Rays to directional lights come after those to the others.
+// Shadow rays to directional lights are traced after those to the other lights.
 static enum hg_path_phase after_light(struct hg_path *p)
 {
     if (p->wave.lists.suns.count > 0) {
@@ -213,7 +213,7 @@ static enum hg_path_phase after_light(struct hg_path *p)
     return more ? HG_PATH_PHASE_BRANCH : HG_PATH_PHASE_FILM;
 }
 
-// The first `count` of those that wait, in two kernels where it is known what their rays found.
+// Shades the first `count` suspended slots, misses and hits in separate kernels where known.
 static enum hg_status shade_some(
     struct hg_path *p, uint32_t count, struct hg_page_demand *demand, struct hg_error *err)
 {
@@ -308,7 +308,7 @@ static enum hg_status shadow(struct hg_path *p, struct hg_error *err)
     return HG_OK;
 }
 
-// Paths that went past a surface and paths that wait alike: their rays are followed once more.
+// Traces again the rays of paths that passed a surface and of suspended paths.
 static enum hg_status alpha_mask(struct hg_path *p, struct hg_error *err)
 {
     struct hg_page_demand demand = {.fits = true};
@@ -350,7 +350,7 @@ static enum hg_status alpha_mask(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// The same camera rays once more, of the slots that have met something.
+// The same camera rays again, for slots that hit a surface.
 static enum hg_status branch(struct hg_path *p, struct hg_error *err)
 {
     struct lap lap = lap_start();
@@ -366,7 +366,7 @@ static enum hg_status branch(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
-// Samples of some tiles, which all lie in the ring with those around, to the film.
+// Adds to the film the samples of tiles whose neighbours are all in the ring.
 static enum hg_status add_tiles(struct hg_path *p, uint32_t *at, uint32_t end, struct hg_error *err)
 {
     struct hg_page_demand demand;
@@ -391,7 +391,7 @@ static enum hg_status add_tiles(struct hg_path *p, uint32_t *at, uint32_t end, s
     return HG_OK;
 }
 
-// To the film go the rows of tiles of which this one and the next are through.
+// Adds rows of tiles to the film once they and the next row are complete.
 static enum hg_status add_rows(struct hg_path *p, struct hg_error *err)
 {
     const uint32_t whole = p->progress.next_tile / p->film.columns;
@@ -411,7 +411,8 @@ static enum hg_status add(struct hg_path *p, struct hg_error *err)
     struct hg_page_demand demand;
     struct lap lap = lap_start();
     uint32_t *traced = p->film.traced.mapped;
-    p->wave.lists.live.count = p->wave.slots; // for its address alone: these kernels go by slot
+    p->wave.lists.live.count =
+        p->wave.slots; // only its address is used: these kernels are indexed by slot
     enum hg_status status = HG_OK;
     if (hg_film_cpu_is_used(p))
         hg_film_cpu_keep(p);

@@ -9,13 +9,13 @@
 
 #define HG_PATH_WAVE_PX (HG_PATH_WAVE_TILES * HG_PATH_TILE_PX)
 
-enum hg_path_phase {          // what the next piece of work does
+enum hg_path_phase {          // the next piece of work
     HG_PATH_PHASE_NONE,       // begins a wave, or a pass
     HG_PATH_PHASE_TRACE,      // nearest hits
     HG_PATH_PHASE_SHADE,      // shades them
     HG_PATH_PHASE_SHADOW,     // rays to lights
-    HG_PATH_PHASE_ALPHA_MASK, // further behind masked and blended surfaces
-    HG_PATH_PHASE_BRANCH,     // begins another branch at what the camera sees
+    HG_PATH_PHASE_ALPHA_MASK, // continues shadow rays behind masked and blended surfaces
+    HG_PATH_PHASE_BRANCH,     // begins another branch at the camera hits
     HG_PATH_PHASE_FILM,       // adds the samples to the film
 };
 
@@ -33,7 +33,7 @@ struct hg_path_wave_buffers { // by slot
 struct hg_path_wave_lists {
     struct hg_path_list live, waiting, shadows;
     struct hg_path_list suns;    // paths whose second shadow ray comes next
-    struct hg_path_list primary; // whose camera rays have hit something, when there are branches
+    struct hg_path_list primary; // with a camera hit, when there are branches
 };
 
 struct hg_path_wave { // zeroed = empty; hg_path_wave_destroy
@@ -49,7 +49,7 @@ struct hg_path_wave { // zeroed = empty; hg_path_wave_destroy
     uint32_t may;       // HG_PATH_PLANES, HG_EMITTER_KIND_*
     uint32_t second;    // 1: `shadows` have rays to directional lights
     uint32_t part;      // most paths that are shaded at once
-    uint32_t fruitless; // rounds in which no waiting path got on
+    uint32_t fruitless; // rounds without progress of any suspended path
     bool wait_pages;
     uint32_t missing; // texture pages, of the newest kernel
 };

@@ -1,4 +1,4 @@
-// wave_kernels.c - what the kernels of a wave work with: buffers, their block, running them.
+// wave_kernels.c - buffers of a wave, the uniform block of its kernels, and dispatch.
 #include <math.h>
 #include <string.h>
 
@@ -88,7 +88,7 @@ uint32_t hg_path_sample_bits(uint32_t samples)
     return bits;
 }
 
-// Fewer pipelines on devices that skip what is not there.
+// Fewer pipeline variants on devices for which branches are cheap.
 static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
 {
     uint32_t may = p->film.channels > HG_PATH_FILM_WORDS ? HG_PATH_PLANES : 0;
@@ -106,8 +106,8 @@ static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
     return may | apart;
 }
 
-// What one of several samples stands for. Their mean is filtered by the picture itself, so that
-// texels of coarse mips, which hold some of what lies beside, would only blur it. Source: Pharr,
+// Scale of ray differentials by the number of samples. The mean of samples is filtered by the pixel
+// filter, so that coarser mips would only blur it. Source: Pharr,
 // Jakob and Humphreys, "Physically Based Rendering", 4th ed., section 10.1.3.
 static float footprint_of(const struct hg_path *p)
 {

@@ -169,7 +169,7 @@ static enum hg_status check_extensions(struct hg_gltf *g, const struct hg_gltf_a
     return HG_OK;
 }
 
-// Members nobody knows, most often a misspelling.
+// Unknown members, most often a misspelling.
 static void check_unexpected(
     struct hg_gltf *g, const struct hg_gltf_at *at, const struct hg_schema_object *schema)
 {

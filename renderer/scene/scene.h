@@ -1,4 +1,4 @@
-// scene.h - what is rendered: nodes, meshes, materials, textures, lights, cameras, animation.
+// scene.h - the scene graph: nodes, meshes, materials, textures, lights, cameras, animation.
 // Floor 2, first room: plain data in linear units (metres, radians, candela, lux; colours linear
 // Rec.709), no Vulkan. A scene belongs to the render thread. An asset is built by any one thread,
 // then handed to a scene.

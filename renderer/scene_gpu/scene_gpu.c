@@ -87,7 +87,7 @@ static uint32_t scene_mixes(const struct hg_scene *scene)
     return mixes;
 }
 
-// Alpha blends, or cuts holes into what lets light through.
+// Blended materials, and transmissive ones with an alpha mask.
 static bool has_holes(const struct hg_scene *scene)
 {
     bool holes = false;

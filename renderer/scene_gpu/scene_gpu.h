@@ -37,7 +37,7 @@ struct hg_scene_gpu {
     uint64_t scene_revision;    // brought to the device, UINT64_MAX = none
     uint64_t shown_revision;    // of the geometry when it last showed something new
     uint64_t geometry_revision; // of that and the origin: a view whose own comes back goes on
-    const void *posed;          // who has posed the geometry otherwise than the scene; NULL: nobody
+    const void *posed;          // the owner of a pose other than the scene's; NULL: none
     struct hg_textures *textures;
     struct hg_geometry *geometry;
     struct hg_rays *rays; // of its views and passes
@@ -52,7 +52,7 @@ void hg_scene_gpu_unref(
 // What all scenes shared; before the device goes, after all rooms. Accepts a zeroed context.
 void hg_frame_context_finish(struct hg_frame_context *context);
 
-// Brings textures and geometry in line with the scene; no batch may be open. Nothing happens when
+// Syncs textures and geometry with the scene; no batch may be open. Nothing happens when
 // the scene's revision is known already and nothing came in from threads. eye_ws: scene space.
 // Waits for levels of detail that are being made, at most until that time of hg_clock_now_ns; 0 =
 // does not.

@@ -1,9 +1,9 @@
-// compute.c - the backend of compute shaders: trees of shared/bvh.h on the device, walked by
-// passes/trace_bvh.comp. It asks nothing of the device but Vulkan 1.3. See trace.h.
+// compute.c - the compute shader backend: BVHs of shared/bvh.h on the device, traversed by
+// passes/trace_bvh.comp. Needs only Vulkan 1.3. See trace.h.
 //
-// A wave goes in pieces of about 8 ms, so that others' work gets its turn: devices do not interrupt
-// a dispatch. Bodies whose positions change keep their tree and are fitted to them anew; after
-// MOST_REFITS it is built again.
+// Waves are submitted in pieces of about 8 ms, so that other work is not delayed: dispatches are
+// not preempted. Trees of bodies whose positions change are refitted; after MOST_REFITS they are
+// rebuilt.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

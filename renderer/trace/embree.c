@@ -8,7 +8,7 @@
 
 #define BLOCK_RAYS 1024u // of one job
 
-// Every allocation that Embree makes, and what it gives back.
+// Embree's memory monitor: counts allocations and frees.
 static bool monitor(void *user, ssize_t bytes, bool post)
 {
     struct hg_embree *e = user;

@@ -16,7 +16,7 @@
 
 #include "renderer/trace/internal.h"
 
-// What a hit of a geometry in a scene means.
+// Maps a geometry of a scene to draws.
 struct hg_embree_geometry {
     uint32_t draw, first_primitive; // draw: of flat ones
 };

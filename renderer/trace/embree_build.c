@@ -7,7 +7,8 @@
 #include "base/clock.h"
 #include "renderer/trace/embree.h"
 
-// Refits of a pose before its tree is made anew: it fits the pose that it was built for.
+// Refits before a tree is rebuilt: its quality degrades with distance from the pose it was built
+// for.
 #define MOST_REFITS 64u
 // Bytes that a triangle takes at most, by measurement (docs/internals/trace.md), and a vertex that
 // is brought to world space.

@@ -1,13 +1,12 @@
-// embree_rays.c - waves through Embree: packets where neighbours go the same way, else one by one.
+// embree_rays.c - traces waves with Embree: packets of coherent rays, else single rays.
 //
-// Flat triangles and instances are two scenes: a ray goes through the first, then through the
-// second as far as the hit. Packets change which rays are walked together, and with it the order of
-// roundings: what a ray hits may depend on the rays of its packet in the last bits, so packets are
-// always the same rays of a wave, by place.
+// Flat triangles and instances are two scenes: a ray traverses the first, then the second up to the
+// hit. Packets affect rounding: a hit may depend in its last bits on the other rays of the packet,
+// so packets are always formed by the position of rays in the wave.
 //
-// Embree walks packets of like directions three times as fast when it is told so. It does not
-// return from rtcOccluded16 for some packets of unlike ones (3.13.5), so that is said of packets
-// alone whose directions have the same signs, and not where instances would turn them.
+// Embree traverses packets three times as fast with the coherent flag. With it, rtcOccluded16 does
+// not return for some packets of incoherent rays (3.13.5), so it is set only for packets whose
+// directions have the same signs, and not where instances would rotate them.
 
 #include <math.h>
 #include <string.h>
@@ -17,7 +16,7 @@
 
 #include "renderer/trace/embree.h"
 
-// Denormals are zero while Embree works, which wants it so.
+// Embree requires flush-to-zero and denormals-are-zero while it traces.
 #ifdef __SSE2__
 static uint32_t flush_to_zero(void)
 {

@@ -8,7 +8,7 @@
 // Rays of a wave that go to the device (or through it) at once.
 struct hg_trace_piece {
     const struct hg_trace_wave *wave;
-    bool any; // hits are not wanted, only whether there are any
+    bool any; // any-hit: only whether there is one
     uint32_t at, count;
 };
 
@@ -18,7 +18,7 @@ struct hg_trace_addresses {
 };
 struct hg_trace_addresses hg_trace_addresses(const struct hg_trace_piece *piece);
 
-// What a backend does. `self` is what create made; sync gets a layout that lives until the next.
+// Interface of a backend. `self` comes from create; the layout given to sync lives until the next.
 struct hg_trace_ops {
     enum hg_status (*create)(struct hg_trace *trace, void **self, struct hg_error *err);
     void (*destroy)(void *self); // accepts NULL
@@ -27,7 +27,7 @@ struct hg_trace_ops {
     enum hg_status (*submit)(
         void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err);
     uint32_t least_piece; // 0: a wave that is waited for goes in one piece
-    // hg_trace_raw; NULL: not to be had.
+    // hg_trace_raw; NULL: not available.
     enum hg_status (*raw)(
         void *self, const struct hg_trace_wave *wave, bool any, uint64_t *ns, struct hg_error *err);
 };
@@ -50,7 +50,7 @@ struct hg_trace {
 
 // Class of a draw as rays ask for it: HG_RAY_*.
 uint32_t hg_trace_mask(uint32_t draw_flags);
-// Rays that no backend is to follow: not finite, without direction or interval.
+// Invalid rays, which backends skip: not finite, without direction or interval.
 bool hg_trace_is_ray(const struct hg_gpu_ray *ray);
 
 #endif

@@ -444,7 +444,7 @@ static enum hg_status bring_body(struct khr *k, const struct hg_trace_body *from
                  VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR,
         .refit = true};
     enum hg_status status = HG_OK;
-    // Of what does not deform nothing is read again.
+    // Inputs of bodies that do not deform are not read again.
     if (old != NULL && (!from->deforms || (old->shape == shape && old->refits < MOST_REFITS))) {
         *body = *old;
         memset(old, 0, sizeof *old);

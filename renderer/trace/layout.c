@@ -57,7 +57,7 @@ bool hg_trace_is_invertible(const float m[12])
     return fabs(det) > 1e-5 * length[0] * length[1] * length[2] && keeps_rays(m, det);
 }
 
-// Draws elsewhere than in space, or larger than it, are not there.
+// Draws with non-finite or oversized bounds are left out.
 static bool is_somewhere(const float m[12])
 {
     for (int i = 0; i < 12; i++)
@@ -113,14 +113,14 @@ static void measure_body(const struct hg_trace_layout *l, struct hg_trace_body *
     }
 }
 
-// Whether rays would rather have the body in world space.
+// Whether the body should be flat.
 static void choose(const struct hg_trace_layout *l, struct hg_trace_body *body)
 {
     bool invertible = true, still = true, animated = false;
     for (uint32_t i = 0; i < body->place_count; i++) {
         const struct hg_ray_geometry_piece *p =
             &l->pieces[l->places[body->first_place + i].first_piece];
-        // Matrices that turn inside out have none half-way.
+        // Matrices that change handedness have no valid interpolation.
         invertible = invertible && hg_trace_is_invertible(p->world) &&
                      hg_trace_is_invertible(p->previous) &&
                      (determinant(p->world) > 0) == (determinant(p->previous) > 0);

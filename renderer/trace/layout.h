@@ -1,4 +1,4 @@
-// layout.h - what of ray geometry is built once and placed often, and what is flattened into the
+// layout.h - which bodies of ray geometry are instanced, and which are flattened into the
 // world. Floor 2 (trace). Thread: any; no shared state. Private to the room.
 //
 // The pieces of a draw are a *body*; draws whose pieces have the same keys share it, each at a
@@ -70,7 +70,7 @@ static inline void hg_trace_to_world(const float m[12], const float p[3], float 
     for (int c = 0; c < 3; c++)
         out[c] = m[c] * p[0] + m[3 + c] * p[1] + m[6 + c] * p[2] + m[9 + c];
 }
-// False for matrices that instances cannot have: not finite or (nearly) singular.
+// False for matrices unsuitable for instances: not finite or (nearly) singular.
 bool hg_trace_is_invertible(const float world[12]);
 
 #endif

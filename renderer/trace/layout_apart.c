@@ -30,7 +30,7 @@ static bool holds(const uint64_t *hashes, uint32_t count, uint64_t hash)
     return count > 0 && bsearch(&hash, hashes, count, sizeof hash, by_value) != NULL;
 }
 
-// What a place shows, and where its input lies.
+// Hash of a placement: body, matrix and input addresses.
 static uint64_t hash_place(const struct hg_trace_layout *l, const struct hg_trace_place *place)
 {
     uint64_t h = hg_hash_mix(7, place->key);
@@ -57,14 +57,14 @@ static void list_places(const struct hg_trace_layout *l, struct split *s)
         qsort(s->hashes, s->count, sizeof *s->hashes, by_value);
 }
 
-// What deforms is built for each sync anyway.
+// Deformed bodies are rebuilt or refitted at each sync anyway.
 static bool stays(
     const struct hg_trace_layout *l, const struct hg_trace_body *body, const struct entry *place)
 {
     return body->deforms || holds(l->moved.flat, l->moved.flat_count, place->hash);
 }
 
-// False: too much is apart for how still it stands.
+// False: too many triangles are split off while nothing moves.
 static bool choose(const struct hg_trace_layout *l, struct split *s)
 {
     uint64_t flat = 0, apart = 0;

@@ -1,11 +1,11 @@
-// layout_apart.h - keeps what stands still in the flat structure, and what has moved out of it.
+// layout_apart.h - splits moving bodies off the flat structure.
 // Floor 2 (trace). Thread: any; no shared state. Private to the room.
 //
-// The flat structure holds what stood still when it was built. What moves, or comes later, leaves
-// it for a body of its own, in world space as well (so hits have the same bits), and stays there:
-// the flat structure is built anew once, and from then on a move builds the one body. When such
+// The flat structure holds the bodies that were static when it was built. A body that moves, or is
+// added later, gets a structure of its own, in world space as well (so hits are bit-identical), and
+// keeps it: the flat structure is rebuilt once, later moves rebuild only the one body. When such
 // bodies hold more than half as many triangles as the flat structure and nothing has moved since
-// the sync before, all become flat again.
+// the previous sync, all become flat again.
 #ifndef HG_RENDERER_TRACE_LAYOUT_APART_H
 #define HG_RENDERER_TRACE_LAYOUT_APART_H
 

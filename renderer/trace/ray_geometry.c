@@ -155,7 +155,7 @@ static enum hg_status select_once(struct hg_ray_geometry *c, const struct hg_cul
     return status == HG_OK ? HG_OK : hg_error_set(err, status, "ray geometry", NULL, "no memory");
 }
 
-// What is there, and the rest is asked for.
+// Uses resident chunks, and requests the rest.
 static enum hg_status select_resident(struct hg_ray_geometry *c, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_error *err)
 {
@@ -166,7 +166,7 @@ static enum hg_status select_resident(struct hg_ray_geometry *c, const struct hg
     return status;
 }
 
-// All that is wanted comes in; what was there before and is not wanted goes where it must.
+// Loads all chunks of the cut; evicts others where necessary.
 static enum hg_status select_all(struct hg_ray_geometry *c, const struct hg_culling_view *view,
     struct hg_jobs *jobs, struct hg_error *err)
 {
@@ -232,15 +232,15 @@ static enum hg_status list_poses(struct hg_ray_geometry *c, struct poses *p, str
     const struct hg_geometry *g = c->geometry;
     p->count = 0;
     p->float_count = 0;
-    if (hg_grow(&p->items, &p->capacity, g->deform_count, sizeof *p->items) != HG_OK)
+    if (hg_grow(&p->items, &p->capacity, g->deforms.count, sizeof *p->items) != HG_OK)
         return no_memory(err);
-    for (uint32_t i = 0; i < g->deform_count; i++) {
-        const struct hg_deform_entry *d = &g->deforms[i];
+    for (uint32_t i = 0; i < g->deforms.count; i++) {
+        const struct hg_deform_entry *d = &g->deforms.items[i];
         p->items[p->count++] = (struct pose){
             d->node, d->mesh, d->mesh_revision, d->part, d->vertex_count, p->float_count};
         p->float_count += (uint64_t)d->vertex_count * 3;
     }
-    // One more: whoever reads the last position with a wide load stays inside.
+    // One float of padding, for wide loads of the last position.
     if (hg_grow(&p->positions, &p->float_capacity, p->float_count + 1, sizeof(float)) != HG_OK) {
         p->count = 0;
         return no_memory(err);
@@ -264,8 +264,8 @@ static enum hg_status read_back(struct hg_geometry *g, struct poses *p, struct h
             const VkBufferCopy region = {
                 0, p->items[i].at * 4, (uint64_t)p->items[i].vertex_count * 12};
             if (region.size > 0)
-                vkCmdCopyBuffer(
-                    hg_gpu_cmd_handle(cmd), g->deforms[i].output.handle, to.handle, 1, &region);
+                vkCmdCopyBuffer(hg_gpu_cmd_handle(cmd), g->deforms.items[i].output.handle,
+                    to.handle, 1, &region);
         }
         hg_gpu_memory_barrier(cmd);
         status = hg_gpu_submit_and_wait(g->gpu, cmd, err);
@@ -285,7 +285,7 @@ static enum hg_status copy_poses(struct hg_ray_geometry *c, struct poses *p, str
     if (!host_reads(g))
         return read_back(g, p, err);
     for (uint32_t i = 0; i < p->count; i++)
-        memcpy(p->positions + p->items[i].at, g->deforms[i].output.mapped,
+        memcpy(p->positions + p->items[i].at, g->deforms.items[i].output.mapped,
             (size_t)p->items[i].vertex_count * 12);
     return HG_OK;
 }
@@ -300,8 +300,7 @@ static int by_place(const void *a, const void *b)
 
 static struct placed place_of(const struct hg_geometry *g, const struct hg_draw_entry *d)
 {
-    const struct hg_gpu_instance *instances =
-        (const struct hg_gpu_instance *)(const void *)g->instance_table.shadow;
+    const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     struct placed p = {
         .node = d->node->head.id, .place = (uint64_t)d->mesh_part << 32 | d->instance};
     memcpy(p.world, instances[d->gpu.instance].world.m, sizeof p.world);

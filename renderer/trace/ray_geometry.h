@@ -1,13 +1,13 @@
-// ray_geometry.h - the triangles that rays see: every draw at one level of detail, on the host.
+// ray_geometry.h - triangles for ray tracing: every draw at one level of detail, on the host.
 // Floor 2 (geometry). Thread: the render thread.
 //
-// Unless its lens asks for what is resident, it does not depend on that, on budgets or on the
-// pictures before: of the same scene for the same lens it is the same. Draws that nothing
+// Unless its lens allows resident substitutes, it depends neither on residency and budgets nor on
+// earlier pictures: the same scene and lens give the same ray geometry. Draws that nothing
 // simplifies have one piece, all of their part. Positions are where the device reads them (object
 // space; skinned and morphed parts have been deformed), or copies where the host cannot.
 //
 // Call it after hg_geometry_sync, when deformations have run (hg_geometry_deforms_done) and no
-// batch is open. Sets of visible.h that were added before are not to be drawn any more: the chunks
+// batch is open. Sets of culling.h that were added before are not to be drawn any more: the chunks
 // that they use may have gone. Lines and points are left out: they are as wide as a pixel, and rays
 // know none.
 #ifndef HG_RENDERER_TRACE_RAY_GEOMETRY_H
@@ -70,7 +70,7 @@ uint32_t hg_ray_geometry_count(const struct hg_ray_geometry *geometry);
 const struct hg_ray_geometry_piece *hg_ray_geometry_pieces(const struct hg_ray_geometry *geometry);
 // Chunks that it goes without; 0 unless the lens asks for what is resident.
 uint32_t hg_ray_geometry_missing(const struct hg_ray_geometry *geometry);
-// Differs when anything of it does.
+// Revision: differs when any content does.
 uint64_t hg_ray_geometry_revision(const struct hg_ray_geometry *geometry);
 
 #endif

@@ -1,11 +1,11 @@
 // rays.h - rays of a scene: structures that its views and passes share, batches of rays.
 // Floor 2 (trace). Thread: the render thread.
 //
-// A scene has one service. Whoever asks for rays takes a reference to structures by a key: the
-// backend and the level of detail (the lens that it is chosen for). Those who ask for the same
-// share them. Passes take the default key: one level of detail of the scene, whoever looks from
-// where, and structures of what moved alone are built anew. Path-traced pictures take the key of
-// their own camera, exact, so that they depend on nothing that others do
+// A scene has one service. Users take a reference to structures by a key: the backend and the level
+// of detail (a lens). Users with the same key share structures. Passes use the default key: one
+// level of detail of the scene, independent of cameras, and only moved bodies are rebuilt.
+// Path-traced pictures use an exact key with their own camera, so that they do not depend on other
+// views
 // (docs/decisions/0020-rays-of-a-scene.md).
 //
 // Between two submissions: hg_rays_sync, then waves at once (hg_trace_closest of hg_rays_trace) or

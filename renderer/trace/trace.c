@@ -196,8 +196,8 @@ static enum hg_status check(
 
 // --- pieces --------------------------------------------------------------------------------------
 
-// Waves go to the device in pieces of about 8 ms, so that others' work gets its turn: devices do
-// not interrupt a dispatch.
+// Waves are submitted in pieces of about 8 ms, so that other work on the queue is not delayed:
+// dispatches are not preempted.
 #define PIECE_NS   8000000u
 #define MOST_PIECE (1u << 20)
 

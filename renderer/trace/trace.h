@@ -1,4 +1,4 @@
-// trace.h - what rays hit: acceleration structures of a scene and the backends that walk them.
+// trace.h - ray tracing: acceleration structures of a scene and the backends that traverse them.
 // Floor 2 (trace). Thread: the render thread; tracing is spread over jobs.
 //
 // Rays come as wavefronts (shaders/shared/ray.h) in buffers that host and device share. Three
@@ -12,8 +12,8 @@
 // Lines and points are not hit. Of hits at the same distance any one may be named, but always the
 // same one for the same wave.
 //
-// Alpha is not looked at here: masked and blended triangles are hit like others, and whoever shades
-// the hit lets the ray go on behind it (mask and t_min).
+// Alpha is not evaluated here: masked and blended triangles are hit like others, and the shader
+// that evaluates the hit continues the ray behind it (mask and t_min).
 #ifndef HG_RENDERER_TRACE_TRACE_H
 #define HG_RENDERER_TRACE_TRACE_H
 
@@ -48,14 +48,14 @@ void hg_trace_destroy(struct hg_trace *trace);                        // accepts
 enum hg_trace_backend hg_trace_backend(const struct hg_trace *trace); // never AUTO
 const char *hg_trace_backend_name(enum hg_trace_backend backend);     // "embree", ...
 
-// Brings the structures in line with ray geometry; what it shares with the one before is kept, what
-// only moved is refitted. No batch may be open. HG_E_LIMIT (budget, said before memory is taken),
+// Syncs the structures with ray geometry; unchanged bodies are kept, moved ones are refitted. No
+// batch may be open. HG_E_LIMIT (budget, checked before memory is taken),
 // HG_E_NOMEM, device errors; then there is no scene until the next sync.
 enum hg_status hg_trace_sync(struct hg_trace *trace, const struct hg_ray_geometry *geometry,
     struct hg_error *err) HG_MUST_CHECK;
 
-// Draws that rays meet in their own space, not in the world's (instances), of the newest sync: sets
-// `mark` in their words, clears it in others. True when there are any. marks: [draws]
+// Draws of the newest sync that rays intersect in object space (instances): sets `mark` in their
+// words, clears it in others. True when there are any. marks: [draws]
 bool hg_trace_mark_placed(
     const struct hg_trace *trace, uint32_t *marks, uint32_t draws, uint32_t mark);
 
@@ -66,7 +66,7 @@ struct hg_trace_wave {
     uint64_t first_ray, first_hit;    // index of the wave's first; first_hit: of blocked, too
     const struct hg_gpu_buffer *list; // [count] words, mapped: which rays; NULL: the first `count`
     uint32_t count;
-    bool coherent; // neighbours go about the same way: primary rays, shadow rays of one light
+    bool coherent; // neighbours are coherent: primary rays, shadow rays of one light
 };
 
 // Each returns when the results are there. No batch may be open. Device errors.
@@ -76,23 +76,23 @@ enum hg_status hg_trace_closest(
 enum hg_status hg_trace_blocked(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
 
-// A wave that goes on while others submit work of their own. The device has its pieces one after
-// the other; the host (Embree) traces one piece of its wave in each poll. Its buffers are borrowed
-// until it is over, and nothing may sync the structures or pose the geometry otherwise meanwhile.
+// An asynchronous wave. The device executes its pieces one after the other; the host (Embree)
+// traces one piece in each poll. Its buffers are borrowed until it has ended; meanwhile the
+// structures must not be synced, nor the geometry posed.
 struct hg_trace_batch { // zeroed = none
     struct hg_trace_wave wave;
     bool any;       // as of hg_trace_blocked, else of hg_trace_closest
-    uint32_t at;    // rays that were handed on
+    uint32_t at;    // rays submitted so far
     uint64_t value; // of the piece under way on the device's timeline; 0 = none
     bool running;
 };
 // No batch of commands may be open in any of them. Errors as above; then the batch is over.
 enum hg_status hg_trace_begin(struct hg_trace *trace, const struct hg_trace_wave *wave, bool any,
     struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
-// Hands the next piece on if the one before is over; waits for nothing.
+// Submits the next piece if the previous one has completed; does not wait.
 enum hg_status hg_trace_poll(struct hg_trace *trace, struct hg_trace_batch *batch, bool *over,
     struct hg_error *err) HG_MUST_CHECK;
-// Returns when all results are there. Accepts one that is over.
+// Waits for all results. Accepts a batch that has ended.
 enum hg_status hg_trace_finish(
     struct hg_trace *trace, struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
 

@@ -1,4 +1,4 @@
-// auth.h - access tokens, and patience with those who guess them.
+// auth.h - access tokens, and penalties for guessing them.
 // Floor 6 (broker). Thread: the loop. Tokens are kept as SHA-256 only and compared in constant
 // time.
 #ifndef HG_BROKER_AUTH_H

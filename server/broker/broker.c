@@ -374,7 +374,7 @@ static uint64_t sooner(uint64_t a, uint64_t b)
     return a < b ? a : b;
 }
 
-// Periodic work and what could not be done in the middle of an event; returns the next deadline.
+// Periodic and deferred work; returns the next deadline.
 static uint64_t round_end(void *user)
 {
     struct hg_broker *b = user;

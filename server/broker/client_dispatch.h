@@ -1,4 +1,4 @@
-// client_dispatch.h - what a client may say, and when: hello, authentication, state, direction,
+// client_dispatch.h - admission of client messages: hello, authentication, state, direction,
 // role. Floor 6 (broker). Thread: the loop. All else goes to the client's session.
 #ifndef HG_BROKER_CLIENT_DISPATCH_H
 #define HG_BROKER_CLIENT_DISPATCH_H

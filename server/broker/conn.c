@@ -174,7 +174,7 @@ static bool take_message(struct hg_conn *conn)
     return true;
 }
 
-// Handles the messages that are there, until something makes the connection wait.
+// Handles queued messages until the connection has to wait.
 static void process(struct hg_conn *conn)
 {
     while (conn->state < HG_CONN_CLOSING && !must_pause(conn)) {
@@ -190,7 +190,7 @@ static void receive(struct hg_conn *conn)
     enum hg_status status = hg_packet_receive(&conn->in, &conn->transport);
     conn->received_ns = conn->table->loop->now_ns;
     conn->ping_ns = 0;
-    if (conn->state == HG_CONN_CLOSING) { // what still comes is of no interest
+    if (conn->state == HG_CONN_CLOSING) { // further input is discarded
         hgp_framer_finish(&conn->in);
         if (status == HG_E_CLOSED || status == HG_E_IO)
             hg_conn_kill(conn, "the client closed the connection");
@@ -351,7 +351,7 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
             add_conn(table, listener, &transport);
             continue;
         }
-        if (status == HG_E_LIMIT) { // look again when others may have gone
+        if (status == HG_E_LIMIT) { // retry when other connections may have closed
             hg_peer_warn(&table->log, table->loop->now_ns, NET, "%s", err.reason);
             table->accept_pause_ns = table->loop->now_ns + ACCEPT_PAUSE_NS;
         }

@@ -1,4 +1,4 @@
-// conn.h - a client's connection: bytes to packets, what waits to be sent, time limits, its end.
+// conn.h - a client's connection: framing, send queue, time limits, close.
 // Floor 6 (broker). Thread: the loop. What packets mean is for the layer above (hg_conn_events).
 #ifndef HG_BROKER_CONN_H
 #define HG_BROKER_CONN_H
@@ -16,7 +16,7 @@ enum hg_conn_state {
     HG_CONN_HELLO,
     HG_CONN_AUTH,
     HG_CONN_OPEN,
-    HG_CONN_CLOSING, // only what is queued is still sent
+    HG_CONN_CLOSING, // flushing: only queued packets are still sent
     HG_CONN_DEAD,    // transport closed; freed at the end of the round
 };
 
@@ -35,16 +35,16 @@ struct hg_conn {
     uint64_t number;                          // of the session
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
-    double allowance;                         // messages that may be taken now
+    double allowance;                         // messages that may be accepted now (rate limit)
     uint64_t allowance_ns;
     struct hg_session *session; // of the layer above
 };
 
 // What the layer above does.
 struct hg_conn_events {
-    // Does not take the packet.
+    // Does not take ownership of the packet.
     void (*message)(struct hg_conn *conn, struct hg_packet *packet);
-    // Too much of what the client asked for is under way: it is not read.
+    // Too many requests of the client are in flight: it is not read (back-pressure).
     bool (*must_wait)(const struct hg_conn *conn);
     // The output has fallen below its limit again.
     void (*drained)(struct hg_conn *conn);

@@ -27,8 +27,8 @@ enum hg_status hg_listener_open(
 // Takes over a listening socket.
 enum hg_status hg_listener_adopt(
     int fd, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
-// Opens *out to the next client that waits. HG_E_AGAIN: there is none, or it has gone again;
-// HG_E_LIMIT: the system lacks what a connection takes, and the client stays in the backlog.
+// Accepts the next pending client as *out. HG_E_AGAIN: there is none, or it has disconnected;
+// HG_E_LIMIT: out of descriptors or memory, and the client stays in the backlog.
 enum hg_status hg_listener_accept(
     struct hg_listener *listener, struct hg_transport *out, struct hg_error *err) HG_MUST_CHECK;
 // Closes all and removes socket files. The objects are freed: not inside a round of events.

@@ -230,7 +230,7 @@ static void take_message(struct hg_link *link, struct hg_packet *packet, union h
         take_replay_answer(link, packet, m);
         return;
     }
-    // A worker is believed only about what is its own.
+    // A worker may only report on its own scenes.
     struct hg_session *session = hg_session_find(link->owner, channel);
     if (session && session->attached && session->scene->link == link)
         hg_session_answer(session, packet, m);

@@ -1,4 +1,4 @@
-// scene_journal.h - what it takes to build a scene again: its accepted edits, compacted.
+// scene_journal.h - the journal of a scene: its accepted edits, compacted, for replay.
 // Floor 6 (broker). Thread: the loop.
 //
 // The journal is a log in the order in which the worker accepted the edits. A field that a later

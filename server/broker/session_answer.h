@@ -1,4 +1,4 @@
-// session_answer.h - what the worker says on a session's channel.
+// session_answer.h - messages of the worker on a session's channel.
 // Floor 6 (broker). Thread: the loop.
 #ifndef HG_BROKER_SESSION_ANSWER_H
 #define HG_BROKER_SESSION_ANSWER_H

@@ -1,4 +1,4 @@
-// session_rules.h - what may be relayed to the worker: quotas, ranges, existence.
+// session_rules.h - checks before a message is relayed to the worker: quotas, ranges, existence.
 // Floor 6 (broker). Thread: the loop.
 #ifndef HG_BROKER_SESSION_RULES_H
 #define HG_BROKER_SESSION_RULES_H

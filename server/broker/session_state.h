@@ -1,4 +1,4 @@
-// session_state.h - what the broker keeps of sessions, their views and their requests.
+// session_state.h - the broker's state of sessions, their views and their requests.
 // Floor 6 (broker). Thread: the loop. The session*.h headers have what is done with it.
 #ifndef HG_BROKER_SESSION_STATE_H
 #define HG_BROKER_SESSION_STATE_H
@@ -19,7 +19,7 @@ enum {
 struct hg_request {
     struct hg_request *prev, *next;
     uint32_t link_id;   // on the link; 0 = not sent yet, or never answered
-    uint32_t client_id; // 0 = the client wants no answer
+    uint32_t client_id; // 0 = no answer requested
     struct hg_packet *packet;
     bool sent;
     uint8_t deaths; // of the worker while this was under way
@@ -29,11 +29,11 @@ struct hg_session_view {
     struct hg_session_view *next;
     uint32_t number;
     bool accepted;            // by the worker, at least once
-    uint32_t width, height;   // as asked for; for the quota
+    uint32_t width, height;   // as requested; for the quota
     struct hg_packet *params; // accepted view_sets, merged; NULL before
     struct hg_packet *camera; // view_cameras, merged; NULL = none
     bool subscribed, resubscribe;
-    uint32_t credit;  // frames that the client can take
+    uint32_t credit;  // credit: frames that the client accepts
     uint32_t granted; // of these, given to the worker
     uint64_t last_number, number_base;
 };

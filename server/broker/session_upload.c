@@ -169,8 +169,9 @@ enum hg_status hg_session_upload_verify(
             (unsigned long long)s->verified_bytes);
     if (m->offset > size || m->data.size > size - m->offset)
         return hg_error_set(err, HG_E_INVAL, "image_query", "data",
-            "%llu bytes at %llu reach beyond the file of %llu", (unsigned long long)m->data.size,
-            (unsigned long long)m->offset, (unsigned long long)size);
+            "%llu bytes at offset %llu exceed the file size of %llu",
+            (unsigned long long)m->data.size, (unsigned long long)m->offset,
+            (unsigned long long)size);
     return m->offset ? HG_OK : begin_verify(s, size, err);
 }
 

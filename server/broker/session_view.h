@@ -1,4 +1,4 @@
-// session_view.h - what the broker keeps of a session's views: quotas, state for a new worker,
+// session_view.h - the broker's state of a session's views: quotas, state for a new worker,
 // credit. Floor 6 (broker). Thread: the loop.
 #ifndef HG_BROKER_SESSION_VIEW_H
 #define HG_BROKER_SESSION_VIEW_H

@@ -1,4 +1,4 @@
-// transport.h - a stream of bytes to a peer: what a connection or a worker link reads and writes.
+// transport.h - a byte stream to a peer, used by connections and worker links.
 // Floor 6 (broker). Thread: the loop. Nothing here blocks, and nothing above it touches a
 // descriptor.
 //
@@ -31,10 +31,10 @@ struct hg_transport_class {
     // As much of the parts as is taken now. HG_OK with *sent > 0, HG_E_AGAIN, HG_E_CLOSED, HG_E_IO.
     enum hg_status (*write)(
         struct hg_transport *t, const struct iovec *parts, int count, size_t *sent);
-    // The events of `fd` to wait for (EPOLLIN | EPOLLOUT) when the owner wants to read or write.
+    // The events of `fd` to wait for (EPOLLIN | EPOLLOUT) before the owner can read or write.
     uint32_t (*wants)(const struct hg_transport *t, bool read, bool write);
     void (*end_writing)(struct hg_transport *t); // the peer sees the end of the stream
-    // Once, when a client has been accepted: options of the connection, and who it is.
+    // Called once after accept: sets socket options, and identifies the peer.
     void (*greet)(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer);
     void (*close)(struct hg_transport *t); // closes fd, frees `state`
 };

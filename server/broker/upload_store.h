@@ -12,15 +12,16 @@
 struct hg_upload_store;
 struct hg_upload; // a content that is still arriving, of one session
 
-// Makes the folder (and its parents), removes leftovers of an earlier run and indexes what is
-// there. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
+// Creates the folder (and its parents), removes leftovers of an earlier run and indexes existing
+// files. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
 enum hg_status hg_upload_store_create(const char *folder, uint64_t limit_bytes,
     struct hg_upload_store **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_upload_store_destroy(struct hg_upload_store *store); // accepts NULL; uploads must be gone
+void hg_upload_store_destroy(
+    struct hg_upload_store *store); // accepts NULL; all uploads must be finished
 void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes);
 uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 
-// Whether the content is there; counts as use.
+// Whether the content is stored; updates its last use.
 bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32]);
 // A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
 enum hg_status hg_upload_store_pin(

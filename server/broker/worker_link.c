@@ -327,7 +327,7 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
     }
 }
 
-// The worker handles untrusted files: what it says is checked like a client's words.
+// The worker handles untrusted files: its messages are validated like those of a client.
 static bool handle(struct hg_link *link, struct hg_packet *packet)
 {
     const struct hgp_message_info *info = hgp_find(packet->header.type);

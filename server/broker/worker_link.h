@@ -27,7 +27,8 @@ struct hg_link_events {
     void (*ready)(struct hg_link *link);
     // Everything that was under way is lost; another worker will come, unless too many have died.
     void (*died)(struct hg_link *link);
-    // A message on a channel other than 0. Does not take the packet; `m` is the packet, decoded.
+    // A message on a channel other than 0. Does not take ownership of the packet; `m` is its
+    // content.
     void (*message)(struct hg_link *link, struct hg_packet *packet, union hgp_any *m);
 };
 

@@ -1,4 +1,4 @@
-// worker_pool.h - the worker processes, and which of them a scene goes to.
+// worker_pool.h - the worker processes, and the assignment of scenes to them.
 // Floor 6 (broker). Thread: the loop.
 //
 // A scene and all its sessions live in one worker, for as long as there is the scene; what happens
@@ -24,7 +24,7 @@ struct hg_link *hg_worker_pool_route(const struct hg_worker_pool *pool);
 
 void hg_worker_pool_reap(struct hg_worker_pool *pool);        // SIGCHLD
 void hg_worker_pool_check_times(struct hg_worker_pool *pool); // once in a while
-// At the end of a round: replaces what broke, starts again what is due.
+// At the end of an event loop round: replaces failed workers, restarts those that are due.
 void hg_worker_pool_end_round(struct hg_worker_pool *pool, uint64_t now_ns);
 bool hg_worker_pool_is_up(const struct hg_worker_pool *pool); // all of it
 // When the next worker is to be started; UINT64_MAX = none waits.

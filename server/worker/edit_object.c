@@ -217,7 +217,7 @@ void hg_handle_material_set(const struct request *r)
 
 // ---- nodes --------------------------------------------------------------------------------------
 
-// Everything that can be refused is looked up before anything is changed.
+// All checks come before the first change.
 struct node_refs {
     struct hg_object *parent, *mesh, *light, *camera;
 };
@@ -307,7 +307,7 @@ static bool rotation_is_valid(
     return false;
 }
 
-// A matrix says nothing of translation, rotation and scale, between which there would be a way.
+// A matrix cannot be interpolated as translation, rotation and scale.
 static bool can_go_on(
     const struct request *r, const struct hg_node *node, const struct hgp_node_set *m)
 {

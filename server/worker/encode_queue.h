@@ -29,7 +29,7 @@ struct encode_stream *hg_encode_stream_open(struct encode_queue *queue);
 void hg_encode_stream_close(struct encode_stream *stream);
 // Is there room for one more frame? After no, hg_worker_wake is called as soon as there is.
 bool hg_encode_stream_has_room(const struct encode_stream *stream);
-// Takes the request, for which there is room.
+// Queues the request; there must be room.
 void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request);
 
 #endif

@@ -36,7 +36,7 @@ struct encode_request {
         struct hg_refbuf *values; // floats
     } planes[ENCODE_MAX_PLANES];  // EXR only
     uint32_t plane_count;
-    struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not asked for
+    struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not requested
 };
 
 // Key of the text attribute that holds the hash of what a file was made from.

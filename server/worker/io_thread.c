@@ -172,11 +172,12 @@ static void lose_disk(void *user, const struct hg_spill_loss *loss)
     const uint64_t one = 1;
     w->loss = *loss;
     atomic_store(&w->disk_lost, true);
-    ssize_t n = write(w->outbox.event_fd, &one, sizeof one); // else the next pulse wakes it
+    const ssize_t woken = write(w->outbox.event_fd, &one, sizeof one);
+    (void)woken; // else the next pulse wakes it
     for (struct timespec left = {.tv_sec = LAST_WORDS_S + 1}; nanosleep(&left, &left) != 0;)
         ;
-    n = write(STDERR_FILENO, text, sizeof text - 1);
-    (void)n;
+    const ssize_t written = write(STDERR_FILENO, text, sizeof text - 1);
+    (void)written;
     _exit(WORKER_EXIT_DISK);
 }
 
@@ -199,7 +200,7 @@ static void tell_loss(struct link *l)
     const uint64_t until_ns = hg_clock_now_ns() + LAST_WORDS_S * 1000000000ull;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, "spill", loss->folder,
-        "the disk lost byte %llu of %llu bytes that were put there (%s): the worker ends",
+        "byte %llu of %llu spilled bytes cannot be read back (%s): the worker exits",
         (unsigned long long)loss->offset, (unsigned long long)loss->bytes,
         loss->what[0] ? loss->what : "working memory");
     hg_fault(WORKER, HG_E_IO, "%s: %s", err.where, err.reason);
@@ -219,7 +220,7 @@ static enum hg_status run_once(struct link *l)
         {.fd = l->out ? -1 : l->w->outbox.event_fd, .events = POLLIN},
         {.fd = l->timer_fd, .events = POLLIN},
     };
-    // A full inbox has no event of its own: look again soon.
+    // There is no event for a full inbox: poll.
     if (poll(fds, 3, l->blocked ? 2 : -1) < 0 && errno != EINTR)
         return HG_E_IO;
     enum hg_status status = HG_OK;

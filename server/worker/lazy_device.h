@@ -23,7 +23,7 @@ struct lazy_device {
 // Begins, unless it has begun. What the parameters point to must outlive the opener. Where no
 // thread is to be had nothing happens.
 void hg_lazy_device_start(struct lazy_device *opener, const struct hg_renderer_params *params);
-// Waits for the device and hands it over, once. NULL: it was not begun, or cannot be opened.
+// Waits for the device and returns it, once. NULL: opening was not started, or failed.
 struct hg_renderer *hg_lazy_device_take(struct lazy_device *opener);
 // A device that was not taken is closed.
 void hg_lazy_device_finish(struct lazy_device *opener);

@@ -227,8 +227,9 @@ static enum hg_status check_part(
             err, HG_E_INVAL, "image_query", "offset", "is not where the part before has ended");
     if (m->data.size > bytes - m->offset)
         return hg_error_set(err, HG_E_INVAL, "image_query", "data",
-            "%llu bytes at %llu reach beyond the file of %llu", (unsigned long long)m->data.size,
-            (unsigned long long)m->offset, (unsigned long long)bytes);
+            "%llu bytes at offset %llu exceed the file size of %llu",
+            (unsigned long long)m->data.size, (unsigned long long)m->offset,
+            (unsigned long long)bytes);
     return HG_OK;
 }
 

@@ -20,7 +20,7 @@ struct render_state {
     struct session *sessions;
     struct scene_slot *scenes;
     struct view_slot *turn; // view that was stepped last
-    char device[128];       // name, once asked for
+    char device[128];       // name, created on first use
     uint32_t tasks;         // running
 };
 

@@ -11,7 +11,7 @@ struct reply_to {
     uint32_t channel, request;
 };
 
-// Encodes a message and hands it to the I/O thread; waits while the outbox is full.
+// Encodes a message and passes it to the I/O thread; waits while the outbox is full.
 void hg_reply_send(struct reply_to to, enum hgp_type type, const void *message);
 // The same, but dropped when the outbox is full.
 void hg_reply_send_lossy(struct reply_to to, enum hgp_type type, const void *message);

@@ -1,4 +1,4 @@
-// request.h - a decoded message on the render thread, and who is answered.
+// request.h - a decoded message on the render thread, and the recipient of its answer.
 // Floor 6, private to server/worker. Thread: the render thread.
 #ifndef HG_SERVER_WORKER_REQUEST_H
 #define HG_SERVER_WORKER_REQUEST_H

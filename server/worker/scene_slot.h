@@ -16,7 +16,7 @@ struct scene_slot {
     uint32_t open_batches;
     uint64_t batch_started_ns;
     double time_s;                      // of the newest pose
-    struct hg_fingerprint *fingerprint; // NULL until a frame key is asked for
+    struct hg_fingerprint *fingerprint; // NULL until a frame key is requested
     uint8_t hash[32];                   // of what it held when a frame key was made last
 };
 

@@ -35,7 +35,7 @@ void hg_session_destroy(struct render_state *s, struct session *session);
 
 // Makes a revision of an edit, unless a batch is open.
 void hg_session_edited(struct session *session);
-// Makes a revision of what the session's open batch changed, if there is one.
+// Commits the changes of the session's open batch as a revision, if there is one.
 void hg_session_close_batch(struct session *session);
 
 // Keeps a message until the running task has ended. HG_E_BUSY: too many wait; it stays the

@@ -1,4 +1,4 @@
-// view_messages.h - views: their parameters, cameras, and who waits for their frames.
+// view_messages.h - messages of views: parameters, cameras, frame requests.
 // Floor 6, private to server/worker. Thread: the render thread. A handler answers its request.
 #ifndef HG_SERVER_WORKER_VIEW_MESSAGES_H
 #define HG_SERVER_WORKER_VIEW_MESSAGES_H

@@ -60,7 +60,7 @@ uint32_t hg_rate_samples(const struct view_slot *view)
 
 // ---- progress -----------------------------------------------------------------------------------
 
-// Bakes in the background, as long as they run; counted since the frame was asked for.
+// Background bakes while they run, counted since the frame was requested.
 static void send_baking(struct view_slot *view, struct frame_wait *wait, struct reply_to to)
 {
     struct hg_baking b;

@@ -8,7 +8,7 @@
 // A client begins to watch, and may be sent `credit` frames.
 void hg_rate_subscribe(struct view_slot *view, uint32_t credit);
 void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
-// Is the newest frame one for the client who watches? The first of a new state, then those at
+// Whether the newest frame is due for the subscriber: the first of a new state, then those at
 // doubling sample counts, then the settled one; whether or not it is due yet.
 bool hg_rate_wants(const struct view_slot *view);
 // When max_fps lets it go.
@@ -18,7 +18,7 @@ void hg_rate_sent(struct view_slot *view);
 
 // How many samples the next step should draw to stay responsive.
 uint32_t hg_rate_samples(const struct view_slot *view);
-// Tells who waits for the settled frame how far it is, a few times a second.
+// Sends progress to requests that wait for the settled frame, a few times a second.
 void hg_rate_send_progress(struct view_slot *view, struct frame_wait *wait, struct reply_to to);
 
 #endif

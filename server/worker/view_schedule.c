@@ -7,7 +7,7 @@
 
 // ---- steps --------------------------------------------------------------------------------------
 
-// All who wait want the settled frame, and no client watches.
+// All waiting requests are for the settled frame, and there is no subscriber.
 static bool is_final(const struct view_slot *view)
 {
     bool final = view->waits != NULL && view->subscription.credit == 0;
@@ -79,7 +79,7 @@ static bool rests(const struct session *session, const struct view_slot *view)
            view->progress.failed_revision == session->scene->scene->revision;
 }
 
-// Is there more to draw, for an encoder that has room or for the settled frame?
+// Whether there is more to draw, for an encoder with room or for the settled frame.
 static bool wants_step(const struct session *session, const struct view_slot *view)
 {
     if (!hg_view_slot_is_stale(session, view) && view->progress.info.settled)

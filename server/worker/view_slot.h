@@ -1,4 +1,4 @@
-// view_slot.h - views of a session: what they show, who waits for their frames, how far they are.
+// view_slot.h - views of a session: settings, waiting requests, progress.
 // Floor 6, private to server/worker. Thread: the render thread.
 #ifndef HG_SERVER_WORKER_VIEW_SLOT_H
 #define HG_SERVER_WORKER_VIEW_SLOT_H
@@ -15,7 +15,7 @@ struct frame_wait {
     enum hgp_encoding encoding;
     uint8_t quality;
     uint64_t progress_sent_ns;
-    uint32_t most_missing; // pages and clusters, since it was asked for
+    uint32_t most_missing; // pages and clusters, since the request
     uint32_t most_baking;  // mesh parts
     uint64_t baked_before; // texels, when it was asked for; `began` then
     bool began;
@@ -30,7 +30,7 @@ struct view_settings {
     bool changed; // since the newest step
 };
 
-// How frames go to a client who watches, and which did.
+// Frame delivery to a subscriber.
 struct view_subscription {
     enum hgp_encoding encoding, still_encoding;
     uint8_t quality;
@@ -51,7 +51,7 @@ struct view_progress {
     uint64_t spent_ns;             // rendering, since the state was new
 };
 
-// The frame key that the client asked for last: settled frames say what they were made from.
+// The frame key requested last: settled frames carry the key that they were rendered from.
 struct view_frame_key {
     bool asked;
     enum hgp_encoding encoding;

@@ -88,7 +88,7 @@ enum hg_status hg_worker_init(struct worker *w) HG_MUST_CHECK;
 // After all threads have ended. What is still queued is dropped; options stay.
 void hg_worker_finish(struct worker *w);
 
-// The render thread looks for work again. Any thread; never waits, takes no memory.
+// Wakes the render thread. Any thread; never waits, allocates nothing.
 void hg_worker_wake(struct worker *w);
 // Frees what came out of the inbox, or remembers that the wake-up did.
 void hg_worker_free_command(struct worker *w, struct command *c);

@@ -15,7 +15,7 @@
 const vec4 hg_gauss_x = vec4(0.13975986, 0.41640957, 0.72315699, 0.94289580);
 const vec4 hg_gauss_w = vec4(0.06236194, 0.25969510, 0.40692914, 0.27101383);
 
-// Light that a medium lets through over a distance in metres. Beer-Lambert.
+// Transmittance of a medium over a distance in metres. Beer-Lambert.
 vec3 hg_bsdf_attenuation(vec3 attenuation, float distance)
 {
     return exp(-attenuation * distance);

@@ -1,4 +1,4 @@
-// bsdf_layers.glsl - clearcoat and sheen: what they let through, and their own lobes.
+// bsdf_layers.glsl - clearcoat and sheen: their transmittance, and their own lobes.
 //
 // Layers let through T = (1 - clearcoat E_coat) (1 - max(sheen) E_sheen). Specular lobes below get
 // min(T(v), T(l)), as the specification scales albedo below sheen, but for the coat too: it is
@@ -9,9 +9,9 @@
 
 #include "lib/bsdf_surface.glsl"
 
-// --- what they let through -----------------------------------------------------------------------
+// --- transmittance -------------------------------------------------------------------------------
 
-// Share of light that a coat lets through; one that faces away does nothing.
+// Transmittance of a coat; 1 where it faces away.
 float hg_coat_through(float coat, float roughness, float cos_theta)
 {
     if (!HG_HAS(HG_FEATURE_CLEARCOAT) || cos_theta <= 0.0)

@@ -47,7 +47,7 @@ hg_reflectance hg_bsdf_reflectance(hg_bsdf b, float v_dot_h, float eta, bool ins
     return r;
 }
 
-// What a facet does: colours that it reflects and lets through, and the chance that it reflects.
+// Response of a microfacet: reflected and transmitted colour, and the probability of reflection.
 struct hg_facet_light {
     vec3 reflected, transmitted;
     float p_reflect;
@@ -167,7 +167,7 @@ vec3 hg_bsdf_dielectric_albedo(hg_bsdf b, vec3 mean, vec2 dfg, float through)
 vec3 hg_bsdf_evaluate_facets(hg_bsdf b, vec3 l_ts, out float pdf)
 {
     bool behind = l_ts.z < 0.0;
-    vec3 up = vec3(l_ts.xy, abs(l_ts.z)); // thin-walled: reflected, then let through
+    vec3 up = vec3(l_ts.xy, abs(l_ts.z)); // thin-walled: reflected, then transmitted
     bool bent = behind && !b.thin;
     vec3 h = bent ? b.v_ts + b.eta * l_ts : b.v_ts + up;
     h *= inversesqrt(max(dot(h, h), 1e-20));

@@ -80,7 +80,7 @@ float hg_emitter_warp_pdf(vec3 direction_ws)
     return weight / ((root.x + root.y) * hg_emitter_cell_angle(cell.y, levels));
 }
 
-// Light from behind a surface that lets none through is nothing that was chosen.
+// Directions behind a surface without transmission are never sampled.
 bool hg_emitter_faces(vec3 direction, vec3 normal_ws)
 {
     return normal_ws == vec3(0.0) || dot(direction, normal_ws) > 0.0;

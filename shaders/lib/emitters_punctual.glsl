@@ -52,7 +52,7 @@ hg_emitter_sample hg_emitter_pick_sun(
     if (count <= HG_EMITTER_SUNS) {
         float sum = hg_emitter_suns(normal_ws), at = dice.u * sum, mine = 0.0;
         uint chosen = HG_EMITTER_NONE;
-        for (uint i = 0u; i < count; i++) { // the last one that shines, if rounding passes it by
+        for (uint i = 0u; i < count; i++) { // the last one with non-zero power, in case of rounding
             float w = hg_emitter_sun(i, normal_ws);
             if (w > 0.0 && (chosen == HG_EMITTER_NONE || at >= 0.0)) {
                 chosen = i;

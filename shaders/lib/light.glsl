@@ -92,7 +92,7 @@ hg_shadow_receiver hg_shadow_receive(
     return hg_shadow_project(s, p, n_geometric);
 }
 
-// Metres by which what is seen may lie off its surface.
+// Possible distance in metres of the shaded point from its surface, by rounding.
 float hg_shadow_slack(vec3 pos_ws)
 {
     return hg_frame.lighting.shadow_slack_m + hg_frame.lighting.shadow_slack_per_m *

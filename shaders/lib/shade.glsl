@@ -102,7 +102,7 @@ vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float rough
     vec4 color = texelFetch(hg_front, seen ? ivec2(at) : here, 0);
     if (HG_HAS(HG_FEATURE_STREAM) && min(deep, color.a) < 0.0)
         hg_texture_coarser = max(hg_texture_coarser, 1u);
-    // What stands in front of the layer is not behind it.
+    // Rejects background samples that lie in front of the layer.
     float own = dot(position_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
     if (abs(color.a) < own)
         color = texelFetch(hg_front, here, 0);

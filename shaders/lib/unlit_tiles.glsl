@@ -1,4 +1,4 @@
-// unlit_tiles.glsl - push constants of the passes that find dark cells, and where the pyramid's levels are.
+// unlit_tiles.glsl - push constants of the passes that find unlit tiles, and where the pyramid's levels are.
 #ifndef HG_LIB_UNLIT_TILES_GLSL
 #define HG_LIB_UNLIT_TILES_GLSL
 
@@ -6,13 +6,13 @@
 
 layout(push_constant, scalar) uniform hg_push
 {
-    hg_gpu_dark dark;
+    hg_gpu_unlit unlit;
 };
 
 // Squares along a side of a level.
 uint hg_unlit_tiles_side(uint level)
 {
-    return dark.atlas_px / (uint(HG_UNLIT_TILES_TEXELS) << level);
+    return unlit.atlas_px / (uint(HG_UNLIT_TILES_TEXELS) << level);
 }
 
 // First word of a level: 1 + 1/4 + ... of the first one's squares.

@@ -82,7 +82,7 @@ float own(taps t, uint channel)
     return hg_path.ring.v[(hg_path_out(channel) - HG_PATH_OUT) * ring_plane() + t.at[OWN]];
 }
 
-// What the denoiser wants to know is of the pixel alone: it takes neighbours' noise to be independent.
+// Denoiser inputs are not splatted: the denoiser assumes independent noise of neighbouring pixels.
 bool is_own(uint channel)
 {
     uint moved = hg_path.planes[HG_PATH_PLANE_MOVED], guide = hg_path.planes[HG_PATH_PLANE_GUIDE];

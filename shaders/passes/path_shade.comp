@@ -304,7 +304,7 @@ light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec
     return one;
 }
 
-// What a ray to a light looks for first: what nothing comes through.
+// First mask of a shadow ray: opaque surfaces.
 uint first_mask(hg_emitter_sample e)
 {
     return hg_path.has_alpha_mask != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
@@ -322,7 +322,7 @@ vec3 dimmed(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
     return hg_bsdf_attenuation(hg_media_attenuation(media), e.distance);
 }
 
-// A ray to a light, the second one to a directional light; true when there is one.
+// Emits a shadow ray, the second one to a directional light; true when there is one.
 bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, bool second)
 {
     hg_emitter_sample e = c.e;
@@ -448,7 +448,7 @@ uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, 
     return status;
 }
 
-// For planes alone: the surface and what shines of it, no light that falls on it.
+// For planes alone: the surface and its emission, no incident light.
 uint see(inout path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 {
     note_seen(p, v, s, hit);
@@ -459,7 +459,7 @@ uint see(inout path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     return HG_PATH_DONE;
 }
 
-// Share of what comes back from a surface that is mirrored or let through, not scattered.
+// Share of specular (reflected or transmitted) light in all light that leaves a surface.
 float specular_share(hg_surface s, float n_dot_v)
 {
     vec2 dfg = hg_dfg(clamp(n_dot_v, 0.0, 1.0), s.roughness);

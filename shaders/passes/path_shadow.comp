@@ -21,7 +21,7 @@
 
 layout(local_size_x = HG_PATH_GROUP) in;
 
-// 0: opaque surfaces were looked for; 1: the next one of the others, 2: and there is none.
+// 0: after the test for opaque surfaces; 1: at the next masked or blended one, 2: there is none.
 layout(constant_id = 0) const uint kind = 0u;
 
 // Share of light from straight behind that a smooth pane lets through: what paths that run into it
@@ -36,7 +36,7 @@ vec3 through_pane(hg_vertex v, vec3 direction)
     return hg_bsdf_facet(b, b.v_ts.z).transmitted * b.through_v;
 }
 
-// Share of the light that the surface lets through.
+// Transmittance of the surface.
 vec3 let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, slot));

@@ -17,7 +17,7 @@
 layout(local_size_x = HG_UNLIT_TILES_GROUP) in;
 HG_DEPTH_IO(HG_IO_DECLARE) // 0 = nothing
 
-// Texels around a receiver that its filter looks at: HG_SHADOW_RADIUS_PX, bilinear, rounding.
+// Filter radius around a receiver in texels: HG_SHADOW_RADIUS_PX, bilinear, rounding.
 #define REACH_PX 3.0
 // Distance in texels of what is compared with a receiver's plane, and its steepest slope (that of
 // HG_SHADOW_MIN_COS): how far along the light its depth may be raised, with its bias.
@@ -33,7 +33,7 @@ struct piece {
 // Nearest and farthest surface as depths; far = 0 where there is none.
 vec2 depths_of(uvec2 first)
 {
-    vec2 inv_size = 1.0 / vec2(dark.width, dark.height);
+    vec2 inv_size = 1.0 / vec2(unlit.width, unlit.height);
     float near = 0.0, far = 2.0;
     const uint gathers = uint(HG_UNLIT_TILES_CELL_PX) / 2u; // along a side
     uint i = 0u;
@@ -70,7 +70,7 @@ vec2 along(piece p, vec3 axis)
     return vec2(min(side.x * p.near, side.x * p.far), max(side.y * p.near, side.y * p.far));
 }
 
-// Farthest caster over the texels [low, high] of the atlas; 0 when that is too large to be told.
+// Farthest caster over the texels [low, high] of the atlas; 0 when the range exceeds the pyramid.
 float farthest(vec2 low, vec2 high)
 {
     uvec2 first = uvec2(low) / uint(HG_UNLIT_TILES_TEXELS), last = uvec2(high) / uint(HG_UNLIT_TILES_TEXELS);
@@ -85,10 +85,10 @@ float farthest(vec2 low, vec2 high)
     if (any(greaterThan(last - first, uvec2(1u))))
         return 0.0;
     uint side = hg_unlit_tiles_side(level), base = hg_unlit_tiles_first(level);
-    return min(min(dark.levels.v[base + first.y * side + first.x],
-                   dark.levels.v[base + first.y * side + last.x]),
-        min(dark.levels.v[base + last.y * side + first.x],
-            dark.levels.v[base + last.y * side + last.x]));
+    return min(min(unlit.levels.v[base + first.y * side + first.x],
+                   unlit.levels.v[base + first.y * side + last.x]),
+        min(unlit.levels.v[base + last.y * side + first.x],
+            unlit.levels.v[base + last.y * side + last.x]));
 }
 
 #define LIT  0u
@@ -177,7 +177,7 @@ void main()
 {
     uint at = gl_GlobalInvocationID.x;
     if (at == 0u)
-        dark.head.v = hg_gpu_dark_head(0u, 1u, 0u, 0u, 0u);
-    if (at < dark.columns * dark.rows)
-        dark.cells.v[at] = is_dark(uvec2(at % dark.columns, at / dark.columns)) ? 1u : 0u;
+        unlit.head.v = hg_gpu_unlit_head(0u, 1u, 0u, 0u, 0u);
+    if (at < unlit.columns * unlit.rows)
+        unlit.cells.v[at] = is_dark(uvec2(at % unlit.columns, at / unlit.columns)) ? 1u : 0u;
 }

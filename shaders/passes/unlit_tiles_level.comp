@@ -15,7 +15,7 @@ layout(set = 0, binding = HG_BIND_SHADOW) uniform sampler2D hg_atlas;
 
 float of_texels(uvec2 square)
 {
-    float inv_size = 1.0 / float(dark.atlas_px), least = 1.0;
+    float inv_size = 1.0 / float(unlit.atlas_px), least = 1.0;
     uvec2 first = square * uint(HG_UNLIT_TILES_TEXELS);
     uint i = 0u;
     do {
@@ -28,21 +28,21 @@ float of_texels(uvec2 square)
 
 float of_squares(uvec2 square)
 {
-    uint side = hg_unlit_tiles_side(dark.level - 1u);
-    uint at = hg_unlit_tiles_first(dark.level - 1u) + 2u * square.y * side + 2u * square.x;
-    return min(min(dark.levels.v[at], dark.levels.v[at + 1u]),
-        min(dark.levels.v[at + side], dark.levels.v[at + side + 1u]));
+    uint side = hg_unlit_tiles_side(unlit.level - 1u);
+    uint at = hg_unlit_tiles_first(unlit.level - 1u) + 2u * square.y * side + 2u * square.x;
+    return min(min(unlit.levels.v[at], unlit.levels.v[at + 1u]),
+        min(unlit.levels.v[at + side], unlit.levels.v[at + side + 1u]));
 }
 
 void main()
 {
-    if (any(greaterThanEqual(gl_GlobalInvocationID.xy, uvec2(dark.side))))
+    if (any(greaterThanEqual(gl_GlobalInvocationID.xy, uvec2(unlit.side))))
         return;
-    uvec2 square = uvec2(dark.first_x, dark.first_y) + gl_GlobalInvocationID.xy;
+    uvec2 square = uvec2(unlit.first_x, unlit.first_y) + gl_GlobalInvocationID.xy;
     float least;
     if (hg_texels)
         least = of_texels(square);
     else
         least = of_squares(square);
-    dark.levels.v[hg_unlit_tiles_first(dark.level) + square.y * hg_unlit_tiles_side(dark.level) + square.x] = least;
+    unlit.levels.v[hg_unlit_tiles_first(unlit.level) + square.y * hg_unlit_tiles_side(unlit.level) + square.x] = least;
 }

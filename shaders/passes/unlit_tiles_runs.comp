@@ -1,4 +1,4 @@
-// Runs of dark cells, to be drawn as rectangles. One invocation per row. Their order is by chance,
+// Runs of unlit tiles, to be drawn as rectangles. One invocation per row. Their order is by chance,
 // and does not matter: they do not overlap.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -12,20 +12,20 @@ layout(local_size_x = 8) in;
 void main()
 {
     uint row = gl_GlobalInvocationID.x;
-    if (row >= dark.rows)
+    if (row >= unlit.rows)
         return;
     uint first = 0u, x = 0u, count = 0u;
     bool before = false;
     do {
-        bool now = x < dark.columns && dark.cells.v[row * dark.columns + x] != 0u;
+        bool now = x < unlit.columns && unlit.cells.v[row * unlit.columns + x] != 0u;
         if (now && !before)
             first = x;
         if (before && !now) {
-            uint at = atomicAdd(dark.head.v.vertex_count, 6u) / 6u;
-            dark.runs.v[at] = uvec2(first | x << 16u, row);
+            uint at = atomicAdd(unlit.head.v.vertex_count, 6u) / 6u;
+            unlit.runs.v[at] = uvec2(first | x << 16u, row);
             count += x - first;
         }
         before = now;
-    } while (++x <= dark.columns);
-    atomicAdd(dark.head.v.dark, count);
+    } while (++x <= unlit.columns);
+    atomicAdd(unlit.head.v.unlit, count);
 }

@@ -55,7 +55,7 @@ HG_SHARED_SIZE(hg_gpu_occlusion, 56);
 
 #define HG_OCCLUSION_BLOCK 8 // pixels
 #define HG_OCCLUSION_WIDE  4 // blocks per block of the second level
-#define HG_OCCLUSION_REACH 8 // blocks that one test looks at, per side
+#define HG_OCCLUSION_REACH 8 // blocks read by one test, per side
 
 // Push constants of draws. Streams are those of the part or chunk that is drawn.
 struct hg_gpu_item {

@@ -1,8 +1,8 @@
 // emitters.h - the tables that light sampling reads. Floor 0, shared by C and GLSL (scalar layout).
 //
-// What shines is in three places: directional lights, the environment, and a tree over everything
-// that has a place (point and spot lights, emissive triangles). Filled by renderer/light/emitters/emitters.h,
-// read by lib/emitters.glsl.
+// Emitters are in three tables: directional lights, the environment, and a light tree over
+// everything that has a place (point and spot lights, emissive triangles). Filled by
+// renderer/light/emitters/emitters.h, read by lib/emitters.glsl.
 #ifndef HG_SHADERS_SHARED_EMITTERS_H
 #define HG_SHADERS_SHARED_EMITTERS_H
 
@@ -21,7 +21,7 @@
 #define HG_EMITTER_GROUP_EMISSIVE    2u
 #define HG_EMITTER_GROUPS            3u
 
-// What there is to choose from; code for what is nowhere can be left out.
+// Kinds of emitters in the scene; code for absent kinds is left out by specialisation.
 // Bits that leave room for others in a specialisation constant.
 #define HG_EMITTER_KIND_TREE  0x010000u // lights in the tree
 #define HG_EMITTER_KIND_SUN   0x020000u // directional lights
@@ -39,7 +39,8 @@ struct hg_gpu_light_node {
     float power;        // sum over the emitters of their greatest radiant intensity (luminance)
     float inv_range_sq; // 1 / range^2 of the farthest reaching one, 0 = infinite
     HG_UINT axis;       // octahedral, 2 x snorm16
-    // cos theta_o as 16 bits of (cos + 1) / 2, cos theta_e as 15, bit 31: shines to both sides alike
+    // cos theta_o as 16 bits of (cos + 1) / 2, cos theta_e as 15, bit 31: emits equally to both
+    // sides
     HG_UINT angles;
     HG_UINT child; // HG_EMITTER_IS_LEAF | leaf, or the first of two neighbours
 };
@@ -54,7 +55,7 @@ struct hg_gpu_emitter_leaf {
 };
 HG_SHARED_SIZE(hg_gpu_emitter_leaf, 16);
 
-// Consecutive triangles of one draw that shine; (1 << shift) of them to a leaf.
+// Consecutive emissive triangles of one draw; (1 << shift) of them per leaf.
 struct hg_gpu_emitter_piece {
     HG_UINT first_primitive, count, first_leaf, shift;
 };
@@ -81,7 +82,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer hg
 };
 #endif
 
-// Embedded by value in the block of whoever samples lights.
+// Embedded by value in the uniform block of passes that sample lights.
 struct hg_gpu_emitters {
     HG_PTR(hg_light_node_list) nodes;       // [node_count], root first
     HG_PTR(hg_emitter_leaf_list) leaves;    // [leaf_count]

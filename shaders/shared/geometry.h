@@ -16,7 +16,7 @@
 
 // hg_gpu_draw.flags
 #define HG_DRAW_MASK         0x0001u
-#define HG_DRAW_BLEND        0x0002u // or lets light through; neither: opaque
+#define HG_DRAW_BLEND        0x0002u // or transmissive; neither: opaque
 #define HG_DRAW_DOUBLE_SIDED 0x0004u
 #define HG_DRAW_MIRRORED     0x0008u // negative determinant: winding is reversed
 #define HG_DRAW_LINES        0x0010u

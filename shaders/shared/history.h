@@ -5,7 +5,7 @@
 
 #include "shared/frame.h"
 
-#define HG_HISTORY_CAMERA 1u // there is a frame before
+#define HG_HISTORY_CAMERA 1u // there is a previous frame
 #define HG_HISTORY_POSE   2u // and it is known where everything was
 
 struct hg_gpu_history {

@@ -61,7 +61,7 @@
 #define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
 #define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
-#define HG_PATH_CATCHES       0x00080000u // its shadow ray asks for the light of a shadow catcher
+#define HG_PATH_CATCHES           0x00080000u // its shadow ray tests the light of a shadow catcher
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u
 #define HG_PATH_LOBE_TRANSMISSION 2u
@@ -90,7 +90,7 @@
 #define HG_PATH_PLANE_GROUPS           20 // 3 channels for each group of lights
 #define HG_PATH_PLANE_CATCHER          21 // not one of them: HG_PATH_CATCHER_*
 #define HG_PATH_PLANE_MOVED            22 // of pictures of a series: HG_PATH_MOVED_*
-#define HG_PATH_PLANE_GUIDE            23 // what the denoiser wants to know: HG_PATH_GUIDE_*
+#define HG_PATH_PLANE_GUIDE            23 // denoiser inputs: HG_PATH_GUIDE_*
 #define HG_PATH_PLANE_COUNT            24
 
 // Channels of HG_PATH_PLANE_MOVED.
@@ -104,7 +104,7 @@
 // HG_PATH_SHOWN_*.
 #define HG_PATH_GUIDE_DIRECT     0 // rgb: light that the first surface scattered, once
 #define HG_PATH_GUIDE_INDIRECT   3 // rgb: that came to it by way of other surfaces
-#define HG_PATH_GUIDE_SPECULAR   6 // rgb: that it mirrored or let through
+#define HG_PATH_GUIDE_SPECULAR   6 // rgb: specular light, reflected or transmitted
 #define HG_PATH_GUIDE_ALBEDO     9 // rgb: what scattered light was multiplied by, about
 #define HG_PATH_GUIDE_REFLECTION 12 // rgb: what the other was
 #define HG_PATH_GUIDE_NORMAL     15
@@ -181,9 +181,9 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_SPLIT   0x4u // light by what lobes reflect
 #define HG_PATH_GROUPS  0x8u // light by groups
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
-#define HG_PATH_FOLLOWS 0x20u // the guide has what is seen in smooth surfaces
+#define HG_PATH_FOLLOWS    0x20u // the guide has features seen in smooth surfaces
 #define HG_PATH_PLACED 0x40u // some draws are marked so
-#define HG_PATH_SURFACES 0x2000000u // only what is seen first, by the real-time mode's rules
+#define HG_PATH_SURFACES   0x2000000u // first hits only, by the rules of the real-time mode
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
 #define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read

@@ -5,7 +5,7 @@
 
 #include "shared/types.h"
 
-#define HG_UNLIT_TILES_CELL_PX     8  // side of the squares of the picture that are told apart
+#define HG_UNLIT_TILES_CELL_PX     8 // side of a cell
 #define HG_UNLIT_TILES_TEXELS      8  // of the atlas, side of a square of level 0 of the pyramid
 #define HG_UNLIT_TILES_LEVELS      5  // each of half the side; a square of the last is no larger than a map
 #define HG_UNLIT_TILES_GROUP       64 // invocations
@@ -13,16 +13,16 @@
 
 #define HG_UNLIT_TILES_DEPTH       0x1p-100f // reversed: behind every surface, in front of the background
 
-// What is drawn over the dark cells, and how many there are.
-struct hg_gpu_dark_head {
+// What is drawn over the unlit tiles, and how many there are.
+struct hg_gpu_unlit_head {
     HG_UINT vertex_count, instance_count, first_vertex, first_instance; // of vkCmdDrawIndirect
-    HG_UINT dark;                                                       // cells
+    HG_UINT unlit;                                                      // cells
 };
 
 #ifndef __STDC__
 layout(buffer_reference, scalar) buffer hg_unlit_tiles_head_ref
 {
-    hg_gpu_dark_head v;
+    hg_gpu_unlit_head v;
 };
 layout(buffer_reference, scalar) buffer hg_unlit_tiles_word_ref
 {
@@ -38,9 +38,9 @@ layout(buffer_reference, scalar) buffer hg_unlit_tiles_run_ref
 };
 #endif
 
-struct hg_gpu_dark {
+struct hg_gpu_unlit {
     HG_PTR(hg_unlit_tiles_head_ref) head;
-    HG_PTR(hg_unlit_tiles_word_ref) cells;    // [columns * rows] 1: dark for sure
+    HG_PTR(hg_unlit_tiles_word_ref) cells;    // [columns * rows] 1: unlit for sure
     HG_PTR(hg_unlit_tiles_run_ref) runs;      // (first | end << 16, row) in cells
     HG_PTR(hg_unlit_tiles_level_ref) levels;  // farthest depth (the least) in squares of the shadow atlas
     HG_UINT width, height;             // px

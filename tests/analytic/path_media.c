@@ -19,7 +19,7 @@ static const struct rig_camera camera = {.eye = {1, 4, 2.5},
     .vfov_rad = 0.8,
     .width = SIDE,
     .height = SIDE,
-    .samples = 256,
+    .samples = 128,
     .mode = HG_MODE_PATH,
     .max_bounces = 3};
 
@@ -167,7 +167,7 @@ static void test_light_in_volume(void **state)
         rig_quad(rig, m, corners);
         rig->renderer->context.overrides.path_estimators = use;
         struct rig_camera c = camera;
-        c.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
+        c.samples = use == HG_PATH_USE_SURFACES ? 512 : 128;
         const double got = render_mean(rig, &c);
         rig->renderer->context.overrides.path_estimators = 0;
         expect(names[use], got, expected, 0.005);
@@ -193,7 +193,7 @@ static double straight_through(struct rig *rig)
         .vfov_rad = 0.02,
         .width = SIDE,
         .height = SIDE,
-        .samples = 512,
+        .samples = 256,
         .mode = HG_MODE_PATH,
         .max_bounces = 64};
     struct hg_material *light = path_rig_lambert(rig, 0);
@@ -248,7 +248,7 @@ static void test_volume_of_the_same_glass(void **state)
     struct hg_refbuf *pixels[3];
     struct rig_camera c = camera;
     c.max_bounces = 8;
-    c.samples = 128;
+    c.samples = 64;
     for (int i = 0; i < 3; i++) { // without, with, with another glass
         rig_scene(rig);
         for (int stripe = -12; stripe < 12; stripe += 2) {
@@ -335,7 +335,7 @@ static void test_lamp_behind_pane(void **state)
             add_lamp(rig, above, 20);
         }
         struct rig_camera c = below;
-        c.samples = sphere ? 1024 : 64;
+        c.samples = sphere ? 512 : 32;
         c.max_bounces = 2; // no light from the plane by way of the pane
         mean[sphere] = render_mean(rig, &c);
     }

@@ -107,7 +107,7 @@ void path_rig_box(struct rig *rig, struct hg_material *m, const float low[3], co
         for (int k = 0; k < 6; k++)
             index[face * 6 + k] = (uint32_t)face * 4 + quad[k];
     }
-    rig_mesh(rig, m, 24, positions, normals, 36, index);
+    rig_mesh(rig, m, &(struct rig_vertices){24, positions, normals}, 36, index);
 }
 
 void path_rig_room(struct rig *rig)

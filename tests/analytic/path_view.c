@@ -14,7 +14,7 @@ static const struct hg_view_params defaults = {.width = SIDE,
     .tonemap = HG_TONEMAP_LINEAR,
     .mode = HG_MODE_PATH,
     .filter = HG_FILTER_BOX,
-    .samples = 256,
+    .samples = 128,
     .seed = 7};
 
 static const float room_eye[3] = {0.5f, 1.2f, 3.5f}, room_target[3] = {0, 0.5f, 0};
@@ -439,7 +439,7 @@ static void test_neighbours(void **state)
         struct hg_view_params params = defaults;
         params.filter = HG_FILTER_BLACKMAN_HARRIS;
         params.filter_radius_px = i == 1 ? 1.5f : 1.501f;
-        params.samples = i == 2 ? 512 : 8;
+        params.samples = i == 2 ? 256 : 8;
         params.seed = 3 + (uint32_t)i;
         struct hg_view *view = path_rig_view(rig, &params);
         path_rig_look(view, room_eye, room_target, 0.8f);
@@ -512,7 +512,7 @@ static void test_branches(void **state)
     struct rig *rig = *state;
     path_rig_room(rig);
     struct hg_refbuf *one = room_branched(rig, 1, 8, 3), *eight = room_branched(rig, 8, 8, 4);
-    struct hg_refbuf *many = room_branched(rig, 1, 512, 5);
+    struct hg_refbuf *many = room_branched(rig, 1, 256, 5);
     const double alone = difference(many, one), together = difference(many, eight);
     print_message("one path %.4f, eight %.4f\n", alone, together);
     assert_true(together * together < 0.45 * alone * alone);

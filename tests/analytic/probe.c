@@ -71,8 +71,8 @@ struct push {
     uint32_t count;
 };
 
-static void record(struct probe *probe, const char *shader, uint32_t op, struct hg_gpu_cmd *cmd,
-    const struct hg_gpu_buffer *frame, const struct push *push)
+static void record(struct probe *probe, const struct probe_dispatch *dispatch,
+    struct hg_gpu_cmd *cmd, const struct hg_gpu_buffer *frame, const struct push *push)
 {
     struct hg_error err = {0};
     struct hg_gpu_bindings bindings = {.uniforms = {{frame->address, sizeof(struct hg_gpu_frame)}}};
@@ -80,14 +80,15 @@ static void record(struct probe *probe, const char *shader, uint32_t op, struct 
     bindings.images[HG_BIND_ENV_RADIANCE] = hg_lighting_image_radiance(probe->lighting);
     bindings.images[HG_BIND_SHADOW] = hg_lighting_image_shadow(probe->lighting);
     test_ok(hg_gpu_cmd_bind(cmd, &bindings, &err), &err);
-    struct hg_gpu_pipeline_params pipeline = {.compute = shader, .spec = {op}, .spec_count = 1};
+    struct hg_gpu_pipeline_params pipeline = {
+        .compute = dispatch->shader, .spec = {dispatch->op}, .spec_count = 1};
     test_ok(hg_gpu_cmd_pipeline(cmd, &pipeline, &err), &err);
     hg_gpu_cmd_push(cmd, push, sizeof *push);
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), (push->count + GROUP - 1) / GROUP, 1, 1);
     hg_gpu_memory_barrier(cmd);
 }
 
-void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint32_t count,
+void probe_run_shader(struct probe *probe, const struct probe_dispatch *dispatch,
     const struct hg_vec4 *in, uint32_t in_size, struct hg_vec4 *out, uint32_t out_size)
 {
     struct hg_error err = {0};
@@ -107,10 +108,10 @@ void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint
         &err);
     memcpy(frame.mapped, block, sizeof *block);
     memcpy(input.mapped, in, in_size * sizeof *in);
-    struct push push = {input.address, output.address, count};
+    struct push push = {input.address, output.address, dispatch->count};
     struct hg_gpu_cmd *cmd;
     test_ok(hg_gpu_begin(probe->gpu, &cmd, &err), &err);
-    record(probe, shader, op, cmd, &frame, &push);
+    record(probe, dispatch, cmd, &frame, &push);
     test_ok(hg_gpu_submit_and_wait(probe->gpu, cmd, &err), &err);
     memcpy(out, output.mapped, out_size * sizeof *out);
     hg_gpu_buffer_destroy(probe->gpu, &frame);
@@ -122,7 +123,8 @@ void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint
 void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const struct hg_vec4 *in,
     struct hg_vec4 *out)
 {
-    probe_run_shader(probe, "probe.comp", (uint32_t)op, count, in, 2 * count, out, count);
+    const struct probe_dispatch dispatch = {"probe.comp", (uint32_t)op, count};
+    probe_run_shader(probe, &dispatch, in, 2 * count, out, count);
 }
 
 // SplitMix64, Steele et al. 2014.

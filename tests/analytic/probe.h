@@ -57,7 +57,12 @@ void probe_run(struct probe *probe, enum probe_op op, uint32_t count, const stru
     struct hg_vec4 *out);
 
 // Any shader that pushes {source, result, count}: `in_size` vec4 as they are, `out_size` vec4 back.
-void probe_run_shader(struct probe *probe, const char *shader, uint32_t op, uint32_t count,
+struct probe_dispatch {
+    const char *shader;
+    uint32_t op;    // specialisation constant 0
+    uint32_t count; // invocations
+};
+void probe_run_shader(struct probe *probe, const struct probe_dispatch *dispatch,
     const struct hg_vec4 *in, uint32_t in_size, struct hg_vec4 *out, uint32_t out_size);
 
 // In [0, 1), the same ones in every run: of 53 bits, and of 24 that a float holds.

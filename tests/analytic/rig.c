@@ -66,9 +66,10 @@ static void *copy(const void *data, size_t bytes)
     return memcpy(out, data, bytes);
 }
 
-struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material, uint32_t vertices,
-    const float *positions, const float *normals, uint32_t indices, const uint32_t *index)
+struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material,
+    const struct rig_vertices *vertices, uint32_t indices, const uint32_t *index)
 {
+    const float *positions = vertices->positions;
     struct hg_mesh *mesh = add(rig, HG_OBJECT_MESH);
     struct hg_node *node = add(rig, HG_OBJECT_NODE);
     struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
@@ -76,15 +77,15 @@ struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material, uint32_t
     mesh->parts = part;
     mesh->part_count = 1;
     part->topology = HG_TOPOLOGY_TRIANGLES;
-    part->vertex_count = vertices;
+    part->vertex_count = vertices->count;
     part->index_count = indices;
     part->material = material;
     part->indices = copy(index, indices * sizeof *index);
-    part->positions = copy(positions, vertices * 3 * sizeof(float));
-    part->normals = copy(normals, vertices * 3 * sizeof(float));
+    part->positions = copy(positions, vertices->count * 3 * sizeof(float));
+    part->normals = copy(vertices->normals, vertices->count * 3 * sizeof(float));
     for (int a = 0; a < 3; a++) {
         part->bounds_min[a] = part->bounds_max[a] = positions[a];
-        for (uint32_t v = 1; v < vertices; v++) {
+        for (uint32_t v = 1; v < vertices->count; v++) {
             part->bounds_min[a] = fminf(part->bounds_min[a], positions[v * 3 + a]);
             part->bounds_max[a] = fmaxf(part->bounds_max[a], positions[v * 3 + a]);
         }
@@ -107,7 +108,8 @@ struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const fl
     float l = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     for (int i = 0; i < 12; i++)
         normals[i] = n[i % 3] / l;
-    struct hg_node *node = rig_mesh(rig, material, 4, &corners[0][0], normals, 6, index);
+    const struct rig_vertices vertices = {4, &corners[0][0], normals};
+    struct hg_node *node = rig_mesh(rig, material, &vertices, 6, index);
     node->mesh->parts[0].uv[0] = copy(uv, sizeof uv);
     return node;
 }
@@ -137,7 +139,8 @@ struct hg_node *rig_sphere(
             memcpy(index + used, quad, sizeof quad);
             used += 6;
         }
-    struct hg_node *node = rig_mesh(rig, material, vertices, positions, normals, indices, index);
+    const struct rig_vertices all = {vertices, positions, normals};
+    struct hg_node *node = rig_mesh(rig, material, &all, indices, index);
     hg_free(positions);
     hg_free(normals);
     hg_free(index);

@@ -31,9 +31,13 @@ void rig_scene(struct rig *rig); // a new, empty scene in place of the one befor
 
 // White, rough and not metallic.
 struct hg_material *rig_material(struct rig *rig);
-// A node with a mesh of one part: copies of positions and normals [vertices * 3], indices.
-struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material, uint32_t vertices,
-    const float *positions, const float *normals, uint32_t indices, const uint32_t *index);
+// A node with a mesh of one part: copies of all arrays.
+struct rig_vertices {
+    uint32_t count;
+    const float *positions, *normals; // [count * 3]
+};
+struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material,
+    const struct rig_vertices *vertices, uint32_t indices, const uint32_t *index);
 // Two triangles between four corners, counter-clockwise; uv 0 0, 1 0, 1 1, 0 1.
 struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const float corners[4][3]);
 // `rings` from pole to pole, twice as many segments.

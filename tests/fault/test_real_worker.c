@@ -402,7 +402,7 @@ static void lost_disks_are_survived(void **state)
     char *log = daemon_read(&d, "log"), what[32];
     snprintf(what, sizeof what, "(mesh %llu)", (unsigned long long)a.first_id);
     assert_non_null(strstr(log, cache));
-    assert_non_null(strstr(log, "the disk lost byte"));
+    assert_non_null(strstr(log, "cannot be read back"));
     assert_non_null(strstr(log, what));
     free(log);
     peer_close(&a);

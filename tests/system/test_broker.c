@@ -410,10 +410,10 @@ static void verified_files_stay_as_large_as_they_began(void **state)
     daemon_start(&d);
     peer_open_scene(&p, &d, "");
     part_refused(&p, &last, "is 2, and was 0 ");
-    part_refused(&p, &more, "2 bytes at 0 reach beyond the file of 1");
+    part_refused(&p, &more, "2 bytes at offset 0 exceed the file size of 1");
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
     part_refused(&p, &grown, "is 5368709120, and was 2 ");
-    part_refused(&p, &beyond, "2 bytes at 1 reach beyond the file of 2");
+    part_refused(&p, &beyond, "2 bytes at offset 1 exceed the file size of 2");
     peer_call(&p, HGP_T_image_query, &last, HGP_T_json);
     part_refused(&p, &last, "is 2, and was 0 ");
     peer_close(&p);

@@ -121,8 +121,8 @@ static void draw(const struct world *w, bool portable, unsigned threads, struct 
     memset(out, 0xcd, sizeof *out);
     memset(out->marks, 0, sizeof out->marks);
     const struct hg_raster_target target = {out->ids, out->depth};
-    assert_int_equal(
-        hg_raster_draw(raster, &w->view, w->runs, RUNS, jobs, &target, out->marks), HG_OK);
+    const struct hg_raster_runs runs = {w->runs, RUNS, out->marks};
+    assert_int_equal(hg_raster_draw(raster, &w->view, &runs, &target, jobs), HG_OK);
     hg_jobs_destroy(jobs);
     hg_raster_destroy(raster);
 }

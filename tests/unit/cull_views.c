@@ -300,8 +300,9 @@ static void draw(struct fixture *f, const struct world *w, const struct hg_culli
     hg_culling_reset(f->visible);
     check(f, hg_culling_add(f->visible, w->geometry, view, f->jobs, &f->err));
     check(f, hg_culling_upload(f->visible, f->jobs, &f->err));
+    const struct hg_culling_sample slot = {sample, 0, 1};
     if (hg_culling_set(f->visible, 0)->hosted)
-        check(f, hg_culling_draw_cpu(f->visible, sample, 0, 1, f->jobs, &f->err));
+        check(f, hg_culling_draw_cpu(f->visible, &slot, f->jobs, &f->err));
     hg_geometry_fill(w->geometry, &((struct hg_gpu_frame *)f->block.mapped)->geometry);
     struct hg_pass pass = {.gpu = f->gpu, .features = HG_FEATURE_ALL};
     pass.bindings.uniforms[0] = (struct hg_gpu_uniform){f->block.address, BLOCK_BYTES};

@@ -114,10 +114,10 @@ static void check_file(struct geo *f, const char *path)
     for (int step = 0; step < 3; step++) {
         geo_check(f, hg_asset_pose(asset, -1, 0.31 * step));
         geo_sync(f, g, scene);
-        for (uint32_t i = 0; i < g->deform_count; i++)
-            check_pose(f, &g->deforms[i], name);
+        for (uint32_t i = 0; i < g->deforms.count; i++)
+            check_pose(f, &g->deforms.items[i], name);
     }
-    assert_true(g->deform_count > 0);
+    assert_true(g->deforms.count > 0);
     // The same pose again costs nothing.
     geo_sync(f, g, scene);
     struct hg_geometry_stats stats;

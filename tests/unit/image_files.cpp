@@ -22,20 +22,20 @@ bool write_level(OIIO::ImageOutput &out, const OIIO::ImageSpec &spec, const uint
 
 } // namespace
 
-bool write_tiled_file(const char *path, uint32_t width, uint32_t height, uint32_t tile,
-    uint32_t mips, const uint8_t *const levels[], bool is_float)
+bool write_tiled_file(const char *path, const struct tiled_layout *layout, uint32_t mips,
+    const uint8_t *const levels[])
 {
     std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path);
-    OIIO::ImageSpec spec(
-        int(width), int(height), 3, is_float ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
-    spec.tile_width = spec.tile_height = int(tile);
+    OIIO::ImageSpec spec(int(layout->width), int(layout->height), 3,
+        layout->is_float ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
+    spec.tile_width = spec.tile_height = int(layout->tile);
     spec.attribute("textureformat", "Plain Texture");
     spec.attribute("openexr:levelmode", 1);
     spec.attribute("openexr:roundingmode", 0);
     bool good = out != nullptr;
     for (uint32_t i = 0; good && i < mips; i++) {
-        spec.width = spec.full_width = int(std::max(width >> i, 1u));
-        spec.height = spec.full_height = int(std::max(height >> i, 1u));
+        spec.width = spec.full_width = int(std::max(layout->width >> i, 1u));
+        spec.height = spec.full_height = int(std::max(layout->height >> i, 1u));
         // TIFF has no mips of its own: a "textureformat" says what its images are.
         OIIO::ImageOutput::OpenMode mode = !i ? OIIO::ImageOutput::Create
                                            : out->supports("mipmap")

@@ -10,9 +10,13 @@
 extern "C" {
 #endif
 
+struct tiled_layout {
+    uint32_t width, height, tile; // tile: side
+    bool is_float;
+};
 // RGB of the RGBA8 mips, as floats when is_float; the extension (.tif, .exr) decides the format.
-bool write_tiled_file(const char *path, uint32_t width, uint32_t height, uint32_t tile,
-    uint32_t mips, const uint8_t *const levels[], bool is_float);
+bool write_tiled_file(const char *path, const struct tiled_layout *layout, uint32_t mips,
+    const uint8_t *const levels[]);
 // An RGB file of rows (png, tif, jpg) whose texel x, y is large_texel(x, y).
 bool write_large_file(const char *path, uint32_t width, uint32_t height);
 

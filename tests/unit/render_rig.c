@@ -122,3 +122,86 @@ void rig_environment(struct hg_scene *scene, float red, float green, float blue)
     scene->environment.color[2] = blue;
     scene->environment.revision++;
 }
+
+struct hg_scene *rig_new_scene(void)
+{
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    return scene;
+}
+
+// A quad about the origin of the xy plane, looking along +z, unlit.
+struct hg_node *rig_quad(
+    struct hg_scene *scene, uint64_t id, float half, float z, const float color[4])
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static const float normals[12] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
+    const float positions[12] = {-half, -half, 0, half, -half, 0, half, half, 0, -half, half, 0};
+    struct hg_material *material = rig_add(scene, HG_OBJECT_MATERIAL, id);
+    memcpy(material->base_color, color, sizeof material->base_color);
+    material->unlit = true;
+    material->alpha_mode = color[3] < 1 ? HG_ALPHA_BLEND : HG_ALPHA_OPAQUE;
+    struct hg_mesh *mesh = rig_add(scene, HG_OBJECT_MESH, id);
+    rig_part(mesh, 4, positions, normals, 6, indices)->material = material;
+    struct hg_node *node = rig_add(scene, HG_OBJECT_NODE, id);
+    node->mesh = mesh;
+    node->translation[2] = z;
+    return node;
+}
+
+struct hg_scene *rig_load(const char *path, struct hg_jobs *jobs)
+{
+    struct hg_error err = {0};
+    struct hg_asset *asset;
+    const struct hg_load_params params = {
+        .path = path, .asset_number = 1, .scene_index = -1, .jobs = jobs};
+    test_ok(hg_load_asset(&params, &asset, &err), &err);
+    struct hg_scene *scene = rig_new_scene();
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    rig_environment(scene, 0.7f, 0.7f, 0.7f);
+    rig_sun(scene, 7, -0.5f, 0.8660254f);
+    hg_scene_publish(scene);
+    return scene;
+}
+
+void rig_open_with(struct rig *rig, const struct hg_renderer_params *params)
+{
+    *rig = (struct rig){0};
+    test_ok(hg_renderer_create(params, &rig->renderer, &rig->err), &rig->err);
+}
+
+void rig_open(struct rig *rig, bool validation)
+{
+    rig_open_with(rig, &(struct hg_renderer_params){.validation = validation, .threads = 2});
+}
+
+void rig_look_at_scene(struct rig *rig, float turn)
+{
+    float min[3], max[3], radius = 0;
+    struct hg_view_camera camera = {0};
+    hg_scene_update(rig->scene);
+    assert_true(hg_scene_bounds(rig->scene, NULL, min, max));
+    for (int i = 0; i < 3; i++) {
+        camera.target[i] = 0.5f * (min[i] + max[i]);
+        radius += (max[i] - min[i]) * (max[i] - min[i]);
+    }
+    radius = 0.9f * sqrtf(radius);
+    camera.eye[0] = camera.target[0] + radius * sinf(turn);
+    camera.eye[1] = camera.target[1] + 0.3f * radius;
+    camera.eye[2] = camera.target[2] + radius * cosf(turn);
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+}
+
+void rig_use_scene(struct rig *rig, struct hg_scene *scene, const struct hg_view_params *params)
+{
+    rig->scene = scene;
+    rig_view(rig, params);
+}
+
+void rig_close_scene(struct rig *rig)
+{
+    hg_view_destroy(rig->view);
+    hg_scene_destroy(rig->scene);
+    rig->view = NULL;
+    rig->scene = NULL;
+}

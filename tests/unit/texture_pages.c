@@ -407,8 +407,9 @@ static void test_few_tiles(void **state)
     struct hg_image image = make_image(w, h, HG_PIXEL_RGBA8);
     struct reference own = make_reference(&image, false, false, HG_TEXTURE_DATA, 0);
     char *path = path_of("few.tif");
-    assert_true(write_tiled_file(
-        path, w, h, tile, own.mips.count, (const uint8_t *const *)own.mips.levels, false));
+    const struct tiled_layout layout = {w, h, tile, false};
+    assert_true(
+        write_tiled_file(path, &layout, own.mips.count, (const uint8_t *const *)own.mips.levels));
     struct hg_image_reader *reader, *second;
     struct hg_open_files *files;
     struct hg_open_file *file;
@@ -464,8 +465,8 @@ static void write_many(struct many *many, uint32_t i, const char *path)
     struct hg_mips *m = &many->reference.mips;
     many->brightness[i] = (uint8_t)(i * 5 + 1);
     memset(m->levels[0], many->brightness[i], m->bytes);
-    assert_true(write_tiled_file(
-        path, MANY_SIDE, MANY_SIDE, 64, m->count, (const uint8_t *const *)m->levels, false));
+    static const struct tiled_layout layout = {MANY_SIDE, MANY_SIDE, 64, false};
+    assert_true(write_tiled_file(path, &layout, m->count, (const uint8_t *const *)m->levels));
 }
 
 static void *read_many(void *user)
@@ -558,8 +559,9 @@ static void test_tiled_files(void **state)
                 if (t % 4 < 3)
                     own.mips.levels[m][t] ^= 0x55;
         char *path = path_of(exr ? "t.exr" : "t.tif");
-        assert_true(write_tiled_file(path, w, h, sizes[i / 2][2], own.mips.count,
-            (const uint8_t *const *)own.mips.levels, exr));
+        const struct tiled_layout layout = {w, h, sizes[i / 2][2], exr};
+        assert_true(write_tiled_file(
+            path, &layout, own.mips.count, (const uint8_t *const *)own.mips.levels));
         struct hg_store *store = open_store();
         struct hg_page_sources *s = make_sources(store, 1);
         struct hg_image_source origin;

@@ -102,8 +102,9 @@ static void interval(void **state)
     static const struct {
         float t_min, t_max, direction;
         bool hit;
-    } cases[] = {{0, 1e30f, -1, true}, {0, 1, -1, false}, {1, 2, -1, false},
-        {0.99f, 1.01f, -1, true}, {0, 0.5f, -2, false}, {0, 0.51f, -2, true}, {0, 2, 1, false},
+    // Bounds lie beside the hit, not at it: its distance is rounded as the processor's units do.
+    } cases[] = {{0, 1e30f, -1, true}, {0, 0.9999f, -1, false}, {1.0001f, 2, -1, false},
+        {0.99f, 1.01f, -1, true}, {0, 0.4999f, -2, false}, {0, 0.51f, -2, true}, {0, 2, 1, false},
         {2, 1, -1, false}, {NAN, 2, -1, false}, {0, NAN, -1, false}, {0, 2, NAN, false},
         {0, 2, 0, false}, {0, INFINITY, -1, true}, {0, 1e30f, -1e-20f, true}};
     enum { COUNT = sizeof cases / sizeof cases[0] };

@@ -50,7 +50,7 @@ struct helio; // one connection
 // Zero is the default of every member.
 struct helio_options {
     const char *url;                // unix:PATH or tcp:HOST:PORT; NULL = start a private worker
-    const char *token;              // NULL = none; needed when the daemon asks for one
+    const char *token;              // NULL = none; needed when the daemon requires one
     const char *client;             // name for the daemon's logs; default "libhelio/VERSION"
     uint64_t timeout_ns;            // until the session is open; default 30 s
     uint32_t max_receive_bytes;     // greatest payload taken; default HGP_LIMIT_OPEN_DEFAULT
@@ -82,7 +82,7 @@ struct helio_info {
 HELIO_API const char *helio_version(void);
 
 // Starts to connect and returns at once (name lookup alone may block). The rest happens in
-// helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (nobody listens), HG_E_NOMEM,
+// helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (no listener), HG_E_NOMEM,
 // HG_E_IO, HG_E_WORKER (the worker's program cannot be started).
 HELIO_API enum hg_status helio_start(
     const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;

@@ -1,4 +1,4 @@
-// dfg.h - the directional albedo of the specular BRDF and of other lobes as tables.
+// dfg.h - tables of directional albedo of the specular BRDF and of other lobes.
 // Floor 2 (light). Pure; same result on every run. The tables are made once, while building
 // (make.c), and are part of the program (words.h).
 #ifndef HG_RENDERER_LIGHT_ALBEDO_DFG_H

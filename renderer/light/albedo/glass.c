@@ -141,7 +141,7 @@ static void fill_film_mean(struct hg_vec2 *table, uint32_t job)
 
 // --- layers --------------------------------------------------------------------------------------
 
-// What coats and sheens of all their roughnesses take of light let through.
+// Attenuation of transmitted light by coats and sheens of all roughnesses.
 struct held {
     const struct hg_vec2 *table;
     double all, sum[2][HG_HELD_LAYERS];

@@ -1,4 +1,4 @@
-// layered_aniso.c - what coats and sheens hold back over anisotropic bases. See dfg.h,
+// layered_aniso.c - attenuation of anisotropic bases by coats and sheens. See dfg.h,
 // HG_OVER_ANISO_FIRST.
 #include "renderer/light/albedo/vndf_quadrature.h"
 #include "renderer/light/albedo/lobes.h"

@@ -12,8 +12,8 @@ static inline float smith_lambda(float x, float y, float z, const float alpha[2]
     return 0.5f * (sqrtf(1 + (ax * ax + ay * ay) / z2) - 1);
 }
 
-// What is not in shadow of the light that a visible facet sends to a direction: G2 / G1(v), Heitz
-// 2014 eq. 99.
+// Unshadowed share of the light that a visible microfacet reflects to a direction: G2 / G1(v),
+// Heitz 2014 eq. 99.
 static inline float unshadowed(const struct hg_vndf_quadrature *c, float x, float y, float z)
 {
     return c->one_and_lambda_v / (c->one_and_lambda_v + smith_lambda(x, y, z, c->alpha));

@@ -1,4 +1,4 @@
-// vndf_quadrature.h - integrals over the facets of a GGX surface that a direction sees.
+// vndf_quadrature.h - quadrature over the visible normals (VNDF) of a GGX surface.
 // Floor 2 (light), private to this folder. Pure.
 #ifndef HG_RENDERER_LIGHT_ALBEDO_VNDF_QUADRATURE_H
 #define HG_RENDERER_LIGHT_ALBEDO_VNDF_QUADRATURE_H
@@ -37,16 +37,16 @@ void hg_vndf_direction(float cosine, float azimuth_cosine, float v[3]);
 void hg_vndf_reflect(const struct hg_vndf_quadrature *facets,
     float (*kept)(const void *user, float cosine), const void *user, float ab[2]);
 
-// What an interface of glass does when every ray meets one facet only, by Fresnel's equations and
-// Walter's refraction. eta: index of refraction behind over that in front, `count` of them.
-// out[count]: x the share of light that is neither reflected nor let through, 1 - E;
+// Single-scattering albedo of a rough dielectric interface, by Fresnel's equations and Walter's
+// refraction. eta: index of refraction behind over that in front, `count` of them.
+// out[count]: x the share of light that is neither reflected nor transmitted, 1 - E;
 // y the share that is reflected.
 // Source: Walter et al. 2007, eq. 21 and 22; what is missing: Kulla and Conty 2017.
 void hg_vndf_glass(
     const struct hg_vndf_quadrature *facets, uint32_t count, const float *eta, struct hg_vec2 *out);
 
-// Light that such an interface lets through: `each` gets shares of all light and the cosine to the
-// normal at which they leave.
+// Light transmitted by such an interface: `each` gets shares of the incident light and the cosine
+// to the normal of their exit directions.
 void hg_vndf_let_through(const struct hg_vndf_quadrature *facets, float eta,
     void (*each)(void *user, float share, float cosine), void *user);
 

@@ -1,8 +1,8 @@
-// emissive_mips.h - how bright an emissive texture is over a piece of it.
+// emissive_mips.h - mean luminance of an emissive texture over a region.
 // Floor 2 (light). Private to the room. Thread: the render thread; lookups from any.
 //
-// A coarse mip (sides of at most HG_EMISSIVE_MIPS_SIDE texels) of the same pages that are seen, as
-// luminance, with coarser ones made from it.
+// A coarse mip (sides of at most HG_EMISSIVE_MIPS_SIDE texels) of the rendered pages, as luminance,
+// with coarser levels computed from it.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMISSIVE_MIPS_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMISSIVE_MIPS_H
 
@@ -23,8 +23,8 @@ enum hg_status hg_emissive_mips_make(struct hg_page_sources *sources,
     struct hg_emissive_mips *out) HG_MUST_CHECK;
 void hg_emissive_mips_finish(struct hg_emissive_mips *glow); // accepts a zeroed one
 
-// About the mean over a box of texture coordinates; 0 only where the mip is 0 all around it. Boxes
-// that are not finite: of all.
+// Approximate mean over a box of texture coordinates; 0 only where the mip is 0 in and around it.
+// Boxes that are not finite: mean of the whole texture.
 float hg_emissive_mips_mean(
     const struct hg_emissive_mips *glow, const float min[2], const float max[2]);
 

@@ -1,4 +1,4 @@
-// Triangles that shine, as leaves. See emitter_leaves.h.
+// Emissive triangles as leaves. See emitter_leaves.h.
 #include "renderer/light/emitters/emitter_leaves.h"
 
 #include <math.h>
@@ -17,7 +17,7 @@ struct filling {
 
 struct triangle {
     double normal[3]; // unit
-    double area;      // 0: not good for anything
+    double area;      // 0: degenerate
     float min[3], max[3];
 };
 
@@ -100,7 +100,7 @@ static float glow_of(const struct hg_emitter_source *s, uint32_t index)
 
 // --- leaves --------------------------------------------------------------------------------------
 
-// Sums in units of 1 / 65535; every triangle that shines gets at least one.
+// Prefix sums in units of 1 / 65535; every emissive triangle gets at least one.
 static void sum_weights(const double *shares, uint32_t count, double total, uint16_t *out)
 {
     uint32_t sum = 0, last = 0;
@@ -144,7 +144,7 @@ static void cone_of(struct hg_light_item *item, const struct triangle *triangles
     item->cos_o = length > 0 && least > -1 ? (float)least : -1;
 }
 
-// While the shutter is open: then its normals may go anywhere.
+// With motion blur of deformed parts, normals are unbounded.
 static bool turns(const struct hg_ray_geometry_piece *piece)
 {
     return piece->opening != NULL ||

@@ -1,4 +1,4 @@
-// emitter_leaves.h - runs of shining triangles as leaves of the light tree.
+// emitter_leaves.h - runs of emissive triangles as leaves of the light tree.
 // Private to the emitters. Floor 2 (light). Pure; work is spread over jobs.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTER_LEAVES_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMITTER_LEAVES_H
@@ -6,7 +6,7 @@
 #include "renderer/light/emitters/emitter_sources.h"
 #include "renderer/light/emitters/light_tree.h"
 
-// For the leaves of a plan; what is written is zeroed before.
+// Outputs for the leaves of a plan, zeroed by the caller.
 struct hg_emitter_leaves {
     struct hg_light_item *items;        // [leaf_count] power 0: dark
     struct hg_gpu_emitter_leaf *leaves; // [leaf_count]

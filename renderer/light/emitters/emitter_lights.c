@@ -37,7 +37,7 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
     if (hg_light_set_collect(&l->set, scene, origin) ||
         hg_grow(&l->items, &l->capacity, 2 * (size_t)l->set.count + 1, sizeof *l->items))
         return HG_E_NOMEM;
-    // Lights that are there at one time only stay as the scene has them, all of them.
+    // If a light exists at one of the two times only, all lights are static.
     l->move = l->opening && l->closing && l->opening->count == l->set.count &&
               l->closing->count == l->set.count;
     const struct hg_gpu_light *now = l->move ? l->closing->items : l->set.items;
@@ -96,7 +96,7 @@ static struct hg_light_item leaf_of(const struct hg_gpu_light *light)
     return item;
 }
 
-// All that the light sends on its way.
+// Total power of the light.
 static void widen(struct hg_light_item *item, const struct hg_light_item *then)
 {
     for (int i = 0; i < 3; i++) {

@@ -20,14 +20,14 @@ struct hg_emitter_lights {
 // Relative luminance of linear Rec. 709, 0 or more; 0 where it is not finite.
 float hg_emitter_luminance(float red, float green, float blue);
 
-// Lights that shine and are finite. Adds what they are to *signature. HG_E_NOMEM.
+// Collects lights with finite, non-zero intensity, and hashes them into *signature. HG_E_NOMEM.
 enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *lights,
     const struct hg_scene *scene, const double origin[3], uint64_t *signature) HG_MUST_CHECK;
 void hg_emitter_lights_finish(struct hg_emitter_lights *lights); // accepts a zeroed one
-// Sums of the shares that directional lights have of all their lux; the last is 1.
+// CDF of the directional lights by illuminance; the last is 1.
 //   shares [directional_count] out
 void hg_emitter_lights_shares(const struct hg_emitter_lights *lights, float *shares);
-// The leaf of a light that has a place: all that it sends while the shutter is open.
+// The leaf of a positional light, with bounds over the shutter's time.
 struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *lights, uint32_t index);
 
 #endif

@@ -49,7 +49,7 @@ static enum hg_status find_glow(struct hg_emitter_sources *s, struct hg_textures
     return HG_OK;
 }
 
-// What is no longer used goes; indices are made into pointers.
+// Drops unused textures; converts indices to pointers.
 static void keep_used_glows(struct hg_emitter_sources *s)
 {
     uint32_t *moved = NULL, kept = 0;

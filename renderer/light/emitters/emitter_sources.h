@@ -1,4 +1,4 @@
-// emitter_sources.h - which parts shine, how brightly, and how they share leaves of the light tree.
+// emitter_sources.h - emissive parts, their power, and their leaves of the light tree.
 // Private to the emitters. Floor 2 (light). Thread: the render thread.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTER_SOURCES_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMITTER_SOURCES_H
@@ -8,7 +8,7 @@
 
 #define HG_EMITTER_MOST_SHIFT 8 // 256 triangles per leaf
 
-// A part that shines.
+// An emissive part.
 struct hg_emitter_source {
     const struct hg_emitter_part *part;
     const struct hg_emissive_mips *glow; // NULL: no texture
@@ -18,7 +18,7 @@ struct hg_emitter_source {
     uint32_t first_weight;               // likewise
 };
 
-// An emissive texture, by what it shows.
+// An emissive texture, by content.
 struct hg_emitter_glow {
     uint64_t texture, revision;
     enum hg_texture_use use;
@@ -44,12 +44,12 @@ struct hg_emitter_plan {
     uint64_t left_out;     // triangles
 };
 
-// Adds what shines to *signature. Parts are borrowed until the next call. HG_E_NOMEM.
+// Hashes the emissive parts into *signature. Parts are borrowed until the next call. HG_E_NOMEM.
 enum hg_status hg_emitter_sources_collect(struct hg_emitter_sources *sources,
     const struct hg_emitter_input *input, uint64_t *signature) HG_MUST_CHECK;
 void hg_emitter_sources_finish(struct hg_emitter_sources *sources); // accepts zeroed ones
-// The shortest runs that fit so many bytes, and every source its leaves; sources that do not fit
-// even so are dropped.
+// Chooses the shortest runs that fit that many bytes, and assigns leaves to sources; sources that
+// still do not fit are dropped.
 //   leaf_bytes   of the tables, per leaf
 struct hg_emitter_plan hg_emitter_sources_plan(
     struct hg_emitter_sources *sources, uint64_t room_bytes, uint64_t leaf_bytes);

@@ -1,4 +1,4 @@
-// What shines, brought to the device. See emitters.h.
+// Emitters on the device. See emitters.h.
 #include "renderer/light/emitters/emitters.h"
 
 #include <math.h>
@@ -163,7 +163,7 @@ static struct hg_emitter_plan plan_leaves(struct hg_emitters *e, uint32_t light_
     return plan;
 }
 
-// Behind the leaves of triangles.
+// After the leaves of triangles.
 static void fill_lights(const struct hg_emitter_lights *lights, const struct hg_emitter_leaves *out,
     uint32_t first_leaf)
 {

@@ -1,18 +1,18 @@
-// emitters.h - what shines, in tables that light sampling reads (lib/emitters.glsl).
+// emitters.h - emitters, in tables that light sampling reads (lib/emitters.glsl).
 // Floor 2 (light). Thread: the render thread; building is spread over jobs. The same bytes for any
 // number of threads and whatever is resident.
 //
-// Punctual lights with a place and emissive triangles are leaves of one tree (light_tree.h);
-// directional lights and the environment stand beside it. What did not change is kept: while only
-// the camera moves nothing is built, unless ray geometry shows other triangles.
+// Positional punctual lights and emissive triangles are leaves of one tree (light_tree.h);
+// directional lights and the environment are outside of it. Unchanged parts are kept: while only
+// the camera moves nothing is rebuilt, unless the LOD cut of ray geometry changes.
 //
 // Memory: 108 bytes per leaf. When there are too many triangles for the budget, leaves hold runs of
 // 2, 4, ... 256 consecutive triangles (which lie side by side), chosen within a leaf by their area,
-// for 2 bytes per triangle. What does not fit even so is left out with a warning: it is found by
-// rays alone, which has more noise but no bias.
+// for 2 bytes per triangle. Emitters that still do not fit are left out with a warning: only BSDF
+// sampling finds them, with more noise but without bias.
 //
-// How much a triangle shines is estimated from a coarse mip of its emissive texture; triangles that
-// it shows as black are left out in the same way.
+// The power of a triangle is estimated from a coarse mip of its emissive texture; triangles that
+// are black there are left out in the same way.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTERS_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMITTERS_H
 
@@ -34,7 +34,7 @@ enum hg_status hg_emitters_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_emitters_destroy(struct hg_emitters *emitters); // accepts NULL
 
-// Triangles of one draw that may shine.
+// Possibly emissive triangles of one draw.
 struct hg_emitter_part {
     const struct hg_ray_geometry_piece *piece;
     const struct hg_material *material; // NULL: the default one, which is dark
@@ -50,13 +50,13 @@ struct hg_emitter_input {
     const struct hg_emitter_part *parts; // by draw, then primitive
     uint32_t part_count, draw_count;
     uint64_t poses;               // differs when parts that deform have moved
-    struct hg_textures *textures; // to look at emissive textures; NULL: they count as white
+    struct hg_textures *textures; // reads emissive textures; NULL: they are taken as white
 };
 
 // Pieces whose positions or indices the host does not have (hg_ray_geometry_lens.addresses) are
 // left out.
 //
-// Brings the tables in line. No batch may be open; uploads are recorded in front of the next one.
+// Updates the tables. No batch may be open; uploads are recorded before the next one.
 // Waits for emissive textures that are seen for the first time to be decoded. On error the tables
 // are empty until the next call. HG_E_NOMEM, device errors.
 enum hg_status hg_emitters_update(struct hg_emitters *emitters,
@@ -66,8 +66,8 @@ enum hg_status hg_emitters_sync(struct hg_emitters *emitters, const struct hg_ge
     const struct hg_ray_geometry *rays, const struct hg_scene *scene, struct hg_textures *textures,
     struct hg_error *err) HG_MUST_CHECK;
 
-// From here on punctual lights go from the one place to the other while a shutter is open: the
-// lights of the scene at both times, borrowed. NULL: they are where the scene has them.
+// Motion blur: punctual lights move between their states at shutter opening and closing, borrowed.
+// NULL: they are static.
 struct hg_light_set;
 void hg_emitters_move_lights(struct hg_emitters *emitters, const struct hg_light_set *opening,
     const struct hg_light_set *closing);
@@ -77,7 +77,7 @@ void hg_emitters_fill(const struct hg_emitters *emitters, struct hg_gpu_emitters
 struct hg_emitters_stats {
     uint32_t directional, punctual; // lights
     uint64_t triangles;             // that belong to emissive parts
-    uint64_t left_out;              // of them, for want of budget
+    uint64_t left_out;              // left out for lack of budget
     uint32_t leaves, depth;         // of the tree
     uint32_t run;                   // triangles per leaf
     uint32_t builds, warps;         // since creation: of the tree, of the environment

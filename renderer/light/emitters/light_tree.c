@@ -123,7 +123,7 @@ static uint32_t pack_axis(const double v[3])
     return snorm16(x) | snorm16(y) << 16;
 }
 
-// Rounded so that no light gets lost.
+// Rounded conservatively, so that bounds contain all emitters.
 static void store(struct hg_gpu_light_node *node, const struct bounds *b)
 {
     const double cos_o = cos(fmin(HG_PI, b->theta_o + SLACK_RAD)), cos_e = cos(b->theta_e);
@@ -178,8 +178,8 @@ static void bin_join(struct bin *a, const struct bin *b)
     a->count += b->count;
 }
 
-// Power, times how large and how spread out it is: the mean of normals is the shorter the more they
-// differ. One way is a quarter of all ways.
+// SAOH cost: power times area times the spread of orientations, which is estimated by the length of
+// the mean normal. A single direction counts as a quarter of the sphere.
 static double bin_cost(const struct bin *b)
 {
     const hg_v4 e = b->max - b->min;
@@ -260,8 +260,8 @@ static uint32_t log2_up(uint32_t n)
     return n < 2 ? 0 : 32 - (uint32_t)__builtin_clz(n - 1);
 }
 
-// Number of items in front; those come first then. Half of them where no plane helps, or where the
-// tree would get too deep.
+// Partitions the items by the cheapest plane; returns the number of items before it. Splits in half
+// where no plane is better, or where the tree would get too deep.
 static uint32_t split(const struct build *b, const struct task *t)
 {
     const float inf = INFINITY;
@@ -350,7 +350,7 @@ static uint32_t bound_all(struct build *b)
             b->bounds[i] = merge(b->bounds[node->child], &b->bounds[node->child + 1]);
         store(node, &b->bounds[i]);
     }
-    // The way to each leaf, one bit a step.
+    // The path to each leaf, one bit per level.
     for (uint32_t i = 0; i < b->tree->leaf_count; i++) {
         const uint32_t trail = b->tree->trails[b->order[i]];
         uint32_t steps = 0;

@@ -1,4 +1,4 @@
-// light_tree.h - a binary tree over many small lights, for choosing one of them by importance.
+// light_tree.h - the light tree: a bounding hierarchy over emitters, for importance sampling.
 // Floor 2 (light). Pure; work is spread over jobs, the result is the same for any number of
 // threads.
 //
@@ -20,7 +20,7 @@ struct hg_light_item {
     float cos_o, cos_e; // of theta_o and theta_e
     float power;        // greatest radiant intensity; leaves without any are left out
     float range;        // metres, 0 = infinite
-    bool two_sided;     // shines along -axis as well
+    bool two_sided;     // emits along -axis as well
 };
 
 // Zeroed = empty.

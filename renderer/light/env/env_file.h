@@ -1,11 +1,11 @@
-// env_file.h - an environment from a file of any size, which is never held whole.
+// env_file.h - an environment from a file of any size, which is never decoded whole.
 // Floor 2 (light). Any thread.
 //
-// What is seen of it comes from its pages, like every texture (hg_environment.background); of a
-// file of at most HG_ENVIRONMENT_PLAIN_TEXELS from the image, which costs no look into the page
-// table and 16 MiB at most. Light is made from an image of at most HG_ENVIRONMENT_IMAGE_WIDTH
-// texels, twice as wide as the widest mirror level can tell apart; larger files are averaged down
-// to it row by row while they are read.
+// The background is sampled from its pages, like every texture (hg_environment.background); of
+// files of at most HG_ENVIRONMENT_PLAIN_TEXELS from a plain image, without page table lookups, in
+// at most 16 MiB. Lighting is computed from an image of at most HG_ENVIRONMENT_IMAGE_WIDTH texels,
+// twice the resolution of the finest prefiltered level; larger files are box-filtered to it row by
+// row while they are read.
 #ifndef HG_RENDERER_LIGHT_ENV_ENV_FILE_H
 #define HG_RENDERER_LIGHT_ENV_ENV_FILE_H
 

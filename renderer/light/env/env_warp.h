@@ -1,5 +1,6 @@
-// env_warp.h - where an environment is bright: a pyramid of weights that directions are drawn by.
-// Floor 2 (light). Pure; rows are spread over jobs, the same bytes for any number of threads.
+// env_warp.h - importance sampling of an environment: a pyramid of weights for hierarchical
+// warping. Floor 2 (light). Pure; rows are spread over jobs, the same bytes for any number of
+// threads.
 //
 // The finest grid has (2 << levels) x (1 << levels) cells of the equirectangular square; a cell's
 // weight is the integral over its solid angle of the luminance that a bilinear lookup in the image

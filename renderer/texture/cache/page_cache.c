@@ -42,7 +42,7 @@ enum hg_status hg_page_cache_create(struct hg_gpu *gpu, const struct hg_page_cac
         return hg_error_set(err, HG_E_NOMEM, "textures", NULL, "no memory");
     c->gpu = gpu;
     c->params = *params;
-    c->table.count = 1; // the first entry belongs to nobody
+    c->table.count = 1; // entry 0 is unused
     c->revision = 1;
     const uint64_t half = hg_gpu_get_caps(gpu)->memory_bytes / 2;
     c->budget_bytes = params->budget_bytes > 0 ? params->budget_bytes : half;
@@ -95,8 +95,8 @@ uint64_t hg_page_cache_revision(const struct hg_page_cache *c)
 
 // --- sets ----------------------------------------------------------------------------------------
 
-// What a material shows before its first page is there: as close as may be to a texture of its
-// mean.
+// Placeholder before the first page of a material is resident: as close as possible to the mean of
+// the texture.
 static uint32_t nothing_of(const struct hg_page_source_info *info, enum hg_texture_use use)
 {
     (void)info;
@@ -281,7 +281,7 @@ static uint32_t smaller(uint64_t a, uint64_t b)
     return least > UINT32_MAX ? UINT32_MAX : (uint32_t)least;
 }
 
-// The budget is shared by need; each pool in use gets a layer at least.
+// The budget is divided by demand; each pool in use gets at least one layer.
 static void share_budget(const struct hg_page_cache *c, struct plan *p)
 {
     const uint64_t bytes[POOLS] = {
@@ -324,7 +324,7 @@ static enum hg_status make_plan(struct hg_page_cache *c, struct plan *p, struct 
         return hg_error_set(err, HG_E_LIMIT, "texture budget", NULL,
             "%llu bytes are the least for these textures, the budget is %llu",
             (unsigned long long)bytes, (unsigned long long)c->budget_bytes);
-    // What is there already stays while it fits.
+    // Keeps the current size while it fits.
     for (uint32_t i = 0; i < POOLS; i++) {
         uint32_t layers[POOLS] = {p->layers[POOL_8], p->layers[POOL_HALF]};
         layers[i] = c->pools[i].layers;
@@ -334,7 +334,7 @@ static enum hg_status make_plan(struct hg_page_cache *c, struct plan *p, struct 
     return HG_OK;
 }
 
-// Everything leaves a pool.
+// Evicts all pages of a pool.
 static void empty_pool(struct hg_page_cache *c, uint32_t pool)
 {
     struct hg_residency_stats stats;
@@ -410,7 +410,7 @@ static enum hg_status resize_pool(
     return status;
 }
 
-// Pools that shrink go first, so that the others find room.
+// Shrinks pools first, to free memory for those that grow.
 static enum hg_status resize_pools(
     struct hg_page_cache *c, const struct plan *p, struct hg_error *err)
 {

@@ -2,13 +2,13 @@
 // Floor 2 (texture). Thread: the render thread; pages are read by threads of its own.
 //
 // A page set is one image seen through one use and wrap modes (a page source), shared by content.
-// Its pages come and go in slots of two pools: RGBA8 (sRGB and linear pages side by side, seen
+// Its pages are streamed into slots of two pools: RGBA8 (sRGB and linear pages side by side, seen
 // through two views of one image) and RGBA16F. The page table has an entry for every page; that of
 // a page which is not resident names its finest resident ancestor.
 //
-// Life of a page: a batch of commands asks for it (feedback), hg_page_cache_collect queues it by
-// coverage and by how many mips are missing, a thread reads it, hg_page_cache_update uploads it and
-// patches the table between two batches. Slots are taken from what was used least recently.
+// Life of a page: a batch of commands requests it (feedback), hg_page_cache_collect queues it by
+// coverage and number of missing mips, a thread reads it, hg_page_cache_update uploads it and
+// patches the table between two batches. The least recently used pages are evicted.
 //
 // Budget: the pools take at most budget_bytes, at every moment; they are made when sets come and
 // never grow past it. Outside the budget: table and feedback (12 bytes per page of all sets) and
@@ -53,8 +53,8 @@ void hg_page_cache_destroy(struct hg_page_cache *cache); // all sets released; a
 
 // Where sources of this cache are opened (any thread may open).
 struct hg_page_sources *hg_page_cache_sources(struct hg_page_cache *cache);
-// Takes the source, which was opened for `image` (also on failure); the set keeps a reference on
-// the image. A set of the same content is shared. The set's pages can be asked for after the next
+// Takes ownership of the source, which was opened for `image` (also on failure); the set keeps a
+// reference on the image. Sets of equal content are shared. Pages can be requested after the next
 // hg_page_cache_fit. HG_E_NOMEM.
 enum hg_status hg_page_cache_acquire(struct hg_page_cache *cache, struct hg_page_source *source,
     struct hg_image_source *image, enum hg_texture_use use, struct hg_page_set **out,
@@ -64,11 +64,11 @@ const struct hg_page_source_info *hg_page_set_info(const struct hg_page_set *set
 uint32_t hg_page_set_table(const struct hg_page_set *set); // first entry
 bool hg_page_set_failed(const struct hg_page_set *set);    // cannot be read
 
-// Brings table and pools in line with the sets. No batch may be open. When a pool cannot grow
-// beside its old self, its pages are dropped and come again. HG_E_LIMIT (the budget holds not even
+// Resizes table and pools for the sets. No batch may be open. When a pool cannot be copied while it
+// grows, its pages are dropped and loaded again. HG_E_LIMIT (the budget holds not even
 // one layer of each pool in use), HG_E_NOMEM, device errors; then the cache is as before, or empty.
 enum hg_status hg_page_cache_fit(struct hg_page_cache *cache, struct hg_error *err) HG_MUST_CHECK;
-// Grows when sets turned out to be broken.
+// Incremented when sets turn out to be broken.
 uint64_t hg_page_cache_revision(const struct hg_page_cache *cache);
 
 // --- frames --------------------------------------------------------------------------------------
@@ -76,31 +76,31 @@ uint64_t hg_page_cache_revision(const struct hg_page_cache *cache);
 enum hg_page_mode {
     HG_PAGES_SHOW,  // a moving picture: what is in use stays, the bias rises when it does not fit
     HG_PAGES_EXACT, // a picture to be kept: what the newest batch did not need may go
-    HG_PAGES_PREFETCH, // of collect only: what may be needed soon, asked for behind everything else
+    HG_PAGES_PREFETCH, // collect only: prefetch, with lower priority than all other requests
 };
 
-// Uploads what was read, within about upload_ns (UINT64_MAX: all of it), and has threads read what
-// is asked for most. No batch may be open. Device errors, HG_E_NOMEM.
+// Uploads pages that were read, for about upload_ns (UINT64_MAX: all of them), and starts reads of
+// the most urgent requests. No batch may be open. Device errors, HG_E_NOMEM.
 enum hg_status hg_page_cache_update(struct hg_page_cache *cache, enum hg_page_mode mode,
     uint64_t upload_ns, struct hg_error *err) HG_MUST_CHECK;
 // Waits until a page was read or may be read now, or nothing is under way, or the time is over.
 void hg_page_cache_wait(struct hg_page_cache *cache, uint64_t timeout_ns);
-// Pages that are being read, and images that have to be decoded first. After an update, 0 means
-// that no more of what was asked for can be had.
+// Pages that are being read, and images that must be decoded first. After an update, 0 means that
+// no further request can be served.
 uint32_t hg_page_cache_under_way(const struct hg_page_cache *cache);
 
 // Around the commands of a batch that samples pages.
 void hg_page_cache_begin(struct hg_page_cache *cache, struct hg_gpu_cmd *cmd);
 void hg_page_cache_end(struct hg_page_cache *cache, struct hg_gpu_cmd *cmd);
 
-// What a batch asked for.
+// Requests of a batch.
 struct hg_page_demand {
-    uint32_t missing; // pages that it asked for and that were not there
+    uint32_t missing; // requested pages that were not resident
     bool shadows;     // shadow maps were drawn with coarser texels
     bool fits;        // EXACT: all that its unfinished pixels need fits the pools at once
 };
-// Reads the feedback of a batch that was waited for: marks uses, asks for what was missing, and but
-// for EXACT has threads read it at once.
+// Reads the feedback of a completed batch: marks uses, queues missing pages, and except for EXACT
+// starts reading them at once.
 void hg_page_cache_collect(
     struct hg_page_cache *cache, enum hg_page_mode mode, struct hg_page_demand *out);
 

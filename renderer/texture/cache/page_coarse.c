@@ -1,7 +1,7 @@
-// page_coarse.c - previews of images that are read for the first time, in slots of their own.
+// page_coarse.c - previews of images that are not baked yet, in slots of their own.
 //
-// The entries of a set that has no page yet name pages of its preview that are coarser than what
-// was asked for, always: shaders count all of them as missing, and samples that must be exact wait.
+// The entries of a set without pages point to pages of its preview, always coarser than the
+// requested ones: shaders count all of them as missing, and exact samples wait.
 #include "base/alloc.h"
 #include "renderer/texture/cache/cache_internal.h"
 

@@ -15,7 +15,7 @@
 
 // --- uploads -------------------------------------------------------------------------------------
 
-// Tails stay for ever, as long as that leaves half of the slots for other pages.
+// Mip tails are pinned, as long as that leaves half of the slots for other pages.
 static void pin_tail(struct hg_page_cache *c, const struct hg_page_set *set,
     const struct page_place *place, uint32_t slot)
 {
@@ -35,7 +35,7 @@ void hg_page_cache_forget(struct hg_page_cache *c, uint64_t key)
     set->resident--;
 }
 
-// A page that was read finds its slot. A device error leaves the page out.
+// Assigns a slot to a page that was read and uploads it. A device error drops the page.
 static enum hg_status place_page(struct hg_page_cache *c, struct hg_page_set *set,
     const struct hg_page_read *read, enum hg_page_mode mode, struct hg_error *err)
 {
@@ -127,7 +127,7 @@ static uint32_t room_of(struct hg_page_cache *c, uint32_t pool, enum hg_page_mod
     return room > stats.in_flight ? room - stats.in_flight : 0;
 }
 
-// The most urgent request whose image is ready, if there is one; the others are put off.
+// The most urgent request whose image is ready, if there is one; requests before it are deferred.
 static struct hg_page_set *next_ready(struct hg_page_cache *c, uint32_t pool, uint64_t revision,
     uint64_t *key, struct page_place *place)
 {
@@ -172,8 +172,8 @@ static bool start_read(struct hg_page_cache *c, uint32_t pool, uint64_t revision
     return true;
 }
 
-// What finds no room stays in the queue: the bias rises, or the view turns away. So does what waits
-// for its image.
+// Requests without a free slot stay in the queue until the bias rises or the view changes, and so
+// do those whose image is not ready.
 static uint32_t start_reads_of(
     struct hg_page_cache *c, uint32_t pool, uint64_t revision, enum hg_page_mode mode)
 {
@@ -292,28 +292,29 @@ void hg_page_cache_end(struct hg_page_cache *c, struct hg_gpu_cmd *cmd)
 struct tally {
     float weight;         // of requests
     uint32_t most[POOLS]; // requests to be made
-    uint32_t missing;
+    uint32_t missing[POOLS];
     uint32_t needed[POOLS]; // pages that unfinished pixels need, tails aside
 };
 
-// A page that is not there: asked for by its coverage times the mips that are missing; so are some
-// of its ancestors when many mips are missing, because they are there sooner and serve more pixels.
-static void ask(
-    struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry, float weight, bool ancestors)
+// Queues a missing page, with its coverage times the number of missing mips as priority; when many
+// mips are missing also some of its ancestors, which arrive sooner and serve more pixels. Pixels of
+// an exact picture wait for the page itself: the resident coarser page may be evicted for it.
+static void ask(struct hg_page_cache *c, struct hg_page_set *set, uint32_t entry, float weight,
+    enum hg_page_mode mode)
 {
     struct hg_residency *r = c->residency[set->pool];
     struct page_place place;
     if (!hg_page_table_place(set, entry, &place))
         return;
     uint32_t gap = c->table.entries[entry] >> HG_PAGE_COARSER_SHIFT;
-    if (gap != HG_PAGE_NOTHING)
+    if (gap != HG_PAGE_NOTHING && mode != HG_PAGES_EXACT)
         hg_residency_use(
             r, hg_pool_slot(&c->pools[set->pool], c->table.entries[entry] & HG_PAGE_SLOT_MASK));
     const uint32_t tail = set->info->layout.tail;
     const bool nothing = gap == HG_PAGE_NOTHING || set->coarse_count > 0;
     gap = nothing ? tail - place.mip + 1 : gap;
     hg_residency_request(r, entry, weight * (float)gap);
-    for (uint32_t up = 1; ancestors && up < gap; up++) {
+    for (uint32_t up = 1; mode == HG_PAGES_SHOW && up < gap; up++) {
         if (!hg_page_table_parent(set, &place, &place))
             break;
         if (up % 3 == 2 || place.mip == tail)
@@ -333,9 +334,9 @@ static void collect_entry(struct hg_page_cache *c, struct hg_page_set *set, uint
         hg_residency_use(
             c->residency[set->pool], hg_pool_slot(&c->pools[set->pool], found & HG_PAGE_SLOT_MASK));
     } else if (counts[0] > 0 && tally->most[set->pool] > 0) {
-        tally->missing++;
+        tally->missing[set->pool]++;
         tally->most[set->pool]--;
-        ask(c, set, entry, tally->weight * (float)counts[0], mode == HG_PAGES_SHOW);
+        ask(c, set, entry, tally->weight * (float)counts[0], mode);
     }
 }
 
@@ -363,7 +364,7 @@ static bool has_slack(const struct hg_page_cache *c)
         struct hg_residency_stats stats;
         hg_residency_stats(c->residency[i], &stats);
         const uint32_t idle = hg_residency_available(c->residency[i], HG_RESIDENCY_GENTLE);
-        // A step down asks for 2^(2 * step) = 1.41 times the pages.
+        // A step down needs 2^(2 * step) = 1.41 times the pages.
         if ((double)(stats.slots - stats.pinned - idle) * 1.6 >
             (double)(stats.slots - stats.pinned))
             return false;
@@ -371,13 +372,13 @@ static bool has_slack(const struct hg_page_cache *c)
     return true;
 }
 
-// The bias rises as soon as what is in view does not fit, and falls when there is room to spare for
-// what the next step down will ask for: no oscillation.
-static void steer_bias(struct hg_page_cache *c, const struct tally *tally)
+// Hysteresis: the mip bias rises as soon as the working set does not fit, and falls only when the
+// larger working set of the next step down would fit.
+static void steer_bias(struct hg_page_cache *c, uint32_t missing)
 {
     float *bias = &c->stats.bias;
-    c->pressed = c->refused && tally->missing > 0 ? c->pressed + 1 : 0;
-    c->relaxed = *bias > 0.0f && tally->missing == 0 && has_slack(c) ? c->relaxed + 1 : 0;
+    c->pressed = c->refused && missing > 0 ? c->pressed + 1 : 0;
+    c->relaxed = *bias > 0.0f && missing == 0 && has_slack(c) ? c->relaxed + 1 : 0;
     c->refused = false;
     if (c->pressed >= PRESSED_FRAMES) {
         *bias = *bias + BIAS_STEP < BIAS_MOST ? *bias + BIAS_STEP : BIAS_MOST;
@@ -399,7 +400,7 @@ static void note_missing(struct hg_page_cache *c, uint32_t missing)
     }
 }
 
-// What may be needed takes at most half of what is not in use.
+// Prefetch takes at most half of the unused slots.
 static void limit_ahead(const struct hg_page_cache *c, struct tally *tally)
 {
     tally->weight = AHEAD_WEIGHT;
@@ -431,14 +432,17 @@ void hg_page_cache_collect(
     for (uint32_t i = 0; i < POOLS; i++) {
         struct hg_residency_stats stats;
         hg_residency_stats(c->residency[i], &stats);
-        out->fits &= tally.needed[i] <= stats.slots - stats.pinned;
+        out->fits &=
+            tally.needed[i] <= stats.slots - stats.pinned &&
+            (mode != HG_PAGES_EXACT ||
+                tally.missing[i] <= hg_residency_available(c->residency[i], HG_RESIDENCY_UNUSED));
+        out->missing += tally.missing[i];
     }
     c->retry.is_due = true;
-    out->missing = tally.missing;
     if (mode != HG_PAGES_PREFETCH)
-        note_missing(c, tally.missing);
+        note_missing(c, out->missing);
     if (mode == HG_PAGES_SHOW)
-        steer_bias(c, &tally);
+        steer_bias(c, out->missing);
     if (mode != HG_PAGES_EXACT) // until the next update there is time to read
         start_reads(c, HG_PAGES_SHOW);
 }

@@ -111,8 +111,8 @@ static struct span descendants(uint32_t side, uint32_t mip, uint32_t up, uint32_
         at_most(at << up, count), at == last ? count : at_most((at + 1) << up, count)};
 }
 
-// Entries of the page and its descendants that name ancestors beyond `place` (add), or its own slot
-// (remove), name `slot`, a place in the pool, from now on.
+// Redirects to `slot` the entries of the page and its descendants that point to an ancestor coarser
+// than `place` (add), or to the page's own slot (remove).
 static void change(struct hg_page_cache *cache, const struct hg_page_set *set,
     const struct page_place *place, uint32_t slot, uint32_t coarser, bool add)
 {

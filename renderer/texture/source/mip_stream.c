@@ -51,7 +51,8 @@ static uint8_t encode_srgb(float linear)
 
 static uint8_t encode_unorm(float value)
 {
-    return !(value > 0.0f) ? 0 : value >= 1.0f ? 255 : (uint8_t)(value * 255.0f + 0.5f);
+    const float half_up = value * 255.0f + 0.5f; // lroundf would be a call for each texel
+    return !(value > 0.0f) ? 0 : value >= 1.0f ? 255 : (uint8_t)half_up;
 }
 
 uint32_t hg_mips_count(uint32_t width, uint32_t height)

@@ -1,8 +1,8 @@
 // mip_stream.h - the mip chain of an image of any size, row by row.
 // Floor 2 (texture). Pure: any thread, memory through base/alloc.h: about 64 bytes per column.
 //
-// The one place where mips are filtered: mips.h collects the rows in memory, page_pack.h cuts them
-// into pages. Each texel is the mean of the texels above it by exact overlap (2 or 3 per axis), in
+// All mips are filtered here: mips.h collects the rows in memory, page_pack.h cuts them into
+// pages. Each texel is the mean of the texels above it by exact overlap (2 or 3 per axis), in
 // linear light, from the unrounded values of the mip above; weighted colours are divided by their
 // alpha. Normals become unit vectors; their alpha, 1 in mip 0, is 1 - sqrt(2 / kappa), where kappa
 // is the concentration of the normals under the texel, less the variation that linear filtering

@@ -69,7 +69,7 @@ static void link_open(struct hg_open_file *file)
     f->stats.open++;
 }
 
-// Closes files that nobody reads, those used longest ago first, until `most` are open.
+// Closes files that are not being read, least recently used first, until at most `most` are open.
 static void close_oldest(struct hg_open_files *f, uint32_t most)
 {
     struct hg_open_file *next;

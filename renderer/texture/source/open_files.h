@@ -9,7 +9,7 @@
 struct hg_open_files;
 struct hg_open_file;
 
-// `most`: files that may stay open while nobody reads them; 0 = a quarter of the descriptors that
+// `most`: files that may stay open while they are not read; 0 = a quarter of the descriptors that
 // the process may have, 8 to 1024. HG_E_NOMEM.
 enum hg_status hg_open_files_create(uint32_t most, struct hg_open_files **out) HG_MUST_CHECK;
 void hg_open_files_destroy(struct hg_open_files *files); // all files removed; accepts NULL

@@ -36,21 +36,21 @@ struct hg_page_backing {
 struct hg_page_image {
     struct hg_page_image *next;
     struct hg_page_source *members; // sources that show it
-    char name[128];                 // of the source that came first, for people
+    char name[128];                 // of the first source, for messages
     struct hg_page_chain chain;     // never changes, nor do the next three
     struct hg_source_info info;
     struct hg_page_layout layout;
     uint32_t pool;
     struct hg_page_backing *backing; // NULL: nothing can be read yet
-    bool wanted;                     // somebody waits for pages
-    bool early;                      // somebody may want pages soon
-    bool bake_wanted;                // somebody waits for the pack
+    bool wanted;                     // a reader waits for pages
+    bool early;                      // pages may be requested soon
+    bool bake_wanted;                // a caller waits for the pack
     bool no_bake;                    // the pack cannot be written (err says why)
     bool busy;                       // a thread works on it
     bool failed;                     // it cannot be read (err)
-    atomic_bool cancel;              // nobody needs what the thread does
+    atomic_bool cancel;              // cancels the thread's work: no user is left
     struct hg_page_source *borrowed; // whose hg_image_source the thread reads
-    unsigned tries;                  // that ended for want of memory
+    unsigned tries;                  // that failed for lack of memory
     uint64_t retry_ns;               // not before this time (another process is baking)
     uint64_t used_ns;                // last read; 0: never
     uint64_t reads;                  // pages that were read
@@ -76,8 +76,8 @@ struct hg_page_source {
 struct hg_page_sources {
     struct hg_page_sources_params params;
     pthread_mutex_t lock;
-    pthread_cond_t work, rush, changed; // for the threads; for those who wait for them
-    unsigned hurry;                     // how many can do nothing but wait
+    pthread_cond_t work, rush, changed; // signals worker threads; signals their waiters
+    unsigned hurry;                     // threads blocked in a wait
     struct hg_page_image *images;
     struct hg_page_scratch **scratches; // free ones
     size_t scratch_capacity, scratch_count;
@@ -112,7 +112,7 @@ void *hg_page_load_thread(void *sources);
 enum hg_status hg_page_chain_mips(const struct hg_page_image *image, const struct hg_image *pixels,
     struct hg_mips *out) HG_MUST_CHECK;
 void hg_page_backing_unref(struct hg_page_sources *sources, struct hg_page_backing *backing);
-// The lock is held. Tells everybody that something changed.
+// The lock is held. Wakes all waiters.
 void hg_page_sources_changed(struct hg_page_sources *sources, bool pages_appeared);
 
 #endif

@@ -1,4 +1,4 @@
-// page_load.c - the threads behind page sources: images into memory, then into packs.
+// page_load.c - threads of page sources: decode images, then bake them into packs.
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
@@ -53,8 +53,8 @@ static bool is_idle(const struct hg_page_image *i, uint64_t now)
     return !i->busy && !i->failed && i->members != NULL && i->retry_ns <= now;
 }
 
-// Drops the chain that was used longest ago among those that no pack can replace, or that were
-// never used at all.
+// Evicts the least recently used chain among those that no pack can replace, or that were never
+// used.
 static bool drop_oldest_chain(struct hg_page_sources *s, struct hg_page_backing **dropped)
 {
     struct hg_page_image *oldest = NULL;
@@ -82,13 +82,13 @@ static bool has_room(const struct hg_page_sources *s, const struct hg_page_image
            s->memory_bytes + chain_bytes(i) + pixel_bytes(i) <= s->params.memory_bytes;
 }
 
-// What an idle thread could do, the most urgent first.
+// Work for an idle thread, the most urgent first.
 struct work {
     struct hg_page_image *wanted, *early, *bake;
 };
 
-// What somebody waits for, then what was looked at most: a process that ends soon has baked what
-// the next one asks for first.
+// Packs that a caller waits for, then the most used ones: a short-lived process bakes what the next
+// one needs first.
 static bool bakes_before(
     const struct hg_page_sources *s, const struct hg_page_image *a, const struct hg_page_image *b)
 {
@@ -404,7 +404,7 @@ static void refuse_bake(
     hg_warn(TEXTURE, "pages cannot be kept on disk: %s", text);
 }
 
-// A bake begins, or one that has begun leaves no trace in the counts. The lock is held.
+// Counts a bake that begins, or reverts that. The lock is held.
 static void count_bake(struct hg_page_sources *s, struct hg_page_image *image, bool begins)
 {
     const uint64_t texels = hg_page_image_texels(image);
@@ -413,7 +413,7 @@ static void count_bake(struct hg_page_sources *s, struct hg_page_image *image, b
     image->texels_baked = 0;
 }
 
-// What a bake came to. The lock is held.
+// Records the result of a bake. The lock is held.
 static void finish_bake(struct hg_page_sources *s, struct hg_page_image *image,
     enum hg_status status, struct hg_page_backing *pack, const struct hg_error *err)
 {

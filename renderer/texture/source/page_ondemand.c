@@ -7,7 +7,7 @@
 
 enum { SIDE = HG_PAGE_PITCH };
 
-// What one page needs.
+// Buffers for one page.
 struct make {
     struct hg_tile_cache *tiles;
     const struct hg_page_backing *backing;

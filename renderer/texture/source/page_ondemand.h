@@ -1,4 +1,4 @@
-// page_ondemand.h - pages whose texels are made when they are asked for.
+// page_ondemand.h - pages whose texels are produced on demand.
 // Floor 2, private to the page sources. Any thread.
 #ifndef HG_RENDERER_TEXTURE_SOURCE_PAGE_ONDEMAND_H
 #define HG_RENDERER_TEXTURE_SOURCE_PAGE_ONDEMAND_H

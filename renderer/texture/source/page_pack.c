@@ -491,7 +491,7 @@ static enum hg_status load_block(const struct hg_page_pack *pack, struct hg_page
     return hg_store_entry_read(pack->entry, block, s->packed, *size, err);
 }
 
-// Checksums fitted, so this is a fault of the writer; the page is not believed all the same.
+// The checksums matched, so the writer is at fault; the page is rejected nevertheless.
 static enum hg_status not_a_page(uint32_t block, struct hg_error *err)
 {
     return hg_error_set(err, HG_E_HASH, "pages", NULL, "block %u is no page", block);

@@ -18,7 +18,7 @@
 
 #define HG_PAGE_PACK_VERSION 3 // raise with every change of filters, codec or layout
 
-// What a pack is made of and is known by.
+// Identity of a pack.
 struct hg_page_chain {
     uint8_t content[HG_SHA256_BYTES]; // of the image
     uint32_t width, height, texel_bytes;
@@ -63,7 +63,7 @@ struct hg_page_pack {
     struct hg_page_histograms *histograms; // NULL unless RGBA8 with weighted colours
 };
 
-// What one thread needs to read pages; about 1.5 MB.
+// Per-thread buffers to read pages; about 1.5 MB.
 struct hg_page_scratch;
 struct hg_page_scratch *hg_page_scratch_create(void) HG_MUST_CHECK; // NULL: no memory
 void hg_page_scratch_destroy(struct hg_page_scratch *scratch);      // accepts NULL

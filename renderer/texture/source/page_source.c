@@ -282,7 +282,7 @@ static enum hg_status open_in_place(struct hg_page_sources *s, const struct hg_i
     return hg_open_files_add(s->files, reader, format, out) == HG_OK ? HG_OK : no_memory(err);
 }
 
-// What can be read at once: tiles, files in place, a pack that is there.
+// Backings that can be read at once: tiles, files in place, an existing pack.
 static enum hg_status find_backing(struct hg_page_sources *s, const struct hg_page_source_params *p,
     struct hg_page_image *image, struct hg_error *err)
 {
@@ -487,7 +487,7 @@ static enum hg_status take_backing(
     return status;
 }
 
-// A pack that turned out to be damaged is made anew.
+// Rebuilds a pack that turned out to be damaged.
 static void lose_backing(struct hg_page_source *source, const struct hg_page_backing *b)
 {
     struct hg_page_sources *s = source->sources;

@@ -1,8 +1,8 @@
-// page_source.h - where the texels of pages come from: files, pixels, tiles made on demand.
+// page_source.h - sources of page texels: files, pixels, tiles made on demand.
 // Floor 2 (texture). Thread-safe.
 //
 // A source is one image seen through one use (transfer, mip filter) and wrap modes. Its pages are
-// the same in every byte whichever way they come:
+// byte-identical whichever backing they come from:
 //   memory   a decoded image with its mips, until the pack is written
 //   pack     an entry of the store: compressed pages, baked in the background or ahead of time
 //   file     a tiled file with mips of its own, read in place (uses COLOR, DATA and RADIANCE)
@@ -10,7 +10,7 @@
 // Images too large for memory are baked band by band from the file and can be read afterwards.
 //
 // Opening reads what identifies the image and decodes nothing. The first read starts loading it on
-// the room's own threads and says HG_E_AGAIN until pages can be had.
+// the room's own threads and returns HG_E_AGAIN until pages are available.
 #ifndef HG_RENDERER_TEXTURE_SOURCE_PAGE_SOURCE_H
 #define HG_RENDERER_TEXTURE_SOURCE_PAGE_SOURCE_H
 
@@ -20,7 +20,7 @@
 #include "renderer/texture/source/pages.h"
 #include "renderer/texture/textures.h"
 
-struct hg_page_sources; // what all sources share: store, threads, memory
+struct hg_page_sources; // shared by all sources: store, threads, memory
 struct hg_page_source;
 
 struct hg_page_sources_params {
