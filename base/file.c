@@ -3,6 +3,8 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -88,6 +90,87 @@ enum hg_status hg_file_read(
     }
     *data = bytes;
     *size = (size_t)st.st_size;
+    return HG_OK;
+}
+
+// ---- where an output goes -----------------------------------------------------------------------
+
+enum { LINKS_MAX = 40 }; // as the kernel follows
+
+// The open descriptor that a name stands for; -1 = none.
+static int named_descriptor(const char *path)
+{
+    static const char *const folders[] = {"/dev/fd/", "/proc/self/fd/"};
+    if (strcmp(path, "/dev/stdout") == 0)
+        return STDOUT_FILENO;
+    if (strcmp(path, "/dev/stderr") == 0)
+        return STDERR_FILENO;
+    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++) {
+        const size_t length = strlen(folders[i]);
+        const char *digits = path + length;
+        if (strncmp(path, folders[i], length) == 0 && *digits && strlen(digits) < 9 &&
+            strspn(digits, "0123456789") == strlen(digits))
+            return atoi(digits);
+    }
+    return -1;
+}
+
+// One symbolic link further. *path is the new name, or unchanged where it is no link (*more false).
+static enum hg_status follow_link(char **path, bool *more, struct hg_error *err)
+{
+    char text[PATH_MAX];
+    struct stat st;
+    *more = false;
+    if (named_descriptor(*path) >= 0 || lstat(*path, &st) != 0 || !S_ISLNK(st.st_mode))
+        return HG_OK;
+    const ssize_t n = readlink(*path, text, sizeof text - 1);
+    if (n < 0)
+        return fail_errno(err, *path, "cannot follow the link");
+    text[n] = 0;
+    const char *slash = text[0] == '/' ? NULL : strrchr(*path, '/');
+    const size_t folder = slash ? (size_t)(slash + 1 - *path) : 0;
+    char *next = hg_calloc(folder + (size_t)n + 1, 1);
+    if (!next)
+        return hg_error_set(err, HG_E_NOMEM, *path, NULL, "no memory for the name");
+    memcpy(next, *path, folder);
+    memcpy(next + folder, text, (size_t)n);
+    hg_free(*path);
+    *path = next;
+    *more = true;
+    return HG_OK;
+}
+
+static bool is_stream(const char *path)
+{
+    struct stat st;
+    return named_descriptor(path) >= 0 ||
+           (stat(path, &st) == 0 && !S_ISREG(st.st_mode) && !S_ISDIR(st.st_mode));
+}
+
+// The kernel is asked to follow the links first: it may refuse those of others in a shared folder.
+enum hg_status hg_file_target(const char *path, char **target, bool *stream, struct hg_error *err)
+{
+    struct stat st;
+    *target = NULL;
+    *stream = false;
+    if (stat(path, &st) != 0 && errno != ENOENT && errno != ENOTDIR)
+        return fail_errno(err, path, "cannot create");
+    char *at = hg_strdup(path);
+    if (!at)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
+    bool more = true;
+    for (int links = 0; more; links++) {
+        enum hg_status status =
+            links < LINKS_MAX
+                ? follow_link(&at, &more, err)
+                : hg_error_set(err, HG_E_IO, path, NULL, "symbolic links in a circle");
+        if (status) {
+            hg_free(at);
+            return status;
+        }
+    }
+    *stream = is_stream(at);
+    *target = at;
     return HG_OK;
 }
 
@@ -244,19 +327,28 @@ static bool name_copy(struct hg_file_out *out)
 
 // ---- writing ------------------------------------------------------------------------------------
 
+// Waits for a reader of a named pipe.
+static int open_stream(const char *path)
+{
+    const int fd = named_descriptor(path);
+    return fd >= 0 ? fcntl(fd, F_DUPFD_CLOEXEC, 3) : open(path, O_WRONLY | O_NOCTTY | O_CLOEXEC);
+}
+
 enum hg_status hg_file_begin(struct hg_file_out *out, const char *path, struct hg_error *err)
 {
     *out = (struct hg_file_out){.fd = -1};
     if (!path[folder_length(path)])
         return hg_error_set(err, HG_E_INVAL, path, NULL, "names a folder, not a file");
-    out->path = hg_strdup(path);
-    out->temp_path = hg_calloc(strlen(path) + DIGITS + 3, 1);
-    if (!out->path || !out->temp_path) {
+    enum hg_status target = hg_file_target(path, &out->path, &out->stream, err);
+    if (target)
+        return target;
+    out->temp_path = hg_calloc(strlen(out->path) + DIGITS + 3, 1);
+    if (!out->temp_path) {
         hg_file_abort(out);
         return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
     }
-    out->fd = create_unnamed(path);
-    if (out->fd < 0)
+    out->fd = out->stream ? open_stream(out->path) : create_unnamed(out->path);
+    if (out->fd < 0 && !out->stream)
         out->fd = create_temp(out);
     if (out->fd < 0) {
         enum hg_status status = fail_errno(err, path, "cannot create");
@@ -273,6 +365,10 @@ enum hg_status hg_file_write(
         ssize_t n = write(out->fd, (const uint8_t *)data + done, size - done);
         if (n < 0 && errno == EINTR)
             continue;
+        if (n < 0 && errno == EAGAIN && out->stream) { // shared with a program that does not block
+            poll(&(struct pollfd){.fd = out->fd, .events = POLLOUT}, 1, -1);
+            continue;
+        }
         if (n < 0)
             return fail_errno(err, out->path, "cannot write");
         done += (size_t)n;
@@ -293,6 +389,10 @@ static void sync_folder(const char *path)
 enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
+    if (out->stream) {
+        hg_file_abort(out);
+        return HG_OK;
+    }
     if (fsync(out->fd) != 0)
         status = fail_errno(err, out->path, "cannot sync");
     if (!status && !out->temp_path[0] && !name_unnamed(out) && !name_copy(out))

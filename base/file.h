@@ -3,6 +3,7 @@
 #ifndef HG_BASE_FILE_H
 #define HG_BASE_FILE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,12 +17,20 @@ enum hg_status hg_file_read(const char *path, uint64_t limit_bytes, uint8_t **da
 // An output beside its final name: without a name where the file system knows such files, so that
 // nothing is left of a process that is killed, else under a temporary one, which is locked
 // as long as its writer lives. The next writer of the same name removes what others left.
+// A name of something other than a regular file (a pipe, a device, an open descriptor as in
+// /dev/stdout) is a stream: it is written through, and there is nothing to replace or to undo.
 struct hg_file_out {
     int fd;                 // open for writing and reading; -1 when not begun
-    char *path, *temp_path; // the latter "": has no name
+    char *path, *temp_path; // the former: symbolic links followed; the latter "": has no name
+    bool stream;
 };
 
-// Creates the file in the folder of `path`.
+// Where an output of that name goes: symbolic links are followed to the file that they mean, which
+// need not exist. *target is freed with hg_free. HG_E_PERM, HG_E_NOMEM, HG_E_IO (links in a circle).
+enum hg_status hg_file_target(
+    const char *path, char **target, bool *stream, struct hg_error *err) HG_MUST_CHECK;
+
+// Creates the file in the folder of `path`, or opens the stream.
 enum hg_status hg_file_begin(
     struct hg_file_out *out, const char *path, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_file_write(

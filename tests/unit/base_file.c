@@ -319,6 +319,80 @@ static void test_no_memory(void **state)
     assert_int_equal(empty_folder(), 1);
 }
 
+// ---- streams and links --------------------------------------------------------------------------
+
+static void test_pipes_and_devices_are_written_through(void **state)
+{
+    (void)state;
+    char text[8] = "";
+    struct stat st;
+    assert_int_equal(mkfifo(target, 0600), 0);
+    const int reader = open(target, O_RDWR | O_NONBLOCK); // so that nothing waits for one
+    assert_true(reader >= 0);
+    assert_int_equal(hg_file_write_atomic(target, "one", 3, NULL), HG_OK);
+    struct hg_file_out out;
+    assert_int_equal(hg_file_begin(&out, target, NULL), HG_OK);
+    hg_file_abort(&out);
+    assert_int_equal(read(reader, text, sizeof text), 3);
+    assert_string_equal(text, "one");
+    close(reader);
+    assert_int_equal(lstat(target, &st), 0);
+    assert_true(S_ISFIFO(st.st_mode));
+    assert_int_equal(empty_folder(), 1);
+    if (mknod(target, S_IFCHR | 0600, 1 << 8 | 3) != 0) // as /dev/null; root alone may
+        return;
+    enum hg_status status = hg_file_write_atomic(target, "one", 3, NULL);
+    assert_true(status == HG_OK || status == HG_E_PERM); // the latter: mounted without devices
+    assert_int_equal(lstat(target, &st), 0);
+    assert_true(S_ISCHR(st.st_mode));
+    assert_int_equal(empty_folder(), 1);
+}
+
+static void test_open_descriptors_are_written_through(void **state)
+{
+    (void)state;
+    char name[40], text[8] = "";
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    snprintf(name, sizeof name, "/dev/fd/%d", ends[1]);
+    assert_int_equal(hg_file_write_atomic(name, "one", 3, NULL), HG_OK);
+    snprintf(name, sizeof name, "/proc/self/fd/%d", ends[1]);
+    assert_int_equal(symlink(name, target), 0); // as /dev/stdout is one
+    assert_int_equal(hg_file_write_atomic(target, "two", 3, NULL), HG_OK);
+    assert_int_equal(read(ends[0], text, sizeof text), 6);
+    assert_string_equal(text, "onetwo");
+    close(ends[0]);
+    close(ends[1]);
+    assert_int_equal(hg_file_write_atomic(target, "two", 3, NULL), HG_E_IO); // closed
+    assert_int_equal(empty_folder(), 1);
+}
+
+static void test_links_are_followed(void **state)
+{
+    (void)state;
+    char name[100], sub[100];
+    struct stat st;
+    snprintf(name, sizeof name, "%s/link", folder);
+    snprintf(sub, sizeof sub, "%s/sub", folder);
+    assert_int_equal(mkdir(sub, 0755), 0);
+    assert_int_equal(symlink("sub/next", name), 0); // of the folder, to a link, to no file yet
+    snprintf(sub, sizeof sub, "%s/sub/next", folder);
+    assert_int_equal(symlink(target, sub), 0);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(hg_file_write_atomic(name, i ? "new" : "old", 3, NULL), HG_OK);
+        assert_content(i ? "new" : "old");
+        assert_int_equal(lstat(name, &st), 0);
+        assert_true(S_ISLNK(st.st_mode));
+        assert_int_equal(lstat(target, &st), 0);
+        assert_true(S_ISREG(st.st_mode));
+    }
+    unlink(sub);
+    assert_int_equal(symlink(name, sub), 0);
+    assert_int_equal(hg_file_write_atomic(name, "new", 3, NULL), HG_E_IO); // a circle
+    unlink(sub);
+    assert_int_equal(empty_folder(), 3);
+}
+
 // ---- reading -----------------------------------------------------------------------------------
 
 static void test_read_limits(void **state)
@@ -386,6 +460,9 @@ int main(void)
         cmocka_unit_test(test_unwritable_folder),
         cmocka_unit_test(test_no_space),
         cmocka_unit_test(test_no_memory),
+        cmocka_unit_test(test_pipes_and_devices_are_written_through),
+        cmocka_unit_test(test_open_descriptors_are_written_through),
+        cmocka_unit_test(test_links_are_followed),
         cmocka_unit_test(test_read_limits),
         cmocka_unit_test(test_read_refusals),
         cmocka_unit_test(test_errno_map),
