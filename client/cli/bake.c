@@ -102,7 +102,7 @@ static enum hg_status write_report(
     if (!text)
         return hg_error_set(err, HG_E_NOMEM, "report", NULL, "no memory");
     if (o->stats_file)
-        status = hg_file_write_atomic(o->stats_file, text, strlen(text), err);
+        status = hg_cli_write_output(o->stats_file, text, strlen(text), err);
     else if (puts(text) == EOF)
         status = hg_error_set(err, HG_E_IO, "standard output", NULL, "cannot write");
     free(text);

@@ -298,7 +298,7 @@ static enum hg_status write_report(
     const struct hg_cli_options *o, const char *report, struct hg_error *err)
 {
     if (o->json_file)
-        return hg_file_write_atomic(o->json_file, report, strlen(report), err);
+        return hg_cli_write_output(o->json_file, report, strlen(report), err);
     if (puts(report) == EOF)
         return hg_error_set(err, HG_E_IO, "standard output", NULL, "cannot write");
     return HG_OK;

@@ -44,6 +44,7 @@ void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
     action.sa_flags = 0;
     if (sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler != SIG_IGN)
         sigaction(SIGHUP, &action, NULL);
+    signal(SIGXFSZ, SIG_IGN); // ulimit -f: writing fails and names the file
     *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
     hg_cli_progress_init(&cli->progress, options->progress);
 }
@@ -420,54 +421,4 @@ enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *
         return HG_OK;
     return hg_error_set(err, HG_E_FORMAT, o->args[0], NULL,
         "%u warning%s, which --strict does not take", n, n == 1 ? "" : "s");
-}
-
-enum hg_status hg_cli_check_output(const char *path, struct hg_error *err)
-{
-    char folder[PATH_MAX];
-    struct stat st;
-    if (strlen(path) >= sizeof folder)
-        return hg_error_set(err, HG_E_INVAL, path, NULL, "the name is too long");
-    if (stat(path, &st) == 0 && S_ISDIR(st.st_mode))
-        return hg_error_set(err, HG_E_INVAL, path, NULL, "is a folder");
-    snprintf(folder, sizeof folder, "%s", path);
-    char *slash = strrchr(folder, '/');
-    if (slash)
-        slash[slash == folder] = 0;
-    else
-        snprintf(folder, sizeof folder, ".");
-    if (stat(folder, &st) != 0 || !S_ISDIR(st.st_mode))
-        return hg_error_set(err, HG_E_INVAL, path, NULL, "its folder '%s' does not exist", folder);
-    if (access(folder, W_OK | X_OK))
-        return hg_error_set(err, hg_status_from_errno(errno), path, NULL,
-            "cannot write to its folder: %s", strerror(errno));
-    return HG_OK;
-}
-
-enum hg_status hg_cli_format_of(const char *path, const struct hg_cli_options *o,
-    struct hg_cli_format *out, struct hg_error *err)
-{
-    static const struct hg_cli_options none;
-    const char *dot = strrchr(path, '.');
-    o = o ? o : &none;
-    *out = (struct hg_cli_format){.quality = (uint8_t)(o->has_quality ? o->quality : 90)};
-    bool png = dot && strcasecmp(dot, ".png") == 0;
-    bool jpeg = dot && (strcasecmp(dot, ".jpg") == 0 || strcasecmp(dot, ".jpeg") == 0);
-    bool exr = dot && strcasecmp(dot, ".exr") == 0;
-    if (!png && !jpeg && !exr)
-        return hg_error_set(
-            err, HG_E_INVAL, path, NULL, "the name ends in none of .png .jpg .jpeg .exr");
-    if (o->bit_depth && !png)
-        return hg_error_set(err, HG_E_INVAL, "--bit-depth", NULL, "is for PNG files");
-    if (o->exr && !exr)
-        return hg_error_set(err, HG_E_INVAL, "--exr", NULL, "is for EXR files");
-    if (o->has_quality && !jpeg)
-        return hg_error_set(err, HG_E_INVAL, "--quality", NULL, "is for JPEG files");
-    bool deep = o->bit_depth && strcmp(o->bit_depth, "16") == 0;
-    bool full = o->exr && strcmp(o->exr, "float") == 0;
-    out->encoding = png    ? deep ? HGP_encoding_PNG16 : HGP_encoding_PNG8
-                    : jpeg ? HGP_encoding_JPEG
-                    : full ? HGP_encoding_EXR_FLOAT
-                           : HGP_encoding_EXR_HALF;
-    return HG_OK;
 }

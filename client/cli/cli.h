@@ -93,15 +93,26 @@ enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_M
 // With --strict: HG_E_FORMAT when there were warnings about the scene.
 enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
 
-// Checks that `path` can be made: its folder exists and is writable.
-enum hg_status hg_cli_check_output(const char *path, struct hg_error *err) HG_MUST_CHECK;
+// output.c: names of outputs. "-" is the standard output; what is no regular file is a stream, which
+// is written through (base/file.h).
 
-// The encoding for a file name and options (may be NULL); HG_E_INVAL for unknown extensions.
+// The path that a name stands for.
+const char *hg_cli_output_path(const char *name);
+bool hg_cli_is_stdout(const char *name);
+bool hg_cli_is_stream(const char *name);
+// Checks that the output can be made: its folder exists and is writable.
+enum hg_status hg_cli_check_output(const char *name, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_write_output(
+    const char *name, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+
+// What a picture's name and the options (may be NULL) ask for: by the name's ending, by FORMAT: before
+// it, or PNG on the standard output. HG_E_INVAL for unknown endings.
 struct hg_cli_format {
     enum hgp_encoding encoding;
     uint8_t quality;
+    const char *path; // without FORMAT:
 };
-enum hg_status hg_cli_format_of(const char *path, const struct hg_cli_options *options,
+enum hg_status hg_cli_format_of(const char *name, const struct hg_cli_options *options,
     struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
 
 // Camera by name or number among the scene's camera nodes, or its first one (name NULL: *node 0

@@ -41,7 +41,7 @@ static enum hg_status compare_all(
     }
     if (!status && o->diff) {
         *doing = HG_CLI_DOING_OUTPUT;
-        status = hg_file_write_atomic(o->diff, c.diff.data, c.diff.size, err);
+        status = hg_cli_write_output(o->diff, c.diff.data, c.diff.size, err);
     }
     *value = c.value;
     hg_free(c.a.data);
@@ -60,7 +60,8 @@ enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options)
     enum hg_status status = compare_all(&cli, &doing, &value, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&cli, doing, &err) : HG_CLI_EXIT_OK;
     if (!status) {
-        printf("%s %.6g\n", options->metric ? options->metric : "psnr", value);
+        fprintf(options->diff && hg_cli_is_stdout(options->diff) ? stderr : stdout, "%s %.6g\n",
+            options->metric ? options->metric : "psnr", value);
         if (options->has_fail_below && value < options->fail_below)
             code = HG_CLI_EXIT_FAILED;
         if (options->has_fail_above && value > options->fail_above)

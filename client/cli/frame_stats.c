@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/file.h"
 #include "base/sha256.h"
 #include "base/utf8.h"
 #include "client/cli/frames.h"
@@ -90,7 +89,7 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
     size_t length = strlen(text);
     text[length] = '\n'; // over the terminator, which is not written
     r->doing = HG_CLI_DOING_OUTPUT;
-    status = hg_file_write_atomic(r->o->stats_file, text, length + 1, err);
+    status = hg_cli_write_output(r->o->stats_file, text, length + 1, err);
     free(text);
     return status;
 }

@@ -154,7 +154,7 @@ static struct waiting begin_waiting(
 // A daemon that is about to stop: the film is kept at once, and as long as it lasts.
 static void note_drain(struct waiting *w)
 {
-    if (w->r->closes_s > 0 && hg_cli_is_path(w->r->o)) {
+    if (w->r->closes_s > 0 && hg_cli_is_path(w->r->o) && !w->r->streams) {
         w->save_ns = hg_clock_now_ns();
         w->save_every_s = fmin(w->save_every_s, w->r->closes_s / 4);
     }
@@ -241,7 +241,7 @@ enum hg_status hg_cli_frame_wait(struct hg_cli_render *r, const char *name, cons
 void hg_cli_frame_leave_checkpoint(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
     struct hg_error err = {0};
-    if (!hg_cli_is_path(r->o) || !hg_cli_is_stopped())
+    if (!hg_cli_is_path(r->o) || !hg_cli_is_stopped() || r->streams)
         return;
     enum hg_status status = save_film(r, name, job, &err);
     if (status && status != HG_E_STATE)

@@ -6,7 +6,6 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "base/file.h"
 #include "client/cli/frames.h"
 
 bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
@@ -78,7 +77,7 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
     if (status)
         return status;
     r->doing = HG_CLI_DOING_OUTPUT;
-    status = hg_file_write_atomic(name, data, size, err);
+    status = hg_cli_write_output(name, data, size, err);
     if (status)
         return status;
     if (hg_cli_is_path(r->o))
@@ -114,7 +113,7 @@ static enum hg_status take_frame(struct hg_cli_render *r, const struct hgp_frame
     const uint64_t now = hg_clock_now_ns(), took_ns = now - making->begin_ns;
     if (!r->first_frame_ns)
         r->first_frame_ns = now - r->cli.begin_ns;
-    if (r->series)
+    if (r->series && !r->streams)
         r->series->kept = keep_history(r, making->name, making->job);
     if (!making->wanted)
         return HG_OK;
@@ -195,8 +194,8 @@ static enum hg_status set_seed(struct hg_cli_render *r, uint32_t frame, struct h
 
 void hg_cli_frame_file(const struct hg_cli_render *r, uint32_t frame, char *dst, size_t size)
 {
-    if (!hg_cli_frame_name(r->o->output, frame, dst, size))
-        snprintf(dst, size, "%s", r->o->output);
+    if (!hg_cli_frame_name(r->output, frame, dst, size))
+        snprintf(dst, size, "%s", r->output);
 }
 
 uint32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index)
@@ -250,7 +249,7 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         bool moves =
             (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
         enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
-        return status ? status : render_frame(r, o->output, err);
+        return status ? status : render_frame(r, r->output, err);
     }
     if (hg_cli_is_series(r)) {
         r->series = hg_calloc(1, sizeof *r->series + (size_t)hg_cli_frame_count(r) * 32);

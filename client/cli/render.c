@@ -59,17 +59,32 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
     return HG_OK;
 }
 
+// A stream keeps nothing that a later command could find.
+static enum hg_status check_stream(const struct hg_cli_options *o, struct hg_error *err)
+{
+    const char *option = o->skip_existing    ? "--skip-existing"
+                         : o->resume         ? "--resume"
+                         : o->has_checkpoint ? "--checkpoint"
+                                             : NULL;
+    return option ? usage(err, option, "needs a file as --output, not a pipe or a device") : HG_OK;
+}
+
 static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err)
 {
     char name[4096];
     const struct hg_cli_options *o = r->o;
     if (strlen(o->output) + 32 >= sizeof name)
         return usage(err, "--output", "the name is too long");
-    bool numbered = hg_cli_frame_name(o->output, 0, name, sizeof name);
-    if (o->has_frames && !numbered && o->frames.first != o->frames.last)
+    enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
+    if (status)
+        return status;
+    r->output = r->format.path;
+    bool numbered = hg_cli_frame_name(r->output, 0, name, sizeof name);
+    r->streams = hg_cli_is_stream(numbered ? name : r->output);
+    if (o->has_frames && !numbered && !r->streams && o->frames.first != o->frames.last)
         return usage(
             err, "--output", "the file's name needs #### or %04d for the number of the frame");
-    enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
+    status = r->streams ? check_stream(o, err) : HG_OK;
     if (status || !o->has_aov)
         return status;
     bool exr =
@@ -346,22 +361,28 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
 
 // ---- the command -------------------------------------------------------------------------------
 
-// By name, or by whatever name they have.
+// By name, or by whatever name they have. Devices (a terminal, /dev/null) take several outputs.
 static bool is_same_file(const char *a, const char *b)
 {
     struct stat one, other;
-    return strcmp(a, b) == 0 || (stat(a, &one) == 0 && stat(b, &other) == 0 &&
-                                    one.st_dev == other.st_dev && one.st_ino == other.st_ino);
+    a = hg_cli_output_path(a);
+    b = hg_cli_output_path(b);
+    if (hg_cli_is_stdout(a) && hg_cli_is_stdout(b))
+        return true;
+    if (stat(a, &one) != 0 || stat(b, &other) != 0)
+        return strcmp(a, b) == 0;
+    return one.st_dev == other.st_dev && one.st_ino == other.st_ino && !S_ISCHR(one.st_mode);
 }
 
 // Nothing that is written may take the place of what is read, or of what was written before.
-static enum hg_status check_distinct(const struct hg_cli_options *o, struct hg_error *err)
+static enum hg_status check_distinct(const struct hg_cli_render *r, struct hg_error *err)
 {
+    const struct hg_cli_options *o = r->o;
     const bool here = !o->connect || o->upload;
     const char *env = is_env_file(o) && here ? o->env : NULL;
-    if (env && is_same_file(o->output, env))
+    if (env && is_same_file(r->output, env))
         return usage(err, "--output", "is the file of --env");
-    if (o->stats_file && is_same_file(o->stats_file, o->output))
+    if (o->stats_file && is_same_file(o->stats_file, r->output))
         return usage(err, "--stats", "is the file of --output");
     if (o->stats_file && here &&
         (is_same_file(o->stats_file, o->args[0]) || (env && is_same_file(o->stats_file, env))))
@@ -381,13 +402,13 @@ static enum hg_status check_readable(
 static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
-    enum hg_status status = hg_cli_check_output(r->o->output, err);
+    enum hg_status status = hg_cli_check_output(r->output, err);
     if (status)
         return status;
     status = r->o->stats_file ? hg_cli_check_output(r->o->stats_file, err) : HG_OK;
     if (status)
         return status;
-    status = check_distinct(r->o, err);
+    status = check_distinct(r, err);
     if (status)
         return status;
     // A private worker is not started for a file that does not exist.

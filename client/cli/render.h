@@ -8,6 +8,8 @@ struct hg_cli_render {
     struct hg_cli cli;
     const struct hg_cli_options *o;
     struct hg_cli_format format;
+    const char *output; // as --output names it, without its format
+    bool streams;       // it is no regular file: nothing can be beside it or taken up
     struct hg_cli_size size;
     uint32_t planes; // bits of enum hgp_plane
     struct hgp_asset_loaded loaded;

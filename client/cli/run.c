@@ -305,7 +305,7 @@ static enum hg_status take_frame(
     return status;
 }
 
-static const struct hg_cli_format png = {HGP_encoding_PNG8, 90};
+static const struct hg_cli_format png = {HGP_encoding_PNG8, 90, NULL};
 
 static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
@@ -316,7 +316,7 @@ static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struc
     enum hg_status status = hg_cli_format_of(s->path, NULL, &format, err);
     if (status)
         return status;
-    status = hg_cli_check_output(s->path, err);
+    status = hg_cli_check_output(format.path, err);
     if (status)
         return status;
     status = take_frame(r, &format, s->now, err);
@@ -324,7 +324,7 @@ static enum hg_status do_frame(struct run *r, const struct hg_cli_step *s, struc
         return status;
     const struct hgp_frame *frame = &r->frame->body->frame;
     r->doing = HG_CLI_DOING_OUTPUT;
-    return hg_file_write_atomic(s->path, frame->data.data, frame->data.size, err);
+    return hg_cli_write_output(format.path, frame->data.data, frame->data.size, err);
 }
 
 // ---- expectations ------------------------------------------------------------------------------
@@ -568,7 +568,7 @@ static enum hg_status write_report(struct run *r, struct hg_error *err)
     if (status)
         hg_error_set(err, status, r->o->junit, NULL, "no memory for the report");
     else
-        status = hg_file_write_atomic(r->o->junit, w.data, w.size, err);
+        status = hg_cli_write_output(r->o->junit, w.data, w.size, err);
     hg_writer_finish(&w);
     return status;
 }
@@ -597,7 +597,8 @@ static enum hg_cli_exit run_all(struct run *r)
     size_t failed = hg_cli_junit_count(&r->junit, HG_CLI_DIFFERS);
     if (!status) {
         hg_cli_progress_clear(&r->cli.progress);
-        printf("%s: %zu expectation%s, %zu failed\n", r->o->args[0], r->junit.count,
+        fprintf(r->o->junit && hg_cli_is_stdout(r->o->junit) ? stderr : stdout,
+            "%s: %zu expectation%s, %zu failed\n", r->o->args[0], r->junit.count,
             r->junit.count == 1 ? "" : "s", failed);
         code = failed ? HG_CLI_EXIT_FAILED : HG_CLI_EXIT_OK;
     }

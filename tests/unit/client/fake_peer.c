@@ -14,6 +14,7 @@
 //   have=1              claim to have every uploaded content
 //   stray=1             send unrelated messages between the answers
 //   quiet=1             do not warn when an asset is loaded
+//   large=1             send frames of 8 KiB
 //   lost=N              warn with the N-th frame
 //   job=N               what frames are made from: the first byte of its hash; default 1
 //   parts=1|gap         send frames in parts of 3 bytes, begun twice; gap: one of them is left out
@@ -114,10 +115,10 @@ static void split_frame(const struct hgp_header *h, struct hgp_frame *frame, boo
 
 static void send_frame(const struct hgp_header *h, const struct hgp_frame_request *request)
 {
-    char data[64];
+    char data[8192];
     static uint64_t number;
-    snprintf(data, sizeof data, "frame %llu as %s\n", (unsigned long long)++number,
-        hgp_enum_name("encoding", request->encoding));
+    snprintf(data, sizeof data, "frame %llu as %s%*s\n", (unsigned long long)++number,
+        hgp_enum_name("encoding", request->encoding), word("large") ? 8000 : 0, "");
     struct hgp_stage_time stage = {.name = hgp_str_make("shade"), .ns = 1000000};
     struct hgp_frame frame = {
         .view = request->view,

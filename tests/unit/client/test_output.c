@@ -1,0 +1,148 @@
+// The program helio against a fake worker: where its outputs go, and what it says about them.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/unit/client/harness.h"
+
+static struct harness h;
+
+// The command's exit code, and what it must (not) have written to its streams.
+static void expect_run(int code, const char *text, const char *not, const char *command)
+{
+    int got = harness_run(&h, "%s", command);
+    if (got != code)
+        fail_msg("%s: exit %d instead of %d: %s", command, got, code, h.output);
+    if (text && !strstr(h.output, text))
+        fail_msg("%s: '%s' is not in: %s", command, text, h.output);
+    if (not && strstr(h.output, not))
+        fail_msg("%s: '%s' is in: %s", command, not, h.output);
+}
+
+static void expect_file(const char *name, const char *text)
+{
+    if (!harness_read(&h, name))
+        fail_msg("%s is missing", name);
+    if (!strstr(h.output, text))
+        fail_msg("%s: '%s' is not in: %s", name, text, h.output);
+}
+
+// ---- streams -----------------------------------------------------------------------------------
+
+static void test_standard_output(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o - 2>said >a.png");
+    expect_file("a.png", "frame 1 as PNG8");
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o exr:- --exr float 2>said | cat >a.exr");
+    expect_file("a.exr", "frame 1 as EXR_FLOAT");
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o jpg:/dev/stdout 2>said | cat >a.jpg");
+    expect_file("a.jpg", "frame 1 as JPEG");
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o png:noending 2>said");
+    expect_file("noending", "frame 1 as PNG8");
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o b.png --stats - 2>said | cat >b.json");
+    expect_file("b.json", "\"client\"");
+    assert_int_equal(h.output[0], '{');
+    // what was in a file before stays: it is open, not replaced
+    expect_run(0, NULL, NULL, "{ echo before; $HELIO render s.gltf -o -; } 2>said >c.txt");
+    expect_file("c.txt", "before\n");
+    assert_non_null(strstr(h.output, "frame 1 as PNG8"));
+    // Frames come one after the other.
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o - --frames 1-3 2>said | cat >d.txt");
+    expect_file("d.txt", "frame 3 ");
+    assert_non_null(strstr(h.output, "frame 1 "));
+    expect_run(2, "--stats: is the file of --output", NULL,
+        "$HELIO render s.gltf -o - --stats /dev/stdout");
+    expect_run(2, "--skip-existing: needs a file", NULL,
+        "$HELIO render s.gltf -o - --frames 1-3 --skip-existing");
+    expect_run(2, "png:NAME", NULL, "$HELIO render s.gltf -o /dev/stdout");
+    expect_run(2, "/dev/fd/77: cannot write to it", NULL, "$HELIO render s.gltf -o png:/dev/fd/77");
+}
+
+static void test_pipes_and_links(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, NULL,
+        "mkfifo pipe; cat pipe >e.png & $HELIO render s.gltf -o png:pipe 2>said; code=$?; wait; "
+        "test -p pipe && exit $code");
+    expect_file("e.png", "frame 1 as PNG8");
+    expect_run(0, NULL, NULL,
+        "mkdir -p other; ln -s other/f.png f.png; $HELIO render s.gltf -o f.png --stats /dev/null "
+        "2>said && test -L f.png && test -c /dev/null");
+    expect_file("other/f.png", "frame 1 as PNG8");
+    expect_run(2, "its folder 'gone' does not exist", NULL,
+        "ln -s gone/g.png g.png; $HELIO render s.gltf -o g.png");
+    // Nothing is left beside a stream.
+    expect_run(8, NULL, NULL,
+        "rm -f logc; export FAKE='silent=frame_request log=logc'; "
+        "$HELIO render s.gltf -o png:pipe --mode path & p=$!; "
+        "until grep -qs frame_request logc; do sleep 0.05; kill -0 $p || break; done; "
+        "kill -TERM $p; wait $p; code=$?; ls; exit $code");
+    assert_null(strstr(h.output, "checkpoint"));
+}
+
+static void test_other_commands(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, NULL, "$HELIO bench realtime --json - 2>said | cat >r.json");
+    expect_file("r.json", "{\"ok\":1}");
+    expect_run(0, NULL, NULL, "$HELIO bake s.gltf -o baked --stats - 2>said | cat >k.json");
+    expect_file("k.json", "\"packs\"");
+    // The value and the summary give way to what is asked for.
+    expect_run(0, NULL, NULL, "$HELIO compare s.gltf t.txt --diff - 2>said >diff.png");
+    expect_file("diff.png", "diff");
+    assert_null(strstr(h.output, "psnr"));
+    expect_file("said", "psnr 20");
+    static const char script[] = "load s.gltf\nframe exr:x\nexpect stat frame.render_ms == 1.5\n";
+    harness_write(&h, "t.hs", script, strlen(script));
+    expect_run(0, NULL, NULL, "$HELIO run t.hs --junit - 2>said >junit.xml");
+    expect_file("junit.xml", "</testsuites>");
+    assert_null(strstr(h.output, "expectation,"));
+    expect_file("said", "1 expectation, 0 failed");
+    expect_file("x", "frame 1 as EXR_HALF");
+}
+
+// ulimit -f 1: files of 512 or 1024 bytes. The signal of that limit is not the end.
+static void test_file_size_limit(void **state)
+{
+    (void)state;
+#ifndef __SANITIZE_THREAD__ // its start-up writes a file of its own and dies of the limit
+    expect_run(6, "full.png: cannot write: File too large", NULL,
+        "export FAKE=large=1; ulimit -f 1; $HELIO render s.gltf -o full.png; code=$?; "
+        "test ! -e full.png && exit $code");
+#endif
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    harness_begin(&h);
+    harness_write(&h, "s.gltf", "{}", 2);
+    harness_write(&h, "t.txt", "other", 5);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    harness_end(&h);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_standard_output),
+        cmocka_unit_test(test_pipes_and_links),
+        cmocka_unit_test(test_other_commands),
+        cmocka_unit_test(test_file_size_limit),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
