@@ -160,10 +160,9 @@ enum hg_status hg_file_target(const char *path, char **target, bool *stream, str
         return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory for the name");
     bool more = true;
     for (int links = 0; more; links++) {
-        enum hg_status status =
-            links < LINKS_MAX
-                ? follow_link(&at, &more, err)
-                : hg_error_set(err, HG_E_IO, path, NULL, "symbolic links in a circle");
+        enum hg_status status = links < LINKS_MAX ? follow_link(&at, &more, err)
+                                                  : hg_error_set(err, HG_E_IO, path, NULL,
+                                                        "symbolic links in a circle");
         if (status) {
             hg_free(at);
             return status;

@@ -26,7 +26,8 @@ struct hg_file_out {
 };
 
 // Where an output of that name goes: symbolic links are followed to the file that they mean, which
-// need not exist. *target is freed with hg_free. HG_E_PERM, HG_E_NOMEM, HG_E_IO (links in a circle).
+// need not exist. *target is freed with hg_free. HG_E_PERM, HG_E_NOMEM, HG_E_IO (links in a
+// circle).
 enum hg_status hg_file_target(
     const char *path, char **target, bool *stream, struct hg_error *err) HG_MUST_CHECK;
 

@@ -93,8 +93,8 @@ enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_M
 // With --strict: HG_E_FORMAT when there were warnings about the scene.
 enum hg_status hg_cli_check_warnings(const struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
 
-// output.c: names of outputs. "-" is the standard output; what is no regular file is a stream, which
-// is written through (base/file.h).
+// output.c: names of outputs. "-" is the standard output; what is no regular file is a stream,
+// which is written through (base/file.h).
 
 // The path that a name stands for.
 const char *hg_cli_output_path(const char *name);
@@ -105,8 +105,8 @@ enum hg_status hg_cli_check_output(const char *name, struct hg_error *err) HG_MU
 enum hg_status hg_cli_write_output(
     const char *name, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 
-// What a picture's name and the options (may be NULL) ask for: by the name's ending, by FORMAT: before
-// it, or PNG on the standard output. HG_E_INVAL for unknown endings.
+// What a picture's name and the options (may be NULL) ask for: by the name's ending, by FORMAT:
+// before it, or PNG on the standard output. HG_E_INVAL for unknown endings.
 struct hg_cli_format {
     enum hgp_encoding encoding;
     uint8_t quality;

@@ -1,4 +1,5 @@
-// output.c - names of outputs: files, streams, "-" for the standard output, FORMAT:NAME for pictures.
+// output.c - names of outputs: files, streams, "-" for the standard output, FORMAT:NAME for
+// pictures.
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>

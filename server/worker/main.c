@@ -212,6 +212,7 @@ int main(int argc, char **argv)
     signal(SIGINT, SIG_IGN);
     signal(SIGTERM, SIG_IGN);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
     hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);

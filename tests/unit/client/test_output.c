@@ -15,14 +15,14 @@
 static struct harness h;
 
 // The command's exit code, and what it must (not) have written to its streams.
-static void expect_run(int code, const char *text, const char *not, const char *command)
+static void expect_run(int code, const char *text, const char * not, const char *command)
 {
     int got = harness_run(&h, "%s", command);
     if (got != code)
         fail_msg("%s: exit %d instead of %d: %s", command, got, code, h.output);
     if (text && !strstr(h.output, text))
         fail_msg("%s: '%s' is not in: %s", command, text, h.output);
-    if (not && strstr(h.output, not))
+    if (not &&strstr(h.output, not ))
         fail_msg("%s: '%s' is in: %s", command, not, h.output);
 }
 
