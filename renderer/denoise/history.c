@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/denoise/history_state.h"
 
 #define NORMAL_LEAST 0.9f   // cosine between normals of the same surface
 #define DEPTH_REACH  0.02f  // difference of depths of the same place, relative
@@ -13,199 +14,10 @@
 #define STILL_PX     0.02   // px that count as none
 #define ALBEDO_REACH 4.0f   // standard deviations of an albedo that are no change
 #define PATCH        3      // px: radius of what is compared
-#define MOST_SIDE    65536u // px
 #define BAND         64u    // rows that are looked up together
 
-enum {
-    KEPT = HG_DN_KINDS * 5 + HG_DN_LOBES * 3 + 7, // planes of a picture that stay
-    OWN = HG_DN_KINDS * 2 + HG_DN_LOBES * 2 + 1,  // temporary, while a picture is filtered
-};
-
-// A finished picture: [height][width] of each plane.
-struct past {
-    uint32_t width, height; // 0 = none
-    struct hg_denoise_camera camera;
-    float *rgb[HG_DN_KINDS][3], *variance[HG_DN_KINDS], *length[HG_DN_KINDS];
-    float *albedo[HG_DN_LOBES][3], *normal[3], *disparity, *seen, *id;
-    float *image; // disparity of the virtual image in smooth surfaces; 0 = rough
-    float *memory;
-};
-
-struct hg_denoise {
-    struct past before, now; // now: the newest, of the picture that is being made
-    // Of now, until it is blended: as it was sampled; of albedos; of the disparity, relative.
-    float *own_luma[HG_DN_KINDS], *own_variance[HG_DN_KINDS], *tone_var[HG_DN_LOBES];
-    float *slope[HG_DN_LOBES],
-        *nearer; // nearer: how often the image is as near as in a plane mirror
-    float *own;
-};
-
-// --- life ----------------------------------------------------------------------------------------
-
-struct hg_denoise *hg_denoise_create(void)
-{
-    return hg_calloc(1, sizeof(struct hg_denoise));
-}
-
-static void past_finish(struct past *past)
-{
-    hg_free(past->memory);
-    *past = (struct past){0};
-}
-
-void hg_denoise_destroy(struct hg_denoise *d)
-{
-    if (d == NULL)
-        return;
-    past_finish(&d->before);
-    past_finish(&d->now);
-    hg_free(d->own);
-    hg_free(d);
-}
-
-void hg_denoise_next(struct hg_denoise *d)
-{
-    if (d->now.width == 0)
-        return;
-    past_finish(&d->before);
-    d->before = d->now;
-    d->now = (struct past){0};
-}
-
-static enum hg_status past_init(struct past *past, uint32_t width, uint32_t height)
-{
-    const size_t pixels = (size_t)width * height;
-    past_finish(past);
-    past->memory = hg_calloc(KEPT * pixels, sizeof(float));
-    if (past->memory == NULL)
-        return HG_E_NOMEM;
-    float *at = past->memory;
-    float **single[] = {&past->normal[0], &past->normal[1], &past->normal[2], &past->disparity,
-        &past->seen, &past->id, &past->image};
-    for (size_t i = 0; i < sizeof single / sizeof *single; i++, at += pixels)
-        *single[i] = at;
-    for (int i = 0; i < HG_DN_LOBES * 3; i++, at += pixels)
-        past->albedo[i / 3][i % 3] = at;
-    for (int k = 0; k < HG_DN_KINDS; k++) {
-        float **each[] = {&past->variance[k], &past->length[k], &past->rgb[k][0], &past->rgb[k][1],
-            &past->rgb[k][2]};
-        for (size_t i = 0; i < sizeof each / sizeof *each; i++, at += pixels)
-            *each[i] = at;
-    }
-    past->width = width;
-    past->height = height;
-    return HG_OK;
-}
-
-enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise_input *input)
-{
-    const size_t pixels = (size_t)input->width * input->height;
-    enum hg_status status = past_init(&d->now, input->width, input->height);
-    hg_free(d->own);
-    d->own = status == HG_OK ? hg_calloc(OWN * pixels, sizeof(float)) : NULL;
-    if (d->own == NULL) {
-        past_finish(&d->now);
-        return HG_E_NOMEM;
-    }
-    float *at = d->own;
-    for (int k = 0; k < HG_DN_KINDS; k++, at += 2 * pixels) {
-        d->own_luma[k] = at;
-        d->own_variance[k] = at + pixels;
-    }
-    for (int l = 0; l < HG_DN_LOBES; l++, at += 2 * pixels) {
-        d->tone_var[l] = at;
-        d->slope[l] = at + pixels;
-    }
-    d->nearer = at;
-    d->now.camera = input->camera;
-    return HG_OK;
-}
-
-// --- files ---------------------------------------------------------------------------------------
-
-// Then the planes, split into bytes 0, 1, ... of all floats: this compresses better.
-struct saved {
-    char magic[8];
-    uint32_t width, height, planes, orthographic;
-    double camera[5][3];
-};
-
-#define MAGIC "HGHIST02"
-
-static const double *axis_of(const struct hg_denoise_camera *c, int i)
-{
-    const double *const all[] = {c->eye, c->forward, c->across, c->x, c->y};
-    return all[i];
-}
-
-enum hg_status hg_denoise_save(
-    const struct hg_denoise *d, struct hg_refbuf **out, struct hg_error *err)
-{
-    const struct past *now = &d->now;
-    const size_t count = KEPT * (size_t)now->width * now->height;
-    struct saved head = {.width = now->width,
-        .height = now->height,
-        .planes = KEPT,
-        .orthographic = now->camera.orthographic};
-    *out = NULL;
-    if (now->width == 0)
-        return hg_error_set(err, HG_E_STATE, "history", NULL, "there is no picture");
-    memcpy(head.magic, MAGIC, sizeof head.magic);
-    for (int i = 0; i < 5; i++)
-        memcpy(head.camera[i], axis_of(&now->camera, i), sizeof head.camera[i]);
-    *out = hg_refbuf_create(sizeof head + count * sizeof(float));
-    if (*out == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "history", NULL, "out of host memory");
-    memcpy((*out)->data, &head, sizeof head);
-    uint8_t *to = (*out)->data + sizeof head;
-    for (size_t i = 0; i < count; i++) {
-        uint32_t bits;
-        memcpy(&bits, &now->memory[i], sizeof bits);
-        for (size_t b = 0; b < 4; b++)
-            to[b * count + i] = (uint8_t)(bits >> (8 * b));
-    }
-    return HG_OK;
-}
-
-static enum hg_status load(struct past *now, const struct saved *head, const uint8_t *from)
-{
-    enum hg_status status = past_init(now, head->width, head->height);
-    const size_t count = KEPT * (size_t)head->width * head->height;
-    struct hg_denoise_camera *c = &now->camera;
-    double *const axes[] = {c->eye, c->forward, c->across, c->x, c->y};
-    for (int i = 0; i < 5; i++)
-        memcpy(axes[i], head->camera[i], sizeof head->camera[i]);
-    c->orthographic = head->orthographic != 0;
-    for (size_t i = 0; i < count && status == HG_OK; i++) {
-        uint32_t bits = 0;
-        for (size_t b = 0; b < 4; b++)
-            bits |= (uint32_t)from[b * count + i] << (8 * b);
-        memcpy(&now->memory[i], &bits, sizeof bits);
-    }
-    return status;
-}
-
-enum hg_status hg_denoise_load(
-    const void *data, uint64_t size_bytes, struct hg_denoise **out, struct hg_error *err)
-{
-    struct saved head = {0};
-    *out = NULL;
-    if (data != NULL && size_bytes >= sizeof head)
-        memcpy(&head, data, sizeof head);
-    if (memcmp(head.magic, MAGIC, sizeof head.magic) != 0 || head.planes != KEPT ||
-        head.width < 1 || head.width > MOST_SIDE || head.height < 1 || head.height > MOST_SIDE ||
-        size_bytes - sizeof head != KEPT * sizeof(float) * (uint64_t)head.width * head.height)
-        return hg_error_set(
-            err, HG_E_INVAL, "history", NULL, "is none, cut off, or of another version");
-    *out = hg_denoise_create();
-    enum hg_status status =
-        *out != NULL ? load(&(*out)->now, &head, (const uint8_t *)data + sizeof head) : HG_E_NOMEM;
-    if (status == HG_OK)
-        return HG_OK;
-    hg_denoise_destroy(*out);
-    *out = NULL;
-    return hg_error_set(err, status, "history", NULL, "out of host memory");
-}
+// Temporary planes while a picture is filtered.
+#define OWN_PLANES (HG_DN_KINDS * 2 + HG_DN_LOBES * 2 + 1)
 
 // --- cameras ------------------------------------------------------------------------------------
 
@@ -243,6 +55,30 @@ static bool find(
 }
 
 // --- keeping -------------------------------------------------------------------------------------
+
+enum hg_status hg_dn_history_begin(struct hg_denoise *d, const struct hg_denoise_input *input)
+{
+    const size_t pixels = (size_t)input->width * input->height;
+    enum hg_status status = hg_dn_past_init(&d->now, input->width, input->height);
+    hg_free(d->own);
+    d->own = status == HG_OK ? hg_calloc(OWN_PLANES * pixels, sizeof(float)) : NULL;
+    if (d->own == NULL) {
+        hg_dn_past_finish(&d->now);
+        return HG_E_NOMEM;
+    }
+    float *at = d->own;
+    for (int k = 0; k < HG_DN_KINDS; k++, at += 2 * pixels) {
+        d->own_luma[k] = at;
+        d->own_variance[k] = at + pixels;
+    }
+    for (int l = 0; l < HG_DN_LOBES; l++, at += 2 * pixels) {
+        d->tone_var[l] = at;
+        d->slope[l] = at + pixels;
+    }
+    d->nearer = at;
+    d->now.camera = input->camera;
+    return HG_OK;
+}
 
 struct keep {
     struct hg_denoise *d;
@@ -315,7 +151,7 @@ static void keep_pixel(const struct keep *k, uint32_t x, uint32_t y, size_t at, 
     const struct hg_dn_planes *p = k->p;
     const struct hg_dn_face *face = &p->face[HG_DN_SCATTERS];
     struct hg_denoise *d = k->d;
-    struct past *now = &d->now;
+    struct hg_dn_past *now = &d->now;
     for (int i = 0; i < HG_DN_KINDS; i++) {
         for (int c = 0; c < 3; c++)
             now->rgb[i][c][to] = k->clean->rgb[i][c][at];
@@ -357,8 +193,8 @@ struct work {
     struct hg_denoise *d;
     const struct hg_denoise_input *input;
     const struct hg_dn_energy *energy;
-    const struct past *before;
-    struct past *now;
+    const struct hg_dn_past *before;
+    struct hg_dn_past *now;
     float *out;
     // Of before, where the pixels of now were, in a band of rows of now from `first` on.
     uint32_t first, skip; // skip: rows of the band before those that are blended
@@ -380,7 +216,7 @@ static const struct kinds all_kinds = {0, HG_DN_KINDS - 1}, scattered = {0, HG_D
                           mirrored = {HG_DN_SPECULAR, HG_DN_SPECULAR};
 
 // At object edges, the first hit of a pixel does not represent its other samples.
-static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
+static bool is_inside(const struct hg_dn_past *now, uint32_t x, uint32_t y)
 {
     const float id = now->id[(size_t)y * now->width + x];
     for (uint32_t j = y > 0 ? y - 1 : 0; j <= y + 1 && j < now->height; j++) {
@@ -395,7 +231,7 @@ static bool is_inside(const struct past *now, uint32_t x, uint32_t y)
 // The same surface; for specular light also the same virtual image.
 static bool is_same(const struct work *w, size_t at, size_t old, double depth, bool image)
 {
-    const struct past *now = w->now, *past = w->before;
+    const struct hg_dn_past *now = w->now, *past = w->before;
     const double there = (double)(image ? past->image : past->disparity)[old] * depth; // 1: so deep
     const float reach = (image ? IMAGE_REACH : DEPTH_REACH) + 2.0f * w->d->slope[image][at];
     float cosine = 0.0f, length = 0.0f, length_old = 0.0f;
@@ -459,7 +295,7 @@ static bool move_image(const struct work *w, size_t at, double place[3])
 static bool take_still(
     struct work *w, uint32_t column, uint32_t row, double x, double y, bool image_moves)
 {
-    const struct past *past = w->before;
+    const struct hg_dn_past *past = w->before;
     const size_t to = band_at(w, column, row), old = (size_t)row * past->width + column;
     if (!(fabs(x - column) < STILL_PX && fabs(y - row) < STILL_PX) || column >= past->width ||
         row >= past->height)
@@ -481,7 +317,7 @@ struct place {
 static bool take_around(struct work *w, const struct kinds *kinds, uint32_t column, uint32_t row,
     const struct place *there)
 {
-    const struct past *past = w->before;
+    const struct hg_dn_past *past = w->before;
     const size_t at = (size_t)row * w->now->width + column, to = band_at(w, column, row);
     const int x0 = (int)floor(there->x), y0 = (int)floor(there->y);
     const bool inside = w->input->moved != NULL && is_inside(w->now, column, row);
@@ -505,7 +341,7 @@ static bool take_around(struct work *w, const struct kinds *kinds, uint32_t colu
 // Reprojection into the previous picture; false: outside.
 static bool project(const struct work *w, const double place[3], struct place *out)
 {
-    const struct past *past = w->before;
+    const struct hg_dn_past *past = w->before;
     if (!find(&past->camera, place, &out->x, &out->y, &out->depth))
         return false;
     out->x -= 0.5;
@@ -523,7 +359,7 @@ static bool take_image(struct work *w, uint32_t column, uint32_t row, const doub
 
 static void find_pixel(struct work *w, uint32_t column, uint32_t row)
 {
-    const struct past *now = w->now;
+    const struct hg_dn_past *now = w->now;
     const size_t at = (size_t)row * now->width + column;
     const double hits = (double)now->seen[at] * hg_dn_samples(w->input, column, row);
     const double x = column + 0.5, y = row + 0.5;
@@ -617,7 +453,7 @@ static float trim(float x)
 
 static void blend(struct work *w, int k, size_t at, size_t from)
 {
-    struct past *now = w->now;
+    struct hg_dn_past *now = w->now;
     const float length = w->length[k][from] * w->trust[k][from];
     const float old = length / (length + 1.0f), own = 1.0f - old;
     for (int c = 0; c < 3; c++)
@@ -630,7 +466,7 @@ static void blend(struct work *w, int k, size_t at, size_t from)
 // counts where both agree in all colours, which textures that move in a mirror do not.
 static void blend_albedo(const struct work *w, size_t at, int lobes)
 {
-    struct past *now = w->now;
+    struct hg_dn_past *now = w->now;
     for (int l = 0; l < lobes; l++) {
         const int kind = l == HG_DN_SCATTERS ? HG_DN_INDIRECT : HG_DN_SPECULAR;
         const float reach = ALBEDO_REACH * ALBEDO_REACH * w->d->tone_var[l][at];
@@ -650,7 +486,7 @@ static void blend_albedo(const struct work *w, size_t at, int lobes)
 static void blend_row(void *user, size_t index)
 {
     struct work *w = user;
-    struct past *now = w->now;
+    struct hg_dn_past *now = w->now;
     const uint32_t y = w->first + w->skip + (uint32_t)index;
     const size_t pixels = (size_t)now->width * now->height;
     for (uint32_t x = 0; x < now->width; x++) {
@@ -662,7 +498,7 @@ static void blend_row(void *user, size_t index)
         for (size_t i = 0; i < HG_DENOISE_LIGHT; i++)
             w->out[i * pixels + at] =
                 now->rgb[i / 3][i % 3][at] * now->albedo[hg_dn_lobe((int)i / 3)][i % 3][at];
-        for (size_t i = 0; i < KEPT; i++)
+        for (size_t i = 0; i < HG_DN_KEPT; i++)
             now->memory[i * pixels + at] = trim(now->memory[i * pixels + at]);
     }
 }
@@ -673,7 +509,7 @@ static void blend_row(void *user, size_t index)
 static void own_row(void *user, size_t y)
 {
     struct work *w = user;
-    struct past *now = w->now;
+    struct hg_dn_past *now = w->now;
     const size_t pixels = (size_t)now->width * now->height;
     for (uint32_t x = 0; x < now->width; x++) {
         const size_t at = y * now->width + x;

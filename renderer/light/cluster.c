@@ -37,23 +37,30 @@ static float slice_depth(const struct cluster_view *view, int k)
     return k >= HG_CLUSTER_Z ? INFINITY : exp2f(((float)k - view->z_bias) / view->z_scale);
 }
 
+struct tile_axis {
+    bool orthographic;
+    float scale, margin; // as in cluster_view
+    int tiles;
+};
+
 // Tiles of [low, high] seen at depths [z0, z1], on one axis.
-static void tile_range(const struct cluster_view *view, float low, float high, float z0, float z1,
-    float scale, float margin, int tiles, int out[2])
+static void tile_range(
+    const struct tile_axis *axis, float low, float high, float z0, float z1, int out[2])
 {
-    if (!view->camera->orthographic) {
+    if (!axis->orthographic) {
         if (z0 <= 1e-6f) {
             out[0] = 0;
-            out[1] = tiles - 1;
+            out[1] = axis->tiles - 1;
             return;
         }
         low /= low < 0 ? z0 : z1;
         high /= high < 0 ? z1 : z0;
     }
-    float a = ((low * scale - margin) * 0.5f + 0.5f) * (float)tiles;
-    float b = ((high * scale + margin) * 0.5f + 0.5f) * (float)tiles;
-    out[0] = (int)hg_clampf(floorf(a), 0, (float)tiles);
-    out[1] = (int)hg_clampf(floorf(b), -1, (float)tiles - 1);
+    const float tiles = (float)axis->tiles;
+    float a = ((low * axis->scale - axis->margin) * 0.5f + 0.5f) * tiles;
+    float b = ((high * axis->scale + axis->margin) * 0.5f + 0.5f) * tiles;
+    out[0] = (int)hg_clampf(floorf(a), 0, tiles);
+    out[1] = (int)hg_clampf(floorf(b), -1, tiles - 1);
 }
 
 static struct cell_range slice_cells(const struct cluster_view *view, const struct sphere *s, int k)
@@ -66,8 +73,11 @@ static struct cell_range slice_cells(const struct cluster_view *view, const stru
         return (struct cell_range){0, -1, 0, -1};
     float r = sqrtf(fmaxf(0, s->radius * s->radius - dz * dz)) * 1.0001f;
     int x[2], y[2];
-    tile_range(view, s->x - r, s->x + r, z0, z1, view->scale_x, view->margin_x, HG_CLUSTER_X, x);
-    tile_range(view, s->y - r, s->y + r, z0, z1, view->scale_y, view->margin_y, HG_CLUSTER_Y, y);
+    const bool orthographic = view->camera->orthographic;
+    const struct tile_axis across = {orthographic, view->scale_x, view->margin_x, HG_CLUSTER_X};
+    const struct tile_axis down = {orthographic, view->scale_y, view->margin_y, HG_CLUSTER_Y};
+    tile_range(&across, s->x - r, s->x + r, z0, z1, x);
+    tile_range(&down, s->y - r, s->y + r, z0, z1, y);
     return (struct cell_range){x[0], x[1], y[0], y[1]};
 }
 

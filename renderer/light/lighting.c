@@ -248,9 +248,10 @@ enum hg_status hg_lighting_sync(
     if (status)
         return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
     status = mark_stale(l, view->shape_revision, err);
+    const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store};
     if (!status)
-        status = hg_env_device_sync(&l->env, l->gpu, &view->scene->environment,
-            l->set.directional_count > 0, l->jobs, l->params.store, err);
+        status = hg_env_device_sync(
+            &l->env, &maker, &view->scene->environment, l->set.directional_count > 0, err);
     if (!status)
         status = upload_lists(l, err);
     if (status)

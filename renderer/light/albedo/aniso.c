@@ -83,37 +83,42 @@ static struct hg_vec2 *brushed_at(struct hg_vec2 *table, uint32_t layer, uint32_
            (layer * jobs + job) * HG_BRUSHED_AZIMUTHS * HG_BRUSHED_COSINES;
 }
 
-// What an anisotropic surface misses beyond the guess, in a direction, for layers first.. of one
-// side.
+// Layers of one side that are integrated together.
+struct brushed_layers {
+    uint32_t first, count;
+    bool inside;
+};
+
+// The correction of an anisotropic surface to the guess, for entry i of such layers.
 static void brushed_more(struct hg_vec2 *table, uint32_t job, uint32_t i, const float alpha[2],
-    uint32_t first, uint32_t layers, bool inside)
+    struct brushed_layers layers)
 {
     enum { C = HG_BRUSHED_COSINES, A = HG_BRUSHED_AZIMUTHS };
     const float roughness = hg_aniso_roughness(alpha);
     float eta[HG_BRUSHED_IORS], v[3];
     struct hg_vndf_quadrature facets;
     struct hg_vec2 glass[HG_BRUSHED_IORS];
-    for (uint32_t k = 0; k < layers; k++)
-        eta[k] = brushed_eta(first + k, inside);
+    for (uint32_t k = 0; k < layers.count; k++)
+        eta[k] = brushed_eta(layers.first + k, layers.inside);
     const float cosine = hg_glass_cosine(hg_table_place(i % C, C), eta[0]);
     const float lean = hg_brushed_lean(hg_table_place(i / C, A), cosine, eta[0]);
     const float sine = sqrtf(fmaxf(1 - cosine * cosine, 1e-6f));
     hg_vndf_direction(cosine, fminf(cosine * sinhf(lean) / sine, 1), v);
     hg_vndf_init(&facets, v, alpha, 32, false);
-    hg_vndf_glass(&facets, layers, eta, glass);
-    for (uint32_t k = 0; k < layers; k++) {
-        struct hg_vec2 *out = &brushed_at(table, first + k, job)[i];
+    hg_vndf_glass(&facets, layers.count, eta, glass);
+    for (uint32_t k = 0; k < layers.count; k++) {
+        struct hg_vec2 *out = &brushed_at(table, layers.first + k, job)[i];
         const float guess = hg_table_glass(table, hg_table_place(i % C, C), roughness, eta[k]).x;
-        *(inside ? &out->y : &out->x) = hg_table_correction(glass[k].x - guess);
+        *(layers.inside ? &out->y : &out->x) = hg_table_correction(glass[k].x - guess);
     }
 }
 
 // The same for all layers: from outside cosines are the same for all of them.
 static void fill_brushed_at(struct hg_vec2 *table, uint32_t job, uint32_t i, const float alpha[2])
 {
-    brushed_more(table, job, i, alpha, 0, HG_BRUSHED_IORS, false);
+    brushed_more(table, job, i, alpha, (struct brushed_layers){0, HG_BRUSHED_IORS, false});
     for (uint32_t k = 0; k < HG_BRUSHED_IORS; k++)
-        brushed_more(table, job, i, alpha, k, 1, true);
+        brushed_more(table, job, i, alpha, (struct brushed_layers){k, 1, true});
 }
 
 static void fill_brushed(struct hg_vec2 *table, uint32_t job)

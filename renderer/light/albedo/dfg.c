@@ -27,26 +27,31 @@ static void visible_normal(const float v[3], const float stretched[3], float alp
 
 enum { most_points = 512 };
 
+// Points of one height of the cap: cosines and sines of their azimuths.
+struct ring {
+    uint32_t count;
+    float circle[most_points][2];
+};
+
 // Midpoints of n pieces of the half circle, which stands for both halves.
-static uint32_t half_circle(uint32_t n, float circle[most_points][2])
+static void half_circle(struct ring *ring, uint32_t n)
 {
-    n = n < most_points ? n : most_points;
-    for (uint32_t i = 0; i < n; i++) {
-        const float phi = (float)HG_PI * ((float)i + 0.5f) / (float)n;
-        circle[i][0] = cosf(phi);
-        circle[i][1] = sinf(phi);
+    ring->count = n < most_points ? n : most_points;
+    for (uint32_t i = 0; i < ring->count; i++) {
+        const float phi = (float)HG_PI * ((float)i + 0.5f) / (float)ring->count;
+        ring->circle[i][0] = cosf(phi);
+        ring->circle[i][1] = sinf(phi);
     }
-    return n;
 }
 
 // Adds the points of one height of the cap.
-static void integrate_ring(const float v[3], const float stretched[3], float alpha, float u,
-    uint32_t n, const float circle[most_points][2], double ab[2])
+static void integrate_ring(const struct ring *ring, const float v[3], const float stretched[3],
+    float alpha, float u, double ab[2])
 {
     float z = (1 - u) * (1 + stretched[2]) - stretched[2];
-    for (uint32_t i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < ring->count; i++) {
         float c[2];
-        visible_normal(v, stretched, alpha, circle[i], z, c);
+        visible_normal(v, stretched, alpha, ring->circle[i], z, c);
         if (c[1] <= 0)
             continue;
         float g = smith_g2_over_g1(c[1], v[2], alpha * alpha);
@@ -62,15 +67,16 @@ void hg_dfg_integrate(float n_dot_v, float alpha, uint32_t n, float ab[2])
     float stretched[3] = {v[0] * alpha, 0, v[2]};
     hg_normalize3(stretched);
     double sum[2] = {0, 0};
-    float circle[most_points][2];
-    n = half_circle(n, circle);
+    struct ring ring;
+    half_circle(&ring, n);
+    n = ring.count;
     for (uint32_t j = 0; j < n; j++) {
         // Midpoints of t with u = t^2 (3 - 2 t): the ends, where the integrand bends, lie denser.
         float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
-        double ring[2] = {0, 0};
-        integrate_ring(v, stretched, alpha, u, n, circle, ring);
-        sum[0] += ring[0] * (double)(6 * t * (1 - t));
-        sum[1] += ring[1] * (double)(6 * t * (1 - t));
+        double part[2] = {0, 0};
+        integrate_ring(&ring, v, stretched, alpha, u, part);
+        sum[0] += part[0] * (double)(6 * t * (1 - t));
+        sum[1] += part[1] * (double)(6 * t * (1 - t));
     }
     const double all = (double)n * n + 0.5; // the sum of these weights
     ab[0] = (float)(sum[0] / all);
@@ -118,17 +124,17 @@ static float sheen_lambda(float x, float alpha)
 }
 
 // Sum of the distribution over directions of one cosine z, without its factor.
-static double sheen_ring(
-    const float v[3], float z, float alpha, uint32_t n, const float circle[most_points][2])
+static double sheen_ring(const struct ring *ring, const float v[3], float z, float alpha)
 {
     const float s = sqrtf(1 - z * z);
-    double ring = 0;
-    for (uint32_t i = 0; i < n; i++) {
-        const float h[3] = {v[0] + s * circle[i][0], s * circle[i][1], v[2] + z};
+    double sum = 0;
+    for (uint32_t i = 0; i < ring->count; i++) {
+        const float *at = ring->circle[i];
+        const float h[3] = {v[0] + s * at[0], s * at[1], v[2] + z};
         const float sin2 = (h[0] * h[0] + h[1] * h[1]) / hg_dot3(h, h);
-        ring += (double)powf(sin2, 0.5f / alpha);
+        sum += (double)powf(sin2, 0.5f / alpha);
     }
-    return ring;
+    return sum;
 }
 
 float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
@@ -137,13 +143,14 @@ float hg_sheen_integrate(float n_dot_v, float roughness, uint32_t n)
     const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
     const float lambda_v = sheen_lambda(n_dot_v, alpha);
     double sum = 0;
-    float circle[most_points][2];
-    n = half_circle(n, circle);
+    struct ring ring;
+    half_circle(&ring, n);
+    n = ring.count;
     for (uint32_t j = 0; j < n; j++) {
         // Cosines t^2: grazing directions, which get most of it, lie denser.
         const float t = ((float)j + 0.5f) / (float)n, z = t * t;
         const float lambda = sheen_lambda(z, alpha) + lambda_v;
-        sum += sheen_ring(v, z, alpha, n, circle) * (double)(2 * t / ((1 + lambda) * 4 * n_dot_v));
+        sum += sheen_ring(&ring, v, z, alpha) * (double)(2 * t / ((1 + lambda) * 4 * n_dot_v));
     }
     // D of the rest: (2 + 1 / alpha) / 2 pi; both halves of the ring: 2 pi.
     return (float)(sum * (double)(2 + 1 / alpha) / ((double)n * n));
@@ -179,14 +186,15 @@ float hg_sheen_kept(const struct hg_vec2 *table, float n_dot_v, float roughness,
     const float v[3] = {sqrtf(fmaxf(0, 1 - n_dot_v * n_dot_v)), 0, n_dot_v};
     const float albedo = sheen_albedo(table, n_dot_v, roughness), most = fmaxf(albedo, 1);
     double all = 0, sum = 0;
-    float circle[most_points][2];
-    n = half_circle(n, circle);
+    struct ring ring;
+    half_circle(&ring, n);
+    n = ring.count;
     for (uint32_t j = 0; j < n; j++) {
         const float t = ((float)j + 0.5f) / (float)n, z = t * t;
         const float lambda = sheen_lambda(z, alpha) + sheen_lambda(n_dot_v, alpha);
-        const double ring = sheen_ring(v, z, alpha, n, circle) * (double)(t / (1 + lambda));
-        all += ring;
-        sum += ring * (double)(kept ? kept(user, z) : 1) /
+        const double part = sheen_ring(&ring, v, z, alpha) * (double)(t / (1 + lambda));
+        all += part;
+        sum += part * (double)(kept ? kept(user, z) : 1) /
                (double)fmaxf(most, sheen_albedo(table, z, roughness));
     }
     return albedo * (float)(sum / fmax(all, 1e-300));

@@ -19,16 +19,22 @@ static inline float unshadowed(const struct hg_vndf_quadrature *c, float x, floa
     return c->one_and_lambda_v / (c->one_and_lambda_v + smith_lambda(x, y, z, c->alpha));
 }
 
-// A ring of normals from `first` on. circle: cosines and sines of their azimuths; u: share of the
-// cap above it; weight of each.
-HG_SIMD_LOOP static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first, uint32_t points,
-    const float circle[2][HG_VNDF_RING], float u, float weight, const float stretched[3])
+// Azimuths of the normals of a ring.
+struct ring {
+    uint32_t points;
+    float cosine[HG_VNDF_RING], sine[HG_VNDF_RING];
+};
+
+// Appends a ring of normals. u: share of the cap above it; weight of each.
+HG_SIMD_LOOP static void ring_fill(struct hg_vndf_quadrature *c, const struct ring *ring, float u,
+    float weight, const float stretched[3])
 {
+    const uint32_t first = c->count, points = ring->points;
     const float z = (1 - u) * (1 + stretched[2]) - stretched[2];
     const float r = sqrtf(hg_clampf(1 - z * z, 0, 1)), up = fmaxf(z + stretched[2], 1e-9f);
     for (uint32_t i = 0; i < points; i++) {
-        const float x = (r * circle[0][i] + stretched[0]) * c->alpha[0];
-        const float y = (r * circle[1][i] + stretched[1]) * c->alpha[1];
+        const float x = (r * ring->cosine[i] + stretched[0]) * c->alpha[0];
+        const float y = (r * ring->sine[i] + stretched[1]) * c->alpha[1];
         const float scale = 1 / sqrtf(x * x + y * y + up * up);
         c->h[0][first + i] = x * scale;
         c->h[1][first + i] = y * scale;
@@ -36,6 +42,7 @@ HG_SIMD_LOOP static void ring_fill(struct hg_vndf_quadrature *c, uint32_t first,
         c->weight[first + i] = weight;
         c->v_dot_h[first + i] = fminf((c->v[0] * x + c->v[1] * y + c->v[2] * up) * scale, 1);
     }
+    c->count += points;
 }
 
 HG_SIMD_LOOP static void mirror_fill(struct hg_vndf_quadrature *c)
@@ -55,11 +62,11 @@ void hg_vndf_init(
 {
     const uint32_t all_points = half && n > 1 ? n / 2 : n;
     const uint32_t points = all_points < HG_VNDF_RING ? all_points : HG_VNDF_RING;
-    float circle[2][HG_VNDF_RING];
+    struct ring ring = {.points = points};
     for (uint32_t i = 0; i < points; i++) {
         const float phi = (float)HG_PI * (half ? 1 : 2) * ((float)i + 0.5f) / (float)points;
-        circle[0][i] = cosf(phi);
-        circle[1][i] = sinf(phi);
+        ring.cosine[i] = cosf(phi);
+        ring.sine[i] = sinf(phi);
     }
     hg_copy3(v, c->v);
     for (int i = 0; i < 2; i++)
@@ -72,9 +79,7 @@ void hg_vndf_init(
         // Midpoints of t with u = t^2 (3 - 2 t): the ends, where integrands bend, lie denser.
         const float t = ((float)j + 0.5f) / (float)n, u = t * t * (3 - 2 * t);
         const float all = (float)n + 0.5f / (float)n; // of 6 t (1 - t) over the rings
-        ring_fill(
-            c, c->count, points, circle, u, 6 * t * (1 - t) / (all * (float)points), stretched);
-        c->count += points;
+        ring_fill(c, &ring, u, 6 * t * (1 - t) / (all * (float)points), stretched);
     }
     mirror_fill(c);
 }

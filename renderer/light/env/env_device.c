@@ -236,15 +236,14 @@ static void made_finish(struct made *made)
 }
 
 // seen: the image itself is shown, too (it has no pages).
-static enum hg_status make(struct hg_gpu *gpu, const struct hg_image *image, bool seen,
-    const uint8_t key[32], struct hg_jobs *jobs, struct hg_store *store, struct made *out,
-    struct hg_error *err)
+static enum hg_status make(const struct hg_env_maker *maker, const struct hg_image *image,
+    bool seen, const uint8_t key[32], struct made *out, struct hg_error *err)
 {
     enum hg_status status =
-        hg_environment_map_load(&out->map, image, key, store, jobs, &out->cached);
+        hg_environment_map_load(&out->map, image, key, maker->store, maker->jobs, &out->cached);
     if (status)
         return hg_error_set(err, status, "environment", NULL, "could not be prefiltered");
-    return seen ? make_radiance(gpu, image, jobs, &out->radiance, err) : HG_OK;
+    return seen ? make_radiance(maker->gpu, image, maker->jobs, &out->radiance, err) : HG_OK;
 }
 
 // A sky whose light and background are both in the store is not drawn at all.
@@ -261,16 +260,17 @@ static bool find_sky(struct hg_store *store, const uint8_t key[32], struct made 
     return out->cached;
 }
 
-static enum hg_status make_sky(struct hg_gpu *gpu, const struct hg_sky *sky, const uint8_t key[32],
-    struct hg_jobs *jobs, struct hg_store *store, struct made *out, struct hg_error *err)
+static enum hg_status make_sky(const struct hg_env_maker *maker, const struct hg_sky *sky,
+    const uint8_t key[32], struct made *out, struct hg_error *err)
 {
+    struct hg_store *store = maker->store;
     if (find_sky(store, key, out))
         return HG_OK;
     struct hg_image drawn = {0};
     struct hg_error refused = {0};
-    if (hg_sky_render(sky, jobs, &drawn))
+    if (hg_sky_render(sky, maker->jobs, &drawn))
         return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
-    enum hg_status status = make(gpu, &drawn, true, key, jobs, store, out, err);
+    enum hg_status status = make(maker, &drawn, true, key, out, err);
     hg_image_finish(&drawn);
     const struct radiance *r = &out->radiance;
     if (!status && store && r->width == HG_SKY_WIDTH &&
@@ -279,9 +279,8 @@ static enum hg_status make_sky(struct hg_gpu *gpu, const struct hg_sky *sky, con
     return status;
 }
 
-enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, struct hg_store *store,
-    struct hg_error *err)
+enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env_maker *maker,
+    const struct hg_environment *source, bool has_sun, struct hg_error *err)
 {
     if (source->kind == HG_ENV_NONE || source->kind == HG_ENV_COLOR) {
         env->kind = source->kind == HG_ENV_COLOR ? HG_ENV_KIND_COLOR : HG_ENV_KIND_NONE;
@@ -301,12 +300,12 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
         return HG_OK;
     }
     struct made made = {0};
-    status = source->kind == HG_ENV_SKY ? make_sky(gpu, &sky, key, jobs, store, &made, err)
-                                        : make(gpu, &source->image, !source->background.image, key,
-                                              jobs, store, &made, err);
+    status = source->kind == HG_ENV_SKY
+                 ? make_sky(maker, &sky, key, &made, err)
+                 : make(maker, &source->image, !source->background.image, key, &made, err);
     if (!status) {
         env->prefilter_ns = hg_clock_now_ns() - begin;
-        status = upload(env, gpu, &made.map, &made.radiance, err);
+        status = upload(env, maker->gpu, &made.map, &made.radiance, err);
     }
     if (!status) {
         memcpy(env->key, key, 32);

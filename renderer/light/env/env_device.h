@@ -26,10 +26,16 @@ enum hg_status hg_env_device_init(
     struct hg_env_device *env, struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu);
 
+// What makes the content of an environment; all borrowed. store may be NULL.
+struct hg_env_maker {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    struct hg_store *store;
+};
+
 // Prefilters and uploads when the content changed. has_sun: a directional light stands for the disc
 // of a sky. On error the content before stays. HG_E_NOMEM, HG_E_LIMIT, device errors.
-enum hg_status hg_env_device_sync(struct hg_env_device *env, struct hg_gpu *gpu,
-    const struct hg_environment *source, bool has_sun, struct hg_jobs *jobs, struct hg_store *store,
-    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env_maker *maker,
+    const struct hg_environment *source, bool has_sun, struct hg_error *err) HG_MUST_CHECK;
 
 #endif
