@@ -34,7 +34,7 @@ def render(options, scene, environment, folder):
                "--asset-root", os.path.dirname(os.path.abspath(scene)),
                "--cache-dir", os.path.join(folder, "cache"), "--texture-budget", budget,
                "--geometry-budget", budget, "--host-budget", budget, "--samples", "2",
-               "--size", options.size, "--progress", "none", "--stats", stats,
+               "--size", options.size, "--exposure", "0", "--progress", "none", "--stats", stats,
                "-o", os.path.join(folder, "out.png")]
     if environment:
         command += ["--env", environment]

@@ -15,7 +15,7 @@ for file in "$helio" "$heliod" "$worm" "$knot"; do need "$file"; done
 render() { # folder options...: twelve frames of the worm
     local folder=$1
     shift
-    ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --frames 0-22:2 --fps 20 \
+    ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --exposure 0 --frames 0-22:2 --fps 20 \
         --stats "$temp/stats.json" "$@"
 }
 mkdir "$temp/once" "$temp/again"
@@ -44,7 +44,7 @@ stat_is skipped_frames 0
 
 # Other kinds of files.
 for kind in exr jpg; do
-    one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --skip-existing
+    one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --exposure 0 --skip-existing
         --stats "$temp/stats.json")
     expect 0 "${one[@]}"
     stat_is skipped_frames 0
@@ -60,7 +60,7 @@ for kind in exr jpg; do
 done
 
 # A file larger than a part of 16 MiB, on its way from the worker and to it.
-large=("$helio" render "$knot" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exr float
+large=("$helio" render "$knot" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exposure 0 --exr float
     --env "$models/room.hdr" --eye 0,1,8 --target 0,5,0 --skip-existing --stats "$temp/stats.json")
 expect 0 "${large[@]}"
 [ "$(stat -c %s "$temp/large.exr")" -gt $((20 << 20)) ] || fail "the large file is not large"
@@ -117,7 +117,7 @@ for f in "$temp"/once/*.png; do same "$f" "$temp/killed/${f##*/}"; done
 trace() { # out options...
     local out=$1
     shift
-    ${run:-} "$helio" render "$knot" -o "$out" --size 96x64 --mode path --env sky --exr float --spp 384 \
+    ${run:-} "$helio" render "$knot" -o "$out" --size 96x64 --mode path --env sky --exposure 0 --exr float --spp 384 \
         --aov depth,cryptomatte,variance --stats "$temp/stats.json" "$@"
 }
 expect 0 trace "$temp/whole.exr"
@@ -189,7 +189,7 @@ told 'the same command with --resume goes on from there'
 series() { # folder options...
     local folder=$1
     shift
-    ${run:-} "$helio" render "$worm" -o "$temp/$folder/s-##.exr" --size 48x36 --mode path --spp 4 --env sky \
+    ${run:-} "$helio" render "$worm" -o "$temp/$folder/s-##.exr" --size 48x36 --mode path --spp 4 --env sky --exposure 0 \
         --exr float --aov motion --frames 2-10:2 --fps 20 --denoise --stats "$temp/stats.json" "$@"
 }
 same_series() { # folder

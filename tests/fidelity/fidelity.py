@@ -124,7 +124,7 @@ class Harness:
                    "-o", out, "--size", "%dx%d" % full_size(scenario),
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
-                   "--tonemap", "aces", "--mode", mode, "--spp", str(spp), "--progress", "none"]
+                   "--tonemap", "aces", "--exposure", "0", "--mode", mode, "--spp", str(spp), "--progress", "none"]
         command += camera_arguments(scenario) + (["--denoise"] if denoise else [])
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

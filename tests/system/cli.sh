@@ -19,7 +19,7 @@ expect 0 "$helio" ping --connect "$url"
 picture() { # name scene options...
     local name=$1 scene=$2
     shift 2
-    expect 0 "$helio" render "$scene" -o "$temp/$name" --stats "$temp/stats.json" "$@"
+    expect 0 "$helio" render "$scene" -o "$temp/$name" --stats "$temp/stats.json" --exposure 0 "$@"
 }
 compare_ways() { # ending scene options...
     local ending=$1 scene=$2

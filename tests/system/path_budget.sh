@@ -7,7 +7,7 @@ trace() { # MiB scene options...
     local budget=$1 scene=$2
     shift 2
     expect 0 "$helio" render "$scene" -o "$temp/$budget.exr" --exr float --size 480x270 --spp 2 \
-        --fov 60 --texture-budget "$budget" --asset-root "$data" \
+        --fov 60 --exposure 0 --texture-budget "$budget" --asset-root "$data" \
         --stats "$temp/$budget.json" --progress none "$@"
 }
 evicted() { grep -q '"evicted": [1-9]' "$temp/$1.json"; }

@@ -158,7 +158,7 @@ function assetRoots(options, folder) {
 function firstPictureOurs(options, scene, job, folder, cache) {
   const started = performance.now(), pose = job.path[0];
   execFileSync(options.helio, ['render', scene, '-o', path.join(folder, 'first.png'),
-    '--size', options.size, '--env', options.env, '--fov', String(job.fov), '--spp', '1',
+    '--size', options.size, '--env', options.env, '--exposure', '0', '--fov', String(job.fov), '--spp', '1',
     `--eye=${pose.eye}`, `--target=${pose.target}`, '--progress', 'none',
     ...assetRoots(options, folder)],
   { stdio: ['ignore', 'ignore', 'ignore'], env: { ...process.env, XDG_CACHE_HOME: cache } });

@@ -245,7 +245,7 @@ def render_ours(options, scene, samples, seed, out):
                "--spp", str(samples), "--seed", str(seed), "--max-bounces", str(BOUNCES),
                "--size", options.size, "--eye=" + comma(scene.camera["eye"]),
                "--target=" + comma(scene.camera["target"]), "--fov", str(scene.camera["vfov_deg"]),
-               "--env", scene.env or "none", "--progress", "none", "--log", "error", *scene.roots]
+               "--env", scene.env or "none", "--exposure", "0", "--progress", "none", "--log", "error", *scene.roots]
     command += ["--error-px", "0.01"] if options.what == "means" else []
     environment = dict(os.environ, HELIO_THREADS=str(options.threads))
     start = time.monotonic()
