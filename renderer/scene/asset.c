@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/utf8.h"
 #include "renderer/scene/xform.h"
 
 struct hg_asset *hg_asset_create(uint32_t number, const char *label)
@@ -39,6 +40,8 @@ void hg_asset_warn_text(struct hg_asset *asset, const char *where, const char *r
     snprintf(w->what, sizeof w->what, "%s", asset->label);
     snprintf(w->where, sizeof w->where, "%s", where ? where : "");
     snprintf(w->reason, sizeof w->reason, "%s", reason);
+    hg_utf8_clean(w->where); // it may be a name of the file's
+    hg_utf8_clean(w->reason);
 }
 
 void hg_asset_warn(struct hg_asset *asset, const char *where, const char *fmt, ...)

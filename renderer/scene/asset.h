@@ -15,6 +15,10 @@ struct hg_asset *hg_asset_create(uint32_t number, const char *label) HG_MUST_CHE
 void hg_asset_warn(struct hg_asset *asset, const char *where, const char *fmt, ...) HG_PRINTF(3, 4);
 void hg_asset_warn_text(struct hg_asset *asset, const char *where, const char *reason);
 
+// Makes the names of all objects UTF-8: once nothing is looked up by those of the file any more.
+// False: no memory.
+bool hg_asset_make_names_utf8(struct hg_asset *asset) HG_MUST_CHECK;
+
 // Appends a zeroed object with its kind's defaults; its id is asset number << 32 | index. `name`
 // may be NULL. NULL: no memory.
 struct hg_node *hg_asset_add_node(struct hg_asset *asset, const char *name) HG_MUST_CHECK;

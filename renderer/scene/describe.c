@@ -128,6 +128,18 @@ static json_t *describe_bounds(struct describer *d, const struct hg_asset *asset
     return object;
 }
 
+// Whole numbers are written as such: a real of seven digits would lose metres of them.
+static json_t *describe_origin(struct describer *d, const struct hg_asset *asset)
+{
+    json_t *array = json_array();
+    for (int i = 0; i < 3; i++) {
+        const double v = asset->file.origin[i];
+        const bool whole = fabs(v) < 9e15 && v == floor(v);
+        append(d, array, whole ? json_integer((json_int_t)v) : real(v));
+    }
+    return array;
+}
+
 // ---- lists -------------------------------------------------------------------------------------
 
 static json_t *describe_material(struct describer *d, const struct hg_material *m)
@@ -263,6 +275,7 @@ enum hg_status hg_asset_describe(const struct hg_asset *asset, char **json_text)
     put_text(&d, root, "copyright", asset->file.copyright);
     put(&d, root, "counts", describe_counts(&d, asset));
     put(&d, root, "bounds", describe_bounds(&d, asset));
+    put(&d, root, "origin", describe_origin(&d, asset));
     describe_lists(&d, root, asset);
     char *text = d.ok ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(7)) : NULL;
     json_decref(root);

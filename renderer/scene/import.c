@@ -12,12 +12,10 @@
 #include "base/alloc.h"
 #include "base/checked.h"
 #include "base/spill.h"
-#include "base/utf8.h"
 
 static const struct {
     const char *ending, *format;
-} formats[] = {
-    {".obj", "obj"}, {".fbx", "fbx"}, {".ply", "ply"}, {".stl", "stl"}, {".dae", "collada"}};
+} formats[] = {{".fbx", "fbx"}, {".dae", "collada"}};
 
 static const char *format_of(const char *path)
 {
@@ -208,10 +206,10 @@ enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes
 
 // ---- loading -----------------------------------------------------------------------------------
 
-static const unsigned process_flags =
-    aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices |
-    aiProcess_GenSmoothNormals | aiProcess_LimitBoneWeights | aiProcess_FlipUVs |
-    aiProcess_FindInvalidData | aiProcess_ValidateDataStructure | aiProcess_GlobalScale;
+static const unsigned process_flags = aiProcess_Triangulate | aiProcess_SortByPType |
+                                      aiProcess_JoinIdenticalVertices | aiProcess_LimitBoneWeights |
+                                      aiProcess_FlipUVs | aiProcess_FindInvalidData |
+                                      aiProcess_GlobalScale;
 
 // FBX files state centimetres and which axis is up; assimp scales, the axis is ours to turn.
 static void turn_up_axis(struct hg_import *im)
@@ -235,50 +233,6 @@ static void turn_up_axis(struct hg_import *im)
     memcpy(root->matrix, turned, sizeof turned);
 }
 
-// Files of these formats hold names as bytes. What is not UTF-8 is taken for Latin-1, so that names
-// which differ stay different.
-static bool make_utf8(char **name)
-{
-    const size_t size = strlen(*name);
-    if (hg_utf8_is_valid(*name, size))
-        return true;
-    char *to = hg_calloc(2 * size + 1, 1);
-    if (!to)
-        return false;
-    size_t n = 0;
-    for (const char *from = *name; *from; from++) {
-        const unsigned char c = (unsigned char)*from;
-        if (c >= 0x80)
-            to[n++] = (char)(0xc0 | c >> 6);
-        to[n++] = (char)(c >= 0x80 ? 0x80 | (c & 0x3f) : c);
-    }
-    hg_free(*name);
-    *name = to;
-    return true;
-}
-
-// When nothing is looked up by what assimp calls it any more.
-static enum hg_status make_names_utf8(struct hg_import *im)
-{
-    struct hg_asset *a = im->asset;
-    bool made = true;
-    for (uint32_t i = 0; i < a->node_count; i++)
-        made = made && make_utf8(&a->nodes[i]->head.name);
-    for (uint32_t i = 0; i < a->mesh_count; i++)
-        made = made && make_utf8(&a->meshes[i]->head.name);
-    for (uint32_t i = 0; i < a->material_count; i++)
-        made = made && make_utf8(&a->materials[i]->head.name);
-    for (uint32_t i = 0; i < a->texture_count; i++)
-        made = made && make_utf8(&a->textures[i]->head.name);
-    for (uint32_t i = 0; i < a->light_count; i++)
-        made = made && make_utf8(&a->lights[i]->head.name);
-    for (uint32_t i = 0; i < a->camera_count; i++)
-        made = made && make_utf8(&a->cameras[i]->head.name);
-    for (uint32_t i = 0; i < a->animation_count; i++)
-        made = made && make_utf8(&a->animations[i].name);
-    return made ? HG_OK : hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");
-}
-
 static enum hg_status convert(struct hg_import *im)
 {
     static enum hg_status (*const steps[])(struct hg_import *) = {
@@ -293,7 +247,8 @@ static enum hg_status convert(struct hg_import *im)
             return status;
     }
     turn_up_axis(im);
-    return make_names_utf8(im);
+    return hg_asset_make_names_utf8(im->asset) ? HG_OK
+                                               : hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");
 }
 
 static const struct aiScene *run_assimp(struct hg_import *im, const struct hg_refbuf *main)

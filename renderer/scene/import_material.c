@@ -13,8 +13,8 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/scene/fetch.h"
 #include "renderer/scene/import.h"
+#include "renderer/scene/texture_file.h"
 
 static float unit(float v)
 {
@@ -111,24 +111,6 @@ static enum hg_status embedded_image(
     return HG_OK;
 }
 
-static enum hg_status external_image(
-    struct hg_import *im, char *name, struct hg_image_source *source)
-{
-    for (char *c = name; *c; c++) // Windows exporters
-        *c = *c == '\\' ? '/' : *c;
-    struct hg_error error = {0};
-    enum hg_status status;
-    if (im->params->fetch == hg_fetch_file)
-        status = hg_fetch_resolve(im->params->fetch_user, name, &source->path, &error);
-    else
-        status = im->params->fetch(im->params->fetch_user, name,
-            im->memory_limit - im->memory_used, &source->encoded, &error);
-    if (status && status != HG_E_NOMEM)
-        hg_asset_warn(im->asset, name, "%.180s; white is shown instead",
-            error.reason[0] ? error.reason : hg_status_text(status));
-    return status == HG_E_NOMEM ? hg_import_fail(im, status, NULL, "no memory") : HG_OK;
-}
-
 static enum hg_wrap wrap_of(enum aiTextureMapMode mode)
 {
     return mode == aiTextureMapMode_Mirror ? HG_WRAP_MIRROR
@@ -136,19 +118,10 @@ static enum hg_wrap wrap_of(enum aiTextureMapMode mode)
                                            : HG_WRAP_CLAMP;
 }
 
-// The texture made for this name before, so that files are read once.
-static struct hg_texture *find_texture(const struct hg_import *im, const char *name)
-{
-    for (uint32_t i = 0; i < im->asset->texture_count; i++)
-        if (strcmp(im->asset->textures[i]->head.name, name) == 0)
-            return im->asset->textures[i];
-    return NULL;
-}
-
 static enum hg_status make_texture(
     struct hg_import *im, struct aiString *path, struct hg_texture **out)
 {
-    *out = find_texture(im, path->data);
+    *out = hg_texture_find(im->asset, path->data);
     if (*out)
         return HG_OK;
     struct hg_texture *texture = hg_asset_add_texture(im->asset, path->data);
@@ -158,19 +131,11 @@ static enum hg_status make_texture(
     texture->image = source;
     const struct aiTexture *embedded = find_embedded(im->scene, path->data);
     enum hg_status status = embedded ? embedded_image(im, embedded, source)
-                                     : external_image(im, path->data, source);
-    struct hg_image_info info;
-    struct hg_error error = {0};
-    bool usable = source->pixels.pixels != NULL;
-    if (source->path)
-        usable = !hg_image_probe_file(source->path, &info, &error);
-    else if (source->encoded)
-        usable = !hg_image_probe_memory(
-            &(struct hg_image_bytes){source->encoded->data, source->encoded->size, source->label},
-            &info, &error);
-    if (!status && !usable) {
-        if (error.reason[0])
-            hg_asset_warn(im->asset, path->data, "%.180s; white is shown instead", error.reason);
+                                     : hg_texture_fetch(im->params, im->asset, path->data,
+                                           im->memory_limit - im->memory_used, source);
+    if (status && !im->err->status)
+        return hg_import_fail(im, status, NULL, "no memory for a texture");
+    if (!status && !hg_texture_is_usable(im->asset, path->data, source)) {
         hg_image_source_unref(source);
         texture->image = NULL;
     }

@@ -172,7 +172,7 @@ static enum hg_status finish_part(struct hg_mesh_part *part)
     const struct hg_texture_ref *normal =
         part->material ? &part->material->slots[HG_SLOT_NORMAL] : NULL;
     if (part->topology == HG_TOPOLOGY_TRIANGLES && !part->normals)
-        status = hg_part_make_flat_normals(part, 0);
+        status = hg_part_make_crease_normals(part, NULL);
     if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && normal && normal->texture &&
         part->uv[normal->uv_set])
         status = hg_part_make_tangents(part, 0, normal->uv_set);

@@ -11,6 +11,7 @@
 #include "renderer/scene/gltf.h"
 #include "renderer/scene/heightmap.h"
 #include "renderer/scene/import.h"
+#include "renderer/scene/mesh_file.h"
 
 static const char *base_name(const char *path)
 {
@@ -35,11 +36,24 @@ static bool is_gltf(const char *path, const struct hg_refbuf *data)
 static enum hg_status load_other(const struct hg_load_params *params, const struct hg_refbuf *data,
     const char *label, struct hg_asset **out, struct hg_error *err)
 {
+    static const struct {
+        const char *suffix, *format;
+        hg_mesh_file_load_fn *load;
+    } readers[] = {
+        {".ply", "ply", hg_ply_load}, {".stl", "stl", hg_stl_load}, {".obj", "obj", hg_obj_load}};
     if (hg_heightmap_knows(label, data))
         return hg_heightmap_load(params, data, label, out, err);
+    for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)
+        if (has_suffix(label, readers[i].suffix)) {
+            const enum hg_status status = readers[i].load(params, data, label, out, err);
+            if (!status)
+                memcpy((*out)->file.format, readers[i].format, strlen(readers[i].format) + 1);
+            return status;
+        }
     if (hg_import_knows(label))
         return hg_import_load(params, data, label, out, err);
-    return hg_error_set(err, HG_E_UNSUPPORTED, params->path, NULL, "unknown file format");
+    return hg_error_set(err, HG_E_UNSUPPORTED, params->path, NULL,
+        "unknown file format; read are " HG_LOAD_FORMATS);
 }
 
 // A ".gz" is unpacked first; the loaders then see the name without it.

@@ -1,11 +1,17 @@
-// load.h - files to assets. glTF 2.0 and height maps (heightmap.h) are ours; OBJ, FBX, PLY, STL and
-// Collada go through assimp. Any but glTF may be gzipped.
+// load.h - files to assets. glTF 2.0, PLY, STL, OBJ (mesh_file.h) and height maps (heightmap.h) are
+// read here; FBX and Collada go through assimp. Any but glTF may be gzipped.
 // Floor 2. Any thread; one load uses only its own memory until it returns.
 #ifndef HG_RENDERER_SCENE_LOAD_H
 #define HG_RENDERER_SCENE_LOAD_H
 
 #include "base/jobs.h"
 #include "renderer/scene/scene.h"
+
+// What is read, for messages.
+#define HG_LOAD_FORMATS                                                                            \
+    "glTF 2.0 (.gltf, .glb), OBJ, PLY, STL, FBX, Collada (.dae) and height maps (.hgt, 16-bit "    \
+    "grey "                                                                                        \
+    ".png and .tif)"
 
 // Fetches a file that an asset refers to (already percent-decoded, relative to the main file).
 // HG_E_NOTFOUND, HG_E_PERM (outside the roots), HG_E_LIMIT, HG_E_IO with *err filled.

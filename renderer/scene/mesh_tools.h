@@ -27,6 +27,17 @@ void hg_mode_expand(enum hg_primitive_mode mode, const uint32_t *in, uint32_t co
 enum hg_status hg_part_make_flat_normals(
     struct hg_mesh_part *part, uint32_t target_count) HG_MUST_CHECK;
 
+// Smooth normals for a triangle part without normals and morph targets, with creases: triangles
+// that share an edge are one surface where their planes meet at no more than HG_CREASE_DEG, and
+// every vertex is split by surface. `smoothing` [index_count / 3], NULL: none; the surfaces are
+// then those of equal numbers, whatever the angle, and 0 is flat. A normal is the mean of its
+// triangles weighted by their angles there (Thuermer and Wuethrich 1998, "Computing Vertex Normals
+// from Polygonal Facets"). Vertices are one where positions are equal, so that seams of colours and
+// UVs do not show. HG_E_NOMEM. Cost O(n log k), k the most triangles at one vertex.
+enum { HG_CREASE_DEG = 40 }; // a cylinder of 10 sides is round, a hexagonal nut is not
+enum hg_status hg_part_make_crease_normals(
+    struct hg_mesh_part *part, const uint32_t *smoothing) HG_MUST_CHECK;
+
 // Tangents as MikkTSpace makes them (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited"),
 // from the positions, normals and uv[uv_set] of a triangle part; vertices are split where corners
 // disagree. Needs that UV set. HG_E_NOMEM. Cost O(n).

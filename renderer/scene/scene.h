@@ -249,6 +249,7 @@ struct hg_asset {
         char format[16], version[16], generator[128], copyright[256];
         char **extensions_used;
         uint32_t extension_count;
+        double origin[3]; // its coordinates of the asset's zero: far models are moved there
     } file;
     struct hg_node **nodes;
     uint32_t node_count; // ids number << 32 | index
