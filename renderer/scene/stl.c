@@ -252,19 +252,17 @@ static enum hg_status read_text(struct stl *stl)
     return status;
 }
 
-// Binary files may begin with "solid" too: their size gives them away, or what follows.
+// Binary files may begin with "solid" too: their size gives them away, or a zero among the first
+// bytes.
 static bool is_text(const struct hg_mesh_file *f)
 {
-    struct hg_text text = {(const char *)f->data, (const char *)f->data + f->size}, line;
+    struct hg_text text = {(const char *)f->data, (const char *)f->data + f->size};
     if (!hg_text_is(hg_text_word(&text), "solid"))
         return false;
     if (f->size >= HEADER_BYTES &&
         f->size == HEADER_BYTES + (uint64_t)read_u32(f->data + 80) * TRIANGLE_BYTES)
         return false;
-    (void)hg_text_line(&text, &line);
-    const struct hg_text word = hg_text_word(&text);
-    return word.at == word.end || hg_text_is(word, "facet") || hg_text_is(word, "endsolid") ||
-           hg_text_is(word, "end") || memchr(f->data, 0, f->size < 512 ? f->size : 512) == NULL;
+    return memchr(f->data, 0, f->size < 512 ? f->size : 512) == NULL;
 }
 
 // ---- the asset ---------------------------------------------------------------------------------
