@@ -11,7 +11,10 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/log.h"
 #include "base/spill.h"
+#include "renderer/scene/collada_text.h"
+#include "renderer/scene/text_scan.h"
 
 static const struct {
     const char *ending, *format;
@@ -265,6 +268,77 @@ static const struct aiScene *run_assimp(struct hg_import *im, const struct hg_re
     return scene;
 }
 
+// ---- what cannot be read -----------------------------------------------------------------------
+
+static bool contains(const struct hg_refbuf *data, size_t within, const char *text)
+{
+    return memmem(data->data, data->size < within ? data->size : within, text, strlen(text)) != NULL;
+}
+
+// The version of an FBX file times 1000; 0: it is none.
+static unsigned fbx_version(const struct hg_refbuf *data)
+{
+    static const char magic[] = "Kaydara FBX Binary  ", key[] = "FBXVersion:";
+    const uint8_t *p = data->data, *end = p + data->size;
+    if (data->size >= 27 && memcmp(p, magic, sizeof magic - 1) == 0)
+        return (unsigned)p[23] | (unsigned)p[24] << 8 | (unsigned)p[25] << 16;
+    p = memmem(p, data->size, key, sizeof key - 1);
+    if (!p)
+        return 0;
+    struct hg_text text = {(const char *)p + sizeof key - 1, (const char *)end};
+    double version = 0;
+    return hg_text_number(&text, &version) && version > 0 && version < 1e6 ? (unsigned)version : 0;
+}
+
+// Why assimp gave up, in words for the author of the file; its own go to the log.
+static enum hg_status refuse(struct hg_import *im, const struct hg_refbuf *main)
+{
+    const bool collada = strcmp(im->asset->file.format, "collada") == 0;
+    const unsigned fbx = collada ? 0 : fbx_version(main);
+    const char *words = aiGetErrorString();
+    hg_info(SCENE, "%s: assimp: %s", im->file, words);
+    if (collada && !contains(main, 4096, "<COLLADA"))
+        return hg_import_fail(im, HG_E_FORMAT, NULL, "not a Collada file: there is no <COLLADA>");
+    if (collada && (main->size < 10 || memcmp(main->data + main->size - 10, "</COLLADA>", 10) != 0))
+        return hg_import_fail(
+            im, HG_E_FORMAT, NULL, "the file is cut off: it does not end with </COLLADA>");
+    if (!collada && fbx == 0)
+        return hg_import_fail(im, HG_E_FORMAT, NULL, "not an FBX file: it has no version");
+    if (!collada && fbx < 7100)
+        return hg_error_set(im->err, HG_E_UNSUPPORTED, im->file, NULL,
+            "FBX of version %u.%u: 7.1 (2011) and later are read", fbx / 1000, fbx / 100 % 10);
+    if (strcasestr(words, "no mesh") || strcasestr(words, "no faces") ||
+        strcasestr(words, "meshes remaining"))
+        return hg_import_fail(im, HG_E_FORMAT, NULL, "the file has no geometry");
+    return hg_import_fail(im, HG_E_FORMAT, NULL,
+        collada ? "the Collada file is damaged, or has elements where they do not belong"
+                : "the FBX file is damaged");
+}
+
+static enum hg_status check_content(struct hg_import *im)
+{
+    const struct hg_asset *a = im->asset;
+    for (uint32_t m = 0; m < a->mesh_count; m++)
+        if (a->meshes[m]->parts->index_count)
+            return HG_OK;
+    if (a->light_count || a->camera_count || a->animation_count)
+        return HG_OK; // of use together with other files
+    return hg_import_fail(im, HG_E_FORMAT, NULL,
+        "the file has no geometry, no lights, no cameras and no animations");
+}
+
+static enum hg_status import_text(struct hg_import *im, const struct hg_refbuf *main)
+{
+    im->scene = run_assimp(im, main);
+    im->states_sides = contains(main, main->size, "<double_sided>0</double_sided>");
+    enum hg_status status = im->scene ? convert(im) : refuse(im, main);
+    if (!status)
+        status = check_content(im);
+    if (im->scene)
+        aiReleaseImport(im->scene);
+    return status;
+}
+
 enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err)
 {
@@ -278,14 +352,13 @@ enum hg_status hg_import_load(const struct hg_load_params *params, const struct 
     if (!im.asset)
         return hg_import_fail(&im, HG_E_NOMEM, NULL, "no memory");
     snprintf(im.asset->file.format, sizeof im.asset->file.format, "%s", format_of(label));
-    im.scene = run_assimp(&im, main);
-    enum hg_status status;
-    if (!im.scene)
-        status = hg_error_set(err, HG_E_FORMAT, label, NULL, "%.200s", aiGetErrorString());
-    else
-        status = convert(&im);
-    if (im.scene)
-        aiReleaseImport(im.scene);
+    struct hg_refbuf *clean = NULL;
+    enum hg_status status = HG_OK;
+    if (strcmp(im.asset->file.format, "collada") == 0)
+        status = hg_collada_clean(main, im.memory_limit - im.memory_used, label, &clean, err);
+    if (!status)
+        status = import_text(&im, clean ? clean : main);
+    hg_refbuf_unref(clean);
     if (status)
         hg_asset_destroy(im.asset);
     else

@@ -1,4 +1,4 @@
-// import.h - OBJ, FBX, PLY, STL and Collada through assimp's C interface.
+// import.h - FBX and Collada through assimp's C interface.
 // Floor 2, private to scene/. One load on one thread. assimp reads files only through the load's
 // fetch function, so the path rules hold for whatever a file names.
 #ifndef HG_RENDERER_SCENE_IMPORT_H
@@ -15,11 +15,12 @@ struct hg_import {
     const char *file; // name in messages
     const struct aiScene *scene;
     uint64_t memory_used, memory_limit;
+    bool states_sides; // the file says of materials that they are seen from one side
 };
 
 // Whether the name's ending (".gz" taken off) is one that is read here.
 bool hg_import_knows(const char *path);
-// Loads `main`, the bytes of `path`. HG_E_FORMAT with assimp's words, HG_E_LIMIT, HG_E_NOMEM.
+// Loads `main`, the bytes of `path`. HG_E_FORMAT, HG_E_UNSUPPORTED, HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
 // Inflates a gzip file. HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM.

@@ -45,7 +45,8 @@ static bool get_color(
     return true;
 }
 
-static void read_factors(const struct aiMaterial *from, struct hg_material *m)
+static void read_factors(
+    struct hg_import *im, const struct aiMaterial *from, struct hg_material *m)
 {
     float opacity = 1, exponent = 0;
     m->metallic = 0;
@@ -58,15 +59,21 @@ static void read_factors(const struct aiMaterial *from, struct hg_material *m)
     else if (get_float(from, AI_MATKEY_SHININESS, &exponent) && exponent > 0)
         m->roughness = powf(2 / (exponent + 2), 0.25f);
     get_color(from, AI_MATKEY_COLOR_EMISSIVE, m->emissive);
-    if (get_float(from, AI_MATKEY_OPACITY, &opacity) && opacity < 1) {
+    if (get_float(from, AI_MATKEY_OPACITY, &opacity) && opacity <= 0) {
+        // Exporters disagree on what 0 and 1 mean; a material that cannot be seen is not meant.
+        hg_asset_warn(
+            im->asset, m->head.name, "the material is wholly transparent: it is shown as opaque");
+    } else if (opacity < 1) {
         m->base_color[3] = unit(opacity);
         m->alpha_mode = HG_ALPHA_BLEND;
     }
+    // assimp says "one-sided" of Collada files that say nothing.
     int two_sided = 0;
     unsigned count = 1;
-    if (aiGetMaterialIntegerArray(from, AI_MATKEY_TWOSIDED, &two_sided, &count) ==
-        aiReturn_SUCCESS)
-        m->double_sided = two_sided != 0;
+    m->double_sided = !im->states_sides ||
+                      aiGetMaterialIntegerArray(from, AI_MATKEY_TWOSIDED, &two_sided, &count) !=
+                          aiReturn_SUCCESS ||
+                      two_sided != 0;
 }
 
 // ---- textures ----------------------------------------------------------------------------------
@@ -203,7 +210,7 @@ enum hg_status hg_import_materials(struct hg_import *im)
         struct hg_material *m = hg_asset_add_material(im->asset, name.data);
         if (!m)
             return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a material");
-        read_factors(from, m);
+        read_factors(im, from, m);
         enum hg_status status = read_textures(im, from, m);
         if (status)
             return status;

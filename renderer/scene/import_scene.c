@@ -185,6 +185,8 @@ enum hg_status hg_import_meshes(struct hg_import *im)
 {
     for (unsigned i = 0; i < im->scene->mNumMeshes; i++) {
         const struct aiMesh *from = im->scene->mMeshes[i];
+        if (from->mNumFaces == 0 || from->mNumVertices == 0)
+            continue; // a part of a file that holds nothing
         struct hg_mesh *mesh = hg_asset_add_mesh(im->asset, from->mName.data);
         if (mesh)
             mesh->parts = hg_import_alloc(im, 1, sizeof *mesh->parts);
