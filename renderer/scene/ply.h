@@ -67,6 +67,7 @@ struct hg_ply {
     uint32_t texture_count;
     uint64_t at, value_at; // of the next value; of the last one
     uint64_t vertex_count; // of the element vertex
+    bool has_vertex;
     enum hg_ply_type color_type;
     uint32_t roles;           // bits 1 << enum hg_ply_role that vertices have
     struct hg_mesh_array xyz; // double[3]

@@ -131,8 +131,9 @@ static enum hg_status read_element(struct hg_ply *ply, struct hg_text line)
             e->kind = kinds[i].kind;
     if (e->kind != HG_PLY_VERTEX)
         return HG_OK;
-    if (ply->vertex_count)
+    if (ply->has_vertex)
         return hg_mesh_file_fail(&ply->file, HG_E_FORMAT, offset, "a second element vertex");
+    ply->has_vertex = true;
     ply->vertex_count = e->count;
     return HG_OK;
 }

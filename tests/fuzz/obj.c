@@ -1,0 +1,9 @@
+// The OBJ reader; material libraries have the same bytes.
+#include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/scene.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    fuzz_load_file("fuzz.obj", data, size);
+    return 0;
+}

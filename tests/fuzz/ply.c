@@ -1,0 +1,9 @@
+// The PLY reader.
+#include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/scene.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    fuzz_load_file("fuzz.ply", data, size);
+    return 0;
+}
