@@ -272,7 +272,8 @@ static const struct aiScene *run_assimp(struct hg_import *im, const struct hg_re
 
 static bool contains(const struct hg_refbuf *data, size_t within, const char *text)
 {
-    return memmem(data->data, data->size < within ? data->size : within, text, strlen(text)) != NULL;
+    return memmem(data->data, data->size < within ? data->size : within, text, strlen(text)) !=
+           NULL;
 }
 
 // The version of an FBX file times 1000; 0: it is none.
@@ -323,8 +324,8 @@ static enum hg_status check_content(struct hg_import *im)
             return HG_OK;
     if (a->light_count || a->camera_count || a->animation_count)
         return HG_OK; // of use together with other files
-    return hg_import_fail(im, HG_E_FORMAT, NULL,
-        "the file has no geometry, no lights, no cameras and no animations");
+    return hg_import_fail(
+        im, HG_E_FORMAT, NULL, "the file has no geometry, no lights, no cameras and no animations");
 }
 
 static enum hg_status import_text(struct hg_import *im, const struct hg_refbuf *main)

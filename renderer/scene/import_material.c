@@ -45,8 +45,7 @@ static bool get_color(
     return true;
 }
 
-static void read_factors(
-    struct hg_import *im, const struct aiMaterial *from, struct hg_material *m)
+static void read_factors(struct hg_import *im, const struct aiMaterial *from, struct hg_material *m)
 {
     float opacity = 1, exponent = 0;
     m->metallic = 0;
