@@ -140,6 +140,7 @@ struct hg_cli_bytes {
 struct hg_cli_comparison {
     enum hgp_metric metric;
     struct hg_cli_bytes a, b; // borrowed
+    struct hg_cli_bytes mask; // borrowed; empty: all pixels count
     bool want_diff;
     double value;             // out
     struct hg_cli_bytes diff; // out: a PNG file, freed with hg_free; empty unless wanted
@@ -156,8 +157,19 @@ enum hg_status hg_cli_files_of_asset(
     const char *path, struct hg_cli_files *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_cli_files_free(struct hg_cli_files *files);
 
-// Statistics of the view as JSON with the client's own members merged in. New reference.
+// Statistics of the view as the worker has them. New reference.
 enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *err) HG_MUST_CHECK;
+// The provenance of a frame as statistics hold it; `name`: its file. New reference; NULL: no
+// memory.
+json_t *hg_cli_frame_json(const struct hgp_frame *frame, const char *name, uint64_t total_ns);
+// Adds to the worker's statistics what its `frame` lacks of the newest frame (may be NULL), and
+// `client`. HG_E_NOMEM.
+struct hg_cli_client_stats {
+    uint64_t load_ns, first_frame_ns, uploaded_bytes;
+    uint32_t skipped_frames;
+};
+enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, json_t *newest,
+    const struct hg_cli_client_stats *own, struct hg_error *err) HG_MUST_CHECK;
 
 // The commands.
 enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options);

@@ -15,8 +15,7 @@ static void set_hash(json_t *object, const char *key, const uint8_t hash[32])
     json_object_set_new(object, key, json_string(hex));
 }
 
-enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame *frame,
-    const char *name, uint64_t total_ns, struct hg_error *err)
+json_t *hg_cli_frame_json(const struct hgp_frame *frame, const char *name, uint64_t total_ns)
 {
     json_t *stages = json_array();
     for (uint32_t i = 0; i < frame->stages.count; i++) {
@@ -36,9 +35,8 @@ enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame
         "lossless", frame->lossless, "bytes",
         (json_int_t)(frame->has_size ? frame->size : frame->data.size), "total_ms",
         (double)total_ns / 1e6, "stages", stages);
-    if (!o || json_array_append_new(r->frames, o))
-        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
-    r->last = o;
+    if (!o)
+        return NULL;
     if (frame->has_mode)
         json_object_set_new(
             o, "mode", json_string(frame->mode == HGP_render_mode_PATH ? "path" : "realtime"));
@@ -48,6 +46,16 @@ enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame
         set_hash(o, "job", frame->job);
     if (frame->has_hash)
         set_hash(o, "hash", frame->hash);
+    return o;
+}
+
+enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame *frame,
+    const char *name, uint64_t total_ns, struct hg_error *err)
+{
+    json_t *o = hg_cli_frame_json(frame, name, total_ns);
+    if (!o || json_array_append_new(r->frames, o))
+        return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
+    r->last = o;
     return HG_OK;
 }
 
@@ -56,7 +64,29 @@ static void set_ms(json_t *object, const char *key, uint64_t ns)
     json_object_set_new(object, key, json_real((double)ns / 1e6));
 }
 
-// The worker's statistics, with the newest frame's provenance and the client's own times.
+enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, json_t *newest,
+    const struct hg_cli_client_stats *own, struct hg_error *err)
+{
+    json_t *frame = json_object_get(stats, "frame"), *client = json_object();
+    if (!json_is_object(frame)) {
+        frame = json_object();
+        json_object_set_new(stats, "frame", frame);
+    }
+    if (newest)
+        json_object_update_missing(frame, newest);
+    set_ms(client, "connect_ms", cli->connect_ns);
+    set_ms(client, "load_ms", own->load_ns);
+    set_ms(client, "first_frame_ms", own->first_frame_ns);
+    set_ms(client, "total_ms", hg_clock_now_ns() - cli->begin_ns);
+    json_object_set_new(client, "uploaded_bytes", json_integer((json_int_t)own->uploaded_bytes));
+    json_object_set_new(client, "skipped_frames", json_integer(own->skipped_frames));
+    json_object_set_new(client, "embedded", json_boolean(cli->embedded));
+    json_object_set_new(client, "version", json_string(HELIO_VERSION));
+    return json_object_set_new(stats, "client", client)
+               ? hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory")
+               : HG_OK;
+}
+
 enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err)
 {
     json_t *stats;
@@ -64,25 +94,13 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
     enum hg_status status = hg_cli_stats(&r->cli, &stats, err);
     if (status)
         return status;
-    json_t *frame = json_object_get(stats, "frame");
-    if (!json_is_object(frame)) {
-        frame = json_object();
-        json_object_set_new(stats, "frame", frame);
-    }
-    if (r->last)
-        json_object_update_missing(frame, r->last);
-    json_t *client = json_object();
-    set_ms(client, "connect_ms", r->cli.connect_ns);
-    set_ms(client, "load_ms", r->load_ns);
-    set_ms(client, "first_frame_ms", r->first_frame_ns);
-    set_ms(client, "total_ms", hg_clock_now_ns() - r->cli.begin_ns);
-    json_object_set_new(client, "uploaded_bytes", json_integer((json_int_t)r->upload_bytes));
-    json_object_set_new(client, "skipped_frames", json_integer(r->skipped));
-    json_object_set_new(client, "embedded", json_boolean(r->cli.embedded));
-    json_object_set_new(client, "version", json_string(HELIO_VERSION));
-    json_object_set_new(stats, "client", client);
+    const struct hg_cli_client_stats own = {.load_ns = r->load_ns,
+        .first_frame_ns = r->first_frame_ns,
+        .uploaded_bytes = r->upload_bytes,
+        .skipped_frames = r->skipped};
+    status = hg_cli_stats_complete(stats, &r->cli, r->last, &own, err);
     json_object_set(stats, "frames", r->frames);
-    char *text = json_dumps(stats, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    char *text = status ? NULL : json_dumps(stats, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(stats);
     if (!text)
         return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");

@@ -140,13 +140,13 @@ static enum hg_status info_all(struct hg_cli *cli, enum hg_cli_doing *doing, str
     const struct hg_cli_options *o = cli->options;
     struct hg_cli_texts files = {.items = {o->args[0]}, .count = 1};
     char *path;
-    cli->embedded = true;
+    cli->embedded = !o->connect;
     *doing = HG_CLI_DOING_INPUT;
     enum hg_status status = hg_cli_server_path(cli, o->args[0], &path, err);
     if (status)
         return status;
     *doing = HG_CLI_DOING_CONNECT;
-    status = hg_cli_connect(cli, NULL, &files, true, err);
+    status = hg_cli_connect(cli, o->connect, &files, true, err);
     if (!status) // what is printed holds the warnings
         helio_set_handlers(cli->h,
             &(struct helio_handlers){

@@ -1,125 +1,103 @@
-#include "client/cli/junit.h"
-
+// junit.c - reports as JUnit XML. See report.h.
 #include <stdio.h>
 #include <string.h>
 
-#include "base/alloc.h"
-
-enum hg_status hg_cli_junit_add(struct hg_cli_junit *junit, const char *name,
-    enum hg_cli_verdict verdict, const char *message, uint64_t took_ns)
-{
-    if (hg_grow(&junit->cases, &junit->capacity, junit->count + 1, sizeof *junit->cases))
-        return HG_E_NOMEM;
-    struct hg_cli_case *c = &junit->cases[junit->count++];
-    *c = (struct hg_cli_case){.verdict = verdict, .took_ns = took_ns};
-    snprintf(c->name, sizeof c->name, "%s", name);
-    snprintf(c->message, sizeof c->message, "%s", message ? message : "");
-    return HG_OK;
-}
-
-size_t hg_cli_junit_count(const struct hg_cli_junit *junit, enum hg_cli_verdict verdict)
-{
-    size_t n = 0;
-    for (size_t i = 0; i < junit->count; i++)
-        n += junit->cases[i].verdict == verdict;
-    return n;
-}
+#include "client/cli/report.h"
 
 static void put(struct hg_writer *w, const char *text)
 {
     hg_write_bytes(w, text, strlen(text));
 }
 
-// Length of the well-formed UTF-8 character at `p` that XML 1.0 allows; 0 when it is none.
-static size_t character(const unsigned char *p)
+static void put_attribute(struct hg_writer *w, const char *name, const char *value)
 {
-    if (p[0] < 0x80)
-        return p[0] >= 0x20 || p[0] == '\t' || p[0] == '\n' ? 1 : 0;
-    size_t n = p[0] >= 0xc2 && p[0] < 0xe0   ? 2
-               : p[0] >= 0xe0 && p[0] < 0xf0 ? 3
-               : p[0] >= 0xf0 && p[0] < 0xf5 ? 4
-                                             : 0;
-    for (size_t i = 1; i < n; i++)
-        if ((p[i] & 0xc0) != 0x80)
-            return 0;
-    if ((p[0] == 0xe0 && p[1] < 0xa0) || (p[0] == 0xed && p[1] >= 0xa0) ||
-        (p[0] == 0xf0 && p[1] < 0x90) || (p[0] == 0xf4 && p[1] >= 0x90))
-        return 0;
-    if (p[0] == 0xef && p[1] == 0xbf && p[2] >= 0xbe) // U+FFFE, U+FFFF
-        return 0;
-    return n;
-}
-
-// Attribute text.
-static void put_escaped(struct hg_writer *w, const char *text)
-{
-    for (const unsigned char *p = (const unsigned char *)text; *p;) {
-        size_t n = character(p);
-        const char *entity = *p == '&'    ? "&amp;"
-                             : *p == '<'  ? "&lt;"
-                             : *p == '>'  ? "&gt;"
-                             : *p == '"'  ? "&quot;"
-                             : *p == '\'' ? "&apos;"
-                             : *p == '\n' ? "&#10;"
-                             : *p == '\t' ? "&#9;"
-                             : n == 0     ? "?"
-                                          : NULL;
-        if (entity)
-            put(w, entity);
-        else
-            hg_write_bytes(w, p, n);
-        p += n ? n : 1;
-    }
+    put(w, " ");
+    put(w, name);
+    put(w, "=\"");
+    hg_cli_report_escape(w, value);
+    put(w, "\"");
 }
 
 static void put_seconds(struct hg_writer *w, uint64_t ns)
 {
     char text[40];
     snprintf(text, sizeof text, "%.6f", (double)ns / 1e9);
-    put(w, text);
+    put_attribute(w, "time", text);
 }
 
-static void put_case(struct hg_writer *w, const char *suite, const struct hg_cli_case *c)
+// Pictures as the attachments that Jenkins and GitLab read from the output of a case.
+static void put_pictures(struct hg_writer *w, const struct hg_cli_pictures *p, const char *folder)
 {
-    put(w, "    <testcase classname=\"");
-    put_escaped(w, suite);
-    put(w, "\" name=\"");
-    put_escaped(w, c->name);
-    put(w, "\" time=\"");
+    const char *const names[] = {p->picture, p->reference, p->difference};
+    if (!folder || !(p->picture || p->reference || p->difference))
+        return;
+    put(w, "      <system-out>");
+    for (int i = 0; i < 3; i++) {
+        if (!names[i])
+            continue;
+        put(w, "[[ATTACHMENT|");
+        hg_cli_report_escape(w, folder);
+        put(w, "/");
+        hg_cli_report_escape(w, names[i]);
+        put(w, "]]&#10;");
+    }
+    put(w, "</system-out>\n");
+}
+
+static void put_case(
+    struct hg_writer *w, const char *suite, const struct hg_cli_case *c, const char *folder)
+{
+    static const char *const elements[] = {
+        [HG_CLI_DIFFERS] = "failure", [HG_CLI_BROKEN] = "error", [HG_CLI_SKIPPED] = "skipped"};
+    put(w, "    <testcase");
+    put_attribute(w, "classname", suite);
+    put_attribute(w, "name", c->name);
     put_seconds(w, c->took_ns);
-    if (c->verdict == HG_CLI_PASSED) {
-        put(w, "\"/>\n");
+    if (c->verdict == HG_CLI_PASSED || c->verdict == HG_CLI_UPDATED) {
+        put(w, "/>\n");
         return;
     }
-    put(w, c->verdict == HG_CLI_DIFFERS ? "\">\n      <failure message=\""
-                                        : "\">\n      <error message=\"");
-    put_escaped(w, c->message);
-    put(w, "\"/>\n    </testcase>\n");
+    put(w, ">\n      <");
+    put(w, elements[c->verdict]);
+    if (c->message)
+        put_attribute(w, "message", c->message);
+    put(w, "/>\n");
+    put_pictures(w, &c->pictures, folder);
+    put(w, "    </testcase>\n");
 }
 
-enum hg_status hg_cli_junit_write(
-    const struct hg_cli_junit *junit, const char *suite, struct hg_writer *w)
+static void put_suite(
+    struct hg_writer *w, const struct hg_cli_report *r, uint32_t suite, const char *folder)
 {
-    char counts[128];
+    char counts[160];
     uint64_t total = 0;
-    for (size_t i = 0; i < junit->count; i++)
-        total += junit->cases[i].took_ns;
-    snprintf(counts, sizeof counts, "\" tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"",
-        junit->count, hg_cli_junit_count(junit, HG_CLI_DIFFERS),
-        hg_cli_junit_count(junit, HG_CLI_BROKEN));
-    put(w, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n  <testsuite name=\"");
-    put_escaped(w, suite);
+    size_t count = 0;
+    for (size_t i = 0; i < r->count; i++) {
+        const bool here = r->cases[i].suite == suite;
+        total += here ? r->cases[i].took_ns : 0;
+        count += here;
+    }
+    snprintf(counts, sizeof counts,
+        " tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" skipped=\"%zu\"", count,
+        hg_cli_report_count(r, suite, HG_CLI_DIFFERS), hg_cli_report_count(r, suite, HG_CLI_BROKEN),
+        hg_cli_report_count(r, suite, HG_CLI_SKIPPED));
+    put(w, "  <testsuite");
+    put_attribute(w, "name", r->suites[suite]);
     put(w, counts);
     put_seconds(w, total);
-    put(w, "\">\n");
-    for (size_t i = 0; i < junit->count; i++)
-        put_case(w, suite, &junit->cases[i]);
-    put(w, "  </testsuite>\n</testsuites>\n");
-    return w->failed ? HG_E_NOMEM : HG_OK;
+    put(w, ">\n");
+    for (size_t i = 0; i < r->count; i++)
+        if (r->cases[i].suite == suite)
+            put_case(w, r->suites[suite], &r->cases[i], folder);
+    put(w, "  </testsuite>\n");
 }
 
-void hg_cli_junit_finish(struct hg_cli_junit *junit)
+enum hg_status hg_cli_report_write_junit(
+    const struct hg_cli_report *r, const char *folder, struct hg_writer *w)
 {
-    hg_free(junit->cases);
-    *junit = (struct hg_cli_junit){0};
+    put(w, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
+    for (uint32_t i = 0; i < r->suite_count; i++)
+        put_suite(w, r, i, folder);
+    put(w, "</testsuites>\n");
+    return w->failed ? HG_E_NOMEM : HG_OK;
 }

@@ -8,7 +8,7 @@
 
 enum {
     HG_CLI_TEXTS_MAX = 64,
-    HG_CLI_ARGS_MAX = 2,
+    HG_CLI_ARGS_MAX = 64,
 };
 
 enum hg_cli_command_index {

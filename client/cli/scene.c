@@ -148,6 +148,8 @@ enum hg_status hg_cli_compare(struct hg_cli *cli, struct hg_cli_comparison *c, s
         .a = {c->a.data, (uint32_t)c->a.size},
         .b = {c->b.data, (uint32_t)c->b.size},
         .want_diff = c->want_diff,
+        .has_mask = c->mask.size > 0,
+        .mask = {c->mask.data, (uint32_t)c->mask.size},
     };
     c->value = 0;
     c->diff = (struct hg_cli_bytes){0};

@@ -1,5 +1,6 @@
 #include "client/cli/script.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -108,6 +109,14 @@ static enum hg_status parse_connect(struct hg_words *w, struct hg_cli_step *s, s
     return HG_OK;
 }
 
+static enum hg_status parse_scene(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    *w->view = (struct hg_script_view){0};
+    s->kind = HG_CLI_STEP_SCENE;
+    enum hg_status status = hg_words_take(w, "name of a scene", &s->name, err);
+    return status || *s->name ? status : hg_words_error(err, "the scene's name is empty");
+}
+
 static enum hg_status parse_load(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     s->kind = HG_CLI_STEP_LOAD;
@@ -150,9 +159,36 @@ static enum hg_status take_comparison(
     for (int i = 0; i < 6; i++)
         if (strcmp(text, op_texts[i]) == 0) {
             s->op = (enum hg_cli_op)i;
-            return hg_words_take_number(w, "number", -1e300, 1e300, &s->number, err);
+            return HG_OK;
         }
     return hg_words_error(err, "'%s' is none of >= <= > < == !=", text);
+}
+
+static enum hg_status take_bound(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    enum hg_status status = take_comparison(w, s, err);
+    return status ? status : hg_words_take_number(w, "number", -1e300, 1e300, &s->number, err);
+}
+
+// A number, true or false (yes or no), or with == and != any text.
+static enum hg_status take_value(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hg_error ignored;
+    enum hg_status status = take_comparison(w, s, err);
+    if (!status)
+        status = hg_words_take(w, "value", &s->value, err);
+    if (status)
+        return status;
+    s->number = NAN;
+    if (strcmp(s->value, "true") == 0 || strcmp(s->value, "yes") == 0)
+        s->number = 1;
+    else if (strcmp(s->value, "false") == 0 || strcmp(s->value, "no") == 0)
+        s->number = 0;
+    else if (hg_cli_parse_number("value", s->value, -1e300, 1e300, &s->number, &ignored))
+        s->number = NAN;
+    if (!isnan(s->number) || s->op == HG_CLI_OP_EQ || s->op == HG_CLI_OP_NE)
+        return HG_OK;
+    return hg_words_error(err, "'%s' is no number: texts are compared with == and !=", s->value);
 }
 
 static enum hg_status parse_pick(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -190,14 +226,18 @@ static enum hg_status parse_expect(struct hg_words *w, struct hg_cli_step *s, st
     if (strcmp(what, "stat") == 0) {
         s->kind = HG_CLI_STEP_EXPECT_STAT;
         status = hg_words_take(w, "key", &s->name, err);
-        return status ? status : take_comparison(w, s, err);
+        return status ? status : take_value(w, s, err);
     }
     if (!hgp_enum_value("metric", what, &metric))
         return hg_words_error(err, "'%s' is none of psnr ssim flip rmse max stat pick hash", what);
     s->kind = HG_CLI_STEP_EXPECT_IMAGE;
     s->metric = (enum hgp_metric)metric;
     status = hg_words_take(w, "image file", &s->path, err);
-    return status ? status : take_comparison(w, s, err);
+    if (!status)
+        status = take_bound(w, s, err);
+    if (!status && hg_words_accept(w, "mask"))
+        status = hg_words_take(w, "mask file", &s->mask, err);
+    return status;
 }
 
 bool hg_cli_op_holds(enum hg_cli_op op, double seen, double wanted)
@@ -226,9 +266,9 @@ static enum hg_status parse_words(struct hg_words *w, struct hg_cli_step *s, str
     static const struct {
         const char *verb;
         enum hg_status (*parse)(struct hg_words *, struct hg_cli_step *, struct hg_error *);
-    } verbs[] = {{"connect", parse_connect}, {"load", parse_load}, {"set", hg_script_parse_set},
-        {"camera", parse_camera}, {"time", parse_time}, {"at", parse_time}, {"frame", parse_frame},
-        {"wait", parse_wait}, {"expect", parse_expect}};
+    } verbs[] = {{"connect", parse_connect}, {"scene", parse_scene}, {"load", parse_load},
+        {"set", hg_script_parse_set}, {"camera", parse_camera}, {"time", parse_time},
+        {"at", parse_time}, {"frame", parse_frame}, {"wait", parse_wait}, {"expect", parse_expect}};
     for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
         if (!hg_words_accept(w, verbs[i].verb))
             continue;
@@ -240,16 +280,60 @@ static enum hg_status parse_words(struct hg_words *w, struct hg_cli_step *s, str
     return hg_words_error(err, "unknown command '%s'", w->at[0]);
 }
 
-static enum hg_status parse_line(struct hg_cli_script *script, struct hg_words *w, const char *line,
-    uint32_t number, struct hg_error *err)
+enum { INCLUDES_MOST = 16, INCLUDED_BYTES_MOST = 64 * 1024 * 1024 };
+
+struct parser {
+    struct hg_cli_script *out;
+    const struct hg_cli_script_source *source;
+    struct hg_script_view view;
+    uint32_t depth;        // of includes
+    size_t included_bytes; // of all of them
+};
+
+static enum hg_status parse_text(
+    struct parser *p, const char *file, const char *text, struct hg_error *err);
+
+static enum hg_status parse_include(struct parser *p, struct hg_words *w, struct hg_error *err)
 {
+    const char *path;
+    char *text;
+    struct hg_error inner = {0};
+    enum hg_status status = hg_words_take(w, "file to include", &path, err);
+    if (status)
+        return status;
+    if (w->next < w->count)
+        return hg_words_error(err, "'%s' is one word too many", w->at[w->next]);
+    if (!p->source->include)
+        return hg_words_error(err, "nothing can be included here");
+    if (p->depth == INCLUDES_MOST)
+        return hg_words_error(err, "includes nest deeper than %d", INCLUDES_MOST);
+    status = p->source->include(p->source->user, path, &text, &inner);
+    if (status)
+        return hg_error_set(err, status, NULL, NULL, "%s: %s", path, inner.reason);
+    p->included_bytes += strlen(text);
+    p->depth++;
+    status = p->included_bytes > INCLUDED_BYTES_MOST
+                 ? hg_words_error(
+                       err, "all includes together are longer than %d bytes", INCLUDED_BYTES_MOST)
+                 : parse_text(p, path, text, err);
+    p->depth--;
+    hg_free(text);
+    return status;
+}
+
+static enum hg_status parse_line(
+    struct parser *p, struct hg_words *w, const char *line, uint32_t number, struct hg_error *err)
+{
+    struct hg_cli_script *script = p->out;
     enum hg_status status = hg_words_split(w, line, err);
     if (status || w->count == 0)
         return status;
+    if (hg_words_accept(w, "include"))
+        return parse_include(p, w, err);
     if (hg_grow(&script->steps, &script->capacity, script->count + 1, sizeof *script->steps))
         return hg_error_set(err, HG_E_NOMEM, NULL, NULL, "no memory for the script");
     struct hg_cli_step *s = &script->steps[script->count];
-    *s = (struct hg_cli_step){.line = number};
+    *s = (struct hg_cli_step){.file = w->file, .line = number};
     const char *begin = line + strspn(line, " \t");
     s->text = hg_arena_strndup(&script->arena, begin, strlen(begin));
     status = s->text ? parse_words(w, s, err) : HG_E_NOMEM;
@@ -257,15 +341,17 @@ static enum hg_status parse_line(struct hg_cli_script *script, struct hg_words *
     return status;
 }
 
-enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_variable_fn *variable,
-    void *user, struct hg_cli_script *out, struct hg_error *err)
+// Errors that have no place yet get this file's and the line's.
+static enum hg_status parse_text(
+    struct parser *p, const char *given, const char *text, struct hg_error *err)
 {
     char line[HG_SCRIPT_LINE_BYTES], place[256];
     struct hg_error inner = {0};
     enum hg_status status = HG_OK;
-    struct hg_script_view view = {0};
-    *out = (struct hg_cli_script){0};
     uint32_t number = 0;
+    const char *file = hg_arena_strndup(&p->out->arena, given, strlen(given));
+    if (!file)
+        return hg_error_set(err, HG_E_NOMEM, NULL, NULL, "no memory for the script");
     for (const char *at = text; *at && !status;) {
         size_t length = strcspn(at, "\n");
         number++;
@@ -278,15 +364,25 @@ enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_va
         if (end && line[end - 1] == '\r')
             line[end - 1] = 0;
         struct hg_words w = {
-            .arena = &out->arena, .variable = variable, .user = user, .view = &view};
-        status = parse_line(out, &w, line, number, &inner);
+            .arena = &p->out->arena, .source = p->source, .file = file, .view = &p->view};
+        status = parse_line(p, &w, line, number, &inner);
         at += length + (at[length] == '\n');
     }
     if (!status)
         return HG_OK;
-    hg_cli_script_finish(out);
     snprintf(place, sizeof place, "%.200s:%u", file, number);
-    return hg_error_set(err, status, place, NULL, "%s", inner.reason);
+    return hg_error_set(err, status, inner.what[0] ? inner.what : place, NULL, "%s", inner.reason);
+}
+
+enum hg_status hg_cli_script_parse(const char *file, const char *text,
+    const struct hg_cli_script_source *source, struct hg_cli_script *out, struct hg_error *err)
+{
+    *out = (struct hg_cli_script){0};
+    struct parser parser = {.out = out, .source = source};
+    enum hg_status status = parse_text(&parser, file, text, err);
+    if (status)
+        hg_cli_script_finish(out);
+    return status;
 }
 
 void hg_cli_script_finish(struct hg_cli_script *script)

@@ -9,6 +9,7 @@
 
 enum hg_cli_step_kind {
     HG_CLI_STEP_CONNECT,      // path = url or NULL
+    HG_CLI_STEP_SCENE,        // name
     HG_CLI_STEP_LOAD,         // path, asset (0 = next)
     HG_CLI_STEP_VIEW,         // view
     HG_CLI_STEP_ENVIRONMENT,  // environment, path (FILE)
@@ -20,8 +21,8 @@ enum hg_cli_step_kind {
     HG_CLI_STEP_CAMERA_FIT,   // number = vertical field of view in degrees
     HG_CLI_STEP_TIME,         // number, asset (0 = all loaded)
     HG_CLI_STEP_FRAME,        // path (may be NULL), now
-    HG_CLI_STEP_EXPECT_IMAGE, // metric, path, op, number
-    HG_CLI_STEP_EXPECT_STAT,  // name, op, number
+    HG_CLI_STEP_EXPECT_IMAGE, // metric, path, op, number, mask (may be NULL)
+    HG_CLI_STEP_EXPECT_STAT,  // name, op, value, number
     HG_CLI_STEP_EXPECT_PICK,  // x, y, name (NULL = nothing)
     HG_CLI_STEP_EXPECT_HASH,  // name = 64 hexadecimal digits
 };
@@ -37,11 +38,13 @@ enum hg_cli_op {
 
 struct hg_cli_step {
     enum hg_cli_step_kind kind;
+    const char *file; // the script, or one that it includes
     uint32_t line;    // from 1
     const char *text; // the line as written, trimmed
-    const char *path, *name;
+    const char *path, *name, *mask;
+    const char *value; // the word that is compared
     uint32_t asset, x, y;
-    double number;
+    double number; // true and false are 1 and 0; NAN: the value is no number
     enum hg_cli_op op;
     enum hgp_metric metric;
     bool now; // frame: do not wait until it is settled
@@ -60,13 +63,26 @@ struct hg_cli_script {
     size_t count, capacity;
 };
 
-// Value of ${name}; NULL when it is not defined.
-typedef const char *hg_cli_variable_fn(void *user, const char *name, size_t length);
+// Value of ${name} in a line of `file`; NULL when it is not defined. Lives until the next call.
+typedef const char *hg_cli_variable_fn(
+    void *user, const char *file, const char *name, size_t length);
+// Text of a script that is included, terminated; freed with hg_free.
+typedef enum hg_status hg_cli_include_fn(
+    void *user, const char *path, char **text, struct hg_error *err);
 
-// Parses a whole script (terminated text). HG_E_INVAL: err->what = "FILE:LINE", err->reason.
-// *out is freed with hg_cli_script_finish.
-enum hg_status hg_cli_script_parse(const char *file, const char *text, hg_cli_variable_fn *variable,
-    void *user, struct hg_cli_script *out, struct hg_error *err) HG_MUST_CHECK;
+// Where a script takes from what is not in its text.
+struct hg_cli_script_source {
+    hg_cli_variable_fn *variable;
+    hg_cli_include_fn *include; // NULL: nothing can be included
+    void *user;
+};
+
+// Parses a whole script (terminated text) with what it includes. HG_E_INVAL: err->what =
+// "FILE:LINE", err->reason; what reading an included file gives. *out is freed with
+// hg_cli_script_finish.
+enum hg_status hg_cli_script_parse(const char *file, const char *text,
+    const struct hg_cli_script_source *source, struct hg_cli_script *out,
+    struct hg_error *err) HG_MUST_CHECK;
 void hg_cli_script_finish(struct hg_cli_script *script);
 
 bool hg_cli_op_holds(enum hg_cli_op op, double seen, double wanted);

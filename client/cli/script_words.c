@@ -36,7 +36,9 @@ static enum hg_status expand(
     const char *name = *at + 2, *end = strchr(name, '}');
     if (!end || end == name)
         return hg_words_error(err, "'${' without a name and '}'");
-    const char *value = w->variable ? w->variable(w->user, name, (size_t)(end - name)) : NULL;
+    const char *value = w->source->variable ? w->source->variable(w->source->user, w->file, name,
+                                                  (size_t)(end - name))
+                                            : NULL;
     if (!value)
         return hg_words_error(err, "the variable '%.*s' is not defined", (int)(end - name), name);
     if (!put(b, value, strlen(value)))

@@ -18,8 +18,8 @@ struct hg_words {
     const char *at[HG_WORDS_MAX];
     uint32_t count, next;
     struct hg_arena *arena; // of the words
-    hg_cli_variable_fn *variable;
-    void *user;
+    const struct hg_cli_script_source *source;
+    const char *file; // of the line
     struct hg_script_view *view;
 };
 

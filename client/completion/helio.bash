@@ -17,7 +17,6 @@ _helio()
     'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
-    'compare --metric') COMPREPLY=($(compgen -W 'psnr ssim flip rmse max' -- "$cur")); return ;;
     'run --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bake --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'cache --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
@@ -26,9 +25,9 @@ _helio()
     local options=--help
     case "${COMP_WORDS[1]}" in
     render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --lens-radius --focus --mode --tonemap --exposure --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
-    info) options='--scene --json --timeout --asset-root --log --progress --help' ;;
-    compare) options='--metric --fail-below --fail-above --diff --timeout --log --help' ;;
-    run) options='--junit --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    info) options='--scene --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
+    compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
+    run) options='--junit --report --update-references --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     bake) options='--output --textures-only --geometry-only --stats --strict --scene --timeout --asset-root --host-budget --cache-limit --log --progress --help' ;;
     cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;

@@ -703,6 +703,7 @@ export const messages = {
             { name: "a", kind: "bytes", max: 268435456, since: 1 },
             { name: "b", kind: "bytes", max: 268435456, since: 1 },
             { name: "want_diff", kind: "bool", since: 1 },
+            { name: "mask", kind: "bytes", max: 268435456, since: 1, optional: true },
         ],
     },
     // answer

@@ -260,9 +260,11 @@ static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_e
     if (status == HG_OK)
         status = hg_bench_view_settle(&run->whole_view, &pose, &images[1], err);
     if (status == HG_OK)
-        status = hg_image_compare(&images[0], &images[1], HG_METRIC_PSNR, &psnr_db, NULL, err);
+        status = hg_image_compare(&(struct hg_image_pair){&images[0], &images[1], NULL},
+            HG_METRIC_PSNR, &psnr_db, NULL, err);
     if (status == HG_OK)
-        status = hg_image_compare(&images[0], &images[1], HG_METRIC_FLIP, &flip, NULL, err);
+        status = hg_image_compare(&(struct hg_image_pair){&images[0], &images[1], NULL},
+            HG_METRIC_FLIP, &flip, NULL, err);
     if (status == HG_OK)
         status = compare_depth(run, err);
     if (status == HG_OK)

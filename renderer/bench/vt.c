@@ -156,8 +156,8 @@ static enum hg_status compare_still(struct run *run, uint32_t index, struct hg_e
     for (int side = 0; side < SIDES && status == HG_OK; side++)
         status = hg_bench_view_settle(&run->views[side], &pose, &images[side], err);
     if (status == HG_OK) {
-        status = hg_image_compare(
-            &images[STREAMED], &images[RESIDENT], HG_METRIC_MAX, &difference, NULL, err);
+        const struct hg_image_pair pair = {&images[STREAMED], &images[RESIDENT], NULL};
+        status = hg_image_compare(&pair, HG_METRIC_MAX, &difference, NULL, err);
     }
     run->still_max = fmax(run->still_max, difference);
     run->stills_same += difference == 0;

@@ -17,9 +17,13 @@ enum hg_metric {
 
 // *diff, when not NULL, receives an RGBA8 heat map of the error, to be finished by the caller:
 // the error for FLIP and 1 - SSIM; differences (PSNR, RMSE, MAX) are hottest from 1/8 up.
-// HG_E_INVAL when sizes or formats differ; HG_E_NOMEM.
-enum hg_status hg_image_compare(const struct hg_image *a, const struct hg_image *b,
-    enum hg_metric metric, double *value, struct hg_image *diff,
-    struct hg_error *err) HG_MUST_CHECK;
+// mask: NULL, or RGBA8 of the same size: only pixels whose luma is at least half count; the others
+// are taken as equal in both pictures, and are in no mean. HG_E_INVAL when sizes or formats differ,
+// or when the mask leaves no pixel; HG_E_NOMEM.
+struct hg_image_pair {
+    const struct hg_image *a, *b, *mask;
+};
+enum hg_status hg_image_compare(const struct hg_image_pair *pair, enum hg_metric metric,
+    double *value, struct hg_image *diff, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

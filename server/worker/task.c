@@ -171,7 +171,7 @@ static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, s
 }
 
 struct comparison {
-    struct hg_image a, b, diff;
+    struct hg_image a, b, mask, diff;
 };
 
 static enum hg_status read_sides(struct task *task, struct comparison *c)
@@ -188,6 +188,8 @@ static enum hg_status read_sides(struct task *task, struct comparison *c)
     if (status)
         return status;
     status = read_side(m->b, "second image", as_float, &c->b, &task->err);
+    if (!status && m->has_mask)
+        status = read_side(m->mask, "mask", false, &c->mask, &task->err);
     if (status)
         return status;
     return go_on(task, "compare");
@@ -196,8 +198,9 @@ static enum hg_status read_sides(struct task *task, struct comparison *c)
 static enum hg_status compare_sides(struct task *task, struct comparison *c)
 {
     const struct hgp_compare *m = &task->message.compare;
-    enum hg_status status = hg_image_compare(&c->a, &c->b, (enum hg_metric)m->metric, &task->value,
-        m->want_diff ? &c->diff : NULL, &task->err);
+    const struct hg_image_pair pair = {&c->a, &c->b, m->has_mask ? &c->mask : NULL};
+    enum hg_status status = hg_image_compare(
+        &pair, (enum hg_metric)m->metric, &task->value, m->want_diff ? &c->diff : NULL, &task->err);
     if (status)
         return status;
     status = go_on(task, "compare");
@@ -217,6 +220,7 @@ static enum hg_status compare_images(struct task *task)
     task->height = c.a.height;
     hg_image_finish(&c.a);
     hg_image_finish(&c.b);
+    hg_image_finish(&c.mask);
     hg_image_finish(&c.diff);
     return status;
 }

@@ -5,11 +5,14 @@
 #include "client/cli/script.h"
 #include "tests/fuzz/fuzz.h"
 
-static const char *variable(void *user, const char *name, size_t length)
+static const char *variable(void *user, const char *file, const char *name, size_t length)
 {
     (void)user;
+    (void)file;
     return length == 4 && memcmp(name, "DATA", 4) == 0 ? "some/where" : NULL;
 }
+
+static const struct hg_cli_script_source source = {.variable = variable};
 
 static void check_sendable(enum hgp_type type, const void *message)
 {
@@ -52,7 +55,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         memcpy(text, data, size);
     struct hg_cli_script script;
     struct hg_error err = {0};
-    enum hg_status status = hg_cli_script_parse("fuzz", text, variable, NULL, &script, &err);
+    enum hg_status status = hg_cli_script_parse("fuzz", text, &source, &script, &err);
     if (status)
         FUZZ_CHECK(status == HG_E_INVAL && err.reason[0] && strncmp(err.what, "fuzz", 4) == 0);
     for (size_t i = 0; !status && i < script.count; i++)

@@ -114,8 +114,60 @@ SCRIPT
 expect 0 "$helio" run "$temp/script" --junit "$temp/junit.xml"
 expect 0 "$helio" run "$temp/script" --connect "$url"
 grep -q 'tests="4" failures="0" errors="0"' "$temp/junit.xml" || fail "the JUnit report is wrong"
+# Documented keys, masks, reports, references.
+cat >"$temp/keys" <<SCRIPT
+expect stat frame.missing_pages == 0
+expect stat frame.settled == true
+expect stat device.name != nothing
+expect stat client.embedded != nothing
+SCRIPT
+{
+    echo "load $knot"
+    echo "set size 160x120"
+    echo "set samples 2"
+    echo "include $temp/keys"
+    echo "expect psnr $temp/reference.png >= 60"
+} >"$temp/suite"
+expect 1 "$helio" run "$temp/suite"
+expect 0 "$helio" run "$temp/suite" --update-references
+expect 0 "$helio" run "$temp/suite"
+expect 0 "$helio" run - --connect "$url" <"$temp/suite"
+expect 0 "$helio" compare "$temp/reference.png" "$temp/reference.png" --metric all --mask "$temp/script.png" \
+    --fail-below psnr=100 --fail-above flip=0
+cp "$temp/x.png" "$temp/small.png"
+expect 3 "$helio" compare "$temp/reference.png" "$temp/reference.png" --mask "$temp/small.png"
+cp "$temp/script.png" "$temp/reference.png"
+expect 1 "$helio" run "$temp/suite" --report "$temp/pages" --junit "$temp/junit.xml"
+for part in picture reference difference; do
+    [ -s "$temp/pages/0005-$part.png" ] || fail "the report has no $part"
+    grep -q "0005-$part.png" "$temp/pages/index.html" || fail "the page does not show the $part"
+    grep -q "ATTACHMENT|$temp/pages/0005-$part.png" "$temp/junit.xml" || fail "JUnit does not name the $part"
+done
+
+# A scene that another session holds is joined by its name, and looks as one's own.
+{
+    echo "scene show"
+    echo "load $knot"
+    echo "set size 1024x1024"
+    echo "set samples 65536"
+    echo "wait settled"
+} >"$temp/holder"
+"$helio" run "$temp/holder" --connect "$url" >/dev/null 2>&1 &
+holder=$!
+look() { printf '%s\n' "set size 96x64" "set samples 2" "frame $temp/$1.png"; }
+{ echo "load $knot" && look own; } >"$temp/own"
+{ echo "scene show" && look joined && echo "expect stat geometry.triangles_total > 0"; } >"$temp/join"
+joins() { "$helio" run "$temp/join" --connect "$url" >/dev/null 2>&1; }
+until_true joins
+kill "$holder"
+wait "$holder"
+expect 0 "$helio" run "$temp/own" --connect "$url"
+same "$temp/own.png" "$temp/joined.png"
+expect 0 "$helio" info "$knot" --json --connect "$url"
+cp "$temp/out" "$temp/info"
 expect 0 "$helio" info "$knot" --json
 python3 -c 'import json, sys; json.load(open(sys.argv[1]))' "$temp/out" || fail "info is not JSON"
+same "$temp/info" "$temp/out"
 
 # Refusals.
 echo '{"asset": {"version": "2.0"}, }' >"$temp/syntax.gltf"

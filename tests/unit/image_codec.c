@@ -386,7 +386,8 @@ static void every_allocation_may_fail(void **state)
             st = hg_image_read_memory(&(struct hg_image_bytes){w.data, w.size, "x.jpg"},
                 HG_PIXEL_RGBA8, NULL, &back, &err);
         for (size_t i = 0; i < 3 && !st; i++) {
-            st = hg_image_compare(&a, &back, metrics[i], &value, &diff, &err);
+            st = hg_image_compare(
+                &(struct hg_image_pair){&a, &back, NULL}, metrics[i], &value, &diff, &err);
             if (!st)
                 hg_image_finish(&diff);
         }

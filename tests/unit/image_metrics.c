@@ -43,7 +43,7 @@ static double compare(const struct hg_image *a, const struct hg_image *b, enum h
 {
     double value;
     struct hg_error err = {0};
-    if (hg_image_compare(a, b, metric, &value, NULL, &err))
+    if (hg_image_compare(&(struct hg_image_pair){a, b, NULL}, metric, &value, NULL, &err))
         fail_msg("%s", err.reason);
     return value;
 }
@@ -256,7 +256,9 @@ static void heat_map_shows_where(void **state)
     ((uint8_t *)b.pixels)[(20 * side + 30) * 4] = 255;
     double value;
     struct hg_error err = {0};
-    assert_int_equal(hg_image_compare(&a, &b, HG_METRIC_MAX, &value, &diff, &err), HG_OK);
+    assert_int_equal(
+        hg_image_compare(&(struct hg_image_pair){&a, &b, NULL}, HG_METRIC_MAX, &value, &diff, &err),
+        HG_OK);
     const uint8_t *px = diff.pixels;
     for (size_t i = 0; i < (size_t)side * side; i++)
         assert_int_equal(px[i * 4] > 0, i == 20 * side + 30);
@@ -272,9 +274,13 @@ static void unlike_pictures_are_refused(void **state)
     struct hg_image c = make(4, 4, HG_PIXEL_RGBA32F);
     double value;
     struct hg_error err = {0};
-    assert_int_equal(hg_image_compare(&a, &b, HG_METRIC_MAX, &value, NULL, &err), HG_E_INVAL);
+    assert_int_equal(
+        hg_image_compare(&(struct hg_image_pair){&a, &b, NULL}, HG_METRIC_MAX, &value, NULL, &err),
+        HG_E_INVAL);
     assert_string_equal(err.where, "size");
-    assert_int_equal(hg_image_compare(&a, &c, HG_METRIC_MAX, &value, NULL, &err), HG_E_INVAL);
+    assert_int_equal(
+        hg_image_compare(&(struct hg_image_pair){&a, &c, NULL}, HG_METRIC_MAX, &value, NULL, &err),
+        HG_E_INVAL);
     assert_string_equal(err.where, "format");
     hg_image_finish(&a);
     hg_image_finish(&b);
@@ -300,10 +306,56 @@ static void tiny_pictures_are_measured(void **state)
         }
 }
 
+// Pixels that a mask leaves out change no metric, and means are those of the others.
+static void masks(void **state)
+{
+    (void)state;
+    static const enum hg_metric all[] = {
+        HG_METRIC_PSNR, HG_METRIC_SSIM, HG_METRIC_FLIP, HG_METRIC_RMSE, HG_METRIC_MAX};
+    struct hg_image a = constant(100, 100, 100), b = constant(100, 100, 100);
+    struct hg_image mask = constant(255, 255, 255), small = make(side, side - 1, HG_PIXEL_RGBA8);
+    struct hg_error err = {0};
+    double value, rmse;
+    // The left half differs by 51 levels, the upper quarter of the left half by 102.
+    for (uint32_t y = 0; y < side; y++)
+        for (uint32_t x = 0; x < side / 2; x++) {
+            const size_t at = ((size_t)y * side + x) * 4;
+            for (int c = 0; c < 3; c++) {
+                ((uint8_t *)b.pixels)[at + c] = y < side / 4 ? 202 : 151;
+                ((uint8_t *)mask.pixels)[at + c] = y < side / 4 ? 127 : 128; // about half
+            }
+        }
+    const struct hg_image_pair pair = {&a, &b, &mask};
+    assert_int_equal(hg_image_compare(&pair, HG_METRIC_MAX, &value, NULL, &err), HG_OK);
+    near_to(value, 0.2, 1e-9);
+    assert_int_equal(hg_image_compare(&pair, HG_METRIC_RMSE, &rmse, NULL, &err), HG_OK);
+    near_to(rmse, sqrt(0.04 * 3 / 7), 1e-9); // 3 of the 7 eighths that count
+    assert_int_equal(hg_image_compare(&pair, HG_METRIC_PSNR, &value, NULL, &err), HG_OK);
+    near_to(value, -20 * log10(rmse), 1e-4);
+    // All of the difference left out: the pictures are the same.
+    for (size_t i = 0; i < mask.size_bytes; i += 4)
+        ((uint8_t *)mask.pixels)[i + 1] = (i / 4) % side < side / 2 ? 0 : 255;
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        assert_int_equal(hg_image_compare(&pair, all[i], &value, NULL, &err), HG_OK);
+        near_to(value, compare(&a, &a, all[i]), 1e-6);
+    }
+    memset(mask.pixels, 0, mask.size_bytes);
+    assert_int_equal(hg_image_compare(&pair, HG_METRIC_PSNR, &value, NULL, &err), HG_E_INVAL);
+    assert_string_equal(err.reason, "leaves no pixel");
+    const struct hg_image_pair other = {&a, &b, &small};
+    assert_int_equal(hg_image_compare(&other, HG_METRIC_PSNR, &value, NULL, &err), HG_E_INVAL);
+    assert_string_equal(err.where, "mask");
+    hg_image_finish(&a);
+    hg_image_finish(&b);
+    hg_image_finish(&mask);
+    hg_image_finish(&small);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(identical_pictures),
+        cmocka_unit_test(masks),
         cmocka_unit_test(constant_offsets),
         cmocka_unit_test(ssim_of_constants),
         cmocka_unit_test(ssim_of_a_negative),

@@ -247,8 +247,12 @@ static void test_views_choose(void **state)
         all = look(&whole, distances[i]).triangles_drawn;
         struct hg_image a = picture(&levels), b = picture(&whole);
         double psnr_db = 0, flip = 1;
-        test_ok(hg_image_compare(&a, &b, HG_METRIC_PSNR, &psnr_db, NULL, &err), &err);
-        test_ok(hg_image_compare(&a, &b, HG_METRIC_FLIP, &flip, NULL, &err), &err);
+        test_ok(hg_image_compare(
+                    &(struct hg_image_pair){&a, &b, NULL}, HG_METRIC_PSNR, &psnr_db, NULL, &err),
+            &err);
+        test_ok(hg_image_compare(
+                    &(struct hg_image_pair){&a, &b, NULL}, HG_METRIC_FLIP, &flip, NULL, &err),
+            &err);
         print_message("at %.0f m: %llu of %llu triangles, %.1f dB, FLIP %.4f\n",
             (double)distances[i], (unsigned long long)drawn, (unsigned long long)all, psnr_db,
             flip);

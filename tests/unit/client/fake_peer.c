@@ -221,6 +221,9 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_asset_load)
         fprintf(out, " path=%.*s files=%u", (int)m->asset_load.path.size, m->asset_load.path.data,
             m->asset_load.files.count);
+    if (type == HGP_T_scene_open)
+        fprintf(out, " %.*s", (int)m->scene_open.name.size,
+            m->scene_open.name.size ? m->scene_open.name.data : "");
     if (type == HGP_T_upload)
         fprintf(out, " total=%llu", (unsigned long long)m->upload.total);
     if (type == HGP_T_animation_set)

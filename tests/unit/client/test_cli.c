@@ -10,32 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tests/unit/client/harness.h"
-
-static struct harness h;
-
-static void expect_run(int code, const char *text, const char *fake, const char *command)
-{
-    int got = harness_run(&h, "FAKE='%s'; export FAKE; %s", fake, command);
-    if (got != code)
-        fail_msg("%s: exit %d instead of %d: %s", command, got, code, h.output);
-    if (text && !strstr(h.output, text))
-        fail_msg("%s: '%s' is not in: %s", command, text, h.output);
-}
-
-static void expect_file(const char *name, const char *text)
-{
-    if (!harness_read(&h, name))
-        fail_msg("%s is missing", name);
-    if (!strstr(h.output, text))
-        fail_msg("%s: '%s' is not in: %s", name, text, h.output);
-}
-
-static void expect_no_file(const char *name)
-{
-    if (harness_read(&h, name))
-        fail_msg("%s was written", name);
-}
+#include "tests/unit/client/cli_harness.h"
 
 static void test_bench(void **state)
 {
@@ -316,8 +291,8 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --connect unix:sock --device 0", "--device"},
         {"render s.gltf -o a.png --connect unix:sock --texture-budget 10", "--texture-budget"},
         {"render s.gltf -o a.png --asset-root nowhere", "nowhere"},
-        {"compare s.gltf s.gltf --fail-below 1 --fail-above 2", "--fail-below"},
-        {"bake s.gltf", "--output"}, {"bake s.gltf -o s.gltf", "is not a folder"},
+        {"compare s.gltf s.gltf --fail-below x", "--fail-below"}, {"bake s.gltf", "--output"},
+        {"bake s.gltf -o s.gltf", "is not a folder"},
         {"bake s.gltf -o d --textures-only --geometry-only", "--textures-only"},
         {"ping", "--connect"}, {"bench realtime --options x", "--options"},
         {"run s.hs --define =x", "--define"}};
@@ -477,6 +452,16 @@ static void test_other_commands(void **state)
     expect_run(1, "20 is below 40", "", "$HELIO compare s.gltf t.txt --fail-below 40 --diff x.png");
     expect_file("x.png", "diff");
     expect_run(1, "ssim 20", "", "$HELIO compare s.gltf t.txt --metric ssim --fail-above 1");
+    expect_run(0, "psnr 20\nflip 20\n", "", "$HELIO compare s.gltf t.txt --metric psnr,flip");
+    expect_run(0, "rmse 20\nmax 20\n", "", "$HELIO compare s.gltf t.txt --metric all");
+    expect_run(1, "flip 20 is above 3", "",
+        "$HELIO compare s.gltf t.txt --metric psnr,flip --fail-below psnr=9 --fail-above flip=3");
+    expect_run(
+        2, "name the metric", "", "$HELIO compare s.gltf t.txt --metric psnr,flip --fail-below 9");
+    expect_run(2, "names no metric that is measured", "",
+        "$HELIO compare s.gltf t.txt --fail-below flip=9");
+    expect_run(2, "'depth' is none of psnr", "", "$HELIO compare s.gltf t.txt --metric depth");
+    expect_run(3, "gone.png", "", "$HELIO compare s.gltf t.txt --mask gone.png");
     expect_run(3, "gone.png", "", "$HELIO compare s.gltf gone.png");
     expect_run(3, NULL, "fail=compare:6", "$HELIO compare s.gltf t.txt");
     expect_run(0, "usage: helio render", "", "$HELIO render --help");
@@ -505,48 +490,6 @@ static void test_upload(void **state)
     assert_null(strstr(h.output, "upload total"));
     assert_int_equal(harness_run(&h, "rm sub/t.png"), 0);
     expect_run(3, "sub/t.png", "", "$HELIO render u.gltf --upload --connect unix:sock -o a.png");
-}
-
-static void write_script(const char *text)
-{
-    harness_write(&h, "t.hs", text, strlen(text));
-}
-
-static void test_run(void **state)
-{
-    (void)state;
-    write_script("load s.gltf\nset size 64x64\ncamera orbit 0,90,2\nframe one.png\n"
-                 "expect psnr one.png >= 40\nexpect stat frame.render_ms == 1.5\n"
-                 "expect pick 1 1 node 1:0\nexpect pick 20 1 nothing\n"
-                 "expect pick 1 1 node eye\n");
-    expect_run(1, "t.hs:9: expected: expect pick 1 1 node eye; seen: node 1:0", "",
-        "$HELIO run t.hs --junit r.xml");
-    expect_file("one.png", "frame 1 as PNG8");
-    expect_file("r.xml", "tests=\"5\" failures=\"1\" errors=\"0\"");
-    write_script("load ${SCENE}\nwait settled\nexpect stat frame.nothing > 1\n"
-                 "expect psnr gone.png > 1\n"
-                 "expect hash abcd000000000000000000000000000000000000000000000000000000000000\n");
-    expect_run(1, "t.hs:3: expected: expect stat frame.nothing > 1; seen: no such key", "",
-        "$HELIO run t.hs -D SCENE=s.gltf");
-    assert_non_null(strstr(h.output, "3 expectations, 2 failed"));
-    expect_run(
-        2, "t.hs:1: the variable 'SCENE' is not defined", "", "$HELIO run t.hs --junit q.xml");
-    expect_file("q.xml", "errors=\"1\"");
-    write_script("load s.gltf\nframe b.bmp\n");
-    expect_run(2, "t.hs:2: frame b.bmp", "", "$HELIO run t.hs");
-    write_script("load gone.gltf\n");
-    expect_run(3, "t.hs:1: load gone.gltf", "", "$HELIO run t.hs --junit p.xml");
-    expect_file("p.xml", "<error message=");
-    write_script("load s.gltf\nwait settled\nexpect stat a == 1\n");
-    expect_run(7, "was killed by signal 9", "die=frame_request", "$HELIO run t.hs");
-    expect_run(3, "gone.hs", "", "$HELIO run gone.hs");
-    harness_serve(&h, "log=logr");
-    write_script("load any.gltf as 3\nset variant red as 3\ntime 2\nwait settled\n");
-    expect_run(0, "0 expectations, 0 failed", "", "$HELIO run t.hs --connect unix:sock");
-    expect_file("logr", "variant_set\nanimation_set time=2\n");
-    write_script("connect unix:sock\nload any.gltf\nexpect hash "
-                 "abcd000000000000000000000000000000000000000000000000000000000000\n");
-    expect_run(0, "1 expectation, 0 failed", "", "$HELIO run t.hs");
 }
 
 // As soon as the frame is asked for.
@@ -592,22 +535,6 @@ static void test_output_failures(void **state)
     expect_no_file("full.png");
 }
 
-static int setup(void **state)
-{
-    (void)state;
-    harness_begin(&h);
-    harness_write(&h, "s.gltf", "{}", 2);
-    harness_write(&h, "t.txt", "other", 5);
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    harness_end(&h);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -628,9 +555,8 @@ int main(void)
         cmocka_unit_test(test_exit_codes_daemon),
         cmocka_unit_test(test_other_commands),
         cmocka_unit_test(test_upload),
-        cmocka_unit_test(test_run),
         cmocka_unit_test(test_interrupt),
         cmocka_unit_test(test_output_failures),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, cli_setup, cli_teardown);
 }

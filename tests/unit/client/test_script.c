@@ -12,18 +12,34 @@
 #include "base/alloc.h"
 #include "client/cli/script.h"
 
-static const char *variable(void *user, const char *name, size_t length)
+static const char *variable(void *user, const char *file, const char *name, size_t length)
 {
     (void)user;
+    if (length == 4 && memcmp(name, "FILE", 4) == 0)
+        return file;
     if (length == 3 && memcmp(name, "DIR", 3) == 0)
         return "a b";
     return NULL;
 }
 
+// "part.hs" and "loop.hs" are all files that there are.
+static enum hg_status include(void *user, const char *path, char **text, struct hg_error *err)
+{
+    (void)user;
+    const char *found = strcmp(path, "part.hs") == 0   ? "wait settled\nload ${FILE}\n"
+                        : strcmp(path, "loop.hs") == 0 ? "\ninclude loop.hs\n"
+                        : strcmp(path, "bad.hs") == 0  ? "\n\nfly\n"
+                                                       : NULL;
+    *text = found ? hg_strdup(found) : NULL;
+    return *text ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, path, NULL, "no such file");
+}
+
+static const struct hg_cli_script_source source = {variable, include, NULL};
+
 static void parse_good(const char *text, struct hg_cli_script *script)
 {
     struct hg_error err = {0};
-    if (hg_cli_script_parse("t.hs", text, variable, NULL, script, &err))
+    if (hg_cli_script_parse("t.hs", text, &source, script, &err))
         fail_msg("%s: %s", err.what, err.reason);
 }
 
@@ -119,6 +135,48 @@ static void test_path_keys(void **state)
     hg_cli_script_finish(&s);
 }
 
+static void test_include(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    struct hg_error err = {0};
+    parse_good("load a\ninclude part.hs\nload b\n", &s);
+    assert_int_equal(s.count, 4);
+    assert_string_equal(s.steps[0].file, "t.hs");
+    assert_string_equal(s.steps[2].file, "part.hs");
+    assert_string_equal(s.steps[2].path, "part.hs"); // variables are those of the line's file
+    assert_int_equal(s.steps[2].line, 2);
+    assert_int_equal(s.steps[3].line, 3);
+    hg_cli_script_finish(&s);
+    assert_int_equal(
+        hg_cli_script_parse("t.hs", "\ninclude bad.hs\n", &source, &s, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "bad.hs:3");
+    assert_int_equal(
+        hg_cli_script_parse("t.hs", "\ninclude gone.hs\n", &source, &s, &err), HG_E_NOTFOUND);
+    assert_string_equal(err.what, "t.hs:2");
+    assert_string_equal(err.reason, "gone.hs: no such file");
+    assert_int_equal(
+        hg_cli_script_parse("t.hs", "include loop.hs\n", &source, &s, &err), HG_E_INVAL);
+    assert_non_null(strstr(err.reason, "includes nest deeper than 16"));
+}
+
+static void test_values(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    parse_good("expect stat a.b == true\nexpect stat a.b != no\nexpect stat c > 1e3\n"
+               "expect stat device.name == \"llvm pipe\"\nexpect flip r.png < 0.1 mask m.png\n"
+               "scene show\n",
+        &s);
+    assert_true(s.steps[0].number == 1 && s.steps[1].number == 0 && s.steps[2].number == 1000);
+    assert_true(isnan(s.steps[3].number));
+    assert_string_equal(s.steps[3].value, "llvm pipe");
+    assert_string_equal(s.steps[4].mask, "m.png");
+    assert_int_equal(s.steps[5].kind, HG_CLI_STEP_SCENE);
+    assert_string_equal(s.steps[5].name, "show");
+    hg_cli_script_finish(&s);
+}
+
 // A list stands for what the mode has, whichever comes first, until it is taken back or the
 // session ends.
 static void test_planes(void **state)
@@ -145,8 +203,8 @@ static void test_planes(void **state)
     assert_true(v[9]->planes == depth && !v[11]->has_planes);
     hg_cli_script_finish(&s);
     struct hg_error err = {0};
-    assert_int_equal(hg_cli_script_parse(
-                         "t.hs", "set aov depth\nset debug-view lod\n", variable, NULL, &s, &err),
+    assert_int_equal(
+        hg_cli_script_parse("t.hs", "set aov depth\nset debug-view lod\n", &source, &s, &err),
         HG_E_INVAL);
     assert_string_equal(err.what, "t.hs:2");
     assert_non_null(strstr(err.reason, "a debug view has no planes"));
@@ -199,13 +257,19 @@ static void test_bad(void **state)
         {"expect psnr ref.png >= abc", "not a number"},
         {"expect pick 1 2", "is missing"},
         {"expect hash 12", "hexadecimal"},
+        {"expect stat a", "is missing"},
+        {"expect stat a > path", "texts are compared with == and !="},
+        {"expect max r.png < 1 mask", "mask file is missing"},
+        {"include", "file to include is missing"},
+        {"include part.hs twice", "one word too many"},
+        {"scene \"\"", "is empty"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         char text[256];
         struct hg_cli_script s;
         struct hg_error err = {0};
         snprintf(text, sizeof text, "# first\n%s\nwait settled\n", bad[i].line);
-        if (hg_cli_script_parse("dir/t.hs", text, variable, NULL, &s, &err) != HG_E_INVAL)
+        if (hg_cli_script_parse("dir/t.hs", text, &source, &s, &err) != HG_E_INVAL)
             fail_msg("taken: %s", bad[i].line);
         assert_string_equal(err.what, "dir/t.hs:2");
         if (!strstr(err.reason, bad[i].reason))
@@ -219,20 +283,21 @@ static void test_robust(void **state)
 {
     (void)state;
     static const char text[] = "load \"x y\" as 2\nset node a translation 1 2 3\n"
-                               "camera orbit 1,2,3 target 0,0,0\nexpect ssim r.png > 0.9\n";
+                               "camera orbit 1,2,3 target 0,0,0\nexpect ssim r.png > 0.9\n"
+                               "include part.hs\nexpect stat a != b\n";
     for (size_t n = 0; n < sizeof text; n++) {
         char part[sizeof text];
         struct hg_cli_script s;
         struct hg_error err;
         snprintf(part, sizeof part, "%.*s", (int)n, text);
-        if (hg_cli_script_parse("t", part, variable, NULL, &s, &err) == HG_OK)
+        if (hg_cli_script_parse("t", part, &source, &s, &err) == HG_OK)
             hg_cli_script_finish(&s);
     }
     bool failed = true;
     for (uint64_t n = 1; failed; n++) {
         struct hg_cli_script s;
         hg_alloc_fail_at(n);
-        failed = hg_cli_script_parse("t", text, variable, NULL, &s, NULL) != HG_OK;
+        failed = hg_cli_script_parse("t", text, &source, &s, NULL) != HG_OK;
         hg_alloc_fail_at(0);
         if (!failed)
             hg_cli_script_finish(&s);
@@ -255,6 +320,8 @@ int main(void)
         cmocka_unit_test(test_good),
         cmocka_unit_test(test_path_keys),
         cmocka_unit_test(test_planes),
+        cmocka_unit_test(test_include),
+        cmocka_unit_test(test_values),
         cmocka_unit_test(test_bad),
         cmocka_unit_test(test_robust),
         cmocka_unit_test(test_ops),

@@ -1,4 +1,4 @@
-// JUnit reports are well-formed XML, whatever bytes the texts hold.
+// Reports: JUnit is well-formed XML, HTML has no markup of the texts, whatever bytes they hold.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "client/cli/junit.h"
+#include "client/cli/report.h"
 
 // A small checker of the XML that reports use: one root, matched tags, quoted attributes with legal
 // characters and known entities. Returns the number of elements, or -1.
@@ -21,6 +21,12 @@ static int check_xml(const char *p)
         return -1;
     for (p += 39; *p;) {
         if (*p == ' ' || *p == '\n') {
+            p++;
+            continue;
+        }
+        if (*p != '<' && depth > 0) { // text
+            if (*p == '>' || (unsigned char)*p < 0x20)
+                return -1;
             p++;
             continue;
         }
@@ -65,10 +71,19 @@ static int check_xml(const char *p)
     return depth == 0 ? elements : -1;
 }
 
-static char *render(const struct hg_cli_junit *junit, const char *suite)
+static void add(struct hg_cli_report *report, const char *name, enum hg_cli_verdict verdict,
+    const char *message)
+{
+    const struct hg_cli_case c = {.verdict = verdict, .name = name, .message = message};
+    assert_int_equal(hg_cli_report_add(report, &c), HG_OK);
+}
+
+static char *render(const struct hg_cli_report *report, bool html, const char *folder)
 {
     struct hg_writer w = {0};
-    assert_int_equal(hg_cli_junit_write(junit, suite, &w), HG_OK);
+    assert_int_equal(
+        html ? hg_cli_report_write_html(report, &w) : hg_cli_report_write_junit(report, folder, &w),
+        HG_OK);
     char *text = calloc(w.size + 1, 1);
     assert_non_null(text);
     memcpy(text, w.data, w.size);
@@ -79,21 +94,56 @@ static char *render(const struct hg_cli_junit *junit, const char *suite)
 static void test_report(void **state)
 {
     (void)state;
-    struct hg_cli_junit junit = {0};
-    assert_int_equal(hg_cli_junit_add(&junit, "line 1: a <b> & \"c\"", HG_CLI_PASSED, "", 1), 0);
-    assert_int_equal(hg_cli_junit_add(&junit, "two", HG_CLI_DIFFERS, "saw 'x'\n\ty", 2), 0);
-    assert_int_equal(
-        hg_cli_junit_add(&junit, "three", HG_CLI_BROKEN, "\x01\x02 caf\xc3\xa9", 3), 0);
-    char *text = render(&junit, "dir/s&t.hs");
-    assert_int_equal(check_xml(text), 1 + 1 + 3 + 2);
-    assert_non_null(strstr(text, "tests=\"3\" failures=\"1\" errors=\"1\""));
+    struct hg_cli_report report = {0};
+    assert_int_equal(hg_cli_report_begin(&report, "dir/s&t.hs"), HG_OK);
+    add(&report, "line 1: a <b> & \"c\"", HG_CLI_PASSED, "");
+    add(&report, "two", HG_CLI_DIFFERS, "saw 'x'\n\ty");
+    add(&report, "three", HG_CLI_BROKEN, "\x01\x02 caf\xc3\xa9");
+    add(&report, "four", HG_CLI_SKIPPED, NULL);
+    assert_int_equal(hg_cli_report_begin(&report, "other.hs"), HG_OK);
+    add(&report, "five", HG_CLI_UPDATED, "replaced");
+    char *text = render(&report, false, NULL);
+    assert_int_equal(check_xml(text), 1 + 2 + 5 + 3);
+    assert_non_null(strstr(text, "tests=\"4\" failures=\"1\" errors=\"1\" skipped=\"1\""));
+    assert_non_null(strstr(text, "tests=\"1\" failures=\"0\" errors=\"0\" skipped=\"0\""));
     assert_non_null(strstr(text, "a &lt;b&gt; &amp; &quot;c&quot;"));
     assert_non_null(strstr(text, "?? caf\xc3\xa9"));
     free(text);
-    hg_cli_junit_finish(&junit);
-    text = render(&junit, "empty");
-    assert_int_equal(check_xml(text), 2);
+    text = render(&report, true, NULL);
+    assert_non_null(strstr(text, "1 passed, 1 updated, 1 failed, 1 errors, 1 skipped"));
+    assert_non_null(strstr(text, "a &lt;b&gt; &amp; &quot;c&quot;"));
+    assert_null(strstr(text, "<b>"));
     free(text);
+    hg_cli_report_finish(&report);
+    text = render(&report, false, NULL);
+    assert_int_equal(check_xml(text), 1);
+    free(text);
+}
+
+static void test_pictures(void **state)
+{
+    (void)state;
+    struct hg_cli_report report = {0};
+    const struct hg_cli_case c = {.verdict = HG_CLI_DIFFERS,
+        .name = "n",
+        .message = "m",
+        .pictures = {"1 <p>.png", "1-r.exr", NULL}};
+    assert_int_equal(hg_cli_report_begin(&report, "s"), HG_OK);
+    assert_int_equal(hg_cli_report_add(&report, &c), HG_OK);
+    char *text = render(&report, false, "out&");
+    assert_true(check_xml(text) > 0);
+    assert_non_null(strstr(text, "[[ATTACHMENT|out&amp;/1 &lt;p&gt;.png]]"));
+    assert_non_null(strstr(text, "[[ATTACHMENT|out&amp;/1-r.exr]]"));
+    free(text);
+    text = render(&report, false, NULL);
+    assert_null(strstr(text, "ATTACHMENT"));
+    free(text);
+    text = render(&report, true, NULL);
+    assert_non_null(strstr(text, "src=\"1%20%3Cp%3E.png\""));
+    assert_non_null(strstr(text, "href=\"1-r.exr\""));
+    assert_null(strstr(text, "src=\"1-r.exr\"")); // browsers do not show it
+    free(text);
+    hg_cli_report_finish(&report);
 }
 
 static bool is_utf8(const char *text)
@@ -120,13 +170,17 @@ static void test_any_bytes(void **state)
             name[i] = (char)(1 + (seed >> 24) % 255);
         }
         name[sizeof name - 1] = 0;
-        struct hg_cli_junit junit = {0};
-        assert_int_equal(hg_cli_junit_add(&junit, name, HG_CLI_DIFFERS, name, 1), 0);
-        char *text = render(&junit, name);
+        struct hg_cli_report report = {0};
+        assert_int_equal(hg_cli_report_begin(&report, name), HG_OK);
+        add(&report, name, HG_CLI_DIFFERS, name);
+        char *text = render(&report, false, NULL);
         assert_int_equal(check_xml(text), 4);
         assert_true(is_utf8(text));
         free(text);
-        hg_cli_junit_finish(&junit);
+        text = render(&report, true, NULL);
+        assert_true(is_utf8(text));
+        free(text);
+        hg_cli_report_finish(&report);
     }
 }
 
@@ -134,6 +188,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_report),
+        cmocka_unit_test(test_pictures),
         cmocka_unit_test(test_any_bytes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,66 @@
+// run.h - what the files of helio run share: the session that a script drives. Private to run*.c.
+// Floor 6 (client). One thread.
+#ifndef HG_CLIENT_CLI_RUN_H
+#define HG_CLIENT_CLI_RUN_H
+
+#include "client/cli/cli.h"
+#include "client/cli/report.h"
+#include "client/cli/script.h"
+
+enum { HG_CLI_RUN_ASSETS_MAX = 256 };
+
+// What the lines of one script have made so far; begins anew with each `connect` and `scene`.
+struct hg_cli_run_scene {
+    uint32_t assets[HG_CLI_RUN_ASSETS_MAX], asset_count; // loaded, as sent
+    uint32_t lights;
+    bool is_open, is_joined; // joined: other sessions made it
+    bool has_demo, has_env, has_camera;
+    bool dirty;                  // changed since `frame` was rendered
+    uint32_t width, height;      // of the view
+    struct helio_message *frame; // newest one, or NULL
+    uint64_t frame_ns;           // how long it took
+};
+
+struct hg_cli_run {
+    struct hg_cli cli;
+    const struct hg_cli_options *o;
+    struct hg_cli_report *report;
+    const struct hg_cli_script *script;
+    struct hg_cli_texts files; // read by a private worker
+    enum hg_cli_doing doing;
+    uint64_t load_ns, first_frame_ns;
+    struct hg_cli_run_scene scene;
+};
+
+// run_session.c: the connection and scene that the next step needs; they may be open already.
+enum hg_status hg_cli_run_connect(
+    struct hg_cli_run *r, const char *url, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_run_need_scene(struct hg_cli_run *r, struct hg_error *err) HG_MUST_CHECK;
+// Leaves the scene and joins (or makes) the one of that name. HG_E_NOTFOUND: there is none, and the
+// session may not make it.
+enum hg_status hg_cli_run_join(
+    struct hg_cli_run *r, const char *name, struct hg_error *err) HG_MUST_CHECK;
+// Frees what belongs to the scene; the session does not use it any more.
+void hg_cli_run_forget(struct hg_cli_run *r);
+
+// run_edit.c: steps that change the scene or the view.
+enum hg_status hg_cli_run_edit(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+// What helio render would do: light for a scene without any, a camera when none was chosen.
+enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err) HG_MUST_CHECK;
+
+// run_frame.c: renders, and writes the file that the step names, if any.
+enum hg_status hg_cli_run_frame(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+// Renders scene.frame; now: the next frame, settled or not.
+enum hg_status hg_cli_run_take(struct hg_cli_run *r, const struct hg_cli_format *format, bool now,
+    struct hg_error *err) HG_MUST_CHECK;
+extern const struct hg_cli_format hg_cli_run_png;
+
+// run_expect.c: an expectation that does not hold is reported and the script goes on; HG_OK unless
+// the connection is lost.
+enum hg_status hg_cli_run_expect(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+bool hg_cli_run_is_expectation(const struct hg_cli_step *s);
+
+#endif

@@ -1,0 +1,208 @@
+// run_edit.c - helio run: steps that change the scene or the view.
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "client/cli/run.h"
+
+static const double pi = 3.14159265358979323846;
+
+static enum hg_status call_ok(
+    struct hg_cli_run *r, enum hgp_type type, const void *message, struct hg_error *err)
+{
+    r->scene.dirty = true;
+    return helio_call_for(r->cli.h, type, message, HGP_T_ok, NULL, err);
+}
+
+// Asset numbers of scripts count from 1; those on the wire lie in the session's range.
+static uint32_t wire_asset(const struct hg_cli_run *r, uint32_t asset)
+{
+    return r->cli.scene.first_id + asset - 1;
+}
+
+static enum hg_status do_load(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    char *path;
+    struct hgp_asset_loaded loaded;
+    uint32_t number = s->asset ? s->asset : r->scene.asset_count + 1;
+    r->doing = HG_CLI_DOING_INPUT;
+    hg_cli_progress_stage(&r->cli.progress, "loading");
+    if (number > r->cli.scene.id_count || r->scene.asset_count == HG_CLI_RUN_ASSETS_MAX)
+        return hg_error_set(err, HG_E_LIMIT, "load", NULL, "too many assets");
+    enum hg_status status = hg_cli_server_path(&r->cli, s->path, &path, err);
+    if (status)
+        return status;
+    const uint64_t begin_ns = hg_clock_now_ns();
+    status = helio_load(r->cli.h, wire_asset(r, number), path, &loaded, err);
+    r->load_ns += hg_clock_now_ns() - begin_ns;
+    hg_free(path);
+    if (status)
+        return status;
+    r->scene.assets[r->scene.asset_count++] = wire_asset(r, number);
+    r->scene.lights += loaded.lights;
+    r->scene.has_demo |= strcmp(s->path, "demo:") == 0;
+    r->scene.dirty = true;
+    return HG_OK;
+}
+
+static enum hg_status do_environment(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hgp_environment_set e = s->environment;
+    char *path = NULL;
+    r->doing = HG_CLI_DOING_INPUT;
+    if (s->path) {
+        enum hg_status status = hg_cli_server_path(&r->cli, s->path, &path, err);
+        if (status)
+            return status;
+        e.has_path = true;
+        e.path = hgp_str_make(path);
+    }
+    r->scene.has_env = true;
+    enum hg_status status = call_ok(r, HGP_T_environment_set, &e, err);
+    hg_free(path);
+    return status;
+}
+
+static enum hg_status do_view(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hgp_view_set view = s->view;
+    view.view = HG_CLI_VIEW;
+    enum hg_status status = call_ok(r, HGP_T_view_set, &view, err);
+    if (status || !view.has_width)
+        return status;
+    r->scene.width = view.width;
+    r->scene.height = view.height;
+    return HG_OK;
+}
+
+// A material by "ASSET:INDEX", or by its name in the scene's description.
+static enum hg_status find_material(
+    struct hg_cli_run *r, const char *name, uint64_t *id, struct hg_error *err)
+{
+    char *text;
+    json_error_t wrong;
+    *id = hg_cli_parse_object(&r->cli, name);
+    if (*id)
+        return HG_OK;
+    enum hg_status status = helio_query_json(r->cli.h, HGP_T_info_query, 0, &text, err);
+    if (status)
+        return status;
+    json_t *info = json_loads(text, 0, &wrong), *asset, *entry;
+    helio_text_free(text);
+    size_t a, i;
+    json_array_foreach(json_object_get(info, "assets"), a, asset)
+    {
+        json_array_foreach(json_object_get(asset, "materials"), i, entry)
+        {
+            const char *known = json_string_value(json_object_get(entry, "name"));
+            if (known && strcmp(known, name) == 0 && !*id && a < r->scene.asset_count)
+                *id = helio_object_id(r->scene.assets[a], (uint32_t)i);
+        }
+    }
+    json_decref(info);
+    return *id ? HG_OK
+               : hg_error_set(err, HG_E_NOTFOUND, "material", name,
+                     "no material of that name; ASSET:INDEX names one by number");
+}
+
+static enum hg_status do_camera(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hgp_view_camera camera = s->camera;
+    enum hg_status status = HG_OK;
+    camera.has_lens_radius = camera.has_focus_distance = true; // not those of the camera before
+    if (s->kind == HG_CLI_STEP_CAMERA_FIT)
+        status = hg_cli_fit_camera(
+            &r->cli, s->number * pi / 180, (double)r->scene.width / r->scene.height, &camera, err);
+    else if (s->kind == HG_CLI_STEP_CAMERA_NODE)
+        status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
+    camera.has_camera = camera.camera != 0;
+    camera.view = HG_CLI_VIEW;
+    camera.input_seq = s->line;
+    r->scene.has_camera = true;
+    r->scene.dirty = true;
+    return status ? status : hg_cli_send_camera(&r->cli, &camera, err);
+}
+
+static enum hg_status do_time(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < r->scene.asset_count && !status; i++) {
+        if (s->asset && r->scene.assets[i] != wire_asset(r, s->asset))
+            continue;
+        struct hgp_animation_set a = {
+            .asset = r->scene.assets[i], .animation = -1, .time_s = s->number};
+        status = call_ok(r, HGP_T_animation_set, &a, err);
+    }
+    return status;
+}
+
+// Variants, nodes and materials.
+static enum hg_status do_object(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    enum hg_status status;
+    if (s->kind == HG_CLI_STEP_VARIANT) {
+        struct hgp_variant_set v = {
+            .asset = wire_asset(r, s->asset ? s->asset : 1), .variant = hgp_str_make(s->name)};
+        return call_ok(r, HGP_T_variant_set, &v, err);
+    }
+    if (s->kind == HG_CLI_STEP_NODE) {
+        struct hgp_node_set n = s->node;
+        status = hg_cli_find_node(&r->cli, s->name, &n.node, err);
+        return status ? status : call_ok(r, HGP_T_node_set, &n, err);
+    }
+    struct hgp_material_set m = s->material;
+    status = find_material(r, s->name, &m.material, err);
+    return status ? status : call_ok(r, HGP_T_material_set, &m, err);
+}
+
+enum hg_status hg_cli_run_edit(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    switch (s->kind) {
+    case HG_CLI_STEP_LOAD:
+        return do_load(r, s, err);
+    case HG_CLI_STEP_VIEW:
+        return do_view(r, s, err);
+    case HG_CLI_STEP_ENVIRONMENT:
+        return do_environment(r, s, err);
+    case HG_CLI_STEP_CAMERA:
+    case HG_CLI_STEP_CAMERA_NODE:
+    case HG_CLI_STEP_CAMERA_FIT:
+        return do_camera(r, s, err);
+    case HG_CLI_STEP_TIME:
+        return do_time(r, s, err);
+    default:
+        return do_object(r, s, err);
+    }
+}
+
+enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err)
+{
+    enum hg_status status;
+    if (!r->scene.is_joined && !r->scene.has_env && !r->scene.has_demo && r->scene.asset_count &&
+        !r->scene.lights) {
+        struct hgp_environment_set sky = {.has_kind = true, .kind = HGP_environment_kind_SKY};
+        status = call_ok(r, HGP_T_environment_set, &sky, err);
+        if (status)
+            return status;
+        r->scene.has_env = true;
+    }
+    if (r->scene.has_camera)
+        return HG_OK;
+    uint64_t node;
+    status = hg_cli_find_camera(&r->cli, NULL, &node, err);
+    if (status)
+        return status;
+    struct hg_cli_step step = {.kind = HG_CLI_STEP_CAMERA_FIT, .number = 45};
+    if (node) {
+        step.kind = HG_CLI_STEP_CAMERA;
+        step.camera.camera = node;
+    }
+    return do_camera(r, &step, err);
+}

@@ -1,0 +1,58 @@
+// run_frame.c - helio run: frames and their files.
+#include "base/clock.h"
+#include "client/cli/run.h"
+
+enum hg_status hg_cli_run_take(
+    struct hg_cli_run *r, const struct hg_cli_format *format, bool now, struct hg_error *err)
+{
+    struct hgp_frame_request request = {
+        .view = HG_CLI_VIEW,
+        .settled = !now,
+        .has_encoding = true,
+        .encoding = format->encoding,
+        .has_quality = true,
+        .quality = format->quality,
+    };
+    helio_message_free(r->scene.frame);
+    r->scene.frame = NULL;
+    r->doing = HG_CLI_DOING_RENDER;
+    hg_cli_progress_stage(&r->cli.progress, "rendering");
+    r->scene.dirty = true;
+    enum hg_status status = hg_cli_run_complete(r, err);
+    if (status)
+        return status;
+    const uint64_t begin_ns = hg_clock_now_ns();
+    status = helio_frame(r->cli.h, &request, &r->scene.frame, err);
+    if (status)
+        return status;
+    const uint64_t end_ns = hg_clock_now_ns();
+    r->scene.frame_ns = end_ns - begin_ns;
+    if (r->first_frame_ns == 0)
+        r->first_frame_ns = end_ns - r->cli.begin_ns;
+    status = hg_cli_drain_queue(&r->cli, err);
+    r->scene.dirty = status != HG_OK;
+    return status;
+}
+
+const struct hg_cli_format hg_cli_run_png = {HGP_encoding_PNG8, 90, NULL};
+
+enum hg_status hg_cli_run_frame(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hg_cli_format format = hg_cli_run_png;
+    if (!s->path)
+        return hg_cli_run_take(r, &hg_cli_run_png, s->now, err);
+    r->doing = HG_CLI_DOING_ARGUMENTS;
+    enum hg_status status = hg_cli_format_of(s->path, NULL, &format, err);
+    if (status)
+        return status;
+    status = hg_cli_check_output(format.path, err);
+    if (status)
+        return status;
+    status = hg_cli_run_take(r, &format, s->now, err);
+    if (status)
+        return status;
+    const struct hgp_frame *frame = &r->scene.frame->body->frame;
+    r->doing = HG_CLI_DOING_OUTPUT;
+    return hg_cli_write_output(format.path, frame->data.data, frame->data.size, err);
+}
