@@ -14,7 +14,7 @@ enum { PART_BYTES = 16 << 20 }; // of a file that is sent to be verified
 // Only files that may be met again are worth looking at the whole scene for.
 static bool wants_job(const struct hg_cli_render *r)
 {
-    return hg_cli_is_path(r->o) || r->o->has_frames || r->o->skip_existing;
+    return hg_cli_is_path(r->o) || r->list.count > 0 || r->o->skip_existing;
 }
 
 // after: job of the picture that this one depends on, or NULL.

@@ -10,7 +10,7 @@ bool hg_cli_series_is_lost(const struct hg_cli_render *r)
 
 bool hg_cli_is_series(const struct hg_cli_render *r)
 {
-    return hg_cli_is_path(r->o) && r->o->denoise && r->o->has_frames && hg_cli_frame_count(r) > 1;
+    return hg_cli_is_path(r->o) && r->o->denoise && hg_cli_frame_count(r) > 1;
 }
 
 static enum hg_status ask_series_job(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
@@ -112,7 +112,7 @@ static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error
         return status;
     hg_cli_progress_clear(&r->cli.progress);
     fprintf(stderr,
-        "helio: frames %u to %u are made again, unwritten: the next one depends on them\n",
+        "helio: frames %d to %d are made again, unwritten: the next one depends on them\n",
         hg_cli_frame_at(r, s->held), hg_cli_frame_at(r, i - 1));
     while (s->held < i) {
         status = make_again(r, i, err);

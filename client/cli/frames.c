@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "client/cli/frames.h"
 
-bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size)
+bool hg_cli_frame_name(const char *pattern, int32_t frame, char *dst, size_t size)
 {
     const char *slash = strrchr(pattern, '/'), *file = slash ? slash + 1 : pattern;
     const char *at = strrchr(file, '#');
@@ -16,7 +16,7 @@ bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t si
         while (at > file && at[-1] == '#')
             at--;
         int width = (int)strspn(at, "#");
-        snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + width);
+        snprintf(dst, size, "%.*s%0*d%s", (int)(at - pattern), pattern, width, frame, at + width);
         return true;
     }
     at = strrchr(file, '%');
@@ -24,7 +24,7 @@ bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t si
     if (!at || digits > 2 || at[1 + digits] != 'd' || (digits && at[1] != '0'))
         return false;
     int width = digits ? atoi(at + 1) : 1;
-    snprintf(dst, size, "%.*s%0*u%s", (int)(at - pattern), pattern, width, frame, at + digits + 2);
+    snprintf(dst, size, "%.*s%0*d%s", (int)(at - pattern), pattern, width, frame, at + digits + 2);
     return true;
 }
 
@@ -184,36 +184,51 @@ static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg
 }
 
 // Frames that are averaged must not have the same noise: each one has a seed of its own.
-static enum hg_status set_seed(struct hg_cli_render *r, uint32_t frame, struct hg_error *err)
+static enum hg_status set_seed(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
-    struct hgp_view_set view = {.view = HG_CLI_VIEW, .has_seed = true, .seed = r->o->seed + frame};
+    struct hgp_view_set view = {.view = HG_CLI_VIEW,
+        .has_seed = true,
+        .seed = r->o->seed + (uint32_t)hg_cli_frame_at(r, index),
+        .has_series_s = r->list.count > 1,
+        .series_s = hg_cli_series_s(r, index)};
     if (!r->o->denoise)
         return HG_OK;
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 
-void hg_cli_frame_file(const struct hg_cli_render *r, uint32_t frame, char *dst, size_t size)
+static enum hg_status set_turn(struct hg_cli_render *r, int32_t frame, struct hg_error *err)
+{
+    struct hgp_view_camera camera;
+    if (!r->turntable.frames)
+        return HG_OK;
+    hg_cli_turntable_camera(&r->turntable, frame, &camera);
+    camera.input_seq = ++r->turntable.start.input_seq;
+    return hg_cli_send_camera(&r->cli, &camera, err);
+}
+
+void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, size_t size)
 {
     if (!hg_cli_frame_name(r->output, frame, dst, size))
         snprintf(dst, size, "%s", r->output);
 }
 
-uint32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index)
+int32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index)
 {
-    return r->o->frames.first + index * r->o->frames.step;
+    return r->list.numbers[index];
 }
 
 uint32_t hg_cli_frame_count(const struct hg_cli_render *r)
 {
-    const struct hg_cli_frames *f = &r->o->frames;
-    return (f->last - f->first) / f->step + 1;
+    return r->list.count;
 }
 
 enum hg_status hg_cli_frame_go_to(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
-    const uint32_t frame = hg_cli_frame_at(r, index);
-    enum hg_status status = set_time(r, frame / hg_cli_fps(r->o), err);
-    return status ? status : set_seed(r, frame, err);
+    const int32_t frame = hg_cli_frame_at(r, index);
+    enum hg_status status = set_time(r, r->o->has_at ? r->o->at : frame / hg_cli_fps(r->o), err);
+    if (!status)
+        status = set_turn(r, frame, err);
+    return status ? status : set_seed(r, index, err);
 }
 
 static enum hg_status render_numbered(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
@@ -232,11 +247,12 @@ static enum hg_status render_all_frames(struct hg_cli_render *r, struct hg_error
     enum hg_status status = HG_OK;
     hg_cli_progress_frames(&r->cli.progress, count);
     for (uint32_t i = 0; i < count && !status; i++) {
-        r->next_frame = hg_cli_frame_at(r, i);
+        r->next = i;
         snprintf(
             r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
         status = render_numbered(r, i, err);
     }
+    r->next = status ? r->next : count;
     for (uint32_t i = 0; i < count && !status && r->series; i++)
         hg_cli_series_drop_history(r, i);
     return status;
@@ -245,12 +261,17 @@ static enum hg_status render_all_frames(struct hg_cli_render *r, struct hg_error
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
-    if (!o->has_frames) {
+    if (r->list.count == 0) {
         bool moves =
             (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
         enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }
+    if (r->list.count > 1 && !r->turntable.frames && r->loaded.animations == 0)
+        fprintf(stderr,
+            "helio: nothing moves in these %u frames: the scene has no animation, and the camera "
+            "stays where it is\n",
+            r->list.count);
     if (hg_cli_is_series(r)) {
         r->series = hg_calloc(1, sizeof *r->series + (size_t)hg_cli_frame_count(r) * 32);
         if (!r->series)
@@ -261,15 +282,17 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
 
 void hg_cli_render_stopped(const struct hg_cli_render *r)
 {
-    const struct hg_cli_frames *f = &r->o->frames;
+    char rest[256];
     if (r->series)
         fprintf(stderr,
             "helio: %zu frames are written; the same command with --skip-existing renders the "
             "rest\n",
             json_array_size(r->frames));
-    else if (r->o->has_frames && r->next_frame > f->first)
-        fprintf(stderr, "helio: %zu frames are written; --frames %u-%u:%u renders the rest\n",
-            json_array_size(r->frames), r->next_frame, f->last, f->step);
+    else if (r->next > 0 && r->next < r->list.count) {
+        hg_frame_list_text(r->list.numbers + r->next, r->list.count - r->next, rest, sizeof rest);
+        fprintf(stderr, "helio: %zu frames are written; --frames %s renders the rest\n",
+            json_array_size(r->frames), rest);
+    }
     if (r->left_checkpoint)
         fprintf(
             stderr, "helio: stopped early; the same command with --resume goes on from there\n");

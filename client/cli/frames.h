@@ -39,10 +39,10 @@ enum hg_status hg_cli_frame_resume(struct hg_cli_render *r, const char *name, co
     struct hg_error *err) HG_MUST_CHECK;
 
 // frames.c: frames of --frames by their place from 0.
-uint32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index); // its number
+int32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index); // its number
 uint32_t hg_cli_frame_count(const struct hg_cli_render *r);
-void hg_cli_frame_file(const struct hg_cli_render *r, uint32_t frame, char *dst, size_t size);
-// Poses the scene and seeds the view.
+void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, size_t size);
+// Poses the scene, seeds the view and turns its camera.
 enum hg_status hg_cli_frame_go_to(
     struct hg_cli_render *r, uint32_t index, struct hg_error *err) HG_MUST_CHECK;
 // *there: --skip-existing leaves the file alone.

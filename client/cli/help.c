@@ -58,32 +58,81 @@ void hg_cli_help_program(FILE *out)
     }
 }
 
+enum { FLAT_OPTIONS = 16 }; // of a command with more, options are listed by group
+
+static bool is_grouped(const struct hg_cli_command_row *command)
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < hg_cli_option_count; i++)
+        count += (hg_cli_option_rows[i].commands & command->command) != 0;
+    return count > FLAT_OPTIONS;
+}
+
+// The options of a command in the order of its help: by group where it has many, else as in the
+// table.
+struct option_walk {
+    const struct hg_cli_command_row *command;
+    bool grouped;
+    uint32_t at;
+    uint32_t group; // of the newest option; HG_CLI_GROUP_COUNT: none yet
+    bool begins;    // it is the first one of its group
+};
+
+static struct option_walk walk_options(const struct hg_cli_command_row *command)
+{
+    return (struct option_walk){
+        .command = command, .grouped = is_grouped(command), .group = HG_CLI_GROUP_COUNT};
+}
+
+static const struct hg_cli_option_row *next_option(struct option_walk *w)
+{
+    const uint32_t rounds = w->grouped ? HG_CLI_GROUP_COUNT : 1;
+    while (w->at < rounds * hg_cli_option_count) {
+        const uint32_t i = w->at % hg_cli_option_count, group = w->at / hg_cli_option_count;
+        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
+        w->at++;
+        if (!(row->commands & w->command->command) ||
+            (w->grouped && hg_cli_option_group(i) != group))
+            continue;
+        w->begins = w->grouped && w->group != group;
+        w->group = group;
+        return row;
+    }
+    return NULL;
+}
+
+static void print_option(FILE *out, const struct hg_cli_option_row *row)
+{
+    char left[80], letter[8] = "    ", choices[HG_CLI_CHOICES_BYTES];
+    char text[HG_CLI_OPTION_TEXT_BYTES];
+    if (row->letter)
+        snprintf(letter, sizeof letter, "-%c, ", row->letter);
+    const char *argument = argument_of(row, choices);
+    int n = snprintf(
+        left, sizeof left, "  %s--%s%s%s", letter, row->name, *argument ? " " : "", argument);
+    fprintf(out, "%s", left);
+    if (n > 28)
+        fprintf(out, "\n%*s", 30, "");
+    else
+        fprintf(out, "%*s", 30 - n, "");
+    hg_cli_option_text(row, text);
+    print_wrapped(out, text, 30, 30);
+}
+
 void hg_cli_help_command(FILE *out, const struct hg_cli_command_row *command)
 {
     fprintf(out, "usage: helio %s %s%s[OPTION...]\n\n", command->name, command->arguments,
         *command->arguments ? " " : "");
     print_wrapped(out, command->description, 0, 0);
-    fprintf(out, "\noptions:\n");
-    for (uint32_t i = 0; i < hg_cli_option_count; i++) {
-        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
-        if (!(row->commands & command->command))
-            continue;
-        char left[80], letter[8] = "    ", choices[HG_CLI_CHOICES_BYTES];
-        char text[HG_CLI_OPTION_TEXT_BYTES];
-        if (row->letter)
-            snprintf(letter, sizeof letter, "-%c, ", row->letter);
-        const char *argument = argument_of(row, choices);
-        int n = snprintf(
-            left, sizeof left, "  %s--%s%s%s", letter, row->name, *argument ? " " : "", argument);
-        fprintf(out, "%s", left);
-        if (n > 28)
-            fprintf(out, "\n%*s", 30, "");
-        else
-            fprintf(out, "%*s", 30 - n, "");
-        hg_cli_option_text(row, text);
-        print_wrapped(out, text, 30, 30);
+    struct option_walk walk = walk_options(command);
+    fputs(walk.grouped ? "" : "\noptions:\n", out);
+    const struct hg_cli_option_row *row;
+    while ((row = next_option(&walk))) {
+        if (walk.begins)
+            fprintf(out, "\n%s:\n", hg_cli_group_titles[walk.group]);
+        print_option(out, row);
     }
-    fprintf(out, "      --help                  print this\n");
+    fprintf(out, "%s      --help                  print this\n", walk.grouped ? "\n" : "");
 }
 
 // ---- man pages ---------------------------------------------------------------------------------
@@ -140,26 +189,32 @@ static void man_exit_codes(FILE *out)
     }
 }
 
+static void man_option(FILE *out, const struct hg_cli_option_row *row)
+{
+    fprintf(out, ".TP\n");
+    if (row->letter)
+        fprintf(out, "\\fB\\-%c\\fR, ", row->letter);
+    fprintf(out, "\\fB\\-\\-");
+    man_text(out, row->name);
+    char choices[HG_CLI_CHOICES_BYTES], text[HG_CLI_OPTION_TEXT_BYTES];
+    const char *argument = argument_of(row, choices);
+    fprintf(out, "\\fR%s", *argument ? " \\fI" : "");
+    man_text(out, argument);
+    fprintf(out, "%s\n", *argument ? "\\fR" : "");
+    hg_cli_option_text(row, text);
+    strncat(text, ".", sizeof text - strlen(text) - 1);
+    man_paragraph(out, text);
+}
+
 static void man_options(FILE *out, const struct hg_cli_command_row *command)
 {
+    struct option_walk walk = walk_options(command);
+    const struct hg_cli_option_row *row;
     fprintf(out, ".SH OPTIONS\n");
-    for (uint32_t i = 0; i < hg_cli_option_count; i++) {
-        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
-        if (!(row->commands & command->command))
-            continue;
-        fprintf(out, ".TP\n");
-        if (row->letter)
-            fprintf(out, "\\fB\\-%c\\fR, ", row->letter);
-        fprintf(out, "\\fB\\-\\-");
-        man_text(out, row->name);
-        char choices[HG_CLI_CHOICES_BYTES], text[HG_CLI_OPTION_TEXT_BYTES];
-        const char *argument = argument_of(row, choices);
-        fprintf(out, "\\fR%s", *argument ? " \\fI" : "");
-        man_text(out, argument);
-        fprintf(out, "%s\n", *argument ? "\\fR" : "");
-        hg_cli_option_text(row, text);
-        strncat(text, ".", sizeof text - strlen(text) - 1);
-        man_paragraph(out, text);
+    while ((row = next_option(&walk))) {
+        if (walk.begins)
+            fprintf(out, ".SS %s\n", hg_cli_group_titles[walk.group]);
+        man_option(out, row);
     }
     fprintf(out, ".TP\n\\fB\\-h\\fR, \\fB\\-\\-help\\fR\nprint a summary of the options.\n");
 }

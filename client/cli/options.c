@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/cli/suggest.h"
+
 const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT] = {
 #define HG_CLI_COMMAND(symbol, name, arguments, least, most, summary, description)                 \
     {HG_CLI_##symbol, name, arguments, least, most, summary, description},
@@ -13,6 +15,7 @@ const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT] = {
 };
 
 const struct hg_cli_option_row hg_cli_option_rows[] = {
+#define HG_CLI_GROUP(symbol, title) {.name = title},
 #define HG_CLI_OPTION(field, name, letter, kind, argument, commands, low, high, choices, text)     \
     {name, letter, HG_CLI_KIND_##kind, argument, commands, low, high, choices, text,               \
         offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field),      \
@@ -24,7 +27,23 @@ const struct hg_cli_option_row hg_cli_option_rows[] = {
 #include "client/cli/options.def"
 };
 
+const char *const hg_cli_group_titles[HG_CLI_GROUP_COUNT] = {
+#define HG_CLI_GROUP(symbol, title) title,
+#include "client/cli/options.def"
+};
+
 const uint32_t hg_cli_option_count = sizeof hg_cli_option_rows / sizeof *hg_cli_option_rows;
+
+enum hg_cli_group hg_cli_option_group(uint32_t index)
+{
+    const struct hg_cli_option_row *row = &hg_cli_option_rows[index];
+    if (row->param && row->param->path_only)
+        return HG_CLI_GROUP_PATH;
+    uint32_t group = 0;
+    for (uint32_t i = 0; i <= index; i++)
+        group += hg_cli_option_rows[i].commands == 0;
+    return (enum hg_cli_group)(group - 1);
+}
 
 void hg_cli_option_choices(const struct hg_cli_option_row *row, char dst[HG_CLI_CHOICES_BYTES])
 {
@@ -148,30 +167,6 @@ enum hg_status hg_cli_parse_background(
         "'%s' is not env, none or three linear components R,G,B", text);
 }
 
-static enum hg_status parse_frames(
-    const char *what, const char *text, struct hg_cli_frames *out, struct hg_error *err)
-{
-    struct hg_cli_frames f = {.step = 1};
-    char tail;
-    int fields = 0;
-    if (strspn(text, "0123456789-:") == strlen(text) && text[0] != '-' && strlen(text) < 40 &&
-        !strstr(text, "--") && !strstr(text, ":-")) {
-        if (strchr(text, ':'))
-            fields = sscanf(text, "%9u-%9u:%9u%c", &f.first, &f.last, &f.step, &tail) == 3;
-        else if (strchr(text, '-'))
-            fields = sscanf(text, "%9u-%9u%c", &f.first, &f.last, &tail) == 2;
-        else if ((fields = sscanf(text, "%9u%c", &f.first, &tail) == 1))
-            f.last = f.first;
-    }
-    if (!fields || f.step < 1 || f.first > f.last) {
-        *out = (struct hg_cli_frames){0};
-        return hg_error_set(err, HG_E_INVAL, what, NULL,
-            "'%s' is not A-B or A-B:STEP with A <= B and STEP >= 1", text);
-    }
-    *out = f;
-    return HG_OK;
-}
-
 static enum hg_status parse_choice(
     const char *what, const char *choices, const char *text, const char **out, struct hg_error *err)
 {
@@ -186,7 +181,10 @@ static enum hg_status parse_choice(
             break;
         at += n + 1;
     }
-    return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of %s", text, choices);
+    struct hg_suggestion near = hg_suggest_begin(text, length);
+    hg_suggest_offer_choices(&near, choices);
+    return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of %s%s%s%s", text, choices,
+        near.word[0] ? "; did you mean '" : "", near.word, near.word[0] ? "'?" : "");
 }
 
 static enum hg_status add_text(
@@ -230,9 +228,12 @@ static enum hg_status set_value(const struct hg_cli_option_row *row, const char 
         return hg_cli_parse_numbers(what, text, 3, ((struct hg_cli_vec3 *)value)->v, err);
     case HG_CLI_KIND_CHOICE:
         hg_cli_option_choices(row, choices);
+        if (strcmp(row->name, "quality") == 0 && strspn(text, "0123456789") == strlen(text))
+            return hg_error_set(err, HG_E_INVAL, what, NULL,
+                "'%s' is none of %s; of JPEG files it is --jpeg-quality %s", text, choices, text);
         return parse_choice(what, choices, text, value, err);
     case HG_CLI_KIND_FRAMES:
-        return parse_frames(what, text, value, err);
+        return hg_frame_ranges_parse(what, text, value, err);
     case HG_CLI_KIND_BACKGROUND:
         return hg_cli_parse_background(what, text, value, err);
     }
@@ -258,6 +259,41 @@ static const struct hg_cli_option_row *find_short(uint32_t command, char letter)
     return NULL;
 }
 
+// Of an option that the command does not have: the nearest one that it has, or another command
+// that has it.
+static enum hg_status refuse_option(uint32_t command, const char *word, struct hg_error *err)
+{
+    const bool is_long = word[1] == '-';
+    const char *name = word + 1 + is_long;
+    const size_t length = strcspn(name, "=");
+    struct hg_suggestion near = hg_suggest_begin(name, length);
+    for (uint32_t i = 0; is_long && i < hg_cli_option_count; i++)
+        if (hg_cli_option_rows[i].commands & command)
+            hg_suggest_offer(&near, hg_cli_option_rows[i].name, strlen(hg_cli_option_rows[i].name));
+    for (int i = 0; is_long && i < HG_CLI_COMMAND_COUNT; i++)
+        if (find_long(hg_cli_commands[i].command, name, length))
+            return hg_error_set(err, HG_E_INVAL, word, NULL,
+                "unknown option; it is one of helio %s", hg_cli_commands[i].name);
+    if (near.word[0])
+        return hg_error_set(
+            err, HG_E_INVAL, word, NULL, "unknown option; did you mean --%s?", near.word);
+    return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown option; --help lists all of them");
+}
+
+static enum hg_status refuse_command(const char *word, struct hg_error *err)
+{
+    struct hg_suggestion near = hg_suggest_begin(word, strlen(word));
+    for (int i = 0; i < HG_CLI_COMMAND_COUNT; i++)
+        hg_suggest_offer(&near, hg_cli_commands[i].name, strlen(hg_cli_commands[i].name));
+    if (near.word[0])
+        return hg_error_set(
+            err, HG_E_INVAL, word, NULL, "unknown command; did you mean helio %s?", near.word);
+    if (strpbrk(word, "./:"))
+        return hg_error_set(err, HG_E_INVAL, word, NULL,
+            "is not a command; a scene is rendered by helio render SCENE -o OUT");
+    return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown command; see helio --help");
+}
+
 // Parses the option at argv[*at]; leaves *at on the last word it used.
 static enum hg_status parse_option(
     int argc, const char *const *argv, int *at, struct hg_cli_options *out, struct hg_error *err)
@@ -273,7 +309,7 @@ static enum hg_status parse_option(
         value = word[2] ? word + 2 : NULL;
     }
     if (!row)
-        return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown option");
+        return refuse_option(out->command, word, err);
     if (row->kind == HG_CLI_KIND_FLAG && value)
         return hg_error_set(err, HG_E_INVAL, word, NULL, "takes no value");
     if (row->kind != HG_CLI_KIND_FLAG && !value) {
@@ -303,7 +339,7 @@ enum hg_status hg_cli_parse(
         if (strcmp(argv[1], hg_cli_commands[i].name) == 0)
             row = &hg_cli_commands[i];
     if (!row)
-        return hg_error_set(err, HG_E_INVAL, argv[1], NULL, "unknown command; see helio --help");
+        return refuse_command(argv[1], err);
     out->command = row->command;
     bool only_args = false;
     for (int i = 2; i < argc; i++) {

@@ -4,6 +4,7 @@
 #define HG_CLIENT_CLI_OPTIONS_H
 
 #include "base/status.h"
+#include "client/cli/frame_list.h"
 #include "protocol/view_params.h"
 
 enum {
@@ -20,6 +21,13 @@ enum hg_cli_command_index {
 enum hg_cli_command {
 #define HG_CLI_COMMAND(symbol, ...) HG_CLI_##symbol = 1 << HG_CLI_INDEX_##symbol,
 #include "client/cli/options.def"
+};
+
+// Headings of the help of commands with many options.
+enum hg_cli_group {
+#define HG_CLI_GROUP(symbol, title) HG_CLI_GROUP_##symbol,
+#include "client/cli/options.def"
+    HG_CLI_GROUP_COUNT
 };
 
 enum hg_cli_kind {
@@ -50,10 +58,6 @@ struct hg_cli_vec3 {
     double v[3];
 };
 
-struct hg_cli_frames {
-    uint32_t first, last, step; // step >= 1, first <= last
-};
-
 struct hg_cli_background {
     enum { HG_CLI_BACKGROUND_ENV, HG_CLI_BACKGROUND_NONE, HG_CLI_BACKGROUND_COLOR } kind;
     double color[3];
@@ -69,7 +73,7 @@ struct hg_cli_background {
 #define HG_CLI_TYPE_SIZE       struct hg_cli_size
 #define HG_CLI_TYPE_VEC3       struct hg_cli_vec3
 #define HG_CLI_TYPE_CHOICE     const char *
-#define HG_CLI_TYPE_FRAMES     struct hg_cli_frames
+#define HG_CLI_TYPE_FRAMES     struct hg_frame_ranges
 #define HG_CLI_TYPE_BACKGROUND struct hg_cli_background
 
 // Every option's value, and whether it was given.
@@ -95,6 +99,7 @@ struct hg_cli_command_row {
     const char *summary, *description;
 };
 
+// A row of commands 0 is no option: the group of those behind it begins, under its name.
 struct hg_cli_option_row {
     const char *name;
     char letter; // 0 = none
@@ -110,6 +115,10 @@ struct hg_cli_option_row {
 extern const struct hg_cli_command_row hg_cli_commands[HG_CLI_COMMAND_COUNT];
 extern const struct hg_cli_option_row hg_cli_option_rows[];
 extern const uint32_t hg_cli_option_count;
+
+extern const char *const hg_cli_group_titles[HG_CLI_GROUP_COUNT];
+// The group of the option hg_cli_option_rows[index].
+enum hg_cli_group hg_cli_option_group(uint32_t index);
 
 // Choices and explanation of an option, wherever they come from.
 enum { HG_CLI_CHOICES_BYTES = 128, HG_CLI_OPTION_TEXT_BYTES = 512 };

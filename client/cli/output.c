@@ -126,8 +126,8 @@ static enum hg_status check_format_options(
         return hg_error_set(err, HG_E_INVAL, "--bit-depth", NULL, "is for PNG files");
     if (o->exr && format != EXR)
         return hg_error_set(err, HG_E_INVAL, "--exr", NULL, "is for EXR files");
-    if (o->has_quality && format != JPEG)
-        return hg_error_set(err, HG_E_INVAL, "--quality", NULL, "is for JPEG files");
+    if (o->has_jpeg_quality && format != JPEG)
+        return hg_error_set(err, HG_E_INVAL, "--jpeg-quality", NULL, "is for JPEG files");
     return HG_OK;
 }
 
@@ -138,8 +138,8 @@ enum hg_status hg_cli_format_of(const char *name, const struct hg_cli_options *o
     const char *path;
     o = o ? o : &none;
     const enum picture_format format = split_name(name, &path);
-    *out = (struct hg_cli_format){
-        .path = hg_cli_output_path(path), .quality = (uint8_t)(o->has_quality ? o->quality : 90)};
+    *out = (struct hg_cli_format){.path = hg_cli_output_path(path),
+        .quality = (uint8_t)(o->has_jpeg_quality ? o->jpeg_quality : 90)};
     if (!format)
         return hg_error_set(err, HG_E_INVAL, name, NULL,
             "the name ends in none of .png .jpg .jpeg .exr; png:NAME, jpg:NAME or exr:NAME says it "

@@ -45,10 +45,15 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--output", "is needed: the file to write");
     if (o->has_samples && o->has_spp && o->samples != o->spp)
         return usage(err, "--spp", "and --samples differ");
-    if (o->has_at && o->has_frames)
+    if (o->has_at && o->has_frames && !o->has_turntable)
         return usage(err, "--at", "cannot be combined with --frames");
-    if (o->has_fps && !o->has_frames && !o->has_shutter && !o->has_aov)
-        return usage(err, "--fps", "needs --frames, --shutter or --aov");
+    if (o->has_fps && !o->has_frames && !o->has_turntable && !o->has_shutter && !o->has_aov)
+        return usage(err, "--fps", "needs --frames, --turntable, --shutter or --aov");
+    if (o->has_turntable && o->has_camera && strcmp(o->camera, "fit") != 0)
+        return usage(err, "--turntable",
+            "needs a view with a target: --orbit or --eye with --target, or no --camera");
+    if (o->has_turntable && (o->has_next_eye || o->has_next_target))
+        return usage(err, "--turntable", "moves the camera; --next-eye and --next-target do, too");
     if (o->has_upload && !o->has_connect)
         return usage(err, "--upload", "needs --connect");
     if (o->has_upload && strcmp(o->args[0], "demo:") == 0)
@@ -69,6 +74,22 @@ static enum hg_status check_stream(const struct hg_cli_options *o, struct hg_err
     return option ? usage(err, option, "needs a file as --output, not a pipe or a device") : HG_OK;
 }
 
+// The frames of --frames, or all of --turntable. What is denoised depends on the frames before.
+static enum hg_status list_frames(struct hg_cli_render *r, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    const struct hg_frame_ranges turn = {.items = {{0, (int32_t)o->turntable - 1, 1}}, .count = 1};
+    if (!o->has_frames && !o->has_turntable)
+        return HG_OK;
+    enum hg_status status = hg_frame_ranges_list(
+        o->has_frames ? &o->frames : &turn, &r->list.numbers, &r->list.count, err);
+    for (uint32_t i = 1; !status && o->denoise && i < r->list.count; i++)
+        if (r->list.numbers[i] < r->list.numbers[i - 1])
+            status =
+                usage(err, "--frames", "have to ascend with --denoise, which uses those before");
+    return status;
+}
+
 static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err)
 {
     char name[4096];
@@ -81,7 +102,7 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
     r->output = r->format.path;
     bool numbered = hg_cli_frame_name(r->output, 0, name, sizeof name);
     r->streams = hg_cli_is_stream(numbered ? name : r->output);
-    if (o->has_frames && !numbered && !r->streams && o->frames.first != o->frames.last)
+    if (r->list.count > 1 && !numbered && !r->streams)
         return usage(
             err, "--output", "the file's name needs #### or %04d for the number of the frame");
     status = r->streams ? check_stream(o, err) : HG_OK;
@@ -136,6 +157,10 @@ static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *
     if (status)
         return status;
     status = check_camera(r->o, err);
+    if (!status)
+        status = hg_cli_check_watch(r->o, err);
+    if (!status)
+        status = list_frames(r, err);
     return status ? status : check_output(r, err);
 }
 
@@ -324,7 +349,7 @@ static void place_eye(const struct hg_cli_options *o, struct hgp_view_camera *ca
 static enum hg_status find_place(
     struct hg_cli_render *r, double fov, struct hgp_view_camera *camera, struct hg_error *err)
 {
-    if (!r->o->has_fov) {
+    if (!r->o->has_fov && !r->o->has_turntable) {
         enum hg_status status = hg_cli_find_camera(&r->cli, r->o->camera, &camera->camera, err);
         camera->has_camera = camera->camera != 0;
         if (status || camera->has_camera)
@@ -356,6 +381,9 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
         camera.has_vfov_rad = true;
         camera.vfov_rad = (float)fov;
     }
+    r->turntable = (struct hg_cli_turntable){.frames = o->turntable,
+        .moves = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1),
+        .start = camera};
     return hg_cli_send_camera(&r->cli, &camera, err);
 }
 
@@ -442,9 +470,12 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
     return r->o->stats_file ? hg_cli_render_stats(r, err) : HG_OK;
 }
 
-enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
+static enum hg_cli_exit render_once(const struct hg_cli_options *options)
 {
-    struct hg_cli_render r = {.o = options,
+    struct hg_cli_options chosen = *options;
+    char line[160];
+    hg_cli_apply_quality(&chosen, line, sizeof line);
+    struct hg_cli_render r = {.o = &chosen,
         .size = {HGP_STANDARD_width, HGP_STANDARD_height},
         .doing = HG_CLI_DOING_ARGUMENTS};
     struct hg_error err = {0};
@@ -454,14 +485,22 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
     hg_cli_init(&r.cli, options);
     r.frames = json_array();
     enum hg_status status = r.frames ? check_arguments(&r, &err) : HG_E_NOMEM;
+    if (!status && line[0])
+        fprintf(stderr, "helio: %s\n", line);
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
-    if (code == HG_CLI_EXIT_STOPPED || (status && r.left_checkpoint))
+    if (code == HG_CLI_EXIT_STOPPED || (status && (r.left_checkpoint || r.next > 0)))
         hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);
     hg_free(r.series);
+    hg_free(r.list.numbers);
     hg_writer_finish(&r.parts);
     return code;
+}
+
+enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options)
+{
+    return options->watch ? hg_cli_watch(options, render_once) : render_once(options);
 }

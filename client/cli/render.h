@@ -4,6 +4,19 @@
 
 #include "client/cli/cli.h"
 
+// The frames of a series in their order; numbers is freed with hg_free.
+struct hg_cli_frame_numbers {
+    int32_t *numbers;
+    uint32_t count;
+};
+
+// A camera that goes around its target; frames 0: it stays.
+struct hg_cli_turntable {
+    uint32_t frames; // once around
+    bool moves;      // frames say where the next one is: shutter and motion
+    struct hgp_view_camera start;
+};
+
 struct hg_cli_render {
     struct hg_cli cli;
     const struct hg_cli_options *o;
@@ -18,17 +31,19 @@ struct hg_cli_render {
     float shutter[2];             // frames from the pose
     json_t *frames, *last;        // one object per frame written; the newest of them (borrowed)
     uint32_t skipped;             // files that were left as they were
-    uint32_t next_frame;          // number of the first frame that is not there yet
+    uint32_t next;                // index of the first frame that is not there yet
     bool left_checkpoint;         // of it
     uint32_t kept_samples;        // of the film in it; fewer do not take its place
     uint32_t replaced;            // workers, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
+    struct hg_cli_frame_numbers list; // of --frames and --turntable; empty: one picture
+    struct hg_cli_turntable turntable;
     struct hg_cli_series *series; // of pictures that depend on those before; NULL = of none
 };
 
 // Writes `pattern` with the frame's number: a run of #, or %d / %0Nd. False without a place for it.
-bool hg_cli_frame_name(const char *pattern, uint32_t frame, char *dst, size_t size);
+bool hg_cli_frame_name(const char *pattern, int32_t frame, char *dst, size_t size);
 
 // "depth,normal,direct", names of enum hgp_plane with - or _; `direct` and `indirect` stand for
 // their three, `cryptomatte` for its three, `all` for every one that the mode has. HG_E_INVAL lists
@@ -42,10 +57,25 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
 // HG_E_INVAL: an option of path mode without it.
 enum hg_status hg_cli_check_mode(
     const struct hg_cli_options *o, struct hg_error *err) HG_MUST_CHECK;
+// Time of the animations from the picture before to the one at `index` of the list.
+float hg_cli_series_s(const struct hg_cli_render *r, uint32_t index);
 bool hg_cli_is_path(const struct hg_cli_options *o);
 double hg_cli_fps(const struct hg_cli_options *o); // frames per second
+// --quality: values for what no option says. `line`: which, as a sentence; empty without it.
+void hg_cli_apply_quality(struct hg_cli_options *o, char *line, size_t size);
 // The background of a view as --background and `set background` have it.
 void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view);
+
+// watch.c: --watch. Renders, and again whenever a file changes; Ctrl-C in between is the exit code
+// 0.
+enum hg_cli_exit hg_cli_watch(
+    const struct hg_cli_options *o, enum hg_cli_exit (*render)(const struct hg_cli_options *));
+enum hg_status hg_cli_check_watch(
+    const struct hg_cli_options *o, struct hg_error *err) HG_MUST_CHECK;
+
+// turntable.c: where the camera stands in a frame.
+void hg_cli_turntable_camera(
+    const struct hg_cli_turntable *turntable, int32_t frame, struct hgp_view_camera *out);
 
 // frames.c: renders and writes the requested frames; the view and its camera are set.
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;

@@ -87,9 +87,17 @@ static void set_simple(const struct hg_cli_options *o, struct hgp_view_set *view
     }
 }
 
-static bool is_animation(const struct hg_cli_options *o)
+static bool is_animation(const struct hg_cli_render *r)
 {
-    return o->has_frames && (o->frames.last - o->frames.first) / o->frames.step > 0;
+    return r->list.count > 1;
+}
+
+float hg_cli_series_s(const struct hg_cli_render *r, uint32_t index)
+{
+    const struct hg_cli_frame_numbers *list = &r->list;
+    const uint32_t i = index > 0 ? index : 1;
+    const int32_t step = list->count > 1 ? list->numbers[i] - list->numbers[i - 1] : 1;
+    return (float)(step / hg_cli_fps(r->o));
 }
 
 // Frame times, shutter and the time between the pictures of a series.
@@ -102,8 +110,8 @@ static void set_times(const struct hg_cli_render *r, struct hgp_view_set *view)
     view->has_shutter_open = view->has_shutter_close = o->has_shutter;
     view->shutter_open = r->shutter[0];
     view->shutter_close = r->shutter[1];
-    view->has_series_s = o->denoise && is_animation(o);
-    view->series_s = (float)((o->has_frames ? o->frames.step : 1) / fps);
+    view->has_series_s = o->denoise && is_animation(r);
+    view->series_s = hg_cli_series_s(r, 0);
 }
 
 void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view)
@@ -120,7 +128,7 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
         .has_quality = true,
         .quality = r->format.quality,
         .has_denoise = o->denoise,
-        .denoise = is_animation(o) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
+        .denoise = is_animation(r) ? HGP_denoise_ANIMATION : HGP_denoise_STILL,
         .has_planes = r->planes != 0,
         .planes = r->planes,
     };

@@ -10,6 +10,7 @@ _helio()
     case "${COMP_WORDS[1]} $prev" in
     'render --bit-depth') COMPREPLY=($(compgen -W '8 16' -- "$cur")); return ;;
     'render --exr') COMPREPLY=($(compgen -W 'half float' -- "$cur")); return ;;
+    'render --quality') COMPREPLY=($(compgen -W 'draft final' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
     'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw' -- "$cur")); return ;;
@@ -24,11 +25,11 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --quality --frames --fps --skip-existing --resume --checkpoint --stats --strict --aov --camera --orbit --eye --target --next-eye --next-target --fov --lens-radius --focus --mode --tonemap --exposure --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --at --scene --variant --env --env-intensity --env-rotation --background --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --camera --orbit --eye --target --fov --scene --variant --strict --env --env-intensity --env-rotation --background --quality --mode --tonemap --exposure --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     info) options='--scene --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
     run) options='--junit --report --update-references --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
-    bake) options='--output --textures-only --geometry-only --stats --strict --scene --timeout --asset-root --host-budget --cache-limit --log --progress --help' ;;
+    bake) options='--output --textures-only --geometry-only --stats --scene --strict --timeout --asset-root --host-budget --cache-limit --log --progress --help' ;;
     cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;

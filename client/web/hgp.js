@@ -407,7 +407,7 @@ export const messages = {
         fields: [
             { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "animation", kind: "i32", least: -1, most: 2147483647, since: 1 },
-            { name: "time_s", kind: "f64", least: 0, most: 1e+12, since: 1 },
+            { name: "time_s", kind: "f64", least: -1e+12, most: 1e+12, since: 1 },
         ],
     },
     // choose a material variant

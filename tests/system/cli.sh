@@ -52,7 +52,7 @@ print(f["samples"] if 0 < f["noise"] <= float(sys.argv[2]) else "too noisy")' "$
 noisy 0.05 && rough=$took
 noisy 0.01 && fine=$took
 [ "$rough" -lt "$fine" ] && [ "$fine" -lt 2048 ] || fail "--noise: $rough and $fine samples"
-compare_ways jpg demo: --size 160x90 --samples 4 --quality 85
+compare_ways jpg demo: --size 160x90 --samples 4 --jpeg-quality 85
 
 # Scripts ask for planes as well.
 {

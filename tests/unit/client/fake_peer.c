@@ -190,7 +190,10 @@ static void send_loaded(const struct hgp_header *h, const struct hgp_asset_load 
         .reason = hgp_str_make("unknown \033[31mextension")};
     if (!word("quiet"))
         answer(h, HGP_T_notice, &notice);
-    struct hgp_asset_loaded loaded = {.asset = load->asset, .nodes = 2, .triangles = 12};
+    const struct hgp_asset_loaded loaded = {.asset = load->asset,
+        .nodes = 2,
+        .triangles = 12,
+        .animations = word("animations") ? (uint32_t)atoi(word("animations")) : 0};
     answer(h, HGP_T_asset_loaded, &loaded);
 }
 

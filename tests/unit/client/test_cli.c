@@ -47,7 +47,7 @@ static void test_render(void **state)
     expect_file("log", "environment_set kind=NONE\n");
     expect_run(0, NULL, "", "$HELIO render s.gltf -o a.png --bit-depth 16");
     expect_file("a.png", "as PNG16");
-    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.JPG --quality 50");
+    expect_run(0, NULL, "", "$HELIO render s.gltf -o a.JPG --jpeg-quality 50");
     expect_file("a.JPG", "as JPEG");
     expect_run(0, NULL, "", "$HELIO render s.gltf -o a.exr");
     expect_file("a.exr", "as EXR_HALF");
@@ -97,6 +97,93 @@ static void test_frames(void **state)
     expect_file("logt", "animation_set time=2.5\n");
 }
 
+static void test_frame_lists(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "animations=1 log=logn",
+        "$HELIO render s.gltf -o n-##.png --frames 4,-2,6-8x2,4 --fps 2 2>said; cat said");
+    expect_file("n-04.png", "frame 1 ");
+    expect_file("n--2.png", "frame 2 ");
+    expect_file("n-06.png", "frame 3 ");
+    expect_file("n-08.png", "frame 4 ");
+    expect_file("logn", "animation_set time=-1\n");
+    expect_run(2, "--frames: '1,x': character 3: a frame number is expected", "",
+        "$HELIO render s.gltf -o n-##.png --frames 1,x");
+    expect_run(2, "have to ascend", "",
+        "$HELIO render s.gltf -o n-##.png --frames 3-1 --mode path --denoise");
+    // The scene of the test moves; of the other one all frames are the same.
+    harness_read(&h, "said");
+    assert_null(strstr(h.output, "nothing moves"));
+    expect_run(
+        0, "nothing moves in these 3 frames", "", "$HELIO render s.gltf -o n-##.png --frames 1-3");
+}
+
+static void test_turntable(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logy",
+        "$HELIO render s.gltf -o y-%02d.png --turntable 4 --orbit 0,90,2 2>said; cat said");
+    expect_file("y-00.png", "frame 1 ");
+    expect_file("y-03.png", "frame 4 ");
+    expect_no_file("y-04.png");
+    expect_file("logy", "eye=0,1.22465e-16,2 camera=0\n");
+    expect_file("logy", "eye=2,");
+    expect_file("logy", "eye=-2,");
+    harness_read(&h, "said");
+    assert_null(strstr(h.output, "nothing moves"));
+    // Some of its frames, for other machines; a pose that stays.
+    expect_run(0, NULL, "log=logz",
+        "$HELIO render s.gltf -o z-#.png --turntable 4 --frames 1,3 --at 2 --orbit 0,90,2");
+    expect_no_file("z-0.png");
+    expect_file("z-3.png", "frame 2 ");
+    expect_file("logz", "animation_set time=2\n");
+    expect_run(2, "--turntable: needs a view with a target", "",
+        "$HELIO render s.gltf -o z-#.png --turntable 4 --camera eye");
+    expect_run(2, "--output: the file's name needs ####", "",
+        "$HELIO render s.gltf -o z.png --turntable 4");
+}
+
+static void test_quality(void **state)
+{
+    (void)state;
+    expect_run(0, "helio: --quality draft: --samples 2 --error-px 4", "log=logd",
+        "$HELIO render s.gltf -o a.png --quality draft");
+    expect_file("logd", "samples=2\n");
+    expect_run(0, "helio: --quality draft: --error-px 2 --max-bounces 4", "log=loge",
+        "$HELIO render s.gltf -o a.png --quality draft --mode path --spp 3");
+    expect_file("loge", "samples=3\n");
+    expect_run(0, "--samples 1024 --error-px 1 --noise 0.01", "",
+        "$HELIO render s.gltf -o a.png --quality final --mode path");
+    expect_run(2, "of JPEG files it is --jpeg-quality 80", "",
+        "$HELIO render s.gltf -o a.jpg --quality 80");
+}
+
+// Changed in place, replaced by renaming, gone for a while, and an image beside it; then Ctrl-C.
+static void test_watch(void **state)
+{
+    (void)state;
+    expect_run(0, "all seen, exit 0", "log=logw",
+        "mkdir -p w; cp s.gltf w/s.gltf; echo a >w/e.hdr; : >logw; : >said; "
+        "count() { grep -c \"$1\" said; }; before=0; "
+        "until_seen() { n=0; until [ $(count \"$1\") -gt $before ] || [ $n = 400 ]; do "
+        "sleep 0.05; n=$((n+1)); done; before=$(count watching); }; "
+        "$HELIO render w/s.gltf -o w/a.png --env w/e.hdr --watch 2>said & p=$!; "
+        "until_seen watching; cat s.gltf >w/s.gltf; "
+        "until_seen watching; cp s.gltf w/new; mv w/new w/s.gltf; "
+        "until_seen watching; rm w/s.gltf; echo b >w/e.hdr; before=0; "
+        "until_seen 'cannot open'; cp s.gltf w/s.gltf; "
+        "until_seen watching; : >w/other.hdr; echo c >w/e.hdr; "
+        "until_seen watching; sleep 1; kill -INT $p; wait $p; code=$?; "
+        "[ $(grep -c asset_load logw) -ge 5 ] && [ $(count watching) -ge 6 ] && "
+        "echo all seen, exit $code");
+    expect_file("w/a.png", "frame 1 as PNG8");
+    expect_run(2, "--watch: has no file to watch", "", "$HELIO render demo: -o a.png --watch");
+    expect_run(2, "--watch: needs files of this machine", "",
+        "$HELIO render s.gltf -o a.png --watch --connect unix:nowhere");
+    expect_run(2, "--spp", "", "$HELIO render s.gltf -o a.png --watch --spp 0");
+    expect_run(2, "--target", "", "$HELIO render s.gltf -o a.png --watch --target 0,0,0");
+}
+
 static void test_path(void **state)
 {
     (void)state;
@@ -131,7 +218,7 @@ static void test_lens(void **state)
 static void test_catchers(void **state)
 {
     (void)state;
-    expect_run(0, NULL, "log=logn",
+    expect_run(0, NULL, "animations=1 log=logn",
         "$HELIO render s.gltf -o p.exr --mode path --catcher 1:7 --catcher 1:9");
     expect_file("logn", "node_set node=4294967303 catches=1\n");
     expect_file("logn", "node_set node=4294967305 catches=1\n");
@@ -282,7 +369,7 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --fps 3", "--fps"},
         {"render s.gltf -o a.png --upload", "--upload"},
         {"render s.gltf -o a.png --exr half", "--exr"},
-        {"render s.gltf -o a.png --quality 3", "--quality"},
+        {"render s.gltf -o a.png --jpeg-quality 3", "--jpeg-quality"},
         {"render s.gltf -o nowhere/a.png", "nowhere"}, {"render s.gltf -o .", "-o"},
         {"render s.gltf -o a.png --samples 3 --spp 4", "--spp"},
         {"render s.gltf -o a.png --frames 1-2 --at 3", "--at"},
@@ -542,6 +629,10 @@ int main(void)
         cmocka_unit_test(test_render),
         cmocka_unit_test(test_default_camera_and_light),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_frame_lists),
+        cmocka_unit_test(test_turntable),
+        cmocka_unit_test(test_quality),
+        cmocka_unit_test(test_watch),
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_lens),
         cmocka_unit_test(test_parts),

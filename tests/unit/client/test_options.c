@@ -9,7 +9,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "client/cli/options.h"
+#include "client/cli/suggest.h"
 
 struct sample {
     const char *good, *bad; // bad NULL: every text is good
@@ -28,7 +30,7 @@ static struct sample sample_of(const struct hg_cli_option_row *row)
     case HG_CLI_KIND_VEC3:
         return (struct sample){"-1,2.5,3e1", "1,2"};
     case HG_CLI_KIND_FRAMES:
-        return (struct sample){"1-10:2", "10-1"};
+        return (struct sample){"1-10:2", "1,"};
     case HG_CLI_KIND_BACKGROUND:
         return (struct sample){"0.1,0.2,0.3", "red"};
     case HG_CLI_KIND_CHOICE:
@@ -129,6 +131,112 @@ static void test_unknown(void **state)
     assert_string_equal(err.what, "--size");
 }
 
+static void expect_reason(int argc, const char **argv, const char *text)
+{
+    struct hg_error err;
+    assert_int_equal(parse(argc, argv, &err), HG_E_INVAL);
+    if (!strstr(err.reason, text))
+        fail_msg("'%s' is not in: %s", text, err.reason);
+}
+
+static void test_suggestions(void **state)
+{
+    (void)state;
+    assert_int_equal(hg_suggest_distance("kitten", 6, "sitting", 7), 3);
+    assert_int_equal(hg_suggest_distance("form", 4, "from", 4), 1); // one swap
+    assert_int_equal(hg_suggest_distance("", 0, "abc", 3), 3);
+    assert_int_equal(hg_suggest_distance("ABC", 3, "abc", 3), 0);
+    static const char *const commands[][2] = {{"rendr", "helio render?"}, {"bnech", "helio bench?"},
+        {"comp", "helio compare?"}, {"INFO", "helio info?"},
+        {"scene.glb", "helio render SCENE -o OUT"}};
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
+        expect_reason(2, (const char *[]){"helio", commands[i][0]}, commands[i][1]);
+    static const char *const options[][2] = {{"--tonmap", "did you mean --tonemap?"},
+        {"--env-rot=3", "did you mean --env-rotation?"}, {"--sise", "did you mean --size?"},
+        {"--metric", "it is one of helio compare"}, {"--nonsense", "--help lists all of them"},
+        {"-z", "--help lists all of them"}};
+    for (size_t i = 0; i < sizeof options / sizeof *options; i++)
+        expect_reason(4, (const char *[]){"helio", "render", "a", options[i][0]}, options[i][1]);
+    expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Pth"}, "mean 'path'?");
+    expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Realtime"}, "'realtime'?");
+    struct hg_error err;
+    assert_int_equal(
+        parse(5, (const char *[]){"helio", "render", "a", "--mode", "x"}, &err), HG_E_INVAL);
+    assert_null(strstr(err.reason, "did you mean"));
+}
+
+// Every option is in one group; those of path mode are in theirs.
+static void test_groups(void **state)
+{
+    (void)state;
+    uint32_t seen[HG_CLI_GROUP_COUNT] = {0};
+    for (uint32_t i = 0; i < hg_cli_option_count; i++) {
+        const struct hg_cli_option_row *row = &hg_cli_option_rows[i];
+        if (!row->commands)
+            continue;
+        const enum hg_cli_group group = hg_cli_option_group(i);
+        assert_true(group < HG_CLI_GROUP_COUNT);
+        seen[group]++;
+        if (row->param && row->param->path_only)
+            assert_int_equal(group, HG_CLI_GROUP_PATH);
+        if (strcmp(row->name, "orbit") == 0)
+            assert_int_equal(group, HG_CLI_GROUP_CAMERA);
+    }
+    for (int g = 0; g < HG_CLI_GROUP_COUNT; g++)
+        assert_true(seen[g] > 0 && hg_cli_group_titles[g][0]);
+}
+
+static void expect_frames(const char *text, const char *list)
+{
+    static struct hg_frame_ranges ranges;
+    char seen[256];
+    int32_t *numbers;
+    uint32_t count;
+    assert_int_equal(hg_frame_ranges_parse("--frames", text, &ranges, NULL), HG_OK);
+    assert_int_equal(hg_frame_ranges_list(&ranges, &numbers, &count, NULL), HG_OK);
+    size_t used = 0;
+    for (uint32_t i = 0; i < count && used < sizeof seen; i++)
+        used += (size_t)snprintf(seen + used, sizeof seen - used, "%d ", numbers[i]);
+    assert_string_equal(seen, list);
+    hg_free(numbers);
+}
+
+static void test_frame_lists(void **state)
+{
+    (void)state;
+    expect_frames("1,3,5-9x2,-2", "1 3 5 7 9 -2 ");
+    expect_frames("7", "7 ");
+    expect_frames("-3--1", "-3 -2 -1 ");
+    expect_frames("-1-1", "-1 0 1 ");
+    expect_frames("2..4, 8..9", "2 3 4 8 9 ");
+    expect_frames("5-1", "5 4 3 2 1 ");
+    expect_frames("10-0x4", "10 6 2 ");
+    expect_frames("1-10:4", "1 5 9 ");
+    expect_frames("1-4,3-6,3,2", "1 2 3 4 5 6 "); // each once
+    expect_frames("4-4x9", "4 ");
+    static const struct {
+        const char *text, *reason;
+    } bad[] = {{"1,,2", "character 3: a frame number"}, {"1-", "character 3: a frame number"},
+        {"1-3x0", "character 5: the step is 0"}, {"1-3x-1", "character 5: a step is expected"},
+        {"1 2", "character 3: a comma or the end"}, {"1,2,", "character 5: a frame number"},
+        {"1-3-5", "character 4: a comma or the end"}, {"a", "character 1: a frame number"},
+        {"1,123456789", "character 3: the number has more than 8 digits"},
+        {"0-999999,7-8", "character 10: this makes more than 1000000 frames"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct hg_frame_ranges ranges;
+        struct hg_error err = {0};
+        assert_int_equal(hg_frame_ranges_parse("--frames", bad[i].text, &ranges, &err), HG_E_INVAL);
+        if (!strstr(err.reason, bad[i].reason))
+            fail_msg("'%s' is not in: %s", bad[i].reason, err.reason);
+    }
+    static const int32_t rest[] = {3, 5, 7, 9, 20, 21, 22, 30, 12, -2, -1, 0};
+    char text[64];
+    hg_frame_list_text(rest, 12, text, sizeof text);
+    assert_string_equal(text, "3-9x2,20-22,30,12,-2-0");
+    hg_frame_list_text(rest, 12, text, 20);
+    assert_string_equal(text, "3-9x2,20-22,30,...");
+}
+
 static void test_values(void **state)
 {
     (void)state;
@@ -142,7 +250,8 @@ static void test_values(void **state)
     assert_true(o.orbit.v[0] == -60 && o.orbit.v[1] == 90 && o.orbit.v[2] == 124);
     assert_int_equal(o.size.width, 16384);
     assert_int_equal(o.size.height, 1);
-    assert_true(o.frames.first == 3 && o.frames.last == 9 && o.frames.step == 3);
+    assert_true(
+        o.frames.items[0].first == 3 && o.frames.items[0].last == 9 && o.frames.items[0].step == 3);
     assert_int_equal(o.background.kind, HG_CLI_BACKGROUND_NONE);
     assert_int_equal(o.asset_root.count, 2);
     assert_string_equal(o.asset_root.items[1], "b");
@@ -158,13 +267,12 @@ static void test_bad_values(void **state)
 {
     (void)state;
     static const char *const bad[][2] = {{"--size", "0x10"}, {"--size", "10x"}, {"--size", "x10"},
-        {"--size", "16385x1"}, {"--size", "1x1x1"}, {"--size", "-1x1"}, {"--frames", "1--3"},
-        {"--frames", "1-3:0"}, {"--frames", "1-3:-1"}, {"--frames", "-1-3"}, {"--frames", "a"},
-        {"--orbit", "1,2,3,4"}, {"--orbit", "1,,3"}, {"--orbit", "1,2,nan"},
-        {"--orbit", "1,2,0x10"}, {"--fov", "0"}, {"--fov", "180"}, {"--background", "1,2,-3"},
-        {"--seed", "4294967296"}, {"--samples", "0"}, {"--samples", "1.5"}, {"--exposure", "33"},
-        {"--exposure", "1 "}, {"--mode", "Realtime"}, {"--tonemap", "aces|agx"},
-        {"--tonemap", "ace"}, {"--quality", "101"}};
+        {"--size", "16385x1"}, {"--size", "1x1x1"}, {"--size", "-1x1"}, {"--frames", "1-3:0"},
+        {"--frames", "1-3:-1"}, {"--frames", "a"}, {"--orbit", "1,2,3,4"}, {"--orbit", "1,,3"},
+        {"--orbit", "1,2,nan"}, {"--orbit", "1,2,0x10"}, {"--fov", "0"}, {"--fov", "180"},
+        {"--background", "1,2,-3"}, {"--seed", "4294967296"}, {"--samples", "0"},
+        {"--samples", "1.5"}, {"--exposure", "33"}, {"--exposure", "1 "}, {"--mode", "Realtime"},
+        {"--tonemap", "aces|agx"}, {"--tonemap", "ace"}, {"--jpeg-quality", "101"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct hg_error err;
         const char *argv[] = {"helio", "render", "s", "-o", "o.png", bad[i][0], bad[i][1]};
@@ -179,6 +287,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_option),
         cmocka_unit_test(test_unknown),
+        cmocka_unit_test(test_suggestions),
+        cmocka_unit_test(test_groups),
+        cmocka_unit_test(test_frame_lists),
         cmocka_unit_test(test_values),
         cmocka_unit_test(test_bad_values),
     };
