@@ -115,8 +115,7 @@ struct hg_cli_format {
 enum hg_status hg_cli_format_of(const char *name, const struct hg_cli_options *options,
     struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
 
-// Camera by name or number among the scene's camera nodes, or its first one (name NULL: *node 0
-// when there is none).
+// Camera by name or number among the scene's camera nodes. HG_E_NOTFOUND.
 enum hg_status hg_cli_find_camera(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
 // Object "ASSET:INDEX", assets counted from 1; 0 when `name` is not of that form.
@@ -124,9 +123,9 @@ uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name);
 // A node by name (exact), or else "ASSET:INDEX". HG_E_NOTFOUND.
 enum hg_status hg_cli_find_node(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
-// Brings the whole scene into view.
-enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double aspect,
-    struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+// A view's name or its angles AZIMUTH,ELEVATION in degrees. HG_E_INVAL names the option.
+enum hg_status hg_cli_parse_view(const char *option, const char *text, struct hgp_view_fit *fit,
+    struct hg_error *err) HG_MUST_CHECK;
 // Sends a camera; errors about it come back with the next call.
 enum hg_status hg_cli_send_camera(
     struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;

@@ -20,10 +20,19 @@ static enum hg_status usage(struct hg_error *err, const char *option, const char
     return hg_error_set(err, HG_E_INVAL, option, NULL, "%s", reason);
 }
 
+static bool is_fit(const struct hg_cli_options *o)
+{
+    return o->has_camera && strcmp(o->camera, "fit") == 0;
+}
+
 static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_error *err)
 {
-    if (o->has_camera && (o->has_orbit || o->has_eye || o->has_target || o->has_fov))
-        return usage(err, "--camera", "cannot be combined with --orbit, --eye, --target or --fov");
+    if (o->has_camera && (o->has_orbit || o->has_eye || o->has_target))
+        return usage(err, "--camera", "cannot be combined with --orbit, --eye or --target");
+    if (o->has_camera && !is_fit(o) && o->has_fov)
+        return usage(err, "--camera", "cannot be combined with --fov, unless it is fit");
+    if (o->has_view && ((o->has_camera && !is_fit(o)) || o->has_orbit || o->has_eye))
+        return usage(err, "--view", "cannot be combined with --orbit, --eye or a camera by name");
     if (o->has_orbit && o->has_eye)
         return usage(err, "--orbit", "cannot be combined with --eye");
     if (o->has_target && !o->has_orbit && !o->has_eye)
@@ -49,7 +58,7 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--at", "cannot be combined with --frames");
     if (o->has_fps && !o->has_frames && !o->has_turntable && !o->has_shutter && !o->has_aov)
         return usage(err, "--fps", "needs --frames, --turntable, --shutter or --aov");
-    if (o->has_turntable && o->has_camera && strcmp(o->camera, "fit") != 0)
+    if (o->has_turntable && o->has_camera && !is_fit(o))
         return usage(err, "--turntable",
             "needs a view with a target: --orbit or --eye with --target, or no --camera");
     if (o->has_turntable && (o->has_next_eye || o->has_next_target))
@@ -148,6 +157,8 @@ static enum hg_status parse_shutter(struct hg_cli_render *r, struct hg_error *er
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = hg_cli_check_mode(r->o, err);
+    if (!status && r->o->has_view)
+        status = hg_cli_parse_view("--view", r->o->view, &(struct hgp_view_fit){0}, err);
     if (status)
         return status;
     status = parse_shutter(r, err);
@@ -344,18 +355,24 @@ static void place_eye(const struct hg_cli_options *o, struct hgp_view_camera *ca
     }
 }
 
-// Without --orbit and --eye: a camera of the scene, unless there is none or --fov asks for another
-// lens; then all of the scene is brought into view.
+// Without --orbit and --eye: a camera of the scene by name, else what the server finds: the scene's
+// first camera that sees geometry, unless --view, --fov or --camera fit ask for all of the scene.
 static enum hg_status find_place(
     struct hg_cli_render *r, double fov, struct hgp_view_camera *camera, struct hg_error *err)
 {
-    if (!r->o->has_fov && !r->o->has_turntable) {
-        enum hg_status status = hg_cli_find_camera(&r->cli, r->o->camera, &camera->camera, err);
+    const struct hg_cli_options *o = r->o;
+    if (o->has_camera && !is_fit(o)) {
+        enum hg_status named = hg_cli_find_camera(&r->cli, o->camera, &camera->camera, err);
         camera->has_camera = camera->camera != 0;
-        if (status || camera->has_camera)
-            return status;
+        return named;
     }
-    return hg_cli_fit_camera(&r->cli, fov, (double)r->size.width / r->size.height, camera, err);
+    struct hgp_view_fit fit = {.view = HG_CLI_VIEW,
+        .has_vfov_rad = true,
+        .vfov_rad = (float)fov,
+        .has_cameras = true,
+        .cameras = !o->has_view && !o->has_fov && !o->has_camera && !o->has_turntable};
+    enum hg_status status = o->has_view ? hg_cli_parse_view("--view", o->view, &fit, err) : HG_OK;
+    return status ? status : helio_camera_fit(r->cli.h, &fit, camera, err);
 }
 
 static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)

@@ -16,7 +16,6 @@ struct hg_cli_run_scene {
     bool is_open, is_joined; // joined: other sessions made it
     bool has_demo, has_env, has_camera;
     bool dirty;                  // changed since `frame` was rendered
-    uint32_t width, height;      // of the view
     struct helio_message *frame; // newest one, or NULL
     uint64_t frame_ns;           // how long it took
 };

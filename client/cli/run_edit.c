@@ -5,8 +5,6 @@
 #include "base/clock.h"
 #include "client/cli/run.h"
 
-static const double pi = 3.14159265358979323846;
-
 static enum hg_status call_ok(
     struct hg_cli_run *r, enum hgp_type type, const void *message, struct hg_error *err)
 {
@@ -70,12 +68,7 @@ static enum hg_status do_view(
 {
     struct hgp_view_set view = s->view;
     view.view = HG_CLI_VIEW;
-    enum hg_status status = call_ok(r, HGP_T_view_set, &view, err);
-    if (status || !view.has_width)
-        return status;
-    r->scene.width = view.width;
-    r->scene.height = view.height;
-    return HG_OK;
+    return call_ok(r, HGP_T_view_set, &view, err);
 }
 
 // A material by "ASSET:INDEX", or by its name in the scene's description.
@@ -114,11 +107,13 @@ static enum hg_status do_camera(
     struct hgp_view_camera camera = s->camera;
     enum hg_status status = HG_OK;
     camera.has_lens_radius = camera.has_focus_distance = true; // not those of the camera before
-    if (s->kind == HG_CLI_STEP_CAMERA_FIT)
-        status = hg_cli_fit_camera(
-            &r->cli, s->number * pi / 180, (double)r->scene.width / r->scene.height, &camera, err);
-    else if (s->kind == HG_CLI_STEP_CAMERA_NODE)
+    if (s->kind == HG_CLI_STEP_CAMERA_FIT) {
+        struct hgp_view_fit fit = s->fit;
+        fit.view = HG_CLI_VIEW;
+        status = helio_camera_fit(r->cli.h, &fit, &camera, err);
+    } else if (s->kind == HG_CLI_STEP_CAMERA_NODE) {
         status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
+    }
     camera.has_camera = camera.camera != 0;
     camera.view = HG_CLI_VIEW;
     camera.input_seq = s->line;
@@ -195,14 +190,7 @@ enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err)
     }
     if (r->scene.has_camera)
         return HG_OK;
-    uint64_t node;
-    status = hg_cli_find_camera(&r->cli, NULL, &node, err);
-    if (status)
-        return status;
-    struct hg_cli_step step = {.kind = HG_CLI_STEP_CAMERA_FIT, .number = 45};
-    if (node) {
-        step.kind = HG_CLI_STEP_CAMERA;
-        step.camera.camera = node;
-    }
+    const struct hg_cli_step step = {
+        .kind = HG_CLI_STEP_CAMERA_FIT, .fit = {.has_cameras = true, .cameras = true}};
     return do_camera(r, &step, err);
 }

@@ -6,8 +6,7 @@
 void hg_cli_run_forget(struct hg_cli_run *r)
 {
     helio_message_free(r->scene.frame);
-    r->scene = (struct hg_cli_run_scene){
-        .dirty = true, .width = HGP_STANDARD_width, .height = HGP_STANDARD_height};
+    r->scene = (struct hg_cli_run_scene){.dirty = true};
 }
 
 enum hg_status hg_cli_run_connect(struct hg_cli_run *r, const char *url, struct hg_error *err)

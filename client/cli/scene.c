@@ -11,6 +11,8 @@
 
 enum { NODES_PER_QUERY = 4096 };
 
+static const double pi = 3.14159265358979323846;
+
 // Calls `visit` for every node until it returns true.
 static enum hg_status walk_nodes(struct hg_cli *cli,
     bool (*visit)(void *user, const struct hgp_node_entry *node), void *user, struct hg_error *err)
@@ -37,7 +39,7 @@ static enum hg_status walk_nodes(struct hg_cli *cli,
 }
 
 struct node_search {
-    const char *name; // NULL: any
+    const char *name;
     long number;      // of the camera, -1 = by name only
     long seen;        // cameras so far
     uint64_t by_name, by_number;
@@ -46,7 +48,7 @@ struct node_search {
 
 static bool is_named(const struct hgp_node_entry *node, const char *name)
 {
-    return name && node->name.size == strlen(name) &&
+    return node->name.size == strlen(name) &&
            memcmp(node->name.data ? node->name.data : "", name, node->name.size) == 0;
 }
 
@@ -65,21 +67,21 @@ static bool visit_camera(void *user, const struct hgp_node_entry *node)
     snprintf(
         s->known + used, sizeof s->known - used, "%s%ld '%s'", s->seen ? ", " : "", s->seen, name);
     s->seen++;
-    return s->by_name != 0 || (!s->name && s->by_number);
+    return s->by_name != 0;
 }
 
 enum hg_status hg_cli_find_camera(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
 {
-    struct node_search search = {.name = name, .number = name ? -1 : 0};
+    struct node_search search = {.name = name, .number = -1};
     *node = 0;
-    if (name && *name && strspn(name, "0123456789") == strlen(name) && strlen(name) < 9)
+    if (*name && strspn(name, "0123456789") == strlen(name) && strlen(name) < 9)
         search.number = strtol(name, NULL, 10);
     enum hg_status status = walk_nodes(cli, visit_camera, &search, err);
     if (status)
         return status;
     *node = search.by_name ? search.by_name : search.by_number;
-    if (name && !*node)
+    if (!*node)
         return hg_error_set(err, HG_E_NOTFOUND, "--camera", NULL,
             "no camera '%s'; the scene has %s", name, search.seen ? search.known : "none");
     return HG_OK;
@@ -115,20 +117,26 @@ uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name)
     return helio_object_id(cli->scene.first_id + asset - 1, index);
 }
 
-enum hg_status hg_cli_fit_camera(struct hg_cli *cli, double vfov_rad, double aspect,
-    struct hgp_view_camera *camera, struct hg_error *err)
+enum hg_status hg_cli_parse_view(
+    const char *option, const char *text, struct hgp_view_fit *fit, struct hg_error *err)
 {
-    struct hgp_bounds_query query = {0};
-    struct helio_message *answer;
-    enum hg_status status =
-        helio_call_for(cli->h, HGP_T_bounds_query, &query, HGP_T_bounds, &answer, err);
-    if (status)
-        return status;
-    const struct hgp_bounds *b = &answer->body->bounds;
-    const float unit_min[3] = {-1, -1, -1}, unit_max[3] = {1, 1, 1};
-    helio_camera_fit(
-        b->empty ? unit_min : b->min, b->empty ? unit_max : b->max, vfov_rad, aspect, camera);
-    helio_message_free(answer);
+    char azimuth[32];
+    double degrees[2];
+    const char *comma = strchr(text, ',');
+    if (!helio_view_angles(text, &degrees[0], &degrees[1])) {
+        if (!comma || (size_t)(comma - text) >= sizeof azimuth)
+            return hg_error_set(err, HG_E_INVAL, option, NULL,
+                "'%s' is none of front back left right top bottom iso, nor AZIMUTH,ELEVATION in "
+                "degrees",
+                text);
+        snprintf(azimuth, sizeof azimuth, "%.*s", (int)(comma - text), text);
+        if (hg_cli_parse_number(option, azimuth, -36000, 36000, &degrees[0], err) ||
+            hg_cli_parse_number(option, comma + 1, -90, 90, &degrees[1], err))
+            return HG_E_INVAL;
+    }
+    fit->has_azimuth_rad = fit->has_elevation_rad = true;
+    fit->azimuth_rad = (float)(degrees[0] * pi / 180);
+    fit->elevation_rad = (float)(degrees[1] * pi / 180);
     return HG_OK;
 }
 

@@ -67,6 +67,25 @@ static enum hg_status place_eye(
     return HG_OK;
 }
 
+static enum hg_status parse_fit(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    const char *view;
+    struct hg_error inner = {0};
+    double fov = 45;
+    enum hg_status status = HG_OK;
+    s->kind = HG_CLI_STEP_CAMERA_FIT;
+    if (hg_words_accept(w, "view")) {
+        status = hg_words_take(w, "view", &view, err);
+        if (!status && hg_cli_parse_view("view", view, &s->fit, &inner))
+            status = hg_words_rename_error(&inner, "view", err);
+    }
+    if (!status && hg_words_accept(w, "fov"))
+        status = hg_words_take_number(w, "fov", 0.1, 179, &fov, err);
+    s->fit.has_vfov_rad = true;
+    s->fit.vfov_rad = (float)(fov * pi / 180);
+    return status ? status : take_lens(w, &s->camera, err);
+}
+
 static enum hg_status parse_camera(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     double place[3], target[3] = {0};
@@ -77,14 +96,8 @@ static enum hg_status parse_camera(struct hg_words *w, struct hg_cli_step *s, st
         enum hg_status named = hg_words_take(w, "node name", &s->name, err);
         return named ? named : take_lens(w, c, err);
     }
-    if (hg_words_accept(w, "fit")) {
-        s->kind = HG_CLI_STEP_CAMERA_FIT;
-        s->number = 45;
-        enum hg_status fov = hg_words_accept(w, "fov")
-                                 ? hg_words_take_number(w, "fov", 0.1, 179, &s->number, err)
-                                 : HG_OK;
-        return fov ? fov : take_lens(w, c, err);
-    }
+    if (hg_words_accept(w, "fit"))
+        return parse_fit(w, s, err);
     bool orbit = hg_words_accept(w, "orbit");
     if (!orbit && !hg_words_accept(w, "eye"))
         return hg_words_error(err, "orbit, eye, node or fit is missing");

@@ -53,7 +53,10 @@ struct hg_cli_step {
         struct hgp_environment_set environment;
         struct hgp_node_set node;
         struct hgp_material_set material;
-        struct hgp_view_camera camera;
+        struct {
+            struct hgp_view_camera camera;
+            struct hgp_view_fit fit; // kind CAMERA_FIT
+        };
     };
 };
 

@@ -295,6 +295,30 @@ enum hg_status helio_frame(struct helio *h, const struct hgp_frame_request *requ
     return helio_call_for(h, HGP_T_frame_request, request, HGP_T_frame, out, err);
 }
 
+enum hg_status helio_camera_fit(struct helio *h, const struct hgp_view_fit *fit,
+    struct hgp_view_camera *camera, struct hg_error *err)
+{
+    struct helio_message *answer;
+    enum hg_status status = helio_call_for(h, HGP_T_view_fit, fit, HGP_T_view_fitted, &answer, err);
+    if (status)
+        return status;
+    const struct hgp_view_fitted *found = &answer->body->view_fitted;
+    camera->has_camera = found->camera != 0;
+    camera->camera = found->camera;
+    if (!found->camera) {
+        memcpy(camera->eye, found->eye, sizeof camera->eye);
+        memcpy(camera->target, found->target, sizeof camera->target);
+        memcpy(camera->up, found->up, sizeof camera->up);
+        camera->kind = found->kind;
+        camera->vfov_rad = found->vfov_rad;
+        camera->half_height = found->half_height;
+        camera->has_eye = camera->has_target = camera->has_up = true;
+        camera->has_kind = camera->has_vfov_rad = camera->has_half_height = true;
+    }
+    helio_message_free(answer);
+    return HG_OK;
+}
+
 enum hg_status helio_query_json(
     struct helio *h, enum hgp_type type, uint32_t view, char **text, struct hg_error *err)
 {

@@ -31,31 +31,19 @@ void helio_camera_orbit(double theta_deg, double phi_deg, double radius, const d
     camera->has_eye = camera->has_target = camera->has_up = true;
 }
 
-void helio_camera_fit(const float min[3], const float max[3], double vfov_rad, double aspect,
-    struct hgp_view_camera *camera)
+bool helio_view_angles(const char *name, double *azimuth_deg, double *elevation_deg)
 {
-    // From the front and 15 degrees above; the eight corners give the least distance.
-    const double pitch = 15 * degree;
-    const double back[3] = {0, sin(pitch), cos(pitch)}, up[3] = {0, cos(pitch), -sin(pitch)};
-    double half_y = tan(vfov_rad / 2) * 0.92, half_x = half_y * aspect; // 8 % margin
-    double center[3], distance = 0;
-    for (int i = 0; i < 3; i++)
-        center[i] = 0.5 * ((double)min[i] + (double)max[i]);
-    for (int corner = 0; corner < 8; corner++) {
-        double d[3];
-        for (int i = 0; i < 3; i++)
-            d[i] = (double)(corner >> i & 1 ? max[i] : min[i]) - center[i];
-        double x = fabs(d[0]), y = fabs(d[1] * up[1] + d[2] * up[2]);
-        double toward = d[1] * back[1] + d[2] * back[2];
-        distance = fmax(distance, toward + fmax(x / half_x, y / half_y));
+    static const struct {
+        const char *name;
+        double azimuth, elevation;
+    } views[] = {{"front", 0, 0}, {"back", 180, 0}, {"left", -90, 0}, {"right", 90, 0},
+        {"top", 0, 90}, {"bottom", 0, -90}, {"iso", 45, 35.264389682754654}}; // atan(1 / sqrt 2)
+    for (size_t i = 0; i < sizeof views / sizeof *views; i++) {
+        if (strcmp(name, views[i].name) != 0)
+            continue;
+        *azimuth_deg = views[i].azimuth;
+        *elevation_deg = views[i].elevation;
+        return true;
     }
-    if (!(distance > 1e-6))
-        distance = 1;
-    for (int i = 0; i < 3; i++) {
-        camera->target[i] = (float)center[i];
-        camera->eye[i] = (float)(center[i] + distance * back[i]);
-        camera->up[i] = i == 1 ? 1 : 0;
-    }
-    camera->vfov_rad = (float)vfov_rad;
-    camera->has_eye = camera->has_target = camera->has_up = camera->has_vfov_rad = true;
+    return false;
 }

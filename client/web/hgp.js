@@ -611,6 +611,35 @@ export const messages = {
             { name: "data", kind: "bytes", max: 536870912, since: 1 },
         ],
     },
+    // which camera shows the scene, or a node of it, as a whole? The view stays as it is: fields of the answer go into view_camera
+    view_fit: {
+        type: 0x030e, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "azimuth_rad", kind: "f32", least: -1e+04, most: 1e+04, since: 1, optional: true },
+            { name: "elevation_rad", kind: "f32", least: -1.5707964, most: 1.5707964, since: 1, optional: true },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1, optional: true },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
+            { name: "margin", kind: "f32", least: 0, most: 0.9, since: 1, optional: true },
+            { name: "cameras", kind: "bool", since: 1, optional: true },
+        ],
+    },
+    // answer; geometry as posed at this revision
+    view_fitted: {
+        type: 0x030f, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "empty", kind: "bool", since: 1 },
+            { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "eye", kind: "vec3", since: 1 },
+            { name: "target", kind: "vec3", since: 1 },
+            { name: "up", kind: "vec3", since: 1 },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1 },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1 },
+            { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1 },
+        ],
+    },
     // what is under a pixel of the newest frame?
     pick: {
         type: 0x0401, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,

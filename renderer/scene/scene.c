@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/extent.h"
 #include "renderer/scene/xform.h"
 
 // ---- ids: open addressing, linear probing, backward-shift deletion -----------------------------
@@ -474,39 +475,25 @@ void hg_scene_update(struct hg_scene *scene)
     }
 }
 
-// Every weighted mean of the joints' images of a point lies in the hull of those images, so the
-// box of all joints' boxes bounds the skinned mesh.
-static void add_skinned_box(
-    const struct hg_skin *skin, const struct hg_mesh_part *part, float min[3], float max[3])
+// A box and whether anything was added to it.
+struct growing_box {
+    float *min, *max;
+    bool any;
+};
+
+static bool grow_box(void *user, const float matrix[16], const float min[3], const float max[3])
 {
-    for (uint32_t j = 0; j < skin->joint_count; j++) {
-        float m[16];
-        hg_mat4_mul(skin->joints[j]->world, skin->inverse_bind[j], m);
-        hg_bounds_add_box(min, max, m, part->bounds_min, part->bounds_max);
-    }
+    struct growing_box *box = user;
+    box->any = true;
+    hg_bounds_add_box(box->min, box->max, matrix, min, max);
+    return false;
 }
 
 static bool add_node_bounds(const struct hg_node *node, float min[3], float max[3])
 {
-    bool any = false;
-    for (uint32_t p = 0; node->mesh && node->world_visible && p < node->mesh->part_count; p++) {
-        const struct hg_mesh_part *part = &node->mesh->parts[p];
-        if (part->index_count == 0)
-            continue;
-        any = true;
-        if (node->skin && part->joints) {
-            add_skinned_box(node->skin, part, min, max);
-            continue;
-        }
-        if (node->instance_count == 0)
-            hg_bounds_add_box(min, max, node->world, part->bounds_min, part->bounds_max);
-        for (uint32_t i = 0; i < node->instance_count; i++) {
-            float m[16];
-            hg_mat4_mul(node->world, node->instances[i], m);
-            hg_bounds_add_box(min, max, m, part->bounds_min, part->bounds_max);
-        }
-    }
-    return any;
+    struct growing_box box = {min, max, false};
+    hg_extent_visit_boxes(node, grow_box, &box);
+    return box.any;
 }
 
 bool hg_scene_bounds(

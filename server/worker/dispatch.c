@@ -9,6 +9,7 @@
 #include "server/worker/edit_object.h"
 #include "server/worker/query.h"
 #include "server/worker/session_messages.h"
+#include "server/worker/view_fit.h"
 #include "server/worker/view_messages.h"
 #include "server/worker/view_schedule.h"
 
@@ -43,6 +44,7 @@ static const struct {
     {HGP_T_view_set, hg_handle_view_set},
     {HGP_T_view_close, hg_handle_view_close},
     {HGP_T_view_camera, hg_handle_view_camera},
+    {HGP_T_view_fit, hg_handle_view_fit},
     {HGP_T_frame_request, hg_handle_frame_request},
     {HGP_T_subscribe, hg_handle_subscribe},
     {HGP_T_credit, hg_handle_credit},

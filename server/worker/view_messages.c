@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "server/worker/frame_key.h"
 #include "server/worker/frame_planes.h"
+#include "server/worker/view_fit.h"
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
@@ -48,6 +49,8 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
     }
     view->settings.params = params;
     view->settings.changed = true;
+    if (!view->settings.camera_given)
+        view->settings.camera_revision = UINT64_MAX; // fitted to another aspect
     overlay_delivery(view, m);
     return HG_OK;
 }
@@ -114,6 +117,8 @@ void hg_handle_view_camera(const struct request *r)
     struct hg_error err = {0};
     struct hg_view_camera camera = view->settings.camera;
     uint64_t node = m->has_camera ? m->camera : 0;
+    if (!view->settings.camera_given && !node && !(m->has_eye && m->has_target))
+        hg_view_fit_fill(r->session, view, &camera);
     overlay_camera(&camera, m);
     if (node)
         hg_scene_update(r->session->scene->scene);
@@ -125,7 +130,8 @@ void hg_handle_view_camera(const struct request *r)
     }
     view->settings.camera = camera;
     view->settings.camera_node = node;
-    view->settings.camera_node_revision = r->session->scene->scene->revision;
+    view->settings.camera_given = true;
+    view->settings.camera_revision = r->session->scene->scene->revision;
     view->settings.changed = true;
     hg_request_ok(r);
 }
@@ -187,7 +193,8 @@ void hg_handle_job_query(const struct request *r)
     if (m->has_after)
         memcpy(view->frame_key.after, m->after, sizeof view->frame_key.after);
     const struct frame_format format = {view->frame_key.encoding, view->frame_key.quality};
-    if (hg_frame_key_make(r->s, r->session, view, format, answer.hash, &err)) {
+    if (hg_view_fit_follow(r->session, view, &err) ||
+        hg_frame_key_make(r->s, r->session, view, format, answer.hash, &err)) {
         hg_reply_error(r->to, &err);
         return;
     }

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "server/worker/view_fit.h"
 #include "server/worker/view_output.h"
 #include "server/worker/view_rate.h"
 
@@ -28,23 +29,11 @@ static void keep_to_time(struct view_slot *view)
         info->settled = true;
 }
 
-// The pose of a camera of the scene may have changed with it.
-static enum hg_status follow_camera_node(
-    struct hg_scene *scene, struct view_slot *view, struct hg_error *err)
-{
-    struct view_settings *set = &view->settings;
-    if (!set->camera_node || set->camera_node_revision == scene->revision)
-        return HG_OK;
-    hg_scene_update(scene);
-    set->camera_node_revision = scene->revision;
-    return hg_view_set_camera_node(view->view, set->camera_node, &set->camera, err);
-}
-
 static enum hg_status step(
     struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
 {
     struct view_progress *progress = &view->progress;
-    enum hg_status status = follow_camera_node(session->scene->scene, view, err);
+    enum hg_status status = hg_view_fit_follow(session, view, err);
     // A failed step leaves no info behind: what comes after it is a new state, too.
     const bool restarted = hg_view_slot_is_stale(session, view);
     view->subscription.fresh |= restarted;

@@ -43,6 +43,7 @@ enum hg_status hg_view_slot_create(struct render_state *s, struct session *sessi
         return status;
     }
     view->number = number;
+    view->settings.camera_revision = UINT64_MAX;
 #define STANDARD_U8(a, standard)   standard
 #define STANDARD_F32(a, standard)  standard
 #define STANDARD_ENUM(a, standard) HGP_##a##_##standard

@@ -25,8 +25,9 @@ struct frame_wait {
 struct view_settings {
     struct hg_view_params params;
     struct hg_view_camera camera;
-    uint64_t camera_node; // 0: `camera` counts
-    uint64_t camera_node_revision;
+    bool camera_given;        // by a view_camera; else it follows the scene (view_fit.h)
+    uint64_t camera_node;     // 0: `camera` counts
+    uint64_t camera_revision; // of the scene that it was taken from; UINT64_MAX: none yet
     bool changed; // since the newest step
 };
 

@@ -22,6 +22,7 @@
 //   session
 //   view_slot
 //   request                                 a decoded message, and who is answered
+//   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from
 //   frame_metadata                          what a frame says besides its pixels
 //   view_rate                               credit, frame rate, progress

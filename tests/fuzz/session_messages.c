@@ -99,6 +99,9 @@ static void add_queries(session_message_fn *add)
     add(HGP_T_pick, &(struct hgp_pick){.view = 1, .x = 3, .y = 3});
     add(HGP_T_bounds_query, &(struct hgp_bounds_query){0});
     add(HGP_T_bounds_query, &(struct hgp_bounds_query){.node = 1});
+    add(HGP_T_view_fit, &(struct hgp_view_fit){.view = 1});
+    add(HGP_T_view_fit,
+        &(struct hgp_view_fit){.view = 1, .has_node = true, .node = 1, .has_cameras = true});
     add(HGP_T_nodes_query, &(struct hgp_nodes_query){.count = 100});
     add(HGP_T_stats_query, &(struct hgp_stats_query){.view = 1});
     add(HGP_T_sessions_query, &(struct hgp_sessions_query){0});

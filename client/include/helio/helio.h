@@ -198,6 +198,11 @@ HELIO_API enum hg_status helio_upload(struct helio *h, struct helio_file *files,
 HELIO_API enum hg_status helio_frame(struct helio *h, const struct hgp_frame_request *request,
     struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
 
+// Asks which camera shows the scene (view_fit) and writes it to *camera: either the node of a
+// camera of the scene, or eye, target, up and lens. The other members stay as they are.
+HELIO_API enum hg_status helio_camera_fit(struct helio *h, const struct hgp_view_fit *fit,
+    struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+
 // Statistics (HGP_T_stats_query with a view, 0 = none), sessions, info: a terminated JSON text,
 // freed with helio_text_free.
 HELIO_API enum hg_status helio_query_json(struct helio *h, enum hgp_type type, uint32_t view,
@@ -215,10 +220,9 @@ HELIO_API uint64_t helio_object_id(uint32_t asset, uint32_t index);
 HELIO_API void helio_camera_orbit(double theta_deg, double phi_deg, double radius,
     const double target[3], struct hgp_view_camera *camera);
 
-// Sets eye, target and lens so that a box (world space, metres) is in view as a whole, seen from
-// the front, from slightly above. aspect = width / height.
-HELIO_API void helio_camera_fit(const float min[3], const float max[3], double vfov_rad,
-    double aspect, struct hgp_view_camera *camera);
+// The angles of a named view, degrees: front, back, left, right, top, bottom, iso. False: no such
+// view. For azimuth_rad and elevation_rad of view_fit.
+HELIO_API bool helio_view_angles(const char *name, double *azimuth_deg, double *elevation_deg);
 
 #ifdef __cplusplus
 }

@@ -237,6 +237,10 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
         fprintf(out, " eye=%.6g,%.6g,%.6g camera=%llu", (double)m->view_camera.eye[0],
             (double)m->view_camera.eye[1], (double)m->view_camera.eye[2],
             (unsigned long long)m->view_camera.camera);
+    if (type == HGP_T_view_fit)
+        fprintf(out, " cameras=%d azimuth=%.4g elevation=%.4g vfov=%.4g", m->view_fit.cameras,
+            (double)m->view_fit.azimuth_rad, (double)m->view_fit.elevation_rad,
+            (double)m->view_fit.vfov_rad);
     if (type == HGP_T_view_camera && m->view_camera.has_lens_radius)
         fprintf(out, " lens=%g,%g", (double)m->view_camera.lens_radius,
             (double)m->view_camera.focus_distance);
@@ -268,8 +272,13 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
     static const char info[] = "{\"assets\":[{\"counts\":{\"nodes\":2},\"extensions\":[\"A\"]}]}";
     static const char sessions[] = "{\"sessions\":[{\"id\":1,\"name\":\"a\"}]}";
     switch ((enum hgp_type)h->type) {
-    case HGP_T_bounds_query:
-        answer(h, HGP_T_bounds, &(struct hgp_bounds){.min = {-1, -1, -1}, .max = {1, 1, 1}});
+    case HGP_T_view_fit:
+        answer(h, HGP_T_view_fitted,
+            &(struct hgp_view_fitted){.camera = m->view_fit.cameras ? (1ull << 32 | 1) : 0,
+                .eye = {0, 0, 5},
+                .up = {0, 1, 0},
+                .vfov_rad = m->view_fit.has_vfov_rad ? m->view_fit.vfov_rad : 0.8f,
+                .half_height = 1});
         break;
     case HGP_T_pick:
         answer(h, HGP_T_picked, &(struct hgp_picked){.hit = m->pick.x < 10, .node = 1ull << 32});

@@ -63,48 +63,20 @@ static void test_orbit_poles(void **state)
     assert_near(c.up, 0, 1, 0);
 }
 
-// Every corner of the box lies inside the picture, and at least one near its edge.
-static void check_fit(const float min[3], const float max[3], double vfov_rad, double aspect)
-{
-    struct hgp_view_camera c = {0};
-    helio_camera_fit(min, max, vfov_rad, aspect, &c);
-    double f[3], r[3], u[3], most = 0, length = 0;
-    for (int i = 0; i < 3; i++)
-        f[i] = (double)c.target[i] - (double)c.eye[i];
-    length = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
-    for (int i = 0; i < 3; i++)
-        f[i] /= length;
-    double n = sqrt(f[2] * f[2] + f[0] * f[0]); // r = f x (0,1,0)
-    r[0] = -f[2] / n, r[1] = 0, r[2] = f[0] / n;
-    u[0] = r[1] * f[2] - r[2] * f[1];
-    u[1] = r[2] * f[0] - r[0] * f[2];
-    u[2] = r[0] * f[1] - r[1] * f[0];
-    assert_true(c.eye[1] >= c.target[1] && c.eye[2] >= c.target[2]);
-    for (int corner = 0; corner < 8; corner++) {
-        double x = 0, y = 0, z = 0;
-        for (int i = 0; i < 3; i++) {
-            double d = (double)(corner >> i & 1 ? max[i] : min[i]) - (double)c.eye[i];
-            x += d * r[i];
-            y += d * u[i];
-            z += d * f[i];
-        }
-        assert_true(z > 0);
-        double nx = fabs(x / z / tan(vfov_rad / 2) / aspect), ny = fabs(y / z / tan(vfov_rad / 2));
-        assert_true(nx < 1 && ny < 1);
-        most = fmax(most, fmax(nx, ny));
-    }
-    assert_true(most > 0.9 || length <= 1.001);
-}
-
-static void test_fit(void **state)
+static void test_named_views(void **state)
 {
     (void)state;
-    const double fov = 45 * 3.14159265358979323846 / 180;
-    check_fit((float[3]){-1, -1, -1}, (float[3]){1, 1, 1}, fov, 16.0 / 9);
-    check_fit((float[3]){-1, -1, -1}, (float[3]){1, 1, 1}, fov, 0.25);
-    check_fit((float[3]){-100, 0, -1}, (float[3]){100, 1, 1}, fov, 1);
-    check_fit((float[3]){0, 0, -50}, (float[3]){1, 300, 80}, 2.0, 1.5);
-    check_fit((float[3]){5, 5, 5}, (float[3]){5, 5, 5}, fov, 1); // a point
+    double azimuth = 7, elevation = 7;
+    assert_false(helio_view_angles("side", &azimuth, &elevation));
+    assert_true(azimuth == 7 && elevation == 7);
+    assert_true(helio_view_angles("left", &azimuth, &elevation));
+    assert_true(azimuth == -90 && elevation == 0);
+    assert_true(helio_view_angles("bottom", &azimuth, &elevation));
+    assert_true(azimuth == 0 && elevation == -90);
+    // Isometric: the three axes have the same length in the picture.
+    assert_true(helio_view_angles("iso", &azimuth, &elevation));
+    assert_true(azimuth == 45);
+    assert_true(fabs(tan(elevation * 3.14159265358979323846 / 180) - sqrt(0.5)) < 1e-12);
 }
 
 int main(void)
@@ -113,7 +85,7 @@ int main(void)
         cmocka_unit_test(test_orbit),
         cmocka_unit_test(test_orbit_radius_zero),
         cmocka_unit_test(test_orbit_poles),
-        cmocka_unit_test(test_fit),
+        cmocka_unit_test(test_named_views),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

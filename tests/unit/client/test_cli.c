@@ -60,13 +60,20 @@ static void test_default_camera_and_light(void **state)
     (void)state;
     expect_run(0, NULL, "log=log1", "$HELIO render s.gltf -o a.png");
     expect_file("log1", "environment_set kind=SKY\n"); // the scene has no lights
-    expect_file("log1", "camera=4294967297\n");        // its first camera
+    expect_file("log1", "view_fit cameras=1");
+    expect_file("log1", "camera=4294967297\n"); // that the server chose
     expect_run(0, NULL, "log=log2", "$HELIO render s.gltf -o a.png --camera eye");
     expect_file("log2", "camera=4294967297\n");
     expect_run(0, NULL, "log=log3", "$HELIO render s.gltf -o a.png --camera 0");
     expect_file("log3", "camera=4294967297\n");
     expect_run(0, NULL, "log=log4", "$HELIO render s.gltf -o a.png --fov 30");
-    expect_file("log4", "bounds_query");
+    expect_file("log4", "view_fit cameras=0 azimuth=0 elevation=0 vfov=0.5236\n");
+    expect_file("log4", "eye=0,0,5 camera=0\n");
+    expect_run(0, NULL, "log=log6", "$HELIO render s.gltf -o a.png --view left");
+    expect_file("log6", "view_fit cameras=0 azimuth=-1.571 elevation=0 vfov=0.7854\n");
+    expect_run(
+        0, NULL, "log=log7", "$HELIO render s.gltf -o a.png --camera fit --view 10,-20 --fov 90");
+    expect_file("log7", "view_fit cameras=0 azimuth=0.1745 elevation=-0.3491 vfov=1.571\n");
     expect_run(2, "--camera: no camera 'nose'; the scene has 0 'eye'", "",
         "$HELIO render s.gltf -o a.png --camera nose");
     expect_run(0, NULL, "log=log5", "$HELIO render demo: -o a.png");
@@ -364,6 +371,11 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --time 0", "--at S poses the animations"},
         {"render s.gltf -o a.png --orbit 1,2,3 --eye 1,2,3", "--orbit"},
         {"render s.gltf -o a.png --camera x --fov 30", "--camera"},
+        {"render s.gltf -o a.png --camera fit --target 1,2,3", "--camera"},
+        {"render s.gltf -o a.png --view iso --orbit 1,2,3", "--view: cannot be combined"},
+        {"render s.gltf -o a.png --view iso --camera 0", "--view: cannot be combined"},
+        {"render s.gltf -o a.png --view up", "'up' is none of front back left right"},
+        {"render s.gltf -o a.png --view 10,95", "--view: 95 is outside -90 to 90"},
         {"render s.gltf -o a.png --target 1,2,3", "--target"},
         {"render s.gltf -o a.png --eye 1,2,3 --target 1,2,3", "--eye"},
         {"render s.gltf -o a.png --fps 3", "--fps"},

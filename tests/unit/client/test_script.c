@@ -64,7 +64,7 @@ static void test_good(void **state)
                "camera orbit 0,90,2 target 0 1 0 fov 30\n"
                "camera eye 1 2 3\n"
                "camera node eye\n"
-               "camera fit\n"
+               "camera fit view top fov 90\n"
                "time 1.5 as 2\n"
                "wait settled\n"
                "frame out.png now\n"
@@ -97,6 +97,8 @@ static void test_good(void **state)
     assert_true(s.steps[13].camera.eye[1] == 2);
     assert_int_equal(s.steps[14].kind, HG_CLI_STEP_CAMERA_NODE);
     assert_int_equal(s.steps[15].kind, HG_CLI_STEP_CAMERA_FIT);
+    assert_true(s.steps[15].fit.has_elevation_rad && s.steps[15].fit.elevation_rad > 1.57f);
+    assert_true(fabs(s.steps[15].fit.vfov_rad - 1.5707963f) < 1e-6);
     assert_int_equal(s.steps[16].asset, 2);
     assert_true(s.steps[17].kind == HG_CLI_STEP_FRAME && !s.steps[17].path);
     assert_true(s.steps[18].now);
@@ -247,6 +249,8 @@ static void test_bad(void **state)
         {"camera orbit 0,90,-1", "negative"},
         {"camera eye 1 2 3 target 1 2 3", "same point"},
         {"camera eye 1 2 3 fov 0", "outside"},
+        {"camera fit view aside", "'aside' is none of front"},
+        {"camera fit view", "view is missing"},
         {"time -1", "outside"},
         {"frame", "file to write is missing"},
         {"wait", "'settled' is missing"},

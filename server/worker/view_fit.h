@@ -1,0 +1,22 @@
+// view_fit.h - cameras that show the scene: those that a client asks for, and that of a view which
+// was given none.
+// Floor 6, private to server/worker. Thread: the render thread.
+#ifndef HG_SERVER_WORKER_VIEW_FIT_H
+#define HG_SERVER_WORKER_VIEW_FIT_H
+
+#include "server/worker/request.h"
+
+void hg_handle_view_fit(const struct request *r);
+
+// Eye, target, up and lens of a view that a client has set none of: the whole scene, from the
+// default direction.
+void hg_view_fit_fill(
+    const struct session *session, const struct view_slot *view, struct hg_view_camera *camera);
+
+// Before a step and before the view's camera is read: brings a camera that depends on the scene up
+// to date. That is one of a node, whose pose may have changed, and the default one: the scene's
+// first camera that sees geometry, else the whole scene fitted.
+enum hg_status hg_view_fit_follow(
+    const struct session *session, struct view_slot *view, struct hg_error *err) HG_MUST_CHECK;
+
+#endif
