@@ -287,12 +287,11 @@ static enum hg_status set_env_file(
     return HG_OK;
 }
 
-// Without --env, a scene that brings no light is lit by the sky; the demo brings its own.
+// Without --env the server decides: a scene that brings no light is lit by the sky.
 static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
-    bool bare = r->loaded.lights == 0 && strcmp(o->args[0], "demo:") != 0;
-    struct hgp_environment_set env = {.has_kind = o->has_env || bare,
+    struct hgp_environment_set env = {.has_kind = o->has_env,
         .kind = HGP_environment_kind_SKY,
         .has_intensity = o->has_env_intensity,
         .intensity = (float)o->env_intensity,

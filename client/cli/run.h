@@ -12,9 +12,8 @@ enum { HG_CLI_RUN_ASSETS_MAX = 256 };
 // What the lines of one script have made so far; begins anew with each `connect` and `scene`.
 struct hg_cli_run_scene {
     uint32_t assets[HG_CLI_RUN_ASSETS_MAX], asset_count; // loaded, as sent
-    uint32_t lights;
     bool is_open, is_joined; // joined: other sessions made it
-    bool has_demo, has_env, has_camera;
+    bool has_camera;
     bool dirty;                  // changed since `frame` was rendered
     struct helio_message *frame; // newest one, or NULL
     uint64_t frame_ns;           // how long it took
@@ -45,7 +44,7 @@ void hg_cli_run_forget(struct hg_cli_run *r);
 // run_edit.c: steps that change the scene or the view.
 enum hg_status hg_cli_run_edit(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
-// What helio render would do: light for a scene without any, a camera when none was chosen.
+// A camera when none was chosen, as helio render has it; it stays while the scene changes.
 enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err) HG_MUST_CHECK;
 
 // run_frame.c: renders, and writes the file that the step names, if any.

@@ -38,8 +38,6 @@ static enum hg_status do_load(
     if (status)
         return status;
     r->scene.assets[r->scene.asset_count++] = wire_asset(r, number);
-    r->scene.lights += loaded.lights;
-    r->scene.has_demo |= strcmp(s->path, "demo:") == 0;
     r->scene.dirty = true;
     return HG_OK;
 }
@@ -57,7 +55,6 @@ static enum hg_status do_environment(
         e.has_path = true;
         e.path = hgp_str_make(path);
     }
-    r->scene.has_env = true;
     enum hg_status status = call_ok(r, HGP_T_environment_set, &e, err);
     hg_free(path);
     return status;
@@ -179,15 +176,6 @@ enum hg_status hg_cli_run_edit(
 
 enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err)
 {
-    enum hg_status status;
-    if (!r->scene.is_joined && !r->scene.has_env && !r->scene.has_demo && r->scene.asset_count &&
-        !r->scene.lights) {
-        struct hgp_environment_set sky = {.has_kind = true, .kind = HGP_environment_kind_SKY};
-        status = call_ok(r, HGP_T_environment_set, &sky, err);
-        if (status)
-            return status;
-        r->scene.has_env = true;
-    }
     if (r->scene.has_camera)
         return HG_OK;
     const struct hg_cli_step step = {

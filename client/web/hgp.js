@@ -46,7 +46,7 @@ export const enums = {
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2 },
-    environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3 },
+    environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
     light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2 },
     alpha_mode: { OPAQUE: 0, MASK: 1, BLEND: 2 },
@@ -387,7 +387,7 @@ export const messages = {
             { name: "far", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
         ],
     },
-    // change the environment
+    // change the environment; fields that are not there stay
     environment_set: {
         type: 0x0210, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
         fields: [

@@ -1,6 +1,7 @@
 // The generated sections of docs/protocol.md and docs/client.md.
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "protocol/gen/gen.h"
@@ -78,16 +79,45 @@ static void print_type(struct hg_writer *out, const struct hgp_field *field)
         gen_print(out, "%s", kind);
 }
 
-// Fields of view_set have their defaults from the table of view parameters.
+// Fields of view_set have their meanings and defaults from the table of view parameters.
+static const struct hgp_view_param *find_param(const struct gen_row *owner, const char *field)
+{
+    return strcmp(owner->name, "view_set") == 0 ? hgp_view_param_find(field) : NULL;
+}
+
 static void print_meaning(
     struct hg_writer *out, const struct gen_row *owner, const struct hgp_field *field)
 {
-    const struct hgp_view_param *param =
-        strcmp(owner->name, "view_set") == 0 ? hgp_view_param_find(field->name) : NULL;
-    char text[HGP_VIEW_TEXT_BYTES];
+    const struct hgp_view_param *param = find_param(owner, field->name);
+    if (!param) {
+        gen_print(out, "%s", gen_find_field(owner, field->name)->doc);
+        return;
+    }
+    gen_print(out, "%s%s", param->path_only ? "PATH: " : "", param->doc);
+    if (*param->unit)
+        gen_print(out, " (%s)", param->unit);
+    if (hgp_view_param_unset(param) && param->least <= 0)
+        gen_print(out, "; 0 = default");
+}
+
+// What a field of a client's message that is not there stands for.
+static void print_default(
+    struct hg_writer *out, const struct gen_row *owner, const struct hgp_field *field)
+{
+    const struct hgp_message_info *info = NULL;
+    const struct hgp_view_param *param = find_param(owner, field->name);
+    const char *text = gen_default(owner, field->name);
+    const char *unset = param ? hgp_view_param_unset(param) : NULL;
+    for (size_t n = 0; owner->kind == GEN_MESSAGE && (info = hgp_message_at(n)); n++)
+        if (strcmp(info->name, owner->name) == 0)
+            break;
     if (param)
-        hgp_view_param_text(param, false, text);
-    gen_print(out, "%s", param ? text : gen_find_field(owner, field->name)->doc);
+        text = unset ? unset : param->standard;
+    if (!text && info && info->direction == HGP_C2S && field->presence == HGP_P_OPT) {
+        fprintf(stderr, "gen: %s.%s has no default\n", owner->name, field->name);
+        exit(1);
+    }
+    gen_print(out, " | %s", text ? text : "");
 }
 
 static void print_fields(
@@ -97,8 +127,8 @@ static void print_fields(
         gen_print(out, "No fields.\n");
         return;
     }
-    gen_print(
-        out, "| field | type | limits | there | since | meaning |\n|---|---|---|---|---|---|\n");
+    gen_print(out, "| field | type | limits | there | default | since | meaning "
+                   "|\n|---|---|---|---|---|---|---|\n");
     unsigned bit = 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
@@ -110,6 +140,7 @@ static void print_fields(
             gen_print(out, " | bit %u", bit++);
         else
             gen_print(out, " | always");
+        print_default(out, owner, field);
         gen_print(out, " | %u | ", field->since);
         print_meaning(out, owner, field);
         gen_print(out, " |\n");

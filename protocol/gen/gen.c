@@ -19,6 +19,7 @@ const struct gen_row gen_rows[] = {
 #define HGP_STRUCT(name, doc)                                     {GEN_STRUCT, #name, 0, doc},
 #define HGP_MESSAGE(name, id, direction, state, role, since, doc) {GEN_MESSAGE, #name, 0, doc},
 #define HGP_F(presence, kind, field, a, b, since, doc)            {GEN_FIELD, #field, 0, doc},
+#define HGP_DEFAULT(field, text)                                  {GEN_DEFAULT, #field, 0, text},
 #include "protocol/messages.def"
 };
 const size_t gen_row_count = sizeof gen_rows / sizeof *gen_rows;
@@ -34,12 +35,24 @@ const struct gen_row *gen_find(enum gen_row_kind kind, const char *name)
 const struct gen_row *gen_find_field(const struct gen_row *owner, const char *name)
 {
     for (const struct gen_row *row = owner + 1; row < gen_rows + gen_row_count; row++) {
-        if (row->kind != GEN_FIELD)
+        if (row->kind != GEN_FIELD && row->kind != GEN_DEFAULT)
             break;
-        if (strcmp(row->name, name) == 0)
+        if (row->kind == GEN_FIELD && strcmp(row->name, name) == 0)
             return row;
     }
     return NULL;
+}
+
+const char *gen_default(const struct gen_row *owner, const char *field)
+{
+    const struct gen_row *next = gen_find_field(owner, field) + 1;
+    const bool stated = next < gen_rows + gen_row_count && next->kind == GEN_DEFAULT;
+    if (stated && strcmp(next->name, field) != 0) {
+        fprintf(
+            stderr, "gen: the default of %s stands behind %s.%s\n", next->name, owner->name, field);
+        exit(1);
+    }
+    return stated ? next->doc : NULL;
 }
 
 void gen_print(struct hg_writer *out, const char *fmt, ...)

@@ -6,7 +6,7 @@
 #include "protocol/layout.h"
 
 // The words of messages.def that the codec's tables leave out.
-enum gen_row_kind { GEN_ENUM, GEN_VALUE, GEN_STRUCT, GEN_MESSAGE, GEN_FIELD };
+enum gen_row_kind { GEN_ENUM, GEN_VALUE, GEN_STRUCT, GEN_MESSAGE, GEN_FIELD, GEN_DEFAULT };
 
 struct gen_row {
     enum gen_row_kind kind;
@@ -21,6 +21,8 @@ extern const size_t gen_row_count;
 // The row of a field; `owner` is the row of its message or struct.
 const struct gen_row *gen_find(enum gen_row_kind kind, const char *name);
 const struct gen_row *gen_find_field(const struct gen_row *owner, const char *name);
+// The default of a field of view_set or of another message, in words; NULL: none is stated.
+const char *gen_default(const struct gen_row *owner, const char *field);
 
 void gen_print(struct hg_writer *out, const char *fmt, ...) HG_PRINTF(2, 3);
 // Shortest decimal that reads back as the same float or double.

@@ -115,12 +115,13 @@ static enum hg_status transform_roots(struct hg_asset *asset, const float matrix
 }
 
 // The built-in scene comes with its sky, unless the client has already chosen an environment.
-static void light_demo(struct hg_scene *scene, const struct hg_asset *asset)
+static void light_demo(struct scene_slot *slot, const struct hg_asset *asset)
 {
-    if (strcmp(asset->label, "demo:") != 0 || scene->environment.revision)
+    if (strcmp(asset->label, "demo:") != 0 || slot->has_environment)
         return;
-    hg_demo_environment(&scene->environment);
-    scene->environment.revision = scene->revision + 1;
+    hg_demo_environment(&slot->scene->environment);
+    slot->scene->environment.revision = slot->scene->revision + 1;
+    slot->has_environment = true;
 }
 
 // The asset becomes the scene's; on error it stays the task's.
@@ -154,7 +155,7 @@ void hg_edit_asset_loaded(const struct request *r, struct task *task)
         hg_reply_error(r->to, &err);
         return;
     }
-    light_demo(r->session->scene->scene, asset);
+    light_demo(r->session->scene, asset);
     hg_session_edited(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);
@@ -179,7 +180,8 @@ void hg_handle_asset_unload(const struct request *r)
 static void apply_environment(const struct request *r, struct hg_environment_file *file)
 {
     const struct hgp_environment_set *m = &r->message->environment_set;
-    struct hg_environment *env = &r->session->scene->scene->environment;
+    struct scene_slot *slot = r->session->scene;
+    struct hg_environment *env = &slot->scene->environment;
     static const enum hg_environment_kind kinds[] = {
         [HGP_environment_kind_NONE] = HG_ENV_NONE,
         [HGP_environment_kind_COLOR] = HG_ENV_COLOR,
@@ -187,6 +189,8 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
         [HGP_environment_kind_SKY] = HG_ENV_SKY,
     };
     if (m->has_kind)
+        slot->has_environment = m->kind != HGP_environment_kind_AUTO;
+    if (m->has_kind && slot->has_environment)
         env->kind = kinds[m->kind];
     if (m->has_color)
         memcpy(env->color, m->color, sizeof env->color);
@@ -200,7 +204,7 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
         env->turbidity = m->turbidity;
     if (file)
         hg_environment_file_use(file, env);
-    env->revision = r->session->scene->scene->revision + 1;
+    env->revision = slot->scene->revision + 1;
     hg_request_edited(r);
 }
 

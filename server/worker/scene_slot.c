@@ -8,6 +8,18 @@
 // A batch left open does not hold up the frames of other sessions for longer than this.
 static const uint64_t batch_patience_ns = 2000000000u;
 
+// Until a client chooses an environment: the sky, unless the scene has lights of its own.
+static void follow_lights(struct scene_slot *slot)
+{
+    struct hg_environment *env = &slot->scene->environment;
+    const enum hg_environment_kind kind =
+        slot->scene->objects[HG_OBJECT_LIGHT].count ? HG_ENV_NONE : HG_ENV_SKY;
+    if (slot->has_environment || kind == env->kind)
+        return;
+    env->kind = kind;
+    env->revision = slot->scene->revision + 1;
+}
+
 struct scene_slot *hg_scene_slot_hold(struct render_state *s, struct hgp_str key)
 {
     for (struct scene_slot *it = s->scenes; it; it = it->next)
@@ -24,6 +36,7 @@ struct scene_slot *hg_scene_slot_hold(struct render_state *s, struct hgp_str key
         hg_free(slot);
         return NULL;
     }
+    follow_lights(slot);
     slot->sessions = 1;
     slot->next = s->scenes;
     s->scenes = slot;
@@ -46,8 +59,10 @@ void hg_scene_slot_release(struct render_state *s, struct scene_slot *slot)
 
 void hg_scene_slot_publish(struct scene_slot *slot)
 {
-    if (slot->dirty)
-        hg_scene_publish(slot->scene);
+    if (!slot->dirty)
+        return;
+    follow_lights(slot);
+    hg_scene_publish(slot->scene);
     slot->dirty = false;
 }
 

@@ -12,6 +12,7 @@ struct scene_slot {
     char *key;
     struct hg_scene *scene;
     uint32_t sessions;
+    bool has_environment; // by a client or the demo; else it follows the scene's lights
     bool dirty; // edits since the newest revision, inside an open batch
     uint32_t open_batches;
     uint64_t batch_started_ns;

@@ -63,10 +63,9 @@ void hg_session_destroy(struct render_state *s, struct session *session)
 
 void hg_session_edited(struct session *session)
 {
-    if (session->batch_depth)
-        session->scene->dirty = true;
-    else
-        hg_scene_publish(session->scene->scene);
+    session->scene->dirty = true;
+    if (!session->batch_depth)
+        hg_scene_slot_publish(session->scene);
 }
 
 void hg_session_close_batch(struct session *session)

@@ -59,7 +59,6 @@ static void test_default_camera_and_light(void **state)
 {
     (void)state;
     expect_run(0, NULL, "log=log1", "$HELIO render s.gltf -o a.png");
-    expect_file("log1", "environment_set kind=SKY\n"); // the scene has no lights
     expect_file("log1", "view_fit cameras=1");
     expect_file("log1", "camera=4294967297\n"); // that the server chose
     expect_run(0, NULL, "log=log2", "$HELIO render s.gltf -o a.png --camera eye");
