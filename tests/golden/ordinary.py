@@ -1,0 +1,198 @@
+#!/usr/bin/env python3
+"""An ordinary file looks right at the first try: `helio render FILE -o picture.png`, nothing else.
+
+usage: ordinary.py --helio PROGRAM --out DIR [--only NAME]... [--update]
+
+ordinary_scenes.py makes the files. Of each picture these are checked, and then the stored picture
+(references/ordinary_NAME.png; --update writes it: look at it first):
+
+    covered   30 to 90 % of the frame, in its longer side, by the scene's bounds in the picture
+    not black, not clipped     of the pixels that show the scene, at most 5 % are 0 or 255 throughout
+    contrast  the scene differs from the background around it
+    upright   of a tower: the foot is below the shaft
+
+What covers is found with a second picture that has no background.
+"""
+import argparse
+import concurrent.futures
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import zlib
+
+import ordinary_scenes
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+SIZE = "240x135"
+SECONDS_PER_PICTURE = 240
+FLIP_LIMIT = 0.01  # drivers round differently, automatic exposure follows them
+# name: what is asked of the picture beside the rest
+SCENES = {
+    "blender.glb": {}, "blender.dae": {}, "blender.fbx": {},
+    "cube.obj": {}, "cube.ply": {}, "cube.stl": {}, "cube.glb": {},
+    "tower.stl": {"upright"}, "tower_text.stl": {"upright"}, "tower.obj": {"upright"},
+    "tower.dae": {"upright"},
+    "cloud.ply": {}, "room.obj": {}, "tiny.obj": {}, "huge.obj": {}, "far.obj": {}, "far.ply": {},
+    "smooth.obj": {}, "transparency.dae": {}, "wide.dae": {},
+}
+# What the same scene looks like from different formats: as this file, within FLIP.
+ALIKE = {"blender.dae": ("blender.glb", 0.12), "wide.dae": ("blender.dae", 0.001),
+         "tower_text.stl": ("tower.stl", 0.001), "cube.ply": ("cube.stl", 0.02),
+         "far.obj": ("cube.obj", 0.02), "far.ply": ("cube.ply", 0.02), "tiny.obj": ("cube.obj", 0.02),
+         "huge.obj": ("cube.obj", 0.02)}
+
+
+def read_png(path):
+    """(width, height, channels, rows of bytes) of an 8-bit PNG."""
+    with open(path, "rb") as file:
+        data = file.read()
+    at, body, head = 8, b"", None
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at:at + 8])
+        if kind == b"IHDR":
+            head = struct.unpack(">IIBBBBB", data[at + 8:at + 21])
+        body += data[at + 8:at + 8 + size] if kind == b"IDAT" else b""
+        at += size + 12
+    width, height, bits, kind = head[:4]
+    assert bits == 8 and kind in (2, 6), "not an 8-bit RGB or RGBA PNG"
+    channels = 3 if kind == 2 else 4
+    raw, stride = zlib.decompress(body), width * channels
+    rows, before = [], bytearray(stride)
+    for y in range(height):
+        mode = raw[y * (stride + 1)]
+        row = bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
+        for i in range(stride):
+            left = row[i - channels] if i >= channels else 0
+            up, corner = before[i], before[i - channels] if i >= channels else 0
+            if mode == 1:
+                row[i] = (row[i] + left) & 255
+            elif mode == 2:
+                row[i] = (row[i] + up) & 255
+            elif mode == 3:
+                row[i] = (row[i] + (left + up) // 2) & 255
+            elif mode == 4:
+                guess = left + up - corner
+                near = min((abs(guess - left), 0, left), (abs(guess - up), 1, up),
+                           (abs(guess - corner), 2, corner))
+                row[i] = (row[i] + near[2]) & 255
+        rows.append(bytes(row))
+        before = row
+    return width, height, channels, rows
+
+
+def mask_of(path):
+    """Pixels that the scene covers."""
+    width, height, channels, rows = read_png(path)
+    assert channels == 4, "the picture without background has no alpha"
+    return [[rows[y][4 * x + 3] >= 128 for x in range(width)] for y in range(height)]
+
+
+def mean(values):
+    return sum(values) / len(values) if values else 0
+
+
+def look(picture, mask, asked):
+    """What is wrong with a picture."""
+    width, height, channels, rows = read_png(picture)
+    pixel = lambda x, y: rows[y][channels * x:channels * x + 3]
+    inside = [(x, y) for y in range(height) for x in range(width) if mask[y][x]]
+    if not inside:
+        return ["shows nothing"]
+    wrong = []
+    xs, ys = [x for x, _ in inside], [y for _, y in inside]
+    share = max((max(xs) - min(xs) + 1) / width, (max(ys) - min(ys) + 1) / height)
+    if not 0.3 <= share <= 0.9:
+        wrong.append("covers %.0f %% of the frame" % (100 * share))
+    black = mean([max(pixel(*p)) <= 3 for p in inside])
+    clipped = mean([min(pixel(*p)) >= 252 for p in inside])
+    if black > 0.05:
+        wrong.append("%.0f %% are black" % (100 * black))
+    if clipped > 0.05:
+        wrong.append("%.0f %% are clipped" % (100 * clipped))
+    luma = [mean(pixel(*p)) for p in inside]
+    if not 40 <= mean(luma) <= 215:
+        wrong.append("its mean is %.0f of 255" % mean(luma))
+    # Pixels on both sides of the silhouette, two apart.
+    steps = []
+    for y in range(height):
+        for x in range(2, width - 2):
+            if mask[y][x] and not mask[y][x - 1]:
+                a, b = pixel(x + 1, y), pixel(x - 2, y)
+                steps.append(max(abs(i - j) for i, j in zip(a, b)))
+    if steps and mean([s >= 12 for s in steps]) < 0.6:
+        wrong.append("dissolves into the background")
+    if "upright" in asked:
+        widths = [sum(row) for row in mask if any(row)]
+        third = len(widths) // 4
+        if mean(widths[-third:]) < 1.5 * mean(widths[:third]):
+            wrong.append("is not upright")
+    return wrong
+
+
+class Test:
+    def __init__(self, options):
+        self.options = options
+        self.scenes = os.path.join(options.out, "scenes")
+        ordinary_scenes.make(self.scenes)
+
+    def path(self, name, ending):
+        return os.path.join(self.options.out, name.replace(".", "_") + ending)
+
+    def run(self, *arguments):
+        try:
+            done = subprocess.run([self.options.helio, *arguments], stdout=subprocess.PIPE,
+                                  stderr=subprocess.STDOUT, text=True, errors="replace",
+                                  timeout=SECONDS_PER_PICTURE)
+        except subprocess.TimeoutExpired:
+            return -1, "took more than %d s" % SECONDS_PER_PICTURE
+        return done.returncode, done.stdout.strip()
+
+    def render(self, name, ending, *more):
+        return self.run("render", os.path.join(self.scenes, name), "-o", self.path(name, ending),
+                        "--size", SIZE, "--device", "llvmpipe", "--progress", "none",
+                        "--cache-dir", os.path.join(self.options.out, "cache"), *more)
+
+    def compare(self, a, b, limit):
+        return self.run("compare", a, b, "--metric", "flip", "--fail-above", str(limit))
+
+    def check(self, name):
+        for ending, more in ((".png", ()), (".mask.png", ("--background", "none", "--samples", "4"))):
+            code, text = self.render(name, ending, *more)
+            if code != 0:
+                return ["rendering failed with %d: %s" % (code, text)]
+        wrong = look(self.path(name, ".png"), mask_of(self.path(name, ".mask.png")), SCENES[name])
+        reference = os.path.join(HERE, "references", "ordinary_%s.png" % name.replace(".", "_"))
+        if self.options.update:
+            shutil.copyfile(self.path(name, ".png"), reference)
+        code, text = self.compare(self.path(name, ".png"), reference, FLIP_LIMIT)
+        return wrong + (["differs from %s: %s" % (reference, text)] if code != 0 else [])
+
+    def check_alike(self, name):
+        other, limit = ALIKE[name]
+        code, text = self.compare(self.path(name, ".png"), self.path(other, ".png"), limit)
+        return ["is not like %s: %s" % (other, text)] if code != 0 else []
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for name in ("--helio", "--out"):
+        parser.add_argument(name, required=True)
+    parser.add_argument("--only", action="append", default=[])
+    parser.add_argument("--update", action="store_true")
+    options = parser.parse_args()
+    shutil.rmtree(options.out, ignore_errors=True)
+    os.makedirs(options.out)
+    test = Test(options)
+    names = [n for n in SCENES if not options.only or n in options.only]
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        found = dict(zip(names, pool.map(test.check, names)))
+    for name in names:
+        if name in ALIKE and not found[name] and ALIKE[name][0] in found:
+            found[name] = test.check_alike(name)
+        print("%-20s %s" % (name, "; ".join(found[name]) or "ok"))
+    sys.exit(1 if any(found.values()) else 0)
+
+
+main()
