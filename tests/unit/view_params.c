@@ -346,7 +346,7 @@ static void test_words(void **state)
             continue;
         sample(param, text, &number);
         snprintf(line, sizeof line, "set %s %s", word, text);
-        if (hg_cli_script_parse("test", line, NULL, NULL, &script, &err))
+        if (hg_cli_script_parse("test", line, &(struct hg_cli_script_source){0}, &script, &err))
             fail_msg("%s: %s", line, err.reason);
         script.steps[0].view.view = 1;
         check_received(param, &script.steps[0].view, text, number);
