@@ -249,6 +249,7 @@ static enum hg_status convert(struct hg_import *im)
         if (status)
             return status;
     }
+    hg_import_light_units(im);
     turn_up_axis(im);
     return hg_asset_make_names_utf8(im->asset) ? HG_OK
                                                : hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");

@@ -33,6 +33,13 @@ enum hg_status hg_import_meshes(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_nodes(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_animations(struct hg_import *im) HG_MUST_CHECK;
 
+// Brings the lights' intensities to candela and lux, when nodes and meshes are there.
+void hg_import_light_units(struct hg_import *im);
+
+// *known: false for ambient light, which has no counterpart.
+unsigned hg_import_light_kind(const struct aiLight *from, bool *known);
+// Metres per unit of lengths that assimp does not scale with the nodes.
+float hg_import_file_unit(const struct hg_import *im);
 void *hg_import_alloc(struct hg_import *im, uint64_t count, size_t size) HG_MUST_CHECK;
 enum hg_status hg_import_fail(struct hg_import *im, enum hg_status status, const char *where,
     const char *reason);

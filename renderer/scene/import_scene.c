@@ -276,21 +276,20 @@ static struct hg_node *add_looking(struct hg_import *im, const char *name,
 
 static enum hg_status add_light(struct hg_import *im, const struct aiLight *from)
 {
-    if (from->mType != aiLightSource_DIRECTIONAL && from->mType != aiLightSource_POINT &&
-        from->mType != aiLightSource_SPOT)
-        return HG_OK; // ambient and area lights have no counterpart
+    bool known;
+    const unsigned kind = hg_import_light_kind(from, &known);
+    if (!known)
+        return HG_OK;
     struct hg_light *light = hg_asset_add_light(im->asset, from->mName.data);
     struct hg_node *node =
         light ? add_looking(im, from->mName.data, &from->mPosition, &from->mDirection, &from->mUp)
               : NULL;
     if (!node)
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a light");
-    light->kind = from->mType == aiLightSource_DIRECTIONAL ? HG_LIGHT_DIRECTIONAL
-                  : from->mType == aiLightSource_POINT     ? HG_LIGHT_POINT
-                                                           : HG_LIGHT_SPOT;
+    light->kind = kind;
     float rgb[3] = {from->mColorDiffuse.r, from->mColorDiffuse.g, from->mColorDiffuse.b};
     float peak = fmaxf(rgb[0], fmaxf(rgb[1], rgb[2]));
-    light->intensity = peak > 0 && isfinite(peak) ? peak : 0;
+    light->intensity = peak > 0 && isfinite(peak) ? peak : 0; // hg_import_light_units follows
     for (int i = 0; i < 3; i++)
         light->color[i] = light->intensity > 0 ? fmaxf(rgb[i] / peak, 0) : 1;
     float outer = from->mAngleOuterCone / 2, inner = from->mAngleInnerCone / 2; // full angles
@@ -301,7 +300,7 @@ static enum hg_status add_light(struct hg_import *im, const struct aiLight *from
 }
 
 // Metres per unit of lengths that assimp does not scale with the nodes.
-static float file_unit(const struct hg_import *im)
+float hg_import_file_unit(const struct hg_import *im)
 {
     const struct aiMetadata *meta = im->scene->mMetaData;
     for (unsigned i = 0; meta && i < meta->mNumProperties; i++) {
@@ -354,7 +353,7 @@ static enum hg_status add_camera(struct hg_import *im, const struct aiCamera *fr
                : NULL;
     if (!node)
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a camera");
-    const float unit = file_unit(im);
+    const float unit = hg_import_file_unit(im);
     set_field_of_view(im, from, camera);
     if (from->mClipPlaneNear > 0)
         camera->near = from->mClipPlaneNear * unit;

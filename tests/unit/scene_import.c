@@ -418,7 +418,8 @@ static void test_collada_lights(void **state)
     (void)state;
     struct hg_asset *asset;
     struct hg_scene *scene = load_collada(1, "Y_UP", &asset);
-    static const float intensity[3] = {3, 8, 5},
+    // Pi lux per unit of colour; without attenuation, where the ribbon is: 4 m and 1 m away.
+    static const float pi = 3.14159265f, intensity[3] = {3 * pi, 8 * pi * 16, 5 * pi},
                        color[3][3] = {{1, 0.5f, 0.25f}, {1, 1, 0.5f}, {1, 1, 1}};
     static const float travel[3][3] = {{0, 1, 0}, {0, 0, -1}, {-1, 0, 0}};
     static const int kinds[3] = {HG_LIGHT_DIRECTIONAL, HG_LIGHT_POINT, HG_LIGHT_SPOT};
@@ -427,7 +428,7 @@ static void test_collada_lights(void **state)
         const struct hg_light *light = asset->lights[i];
         const float *world = node_with(asset, light)->world;
         assert_int_equal(light->kind, kinds[i]);
-        assert_float_equal(light->intensity, intensity[i], 1e-6f);
+        assert_float_equal(light->intensity / intensity[i], 1, 1e-5f);
         for (int c = 0; c < 3; c++) {
             assert_float_equal(light->color[c], color[i][c], 1e-6f);
             if (i != 1)
@@ -454,11 +455,13 @@ static const char fbx_text[] =
     "P: \"NearPlane\", \"double\", \"Number\", \"\",20\n"
     "P: \"FarPlane\", \"double\", \"Number\", \"\",5000\n}\nTypeFlags: \"Camera\"\n}\n"
     "NodeAttribute: 101, \"NodeAttribute::Lamp\", \"Light\" {\nProperties70: {\n"
-    "P: \"LightType\", \"enum\", \"\", \"\",0\nP: \"Intensity\", \"Number\", \"\", "
+    "P: \"LightType\", \"enum\", \"\", \"\",0\nP: \"DecayType\", \"enum\", \"\", \"\",0\nP: "
+    "\"Intensity\", \"Number\", \"\", "
     "\"A\",250\nP: \"Color\", \"Color\", \"\", \"A\",1,0.5,0.25\n}\nTypeFlags: "
     "\"Light\"\n}\n"
     "NodeAttribute: 102, \"NodeAttribute::Spot\", \"Light\" {\nProperties70: {\n"
-    "P: \"LightType\", \"enum\", \"\", \"\",2\nP: \"Intensity\", \"Number\", \"\", "
+    "P: \"LightType\", \"enum\", \"\", \"\",2\nP: \"DecayType\", \"enum\", \"\", \"\",0\nP: "
+    "\"Intensity\", \"Number\", \"\", "
     "\"A\",400\nP: \"InnerAngle\", \"Number\", \"\", \"A\",40\nP: \"OuterAngle\", "
     "\"Number\", \"\", \"A\",60\n}\nTypeFlags: \"Light\"\n}\n"
     "Geometry: 103, \"Geometry::Tri\", \"Mesh\" {\nVertices: *9 {\na: "
@@ -498,10 +501,11 @@ static void test_fbx_cameras_and_lights(void **state)
     expect_axis(node, 8, (const float[]){-scale, 0, 0}); // FBX cameras look along +x
     const struct hg_light *lamp = asset->lights[0], *spot = asset->lights[1];
     assert_int_equal(lamp->kind, HG_LIGHT_POINT);
-    assert_float_equal(lamp->intensity, 2.5f, 1e-5f); // 100 is one
+    // 100 is one: pi lux where the triangle is, sqrt(1/2) m away.
+    assert_float_equal(lamp->intensity, 2.5 * 3.14159265 * 0.5, 1e-4f);
     assert_float_equal(lamp->color[1], 0.5f, 1e-6f);
     assert_int_equal(spot->kind, HG_LIGHT_SPOT);
-    assert_float_equal(spot->intensity, 4, 1e-5f);
+    assert_float_equal(spot->intensity, 4 * 3.14159265 * 0.5, 1e-4f);
     assert_float_equal(spot->inner_cone_rad, 20 * DEGREE, 1e-5f);
     assert_float_equal(spot->outer_cone_rad, 30 * DEGREE, 1e-5f);
     expect_axis(node_with(asset, spot), 8, (const float[]){0, scale, 0}); // and lights along -y
