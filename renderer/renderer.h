@@ -56,7 +56,13 @@ enum hg_status hg_renderer_warm_up(struct hg_renderer *renderer,
 uint32_t hg_renderer_validation_messages(const struct hg_renderer *renderer);
 
 enum hg_tonemap { HG_TONEMAP_ACES, HG_TONEMAP_AGX, HG_TONEMAP_PBR_NEUTRAL, HG_TONEMAP_LINEAR };
-enum hg_background { HG_BACKGROUND_ENV, HG_BACKGROUND_NONE, HG_BACKGROUND_COLOR };
+enum hg_background {
+    HG_BACKGROUND_ENV,
+    HG_BACKGROUND_NONE,
+    HG_BACKGROUND_COLOR,
+    HG_BACKGROUND_BLUR,
+    HG_BACKGROUND_DISPLAY,
+};
 enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_OFF,
     HG_DEBUG_MIP,

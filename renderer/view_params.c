@@ -12,7 +12,7 @@
 // The renderer's enums have the values of the protocol's.
 static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
 static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
-static_assert((int)HG_BACKGROUND_COLOR == HGP_COUNT_background - 1, "");
+static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_DEBUG_OVERDRAW == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
 static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");

@@ -146,17 +146,46 @@ enum hg_status hg_cli_parse_size(
     return HG_OK;
 }
 
+// #rgb, #rrggbb or a name, as a linear colour.
+static bool parse_display_color(const char *text, double out[3])
+{
+    static const char *const names[][2] = {
+        {"white", "#ffffff"}, {"black", "#000000"}, {"grey", "#808080"}, {"gray", "#808080"}};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(text, names[i][0]) == 0)
+            text = names[i][1];
+    const size_t digits = *text == '#' ? strspn(text + 1, "0123456789abcdefABCDEF") : 0;
+    if ((digits != 3 && digits != 6) || text[1 + digits])
+        return false;
+    const unsigned long bits = strtoul(text + 1, NULL, 16);
+    for (int i = 0; i < 3; i++) {
+        const unsigned long level =
+            digits == 6 ? bits >> (16 - 8 * i) & 255 : (bits >> (8 - 4 * i) & 15) * 17;
+        const double c = (double)level / 255; // IEC 61966-2-1
+        out[i] = c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
+    }
+    return true;
+}
+
 enum hg_status hg_cli_parse_background(
     const char *what, const char *text, struct hg_cli_background *out, struct hg_error *err)
 {
+    static const struct {
+        const char *word;
+        int kind;
+    } words[] = {{"env", HG_CLI_BACKGROUND_ENV}, {"none", HG_CLI_BACKGROUND_NONE},
+        {"blur", HG_CLI_BACKGROUND_BLUR}};
+    struct hg_error inner;
     *out = (struct hg_cli_background){0};
-    if (strcmp(text, "env") == 0)
-        return HG_OK;
-    out->kind = HG_CLI_BACKGROUND_NONE;
-    if (strcmp(text, "none") == 0)
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        if (strcmp(text, words[i].word) == 0) {
+            out->kind = words[i].kind;
+            return HG_OK;
+        }
+    out->kind = HG_CLI_BACKGROUND_DISPLAY;
+    if (parse_display_color(text, out->color))
         return HG_OK;
     out->kind = HG_CLI_BACKGROUND_COLOR;
-    struct hg_error inner;
     enum hg_status status = hg_cli_parse_numbers(what, text, 3, out->color, &inner);
     for (int i = 0; !status && i < 3; i++)
         status = out->color[i] < 0 ? HG_E_INVAL : HG_OK;
@@ -164,7 +193,31 @@ enum hg_status hg_cli_parse_background(
         return HG_OK;
     *out = (struct hg_cli_background){0};
     return hg_error_set(err, HG_E_INVAL, what, NULL,
-        "'%s' is not env, none or three linear components R,G,B", text);
+        "'%s' is not env, none, blur, #rrggbb, white, black, grey or three linear components R,G,B",
+        text);
+}
+
+static enum hg_status parse_sun(
+    const char *what, const char *text, struct hg_cli_sun *out, struct hg_error *err)
+{
+    double v[3] = {0};
+    uint32_t count = 2;
+    struct hg_error inner;
+    *out = (struct hg_cli_sun){.off = strcmp(text, "off") == 0};
+    if (out->off)
+        return HG_OK;
+    const char *comma = strchr(text, ',');
+    if (comma && strchr(comma + 1, ','))
+        count = 3;
+    enum hg_status status = hg_cli_parse_numbers(what, text, count, v, &inner);
+    if (status)
+        return hg_error_set(err, HG_E_INVAL, what, NULL,
+            "'%s' is not off, AZIMUTH,ELEVATION or AZIMUTH,ELEVATION,TURBIDITY", text);
+    if (fabs(v[0]) > 36000 || fabs(v[1]) > 90 || (count == 3 && (v[2] < 1 || v[2] > 10)))
+        return hg_error_set(err, HG_E_INVAL, what, NULL,
+            "'%s': elevation is -90 to 90 degrees, turbidity 1 to 10", text);
+    *out = (struct hg_cli_sun){.azimuth = v[0], .elevation = v[1], .turbidity = v[2]};
+    return HG_OK;
 }
 
 static enum hg_status parse_choice(
@@ -234,6 +287,8 @@ static enum hg_status set_value(const struct hg_cli_option_row *row, const char 
         return parse_choice(what, choices, text, value, err);
     case HG_CLI_KIND_FRAMES:
         return hg_frame_ranges_parse(what, text, value, err);
+    case HG_CLI_KIND_SUN:
+        return parse_sun(what, text, value, err);
     case HG_CLI_KIND_BACKGROUND:
         return hg_cli_parse_background(what, text, value, err);
     }

@@ -43,6 +43,7 @@ enum hg_cli_kind {
     HG_CLI_KIND_CHOICE,
     HG_CLI_KIND_FRAMES,
     HG_CLI_KIND_BACKGROUND,
+    HG_CLI_KIND_SUN,
 };
 
 struct hg_cli_texts {
@@ -59,8 +60,20 @@ struct hg_cli_vec3 {
 };
 
 struct hg_cli_background {
-    enum { HG_CLI_BACKGROUND_ENV, HG_CLI_BACKGROUND_NONE, HG_CLI_BACKGROUND_COLOR } kind;
-    double color[3];
+    enum {
+        HG_CLI_BACKGROUND_ENV,
+        HG_CLI_BACKGROUND_NONE,
+        HG_CLI_BACKGROUND_COLOR,
+        HG_CLI_BACKGROUND_BLUR,
+        HG_CLI_BACKGROUND_DISPLAY,
+    } kind;
+    double color[3]; // linear
+};
+
+struct hg_cli_sun {
+    bool off;
+    double azimuth, elevation; // degrees
+    double turbidity;          // 0: not given
 };
 
 #define HG_CLI_TYPE_FLAG       bool
@@ -75,6 +88,7 @@ struct hg_cli_background {
 #define HG_CLI_TYPE_CHOICE     const char *
 #define HG_CLI_TYPE_FRAMES     struct hg_frame_ranges
 #define HG_CLI_TYPE_BACKGROUND struct hg_cli_background
+#define HG_CLI_TYPE_SUN        struct hg_cli_sun
 
 // Every option's value, and whether it was given.
 struct hg_cli_options {

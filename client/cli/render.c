@@ -67,6 +67,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--upload", "needs --connect");
     if (o->has_upload && strcmp(o->args[0], "demo:") == 0)
         return usage(err, "--upload", "has nothing to send for demo:");
+    if (o->has_sun && o->has_env && strcmp(o->env, "sky") != 0)
+        return usage(err, "--sun", "is of the built-in sky: it needs --env sky");
     bool env_off = o->has_env && strcmp(o->env, "none") == 0;
     if (env_off && (o->has_env_intensity || o->has_env_rotation))
         return usage(err, "--env", "none has neither intensity nor rotation");
@@ -287,11 +289,25 @@ static enum hg_status set_env_file(
     return HG_OK;
 }
 
+// The sun of the built-in sky where a camera of --orbit AZ,EL would stand.
+static void set_sun(const struct hg_cli_sun *sun, struct hgp_environment_set *env)
+{
+    const double azimuth = sun->azimuth * pi / 180, elevation = sun->elevation * pi / 180;
+    env->has_sun = true;
+    env->sun = !sun->off;
+    env->has_turbidity = sun->turbidity > 0;
+    env->turbidity = (float)sun->turbidity;
+    env->has_sun_direction = !sun->off;
+    env->sun_direction[0] = (float)(cos(elevation) * sin(azimuth));
+    env->sun_direction[1] = (float)sin(elevation);
+    env->sun_direction[2] = (float)(cos(elevation) * cos(azimuth));
+}
+
 // Without --env the server decides: a scene that brings no light is lit by the sky.
 static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
-    struct hgp_environment_set env = {.has_kind = o->has_env,
+    struct hgp_environment_set env = {.has_kind = o->has_env || o->has_sun,
         .kind = HGP_environment_kind_SKY,
         .has_intensity = o->has_env_intensity,
         .intensity = (float)o->env_intensity,
@@ -300,6 +316,8 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
     char *path = NULL;
     if (o->has_env && strcmp(o->env, "none") == 0)
         env.kind = HGP_environment_kind_NONE;
+    if (o->has_sun)
+        set_sun(&o->sun, &env);
     enum hg_status status = is_env_file(o) ? set_env_file(r, &env, &path, err) : HG_OK;
     if (!status && (env.has_kind || env.has_intensity || env.has_rotation_rad))
         status = helio_call_for(r->cli.h, HGP_T_environment_set, &env, HGP_T_ok, NULL, err);

@@ -56,8 +56,11 @@ static enum hg_status set_env_value(
     const struct hg_words_fields fields = {HGP_T_environment_set, e};
     if (hg_words_accept(w, "rotation"))
         return set_rotation(w, e, err);
-    if (hg_words_accept(w, "sun"))
-        return hg_words_take_field(w, "sun", "sun_direction", &fields, err);
+    if (hg_words_accept(w, "sun")) {
+        e->has_sun = true;
+        e->sun = !hg_words_accept(w, "off");
+        return e->sun ? hg_words_take_field(w, "sun", "sun_direction", &fields, err) : HG_OK;
+    }
     if (hg_words_accept(w, "intensity"))
         return hg_words_take_field(w, "intensity", "intensity", &fields, err);
     if (hg_words_accept(w, "turbidity"))

@@ -54,10 +54,13 @@ void hg_cli_set_background(const struct hg_cli_background *background, struct hg
 {
     static const enum hgp_background kinds[] = {[HG_CLI_BACKGROUND_ENV] = HGP_background_ENV,
         [HG_CLI_BACKGROUND_NONE] = HGP_background_NONE,
-        [HG_CLI_BACKGROUND_COLOR] = HGP_background_COLOR};
+        [HG_CLI_BACKGROUND_COLOR] = HGP_background_COLOR,
+        [HG_CLI_BACKGROUND_BLUR] = HGP_background_BLUR,
+        [HG_CLI_BACKGROUND_DISPLAY] = HGP_background_DISPLAY};
     view->has_background = true;
     view->background = kinds[background->kind];
-    view->has_background_color = background->kind == HG_CLI_BACKGROUND_COLOR;
+    view->has_background_color = background->kind == HG_CLI_BACKGROUND_COLOR ||
+                                 background->kind == HG_CLI_BACKGROUND_DISPLAY;
     for (int i = 0; i < 3; i++)
         view->background_color[i] = (float)background->color[i];
 }

@@ -45,7 +45,7 @@ export const enums = {
     plane: { COLOR: 0, ALBEDO: 1, NORMAL: 2, GEOMETRIC_NORMAL: 3, DEPTH: 4, POSITION: 5, EMISSION: 6, DIRECT_DIFFUSE: 7, DIRECT_SPECULAR: 8, DIRECT_TRANSMISSION: 9, INDIRECT_DIFFUSE: 10, INDIRECT_SPECULAR: 11, INDIRECT_TRANSMISSION: 12, MOTION: 13, OBJECT: 14, MATERIAL: 15, SAMPLES: 16, VARIANCE: 17, LIGHT_GROUPS: 18, CRYPTO_OBJECT: 19, CRYPTO_MATERIAL: 20, CRYPTO_ASSET: 21, NOISY: 22 },
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
-    background: { ENV: 0, NONE: 1, COLOR: 2 },
+    background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
     light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2 },
@@ -399,6 +399,7 @@ export const messages = {
             { name: "rotation_rad", kind: "f32", least: -1e+04, most: 1e+04, since: 1, optional: true },
             { name: "sun_direction", kind: "vec3", since: 1, optional: true },
             { name: "turbidity", kind: "f32", least: 1, most: 1e+01, since: 1, optional: true },
+            { name: "sun", kind: "bool", since: 1, optional: true },
         ],
     },
     // pose an asset at a time

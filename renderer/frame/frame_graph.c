@@ -588,15 +588,17 @@ static enum hg_status record_resolve(
     const struct read *r = user;
     const struct hg_draw *draw = r->draw;
     struct hg_pass pass = {.gpu = run->gpu, .cmd = run->cmd};
-    const bool sums =
-        draw->accumulation->samples > 0 && draw->request->settings->mode != HG_VIEW_MODE_PATH;
+    const struct hg_view_settings *settings = draw->request->settings;
+    const bool sums = draw->accumulation->samples > 0 && settings->mode != HG_VIEW_MODE_PATH;
     const struct hg_resolve resolve = {.accumulated = hg_graph_run_image(run, r->accumulated),
         .target = hg_graph_run_image(run, r->pixels),
         .samples = sums ? draw->accumulation->samples : 1,
         .progress = draw->accumulation->uneven ? draw->accumulation->progress.address : 0,
         .fallback = r->fallback > 0 ? hg_graph_run_image(run, r->fallback) : NULL,
-        .exposure = draw->request->settings->exposure,
-        .tonemap = draw->request->settings->tonemap};
+        .exposure = settings->exposure,
+        .tonemap = settings->tonemap,
+        .backdrop =
+            settings->background == HG_BACKGROUND_MODE_DISPLAY ? settings->background_color : NULL};
     return hg_resolve_record(&pass, &resolve, err);
 }
 

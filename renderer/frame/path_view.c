@@ -50,7 +50,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, uint3
         .seed = s->seed,
         .error_px = s->error_px,
         .surfaces = s->mode != HG_VIEW_MODE_PATH,
-        .transparent = s->background == HG_BACKGROUND_MODE_NONE,
+        .transparent = HG_BACKGROUND_IS_CLEAR(s->background),
         .watched = !view->final,
         .build_wait_ns = (flags & HG_DRAW_WAIT) != 0 ? HG_FRAME_BUILD_WAIT_NS : 0};
 }

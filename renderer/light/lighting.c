@@ -5,10 +5,17 @@
 #include "renderer/light/cluster.h"
 #include "renderer/light/albedo/dfg_embed.h"
 #include "renderer/light/env/env_device.h"
+#include "renderer/light/env/sky.h"
 #include "renderer/light/shadow/shadow_plan.h"
 #include "renderer/math/vec.h"
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
+
+// The sun of a sky by what it is made from; the integral along its ray is kept.
+struct sky_sun {
+    float sun_direction[3], turbidity;
+    float illuminance[3];
+};
 
 struct hg_lighting {
     struct hg_gpu *gpu;
@@ -19,6 +26,7 @@ struct hg_lighting {
     struct hg_gpu_image atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
+    struct sky_sun sun;
     struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
     uint64_t drawn_shape_revision, atlas_revision;
     bool overflow_told, unshadowed_told;
@@ -203,10 +211,8 @@ static void fill_environment(struct hg_lighting *l, const struct hg_environment 
     b->env_specular_lods = (float)l->env.specular_lods;
     b->env_color = (struct hg_vec3){
         color[0] * env->intensity, color[1] * env->intensity, color[2] * env->intensity};
-    // A sky is fixed to its sun, which is given in world space.
-    float turn = env->kind == HG_ENV_IMAGE ? env->rotation_rad : 0;
-    b->env_rotation_cos = cosf(turn);
-    b->env_rotation_sin = sinf(turn);
+    b->env_rotation_cos = cosf(env->rotation_rad);
+    b->env_rotation_sin = sinf(env->rotation_rad);
 }
 
 static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *view)
@@ -232,10 +238,38 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
     fill_environment(l, &view->scene->environment);
 }
 
+// The disc of a sky lights real-time pictures as a directional light with a shadow. Paths sample it
+// in the image of the sky (emitters.c), where it has its size.
+static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environment *env)
+{
+    if (env->kind != HG_ENV_SKY)
+        return HG_OK;
+    const struct hg_sky sky = hg_sky_of(env, l->set.directional_count > 0);
+    struct sky_sun *sun = &l->sun;
+    const float *to = sky.sun_direction;
+    if (memcmp(sun->sun_direction, to, sizeof sun->sun_direction) != 0 ||
+        sun->turbidity != sky.turbidity) {
+        hg_copy3(to, sun->sun_direction);
+        sun->turbidity = sky.turbidity;
+        hg_sky_sun_illuminance(&sky, sun->illuminance);
+    }
+    const float lux[3] = {sun->illuminance[0] * env->intensity,
+        sun->illuminance[1] * env->intensity, sun->illuminance[2] * env->intensity};
+    if (!sky.with_disc || !(fmaxf(lux[0], fmaxf(lux[1], lux[2])) > 0))
+        return HG_OK;
+    const float c = cosf(env->rotation_rad), s = sinf(env->rotation_rad);
+    const float towards[3] = {c * to[0] + s * to[2], to[1], c * to[2] - s * to[0]};
+    return hg_light_set_add_sun(&l->set, lux, towards);
+}
+
 enum hg_status hg_lighting_sync(
     struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
 {
+    const struct hg_environment *env = &view->scene->environment;
     enum hg_status status = hg_light_set_collect(&l->set, view->scene, view->origin);
+    const bool has_sun = l->set.directional_count > 0;
+    if (!status)
+        status = add_sky_sun(l, env);
     if (!status)
         status = hg_clusters_build(&l->cells, &l->set, view->camera, view->width, view->height);
     if (status)
@@ -250,8 +284,7 @@ enum hg_status hg_lighting_sync(
     status = mark_stale(l, view->shape_revision, err);
     const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store};
     if (!status)
-        status = hg_env_device_sync(
-            &l->env, &maker, &view->scene->environment, l->set.directional_count > 0, err);
+        status = hg_env_device_sync(&l->env, &maker, env, has_sun, err);
     if (!status)
         status = upload_lists(l, err);
     if (status)

@@ -52,13 +52,20 @@ static struct hg_gpu_light make_light(const struct hg_node *node, const double o
     return out;
 }
 
+static enum hg_status reserve_one(struct hg_light_set *set)
+{
+    size_t need = (size_t)set->count + 1;
+    return hg_grow(&set->items, &set->capacity, need, sizeof *set->items) ||
+                   hg_grow(&set->casts, &set->casts_capacity, need, sizeof *set->casts) ||
+                   hg_grow(&set->nodes, &set->node_capacity, need, sizeof *set->nodes)
+               ? HG_E_NOMEM
+               : HG_OK;
+}
+
 static enum hg_status append(
     struct hg_light_set *set, const struct hg_node *node, const double origin[3])
 {
-    size_t need = (size_t)set->count + 1;
-    if (hg_grow(&set->items, &set->capacity, need, sizeof *set->items) ||
-        hg_grow(&set->casts, &set->casts_capacity, need, sizeof *set->casts) ||
-        hg_grow(&set->nodes, &set->node_capacity, need, sizeof *set->nodes))
+    if (reserve_one(set))
         return HG_E_NOMEM;
     set->items[set->count] = make_light(node, origin);
     set->items[set->count].id = set->count;
@@ -87,6 +94,30 @@ enum hg_status hg_light_set_collect(
         if (group == GROUP_INFINITE)
             set->global_count = set->count;
     }
+    return HG_OK;
+}
+
+enum hg_status hg_light_set_add_sun(
+    struct hg_light_set *set, const float illuminance[3], const float towards_ws[3])
+{
+    if (reserve_one(set))
+        return HG_E_NOMEM;
+    memmove(set->items + 1, set->items, set->count * sizeof *set->items);
+    memmove(set->casts + 1, set->casts, set->count * sizeof *set->casts);
+    memmove(set->nodes + 1, set->nodes, set->count * sizeof *set->nodes);
+    set->items[0] = (struct hg_gpu_light){
+        .direction_ws = {-towards_ws[0], -towards_ws[1], -towards_ws[2]},
+        .kind = HG_LIGHT_KIND_DIRECTIONAL,
+        .color = {illuminance[0], illuminance[1], illuminance[2]},
+        .shadow = HG_SHADOW_NONE,
+    };
+    set->casts[0] = true;
+    set->nodes[0] = NULL;
+    set->count++;
+    set->directional_count++;
+    set->global_count++;
+    for (uint32_t i = 0; i < set->count; i++)
+        set->items[i].id = i;
     return HG_OK;
 }
 

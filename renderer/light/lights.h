@@ -11,7 +11,7 @@
 struct hg_light_set {
     struct hg_gpu_light *items;
     bool *casts; // asks for shadows
-    const struct hg_node **nodes;
+    const struct hg_node **nodes; // NULL: of the sky's sun
     size_t capacity, casts_capacity, node_capacity;
     uint32_t count, global_count, directional_count;
 };
@@ -20,6 +20,10 @@ struct hg_light_set {
 // HG_SHADOW_NONE. Source: KHR_lights_punctual (units, cone, range). HG_E_NOMEM.
 enum hg_status hg_light_set_collect(
     struct hg_light_set *set, const struct hg_scene *scene, const double origin[3]) HG_MUST_CHECK;
+// Adds a directional light that no node has, in front of all others: it casts shadows, and its node
+// is NULL. illuminance: lux on a surface that faces it. HG_E_NOMEM.
+enum hg_status hg_light_set_add_sun(
+    struct hg_light_set *set, const float illuminance[3], const float towards_ws[3]) HG_MUST_CHECK;
 void hg_light_set_finish(struct hg_light_set *set); // accepts a zeroed one
 
 // Reach of a light in metres; 0 = infinite.

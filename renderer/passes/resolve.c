@@ -31,12 +31,15 @@ enum hg_status hg_resolve_record(
 {
     const struct resolve_inputs inputs = {
         .accumulated = {.image = resolve->accumulated}, .fallback = {.image = resolve->fallback}};
+    const float *over = resolve->backdrop;
     const struct {
         uint64_t progress;
         float scale, exposure;
-        uint32_t width, reserved;
+        uint32_t width;
+        float backdrop[4];
     } push = {resolve->progress, 1.0f / (float)resolve->samples, resolve->exposure,
-        resolve->target->width, 0};
+        resolve->target->width,
+        {over ? over[0] : 0, over ? over[1] : 0, over ? over[2] : 0, over ? 1 : 0}};
     const struct hg_gpu_pipeline_params params =
         pipeline_of(resolve->target->format, resolve->tonemap, resolve->progress != 0);
     const struct hg_fullscreen fullscreen = {.fragment = params.fragment,

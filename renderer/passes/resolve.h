@@ -15,6 +15,7 @@ struct hg_resolve {
     // the sum of one sample that those show which have none. 0 and NULL otherwise.
     VkDeviceAddress progress;
     struct hg_gpu_image *fallback;
+    const float *backdrop; // linear display colour behind what is transparent; NULL: none
 };
 
 enum hg_status hg_resolve_record(

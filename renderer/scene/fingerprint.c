@@ -344,6 +344,8 @@ static void add_environment(struct hg_sha256 *h, const struct hg_environment *e)
     if (e->kind == HG_ENV_SKY) {
         hg_sha256_update(h, e->sun_direction, sizeof e->sun_direction);
         hg_sha256_update(h, &e->turbidity, sizeof e->turbidity);
+        if (e->sun != HG_SKY_SUN_AUTO) // other skies keep their fingerprints
+            add_u64(h, (uint64_t)e->sun);
     }
 }
 

@@ -85,6 +85,9 @@ struct hg_object *hg_scene_find(const struct hg_scene *scene, enum hg_object_kin
 
 // ---- life --------------------------------------------------------------------------------------
 
+// Of a sky whose sun is not placed: azimuth -40, elevation 50 degrees, a key light from the left.
+static const float sun_direction[3] = {-0.41318f, 0.76604f, 0.49240f};
+
 enum hg_status hg_scene_create(struct hg_scene **out)
 {
     *out = hg_calloc(1, sizeof **out);
@@ -92,7 +95,7 @@ enum hg_status hg_scene_create(struct hg_scene **out)
         return HG_E_NOMEM;
     (*out)->revision = 1;
     (*out)->environment.intensity = 1;
-    (*out)->environment.sun_direction[1] = 1;
+    memcpy((*out)->environment.sun_direction, sun_direction, sizeof sun_direction);
     (*out)->environment.turbidity = 2;
     return HG_OK;
 }

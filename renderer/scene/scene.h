@@ -280,6 +280,13 @@ struct hg_asset {
 
 enum hg_environment_kind { HG_ENV_NONE, HG_ENV_COLOR, HG_ENV_IMAGE, HG_ENV_SKY };
 
+// Whether a sky has its sun, its disc and direct light, or its scattered light alone.
+enum hg_sky_sun {
+    HG_SKY_SUN_AUTO, // unless the scene has a directional light, which stands for it
+    HG_SKY_SUN_ON,
+    HG_SKY_SUN_OFF,
+};
+
 struct hg_environment {
     enum hg_environment_kind kind;
     uint64_t revision;
@@ -292,9 +299,10 @@ struct hg_environment {
     uint8_t image_hash[32]; // SHA-256 of the file, key of prefilter caches
     float color[3];         // COLOR
     float intensity;        // default 1
-    float rotation_rad;     // about +Y
+    float rotation_rad;     // about +Y; turns a sky with its sun
     float sun_direction[3]; // SKY: towards the sun, unit
     float turbidity;        // SKY: 1..10
+    enum hg_sky_sun sun;    // SKY
 };
 
 struct hg_scene {

@@ -202,6 +202,8 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
         memcpy(env->sun_direction, m->sun_direction, sizeof env->sun_direction);
     if (m->has_turbidity)
         env->turbidity = m->turbidity;
+    if (m->has_sun)
+        env->sun = m->sun ? HG_SKY_SUN_ON : HG_SKY_SUN_OFF;
     if (file)
         hg_environment_file_use(file, env);
     env->revision = slot->scene->revision + 1;

@@ -111,6 +111,17 @@ vec3 hg_environment_prefiltered(vec3 r, float roughness)
     return textureLod(hg_env_specular, d, lod).rgb * hg_frame.lighting.env_color;
 }
 
+// What is seen of an environment that is out of focus, in a direction of any length: the level of
+// the prefiltered cube for a roughness of about 0.5. Skies have no sun in it.
+#define HG_ENVIRONMENT_BLUR_LOD 4.0
+vec3 hg_environment_blurred(vec3 dir_ws)
+{
+    if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
+        return hg_frame.lighting.env_color;
+    return textureLod(hg_env_specular, hg_environment_rotate(dir_ws), HG_ENVIRONMENT_BLUR_LOD).rgb *
+        hg_frame.lighting.env_color;
+}
+
 // Share of the specular lobe that ambient occlusion leaves, from the share of the cosine lobe.
 // Lagarde and de Rousiers 2014, "Moving Frostbite to PBR", listing 26.
 float hg_specular_occlusion(float n_dot_v, float occlusion, float alpha)

@@ -41,7 +41,7 @@ layout(location = 0) out vec4 out_color;
 
 vec4 background()
 {
-    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE && hg_variant < 3u)
+    if (HG_BACKGROUND_IS_CLEAR(hg_frame.background_mode) && hg_variant < 3u)
         return vec4(0.0);
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
         return vec4(hg_frame.background_color, 1.0);
@@ -49,6 +49,8 @@ vec4 background()
     if (hg_frame.camera.orthographic == 0u)
         ray = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
             gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_BLUR)
+        return vec4(hg_environment_blurred(ray), 1.0);
     // Off the middle a pixel is a smaller angle; `ray` is 1 deep.
     float lod = 0.0;
     if (HG_HAS(HG_FEATURE_SKY_MIPS)) {
@@ -227,7 +229,12 @@ void main()
         else if (!hg_progress_take(pixel))
             color = vec4(0.0);
     }
-    out_color = hg_picture > 0u ? hg_resolve(color, hg_frame.exposure, hg_picture - 1u) : color;
+    if (hg_picture > 0u) {
+        bool over = hg_frame.background_mode == HG_BACKGROUND_MODE_DISPLAY;
+        color = hg_resolve(color, hg_frame.exposure, hg_picture - 1u,
+            vec4(hg_frame.background_color, over ? 1.0 : 0.0));
+    }
+    out_color = color;
 }
 
 #endif

@@ -152,8 +152,10 @@ void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
 // What the camera sees behind everything.
 vec3 background(path p, vec3 direction)
 {
-    if (hg_frame.background_mode == HG_BACKGROUND_MODE_NONE)
+    if (HG_BACKGROUND_IS_CLEAR(hg_frame.background_mode))
         return vec3(0.0);
+    if (hg_frame.background_mode == HG_BACKGROUND_MODE_BLUR)
+        return hg_environment_blurred(direction);
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_COLOR)
         return hg_frame.background_color;
     if (hg_frame.camera.orthographic == 0u)
@@ -169,7 +171,7 @@ uint miss(path p)
 {
     vec3 d = p.ray.direction_ws;
     vec3 radiance = vec3(0.0);
-    float alpha = p.bounce == 0u && hg_frame.background_mode == HG_BACKGROUND_MODE_NONE ? 0.0 : 1.0;
+    float alpha = p.bounce == 0u && HG_BACKGROUND_IS_CLEAR(hg_frame.background_mode) ? 0.0 : 1.0;
     if (p.bounce == 0u)
         radiance = background(p, d);
     else

@@ -18,6 +18,7 @@ layout(push_constant, scalar) uniform hg_push
     float scale; // 1 / samples
     float exposure;
     uint width; // px
+    vec4 backdrop; // of hg_resolve
 } push;
 
 layout(location = 0) out vec4 out_color;
@@ -34,5 +35,5 @@ void main()
         if (samples == 0u)
             sum = texelFetch(hg_fallback, pixel, 0);
     }
-    out_color = hg_resolve(sum * scale, push.exposure, hg_curve);
+    out_color = hg_resolve(sum * scale, push.exposure, hg_curve, push.backdrop);
 }

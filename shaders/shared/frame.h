@@ -13,6 +13,10 @@
 #define HG_BACKGROUND_MODE_ENV   0
 #define HG_BACKGROUND_MODE_NONE  1 // transparent
 #define HG_BACKGROUND_MODE_COLOR 2
+#define HG_BACKGROUND_MODE_BLUR  3 // the environment out of focus
+#define HG_BACKGROUND_MODE_DISPLAY 4 // transparent until exposure and tone curve, then a colour
+#define HG_BACKGROUND_IS_CLEAR(mode) \
+    ((mode) == HG_BACKGROUND_MODE_NONE || (mode) == HG_BACKGROUND_MODE_DISPLAY)
 
 // Right-handed, y up. Clip space of Vulkan: x right, y down, depth 1 at the near plane and 0 at the
 // far plane or infinity (reversed). "vs" looks along -z.

@@ -218,6 +218,7 @@ static uint64_t environment_signature(const struct hg_environment *env, bool has
     if (env->kind == HG_ENV_SKY) {
         h = hg_hash_mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
         h = hg_hash_mix_bytes(h, &env->turbidity, sizeof env->turbidity);
+        h = hg_hash_mix(h, env->sun);
         return hg_hash_mix(h, has_sun) | 1;
     }
     if (env->kind != HG_ENV_IMAGE || !env->image.pixels)
@@ -229,18 +230,6 @@ static uint64_t environment_signature(const struct hg_environment *env, bool has
            1;
 }
 
-// As renderer/light/env/env_device.c draws it.
-static enum hg_status draw_sky(
-    const struct hg_environment *env, bool has_sun, struct hg_jobs *jobs, struct hg_image *out)
-{
-    struct hg_sky sky = {.turbidity = env->turbidity, .with_disc = !has_sun};
-    hg_copy3(env->sun_direction, sky.sun_direction);
-    hg_normalize3(sky.sun_direction);
-    if (!(hg_dot3(sky.sun_direction, sky.sun_direction) > 0))
-        sky.sun_direction[1] = 1;
-    return hg_sky_render(&sky, jobs, out);
-}
-
 static enum hg_status make_warp(
     struct hg_emitters *e, const struct hg_environment *env, bool has_sun, struct hg_error *err)
 {
@@ -248,8 +237,9 @@ static enum hg_status make_warp(
     struct hg_image drawn = {0};
     struct hg_env_warp warp = {0};
     enum hg_status status = HG_OK;
+    const struct hg_sky sky = hg_sky_of(env, has_sun);
     if (env->kind == HG_ENV_SKY)
-        status = draw_sky(env, has_sun, e->jobs, &drawn);
+        status = hg_sky_render(&sky, e->jobs, &drawn);
     if (!status)
         status = hg_env_warp_make(env->kind == HG_ENV_SKY ? &drawn : &env->image, e->jobs, &warp);
     hg_image_finish(&drawn);

@@ -11,16 +11,6 @@
 
 // --- what it is made of --------------------------------------------------------------------------
 
-static struct hg_sky sky_of(const struct hg_environment *source, bool has_sun)
-{
-    struct hg_sky sky = {.turbidity = source->turbidity, .with_disc = !has_sun};
-    hg_copy3(source->sun_direction, sky.sun_direction);
-    hg_normalize3(sky.sun_direction);
-    if (!(hg_dot3(sky.sun_direction, sky.sun_direction) > 0))
-        sky.sun_direction[1] = 1;
-    return sky;
-}
-
 static bool is_zero(const uint8_t *bytes, size_t size)
 {
     uint8_t any = 0;
@@ -29,17 +19,17 @@ static bool is_zero(const uint8_t *bytes, size_t size)
     return !any;
 }
 
-// Name of the content: the file's hash, the pixels' own when there was no file, or the sky's
-// parameters.
-static enum hg_status content_key(
-    const struct hg_environment *source, const struct hg_sky *sky, uint8_t key[32])
+// Names of the content: the file's hash, or the pixels' own when there was no file.
+static enum hg_status image_key(const struct hg_environment *source, uint8_t key[32])
 {
-    if (source->kind == HG_ENV_IMAGE && !is_zero(source->image_hash, 32)) {
-        memcpy(key, source->image_hash, 32);
-        return HG_OK;
-    }
-    if (source->kind == HG_ENV_IMAGE)
+    if (is_zero(source->image_hash, 32))
         return hg_sha256(source->image.pixels, source->image.size_bytes, key);
+    memcpy(key, source->image_hash, 32);
+    return HG_OK;
+}
+
+static enum hg_status sky_key(const struct hg_sky *sky, uint8_t key[32])
+{
     const struct {
         char name[8];
         float sun[3], turbidity;
@@ -235,46 +225,65 @@ static void made_finish(struct made *made)
     *made = (struct made){0};
 }
 
-// seen: the image itself is shown, too (it has no pages).
-static enum hg_status make(const struct hg_env_maker *maker, const struct hg_image *image,
-    bool seen, const uint8_t key[32], struct made *out, struct hg_error *err)
+static enum hg_status make_map(const struct hg_env_maker *m, const struct hg_image *image,
+    const uint8_t key[32], struct made *out, struct hg_error *err)
 {
     enum hg_status status =
-        hg_environment_map_load(&out->map, image, key, maker->store, maker->jobs, &out->cached);
-    if (status)
-        return hg_error_set(err, status, "environment", NULL, "could not be prefiltered");
-    return seen ? make_radiance(maker->gpu, image, maker->jobs, &out->radiance, err) : HG_OK;
+        hg_environment_map_load(&out->map, image, key, m->store, m->jobs, &out->cached);
+    return status ? hg_error_set(err, status, "environment", NULL, "could not be prefiltered")
+                  : HG_OK;
+}
+
+// An image without pages is shown itself.
+static enum hg_status make_image(const struct hg_env_maker *m, const struct hg_environment *source,
+    const uint8_t key[32], struct made *out, struct hg_error *err)
+{
+    enum hg_status status = make_map(m, &source->image, key, out, err);
+    if (!status && !source->background.image)
+        status = make_radiance(m->gpu, &source->image, m->jobs, &out->radiance, err);
+    return status;
 }
 
 // A sky whose light and background are both in the store is not drawn at all.
-static bool find_sky(struct hg_store *store, const uint8_t key[32], struct made *out)
+static bool find_sky(
+    struct hg_store *store, const uint8_t seen[32], const uint8_t light[32], struct made *out)
 {
     if (!store)
         return false;
     out->radiance =
-        (struct radiance){hg_env_cache_read_sky(store, key, HG_SKY_WIDTH, HG_SKY_HEIGHT),
+        (struct radiance){hg_env_cache_read_sky(store, seen, HG_SKY_WIDTH, HG_SKY_HEIGHT),
             HG_SKY_WIDTH, HG_SKY_HEIGHT};
-    out->cached = out->radiance.texels && hg_env_cache_read(store, key, HG_SKY_WIDTH, &out->map);
+    out->cached = out->radiance.texels && hg_env_cache_read(store, light, HG_SKY_WIDTH, &out->map);
     if (!out->cached)
         made_finish(out);
     return out->cached;
 }
 
-static enum hg_status make_sky(const struct hg_env_maker *maker, const struct hg_sky *sky,
+// What is seen has the sun's disc. What lights real-time pictures has not: lighting.c makes a
+// directional light of it. key: of what is seen.
+static enum hg_status make_sky(const struct hg_env_maker *m, const struct hg_sky *sky,
     const uint8_t key[32], struct made *out, struct hg_error *err)
 {
-    struct hg_store *store = maker->store;
-    if (find_sky(store, key, out))
-        return HG_OK;
+    struct hg_sky without_disc = *sky;
     struct hg_image drawn = {0};
     struct hg_error refused = {0};
-    if (hg_sky_render(sky, maker->jobs, &drawn))
+    uint8_t light[32];
+    without_disc.with_disc = false;
+    if (sky_key(&without_disc, light))
         return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
-    enum hg_status status = make(maker, &drawn, true, key, out, err);
+    if (find_sky(m->store, key, light, out))
+        return HG_OK;
+    if (hg_sky_render(&without_disc, m->jobs, &drawn))
+        return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
+    enum hg_status status = make_map(m, &drawn, light, out, err);
+    if (sky->with_disc)
+        hg_sky_draw_disc(sky, &drawn);
+    if (!status)
+        status = make_radiance(m->gpu, &drawn, m->jobs, &out->radiance, err);
     hg_image_finish(&drawn);
     const struct radiance *r = &out->radiance;
-    if (!status && store && r->width == HG_SKY_WIDTH &&
-        hg_env_cache_write_sky(store, key, r->width, r->height, r->texels, &refused))
+    if (!status && m->store && r->width == HG_SKY_WIDTH &&
+        hg_env_cache_write_sky(m->store, key, r->width, r->height, r->texels, &refused))
         hg_debug(LIGHT, "sky not kept: %s: %s", refused.what, refused.reason);
     return status;
 }
@@ -290,9 +299,10 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env
         (!source->image.pixels || source->image.format != HG_PIXEL_RGBA32F))
         return hg_error_set(err, HG_E_INVAL, "environment", "image", "has no float pixels");
     const uint64_t begin = hg_clock_now_ns();
-    struct hg_sky sky = sky_of(source, has_sun);
+    const struct hg_sky sky = hg_sky_of(source, has_sun);
     uint8_t key[32];
-    enum hg_status status = content_key(source, &sky, key);
+    enum hg_status status =
+        source->kind == HG_ENV_SKY ? sky_key(&sky, key) : image_key(source, key);
     if (status)
         return hg_error_set(err, status, "environment", NULL, "no memory");
     if (env->has_key && !memcmp(env->key, key, 32)) {
@@ -300,9 +310,8 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env
         return HG_OK;
     }
     struct made made = {0};
-    status = source->kind == HG_ENV_SKY
-                 ? make_sky(maker, &sky, key, &made, err)
-                 : make(maker, &source->image, !source->background.image, key, &made, err);
+    status = source->kind == HG_ENV_SKY ? make_sky(maker, &sky, key, &made, err)
+                                        : make_image(maker, source, key, &made, err);
     if (!status) {
         env->prefilter_ns = hg_clock_now_ns() - begin;
         status = upload(env, maker->gpu, &made.map, &made.radiance, err);

@@ -264,24 +264,38 @@ static void sky_row(void *user, size_t row)
     }
 }
 
-// The disc with exactly the sun's illuminance: cover is normalised over the texels it falls on.
-static void draw_disc(const struct atmosphere *a, struct hg_image *image)
+struct hg_sky hg_sky_of(const struct hg_environment *environment, bool scene_has_sun)
 {
-    float e[3];
+    struct hg_sky sky = {.turbidity = environment->turbidity,
+        .with_disc = environment->sun == HG_SKY_SUN_ON ||
+                     (environment->sun == HG_SKY_SUN_AUTO && !scene_has_sun)};
+    hg_copy3(environment->sun_direction, sky.sun_direction);
+    hg_normalize3(sky.sun_direction);
+    if (!(hg_dot3(sky.sun_direction, sky.sun_direction) > 0))
+        sky.sun_direction[1] = 1;
+    return sky;
+}
+
+// Exactly the sun's illuminance: cover is normalised over the texels the disc falls on.
+void hg_sky_draw_disc(const struct hg_sky *sky, struct hg_image *image)
+{
+    float e[3], sun[3];
     double sum = 0;
-    hg_sky_sun_illuminance(&a->sky, e);
+    hg_sky_sun_illuminance(sky, e);
+    hg_copy3(sky->sun_direction, sun);
+    hg_normalize3(sun);
     for (int pass = 0; pass < 2; pass++)
         for (uint32_t y = 0; y < HG_SKY_HEIGHT; y++) {
             float latitude = (float)HG_PI * (0.5f - ((float)y + 0.5f) / HG_SKY_HEIGHT);
             float texel =
                 cosf(latitude) * (float)(2 * HG_PI * HG_PI / HG_SKY_WIDTH / HG_SKY_HEIGHT);
-            if (fabsf(latitude - asinf(hg_clampf(a->sky.sun_direction[1], -1, 1))) > 0.05f)
+            if (fabsf(latitude - asinf(hg_clampf(sun[1], -1, 1))) > 0.05f)
                 continue;
             for (uint32_t x = 0; x < HG_SKY_WIDTH; x++) {
                 float phi = (float)(2 * HG_PI) * (((float)x + 0.5f) / HG_SKY_WIDTH - 0.5f);
                 float d[3] = {
                     cosf(latitude) * cosf(phi), sinf(latitude), cosf(latitude) * sinf(phi)};
-                float cover = disc_cover(d, a->sky.sun_direction);
+                float cover = disc_cover(d, sun);
                 float *out = (float *)image->pixels + ((size_t)y * HG_SKY_WIDTH + x) * 4;
                 for (int c = 0; pass && c < 3 && sum > 0; c++)
                     out[c] += e[c] * cover / (float)sum;
@@ -318,7 +332,7 @@ enum hg_status hg_sky_render(const struct hg_sky *sky, struct hg_jobs *jobs, str
         struct sky_fill fill = {a, out};
         hg_jobs_for(jobs, HG_SKY_HEIGHT, sky_row, &fill);
         if (sky->with_disc)
-            draw_disc(a, out);
+            hg_sky_draw_disc(sky, out);
     }
     hg_free(a);
     return status;

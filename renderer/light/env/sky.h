@@ -16,6 +16,7 @@
 
 #include "base/jobs.h"
 #include "renderer/image/image.h"
+#include "renderer/scene/scene.h"
 
 #define HG_SKY_SUN_LUX 4.0f // perpendicular to the sun, outside the atmosphere
 #define HG_SKY_WIDTH   1024
@@ -27,10 +28,16 @@ struct hg_sky {
     bool with_disc;         // draw the sun itself; off when a directional light stands for it
 };
 
+// The sky of an environment of kind SKY, in its own frame: rotation and intensity are applied to
+// what it gives. A sun_direction of zero is straight up.
+struct hg_sky hg_sky_of(const struct hg_environment *environment, bool scene_has_sun);
+
 // RGBA32F, HG_SKY_WIDTH x HG_SKY_HEIGHT, convention of struct hg_environment. Directions below the
 // horizon see a grey ground lit by sun and sky. HG_E_NOMEM. About 0.2 s of one core.
 enum hg_status hg_sky_render(
     const struct hg_sky *sky, struct hg_jobs *jobs, struct hg_image *out) HG_MUST_CHECK;
+// Adds the disc to the image of a sky that was made without.
+void hg_sky_draw_disc(const struct hg_sky *sky, struct hg_image *image);
 
 // Illuminance of the sun seen from the ground, facing it, linear Rec.709 lux.
 void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3]);

@@ -233,6 +233,11 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
         fprintf(out, " time=%g", m->animation_set.time_s);
     if (type == HGP_T_environment_set)
         fprintf(out, " kind=%s", hgp_enum_name("environment_kind", m->environment_set.kind));
+    if (type == HGP_T_environment_set && m->environment_set.has_sun)
+        fprintf(out, " sun=%d at %.3g,%.3g,%.3g turbidity=%g", m->environment_set.sun,
+            (double)m->environment_set.sun_direction[0],
+            (double)m->environment_set.sun_direction[1],
+            (double)m->environment_set.sun_direction[2], (double)m->environment_set.turbidity);
     if (type == HGP_T_view_camera)
         fprintf(out, " eye=%.6g,%.6g,%.6g camera=%llu", (double)m->view_camera.eye[0],
             (double)m->view_camera.eye[1], (double)m->view_camera.eye[2],

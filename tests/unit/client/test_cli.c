@@ -61,6 +61,10 @@ static void test_default_camera_and_light(void **state)
     expect_run(0, NULL, "log=log1", "$HELIO render s.gltf -o a.png");
     expect_file("log1", "view_fit cameras=1");
     expect_file("log1", "camera=4294967297\n"); // that the server chose
+    expect_run(0, NULL, "log=logs", "$HELIO render s.gltf -o a.png --sun 90,30,4");
+    expect_file("logs", "environment_set kind=SKY sun=1 at 0.866,0.5,5.3e-17 turbidity=4\n");
+    expect_run(0, NULL, "log=logo", "$HELIO render s.gltf -o a.png --sun off --env sky");
+    expect_file("logo", "environment_set kind=SKY sun=0 at 0,0,0 turbidity=0\n");
     expect_run(0, NULL, "log=log2", "$HELIO render s.gltf -o a.png --camera eye");
     expect_file("log2", "camera=4294967297\n");
     expect_run(0, NULL, "log=log3", "$HELIO render s.gltf -o a.png --camera 0");
@@ -369,6 +373,14 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --checkpoint 5", "--checkpoint: needs --mode path"},
         {"render s.gltf -o a.png --time 0", "--at S poses the animations"},
         {"render s.gltf -o a.png --orbit 1,2,3 --eye 1,2,3", "--orbit"},
+        {"render s.gltf -o a.png --background '#ff'", "'#ff' is not env, none, blur, #rrggbb"},
+        {"render s.gltf -o a.png --background '#12345g'", "--background"},
+        {"render s.gltf -o a.png --background 1,-1,1", "--background"},
+        {"render s.gltf -o a.png --sun 10", "--sun: '10' is not off, AZIMUTH,ELEVATION"},
+        {"render s.gltf -o a.png --sun 10,91", "--sun: '10,91': elevation"},
+        {"render s.gltf -o a.png --sun 10,20,0.5", "turbidity 1 to 10"},
+        {"render s.gltf -o a.png --sun 10,20 --env none", "--sun: is of the built-in sky"},
+        {"render s.gltf -o a.png --sun off --env s.hdr", "--sun: is of the built-in sky"},
         {"render s.gltf -o a.png --camera x --fov 30", "--camera"},
         {"render s.gltf -o a.png --camera fit --target 1,2,3", "--camera"},
         {"render s.gltf -o a.png --view iso --orbit 1,2,3", "--view: cannot be combined"},

@@ -116,9 +116,27 @@ static void test_path_keys(void **state)
     parse_good("set mode path\nset spp 7\nset trace khr\nset noise 0.5\nset time 3\n"
                "set max-bounces 9\nat 2.5\nset filter gaussian\nset filter-radius 2\n"
                "set clamp-indirect 3\ncamera eye 1,2,3 target 0,0,1 lens 0.5 focus 4\n"
-               "camera node c lens 0.25\nset node floor catches_shadows yes\n",
+               "camera node c lens 0.25\nset node floor catches_shadows yes\n"
+               "set env sky sun off turbidity 4\nset env sky sun 0 1 2\n",
         &s);
-    assert_int_equal(s.count, 13);
+    assert_int_equal(s.count, 15);
+    assert_true(s.steps[13].environment.has_sun && !s.steps[13].environment.sun);
+    assert_true(s.steps[13].environment.turbidity == 4);
+    assert_true(!s.steps[13].environment.has_sun_direction);
+    hg_cli_script_finish(&s);
+    parse_good("set background '#ff8000'\nset background blur\nset background grey\n"
+               "set background '#fff'\n",
+        &s);
+    assert_int_equal(s.steps[0].view.background, HGP_background_DISPLAY);
+    assert_true(s.steps[0].view.background_color[0] == 1);
+    assert_true(fabs(s.steps[0].view.background_color[1] - 0.2158605f) < 1e-6);
+    assert_int_equal(s.steps[1].view.background, HGP_background_BLUR);
+    assert_true(!s.steps[1].view.has_background_color);
+    assert_true(fabs(s.steps[2].view.background_color[2] - 0.2158605f) < 1e-6);
+    assert_true(s.steps[3].view.background_color[2] == 1);
+    hg_cli_script_finish(&s);
+    parse_good("set mode path\nset env sky sun 0 1 2\n", &s);
+    assert_true(s.steps[1].environment.sun && s.steps[1].environment.sun_direction[2] == 2);
     assert_true(s.steps[0].view.has_mode && s.steps[0].view.mode == HGP_render_mode_PATH);
     assert_true(s.steps[1].view.has_samples && s.steps[1].view.samples == 7);
     assert_true(s.steps[2].view.has_trace && s.steps[2].view.trace == HGP_trace_backend_KHR);
