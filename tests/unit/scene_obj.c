@@ -35,11 +35,15 @@ static void test_white_space(void **state)
     (void)state;
     static const char *const ends[] = {"\n", "\r\n", "\r"};
     for (int e = 0; e < 3; e++) {
-        char text[512] = "";
-        for (const char *p = "\t v  0 0\t0 # corner|v 1 0 0|v 1 \\|2 0||  v 0 2 0 1.0|# f 9 9 9|"
-                             "f  -4 \\|-3/ -2// \\|-1 # all|v 900 0 0";
-             *p; p++)
-            strncat(text, *p == '|' ? ends[e] : p, *p == '|' ? 2 : 1);
+        static const char lines[] =
+            "\t v  0 0\t0 # corner|v 1 0 0|v 1 \\|2 0||  v 0 2 0 1.0|# f 9 9 9|"
+            "f  -4 \\|-3/ -2// \\|-1 # all|v 900 0 0";
+        char text[512];
+        size_t n = 0;
+        for (const char *p = lines; *p; p++)
+            for (const char *q = *p == '|' ? ends[e] : p; *q; q += *p == '|' ? 1 : strlen(q))
+                text[n++] = *q;
+        text[n] = 0;
         struct hg_asset *asset = load_text("w.obj", text);
         const struct hg_mesh_part *part = only_part(asset);
         uint32_t negative;
