@@ -1,4 +1,4 @@
-// mesh_file.h - what the readers of PLY, STL and OBJ share: errors with places, memory that is
+// mesh_file.h - what the readers of PLY, STL, OBJ and OFF share: errors with places, memory that is
 // charged before it is taken, tables, the asset's origin, and parts from vertices.
 // Floor 2, private to scene/. One thread per file.
 //
@@ -107,6 +107,6 @@ enum hg_status hg_mesh_part_drop_unused(struct hg_mesh_part *part) HG_MUST_CHECK
 // Each: HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM, HG_E_CANCELLED with place and reason.
 typedef enum hg_status hg_mesh_file_load_fn(const struct hg_load_params *params,
     const struct hg_refbuf *main, const char *label, struct hg_asset **out, struct hg_error *err);
-hg_mesh_file_load_fn hg_ply_load, hg_stl_load, hg_obj_load;
+hg_mesh_file_load_fn hg_ply_load, hg_stl_load, hg_obj_load, hg_off_load;
 
 #endif

@@ -146,7 +146,7 @@ static bool has_roles(const struct hg_ply *ply, uint32_t first, uint32_t count)
     return (ply->roles & mask) == mask;
 }
 
-static enum hg_status take_vertex_arrays(struct hg_ply *ply)
+enum hg_status hg_ply_take_vertices(struct hg_ply *ply)
 {
     struct hg_mesh_file *f = &ply->file;
     const uint64_t n = ply->vertex_count;
@@ -165,7 +165,7 @@ static float finite_float(double v)
     return isfinite((float)v) ? (float)v : 0;
 }
 
-static void store_vertex(struct hg_ply *ply, uint64_t i, const double *v, double scale)
+void hg_ply_store_vertex(struct hg_ply *ply, uint64_t i, const double *v, double scale)
 {
     memcpy((double *)ply->xyz.items + i * 3, v + HG_PLY_X, 3 * sizeof *v);
     for (int c = 0; ply->normals && c < 3; c++)
@@ -184,13 +184,13 @@ static enum hg_status read_vertices(struct hg_ply *ply, const struct hg_ply_elem
     const double scale = color_scale(ply->color_type);
     double v[HG_PLY_SKIPPED + 1] = {0};
     v[HG_PLY_ALPHA] = 1 / scale;
-    enum hg_status status = take_vertex_arrays(ply);
+    enum hg_status status = hg_ply_take_vertices(ply);
     for (uint64_t i = 0; !status && i < e->count; i++) {
         for (uint32_t k = 0; !status && k < e->property_count; k++)
             status = p[k].is_list ? skip_property(ply, &p[k], e->kind)
                                   : next_value(ply, p[k].type, e->kind, &v[p[k].role]);
         if (!status)
-            store_vertex(ply, i, v, scale);
+            hg_ply_store_vertex(ply, i, v, scale);
         if (!status)
             status = hg_mesh_file_progress(&ply->file, ply->at);
     }
@@ -262,7 +262,7 @@ static enum hg_status add_triangle(struct hg_ply *ply, const uint32_t corner[3],
     return HG_OK;
 }
 
-static enum hg_status add_polygon(struct hg_ply *ply, bool has_uv)
+enum hg_status hg_ply_add_polygon(struct hg_ply *ply, bool has_uv)
 {
     const uint32_t *loop = (const uint32_t *)ply->loop.items;
     const uint32_t count = (uint32_t)ply->loop.count;
@@ -296,7 +296,7 @@ static enum hg_status read_faces(struct hg_ply *ply, const struct hg_ply_element
                      : p[k].role == HG_PLY_TEXCOORDS ? read_loop_uv(ply, &p[k])
                                                      : skip_property(ply, &p[k], e->kind);
         if (!status && ply->loop.count > 2)
-            status = add_polygon(ply, has_uv);
+            status = hg_ply_add_polygon(ply, has_uv);
         if (!status)
             status = hg_mesh_file_progress(&ply->file, ply->at);
     }
@@ -396,22 +396,10 @@ static enum hg_status read_elements(struct hg_ply *ply)
     return status;
 }
 
-static void finish(struct hg_ply *ply)
+enum hg_status hg_ply_begin(struct hg_ply *ply, const struct hg_load_params *params,
+    const struct hg_refbuf *main, const char *label, struct hg_error *err)
 {
-    struct hg_mesh_array *const arrays[] = {&ply->elements, &ply->properties, &ply->xyz,
-        &ply->corners, &ply->wedges, &ply->lines, &ply->loop, &ply->loop_uv, &ply->loop_xyz};
-    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-        hg_mesh_array_finish(&ply->file, arrays[i]);
-    hg_polygons_finish(&ply->file, &ply->polygons);
-    hg_free(ply->normals);
-    hg_free(ply->uv);
-    hg_free(ply->colors);
-}
-
-enum hg_status hg_ply_load(const struct hg_load_params *params, const struct hg_refbuf *main,
-    const char *label, struct hg_asset **out, struct hg_error *err)
-{
-    struct hg_ply ply = {.elements.item_bytes = sizeof(struct hg_ply_element),
+    *ply = (struct hg_ply){.elements.item_bytes = sizeof(struct hg_ply_element),
         .properties.item_bytes = sizeof(struct hg_ply_property),
         .xyz.item_bytes = 3 * sizeof(double),
         .corners.item_bytes = sizeof(uint32_t),
@@ -420,14 +408,33 @@ enum hg_status hg_ply_load(const struct hg_load_params *params, const struct hg_
         .loop.item_bytes = sizeof(uint32_t),
         .loop_uv.item_bytes = sizeof(double),
         .loop_xyz.item_bytes = 3 * sizeof(double)};
-    hg_polygons_begin(&ply.polygons);
-    enum hg_status status = hg_mesh_file_begin(&ply.file, params, main, label, err);
+    hg_polygons_begin(&ply->polygons);
+    return hg_mesh_file_begin(&ply->file, params, main, label, err);
+}
+
+enum hg_status hg_ply_end(struct hg_ply *ply, enum hg_status status, struct hg_asset **out)
+{
+    if (!status)
+        status = hg_ply_make_asset(ply);
+    struct hg_mesh_array *const arrays[] = {&ply->elements, &ply->properties, &ply->xyz,
+        &ply->corners, &ply->wedges, &ply->lines, &ply->loop, &ply->loop_uv, &ply->loop_xyz};
+    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+        hg_mesh_array_finish(&ply->file, arrays[i]);
+    hg_polygons_finish(&ply->file, &ply->polygons);
+    hg_free(ply->normals);
+    hg_free(ply->uv);
+    hg_free(ply->colors);
+    return hg_mesh_file_end(&ply->file, status, out);
+}
+
+enum hg_status hg_ply_load(const struct hg_load_params *params, const struct hg_refbuf *main,
+    const char *label, struct hg_asset **out, struct hg_error *err)
+{
+    struct hg_ply ply;
+    enum hg_status status = hg_ply_begin(&ply, params, main, label, err);
     if (!status)
         status = hg_ply_read_header(&ply);
     if (!status)
         status = read_elements(&ply);
-    if (!status)
-        status = hg_ply_make_asset(&ply);
-    finish(&ply);
-    return hg_mesh_file_end(&ply.file, status, out);
+    return hg_ply_end(&ply, status, out);
 }

@@ -89,4 +89,16 @@ uint32_t hg_ply_type_bytes(enum hg_ply_type type);
 // Makes mesh, material and parts from what was read.
 enum hg_status hg_ply_make_asset(struct hg_ply *ply) HG_MUST_CHECK;
 
+// What other formats of indexed faces use too. Begin, then set `vertex_count` and `roles`, take the
+// arrays and fill them; then polygons; end makes the asset from it.
+enum hg_status hg_ply_begin(struct hg_ply *ply, const struct hg_load_params *params,
+    const struct hg_refbuf *main, const char *label, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_ply_end(
+    struct hg_ply *ply, enum hg_status status, struct hg_asset **out) HG_MUST_CHECK;
+enum hg_status hg_ply_take_vertices(struct hg_ply *ply) HG_MUST_CHECK;
+// v [HG_PLY_VERTEX_ROLES]; scale is that of colours.
+void hg_ply_store_vertex(struct hg_ply *ply, uint64_t i, const double *v, double scale);
+// Cuts the polygon of `loop`; has_uv: with the coordinates of `loop_uv`.
+enum hg_status hg_ply_add_polygon(struct hg_ply *ply, bool has_uv) HG_MUST_CHECK;
+
 #endif

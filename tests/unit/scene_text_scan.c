@@ -92,7 +92,8 @@ static void test_what_is_no_number(void **state)
     assert_true(isnan(scan("nan", &used)) && used == 3);
     assert_true(isnan(scan("-nan(ind)", &used)) && used == 9);
     assert_true(scan("-inf", &used) == -INFINITY);
-    struct hg_text t = {"1,5", "1,5" + 3};
+    static const char comma[] = "1,5";
+    struct hg_text t = {comma, comma + strlen(comma)};
     double v;
     assert_false(hg_text_number_word(&t, &v));
 }
@@ -108,7 +109,8 @@ static void test_lines(void **state)
         strcat(got, "|");
     }
     assert_string_equal(got, "a|b|c|d||e|");
-    t = (struct hg_text){" \t one\v two\n", " \t one\v two\n" + 12};
+    static const char words[] = " \t one\v two\n";
+    t = (struct hg_text){words, words + strlen(words)};
     assert_true(hg_text_is(hg_text_word(&t), "one"));
     assert_true(hg_text_is(hg_text_word(&t), "two"));
     struct hg_text end = hg_text_word(&t);
