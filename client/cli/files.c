@@ -131,7 +131,7 @@ static enum hg_status add_obj(struct list *list, char *text)
 {
     static const char *const obj[] = {"mtllib", NULL};
     static const char *const mtl[] = {"map_Kd", "map_Ka", "map_Ks", "map_Ke", "map_d", "map_Bump",
-        "bump", "norm", "map_Pr", "map_Pm", "disp", NULL};
+        "bump", "norm", "map_Kn", "map_Pr", "map_Pm", "disp", NULL};
     enum hg_status status = add_lines(list, text, obj);
     uint32_t libraries = list->files.count;
     for (uint32_t i = 1; !status && i < libraries; i++) {
