@@ -39,8 +39,8 @@ static enum hg_status load_other(const struct hg_load_params *params, const stru
     static const struct {
         const char *suffix, *format;
         hg_mesh_file_load_fn *load;
-    } readers[] = {
-        {".ply", "ply", hg_ply_load}, {".stl", "stl", hg_stl_load}, {".obj", "obj", hg_obj_load}, {".off", "off", hg_off_load}};
+    } readers[] = {{".ply", "ply", hg_ply_load}, {".stl", "stl", hg_stl_load},
+        {".obj", "obj", hg_obj_load}, {".off", "off", hg_off_load}};
     if (hg_heightmap_knows(label, data))
         return hg_heightmap_load(params, data, label, out, err);
     for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)

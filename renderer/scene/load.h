@@ -1,5 +1,5 @@
-// load.h - files to assets. glTF 2.0, PLY, STL, OBJ, OFF (mesh_file.h) and height maps (heightmap.h) are
-// read here; FBX and Collada go through assimp. Any but glTF may be gzipped.
+// load.h - files to assets. glTF 2.0, PLY, STL, OBJ, OFF (mesh_file.h) and height maps
+// (heightmap.h) are read here; FBX and Collada go through assimp. Any but glTF may be gzipped.
 // Floor 2. Any thread; one load uses only its own memory until it returns.
 #ifndef HG_RENDERER_SCENE_LOAD_H
 #define HG_RENDERER_SCENE_LOAD_H
@@ -9,7 +9,8 @@
 
 // What is read, for messages.
 #define HG_LOAD_FORMATS                                                                            \
-    "glTF 2.0 (.gltf, .glb), OBJ, PLY, STL, OFF, FBX, Collada (.dae) and height maps (.hgt, 16-bit "    \
+    "glTF 2.0 (.gltf, .glb), OBJ, PLY, STL, OFF, FBX, Collada (.dae) and height maps (.hgt, "      \
+    "16-bit "                                                                                      \
     "grey "                                                                                        \
     ".png and .tif)"
 
