@@ -29,6 +29,9 @@ struct hg_light *hg_asset_add_light(struct hg_asset *asset, const char *name) HG
 struct hg_camera *hg_asset_add_camera(struct hg_asset *asset, const char *name) HG_MUST_CHECK;
 struct hg_skin *hg_asset_add_skin(struct hg_asset *asset) HG_MUST_CHECK;
 
+// Moves the roots of an asset with an origin, which is about to be added to a scene, to where it
+// belongs beside the first one there that has one: tiles of a survey fit together.
+void hg_asset_align_origin(const struct hg_scene *scene, struct hg_asset *asset);
 // Links child as the last child of parent. The caller has ruled out cycles.
 void hg_node_append_child(struct hg_node *parent, struct hg_node *child);
 // Bounds of the chosen scene of an asset that need not be in a hg_scene; skins as modelled.

@@ -410,6 +410,7 @@ enum hg_status hg_scene_add_asset(
         for (uint32_t i = 0; i < array.count; i++)
             register_object(scene, (enum hg_object_kind)kind, items[i]);
     }
+    hg_asset_align_origin(scene, asset);
     for (uint32_t i = 0; parent && i < asset->root_count; i++)
         hg_node_append_child(parent, asset->roots[i]);
     scene->assets[scene->asset_count++] = asset;

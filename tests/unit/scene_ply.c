@@ -251,6 +251,41 @@ static void test_far_models(void **state)
     hg_asset_destroy(asset);
 }
 
+// Two tiles of one survey lie beside each other, whatever their origins.
+static void test_far_models_fit_together(void **state)
+{
+    (void)state;
+    struct hg_scene *scene;
+    float low[2][3], high[2][3];
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    for (int tile = 0; tile < 2; tile++) {
+        char text[512];
+        struct files files = {{{"t.ply", text, 0}}};
+        struct hg_asset *asset;
+        struct hg_error err;
+        const double x = 5123000 + tile * 100;
+        snprintf(text, sizeof text,
+            "ply\nformat ascii 1.0\nelement vertex 2\n" XYZ(
+                "double") "end_header\n"
+                          "%.3f 4e6 7\n%.3f 4000050 9\n",
+            x, x + 100);
+        files.list[0].size = strlen(text);
+        assert_int_equal(hg_load_asset(&(struct hg_load_params){.path = "t.ply",
+                                           .fetch = files_fetch,
+                                           .fetch_user = &files,
+                                           .asset_number = (uint32_t)tile + 1,
+                                           .scene_index = -1},
+                             &asset, &err),
+            HG_OK);
+        assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+        hg_scene_update(scene);
+        assert_true(hg_scene_bounds(scene, asset->roots[0], low[tile], high[tile]));
+    }
+    expect_vector(low[1], (const float[]){high[0][0], low[0][1], low[0][2]}, 3, 1e-3f);
+    assert_float_equal(high[1][0] - low[0][0], 200, 1e-3f);
+    hg_scene_destroy(scene);
+}
+
 static void test_counts_are_checked_before_memory(void **state)
 {
     (void)state;
@@ -302,7 +337,8 @@ int main(void)
         cmocka_unit_test(test_colors), cmocka_unit_test(test_points),
         cmocka_unit_test(test_faces_before_vertices), cmocka_unit_test(test_concave_polygons),
         cmocka_unit_test(test_strips_and_edges), cmocka_unit_test(test_texture_coordinates),
-        cmocka_unit_test(test_far_models), cmocka_unit_test(test_counts_are_checked_before_memory),
-        cmocka_unit_test(test_refusals), cmocka_unit_test(test_every_prefix)};
+        cmocka_unit_test(test_far_models), cmocka_unit_test(test_far_models_fit_together),
+        cmocka_unit_test(test_counts_are_checked_before_memory), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_every_prefix)};
     return cmocka_run_group_tests_name("scene_ply", tests, NULL, NULL);
 }
