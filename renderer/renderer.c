@@ -8,6 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "renderer/frame/meter.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
@@ -177,6 +178,8 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .missing_pages = s->accumulation.pages.missing,
         .mip_bias = s->accumulation.pages.bias,
         .missing_clusters = s->stats.missing_clusters + geometry.proxies,
+        .exposure_ev = hg_meter_ev(s),
+        .metered = s->exposure.automatic && !hg_meter_is_due(s),
         .error_px = hg_tiled_accumulation_error_px(&s->accumulation, s->settings.error_px),
         .settled = hg_view_state_settled(s),
         .phase = s->accumulation.phase,

@@ -63,6 +63,10 @@ enum hg_background {
     HG_BACKGROUND_BLUR,
     HG_BACKGROUND_DISPLAY,
 };
+enum hg_exposure_mode {
+    HG_EXPOSURE_FIXED, // exposure_ev
+    HG_EXPOSURE_AUTO,  // metered for the scene and the camera, plus exposure_ev
+};
 enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_OFF,
     HG_DEBUG_MIP,
@@ -142,6 +146,10 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 
 // Parameters of a view; the table protocol/view_params.def has ranges, units and defaults. Zero
 // of each member = its default. Notes beyond the table:
+//   exposure_mode  AUTO: pictures in motion have the exposure that was metered last, at first 0;
+//   the
+//                  view is not settled before what it shows is metered. Same in every mode, size
+//                  and seed
 //   debug_view     other than OFF: one sample per pixel, no tone curve
 //   time_limit_s   of path-traced views: hg_frame_info.spent_ns
 //   planes         1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
@@ -156,6 +164,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_render_mode    enum hg_render_mode
 #define HG_VIEW_ENUM_tonemap        enum hg_tonemap
 #define HG_VIEW_ENUM_background     enum hg_background
+#define HG_VIEW_ENUM_exposure_mode  enum hg_exposure_mode
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
 #define HG_VIEW_ENUM_denoise        enum hg_view_denoise
@@ -225,6 +234,8 @@ struct hg_frame_info {
     uint64_t spent_ns;
     uint32_t missing_pages, missing_clusters;
     float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
+    float exposure_ev; // that pixels are shown with; of AUTO the metered one and compensation
+    bool metered;      // AUTO: that is the exposure of what is shown now
     float error_px; // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     enum hg_view_phase phase; // of a real-time picture

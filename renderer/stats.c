@@ -4,6 +4,7 @@
 
 #include "base/json.h"
 #include "base/spill.h"
+#include "renderer/frame/meter.h"
 #include "renderer/internal.h"
 #include "renderer/pathtrace/path.h"
 
@@ -109,6 +110,24 @@ static void put_frame(struct hg_writer *w, const struct hg_view_state *s)
         hg_view_state_settled(s) ? "true" : "false");
 }
 
+static void put_exposure(struct hg_writer *w, const struct hg_view_state *s)
+{
+    const bool automatic = s->exposure.automatic;
+    hg_json_put(w, ",\"exposure\":{\"ev\":%.9g,\"mode\":\"%s\",\"metered\":%s}",
+        (double)hg_meter_ev(s), automatic ? "auto" : "fixed",
+        automatic && !hg_meter_is_due(s) ? "true" : "false");
+}
+
+static void put_environment(struct hg_writer *w, const struct hg_view_state *s)
+{
+    static const char *const kinds[] = {"none", "color", "file", "sky"};
+    const struct hg_environment *e = &s->scene_gpu->scene->environment;
+    hg_json_put(w,
+        ",\"environment\":{\"kind\":\"%s\",\"automatic\":%s,\"fill\":%s,\"intensity\":%.9g}",
+        kinds[e->kind], e->automatic ? "true" : "false", e->fills ? "true" : "false",
+        (double)e->intensity);
+}
+
 static void put_geometry(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_geometry_stats g;
@@ -146,7 +165,8 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_path_stats t = {0};
-    if (s->path == NULL)
+    const bool paths = s->settings.mode == HG_VIEW_MODE_PATH || s->settings.path.planes != 0;
+    if (s->path == NULL || !paths)
         return;
     hg_path_get_stats(s->path, &t);
     const struct hg_path_time *p = t.pieces;
@@ -215,6 +235,8 @@ enum hg_status hg_renderer_stats_json(
     put_textures(&w, renderer, view != NULL ? &view->state : NULL);
     if (view != NULL) {
         put_frame(&w, &view->state);
+        put_exposure(&w, &view->state);
+        put_environment(&w, &view->state);
         put_geometry(&w, &view->state);
         put_light(&w, &view->state);
         put_trace(&w, &view->state);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "protocol/view_params.h"
+#include "renderer/frame/meter.h"
 #include "renderer/internal.h"
 
 #define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
@@ -13,6 +14,7 @@
 static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
 static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
+static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
 static_assert((int)HG_DEBUG_OVERDRAW == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
 static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");
@@ -126,6 +128,20 @@ static void fill_planes(const struct hg_view_params *p, struct hg_path_settings 
     fill_path(&seen, s);
 }
 
+// The exposure of an automatic one is that which was metered last.
+static enum hg_status set_state(struct hg_view *view, const struct hg_view_params *p,
+    struct hg_view_settings *s, struct hg_error *err)
+{
+    const bool legend = p->debug_view != HG_DEBUG_OFF;
+    const bool automatic = p->exposure_mode == HG_EXPOSURE_AUTO && !legend;
+    if (automatic)
+        s->exposure = exp2f(view->state.exposure.metered_ev + p->exposure_ev);
+    const enum hg_status status = hg_view_state_set(&view->state, s, err);
+    if (status == HG_OK)
+        hg_meter_set(&view->state, automatic, legend ? 0.0f : p->exposure_ev);
+    return status;
+}
+
 enum hg_status hg_view_set_params(
     struct hg_view *view, const struct hg_view_params *params, struct hg_error *err)
 {
@@ -156,5 +172,5 @@ enum hg_status hg_view_set_params(
         s.exposure = 1.0f;
         s.tonemap = HG_FRAME_TONEMAP_LINEAR;
     }
-    return hg_view_state_set(&view->state, &s, err);
+    return set_state(view, &p, &s, err);
 }

@@ -42,6 +42,12 @@ json_t *hg_cli_frame_json(const struct hgp_frame *frame, const char *name, uint6
             o, "mode", json_string(frame->mode == HGP_render_mode_PATH ? "path" : "realtime"));
     if (frame->has_noise)
         json_object_set_new(o, "noise", json_real((double)frame->noise));
+    if (frame->has_exposure_ev)
+        json_object_set_new(o, "exposure_ev", json_real((double)frame->exposure_ev));
+    if (frame->has_black)
+        json_object_set_new(o, "black", json_real((double)frame->black));
+    if (frame->has_clipped)
+        json_object_set_new(o, "clipped", json_real((double)frame->clipped));
     if (frame->has_job)
         set_hash(o, "job", frame->job);
     if (frame->has_hash)
@@ -94,6 +100,9 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
     enum hg_status status = hg_cli_stats(&r->cli, &stats, err);
     if (status)
         return status;
+    json_t *exposure = json_object_get(stats, "exposure");
+    if (r->light.metered && exposure)
+        json_object_set_new(exposure, "mode", json_string("auto"));
     const struct hg_cli_client_stats own = {.load_ns = r->load_ns,
         .first_frame_ns = r->first_frame_ns,
         .uploaded_bytes = r->upload_bytes,

@@ -57,7 +57,7 @@ static uint64_t add_s(uint64_t ns, double s)
 static struct hg_cli_kept film_of(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
     return (struct hg_cli_kept){
-        &r->cli, HGP_checkpoint_kind_FILM, name, job, .least = r->kept_samples};
+        &r->cli, HGP_checkpoint_kind_FILM, name, job, .least = r->film.samples};
 }
 
 static enum hg_status save_film(
@@ -68,8 +68,8 @@ static enum hg_status save_film(
     enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, err);
     if (status)
         return status;
-    r->left_checkpoint = true;
-    r->kept_samples = samples;
+    r->film.is_left = true;
+    r->film.samples = samples;
     return HG_OK;
 }
 
@@ -79,7 +79,7 @@ static enum hg_status load_film(
     const struct hg_cli_kept kept = film_of(r, name, job);
     uint32_t samples = 0;
     enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
-    r->kept_samples = samples; // 0: what is there is of no use
+    r->film.samples = samples; // 0: what is there is of no use
     if (!status && samples) {
         hg_cli_progress_clear(&r->cli.progress);
         fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
@@ -122,7 +122,7 @@ static enum hg_status go_on(
     if (r->replaced == r->cli.progress.replaced)
         return HG_OK;
     enum hg_status status = hg_cli_frame_ask_job(r, NULL, same, err);
-    if (status || !hg_cli_is_path(r->o) || !r->left_checkpoint)
+    if (status || !hg_cli_is_path(r->o) || !r->film.is_left)
         return status;
     return load_film(r, name, job, err);
 }
@@ -252,9 +252,9 @@ void hg_cli_frame_leave_checkpoint(struct hg_cli_render *r, const char *name, co
 enum hg_status hg_cli_frame_resume(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
-    if (!r->o->resume && !r->left_checkpoint)
+    if (!r->o->resume && !r->film.is_left)
         return HG_OK;
     enum hg_status status = load_film(r, name, job, err);
-    r->left_checkpoint |= !status && r->kept_samples > 0;
+    r->film.is_left |= !status && r->film.samples > 0;
     return status;
 }

@@ -31,8 +31,8 @@ bool hg_cli_frame_name(const char *pattern, int32_t frame, char *dst, size_t siz
 void hg_cli_frame_drop_film(struct hg_cli_render *r, const char *name)
 {
     hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
-    r->left_checkpoint = false;
-    r->kept_samples = 0;
+    r->film.is_left = false;
+    r->film.samples = 0;
 }
 
 // A picture that is being made.
@@ -118,6 +118,8 @@ static enum hg_status take_frame(struct hg_cli_render *r, const struct hgp_frame
     if (!making->wanted)
         return HG_OK;
     status = write_frame(r, frame, making->name, took_ns, err);
+    if (!status)
+        hg_cli_frame_note_light(r, frame, making->name);
     hg_cli_progress_frame(&r->cli.progress, took_ns);
     return status;
 }
@@ -231,6 +233,31 @@ enum hg_status hg_cli_frame_go_to(struct hg_cli_render *r, uint32_t index, struc
     return status ? status : set_seed(r, index, err);
 }
 
+// All pictures of a series have the exposure of the first one, whichever of them are there already
+// and whoever renders the others.
+static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err)
+{
+    const struct hgp_exposure_query query = {.view = HG_CLI_VIEW};
+    struct helio_message *answer;
+    if (!hg_cli_meters_exposure(r))
+        return HG_OK;
+    enum hg_status status = hg_cli_frame_go_to(r, 0, err);
+    if (status)
+        return status;
+    hg_cli_progress_stage(&r->cli.progress, "metering the exposure");
+    status = helio_call_for(r->cli.h, HGP_T_exposure_query, &query, HGP_T_exposure, &answer, err);
+    if (status)
+        return status;
+    const struct hgp_view_set view = {.view = HG_CLI_VIEW,
+        .has_exposure_mode = true,
+        .exposure_mode = HGP_exposure_mode_FIXED,
+        .has_exposure_ev = true,
+        .exposure_ev = answer->body->exposure.exposure_ev};
+    helio_message_free(answer);
+    r->light.metered = true;
+    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+}
+
 static enum hg_status render_numbered(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
 {
     char name[4096];
@@ -277,7 +304,8 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         if (!r->series)
             return hg_error_set(err, HG_E_NOMEM, "--frames", NULL, "no memory for so many");
     }
-    return render_all_frames(r, err);
+    enum hg_status status = meter_series(r, err);
+    return status ? status : render_all_frames(r, err);
 }
 
 void hg_cli_render_stopped(const struct hg_cli_render *r)
@@ -293,7 +321,7 @@ void hg_cli_render_stopped(const struct hg_cli_render *r)
         fprintf(stderr, "helio: %zu frames are written; --frames %s renders the rest\n",
             json_array_size(r->frames), rest);
     }
-    if (r->left_checkpoint)
+    if (r->film.is_left)
         fprintf(
             stderr, "helio: stopped early; the same command with --resume goes on from there\n");
 }

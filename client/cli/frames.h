@@ -20,6 +20,10 @@ struct hg_cli_series {
 enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame *frame,
     const char *name, uint64_t total_ns, struct hg_error *err) HG_MUST_CHECK;
 
+// frame_light.c: notes a picture that is nearly all black or clipped.
+void hg_cli_frame_note_light(
+    struct hg_cli_render *r, const struct hgp_frame *frame, const char *name);
+
 // frame_existing.c. The job of the frame that the view would give; zeros where nothing asks for it.
 // after: job of the picture that this one depends on, or NULL.
 enum hg_status hg_cli_frame_ask_job(struct hg_cli_render *r, const uint8_t *after, uint8_t job[32],

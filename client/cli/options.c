@@ -220,6 +220,29 @@ static enum hg_status parse_sun(
     return HG_OK;
 }
 
+enum hg_status hg_cli_parse_exposure(
+    const char *what, const char *text, struct hg_cli_exposure *out, struct hg_error *err)
+{
+    const double least = hgp_view_params[HGP_VIEW_exposure_ev].least;
+    const double most = hgp_view_params[HGP_VIEW_exposure_ev].most;
+    const bool automatic = strncmp(text, "auto", 4) == 0;
+    const char *number = automatic ? text + 4 : text;
+    struct hg_error inner = {0};
+    double ev = 0;
+    *out = (struct hg_cli_exposure){.automatic = automatic};
+    if (automatic && !*number)
+        return HG_OK;
+    enum hg_status status = automatic && !strchr("+-", *number) ? HG_E_INVAL : HG_OK;
+    if (!status)
+        status = hg_cli_parse_number(what, number, least, most, &ev, &inner);
+    out->ev = status ? 0 : ev;
+    if (!status)
+        return HG_OK;
+    return hg_error_set(err, HG_E_INVAL, what, NULL,
+        "'%s' is not a number of stops from %g to %g, auto, or auto and such a number as in auto+1",
+        text, least, most);
+}
+
 static enum hg_status parse_choice(
     const char *what, const char *choices, const char *text, const char **out, struct hg_error *err)
 {
@@ -289,6 +312,8 @@ static enum hg_status set_value(const struct hg_cli_option_row *row, const char 
         return hg_frame_ranges_parse(what, text, value, err);
     case HG_CLI_KIND_SUN:
         return parse_sun(what, text, value, err);
+    case HG_CLI_KIND_EXPOSURE:
+        return hg_cli_parse_exposure(what, text, value, err);
     case HG_CLI_KIND_BACKGROUND:
         return hg_cli_parse_background(what, text, value, err);
     }

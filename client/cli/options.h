@@ -44,6 +44,7 @@ enum hg_cli_kind {
     HG_CLI_KIND_FRAMES,
     HG_CLI_KIND_BACKGROUND,
     HG_CLI_KIND_SUN,
+    HG_CLI_KIND_EXPOSURE,
 };
 
 struct hg_cli_texts {
@@ -76,6 +77,11 @@ struct hg_cli_sun {
     double turbidity;          // 0: not given
 };
 
+struct hg_cli_exposure {
+    bool automatic;
+    double ev; // stops; of an automatic one what is added to the metered one
+};
+
 #define HG_CLI_TYPE_FLAG       bool
 #define HG_CLI_TYPE_TEXT       const char *
 #define HG_CLI_TYPE_FILE       const char *
@@ -89,6 +95,7 @@ struct hg_cli_sun {
 #define HG_CLI_TYPE_FRAMES     struct hg_frame_ranges
 #define HG_CLI_TYPE_BACKGROUND struct hg_cli_background
 #define HG_CLI_TYPE_SUN        struct hg_cli_sun
+#define HG_CLI_TYPE_EXPOSURE   struct hg_cli_exposure
 
 // Every option's value, and whether it was given.
 struct hg_cli_options {
@@ -156,5 +163,7 @@ enum hg_status hg_cli_parse_size(const char *what, const char *text, struct hg_c
     struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_parse_background(const char *what, const char *text,
     struct hg_cli_background *out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_parse_exposure(const char *what, const char *text,
+    struct hg_cli_exposure *out, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -181,7 +181,8 @@ static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *
 
 static bool is_env_file(const struct hg_cli_options *o)
 {
-    return o->has_env && strcmp(o->env, "none") != 0 && strcmp(o->env, "sky") != 0;
+    return o->has_env && strcmp(o->env, "none") != 0 && strcmp(o->env, "sky") != 0 &&
+           strcmp(o->env, "auto") != 0;
 }
 
 // As asset_load lists them, with their uris in the same block behind the list. NULL: no memory.
@@ -303,10 +304,11 @@ static void set_sun(const struct hg_cli_sun *sun, struct hgp_environment_set *en
     env->sun_direction[2] = (float)(cos(elevation) * cos(azimuth));
 }
 
-// Without --env the server decides: a scene that brings no light is lit by the sky.
+// Without --env, the scene keeps the light that the server gives it.
 static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
+    hg_cli_render_say_fill(r);
     struct hgp_environment_set env = {.has_kind = o->has_env || o->has_sun,
         .kind = HGP_environment_kind_SKY,
         .has_intensity = o->has_env_intensity,
@@ -316,6 +318,8 @@ static enum hg_status set_environment(struct hg_cli_render *r, struct hg_error *
     char *path = NULL;
     if (o->has_env && strcmp(o->env, "none") == 0)
         env.kind = HGP_environment_kind_NONE;
+    if (o->has_env && strcmp(o->env, "auto") == 0)
+        env.kind = HGP_environment_kind_AUTO;
     if (o->has_sun)
         set_sun(&o->sun, &env);
     enum hg_status status = is_env_file(o) ? set_env_file(r, &env, &path, err) : HG_OK;
@@ -501,6 +505,7 @@ static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
         if (status)
             return status;
     }
+    hg_cli_render_warn_of_light(r);
     return r->o->stats_file ? hg_cli_render_stats(r, err) : HG_OK;
 }
 
@@ -524,7 +529,7 @@ static enum hg_cli_exit render_once(const struct hg_cli_options *options)
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
-    if (code == HG_CLI_EXIT_STOPPED || (status && (r.left_checkpoint || r.next > 0)))
+    if (code == HG_CLI_EXIT_STOPPED || (status && (r.film.is_left || r.next > 0)))
         hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli);
     json_decref(r.frames);

@@ -17,6 +17,22 @@ struct hg_cli_turntable {
     struct hgp_view_camera start;
 };
 
+// What is known of the light: whether a series has the exposure that its first picture metered; the
+// first picture that is nearly all black or clipped, and how many there are.
+struct hg_cli_light {
+    bool metered;
+    uint32_t poor_frames;
+    bool black;
+    float share;
+    char name[256];
+};
+
+// OUT.checkpoint of a picture that was stopped.
+struct hg_cli_film_kept {
+    bool is_left;
+    uint32_t samples; // fewer do not take its place
+};
+
 struct hg_cli_render {
     struct hg_cli cli;
     const struct hg_cli_options *o;
@@ -32,10 +48,10 @@ struct hg_cli_render {
     json_t *frames, *last;        // one object per frame written; the newest of them (borrowed)
     uint32_t skipped;             // files that were left as they were
     uint32_t next;                // index of the first frame that is not there yet
-    bool left_checkpoint;         // of it
-    uint32_t kept_samples;        // of the film in it; fewer do not take its place
+    struct hg_cli_film_kept film; // of the first frame that is not there yet
     uint32_t replaced;            // workers, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
+    struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_frame_numbers list; // of --frames and --turntable; empty: one picture
     struct hg_cli_turntable turntable;
@@ -61,6 +77,9 @@ enum hg_status hg_cli_check_mode(
 float hg_cli_series_s(const struct hg_cli_render *r, uint32_t index);
 bool hg_cli_is_path(const struct hg_cli_options *o);
 double hg_cli_fps(const struct hg_cli_options *o); // frames per second
+// Whether the exposure is metered: the default, but for EXR files.
+bool hg_cli_meters_exposure(const struct hg_cli_render *r);
+void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view_set *view);
 // --quality: values for what no option says. `line`: which, as a sentence; empty without it.
 void hg_cli_apply_quality(struct hg_cli_options *o, char *line, size_t size);
 // The background of a view as --background and `set background` have it.
@@ -80,6 +99,10 @@ void hg_cli_turntable_camera(
 // frames.c: renders and writes the requested frames; the view and its camera are set.
 enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+// frame_light.c. Warns of pictures that are nearly all black or clipped, with what may help.
+void hg_cli_render_warn_of_light(struct hg_cli_render *r);
+// Says that the sky fills in for a scene with lights.
+void hg_cli_render_say_fill(struct hg_cli_render *r);
 // Says how a command that was stopped is taken up again.
 void hg_cli_render_stopped(const struct hg_cli_render *r);
 

@@ -40,6 +40,21 @@ static enum hg_status set_background(
     return HG_OK;
 }
 
+static enum hg_status set_exposure(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    const char *text;
+    struct hg_cli_exposure exposure;
+    struct hg_error inner = {0};
+    enum hg_status status = hg_words_take(w, "exposure", &text, err);
+    if (status)
+        return status;
+    status = hg_cli_parse_exposure("exposure", text, &exposure, &inner);
+    if (status)
+        return hg_words_rename_error(&inner, "exposure", err);
+    hg_cli_set_exposure(&exposure, &s->view);
+    return HG_OK;
+}
+
 static enum hg_status set_rotation(
     struct hg_words *w, struct hgp_environment_set *e, struct hg_error *err)
 {
@@ -79,6 +94,8 @@ static enum hg_status set_env(struct hg_words *w, struct hg_cli_step *s, struct 
         return status;
     if (strcmp(text, "none") == 0) {
         e->kind = HGP_environment_kind_NONE;
+    } else if (strcmp(text, "auto") == 0) {
+        e->kind = HGP_environment_kind_AUTO;
     } else if (strcmp(text, "sky") == 0) {
         e->kind = HGP_environment_kind_SKY;
     } else {
@@ -202,8 +219,8 @@ enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, st
     static const struct {
         const char *key;
         enum hg_status (*parse)(struct hg_words *, struct hg_cli_step *, struct hg_error *);
-    } keys[] = {{"size", set_size}, {"background", set_background}, {"env", set_env},
-        {"variant", set_variant}, {"node", set_node}, {"material", set_material},
+    } keys[] = {{"size", set_size}, {"background", set_background}, {"exposure", set_exposure},
+        {"env", set_env}, {"variant", set_variant}, {"node", set_node}, {"material", set_material},
         {"shutter", set_shutter}, {"aov", set_planes}};
     s->kind = HG_CLI_STEP_VIEW;
     const char *word = w->next < w->count ? w->at[w->next] : "";

@@ -65,6 +65,26 @@ void hg_cli_set_background(const struct hg_cli_background *background, struct hg
         view->background_color[i] = (float)background->color[i];
 }
 
+void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view_set *view)
+{
+    view->has_exposure_mode = view->has_exposure_ev = true;
+    view->exposure_mode = exposure->automatic ? HGP_exposure_mode_AUTO : HGP_exposure_mode_FIXED;
+    view->exposure_ev = (float)exposure->ev;
+}
+
+// Files for compositing hold radiance as it is.
+static struct hg_cli_exposure exposure_of(const struct hg_cli_render *r)
+{
+    const enum hgp_encoding e = r->format.encoding;
+    const bool linear = e == HGP_encoding_EXR_HALF || e == HGP_encoding_EXR_FLOAT;
+    return r->o->has_exposure ? r->o->exposure : (struct hg_cli_exposure){.automatic = !linear};
+}
+
+bool hg_cli_meters_exposure(const struct hg_cli_render *r)
+{
+    return exposure_of(r).automatic;
+}
+
 // Parameters that an option sets alone.
 #define VALUE_U32(field)    o->field
 #define VALUE_F64(field)    (float)o->field
@@ -137,6 +157,8 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
     };
     set_simple(o, view);
     set_times(r, view);
+    const struct hg_cli_exposure exposure = exposure_of(r);
+    hg_cli_set_exposure(&exposure, view);
     if (o->has_background)
         hg_cli_set_background(&o->background, view);
 }

@@ -44,6 +44,7 @@ export const enums = {
     checkpoint_kind: { FILM: 0, HISTORY: 1 },
     plane: { COLOR: 0, ALBEDO: 1, NORMAL: 2, GEOMETRIC_NORMAL: 3, DEPTH: 4, POSITION: 5, EMISSION: 6, DIRECT_DIFFUSE: 7, DIRECT_SPECULAR: 8, DIRECT_TRANSMISSION: 9, INDIRECT_DIFFUSE: 10, INDIRECT_SPECULAR: 11, INDIRECT_TRANSMISSION: 12, MOTION: 13, OBJECT: 14, MATERIAL: 15, SAMPLES: 16, VARIANCE: 17, LIGHT_GROUPS: 18, CRYPTO_OBJECT: 19, CRYPTO_MATERIAL: 20, CRYPTO_ASSET: 21, NOISY: 22 },
     tonemap: { ACES: 0, AGX: 1, PBR_NEUTRAL: 2, LINEAR: 3 },
+    exposure_mode: { FIXED: 0, AUTO: 1 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
@@ -471,6 +472,7 @@ export const messages = {
             { name: "filter", kind: "enum", values: "filter", since: 1, optional: true },
             { name: "filter_radius_px", kind: "f32", least: 0, most: 8, since: 1, optional: true },
             { name: "clamp_indirect", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
+            { name: "exposure_mode", kind: "enum", values: "exposure_mode", since: 1, optional: true },
         ],
     },
     // drop a view
@@ -554,6 +556,9 @@ export const messages = {
             { name: "noise", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
             { name: "job", kind: "hash", since: 1, optional: true },
             { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1, optional: true },
+            { name: "black", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "clipped", kind: "f32", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too
@@ -639,6 +644,21 @@ export const messages = {
             { name: "kind", kind: "enum", values: "camera_kind", since: 1 },
             { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1 },
             { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1 },
+        ],
+    },
+    // what exposure would the settled frame of this view have? Answered once it is metered; nothing else is rendered for it
+    exposure_query: {
+        type: 0x0310, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+        ],
+    },
+    // answer
+    exposure: {
+        type: 0x0311, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "mode", kind: "enum", values: "exposure_mode", since: 1 },
+            { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?

@@ -107,11 +107,13 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
 // Path kernels use the whole picture, and no shadow maps.
 static struct hg_draw_request request_of_path(const struct hg_view_state *view)
 {
-    return (struct hg_draw_request){.settings = &view->settings,
+    const struct hg_view_settings *metering = view->exposure.metering;
+    const struct hg_view_settings *s = metering != NULL ? metering : &view->settings;
+    return (struct hg_draw_request){.settings = s,
         .camera = &view->camera,
-        .samples = view->settings.samples,
+        .samples = s->samples,
         .max_samples = 1,
-        .error_px = view->settings.error_px};
+        .error_px = s->error_px};
 }
 
 void hg_frame_fill_path(struct hg_view_state *view)

@@ -41,7 +41,8 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 
 static struct hg_path_request request_of(const struct hg_view_state *view, uint32_t flags)
 {
-    const struct hg_view_settings *s = &view->settings;
+    const struct hg_view_settings *metering = view->exposure.metering;
+    const struct hg_view_settings *s = metering != NULL ? metering : &view->settings;
     return (struct hg_path_request){.settings = s->path,
         .camera = view->camera,
         .width = s->width,
@@ -51,7 +52,8 @@ static struct hg_path_request request_of(const struct hg_view_state *view, uint3
         .error_px = s->error_px,
         .surfaces = s->mode != HG_VIEW_MODE_PATH,
         .transparent = HG_BACKGROUND_IS_CLEAR(s->background),
-        .watched = !view->final,
+        .watched = !view->final && metering == NULL,
+        .aside = metering != NULL,
         .build_wait_ns = (flags & HG_DRAW_WAIT) != 0 ? HG_FRAME_BUILD_WAIT_NS : 0};
 }
 
@@ -115,6 +117,16 @@ enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_dra
     *changes = hg_path_changes(view->path) - before;
     view->accumulation.pages.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
     return status;
+}
+
+enum hg_status hg_path_view_meter(struct hg_view_state *view, const struct hg_draw_request *draw,
+    bool begins, struct hg_error *err)
+{
+    const struct hg_path_request request = request_of(view, draw->flags);
+    const enum hg_status status = create(view, err);
+    return status == HG_OK
+               ? hg_path_step(view->path, &request, begins || !hg_path_has_film(view->path), err)
+               : status;
 }
 
 // --- what it shows -------------------------------------------------------------------------------

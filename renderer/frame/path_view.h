@@ -10,6 +10,10 @@
 // the film changed.
 enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     bool begins, uint64_t *changes, struct hg_error *err) HG_MUST_CHECK;
+// The same of the picture that is metered (view->exposure.metering), whose film takes the place of
+// the view's.
+enum hg_status hg_path_view_meter(struct hg_view_state *view, const struct hg_draw_request *draw,
+    bool begins, struct hg_error *err) HG_MUST_CHECK;
 // The view needs other times than that of the pose, and something moves.
 bool hg_path_view_needs_time(const struct hg_view_state *view);
 // Writes the film to targets.accumulated.

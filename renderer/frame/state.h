@@ -51,6 +51,22 @@ struct hg_view_settings {
     struct hg_path_settings path;
 };
 
+// What an exposure is metered for.
+struct hg_meter_key {
+    uint64_t scene, environment, geometry, camera;
+    uint32_t width, height; // of the metered picture, px
+};
+
+// Automatic exposure (meter.h). settings.exposure follows.
+struct hg_view_exposure {
+    bool automatic;
+    bool metered;                // metered_ev is of `key`; false: it is 0
+    bool begun;                  // a picture of begun_key is being metered
+    float stated_ev, metered_ev; // stops; of an automatic one both add up
+    struct hg_meter_key key, begun_key;
+    const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
+};
+
 struct hg_view_state {
     struct hg_frame_context *context;
     struct hg_scene_gpu *scene_gpu;
@@ -60,6 +76,7 @@ struct hg_view_state {
     struct hg_view_settings settings;
     struct hg_view_camera_state camera;
     uint64_t settings_revision, camera_revision;
+    struct hg_view_exposure exposure;
     bool final;       // not displayed before the picture is settled
     uint32_t formats; // 1 << index into targets.pixels: of pixels that are read after a step
 

@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/meter.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/frame/view_pixels.h"
 #include "renderer/geometry/pose_snapshot.h"
@@ -208,7 +209,7 @@ bool hg_view_state_has_planes(const struct hg_view_state *view)
 
 bool hg_view_state_settled(const struct hg_view_state *view)
 {
-    return is_complete(view) && !bakes(view);
+    return is_complete(view) && !bakes(view) && !hg_meter_is_due(view);
 }
 
 static bool needs_cascades(struct hg_lighting *lighting)
@@ -494,9 +495,41 @@ static enum hg_status draw_planes(struct hg_view_state *view, struct hg_error *e
     return status;
 }
 
+// A picture in motion keeps the exposure that was metered last: its own is metered when it rests,
+// and before anything is drawn where only the settled picture is displayed.
+static bool meters(const struct hg_view_state *view)
+{
+    return hg_meter_is_due(view) && (view->final || (is_known(view) && !bakes(view)));
+}
+
+static enum hg_status meter(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+{
+    struct hg_draw_request request = make_request(view, max_samples);
+    request.flags |= HG_DRAW_WAIT;
+    const enum hg_status status = sync(view, &request, err);
+    if (status != HG_OK || bakes(view)) // of the geometry that is resident in the end
+        return status;
+    return hg_meter_step(view, &request, err);
+}
+
+// Ray structures are kept for the next picture that is metered, but where there will be none.
+static void let_go_of_meter(struct hg_view_state *view)
+{
+    if (view->path == NULL || !view->final || !view->exposure.metered || view->exposure.begun ||
+        view->settings.mode == HG_VIEW_MODE_PATH || keeps_planes(view))
+        return;
+    hg_path_destroy(view->path);
+    view->path = NULL;
+}
+
 static enum hg_status draw_mode(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
+    if (meters(view)) {
+        const enum hg_status status = meter(view, max_samples, err);
+        let_go_of_meter(view);
+        return status;
+    }
     if (view->settings.mode == HG_VIEW_MODE_PATH)
         return draw_path(view, max_samples, err);
     return keeps_planes(view) && is_drawn(view) && !bakes(view) ? draw_planes(view, err)

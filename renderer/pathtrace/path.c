@@ -189,7 +189,7 @@ static enum hg_status begin_picture(struct hg_path *p, struct hg_error *err)
     const uint64_t start = hg_clock_now_ns();
     p->wave.phase = HG_PATH_PHASE_NONE;
     p->stats = (struct hg_path_stats){0};
-    enum hg_status status = hg_path_denoise_begin(p, err);
+    enum hg_status status = p->request.aside ? HG_OK : hg_path_denoise_begin(p, err);
     if (status == HG_OK)
         status = begin_scene(p, err);
     if (status == HG_OK)
@@ -207,7 +207,7 @@ static enum hg_status begin_picture(struct hg_path *p, struct hg_error *err)
     hg_geometry_origin(p->scene_gpu->geometry, p->film.origin);
     p->stats.build_ns = hg_clock_now_ns() - start;
     p->host.add_stage(p->host.user, "path build", p->stats.build_ns);
-    return hg_path_resume(p, err);
+    return p->request.aside ? HG_OK : hg_path_resume(p, err);
 }
 
 // --- passes --------------------------------------------------------------------------------------

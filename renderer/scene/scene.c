@@ -94,7 +94,7 @@ enum hg_status hg_scene_create(struct hg_scene **out)
     if (!*out)
         return HG_E_NOMEM;
     (*out)->revision = 1;
-    (*out)->environment.intensity = 1;
+    (*out)->environment.intensity = (*out)->environment.wanted_intensity = 1;
     memcpy((*out)->environment.sun_direction, sun_direction, sizeof sun_direction);
     (*out)->environment.turbidity = 2;
     return HG_OK;

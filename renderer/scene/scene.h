@@ -303,6 +303,11 @@ struct hg_environment {
     float sun_direction[3]; // SKY: towards the sun, unit
     float turbidity;        // SKY: 1..10
     enum hg_sky_sun sun;    // SKY
+    // None was chosen: default_light.h writes kind, intensity and sun, from these where they apply.
+    bool automatic;
+    bool fills; // what it wrote is a fill to the scene's lights
+    float wanted_intensity;
+    enum hg_sky_sun wanted_sun;
 };
 
 struct hg_scene {

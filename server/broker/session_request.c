@@ -17,6 +17,13 @@ static bool is_answered(const struct hg_request *request)
     return request->packet->header.type != HGP_T_view_camera;
 }
 
+// Requests that render.
+static bool is_frame_request(const struct hg_packet *packet)
+{
+    return packet->header.type == HGP_T_frame_request ||
+           packet->header.type == HGP_T_exposure_query;
+}
+
 static struct hg_request *add_request(
     struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
 {
@@ -29,7 +36,7 @@ static struct hg_request *add_request(
     *(s->last ? &s->last->next : &s->first) = request;
     s->last = request;
     s->request_count++;
-    s->frame_count += packet->header.type == HGP_T_frame_request;
+    s->frame_count += is_frame_request(packet);
     s->request_bytes += packet_bytes(packet);
     return request;
 }
@@ -49,7 +56,7 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     *(request->prev ? &request->prev->next : &s->first) = request->next;
     *(request->next ? &request->next->prev : &s->last) = request->prev;
     s->request_count--;
-    s->frame_count -= request->packet->header.type == HGP_T_frame_request;
+    s->frame_count -= is_frame_request(request->packet);
     s->request_bytes -= packet_bytes(request->packet);
     end_suspicion(s, request);
     hg_packet_unref(request->packet);

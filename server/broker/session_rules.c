@@ -53,7 +53,7 @@ static enum hg_status check_frame_request(
     struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
 {
     if (s->frame_count >= s->table->options->max_frame_requests)
-        return hg_error_set(err, HG_E_BUSY, "frame_request", NULL,
+        return hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
             "%u frame requests of this session are under way already (max-frame-requests)",
             s->frame_count);
     return check_view(s, packet, view, err);
@@ -85,6 +85,8 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return hg_session_view_ask(s, &m->view_set, err);
     case HGP_T_frame_request:
         return check_frame_request(s, packet, m->frame_request.view, err);
+    case HGP_T_exposure_query:
+        return check_frame_request(s, packet, m->exposure_query.view, err);
     case HGP_T_view_camera:
         return check_view(s, packet, m->view_camera.view, err);
     case HGP_T_view_close:

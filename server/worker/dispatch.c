@@ -46,6 +46,7 @@ static const struct {
     {HGP_T_view_camera, hg_handle_view_camera},
     {HGP_T_view_fit, hg_handle_view_fit},
     {HGP_T_frame_request, hg_handle_frame_request},
+    {HGP_T_exposure_query, hg_handle_exposure_query},
     {HGP_T_subscribe, hg_handle_subscribe},
     {HGP_T_credit, hg_handle_credit},
     {HGP_T_job_query, hg_handle_job_query},

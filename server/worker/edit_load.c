@@ -117,11 +117,14 @@ static enum hg_status transform_roots(struct hg_asset *asset, const float matrix
 // The built-in scene comes with its sky, unless the client has already chosen an environment.
 static void light_demo(struct scene_slot *slot, const struct hg_asset *asset)
 {
-    if (strcmp(asset->label, "demo:") != 0 || slot->has_environment)
+    struct hg_environment *env = &slot->scene->environment;
+    if (strcmp(asset->label, "demo:") != 0 || !env->automatic)
         return;
-    hg_demo_environment(&slot->scene->environment);
-    slot->scene->environment.revision = slot->scene->revision + 1;
-    slot->has_environment = true;
+    env->automatic = env->fills = false;
+    env->sun = env->wanted_sun;
+    hg_demo_environment(env);
+    env->intensity *= env->wanted_intensity;
+    env->revision = slot->scene->revision + 1;
 }
 
 // The asset becomes the scene's; on error it stays the task's.
@@ -189,13 +192,13 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
         [HGP_environment_kind_SKY] = HG_ENV_SKY,
     };
     if (m->has_kind)
-        slot->has_environment = m->kind != HGP_environment_kind_AUTO;
-    if (m->has_kind && slot->has_environment)
+        env->automatic = m->kind == HGP_environment_kind_AUTO;
+    if (m->has_kind && !env->automatic)
         env->kind = kinds[m->kind];
     if (m->has_color)
         memcpy(env->color, m->color, sizeof env->color);
     if (m->has_intensity)
-        env->intensity = m->intensity;
+        env->wanted_intensity = m->intensity;
     if (m->has_rotation_rad)
         env->rotation_rad = m->rotation_rad;
     if (m->has_sun_direction)
@@ -203,7 +206,12 @@ static void apply_environment(const struct request *r, struct hg_environment_fil
     if (m->has_turbidity)
         env->turbidity = m->turbidity;
     if (m->has_sun)
-        env->sun = m->sun ? HG_SKY_SUN_ON : HG_SKY_SUN_OFF;
+        env->wanted_sun = m->sun ? HG_SKY_SUN_ON : HG_SKY_SUN_OFF;
+    if (!env->automatic) {
+        env->intensity = env->wanted_intensity;
+        env->sun = env->wanted_sun;
+        env->fills = false;
+    }
     if (file)
         hg_environment_file_use(file, env);
     env->revision = slot->scene->revision + 1;

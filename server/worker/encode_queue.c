@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/sha256.h"
+#include "server/worker/picture_extremes.h"
 
 enum {
     FRAME_DATA_LIMIT = 512 << 20, // of frame.data
@@ -78,6 +79,20 @@ static enum hg_status check_size(
         FRAME_DATA_LIMIT);
 }
 
+// Of settled pictures, so that a client can warn of one that shows nothing.
+static void note_extremes(
+    const struct encode_request *request, enum hg_pixel_format format, struct hgp_frame *frame)
+{
+    if (!frame->settled || request->is_legend)
+        return;
+    const struct picture_extremes seen =
+        hg_picture_extremes(request->pixels->data, (uint64_t)frame->width * frame->height, format);
+    frame->has_black = true;
+    frame->black = seen.black;
+    frame->has_clipped = format != HG_PIXEL_RGBA32F;
+    frame->clipped = seen.clipped;
+}
+
 static enum hg_status encode(struct encode_stream *stream, const struct encode_request *request,
     struct hgp_frame *frame, struct hg_writer *data, struct hg_error *err)
 {
@@ -92,6 +107,7 @@ static enum hg_status encode(struct encode_stream *stream, const struct encode_r
         return status;
     }
     frame->lossless = ops->lossless;
+    note_extremes(request, ops->pixels, frame);
     status = check_size(request, data->size ? data->size : request->pixels->size, err);
     if (status || !frame->settled || !frame->lossless)
         return status;

@@ -25,6 +25,7 @@ struct encode_request {
     struct hgp_frame frame; // without data, hash and stages
     uint8_t quality;
     bool opaque;
+    bool is_legend; // a debug view
     bool parts; // the data may go in parts
     struct hg_refbuf *pixels;
     struct hg_frame_info info;

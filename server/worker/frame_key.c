@@ -160,6 +160,7 @@ static enum hg_status hash_scene(struct scene_slot *slot, uint8_t hash[32], stru
     if (!slot->fingerprint)
         return hg_error_set(err, HG_E_NOMEM, "job", NULL, "no memory");
     hg_scene_update(slot->scene);
+    hg_scene_slot_light(slot);
     enum hg_status status = hg_fingerprint_scene(slot->fingerprint, slot->scene, hash, err);
     if (status)
         return status;

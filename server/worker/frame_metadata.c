@@ -95,6 +95,7 @@ static void describe(struct render_state *s, const struct session *session,
     memcpy(metadata->world_to_ndc, matrices.world_to_ndc, sizeof metadata->world_to_ndc);
     snprintf(metadata->device, sizeof metadata->device, "%s", hg_render_state_device_name(s));
     metadata->params = view->settings.params;
+    metadata->params.exposure_ev = view->progress.info.exposure_ev; // metered, perhaps
     metadata->time_s = session->scene->time_s;
     describe_lens(&view->settings.camera, metadata);
 }

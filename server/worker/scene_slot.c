@@ -4,21 +4,10 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "renderer/scene/default_light.h"
 
 // A batch left open does not hold up the frames of other sessions for longer than this.
 static const uint64_t batch_patience_ns = 2000000000u;
-
-// Until a client chooses an environment: the sky, unless the scene has lights of its own.
-static void follow_lights(struct scene_slot *slot)
-{
-    struct hg_environment *env = &slot->scene->environment;
-    const enum hg_environment_kind kind =
-        slot->scene->objects[HG_OBJECT_LIGHT].count ? HG_ENV_NONE : HG_ENV_SKY;
-    if (slot->has_environment || kind == env->kind)
-        return;
-    env->kind = kind;
-    env->revision = slot->scene->revision + 1;
-}
 
 struct scene_slot *hg_scene_slot_hold(struct render_state *s, struct hgp_str key)
 {
@@ -36,7 +25,7 @@ struct scene_slot *hg_scene_slot_hold(struct render_state *s, struct hgp_str key
         hg_free(slot);
         return NULL;
     }
-    follow_lights(slot);
+    slot->scene->environment.automatic = true;
     slot->sessions = 1;
     slot->next = s->scenes;
     s->scenes = slot;
@@ -57,13 +46,20 @@ void hg_scene_slot_release(struct render_state *s, struct scene_slot *slot)
     hg_free(slot);
 }
 
+void hg_scene_slot_light(struct scene_slot *slot)
+{
+    if (slot->lit_revision == slot->scene->revision)
+        return;
+    slot->lit_revision = slot->scene->revision;
+    hg_default_light_update(slot->scene);
+}
+
 void hg_scene_slot_publish(struct scene_slot *slot)
 {
-    if (!slot->dirty)
-        return;
-    follow_lights(slot);
-    hg_scene_publish(slot->scene);
+    if (slot->dirty)
+        hg_scene_publish(slot->scene);
     slot->dirty = false;
+    hg_scene_slot_light(slot);
 }
 
 bool hg_scene_slot_in_batch(const struct scene_slot *slot, uint64_t *wait_ns)

@@ -12,7 +12,7 @@ struct scene_slot {
     char *key;
     struct hg_scene *scene;
     uint32_t sessions;
-    bool has_environment; // by a client or the demo; else it follows the scene's lights
+    uint64_t lit_revision; // of the scene, that its default light is of; 0 = none
     bool dirty; // edits since the newest revision, inside an open batch
     uint32_t open_batches;
     uint64_t batch_started_ns;
@@ -28,6 +28,8 @@ void hg_scene_slot_release(struct render_state *s, struct scene_slot *slot);
 // Makes a revision of what open batches changed so far, if they did: also when a view renders the
 // scene all the same. What it keeps of the scene may be gone.
 void hg_scene_slot_publish(struct scene_slot *slot);
+// Its default light, where no environment was chosen, for the newest revision.
+void hg_scene_slot_light(struct scene_slot *slot);
 // Is an open batch to be waited for? Not one that has been left open for too long: *wait_ns is at
 // most how long that is.
 bool hg_scene_slot_in_batch(const struct scene_slot *slot, uint64_t *wait_ns);

@@ -9,6 +9,17 @@
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
+// An exposure is automatic until a message says one, or says where it comes from.
+static void choose_exposure(
+    const struct hgp_view_set *m, const struct view_slot *view, struct hg_view_params *params)
+{
+    const bool is_said = m->has_exposure_mode || (view && view->settings.has_exposure_mode);
+    if (!view && !m->has_exposure_mode)
+        params->exposure_mode = HG_EXPOSURE_AUTO;
+    if (m->has_exposure_ev && !is_said)
+        params->exposure_mode = HG_EXPOSURE_FIXED;
+}
+
 // The parameters that a view has after the message; what that leaves out stays.
 static enum hg_status next_params(const struct request *r, const struct view_slot *view,
     struct hg_view_params *params, struct hg_error *err)
@@ -16,6 +27,7 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
     const struct hgp_view_set *m = &r->message->view_set;
     *params = view ? view->settings.params : (struct hg_view_params){0};
     hg_view_params_apply(params, m);
+    choose_exposure(m, view, params);
     return m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
                          : HG_OK;
 }
@@ -48,6 +60,7 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
         return status;
     }
     view->settings.params = params;
+    view->settings.has_exposure_mode |= m->has_exposure_mode;
     view->settings.changed = true;
     if (!view->settings.camera_given)
         view->settings.camera_revision = UINT64_MAX; // fitted to another aspect
@@ -136,31 +149,55 @@ void hg_handle_view_camera(const struct request *r)
     hg_request_ok(r);
 }
 
+// A wait behind those that are there. NULL: no memory, which is answered.
+static struct frame_wait *add_wait(
+    const struct request *r, struct view_slot *view, const char *what)
+{
+    struct frame_wait *wait = hg_calloc(1, sizeof *wait), **end = &view->waits;
+    if (!wait) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_NOMEM, what, NULL, "no memory");
+        hg_reply_error(r->to, &err);
+        return NULL;
+    }
+    while (*end)
+        end = &(*end)->next;
+    *end = wait;
+    wait->request = r->to.request;
+    view->progress.failed = false;
+    return wait;
+}
+
 void hg_handle_frame_request(const struct request *r)
 {
     const struct hgp_frame_request *m = &r->message->frame_request;
     struct view_slot *view = hg_request_view(r, m->view);
-    if (!view)
+    struct frame_wait *wait = view ? add_wait(r, view, "frame_request") : NULL;
+    if (!wait)
         return;
-    struct frame_wait *wait = hg_calloc(1, sizeof *wait);
-    if (!wait) {
-        struct hg_error err = {0};
-        hg_error_set(&err, HG_E_NOMEM, "frame_request", NULL, "no memory");
-        hg_reply_error(r->to, &err);
-        return;
-    }
-    wait->request = r->to.request;
     wait->settled = m->settled;
     wait->parts = m->has_parts && m->parts;
     wait->encoding = m->has_encoding ? m->encoding
                      : m->settled    ? view->subscription.still_encoding
                                      : view->subscription.encoding;
     wait->quality = m->has_quality ? m->quality : view->subscription.quality;
-    struct frame_wait **end = &view->waits;
-    while (*end)
-        end = &(*end)->next;
-    *end = wait;
-    view->progress.failed = false;
+}
+
+void hg_handle_exposure_query(const struct request *r)
+{
+    struct view_slot *view = hg_request_view(r, r->message->exposure_query.view);
+    if (!view)
+        return;
+    const struct hg_view_params *p = &view->settings.params;
+    if (p->exposure_mode == HG_EXPOSURE_FIXED || p->debug_view != HG_DEBUG_OFF) {
+        const struct hgp_exposure answer = {
+            .mode = HGP_exposure_mode_FIXED, .exposure_ev = p->exposure_ev};
+        hg_reply_send(r->to, HGP_T_exposure, &answer);
+        return;
+    }
+    struct frame_wait *wait = add_wait(r, view, "exposure_query");
+    if (wait)
+        wait->exposure = wait->settled = true;
 }
 
 void hg_handle_subscribe(const struct request *r)

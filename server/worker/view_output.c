@@ -53,6 +53,8 @@ static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_en
         .mode = HGP_render_mode_PATH,
         .has_noise = info->noise > 0,
         .noise = info->noise,
+        .has_exposure_ev = p->exposure_mode == HG_EXPOSURE_AUTO,
+        .exposure_ev = info->exposure_ev,
     };
 }
 
@@ -71,6 +73,7 @@ static enum hg_status fill_request(struct render_state *s, struct session *sessi
         return status;
     request->read_ns = hg_clock_now_ns() - start;
     request->info = view->progress.info;
+    request->is_legend = view->settings.params.debug_view != HG_DEBUG_OFF;
     request->opaque = view->settings.params.background != HG_BACKGROUND_NONE;
     send_failed_textures(view, request->to);
     return hg_frame_metadata_attach(s, session, view, request, err);
@@ -101,7 +104,7 @@ uint32_t hg_output_formats(const struct render_state *s, const struct view_slot 
     const struct view_subscription *sub = &view->subscription;
     uint32_t formats = sub->credit ? 1u << format_of(s, sub->encoding) : 0;
     for (const struct frame_wait *it = view->waits; it; it = it->next)
-        formats |= 1u << format_of(s, it->encoding);
+        formats |= it->exposure ? 0 : 1u << format_of(s, it->encoding);
     return formats;
 }
 
@@ -112,13 +115,32 @@ static bool has_pixels(
     return hg_view_has_pixels(view->view, format_of(s, encoding));
 }
 
+// False: it is not metered yet.
+static bool answer_exposure(const struct view_slot *view, const struct reply_to to)
+{
+    const struct hg_frame_info *info = &view->progress.info;
+    const bool is_auto = view->settings.params.exposure_mode == HG_EXPOSURE_AUTO;
+    const struct hgp_exposure answer = {
+        .mode = is_auto ? HGP_exposure_mode_AUTO : HGP_exposure_mode_FIXED,
+        .exposure_ev = info->exposure_ev};
+    if (is_auto && !info->metered)
+        return false;
+    hg_reply_send(to, HGP_T_exposure, &answer);
+    return true;
+}
+
 static void deliver_waits(struct render_state *s, struct session *session, struct view_slot *view)
 {
     bool room = true;
     for (struct frame_wait **link = &view->waits; *link;) {
         struct frame_wait *wait = *link;
         const struct reply_to to = reply_to(s, session, wait->request);
-        if (wait->settled && !view->progress.info.settled) {
+        if (wait->exposure && answer_exposure(view, to)) {
+            *link = wait->next;
+            hg_free(wait);
+            continue;
+        }
+        if (wait->exposure || (wait->settled && !view->progress.info.settled)) {
             hg_rate_send_progress(view, wait, to);
             link = &wait->next;
             continue;

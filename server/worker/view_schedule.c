@@ -23,8 +23,9 @@ static void keep_to_time(struct view_slot *view)
 {
     const struct hg_view_params *p = &view->settings.params;
     struct hg_frame_info *info = &view->progress.info;
-    if (p->mode == HG_MODE_REALTIME && !p->planes && p->time_limit_s > 0 && info->samples > 0 &&
-        !info->missing_pages && !info->missing_clusters &&
+    const bool metered = p->exposure_mode == HG_EXPOSURE_FIXED || info->metered;
+    if (p->mode == HG_MODE_REALTIME && !p->planes && metered && p->time_limit_s > 0 &&
+        info->samples > 0 && !info->missing_pages && !info->missing_clusters &&
         (double)view->progress.spent_ns * 1e-9 >= (double)p->time_limit_s)
         info->settled = true;
 }

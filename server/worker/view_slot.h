@@ -12,6 +12,7 @@ struct frame_wait {
     struct frame_wait *next;
     uint32_t request;
     bool settled, parts;
+    bool exposure; // for the exposure alone, which is answered once it is metered; settled, too
     enum hgp_encoding encoding;
     uint8_t quality;
     uint64_t progress_sent_ns;
@@ -29,6 +30,7 @@ struct view_settings {
     uint64_t camera_node;     // 0: `camera` counts
     uint64_t camera_revision; // of the scene that it was taken from; UINT64_MAX: none yet
     bool changed; // since the newest step
+    bool has_exposure_mode; // a message said it
 };
 
 // Frame delivery to a subscriber.

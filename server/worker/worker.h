@@ -11,8 +11,8 @@
 // Layers, lowest first:
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
-//   view_params frame_planes                parameters and planes, of protocol and renderer
-//   encode_request                          a frame to be encoded, and what its file says
+//   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
+//   renderer encode_request                          a frame to be encoded, and what its file says
 //   encode_exr
 //   encoder                                 encodings behind one interface
 //   encode_queue                            a stream of requests for each view, encoder threads

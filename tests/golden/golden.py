@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Renders the rows of golden.toml and compares them with the stored pictures.
 
-usage: golden.py --helio PROGRAM --out DIR [--only NAME]... [--update]
+usage: golden.py --helio PROGRAM --models DIR --out DIR [--only NAME]... [--update]
 
 A row that differs leaves OUT/NAME.png and OUT/NAME.diff.png and fails the test; so does a missing
 reference. Rows with `wrong = true` hold a picture that is wrong on purpose: they must be refused,
@@ -37,12 +37,14 @@ def run(command):
 
 def inputs_of(row):
     """Files of the test data that a row needs."""
-    files = [] if row["scene"] == "demo" else [row["scene"]]
+    files = [] if row["scene"].startswith(("demo", "MODELS/")) else [row["scene"]]
     return files + [a.split("DATA/")[1] for a in row["arguments"] if "DATA/" in a]
 
 
 def render(options, row, out):
     scene = "demo:" if row["scene"] == "demo" else os.path.join(test_data.ROOT, row["scene"])
+    if row["scene"].startswith("MODELS/"):
+        scene = os.path.join(options.models, row["scene"].removeprefix("MODELS/"))
     # What a picture depends on is stated; of an option that is given twice, the last counts.
     command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
                "--exposure", "0", "--device", "llvmpipe", "--progress", "none",
@@ -87,7 +89,7 @@ def check(options, row):
 
 def main():
     parser = argparse.ArgumentParser()
-    for name in ("--helio", "--out"):
+    for name in ("--helio", "--models", "--out"):
         parser.add_argument(name, required=True)
     parser.add_argument("--only", action="append", default=[])
     parser.add_argument("--update", action="store_true")

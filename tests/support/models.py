@@ -10,6 +10,8 @@ usage: models.py FOLDER
                     points, a lamp and a spotlight
   gallery/gallery.gltf  five half transparent plates behind each other, each with five textures of
                     512 x 512: more pages than a small budget holds
+  startup.glb       a cube, a point lamp of 54351 cd and a camera: the startup scene of Blender as its
+                    exporter writes it, without an environment
   morph.glb         a plate with two morph targets, animated over 2 s
   statue.ply.gz     a closed, bumpy surface of 204,800 triangles, 0.2 m high
   heights.png       16-bit heights of 1201 x 1201 samples
@@ -335,6 +337,48 @@ def make_panes(path):
     gltf.write_glb(path)
 
 
+def cube(gltf, material, half=1.0):
+    """A mesh: a cube around the origin with flat faces."""
+    positions, normals, triangles = [], [], []
+    for axis in range(3):
+        for sign in (-1, 1):
+            normal = tuple(sign if i == axis else 0 for i in range(3))
+            u = tuple(1 if i == (axis + 1) % 3 else 0 for i in range(3))
+            v = cross(normal, u)
+            first = len(positions)
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                positions.append(tuple(half * (n + a * p + b * q) for n, p, q in zip(normal, u, v)))
+                normals.append(normal)
+            triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    attributes = {"POSITION": gltf.attribute("VEC3", positions, bounds=True),
+                  "NORMAL": gltf.attribute("VEC3", normals)}
+    return {"primitives": [{"attributes": attributes, "material": material,
+                            "indices": gltf.indices(triangles)}]}
+
+
+def make_startup(path):
+    gltf = Gltf()
+    yaw, pitch = math.radians(46.6919) / 2, math.radians(63.5593 - 90) / 2
+    look = [math.cos(yaw) * math.sin(pitch), math.sin(yaw) * math.cos(pitch),
+            -math.sin(yaw) * math.sin(pitch), math.cos(yaw) * math.cos(pitch)]
+    gltf.json.update({
+        "scenes": [{"nodes": [0, 1, 2]}], "meshes": [cube(gltf, 0)],
+        "nodes": [{"name": "Cube", "mesh": 0},
+                  {"name": "Light", "translation": [4.076245, 5.903862, -1.005454],
+                   "extensions": {"KHR_lights_punctual": {"light": 0}}},
+                  {"name": "Camera", "translation": [7.358891, 4.958309, 6.925791], "rotation": look,
+                   "camera": 0}],
+        "materials": [{"name": "Material", "doubleSided": True, "pbrMetallicRoughness": {
+            "baseColorFactor": [0.8, 0.8, 0.8, 1], "metallicFactor": 0, "roughnessFactor": 0.5}}],
+        "cameras": [{"type": "perspective", "perspective": {
+            "aspectRatio": 16 / 9, "yfov": 0.3995965, "znear": 0.1, "zfar": 100}}],
+        # 1000 W as KHR_lights_punctual has them: 683 lm/W, in all directions.
+        "extensions": {"KHR_lights_punctual": {"lights": [
+            {"name": "Light", "type": "point", "color": [1, 1, 1], "intensity": 54351.41}]}},
+        "extensionsUsed": ["KHR_lights_punctual"]})
+    gltf.write_glb(path)
+
+
 def make_gallery(folder):
     gltf, grain = Gltf(), random.Random(4)
     materials, images = [], []
@@ -435,6 +479,7 @@ def main():
     make_worm(os.path.join(folder, "worm.glb"))
     make_gallery(os.path.join(folder, "gallery"))
     make_panes(os.path.join(folder, "panes.glb"))
+    make_startup(os.path.join(folder, "startup.glb"))
     make_morph(os.path.join(folder, "morph.glb"))
     make_statue(os.path.join(folder, "statue.ply.gz"))
     make_heights(os.path.join(folder, "heights.png"))

@@ -325,6 +325,25 @@ static void expect_same_as_environment(
     assert_memory_equal(before, take_frame(rig)->hash, 32);
 }
 
+static void set_environment(struct rig *rig, enum hgp_environment_kind kind)
+{
+    const struct hgp_environment_set set = {.has_kind = true, .kind = kind};
+    link_expect(rig, link_ask(rig, 1, HGP_T_environment_set, &set), HGP_T_ok);
+}
+
+// The fill is neither nothing nor the whole sky.
+static void expect_fill(struct rig *rig)
+{
+    uint8_t before[32];
+    memcpy(before, take_frame(rig)->hash, 32);
+    set_environment(rig, HGP_environment_kind_SKY);
+    assert_memory_not_equal(before, take_frame(rig)->hash, 32);
+    set_environment(rig, HGP_environment_kind_NONE);
+    assert_memory_not_equal(before, take_frame(rig)->hash, 32);
+    set_environment(rig, HGP_environment_kind_AUTO);
+    assert_memory_equal(before, take_frame(rig)->hash, 32);
+}
+
 static void test_a_scene_without_an_environment_is_lit(void **state)
 {
     struct rig *rig = *state;
@@ -332,12 +351,12 @@ static void test_a_scene_without_an_environment_is_lit(void **state)
     set_view(rig, 64, 64);
     set_box(rig, BOX, (float[3]){1, 1, 1});
     expect_same_as_environment(rig, HGP_environment_kind_SKY, HGP_environment_kind_NONE);
-    // A lamp of its own takes the sky's place.
+    // With a lamp of its own the sky is a fill.
     struct hgp_light_set lamp = {.light = OTHER, .has_intensity = true, .intensity = 5};
     struct hgp_node_set node = {.node = OTHER, .has_light = true, .light = OTHER};
     link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &lamp), HGP_T_ok);
     link_expect(rig, link_ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
-    expect_same_as_environment(rig, HGP_environment_kind_NONE, HGP_environment_kind_SKY);
+    expect_fill(rig);
 }
 
 int main(void)

@@ -264,6 +264,8 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_view_set && m->view_set.has_filter)
         fprintf(out, " filter=%u,%g clamp=%g", m->view_set.filter,
             (double)m->view_set.filter_radius_px, (double)m->view_set.clamp_indirect);
+    if (type == HGP_T_view_set && m->view_set.has_exposure_mode && !m->view_set.has_width)
+        fprintf(out, " exposure=%u,%g", m->view_set.exposure_mode, (double)m->view_set.exposure_ev);
     if (type == HGP_T_view_set)
         fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
             m->view_set.samples);
@@ -309,6 +311,10 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
         break;
     case HGP_T_job_query:
         answer(h, HGP_T_job, &(struct hgp_job){.hash = {job_byte()}});
+        break;
+    case HGP_T_exposure_query:
+        answer(h, HGP_T_exposure,
+            &(struct hgp_exposure){.mode = HGP_exposure_mode_AUTO, .exposure_ev = -2.5f});
         break;
     case HGP_T_image_query:
         send_image(h, &m->image_query);

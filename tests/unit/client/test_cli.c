@@ -59,6 +59,9 @@ static void test_default_camera_and_light(void **state)
 {
     (void)state;
     expect_run(0, NULL, "log=log1", "$HELIO render s.gltf -o a.png");
+    expect_run(1, NULL, "", "grep environment_set log1"); // the server's default light
+    expect_run(0, NULL, "log=loge", "$HELIO render s.gltf -o a.png --env sky");
+    expect_file("loge", "environment_set kind=SKY\n");
     expect_file("log1", "view_fit cameras=1");
     expect_file("log1", "camera=4294967297\n"); // that the server chose
     expect_run(0, NULL, "log=logs", "$HELIO render s.gltf -o a.png --sun 90,30,4");
@@ -93,6 +96,13 @@ static void test_frames(void **state)
     expect_file("f-0020.png", "frame 3 ");
     expect_file("logf", "animation_set time=1\n");
     expect_file("logf", "animation_set time=1.5\n");
+    // All pictures have the exposure that the first one metered, unless one is asked for.
+    expect_file("logf", "exposure_query\n");
+    expect_file("logf", "view_set exposure=0,-2.5 ");
+    expect_run(0, NULL, "log=logx", "$HELIO render s.gltf -o f-####.exr --frames 1-2");
+    expect_run(1, NULL, "", "grep exposure_query logx");
+    expect_run(0, NULL, "log=logy", "$HELIO render s.gltf -o f-####.png --frames 1-2 --exposure 3");
+    expect_run(1, NULL, "", "grep exposure_query logy");
     expect_run(0, NULL, "", "$HELIO render s.gltf -o g%03d.png --frames 7-7");
     expect_file("g007.png", "frame 1 ");
     expect_run(2, "--output", "", "$HELIO render s.gltf -o g.png --frames 1-2");

@@ -33,6 +33,10 @@ static struct sample sample_of(const struct hg_cli_option_row *row)
         return (struct sample){"1-10:2", "1,"};
     case HG_CLI_KIND_BACKGROUND:
         return (struct sample){"0.1,0.2,0.3", "red"};
+    case HG_CLI_KIND_SUN:
+        return (struct sample){"90,30,4", "90"};
+    case HG_CLI_KIND_EXPOSURE:
+        return (struct sample){"auto+1", "auto1"};
     case HG_CLI_KIND_CHOICE:
         hg_cli_option_choices(row, choice);
         choice[strcspn(choice, "|")] = 0;
@@ -255,12 +259,30 @@ static void test_values(void **state)
     assert_int_equal(o.background.kind, HG_CLI_BACKGROUND_NONE);
     assert_int_equal(o.asset_root.count, 2);
     assert_string_equal(o.asset_root.items[1], "b");
-    assert_true(o.has_exposure_ev && o.exposure_ev == -1.5);
+    assert_true(o.has_exposure && !o.exposure.automatic && o.exposure.ev == -1.5);
     assert_int_equal(o.seed, 4294967295u);
     assert_false(o.has_at);
     const char *dashes[] = {"helio", "info", "--", "--odd.glb"};
     assert_int_equal(hg_cli_parse(4, dashes, &o, NULL), HG_OK);
     assert_string_equal(o.args[0], "--odd.glb");
+}
+
+static void test_exposure(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        struct hg_cli_exposure wanted;
+    } rows[] = {{"auto", {true, 0}}, {"auto+1.5", {true, 1.5}}, {"auto-2", {true, -2}},
+        {"0", {false, 0}}, {"-8.25", {false, -8.25}}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct hg_cli_options o;
+        const char *argv[] = {"helio", "render", "s", "-o", "o.png", "--exposure", rows[i].text};
+        assert_int_equal(hg_cli_parse(7, argv, &o, NULL), HG_OK);
+        assert_true(o.has_exposure);
+        assert_int_equal(o.exposure.automatic, rows[i].wanted.automatic);
+        assert_true(o.exposure.ev == rows[i].wanted.ev);
+    }
 }
 
 static void test_bad_values(void **state)
@@ -271,8 +293,10 @@ static void test_bad_values(void **state)
         {"--frames", "1-3:-1"}, {"--frames", "a"}, {"--orbit", "1,2,3,4"}, {"--orbit", "1,,3"},
         {"--orbit", "1,2,nan"}, {"--orbit", "1,2,0x10"}, {"--fov", "0"}, {"--fov", "180"},
         {"--background", "1,2,-3"}, {"--seed", "4294967296"}, {"--samples", "0"},
-        {"--samples", "1.5"}, {"--exposure", "33"}, {"--exposure", "1 "}, {"--mode", "Realtime"},
-        {"--tonemap", "aces|agx"}, {"--tonemap", "ace"}, {"--jpeg-quality", "101"}};
+        {"--samples", "1.5"}, {"--exposure", "33"}, {"--exposure", "1 "}, {"--exposure", "auto1"},
+        {"--exposure", "auto+"}, {"--exposure", "auto+33"}, {"--exposure", "aut"},
+        {"--mode", "Realtime"}, {"--tonemap", "aces|agx"}, {"--tonemap", "ace"},
+        {"--jpeg-quality", "101"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct hg_error err;
         const char *argv[] = {"helio", "render", "s", "-o", "o.png", bad[i][0], bad[i][1]};
@@ -291,6 +315,7 @@ int main(void)
         cmocka_unit_test(test_groups),
         cmocka_unit_test(test_frame_lists),
         cmocka_unit_test(test_values),
+        cmocka_unit_test(test_exposure),
         cmocka_unit_test(test_bad_values),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,112 @@
+// exposure.c - see exposure.h.
+#include "renderer/camera/exposure.h"
+
+#include <math.h>
+
+// Of the bright part of a picture: the light of what is lit.
+#define LOW_PERCENTILE  0.6
+#define HIGH_PERCENTILE 0.95
+// What is so many stops darker than this percentile is in shadow, and not lit.
+#define KEY_PERCENTILE 0.98
+#define SHADOW_STOPS   6.0
+// Surfaces that reflect less show highlights rather than their colour.
+#define LEAST_ALBEDO 0.05
+// Share of the geometry that has to reflect for emitters not to count.
+#define LEAST_REFLECTING 0.05
+#define LEAST_COVERAGE   1e-3 // of a pixel
+#define NOMINAL_STOPS    1.0  // see hg_exposure_of_light
+#define FULL_STOPS       2.0
+#define STEPS_PER_STOP   32.0
+
+// --- histogram -----------------------------------------------------------------------------------
+
+void hg_exposure_histogram_add(struct hg_exposure_histogram *h, double luminance, double weight)
+{
+    const double lowest = HG_EXPOSURE_LOW_STOPS, highest = HG_EXPOSURE_HIGH_STOPS;
+    const bool lit = isfinite(luminance) && luminance > 0.0;
+    const double stops = lit ? fmin(fmax(log2(luminance), lowest), highest) : lowest;
+    const int at = (int)((stops - lowest) * HG_EXPOSURE_BINS_PER_STOP);
+    const int bin = at < HG_EXPOSURE_BINS ? at : HG_EXPOSURE_BINS - 1;
+    h->weight[bin] += weight;
+    h->sum[bin] += weight * stops;
+    h->total += weight;
+}
+
+bool hg_exposure_histogram_mean(const struct hg_exposure_histogram *h, double floor_stops,
+    double low, double high, double *stops)
+{
+    const double from = ceil((floor_stops - HG_EXPOSURE_LOW_STOPS) * HG_EXPOSURE_BINS_PER_STOP);
+    const int first = from < 1.0 ? 1 : (int)fmin(from, HG_EXPOSURE_BINS); // bin 0 is black
+    double total = 0.0, below = 0.0, weight = 0.0, sum = 0.0;
+    *stops = 0.0;
+    for (int i = first; i < HG_EXPOSURE_BINS; i++)
+        total += h->weight[i];
+    for (int i = first; i < HG_EXPOSURE_BINS; i++) {
+        const double above = below + h->weight[i];
+        const double part = fmin(above, high * total) - fmax(below, low * total);
+        if (part > 0.0) {
+            weight += part;
+            sum += part * (h->sum[i] / h->weight[i]);
+        }
+        below = above;
+    }
+    if (!(weight > 0.0))
+        return false;
+    *stops = sum / weight;
+    return true;
+}
+
+// --- exposure ------------------------------------------------------------------------------------
+
+float hg_exposure_of_light(double stops)
+{
+    const double off = fabs(stops), span = FULL_STOPS - NOMINAL_STOPS;
+    const double share = fmin(fmax((off - NOMINAL_STOPS) / span, 0.0), 1.0);
+    const double ev = fmin(fmax(-stops * share, HG_EXPOSURE_LEAST_EV), HG_EXPOSURE_MOST_EV);
+    return (float)(round(ev * STEPS_PER_STOP) / STEPS_PER_STOP + 0.0); // no negative zero
+}
+
+static double luminance(const float *c)
+{
+    return 0.2126 * (double)c[0] + 0.7152 * (double)c[1] + 0.0722 * (double)c[2];
+}
+
+// Light of the lit part, in stops. False: there is none.
+static bool find_light(const struct hg_exposure_histogram *h, double *stops)
+{
+    double key;
+    return hg_exposure_histogram_mean(h, HG_EXPOSURE_LOW_STOPS, KEY_PERCENTILE, 1.0, &key) &&
+           hg_exposure_histogram_mean(
+               h, key - SHADOW_STOPS, LOW_PERCENTILE, HIGH_PERCENTILE, stops);
+}
+
+// Unlit materials emit their base colour: as much as they would reflect of light 1. Of what is
+// black besides its emission that counts as it is.
+static double emitted_light(double emitted, double albedo)
+{
+    return emitted / (albedo < LEAST_ALBEDO ? 1.0 : albedo);
+}
+
+float hg_exposure_of_picture(const struct hg_exposure_picture *picture)
+{
+    struct hg_exposure_histogram reflecting = {0}, emitting = {0};
+    double stops;
+    for (uint32_t i = 0; i < picture->pixels; i++) {
+        const double coverage = (double)picture->color[4 * (uint64_t)i + 3];
+        if (!(coverage > LEAST_COVERAGE))
+            continue;
+        const double whole = luminance(picture->color + 4 * (uint64_t)i) / coverage;
+        const double emitted = luminance(picture->emission + 3 * (uint64_t)i) / coverage;
+        const double albedo = luminance(picture->albedo + 3 * (uint64_t)i) / coverage;
+        if (emitted > whole - emitted)
+            hg_exposure_histogram_add(&emitting, emitted_light(emitted, albedo), coverage);
+        else
+            hg_exposure_histogram_add(
+                &reflecting, (whole - emitted) / fmax(albedo, LEAST_ALBEDO), coverage);
+    }
+    const double all = reflecting.total + emitting.total;
+    const bool reflects = reflecting.total >= LEAST_REFLECTING * all;
+    if ((reflects && find_light(&reflecting, &stops)) || find_light(&emitting, &stops))
+        return hg_exposure_of_light(stops);
+    return 0.0f;
+}

@@ -1,0 +1,61 @@
+// exposure.h - automatic exposure: from a small linear picture to stops.
+// Floor 1. Pure functions, any thread; the same result on every run.
+//
+// The meter works as an incident-light meter does (ISO 2720): what is measured is not how bright
+// surfaces are but how much light they get, which is their radiance divided by the share of light
+// that they reflect. White subjects stay white and black ones black, where a meter of reflected
+// light makes both of them grey. Pixels without geometry do not count, so a white backdrop does not
+// darken what stands before it. Light 1 is nominal: the radiance of a white diffuser is 1 then.
+//
+// The light of a picture is the mean logarithm between two percentiles of a histogram of log
+// luminance (as in Lagarde and de Rousiers 2014, "Moving Frostbite to Physically Based Rendering",
+// section 5.1.2, after Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images").
+// Both lie in the bright part, so that the light that a scene is lit with is what counts, and
+// shadows and nights stay dark; highlights and noise above the upper one do not count.
+#ifndef HG_RENDERER_CAMERA_EXPOSURE_H
+#define HG_RENDERER_CAMERA_EXPOSURE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define HG_EXPOSURE_LOW_STOPS     -30 // of a histogram; what is darker or brighter counts at its end
+#define HG_EXPOSURE_HIGH_STOPS    30
+#define HG_EXPOSURE_BINS_PER_STOP 8
+#define HG_EXPOSURE_BINS                                                                           \
+    ((HG_EXPOSURE_HIGH_STOPS - HG_EXPOSURE_LOW_STOPS) * HG_EXPOSURE_BINS_PER_STOP)
+
+// Weights by log2 of luminance. A zeroed one is empty.
+struct hg_exposure_histogram {
+    double weight[HG_EXPOSURE_BINS];
+    double sum[HG_EXPOSURE_BINS]; // of weight times log2 of luminance
+    double total;                 // weight of all
+};
+
+// weight >= 0. What is no positive finite luminance counts in the lowest bin.
+void hg_exposure_histogram_add(
+    struct hg_exposure_histogram *histogram, double luminance, double weight);
+// Mean log2 of what lies between two percentiles, 0 <= low < high <= 1, of the weight of all that
+// is brighter than `floor_stops`. False: that is nothing.
+bool hg_exposure_histogram_mean(const struct hg_exposure_histogram *histogram, double floor_stops,
+    double low, double high, double *stops);
+
+// Stops of exposure for light of so many stops above the nominal one: none within one stop of it,
+// so that scenes that are lit by the conventions of glTF are shown as they are; all that it takes
+// from two stops on; between them in proportion. Clamped to HG_EXPOSURE_LEAST_EV and _MOST_EV, and
+// rounded to 1/32.
+#define HG_EXPOSURE_LEAST_EV -24.0
+#define HG_EXPOSURE_MOST_EV  12.0
+float hg_exposure_of_light(double stops);
+
+// Means over the samples of each pixel.
+struct hg_exposure_picture {
+    uint32_t pixels;
+    const float *color;    // [4]: radiance and coverage by geometry; the background is left out
+    const float *albedo;   // [3]: base colour times coverage
+    const float *emission; // [3]: the part of `color` that surfaces emit
+};
+// Stops; 0 where there is nothing to meter: no geometry, no light.
+// Surfaces that emit more than they reflect count only where there are hardly any others.
+float hg_exposure_of_picture(const struct hg_exposure_picture *picture);
+
+#endif

@@ -1,0 +1,160 @@
+// meter.c - see meter.h.
+#include "renderer/frame/meter.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "renderer/camera/exposure.h"
+#include "renderer/frame/path_view.h"
+
+#define PLANE_COLOR    0u // enum hg_plane of renderer.h
+#define PLANE_ALBEDO   1u
+#define PLANE_EMISSION 6u
+#define FILTER_BOX     1u // enum hg_filter of renderer.h
+
+// --- value ---------------------------------------------------------------------------------------
+
+static float factor_of(const struct hg_view_exposure *e)
+{
+    return exp2f(e->metered_ev + e->stated_ev); // as of a stated exposure
+}
+
+void hg_meter_set(struct hg_view_state *view, bool automatic, float ev)
+{
+    struct hg_view_exposure *e = &view->exposure;
+    e->automatic = automatic;
+    e->stated_ev = ev;
+}
+
+float hg_meter_ev(const struct hg_view_state *view)
+{
+    const struct hg_view_exposure *e = &view->exposure;
+    return e->automatic ? e->metered_ev + e->stated_ev : e->stated_ev;
+}
+
+// A picture of the view's shape. Sizes of the same shape have the same one, but for rounding.
+static void choose_size(const struct hg_view_settings *s, uint32_t *width, uint32_t *height)
+{
+    const uint32_t longer = s->width > s->height ? s->width : s->height;
+    const double scale = (double)HG_METER_SIDE_PX / (double)longer;
+    *width = (uint32_t)fmax(round((double)s->width * scale), 1.0);
+    *height = (uint32_t)fmax(round((double)s->height * scale), 1.0);
+}
+
+static struct hg_meter_key present_key(const struct hg_view_state *view)
+{
+    struct hg_meter_key key = {.scene = view->scene_gpu->scene->revision,
+        .environment = view->scene_gpu->scene->environment.revision,
+        .geometry = view->scene_gpu->geometry_revision,
+        .camera = view->camera_revision};
+    choose_size(&view->settings, &key.width, &key.height);
+    return key;
+}
+
+bool hg_meter_is_due(const struct hg_view_state *view)
+{
+    const struct hg_meter_key key = present_key(view);
+    const struct hg_view_exposure *e = &view->exposure;
+    return e->automatic && view->settings.debug == 0 &&
+           !(e->metered && memcmp(&key, &e->key, sizeof key) == 0);
+}
+
+// The picture itself stays, it is linear until it is read, but is settled now.
+static void note(struct hg_view_state *view, const struct hg_meter_key *key, float ev)
+{
+    struct hg_view_exposure *e = &view->exposure;
+    e->key = *key;
+    e->metered = true;
+    e->metered_ev = ev;
+    view->settings.exposure = factor_of(e);
+    view->stats.number += view->stats.number > 0 ? 1 : 0;
+}
+
+// --- picture -------------------------------------------------------------------------------------
+
+static struct hg_view_settings settings_of(
+    const struct hg_view_state *view, const struct hg_meter_key *key)
+{
+    return (struct hg_view_settings){.width = key->width,
+        .height = key->height,
+        .background = HG_BACKGROUND_MODE_NONE,
+        .exposure = 1.0f,
+        .samples = HG_METER_SAMPLES,
+        .error_px = 1.0f,
+        .mode = HG_VIEW_MODE_PATH,
+        .path = {.filter = FILTER_BOX,
+            .filter_radius_px = 0.5f,
+            .max_bounces = HG_METER_BOUNCES,
+            .planes = 1u << PLANE_ALBEDO | 1u << PLANE_EMISSION,
+            .trace = view->settings.mode == HG_VIEW_MODE_PATH ? view->settings.path.trace : 0,
+            .frame_s = 1.0f / 24.0f}};
+}
+
+static enum hg_status read_value(struct hg_view_state *view, float *ev, struct hg_error *err)
+{
+    static const struct {
+        uint32_t plane, channels;
+    } planes[3] = {{PLANE_COLOR, 4}, {PLANE_ALBEDO, 3}, {PLANE_EMISSION, 3}};
+    struct hg_refbuf *read[3] = {NULL};
+    enum hg_status status = HG_OK;
+    for (int i = 0; i < 3 && status == HG_OK; i++)
+        status = hg_path_read(view->path, planes[i].plane, planes[i].channels, &read[i], err);
+    if (status == HG_OK) {
+        const struct hg_view_settings *s = view->exposure.metering;
+        const struct hg_exposure_picture picture = {.pixels = s->width * s->height,
+            .color = (const float *)(const void *)read[0]->data,
+            .albedo = (const float *)(const void *)read[1]->data,
+            .emission = (const float *)(const void *)read[2]->data};
+        *ev = hg_exposure_of_picture(&picture);
+    }
+    for (int i = 0; i < 3; i++)
+        hg_refbuf_unref(read[i]);
+    return status;
+}
+
+// A slice of the picture; *ev once *done.
+static enum hg_status draw_slice(struct hg_view_state *view, const struct hg_draw_request *draw,
+    bool begins, float *ev, struct hg_error *err)
+{
+    const struct hg_gpu_frame frame = view->frame; // of what is shown
+    enum hg_status status = hg_path_view_meter(view, draw, begins, err);
+    if (status == HG_OK && hg_path_done(view->path))
+        status = read_value(view, ev, err);
+    view->frame = frame;
+    return status;
+}
+
+static bool is_refusal(enum hg_status status)
+{
+    return status == HG_E_LIMIT || status == HG_E_NOMEM || status == HG_E_UNSUPPORTED;
+}
+
+enum hg_status hg_meter_step(
+    struct hg_view_state *view, const struct hg_draw_request *draw, struct hg_error *err)
+{
+    struct hg_view_exposure *e = &view->exposure;
+    const struct hg_meter_key key = present_key(view);
+    const bool begins = !e->begun || memcmp(&key, &e->begun_key, sizeof key) != 0;
+    const struct hg_view_settings settings = settings_of(view, &key);
+    float ev = 0.0f;
+    if (!hg_meter_is_due(view))
+        return HG_OK;
+    e->begun = true;
+    e->begun_key = key;
+    e->metering = &settings;
+    view->path_begins = true;
+    enum hg_status status = draw_slice(view, draw, begins, &ev, err);
+    e->metering = NULL;
+    if (is_refusal(status)) {
+        hg_warn(FRAME, "no automatic exposure, it stays 0: %s: %s", err->what, err->reason);
+        *err = (struct hg_error){0};
+        note(view, &key, 0.0f);
+    } else if (status == HG_OK && hg_path_done(view->path)) {
+        note(view, &key, ev);
+    } else if (status == HG_OK) {
+        return HG_OK; // the next slice goes on
+    }
+    e->begun = false;
+    return is_refusal(status) ? HG_OK : status;
+}

@@ -1,0 +1,29 @@
+// meter.h - automatic exposure of a view: the picture that is metered.
+// Floor 4. Thread: the render thread.
+//
+// One value for a scene, its environment and a camera: it is metered on a path-traced picture of
+// HG_METER_SIDE_PX along the longer side with a seed of its own, of the whole frame and without
+// background, whatever mode, size, samples and seed the view has. The path tracer of the view makes
+// it (path.h, `aside`), so ray structures are built once.
+#ifndef HG_RENDERER_FRAME_METER_H
+#define HG_RENDERER_FRAME_METER_H
+
+#include "renderer/frame/state.h"
+
+#define HG_METER_SIDE_PX 64
+#define HG_METER_SAMPLES 16
+#define HG_METER_BOUNCES 6
+
+// ev: the exposure, or what is added to the metered one, which is that of the last metering.
+void hg_meter_set(struct hg_view_state *view, bool automatic, float ev);
+// Stops of the picture that is shown.
+float hg_meter_ev(const struct hg_view_state *view);
+// Whether the view waits for a value of what it shows now. False: its exposure is stated, or
+// metered.
+bool hg_meter_is_due(const struct hg_view_state *view);
+// One slice of metering, of a synced scene; the picture that is path-traced begins anew after it.
+// What cannot be path-traced, for lack of memory, is shown with exposure 0, and the log says so.
+enum hg_status hg_meter_step(struct hg_view_state *view, const struct hg_draw_request *draw,
+    struct hg_error *err) HG_MUST_CHECK;
+
+#endif

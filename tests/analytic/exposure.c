@@ -1,0 +1,199 @@
+// Automatic exposure through the facade: one value for every mode, size, seed and way to get there,
+// that puts a grey card where it belongs.
+#include <math.h>
+#include <string.h>
+
+#include "renderer/frame/meter.h"
+#include "tests/analytic/path_rig.h"
+
+static const float eye[3] = {0.5f, 2, 3}, target[3] = {0, 0, 0};
+
+// A grey card under an environment, of which it shows nothing else.
+static void make_card(struct rig *rig, float radiance)
+{
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.18f), 20);
+    path_rig_environment(rig, radiance);
+}
+
+static struct hg_frame_info settle(struct hg_view *view, uint32_t samples)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 100000 && !info.settled; i++)
+        test_ok(hg_view_step(view, samples, &info, &err), &err);
+    assert_true(info.settled);
+    return info;
+}
+
+static struct hg_view *look(struct rig *rig, const struct hg_view_params *params)
+{
+    struct hg_view *view = path_rig_view(rig, params);
+    const float down[3] = {0, -0.2f, 0};
+    path_rig_look(view, eye, down, 0.6f);
+    return view;
+}
+
+static struct hg_refbuf *pixels_of(struct hg_view *view, enum hg_pixel_format format)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *out;
+    test_ok(hg_view_read_pixels(view, format, &out, &err), &err);
+    return out;
+}
+
+static const struct hg_view_params card_params = {
+    .width = 48, .height = 32, .samples = 64, .exposure_mode = HG_EXPOSURE_AUTO};
+
+// Light of 2^n gives -n stops, and the card the radiance of 0.18.
+static void test_card(void **state)
+{
+    struct rig *rig = *state;
+    static const float light[] = {1.0f / 64, 1.0f, 300.0f};
+    for (int i = 0; i < 6; i++) {
+        struct hg_view_params params = card_params;
+        const float radiance = light[i / 2];
+        params.mode = i % 2 ? HG_MODE_PATH : HG_MODE_REALTIME;
+        make_card(rig, radiance);
+        struct hg_view *view = look(rig, &params);
+        const struct hg_frame_info info = settle(view, 8);
+        assert_true(info.metered);
+        assert_true(fabs((double)info.exposure_ev + log2((double)radiance)) < 1.0 / 32);
+        struct hg_refbuf *pixels = pixels_of(view, HG_PIXEL_RGBA32F);
+        const float *p = (const float *)(const void *)pixels->data + 4 * (16 * 48 + 24);
+        if (fabs((double)p[1] / 0.18 - 1) > 0.03)
+            fail_msg("light %g: the card is %g", (double)radiance, (double)p[1]);
+        hg_refbuf_unref(pixels);
+        hg_view_destroy(view);
+    }
+}
+
+// A lamp over boxes: shadows, falloff, more than one colour.
+static void make_still_life(struct rig *rig)
+{
+    static const float low[3] = {-0.5f, 0, -0.5f}, high[3] = {0.5f, 1, 0.5f};
+    static const double at[3] = {1.5, 3, 1}, down[3] = {0, -1, 0};
+    rig_scene(rig);
+    path_rig_floor(rig, path_rig_lambert(rig, 0.5f), 2);
+    path_rig_box(rig, path_rig_lambert(rig, 0.8f), low, high);
+    struct hg_light *lamp = rig_light(rig, HG_LIGHT_POINT, at, down);
+    lamp->intensity = 54351;
+    lamp->casts_shadow = true;
+}
+
+// Mode, size, seed and samples do not matter; nor whether the view is watched on its way, steps of
+// which size it takes, or what it has shown before.
+static void test_one_value(void **state)
+{
+    struct rig *rig = *state;
+    static const struct {
+        struct hg_view_params params;
+        bool watched, elsewhere;
+    } rows[] = {{{.width = 96, .height = 64, .samples = 4}, false, false},
+        {{.width = 240, .height = 160, .samples = 2, .seed = 7}, true, false},
+        {{.width = 96, .height = 64, .samples = 3, .mode = HG_MODE_PATH}, false, false},
+        {{.width = 150, .height = 100, .samples = 1, .seed = 3, .mode = HG_MODE_PATH}, true, true}};
+    float ev = 0;
+    make_still_life(rig);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct hg_view_params params = rows[i].params;
+        params.exposure_mode = HG_EXPOSURE_AUTO;
+        struct hg_view *view = path_rig_view(rig, &params);
+        hg_view_set_final(view, !rows[i].watched);
+        if (rows[i].elsewhere) { // in the corner of the floor, far from the lamp
+            const float there[3] = {-6, 5, -6};
+            path_rig_look(view, there, target, 0.3f);
+            settle(view, 1);
+        }
+        path_rig_look(view, eye, target, 0.8f);
+        const struct hg_frame_info info = settle(view, rows[i].watched ? 1 : 8);
+        assert_true(info.metered && info.exposure_ev < -6 && info.exposure_ev > -12);
+        if (i > 0 && info.exposure_ev != ev)
+            fail_msg("row %zu: %g instead of %g", i, (double)info.exposure_ev, (double)ev);
+        ev = info.exposure_ev;
+        hg_view_destroy(view);
+    }
+}
+
+// The metered value stated for another view gives the same bytes; compensation is added to it.
+static void test_stated(void **state)
+{
+    struct rig *rig = *state;
+    make_still_life(rig);
+    for (int i = 0; i < 4; i++) {
+        struct hg_refbuf *pictures[2];
+        struct hg_view_params params = {.width = 96,
+            .height = 64,
+            .samples = 4,
+            .exposure_mode = HG_EXPOSURE_AUTO,
+            .exposure_ev = i / 2 ? 1.25f : 0,
+            .mode = i % 2 ? HG_MODE_PATH : HG_MODE_REALTIME};
+        for (int k = 0; k < 2; k++) {
+            struct hg_view *view = path_rig_view(rig, &params);
+            hg_view_set_final(view, k == 0);
+            path_rig_look(view, eye, target, 0.8f);
+            const struct hg_frame_info info = settle(view, 4);
+            assert_int_equal(info.metered, k == 0);
+            pictures[k] = pixels_of(view, HG_PIXEL_RGBA8);
+            params.exposure_mode = HG_EXPOSURE_FIXED;
+            params.exposure_ev = info.exposure_ev;
+            hg_view_destroy(view);
+        }
+        assert_memory_equal(pictures[0]->data, pictures[1]->data, pictures[0]->size);
+        hg_refbuf_unref(pictures[0]);
+        hg_refbuf_unref(pictures[1]);
+    }
+}
+
+// A picture in motion keeps the exposure it had; the one at rest has its own, and says so.
+static void test_motion(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    const struct hg_view_params params = {
+        .width = 96, .height = 64, .samples = 2, .exposure_mode = HG_EXPOSURE_AUTO};
+    make_still_life(rig);
+    struct hg_view *view = path_rig_view(rig, &params);
+    hg_view_set_final(view, false);
+    path_rig_look(view, eye, target, 0.8f);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_true(!info.metered && !info.settled && info.exposure_ev == 0);
+    const float rested = settle(view, 1).exposure_ev;
+    const float away[3] = {0.2f, 9, 0.3f};
+    path_rig_look(view, away, target, 0.2f);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_true(!info.metered && !info.settled && info.exposure_ev == rested);
+    assert_true(settle(view, 1).metered);
+    hg_view_destroy(view);
+}
+
+// Nothing in view, and no light: exposure 0, and the view settles.
+static void test_nothing(void **state)
+{
+    struct rig *rig = *state;
+    for (int i = 0; i < 4; i++) {
+        const struct hg_view_params params = {.width = 32,
+            .height = 32,
+            .samples = 1,
+            .exposure_mode = HG_EXPOSURE_AUTO,
+            .mode = i % 2 ? HG_MODE_PATH : HG_MODE_REALTIME};
+        rig_scene(rig);
+        if (i / 2)
+            path_rig_floor(rig, path_rig_lambert(rig, 0.5f), 20);
+        else
+            path_rig_environment(rig, 50);
+        struct hg_view *view = look(rig, &params);
+        const struct hg_frame_info info = settle(view, 4);
+        assert_true(info.metered && info.exposure_ev == 0);
+        hg_view_destroy(view);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_card),
+        cmocka_unit_test(test_one_value), cmocka_unit_test(test_stated),
+        cmocka_unit_test(test_motion), cmocka_unit_test(test_nothing)};
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
+}

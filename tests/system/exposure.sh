@@ -1,0 +1,128 @@
+#!/bin/bash
+# exposure.sh - the light of an ordinary file at the first try: automatic exposure, the sky as a fill,
+# and warnings where nothing helps. Uses HELIO_BUILD_DIR.
+. "$(dirname "$0")/../support/shell.sh"
+
+startup=$models/startup.glb
+knot=$models/knot/knot.gltf
+morph=$models/morph.glb
+for file in "$helio" "$startup" "$knot" "$morph"; do need "$file"; done
+
+stat() { # key [file]: of the statistics, as a path
+    python3 -c 'import json, sys
+value = json.load(open(sys.argv[1]))
+for key in sys.argv[2].split("."):
+    value = value[int(key) if key.isdigit() else key]
+print(json.dumps(value).strip("\""))' "${2:-$temp/stats.json}" "$1"
+}
+is() { # key value
+    [ "$(stat "$1")" = "$2" ] || fail "$1 is $(stat "$1"), not $2"
+}
+told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not said: $(tail -n 3 "$temp/out")"; }
+untold() { ! grep -q -- "$1" "$temp/out" || fail "'$1' is said: $(tail -n 3 "$temp/out")"; }
+picture() { # file options...: of the startup scene
+    local file=$1
+    shift
+    expect 0 "$helio" render "$startup" -o "$temp/$file" --samples 2 --stats "$temp/stats.json" "$@"
+}
+between() { # low high value
+    python3 -c 'import sys; low, high, v = map(float, sys.argv[1:]); sys.exit(not low <= v <= high)' "$@" ||
+        fail "$3 is not in $1 to $2"
+}
+
+# The lamp of 54351 cd is 8 to 9 stops too bright; the sky fills in.
+picture a.png --size 160x90
+ev=$(stat exposure.ev)
+between -10 -7 "$ev"
+is exposure.mode auto
+is environment.fill true
+told "the built-in sky fills in"
+between 0 0.01 "$(stat frame.clipped)"
+between 0 0.01 "$(stat frame.black)"
+untold warning
+
+# One value for both modes and every size of that shape, which states the same picture.
+picture b.png --size 64x36 --mode path
+is exposure.ev "$ev"
+picture c.png --size 160x90 --exposure="$ev"
+is exposure.mode fixed
+same "$temp/a.png" "$temp/c.png" # but for their jobs, which neither has
+picture d.png --size 160x90 --exposure=auto+1
+between -0.001 0.001 "$(python3 -c "print($(stat exposure.ev) - 1 - $ev)")"
+
+# Chosen environments are what they are.
+picture e.png --size 64x36 --env none
+is environment.kind none
+untold "fills in"
+between 0.5 0.95 "$(stat frame.black)"
+picture f.png --size 64x36 --env sky
+is environment.fill false
+
+# Files for compositing.
+picture g.exr --size 64x36
+is exposure.mode fixed
+is exposure.ev 0
+picture h.exr --size 64x36 --exposure auto
+is exposure.ev "$ev"
+grep -aq heliograph:exposure "$temp/h.exr" || fail "the file does not say its exposure"
+
+# What cannot be seen is said, and is no failure.
+picture i.png --size 64x36 --exposure 0
+told "i.png: .* clipped to white: try --exposure auto"
+picture j.png --size 64x36 --env none --exposure -20
+told "j.png: .* is black: .*--env sky"
+picture k.png --size 64x36 --eye 0,0,9 --target 0,0,18 --env none
+told "k.png: 100 % of the picture is black"
+expect 0 "$helio" render "$knot" -o "$temp/l.png" --size 64x36 --samples 1 --debug-view overdraw
+untold warning
+
+# A series has the exposure of its first picture, whatever is there already, and so has each part of it
+# that is given the value.
+series() { # folder options...
+    local folder=$1
+    shift
+    expect 0 "$helio" render "$startup" -o "$temp/$folder/s-#.png" --size 64x36 --samples 1 --fps 4 \
+        --stats "$temp/stats.json" "$@"
+}
+mkdir "$temp/once" "$temp/again" "$temp/part"
+series once --frames 0-3
+ev=$(stat exposure.ev)
+is exposure.mode auto
+jobs=$(stat frames.2.job)
+cp "$temp/once/s-0.png" "$temp/once/s-3.png" "$temp/again"
+series again --frames 0-3 --skip-existing
+is client.skipped_frames 2
+is frames.1.job "$jobs"
+series part --frames 2-3 --exposure="$ev"
+for f in "$temp"/part/*.png; do same "$temp/once/${f##*/}" "$f"; done
+for f in "$temp"/again/*.png; do same "$temp/once/${f##*/}" "$f"; done
+
+# Scripts.
+{
+    echo "load $startup"
+    echo "set size 64x36"
+    echo "set samples 1"
+    echo "frame $temp/m.png"
+    echo "set exposure -3"
+    echo "frame $temp/n.png"
+    echo "set exposure auto-1"
+    echo "frame $temp/o.png"
+    echo "set env none"
+    echo "frame $temp/p.png"
+} >"$temp/script"
+expect 0 "$helio" run "$temp/script"
+expect 1 "$helio" compare "$temp/m.png" "$temp/n.png" --metric rmse --fail-above 0.1
+expect 1 "$helio" compare "$temp/m.png" "$temp/o.png" --metric rmse --fail-above 0.02
+expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above 0.1
+
+# Through a daemon.
+url=unix:$temp/sock
+"$heliod" --listen "$url" --asset-root "$models" --log warn &
+daemon=$!
+answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
+until_true answers
+picture q.png --size 160x90 --connect "$url"
+same "$temp/a.png" "$temp/q.png"
+
+[ $failures = 0 ] || { echo "$failures failures"; exit 1; }
+echo ok

@@ -1,0 +1,175 @@
+// Automatic exposure from arrays: the histogram against closed forms, and what counts in a picture.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/camera/exposure.h"
+
+#define NEAR(a, b) assert_true(fabs((double)(a) - (double)(b)) < 1e-9)
+
+static double mean_of(const struct hg_exposure_histogram *h, double floor, double low, double high)
+{
+    double stops;
+    assert_true(hg_exposure_histogram_mean(h, floor, low, high, &stops));
+    return stops;
+}
+
+// Luminances 2^0, 2^1, ... 2^9 with one weight each: percentiles cut between and through them.
+static void test_histogram(void **state)
+{
+    (void)state;
+    static struct hg_exposure_histogram h;
+    memset(&h, 0, sizeof h);
+    for (int i = 0; i < 10; i++)
+        hg_exposure_histogram_add(&h, exp2(i), 3);
+    NEAR(h.total, 30);
+    NEAR(mean_of(&h, HG_EXPOSURE_LOW_STOPS, 0, 1), 4.5);
+    NEAR(mean_of(&h, HG_EXPOSURE_LOW_STOPS, 0.5, 1), 7);
+    NEAR(mean_of(&h, HG_EXPOSURE_LOW_STOPS, 0.2, 0.3), 2);
+    // 0.55 to 0.95: half of 5, all of 6, 7 and 8, half of 9
+    NEAR(mean_of(&h, HG_EXPOSURE_LOW_STOPS, 0.55, 0.95), (0.5 * 5 + 6 + 7 + 8 + 0.5 * 9) / 4);
+    // above the floor 6, 7, 8 and 9 are left
+    NEAR(mean_of(&h, 5.5, 0, 0.5), 6.5);
+}
+
+// A mean is exact within a bin, and black and broken values count as black.
+static void test_histogram_edges(void **state)
+{
+    (void)state;
+    static struct hg_exposure_histogram h;
+    double stops;
+    memset(&h, 0, sizeof h);
+    assert_false(hg_exposure_histogram_mean(&h, HG_EXPOSURE_LOW_STOPS, 0, 1, &stops));
+    const double black[] = {0, -1, NAN, INFINITY, 1e-30};
+    for (size_t i = 0; i < sizeof black / sizeof *black; i++)
+        hg_exposure_histogram_add(&h, black[i], 1);
+    NEAR(h.total, 5);
+    assert_false(hg_exposure_histogram_mean(&h, HG_EXPOSURE_LOW_STOPS, 0, 1, &stops));
+    hg_exposure_histogram_add(&h, 0.18, 1);
+    NEAR(mean_of(&h, HG_EXPOSURE_LOW_STOPS, 0, 1), log2(0.18));
+    hg_exposure_histogram_add(&h, 1e30, 1);
+    NEAR(mean_of(&h, 0, 0, 1), HG_EXPOSURE_HIGH_STOPS);
+}
+
+static void test_of_light(void **state)
+{
+    (void)state;
+    static const double rows[][2] = {{0, 0}, {1, 0}, {-1, 0}, {2, -2}, {-2, 2}, {1.5, -0.75},
+        {8.25, -8.25}, {-6.5, 6.5}, {8.26, -8.25}, {40, HG_EXPOSURE_LEAST_EV},
+        {-40, HG_EXPOSURE_MOST_EV}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        NEAR(hg_exposure_of_light(rows[i][0]), rows[i][1]);
+    for (double stops = -30; stops < 30; stops += 0.01) // continuous, and never the wrong way
+        assert_true(hg_exposure_of_light(stops) >= hg_exposure_of_light(stops + 0.01));
+}
+
+enum { PIXELS = 1000 };
+
+static float color[PIXELS][4], albedo[PIXELS][3], emission[PIXELS][3];
+
+static void fill(int from, int to, float light, float reflectance, float emitted)
+{
+    for (int i = from; i < to; i++) {
+        for (int c = 0; c < 3; c++) {
+            albedo[i][c] = reflectance;
+            emission[i][c] = emitted;
+            color[i][c] = light * reflectance + emitted;
+        }
+        color[i][3] = 1;
+    }
+}
+
+static float metered(void)
+{
+    return hg_exposure_of_picture(
+        &(struct hg_exposure_picture){PIXELS, &color[0][0], &albedo[0][0], &emission[0][0]});
+}
+
+static void clear(void)
+{
+    memset(color, 0, sizeof color);
+    memset(albedo, 0, sizeof albedo);
+    memset(emission, 0, sizeof emission);
+}
+
+// White, grey and black cards under the same light get the same exposure.
+static void test_cards(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        const float cards[] = {0.9f, 0.18f, 0.06f};
+        clear();
+        fill(0, PIXELS, 64, cards[i], 0);
+        NEAR(metered(), -6);
+        fill(0, PIXELS, 0.0625f, cards[i], 0);
+        NEAR(metered(), 4);
+        fill(0, PIXELS, 1.2f, cards[i], 0); // as glTF has its light
+        NEAR(metered(), 0);
+    }
+}
+
+// A small object: what is around it has no coverage, however bright it is.
+static void test_background(void **state)
+{
+    (void)state;
+    clear();
+    fill(0, 30, 16, 0.5f, 0);
+    for (int i = 30; i < PIXELS; i++)
+        color[i][0] = color[i][1] = color[i][2] = 1000;
+    NEAR(metered(), -4);
+    for (int i = 0; i < 30; i++) // antialiased: all are means over the pixel
+        for (int c = 0; c < 4; c++) {
+            color[i][c] *= 0.25f;
+            albedo[i][c % 3] *= c < 3 ? 0.25f : 1;
+        }
+    NEAR(metered(), -4);
+}
+
+// Lamps in a dark room: the lit part counts, neither the lamps nor the shadows do.
+static void test_night(void **state)
+{
+    (void)state;
+    clear();
+    fill(0, 600, 1e-4f, 0.5f, 0);
+    fill(600, 980, 32, 0.5f, 0);
+    fill(980, PIXELS, 32, 0.5f, 1e6f);
+    NEAR(metered(), -5);
+}
+
+static void test_emitters(void **state)
+{
+    (void)state;
+    clear();
+    for (int i = 0; i < PIXELS; i++) // unlit materials emit their base colour
+        fill(i, i + 1, 0, 0.1f + 0.8f * (float)i / PIXELS, 0.1f + 0.8f * (float)i / PIXELS);
+    NEAR(metered(), 0);
+    fill(0, PIXELS, 0, 0, 64); // a screen that is black when it is off
+    NEAR(metered(), -6);
+}
+
+static void test_nothing(void **state)
+{
+    (void)state;
+    clear();
+    NEAR(metered(), 0); // no geometry
+    fill(0, PIXELS, 0, 0.5f, 0);
+    NEAR(metered(), 0); // no light
+    color[7][0] = NAN;
+    NEAR(metered(), 0);
+    assert_true(isfinite(metered()));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_histogram),
+        cmocka_unit_test(test_histogram_edges), cmocka_unit_test(test_of_light),
+        cmocka_unit_test(test_cards), cmocka_unit_test(test_background),
+        cmocka_unit_test(test_night), cmocka_unit_test(test_emitters),
+        cmocka_unit_test(test_nothing)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
