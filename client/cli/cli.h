@@ -123,6 +123,10 @@ uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name);
 // A node by name (exact), or else "ASSET:INDEX". HG_E_NOTFOUND.
 enum hg_status hg_cli_find_node(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
+// Names of up_axis as options and scripts spell them: auto, +X, ... HG_E_INVAL names the option.
+enum hg_status hg_cli_parse_up(
+    const char *option, const char *text, enum hgp_up_axis *up, struct hg_error *err) HG_MUST_CHECK;
+const char *hg_cli_up_name(enum hgp_up_axis up);
 // A view's name or its angles AZIMUTH,ELEVATION in degrees. HG_E_INVAL names the option.
 enum hg_status hg_cli_parse_view(const char *option, const char *text, struct hgp_view_fit *fit,
     struct hg_error *err) HG_MUST_CHECK;

@@ -108,6 +108,11 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
         .uploaded_bytes = r->upload_bytes,
         .skipped_frames = r->skipped};
     status = hg_cli_stats_complete(stats, &r->cli, r->last, &own, err);
+    json_t *client = json_object_get(stats, "client");
+    if (client && r->loaded.up_reason[0]) {
+        json_object_set_new(client, "up", json_string(hg_cli_up_name(r->loaded.up)));
+        json_object_set_new(client, "up_reason", json_string(r->loaded.up_reason));
+    }
     json_object_set(stats, "frames", r->frames);
     char *text = status ? NULL : json_dumps(stats, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(stats);

@@ -156,7 +156,10 @@ static enum hg_status info_all(struct hg_cli *cli, enum hg_cli_doing *doing, str
         .path = hgp_str_make(path),
         .has_scene_index = o->has_scene_index,
         .scene_index = (int32_t)o->scene_index,
+        .has_up = o->has_up,
     };
+    if (!status && o->has_up)
+        status = hg_cli_parse_up("--up", o->up, &load.up, err);
     if (!status) {
         *doing = HG_CLI_DOING_INPUT;
         hg_cli_progress_stage(&cli->progress, "loading");

@@ -230,6 +230,21 @@ done:
     return status;
 }
 
+// Says that a file was turned without being asked to.
+static void take_up(struct hg_cli_render *r, const struct hgp_asset_loaded *loaded)
+{
+    if (!loaded->has_up || !loaded->has_up_reason)
+        return;
+    r->loaded.up = loaded->up;
+    hg_cli_clean(r->loaded.up_reason, sizeof r->loaded.up_reason, loaded->up_reason.data,
+        loaded->up_reason.size);
+    if (r->o->has_up || loaded->up == HGP_up_axis_Y || r->cli.progress.mode == HG_CLI_PROGRESS_JSON)
+        return;
+    hg_cli_progress_clear(&r->cli.progress);
+    fprintf(stderr, "note: %s: %s is up: %s; --up AXIS changes it\n", r->o->args[0],
+        hg_cli_up_name(loaded->up), r->loaded.up_reason);
+}
+
 static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hg_cli_options *o = r->o;
@@ -243,6 +258,9 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
     load.has_variant = o->has_variant;
     if (o->has_variant)
         load.variant = hgp_str_make(o->variant);
+    load.has_up = o->has_up;
+    if (o->has_up && hg_cli_parse_up("--up", o->up, &load.up, err))
+        return err->status;
     r->doing = HG_CLI_DOING_INPUT;
     hg_cli_progress_stage(&r->cli.progress, o->upload ? "uploading" : "loading");
     enum hg_status status = o->upload ? upload_asset(r, &load, &list, err)
@@ -256,7 +274,9 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
         r->doing = HG_CLI_DOING_ARGUMENTS; // the file is good, the option is not
     if (status)
         goto done;
-    r->loaded = answer->body->asset_loaded;
+    r->loaded.animations = answer->body->asset_loaded.animations;
+    r->loaded.lights = answer->body->asset_loaded.lights;
+    take_up(r, &answer->body->asset_loaded);
     status = hg_cli_check_warnings(&r->cli, err);
 done:
     helio_message_free(answer);
@@ -390,6 +410,8 @@ static enum hg_status find_place(
     struct hgp_view_fit fit = {.view = HG_CLI_VIEW,
         .has_vfov_rad = true,
         .vfov_rad = (float)fov,
+        .has_turntable = o->has_turntable,
+        .turntable = o->has_turntable,
         .has_cameras = true,
         .cameras = !o->has_view && !o->has_fov && !o->has_camera && !o->has_turntable};
     enum hg_status status = o->has_view ? hg_cli_parse_view("--view", o->view, &fit, err) : HG_OK;

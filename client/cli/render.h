@@ -10,6 +10,13 @@ struct hg_cli_frame_numbers {
     uint32_t count;
 };
 
+// The scene's file.
+struct hg_cli_loaded {
+    uint32_t animations, lights;
+    enum hgp_up_axis up;
+    char up_reason[136]; // why it is up; "" = not stated
+};
+
 // A camera that goes around its target; frames 0: it stays.
 struct hg_cli_turntable {
     uint32_t frames; // once around
@@ -41,7 +48,7 @@ struct hg_cli_render {
     bool streams;       // it is no regular file: nothing can be beside it or taken up
     struct hg_cli_size size;
     uint32_t planes; // bits of enum hgp_plane
-    struct hgp_asset_loaded loaded;
+    struct hg_cli_loaded loaded;
     enum hg_cli_doing doing;
     uint64_t load_ns, upload_bytes, first_frame_ns;
     float shutter[2];             // frames from the pose

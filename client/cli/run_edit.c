@@ -22,7 +22,6 @@ static enum hg_status do_load(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
     char *path;
-    struct hgp_asset_loaded loaded;
     uint32_t number = s->asset ? s->asset : r->scene.asset_count + 1;
     r->doing = HG_CLI_DOING_INPUT;
     hg_cli_progress_stage(&r->cli.progress, "loading");
@@ -32,7 +31,9 @@ static enum hg_status do_load(
     if (status)
         return status;
     const uint64_t begin_ns = hg_clock_now_ns();
-    status = helio_load(r->cli.h, wire_asset(r, number), path, &loaded, err);
+    const struct hgp_asset_load load = {
+        .asset = wire_asset(r, number), .path = hgp_str_make(path), .has_up = true, .up = s->up};
+    status = helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
     r->load_ns += hg_clock_now_ns() - begin_ns;
     hg_free(path);
     if (status)

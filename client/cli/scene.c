@@ -117,6 +117,25 @@ uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name)
     return helio_object_id(cli->scene.first_id + asset - 1, index);
 }
 
+static const char *const up_names[] = {"auto", "+X", "+Y", "+Z", "-X", "-Y", "-Z"};
+
+const char *hg_cli_up_name(enum hgp_up_axis up)
+{
+    return up_names[up];
+}
+
+enum hg_status hg_cli_parse_up(
+    const char *option, const char *text, enum hgp_up_axis *up, struct hg_error *err)
+{
+    for (size_t i = 0; i < sizeof up_names / sizeof *up_names; i++)
+        if (strcasecmp(text, up_names[i]) == 0) {
+            *up = (enum hgp_up_axis)i;
+            return HG_OK;
+        }
+    return hg_error_set(
+        err, HG_E_INVAL, option, NULL, "'%s' is none of auto +X +Y +Z -X -Y -Z", text);
+}
+
 enum hg_status hg_cli_parse_view(
     const char *option, const char *text, struct hgp_view_fit *fit, struct hg_error *err)
 {

@@ -134,7 +134,16 @@ static enum hg_status parse_load(struct hg_words *w, struct hg_cli_step *s, stru
 {
     s->kind = HG_CLI_STEP_LOAD;
     enum hg_status status = hg_words_take(w, "path", &s->path, err);
-    return status ? status : hg_words_take_asset(w, s, err);
+    if (!status)
+        status = hg_words_take_asset(w, s, err);
+    if (status || !hg_words_accept(w, "up"))
+        return status;
+    const char *axis;
+    struct hg_error inner = {0};
+    status = hg_words_take(w, "axis", &axis, err);
+    if (!status && hg_cli_parse_up("up", axis, &s->up, &inner))
+        status = hg_words_rename_error(&inner, "up", err);
+    return status;
 }
 
 static enum hg_status parse_time(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)

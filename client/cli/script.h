@@ -48,6 +48,7 @@ struct hg_cli_step {
     enum hg_cli_op op;
     enum hgp_metric metric;
     bool now; // frame: do not wait until it is settled
+    enum hgp_up_axis up; // load
     union {
         struct hgp_view_set view;
         struct hgp_environment_set environment;

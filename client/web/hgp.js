@@ -49,6 +49,7 @@ export const enums = {
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
+    up_axis: { AUTO: 0, X: 1, Y: 2, Z: 3, MINUS_X: 4, MINUS_Y: 5, MINUS_Z: 6 },
     light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2 },
     alpha_mode: { OPAQUE: 0, MASK: 1, BLEND: 2 },
     primitive_mode: { POINTS: 0, LINES: 1, LINE_LOOP: 2, LINE_STRIP: 3, TRIANGLES: 4, TRIANGLE_STRIP: 5, TRIANGLE_FAN: 6 },
@@ -268,6 +269,7 @@ export const messages = {
             { name: "transform", kind: "mat4", since: 1, optional: true },
             { name: "scene_index", kind: "i32", least: -1, most: 2147483647, since: 1, optional: true },
             { name: "variant", kind: "str", max: 256, since: 1, optional: true },
+            { name: "up", kind: "enum", values: "up_axis", since: 1, optional: true },
         ],
     },
     // answer to asset_load
@@ -287,6 +289,8 @@ export const messages = {
             { name: "bounds_min", kind: "vec3", since: 1 },
             { name: "bounds_max", kind: "vec3", since: 1 },
             { name: "duration_s", kind: "f64", least: 0, most: 1e+12, since: 1 },
+            { name: "up", kind: "enum", values: "up_axis", since: 1, optional: true },
+            { name: "up_reason", kind: "str", max: 128, since: 1, optional: true },
         ],
     },
     // remove an asset and its objects
@@ -629,6 +633,7 @@ export const messages = {
             { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
             { name: "margin", kind: "f32", least: 0, most: 0.9, since: 1, optional: true },
             { name: "cameras", kind: "bool", since: 1, optional: true },
+            { name: "turntable", kind: "bool", since: 1, optional: true },
         ],
     },
     // answer; geometry as posed at this revision

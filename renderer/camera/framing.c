@@ -48,6 +48,29 @@ void hg_framing_add(struct hg_framing *f, const float point[3])
     f->any = true;
 }
 
+void hg_framing_add_ring(struct hg_framing *f, const float axis[3], const float point[3])
+{
+    const double radius =
+        hypot((double)point[0] - (double)axis[0], (double)point[2] - (double)axis[2]);
+    const double center[3] = {(double)axis[0], (double)point[1], (double)axis[2]};
+    const double b = dot(center, f->back), at[2] = {dot(center, f->right), dot(center, f->up)};
+    const double level = hypot(f->back[0], f->back[2]); // cosine of the elevation
+    for (int side = 0; side < 2; side++) {
+        const double sign = side ? 1 : -1;
+        // The greatest value on the circle of slope * back +- axis, whose horizontal parts are at a
+        // right angle for `right` and along one line for `up`.
+        const double across = radius * hypot(1, f->slope[0] * level);
+        const double along = radius * fabs(f->slope[1] * level - sign * f->back[1]);
+        f->most[0][side] = fmax(f->most[0][side], f->slope[0] * b + sign * at[0] + across);
+        f->most[1][side] = fmax(f->most[1][side], f->slope[1] * b + sign * at[1] + along);
+    }
+    f->nearest = fmax(f->nearest, b + radius * level);
+    f->farthest = fmin(f->farthest, b - radius * level);
+    f->axis[0] = center[0];
+    f->axis[1] = center[2];
+    f->any = f->turns = true;
+}
+
 static void add_unit_cube(struct hg_framing *f)
 {
     for (int corner = 0; corner < 8; corner++) {
@@ -74,6 +97,20 @@ static double eye_distance(const struct hg_framing *f, double half)
     return fmax(distance, f->nearest + gap);
 }
 
+// From the eye along the line of sight.
+static double target_depth(const struct hg_framing *f, const double at[2], double distance)
+{
+    const double level = f->back[0] * f->back[0] + f->back[2] * f->back[2];
+    double ahead = 0; // of the axis, horizontally
+    if (!f->turns || level < 1e-6)
+        return distance - (f->nearest + f->farthest) / 2;
+    for (int i = 0; i < 3; i += 2) {
+        const double eye = f->right[i] * at[0] + f->up[i] * at[1] + f->back[i] * distance;
+        ahead += f->back[i] * (eye - f->axis[i / 2]);
+    }
+    return ahead / level;
+}
+
 void hg_framing_finish(struct hg_framing *f, struct hg_framed *out)
 {
     if (!f->any)
@@ -84,7 +121,7 @@ void hg_framing_finish(struct hg_framing *f, struct hg_framed *out)
         half[i] = (f->most[i][0] + f->most[i][1]) / 2 - f->slope[i] * f->farthest;
     }
     const double distance = eye_distance(f, fmax(fmax(half[0], half[1]), 0));
-    const double depth = distance - (f->nearest + f->farthest) / 2;
+    const double depth = target_depth(f, at, distance);
     const double half_height = fmax(half[1], half[0] / f->aspect) / f->fill;
     const bool is_pole = hypot(f->back[0], f->back[2]) < 1e-6;
     for (int i = 0; i < 3; i++) {

@@ -27,7 +27,8 @@ struct hg_framing {
     double most[2][2];               // [axis][side]
     double nearest, farthest;        // along `back`, of the points
     double aspect, fill;             // fill: 1 - margin
-    bool any;
+    bool any, turns;
+    double axis[2]; // x and z of the axis that points turn about
 };
 
 struct hg_framed {
@@ -37,9 +38,12 @@ struct hg_framed {
 
 void hg_framing_begin(struct hg_framing *framing, const struct hg_framing_lens *lens);
 void hg_framing_add(struct hg_framing *framing, const float point[3]);
+// The circle that a point describes about a vertical axis through `axis`.
+void hg_framing_add_ring(struct hg_framing *framing, const float axis[3], const float point[3]);
 // The nearest camera in that direction that has all points in its picture, with the points' extent
 // in its middle; one of the two dimensions is filled up to the margin. The target lies halfway
-// between the nearest and the farthest point. Without points: a cube of 2 m around the origin.
+// between the nearest and the farthest point, or on the axis of rings. Without points: a cube of 2
+// m around the origin.
 void hg_framing_finish(struct hg_framing *framing, struct hg_framed *out);
 
 #endif

@@ -136,6 +136,22 @@ struct hg_material *hg_asset_add_material(struct hg_asset *asset, const char *na
     return material;
 }
 
+enum hg_status hg_asset_transform_roots(struct hg_asset *asset, const float matrix[16])
+{
+    struct hg_node *top = asset->root_count ? hg_asset_add_node(asset, "") : NULL;
+    if (!asset->root_count)
+        return HG_OK;
+    if (!top)
+        return HG_E_NOMEM;
+    top->has_matrix = true;
+    memcpy(top->matrix, matrix, sizeof top->matrix);
+    for (uint32_t i = 0; i < asset->root_count; i++)
+        hg_node_append_child(top, asset->roots[i]);
+    asset->roots[0] = top;
+    asset->root_count = 1;
+    return HG_OK;
+}
+
 struct hg_texture *hg_asset_add_texture(struct hg_asset *asset, const char *name)
 {
     return add_object(asset, HG_OBJECT_TEXTURE, sizeof(struct hg_texture), name, &asset->textures,

@@ -34,6 +34,9 @@ struct hg_skin *hg_asset_add_skin(struct hg_asset *asset) HG_MUST_CHECK;
 void hg_asset_align_origin(const struct hg_scene *scene, struct hg_asset *asset);
 // Links child as the last child of parent. The caller has ruled out cycles.
 void hg_node_append_child(struct hg_node *parent, struct hg_node *child);
+// Puts one more node, behind those of the file, above the roots. HG_E_NOMEM.
+enum hg_status hg_asset_transform_roots(
+    struct hg_asset *asset, const float matrix[16]) HG_MUST_CHECK;
 // Bounds of the chosen scene of an asset that need not be in a hg_scene; skins as modelled.
 // False when there is no geometry.
 bool hg_asset_bounds(const struct hg_asset *asset, float min[3], float max[3]);

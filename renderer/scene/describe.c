@@ -273,6 +273,11 @@ enum hg_status hg_asset_describe(const struct hg_asset *asset, char **json_text)
     put_text(&d, root, "version", asset->file.version);
     put_text(&d, root, "generator", asset->file.generator);
     put_text(&d, root, "copyright", asset->file.copyright);
+    if (asset->file.up_reason) {
+        static const char *const axes[] = {"", "", "+X", "+Y", "+Z", "-X", "-Y", "-Z"};
+        put_text(&d, root, "up", axes[asset->file.up]);
+        put_text(&d, root, "up_reason", asset->file.up_reason);
+    }
     put(&d, root, "counts", describe_counts(&d, asset));
     put(&d, root, "bounds", describe_bounds(&d, asset));
     put(&d, root, "origin", describe_origin(&d, asset));

@@ -12,6 +12,7 @@
 #include "renderer/scene/heightmap.h"
 #include "renderer/scene/import.h"
 #include "renderer/scene/mesh_file.h"
+#include "renderer/scene/up_axis.h"
 
 static const char *base_name(const char *path)
 {
@@ -56,19 +57,37 @@ static enum hg_status load_other(const struct hg_load_params *params, const stru
         "unknown file format; read are " HG_LOAD_FORMATS);
 }
 
+// Turns what was loaded upright, if it was asked for.
+static enum hg_status turn_upright(const struct hg_load_params *params,
+    const struct hg_refbuf *data, struct hg_asset **out, struct hg_error *err)
+{
+    if (params->up == HG_UP_AS_FILE || !hg_up_axis_apply(params, data, *out))
+        return HG_OK;
+    hg_asset_destroy(*out);
+    *out = NULL;
+    return hg_error_set(err, HG_E_NOMEM, params->path, NULL, "no memory");
+}
+
+static enum hg_status load_upright(const struct hg_load_params *params,
+    const struct hg_refbuf *data, const char *label, struct hg_asset **out, struct hg_error *err)
+{
+    const enum hg_status status = load_other(params, data, label, out, err);
+    return status ? status : turn_upright(params, data, out, err);
+}
+
 // A ".gz" is unpacked first; the loaders then see the name without it.
 static enum hg_status load_import(const struct hg_load_params *params, struct hg_refbuf *data,
     uint64_t limit, struct hg_asset **out, struct hg_error *err)
 {
     const char *label = base_name(params->path);
     if (!has_suffix(label, ".gz"))
-        return load_other(params, data, label, out, err);
+        return load_upright(params, data, label, out, err);
     char *inner = hg_strndup(label, strlen(label) - 3);
     struct hg_refbuf *unpacked = NULL;
     enum hg_status status = inner ? hg_import_gunzip(data, limit, label, &unpacked, err)
                                   : hg_error_set(err, HG_E_NOMEM, label, NULL, "no memory");
     if (!status)
-        status = load_other(params, unpacked, inner, out, err);
+        status = load_upright(params, unpacked, inner, out, err);
     hg_refbuf_unref(unpacked);
     hg_free(inner);
     return status;
@@ -85,10 +104,10 @@ static enum hg_status load_main(
             : params->fetch(params->fetch_user, params->path, limit, &data, err);
     if (status)
         return status;
-    if (is_gltf(params->path, data))
-        status = hg_gltf_load(params, data, base_name(params->path), out, err);
-    else
+    if (!is_gltf(params->path, data))
         status = load_import(params, data, limit, out, err);
+    else if (!(status = hg_gltf_load(params, data, base_name(params->path), out, err)))
+        status = turn_upright(params, data, out, err);
     hg_refbuf_unref(data);
     return status;
 }

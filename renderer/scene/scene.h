@@ -240,6 +240,18 @@ struct hg_warning { // about an asset, kept for `helio info` and sent as notices
     char what[256], where[128], reason[256];
 };
 
+// The axis of a file's coordinates that points up.
+enum hg_up_axis {
+    HG_UP_AS_FILE, // of loads: coordinates are taken as they are
+    HG_UP_AUTO,    // of loads: found out (up_axis.h)
+    HG_UP_X,
+    HG_UP_Y,
+    HG_UP_Z,
+    HG_UP_MINUS_X,
+    HG_UP_MINUS_Y,
+    HG_UP_MINUS_Z,
+};
+
 // Everything one file brought. Owned by the scene after hg_scene_add_asset.
 struct hg_asset {
     struct hg_scene *scene; // that it was added to; NULL: none
@@ -250,6 +262,8 @@ struct hg_asset {
         char **extensions_used;
         uint32_t extension_count;
         double origin[3]; // its coordinates of the asset's zero: far models are moved there
+        enum hg_up_axis up;    // that became +Y; HG_UP_AS_FILE: it was not asked for
+        const char *up_reason; // why, for people; NULL as long as up is AS_FILE
     } file;
     struct hg_node **nodes;
     uint32_t node_count; // ids number << 32 | index

@@ -73,6 +73,11 @@ static void answer_loaded(const struct request *r, const struct hg_asset *asset)
         .animations = asset->animation_count,
         .triangles = count_triangles(asset),
     };
+    if (asset->file.up_reason) {
+        answer.has_up = answer.has_up_reason = true;
+        answer.up = (enum hgp_up_axis)((int)asset->file.up - 1);
+        answer.up_reason = hgp_str_fit(asset->file.up_reason, 128);
+    }
     for (uint32_t i = 0; i < asset->animation_count; i++)
         if (asset->animations[i].duration_s > answer.duration_s)
             answer.duration_s = asset->animations[i].duration_s;
@@ -95,23 +100,6 @@ static enum hg_status choose_variant(
         }
     return hg_error_set(err, HG_E_NOTFOUND, asset->label, "variant", "no variant '%.*s'",
         (int)name.size, name.data);
-}
-
-// A transform of the asset is one more node of it, behind those of the file, above its roots.
-static enum hg_status transform_roots(struct hg_asset *asset, const float matrix[16])
-{
-    struct hg_node *top = asset->root_count ? hg_asset_add_node(asset, "") : NULL;
-    if (!asset->root_count)
-        return HG_OK;
-    if (!top)
-        return HG_E_NOMEM;
-    top->has_matrix = true;
-    memcpy(top->matrix, matrix, sizeof top->matrix);
-    for (uint32_t i = 0; i < asset->root_count; i++)
-        hg_node_append_child(top, asset->roots[i]);
-    asset->roots[0] = top;
-    asset->root_count = 1;
-    return HG_OK;
 }
 
 // The built-in scene comes with its sky, unless the client has already chosen an environment.
@@ -140,7 +128,7 @@ static enum hg_status join_scene(const struct request *r, struct task *task, str
     if (status)
         return status;
     if (m->has_transform)
-        status = transform_roots(task->asset, m->transform);
+        status = hg_asset_transform_roots(task->asset, m->transform);
     if (!status)
         status = hg_scene_add_asset(scene, task->asset, (struct hg_node *)parent);
     if (status)

@@ -17,6 +17,13 @@
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
 static const char demo[] = "demo:"; // the built-in scene
 
+_Static_assert((int)HGP_up_axis_MINUS_Z + 1 == (int)HG_UP_MINUS_Z, "the same order, AUTO first");
+
+enum hg_up_axis hg_task_up_axis(enum hgp_up_axis up)
+{
+    return (enum hg_up_axis)((int)up + 1);
+}
+
 // ---- assets -------------------------------------------------------------------------------------
 
 static bool report_progress(void *user, const char *stage, uint64_t done, uint64_t total)
@@ -111,6 +118,7 @@ static enum hg_status load_asset(struct task *task)
         .root_count = options->asset_root_count,
         .asset_number = m->asset,
         .scene_index = m->has_scene_index ? m->scene_index : -1,
+        .up = hg_task_up_axis(m->has_up ? m->up : HGP_up_axis_AUTO),
         .jobs = task->jobs,
         .fetch = m->files.count ? fetch_upload : NULL,
         .fetch_user = task,

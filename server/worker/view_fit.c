@@ -17,6 +17,32 @@ static void add_point(void *framing, const float point[3])
     hg_framing_add(framing, point);
 }
 
+// Points on their way around a vertical axis.
+struct turntable {
+    struct hg_framing *framing;
+    float axis[3];
+};
+
+static void add_ring(void *user, const float point[3])
+{
+    const struct turntable *t = user;
+    hg_framing_add_ring(t->framing, t->axis, point);
+}
+
+static void add_geometry(
+    const struct hg_scene *scene, const struct hg_node *top, bool turns, struct hg_framing *framing)
+{
+    struct turntable t = {.framing = framing};
+    float min[3], max[3];
+    if (!turns || !hg_scene_bounds(scene, top, min, max)) {
+        hg_extent_visit_points(scene, top, add_point, framing);
+        return;
+    }
+    for (int i = 0; i < 3; i++)
+        t.axis[i] = 0.5f * min[i] + 0.5f * max[i];
+    hg_extent_visit_points(scene, top, add_ring, &t);
+}
+
 // The scene has been updated.
 static void fit(const struct hg_scene *scene, const struct hg_node *top, double aspect,
     const struct hgp_view_fit *m, struct hgp_view_fitted *out)
@@ -33,7 +59,7 @@ static void fit(const struct hg_scene *scene, const struct hg_node *top, double 
         .aspect = aspect,
         .margin = m->has_margin ? (double)m->margin : HG_FRAMING_MARGIN};
     hg_framing_begin(&framing, &lens);
-    hg_extent_visit_points(scene, top, add_point, &framing);
+    add_geometry(scene, top, m->has_turntable && m->turntable, &framing);
     out->empty = !framing.any;
     hg_framing_finish(&framing, &framed);
     memcpy(out->eye, framed.eye, sizeof out->eye);

@@ -189,6 +189,35 @@ static void test_what_is_fitted(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_view_fit, &bad), HG_E_NOTFOUND, NULL);
 }
 
+// Twelve times around a long box that stands beside the origin: nothing is cut off.
+static void test_a_turntable_stays_in_the_picture(void **state)
+{
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    set_view(rig, 96, 64);
+    set_box(rig, BOX, (float[3]){0.5f, 1, 4});
+    struct hgp_node_set node = {.node = BOX, .has_translation = true, .translation = {7, 0, 3}};
+    link_expect(rig, link_ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
+    struct hgp_view_fitted start =
+        ask_fit(rig, (struct hgp_view_fit){.has_turntable = true, .turntable = true});
+    assert_true(fabsf(start.target[0] - 7) < 1e-3f && fabsf(start.target[2] - 3) < 1e-3f);
+    double most = 0;
+    for (int i = 0; i < 12; i++) {
+        struct hgp_view_fitted turned = start;
+        const float c = cosf((float)i * 30 * degree), s = sinf((float)i * 30 * degree);
+        const float x = start.eye[0] - start.target[0], z = start.eye[2] - start.target[2];
+        turned.eye[0] = start.target[0] + c * x + s * z;
+        turned.eye[2] = start.target[2] - s * x + c * z;
+        look(rig, &turned);
+        double m[4];
+        measure(take_frame(rig), m);
+        for (int k = 0; k < 4; k++)
+            assert_true(m[k] > 0.02);
+        most = fmax(most, fmax(1 - m[0] - m[1], 1 - m[2] - m[3]));
+    }
+    assert_true(most > 0.75);
+}
+
 // Until the answer; returns the number of notices about cameras.
 static int ask_cameras(struct rig *rig)
 {
@@ -359,17 +388,23 @@ static void test_a_scene_without_an_environment_is_lit(void **state)
     expect_fill(rig);
 }
 
+// All tests share a worker, whose shaders are compiled once; each has a scene of its own.
+static int detach(void **state)
+{
+    struct rig *rig = *state;
+    link_ask(rig, 1, HGP_T_session_detach, &(struct hgp_session_detach){0});
+    return 0;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_all_views_fill_the_picture, link_start, link_stop),
-        cmocka_unit_test_setup_teardown(test_what_is_fitted, link_start, link_stop),
-        cmocka_unit_test_setup_teardown(
-            test_a_camera_that_sees_nothing_is_passed_over, link_start, link_stop),
-        cmocka_unit_test_setup_teardown(
-            test_a_view_without_a_camera_shows_the_scene, link_start, link_stop),
-        cmocka_unit_test_setup_teardown(
-            test_a_scene_without_an_environment_is_lit, link_start, link_stop),
+        cmocka_unit_test_teardown(test_all_views_fill_the_picture, detach),
+        cmocka_unit_test_teardown(test_what_is_fitted, detach),
+        cmocka_unit_test_teardown(test_a_turntable_stays_in_the_picture, detach),
+        cmocka_unit_test_teardown(test_a_camera_that_sees_nothing_is_passed_over, detach),
+        cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, detach),
+        cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, detach),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, link_start, link_stop);
 }

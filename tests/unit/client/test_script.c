@@ -269,6 +269,8 @@ static void test_bad(void **state)
         {"camera eye 1 2 3 fov 0", "outside"},
         {"camera fit view aside", "'aside' is none of front"},
         {"camera fit view", "view is missing"},
+        {"load a.stl as 2 up W", "'W' is none of auto +X"},
+        {"load a.stl up", "axis is missing"},
         {"time -1", "outside"},
         {"frame", "file to write is missing"},
         {"wait", "'settled' is missing"},
