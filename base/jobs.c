@@ -60,12 +60,28 @@ static void *thread_main(void *arg)
     return NULL;
 }
 
+static _Atomic unsigned limit;
+
+void hg_jobs_set_limit(unsigned threads)
+{
+    atomic_store(&limit, threads);
+}
+
+unsigned hg_jobs_limit(void)
+{
+    return atomic_load(&limit);
+}
+
+unsigned hg_jobs_cores(void)
+{
+    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    const unsigned most = hg_jobs_limit();
+    return most ? most : cores > 0 ? (unsigned)cores : 1;
+}
+
 struct hg_jobs *hg_jobs_create(unsigned threads)
 {
-    if (threads == 0) {
-        long cores = sysconf(_SC_NPROCESSORS_ONLN);
-        threads = cores > 0 ? (unsigned)cores : 1;
-    }
+    threads = threads ? threads : hg_jobs_cores();
     struct hg_jobs *jobs = hg_calloc(1, sizeof *jobs + (threads - 1) * sizeof(pthread_t));
     if (!jobs)
         return NULL;

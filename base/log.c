@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "base/utf8.h"
 
-static const char *const level_names[] = {"debug", "info", "warn", "error"};
+static const char *const level_names[] = {"debug", "info", "warn", "error", "off"};
 static const char *const scope_names[] = {
 #define X(sym, name) name,
     HG_LOG_SCOPES(X)
@@ -60,7 +60,8 @@ static enum hg_status apply_spec(const char *spec, bool dry_run, struct hg_error
         const char *eq = memchr(p, '=', length);
         const char *level_text = eq ? eq + 1 : p;
         int scope = eq ? find_name(scope_names, HG_LOG_SCOPE_COUNT, p, (size_t)(eq - p)) : 0;
-        int level = find_name(level_names, 4, level_text, (size_t)(p + length - level_text));
+        int level =
+            find_name(level_names, HG_LOG_OFF + 1, level_text, (size_t)(p + length - level_text));
         if (scope < 0 || level < 0)
             return hg_error_set(err, HG_E_INVAL, "log", spec, "unknown %s in '%.*s'",
                 scope < 0 ? "scope" : "level", (int)length, p);

@@ -8,7 +8,7 @@
 
 #include "base/status.h"
 
-enum hg_log_level { HG_LOG_DEBUG, HG_LOG_INFO, HG_LOG_WARN, HG_LOG_ERROR };
+enum hg_log_level { HG_LOG_DEBUG, HG_LOG_INFO, HG_LOG_WARN, HG_LOG_ERROR, HG_LOG_OFF };
 
 // Scopes can be switched one by one at run time: HG_LOG_SCOPE(symbol, "name")
 #define HG_LOG_SCOPES(X)                                                                           \
@@ -54,7 +54,8 @@ void hg_log_sink_logfmt(void *user, const struct hg_log_record *record);
 // Lowest level that passes, for all scopes or for one. Default: INFO.
 void hg_log_set_level(enum hg_log_level level);
 void hg_log_set_scope_level(enum hg_log_scope scope, enum hg_log_level level);
-// Applies a spec such as "info" or "warn,net=debug,gpu=info". HG_E_INVAL names nothing changed.
+// Applies a spec such as "info", "off" or "warn,net=debug,gpu=info". HG_E_INVAL names nothing
+// changed.
 enum hg_status hg_log_configure(const char *spec, struct hg_error *err) HG_MUST_CHECK;
 bool hg_log_is_enabled(enum hg_log_level level, enum hg_log_scope scope);
 

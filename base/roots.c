@@ -20,7 +20,8 @@ static bool is_allowed(const struct hg_roots *roots, const char *real)
     return false;
 }
 
-// Real path of `path` under `root`; when the file is missing, that of its folder (*missing).
+// Real path of `path` under `root`; when the file is missing, that of the nearest folder above it
+// that is there (*missing).
 static char *resolve_under(const char *root, const char *path, bool *missing)
 {
     char joined[PATH_MAX];
@@ -31,11 +32,43 @@ static char *resolve_under(const char *root, const char *path, bool *missing)
         return NULL;
     char *real = realpath(joined, NULL);
     *missing = !real;
-    char *slash = strrchr(joined, '/');
-    if (real || !slash)
-        return real;
-    slash[slash == joined] = 0;
-    return realpath(joined, NULL);
+    while (!real && joined[0] && strcmp(joined, "/") != 0) {
+        char *slash = strrchr(joined, '/');
+        if (!slash)
+            break;
+        slash[slash == joined] = 0;
+        real = realpath(joined, NULL);
+    }
+    return real;
+}
+
+// The roots by their last names: whoever may load files is not told where they lie on the machine.
+static void list_roots(const struct hg_roots *roots, char *text, size_t size)
+{
+    size_t used = 0;
+    text[0] = 0;
+    for (uint32_t i = 0; i < roots->count && used < size; i++) {
+        const char *slash = strrchr(roots->items[i], '/');
+        used += (size_t)snprintf(text + used, size - used, "%s'%s'", i ? ", " : "",
+            slash && slash[1] ? slash + 1 : roots->items[i]);
+    }
+}
+
+static enum hg_status not_found(
+    const struct hg_roots *roots, const char *path, bool inside, struct hg_error *err)
+{
+    char names[200];
+    list_roots(roots, names, sizeof names);
+    if (inside && path[0] != '/')
+        return hg_error_set(err, HG_E_NOTFOUND, path, NULL,
+            "no such file; names count from the asset roots %s", names);
+    if (inside)
+        return hg_error_set(err, HG_E_NOTFOUND, path, NULL, "no such file");
+    if (!roots->count)
+        return hg_error_set(
+            err, HG_E_PERM, path, NULL, "does not lie under an asset root: there are none");
+    return hg_error_set(
+        err, HG_E_PERM, path, NULL, "does not lie under an asset root; names count from %s", names);
 }
 
 enum hg_status hg_roots_resolve(
@@ -54,7 +87,5 @@ enum hg_status hg_roots_resolve(
         inside |= allowed;
         free(real);
     }
-    if (inside)
-        return hg_error_set(err, HG_E_NOTFOUND, path, NULL, "no such file");
-    return hg_error_set(err, HG_E_PERM, path, NULL, "does not lie under an asset root");
+    return not_found(roots, path, inside, err);
 }

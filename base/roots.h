@@ -15,7 +15,8 @@ struct hg_roots {
 
 // The real path of `path`, which is absolute or counts from one of the roots, when it lies under a
 // root; freed with hg_free. HG_E_NOTFOUND: a root has no such file. HG_E_PERM: outside of the
-// roots; the error does not reveal whether such a file exists.
+// roots; the error does not reveal whether such a file exists. Errors name the roots by their last
+// names only.
 enum hg_status hg_roots_resolve(
     const struct hg_roots *roots, const char *path, char **out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -21,7 +21,7 @@ static enum hg_cli_exit finish(
     struct hg_cli *cli, enum hg_cli_doing doing, enum hg_status status, const struct hg_error *err)
 {
     enum hg_cli_exit code = status ? hg_cli_report(cli, doing, err) : HG_CLI_EXIT_OK;
-    hg_cli_finish(cli);
+    hg_cli_finish(cli, code);
     return code;
 }
 

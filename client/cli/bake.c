@@ -72,7 +72,7 @@ static enum hg_status bake(struct hg_cli *cli, char **text, struct hg_error *err
 }
 
 // Names what could not be baked; true when there is something.
-static bool warn_failures(const json_t *report)
+static bool warn_failures(struct hg_cli_progress *progress, const json_t *report)
 {
     static const char *const halves[] = {"textures", "geometry"};
     bool any = false;
@@ -87,7 +87,7 @@ static bool warn_failures(const json_t *report)
             char clean[600];
             snprintf(clean, sizeof clean, "%s: %s", what ? what : "", reason ? reason : "");
             hg_cli_clean(clean, sizeof clean, clean, strlen(clean));
-            fprintf(stderr, "helio: not baked: %s\n", clean);
+            hg_cli_progress_say(progress, "not baked: %s", clean);
             any = true;
         }
     }
@@ -141,12 +141,12 @@ enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options)
         doing = HG_CLI_DOING_OUTPUT;
         status = write_report(options, report, &err);
     }
-    bool failed = warn_failures(report);
+    bool failed = warn_failures(&cli.progress, report);
     json_decref(report);
     hg_free(text);
     enum hg_cli_exit code = status   ? hg_cli_report(&cli, doing, &err)
                             : failed ? HG_CLI_EXIT_INPUT
                                      : HG_CLI_EXIT_OK;
-    hg_cli_finish(&cli);
+    hg_cli_finish(&cli, code);
     return code;
 }

@@ -321,6 +321,6 @@ enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options)
     hg_writer_finish(&b.text);
     hg_free(b.report);
     enum hg_cli_exit code = status ? hg_cli_report(&cli, doing, &err) : HG_CLI_EXIT_OK;
-    hg_cli_finish(&cli);
+    hg_cli_finish(&cli, code);
     return code;
 }

@@ -166,6 +166,6 @@ enum hg_cli_exit hg_cli_cache(const struct hg_cli_options *options)
     const enum hg_cli_exit code = status          ? hg_cli_report(&cli, doing, &err)
                                   : cache.damaged ? HG_CLI_EXIT_FAILED
                                                   : HG_CLI_EXIT_OK;
-    hg_cli_finish(&cli);
+    hg_cli_finish(&cli, code);
     return code;
 }

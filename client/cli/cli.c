@@ -47,11 +47,18 @@ void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
     signal(SIGXFSZ, SIG_IGN); // ulimit -f: writing fails and names the file
     *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
     hg_cli_progress_init(&cli->progress, options->progress);
+    cli->progress.quiet = options->quiet;
+    cli->progress.verbose = options->verbose;
 }
 
-void hg_cli_finish(struct hg_cli *cli)
+void hg_cli_finish(struct hg_cli *cli, enum hg_cli_exit code)
 {
-    hg_cli_progress_finish(&cli->progress);
+    hg_cli_progress_end(&cli->progress, (int)code);
+    hg_cli_disconnect(cli);
+}
+
+void hg_cli_disconnect(struct hg_cli *cli)
+{
     interrupt_target = NULL;
     helio_destroy(cli->h);
     cli->h = NULL;
@@ -89,14 +96,18 @@ enum hg_cli_exit hg_cli_exit_of(enum hg_cli_doing doing, enum hg_status status)
         return HG_CLI_EXIT_UNREACHABLE;
     case HG_E_TIMEOUT:
         return doing == HG_CLI_DOING_CONNECT ? HG_CLI_EXIT_UNREACHABLE : HG_CLI_EXIT_RENDER;
-    case HG_E_WORKER:
     case HG_E_DEVICE:
+        return HG_CLI_EXIT_DEVICE;
+    case HG_E_UNSUPPORTED:
+        return doing == HG_CLI_DOING_CONNECT  ? HG_CLI_EXIT_USAGE
+               : doing == HG_CLI_DOING_RENDER ? HG_CLI_EXIT_DEVICE
+                                              : otherwise[doing];
+    case HG_E_WORKER:
     case HG_E_DEVICE_LOST:
     case HG_E_INTERNAL:
         return HG_CLI_EXIT_RENDER;
     case HG_E_INVAL:
     case HG_E_NOTFOUND: // --token-file
-    case HG_E_UNSUPPORTED:
         return doing == HG_CLI_DOING_CONNECT ? HG_CLI_EXIT_USAGE : otherwise[doing];
     default:
         return doing == HG_CLI_DOING_ARGUMENTS ? HG_CLI_EXIT_RENDER : otherwise[doing];
@@ -110,11 +121,15 @@ enum hg_cli_exit hg_cli_report(
     snprintf(text, sizeof text, "%s%s%s%s%s", err->what, err->what[0] ? ": " : "", err->where,
         err->where[0] ? ": " : "", err->reason[0] ? err->reason : hg_status_text(err->status));
     hg_cli_clean(clean, sizeof clean, text, strlen(text));
-    if (cli)
-        hg_cli_progress_clear(&cli->progress);
-    fprintf(stderr, "helio: %s\n", clean);
+    hg_cli_progress_error(cli ? &cli->progress : NULL, err, clean);
     if (cli && cli->embedded && doing == HG_CLI_DOING_INPUT && err->status == HG_E_PERM)
-        fprintf(stderr, "helio: --asset-root DIR lets the private worker read further folders\n");
+        hg_cli_progress_say(
+            &cli->progress, "--asset-root DIR lets the private worker read further folders");
+    const bool missing = err->status == HG_E_PERM || err->status == HG_E_NOTFOUND;
+    if (cli && cli->h && !cli->embedded && doing == HG_CLI_DOING_INPUT && missing &&
+        !cli->options->upload && access(err->what, R_OK) == 0)
+        hg_cli_progress_say(&cli->progress,
+            "%s is a file of this machine; --upload sends it to the daemon", err->what);
     if (cli && cli->h) { // a connection that broke is not the input's fault
         struct helio_info info;
         helio_get_info(cli->h, &info);
@@ -195,11 +210,12 @@ static enum hg_status add_options(struct hg_cli_args *args, const struct hg_cli_
     const struct {
         const char *option;
         bool has;
-        uint32_t mib;
-    } sizes[] = {{"--texture-budget", o->has_texture_budget, o->texture_budget},
+        uint32_t value; // of budgets MiB
+    } numbers[] = {{"--texture-budget", o->has_texture_budget, o->texture_budget},
         {"--geometry-budget", o->has_geometry_budget, o->geometry_budget},
         {"--host-budget", o->has_host_budget, o->host_budget},
-        {"--cache-limit", true, o->has_cache_limit ? o->cache_limit : CACHE_LIMIT_MIB}};
+        {"--cache-limit", true, o->has_cache_limit ? o->cache_limit : CACHE_LIMIT_MIB},
+        {"--threads", o->has_threads, o->threads}};
     char number[16];
     enum hg_status status = add_cache_dir(args, o->bake_dir ? o->bake_dir : o->cache_dir);
     for (uint32_t i = 0; !status && i < o->asset_root.count; i++) {
@@ -207,14 +223,16 @@ static enum hg_status add_options(struct hg_cli_args *args, const struct hg_cli_
         if (realpath(o->asset_root.items[i], full)) // checked before
             status = add_arg(args, "--asset-root", full);
     }
-    for (size_t i = 0; !status && i < sizeof sizes / sizeof *sizes; i++) {
-        snprintf(number, sizeof number, "%u", sizes[i].mib);
-        if (sizes[i].has)
-            status = add_arg(args, sizes[i].option, number);
+    for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++) {
+        snprintf(number, sizeof number, "%u", numbers[i].value);
+        if (numbers[i].has)
+            status = add_arg(args, numbers[i].option, number);
     }
     if (!status && o->device)
         status = add_arg(args, "--device", o->device);
-    return status ? status : add_arg(args, "--log", o->log ? o->log : "warn");
+    const bool json = o->progress && strcmp(o->progress, "json") == 0; // nothing else there
+    const char *level = json ? "off" : o->quiet ? "error" : "warn";
+    return status ? status : add_arg(args, "--log", o->log ? o->log : level);
 }
 
 static enum hg_status add_all(
@@ -275,6 +293,7 @@ static enum hg_status refuse_worker_options(const struct hg_cli_options *o, stru
                        : o->has_host_budget     ? "--host-budget"
                        : o->has_cache_limit     ? "--cache-limit"
                        : o->has_device          ? "--device"
+                       : o->has_threads         ? "--threads"
                        : o->has_asset_root      ? "--asset-root"
                        : o->has_cache_dir       ? "--cache-dir"
                        : o->has_log             ? "--log"

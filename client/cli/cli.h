@@ -20,6 +20,7 @@ enum hg_cli_exit {
     HG_CLI_EXIT_LIMIT = 6,
     HG_CLI_EXIT_RENDER = 7,
     HG_CLI_EXIT_STOPPED = 8,
+    HG_CLI_EXIT_DEVICE = 9,
 };
 
 // What was being done when a status came back; decides between exit codes.
@@ -27,7 +28,7 @@ enum hg_cli_doing {
     HG_CLI_DOING_ARGUMENTS, // the user's words: 2
     HG_CLI_DOING_CONNECT,   // 4
     HG_CLI_DOING_INPUT,     // 3
-    HG_CLI_DOING_RENDER,    // 7
+    HG_CLI_DOING_RENDER,    // 7, or 9 where it is of no use to try again
     HG_CLI_DOING_OUTPUT,    // 7
 };
 
@@ -53,7 +54,9 @@ enum hg_cli_exit hg_cli_report(
 void hg_cli_clean(char *dst, size_t size, const char *text, size_t length);
 
 void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options);
-void hg_cli_finish(struct hg_cli *cli);
+void hg_cli_disconnect(struct hg_cli *cli);
+// The end of the command, which the JSON stream says.
+void hg_cli_finish(struct hg_cli *cli, enum hg_cli_exit code);
 
 // The folder of caches: `given`, or what the environment says. False: it names none.
 bool hg_cli_cache_dir(const char *given, char *path, size_t size);

@@ -191,6 +191,6 @@ enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options)
     hg_free(c.b.data);
     hg_free(c.mask.data);
     hg_free(c.diff.data);
-    hg_cli_finish(&c.cli);
+    hg_cli_finish(&c.cli, code);
     return code;
 }

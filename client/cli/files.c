@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/bytes.h"
@@ -62,6 +63,30 @@ static enum hg_status add_file(struct list *list, const char *path, const char *
     return HG_OK;
 }
 
+// As the loader looks for a texture that is not where the file says (renderer/scene): by its base
+// name, beside the file and in textures/. True: there is one, and `name` is what the loader asks
+// for.
+static bool find_elsewhere(const struct list *list, char *name, size_t size)
+{
+    static const char *const folders[] = {"", "textures/"};
+    char base[1014], other[1024], path[PATH_MAX + 1024];
+    for (char *c = name; *c; c++)
+        *c = *c == '\\' ? '/' : *c;
+    const char *slash = strrchr(name, '/');
+    if (strlen(slash ? slash + 1 : name) >= sizeof base)
+        return false;
+    snprintf(base, sizeof base, "%s", slash ? slash + 1 : name);
+    for (size_t i = 0; i < 2; i++) {
+        snprintf(other, sizeof other, "%s%s", folders[i], base);
+        snprintf(path, sizeof path, "%s%s", list->folder, other);
+        if (access(path, R_OK) == 0) {
+            snprintf(name, size, "%s", other);
+            return true;
+        }
+    }
+    return false;
+}
+
 static enum hg_status add_reference(struct list *list, const char *uri, bool decode)
 {
     char name[1024], path[PATH_MAX + 1024];
@@ -71,6 +96,8 @@ static enum hg_status add_reference(struct list *list, const char *uri, bool dec
     if (decode)
         decode_uri(name);
     snprintf(path, sizeof path, "%s%s", name[0] == '/' ? "" : list->folder, name);
+    if (!decode && access(path, R_OK) != 0 && find_elsewhere(list, name, sizeof name))
+        snprintf(path, sizeof path, "%s%s", list->folder, name);
     return add_file(list, path, name);
 }
 

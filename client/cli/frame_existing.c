@@ -121,7 +121,6 @@ enum hg_status hg_cli_frame_check_existing(struct hg_cli_render *r, const char *
         return HG_OK;
     char clean[300];
     hg_cli_clean(clean, sizeof clean, why, strlen(why));
-    hg_cli_progress_clear(&r->cli.progress);
-    fprintf(stderr, "helio: %s: %s; it is made again\n", name, clean);
+    hg_cli_progress_say(&r->cli.progress, "%s: %s; it is made again", name, clean);
     return HG_OK;
 }

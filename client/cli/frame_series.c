@@ -110,9 +110,8 @@ static enum hg_status reach(struct hg_cli_render *r, uint32_t i, struct hg_error
     status = load_history(r, i, err);
     if (status || s->held == i)
         return status;
-    hg_cli_progress_clear(&r->cli.progress);
-    fprintf(stderr,
-        "helio: frames %d to %d are made again, unwritten: the next one depends on them\n",
+    hg_cli_progress_say(&r->cli.progress,
+        "frames %d to %d are made again, unwritten: the next one depends on them",
         hg_cli_frame_at(r, s->held), hg_cli_frame_at(r, i - 1));
     while (s->held < i) {
         status = make_again(r, i, err);

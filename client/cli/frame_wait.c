@@ -80,10 +80,8 @@ static enum hg_status load_film(
     uint32_t samples = 0;
     enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
     r->film.samples = samples; // 0: what is there is of no use
-    if (!status && samples) {
-        hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s: goes on from %u samples\n", name, samples);
-    }
+    if (!status && samples)
+        hg_cli_progress_say(&r->cli.progress, "%s: goes on from %u samples", name, samples);
     return status;
 }
 
@@ -103,8 +101,7 @@ static enum hg_status save_interval(
     case HG_E_IO:
     case HG_E_NOMEM:
     case HG_E_LIMIT:
-        hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s.checkpoint: %s; the rendering goes on\n", name,
+        hg_cli_progress_say(&r->cli.progress, "%s.checkpoint: %s; the rendering goes on", name,
             wrong.reason[0] ? wrong.reason : hg_status_text(status));
         return HG_OK;
     default:
@@ -245,7 +242,7 @@ void hg_cli_frame_leave_checkpoint(struct hg_cli_render *r, const char *name, co
         return;
     enum hg_status status = save_film(r, name, job, &err);
     if (status && status != HG_E_STATE)
-        fprintf(stderr, "helio: %s.checkpoint: cannot be written: %s\n", name,
+        hg_cli_progress_say(&r->cli.progress, "%s.checkpoint: cannot be written: %s", name,
             err.reason[0] ? err.reason : hg_status_text(status));
 }
 

@@ -94,8 +94,7 @@ static bool keep_history(struct hg_cli_render *r, const char *name, const uint8_
     uint32_t samples;
     enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, &err);
     if (status && !hg_cli_is_stopped()) {
-        hg_cli_progress_clear(&r->cli.progress);
-        fprintf(stderr, "helio: %s.history: cannot be written: %s\n", name,
+        hg_cli_progress_say(&r->cli.progress, "%s.history: cannot be written: %s", name,
             err.reason[0] ? err.reason : hg_status_text(status));
     }
     return status == HG_OK;
@@ -121,6 +120,8 @@ static enum hg_status take_frame(struct hg_cli_render *r, const struct hgp_frame
     if (!status)
         hg_cli_frame_note_light(r, frame, making->name);
     hg_cli_progress_frame(&r->cli.progress, took_ns);
+    if (!status)
+        hg_cli_progress_output(&r->cli.progress, making->name, took_ns);
     return status;
 }
 
@@ -159,6 +160,7 @@ enum hg_status hg_cli_frame_check(struct hg_cli_render *r, const char *name, con
     if (!status && *there) {
         r->skipped++;
         hg_cli_progress_frame(&r->cli.progress, 0);
+        hg_cli_progress_output(&r->cli.progress, name, 0);
     }
     return status;
 }
@@ -275,8 +277,7 @@ static enum hg_status render_all_frames(struct hg_cli_render *r, struct hg_error
     hg_cli_progress_frames(&r->cli.progress, count);
     for (uint32_t i = 0; i < count && !status; i++) {
         r->next = i;
-        snprintf(
-            r->cli.progress.prefix, sizeof r->cli.progress.prefix, "frame %u of %u", i + 1, count);
+        hg_cli_progress_begin_frame(&r->cli.progress, hg_cli_frame_at(r, i), i + 1);
         status = render_numbered(r, i, err);
     }
     r->next = status ? r->next : count;
@@ -289,15 +290,16 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
 {
     const struct hg_cli_options *o = r->o;
     if (r->list.count == 0) {
+        hg_cli_progress_frames(&r->cli.progress, 1);
         bool moves =
             (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
         enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }
     if (r->list.count > 1 && !r->turntable.frames && r->loaded.animations == 0)
-        fprintf(stderr,
-            "helio: nothing moves in these %u frames: the scene has no animation, and the camera "
-            "stays where it is\n",
+        hg_cli_progress_say(&r->cli.progress,
+            "nothing moves in these %u frames: the scene has no animation, and the camera stays "
+            "where it is",
             r->list.count);
     if (hg_cli_is_series(r)) {
         r->series = hg_calloc(1, sizeof *r->series + (size_t)hg_cli_frame_count(r) * 32);
@@ -308,20 +310,57 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
     return status ? status : render_all_frames(r, err);
 }
 
-void hg_cli_render_stopped(const struct hg_cli_render *r)
+// 2.3 s, 3 min 20 s, 2 h 5 min.
+static void format_time(uint64_t ns, char *dst, size_t size)
 {
+    const double seconds = (double)ns / 1e9;
+    const unsigned whole = (unsigned)seconds;
+    if (seconds < 60)
+        snprintf(dst, size, "%.1f s", seconds);
+    else if (whole < 3600)
+        snprintf(dst, size, "%u min %u s", whole / 60, whole % 60);
+    else
+        snprintf(dst, size, "%u h %u min", whole / 3600, whole / 60 % 60);
+}
+
+void hg_cli_render_summary(struct hg_cli_render *r)
+{
+    struct hg_cli_progress *p = &r->cli.progress;
+    char took[32], first[4096], last[4096];
+    if (p->mode == HG_CLI_PROGRESS_JSON)
+        return;
+    format_time(hg_clock_now_ns() - r->cli.begin_ns, took, sizeof took);
+    if (r->list.count == 0) {
+        if (p->skipped)
+            hg_cli_progress_say(p, "%s was there already", r->output);
+        else
+            hg_cli_progress_say(
+                p, "wrote %s (%u x %u) in %s", r->output, r->size.width, r->size.height, took);
+        return;
+    }
+    hg_cli_frame_file(r, hg_cli_frame_at(r, 0), first, sizeof first);
+    hg_cli_frame_file(r, hg_cli_frame_at(r, hg_cli_frame_count(r) - 1), last, sizeof last);
+    if (p->skipped)
+        hg_cli_progress_say(p, "wrote %u of %u frames, %s to %s, in %s; %u were there already",
+            p->written, hg_cli_frame_count(r), first, last, took, p->skipped);
+    else
+        hg_cli_progress_say(p, "wrote %u frame%s, %s to %s, in %s", p->written,
+            p->written == 1 ? "" : "s", first, last, took);
+}
+
+void hg_cli_render_stopped(struct hg_cli_render *r)
+{
+    struct hg_cli_progress *p = &r->cli.progress;
     char rest[256];
     if (r->series)
-        fprintf(stderr,
-            "helio: %zu frames are written; the same command with --skip-existing renders the "
-            "rest\n",
+        hg_cli_progress_say(p,
+            "%zu frames are written; the same command with --skip-existing renders the rest",
             json_array_size(r->frames));
     else if (r->next > 0 && r->next < r->list.count) {
         hg_frame_list_text(r->list.numbers + r->next, r->list.count - r->next, rest, sizeof rest);
-        fprintf(stderr, "helio: %zu frames are written; --frames %s renders the rest\n",
+        hg_cli_progress_say(p, "%zu frames are written; --frames %s renders the rest",
             json_array_size(r->frames), rest);
     }
     if (r->film.is_left)
-        fprintf(
-            stderr, "helio: stopped early; the same command with --resume goes on from there\n");
+        hg_cli_progress_say(p, "stopped early; the same command with --resume goes on from there");
 }

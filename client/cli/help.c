@@ -10,8 +10,9 @@ const struct hg_cli_exit_row hg_cli_exit_rows[] = {
     {4, "daemon unreachable, or the connection was lost"},
     {5, "not allowed: the token, the role, the asset roots or file permissions refuse it"},
     {6, "a limit, quota, budget, memory or the disk refused it"},
-    {7, "rendering failed, or the worker died"},
+    {7, "rendering failed, or the worker died: trying again may help"},
     {8, "stopped early; what was written is complete"},
+    {9, "this device, driver or build cannot do what was asked: trying again does not help"},
     {0, NULL},
 };
 

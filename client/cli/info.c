@@ -177,6 +177,6 @@ enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options)
     hg_cli_init(&cli, options);
     enum hg_status status = info_all(&cli, &doing, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&cli, doing, &err) : HG_CLI_EXIT_OK;
-    hg_cli_finish(&cli);
+    hg_cli_finish(&cli, code);
     return code;
 }

@@ -1,14 +1,14 @@
 #include "client/cli/progress.h"
 
 #include <jansson.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/utf8.h"
 #include "client/cli/cli.h"
-
-enum { WARNINGS_SHOWN = 10 };
 
 static const uint64_t second_ns = 1000000000;
 
@@ -55,9 +55,16 @@ void hg_cli_progress_frames(struct hg_cli_progress *p, uint32_t count)
     p->frame_begin_ns = hg_clock_now_ns();
 }
 
+void hg_cli_progress_begin_frame(struct hg_cli_progress *p, int32_t frame, uint32_t index)
+{
+    p->frame = frame;
+    p->index = index;
+}
+
 void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns)
 {
     p->frames_done += p->frames_done < p->frames;
+    p->done = p->total = 0; // its samples are not those of the next one
     if (took_ns && p->frames_made++)
         p->frames_ns += took_ns;
     else if (took_ns)
@@ -65,16 +72,21 @@ void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns)
     p->frame_begin_ns = hg_clock_now_ns();
 }
 
-static void print_json(
-    const struct hg_cli_progress *p, const char *stage, uint64_t done, uint64_t total, uint64_t now)
+double hg_cli_progress_share(const struct hg_cli_progress *p)
 {
-    json_t *o = json_pack("{s:s, s:I, s:I, s:f}", "stage", stage, "done", (json_int_t)done, "total",
-        (json_int_t)total, "elapsed_s", (double)(now - p->begin_ns) / 1e9);
-    if (o && p->prefix[0])
-        json_object_set_new(o, "of", json_string(p->prefix));
-    double left = hg_cli_progress_left(p, now);
-    if (o && left >= 0)
-        json_object_set_new(o, "left_s", json_real(left));
+    const bool samples = strcmp(p->stage, "samples") == 0 && p->total > 0;
+    const double part = samples ? (double)p->done / (double)p->total : 0;
+    if (p->frames < 2)
+        return p->frames_done ? 1 : part;
+    const double share = ((double)p->frames_done + part) / p->frames;
+    return share < 1 ? share : 1;
+}
+
+// ---- the JSON stream ---------------------------------------------------------------------------
+
+// One object a line, in one call, so that lines of several processes do not mix. Takes `o`.
+static void print_event(json_t *o)
+{
     char *text = o ? json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
     if (text)
         fprintf(stderr, "%s\n", text);
@@ -82,12 +94,125 @@ static void print_json(
     json_decref(o);
 }
 
+static void set_text(json_t *o, const char *key, const char *text)
+{
+    char clean[4200]; // names are bytes, JSON is UTF-8
+    snprintf(clean, sizeof clean, "%s", text);
+    hg_utf8_clean(clean);
+    json_object_set_new(o, key, json_string(clean));
+}
+
+static json_t *make_event(const struct hg_cli_progress *p, const char *event)
+{
+    return json_pack(
+        "{s:s, s:f}", "event", event, "elapsed_s", (double)(hg_clock_now_ns() - p->begin_ns) / 1e9);
+}
+
+static void set_frame(json_t *o, const struct hg_cli_progress *p)
+{
+    if (!p->index)
+        return;
+    json_object_set_new(o, "frame", json_integer(p->frame));
+    json_object_set_new(o, "index", json_integer(p->index));
+    json_object_set_new(o, "of", json_integer(p->frames));
+}
+
+static void print_progress_event(const struct hg_cli_progress *p, uint64_t now)
+{
+    json_t *o = make_event(p, "progress");
+    set_text(o, "stage", p->stage);
+    json_object_set_new(o, "done", json_integer((json_int_t)p->done));
+    json_object_set_new(o, "total", json_integer((json_int_t)p->total));
+    set_frame(o, p);
+    json_object_set_new(o, "share", json_real(hg_cli_progress_share(p)));
+    const double left = hg_cli_progress_left(p, now);
+    if (left >= 0)
+        json_object_set_new(o, "left_s", json_real(left));
+    print_event(o);
+}
+
+void hg_cli_progress_output(struct hg_cli_progress *p, const char *path, uint64_t took_ns)
+{
+    p->written += took_ns > 0;
+    p->skipped += took_ns == 0;
+    if (p->mode != HG_CLI_PROGRESS_JSON)
+        return;
+    json_t *o = make_event(p, took_ns ? "written" : "skipped");
+    set_text(o, "path", path);
+    set_frame(o, p);
+    json_object_set_new(o, "share", json_real(hg_cli_progress_share(p)));
+    if (took_ns)
+        json_object_set_new(o, "took_s", json_real((double)took_ns / 1e9));
+    print_event(o);
+}
+
+void hg_cli_progress_end(struct hg_cli_progress *p, int exit_code)
+{
+    hg_cli_progress_warnings(p);
+    hg_cli_progress_clear(p);
+    if (p->mode != HG_CLI_PROGRESS_JSON)
+        return;
+    json_t *o = make_event(p, "end");
+    json_object_set_new(o, "exit", json_integer(exit_code));
+    json_object_set_new(o, "written", json_integer(p->written));
+    json_object_set_new(o, "skipped", json_integer(p->skipped));
+    json_object_set_new(o, "warnings", json_integer(p->warnings));
+    print_event(o);
+}
+
+// ---- lines -------------------------------------------------------------------------------------
+
+void hg_cli_progress_print(struct hg_cli_progress *p, const char *text)
+{
+    hg_cli_progress_clear(p);
+    if (p->mode != HG_CLI_PROGRESS_JSON) {
+        fprintf(stderr, "%s\n", text);
+        return;
+    }
+    json_t *o = make_event(p, "note");
+    set_text(o, "text", text);
+    print_event(o);
+}
+
+void hg_cli_progress_say(struct hg_cli_progress *p, const char *format, ...)
+{
+    char text[4800] = "helio: ";
+    const size_t prefix = p->mode == HG_CLI_PROGRESS_JSON ? 0 : strlen(text);
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text + prefix, sizeof text - prefix, format, args);
+    va_end(args);
+    if (!p->quiet || p->mode == HG_CLI_PROGRESS_JSON)
+        hg_cli_progress_print(p, text);
+}
+
+void hg_cli_progress_error(struct hg_cli_progress *p, const struct hg_error *err, const char *text)
+{
+    if (p)
+        hg_cli_progress_clear(p);
+    if (!p || p->mode != HG_CLI_PROGRESS_JSON) {
+        fprintf(stderr, "helio: %s\n", text);
+        return;
+    }
+    json_t *o = make_event(p, "error");
+    set_text(o, "status", hg_status_name(err->status));
+    set_text(o, "what", err->what);
+    set_text(o, "where", err->where);
+    set_text(o, "reason", err->reason);
+    set_text(o, "text", text);
+    print_event(o);
+}
+
 static void print_line(struct hg_cli_progress *p, uint64_t now)
 {
     if (now - p->begin_ns < second_ns)
         return;
     p->line_open = true;
-    fprintf(stderr, "\r\033[K%s%s%s", p->prefix, p->prefix[0] ? ": " : "", p->stage);
+    fprintf(stderr, "\r\033[K");
+    if (p->index)
+        fprintf(stderr, "%3.0f %%, frame %u of %u: ", 100 * hg_cli_progress_share(p), p->index,
+            p->frames);
+    fprintf(stderr, "%s", p->stage);
     if (p->total)
         fprintf(stderr, " %3u %%", (unsigned)(100.0 * (double)p->done / (double)p->total));
     else if (p->done)
@@ -102,13 +227,14 @@ static void print_line(struct hg_cli_progress *p, uint64_t now)
 static void show(struct hg_cli_progress *p, bool important)
 {
     uint64_t now = hg_clock_now_ns();
-    if (p->mode == HG_CLI_PROGRESS_NONE || !p->stage[0])
+    if (p->mode == HG_CLI_PROGRESS_NONE || !p->stage[0] ||
+        (p->quiet && p->mode == HG_CLI_PROGRESS_LINE))
         return;
     if (p->shown_ns && !important && now - p->shown_ns < second_ns / 10)
         return;
     p->shown_ns = now;
     if (p->mode == HG_CLI_PROGRESS_JSON)
-        print_json(p, p->stage, p->done, p->total, now);
+        print_progress_event(p, now);
     else
         print_line(p, now);
 }
@@ -147,13 +273,17 @@ void hg_cli_progress_clear(struct hg_cli_progress *p)
     p->line_open = false;
 }
 
-void hg_cli_progress_finish(struct hg_cli_progress *p)
+void hg_cli_progress_warnings(struct hg_cli_progress *p)
 {
+    const uint32_t n = p->warnings - p->warnings_said;
+    p->warnings_said = p->warnings;
+    if (n == 0 || p->quiet || p->verbose || p->mode == HG_CLI_PROGRESS_JSON)
+        return;
     hg_cli_progress_clear(p);
-    if (p->warnings > WARNINGS_SHOWN)
-        fprintf(stderr, "warning: %u more; helio info --json lists them\n",
-            p->warnings - WARNINGS_SHOWN);
-    p->warnings = 0;
+    if (n == 1)
+        fprintf(stderr, "warning: %s\n", p->first_warning);
+    else
+        fprintf(stderr, "warning: %s; and %u more, which -v lists\n", p->first_warning, n - 1);
 }
 
 void hg_cli_on_progress(void *user, const struct hgp_progress *progress)
@@ -171,10 +301,23 @@ void hg_cli_on_notice(void *user, const struct hgp_notice *notice)
     hg_cli_clean(reason, sizeof reason, notice->reason.data, notice->reason.size);
     struct hg_cli_progress *p = user;
     const bool replaced = notice->code == HG_E_WORKER && strcmp(what, "worker") == 0;
+    char text[960];
+    snprintf(text, sizeof text, "%s%s%s%s%s", what, what[0] ? ": " : "", where,
+        where[0] ? ": " : "", reason);
     p->replaced += replaced;
-    if (!replaced && p->warnings++ >= WARNINGS_SHOWN) // the others are about the scene
-        return;
-    hg_cli_progress_clear(p);
-    fprintf(stderr, "warning: %s%s%s%s%s\n", what, what[0] ? ": " : "", where, where[0] ? ": " : "",
-        reason);
+    p->warnings += !replaced; // about the scene
+    if (p->mode == HG_CLI_PROGRESS_JSON) {
+        json_t *o = make_event(p, replaced ? "note" : "warning");
+        set_text(o, "what", what);
+        set_text(o, "where", where);
+        set_text(o, "reason", reason);
+        set_text(o, "text", text);
+        print_event(o);
+    } else if (replaced || p->verbose) {
+        hg_cli_progress_clear(p);
+        if (!p->quiet)
+            fprintf(stderr, "warning: %s\n", text);
+    } else if (p->warnings == p->warnings_said + 1) {
+        snprintf(p->first_warning, sizeof p->first_warning, "%s", text);
+    }
 }

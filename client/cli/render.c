@@ -277,6 +277,7 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
     r->loaded.animations = answer->body->asset_loaded.animations;
     r->loaded.lights = answer->body->asset_loaded.lights;
     take_up(r, &answer->body->asset_loaded);
+    hg_cli_progress_warnings(&r->cli.progress);
     status = hg_cli_check_warnings(&r->cli, err);
 done:
     helio_message_free(answer);
@@ -547,13 +548,15 @@ static enum hg_cli_exit render_once(const struct hg_cli_options *options)
     r.frames = json_array();
     enum hg_status status = r.frames ? check_arguments(&r, &err) : HG_E_NOMEM;
     if (!status && line[0])
-        fprintf(stderr, "helio: %s\n", line);
+        hg_cli_progress_say(&r.cli.progress, "%s", line);
     if (!status)
         status = render_all(&r, &err);
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
+    if (!status)
+        hg_cli_render_summary(&r);
     if (code == HG_CLI_EXIT_STOPPED || (status && (r.film.is_left || r.next > 0)))
         hg_cli_render_stopped(&r);
-    hg_cli_finish(&r.cli);
+    hg_cli_finish(&r.cli, code);
     json_decref(r.frames);
     hg_free(r.series);
     hg_free(r.list.numbers);

@@ -110,8 +110,10 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
 void hg_cli_render_warn_of_light(struct hg_cli_render *r);
 // Says that the sky fills in for a scene with lights.
 void hg_cli_render_say_fill(struct hg_cli_render *r);
+// Says what was written, and how long it took.
+void hg_cli_render_summary(struct hg_cli_render *r);
 // Says how a command that was stopped is taken up again.
-void hg_cli_render_stopped(const struct hg_cli_render *r);
+void hg_cli_render_stopped(struct hg_cli_render *r);
 
 // checkpoint.c: the file OUT.checkpoint, which holds a film and the hash of the job it belongs to.
 

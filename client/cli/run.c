@@ -154,8 +154,9 @@ static void report_broken(struct hg_cli_run *r, size_t step, const struct hg_err
     hg_error_format(err, reason, sizeof reason);
     snprintf(name, sizeof name, "line %u: %.256s", s->line, s->text);
     snprintf(message, sizeof message, "%.200s:%u: %.200s: %s", s->file, s->line, s->text, reason);
-    hg_cli_progress_clear(&r->cli.progress);
-    fprintf(stderr, "%s:%u: %.200s\n", s->file, s->line, s->text);
+    char line[1024];
+    snprintf(line, sizeof line, "%.700s:%u: %.200s", s->file, s->line, s->text);
+    hg_cli_progress_print(&r->cli.progress, line);
     struct hg_cli_case c = {.verdict = HG_CLI_BROKEN, .name = name, .message = message};
     bool kept = hg_cli_report_add(r->report, &c) == HG_OK;
     for (size_t i = step + 1; kept && i < r->script->count; i++) {
@@ -227,7 +228,7 @@ static enum hg_cli_exit run_script(struct runs *runs, uint32_t i)
     enum hg_cli_exit code = run_steps(r);
     print_summary(runs->o, &runs->report, runs->o->args[i]);
     hg_cli_run_forget(r);
-    hg_cli_finish(&r->cli);
+    hg_cli_finish(&r->cli, code);
     hg_free(r);
     return code;
 }

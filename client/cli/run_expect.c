@@ -287,9 +287,8 @@ static bool is_connection_lost(struct hg_cli_run *r)
 static void say(struct hg_cli_run *r, const char *message)
 {
     char clean[1024];
-    hg_cli_progress_clear(&r->cli.progress);
     hg_cli_clean(clean, sizeof clean, message, strlen(message));
-    fprintf(stderr, "%s\n", clean);
+    hg_cli_progress_print(&r->cli.progress, clean);
 }
 
 static enum hg_status add_case(struct hg_cli_run *r, const struct hg_cli_step *s,

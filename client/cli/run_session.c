@@ -13,10 +13,8 @@ enum hg_status hg_cli_run_connect(struct hg_cli_run *r, const char *url, struct 
 {
     hg_cli_run_forget(r);
     r->doing = HG_CLI_DOING_CONNECT;
-    struct hg_cli_progress progress = r->cli.progress;
-    hg_cli_finish(&r->cli);
-    r->cli.progress = progress;
-    r->cli.progress.warnings = 0; // reported
+    hg_cli_progress_warnings(&r->cli.progress);
+    hg_cli_disconnect(&r->cli);
     return hg_cli_connect(&r->cli, url, &r->files, false, err);
 }
 

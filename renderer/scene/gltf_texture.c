@@ -43,7 +43,8 @@ static enum hg_status image_from_uri(
         if (!status)
             status = hg_fetch_resolve(g->params->fetch_user, path, &source->path, &error);
         if (status && error.status)
-            (void)hg_gltf_fail(g, at, status, "IO_ERROR: %.100s: %.100s", path, error.reason);
+            (void)hg_gltf_fail(
+                g, at, status, "IO_ERROR: %.60s; searched: %.120s", error.reason, path);
         hg_free(path);
     } else {
         status = hg_gltf_fetch(g, at, uri, &source->encoded, NULL);

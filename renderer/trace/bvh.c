@@ -3,10 +3,12 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/jobs.h"
 #include "renderer/trace/embree.h"
 
 // Steps that a box is larger than exact on each side: more than the traversal rounds, and less than
@@ -32,7 +34,9 @@ enum hg_status hg_bvh_builder_create(struct hg_bvh_builder **out, struct hg_erro
     *out = hg_calloc(1, sizeof **out);
     if (*out == NULL)
         return hg_error_set(err, HG_E_NOMEM, "ray tracing", NULL, "no memory");
-    (*out)->device = rtcNewDevice(NULL);
+    char config[32];
+    snprintf(config, sizeof config, "threads=%u", hg_jobs_limit());
+    (*out)->device = rtcNewDevice(config);
     if ((*out)->device != NULL)
         return HG_OK;
     hg_bvh_builder_destroy(*out);

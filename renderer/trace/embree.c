@@ -2,9 +2,11 @@
 #include "renderer/trace/embree.h"
 
 #include <inttypes.h>
+#include <stdio.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/jobs.h"
 
 #define BLOCK_RAYS 1024u // of one job
 
@@ -68,7 +70,9 @@ static enum hg_status create(struct hg_trace *trace, void **self, struct hg_erro
     *self = e;
     e->trace = trace;
     e->limit_bytes = (int64_t)trace->params.budget_bytes;
-    e->device = rtcNewDevice(NULL);
+    char config[32];
+    snprintf(config, sizeof config, "threads=%u", hg_jobs_limit());
+    e->device = rtcNewDevice(config);
     if (e->device == NULL)
         return hg_error_set(err, HG_E_DEVICE, "ray tracing", "embree", "it refuses this machine");
     if (rtcGetDeviceProperty(e->device, RTC_DEVICE_PROPERTY_RAY_MASK_SUPPORTED) == 0)

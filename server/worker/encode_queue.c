@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/jobs.h"
 #include "base/sha256.h"
 #include "server/worker/picture_extremes.h"
 
@@ -268,8 +269,8 @@ static void *encoder_main(void *arg)
 
 static uint32_t default_threads(void)
 {
-    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    return cores < MIN_THREADS ? MIN_THREADS : cores > MAX_THREADS ? MAX_THREADS : (uint32_t)cores;
+    const unsigned cores = hg_jobs_cores();
+    return cores < MIN_THREADS ? MIN_THREADS : cores > MAX_THREADS ? MAX_THREADS : cores;
 }
 
 enum hg_status hg_encode_queue_create(

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "base/jobs.h"
 #include "base/log.h"
 #include "renderer/debug_environment.h"
 #include "renderer/renderer.h"
@@ -35,6 +36,7 @@ static const struct option long_options[] = {
     {"host-budget", required_argument, NULL, 'h'},
     {"cache-limit", required_argument, NULL, 'C'},
     {"device", required_argument, NULL, 'd'},
+    {"threads", required_argument, NULL, 'T'},
     {"log", required_argument, NULL, 'l'},
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
@@ -98,6 +100,9 @@ static bool apply_option(struct worker_options *o, int option)
     case 'd':
         o->device = optarg;
         return true;
+    case 'T':
+        o->threads = (uint32_t)strtoul(optarg, NULL, 10);
+        return o->threads > 0;
     case 'l':
         return hg_log_configure(optarg, &err) == HG_OK;
     case 'v':
@@ -113,6 +118,17 @@ static bool apply_option(struct worker_options *o, int option)
     default:
         return false;
     }
+}
+
+// Pools of this program and Embree's by the limit, Mesa's rasteriser by its variable.
+static void limit_threads(uint32_t threads)
+{
+    char number[16];
+    if (!threads)
+        return;
+    hg_jobs_set_limit(threads);
+    snprintf(number, sizeof number, "%u", threads);
+    setenv("LP_NUM_THREADS", number, 1);
 }
 
 static bool parse_options(struct worker_options *o, int argc, char **argv)
@@ -213,6 +229,7 @@ int main(int argc, char **argv)
     signal(SIGTERM, SIG_IGN);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write
+    limit_threads(w.options.threads);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
     hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);

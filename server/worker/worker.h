@@ -58,6 +58,7 @@ struct worker_options {
     const char *device;     // NULL: best
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
     uint64_t host_budget_bytes, cache_limit_bytes;
+    uint32_t threads; // at most, for one thing at a time; 0 = one per core
     bool no_sandbox, no_spill, device_info, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };

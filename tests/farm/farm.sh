@@ -20,7 +20,7 @@ render() { # folder options...: twelve frames of the worm
 }
 mkdir "$temp/once" "$temp/again"
 expect 0 render once --progress json
-told '"of":"frame 1 of 12"'
+told '"index":1,"of":12'
 told '"left_s"'
 
 # What is there and whole is left alone; what is cut short, damaged, of another frame or of another

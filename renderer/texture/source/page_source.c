@@ -8,6 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/cond.h"
+#include "base/jobs.h"
 #include "base/refbuf.h"
 #include "renderer/texture/source/page_image.h"
 #include "renderer/texture/source/page_preview.h"
@@ -24,17 +25,11 @@ static enum hg_status no_memory(struct hg_error *err)
 
 // --- what all sources share ----------------------------------------------------------------------
 
-static unsigned default_threads(void)
-{
-    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    return cores < 1 ? 1 : (unsigned)cores;
-}
-
 static void complete_params(struct hg_page_sources_params *p)
 {
     p->memory_bytes = p->memory_bytes > 0 ? p->memory_bytes : DEFAULT_MEMORY;
     p->image_bytes = p->image_bytes > 0 ? p->image_bytes : p->memory_bytes / 4;
-    p->threads = p->threads > 0 ? p->threads : default_threads();
+    p->threads = p->threads > 0 ? p->threads : hg_jobs_cores();
     p->threads = p->threads > HG_PAGE_LOAD_THREADS ? HG_PAGE_LOAD_THREADS : p->threads;
     p->limits.max_side_px = p->limits.max_side_px > 0 ? p->limits.max_side_px : HG_MIPS_SIDE_PX;
     p->limits.max_pixels = p->limits.max_pixels > 0 ? p->limits.max_pixels : UINT64_C(1) << 34;

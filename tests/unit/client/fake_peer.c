@@ -13,6 +13,7 @@
 //   dribble=1           send one byte at a time
 //   have=1              claim to have every uploaded content
 //   stray=1             send unrelated messages between the answers
+//   warnings=N          warn N times when an asset is loaded
 //   quiet=1             do not warn when an asset is loaded
 //   large=1             send frames of 8 KiB
 //   lost=N              warn with the N-th frame
@@ -188,7 +189,8 @@ static void send_loaded(const struct hgp_header *h, const struct hgp_asset_load 
     struct hgp_notice notice = {.what = hgp_str_make("fake.gltf"),
         .where = hgp_str_make("/extensionsUsed/0"),
         .reason = hgp_str_make("unknown \033[31mextension")};
-    if (!word("quiet"))
+    const int warnings = word("warnings") ? atoi(word("warnings")) : !word("quiet");
+    for (int i = 0; i < warnings; i++)
         answer(h, HGP_T_notice, &notice);
     const struct hgp_asset_loaded loaded = {.asset = load->asset,
         .nodes = 2,

@@ -217,9 +217,9 @@ static void test_path(void **state)
     // in real time without what only light that was followed knows
     expect_run(0, NULL, "log=logr", "$HELIO render s.gltf -o p.exr --mode realtime --aov all");
     expect_file("logr", "planes=39e07e");
-    expect_run(7, "as the test wants", "fail=view_set:7",
+    expect_run(9, "as the test wants", "fail=view_set:7",
         "$HELIO render s.gltf -o p.exr --mode path --trace khr");
-    expect_run(7, "as the test wants", "fail=view_set:19",
+    expect_run(9, "as the test wants", "fail=view_set:19",
         "$HELIO render s.gltf -o p.exr --mode path --trace khr");
 }
 
@@ -461,9 +461,10 @@ static void test_exit_codes_worker(void **state)
         {"fail=asset_load:2", 6, NULL},
         {"fail=environment_set:6", 3, NULL},
         {"fail=view_set:1", 2, NULL},
-        {"fail=view_set:7", 7, NULL},
+        {"fail=view_set:7", 9, NULL},
         {"fail=view_set:3", 6, NULL},
-        {"fail=frame_request:19", 7, NULL},
+        {"fail=frame_request:19", 9, NULL},
+        {"fail=frame_request:20", 7, NULL},
         {"fail=frame_request:24", 7, NULL},
         {"fail=frame_request:5", 6, NULL},
         {"fail=frame_request:3", 6, NULL},
@@ -587,7 +588,8 @@ static void test_other_commands(void **state)
     expect_run(0, "usage: helio render", "", "$HELIO render --help");
     expect_run(0, "exit codes:", "", "$HELIO --help");
     expect_run(0, "helio ", "", "$HELIO --version");
-    expect_run(0, "{\"stage\":\"samples\"", "", "$HELIO render s.gltf -o a.png --progress json");
+    expect_run(0, "\"stage\":\"samples\",\"done\":16", "",
+        "$HELIO render s.gltf -o a.png --progress json");
 }
 
 static void test_upload(void **state)

@@ -120,6 +120,128 @@ static void test_file_size_limit(void **state)
 #endif
 }
 
+// ---- what is said ------------------------------------------------------------------------------
+
+static void test_summary(void **state)
+{
+    (void)state;
+    expect_run(
+        0, "helio: wrote a.png (64 x 32) in ", NULL, "$HELIO render s.gltf -o a.png --size 64x32");
+    expect_run(0, "helio: wrote 3 frames, n-4.png to n-8.png, in ", NULL,
+        "$HELIO render s.gltf -o n-#.png --frames 4-8:2");
+    expect_run(0, "helio: wrote 1 of 3 frames, n-4.png to n-8.png, in ", NULL,
+        "rm n-6.png; $HELIO render s.gltf -o n-#.png --frames 4-8:2 --skip-existing");
+    assert_non_null(strstr(h.output, "; 2 were there already\n"));
+    expect_run(0, NULL, NULL, "$HELIO render s.gltf -o a.png -q");
+    assert_string_equal(h.output, "");
+    expect_run(3, "helio: ", "wrote", "$HELIO render gone.gltf -o a.png -q");
+}
+
+static void test_warnings(void **state)
+{
+    (void)state;
+    expect_run(0, "warning: fake.gltf: /extensionsUsed/0: unknown ?[31mextension\n", "more",
+        "$HELIO render s.gltf -o a.png");
+    expect_run(0, "extension; and 10 more, which -v lists\n", NULL,
+        "FAKE=warnings=11 $HELIO render s.gltf -o a.png");
+    const char *first = strstr(h.output, "warning: ");
+    assert_non_null(first);
+    assert_null(strstr(first + 1, "warning: "));
+    expect_run(0, NULL, NULL,
+        "test $(FAKE=warnings=11 $HELIO render s.gltf -o a.png -v 2>&1 | grep -c ^warning:) = 11");
+    // Those of the picture are said when it is there, with all of them in mind.
+    expect_run(0, "warning: fake.gltf: an image was lost\n", "more",
+        "FAKE='warnings=1 lost=1' $HELIO render s.gltf -o a.png");
+}
+
+static double number(const json_t *event, const char *key)
+{
+    const json_t *value = json_object_get(event, key);
+    if (!json_is_number(value))
+        fail_msg("'%s' is missing or no number", key);
+    return json_number_value(value);
+}
+
+static const char *event_name(const json_t *event)
+{
+    const char *name = json_string_value(json_object_get(event, "event"));
+    return name ? name : "";
+}
+
+// Runs the command; an array of the objects on its error stream, which holds nothing else.
+static json_t *json_stream(int code, const char *command)
+{
+    json_t *events = json_array();
+    expect_run(code, NULL, NULL, command);
+    for (char *line = strtok(h.output, "\n"); line; line = strtok(NULL, "\n")) {
+        json_t *event = json_loads(line, 0, NULL);
+        if (!json_is_object(event))
+            fail_msg("%s: not JSON: %s", command, line);
+        json_array_append_new(events, event);
+    }
+    assert_true(json_array_size(events) > 0);
+    const json_t *end = json_array_get(events, json_array_size(events) - 1);
+    assert_string_equal(event_name(end), "end");
+    assert_int_equal(number(end, "exit"), code);
+    return events;
+}
+
+static uint32_t count_events(json_t *events, const char *name)
+{
+    size_t i;
+    json_t *event;
+    uint32_t n = 0;
+    json_array_foreach(events, i, event) n += strcmp(event_name(event), name) == 0;
+    return n;
+}
+
+static void test_json_stream(void **state)
+{
+    (void)state;
+    size_t i;
+    json_t *event;
+    double share = 0;
+    uint32_t written = 0;
+    json_t *events = json_stream(
+        0, "FAKE=warnings=2 $HELIO render s.gltf -o j-#.png --frames 4-8:2 --progress json 2>&1");
+    json_array_foreach(events, i, event)
+    {
+        if (strcmp(event_name(event), "written") == 0) {
+            char name[16];
+            snprintf(name, sizeof name, "j-%u.png", 4 + 2 * written++);
+            assert_string_equal(json_string_value(json_object_get(event, "path")), name);
+            assert_int_equal(number(event, "frame"), 2 + 2 * written);
+            assert_int_equal(number(event, "index"), written);
+            assert_int_equal(number(event, "of"), 3);
+            assert_true(number(event, "took_s") > 0);
+        }
+        if (json_object_get(event, "share")) {
+            assert_true(number(event, "share") >= share);
+            share = number(event, "share");
+        }
+    }
+    assert_int_equal(written, 3);
+    assert_true(share == 1);
+    assert_int_equal(count_events(events, "warning"), 2);
+    const json_t *end = json_array_get(events, json_array_size(events) - 1);
+    assert_int_equal(number(end, "written"), 3);
+    assert_int_equal(number(end, "warnings"), 2);
+    json_decref(events);
+    events = json_stream(0, "$HELIO render s.gltf -o j-#.png --frames 4-8:2 --skip-existing "
+                            "--progress json 2>&1");
+    assert_int_equal(count_events(events, "skipped"), 3);
+    json_decref(events);
+    events = json_stream(7, "FAKE=die=frame_request $HELIO render s.gltf -o j.png "
+                            "--progress json 2>&1");
+    assert_int_equal(count_events(events, "error"), 1);
+    json_decref(events);
+    events = json_stream(3, "$HELIO render gone.gltf -o j.png --progress json 2>&1");
+    json_decref(events);
+    json_decref(json_stream(0, "$HELIO bake s.gltf -o baked --progress json 2>&1 >out.json"));
+    json_decref(json_stream(1, "printf 'load s.gltf\\nexpect pick 1 1 nothing\\n' >u.hs; "
+                               "$HELIO run u.hs --progress json 2>&1 >out.txt"));
+}
+
 static int setup(void **state)
 {
     (void)state;
@@ -143,6 +265,9 @@ int main(void)
         cmocka_unit_test(test_pipes_and_links),
         cmocka_unit_test(test_other_commands),
         cmocka_unit_test(test_file_size_limit),
+        cmocka_unit_test(test_summary),
+        cmocka_unit_test(test_warnings),
+        cmocka_unit_test(test_json_stream),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
