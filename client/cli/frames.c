@@ -331,7 +331,7 @@ void hg_cli_render_summary(struct hg_cli_render *r)
         return;
     format_time(hg_clock_now_ns() - r->cli.begin_ns, took, sizeof took);
     if (r->list.count == 0) {
-        if (p->skipped)
+        if (p->outputs.skipped)
             hg_cli_progress_say(p, "%s was there already", r->output);
         else
             hg_cli_progress_say(
@@ -340,12 +340,12 @@ void hg_cli_render_summary(struct hg_cli_render *r)
     }
     hg_cli_frame_file(r, hg_cli_frame_at(r, 0), first, sizeof first);
     hg_cli_frame_file(r, hg_cli_frame_at(r, hg_cli_frame_count(r) - 1), last, sizeof last);
-    if (p->skipped)
+    if (p->outputs.skipped)
         hg_cli_progress_say(p, "wrote %u of %u frames, %s to %s, in %s; %u were there already",
-            p->written, hg_cli_frame_count(r), first, last, took, p->skipped);
+            p->outputs.written, hg_cli_frame_count(r), first, last, took, p->outputs.skipped);
     else
-        hg_cli_progress_say(p, "wrote %u frame%s, %s to %s, in %s", p->written,
-            p->written == 1 ? "" : "s", first, last, took);
+        hg_cli_progress_say(p, "wrote %u frame%s, %s to %s, in %s", p->outputs.written,
+            p->outputs.written == 1 ? "" : "s", first, last, took);
 }
 
 void hg_cli_render_stopped(struct hg_cli_render *r)

@@ -133,8 +133,8 @@ static void print_progress_event(const struct hg_cli_progress *p, uint64_t now)
 
 void hg_cli_progress_output(struct hg_cli_progress *p, const char *path, uint64_t took_ns)
 {
-    p->written += took_ns > 0;
-    p->skipped += took_ns == 0;
+    p->outputs.written += took_ns > 0;
+    p->outputs.skipped += took_ns == 0;
     if (p->mode != HG_CLI_PROGRESS_JSON)
         return;
     json_t *o = make_event(p, took_ns ? "written" : "skipped");
@@ -154,8 +154,8 @@ void hg_cli_progress_end(struct hg_cli_progress *p, int exit_code)
         return;
     json_t *o = make_event(p, "end");
     json_object_set_new(o, "exit", json_integer(exit_code));
-    json_object_set_new(o, "written", json_integer(p->written));
-    json_object_set_new(o, "skipped", json_integer(p->skipped));
+    json_object_set_new(o, "written", json_integer(p->outputs.written));
+    json_object_set_new(o, "skipped", json_integer(p->outputs.skipped));
     json_object_set_new(o, "warnings", json_integer(p->warnings));
     print_event(o);
 }

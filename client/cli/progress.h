@@ -29,7 +29,9 @@ struct hg_cli_progress {
     uint32_t warnings, warnings_said;          // all of them; those that were printed or counted
     char first_warning[960];                   // of those that were not said yet
     uint32_t replaced;                         // workers that ended and were replaced
-    uint32_t written, skipped;                 // outputs
+    struct {
+        uint32_t written, skipped;
+    } outputs;
 };
 
 // "auto" (NULL too), "json" or "none".
