@@ -59,9 +59,8 @@ void hg_cli_render_say_fill(struct hg_cli_render *r)
     const bool chosen = o->has_env || o->has_sun || strcmp(o->args[0], "demo:") == 0;
     if (chosen || r->loaded.lights == 0 || o->progress)
         return;
-    hg_cli_progress_clear(&r->cli.progress);
-    fprintf(stderr,
-        "helio: the scene has %u lights and no environment: the built-in sky fills in, two stops "
-        "under them; --env none leaves it out\n",
+    hg_cli_progress_say(&r->cli.progress,
+        "the scene has %u lights and no environment: the built-in sky fills in, two stops under "
+        "them; --env none leaves it out",
         r->loaded.lights);
 }
