@@ -10,6 +10,7 @@ _helio()
     case "${COMP_WORDS[1]} $prev" in
     'render --bit-depth') COMPREPLY=($(compgen -W '8 16' -- "$cur")); return ;;
     'render --exr') COMPREPLY=($(compgen -W 'half float' -- "$cur")); return ;;
+    'render --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'render --quality') COMPREPLY=($(compgen -W 'draft final' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
@@ -17,6 +18,7 @@ _helio()
     'render --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
     'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'info --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'run --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bake --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
@@ -25,8 +27,8 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --variant --strict --env --sun --env-intensity --env-rotation --exposure --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
-    info) options='--scene --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
+    render) options='--output --size --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --variant --strict --env --sun --env-intensity --env-rotation --exposure --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    info) options='--scene --up --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
     run) options='--junit --report --update-references --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     bake) options='--output --textures-only --geometry-only --stats --scene --strict --timeout --asset-root --host-budget --cache-limit --threads --log --quiet --verbose --progress --help' ;;
