@@ -123,20 +123,7 @@ static void test_path_keys(void **state)
     assert_true(s.steps[13].environment.has_sun && !s.steps[13].environment.sun);
     assert_true(s.steps[13].environment.turbidity == 4);
     assert_true(!s.steps[13].environment.has_sun_direction);
-    hg_cli_script_finish(&s);
-    parse_good("set background '#ff8000'\nset background blur\nset background grey\n"
-               "set background '#fff'\n",
-        &s);
-    assert_int_equal(s.steps[0].view.background, HGP_background_DISPLAY);
-    assert_true(s.steps[0].view.background_color[0] == 1);
-    assert_true(fabs(s.steps[0].view.background_color[1] - 0.2158605f) < 1e-6);
-    assert_int_equal(s.steps[1].view.background, HGP_background_BLUR);
-    assert_true(!s.steps[1].view.has_background_color);
-    assert_true(fabs(s.steps[2].view.background_color[2] - 0.2158605f) < 1e-6);
-    assert_true(s.steps[3].view.background_color[2] == 1);
-    hg_cli_script_finish(&s);
-    parse_good("set mode path\nset env sky sun 0 1 2\n", &s);
-    assert_true(s.steps[1].environment.sun && s.steps[1].environment.sun_direction[2] == 2);
+    assert_true(s.steps[14].environment.sun && s.steps[14].environment.sun_direction[2] == 2);
     assert_true(s.steps[0].view.has_mode && s.steps[0].view.mode == HGP_render_mode_PATH);
     assert_true(s.steps[1].view.has_samples && s.steps[1].view.samples == 7);
     assert_true(s.steps[2].view.has_trace && s.steps[2].view.trace == HGP_trace_backend_KHR);
@@ -152,6 +139,23 @@ static void test_path_keys(void **state)
     assert_int_equal(s.steps[11].kind, HG_CLI_STEP_CAMERA_NODE);
     assert_true(s.steps[11].camera.lens_radius == 0.25f);
     assert_true(s.steps[12].node.has_catches_shadows && s.steps[12].node.catches_shadows);
+    hg_cli_script_finish(&s);
+}
+
+static void test_backgrounds(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    parse_good("set background '#ff8000'\nset background blur\nset background grey\n"
+               "set background '#fff'\n",
+        &s);
+    assert_int_equal(s.steps[0].view.background, HGP_background_DISPLAY);
+    assert_true(s.steps[0].view.background_color[0] == 1);
+    assert_true(fabs(s.steps[0].view.background_color[1] - 0.2158605f) < 1e-6);
+    assert_int_equal(s.steps[1].view.background, HGP_background_BLUR);
+    assert_true(!s.steps[1].view.has_background_color);
+    assert_true(fabs(s.steps[2].view.background_color[2] - 0.2158605f) < 1e-6);
+    assert_true(s.steps[3].view.background_color[2] == 1);
     hg_cli_script_finish(&s);
 }
 
@@ -343,6 +347,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_good),
         cmocka_unit_test(test_path_keys),
+        cmocka_unit_test(test_backgrounds),
         cmocka_unit_test(test_planes),
         cmocka_unit_test(test_include),
         cmocka_unit_test(test_values),
