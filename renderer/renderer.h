@@ -56,6 +56,17 @@ enum hg_status hg_renderer_warm_up(struct hg_renderer *renderer,
 uint32_t hg_renderer_validation_messages(const struct hg_renderer *renderer);
 
 enum hg_tonemap { HG_TONEMAP_ACES, HG_TONEMAP_AGX, HG_TONEMAP_PBR_NEUTRAL, HG_TONEMAP_LINEAR };
+// Which way is up where a plane below the scene's bounds shows the shadow on it, and nothing else
+// of itself. It is seen from above only.
+enum hg_ground {
+    HG_GROUND_NONE,
+    HG_GROUND_Y,
+    HG_GROUND_Z,
+    HG_GROUND_X,
+    HG_GROUND_MINUS_Y,
+    HG_GROUND_MINUS_Z,
+    HG_GROUND_MINUS_X,
+};
 enum hg_background {
     HG_BACKGROUND_ENV,
     HG_BACKGROUND_NONE,
@@ -165,6 +176,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_tonemap        enum hg_tonemap
 #define HG_VIEW_ENUM_background     enum hg_background
 #define HG_VIEW_ENUM_exposure_mode  enum hg_exposure_mode
+#define HG_VIEW_ENUM_ground         enum hg_ground
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
 #define HG_VIEW_ENUM_denoise        enum hg_view_denoise

@@ -13,6 +13,7 @@
 // The renderer's enums have the values of the protocol's.
 static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
 static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
+static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
 static_assert((int)HG_DEBUG_OVERDRAW == HGP_COUNT_debug_view - 1, "");
@@ -156,6 +157,7 @@ enum hg_status hg_view_set_params(
     s.tonemap = (uint32_t)p.tonemap;       // same values as HG_FRAME_TONEMAP_*
     s.background = (uint32_t)p.background; // same values as HG_BACKGROUND_MODE_*
     memcpy(s.background_color, p.background_color, sizeof s.background_color);
+    s.ground = (uint32_t)p.ground;
     s.exposure = exp2f(p.exposure_ev);
     s.samples = p.samples;
     s.seed = p.seed;

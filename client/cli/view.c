@@ -159,6 +159,8 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
     set_times(r, view);
     const struct hg_cli_exposure exposure = exposure_of(r);
     hg_cli_set_exposure(&exposure, view);
+    view->has_ground = o->ground;
+    view->ground = HGP_ground_Y;
     if (o->has_background)
         hg_cli_set_background(&o->background, view);
 }

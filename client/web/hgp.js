@@ -47,6 +47,7 @@ export const enums = {
     exposure_mode: { FIXED: 0, AUTO: 1 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
+    ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
     up_axis: { AUTO: 0, X: 1, Y: 2, Z: 3, MINUS_X: 4, MINUS_Y: 5, MINUS_Z: 6 },
@@ -477,6 +478,7 @@ export const messages = {
             { name: "filter_radius_px", kind: "f32", least: 0, most: 8, since: 1, optional: true },
             { name: "clamp_indirect", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
             { name: "exposure_mode", kind: "enum", values: "exposure_mode", since: 1, optional: true },
+            { name: "ground", kind: "enum", values: "ground", since: 1, optional: true },
         ],
     },
     // drop a view

@@ -1,6 +1,8 @@
 // draw.c - see draw.h.
 #include "renderer/frame/draw.h"
 
+#include <string.h>
+
 #include "renderer/frame/state.h"
 
 void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns)
@@ -35,6 +37,21 @@ uint32_t hg_draw_first_sample(const struct hg_draw *draw)
 {
     const struct hg_tiled_area *area = hg_draw_area(draw);
     return area != NULL ? area->samples : draw->accumulation->samples;
+}
+
+bool hg_draw_ground(const struct hg_draw *draw, float up[3], float *height)
+{
+    static const float ups[][3] = {
+        {0, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 0}, {0, -1, 0}, {0, 0, -1}, {-1, 0, 0}};
+    float low[3], high[3];
+    const uint32_t ground = draw->request->settings->ground;
+    memcpy(up, ups[ground], sizeof ups[ground]);
+    *height = 0;
+    if (ground == 0 || !hg_geometry_bounds(draw->scene_gpu->geometry, low, high))
+        return false;
+    for (int a = 0; a < 3; a++)
+        *height += up[a] > 0 ? low[a] : up[a] < 0 ? -high[a] : 0;
+    return true;
 }
 
 enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,

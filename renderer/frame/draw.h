@@ -111,6 +111,9 @@ bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);
 const struct hg_tiled_area *hg_draw_area(const struct hg_draw *draw);
 // Number of the first sample of the batch.
 uint32_t hg_draw_first_sample(const struct hg_draw *draw);
+// The ground of the settings, through the lowest point of the scene's bounds. False: none is asked
+// for, or there is no geometry. height: along up, relative to the geometry's origin, metres.
+bool hg_draw_ground(const struct hg_draw *draw, float up[3], float *height);
 // An image of the settings' size, to draw to; keeps one that is there. HG_E_NOMEM, device errors.
 enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,
     struct hg_gpu_image *image, struct hg_error *err) HG_MUST_CHECK;

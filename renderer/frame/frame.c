@@ -21,6 +21,7 @@ static enum hg_status sync_lighting(struct hg_draw *draw, struct hg_error *err)
     hg_geometry_origin(draw->scene_gpu->geometry, look.origin);
     look.has_bounds =
         hg_geometry_bounds(draw->scene_gpu->geometry, look.bounds_min, look.bounds_max);
+    look.has_ground = hg_draw_ground(draw, look.ground_up, &look.ground_height);
     return hg_lighting_sync(draw->lighting, &look, err);
 }
 

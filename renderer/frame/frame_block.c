@@ -52,6 +52,15 @@ static void fill_background(const struct hg_draw *draw, struct hg_gpu_frame *f)
     f->textures.background_lod = log2f(fmaxf(angle * (float)height / (float)M_PI, 1e-20f));
 }
 
+static void fill_ground(const struct hg_draw *draw, struct hg_gpu_frame *f)
+{
+    float up[3], height;
+    if (!hg_draw_ground(draw, up, &height))
+        return;
+    f->ground_up = (struct hg_vec3){up[0], up[1], up[2]};
+    f->ground_height = height;
+}
+
 // The view's LOD error in metres: pixels per metre are half the height times the second diagonal
 // element of the projection, divided by depth in perspective.
 static void fill_slack(const struct hg_draw *draw, struct hg_gpu_lighting *lighting)
@@ -94,6 +103,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     fill_slack(draw, &f->lighting);
     fill_textures(draw, &f->textures);
     fill_background(draw, f);
+    fill_ground(draw, f);
     hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
     uint8_t *to = (uint8_t *)draw->buffers->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
     memcpy(to, f, sizeof *f);
@@ -241,6 +251,7 @@ static struct hg_pass make_pass(
     bind_tables(draw, slot, &pass);
     pass.features = features_of(draw, pass.tables, streams);
     pass.features2 = mixes_of(draw, pass.features);
+    pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;
     if (pass.find)

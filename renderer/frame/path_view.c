@@ -54,6 +54,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, uint3
         .transparent = HG_BACKGROUND_IS_CLEAR(s->background),
         .watched = !view->final && metering == NULL,
         .aside = metering != NULL,
+        .ground = s->ground != 0,
         .build_wait_ns = (flags & HG_DRAW_WAIT) != 0 ? HG_FRAME_BUILD_WAIT_NS : 0};
 }
 

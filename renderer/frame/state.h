@@ -41,6 +41,7 @@ struct hg_view_settings {
     uint32_t tonemap;       // HG_FRAME_TONEMAP_*
     uint32_t background;    // HG_BACKGROUND_MODE_*
     float background_color[3];
+    uint32_t ground;  // enum hg_ground of renderer.h
     float exposure;   // linear factor
     uint32_t samples; // per pixel until settled, >= 1
     uint32_t seed;

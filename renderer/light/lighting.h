@@ -39,6 +39,8 @@ struct hg_lighting_view {
                                         // textures of masked materials may have changed
     bool has_bounds;                    // hg_geometry_bounds returned true
     float bounds_min[3], bounds_max[3]; // relative to origin
+    bool has_ground;                    // shadows are also looked up on a plane below the scene
+    float ground_up[3], ground_height;  // unit; of its points along ground_up, relative to origin
 };
 
 // Brings lights, clusters, environment and the plan of shadow maps in line with the view. Call once

@@ -204,6 +204,8 @@ enum hg_status hg_light_groups_make(struct hg_light_groups *g, struct hg_gpu *gp
         *options |= HG_PATH_SURFACES;
         return reserve_marks(&n, err);
     }
+    if (request->ground)
+        *options |= HG_PATH_CATCHER;
     if ((s->planes & split) != 0 || s->denoise != 0)
         *options |= HG_PATH_SPLIT;
     if (s->denoise != 0)

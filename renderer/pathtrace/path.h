@@ -53,6 +53,7 @@ struct hg_path_request {
     bool surfaces;    // paths end at the first surface: planes of a view in another mode
     bool transparent; // the background has alpha 0
     bool aside;       // between two pictures of the view: what the next one takes up stays
+    bool ground;      // the frame block may have a ground that catches shadows
     bool watched;     // intermediate pictures are displayed, so they are denoised as well
     // Longest that sync may wait for hierarchies in the LOD build queue.
     uint64_t build_wait_ns;

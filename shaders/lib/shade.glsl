@@ -28,6 +28,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #endif
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
+#include "lib/ground.glsl"
 #include "lib/resolve.glsl"
 #include "shared/pass_io.h"
 
@@ -39,7 +40,7 @@ HG_SHADE_IO(HG_IO_DECLARE)
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
 
-vec4 background()
+vec4 behind_all()
 {
     if (HG_BACKGROUND_IS_CLEAR(hg_frame.background_mode) && hg_variant < 3u)
         return vec4(0.0);
@@ -58,6 +59,26 @@ vec4 background()
         lod = hg_frame.textures.background_lod - 0.5 * log2(dot(ray, ray));
     }
     return vec4(hg_environment_seen(ray, lod), 1.0);
+}
+
+// The background with the shadow on the ground.
+vec4 background()
+{
+    vec4 color = behind_all();
+    if (!HG_HAS2(HG_FEATURE2_GROUND) || hg_frame.ground_up == vec3(0.0))
+        return color;
+    bool flat_view = hg_frame.camera.orthographic != 0u;
+    vec3 across = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
+        gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+    vec3 from = flat_view ? across : hg_frame.camera.eye_ws;
+    vec3 ray = flat_view ? hg_frame.camera.forward_ws : across;
+    float depth = hg_ground_distance(from, ray); // both rays are 1 deep
+    if (!(depth > 0.0))
+        return color;
+    float lit = hg_ground_lit(from + depth * ray, gl_FragCoord.xy, depth);
+    color.rgb *= lit;
+    color.a = 1.0 - (1.0 - color.a) * lit;
+    return color;
 }
 
 #ifndef HG_NO_LOBES

@@ -165,6 +165,7 @@ vec3 background(path p, vec3 direction)
 }
 
 #include "lib/path_features.glsl"
+#include "lib/ground.glsl"
 
 // The ray left the scene.
 uint miss(path p)
@@ -482,6 +483,29 @@ vec3 shading_normal(hg_surface s, vec3 view)
     return normalize(mix(n, bent, specular_share(s, dot(bent, view))));
 }
 
+// The ground below the scene, where a camera ray that met nothing else meets it.
+bool meets_ground(path p)
+{
+    return HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u && hg_frame.ground_up != vec3(0.0) &&
+        hg_ground_distance(p.ray.origin_ws, p.ray.direction_ws) > 0.0;
+}
+
+uint ground(inout path p, uvec2 pixel)
+{
+    vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
+    float t = hg_ground_distance(p.ray.origin_ws, p.ray.direction_ws);
+    hg_vertex v;
+    hg_surface s;
+    v.position_ws = p.ray.origin_ws + t * p.ray.direction_ws;
+    s.normal = s.geometric_normal = hg_frame.ground_up;
+    hg_emitter_cone_width = cone.x + cone.y * t;
+    hg_emitter_cone_spread = cone.y;
+    hg_sampler points = hg_path_step_sampler(pixel, hg_path_number(p.slot));
+    points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
+    vec4 u = hg_sobol4(points);
+    return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.x);
+}
+
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
@@ -632,13 +656,13 @@ void main()
     if (kind == 1u || (kind == 0u && none)) {
         // Only what is met is shaded several times; where the host knows, other slots do not come.
         bool over = HG_PATH_CAN(HG_PATH_FIRST) && kind == 0u && push.branch != 0u;
-        status = over ? HG_PATH_DONE : miss(p);
+        status = over ? HG_PATH_DONE : meets_ground(p) ? ground(p, pixel) : miss(p);
     } else {
         status = surface(p, hit, pixel);
     }
     hg_texture_report(pixel);
     hg_path.status.v[p.slot] = status;
-    if (status == HG_PATH_WAITS || kind == 1u)
+    if (status == HG_PATH_WAITS || (kind == 1u && (p.flags & HG_PATH_CATCHES) == 0u))
         return;
     hg_path_set(HG_PATH_FLAGS, p.slot,
         uintBitsToFloat((p.flags & ~(HG_PATH_STEPS_MASK | (HG_PATH_BOUNCE_MASK << HG_PATH_BOUNCE_SHIFT))) |

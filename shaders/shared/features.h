@@ -41,8 +41,8 @@
 #define HG_FEATURE_SMALL_LAYERS         0x80000000u // layers of RGBA8 pages may be small (texture.h)
 #define HG_FEATURE_ALL         0xffffffffu
 
-// The second word, another constant: HG_FEATURE2_* from bit 4 on (none yet: the next feature goes
-// here), and lobes of one material that have tables of their own together.
+// The second word, another constant: HG_FEATURE2_* from bit 4 on, and lobes of one material that have tables of their own together.
+#define HG_FEATURE2_GROUND         0x10u // of backgrounds alone: a ground that catches shadows
 #define HG_FEATURE2_ALL           0xffffffffu
 #define HG_MIX_ANISOTROPIC_GLASS  0x1u
 #define HG_MIX_LAYERED_GLASS      0x2u // below coats or sheens

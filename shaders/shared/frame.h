@@ -61,10 +61,12 @@ struct hg_gpu_frame {
     HG_UINT tonemap;          // HG_FRAME_TONEMAP_*
     HG_UINT flags;            // HG_FRAME_*
     HG_VEC2 inv_size;         // 1 / width, 1 / height
+    HG_VEC3 ground_up;        // unit: a ground that catches shadows lies across; zero: there is none
+    HG_FLOAT ground_height;   // of its points along ground_up, relative to the origin
     HG_STRUCT(hg_gpu_lighting) lighting;
     HG_STRUCT(hg_gpu_textures) textures;
     HG_STRUCT(hg_gpu_geometry) geometry;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 768);
+HG_SHARED_SIZE(hg_gpu_frame, 784);
 
 #endif

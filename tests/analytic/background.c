@@ -10,10 +10,12 @@
 #define WIDTH  32
 #define HEIGHT 18
 
+static float eye_y; // of the camera, which looks at the origin from 6 m before it
+
 static struct hg_refbuf *render(
     struct rig *rig, const struct hg_view_params *asked, enum hg_pixel_format format)
 {
-    const struct hg_view_camera camera = {.eye = {0, 0, 6}, .vfov_rad = 0.8f};
+    const struct hg_view_camera camera = {.eye = {0, eye_y, 6}, .vfov_rad = 0.8f};
     struct hg_view_params params = *asked;
     struct hg_error err = {0};
     struct hg_frame_info info = {0};
@@ -102,11 +104,46 @@ static void test_blur(void **state)
     hg_refbuf_unref(pictures[1]);
 }
 
+// A wall of 2 x 2 m on the ground, y = -1, under a lamp behind it: alpha is the shadow before it,
+// the same in both modes, and nothing is seen of the ground from below.
+static void test_ground(void **state)
+{
+    static const double above[3] = {0, 9, -6}, down[3] = {0, -9, 6};
+    struct rig *rig = *state;
+    double shadow[3] = {0}, lit[3] = {0};
+    open_scene(rig);
+    rig_light(rig, HG_LIGHT_DIRECTIONAL, above, down)->casts_shadow = true;
+    rig->scene->environment.color[0] = rig->scene->environment.color[1] =
+        rig->scene->environment.color[2] = 0.02f;
+    for (int i = 0; i < 3; i++) {
+        const struct hg_view_params params = {.mode = i == 1 ? HG_MODE_PATH : HG_MODE_REALTIME,
+            .background = HG_BACKGROUND_NONE,
+            .ground = HG_GROUND_Y,
+            .trace = rig_trace(rig, HG_VIEW_TRACE_AUTO)};
+        eye_y = i == 2 ? -4.0f : 4.0f;
+        struct hg_refbuf *pixels = render(rig, &params, HG_PIXEL_RGBA32F);
+        const float *p = (const float *)pixels->data;
+        for (uint32_t x = WIDTH / 2 - 2; x < WIDTH / 2 + 2; x++) {
+            shadow[i] += (double)p[(WIDTH * (HEIGHT - 6) + x) * 4 + 3] / 4;  // before the wall
+            lit[i] += (double)p[(WIDTH * (HEIGHT - 6) + x % 4) * 4 + 3] / 4; // beside it
+        }
+        hg_refbuf_unref(pixels);
+    }
+    eye_y = 0;
+    print_message(
+        "alpha in the shadow %.4f, path %.4f, from below %.4f; beside it %.4f, %.4f, %.4f\n",
+        shadow[0], shadow[1], shadow[2], lit[0], lit[1], lit[2]);
+    assert_true(shadow[0] > 0.6 && fabs(shadow[0] - shadow[1]) < 0.05);
+    assert_true(lit[0] < 0.01 && lit[1] < 0.05);
+    assert_true(shadow[2] == 0 && lit[2] == 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_display_color),
         cmocka_unit_test(test_blur),
+        cmocka_unit_test(test_ground),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -205,6 +205,20 @@ struct sun_frame {
     float low[3], high[3]; // bounds along the three
 };
 
+// Shadows reach over the ground to where the light's rays through the scene meet it; of a light
+// within 3 degrees of the horizon a part of the way.
+static void reach_ground(struct sun_frame *f, const struct hg_lighting_view *view)
+{
+    const float down = fmaxf(-hg_dot3(f->forward, view->ground_up), 0.05f);
+    for (int c = 0; c < 8; c++) {
+        float p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = c >> a & 1 ? view->bounds_max[a] : view->bounds_min[a];
+        const float above = hg_dot3(p, view->ground_up) - view->ground_height;
+        f->high[2] = fmaxf(f->high[2], hg_dot3(p, f->forward) + above / down);
+    }
+}
+
 static struct sun_frame sun_frame_make(
     const struct hg_gpu_light *light, const struct hg_lighting_view *view)
 {
@@ -224,6 +238,8 @@ static struct sun_frame sun_frame_make(
             f.high[a] = fmaxf(f.high[a], v);
         }
     }
+    if (view->has_ground)
+        reach_ground(&f, view);
     return f;
 }
 
