@@ -164,14 +164,15 @@ enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, 
 static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
 {
     const struct hg_view_state *s = &view->state;
+    const struct hg_picture_region region = hg_view_region(&s->settings);
     const bool followed = s->settings.mode == HG_VIEW_MODE_PATH && !s->path_begins;
     struct hg_geometry_stats geometry;
     hg_geometry_stats(s->scene_gpu->geometry, &geometry);
     *info = (struct hg_frame_info){.number = s->stats.number,
         .scene_revision = s->scene_gpu->scene->revision,
         .input_seq = s->camera.input_seq,
-        .width = s->settings.width,
-        .height = s->settings.height,
+        .width = region.width,
+        .height = region.height,
         .samples = s->accumulation.samples,
         .noise = followed ? hg_path_noise(s->path) : 0.0f,
         .spent_ns = followed ? hg_path_spent_ns(s->path) : 0,

@@ -171,6 +171,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_TYPE_U32(field, a)  uint32_t field;
 #define HG_VIEW_TYPE_F32(field, a)  float field;
 #define HG_VIEW_TYPE_VEC3(field, a) float field[3];
+#define HG_VIEW_TYPE_VEC4(field, a) float field[4];
 #define HG_VIEW_TYPE_ENUM(field, a) HG_VIEW_ENUM_##a field;
 #define HG_VIEW_ENUM_render_mode    enum hg_render_mode
 #define HG_VIEW_ENUM_tonemap        enum hg_tonemap

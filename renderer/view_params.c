@@ -39,9 +39,15 @@ static bool is_vec3_in(const float v[3], float least, float most)
            is_f32_in(v[2], least, most);
 }
 
+static bool is_vec4_in(const float v[4], float least, float most)
+{
+    return is_vec3_in(v, least, most) && is_f32_in(v[3], least, most);
+}
+
 #define IS_IN_U32(value, a, b)  is_u32_in(value, a, b)
 #define IS_IN_F32(value, a, b)  is_f32_in(value, (float)(a), (float)(b))
 #define IS_IN_VEC3(value, a, b) is_vec3_in(value, (float)(a), (float)(b))
+#define IS_IN_VEC4(value, a, b) is_vec4_in(value, (float)(a), (float)(b))
 #define IS_IN_ENUM(value, a, b) ((unsigned)(value) < HGP_COUNT_##a)
 
 static enum hg_status out_of_range(struct hg_error *err, const char *field)
@@ -62,6 +68,30 @@ static enum hg_status check_planes(const struct hg_view_params *p, struct hg_err
     return HG_OK;
 }
 
+// Values are in their range.
+static struct hg_picture_region region_of(const struct hg_view_params *p)
+{
+    return (struct hg_picture_region){(uint32_t)p->region[0], (uint32_t)p->region[1],
+        (uint32_t)p->region[2], (uint32_t)p->region[3]};
+}
+
+static enum hg_status check_region(const struct hg_view_params *params, struct hg_error *err)
+{
+    const struct hg_view_params p = hg_view_params_filled(params);
+    const struct hg_picture_region r = region_of(params);
+    const bool whole = r.x == 0 && r.y == 0 && r.width == 0 && r.height == 0;
+    const bool part = r.width > 0 && r.height > 0;
+    for (int i = 0; i < 4; i++)
+        if (p.region[i] != floorf(p.region[i]))
+            return hg_error_set(err, HG_E_INVAL, "view", "region", "%g is not a whole number of px",
+                (double)p.region[i]);
+    if (whole || (part && r.x + r.width <= p.width && r.y + r.height <= p.height))
+        return HG_OK;
+    return hg_error_set(err, HG_E_INVAL, "view", "region",
+        "%ux%u px at %u,%u are not inside of the picture of %ux%u px", r.width, r.height, r.x, r.y,
+        p.width, p.height);
+}
+
 enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_error *err)
 {
 #define HGP_VIEW_PARAM(kind, field, a, b, ...)                                                     \
@@ -70,7 +100,8 @@ enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_er
 #include "protocol/view_params.def"
     if (p->shutter_close < p->shutter_open)
         return out_of_range(err, "shutter_close");
-    return check_planes(p, err);
+    const enum hg_status status = check_region(p, err);
+    return status == HG_OK ? check_planes(p, err) : status;
 }
 
 // ---- defaults ----------------------------------------------------------------------------------
@@ -88,6 +119,7 @@ float hg_filter_radius_px(enum hg_filter filter)
     if ((value) == 0.0f)                                                                           \
         value = (float)(standard);
 #define FILL_VEC3(value, standard) // 0
+#define FILL_VEC4(value, standard) // 0
 #define FILL_ENUM(value, standard) // the first
 
 struct hg_view_params hg_view_params_filled(const struct hg_view_params *params)
@@ -154,6 +186,7 @@ enum hg_status hg_view_set_params(
     memset(&s, 0, sizeof s); // compared as bytes
     s.width = p.width;
     s.height = p.height;
+    s.region = region_of(&p);
     s.tonemap = (uint32_t)p.tonemap;       // same values as HG_FRAME_TONEMAP_*
     s.background = (uint32_t)p.background; // same values as HG_BACKGROUND_MODE_*
     memcpy(s.background_color, p.background_color, sizeof s.background_color);

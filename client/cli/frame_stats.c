@@ -62,6 +62,11 @@ enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame
     if (!o || json_array_append_new(r->frames, o))
         return hg_error_set(err, HG_E_NOMEM, "statistics", NULL, "no memory");
     r->last = o;
+    const struct hg_cli_region *region = &r->o->region;
+    if (r->o->has_region)
+        json_object_set_new(o, "region",
+            json_pack("[I, I, I, I]", (json_int_t)region->x, (json_int_t)region->y,
+                (json_int_t)region->width, (json_int_t)region->height));
     return HG_OK;
 }
 

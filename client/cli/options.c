@@ -167,6 +167,23 @@ static bool parse_display_color(const char *text, double out[3])
     return true;
 }
 
+enum hg_status hg_cli_parse_region(
+    const char *what, const char *text, struct hg_cli_region *out, struct hg_error *err)
+{
+    double v[4];
+    struct hg_error inner;
+    *out = (struct hg_cli_region){0};
+    enum hg_status status = hg_cli_parse_numbers(what, text, 4, v, &inner);
+    for (int i = 0; !status && i < 4; i++)
+        if (v[i] < (i < 2 ? 0 : 1) || v[i] > 16384 || v[i] != floor(v[i]))
+            status = HG_E_INVAL;
+    if (status)
+        return hg_error_set(err, HG_E_INVAL, what, NULL,
+            "'%s' is not X,Y,WIDTH,HEIGHT in pixels from the top left corner", text);
+    *out = (struct hg_cli_region){(uint32_t)v[0], (uint32_t)v[1], (uint32_t)v[2], (uint32_t)v[3]};
+    return HG_OK;
+}
+
 enum hg_status hg_cli_parse_background(
     const char *what, const char *text, struct hg_cli_background *out, struct hg_error *err)
 {
@@ -302,6 +319,8 @@ static enum hg_status set_value(const struct hg_cli_option_row *row, const char 
         return hg_cli_parse_size(what, text, value, err);
     case HG_CLI_KIND_VEC3:
         return hg_cli_parse_numbers(what, text, 3, ((struct hg_cli_vec3 *)value)->v, err);
+    case HG_CLI_KIND_REGION:
+        return hg_cli_parse_region(what, text, value, err);
     case HG_CLI_KIND_CHOICE:
         hg_cli_option_choices(row, choices);
         if (strcmp(row->name, "quality") == 0 && strspn(text, "0123456789") == strlen(text))

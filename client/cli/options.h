@@ -40,6 +40,7 @@ enum hg_cli_kind {
     HG_CLI_KIND_F64,
     HG_CLI_KIND_SIZE,
     HG_CLI_KIND_VEC3,
+    HG_CLI_KIND_REGION,
     HG_CLI_KIND_CHOICE,
     HG_CLI_KIND_FRAMES,
     HG_CLI_KIND_BACKGROUND,
@@ -82,6 +83,10 @@ struct hg_cli_exposure {
     double ev; // stops; of an automatic one what is added to the metered one
 };
 
+struct hg_cli_region {
+    uint32_t x, y, width, height; // px
+};
+
 #define HG_CLI_TYPE_FLAG       bool
 #define HG_CLI_TYPE_TEXT       const char *
 #define HG_CLI_TYPE_FILE       const char *
@@ -91,6 +96,7 @@ struct hg_cli_exposure {
 #define HG_CLI_TYPE_F64        double
 #define HG_CLI_TYPE_SIZE       struct hg_cli_size
 #define HG_CLI_TYPE_VEC3       struct hg_cli_vec3
+#define HG_CLI_TYPE_REGION     struct hg_cli_region
 #define HG_CLI_TYPE_CHOICE     const char *
 #define HG_CLI_TYPE_FRAMES     struct hg_frame_ranges
 #define HG_CLI_TYPE_BACKGROUND struct hg_cli_background
@@ -160,6 +166,9 @@ enum hg_status hg_cli_parse_u32(const char *what, const char *text, uint32_t low
 enum hg_status hg_cli_parse_numbers(const char *what, const char *text, uint32_t count, double *out,
     struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_parse_size(const char *what, const char *text, struct hg_cli_size *out,
+    struct hg_error *err) HG_MUST_CHECK;
+// "X,Y,WIDTH,HEIGHT", the last two not 0.
+enum hg_status hg_cli_parse_region(const char *what, const char *text, struct hg_cli_region *out,
     struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_parse_background(const char *what, const char *text,
     struct hg_cli_background *out, struct hg_error *err) HG_MUST_CHECK;

@@ -48,6 +48,17 @@ static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_err
     return HG_OK;
 }
 
+static enum hg_status check_region(const struct hg_cli_options *o, struct hg_error *err)
+{
+    const uint32_t width = o->has_size ? o->size.width : HGP_STANDARD_width;
+    const uint32_t height = o->has_size ? o->size.height : HGP_STANDARD_height;
+    if (o->has_region &&
+        (o->region.x + o->region.width > width || o->region.y + o->region.height > height))
+        return hg_error_set(err, HG_E_INVAL, "--region", NULL,
+            "is not inside of the picture of %ux%u px", width, height);
+    return HG_OK;
+}
+
 static enum hg_status check_combinations(const struct hg_cli_options *o, struct hg_error *err)
 {
     if (!o->has_output)
@@ -170,6 +181,8 @@ static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *
     if (status)
         return status;
     status = check_camera(r->o, err);
+    if (!status)
+        status = check_region(r->o, err);
     if (!status)
         status = hg_cli_check_watch(r->o, err);
     if (!status)

@@ -89,6 +89,8 @@ bool hg_cli_meters_exposure(const struct hg_cli_render *r);
 void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view_set *view);
 // --quality: values for what no option says. `line`: which, as a sentence; empty without it.
 void hg_cli_apply_quality(struct hg_cli_options *o, char *line, size_t size);
+// The region of a view as --region and `set region` have it.
+void hg_cli_set_region(const struct hg_cli_region *region, struct hgp_view_set *view);
 // The background of a view as --background and `set background` have it.
 void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view);
 

@@ -24,6 +24,20 @@ static enum hg_status set_size(struct hg_words *w, struct hg_cli_step *s, struct
     return HG_OK;
 }
 
+static enum hg_status set_region(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    const char *text;
+    struct hg_cli_region region = {0};
+    struct hg_error inner = {0};
+    enum hg_status status = hg_words_take(w, "region", &text, err);
+    if (status)
+        return status;
+    if (strcmp(text, "none") != 0 && hg_cli_parse_region("region", text, &region, &inner))
+        return hg_words_rename_error(&inner, "region", err);
+    hg_cli_set_region(&region, &s->view);
+    return HG_OK;
+}
+
 static enum hg_status set_background(
     struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
@@ -219,9 +233,9 @@ enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, st
     static const struct {
         const char *key;
         enum hg_status (*parse)(struct hg_words *, struct hg_cli_step *, struct hg_error *);
-    } keys[] = {{"size", set_size}, {"background", set_background}, {"exposure", set_exposure},
-        {"env", set_env}, {"variant", set_variant}, {"node", set_node}, {"material", set_material},
-        {"shutter", set_shutter}, {"aov", set_planes}};
+    } keys[] = {{"size", set_size}, {"region", set_region}, {"background", set_background},
+        {"exposure", set_exposure}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
+        {"material", set_material}, {"shutter", set_shutter}, {"aov", set_planes}};
     s->kind = HG_CLI_STEP_VIEW;
     const char *word = w->next < w->count ? w->at[w->next] : "";
     const struct hgp_view_param *param = hgp_view_param_find_word(word);

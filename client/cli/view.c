@@ -50,6 +50,15 @@ enum hg_status hg_cli_check_mode(const struct hg_cli_options *o, struct hg_error
     return name ? hg_error_set(err, HG_E_INVAL, name, NULL, "needs --mode path") : HG_OK;
 }
 
+void hg_cli_set_region(const struct hg_cli_region *region, struct hgp_view_set *view)
+{
+    view->has_region = true;
+    view->region[0] = (float)region->x;
+    view->region[1] = (float)region->y;
+    view->region[2] = (float)region->width;
+    view->region[3] = (float)region->height;
+}
+
 void hg_cli_set_background(const struct hg_cli_background *background, struct hgp_view_set *view)
 {
     static const enum hgp_background kinds[] = {[HG_CLI_BACKGROUND_ENV] = HGP_background_ENV,
@@ -161,6 +170,8 @@ void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view
     hg_cli_set_exposure(&exposure, view);
     view->has_ground = o->ground;
     view->ground = HGP_ground_Y;
+    if (o->has_region)
+        hg_cli_set_region(&o->region, view);
     if (o->has_background)
         hg_cli_set_background(&o->background, view);
 }

@@ -479,6 +479,7 @@ export const messages = {
             { name: "clamp_indirect", kind: "f32", least: 0, most: 1e+09, since: 1, optional: true },
             { name: "exposure_mode", kind: "enum", values: "exposure_mode", since: 1, optional: true },
             { name: "ground", kind: "enum", values: "ground", since: 1, optional: true },
+            { name: "region", kind: "vec4", since: 1, optional: true },
         ],
     },
     // drop a view

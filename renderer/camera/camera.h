@@ -23,6 +23,13 @@ struct hg_view_camera_state {
     double next_eye[3], next_target[3], next_up[3]; // here; at other times on the line
 };
 
+// The part of a picture that is read, px from the top left corner. All else (camera, levels of
+// detail, shadow maps, sample pattern) is that of the whole picture, so its pixels are those of the
+// whole picture, too. width 0: all of it.
+struct hg_picture_region {
+    uint32_t x, y, width, height;
+};
+
 struct hg_camera_setup {
     double eye[3], target[3], up[3]; // relative to the origin of the geometry room, metres
     bool orthographic;

@@ -47,6 +47,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, uint3
         .camera = view->camera,
         .width = s->width,
         .height = s->height,
+        .region = hg_view_region(s),
         .samples = s->samples,
         .seed = s->seed,
         .error_px = s->error_px,

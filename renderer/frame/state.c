@@ -1,6 +1,12 @@
 // state.c - see state.h.
 #include "renderer/frame/state.h"
 
+struct hg_picture_region hg_view_region(const struct hg_view_settings *settings)
+{
+    const struct hg_picture_region all = {0, 0, settings->width, settings->height};
+    return settings->region.width > 0 ? settings->region : all;
+}
+
 struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_request *request)
 {
     return (struct hg_draw){.context = view->context,

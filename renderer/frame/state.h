@@ -38,6 +38,7 @@
 
 struct hg_view_settings {
     uint32_t width, height; // px
+    struct hg_picture_region region;
     uint32_t tonemap;       // HG_FRAME_TONEMAP_*
     uint32_t background;    // HG_BACKGROUND_MODE_*
     float background_color[3];
@@ -99,6 +100,9 @@ struct hg_view_state {
     bool path_begins;     // its next step begins a picture: the film is of an older one
     bool path_preview;    // `accumulated` holds a real-time sample of the same state
 };
+
+// The region of the settings in full: never empty.
+struct hg_picture_region hg_view_region(const struct hg_view_settings *settings);
 
 // What is drawn with when the view is asked for `request`; borrows both.
 struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_request *request);

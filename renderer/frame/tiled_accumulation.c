@@ -12,6 +12,7 @@
 #define EXACT_WAIT_NS 50000000u  // per step
 #define STILL_SAMPLES 8          // of a debug view that will not get sharper
 #define AREA_LEAST_PX 8          // areas are cut at multiples of this
+#define REGION_ALIGN_PX 16u        // of what is drawn of a picture with a region
 #define BEHIND_TRIES  4          // of an area whose pages may drive each other out
 #define MOST_SHARES   (1u << 20) // of the geometry of shadow maps
 
@@ -100,6 +101,18 @@ static enum hg_status reserve(const struct hg_draw *draw, struct hg_error *err)
                : status;
 }
 
+// What is drawn of a picture with a region: all of the region, up to multiples of REGION_ALIGN_PX.
+static VkRect2D drawn_rect(const struct hg_view_settings *settings)
+{
+    const struct hg_picture_region r = hg_view_region(settings);
+    const uint32_t x = r.x & ~(REGION_ALIGN_PX - 1u), y = r.y & ~(REGION_ALIGN_PX - 1u);
+    uint32_t right = (r.x + r.width + REGION_ALIGN_PX - 1) & ~(REGION_ALIGN_PX - 1u);
+    uint32_t bottom = (r.y + r.height + REGION_ALIGN_PX - 1) & ~(REGION_ALIGN_PX - 1u);
+    right = right < settings->width ? right : settings->width;
+    bottom = bottom < settings->height ? bottom : settings->height;
+    return (VkRect2D){{(int32_t)x, (int32_t)y}, {right - x, bottom - y}};
+}
+
 // All pixels have `samples` samples (0 or 1); 0: what is shown becomes the fallback.
 static enum hg_status start_exact(
     const struct hg_draw *draw, uint32_t samples, struct hg_error *err)
@@ -132,9 +145,8 @@ static enum hg_status start_exact(
     s->error_px = draw->request->error_px;
     s->has_fallback = s->uneven = samples == 0;
     s->pages.bias = 0.0f;
-    s->areas.items[0] = (struct hg_tiled_area){
-        .rect = {{0, 0}, {draw->request->settings->width, draw->request->settings->height}},
-        .samples = samples};
+    s->areas.items[0] =
+        (struct hg_tiled_area){.rect = drawn_rect(draw->request->settings), .samples = samples};
     s->areas.count = 1;
     s->samples = samples;
     return status;

@@ -343,7 +343,9 @@ static void restart(struct hg_view_state *view)
 {
     struct hg_page_cache *pages = hg_textures_cache(view->scene_gpu->textures);
     hg_tiled_accumulation_restart(&view->accumulation, view->lighting);
-    view->accumulation.pages.on = !hg_page_cache_is_complete(pages);
+    // A region is drawn as an area, whose pixels are counted.
+    view->accumulation.pages.on =
+        !hg_page_cache_is_complete(pages) || view->settings.region.width > 0;
 }
 
 // A new state. A picture that is not displayed yet is not drawn provisionally first.

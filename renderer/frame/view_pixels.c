@@ -66,6 +66,22 @@ bool hg_view_state_has_pixels(const struct hg_view_state *view, uint32_t format)
     return (a->samples > 0 || a->has_fallback) && (a->phase != HG_VIEW_DIRECT || format == 0);
 }
 
+// The pixels of the region out of those of the whole picture.
+static enum hg_status copy_region(const struct hg_view_state *view, uint32_t pixel_bytes,
+    struct hg_refbuf **out, struct hg_error *err)
+{
+    const struct hg_picture_region r = hg_view_region(&view->settings);
+    const uint8_t *from = view->buffers.readback.mapped;
+    const size_t row_bytes = (size_t)r.width * pixel_bytes;
+    *out = hg_refbuf_create(row_bytes * r.height);
+    if (*out == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "pixels", NULL, "out of host memory");
+    for (size_t y = 0; y < r.height; y++)
+        memcpy((*out)->data + y * row_bytes,
+            from + ((r.y + y) * view->targets.accumulated.width + r.x) * pixel_bytes, row_bytes);
+    return HG_OK;
+}
+
 enum hg_status hg_view_state_read(
     struct hg_view_state *view, uint32_t format, struct hg_refbuf **out, struct hg_error *err)
 {
@@ -75,8 +91,6 @@ enum hg_status hg_view_state_read(
     if (!hg_view_state_has_pixels(view, format))
         return hg_error_set(err, HG_E_STATE, "view", "format",
             "the newest picture is one in motion, of which only 8-bit pixels were asked for");
-    const uint64_t size = (uint64_t)view->targets.accumulated.width *
-                          view->targets.accumulated.height * formats[format].bytes;
     enum hg_status status = HG_OK;
     if (view->settings.mode == HG_VIEW_MODE_PATH)
         status = hg_path_view_show(view, err);
@@ -84,11 +98,7 @@ enum hg_status hg_view_state_read(
         status = fetch_pixels(view, format, err);
     if (status != HG_OK)
         return status;
-    *out = hg_refbuf_create(size);
-    if (*out == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "pixels", NULL, "out of host memory");
-    memcpy((*out)->data, view->buffers.readback.mapped, size);
-    return HG_OK;
+    return copy_region(view, formats[format].bytes, out, err);
 }
 
 // --- picking ------------------------------------------------------------------------------------

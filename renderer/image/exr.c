@@ -185,11 +185,11 @@ enum hg_status hg_exr_join(
 // ---- parts from pixels -------------------------------------------------------------------------
 
 static enum hg_status check_part(
-    const uint32_t size_px[2], const struct hg_exr_part *p, struct hg_error *err)
+    const struct hg_exr_window *window, const struct hg_exr_part *p, struct hg_error *err)
 {
     size_t values = 0, bytes = 0; // up to the last value that is read
     size_t name = p->name ? strlen(p->name) : 0;
-    bool fits = hg_mul_size(size_px[0], size_px[1], &values) &&
+    bool fits = hg_mul_size(window->width, window->height, &values) &&
                 hg_mul_size(values - 1, p->stride, &values) &&
                 hg_add_size(values, p->channel_count, &values) && hg_mul_size(values, 4, &bytes);
     if (name < 1 || name > NAME_LIMIT || p->channel_count < 1 ||
@@ -203,23 +203,28 @@ static enum hg_status check_part(
     return HG_OK;
 }
 
-static enum hg_status check_parts(const uint32_t size_px[2], const struct hg_exr_part *parts,
-    uint32_t count, uint64_t limit_bytes, struct hg_error *err)
+static enum hg_status check_parts(const struct hg_exr_window *window,
+    const struct hg_exr_part *parts, uint32_t count, uint64_t limit_bytes, struct hg_error *err)
 {
     uint64_t total = 0;
     if (count < 1 || count > HG_EXR_MAX_PARTS)
         return hg_error_set(
             err, HG_E_LIMIT, "exr", "parts", "%u is not in 1..%d", count, HG_EXR_MAX_PARTS);
-    if (size_px[0] < 1 || size_px[1] < 1 || size_px[0] > 65536 || size_px[1] > 65536)
-        return hg_error_set(err, HG_E_INVAL, "exr", "size", "%ux%u px", size_px[0], size_px[1]);
+    if (window->width < 1 || window->height < 1 || window->width > 65536 || window->height > 65536)
+        return hg_error_set(
+            err, HG_E_INVAL, "exr", "size", "%ux%u px", window->width, window->height);
+    if (window->full_width > 65536 || window->full_height > 65536 || window->x > 65536 ||
+        window->y > 65536)
+        return hg_error_set(err, HG_E_INVAL, "exr", "window", "of %ux%u px at %u,%u",
+            window->full_width, window->full_height, window->x, window->y);
     for (uint32_t i = 0; i < count; i++) {
-        enum hg_status status = check_part(size_px, &parts[i], err);
+        enum hg_status status = check_part(window, &parts[i], err);
         if (status)
             return status;
         for (uint32_t j = 0; j < i; j++)
             if (strcmp(parts[i].name, parts[j].name) == 0)
                 return hg_error_set(err, HG_E_INVAL, "exr", parts[i].name, "two parts of a name");
-        total += (uint64_t)size_px[0] * size_px[1] * parts[i].channel_count *
+        total += (uint64_t)window->width * window->height * parts[i].channel_count *
                  (parts[i].type == HG_EXR_HALF ? 2 : 4);
     }
     if (total > limit_bytes)
@@ -231,16 +236,20 @@ static enum hg_status check_parts(const uint32_t size_px[2], const struct hg_exr
 }
 
 // A part whose values all fit its type.
-static enum hg_status encode_fitting(const uint32_t size_px[2], const struct hg_exr_part *p,
-    const void *pixels, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_fitting(const struct hg_exr_window *window,
+    const struct hg_exr_part *p, const void *pixels, struct hg_writer *out, struct hg_error *err)
 {
     static const enum hg_oiio_type types[] = {
         [HG_EXR_HALF] = HG_OIIO_HALF, [HG_EXR_FLOAT] = HG_OIIO_F32, [HG_EXR_UINT] = HG_OIIO_U32};
     const struct hg_oiio_encode e = {
         .format = "openexr",
         .name = p->name,
-        .width = size_px[0],
-        .height = size_px[1],
+        .width = window->width,
+        .height = window->height,
+        .x = window->x,
+        .y = window->y,
+        .full_width = window->full_width,
+        .full_height = window->full_height,
         .channels = p->channel_count,
         .channel_names = p->channels,
         .type = types[p->type],
@@ -257,34 +266,35 @@ static enum hg_status encode_fitting(const uint32_t size_px[2], const struct hg_
 }
 
 // An OpenEXR file of one part.
-static enum hg_status encode_part(const uint32_t size_px[2], const struct hg_exr_part *p,
+static enum hg_status encode_part(const struct hg_exr_window *window, const struct hg_exr_part *p,
     struct hg_writer *out, struct hg_error *err)
 {
-    const size_t values = ((size_t)size_px[0] * size_px[1] - 1) * p->stride + p->channel_count;
+    const size_t values =
+        ((size_t)window->width * window->height - 1) * p->stride + p->channel_count;
     if (p->type != HG_EXR_HALF || hg_pixels_fit_half(p->pixels, values))
-        return encode_fitting(size_px, p, p->pixels, out, err);
+        return encode_fitting(window, p, p->pixels, out, err);
     float *clamped = hg_calloc(values, sizeof *clamped);
     if (clamped == NULL)
         return hg_error_set(err, HG_E_NOMEM, p->name, NULL, "no memory to decode or encode");
     memcpy(clamped, p->pixels, values * sizeof *clamped);
     hg_pixels_clamp_to_half(clamped, values);
-    const enum hg_status status = encode_fitting(size_px, p, clamped, out, err);
+    const enum hg_status status = encode_fitting(window, p, clamped, out, err);
     hg_free(clamped);
     return status;
 }
 
-enum hg_status hg_exr_encode(const uint32_t size_px[2], const struct hg_exr_part *parts,
+enum hg_status hg_exr_encode(const struct hg_exr_window *window, const struct hg_exr_part *parts,
     uint32_t part_count, uint64_t limit_bytes, struct hg_writer *out, struct hg_error *err)
 {
-    enum hg_status status = check_parts(size_px, parts, part_count, limit_bytes, err);
+    enum hg_status status = check_parts(window, parts, part_count, limit_bytes, err);
     if (status)
         return status;
     if (part_count == 1)
-        return encode_part(size_px, parts, out, err);
+        return encode_part(window, parts, out, err);
     struct hg_writer files[HG_EXR_MAX_PARTS] = {0};
     struct hg_exr_piece pieces[HG_EXR_MAX_PARTS];
     for (uint32_t i = 0; i < part_count && !status; i++) {
-        status = encode_part(size_px, &parts[i], &files[i], err);
+        status = encode_part(window, &parts[i], &files[i], err);
         pieces[i] = (struct hg_exr_piece){parts[i].name, files[i].data, files[i].size};
     }
     if (!status)

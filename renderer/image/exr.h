@@ -30,10 +30,18 @@ struct hg_exr_part {
     uint32_t attribute_count;
 };
 
+// The data window of all parts, px: [0, width) x [0, height) moved by x and y. The display window
+// begins at 0, 0; full_width or full_height 0: it is the data window.
+struct hg_exr_window {
+    uint32_t width, height; // 1..65536
+    uint32_t x, y;
+    uint32_t full_width, full_height;
+};
+
 // Appends the file. The same parts give the same bytes. HG_E_INVAL (shapes above), HG_E_LIMIT (more
 // parts, or more than limit_bytes of pixels in them; checked before memory is taken), HG_E_NOMEM,
 // HG_E_IO.
-enum hg_status hg_exr_encode(const uint32_t size_px[2], const struct hg_exr_part *parts,
+enum hg_status hg_exr_encode(const struct hg_exr_window *window, const struct hg_exr_part *parts,
     uint32_t part_count, uint64_t limit_bytes, struct hg_writer *out,
     struct hg_error *err) HG_MUST_CHECK;
 

@@ -330,6 +330,12 @@ void add_png_defaults(ImageSpec &spec)
 ImageSpec make_spec(const hg_oiio_encode &e)
 {
     ImageSpec spec(int(e.width), int(e.height), int(e.channels), type_of(e.type));
+    spec.x = int(e.x);
+    spec.y = int(e.y);
+    if (e.full_width > 0 && e.full_height > 0) {
+        spec.full_width = int(e.full_width);
+        spec.full_height = int(e.full_height);
+    }
     for (uint32_t i = 0; e.channel_names && i < e.channels; i++)
         spec.channelnames[i] = e.channel_names[i];
     if (strcmp(e.format, "openexr") == 0)

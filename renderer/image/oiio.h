@@ -39,6 +39,7 @@ struct hg_oiio_target {
 struct hg_oiio_encode {
     const char *format, *name;                   // "png" or "openexr"
     uint32_t width, height, channels;            //
+    uint32_t x, y, full_width, full_height;      // data window in the display window; 0: the same
     const char *const *channel_names;            // [channels]; NULL: R, G, B, A
     enum hg_oiio_type type;                      // in the file
     const struct hg_image_attribute *attributes; // [attribute_count]

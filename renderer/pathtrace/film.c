@@ -111,6 +111,7 @@ enum hg_status hg_path_film_create(struct hg_gpu *gpu, const struct hg_path_requ
     hg_path_film_destroy(gpu, f);
     f->width = request->width;
     f->height = request->height;
+    f->region = request->region;
     f->columns = (f->width + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     f->rows = (f->height + HG_PATH_TILE_SIDE - 1) / HG_PATH_TILE_SIDE;
     f->tile_count = f->columns * f->rows;
@@ -123,6 +124,16 @@ enum hg_status hg_path_film_create(struct hg_gpu *gpu, const struct hg_path_requ
         status = hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_UPLOAD, (uint64_t)f->tile_count * 4,
             "tile samples", &f->samples, err);
     return status == HG_OK ? make_ring(gpu, f, err) : status;
+}
+
+enum hg_status hg_path_film_clear(struct hg_gpu *gpu, struct hg_path_film *f, struct hg_error *err)
+{
+    struct hg_gpu_cmd *cmd;
+    const enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    vkCmdFillBuffer(hg_gpu_cmd_handle(cmd), f->sums.handle, 0, VK_WHOLE_SIZE, 0);
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
 }
 
 enum hg_status hg_path_film_fetch(struct hg_gpu *gpu, struct hg_path_film *f, uint32_t channels,

@@ -8,6 +8,7 @@
 #include "shaders/shared/path.h"
 
 struct hg_path_film { // zeroed = empty; hg_path_film_destroy
+    struct hg_picture_region region; // that is read
     uint32_t width, height, columns, rows, tile_count;
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // first channel of each plane
     uint32_t sampled_channels; // written by each sample; half buffers follow, then lists
@@ -34,6 +35,9 @@ enum hg_status hg_path_film_create(struct hg_gpu *gpu, const struct hg_path_requ
     const struct hg_path_film_plan *plan, struct hg_path_film *film,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_path_film_destroy(struct hg_gpu *gpu, struct hg_path_film *film);
+// Sets all sums to 0: those of tiles that get no samples are saved in checkpoints, too.
+enum hg_status hg_path_film_clear(
+    struct hg_gpu *gpu, struct hg_path_film *film, struct hg_error *err) HG_MUST_CHECK;
 // Maps the first `channels` channels for reading by the host.
 enum hg_status hg_path_film_fetch(struct hg_gpu *gpu, struct hg_path_film *film, uint32_t channels,
     const float **out, struct hg_error *err) HG_MUST_CHECK;

@@ -173,14 +173,24 @@ static enum hg_status begin_scene(struct hg_path *p, struct hg_error *err)
     return status;
 }
 
+// Where tiles stop by their noise, each depends on its neighbours and on the mean of the picture;
+// denoised pixels depend on those far around. Such pictures are made whole, whatever is read.
+static bool needs_whole(const struct hg_path_request *request)
+{
+    const struct hg_picture_region r = request->region;
+    return request->settings.noise > 0.0f || request->settings.denoise != 0 ||
+           (r.width == request->width && r.height == request->height);
+}
+
 static enum hg_status begin_film(struct hg_path *p, struct hg_error *err)
 {
+    const bool part = !needs_whole(&p->request);
     const struct hg_path_film_plan plan = {
         p->options, p->scene.groups.count, p->scene.ids.list_count};
     enum hg_status status = hg_path_film_create(p->context->gpu, &p->request, &plan, &p->film, err);
     if (status == HG_OK)
-        status = hg_path_progress_begin(&p->progress, p->film.tile_count, err);
-    return status;
+        status = hg_path_progress_begin(&p->progress, &p->film, part, err);
+    return status == HG_OK && part ? hg_path_film_clear(p->context->gpu, &p->film, err) : status;
 }
 
 // Everything that stays constant while a picture is rendered.

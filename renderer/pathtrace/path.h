@@ -47,6 +47,7 @@ struct hg_path_request {
     struct hg_path_settings settings;
     struct hg_view_camera_state camera;
     uint32_t width, height; // px
+    struct hg_picture_region region; // that is read, never empty
     uint32_t samples;       // per pixel, at most
     uint32_t seed;
     float error_px;   // greatest projected error of geometry

@@ -82,7 +82,8 @@ static enum hg_status read(
     struct hg_path_film *f = &p->film;
     if (!made && f->planes[plane] == HG_PATH_NO_PLANE)
         return hg_error_set(err, HG_E_STATE, "view", "planes", "was not asked for");
-    const uint64_t pixels = (uint64_t)f->width * f->height;
+    const struct hg_picture_region r = f->region;
+    const uint64_t pixels = (uint64_t)r.width * r.height;
     enum hg_status status = hg_path_film_fetch(p->context->gpu, f, f->channels, &sums, err);
     if (status != HG_OK)
         return status;
@@ -91,7 +92,8 @@ static enum hg_status read(
         return hg_error_set(err, HG_E_NOMEM, "planes", NULL, "out of host memory");
     float *to = (float *)(void *)(*out)->data;
     for (uint64_t i = 0; i < pixels; i++)
-        plane_pixel(f, sums, of, i, to + i * of->channels);
+        plane_pixel(
+            f, sums, of, (r.y + i / r.width) * f->width + r.x + i % r.width, to + i * of->channels);
     return HG_OK;
 }
 

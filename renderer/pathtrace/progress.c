@@ -16,17 +16,34 @@ void hg_path_progress_finish(struct hg_path_progress *p)
     p->errors = NULL;
 }
 
-enum hg_status hg_path_progress_begin(
-    struct hg_path_progress *p, uint32_t tile_count, struct hg_error *err)
+// Samples are splatted to the pixels around them: the tiles next to those of the region, too, get
+// samples, as they do in a whole picture.
+static void leave_out(struct hg_path_progress *p, const struct hg_path_film *f)
 {
+    const uint32_t side = HG_PATH_TILE_SIDE, more = f->splats ? 1 : 0;
+    const uint32_t left = f->region.x / side, top = f->region.y / side;
+    const uint32_t right = (f->region.x + f->region.width - 1) / side + more;
+    const uint32_t bottom = (f->region.y + f->region.height - 1) / side + more;
+    for (uint32_t i = 0; i < f->tile_count; i++) {
+        const uint32_t x = i % f->columns, y = i / f->columns;
+        p->done[i] = x + more < left || y + more < top || x > right || y > bottom;
+    }
+}
+
+enum hg_status hg_path_progress_begin(
+    struct hg_path_progress *p, const struct hg_path_film *film, bool part, struct hg_error *err)
+{
+    const uint32_t tile_count = film->tile_count;
     const uint64_t changes = p->changes;
     hg_path_progress_finish(p);
     *p = (struct hg_path_progress){.changes = changes,
         .done = hg_calloc(tile_count, 1),
         .errors = hg_calloc(tile_count, sizeof *p->errors)};
-    return p->done != NULL && p->errors != NULL
-               ? HG_OK
-               : hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
+    if (p->done == NULL || p->errors == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
+    if (part)
+        leave_out(p, film);
+    return HG_OK;
 }
 
 // --- tiles ---------------------------------------------------------------------------------------
@@ -98,16 +115,18 @@ static double mean_luminance(const struct hg_path_film *f, const float *sums)
 {
     const uint64_t pixels = (uint64_t)f->width * f->height;
     const uint32_t *samples = f->samples.mapped;
+    uint64_t sampled = 0;
     double sum = 0.0;
     for (uint32_t y = 0; y < f->height; y++) {
         for (uint32_t x = 0; x < f->width; x++) {
             const uint32_t tile = y / HG_PATH_TILE_SIDE * f->columns + x / HG_PATH_TILE_SIDE;
-            if (samples[tile] > 0)
-                sum += hg_path_film_luminance(sums, (uint64_t)y * f->width + x, pixels) /
-                       samples[tile];
+            if (samples[tile] == 0)
+                continue; // outside of the region
+            sum += hg_path_film_luminance(sums, (uint64_t)y * f->width + x, pixels) / samples[tile];
+            sampled++;
         }
     }
-    return sum / (double)pixels;
+    return sampled > 0 ? sum / (double)sampled : 0.0;
 }
 
 // A tile has converged when its neighbours have, too: a single estimate may be too low by chance.
@@ -136,13 +155,17 @@ enum hg_status hg_path_progress_judge(struct hg_path_progress *p, struct hg_gpu 
     if (status != HG_OK)
         return status;
     const double low = 0.05 * mean_luminance(f, sums);
+    const uint32_t *samples = f->samples.mapped;
+    uint32_t count = 0;
     double sum = 0.0;
     for (uint32_t i = 0; i < f->tile_count; i++) {
         p->errors[i] = tile_error(f, sums, i, low * low + 1e-20);
+        if (samples[i] == 0)
+            continue; // outside of the region
         sum += (double)p->errors[i] * (double)p->errors[i];
+        count++;
     }
-    p->noise = (float)sqrt(sum / f->tile_count);
-    const uint32_t *samples = f->samples.mapped;
+    p->noise = count > 0 ? (float)sqrt(sum / count) : 0.0f;
     for (uint32_t i = 0; i < f->tile_count && noise > 0.0f; i++)
         p->done[i] |= samples[i] >= least_samples && is_good(p, f, i, noise);
     return HG_OK;

@@ -21,9 +21,10 @@ struct hg_path_progress { // zeroed = empty; hg_path_progress_finish
     uint64_t spent_ns;    // in slices of work, including those before a checkpoint
 };
 
-// A picture of so many tiles begins. HG_E_NOMEM.
-enum hg_status hg_path_progress_begin(
-    struct hg_path_progress *progress, uint32_t tile_count, struct hg_error *err) HG_MUST_CHECK;
+// A picture of the film's tiles begins. `part`: only the tiles that the film's region and their
+// neighbours in it need get samples, the others count as done. HG_E_NOMEM.
+enum hg_status hg_path_progress_begin(struct hg_path_progress *progress,
+    const struct hg_path_film *film, bool part, struct hg_error *err) HG_MUST_CHECK;
 void hg_path_progress_finish(struct hg_path_progress *progress);
 // The tiles of the next wave; 0: the pass is over.
 uint32_t hg_path_progress_choose(struct hg_path_progress *progress, const struct hg_path_film *film,

@@ -255,9 +255,17 @@ enum hg_status hg_encode_exr(
     const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
 {
     struct file f = {.request = request};
-    const uint32_t size_px[2] = {request->frame.width, request->frame.height};
+    const struct hg_view_params *p = &request->metadata.params;
+    struct hg_exr_window window = {.width = request->frame.width, .height = request->frame.height};
     const float time_s = (float)request->metadata.time_s;
     hg_view_params_attributes(&request->metadata.params, &f.params);
+    if (p->region[2] > 0) {
+        const struct hg_view_params whole = hg_view_params_filled(p);
+        window.x = (uint32_t)p->region[0];
+        window.y = (uint32_t)p->region[1];
+        window.full_width = whole.width;
+        window.full_height = whole.height;
+    }
     enum hg_status status = add_picture(&f, list_mattes(&f, list_attributes(&f, &time_s)));
     for (uint32_t i = 0; !status && i < request->plane_count; i++)
         status = add_plane(&f, &request->planes[i]);
@@ -267,7 +275,7 @@ enum hg_status hg_encode_exr(
     if (status)
         hg_error_set(err, status, "frame", NULL, "no memory for the parts of an EXR file");
     else
-        status = hg_exr_encode(size_px, f.parts, f.count, PIXELS_LIMIT_BYTES, out, err);
+        status = hg_exr_encode(&window, f.parts, f.count, PIXELS_LIMIT_BYTES, out, err);
     for (uint32_t i = 0; i < MOST_PARTS; i++)
         hg_free(f.buffers[i]);
     return status;

@@ -10,6 +10,7 @@
 #define APPLY_F32(field, a)  params->field = message->field
 #define APPLY_ENUM(field, a) params->field = (HG_VIEW_ENUM_##a)message->field
 #define APPLY_VEC3(field, a) memcpy(params->field, message->field, sizeof params->field)
+#define APPLY_VEC4(field, a) memcpy(params->field, message->field, sizeof params->field)
 
 void hg_view_params_apply(struct hg_view_params *params, const struct hgp_view_set *message)
 {
@@ -34,6 +35,7 @@ static const struct key_part {
 #define WORDS_F32            1
 #define WORDS_ENUM           1
 #define WORDS_VEC3           3
+#define WORDS_VEC4           4
 #define FILLED_U32(standard) .standard_u32 = standard
 #define FILLED_F32(standard) .standard_f32 = standard
 #define PART(a_kind, field, a_rule, place, ...)                                                    \
@@ -53,8 +55,33 @@ static const struct key_part {
 #include "protocol/view_params.def"
 };
 
+static bool is_zero(const struct key_part *part, const void *value)
+{
+    static const uint32_t zero[4];
+    return memcmp(value, zero, 4 * (size_t)part->words) == 0;
+}
+
+// Of the parameters that are left out when they are 0, all but the first say which one follows.
+static void write_nonzero(struct hg_writer *w, const struct key_part *part, const void *value)
+{
+    const uint32_t place = (uint32_t)(part - parts);
+    if (is_zero(part, value))
+        return;
+    if (place >= 24)
+        hg_write_u32(w, place);
+    for (uint32_t i = 0; i < part->words; i++) {
+        uint32_t bits;
+        memcpy(&bits, (const char *)value + 4 * (size_t)i, sizeof bits);
+        hg_write_u32(w, bits);
+    }
+}
+
 static void write_part(struct hg_writer *w, const struct key_part *part, const void *value)
 {
+    if (part->rule == HGP_VIEW_KEY_NONZERO) {
+        write_nonzero(w, part, value);
+        return;
+    }
     for (uint32_t i = 0; i < part->words; i++) {
         uint32_t bits;
         memcpy(&bits, (const char *)value + 4 * (size_t)i, sizeof bits);
@@ -62,8 +89,7 @@ static void write_part(struct hg_writer *w, const struct key_part *part, const v
             memcpy(&bits, &part->standard_f32, sizeof bits);
         else if (part->rule == HGP_VIEW_KEY_FILLED && bits == 0)
             bits = part->standard_u32;
-        if (part->rule != HGP_VIEW_KEY_NONZERO || bits != 0)
-            hg_write_u32(w, bits);
+        hg_write_u32(w, bits);
     }
 }
 

@@ -54,6 +54,27 @@ noisy 0.01 && fine=$took
 [ "$rough" -lt "$fine" ] && [ "$fine" -lt 2048 ] || fail "--noise: $rough and $fine samples"
 compare_ways jpg demo: --size 160x90 --samples 4 --jpeg-quality 85
 
+# Regions: files of their size; EXR files know where they belong. The pixels: render_region.
+windows() { # file: sizes of PNG, data and display window of EXR
+    python3 - "$1" <<'PY'
+import struct, sys
+data = open(sys.argv[1], "rb").read()
+if data[1:4] == b"PNG":
+    print(*struct.unpack(">II", data[16:24]))
+else:
+    for name in b"dataWindow\0box2i\0", b"displayWindow\0box2i\0":
+        at = data.index(name) + len(name) + 4
+        print(*struct.unpack("<4i", data[at:at + 16]), end=" ")
+    print()
+PY
+}
+region=(--size 96x64 --samples 2 --region 31,17,40,33)
+picture r.png "$knot" "${region[@]}"
+[ "$(windows "$temp/r.png")" = "40 33" ] || fail "the region's picture is $(windows "$temp/r.png")"
+compare_ways exr "$knot" "${region[@]}" --mode path --aov depth
+[ "$(windows "$temp/a.exr")" = "31 17 70 49 0 0 95 63 " ] || fail "windows of $(windows "$temp/a.exr")"
+expect 0 "$helio" compare "$temp/a.exr" "$temp/b.exr" --metric max --fail-above 0
+
 # Scripts ask for planes as well.
 {
     echo "load $knot"

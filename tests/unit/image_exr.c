@@ -82,12 +82,12 @@ static void make_parts(struct hg_exr_part parts[4])
 
 static struct hg_writer encode(void)
 {
-    static const uint32_t size[2] = {WIDTH, HEIGHT};
+    static const struct hg_exr_window size = {.width = WIDTH, .height = HEIGHT};
     struct hg_exr_part parts[4];
     struct hg_writer file = {0};
     struct hg_error err = {0};
     make_parts(parts);
-    if (hg_exr_encode(size, parts, 4, LIMIT, &file, &err))
+    if (hg_exr_encode(&size, parts, 4, LIMIT, &file, &err))
         fail_msg("%s: %s", err.what, err.reason);
     return file;
 }
@@ -125,7 +125,7 @@ static void test_read_back(void **state)
 static void test_bright_halves(void **state)
 {
     (void)state;
-    static const uint32_t size[2] = {WIDTH, HEIGHT};
+    static const struct hg_exr_window size = {.width = WIDTH, .height = HEIGHT};
     struct hg_exr_part parts[4];
     struct exr_seen seen[4];
     struct hg_writer file = {0};
@@ -137,7 +137,7 @@ static void test_bright_halves(void **state)
     color[5] = -1e9f;
     color[PIXELS * 4 - 1] = INFINITY;
     depth[0] = 1e9f; // of whole floats
-    assert_int_equal(hg_exr_encode(size, parts, 4, LIMIT, &file, &err), HG_OK);
+    assert_int_equal(hg_exr_encode(&size, parts, 4, LIMIT, &file, &err), HG_OK);
     assert_int_equal(exr_read(file.data, file.size, seen, 4), 4);
     const float *rgba = seen[0].pixels, *z = seen[1].pixels;
     assert_true(rgba[0] == 65504 && rgba[1] == 65504 && rgba[2] == color[2]);
@@ -151,23 +151,24 @@ static void test_bright_halves(void **state)
 static void test_refusals(void **state)
 {
     (void)state;
-    static const uint32_t size[2] = {WIDTH, HEIGHT}, huge[2] = {70000, 1};
+    static const struct hg_exr_window size = {.width = WIDTH, .height = HEIGHT},
+                                      huge = {.width = 70000, .height = 1};
     struct hg_exr_part parts[4];
     struct hg_writer file = {0};
     struct hg_error err = {0};
     make_parts(parts);
-    assert_int_equal(hg_exr_encode(size, parts, 4, 1000, &file, &err), HG_E_LIMIT);
+    assert_int_equal(hg_exr_encode(&size, parts, 4, 1000, &file, &err), HG_E_LIMIT);
     assert_non_null(strstr(err.reason, "fewer planes"));
-    assert_int_equal(hg_exr_encode(size, parts, 0, LIMIT, &file, &err), HG_E_LIMIT);
-    assert_int_equal(hg_exr_encode(huge, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
+    assert_int_equal(hg_exr_encode(&size, parts, 0, LIMIT, &file, &err), HG_E_LIMIT);
+    assert_int_equal(hg_exr_encode(&huge, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
     parts[2].name = "depth";
-    assert_int_equal(hg_exr_encode(size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
+    assert_int_equal(hg_exr_encode(&size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
     make_parts(parts);
     parts[1].size_bytes--;
-    assert_int_equal(hg_exr_encode(size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
+    assert_int_equal(hg_exr_encode(&size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
     make_parts(parts);
     parts[1].name = "a name that is longer than 31 bytes";
-    assert_int_equal(hg_exr_encode(size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
+    assert_int_equal(hg_exr_encode(&size, parts, 4, LIMIT, &file, &err), HG_E_INVAL);
     assert_int_equal(file.size, 0);
 }
 

@@ -124,7 +124,10 @@ static void test_key_follows_table(void **state)
     key_of(&base, before);
     for (size_t i = 0; i < MEMBERS; i++) {
         const struct hgp_view_param *param = &hgp_view_params[members[i].param];
-        for (size_t k = 0; k < (param->kind == HGP_K_VEC3 ? 3 : 1); k++) {
+        for (size_t k = 0; k < (param->kind == HGP_K_VEC4      ? 4
+                                   : param->kind == HGP_K_VEC3 ? 3
+                                                               : 1);
+             k++) {
             struct hg_view_params p = base;
             change((char *)&p + members[i].offset, param->kind, k);
             key_of(&p, key);
@@ -135,6 +138,12 @@ static void test_key_follows_table(void **state)
         out += param->key == HGP_VIEW_KEY_NONE;
     }
     assert_true(in >= 24 && out >= 1);
+    struct hg_view_params left = base, low = base; // which words are 0 counts
+    left.region[0] = low.region[1] = 8;
+    char other[HG_SHA256_HEX];
+    key_of(&left, key);
+    key_of(&low, other);
+    assert_string_not_equal(key, other);
     after[0]++;
     key_of(&base, key);
     assert_string_not_equal(key, before);
@@ -190,8 +199,9 @@ static void test_ranges(void **state)
     uint32_t checked = 0;
     for (size_t i = 0; i < MEMBERS; i++) {
         const struct hgp_view_param *param = &hgp_view_params[members[i].param];
-        // Planes have other bits in the renderer; colours have no range on the wire.
-        if (members[i].param == HGP_VIEW_planes || param->kind == HGP_K_VEC3)
+        // Planes have other bits in the renderer; vectors have no range on the wire.
+        if (members[i].param == HGP_VIEW_planes || param->kind == HGP_K_VEC3 ||
+            param->kind == HGP_K_VEC4)
             continue;
         check_number(&members[i], param->least, true);
         check_number(&members[i], param->most, true);
@@ -213,7 +223,7 @@ static void test_defaults(void **state)
     for (size_t i = 0; i < MEMBERS; i++) {
         const struct hgp_view_param *param = &hgp_view_params[members[i].param];
         uint32_t value = 0;
-        if (hgp_view_param_unset(param) || param->kind == HGP_K_VEC3)
+        if (hgp_view_param_unset(param) || param->kind == HGP_K_VEC3 || param->kind == HGP_K_VEC4)
             continue;
         const double is = get_number((char *)&p + members[i].offset, param->kind);
         if (param->kind == HGP_K_ENUM) {

@@ -268,6 +268,10 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
             (double)m->view_set.filter_radius_px, (double)m->view_set.clamp_indirect);
     if (type == HGP_T_view_set && m->view_set.has_exposure_mode && !m->view_set.has_width)
         fprintf(out, " exposure=%u,%g", m->view_set.exposure_mode, (double)m->view_set.exposure_ev);
+    const float *region = m->view_set.region;
+    if (type == HGP_T_view_set && m->view_set.has_region)
+        fprintf(out, " region=%g,%g,%g,%g", (double)region[0], (double)region[1], (double)region[2],
+            (double)region[3]);
     if (type == HGP_T_view_set)
         fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
             m->view_set.samples);

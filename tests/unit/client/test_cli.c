@@ -178,6 +178,18 @@ static void test_quality(void **state)
         "$HELIO render s.gltf -o a.jpg --quality 80");
 }
 
+static void test_region(void **state)
+{
+    (void)state;
+    expect_run(0, NULL, "log=logg",
+        "$HELIO render s.gltf -o a.png --size 64x32 --region 8,4,16,28 "
+        "--stats r.json");
+    expect_file("logg", "region=8,4,16,28 size=64x32");
+    expect_file("r.json", "\"region\"");
+    expect_run(2, "--region: is not inside of the picture of 64x32 px", "",
+        "$HELIO render s.gltf -o a.png --size 64x32 --region 8,5,16,28");
+}
+
 // Changed in place, replaced by renaming, gone for a while, and an image beside it; then Ctrl-C.
 static void test_watch(void **state)
 {
@@ -668,6 +680,7 @@ int main(void)
         cmocka_unit_test(test_turntable),
         cmocka_unit_test(test_quality),
         cmocka_unit_test(test_watch),
+        cmocka_unit_test(test_region),
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_lens),
         cmocka_unit_test(test_parts),

@@ -27,6 +27,8 @@ static struct sample sample_of(const struct hg_cli_option_row *row)
         return (struct sample){"1", "1e999"};
     case HG_CLI_KIND_SIZE:
         return (struct sample){"640x480", "640"};
+    case HG_CLI_KIND_REGION:
+        return (struct sample){"8,0,64,32", "0,0,0,1"};
     case HG_CLI_KIND_VEC3:
         return (struct sample){"-1,2.5,3e1", "1,2"};
     case HG_CLI_KIND_FRAMES:
@@ -296,7 +298,8 @@ static void test_bad_values(void **state)
         {"--samples", "1.5"}, {"--exposure", "33"}, {"--exposure", "1 "}, {"--exposure", "auto1"},
         {"--exposure", "auto+"}, {"--exposure", "auto+33"}, {"--exposure", "aut"},
         {"--mode", "Realtime"}, {"--tonemap", "aces|agx"}, {"--tonemap", "ace"},
-        {"--jpeg-quality", "101"}};
+        {"--jpeg-quality", "101"}, {"--region", "1,2,3"}, {"--region", "1,2,3,4.5"},
+        {"--region", "-1,2,3,4"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct hg_error err;
         const char *argv[] = {"helio", "render", "s", "-o", "o.png", bad[i][0], bad[i][1]};
