@@ -156,8 +156,9 @@ static void print_bad_spot(const struct edit *e)
 {
     const struct hgp_field *field = e->spot->field;
     if (!field) {
-        if (e->spot->known_bits != UINT32_MAX)
-            print_number(e, (uint64_t)e->spot->known_bits + 1, 4, HG_E_FORMAT);
+        if (e->spot->known_bits == UINT32_MAX) // 32 optional fields: every bitmap is allowed
+            return;
+        print_number(e, (uint64_t)e->spot->known_bits + 1, 4, HG_E_FORMAT);
         print_number(e, UINT32_MAX, 4, HG_E_FORMAT);
         return;
     }
