@@ -41,6 +41,9 @@ static enum hg_status load(struct hg_cli *cli, const char *scene, struct hg_erro
     struct hgp_asset_load load = {.asset = cli->scene.first_id,
         .has_scene_index = cli->options->has_scene_index,
         .scene_index = (int32_t)cli->options->scene_index};
+    if (cli->options->has_point_size &&
+        hg_cli_parse_point_size("--point-size", cli->options->point_size, &load, err) != HG_OK)
+        return err->status;
     char *path = NULL;
     hg_cli_progress_stage(&cli->progress, "loading");
     enum hg_status status = hg_cli_server_path(cli, scene, &path, err);

@@ -260,6 +260,26 @@ enum hg_status hg_cli_parse_exposure(
         text, least, most);
 }
 
+enum hg_status hg_cli_parse_point_size(
+    const char *what, const char *text, struct hgp_asset_load *out, struct hg_error *err)
+{
+    char number[64];
+    double value;
+    const size_t length = strlen(text);
+    const bool metres = length > 0 && text[length - 1] == 'm';
+    if (length >= sizeof number)
+        return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is not a number", text);
+    snprintf(number, sizeof number, "%.*s", (int)(length - metres), text);
+    enum hg_status status =
+        hg_cli_parse_number(what, number, metres ? 1e-9 : 0.001, metres ? 1e9 : 1000, &value, err);
+    if (status)
+        return status;
+    out->has_point_scale = !metres;
+    out->has_point_diameter = metres;
+    *(metres ? &out->point_diameter : &out->point_scale) = (float)value;
+    return HG_OK;
+}
+
 static enum hg_status parse_choice(
     const char *what, const char *choices, const char *text, const char **out, struct hg_error *err)
 {

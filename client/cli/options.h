@@ -174,5 +174,8 @@ enum hg_status hg_cli_parse_background(const char *what, const char *text,
     struct hg_cli_background *out, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_parse_exposure(const char *what, const char *text,
     struct hg_cli_exposure *out, struct hg_error *err) HG_MUST_CHECK;
+// "1.5" or "0.02m": the point size of an asset. HG_E_INVAL.
+enum hg_status hg_cli_parse_point_size(const char *what, const char *text,
+    struct hgp_asset_load *out, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

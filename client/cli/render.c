@@ -175,6 +175,9 @@ static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *
     if (status)
         return status;
     status = parse_shutter(r, err);
+    if (!status && r->o->has_point_size)
+        status = hg_cli_parse_point_size(
+            "--point-size", r->o->point_size, &(struct hgp_asset_load){0}, err);
     if (status)
         return status;
     status = check_combinations(r->o, err);
@@ -273,6 +276,9 @@ static enum hg_status load_scene(struct hg_cli_render *r, struct hg_error *err)
         load.variant = hgp_str_make(o->variant);
     load.has_up = o->has_up;
     if (o->has_up && hg_cli_parse_up("--up", o->up, &load.up, err))
+        return err->status;
+    if (o->has_point_size &&
+        hg_cli_parse_point_size("--point-size", o->point_size, &load, err) != HG_OK)
         return err->status;
     r->doing = HG_CLI_DOING_INPUT;
     hg_cli_progress_stage(&r->cli.progress, o->upload ? "uploading" : "loading");

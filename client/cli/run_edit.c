@@ -31,9 +31,12 @@ static enum hg_status do_load(
     if (status)
         return status;
     const uint64_t begin_ns = hg_clock_now_ns();
-    const struct hgp_asset_load load = {
+    struct hgp_asset_load load = {
         .asset = wire_asset(r, number), .path = hgp_str_make(path), .has_up = true, .up = s->up};
-    status = helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
+    if (s->name != NULL)
+        status = hg_cli_parse_point_size("load", s->name, &load, err);
+    if (!status)
+        status = helio_call_for(r->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
     r->load_ns += hg_clock_now_ns() - begin_ns;
     hg_free(path);
     if (status)

@@ -136,14 +136,18 @@ static enum hg_status parse_load(struct hg_words *w, struct hg_cli_step *s, stru
     enum hg_status status = hg_words_take(w, "path", &s->path, err);
     if (!status)
         status = hg_words_take_asset(w, s, err);
-    if (status || !hg_words_accept(w, "up"))
+    if (!status && hg_words_accept(w, "up")) {
+        const char *axis;
+        struct hg_error inner = {0};
+        status = hg_words_take(w, "axis", &axis, err);
+        if (!status && hg_cli_parse_up("up", axis, &s->up, &inner))
+            status = hg_words_rename_error(&inner, "up", err);
+    }
+    if (status || !hg_words_accept(w, "point-size"))
         return status;
-    const char *axis;
-    struct hg_error inner = {0};
-    status = hg_words_take(w, "axis", &axis, err);
-    if (!status && hg_cli_parse_up("up", axis, &s->up, &inner))
-        status = hg_words_rename_error(&inner, "up", err);
-    return status;
+    struct hgp_asset_load ignored = {0};
+    status = hg_words_take(w, "size of points", &s->name, err);
+    return status ? status : hg_cli_parse_point_size("point-size", s->name, &ignored, err);
 }
 
 static enum hg_status parse_time(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)

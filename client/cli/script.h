@@ -10,7 +10,7 @@
 enum hg_cli_step_kind {
     HG_CLI_STEP_CONNECT,      // path = url or NULL
     HG_CLI_STEP_SCENE,        // name
-    HG_CLI_STEP_LOAD,         // path, asset (0 = next)
+    HG_CLI_STEP_LOAD,         // path, asset (0 = next), name (size of points, or NULL)
     HG_CLI_STEP_VIEW,         // view
     HG_CLI_STEP_ENVIRONMENT,  // environment, path (FILE)
     HG_CLI_STEP_VARIANT,      // name, asset

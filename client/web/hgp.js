@@ -271,6 +271,8 @@ export const messages = {
             { name: "scene_index", kind: "i32", least: -1, most: 2147483647, since: 1, optional: true },
             { name: "variant", kind: "str", max: 256, since: 1, optional: true },
             { name: "up", kind: "enum", values: "up_axis", since: 1, optional: true },
+            { name: "point_scale", kind: "f32", least: 0.001, most: 1e+03, since: 1, optional: true },
+            { name: "point_diameter", kind: "f32", least: 1e-09, most: 1e+09, since: 1, optional: true },
         ],
     },
     // answer to asset_load

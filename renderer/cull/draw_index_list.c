@@ -85,7 +85,7 @@ void hg_index_lists_end(struct hg_index_lists *l)
 static const float *positions_of(const struct hg_part_entry *part)
 {
     return (const float *)(const void *)((const uint8_t *)part->buffer.mapped +
-                                         part->numbered_positions_at);
+                                         part->numbered_at.positions);
 }
 
 bool hg_index_list_culls_part(

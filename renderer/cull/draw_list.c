@@ -41,7 +41,7 @@ static struct hg_culling_item item_of(const struct hg_geometry *g, uint32_t draw
     if (!item.numbered)
         return item;
     item.position_buffer = d->part->buffer.handle;
-    item.position_offset = d->part->numbered_positions_at;
+    item.position_offset = d->part->numbered_at.positions;
     item.positions = d->part->buffer.address + item.position_offset;
     return item;
 }
@@ -78,7 +78,7 @@ static enum hg_status add_whole(
     item.index_count = d->part->index_count;
     item.primitive_count = d->part->primitive_count;
     item.index_buffer = d->part->buffer.handle;
-    item.index_offset = item.numbered ? d->part->numbered_at : d->part->layout.indices;
+    item.index_offset = item.numbered ? d->part->numbered_at.indices : d->part->layout.indices;
     return push_item(items, &item);
 }
 

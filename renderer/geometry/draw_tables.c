@@ -92,7 +92,9 @@ static uint32_t draw_flags(const struct hg_part_entry *part, const struct hg_gpu
     return part->layout.flags | (part->clusters != NULL ? HG_DRAW_LOD : 0u) |
            (m->flags & HG_MATERIAL_MASK ? HG_DRAW_MASK : 0u) |
            (m->flags & (HG_MATERIAL_BLEND | HG_MATERIAL_TRANSMITS) ? HG_DRAW_BLEND : 0u) |
-           (m->flags & HG_MATERIAL_DOUBLE_SIDED ? HG_DRAW_DOUBLE_SIDED : 0u);
+           (m->flags & HG_MATERIAL_DOUBLE_SIDED || part->layout.flags & HG_DRAW_DISCS
+                   ? HG_DRAW_DOUBLE_SIDED
+                   : 0u);
 }
 
 struct node_draws {

@@ -169,9 +169,9 @@ uint32_t hg_geometry_source_primitive(
     }
     if (primitive >= part->primitive_count && primitive < hg_part_primitives(part))
         return part->posed.sources[primitive - part->primitive_count];
-    return part->meshlets.order != NULL && primitive < part->primitive_count
-               ? part->meshlets.order[primitive]
-               : primitive;
+    if (part->meshlets.order != NULL && primitive < part->primitive_count)
+        primitive = part->meshlets.order[primitive];
+    return part->discs != NULL ? hg_discs_point(part->discs, primitive) : primitive;
 }
 
 uint32_t hg_geometry_deform_count(const struct hg_geometry *g)

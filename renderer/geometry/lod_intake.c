@@ -30,10 +30,9 @@ uint32_t hg_lod_intake_from(const struct hg_geometry *g)
     return g->params.bake_from > 0 ? g->params.bake_from : BAKE_FROM;
 }
 
-static bool is_large(const struct hg_geometry *g, const struct hg_part_entry *part)
+static bool is_large(const struct hg_geometry *g, const struct hg_part_entry *part, uint32_t source)
 {
-    return part->primitive_count >= hg_lod_intake_from(g) && part->clusters == NULL &&
-           !part->baking;
+    return source >= hg_lod_intake_from(g) && part->clusters == NULL && !part->baking;
 }
 
 void hg_lod_intake_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, uint32_t count)
@@ -42,7 +41,8 @@ void hg_lod_intake_queue(struct hg_geometry *g, struct hg_mesh_entry *meshes, ui
         struct hg_mesh_entry *e = &meshes[i];
         for (uint32_t p = 0; p < e->part_count; p++) {
             struct hg_part_entry *part = &e->parts[p];
-            if (!is_large(g, part) || !can_bake(g, e->mesh) ||
+            const uint32_t source = hg_part_source_primitives(&e->mesh->parts[p]);
+            if (!is_large(g, part, source) || !can_bake(g, e->mesh) ||
                 !hg_lod_can_bake(&e->mesh->parts[p], e->target_count))
                 continue;
             // Without memory for a copy the part is drawn as it is.
@@ -91,11 +91,9 @@ uint64_t hg_lod_intake_lost_bytes(
     *proxy_bytes = 0;
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t p = 0; p < meshes[i].part_count; p++) {
-            struct hg_pack_layout whole;
-            if (!meshes[i].parts[p].unbaked ||
-                hg_pack_layout_of(&meshes[i].mesh->parts[p], 0, &whole) != HG_OK)
+            if (!meshes[i].parts[p].unbaked)
                 continue;
-            bytes += whole.total_bytes;
+            bytes += hg_part_whole_bytes(&meshes[i].mesh->parts[p]);
             *proxy_bytes += meshes[i].parts[p].layout.total_bytes;
         }
     }
@@ -133,6 +131,8 @@ static void swap_in(struct hg_geometry *g, struct hg_mesh_entry *e, uint32_t ind
     part->vertex_count = e->mesh->parts[index].vertex_count;
     part->index_count = e->mesh->parts[index].index_count;
     part->primitive_count = part->index_count / 3;
+    if (e->mesh->parts[index].topology == HG_TOPOLOGY_POINTS)
+        part->primitive_count = (uint32_t)clusters->lod->source_triangles;
     part->host_indices = NULL;
     part->indices = part->numbered_indices = NULL;
     part->layout = (struct hg_pack_layout){
@@ -243,12 +243,30 @@ static void to_object(const struct hg_mat4x3 *world, const float point[3], float
             det != 0.0 ? (float)((c[i][0] * p[0] + c[i][1] * p[1] + c[i][2] * p[2]) / det) : 0.0f;
 }
 
+static uint32_t nearest_point(const struct hg_mesh_part *part, const float at[3])
+{
+    float best = INFINITY;
+    uint32_t nearest = 0;
+    for (uint32_t i = 0; i < part->index_count; i++) {
+        const float *p = part->positions + (size_t)part->indices[i] * 3;
+        const float d[3] = {p[0] - at[0], p[1] - at[1], p[2] - at[2]};
+        const float distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        if (distance2 < best) {
+            best = distance2;
+            nearest = i;
+        }
+    }
+    return nearest;
+}
+
 uint32_t hg_lod_intake_nearest(
     const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3])
 {
     float at[4] = {0}, best = INFINITY;
     uint32_t nearest = 0;
     to_object(world, point, at);
+    if (part->topology == HG_TOPOLOGY_POINTS)
+        return nearest_point(part, at);
     for (uint32_t t = 0; t < part->index_count / 3; t++) {
         const uint32_t *v = part->indices + (size_t)t * 3;
         const float *a = part->positions + (size_t)v[0] * 3,

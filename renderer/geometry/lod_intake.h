@@ -23,7 +23,8 @@ enum hg_status hg_lod_intake_drop_proxies(struct hg_geometry *g, struct hg_mesh_
     uint32_t count, uint64_t *written, struct hg_error *err) HG_MUST_CHECK;
 // Triangles from which parts are baked; UINT32_MAX: none are.
 uint32_t hg_lod_intake_from(const struct hg_geometry *g);
-// The triangle of a part nearest to a point of the space that `world` leads to; 0 when it has none.
+// The triangle (of points: the point) of a part nearest to a point of the space that `world` leads
+// to; 0 when it has none.
 uint32_t hg_lod_intake_nearest(
     const struct hg_mesh_part *part, const struct hg_mat4x3 *world, const float point[3]);
 bool hg_lod_intake_collect(

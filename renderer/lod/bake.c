@@ -478,6 +478,15 @@ static void fill_report(struct hg_lod_build *b, const struct hg_writer *out, uin
     r->total_ns = hg_clock_now_ns() - start;
 }
 
+static enum hg_status build_triangles(
+    struct hg_lod_build *b, const struct hg_mesh_part *part, uint32_t *root_chunks)
+{
+    enum hg_status status = begin(b, part);
+    for (bool more = true; status == HG_OK && more;)
+        status = build_level(b, &more);
+    return status == HG_OK ? build_roots(b, root_chunks) : status;
+}
+
 enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_params *params,
     uint8_t **data, size_t *size, struct hg_lod_report *report, struct hg_error *err)
 {
@@ -491,11 +500,9 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
     const uint64_t start = hg_clock_now_ns();
     uint32_t root_chunks = 0;
     hg_spill_begin(NULL);
-    enum hg_status status = begin(&b, part);
-    for (bool more = true; status == HG_OK && more;)
-        status = build_level(&b, &more);
-    if (status == HG_OK)
-        status = build_roots(&b, &root_chunks);
+    enum hg_status status = part->topology == HG_TOPOLOGY_POINTS
+                                ? hg_lod_build_points(&b, part, &root_chunks)
+                                : build_triangles(&b, part, &root_chunks);
     if (status == HG_OK)
         status = hg_lod_assemble(&b, root_chunks, &out);
     if (status == HG_OK) {
@@ -519,7 +526,7 @@ enum hg_status hg_lod_bake(const struct hg_mesh_part *part, const struct hg_lod_
 
 bool hg_lod_can_bake(const struct hg_mesh_part *part, uint32_t target_count)
 {
-    return part->topology == HG_TOPOLOGY_TRIANGLES && part->joints == NULL &&
+    return part->topology != HG_TOPOLOGY_LINES && part->joints == NULL &&
            (part->targets == NULL || target_count == 0);
 }
 
@@ -542,12 +549,13 @@ enum hg_status hg_lod_key(
         return HG_E_NOMEM;
     const uint32_t numbers[] = {HG_LOD_VERSION, (uint32_t)part->topology, part->vertex_count,
         part->index_count, part->joint_sets};
-    const float floats[] = {
-        params->quantum, params->normal_weight, params->color_weight, params->uv_weight};
+    const float floats[] = {params->quantum, params->normal_weight, params->color_weight,
+        params->uv_weight, part->point_scale, part->point_diameter};
+    const bool points = part->topology == HG_TOPOLOGY_POINTS;
     const uint64_t n = part->vertex_count;
     hg_spill_begin(NULL);
     hg_sha256_update(h, numbers, sizeof numbers);
-    hg_sha256_update(h, floats, sizeof floats);
+    hg_sha256_update(h, floats, sizeof floats - (points ? 0 : 2 * sizeof *floats));
     hg_sha256_update(h, part->indices, (size_t)part->index_count * 4);
     hash_array(h, part->positions, n * 3);
     hash_array(h, part->normals, n * 3);

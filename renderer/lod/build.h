@@ -57,9 +57,14 @@ struct hg_lod_build {
     struct hg_lod_surface surface;
     struct hg_lod_built built;
     struct hg_lod_holding held;
+    float min[3], max[3]; // of the discs of points
     uint32_t level;
     uint64_t done, total; // triangles simplified
 };
+
+// All levels of a part of points, in place of welding, grouping and simplifying.
+enum hg_status hg_lod_build_points(
+    struct hg_lod_build *b, const struct hg_mesh_part *part, uint32_t *root_chunks) HG_MUST_CHECK;
 
 // Calls fn for all of [0, count), on the threads of the bake.
 void hg_lod_build_each(const struct hg_lod_build *b, size_t count, hg_jobs_fn *fn, void *user);

@@ -215,6 +215,8 @@ static bool copy_part(struct hg_mesh_part *to, const struct hg_mesh_part *from)
     to->topology = from->topology;
     to->vertex_count = from->vertex_count;
     to->index_count = from->index_count;
+    to->point_scale = from->point_scale;
+    to->point_diameter = from->point_diameter;
     memcpy(to->bounds_min, from->bounds_min, sizeof to->bounds_min);
     memcpy(to->bounds_max, from->bounds_max, sizeof to->bounds_max);
     return copy_array(&to->indices, from->indices, from->index_count, 4) &&

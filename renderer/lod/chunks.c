@@ -385,6 +385,10 @@ static void fill_head(const struct hg_lod_build *b, struct hg_lod_file *f, uint3
     l->source_error = l->quantum * 0.8660255f;
     l->source_triangles = b->mesh.triangle_count;
     l->stored_triangles = b->report.stored_triangles;
+    if (b->mesh.format.radius >= 0) {
+        memcpy(l->min, b->min, sizeof l->min);
+        memcpy(l->max, b->max, sizeof l->max);
+    }
     for (uint32_t i = 0; i < b->mesh.position_count; i++) {
         for (int k = 0; k < 3; k++) {
             const float v = (float)b->mesh.lattice[i][k] * l->quantum;

@@ -2,6 +2,7 @@
 #include <string.h>
 #include <zlib.h>
 
+#include "renderer/lod/discs.h"
 #include "renderer/lod/internal.h"
 
 uint32_t hg_lod_crc(const void *data, size_t size)
@@ -67,6 +68,22 @@ uint32_t hg_lod_visits(const uint32_t *indices, uint32_t index_count, uint32_t v
     return n;
 }
 
+// Points follow each other.
+void hg_lod_point_visits(uint32_t count, struct hg_lod_visit *visits)
+{
+    for (uint32_t i = 0; i < count; i++)
+        visits[i] = (struct hg_lod_visit){i, i > 0 ? i - 1 : HG_LOD_NONE, HG_LOD_NONE, HG_LOD_NONE};
+}
+
+bool hg_lod_disc_counts(const struct hg_lod_chunk *chunk, uint32_t *points, uint32_t *sides)
+{
+    const uint64_t triple = chunk->vertex_count * 3ull;
+    *points = triple > chunk->index_count ? (uint32_t)((triple - chunk->index_count) / 6) : 0;
+    *sides = *points > 0 ? chunk->vertex_count / *points : 0;
+    return hg_disc_sides_ok(*sides) && (uint64_t)*points * *sides == chunk->vertex_count &&
+           (uint64_t)*points * hg_disc_triangles(*sides) * 3 == chunk->index_count;
+}
+
 // ---- components ---------------------------------------------------------------------------------
 
 static uint32_t add(
@@ -87,6 +104,7 @@ uint32_t hg_lod_components(
     n = add(out, n, HG_LOD_TANGENT, f->tangent, 2);
     n = add(out, n, HG_LOD_LATTICE, f->uv, 2);
     n = add(out, n, HG_LOD_LATTICE, f->uv1, 2);
+    n = add(out, n, HG_LOD_LATTICE, f->radius, 1);
     return add(out, n, f->flags & HG_DRAW_COLOR8 ? HG_LOD_BYTES : HG_LOD_SHORTS, f->color, 4);
 }
 
@@ -163,7 +181,7 @@ static int32_t octahedral(const int64_t v[3], uint32_t index)
 int32_t hg_lod_predict(const struct hg_lod_component *c, const struct hg_lod_visit *v,
     const int32_t *values, const int64_t (*normals)[3])
 {
-    if (c->kind == HG_LOD_NORMAL)
+    if (c->kind == HG_LOD_NORMAL && normals != NULL)
         return octahedral(normals[v->vertex], c->index);
     if (c->kind == HG_LOD_LATTICE)
         return hg_lod_predict_lattice(v, values);

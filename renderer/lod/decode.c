@@ -6,11 +6,14 @@
 
 #include "base/alloc.h"
 #include "base/bytes.h"
+#include "renderer/lod/discs.h"
 #include "renderer/lod/internal.h"
+#include "renderer/lod/vertex_pack.h"
 
 struct decoder {
     const struct hg_lod_format *format;
-    uint32_t index_count, vertex_count;
+    uint32_t index_count, vertex_count; // as encoded: of points no indices, and no discs
+    uint32_t sides;                     // of the discs of points; 0: triangles
     struct hg_reader in;
     uint32_t *indices;
     int32_t (*lattice)[3];
@@ -88,6 +91,10 @@ static inline int32_t next_difference(struct decoder *d, uint8_t code)
 
 static bool decode_indices(struct decoder *d)
 {
+    if (d->sides > 0) {
+        hg_lod_point_visits(d->vertex_count, d->visits);
+        return d->codec_size == 0;
+    }
     if (meshopt_decodeIndexBuffer(d->indices, d->index_count, 4, d->codec, d->codec_size) != 0)
         return false;
     for (uint32_t i = 0; i < d->index_count; i++)
@@ -147,7 +154,8 @@ static bool decode_predicted(
 {
     for (uint32_t i = 0; i < d->vertex_count; i++) {
         const struct hg_lod_visit *v = &d->visits[i];
-        const int32_t at = hg_lod_predict(c, v, d->values, (const int64_t(*)[3])d->normals);
+        const int32_t at =
+            hg_lod_predict(c, v, d->values, d->sides > 0 ? NULL : (const int64_t(*)[3])d->normals);
         const int32_t value = (int32_t)((uint32_t)at + (uint32_t)next_difference(d, plane[i]));
         if (!in_range(c, value))
             return false;
@@ -159,7 +167,7 @@ static bool decode_predicted(
 static bool decode_components(struct decoder *d)
 {
     const struct hg_lod_format *f = d->format;
-    if (f->normal >= 0)
+    if (f->normal >= 0 && d->sides == 0)
         hg_lod_sum_normals(d->indices, d->index_count, (const int32_t(*)[3])d->lattice,
             d->vertex_count, d->normals);
     for (uint32_t k = 0; k < d->plane_count; k++) {
@@ -247,6 +255,52 @@ static void write_streams(const struct decoder *d, const struct hg_lod_chunk *ch
     }
 }
 
+// ---- discs --------------------------------------------------------------------------------------
+
+// Where the streams of discs are written, disc by disc.
+struct disc_streams {
+    uint8_t *indices, *positions, *vertices, *extra;
+    uint32_t sides, extra_bytes; // per vertex
+};
+
+static void write_disc(const struct decoder *d, uint32_t point, const struct disc_streams *to)
+{
+    const struct hg_lod_format *f = d->format;
+    const uint32_t *words = d->words + (size_t)point * f->words;
+    const struct hg_gpu_vertex v = make_vertex(f, words);
+    const size_t first = (size_t)point * to->sides, triangles = hg_disc_triangles(to->sides);
+    float at[3], normal[3], corners[HG_DISC_SIDES_MAX * 3];
+    uint32_t indices[(HG_DISC_SIDES_MAX - 2) * 3];
+    for (int k = 0; k < 3; k++)
+        at[k] = (float)d->lattice[point][k] * f->quantum;
+    hg_unpack_normal(v.normal, normal);
+    const float radius = (float)(int32_t)words[f->radius] * (f->quantum / HG_LOD_RADIUS_STEPS);
+    hg_disc_corners(at, normal, radius, to->sides, corners);
+    hg_disc_indices((uint32_t)first, to->sides, indices);
+    memcpy(to->indices + point * triangles * 12, indices, triangles * 12);
+    memcpy(to->positions + first * 12, corners, to->sides * 12ul);
+    for (size_t i = first; i < first + to->sides; i++) {
+        memcpy(to->vertices + i * sizeof v, &v, sizeof v);
+        memcpy(to->extra + i * to->extra_bytes, words + (f->color >= 0 ? f->color : 0),
+            to->extra_bytes);
+    }
+}
+
+static void write_discs(const struct decoder *d, const struct hg_lod_chunk *chunk, uint8_t *dst)
+{
+    struct hg_lod_layout l;
+    hg_lod_layout_of(d->format, chunk, &l);
+    const struct disc_streams to = {dst + l.indices, dst + l.positions, dst + l.vertices,
+        dst + l.extra, d->sides, d->format->extra_words * 4};
+    const uint32_t indices = chunk->index_count * 4, extra = chunk->vertex_count * to.extra_bytes;
+    const uint32_t positions = l.positions + chunk->vertex_count * 12;
+    memset(dst + indices, 0, l.positions - indices);
+    memset(dst + positions, 0, l.vertices - positions);
+    memset(dst + l.extra + extra, 0, l.total_bytes - l.extra - extra);
+    for (uint32_t i = 0; i < d->vertex_count; i++)
+        write_disc(d, i, &to);
+}
+
 // ---- all of it ----------------------------------------------------------------------------------
 
 // Sizes are bounded by those of a decoded chunk, so they cannot overflow.
@@ -292,10 +346,17 @@ enum hg_status hg_lod_decode_payload(const struct hg_lod_format *format,
         .in = hg_reader_make(encoded, size)};
     d.plane_count = hg_lod_components(format, d.components);
     enum hg_status status = HG_E_FORMAT;
+    const bool discs = (format->flags & HG_DRAW_DISCS) != 0;
+    if (discs && !hg_lod_disc_counts(chunk, &d.vertex_count, &d.sides))
+        return hg_error_set(
+            err, status, "cluster chunk", NULL, "its counts are not those of discs");
+    d.index_count = discs ? 0 : d.index_count;
     if (sizes_ok(&d) && (status = take(&d)) == HG_OK) {
         const bool ok =
             unpack_all(&d) && decode_indices(&d) && decode_positions(&d) && decode_components(&d);
-        if (ok)
+        if (ok && discs)
+            write_discs(&d, chunk, dst);
+        else if (ok)
             write_streams(&d, chunk, dst);
         status = ok ? HG_OK : HG_E_FORMAT;
     }

@@ -1,6 +1,8 @@
 // encode.c - a chunk as bytes: triangles by meshoptimizer's index codec, vertices as
 // differences from what their triangles predict, one plane of bytes per component, each packed by
 // zstd.
+// Of a file of points a chunk has no triangles: points are coded one after the other, and decoding
+// makes discs of them.
 //
 // Payload: u32 bytes of the index codec, u32 bytes of escapes, then the planes: indices, position
 // x y z, components, escapes. A plane is u32 size (bit 31: stored as it is) and that many bytes. A
@@ -11,6 +13,7 @@
 #include <zstd.h>
 
 #include "base/alloc.h"
+#include "renderer/lod/discs.h"
 #include "renderer/lod/internal.h"
 
 #define PACK_LEVEL 1
@@ -284,6 +287,36 @@ enum hg_status hg_lod_encode(const struct hg_lod_mesh *mesh, const uint32_t *tri
         chunk->vertex_count = e.vertex_count;
         chunk->index_count = e.index_count;
     }
+    finish(&e);
+    return status;
+}
+
+static enum hg_status encode_points(
+    struct encoder *e, const struct hg_lod_points *points, struct hg_writer *out)
+{
+    enum hg_status status = take_vertices(e);
+    if (status != HG_OK)
+        return status;
+    memcpy(e->lattice, points->lattice, points->count * sizeof *e->lattice);
+    memcpy(e->words, points->words, (size_t)points->count * e->word_count * 4);
+    hg_lod_point_visits(points->count, e->visits);
+    hg_free(e->normals);
+    e->normals = NULL;
+    return pack_all(e, out);
+}
+
+enum hg_status hg_lod_encode_points(const struct hg_lod_mesh *mesh,
+    const struct hg_lod_points *points, struct hg_writer *out, struct hg_lod_chunk *chunk)
+{
+    struct encoder e = {
+        .mesh = mesh, .word_count = mesh->format.words, .vertex_count = points->count};
+    const size_t first = out->size;
+    e.zstd = ZSTD_createCCtx();
+    const enum hg_status status = e.zstd != NULL ? encode_points(&e, points, out) : HG_E_NOMEM;
+    chunk->bytes = (uint32_t)(out->size - first);
+    chunk->crc = status == HG_OK ? hg_lod_crc(out->data + first, chunk->bytes) : 0;
+    chunk->vertex_count = points->count * points->sides;
+    chunk->index_count = points->count * hg_disc_triangles(points->sides) * 3;
     finish(&e);
     return status;
 }

@@ -20,7 +20,8 @@
 #define TABLES_LEVEL  3
 #define TABLES_RATIO  64u // tables are at most this many times the file
 #define FORMAT_FLAGS                                                                               \
-    (HG_DRAW_NORMALS | HG_DRAW_TANGENTS | HG_DRAW_UV1 | HG_DRAW_COLOR8 | HG_DRAW_COLOR16)
+    (HG_DRAW_NORMALS | HG_DRAW_TANGENTS | HG_DRAW_UV1 | HG_DRAW_COLOR8 | HG_DRAW_COLOR16 |         \
+        HG_DRAW_DISCS)
 
 static uint64_t tables_size(const struct hg_lod *l)
 {
@@ -229,8 +230,10 @@ static bool check_chunks(const struct hg_lod_file *f)
             c->index_count == 0 || c->vertex_count == 0 || c->vertex_count > c->index_count)
             return false;
         struct hg_lod_layout l;
+        uint32_t points, sides;
         hg_lod_layout_of(&f->format, c, &l);
-        if (l.total_bytes > HG_LOD_CHUNK_BYTES)
+        if (l.total_bytes > HG_LOD_CHUNK_BYTES ||
+            (f->format.radius >= 0 && !hg_lod_disc_counts(c, &points, &sides)))
             return false;
         f->chunks[i].offset = offset;
         offset += c->bytes;

@@ -13,6 +13,8 @@
 
 #define HG_LOD_NORMAL_STEPS  1023 // octahedral coordinates are -STEPS..STEPS
 #define HG_LOD_TANGENT_STEPS 511
+#define HG_LOD_RADIUS_STEPS  8
+#define HG_LOD_FARTHEST      1e36f     // metres
 #define HG_LOD_LATTICE_MAX   (1 << 24) // largest coordinate: exact as a float
 #define HG_LOD_ATTRIBUTES    11        // normal 3, uv 2, uv1 2, colour 4
 #define HG_LOD_WORDS         8         // per vertex: normal 1, tangent 1, uv 2, uv1 2, colour 2
@@ -29,6 +31,7 @@ HG_LOD_INLINE void hg_lod_expect(const void *memory)
 struct hg_lod_format {
     uint32_t flags, words; // HG_DRAW_*
     int32_t normal, tangent, uv, uv1, color;
+    int32_t radius;   // of files of points, in quanta / HG_LOD_RADIUS_STEPS
     float quantum;    // of positions
     float uv_quantum; // of uv and uv1
     uint32_t extra_words;
@@ -82,6 +85,8 @@ static inline float hg_lod_piece_size(const struct hg_lod_mesh *mesh, uint32_t p
 // count.
 uint32_t hg_lod_attributes(
     const struct hg_lod_format *format, const uint32_t *words, float out[HG_LOD_ATTRIBUTES]);
+// The largest power of two that is not above v; at least FLT_MIN.
+float hg_lod_power_below(float v);
 // The word of a normal of any length but 0.
 uint32_t hg_lod_normal_word(const float normal[3]);
 
@@ -288,6 +293,8 @@ struct hg_lod_visit {
 uint32_t hg_lod_visits(const uint32_t *indices, uint32_t index_count, uint32_t vertex_count,
     struct hg_lod_visit *visits, uint8_t *seen);
 
+void hg_lod_point_visits(uint32_t count, struct hg_lod_visit *visits);
+
 // How the words of a vertex are taken apart into components and how these are predicted.
 struct hg_lod_component {
     enum { HG_LOD_LATTICE, HG_LOD_NORMAL, HG_LOD_TANGENT, HG_LOD_BYTES, HG_LOD_SHORTS } kind;
@@ -311,7 +318,7 @@ static inline int32_t hg_lod_predict_lattice(
     return (int32_t)(a + (uint32_t)values[visit->b] - (uint32_t)values[visit->c]); // may wrap
 }
 // Prediction of component c of a visited vertex; `values` are those of the chunk's vertices,
-// normals the sums of their triangles' (integers, so that all machines agree).
+// normals the sums of their triangles' (integers, so that all machines agree); NULL: of points.
 int32_t hg_lod_predict(const struct hg_lod_component *c, const struct hg_lod_visit *visit,
     const int32_t *values, const int64_t (*normals)[3]);
 // normals[vertex_count] out: sums of the triangles' normals, by area.
@@ -322,6 +329,20 @@ void hg_lod_sum_normals(const uint32_t *indices, uint32_t index_count, const int
 // checksum to *chunk. The order of triangles and corners in a cluster changes. HG_E_NOMEM.
 enum hg_status hg_lod_encode(const struct hg_lod_mesh *mesh, const uint32_t *triangles,
     const uint32_t *cluster_triangles, uint32_t cluster_count, struct hg_writer *out,
+    struct hg_lod_chunk *chunk) HG_MUST_CHECK;
+
+// Points of a chunk and sides of each of their discs, from the counts of a chunk of a file of
+// points. False: they are not those of discs.
+bool hg_lod_disc_counts(const struct hg_lod_chunk *chunk, uint32_t *points, uint32_t *sides);
+// The points of a chunk: lattice [count], words [count * format->words]. As hg_lod_encode; decoding
+// makes discs of them.
+struct hg_lod_points {
+    const int32_t (*lattice)[3];
+    const uint32_t *words;
+    uint32_t count, sides;
+};
+enum hg_status hg_lod_encode_points(const struct hg_lod_mesh *mesh,
+    const struct hg_lod_points *points, struct hg_writer *out,
     struct hg_lod_chunk *chunk) HG_MUST_CHECK;
 
 // Decodes without looking at checksum and tables; dst as in hg_lod_decode.

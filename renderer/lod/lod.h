@@ -24,7 +24,8 @@
 // Error of a group: no point of the source surface is farther from the surface made from this
 // group (measured at sampled points of the source, quantisation included), or it belongs to a
 // connected piece of the source that is nowhere wider than this; and normals, uvs and colours are
-// off by no more than what a displacement of this size would do (weights below).
+// off by no more than what a displacement of this size would do (weights below). Of clouds of
+// points: the root mean square of how far the points were moved, summed over the levels.
 //
 // Source: Garland and Heckbert 1997, "Surface Simplification Using Quadric Error Metrics"; Hoppe
 // 1999, "New Quadric Metric for Simplifying Meshes with Appearance Attributes"; Karis, Stubbe and
@@ -154,7 +155,7 @@ struct hg_lod_report {
     uint64_t total_ns, weld_ns, cluster_ns, group_ns, simplify_ns, encode_ns;
 };
 
-// Whether a part can be baked: triangles, neither skinned nor morphed.
+// Whether a part can be baked: triangles or points, neither skinned nor morphed.
 bool hg_lod_can_bake(const struct hg_mesh_part *part, uint32_t target_count);
 
 // Bakes a part to the bytes of a file (freed with hg_free). Triangles with an edge of no length are

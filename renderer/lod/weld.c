@@ -12,7 +12,6 @@
 
 #define EDGE_SAMPLES  16384u // edges looked at to find the lattice steps
 #define STEP_MAX      (FLT_MAX / (2.0f * HG_LOD_LATTICE_MAX)) // a file may have
-#define FARTHEST      1e36f                                   // metres
 #define EDGE_FRACTION 64.0f // a short edge is this many steps long
 
 enum hg_status hg_lod_take(struct hg_lod_budget *budget, uint64_t count, size_t size, void *out)
@@ -45,8 +44,9 @@ void hg_lod_format_set(struct hg_lod_format *f, uint32_t flags, bool has_uv)
 {
     int32_t at = 0;
     f->flags = flags;
-    f->normal = flags & HG_DRAW_NORMALS ? at : -1;
-    at += flags & HG_DRAW_NORMALS ? 1 : 0;
+    const bool normals = (flags & (HG_DRAW_NORMALS | HG_DRAW_DISCS)) != 0;
+    f->normal = normals ? at : -1;
+    at += normals;
     f->tangent = flags & HG_DRAW_TANGENTS ? at : -1;
     at += flags & HG_DRAW_TANGENTS ? 1 : 0;
     f->uv = has_uv ? at : -1;
@@ -55,6 +55,7 @@ void hg_lod_format_set(struct hg_lod_format *f, uint32_t flags, bool has_uv)
     at += flags & HG_DRAW_UV1 ? 2 : 0;
     f->color = flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16) ? at : -1;
     at += flags & HG_DRAW_COLOR16 ? 2 : flags & HG_DRAW_COLOR8 ? 1 : 0;
+    f->radius = flags & HG_DRAW_DISCS ? at++ : -1;
     f->words = (uint32_t)at;
     f->extra_words = (flags & HG_DRAW_UV1 ? 2u : 0u) + (flags & HG_DRAW_COLOR8 ? 1u : 0u) +
                      (flags & HG_DRAW_COLOR16 ? 2u : 0u);
@@ -91,7 +92,7 @@ static enum hg_status check(const struct hg_mesh_part *part, struct hg_error *er
         return hg_error_set(err, HG_E_INVAL, "part", "indices", "not a list of triangles");
     if (!finite_all(part->positions, n * 3))
         return hg_error_set(err, HG_E_INVAL, "part", "positions", "a value is not finite");
-    if (largest(part->positions, n * 3) > FARTHEST)
+    if (largest(part->positions, n * 3) > HG_LOD_FARTHEST)
         return hg_error_set(err, HG_E_LIMIT, "part", "positions", "a coordinate is beyond 1e36 m");
     if (!finite_all(part->normals, n * 3) || !finite_all(part->tangents, n * 4) ||
         !finite_all(part->uv[0], n * 2) || !finite_all(part->uv[1], n * 2) ||
@@ -140,7 +141,7 @@ static float short_edge(const struct hg_mesh_part *part, const float *values, in
     return length;
 }
 
-static float power_below(float v)
+float hg_lod_power_below(float v)
 {
     int exponent;
     if (!(v >= FLT_MIN))
@@ -152,7 +153,7 @@ static float power_below(float v)
 // Smallest power of two by which `max` stays inside the lattice.
 static float power_for(float max, int32_t lattice_max)
 {
-    const float q = power_below(max / (float)lattice_max * 4.0f);
+    const float q = hg_lod_power_below(max / (float)lattice_max * 4.0f);
     return q;
 }
 
@@ -166,7 +167,7 @@ static enum hg_status choose_steps(const struct hg_mesh_part *part,
     float uv_max = 0.0f, uv_step = 0x1p-12f;
     if (edge < 0.0f)
         return HG_E_NOMEM;
-    format->quantum = fmaxf(power_below(fminf(wanted, STEP_MAX)), least);
+    format->quantum = fmaxf(hg_lod_power_below(fminf(wanted, STEP_MAX)), least);
     format->uv_quantum = 1.0f;
     for (int set = 0; set < 2; set++) {
         if (part->uv[set] == NULL)
@@ -178,8 +179,8 @@ static enum hg_status choose_steps(const struct hg_mesh_part *part,
         uv_max = fmaxf(uv_max, largest(part->uv[set], part->vertex_count * 2ull));
     }
     if (part->uv[0] != NULL || part->uv[1] != NULL)
-        format->uv_quantum =
-            fmaxf(power_below(fmaxf(uv_step, 0x1p-20f)), power_for(uv_max, HG_LOD_LATTICE_MAX));
+        format->uv_quantum = fmaxf(
+            hg_lod_power_below(fmaxf(uv_step, 0x1p-20f)), power_for(uv_max, HG_LOD_LATTICE_MAX));
     return HG_OK;
 }
 

@@ -5,6 +5,8 @@
 #include "base/alloc.h"
 #include "renderer/mesh/mesh_entry.h"
 
+#define PROXY_DISCS 8192u // of a cloud until it has levels
+
 static int compare_meshes(const void *a, const void *b)
 {
     const struct hg_mesh_entry *x = a, *y = b;
@@ -82,19 +84,57 @@ static void make_room(struct hg_pack_layout *l, uint64_t bytes)
         *streams[i] += bytes;
 }
 
-static enum hg_status init_part(
-    struct hg_part_entry *e, const struct hg_mesh_part *part, uint32_t target_count)
+uint64_t hg_part_whole_bytes(const struct hg_mesh_part *part)
+{
+    struct hg_pack_layout whole;
+    if (hg_discs_can_build(part, 0))
+        return hg_discs_bytes(part);
+    return hg_pack_layout_of(part, 0, &whole) == HG_OK ? whole.total_bytes : 0;
+}
+
+// What the streams hold.
+static const struct hg_mesh_part *shown_part(
+    const struct hg_part_entry *e, const struct hg_mesh_part *part)
+{
+    return e->proxy != NULL ? e->proxy : e->discs != NULL ? e->discs : part;
+}
+
+// Points become discs; clouds that get levels are shown by some of theirs until then.
+static enum hg_status make_discs(struct hg_part_entry *e, const struct hg_mesh_part *part,
+    uint32_t target_count, uint32_t whole_below)
+{
+    if (!hg_discs_can_build(part, target_count))
+        return HG_OK;
+    const bool whole = part->index_count < whole_below;
+    return hg_discs_build(part, whole ? UINT32_MAX : PROXY_DISCS, whole ? &e->discs : &e->proxy);
+}
+
+static uint32_t disc_flags(const struct hg_mesh_part *part)
+{
+    return HG_DRAW_DISCS | (hg_discs_are_lit(part) ? HG_DRAW_NORMALS : 0u);
+}
+
+static enum hg_status init_part(struct hg_part_entry *e, const struct hg_mesh_part *source,
+    uint32_t target_count, uint32_t whole_below)
 {
     static const uint32_t corners[] = {
         [HG_TOPOLOGY_TRIANGLES] = 3, [HG_TOPOLOGY_LINES] = 2, [HG_TOPOLOGY_POINTS] = 1};
-    enum hg_status status = hg_pack_layout_of(part, target_count, &e->layout);
+    enum hg_status status = make_discs(e, source, target_count, whole_below);
+    const struct hg_mesh_part *part = shown_part(e, source);
+    if (status == HG_OK)
+        status = hg_pack_layout_of(part, target_count, &e->layout);
     if (status != HG_OK)
         return status;
+    if (part != source)
+        e->layout.flags = (e->layout.flags & ~HG_DRAW_NORMALS) | disc_flags(source);
     e->vertex_count = part->vertex_count;
     e->index_count = part->index_count;
     e->primitive_count = part->index_count / corners[part->topology];
     e->joint_sets = part->joints != NULL ? part->joint_sets : 0;
     e->bounds = e->own_bounds = bounds_of(part->positions, part->vertex_count);
+    if (e->proxy != NULL)
+        e->own_bounds = bounds_of(source->positions, source->vertex_count);
+    hg_box_add(&e->bounds, &e->own_bounds);
     if (e->joint_sets > 0)
         status = init_joint_boxes(e, part);
     if (status == HG_OK && part->targets != NULL && target_count > 0)
@@ -136,9 +176,9 @@ static enum hg_status number_part(struct hg_part_entry *e, const struct hg_mesh_
     const enum hg_status status = hg_provoking_build(part, e->meshlets.order, &e->numbered);
     if (status != HG_OK)
         return status == HG_E_LIMIT ? HG_OK : status; // drawn as it is
-    e->numbered_at = e->layout.total_bytes;
-    e->numbered_positions_at = e->numbered_at + rounded(e->index_count * 4ull);
-    e->layout.total_bytes = e->numbered_positions_at + rounded(e->numbered.vertex_count * 12ull);
+    e->numbered_at.indices = e->layout.total_bytes;
+    e->numbered_at.positions = e->numbered_at.indices + rounded(e->index_count * 4ull);
+    e->layout.total_bytes = e->numbered_at.positions + rounded(e->numbered.vertex_count * 12ull);
     return HG_OK;
 }
 
@@ -160,6 +200,15 @@ static enum hg_status order_part(struct hg_part_entry *e, const struct hg_mesh_p
                : status;
 }
 
+// Such meshes have no levels.
+static bool is_posed(const struct hg_mesh *mesh)
+{
+    bool posed = mesh->target_count > 0;
+    for (uint32_t i = 0; i < mesh->part_count; i++)
+        posed = posed || mesh->parts[i].joints != NULL;
+    return posed;
+}
+
 enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_mesh *mesh,
     const struct hg_mesh_entry_limits *limits, struct hg_error *err)
 {
@@ -170,11 +219,13 @@ enum hg_status hg_mesh_entry_init(struct hg_mesh_entry *entry, const struct hg_m
     entry->parts = hg_calloc(mesh->part_count, sizeof *entry->parts);
     enum hg_status status = entry->parts != NULL ? HG_OK : HG_E_NOMEM;
     entry->part_count = entry->parts != NULL ? mesh->part_count : 0;
+    const uint32_t whole_below = is_posed(mesh) ? UINT32_MAX : limits->meshlets_below;
     for (uint32_t i = 0; i < entry->part_count && status == HG_OK; i++) {
-        status = init_part(&entry->parts[i], &mesh->parts[i], mesh->target_count);
+        struct hg_part_entry *e = &entry->parts[i];
+        status = init_part(e, &mesh->parts[i], mesh->target_count, whole_below);
         if (status == HG_OK)
-            status = order_part(&entry->parts[i], &mesh->parts[i], mesh->target_count, limits);
-        entry->bytes += entry->parts[i].layout.total_bytes;
+            status = order_part(e, shown_part(e, &mesh->parts[i]), mesh->target_count, limits);
+        entry->bytes += e->layout.total_bytes;
     }
     if (status == HG_OK)
         return HG_OK;
@@ -207,8 +258,8 @@ static void write_numbered(struct hg_part_entry *e, const struct hg_mesh_part *p
 {
     if (e->numbered.indices == NULL)
         return;
-    memcpy(to + e->numbered_at, e->numbered.indices, e->index_count * sizeof(uint32_t));
-    float *positions = (float *)(void *)(to + e->numbered_positions_at);
+    memcpy(to + e->numbered_at.indices, e->numbered.indices, e->index_count * sizeof(uint32_t));
+    float *positions = (float *)(void *)(to + e->numbered_at.positions);
     for (size_t i = 0; i < e->numbered.vertex_count; i++)
         memcpy(positions + i * 3, part->positions + (size_t)e->numbered.sources[i] * 3, 12);
     e->numbered_indices = e->numbered.indices;
@@ -259,6 +310,7 @@ static void finish_part(struct hg_gpu *gpu, struct hg_cluster_pool *pool, struct
     hg_skinned_lod_finish(&e->posed);
     hg_free(e->host_indices);
     hg_proxy_free(e->proxy);
+    hg_discs_free(e->discs);
     hg_free(e->joint_boxes);
     hg_free(e->morph_boxes);
     hg_free(e->morphs);
@@ -269,11 +321,11 @@ enum hg_status hg_mesh_entry_drop_proxy(struct hg_gpu *gpu, struct hg_mesh_entry
 {
     struct hg_part_entry *e = &entry->parts[index], whole = {.baking = e->baking};
     const struct hg_mesh_part *part = &entry->mesh->parts[index];
-    enum hg_status status = init_part(&whole, part, entry->target_count);
+    enum hg_status status = init_part(&whole, part, entry->target_count, UINT32_MAX);
     if (status != HG_OK)
         hg_error_set(err, status, "mesh", entry->mesh->head.name, "no memory");
     else
-        status = upload_part(gpu, &whole, part, entry->target_count, err);
+        status = upload_part(gpu, &whole, shown_part(&whole, part), entry->target_count, err);
     if (status != HG_OK) {
         finish_part(gpu, NULL, &whole);
         return status;
@@ -292,8 +344,8 @@ enum hg_status hg_mesh_entry_upload(struct hg_gpu *gpu, struct hg_mesh_entry *en
         struct hg_part_entry *e = &entry->parts[i];
         if (e->buffer.size_bytes > 0)
             continue;
-        const enum hg_status status = upload_part(
-            gpu, e, e->proxy != NULL ? e->proxy : &mesh->parts[i], mesh->target_count, err);
+        const enum hg_status status =
+            upload_part(gpu, e, shown_part(e, &mesh->parts[i]), mesh->target_count, err);
         if (status != HG_OK)
             return status;
     }

@@ -4,6 +4,7 @@
 #define HG_RENDERER_MESH_MESH_ENTRY_H
 
 #include "renderer/cluster/cluster_mesh.h"
+#include "renderer/lod/discs.h"
 #include "renderer/lod/proxy_mesh.h"
 #include "renderer/lod/skinned_lod.h"
 #include "renderer/lod/vertex_pack.h"
@@ -30,12 +31,25 @@ struct hg_part_entry {
     // here.
     struct hg_provoking numbered;
     const uint32_t *numbered_indices;            // once it is on the device; NULL: there is none
-    uint64_t numbered_at, numbered_positions_at; // bytes
+    struct {
+        uint64_t indices, positions; // bytes
+    } numbered_at;
     struct hg_skinned_lod_levels posed;          // of skinned and morphed ones
     struct hg_cluster_mesh *clusters; // levels of detail: then there are no streams of its own
     struct hg_mesh_part *proxy; // what the streams hold until there are levels; NULL: the part
+    struct hg_mesh_part *discs; // what they hold of a part of points; NULL: it has none, or levels
     bool baking, unbaked;       // unbaked: it has a proxy and gets no levels
 };
+
+// Bytes of the part as it is, without levels or proxy.
+uint64_t hg_part_whole_bytes(const struct hg_mesh_part *part);
+// Primitives of the source by which parts are large or small: triangles, lines, points.
+static inline uint32_t hg_part_source_primitives(const struct hg_mesh_part *part)
+{
+    return part->index_count / (part->topology == HG_TOPOLOGY_POINTS     ? 1
+                                   : part->topology == HG_TOPOLOGY_LINES ? 2
+                                                                         : 3);
+}
 
 // Primitives of all levels: what a visibility buffer may name.
 static inline uint32_t hg_part_primitives(const struct hg_part_entry *part)
@@ -53,7 +67,7 @@ struct hg_mesh_entry {
 };
 struct hg_mesh_entry_limits {
     uint32_t number_below;   // parts of fewer triangles have a numbered list too
-    uint32_t meshlets_below; // others get meshlets when they are uploaded
+    uint32_t meshlets_below; // others get meshlets when they are uploaded, and points a proxy
 };
 // Lists of them are by id. NULL: it is not there.
 void hg_mesh_entry_sort(struct hg_mesh_entry *list, uint32_t count);

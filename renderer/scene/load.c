@@ -112,11 +112,23 @@ static enum hg_status load_main(
     return status;
 }
 
+static void size_points(const struct hg_load_params *params, struct hg_asset *asset)
+{
+    for (uint32_t m = 0; m < asset->mesh_count; m++) {
+        for (uint32_t p = 0; p < asset->meshes[m]->part_count; p++) {
+            asset->meshes[m]->parts[p].point_scale = params->point_scale;
+            asset->meshes[m]->parts[p].point_diameter = params->point_diameter;
+        }
+    }
+}
+
 static enum hg_status load_spilled(
     const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
 {
     hg_spill_begin(params->path);
     const enum hg_status status = load_main(params, out, err);
+    if (!status)
+        size_points(params, *out);
     hg_spill_end();
     return status;
 }

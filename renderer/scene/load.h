@@ -28,6 +28,7 @@ struct hg_load_params {
     uint32_t asset_number;       // >= 1
     int32_t scene_index;         // -1 = the file's default
     enum hg_up_axis up;          // turned to +Y; 0 = not turned
+    float point_scale, point_diameter; // of hg_mesh_part; 0 = by spacing
     uint64_t memory_limit_bytes; // of the decoded asset; 0 = 8 GiB
     struct hg_jobs *jobs;        // NULL: single-threaded
     // Progress: stage name, done, total; return false to cancel (HG_E_CANCELLED). May be NULL.

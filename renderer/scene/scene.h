@@ -151,6 +151,8 @@ struct hg_mesh_part {
     float *weights;                     // [vertex_count * 4 * joint_sets], sums 1
     uint32_t joint_sets;                // 0, 1 or 2
     struct hg_morph_target *targets;    // [mesh.target_count]
+    float point_scale;                  // of points: size in spacings of the cloud; 0: 1
+    float point_diameter;               // metres; 0: sized by spacing
     struct hg_material *material;       // NULL: default material
     struct hg_material **variants; // [asset.variants.count] replacement per variant, entries may
                                    // be NULL (no change); NULL: no mapping

@@ -48,7 +48,7 @@ static uint32_t part_features(const struct hg_mesh_part *part)
     uint32_t features = 0;
     if (part->topology != HG_TOPOLOGY_TRIANGLES || part->colors != NULL || part->uv[1] != NULL)
         features |= HG_FEATURE_VERTICES;
-    if (part->topology == HG_TOPOLOGY_TRIANGLES && part->tangents == NULL)
+    if (part->topology != HG_TOPOLOGY_LINES && part->tangents == NULL)
         features |= HG_FEATURE_NO_TANGENTS;
     return features;
 }

@@ -364,7 +364,9 @@ static void fill_whole(const struct hg_ray_geometry *c, const struct hg_draw_ent
     struct hg_ray_geometry_piece *piece)
 {
     const struct hg_part_entry *part = d->part;
-    const struct hg_mesh_part *source = &d->node->mesh->parts[d->mesh_part];
+    const struct hg_mesh_part *source = part->proxy   ? part->proxy
+                                        : part->discs ? part->discs
+                                                      : &d->node->mesh->parts[d->mesh_part];
     const bool mapped = host_reads(c->geometry);
     piece->vertex_count = part->vertex_count;
     piece->indices = part->indices;

@@ -8,8 +8,8 @@
 //
 // Call it after hg_geometry_sync, when deformations have run (hg_geometry_deforms_done) and no
 // batch is open. Sets of culling.h that were added before are not to be drawn any more: the chunks
-// that they use may have gone. Lines and points are left out: they are as wide as a pixel, and rays
-// know none.
+// that they use may have gone. Lines, and points that have no discs, are left out: they are as wide
+// as a pixel, which rays do not have.
 #ifndef HG_RENDERER_TRACE_RAY_GEOMETRY_H
 #define HG_RENDERER_TRACE_RAY_GEOMETRY_H
 

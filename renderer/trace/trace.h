@@ -9,8 +9,8 @@
 // geometry in which something moves while the shutter is open are walked by the compute shader
 // there, too.
 //
-// Lines and points are not hit. Of hits at the same distance any one may be named, but always the
-// same one for the same wave.
+// Lines, and points that have no discs, are not hit. Of hits at the same distance any one may be
+// named, but always the same one for the same wave.
 //
 // Alpha is not evaluated here: masked and blended triangles are hit like others, and the shader
 // that evaluates the hit continues the ray behind it (mask and t_min).

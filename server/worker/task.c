@@ -119,6 +119,8 @@ static enum hg_status load_asset(struct task *task)
         .asset_number = m->asset,
         .scene_index = m->has_scene_index ? m->scene_index : -1,
         .up = hg_task_up_axis(m->has_up ? m->up : HGP_up_axis_AUTO),
+        .point_scale = m->has_point_scale ? m->point_scale : 0,
+        .point_diameter = m->has_point_diameter ? m->point_diameter : 0,
         .jobs = task->jobs,
         .fetch = m->files.count ? fetch_upload : NULL,
         .fetch_user = task,

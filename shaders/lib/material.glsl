@@ -280,7 +280,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
         s.occlusion = 1.0 + HG_MATERIAL_AT(v.material, occlusion_strength) * (occlusion - 1.0);
     }
     bool no_normals = HG_HAS(HG_FEATURE_VERTICES) &&
-        (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES)) != 0u &&
+        (v.flags & (HG_DRAW_POINTS | HG_DRAW_LINES | HG_DRAW_DISCS)) != 0u &&
         (v.flags & HG_DRAW_NORMALS) == 0u;
     s.unlit = (HG_HAS(HG_FEATURE_UNCOMMON) && (flags & HG_MATERIAL_UNLIT) != 0u) || no_normals; // glTF 2.0 section 3.7.2.1
     s.geometric_normal = v.geometric_ws * side;
