@@ -84,4 +84,12 @@ struct hg_bench_lod {
 enum hg_status hg_bench_lod_run(
     const struct hg_bench_lod *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
+// `helio bench points`: a cloud of points that is baked, flown over and settled under the budget.
+struct hg_bench_points {
+    struct hg_bench_stream stream; // budget: 512 MiB of geometry; frames 6
+    uint32_t points;               // 100 million
+};
+enum hg_status hg_bench_points_run(
+    const struct hg_bench_points *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
 #endif

@@ -41,7 +41,7 @@ static const struct {
     const char *name;
     enum hg_status (*run)(const struct hg_bench_host *, const json_t *, char **, struct hg_error *);
 } benchmarks[] = {{"realtime", run_realtime}, {"vt", hg_bench_run_vt}, {"lod", hg_bench_run_lod},
-    {"trace", run_trace}, {"path", run_path}};
+    {"points", hg_bench_run_points}, {"trace", run_trace}, {"path", run_path}};
 
 enum hg_status hg_bench_run(const struct hg_bench_host *host, const char *name,
     const json_t *options, char **text, struct hg_error *err)

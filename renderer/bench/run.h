@@ -45,5 +45,7 @@ enum hg_status hg_bench_run_vt(const struct hg_bench_host *host, const json_t *o
     struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_bench_run_lod(const struct hg_bench_host *host, const json_t *options,
     char **text, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_bench_run_points(const struct hg_bench_host *host, const json_t *options,
+    char **text, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -1,4 +1,5 @@
-// run_stream.c - `vt` and `lod`: their options (docs/client.md) and the files that they name.
+// run_stream.c - `vt`, `lod` and `points`: their options (docs/client.md) and the files that they
+// name.
 #include <string.h>
 
 #include "base/alloc.h"
@@ -198,4 +199,20 @@ enum hg_status hg_bench_run_lod(
         status = hg_bench_lod_run(&lod, text, err);
     paths_finish(&paths);
     return status;
+}
+
+// ---- points -------------------------------------------------------------------------------------
+
+enum hg_status hg_bench_run_points(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    const struct hg_renderer_params params = without_budgets(host);
+    struct hg_bench_points points = {.stream.renderer = &params};
+    const struct count counts[] = {{"points", 1e9, &points.points}};
+    *text = NULL;
+    enum hg_status status =
+        read_stream(host, options, host->renderer.geometry_budget_bytes, &points.stream, err);
+    if (!status)
+        status = read_counts(options, counts, 1, err);
+    return status ? status : hg_bench_points_run(&points, text, err);
 }

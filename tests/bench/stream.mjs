@@ -1,7 +1,7 @@
-// Small runs of `helio bench vt` and `helio bench lod`: every documented key is there and the
+// Small runs of `helio bench vt`, `lod` and `points`: every documented key is there and the
 // pictures are right. Times are printed, not judged.
 //
-//   node stream.mjs --helio build/bin/helio vt|lod --models FOLDER
+//   node stream.mjs --helio build/bin/helio vt|lod|points --models FOLDER
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -53,6 +53,19 @@ const runs = {
             assert.ok(p.texel_bytes > p.memory_bytes && p.our_texel_bytes > p.memory_bytes,
                 JSON.stringify(p));
             assert.ok(p.mean_difference < 0.002, JSON.stringify(p));
+        },
+    },
+    points: {
+        options: () => ({ ...small, points: 200000, frames: 3, budget_mib: 8 }),
+        keys: ["points", "make_ms", "bake_ms", "frame_ms.p50", "sharp_ms.p50", "triangles_drawn",
+            "frames_missing", "settle_ms", "covered", "geometry.budget_bytes", "geometry.peak_bytes",
+            "process.peak_rss_bytes", "device"],
+        check(r) {
+            assert.equal(r.points, 200000);
+            assert.equal(r.frame_ms.count, 3);
+            assert.ok(r.triangles_drawn > 1000, "nothing was drawn");
+            assert.ok(r.covered > 0.2, "the terrain is not in the picture");
+            assert.ok(r.geometry.peak_bytes <= r.geometry.budget_bytes, "the budget is exceeded");
         },
     },
     lod: {
