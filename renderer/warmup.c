@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/internal.h"
+#include "renderer/passes/blend.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/shadow.h"
@@ -16,8 +17,8 @@
 typedef enum hg_status warm_up_fn(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err);
 
-static warm_up_fn *const passes[] = {
-    hg_visibility_warm_up, hg_shadow_warm_up, hg_shade_warm_up, hg_resolve_warm_up};
+static warm_up_fn *const passes[] = {hg_visibility_warm_up, hg_shadow_warm_up, hg_shade_warm_up,
+    hg_resolve_warm_up, hg_blend_warm_up};
 
 #define PASSES (sizeof passes / sizeof passes[0])
 

@@ -12,6 +12,7 @@
 #include "renderer/frame/phase.h"
 #include "renderer/frame/targets.h"
 #include "renderer/light/lighting.h"
+#include "renderer/passes/blend.h"
 #include "renderer/passes/unlit_tiles.h"
 #include "renderer/scene_gpu/scene_gpu.h"
 
@@ -47,11 +48,16 @@ struct hg_draw_request {
 
 // --- what lasts from one picture to the next -----------------------------------------------------
 
-// How many layers of blended surfaces are peeled.
-struct hg_draw_peeling {
-    uint32_t limit;               // of the next step
-    bool too_deep_told;           // HG_VIEW_MAX_LAYERS layers were too few
-    struct hg_gpu_buffer reached; // per sample of a batch: its last layer held something
+// Lists of blended surfaces. Where they take more memory than there is for them, the picture is
+// drawn in strips.
+struct hg_draw_blend {
+    struct hg_blend_lists lists;
+    uint32_t nodes, strips; // of the next batch; 0: not known yet
+    uint32_t most_nodes;    // of one strip; 0: the default
+    bool listed;            // the newest batch had lists
+    bool many;              // the newest lists looked at more fragments than there are pixels
+    uint32_t unseen;        // pictures in motion without lists since
+    bool too_deep_told;     // the newest picture lacked the deepest surfaces
 };
 
 // Unlit tiles; searched for in consecutive pictures in motion.
@@ -98,7 +104,7 @@ struct hg_draw {
     struct hg_view_buffers *buffers;
     struct hg_frame_history *history;
     struct hg_tiled_accumulation *accumulation;
-    struct hg_draw_peeling *peeling;
+    struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;
     struct hg_view_stats *stats;
     bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen

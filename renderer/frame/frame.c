@@ -3,7 +3,6 @@
 
 #include "base/clock.h"
 #include "base/cond.h"
-#include "base/log.h"
 #include "shaders/shared/features.h"
 
 #define SHOW_UPLOAD_NS 4000000u // of pages, per frame of a moving picture
@@ -75,21 +74,6 @@ bool hg_frame_transmits(const struct hg_draw *draw)
     return (draw->scene_gpu->features & HG_FEATURE_TRANSMISSION) != 0;
 }
 
-static void adapt_layers(struct hg_draw *draw, uint32_t samples)
-{
-    bool full = false;
-    for (uint32_t i = 0; i < samples; i++)
-        full |= ((const uint32_t *)draw->peeling->reached.mapped)[i] != 0;
-    const bool shallow = full && draw->peeling->limit < HG_VIEW_MAX_LAYERS;
-    hg_tiled_accumulation_note(draw->accumulation, HG_SHORT_OF_LAYERS, shallow);
-    if (shallow)
-        draw->peeling->limit *= 2;
-    else if (full && !draw->peeling->too_deep_told)
-        hg_warn(FRAME, "%u layers of blended surfaces or more: what lies deeper is not seen",
-            (unsigned)HG_VIEW_MAX_LAYERS);
-    draw->peeling->too_deep_told = full && !shallow;
-}
-
 void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
 {
     struct hg_culling_stats drawn;
@@ -97,7 +81,7 @@ void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
     draw->stats->draws_drawn = drawn.draws;
     draw->stats->triangles_drawn = drawn.triangles;
     hg_graph_advance(draw->targets->graph);
-    adapt_layers(draw, samples);
+    hg_frame_note_blend(draw, samples);
     if (draw->unlit->told &&
         hg_unlit_tiles_share(&draw->unlit->tiles, &draw->targets->depth) < UNLIT_LEAST)
         draw->unlit->wait = UNLIT_REST;

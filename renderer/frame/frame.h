@@ -46,9 +46,14 @@ enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err) HG_MUST
 bool hg_frame_transmits(const struct hg_draw *draw);
 // How many of so many samples one batch takes: what the host draws of them needs memory.
 uint32_t hg_frame_batch(const struct hg_draw *draw, uint32_t samples);
-// After the batch: how much it drew; whether it had too few layers, and then how many the next one
-// peels.
+// After the batch: how much it drew; hg_frame_note_blend.
 void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples);
+
+// --- frame_blend.c: the passes of blended surfaces -----------------------------------------------
+
+// After the batch: whether its lists of blended surfaces had too little memory, and then how much
+// the next one takes.
+void hg_frame_note_blend(struct hg_draw *draw, uint32_t samples);
 
 // --- frame_graph.c: the passes of a batch --------------------------------------------------------
 

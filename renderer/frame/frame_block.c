@@ -105,6 +105,10 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     fill_background(draw, f);
     fill_ground(draw, f);
     hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
+    const struct hg_blend_lists *lists = &draw->blend->lists;
+    f->blend = (struct hg_gpu_blend_lists){.heads = lists->heads.address,
+        .nodes = lists->nodes.address,
+        .capacity = (uint32_t)(lists->nodes.size_bytes / sizeof(struct hg_gpu_blend_node))};
     uint8_t *to = (uint8_t *)draw->buffers->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
     memcpy(to, f, sizeof *f);
     if (draw->history->wanted) {

@@ -3,9 +3,8 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "renderer/frame/frame.h"
+#include "renderer/frame/frame_batch.h"
 #include "renderer/passes/debug.h"
-#include "renderer/passes/peel_test.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
@@ -14,49 +13,17 @@
 #include "shaders/shared/debug.h"
 #include "shaders/shared/unlit_tiles.h"
 
-// One batch: what its passes are recorded with, and its resources (0 = not in this batch).
-struct frame {
-    struct hg_draw *draw;
-    struct hg_graph *graph;
-    struct hg_pass pass; // of the sample that is recorded
-    uint32_t sample, slot, slots, first_shadow_set;
-    bool skips_unlit; // unlit tiles
-    bool alone;       // the sample is not added to others
-    uint32_t visibility, depth, atlas, behind, accumulated, picture, counts;
-    uint32_t deformed, cache, progress, unlit_tiles, late_draws;
-    struct {
-        uint32_t visibility, color, depth[2], full;
-        uint32_t limit; // so many are peeled
-    } layers;           // blended surfaces
-};
-
-static struct frame *frame_of(const struct hg_graph_run *run)
-{
-    return run->data;
-}
-
-static void add(struct frame *f, const struct hg_graph_pass *pass)
-{
-    hg_graph_pass(f->graph, pass);
-}
-
-static uint32_t image(struct frame *f, const char *name, VkFormat format)
-{
-    return hg_graph_image(
-        f->graph, &(struct hg_graph_image_params){.name = name, .format = format});
-}
-
 // --- what does not depend on the sample ----------------------------------------------------------
 
 static enum hg_status record_skin(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     (void)user;
-    return hg_skin_record(run->cmd, frame_of(run)->draw->scene_gpu->geometry, err);
+    return hg_skin_record(run->cmd, hg_batch_of(run)->draw->scene_gpu->geometry, err);
 }
 
 static enum hg_status record_cache(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     return hg_triangle_cache_record(&f->pass, f->draw->scene_gpu->geometry, err);
 }
@@ -64,7 +31,7 @@ static enum hg_status record_cache(const struct hg_graph_run *run, void *user, s
 static enum hg_status record_shadow(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_tiled_shadows *s = &f->draw->accumulation->shadows;
     const bool coarse = hg_draw_is(f->draw, HG_DRAW_COARSE_SHADOWS);
     struct hg_pass pass = f->pass;
@@ -75,21 +42,22 @@ static enum hg_status record_shadow(
         &pass, f->draw->lighting, coarse, f->draw->culling, f->first_shadow_set, err);
 }
 
-static void declare_geometry(struct frame *f)
+static void declare_geometry(struct hg_batch *f)
 {
     const struct hg_geometry *geometry = f->draw->scene_gpu->geometry;
     const struct hg_triangle_cache_job *jobs;
     if (hg_geometry_deform_count(geometry) > 0) {
         f->deformed = hg_graph_buffer(f->graph, "deformed vertices");
-        add(f, &(struct hg_graph_pass){.name = "skin",
-                   .record = record_skin,
-                   .accesses = {{f->deformed, HG_GRAPH_WRITE, 0}},
-                   .keep = true, // the next frame may need what it writes
-                   .once = true});
+        hg_batch_add(f, &(struct hg_graph_pass){.name = "skin",
+                            .record = record_skin,
+                            .accesses = {{f->deformed, HG_GRAPH_WRITE, 0}},
+                            .keep = true, // the next frame may need what it writes
+                            .once = true});
     }
     if (hg_geometry_facet_jobs(geometry, &jobs) > 0) {
         f->cache = hg_graph_buffer(f->graph, "triangle cache");
-        add(f, &(struct hg_graph_pass){.name = "triangle cache fill",
+        hg_batch_add(
+            f, &(struct hg_graph_pass){.name = "triangle cache fill",
                    .record = record_cache,
                    .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_WRITE, 0}},
                    .keep = true,
@@ -98,7 +66,7 @@ static void declare_geometry(struct frame *f)
 }
 
 // first_set: of the maps that are due.
-static void declare_shadows(struct frame *f, uint32_t first_set)
+static void declare_shadows(struct hg_batch *f, uint32_t first_set)
 {
     struct hg_lighting_stats stats;
     hg_lighting_stats(f->draw->lighting, &stats);
@@ -108,7 +76,7 @@ static void declare_shadows(struct frame *f, uint32_t first_set)
     f->first_shadow_set = first_set;
     hg_graph_want(f->graph, f->atlas);
     if (first_set < hg_culling_count(f->draw->culling))
-        add(f,
+        hg_batch_add(f,
             &(struct hg_graph_pass){.name = "shadow",
                 .record = record_shadow,
                 .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->atlas, HG_GRAPH_DEPTH_KEEP, 0}},
@@ -117,14 +85,14 @@ static void declare_shadows(struct frame *f, uint32_t first_set)
 
 // --- visibility ----------------------------------------------------------------------------------
 
-static struct hg_visibility_scene scene_of(const struct frame *f)
+static struct hg_visibility_scene scene_of(const struct hg_batch *f)
 {
     return (struct hg_visibility_scene){f->draw->culling, 0, f->slot};
 }
 
 static struct hg_visibility_target target_of(const struct hg_graph_run *run)
 {
-    const struct frame *f = frame_of(run);
+    const struct hg_batch *f = hg_batch_of(run);
     return (struct hg_visibility_target){
         hg_graph_run_image(run, f->visibility), hg_graph_run_image(run, f->depth)};
 }
@@ -132,7 +100,7 @@ static struct hg_visibility_target target_of(const struct hg_graph_run *run)
 static enum hg_status record_visibility(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_visibility_scene scene = scene_of(f);
     const struct hg_visibility_target target = target_of(run);
     (void)user;
@@ -142,7 +110,7 @@ static enum hg_status record_visibility(
 static enum hg_status record_occlusion(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_visibility_scene scene = scene_of(f);
     const struct hg_visibility_target target = target_of(run);
     (void)user;
@@ -151,7 +119,7 @@ static enum hg_status record_occlusion(
 
 static enum hg_status record_late(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_visibility_scene scene = scene_of(f);
     const struct hg_visibility_target target = target_of(run);
     (void)user;
@@ -159,24 +127,25 @@ static enum hg_status record_late(const struct hg_graph_run *run, void *user, st
 }
 
 // Two phases when there is much to draw (renderer/cull/culling.h).
-static void declare_visibility(struct frame *f)
+static void declare_visibility(struct hg_batch *f)
 {
     const struct hg_culling_set *set = hg_culling_set(f->draw->culling, 0);
-    add(f, &(struct hg_graph_pass){.name = "visibility",
-               .record = record_visibility,
-               .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0}, {f->visibility, HG_GRAPH_COLOR, 0},
-                   {f->depth, HG_GRAPH_DEPTH, 0}}});
+    hg_batch_add(f, &(struct hg_graph_pass){.name = "visibility",
+                        .record = record_visibility,
+                        .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
+                            {f->progress, HG_GRAPH_READ_WRITE, 0},
+                            {f->visibility, HG_GRAPH_COLOR, 0}, {f->depth, HG_GRAPH_DEPTH, 0}}});
     if (set->candidate_count == 0)
         return;
     f->late_draws = hg_graph_buffer(f->graph, "late draws");
-    add(f, &(struct hg_graph_pass){.name = "occlusion",
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "occlusion",
                .record = record_occlusion,
                .accesses = {{f->depth, HG_GRAPH_COPY_FROM, 0},
                    {f->visibility, HG_GRAPH_COPY_FROM, 0}, {f->late_draws, HG_GRAPH_WRITE, 0}},
                .keep = true}); // the host counts what it hid
     if (set->late_count > 0)
-        add(f,
+        hg_batch_add(f,
             &(struct hg_graph_pass){.name = "visibility",
                 .record = record_late,
                 .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
@@ -184,13 +153,13 @@ static void declare_visibility(struct frame *f)
                     {f->visibility, HG_GRAPH_COLOR_KEEP, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
 }
 
-// --- blended surfaces ----------------------------------------------------------------------------
+// --- the scene behind glass ----------------------------------------------------------------------
 
 // The opaque scene that transmissive layers refract.
 static enum hg_status record_behind(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
         .depth = hg_graph_run_image(run, f->depth),
@@ -200,94 +169,21 @@ static enum hg_status record_behind(
     return hg_shade_record(&f->pass, &shade, err);
 }
 
-static void declare_behind(struct frame *f)
+static void declare_behind(struct hg_batch *f)
 {
-    add(f, &(struct hg_graph_pass){.name = "shading",
-               .record = record_behind,
-               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
-                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
-}
-
-static enum hg_status record_layer(const struct hg_graph_run *run, void *user, struct hg_error *err)
-{
-    struct frame *f = frame_of(run);
-    const uintptr_t i = (uintptr_t)user;
-    const struct hg_visibility_scene scene = {f->draw->culling, 0, 0};
-    const struct hg_visibility_target target = {hg_graph_run_image(run, f->layers.visibility),
-        hg_graph_run_image(run, f->layers.depth[i % 2])};
-    return hg_visibility_record_layer(&f->pass, &scene, &target, hg_graph_run_image(run, f->depth),
-        i > 0 ? hg_graph_run_image(run, f->layers.depth[(i + 1) % 2]) : NULL, err);
-}
-
-static enum hg_status shade_layer(const struct hg_graph_run *run, void *user, struct hg_error *err)
-{
-    struct frame *f = frame_of(run);
-    const uintptr_t i = (uintptr_t)user;
-    const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->layers.visibility),
-        .depth = hg_graph_run_image(run, f->layers.depth[i % 2]),
-        .target = hg_graph_run_image(run, f->layers.color),
-        .clear = i == 0,
-        .layer = true,
-        .behind = f->behind > 0 ? hg_graph_run_image(run, f->behind) : NULL};
-    return hg_shade_record(&f->pass, &shade, err);
-}
-
-static enum hg_status test_layers(const struct hg_graph_run *run, void *user, struct hg_error *err)
-{
-    struct frame *f = frame_of(run);
-    struct hg_gpu_image *last = hg_graph_run_image(run, f->layers.depth[(f->layers.limit - 1) % 2]);
-    (void)user;
-    return hg_peel_test_record(&f->pass, last, &f->draw->peeling->reached, f->slot, err);
-}
-
-static void declare_layer(struct frame *f, uintptr_t i)
-{
-    add(f, &(struct hg_graph_pass){.name = "blend visibility",
-               .record = record_layer,
-               .user = (void *)i,
-               .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0},
-                   {i > 0 ? f->layers.depth[(i + 1) % 2] : 0, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->layers.visibility, HG_GRAPH_COLOR, 0},
-                   {f->layers.depth[i % 2], HG_GRAPH_DEPTH, 0}}});
-    add(f, &(struct hg_graph_pass){.name = "blend shading",
-               .record = shade_layer,
-               .user = (void *)i,
-               .accesses = {{f->layers.visibility, HG_GRAPH_SAMPLE, 0},
-                   {f->layers.depth[i % 2], HG_GRAPH_DEPTH_TEST, 0},
-                   {f->behind, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->layers.color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
-}
-
-static void declare_layers(struct frame *f)
-{
-    // Transmissive surfaces sample the scene behind them: they hide further layers.
-    const bool holes = f->draw->scene_gpu->has_holes;
-    f->layers.limit = holes ? f->draw->peeling->limit : 1;
-    f->layers.visibility = image(f, "layer visibility", HG_VISIBILITY_FORMAT);
-    f->layers.color = image(f, "layer colour", HG_COLOR_FORMAT);
-    f->layers.depth[0] = image(f, "layer depth", HG_DEPTH_FORMAT);
-    f->layers.depth[1] = f->layers.limit > 1 ? image(f, "other layer depth", HG_DEPTH_FORMAT) : 0;
-    for (uint32_t i = 0; i < f->layers.limit; i++)
-        declare_layer(f, i);
-    if (!holes)
-        return;
-    f->layers.full = hg_graph_buffer(f->graph, "layers full");
-    add(f, &(struct hg_graph_pass){.name = "blend depth",
-               .record = test_layers,
-               .accesses = {{f->layers.depth[(f->layers.limit - 1) % 2], HG_GRAPH_SAMPLE, 0},
-                   {f->layers.full, HG_GRAPH_WRITE, 0}},
-               .keep = true}); // the host reads it
+    hg_batch_add(f, &(struct hg_graph_pass){.name = "shading",
+                        .record = record_behind,
+                        .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0},
+                            {f->depth, HG_GRAPH_DEPTH_TEST, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                            {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                            {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
 // --- shading -------------------------------------------------------------------------------------
 
 static enum hg_status find_unlit(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     return hg_unlit_tiles_find(&f->pass, &f->draw->unlit->tiles, f->draw->lighting,
         hg_draw_is(f->draw, HG_DRAW_COARSE_SHADOWS), hg_graph_run_image(run, f->depth), err);
@@ -295,20 +191,20 @@ static enum hg_status find_unlit(const struct hg_graph_run *run, void *user, str
 
 static enum hg_status mark_unlit(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     return hg_unlit_tiles_mark(
         &f->pass, &f->draw->unlit->tiles, hg_graph_run_image(run, f->depth), err);
 }
 
-static void declare_unlit(struct frame *f)
+static void declare_unlit(struct hg_batch *f)
 {
     f->unlit_tiles = hg_graph_buffer(f->graph, "unlit tiles");
-    add(f, &(struct hg_graph_pass){.name = "unlit tiles",
-               .record = find_unlit,
-               .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->unlit_tiles, HG_GRAPH_WRITE, 0}}});
-    add(f,
+    hg_batch_add(f, &(struct hg_graph_pass){.name = "unlit tiles",
+                        .record = find_unlit,
+                        .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                            {f->unlit_tiles, HG_GRAPH_WRITE, 0}}});
+    hg_batch_add(f,
         &(struct hg_graph_pass){.name = "unlit marks",
             .record = mark_unlit,
             .accesses = {{f->unlit_tiles, HG_GRAPH_READ, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
@@ -317,7 +213,7 @@ static void declare_unlit(struct frame *f)
 static enum hg_status record_shading(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
         .depth = hg_graph_run_image(run, f->depth),
@@ -326,17 +222,18 @@ static enum hg_status record_shading(
         .tonemap = f->draw->request->settings->tonemap,
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
         .unlit = f->skips_unlit,
-        .front = f->layers.color > 0 ? hg_graph_run_image(run, f->layers.color) : NULL};
+        .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
 // keep: its texture requests are counted, even if its colours are discarded.
-static void declare_shading(struct frame *f, bool keep)
+static void declare_shading(struct hg_batch *f, bool keep)
 {
-    add(f, &(struct hg_graph_pass){.name = "shading",
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "shading",
                .record = record_shading,
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
-                   {f->layers.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                   {f->blend.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
@@ -350,7 +247,7 @@ static void declare_shading(struct frame *f, bool keep)
 static enum hg_status record_overdraw(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_visibility_scene scene = scene_of(f);
     (void)user;
     return hg_visibility_record_overdraw(&f->pass, &scene, hg_graph_run_image(run, f->counts), err);
@@ -359,7 +256,7 @@ static enum hg_status record_overdraw(
 static enum hg_status record_debug_view(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_debug debug = {.view = f->draw->request->settings->debug,
         .visibility = hg_graph_run_image(run, f->visibility),
@@ -368,7 +265,7 @@ static enum hg_status record_debug_view(
     return hg_debug_record(&f->pass, &debug, err);
 }
 
-static void declare_debug(struct frame *f)
+static void declare_debug(struct hg_batch *f)
 {
     f->accumulated = hg_graph_import(f->graph, "accumulated", &f->draw->targets->accumulated);
     f->atlas =
@@ -376,15 +273,17 @@ static void declare_debug(struct frame *f)
     f->alone = true;
     declare_visibility(f);
     if (f->draw->request->settings->debug == HG_DEBUG_VIEW_OVERDRAW) {
-        f->counts = image(f, "surface counts", HG_COLOR_FORMAT);
-        add(f, &(struct hg_graph_pass){.name = "overdraw",
+        f->counts = hg_batch_image(f, "surface counts", HG_COLOR_FORMAT);
+        hg_batch_add(
+            f, &(struct hg_graph_pass){.name = "overdraw",
                    .record = record_overdraw,
                    .accesses = {{f->cache, HG_GRAPH_READ, 0}, {f->counts, HG_GRAPH_COLOR, 0}}});
     }
     // The picture itself, overwritten below: requests the pages that it would show.
     if (f->draw->request->settings->debug <= HG_DEBUG_VIEW_MISSING)
         declare_shading(f, true);
-    add(f, &(struct hg_graph_pass){.name = "debug view",
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "debug view",
                .record = record_debug_view,
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->counts, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->accumulated, HG_GRAPH_COLOR, 0}}});
@@ -393,10 +292,10 @@ static void declare_debug(struct frame *f)
 
 // --- one batch -----------------------------------------------------------------------------------
 
-static enum hg_status open_graph(struct frame *f, struct hg_draw *draw, struct hg_error *err)
+static enum hg_status open_graph(struct hg_batch *f, struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_view_targets *t = draw->targets;
-    *f = (struct frame){.draw = draw, .slots = 1};
+    *f = (struct hg_batch){.draw = draw, .slots = 1};
     if (t->graph == NULL) {
         const enum hg_status status = hg_graph_create(draw->context->gpu, &t->graph, err);
         if (status != HG_OK)
@@ -412,7 +311,7 @@ static enum hg_status open_graph(struct frame *f, struct hg_draw *draw, struct h
 
 // The frame block is filled.
 static enum hg_status begin(
-    struct frame *f, struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
+    struct hg_batch *f, struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     const enum hg_status status = open_graph(f, draw, err);
     if (status == HG_OK)
@@ -420,7 +319,7 @@ static enum hg_status begin(
     return status;
 }
 
-static enum hg_status run(struct frame *f, struct hg_gpu_cmd *cmd, struct hg_error *err)
+static enum hg_status run(struct hg_batch *f, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
     const enum hg_status status = hg_graph_compile(f->graph, err);
     return status == HG_OK ? hg_graph_execute(f->graph, cmd, f, f->slot, err) : status;
@@ -448,7 +347,7 @@ static bool finds_unlit(struct hg_draw *draw, const struct hg_pass *pass)
     return draw->unlit->wait == 0;
 }
 
-static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
+static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
 {
     struct hg_draw *draw = f->draw;
     const bool only_behind = hg_draw_is(draw, HG_DRAW_BEHIND),
@@ -468,7 +367,7 @@ static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
     if (only_behind)
         return HG_OK;
     if (blend)
-        declare_layers(f);
+        hg_batch_declare_blend(f);
     draw->unlit->told = f->skips_unlit = finds_unlit(draw, &f->pass);
     if (f->skips_unlit)
         declare_unlit(f);
@@ -481,7 +380,7 @@ static enum hg_status declare_sample(struct frame *f, struct hg_error *err)
 }
 
 // What the host draws of a sample; the frame block is that of the sample.
-static enum hg_status draw_hosted(const struct frame *f, struct hg_error *err)
+static enum hg_status draw_hosted(const struct hg_batch *f, struct hg_error *err)
 {
     struct hg_draw *draw = f->draw;
     if (!hg_culling_set(draw->culling, 0)->hosted)
@@ -496,7 +395,7 @@ static enum hg_status draw_hosted(const struct frame *f, struct hg_error *err)
 }
 
 static enum hg_status record_samples(
-    struct frame *f, struct hg_gpu_cmd *cmd, uint32_t first, struct hg_error *err)
+    struct hg_batch *f, struct hg_gpu_cmd *cmd, uint32_t first, struct hg_error *err)
 {
     enum hg_status status = hg_graph_compile(f->graph, err);
     for (uint32_t i = 0; i < f->slots && status == HG_OK; i++) {
@@ -515,7 +414,7 @@ static enum hg_status record_samples(
 static enum hg_status record_debug(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     hg_frame_fill(draw, 0, false, 0);
     enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
@@ -528,12 +427,15 @@ static enum hg_status record_debug(
 enum hg_status hg_frame_record(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t samples, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     const uint32_t first = hg_draw_first_sample(draw);
     if (draw->request->settings->debug != 0)
         return record_debug(draw, cmd, err);
+    enum hg_status status = hg_batch_reserve_blend(draw, err);
+    if (status != HG_OK)
+        return status;
     hg_frame_fill(draw, first, true, 0);
-    enum hg_status status = begin(&f, draw, cmd, err);
+    status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     f.slots = samples;
@@ -546,7 +448,7 @@ enum hg_status hg_frame_record(
 enum hg_status hg_frame_record_shadows(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     hg_frame_fill(draw, draw->accumulation->samples, true, 0); // where the geometry is
     const enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
@@ -560,7 +462,7 @@ enum hg_status hg_frame_record_shadows(
 enum hg_status hg_frame_record_prefetch(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     hg_frame_fill(draw, 0, true, 0);
     enum hg_status status = hg_frame_cull_prefetch(draw, err);
     if (status == HG_OK)
@@ -615,7 +517,7 @@ static enum hg_status record_copy(const struct hg_graph_run *run, void *user, st
 enum hg_status hg_frame_record_read(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     const enum hg_status status = open_graph(&f, draw, err);
     if (status != HG_OK)
         return status;
@@ -625,13 +527,14 @@ enum hg_status hg_frame_record_read(
     if (draw->accumulation->has_fallback)
         r.fallback = hg_graph_import(f.graph, "fallback", &draw->accumulation->fallback);
     const uint32_t readback = hg_graph_buffer(f.graph, "readback");
-    add(&f, &(struct hg_graph_pass){.name = "resolve",
-                .record = record_resolve,
-                .user = &r,
-                .accesses = {{r.accumulated, HG_GRAPH_SAMPLE, 0}, {r.fallback, HG_GRAPH_SAMPLE, 0},
-                    {r.pixels, HG_GRAPH_COLOR, 0}}});
+    hg_batch_add(&f, &(struct hg_graph_pass){.name = "resolve",
+                         .record = record_resolve,
+                         .user = &r,
+                         .accesses = {{r.accumulated, HG_GRAPH_SAMPLE, 0},
+                             {r.fallback, HG_GRAPH_SAMPLE, 0}, {r.pixels, HG_GRAPH_COLOR, 0}}});
     r.shown = r.pixels;
-    add(&f, &(struct hg_graph_pass){.name = "copy",
+    hg_batch_add(
+        &f, &(struct hg_graph_pass){.name = "copy",
                 .record = record_copy,
                 .user = &r,
                 .accesses = {{r.shown, HG_GRAPH_COPY_FROM, 0}, {readback, HG_GRAPH_WRITE, 0}}});
@@ -642,7 +545,7 @@ enum hg_status hg_frame_record_read(
 static enum hg_status record_pick_visibility(
     const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const struct hg_visibility_scene scene = {f->draw->culling, 0, 0};
     const struct hg_visibility_target target = target_of(run);
     return hg_visibility_record_pick(&f->pass, &scene, &target, *(VkRect2D *)user, err);
@@ -650,7 +553,7 @@ static enum hg_status record_pick_visibility(
 
 static enum hg_status record_pick(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
-    struct frame *f = frame_of(run);
+    struct hg_batch *f = hg_batch_of(run);
     const VkRect2D *pixel = user;
     return hg_pick_record(&f->pass, hg_graph_run_image(run, f->visibility),
         (uint32_t)pixel->offset.x, (uint32_t)pixel->offset.y, &f->draw->buffers->pick, err);
@@ -659,17 +562,19 @@ static enum hg_status record_pick(const struct hg_graph_run *run, void *user, st
 enum hg_status hg_frame_record_pick(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixel, struct hg_error *err)
 {
-    struct frame f;
+    struct hg_batch f;
     hg_frame_fill(draw, 0, false, 0);
     const enum hg_status status = begin(&f, draw, cmd, err);
     if (status != HG_OK)
         return status;
     const uint32_t result = hg_graph_buffer(f.graph, "pick");
-    add(&f, &(struct hg_graph_pass){.name = "pick visibility",
+    hg_batch_add(
+        &f, &(struct hg_graph_pass){.name = "pick visibility",
                 .record = record_pick_visibility,
                 .user = &pixel,
                 .accesses = {{f.visibility, HG_GRAPH_COLOR, 0}, {f.depth, HG_GRAPH_DEPTH, 0}}});
-    add(&f, &(struct hg_graph_pass){.name = "pick",
+    hg_batch_add(
+        &f, &(struct hg_graph_pass){.name = "pick",
                 .record = record_pick,
                 .user = &pixel,
                 .accesses = {{f.visibility, HG_GRAPH_SAMPLE, 0}, {result, HG_GRAPH_WRITE, 0}}});

@@ -18,7 +18,7 @@
 //                 missing for others
 //   ACCUMULATING  a step                                             ACCUMULATING, more samples
 //   EXACT         a step: pages, shadow maps, samples of an area     EXACT
-//   EXACT         layers of blended surfaces lay deeper than peeled  as asked, from sample 0
+//   EXACT         lists of blended surfaces lacked memory            as asked, from sample 0
 //   EXACT, blank  a client looks before the first sample             as asked, from sample 0
 //
 // ACCUMULATING and EXACT are settled with the samples that are asked for and no shortfall.
@@ -36,7 +36,7 @@ enum hg_view_phase {
 // Bits: how the newest samples fall short of the requested picture.
 enum hg_view_shortfall {
     HG_SHORT_OF_SHADOWS = 1 << 0,  // finer cascades were left out
-    HG_SHORT_OF_LAYERS = 1 << 1,   // blended surfaces lay deeper than was peeled
+    HG_SHORT_OF_LAYERS = 1 << 1,   // lists of blended surfaces lacked memory
     HG_SHORT_OF_TEXELS = 1 << 2,   // pages were missing, or mips left out for the budget
     HG_SHORT_OF_DETAIL = 1 << 3,   // the error of geometry was raised to keep to the frame time
     HG_SHORT_OF_GEOMETRY = 1 << 4, // the geometry budget did not hold what was chosen

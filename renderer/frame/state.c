@@ -19,7 +19,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .buffers = &view->buffers,
         .history = &view->history,
         .accumulation = &view->accumulation,
-        .peeling = &view->peeling,
+        .blend = &view->blend,
         .unlit = &view->unlit,
         .stats = &view->stats};
 }

@@ -23,10 +23,6 @@
 
 #define HG_VIEW_MAX_SAMPLES_PER_STEP 16
 #define HG_VIEW_MAX_SIDE_PX          16384
-// Layers of blended surfaces: peeled at first, and at most. What lies deeper than those is not
-// seen.
-#define HG_VIEW_FIRST_LAYERS 8
-#define HG_VIEW_MAX_LAYERS   64
 // Of one sample: the frame block, and behind it the frame before (history.h).
 #define HG_FRAME_BLOCK_BYTES   1536
 #define HG_FRAME_HISTORY_BYTES 512
@@ -90,7 +86,7 @@ struct hg_view_state {
 
     // From one picture to the next.
     struct hg_frame_history history;
-    struct hg_draw_peeling peeling;
+    struct hg_draw_blend blend;
     struct hg_draw_unlit unlit;
     struct hg_prefetch prefetch;
     struct hg_quality quality;

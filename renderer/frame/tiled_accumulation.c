@@ -295,7 +295,7 @@ static enum hg_status run_batch(struct hg_draw *draw, uint32_t samples, bool sha
             hg_gpu_cmd_handle(cmd), s->behind.progress.handle, 0, VK_WHOLE_SIZE, s->behind.sample);
         hg_gpu_memory_barrier(cmd);
     }
-    memset(draw->peeling->reached.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
+    memset(draw->blend->lists.reports.mapped, 0, draw->blend->lists.reports.size_bytes);
     hg_page_cache_begin(pages_of(draw), cmd);
     status = shadows ? hg_frame_record_shadows(draw, cmd, err)
                      : hg_frame_record(draw, cmd, samples, err);
@@ -342,8 +342,10 @@ enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, str
     status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
     if (status == HG_OK)
         status = run_batch(&find, 1, false, &demand, err);
-    if (status == HG_OK)
+    if (status == HG_OK) {
+        hg_frame_note_blend(&find, 1);
         status = start_exact(draw, 0, err); // discards it
+    }
     s->has_fallback = false;                // it would be outdated
     s->pages.missing = demand.missing;
     s->pages.waiting = demand.missing > 0;

@@ -23,6 +23,9 @@ static void destroy_extras(struct hg_view_state *view)
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->targets.pixels[i]);
     hg_tiled_accumulation_finish(gpu, &view->accumulation);
+    hg_gpu_buffer_destroy(gpu, &view->blend.lists.heads);
+    hg_gpu_buffer_destroy(gpu, &view->blend.lists.nodes);
+    view->blend.nodes = view->blend.strips = 0;
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
 }
 
@@ -67,10 +70,8 @@ static enum hg_status resize(
 enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_context *context,
     struct hg_scene *scene, struct hg_error *err)
 {
-    *view = (struct hg_view_state){.context = context,
-        .formats = 1,
-        .peeling.limit = HG_VIEW_FIRST_LAYERS,
-        .unlit.wait = HG_VIEW_UNLIT_AFTER};
+    *view =
+        (struct hg_view_state){.context = context, .formats = 1, .unlit.wait = HG_VIEW_UNLIT_AFTER};
     const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
     if (status == HG_OK)
@@ -90,7 +91,8 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     }
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_READBACK,
-            HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t), "layers", &view->peeling.reached, err);
+            HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(struct hg_gpu_blend_report), "blend reports",
+            &view->blend.lists.reports, err);
     }
     if (status != HG_OK)
         hg_view_state_finish(view);
@@ -111,7 +113,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
     hg_gpu_buffer_destroy(gpu, &view->buffers.blocks);
     hg_gpu_buffer_destroy(gpu, &view->buffers.pick);
-    hg_gpu_buffer_destroy(gpu, &view->peeling.reached);
+    hg_gpu_buffer_destroy(gpu, &view->blend.lists.reports);
     hg_prefetch_finish(gpu, &view->prefetch);
     hg_unlit_tiles_finish(gpu, &view->unlit.tiles);
     hg_culling_destroy(view->culling);
@@ -277,7 +279,7 @@ static enum hg_status run_shown(
     enum hg_status status = hg_gpu_begin(draw->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    memset(draw->peeling->reached.mapped, 0, HG_VIEW_MAX_SAMPLES_PER_STEP * sizeof(uint32_t));
+    memset(draw->blend->lists.reports.mapped, 0, draw->blend->lists.reports.size_bytes);
     hg_page_cache_begin(pages, cmd);
     status = hg_frame_record(draw, cmd, count, err);
     if (status != HG_OK) {

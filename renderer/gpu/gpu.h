@@ -301,7 +301,6 @@ enum hg_gpu_blend {
     HG_GPU_BLEND_NONE,
     HG_GPU_BLEND_ADD,           // dst + src
     HG_GPU_BLEND_PREMULTIPLIED, // src + (1 - src.a) dst
-    HG_GPU_BLEND_UNDER,         // dst + (1 - dst.a) src, src premultiplied
 };
 
 // Cached by content: fill it anew each time. Zero-initialise (padding counts); names are string

@@ -142,8 +142,6 @@ static VkPipelineColorBlendAttachmentState blend_state(enum hg_gpu_blend blend)
     };
     if (blend == HG_GPU_BLEND_PREMULTIPLIED)
         state.dstColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
-    if (blend == HG_GPU_BLEND_UNDER)
-        state.srcColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_DST_ALPHA;
     state.srcAlphaBlendFactor = state.srcColorBlendFactor;
     state.dstAlphaBlendFactor = state.dstColorBlendFactor;
     return state;

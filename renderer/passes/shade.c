@@ -8,9 +8,9 @@ struct shade_inputs {
     HG_SHADE_IO(HG_GPU_IO_MEMBER)
 };
 
-// Values of the specialisation constant of shade.frag. ALONE: the background of transmissive
-// layers.
-enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, VARIANTS, ALONE = VARIANTS };
+// Values of the specialisation constant of shade.frag. LAYER: the nearest one; ALONE: the
+// background of transmissive layers; LAYERS: of lists.
+enum variant { OPAQUE, OPAQUE_BEHIND, LAYER, ALONE, LAYERS };
 
 struct style {
     enum variant variant;
@@ -29,7 +29,8 @@ static struct hg_gpu_pipeline_params pipeline_of(
 {
     if (style->unlit)
         features &= ~LIGHT_FEATURES;
-    if (style->variant != LAYER) // what lets light through is drawn as a layer
+    if (style->variant != LAYER &&
+        style->variant != LAYERS) // what lets light through is drawn as a layer
         features &= ~HG_FEATURE_TRANSMISSION;
     const bool lobes = (features & HG_FEATURE_LOBES) != 0 && !style->background;
     if (!lobes)
@@ -54,9 +55,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
         .depth_compare =
             style->background || style->unlit ? VK_COMPARE_OP_EQUAL : VK_COMPARE_OP_LESS,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
-        .blend = style->variant == LAYER ? HG_GPU_BLEND_UNDER
-                 : style->first          ? HG_GPU_BLEND_NONE
-                                         : HG_GPU_BLEND_ADD,
+        .blend = style->first ? HG_GPU_BLEND_NONE : HG_GPU_BLEND_ADD,
         .io = &shade_io,
     };
 }
@@ -124,11 +123,12 @@ enum hg_status hg_shade_record(
         .front = {.image = shade->layer ? shade->behind : shade->front}};
     const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
-    const struct style style = {.variant = shade->layer           ? LAYER
+    const struct style style = {.variant = shade->lists           ? LAYERS
+                                           : shade->layer         ? LAYER
                                            : shade->alone         ? ALONE
                                            : shade->front != NULL ? OPAQUE_BEHIND
                                                                   : OPAQUE,
-        .first = picture || shade->clear,
+        .first = picture || shade->clear || shade->layer,
         .flat = hg_gpu_strategy(pass->gpu)->flat_shading,
         .picture = picture ? shade->tonemap + 1 : 0};
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
@@ -139,7 +139,7 @@ enum hg_status hg_shade_record(
     const struct hg_gpu_rendering rendering = {
         // Surfaces and background write every pixel between them.
         .colors = {{.image = target,
-            .clear = shade->clear && shade->layer,
+            .clear = shade->layer,
             .discard = picture || (shade->clear && !shade->layer)}},
         .color_count = 1,
         .depth = {.image = shade->depth},
@@ -154,9 +154,14 @@ enum hg_status hg_shade_record(
 enum hg_status hg_shade_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err)
 {
-    *count = 2 * VARIANTS - 1; // layers have no background
-    const struct style style = {.variant = (enum variant)(index % VARIANTS),
-        .background = index % (2 * VARIANTS - 1) >= VARIANTS,
+    static const struct {
+        enum variant variant;
+        bool background;
+    } styles[] = {{OPAQUE, false}, {OPAQUE_BEHIND, false}, {LAYERS, false}, {OPAQUE, true},
+        {OPAQUE_BEHIND, true}};
+    *count = sizeof styles / sizeof styles[0];
+    const struct style style = {.variant = styles[index % *count].variant,
+        .background = styles[index % *count].background,
         .first = true,
         .flat = hg_gpu_strategy(gpu)->flat_shading};
     const struct hg_gpu_pipeline_params params =

@@ -16,8 +16,10 @@ struct hg_shade {
     struct hg_gpu_image *picture;
     uint32_t tonemap;
     bool clear; // target starts at zero, else it is added or blended to
-    bool layer; // a blended layer: goes under what the target holds; else: the opaque scene and the
+    bool layer; // blended surfaces alone, and nothing elsewhere; else: the opaque scene and the
                 // background, seen through `front` and added to the target
+    bool lists; // with layer: all of the lists that `depth` marks (blend.h), else one of
+                // `visibility`
     bool unlit; // surfaces at HG_UNLIT_TILES_DEPTH are reached by no light, others lie in front of
                 // it. Not for layers.
     struct hg_gpu_image *front; // blended layers in front of the opaque scene, NULL = none

@@ -9,7 +9,7 @@ struct alpha_mask_inputs {
 static const struct alpha_mask_inputs nothing; // masks read no image of the frame
 
 // How surfaces are drawn. Values are also the specialisation constant of visibility_alpha.frag.
-enum variant { SOLID, MASK, LAYER_FIRST, LAYER_NEXT, OVERDRAW };
+enum variant { SOLID, MASK, NEAREST, HIDING, COLLECT, STOCHASTIC, OVERDRAW };
 
 static const VkPrimitiveTopology topologies[3] = {VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
     VK_PRIMITIVE_TOPOLOGY_LINE_LIST, VK_PRIMITIVE_TOPOLOGY_POINT_LIST};
@@ -52,23 +52,25 @@ static struct hg_gpu_pipeline_params pipeline_of(
             .blend = HG_GPU_BLEND_ADD,
         };
     }
-    static const char *const fragments[2][2] = {{"visibility.frag", "visibility_provoking.frag"},
-        {"visibility_alpha.frag", "visibility_alpha_provoking.frag"}};
+    static const char *const fragments[3][2] = {{"visibility.frag", "visibility_provoking.frag"},
+        {"visibility_alpha.frag", "visibility_alpha_provoking.frag"},
+        {"blend_collect.frag", "blend_collect_provoking.frag"}};
     const bool textured = style->variant != SOLID, late = (style->item & LATE) != 0;
+    const bool collects = style->variant == COLLECT;
     return (struct hg_gpu_pipeline_params){
         .vertex = vertex,
         .positions = numbered,
         .with_words = style->listed,
-        .fragment = fragments[textured][numbered],
+        .fragment = fragments[collects ? 2 : textured][numbered],
         .spec = {textured ? (uint32_t)style->variant : 0, tables, features, style->item},
         .spec_count = 4,
-        .colors = {HG_VISIBILITY_FORMAT},
-        .color_count = 1,
+        .colors = {collects ? VK_FORMAT_UNDEFINED : HG_VISIBILITY_FORMAT},
+        .color_count = collects ? 0 : 1,
         .depth = HG_DEPTH_FORMAT,
         .depth_compare = late ? VK_COMPARE_OP_GREATER_OR_EQUAL : VK_COMPARE_OP_GREATER,
-        .depth_write = true,
+        .depth_write = !collects,
         .topology = style->topology,
-        .io = textured ? &alpha_mask_io : NULL,
+        .io = textured && !collects ? &alpha_mask_io : NULL,
     };
 }
 
@@ -186,21 +188,53 @@ enum hg_status hg_visibility_record(struct hg_pass *pass, const struct hg_visibi
     return status;
 }
 
-enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
-    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
-    struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous, struct hg_error *err)
+// Draws that blend.
+static enum hg_status draw_blended(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+    enum variant variant, struct hg_error *err)
 {
     const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
-    const enum variant variant = previous != NULL ? LAYER_NEXT : LAYER_FIRST;
     const struct manner manner = {.solid = variant, .mask = variant};
-    const struct alpha_mask_inputs inputs = {
-        .opaque_depth = {.image = opaque_depth}, .previous_depth = {.image = previous}};
+    return draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_BLEND],
+        set->class_first[HG_DRAW_CLASS_BLEND + 1], &manner, err);
+}
+
+enum hg_status hg_visibility_record_nearest(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    struct hg_gpu_image *opaque_depth, struct hg_error *err)
+{
+    const struct alpha_mask_inputs inputs = {.opaque_depth = {.image = opaque_depth}};
     enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &inputs, sizeof inputs, err);
     if (status != HG_OK)
         return status;
     begin(pass, target, pass->area, true);
-    status = draw_items(pass, scene->visible, set->class_first[HG_DRAW_CLASS_BLEND],
-        set->class_first[HG_DRAW_CLASS_BLEND + 1], &manner, err);
+    status = draw_blended(pass, scene, NEAREST, err);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_visibility_record_hiding(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    bool stochastic, struct hg_error *err)
+{
+    enum hg_status status = hg_pass_bind(pass, &alpha_mask_io, &nothing, sizeof nothing, err);
+    if (status != HG_OK)
+        return status;
+    begin(pass, target, pass->area, false);
+    status = draw_blended(pass, scene, stochastic ? STOCHASTIC : HIDING, err);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_visibility_collect(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+    struct hg_gpu_image *depth, struct hg_error *err)
+{
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_rendering rendering = {.depth = {.image = depth}, .area = pass->area};
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    hg_pass_view_whole(pass, depth);
+    status = draw_blended(pass, scene, COLLECT, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }
@@ -254,8 +288,9 @@ enum hg_status hg_visibility_warm_up(
         {true, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
         {true, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED | LATE},
         {true, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
-        {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
-        {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, HIDING, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, COLLECT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
+        {false, STOCHASTIC, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, NUMBERED},
     };
     static const struct style without[] = {
         {false, SOLID, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
@@ -264,8 +299,9 @@ enum hg_status hg_visibility_warm_up(
         {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
         {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED},
         {false, MASK, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, MAPPED | LATE},
-        {false, LAYER_FIRST, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
-        {false, LAYER_NEXT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, HIDING, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, COLLECT, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
+        {false, STOCHASTIC, VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST, 0},
     };
     const bool numbered = hg_gpu_strategy(gpu)->provoking_vertices;
     const struct style *styles = numbered ? with_numbers : without;

@@ -1,9 +1,8 @@
 // visibility.h - the visibility buffer: draw and primitive of each pixel, and depth.
 // Floor 3. RG32_UINT: x = draw + 1 (0 = nothing), y = primitive of the draw. D32, reversed.
 //
-// Blended surfaces are peeled front to back: each layer is a visibility buffer of its own that
-// holds the nearest blended surface behind the layer before it and in front of the opaque scene.
-// Source: Everitt 2001, "Interactive Order-Independent Transparency".
+// Blended surfaces go to lists (blend.h), but where one hides all behind it: there it is part of
+// the opaque scene.
 #ifndef HG_RENDERER_PASSES_VISIBILITY_H
 #define HG_RENDERER_PASSES_VISIBILITY_H
 
@@ -34,12 +33,22 @@ enum hg_status hg_visibility_test(struct hg_pass *pass, const struct hg_visibili
 enum hg_status hg_visibility_record_late(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
     struct hg_error *err) HG_MUST_CHECK;
-// One layer of blended draws. opaque_depth: of hg_visibility_record; previous: depth of the layer
-// in front, NULL for the first.
-enum hg_status hg_visibility_record_layer(struct hg_pass *pass,
+// The nearest of the blended draws in front of the opaque scene; clears the target first.
+// opaque_depth: of hg_visibility_record.
+enum hg_status hg_visibility_record_nearest(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
-    struct hg_gpu_image *opaque_depth, struct hg_gpu_image *previous,
-    struct hg_error *err) HG_MUST_CHECK;
+    struct hg_gpu_image *opaque_depth, struct hg_error *err) HG_MUST_CHECK;
+// Adds what is not see-through of blended draws to the opaque scene: fragments of alpha 1, as
+// shading of this sample finds it. stochastic: of others as many pixels as their alpha says, which
+// takes the place of blending.
+// Source: Enderton, Sintorn, Shirley and Luebke 2010, "Stochastic Transparency" (one sample).
+enum hg_status hg_visibility_record_hiding(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,
+    bool stochastic, struct hg_error *err) HG_MUST_CHECK;
+// Appends the fragments of blended draws in front of `depth` to the lists of the frame block
+// (hg_blend_clear before).
+enum hg_status hg_visibility_collect(struct hg_pass *pass, const struct hg_visibility_scene *scene,
+    struct hg_gpu_image *depth, struct hg_error *err) HG_MUST_CHECK;
 // All surfaces, blended ones as if opaque, inside `area` only: for picking.
 enum hg_status hg_visibility_record_pick(struct hg_pass *pass,
     const struct hg_visibility_scene *scene, const struct hg_visibility_target *target,

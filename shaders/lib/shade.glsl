@@ -3,7 +3,7 @@
 #ifndef HG_LIB_SHADE_GLSL
 #define HG_LIB_SHADE_GLSL
 
-// 0 opaque, 1 opaque behind layers, 2 layer, 3 opaque, to be seen through layers
+// 0 opaque, 1 opaque behind layers, 2 nearest layer, 3 opaque, to be seen through layers, 4 all layers
 layout(constant_id = 0) const uint hg_variant = 0u;
 // 0: radiance, to be accumulated; else a picture at once, with the curve of this number less one.
 layout(constant_id = 4) const uint hg_picture = 0u;
@@ -201,7 +201,7 @@ vec4 surface(uvec2 id, out float depth)
     hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
     depth = v.depth;
     hg_surface s = hg_material_evaluate(v);
-    float alpha = hg_variant == 2u ? s.alpha : 1.0;
+    float alpha = hg_variant == 2u || hg_variant == 4u ? s.alpha : 1.0;
     if (s.unlit)
         return vec4(s.base_color + s.emissive, 1.0) * alpha;
     vec3 view = -hg_frame.camera.forward_ws;
@@ -217,23 +217,52 @@ vec4 surface(uvec2 id, out float depth)
     return vec4(radiance, 1.0) * alpha;
 }
 
+// One broken or boundless sample must not spoil the mean.
+vec4 bounded(vec4 color)
+{
+    color = clamp(color, 0.0, 65504.0);
+    return any(isnan(color)) ? vec4(0.0, 0.0, 0.0, 1.0) : color;
+}
+
+// The layers of a pixel, front to back, premultiplied. What lies behind a surface that hides it all is
+// not looked at.
+vec4 layers(ivec2 pixel)
+{
+    uint at = hg_frame.blend.heads.v[uint(pixel.y) * hg_frame.width + uint(pixel.x)];
+    vec4 front = vec4(0.0);
+    do {
+        uvec2 id = uvec2(hg_frame.blend.nodes.v[at].draw, hg_frame.blend.nodes.v[at].primitive);
+        float depth;
+        hg_texture_forget();
+        vec4 color = bounded(surface(id, depth));
+        if (HG_HAS(HG_FEATURE_STREAM)) {
+            hg_texture_report(pixel);
+            hg_progress_spoil(pixel);
+        }
+        front += (1.0 - front.a) * color;
+        at = hg_frame.blend.nodes.v[at].next;
+    } while (at != 0u && front.a < 1.0);
+    return front;
+}
+
 void main()
 {
 #ifdef HG_FRAME_FLAT
     hg_flat_receive();
 #endif
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    hg_texture_counts = hg_variant == 3u || (hg_variant < 3u && hg_progress_waits(pixel));
+    hg_texture_counts = hg_variant == 3u || hg_progress_waits(pixel);
+    if (hg_variant == 4u) {
+        out_color = layers(pixel);
+        return;
+    }
     vec4 color;
     float depth = NOTHING;
     if (hg_background)
         color = background();
     else
         color = surface(texelFetch(hg_visibility, pixel, 0).xy, depth);
-    // One broken or boundless sample must not spoil the mean.
-    color = clamp(color, 0.0, 65504.0);
-    if (any(isnan(color)))
-        color = vec4(0.0, 0.0, 0.0, 1.0);
+    color = bounded(color);
     if (hg_variant == 3u)
         color.a = depth;
     if (hg_variant == 1u) {

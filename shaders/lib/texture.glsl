@@ -61,6 +61,14 @@ uint hg_texture_note0 = HG_TEXTURE_NONE, hg_texture_note1 = HG_TEXTURE_NONE;
 uint hg_texture_note2 = HG_TEXTURE_NONE, hg_texture_note3 = HG_TEXTURE_NONE;
 uint hg_texture_note4 = HG_TEXTURE_NONE;
 
+// Before lookups of another surface.
+void hg_texture_forget()
+{
+    hg_texture_coarser = 0u;
+    hg_texture_note0 = hg_texture_note1 = hg_texture_note2 = HG_TEXTURE_NONE;
+    hg_texture_note3 = hg_texture_note4 = HG_TEXTURE_NONE;
+}
+
 // Where to sample: everything that does not depend on which texture of the same shape it is.
 struct hg_texture_place {
     vec2 uv;      // wrapped, 0..1

@@ -5,6 +5,7 @@
 #ifndef HG_SHADERS_SHARED_FRAME_H
 #define HG_SHADERS_SHARED_FRAME_H
 
+#include "shared/blend.h"
 #include "shared/geometry.h"
 #include "shared/light.h"
 #include "shared/texture.h"
@@ -66,7 +67,8 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_lighting) lighting;
     HG_STRUCT(hg_gpu_textures) textures;
     HG_STRUCT(hg_gpu_geometry) geometry;
+    HG_STRUCT(hg_gpu_blend_lists) blend;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 784);
+HG_SHARED_SIZE(hg_gpu_frame, 808);
 
 #endif

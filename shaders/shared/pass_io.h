@@ -9,11 +9,9 @@
 #define HG_SHADE_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \
     X(1, NEAREST_2D, front)
-// visibility_alpha*.frag, for layers.
-#define HG_ALPHA_MASK_IO(X)                                                                        \
-    X(0, NEAREST_2D, opaque_depth)                                                                 \
-    X(1, NEAREST_2D, previous_depth)
-// unlit_tiles_cells.comp, peel_test.comp
+// visibility_alpha*.frag, for the nearest layer.
+#define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
+// unlit_tiles_cells.comp
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
 #define HG_PICK_IO(X)  X(0, NEAREST_U2D, visibility)
 #define HG_DEBUG_IO(X)                                                                             \

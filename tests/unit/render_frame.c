@@ -10,6 +10,7 @@
 #include "renderer/internal.h"
 #include "renderer/renderer.h"
 #include "tests/support/test_data.h"
+#include "shaders/shared/blend.h"
 #include "tests/unit/render_rig.h"
 
 // --- frames --------------------------------------------------------------------------------------
@@ -232,7 +233,7 @@ static void check_layers(struct rig *rig, uint32_t count, uint32_t seen)
     assert_float_equal(got[3], 1 - through, 2e-5f);
 }
 
-// As many layers as there are, 64 at most.
+// As many layers as there are, HG_BLEND_MAX_LAYERS at most.
 static void test_many_layers(void **state)
 {
     (void)state;
@@ -247,7 +248,9 @@ static void test_many_layers(void **state)
         check_layers(&rig, counts[i], counts[i]);
         rig_close_scene(&rig);
     }
-    check_layers(&rig, 80, 64);
+    check_layers(&rig, 80, 80);
+    rig_close_scene(&rig);
+    check_layers(&rig, 300, HG_BLEND_MAX_LAYERS);
     rig_close(&rig);
 }
 

@@ -1,0 +1,48 @@
+// frame_batch.h - one batch while its passes are declared and recorded: between frame_graph.c and
+// frame_blend.c.
+// Floor 4. Thread: the render thread.
+#ifndef HG_RENDERER_FRAME_FRAME_BATCH_H
+#define HG_RENDERER_FRAME_FRAME_BATCH_H
+
+#include "renderer/frame/frame.h"
+
+// What passes are recorded with, and their resources (0 = not in this batch).
+struct hg_batch {
+    struct hg_draw *draw;
+    struct hg_graph *graph;
+    struct hg_pass pass; // of the sample that is recorded
+    uint32_t sample, slot, slots, first_shadow_set;
+    bool skips_unlit; // unlit tiles
+    bool alone;       // the sample is not added to others
+    uint32_t visibility, depth, atlas, behind, accumulated, picture, counts;
+    uint32_t deformed, cache, progress, unlit_tiles, late_draws;
+    struct {
+        uint32_t visibility, color, depth, lists;
+    } blend; // blended surfaces in front of the opaque scene
+};
+
+static inline struct hg_batch *hg_batch_of(const struct hg_graph_run *run)
+{
+    return run->data;
+}
+
+static inline void hg_batch_add(struct hg_batch *f, const struct hg_graph_pass *pass)
+{
+    hg_graph_pass(f->graph, pass);
+}
+
+static inline uint32_t hg_batch_image(struct hg_batch *f, const char *name, VkFormat format)
+{
+    return hg_graph_image(
+        f->graph, &(struct hg_graph_image_params){.name = name, .format = format});
+}
+
+// --- frame_blend.c -------------------------------------------------------------------------------
+
+// Memory of the lists for the next batch, before its frame block is filled. HG_E_NOMEM.
+enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// After the visibility buffer: blended surfaces to blend.color, front to back; where one hides all
+// behind it, to the visibility buffer.
+void hg_batch_declare_blend(struct hg_batch *f);
+
+#endif
