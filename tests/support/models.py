@@ -12,6 +12,8 @@ usage: models.py FOLDER
                     512 x 512: more pages than a small budget holds
   startup.glb       a cube, a point lamp of 54351 cd and a camera: the startup scene of Blender as its
                     exporter writes it, without an environment
+  leaves.glb        a street with 200 leaf cards whose alpha is blended, one behind the other
+  leaves_opaque.glb the same, opaque
   morph.glb         a plate with two morph targets, animated over 2 s
   statue.ply.gz     a closed, bumpy surface of 204,800 triangles, 0.2 m high
   heights.png       16-bit heights of 1201 x 1201 samples
@@ -379,6 +381,64 @@ def make_startup(path):
     gltf.write_glb(path)
 
 
+def foliage(size):
+    """Rows of RGBA: leaves on a twig with soft rims, nothing between them."""
+    grain = random.Random(6)
+    leaves = []
+    for k in range(14):
+        radius = 0.36 * math.sqrt(k / 14)
+        leaves.append((0.5 + radius * math.cos(k * 2.4), 0.5 + radius * math.sin(k * 2.4),
+                       grain.uniform(0, math.pi), grain.uniform(0.7, 1)))
+    rows = []
+    for y in range(size):
+        row = bytearray()
+        for x in range(size):
+            u, v, color, best = (x + 0.5) / size, (y + 0.5) / size, (70, 120, 40), 0.0
+            for cx, cy, turn, shade in leaves:
+                along = (u - cx) * math.cos(turn) + (v - cy) * math.sin(turn)
+                across = (v - cy) * math.cos(turn) - (u - cx) * math.sin(turn)
+                inside = min(1.0, max(0.0, 6 * (1 - (along / 0.14) ** 2 - (across / 0.07) ** 2)))
+                if inside > best:
+                    vein = 20 if abs(across) < 0.004 else 0
+                    best, color = inside, (int(90 * shade) + vein, int(160 * shade) + vein, int(50 * shade))
+            row += bytes(color + (int(255 * best),))
+        rows.append(bytes(row))
+    return rows
+
+
+def make_leaves(path, alpha_mode, count=200):
+    """A street between two rows of houses, under leaf cards along it that hide each other."""
+    gltf, grain = Gltf(), random.Random(5)
+    leaf = gltf.image(png(256, 256, 4, 8, foliage(256)))
+    paint = gltf.image(png(128, 128, 3, 8, checks(128, 9)))
+
+    def material(texture, **more):
+        return dict({"pbrMetallicRoughness": {
+            "baseColorTexture": texture, "metallicFactor": 0, "roughnessFactor": 0.7}}, **more)
+    materials = [material(paint), material(leaf, alphaMode=alpha_mode, doubleSided=True)]
+    half = math.sqrt(0.5)
+    nodes = [{"mesh": 0, "scale": [8, 60, 1], "translation": [0, 0, -20], "rotation": [-half, 0, 0, half]},
+             {"mesh": 0, "scale": [60, 7, 1], "translation": [-4, 3.5, -20], "rotation": [0, half, 0, half]},
+             {"mesh": 0, "scale": [60, 7, 1], "translation": [4, 3.5, -20], "rotation": [0, -half, 0, half]}]
+    for k in range(count):
+        turn, lean = grain.uniform(-0.5, 0.5), grain.uniform(-0.3, 0.3)
+        side = -1 if k % 2 else 1
+        nodes.append({"mesh": 1, "scale": [3.2, 3.2, 1],
+                      "translation": [side * grain.uniform(0.2, 2.4), grain.uniform(1.2, 3.6), 4 - 40 * k / count],
+                      "rotation": [math.sin(lean / 2) * math.cos(turn / 2), math.cos(lean / 2) * math.sin(turn / 2),
+                                   -math.sin(lean / 2) * math.sin(turn / 2), math.cos(lean / 2) * math.cos(turn / 2)]})
+    nodes += [{"rotation": [-0.48, -0.24, 0, math.sqrt(1 - 0.48 ** 2 - 0.24 ** 2)], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+              {"translation": [0, 1.7, 9], "camera": 0}]
+    gltf.json.update({
+        "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+        "meshes": [plate(gltf, 0), plate(gltf, 1, 1)], "materials": materials,
+        "cameras": [{"type": "perspective", "perspective": {
+            "yfov": 0.9, "aspectRatio": 16 / 9, "znear": 0.1}}],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 3}]}},
+        "extensionsUsed": ["KHR_lights_punctual"]})
+    gltf.write_glb(path)
+
+
 def make_gallery(folder):
     gltf, grain = Gltf(), random.Random(4)
     materials, images = [], []
@@ -480,6 +540,8 @@ def main():
     make_gallery(os.path.join(folder, "gallery"))
     make_panes(os.path.join(folder, "panes.glb"))
     make_startup(os.path.join(folder, "startup.glb"))
+    make_leaves(os.path.join(folder, "leaves.glb"), "BLEND")
+    make_leaves(os.path.join(folder, "leaves_opaque.glb"), "OPAQUE")
     make_morph(os.path.join(folder, "morph.glb"))
     make_statue(os.path.join(folder, "statue.ply.gz"))
     make_heights(os.path.join(folder, "heights.png"))
