@@ -75,7 +75,7 @@ static bool find_elsewhere(const struct list *list, char *name, size_t size)
     const char *slash = strrchr(name, '/');
     if (strlen(slash ? slash + 1 : name) >= sizeof base)
         return false;
-    snprintf(base, sizeof base, "%s", slash ? slash + 1 : name);
+    snprintf(base, sizeof base, "%.1013s", slash ? slash + 1 : name);
     for (size_t i = 0; i < 2; i++) {
         snprintf(other, sizeof other, "%s%s", folders[i], base);
         snprintf(path, sizeof path, "%s%s", list->folder, other);
