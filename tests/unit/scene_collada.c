@@ -86,7 +86,8 @@ static void test_white_space(void **state)
         struct document d = plain;
         d.space = spaces[i];
         char *text = make(&d), *padded = malloc(strlen(text) + 64);
-        assert_non_null(padded);
+        if (!padded)
+            abort();
         sprintf(padded, "\xef\xbb\xbf%s\n%s\n \n", i % 2 ? " \n" : "", text);
         struct hg_asset *asset = load_text("w.dae", padded);
         expect_square(asset);
