@@ -12,7 +12,7 @@ enum { HG_CLI_RUN_ASSETS_MAX = 256 };
 // What the lines of one script have made so far; begins anew with each `connect` and `scene`.
 struct hg_cli_run_scene {
     uint32_t assets[HG_CLI_RUN_ASSETS_MAX], asset_count; // loaded, as sent
-    bool is_open, is_joined; // joined: other sessions made it
+    bool is_open, is_joined;                             // joined: other sessions made it
     bool has_camera;
     bool dirty;                  // changed since `frame` was rendered
     struct helio_message *frame; // newest one, or NULL

@@ -346,7 +346,7 @@ enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, str
         hg_frame_note_blend(&find, 1);
         status = start_exact(draw, 0, err); // discards it
     }
-    s->has_fallback = false;                // it would be outdated
+    s->has_fallback = false; // it would be outdated
     s->pages.missing = demand.missing;
     s->pages.waiting = demand.missing > 0;
     s->shadows.coarse_texels = demand.shadows;

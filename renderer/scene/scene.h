@@ -263,7 +263,7 @@ struct hg_asset {
         char format[16], version[16], generator[128], copyright[256];
         char **extensions_used;
         uint32_t extension_count;
-        double origin[3]; // its coordinates of the asset's zero: far models are moved there
+        double origin[3];      // its coordinates of the asset's zero: far models are moved there
         enum hg_up_axis up;    // that became +Y; HG_UP_AS_FILE: it was not asked for
         const char *up_reason; // why, for people; NULL as long as up is AS_FILE
     } file;

@@ -102,7 +102,8 @@ static void interval(void **state)
     static const struct {
         float t_min, t_max, direction;
         bool hit;
-    // Bounds lie beside the hit, not at it: its distance is rounded as the processor's units do.
+        // Bounds lie beside the hit, not at it: its distance is rounded as the processor's units
+        // do.
     } cases[] = {{0, 1e30f, -1, true}, {0, 0.9999f, -1, false}, {1.0001f, 2, -1, false},
         {0.99f, 1.01f, -1, true}, {0, 0.4999f, -2, false}, {0, 0.51f, -2, true}, {0, 2, 1, false},
         {2, 1, -1, false}, {NAN, 2, -1, false}, {0, NAN, -1, false}, {0, 2, NAN, false},

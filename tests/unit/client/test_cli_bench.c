@@ -28,8 +28,8 @@ static void test_bench(void **state)
     expect_file("stopped", "\n");
     harness_write(&h, "stopped", "", 0);
     // In the foreground: one signal. A second one, to the group, would kill at once.
-    expect_run(8, "interrupted", "",
-        "timeout --foreground --preserve-status -s INT 2 $HELIO bench hangs");
+    expect_run(
+        8, "interrupted", "", "timeout --foreground --preserve-status -s INT 2 $HELIO bench hangs");
     expect_file("stopped", "\n");
 }
 
