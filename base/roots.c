@@ -42,7 +42,7 @@ static char *resolve_under(const char *root, const char *path, bool *missing)
     return real;
 }
 
-// The roots by their last names: whoever may load files is not told where they lie on the machine.
+// The roots by their last names: errors do not reveal where they lie on the machine.
 static void list_roots(const struct hg_roots *roots, char *text, size_t size)
 {
     size_t used = 0;

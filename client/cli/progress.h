@@ -16,7 +16,7 @@ struct hg_cli_progress {
     uint64_t begin_ns, shown_ns; // a line appears after a second, at most ten times a second
     bool quiet, verbose;         // nothing but errors; every warning
     bool line_open;              // the cursor stands behind a progress line
-    int32_t frame;               // number of the frame at hand
+    int32_t frame;               // number of the current frame
     uint32_t index;              // its place from 1; 0: of none
     char stage[72];              // the newest stage and how far it is
     uint64_t done, total;
@@ -25,7 +25,7 @@ struct hg_cli_progress {
     uint32_t frames, frames_done, frames_made; // all to come; there; those of them made now
     uint64_t first_ns, frames_ns;              // taken by the first one made, which has to compile
                                                // shaders; by the others
-    uint64_t frame_begin_ns;                   // of the one at hand
+    uint64_t frame_begin_ns;                   // of the current one
     uint32_t warnings, warnings_said;          // all of them; those that were printed or counted
     char first_warning[960];                   // of those that were not said yet
     uint32_t replaced;                         // workers that ended and were replaced

@@ -9,7 +9,7 @@
 
 enum { HG_CLI_RUN_ASSETS_MAX = 256 };
 
-// What the lines of one script have made so far; begins anew with each `connect` and `scene`.
+// State of the scene that a script has open; reset by `connect` and `scene`.
 struct hg_cli_run_scene {
     uint32_t assets[HG_CLI_RUN_ASSETS_MAX], asset_count; // loaded, as sent
     bool is_open, is_joined;                             // joined: other sessions made it

@@ -6,7 +6,7 @@
 #include "renderer/frame/state.h"
 
 // One slice of work on view->path, which is made on first use; nothing of the real-time picture
-// changes. draw: whether it waits (HG_DRAW_WAIT). begins: the film starts anew. *changes: how often
+// changes. draw: whether it waits (HG_DRAW_WAIT). begins: the film restarts. *changes: how often
 // the film changed.
 enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     bool begins, uint64_t *changes, struct hg_error *err) HG_MUST_CHECK;

@@ -1,4 +1,4 @@
-// The light of a scene whose environment nobody chose, against closed forms.
+// The default light of a scene without an environment, against closed forms.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -302,7 +302,7 @@ static void test_checkpoints(void **state)
         "$HELIO render s.gltf -o cp.png --mode path --resume");
     expect_run(8, NULL, "silent=frame_request fail=checkpoint_query:12 log=logc", stop);
     expect_no_file("cp.png.checkpoint");
-    expect_run(0, "as the test wants; the picture begins anew", "fail=checkpoint_set:1",
+    expect_run(0, "as the test wants; the film starts at sample 0", "fail=checkpoint_set:1",
         "FAKE=\"silent=frame_request log=logc\"; rm -f logc; $HELIO render s.gltf -o cp.png --mode "
         "path & p=$!; until grep -qs frame_request logc; do sleep 0.05; done; kill -TERM $p; "
         "wait $p; FAKE=fail=checkpoint_set:1; $HELIO render s.gltf -o cp.png --mode path --resume");
