@@ -198,7 +198,8 @@ enum hg_status hg_cli_checkpoint_load(
     }
     if (wrong) {
         *samples = 0;
-        hg_cli_progress_say(&kept->cli->progress, "%s: %s; the film starts at sample 0", path, wrong);
+        hg_cli_progress_say(
+            &kept->cli->progress, "%s: %s; the film starts at sample 0", path, wrong);
     }
     hg_free(file);
     return status;

@@ -21,8 +21,9 @@ float hg_meter_ev(const struct hg_view_state *view);
 // Whether the view waits for a value of what it shows now. False: its exposure is stated, or
 // metered.
 bool hg_meter_is_due(const struct hg_view_state *view);
-// One slice of metering, of a synced scene. It replaces the film of the view, which restarts afterwards.
-// What cannot be path-traced, for lack of memory, is shown with exposure 0, and the log says so.
+// One slice of metering, of a synced scene. It replaces the film of the view, which restarts
+// afterwards. What cannot be path-traced, for lack of memory, is shown with exposure 0, and the log
+// says so.
 enum hg_status hg_meter_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     struct hg_error *err) HG_MUST_CHECK;
 
