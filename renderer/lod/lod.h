@@ -38,7 +38,7 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
-#define HG_LOD_VERSION           11u // grows when a part would bake to other bytes
+#define HG_LOD_VERSION           12u // grows when a part would bake to other bytes
 #define HG_LOD_CLUSTER_TRIANGLES 128
 #define HG_LOD_CLUSTER_VERTICES  256    // distinct vertices of one cluster
 #define HG_LOD_GROUP_CLUSTERS    32     // clusters of one group, at most

@@ -8,7 +8,7 @@
 #include "renderer/lod/discs.h"
 
 #define NEIGHBOURS 16
-#define FEW        8    // points; below, a cloud has no surface to speak of: separate dots
+#define FEW        256u // points of a cloud; below, it has no surface to speak of: separate dots
 #define OPEN_CELL  3.0f // of the distance to the fifth neighbour: cells that reach farther are open
 #define SLACK      1.06f // discs are polygons of the same area, and positions are rounded
 #define OUTLIER    4.0f  // radii of the points around a point that its own may reach
@@ -251,7 +251,7 @@ static void measure(const struct hg_point_tree *t, const struct hg_mesh_part *pa
     }
     if (n.count == 0)
         out->radius = lonely_radius(part);
-    else if (n.count < FEW)
+    else if (n.count < NEIGHBOURS || t->count < FEW)
         out->radius = 0.35f * sqrtf(n.distance2[0]);
     else
         out->radius = SLACK * cell_radius(t, &n, out->normal);

@@ -259,7 +259,8 @@ class Test:
             shutil.rmtree(f"{self.shaders}/store", ignore_errors=True)
             words = self.words(f"{self.folder}/progress", cache=self.shaders,
                                more=("--progress", "json", "--samples", str(samples)))
-            lines = [json.loads(l) for l in self.run(*words)[2].splitlines() if l.startswith("{")]
+            events = [json.loads(l) for l in self.run(*words)[2].splitlines() if l.startswith("{")]
+            lines = [e for e in events if e["event"] == "progress"]
             baking = [l for l in lines if l["stage"] == "baking textures"]
             if any(l["done"] > l["total"] for l in lines if l["total"]):
                 raise Failure(f"more is done than there is: {lines}")

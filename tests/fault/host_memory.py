@@ -24,8 +24,9 @@ FEW, MANY = 6, 96  # parts; 21 and 337 MiB of source arrays
 PART_BYTES = (CELLS + 1) ** 2 * 32 + CELLS * CELLS * 24
 BUDGET = 64  # MiB, of textures, geometry and the host each; as much as of geometry for ray structures
 # MiB that MANY may take beside FEW: the window of pages in use, what is touched between two looks at
-# them, tables of clusters and the coarsest level of each part.
-MORE = 160
+# them, tables of clusters, the coarsest level of each part, and the ray structures of the exposure
+# meter up to their budget, which FEW do not fill.
+MORE = 160 + BUDGET
 BESIDE = 896  # MiB beside all budgets: a realtime and a path-traced view and what compiles their shaders
 PATIENCE_S = 240
 SCRIPT = """load {scene}

@@ -177,7 +177,8 @@ done
 holder=$!
 look() { printf '%s\n' "set size 96x64" "set samples 2" "frame $temp/$1.png"; }
 { echo "load $knot" && look own; } >"$temp/own"
-{ echo "scene show" && look joined && echo "expect stat geometry.triangles_total > 0"; } >"$temp/join"
+# Not before it is loaded: a camera is fitted to what the scene holds at that moment.
+{ echo "scene show" && echo "expect stat geometry.triangles_total > 0" && look joined; } >"$temp/join"
 joins() { "$helio" run "$temp/join" --connect "$url" >/dev/null 2>&1; }
 until_true joins
 kill "$holder"

@@ -211,9 +211,6 @@ static void empty(void **state)
     struct hg_mesh *lines = rig_soup(r, 20, 1.0);
     lines->parts->topology = HG_TOPOLOGY_LINES;
     rig_node(r, lines, NULL);
-    struct hg_mesh *points = rig_soup(r, 20, 1.0);
-    points->parts->topology = HG_TOPOLOGY_POINTS;
-    rig_node(r, points, NULL);
     rig_sync(r);
     assert_int_equal(rig_compare(r, 100, false), 0);
     rig_close(r);
