@@ -180,7 +180,9 @@ enum hg_status hg_cli_run_edit(
 
 enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err)
 {
-    if (r->scene.has_camera)
+    // What is in the scene comes from others, who may be loading just now: the daemon's automatic
+    // camera follows them.
+    if (r->scene.has_camera || r->scene.asset_count == 0)
         return HG_OK;
     const struct hg_cli_step step = {
         .kind = HG_CLI_STEP_CAMERA_FIT, .fit = {.has_cameras = true, .cameras = true}};
