@@ -332,7 +332,8 @@ void hg_material_set_defaults(struct hg_material *m)
     m->ior = 1.5f;
     m->specular.factor = 1;
     for (int i = 0; i < 3; i++)
-        m->specular.color[i] = m->diffuse_transmission.color[i] = 1;
+        m->specular.color[i] = m->volume.attenuation_color[i] = m->diffuse_transmission.color[i] =
+            1;
     m->volume.attenuation_distance = INFINITY;
     m->iridescence.ior = 1.3f;
     m->iridescence.thickness_min_nm = 100;

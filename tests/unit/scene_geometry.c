@@ -519,6 +519,29 @@ static void test_spec_gloss_material(void **state)
     hg_asset_destroy(asset);
 }
 
+// What an extension leaves out keeps the value that its specification gives: a volume that states
+// no colour is clear and not black.
+static void test_lobe_defaults(void **state)
+{
+    (void)state;
+    begin();
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"KHR_materials_volume\"],\"materials\":[{\"extensions\":"
+        "{\"KHR_materials_volume\":{\"attenuationDistance\":2,\"thicknessFactor\":1}}}]");
+    const struct hg_material *m = asset->materials[0];
+    assert_float_equal(m->volume.attenuation_distance, 2, 0);
+    for (int i = 0; i < 3; i++) {
+        assert_float_equal(m->volume.attenuation_color[i], 1, 0);
+        assert_float_equal(m->specular.color[i], 1, 0);
+        assert_float_equal(m->diffuse_transmission.color[i], 1, 0);
+        assert_float_equal(m->sheen.color[i], 0, 0);
+    }
+    assert_float_equal(m->ior, 1.5f, 0);
+    assert_float_equal(m->specular.factor, 1, 0);
+    assert_float_equal(m->iridescence.ior, 1.3f, 0);
+    hg_asset_destroy(asset);
+}
+
 static void test_instancing(void **state)
 {
     (void)state;
@@ -670,7 +693,8 @@ int main(void)
         cmocka_unit_test(test_sphere_tangents), cmocka_unit_test(test_quantized),
         cmocka_unit_test(test_draco), cmocka_unit_test(test_meshopt),
         cmocka_unit_test(test_spec_gloss_equation), cmocka_unit_test(test_spec_gloss_material),
-        cmocka_unit_test(test_instancing), cmocka_unit_test(test_lights),
-        cmocka_unit_test(test_variants), cmocka_unit_test(test_paths)};
+        cmocka_unit_test(test_lobe_defaults), cmocka_unit_test(test_instancing),
+        cmocka_unit_test(test_lights), cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_paths)};
     return test_run_group(tests, NULL, NULL);
 }
