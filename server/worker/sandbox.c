@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <linux/landlock.h>
 #include <seccomp.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -80,6 +81,10 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, o->shader_dir, read_access);
     if (o->cache_dir)
         allow(ruleset, o->cache_dir, cache_access);
+    // Below the cache folder unless the environment names another one (hg_renderer_prepare_process).
+    const char *shader_cache = getenv("MESA_SHADER_CACHE_DIR");
+    if (shader_cache)
+        allow(ruleset, shader_cache, cache_access);
 }
 
 // Returns the kernel's Landlock ABI, 0 where there is none.

@@ -30,7 +30,7 @@ enum { SCOPE_ABI = 6 };
 #define MEMORY_LIMIT 268435456u
 #endif
 
-static char folder[TEST_FOLDER_MAX], cache[80], root[80], secret[80], asset[80];
+static char folder[TEST_FOLDER_MAX], cache[80], shader_cache[80], root[80], secret[80], asset[80];
 
 static long landlock_abi(void)
 {
@@ -43,10 +43,12 @@ static int make_files(void **state)
     (void)state;
     assert_true(test_folder_make(folder, "sandbox"));
     snprintf(cache, sizeof cache, "%s/cache", folder);
+    snprintf(shader_cache, sizeof shader_cache, "%s/compiled", folder);
     snprintf(root, sizeof root, "%s/root", folder);
     snprintf(secret, sizeof secret, "%s/secret", folder);
     snprintf(asset, sizeof asset, "%s/root/asset", folder);
     assert_int_equal(mkdir(cache, 0700), 0);
+    assert_int_equal(mkdir(shader_cache, 0700), 0);
     assert_int_equal(mkdir(root, 0700), 0);
     test_file_write(secret, "text", 4);
     test_file_write(asset, "text", 4);
@@ -104,12 +106,22 @@ static int write_asset(void)
     return open(asset, O_WRONLY | O_CLOEXEC);
 }
 
-static int write_cache(void)
+static int write_entry(const char *where)
 {
     char path[96];
-    snprintf(path, sizeof path, "%s/entry", cache);
+    snprintf(path, sizeof path, "%s/entry", where);
     int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
     return fd < 0 ? -1 : (int)write(fd, "x", 1);
+}
+
+static int write_cache(void)
+{
+    return write_entry(cache);
+}
+
+static int write_shader_cache(void)
+{
+    return write_entry(shader_cache);
 }
 
 // As Mesa does with the index of its shader cache.
@@ -161,6 +173,16 @@ static void test_files(void **state)
     assert_int_equal(inside(write_asset), denied);
 }
 
+// A folder for compiled shaders which the environment names lies outside of the cache folder.
+static void test_shader_cache(void **state)
+{
+    (void)state;
+    assert_int_equal(unsetenv("MESA_SHADER_CACHE_DIR"), 0);
+    assert_int_equal(inside(write_shader_cache), landlock_abi() ? EACCES : 0);
+    assert_int_equal(setenv("MESA_SHADER_CACHE_DIR", shader_cache, 1), 0);
+    assert_int_equal(inside(write_shader_cache), 0);
+}
+
 static void test_signals(void **state)
 {
     (void)state;
@@ -179,7 +201,8 @@ static void test_programs_sockets_and_memory(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_files), cmocka_unit_test(test_signals),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
+        cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_signals),
         cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
 }

@@ -20,14 +20,15 @@ static const float haze_spectrum[3] = {0.7590f, 1.0f, 1.3365f};
 #define RAYLEIGH_KM 8.0f // scale heights
 #define MIE_KM      1.2f
 
-#define TABLE_X 64 // cosine of the sun's zenith angle
-#define TABLE_Y 32 // height
+#define TABLE_X   64 // cosine of the sun's zenith angle
+#define TABLE_Y   32 // height
+#define SKY_STEPS 40 // of a march
 
 struct atmosphere {
     struct hg_sky sky;
     float mie_scattering, mie_absorption;
-    float transmittance[TABLE_Y][TABLE_X][3]; // to the top of the atmosphere, 0 behind the earth
-    float multiple[TABLE_Y][TABLE_X][3];      // radiance of orders >= 2 per unit of illuminance
+    hg_v4 transmittance[TABLE_Y][TABLE_X]; // to the top of the atmosphere, 0 behind the earth
+    hg_v4 multiple[TABLE_Y][TABLE_X];      // radiance of orders >= 2 per unit of illuminance
 };
 
 struct medium {
@@ -71,18 +72,37 @@ static float table_height(float y)
     return (TOP_KM - GROUND_KM) * y * y;
 }
 
-static void table_read(const float table[TABLE_Y][TABLE_X][3], float r, float mu, float out[3])
+// A place between the entries of a table, along one of its axes.
+struct table_place {
+    int index;
+    float between;
+};
+
+static struct table_place table_place(float at, int size)
 {
-    float y = sqrtf(hg_clampf((r - GROUND_KM) / (TOP_KM - GROUND_KM), 0, 1)) * (TABLE_Y - 1);
+    const int index = (int)fminf(at, (float)(size - 2));
+    return (struct table_place){index, at - (float)index};
+}
+
+static struct table_place height_place(float r)
+{
+    return table_place(
+        sqrtf(hg_clampf((r - GROUND_KM) / (TOP_KM - GROUND_KM), 0, 1)) * (TABLE_Y - 1), TABLE_Y);
+}
+
+static struct table_place mu_place(float mu)
+{
     float s = (mu < 0 ? -1.0f : 1.0f) * sqrtf(fabsf(mu));
-    float x = hg_clampf(0.5f + 0.5f * s, 0, 1) * (TABLE_X - 1);
-    int i = (int)fminf(x, TABLE_X - 2), j = (int)fminf(y, TABLE_Y - 2);
-    float fx = x - (float)i, fy = y - (float)j;
-    for (int c = 0; c < 3; c++) {
-        float low = table[j][i][c] + (table[j][i + 1][c] - table[j][i][c]) * fx;
-        float high = table[j + 1][i][c] + (table[j + 1][i + 1][c] - table[j + 1][i][c]) * fx;
-        out[c] = low + (high - low) * fy;
-    }
+    return table_place(hg_clampf(0.5f + 0.5f * s, 0, 1) * (TABLE_X - 1), TABLE_X);
+}
+
+static hg_v4 table_read(
+    const hg_v4 table[TABLE_Y][TABLE_X], struct table_place height, struct table_place mu)
+{
+    const hg_v4 *low_row = &table[height.index][mu.index], *high_row = low_row + TABLE_X;
+    hg_v4 low = low_row[0] + (low_row[1] - low_row[0]) * mu.between;
+    hg_v4 high = high_row[0] + (high_row[1] - high_row[0]) * mu.between;
+    return low + (high - low) * height.between;
 }
 
 static float table_mu(int i)
@@ -111,32 +131,80 @@ static void transmittance_row(void *user, size_t row)
                 depth[c] += m.extinction[c] * (to - from);
         }
         for (int c = 0; c < 3; c++)
-            a->transmittance[row][i][c] = expf(-depth[c]);
+            a->transmittance[row][i][(size_t)c] = expf(-depth[c]);
     }
 }
 
-// Sun light that reaches a point, per unit outside; fades while the disc sinks below the horizon.
-static void sun_light(const struct atmosphere *a, float r, float mu, float out[3])
+// What the light of the sun at a point depends on, but for the cosine of the sun's zenith angle.
+struct sun_place {
+    struct table_place height;
+    float horizon; // its cosine
+};
+
+static struct sun_place sun_place(float r)
 {
-    float horizon = -sqrtf(fmaxf(0, 1 - GROUND_KM * GROUND_KM / (r * r)));
-    float seen = hg_clampf((mu - horizon) / (2 * SUN_RADIUS) + 0.5f, 0, 1);
-    table_read(a->transmittance, r, mu, out);
-    for (int c = 0; c < 3; c++)
-        out[c] *= seen * seen * (3 - 2 * seen);
+    return (struct sun_place){
+        height_place(r), -sqrtf(fmaxf(0, 1 - GROUND_KM * GROUND_KM / (r * r)))};
 }
 
-// One march through the air. Directions in a frame whose y points up at the eye.
-struct march {
-    float r, dir[3], sun[3]; // radius of the start, unit directions
-    int steps;
-    bool isotropic; // for the multiple-scattering table: phase 1 / 4 pi, no higher orders
+// Sun light that reaches a point, per unit outside; fades while the disc sinks below the horizon.
+static hg_v4 sun_light(
+    const struct atmosphere *a, const struct sun_place *at, float mu, struct table_place mu_at)
+{
+    float seen = hg_clampf((mu - at->horizon) / (2 * SUN_RADIUS) + 0.5f, 0, 1);
+    return table_read(a->transmittance, at->height, mu_at) * (seen * seen * (3 - 2 * seen));
+}
+
+// The air along a ray, which is the same for every azimuth and every place of the sun: light
+// scattered at each step is weighted by the transmittance from there to the start.
+struct air_step {
+    float t, r; // distance along the ray and radius, of the step's middle
+    struct sun_place sun;
+    hg_v4 rayleigh, mie; // weighted scattering
 };
 
-struct march_result {
-    float light[3];         // per unit of the sun's illuminance
-    float scattered[3];     // share of light that scattering passes on (isotropic)
-    float transmittance[3]; // to the end
+struct air {
+    float r, y; // radius of the start, cosine of the zenith angle
+    float length;
+    bool ground; // the ray ends there
+    int steps;
+    hg_v4 scattered;     // share of light that scattering passes on (isotropic)
+    hg_v4 transmittance; // to the end
+    struct air_step step[SKY_STEPS];
 };
+
+static float radius_at(const struct air *air, float t)
+{
+    const double r = (double)air->r, d = (double)t;
+    return (float)sqrt(r * r + d * d + 2 * r * d * (double)air->y);
+}
+
+static void add_step(const struct atmosphere *a, float from, float to, struct air *air)
+{
+    struct air_step *step = &air->step[air->steps++];
+    const float t = 0.5f * (from + to), r = radius_at(air, t);
+    const struct medium m = medium_at(a, fmaxf(r - GROUND_KM, 0));
+    *step = (struct air_step){.t = t, .r = r, .sun = sun_place(r)};
+    for (size_t c = 0; c < 3; c++) {
+        const float pass = expf(-m.extinction[c] * (to - from));
+        // Hillaire 2016: the step's source integrated against its own extinction.
+        const float weight = air->transmittance[c] * (1 - pass) / m.extinction[c];
+        step->rayleigh[c] = m.rayleigh[c] * weight;
+        step->mie[c] = m.mie[c] * weight;
+        air->transmittance[c] *= pass;
+    }
+    air->scattered += step->rayleigh + step->mie;
+}
+
+static void look_through(const struct atmosphere *a, float r, float y, int steps, struct air *out)
+{
+    *out = (struct air){.r = r, .y = y, .ground = hits_ground(r, y), .transmittance = {1, 1, 1, 1}};
+    out->length = sphere_distance(r, y, out->ground ? GROUND_KM : TOP_KM);
+    for (int k = 0; k < steps; k++) {
+        const float t0 = (float)k / (float)steps, t1 = (float)(k + 1) / (float)steps;
+        add_step(a, out->length * t0 * t0, out->length * t1 * t1, out);
+    }
+}
 
 static float mie_phase(float cosine)
 {
@@ -146,88 +214,67 @@ static float mie_phase(float cosine)
     return (float)(3 / (8 * HG_PI)) * (1 - g2) * (1 + cosine * cosine) / ((2 + g2) * k * sqrtf(k));
 }
 
-static void march_step(const struct atmosphere *a, const struct march *m, const float at[3],
-    float step, struct march_result *out)
-{
-    float r = hg_length3(at), mu = hg_dot3(at, m->sun) / r, sun[3], multiple[3] = {0, 0, 0};
-    struct medium air = medium_at(a, fmaxf(r - GROUND_KM, 0));
-    float cosine = hg_dot3(m->dir, m->sun);
-    float phase_r = (float)(3 / (16 * HG_PI)) * (1 + cosine * cosine), phase_m = mie_phase(cosine);
-    sun_light(a, r, mu, sun);
-    if (m->isotropic)
-        phase_r = phase_m = (float)(1 / (4 * HG_PI));
-    else
-        table_read(a->multiple, r, mu, multiple);
-    for (int c = 0; c < 3; c++) {
-        float scattering = air.rayleigh[c] + air.mie[c];
-        float source =
-            sun[c] * (air.rayleigh[c] * phase_r + air.mie[c] * phase_m) + multiple[c] * scattering;
-        float pass = expf(-air.extinction[c] * step);
-        // Hillaire 2016: the step's source integrated against its own extinction.
-        float weight = out->transmittance[c] * (1 - pass) / air.extinction[c];
-        out->light[c] += source * weight;
-        out->scattered[c] += scattering * weight;
-        out->transmittance[c] *= pass;
-    }
-}
+// The sun above the start of a ray, and beside its direction.
+struct sun_about {
+    float y, cosine; // of its zenith angle at the start, and of the angle between it and the ray
+    bool isotropic;  // for the multiple-scattering table: phase 1 / 4 pi, no higher orders
+};
 
 // Light of the ground seen at the end of a march: sun and, unless isotropic, the sky's share.
-static void add_ground(
-    const struct atmosphere *a, const struct march *m, float length, struct march_result *out)
+static hg_v4 ground_light(
+    const struct atmosphere *a, const struct air *air, const struct sun_about *sun)
 {
-    float at[3] = {0, m->r, 0}, sun[3], sky[3] = {0, 0, 0};
-    hg_mad3(at, m->dir, length, at);
-    hg_normalize3(at);
-    float mu = hg_dot3(at, m->sun);
-    sun_light(a, GROUND_KM, mu, sun);
-    if (!m->isotropic)
-        table_read(a->multiple, GROUND_KM, mu, sky);
-    for (int c = 0; c < 3; c++)
-        out->light[c] += out->transmittance[c] * GROUND_ALBEDO *
-                         (sun[c] * fmaxf(mu, 0) * (float)(1 / HG_PI) + sky[c]);
+    const float mu = (air->r * sun->y + air->length * sun->cosine) / radius_at(air, air->length);
+    const struct sun_place at = sun_place(GROUND_KM);
+    const struct table_place mu_at = mu_place(mu);
+    hg_v4 light = sun_light(a, &at, mu, mu_at) * (fmaxf(mu, 0) * (float)(1 / HG_PI));
+    if (!sun->isotropic)
+        light += table_read(a->multiple, at.height, mu_at);
+    return air->transmittance * GROUND_ALBEDO * light;
 }
 
-static struct march_result march(const struct atmosphere *a, const struct march *m)
+// Light along a ray per unit of the sun's illuminance.
+static hg_v4 march(const struct atmosphere *a, const struct air *air, const struct sun_about *sun)
 {
-    struct march_result out = {.transmittance = {1, 1, 1}};
-    bool ground = hits_ground(m->r, m->dir[1]);
-    float length = sphere_distance(m->r, m->dir[1], ground ? GROUND_KM : TOP_KM);
-    for (int k = 0; k < m->steps; k++) {
-        float t0 = (float)k / (float)m->steps, t1 = (float)(k + 1) / (float)m->steps;
-        float from = length * t0 * t0, to = length * t1 * t1, at[3] = {0, m->r, 0};
-        hg_mad3(at, m->dir, 0.5f * (from + to), at);
-        march_step(a, m, at, to - from, &out);
+    const float isotropic = (float)(1 / (4 * HG_PI)), c2 = sun->cosine * sun->cosine;
+    const float phase_r = sun->isotropic ? isotropic : (float)(3 / (16 * HG_PI)) * (1 + c2);
+    const float phase_m = sun->isotropic ? isotropic : mie_phase(sun->cosine);
+    hg_v4 light = {0, 0, 0, 0};
+    for (int k = 0; k < air->steps; k++) {
+        const struct air_step *step = &air->step[k];
+        const float mu = (air->r * sun->y + step->t * sun->cosine) / step->r;
+        const struct table_place at = mu_place(mu);
+        light +=
+            sun_light(a, &step->sun, mu, at) * (step->rayleigh * phase_r + step->mie * phase_m);
+        if (!sun->isotropic)
+            light += table_read(a->multiple, step->sun.height, at) * (step->rayleigh + step->mie);
     }
-    if (ground)
-        add_ground(a, m, length, &out);
-    return out;
+    return air->ground ? light + ground_light(a, air, sun) : light;
 }
 
 // Hillaire 2020, eq. 5..10: second order from 64 directions, further ones as a geometric series.
 static void multiple_row(void *user, size_t row)
 {
+    enum { RINGS = 8, AROUND = 8 };
     struct atmosphere *a = user;
-    for (int i = 0; i < TABLE_X; i++) {
-        float mu = table_mu(i), second[3] = {0, 0, 0}, share[3] = {0, 0, 0};
-        struct march m = {.r = GROUND_KM + fmaxf(table_height((float)row / (TABLE_Y - 1)), 0.01f),
-            .sun = {sqrtf(fmaxf(0, 1 - mu * mu)), mu, 0},
-            .steps = 20,
-            .isotropic = true};
-        for (int k = 0; k < 64; k++) {
-            float y = 1 - 2 * ((float)(k / 8) + 0.5f) / 8, s = sqrtf(1 - y * y);
-            float phi = (float)(2 * HG_PI) * ((float)(k % 8) + 0.5f) / 8;
-            m.dir[0] = s * cosf(phi);
-            m.dir[1] = y;
-            m.dir[2] = s * sinf(phi);
-            struct march_result r = march(a, &m);
-            for (int c = 0; c < 3; c++) {
-                second[c] += r.light[c] / 64;
-                share[c] += r.scattered[c] / 64;
-            }
+    const float r = GROUND_KM + fmaxf(table_height((float)row / (TABLE_Y - 1)), 0.01f);
+    hg_v4 second[TABLE_X] = {{0}}, share = {0, 0, 0, 0};
+    for (int ring = 0; ring < RINGS; ring++) {
+        struct air air;
+        const float y = 1 - 2 * ((float)ring + 0.5f) / RINGS, s = sqrtf(1 - y * y);
+        look_through(a, r, y, SKY_STEPS / 2, &air);
+        share += air.scattered / RINGS;
+        for (int i = 0; i < TABLE_X * AROUND; i++) {
+            const float phi = (float)(2 * HG_PI) * ((float)(i % AROUND) + 0.5f) / AROUND;
+            const float mu = table_mu(i / AROUND);
+            const struct sun_about sun = {
+                mu, s * cosf(phi) * sqrtf(fmaxf(0, 1 - mu * mu)) + y * mu, true};
+            second[i / AROUND] += march(a, &air, &sun) / (RINGS * AROUND);
         }
-        for (int c = 0; c < 3; c++)
-            a->multiple[row][i][c] = second[c] / (1 - fminf(share[c], 0.98f));
     }
+    for (int i = 0; i < TABLE_X; i++)
+        for (size_t c = 0; c < 3; c++)
+            a->multiple[row][i][c] = second[i][c] / (1 - fminf(share[c], 0.98f));
 }
 
 struct sky_fill {
@@ -250,16 +297,16 @@ static void sky_row(void *user, size_t row)
     const struct atmosphere *a = fill->a;
     float *out = (float *)fill->image->pixels + row * HG_SKY_WIDTH * 4;
     float latitude = (float)HG_PI * (0.5f - ((float)row + 0.5f) / HG_SKY_HEIGHT);
-    struct march m = {.r = GROUND_KM + EYE_KM, .steps = 40};
-    hg_copy3(a->sky.sun_direction, m.sun);
+    const float y = sinf(latitude), *sun = a->sky.sun_direction;
+    struct air air;
+    look_through(a, GROUND_KM + EYE_KM, y, SKY_STEPS, &air);
     for (uint32_t x = 0; x < HG_SKY_WIDTH; x++, out += 4) {
         float phi = (float)(2 * HG_PI) * (((float)x + 0.5f) / HG_SKY_WIDTH - 0.5f);
-        m.dir[0] = cosf(latitude) * cosf(phi);
-        m.dir[1] = sinf(latitude);
-        m.dir[2] = cosf(latitude) * sinf(phi);
-        struct march_result r = march(a, &m);
-        for (int c = 0; c < 3; c++)
-            out[c] = r.light[c] * HG_SKY_SUN_LUX;
+        const float direction[3] = {cosf(latitude) * cosf(phi), y, cosf(latitude) * sinf(phi)};
+        const struct sun_about about = {sun[1], hg_dot3(direction, sun), false};
+        const hg_v4 light = march(a, &air, &about);
+        for (size_t c = 0; c < 3; c++)
+            out[c] = light[c] * HG_SKY_SUN_LUX;
         out[3] = 1;
     }
 }
@@ -320,7 +367,7 @@ static void set_air(struct atmosphere *a, const struct hg_sky *sky)
 enum hg_status hg_sky_render(const struct hg_sky *sky, struct hg_jobs *jobs, struct hg_image *out)
 {
     *out = (struct hg_image){0};
-    struct atmosphere *a = hg_calloc(1, sizeof *a);
+    struct atmosphere *a = hg_calloc_aligned(16, sizeof *a);
     if (!a)
         return HG_E_NOMEM;
     enum hg_status status =
@@ -344,7 +391,9 @@ void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3])
     set_air(&a, sky);
     for (size_t row = 0; row < 2; row++)
         transmittance_row(&a, row);
-    sun_light(&a, GROUND_KM + EYE_KM, a.sky.sun_direction[1], out);
-    for (int c = 0; c < 3; c++)
-        out[c] *= HG_SKY_SUN_LUX;
+    const float mu = a.sky.sun_direction[1];
+    const struct sun_place at = sun_place(GROUND_KM + EYE_KM);
+    const hg_v4 light = sun_light(&a, &at, mu, mu_place(mu));
+    for (size_t c = 0; c < 3; c++)
+        out[c] = light[c] * HG_SKY_SUN_LUX;
 }
