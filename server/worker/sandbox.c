@@ -81,7 +81,8 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, o->shader_dir, read_access);
     if (o->cache_dir)
         allow(ruleset, o->cache_dir, cache_access);
-    // Below the cache folder unless the environment names another one (hg_renderer_prepare_process).
+    // Below the cache folder unless the environment names another one
+    // (hg_renderer_prepare_process).
     const char *shader_cache = getenv("MESA_SHADER_CACHE_DIR");
     if (shader_cache)
         allow(ruleset, shader_cache, cache_access);

@@ -427,6 +427,7 @@ def main():
     parser.add_argument("--kills", type=int, default=6)
     parser.add_argument("cases", nargs="*")
     args = parser.parse_args()
+    os.environ.pop("MESA_SHADER_CACHE_DIR", None)  # compiled shaders lie in the cache folder, too
     cases = args.cases or ["kill", "damage", "vanish", "full", "nospace", "tmpfs", "replace", "exchange",
                            "budget", "progress"]
     # Names of sockets have room for 108 bytes.
