@@ -331,6 +331,10 @@ static enum hg_status check_content(struct hg_import *im)
 
 static enum hg_status import_text(struct hg_import *im, const struct hg_refbuf *main)
 {
+    const struct hg_text text = {(const char *)main->data, (const char *)main->data + main->size};
+    if (strcmp(im->asset->file.format, "collada") == 0 &&
+        !hg_collada_read_cameras(text, &im->cameras))
+        return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for its cameras");
     im->scene = run_assimp(im, main);
     im->states_sides = contains(main, main->size, "<double_sided>0</double_sided>");
     enum hg_status status = im->scene ? convert(im) : refuse(im, main);
@@ -338,6 +342,7 @@ static enum hg_status import_text(struct hg_import *im, const struct hg_refbuf *
         status = check_content(im);
     if (im->scene)
         aiReleaseImport(im->scene);
+    hg_collada_cameras_finish(&im->cameras);
     return status;
 }
 

@@ -7,6 +7,7 @@
 #include <assimp/scene.h>
 
 #include "renderer/scene/asset.h"
+#include "renderer/scene/collada_camera.h"
 
 struct hg_import {
     const struct hg_load_params *params;
@@ -16,6 +17,7 @@ struct hg_import {
     const struct aiScene *scene;
     uint64_t memory_used, memory_limit;
     bool states_sides; // the file says of materials that they are seen from one side
+    struct hg_collada_cameras cameras; // of a Collada file
 };
 
 // Whether the name's ending (".gz" taken off) is one that is read here.

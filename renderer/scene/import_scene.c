@@ -329,12 +329,34 @@ static float half_angle(const struct hg_import *im, const struct aiCamera *from)
     return halved ? from->mHorizontalFOV : from->mHorizontalFOV / 2;
 }
 
-// Where importers did not understand the file (Collada in assimp 5.2) an angle of less than a
-// degree is left.
+static const double aspect_else = 16.0 / 9; // of a camera that states only its width
+
+// What a Collada file says of the next camera that this node holds. False: nothing of use.
+static bool set_collada_optics(struct hg_import *im, const char *node, struct hg_camera *camera)
+{
+    const struct hg_collada_optics *optics = hg_collada_next_camera(&im->cameras, node);
+    float angle, half_height, aspect;
+    if (optics &&
+        hg_collada_half_height(optics, im->cameras.unit_m, aspect_else, &half_height, &aspect)) {
+        camera->kind = HG_CAMERA_ORTHOGRAPHIC;
+        camera->half_height = half_height;
+    } else if (optics && hg_collada_vertical_angle(optics, aspect_else, &angle, &aspect)) {
+        camera->vfov_rad = angle;
+    } else {
+        return false;
+    }
+    camera->aspect = aspect;
+    if (optics->near > 0)
+        camera->near = (float)(optics->near * im->cameras.unit_m);
+    if (optics->far * im->cameras.unit_m > (double)camera->near)
+        camera->far = (float)(optics->far * im->cameras.unit_m);
+    return true;
+}
+
 static void set_field_of_view(
     struct hg_import *im, const struct aiCamera *from, struct hg_camera *camera)
 {
-    float aspect = from->mAspect > 0 ? from->mAspect : 16.0f / 9;
+    const float aspect = from->mAspect > 0 ? from->mAspect : (float)aspect_else;
     const float half = half_angle(im, from);
     camera->aspect = from->mAspect > 0 ? from->mAspect : 0;
     if (half > 0.008f && half < 1.57f)
@@ -353,13 +375,15 @@ static enum hg_status add_camera(struct hg_import *im, const struct aiCamera *fr
                : NULL;
     if (!node)
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a camera");
+    node->camera = camera;
+    if (set_collada_optics(im, from->mName.data, camera))
+        return HG_OK;
     const float unit = hg_import_file_unit(im);
     set_field_of_view(im, from, camera);
     if (from->mClipPlaneNear > 0)
         camera->near = from->mClipPlaneNear * unit;
     if (from->mClipPlaneFar * unit > camera->near)
         camera->far = from->mClipPlaneFar * unit;
-    node->camera = camera;
     return HG_OK;
 }
 

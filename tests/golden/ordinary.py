@@ -38,7 +38,7 @@ SCENES = {
     "smooth.obj": {}, "transparency.dae": {}, "wide.dae": {},
 }
 # What the same scene looks like from different formats: as this file, within FLIP.
-ALIKE = {"blender.dae": ("blender.glb", 0.12), "wide.dae": ("blender.dae", 0.001),
+ALIKE = {"blender.dae": ("blender.glb", 0.04), "wide.dae": ("blender.dae", 0.001),
          "tower_text.stl": ("tower.stl", 0.001), "cube.ply": ("cube.stl", 0.02),
          "far.obj": ("cube.obj", 0.02), "far.ply": ("cube.ply", 0.02), "tiny.obj": ("cube.obj", 0.02),
          "huge.obj": ("cube.obj", 0.02)}

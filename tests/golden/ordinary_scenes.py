@@ -194,7 +194,8 @@ def write_dae(path, points, faces, scene=True, transparency="", encoding="utf-8"
    <instance_camera url="#Camera-camera"/></node>""" % (*LAMP, dae_matrix(look_at_z_up(EYE, (0, 0, 0))))
     text = """<?xml version="1.0" encoding="%s"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
- <asset><unit name="meter" meter="1"/><up_axis>Z_UP</up_axis></asset>%s
+ <asset><contributor><authoring_tool>Blender 3.6.5</authoring_tool></contributor>
+  <unit name="meter" meter="1"/><up_axis>Z_UP</up_axis></asset>%s
  <library_effects><effect id="Material-effect"><profile_COMMON><technique sid="common"><lambert>
   <emission><color>0 0 0 1</color></emission><diffuse><color>0.8 0.8 0.8 1</color></diffuse>%s
  </lambert></technique></profile_COMMON></effect></library_effects>

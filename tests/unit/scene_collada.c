@@ -193,6 +193,98 @@ static void test_sides(void **state)
     }
 }
 
+// ---- cameras -----------------------------------------------------------------------------------
+
+static const char camera_document[] =
+    "<COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" version=\"1.4.1\">"
+    "<asset><unit meter=\"0.5\" name=\"half\"/><up_axis>Y_UP</up_axis></asset>"
+    "<library_cameras>%s</library_cameras>%s<library_visual_scenes><visual_scene id=\"s\">"
+    "<node id=\"mesh\"><instance_geometry url=\"#gr\xc3\xbc\"/></node>%s"
+    "</visual_scene></library_visual_scenes><scene><instance_visual_scene url=\"#s\"/></scene>"
+    "</COLLADA>";
+
+static struct hg_asset *load_cameras(const char *cameras, const char *nodes)
+{
+    char text[8192], mesh[4096];
+    snprintf(mesh, sizeof mesh, geometry, " ");
+    assert_true(
+        snprintf(text, sizeof text, camera_document, cameras, mesh, nodes) < (int)sizeof text);
+    return load_text("c.dae", text);
+}
+
+static const struct hg_camera *camera_of(const struct hg_asset *asset, const char *node)
+{
+    const struct hg_camera *found = NULL;
+    for (uint32_t n = 0; n < asset->node_count; n++)
+        if (asset->nodes[n]->camera && strcmp(asset->nodes[n]->head.name, node) == 0)
+            found = asset->nodes[n]->camera;
+    assert_non_null(found);
+    return found;
+}
+
+// Collada 1.4.1, <perspective>: xfov, yfov, both, or one with aspect_ratio.
+static void test_camera_angles(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *optics;
+        double vfov_deg, aspect; // tan(30 deg) = 0.57735
+    } cases[] = {
+        {"<xfov>60</xfov><aspect_ratio>2</aspect_ratio>", 32.204228, 2},
+        {"<xfov sid=\"HFOV\"> 60\n</xfov>", 35.983390, 0},
+        {"<yfov>30</yfov>", 30, 0},
+        {"<yfov sid=\"YFOV\">30</yfov>\n<aspect_ratio>1.5</aspect_ratio>", 30, 1.5},
+        {"<xfov>60</xfov><yfov>60.0</yfov>", 60, 1},
+        {"<xfov>0.5</xfov><yfov>0.5</yfov>", 0.5, 1},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char camera[512];
+        snprintf(camera, sizeof camera,
+            "<camera id='c' name=\"a > b\"><optics><technique_common><perspective>%s"
+            "<znear>0.1</znear><zfar>10</zfar></perspective></technique_common></optics><extra>"
+            "<technique profile=\"x\"><xfov>99</xfov></technique></extra></camera>",
+            cases[i].optics);
+        struct hg_asset *asset =
+            load_cameras(camera, "<node id=\"n\"><instance_camera url=\"#c\"/></node>");
+        const struct hg_camera *c = camera_of(asset, "n");
+        if (fabs((double)c->vfov_rad * 180 / M_PI - cases[i].vfov_deg) > 1e-4 ||
+            fabs((double)c->aspect - cases[i].aspect) > 1e-5)
+            fail_msg(
+                "%s: %g, %g", cases[i].optics, (double)c->vfov_rad * 180 / M_PI, (double)c->aspect);
+        assert_int_equal(c->kind, HG_CAMERA_PERSPECTIVE);
+        assert_false(has_warning(asset, "field of view"));
+        hg_asset_destroy(asset);
+    }
+}
+
+static void test_camera_nodes(void **state)
+{
+    (void)state;
+    struct hg_asset *asset = load_cameras(
+        "<camera id=\"wide\"><optics><technique_common><perspective><yfov>70</yfov></perspective>"
+        "</technique_common></optics></camera>"
+        "<camera id=\"flat\"><optics><technique_common><orthographic><xmag>6</xmag><ymag>3</ymag>"
+        "</orthographic></technique_common></optics></camera>"
+        "<camera id=\"tele\"><optics><technique_common><perspective><yfov>10</yfov></perspective>"
+        "</technique_common></optics></camera>",
+        "<node id=\"t\"><instance_camera url=\"#tele\"/><node id=\"f\" name=\"t\"><instance_camera "
+        "url=\"#flat\"/></node></node><node name=\"t\" sid=\"w\"><instance_camera url=\"#wide\"/>"
+        "</node>");
+    assert_int_equal(asset->camera_count, 3);
+    assert_float_equal(camera_of(asset, "t")->vfov_rad, 10 * M_PI / 180, 1e-6);
+    assert_float_equal(camera_of(asset, "w")->vfov_rad, 70 * M_PI / 180, 1e-6);
+    const struct hg_camera *flat = camera_of(asset, "f");
+    assert_int_equal(flat->kind, HG_CAMERA_ORTHOGRAPHIC);
+    assert_float_equal(flat->half_height, 1.5, 1e-6); // units of half a metre
+    assert_float_equal(flat->aspect, 2, 1e-6);
+    hg_asset_destroy(asset);
+    asset = load_cameras("<camera id=\"c\"><optics><technique_common><perspective><yfov>-1</yfov>"
+                         "</perspective></technique_common></optics></camera>",
+        "<node id=\"n\"><instance_camera url=\"#c\"/></node>");
+    assert_true(has_warning(asset, "field of view"));
+    hg_asset_destroy(asset);
+}
+
 static void test_messages(void **state)
 {
     (void)state;
@@ -225,6 +317,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_white_space),
         cmocka_unit_test(test_utf16), cmocka_unit_test(test_transparency),
-        cmocka_unit_test(test_sides), cmocka_unit_test(test_messages)};
+        cmocka_unit_test(test_sides), cmocka_unit_test(test_messages),
+        cmocka_unit_test(test_camera_angles), cmocka_unit_test(test_camera_nodes)};
     return cmocka_run_group_tests_name("scene_collada", tests, NULL, NULL);
 }
