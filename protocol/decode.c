@@ -156,14 +156,19 @@ static enum hg_status decode_field(
     return status ? hgp_fault_set(d->fault, status, place, field->name, at, reason) : HG_OK;
 }
 
+// The second bitmap is left out where the payload ends, and never written as 0.
 static enum hg_status decode_bitmap(struct decoder *d, const struct hgp_layout *layout,
-    const struct hgp_place *place, uint32_t *bits)
+    const struct hgp_place *place, unsigned bitmap, uint32_t *bits)
 {
-    uint32_t known = hgp_layout_known_bits(layout, d->version);
-    size_t at = d->r->pos;
-    *bits = known ? hg_read_u32(d->r) : 0;
+    const uint32_t known = hgp_layout_known_bits(layout, bitmap, d->version);
+    const size_t at = d->r->pos;
+    const bool left_out = bitmap > 0 && d->r->size - at < 4;
+    *bits = known && !left_out ? hg_read_u32(d->r) : 0;
     if (d->r->failed)
         return truncated(d, d->r->pos);
+    if (bitmap > 0 && known && !left_out && *bits == 0)
+        return hgp_fault_set(
+            d->fault, HG_E_FORMAT, place, "has", at, "a second bitmap without a field");
     if (*bits & ~known)
         return hgp_fault_set(
             d->fault, HG_E_FORMAT, place, "has", at, "a bit of an unknown optional field is set");
@@ -173,17 +178,19 @@ static enum hg_status decode_bitmap(struct decoder *d, const struct hgp_layout *
 static enum hg_status decode_layout(
     struct decoder *d, const struct hgp_layout *layout, const struct hgp_place *place, void *out)
 {
-    uint32_t bits, bit = 1;
-    enum hg_status status = decode_bitmap(d, layout, place, &bits);
+    uint32_t bits;
+    unsigned optional = 0;
+    enum hg_status status = decode_bitmap(d, layout, place, 0, &bits);
     for (size_t i = 0; i < layout->field_count && !status; i++) {
         const struct hgp_field *field = &layout->fields[i];
         bool there = field->since <= d->version;
         if (field->presence == HGP_P_OPT) {
-            there = there && (bits & bit);
+            if (optional == HGP_BITMAP_FIELDS)
+                status = decode_bitmap(d, layout, place, 1, &bits);
+            there = there && !status && (bits >> optional++ % HGP_BITMAP_FIELDS & 1);
             *((bool *)((char *)out + field->has_offset)) = there;
-            bit <<= 1;
         }
-        if (there)
+        if (there && !status)
             status = decode_field(d, field, place, (char *)out + field->offset);
     }
     return status;

@@ -131,27 +131,33 @@ static bool is_there(const struct hgp_field *field, uint16_t version, const void
     return field->presence == HGP_P_REQ || *(const bool *)((const char *)in + field->has_offset);
 }
 
-static void write_bitmap(struct encoder *e, const struct hgp_layout *layout, const void *in)
+// The second bitmap only when a field of it is there.
+static void write_bitmap(
+    struct encoder *e, const struct hgp_layout *layout, unsigned bitmap, const void *in)
 {
-    uint32_t bits = 0, bit = 1;
+    uint32_t bits = 0;
+    unsigned optional = 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
         if (field->presence != HGP_P_OPT)
             continue;
-        if (is_there(field, e->version, in))
-            bits |= bit;
-        bit <<= 1;
+        if (optional / HGP_BITMAP_FIELDS == bitmap && is_there(field, e->version, in))
+            bits |= 1u << optional % HGP_BITMAP_FIELDS;
+        optional++;
     }
-    if (hgp_layout_known_bits(layout, e->version))
+    if (bitmap == 0 ? hgp_layout_known_bits(layout, 0, e->version) != 0 : bits != 0)
         hg_write_u32(e->w, bits);
 }
 
 static enum hg_status encode_layout(struct encoder *e, const struct hgp_layout *layout,
     const struct hgp_place *place, const void *in)
 {
-    write_bitmap(e, layout, in);
+    unsigned optional = 0;
+    write_bitmap(e, layout, 0, in);
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
+        if (field->presence == HGP_P_OPT && optional++ == HGP_BITMAP_FIELDS)
+            write_bitmap(e, layout, 1, in);
         if (!is_there(field, e->version, in))
             continue;
         enum hg_status status = encode_field(e, field, place, (const char *)in + field->offset);

@@ -102,15 +102,16 @@ struct hgp_str hgp_str_fit(const char *text, uint32_t max_bytes)
     return (struct hgp_str){text, (uint32_t)size};
 }
 
-uint32_t hgp_layout_known_bits(const struct hgp_layout *layout, uint16_t version)
+uint32_t hgp_layout_known_bits(const struct hgp_layout *layout, unsigned bitmap, uint16_t version)
 {
-    uint32_t known = 0, bit = 1;
+    uint32_t known = 0;
+    unsigned optional = 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         if (layout->fields[i].presence != HGP_P_OPT)
             continue;
-        if (layout->fields[i].since <= version)
-            known |= bit;
-        bit <<= 1;
+        if (optional / HGP_BITMAP_FIELDS == bitmap && layout->fields[i].since <= version)
+            known |= 1u << optional % HGP_BITMAP_FIELDS;
+        optional++;
     }
     return known;
 }
@@ -141,7 +142,7 @@ static size_t least_field_bytes(enum hgp_kind kind)
 
 size_t hgp_layout_least_bytes(const struct hgp_layout *layout, uint16_t version)
 {
-    size_t bytes = hgp_layout_known_bits(layout, version) ? 4 : 0;
+    size_t bytes = hgp_layout_known_bits(layout, 0, version) ? 4 : 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
         if (field->presence == HGP_P_REQ && field->since <= version)

@@ -10,7 +10,10 @@
 // A payload is the fields of its row in messages.def, one behind the other, little-endian, without
 // padding: U8 .. F64 and VEC/MAT as they are, BOOL u8, ENUM u16, STR and BYTES u32 size + bytes,
 // HASH 32 bytes, LIST u32 count + items. A message (or list part) that has OPT fields starts with
-// a u32 bitmap: bit n = the n-th OPT field is there. docs/protocol.md is the normative text.
+// a u32 bitmap: bit n = the n-th OPT field is there. A message with more than 32 OPT fields has a
+// second bitmap for those from the 33rd on, in front of the first of them, and only when one of
+// them is there: a message of the first 32 alone ends before it. docs/protocol.md is the normative
+// text.
 #ifndef HG_PROTOCOL_HGP_H
 #define HG_PROTOCOL_HGP_H
 

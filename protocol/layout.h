@@ -2,8 +2,11 @@
 // Floor 1, private to protocol/ and its tests. Constant data; safe from any thread.
 //
 // A layout on the wire: when it has OPT fields, a u32 bitmap first (bit n = the n-th OPT field is
-// there); then the fields in the order of messages.def. Fields whose `since` is greater than the
-// spoken version do not exist, neither as bytes nor as bits.
+// there); then the fields in the order of messages.def. The 33rd OPT field of a message and those
+// behind it have a second bitmap in front of them, which is left out, as they are, when it is 0.
+// All fields behind it are OPT, and parts of lists have at most 32 (the unit test of the codec
+// reads the tables): so the end of the payload says that it is left out. Fields whose `since` is
+// greater than the spoken version do not exist, neither as bytes nor as bits.
 #ifndef HG_PROTOCOL_LAYOUT_H
 #define HG_PROTOCOL_LAYOUT_H
 
@@ -94,8 +97,10 @@ const struct hgp_layout *hgp_struct_at(size_t n);
 // NULL when unknown.
 const struct hgp_enum_table *hgp_enum_find(const char *name);
 
-// Bits of the OPT fields known to `version`; 0 = there is no bitmap.
-uint32_t hgp_layout_known_bits(const struct hgp_layout *layout, uint16_t version);
+// Optional fields of one bitmap, and bitmaps of a message.
+enum { HGP_BITMAP_FIELDS = 32, HGP_BITMAPS = 2 };
+// Bits of the OPT fields of bitmap 0 or 1 known to `version`; 0 = there is no such bitmap.
+uint32_t hgp_layout_known_bits(const struct hgp_layout *layout, unsigned bitmap, uint16_t version);
 // Least number of bytes a value of this layout takes.
 size_t hgp_layout_least_bytes(const struct hgp_layout *layout, uint16_t version);
 // f32 values in a VEC or MAT, 0 for other kinds.

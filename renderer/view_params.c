@@ -14,6 +14,7 @@
 static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
 static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
 static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
+static_assert((int)HG_GI_PROBES == HGP_COUNT_gi - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
 static_assert((int)HG_DEBUG_OVERDRAW == HGP_COUNT_debug_view - 1, "");
@@ -100,6 +101,9 @@ enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_er
 #include "protocol/view_params.def"
     if (p->shutter_close < p->shutter_open)
         return out_of_range(err, "shutter_close");
+    if (p->gi > HG_GI_AUTO)
+        return hg_error_set(err, HG_E_UNSUPPORTED, "view", "gi",
+            "this renderer has neither rays nor probes for light by way of surfaces");
     const enum hg_status status = check_region(p, err);
     return status == HG_OK ? check_planes(p, err) : status;
 }

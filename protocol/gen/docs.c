@@ -137,9 +137,11 @@ static void print_fields(
         gen_print(out, " | ");
         print_range(out, field);
         if (field->presence == HGP_P_OPT)
-            gen_print(out, " | bit %u", bit++);
+            gen_print(out, bit < HGP_BITMAP_FIELDS ? " | bit %u" : " | second bitmap, bit %u",
+                bit % HGP_BITMAP_FIELDS);
         else
             gen_print(out, " | always");
+        bit += field->presence == HGP_P_OPT;
         print_default(out, owner, field);
         gen_print(out, " | %u | ", field->since);
         print_meaning(out, owner, field);

@@ -99,14 +99,22 @@ function optionalFields(fields, version) {
     return fields.filter((f) => f.optional && f.since <= version);
 }
 
-// The bits of the optional fields `version` knows; bits are counted over all optional fields.
-function knownBits(fields, version) {
-    let known = 0;
+// Optional fields of one bitmap. A message with more has a second one in front of the first of
+// the others, and only when one of them is there.
+const BITMAP_FIELDS = 32;
+
+// The bits of the optional fields of a bitmap for which is(field) holds.
+function bitmapOf(fields, bitmap, is) {
+    let bits = 0;
     fields.filter((f) => f.optional).forEach((f, i) => {
-        if (f.since <= version)
-            known |= 1 << i;
+        if (Math.floor(i / BITMAP_FIELDS) === bitmap && is(f))
+            bits |= 1 << i % BITMAP_FIELDS;
     });
-    return known >>> 0;
+    return bits >>> 0;
+}
+
+function knownBits(fields, bitmap, version) {
+    return bitmapOf(fields, bitmap, (f) => f.since <= version);
 }
 
 function leastBytes(fields, version) {
@@ -212,18 +220,31 @@ function decodeField(r, field, path) {
     return value;
 }
 
-function decodeFields(r, fields, prefix) {
-    const known = knownBits(fields, r.version);
-    const bits = known ? r.u32() : 0;
+function decodeBitmap(r, fields, prefix, bitmap) {
+    const known = knownBits(fields, bitmap, r.version);
+    if (!known || (bitmap > 0 && r.bytes.length - r.pos < 4))
+        return 0;
+    const bits = r.u32();
+    if (bitmap > 0 && bits === 0)
+        throw new HgpError("format", prefix + "has", r.pos - 4,
+            "a second bitmap without a field");
     if (bits & ~known)
         throw new HgpError("format", prefix + "has", r.pos - 4,
             "a bit of an unknown optional field is set");
+    return bits;
+}
+
+function decodeFields(r, fields, prefix) {
+    let bits = decodeBitmap(r, fields, prefix, 0);
     const out = {};
-    let bit = 1;
+    let optional = 0;
     for (const field of fields) {
-        const there = field.since <= r.version && (!field.optional || (bits & bit) !== 0);
-        if (field.optional)
-            bit <<= 1;
+        let there = field.since <= r.version;
+        if (field.optional) {
+            if (optional === BITMAP_FIELDS)
+                bits = decodeBitmap(r, fields, prefix, 1);
+            there &&= (bits >>> optional++ % BITMAP_FIELDS & 1) === 1;
+        }
         if (there)
             out[field.name] = decodeField(r, field, prefix + field.name);
     }
@@ -359,14 +380,11 @@ function encodeField(w, field, path, value) {
     return field.kind === "hash" ? w.blob(wire) : w[field.kind](wire);
 }
 
-function writeBitmap(w, fields, message) {
-    let bits = 0;
-    fields.filter((f) => f.optional).forEach((f, i) => {
-        if (f.since <= w.version && message[f.name] !== undefined)
-            bits |= 1 << i;
-    });
-    if (knownBits(fields, w.version))
-        w.u32(bits >>> 0);
+function writeBitmap(w, fields, message, bitmap) {
+    const bits = bitmapOf(fields, bitmap,
+        (f) => f.since <= w.version && message[f.name] !== undefined);
+    if (bitmap === 0 ? knownBits(fields, 0, w.version) : bits)
+        w.u32(bits);
 }
 
 function encodeFields(w, fields, message, prefix) {
@@ -375,9 +393,12 @@ function encodeFields(w, fields, message, prefix) {
     for (const key of Object.keys(message))
         if (!fields.some((f) => f.name === key))
             refuse(w, prefix + key, "no such field");
-    writeBitmap(w, fields, message);
+    writeBitmap(w, fields, message, 0);
+    let optional = 0;
     for (const field of fields) {
         const value = message[field.name];
+        if (field.optional && optional++ === BITMAP_FIELDS)
+            writeBitmap(w, fields, message, 1);
         if (field.since > w.version || (field.optional && value === undefined))
             continue;
         if (value === undefined)

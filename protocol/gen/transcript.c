@@ -42,23 +42,34 @@ static void print_field(struct hg_writer *out, const struct hgp_field *field, co
     hg_writer_finish(&bytes);
 }
 
-static uint32_t bitmap_of(const struct hgp_layout *layout, const void *message)
+static uint32_t bitmap_of(const struct hgp_layout *layout, unsigned bitmap, const void *message)
 {
-    uint32_t bits = 0, bit = 1;
+    uint32_t bits = 0;
+    unsigned optional = 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
         if (field->presence != HGP_P_OPT)
             continue;
-        if (*(const bool *)((const char *)message + field->has_offset))
-            bits |= bit;
-        bit <<= 1;
+        if (optional / HGP_BITMAP_FIELDS == bitmap &&
+            *(const bool *)((const char *)message + field->has_offset))
+            bits |= 1u << optional % HGP_BITMAP_FIELDS;
+        optional++;
     }
     return bits;
 }
 
+static void print_bitmap(struct hg_writer *out, const char *name, uint32_t bits)
+{
+    struct hg_writer bytes = {0};
+    hg_write_u32(&bytes, bits);
+    print_row(out, name, &bytes);
+    hg_writer_finish(&bytes);
+}
+
 static void tell(const struct teller *t, enum hgp_type type, const void *message)
 {
-    struct hg_writer bytes = {0}, bitmap = {0};
+    struct hg_writer bytes = {0};
+    unsigned optional = 0;
     const struct hgp_layout *layout = hgp_layout_find((uint16_t)type);
     if (hgp_encode(
             &bytes, HGP_VERSION_MAX, (struct hgp_envelope){type, t->request, 0}, message, NULL))
@@ -67,17 +78,18 @@ static void tell(const struct teller *t, enum hgp_type type, const void *message
         layout->name, bytes.size - HGP_HEADER_BYTES, t->request, "(header)");
     print_bytes(t->out, bytes.data, HGP_HEADER_BYTES);
     gen_print(t->out, "\n");
-    hg_write_u32(&bitmap, bitmap_of(layout, message));
-    if (hgp_layout_known_bits(layout, HGP_VERSION_MAX))
-        print_row(t->out, "(bitmap)", &bitmap);
+    if (hgp_layout_known_bits(layout, 0, HGP_VERSION_MAX))
+        print_bitmap(t->out, "(bitmap)", bitmap_of(layout, 0, message));
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
+        const bool second = field->presence == HGP_P_OPT && optional++ == HGP_BITMAP_FIELDS;
+        if (second && bitmap_of(layout, 1, message) != 0)
+            print_bitmap(t->out, "(second bitmap)", bitmap_of(layout, 1, message));
         if (field->presence == HGP_P_REQ ||
             *(const bool *)((const char *)message + field->has_offset))
             print_field(t->out, field, message);
     }
     hg_writer_finish(&bytes);
-    hg_writer_finish(&bitmap);
 }
 
 static void tell_opening(struct hg_writer *out)

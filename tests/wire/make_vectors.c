@@ -158,6 +158,8 @@ static void print_bad_spot(const struct edit *e)
     if (!field) {
         if (e->spot->known_bits == UINT32_MAX) // 32 optional fields: every bitmap is allowed
             return;
+        if (e->spot->bitmap > 0) // left out when it is empty
+            print_number(e, 0, 4, HG_E_FORMAT);
         print_number(e, (uint64_t)e->spot->known_bits + 1, 4, HG_E_FORMAT);
         print_number(e, UINT32_MAX, 4, HG_E_FORMAT);
         return;

@@ -341,23 +341,33 @@ static void walk_field(struct walker *w, const struct hgp_field *field, const ch
     }
 }
 
+// The bits of a bitmap; 0 where there is none.
+static uint32_t walk_bitmap(
+    struct walker *w, const struct hgp_layout *layout, const char *prefix, unsigned bitmap)
+{
+    const uint32_t known = hgp_layout_known_bits(layout, bitmap, HGP_VERSION_MAX);
+    if (!known || (bitmap > 0 && w->r.pos == w->r.size))
+        return 0;
+    struct sample_spot *spot = add_spot(w, prefix, "has");
+    if (!spot)
+        return 0;
+    spot->known_bits = known;
+    spot->bitmap = bitmap;
+    spot->size = 4;
+    return hg_read_u32(&w->r);
+}
+
 static void walk_layout(struct walker *w, const struct hgp_layout *layout, const char *prefix)
 {
-    uint32_t known = hgp_layout_known_bits(layout, HGP_VERSION_MAX), bits = 0, bit = 1;
-    if (known) {
-        struct sample_spot *spot = add_spot(w, prefix, "has");
-        if (!spot)
-            return;
-        spot->known_bits = known;
-        spot->size = 4;
-        bits = hg_read_u32(&w->r);
-    }
+    uint32_t bits = walk_bitmap(w, layout, prefix, 0);
+    unsigned optional = 0;
     for (size_t i = 0; i < layout->field_count; i++) {
         const struct hgp_field *field = &layout->fields[i];
-        if (field->presence == HGP_P_REQ || (bits & bit))
+        if (field->presence == HGP_P_OPT && optional == HGP_BITMAP_FIELDS)
+            bits = walk_bitmap(w, layout, prefix, 1);
+        if (field->presence == HGP_P_REQ || (bits >> optional % HGP_BITMAP_FIELDS & 1))
             walk_field(w, field, prefix);
-        if (field->presence == HGP_P_OPT)
-            bit <<= 1;
+        optional += field->presence == HGP_P_OPT;
     }
 }
 

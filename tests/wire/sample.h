@@ -30,6 +30,7 @@ struct sample_spot {
     char path[64];                 // as hgp_fault.field; "has" for a bitmap
     const struct hgp_field *field; // NULL for a bitmap
     uint32_t known_bits;           // of a bitmap
+    unsigned bitmap;               // its number
     size_t offset, size;           // of the value; STR, BYTES, LIST: of the u32 in front
 };
 
