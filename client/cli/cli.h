@@ -168,11 +168,13 @@ enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *e
 // The provenance of a frame as statistics hold it; `name`: its file. New reference; NULL: no
 // memory.
 json_t *hg_cli_frame_json(const struct hgp_frame *frame, const char *name, uint64_t total_ns);
-// Adds to the worker's statistics what its `frame` lacks of the newest frame (may be NULL), and
-// `client`. HG_E_NOMEM.
+// Adds to the worker's statistics what its `frame` lacks of the newest frame (may be NULL),
+// `client`, and whether the camera was fitted, of which the worker sees no more than a camera.
+// HG_E_NOMEM.
 struct hg_cli_client_stats {
     uint64_t load_ns, first_frame_ns, uploaded_bytes;
     uint32_t skipped_frames;
+    bool fitted;
 };
 enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, json_t *newest,
     const struct hg_cli_client_stats *own, struct hg_error *err) HG_MUST_CHECK;

@@ -85,6 +85,9 @@ enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, js
     }
     if (newest)
         json_object_update_missing(frame, newest);
+    json_t *camera = json_object_get(stats, "camera");
+    if (own->fitted && camera)
+        json_object_set_new(camera, "source", json_string("fit"));
     set_ms(client, "connect_ms", cli->connect_ns);
     set_ms(client, "load_ms", own->load_ns);
     set_ms(client, "first_frame_ms", own->first_frame_ns);
@@ -111,7 +114,8 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
     const struct hg_cli_client_stats own = {.load_ns = r->load_ns,
         .first_frame_ns = r->first_frame_ns,
         .uploaded_bytes = r->upload_bytes,
-        .skipped_frames = r->skipped};
+        .skipped_frames = r->skipped,
+        .fitted = r->fitted};
     status = hg_cli_stats_complete(stats, &r->cli, r->last, &own, err);
     json_t *client = json_object_get(stats, "client");
     if (client && r->loaded.up_reason[0]) {

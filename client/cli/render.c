@@ -435,7 +435,10 @@ static enum hg_status find_place(
         .has_cameras = true,
         .cameras = !o->has_view && !o->has_fov && !o->has_camera && !o->has_turntable};
     enum hg_status status = o->has_view ? hg_cli_parse_view("--view", o->view, &fit, err) : HG_OK;
-    return status ? status : helio_camera_fit(r->cli.h, &fit, camera, err);
+    if (!status)
+        status = helio_camera_fit(r->cli.h, &fit, camera, err);
+    r->fitted = !status && !camera->has_camera;
+    return status;
 }
 
 static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)

@@ -58,6 +58,7 @@ struct hg_cli_render {
     struct hg_cli_film_kept film; // of the first frame that is not there yet
     uint32_t replaced;            // workers, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
+    bool fitted;                  // the camera shows the whole scene
     struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_frame_numbers list; // of --frames and --turntable; empty: one picture
@@ -84,6 +85,8 @@ enum hg_status hg_cli_check_mode(
 float hg_cli_series_s(const struct hg_cli_render *r, uint32_t index);
 bool hg_cli_is_path(const struct hg_cli_options *o);
 double hg_cli_fps(const struct hg_cli_options *o); // frames per second
+// Files for compositing, which hold radiance as it is: exposure 0 unless another one was chosen.
+bool hg_cli_is_linear(enum hgp_encoding encoding);
 // Whether the exposure is metered: the default, but for EXR files.
 bool hg_cli_meters_exposure(const struct hg_cli_render *r);
 void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view_set *view);

@@ -13,7 +13,8 @@ enum { HG_CLI_RUN_ASSETS_MAX = 256 };
 struct hg_cli_run_scene {
     uint32_t assets[HG_CLI_RUN_ASSETS_MAX], asset_count; // loaded, as sent
     bool is_open, is_joined;                             // joined: other sessions made it
-    bool has_camera;
+    bool has_camera, fitted; // the script chose one, or was given one; it shows the whole scene
+    bool has_exposure, is_linear; // the script chose one; the view has that of EXR files
     bool dirty;                  // changed since `frame` was rendered
     struct helio_message *frame; // newest one, or NULL
     uint64_t frame_ns;           // how long it took

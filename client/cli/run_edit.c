@@ -69,6 +69,7 @@ static enum hg_status do_view(
 {
     struct hgp_view_set view = s->view;
     view.view = HG_CLI_VIEW;
+    r->scene.has_exposure |= view.has_exposure_mode;
     return call_ok(r, HGP_T_view_set, &view, err);
 }
 
@@ -116,6 +117,7 @@ static enum hg_status do_camera(
         status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
     }
     camera.has_camera = camera.camera != 0;
+    r->scene.fitted = s->kind == HG_CLI_STEP_CAMERA_FIT && !camera.has_camera;
     camera.view = HG_CLI_VIEW;
     camera.input_seq = s->line;
     r->scene.has_camera = true;

@@ -174,7 +174,7 @@ static enum hg_status all_stats(struct hg_cli_run *r, json_t **out, struct hg_er
     if (status)
         return status;
     const struct hg_cli_client_stats client = {
-        .load_ns = r->load_ns, .first_frame_ns = r->first_frame_ns};
+        .load_ns = r->load_ns, .first_frame_ns = r->first_frame_ns, .fitted = r->scene.fitted};
     json_t *frame = hg_cli_frame_json(&r->scene.frame->body->frame, "", r->scene.frame_ns);
     status = hg_cli_stats_complete(*out, &r->cli, frame, &client, err);
     json_decref(frame);

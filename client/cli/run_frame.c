@@ -1,6 +1,23 @@
 // run_frame.c - helio run: frames and their files.
 #include "base/clock.h"
+#include "client/cli/render.h"
 #include "client/cli/run.h"
+
+// Unless the script chose an exposure it is automatic, and 0 in files for compositing, as helio
+// render has it.
+static enum hg_status set_exposure(
+    struct hg_cli_run *r, enum hgp_encoding encoding, struct hg_error *err)
+{
+    const bool linear = hg_cli_is_linear(encoding);
+    const struct hg_cli_exposure exposure = {.automatic = !linear};
+    struct hgp_view_set view = {.view = HG_CLI_VIEW};
+    if (r->scene.has_exposure || r->scene.is_linear == linear)
+        return HG_OK;
+    hg_cli_set_exposure(&exposure, &view);
+    enum hg_status status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+    r->scene.is_linear = status ? r->scene.is_linear : linear;
+    return status;
+}
 
 enum hg_status hg_cli_run_take(
     struct hg_cli_run *r, const struct hg_cli_format *format, bool now, struct hg_error *err)
@@ -19,6 +36,8 @@ enum hg_status hg_cli_run_take(
     hg_cli_progress_stage(&r->cli.progress, "rendering");
     r->scene.dirty = true;
     enum hg_status status = hg_cli_run_complete(r, err);
+    if (!status)
+        status = set_exposure(r, format->encoding, err);
     if (status)
         return status;
     const uint64_t begin_ns = hg_clock_now_ns();

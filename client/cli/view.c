@@ -81,11 +81,14 @@ void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view
     view->exposure_ev = (float)exposure->ev;
 }
 
-// Files for compositing hold radiance as it is.
+bool hg_cli_is_linear(enum hgp_encoding encoding)
+{
+    return encoding == HGP_encoding_EXR_HALF || encoding == HGP_encoding_EXR_FLOAT;
+}
+
 static struct hg_cli_exposure exposure_of(const struct hg_cli_render *r)
 {
-    const enum hgp_encoding e = r->format.encoding;
-    const bool linear = e == HGP_encoding_EXR_HALF || e == HGP_encoding_EXR_FLOAT;
+    const bool linear = hg_cli_is_linear(r->format.encoding);
     return r->o->has_exposure ? r->o->exposure : (struct hg_cli_exposure){.automatic = !linear};
 }
 

@@ -10,6 +10,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/spill.h"
+#include "renderer/camera/camera.h"
+#include "server/worker/view_fit.h"
 #include "server/worker/view_schedule.h"
 
 // Of a file that comes in parts: in all, and where it cannot be spilled.
@@ -134,6 +136,58 @@ static json_t *child_object(json_t *root, const char *key)
     return child;
 }
 
+static void set_vector(json_t *object, const char *key, const float v[3])
+{
+    json_object_set_new(
+        object, key, json_pack("[f, f, f]", (double)v[0], (double)v[1], (double)v[2]));
+}
+
+static void set_node_name(json_t *camera, const struct hg_node *node)
+{
+    char name[NAME_LIMIT];
+    const struct hgp_str known = hgp_str_fit(node->head.name, NAME_LIMIT);
+    if (known.size)
+        json_object_set_new(camera, "node", json_stringn(known.data, known.size));
+    else {
+        snprintf(name, sizeof name, "node %u", (unsigned)node->head.id);
+        json_object_set_new(camera, "node", json_string(name));
+    }
+}
+
+// Where the view looks from, and who chose it. A client that fits by view_fit and then places the
+// camera knows more than that.
+static void add_camera(json_t *root, const struct request *r, const struct view_slot *view)
+{
+    const struct view_settings *set = &view->settings;
+    const struct hg_view_camera *camera = &set->camera;
+    struct hgp_view_fitted shown;
+    const struct hg_object *node =
+        set->camera_node ? hg_scene_find(r->session->scene->scene, HG_OBJECT_NODE, set->camera_node)
+                         : NULL;
+    json_t *o = child_object(root, "camera");
+    json_object_set_new(o, "source",
+        json_string(node                ? "node"
+                    : set->camera_given ? "given"
+                                        : "fit"));
+    if (node) {
+        set_node_name(o, (const struct hg_node *)node);
+        hg_view_fit_describe((const struct hg_node *)node, &shown);
+    } else {
+        memcpy(shown.eye, camera->eye, sizeof shown.eye);
+        memcpy(shown.target, camera->target, sizeof shown.target);
+        shown.kind =
+            camera->orthographic ? HGP_camera_kind_ORTHOGRAPHIC : HGP_camera_kind_PERSPECTIVE;
+        shown.vfov_rad = camera->vfov_rad > 0 ? camera->vfov_rad : HG_CAMERA_DEFAULT_VFOV_RAD;
+        shown.half_height = camera->half_height;
+    }
+    const bool flat = shown.kind == HGP_camera_kind_ORTHOGRAPHIC;
+    set_vector(o, "eye", shown.eye);
+    set_vector(o, "target", shown.target);
+    json_object_set_new(o, "kind", json_string(flat ? "orthographic" : "perspective"));
+    json_object_set_new(o, flat ? "half_height" : "vfov_deg",
+        json_real(flat ? (double)shown.half_height : (double)shown.vfov_rad * 57.29577951308232));
+}
+
 void hg_handle_stats_query(const struct request *r)
 {
     uint32_t number = r->message->stats_query.view;
@@ -161,6 +215,7 @@ void hg_handle_stats_query(const struct request *r)
         double render_ms = json_number_value(json_object_get(frame, "render_ms"));
         json_object_set_new(frame, "encode_ms", json_real(encode_ms));
         json_object_set_new(frame, "total_ms", json_real(render_ms + encode_ms));
+        add_camera(root, r, view);
     }
     answer_json(r, root);
 }

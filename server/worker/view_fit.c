@@ -99,7 +99,7 @@ static const struct hg_node *find_camera(
     return NULL;
 }
 
-static void describe_camera(const struct hg_node *node, struct hgp_view_fitted *out)
+void hg_view_fit_describe(const struct hg_node *node, struct hgp_view_fitted *out)
 {
     const struct hg_camera *c = node->camera;
     out->camera = node->head.id;
@@ -136,7 +136,7 @@ void hg_handle_view_fit(const struct request *r)
     const struct hg_node *camera =
         m->has_cameras && m->cameras ? find_camera(scene, aspect, r) : NULL;
     if (camera)
-        describe_camera(camera, &answer);
+        hg_view_fit_describe(camera, &answer);
     else
         fit(scene, (const struct hg_node *)top, aspect, m, &answer);
     hg_reply_send(r->to, HGP_T_view_fitted, &answer);

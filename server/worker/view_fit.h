@@ -4,6 +4,7 @@
 #ifndef HG_SERVER_WORKER_VIEW_FIT_H
 #define HG_SERVER_WORKER_VIEW_FIT_H
 
+#include "renderer/scene/scene.h"
 #include "server/worker/request.h"
 
 void hg_handle_view_fit(const struct request *r);
@@ -12,6 +13,9 @@ void hg_handle_view_fit(const struct request *r);
 // default direction.
 void hg_view_fit_fill(
     const struct session *session, const struct view_slot *view, struct hg_view_camera *camera);
+
+// A camera of the scene as view_fitted has it. The scene has been updated; out->revision stays.
+void hg_view_fit_describe(const struct hg_node *node, struct hgp_view_fitted *out);
 
 // Before a step and before the view's camera is read: brings a camera that depends on the scene up
 // to date. That is one of a node, whose pose may have changed, and the default one: the scene's

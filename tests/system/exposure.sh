@@ -62,7 +62,7 @@ is environment.fill false
 picture g.exr --size 64x36
 is exposure.mode fixed
 is exposure.ev 0
-picture h.exr --size 64x36 --exposure auto
+picture h.exr --size 64x36 --exposure auto --samples 32
 is exposure.ev "$ev"
 grep -aq heliograph:exposure "$temp/h.exr" || fail "the file does not say its exposure"
 
@@ -114,6 +114,26 @@ expect 0 "$helio" run "$temp/script"
 expect 1 "$helio" compare "$temp/m.png" "$temp/n.png" --metric rmse --fail-above 0.1
 expect 1 "$helio" compare "$temp/m.png" "$temp/o.png" --metric rmse --fail-above 0.02
 expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above 0.1
+
+# Files for compositing in scripts: exposure 0 unless one was chosen, between others that are metered.
+{
+    echo "load $startup"
+    echo "set size 64x36"
+    echo "set samples 32"
+    echo "frame $temp/q1.png"
+    echo "frame $temp/q.exr"
+    echo "expect stat exposure.ev == 0"
+    echo "frame $temp/q2.png"
+    echo "expect stat exposure.mode == auto"
+    echo "set exposure auto"
+    echo "frame $temp/r.exr"
+} >"$temp/script"
+expect 0 "$helio" run "$temp/script"
+expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36
+same "$temp/q1.png" "$temp/q2.png"
+for pair in q.exr:s.exr r.exr:h.exr; do
+    expect 0 "$helio" compare "$temp/${pair%:*}" "$temp/${pair#*:}" --metric max --fail-above 0
+done
 
 # Through a daemon.
 url=unix:$temp/sock

@@ -1,0 +1,62 @@
+#!/bin/bash
+# camera.sh - which camera a picture was made with, in statistics and scripts. Uses HELIO_BUILD_DIR.
+. "$(dirname "$0")/../support/shell.sh"
+
+startup=$models/startup.glb
+for file in "$helio" "$startup"; do need "$file"; done
+
+picture() { # options...
+    expect 0 "$helio" render "$startup" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 \
+        --stats "$temp/stats.json" "$@"
+}
+camera() { # key
+    python3 -c 'import json, sys
+print(json.dumps(json.load(open(sys.argv[1]))["camera"].get(sys.argv[2])).strip("\""))' "$temp/stats.json" "$1"
+}
+is() { # key value
+    [ "$(camera "$1")" = "$2" ] || fail "camera.$1 is $(camera "$1"), not $2"
+}
+
+picture # the file's
+is source node
+is node Camera
+is kind perspective
+angle=$(camera vfov_deg)
+eye=$(camera eye)
+case $angle in 22.89*) ;; *) fail "the angle is $angle" ;; esac
+
+picture --camera fit
+is source fit
+is node null
+case $(camera vfov_deg) in 45.0*) ;; *) fail "the fitted angle is $(camera vfov_deg)" ;; esac
+[ "$(camera eye)" != "$eye" ] || fail "the fitted camera stands where the file's does"
+picture --view top
+is source fit
+picture --eye 1,2,3 --target 0,0.5,0 --fov 30
+is source given
+is eye "[1.0, 2.0, 3.0]"
+is target "[0.0, 0.5, 0.0]"
+
+{
+    echo "set size 32x18"
+    echo "set samples 1"
+    echo "set exposure 0"
+    echo "load $startup"
+    echo "expect stat camera.source == node"
+    echo "expect stat camera.node == Camera"
+    echo "expect stat camera.vfov_deg < 23"
+    echo "camera fit view front"
+    echo "expect stat camera.source == fit"
+    echo "expect stat camera.eye.2 > 1"
+    echo "camera eye 1,2,3 target 0,0,0"
+    echo "expect stat camera.source == given"
+    echo "expect stat camera.eye.1 == 2"
+    echo "camera node Camera"
+    echo "expect stat camera.source == node"
+} >"$temp/script"
+expect 0 "$helio" run "$temp/script"
+echo "expect stat camera.source == fit" >>"$temp/script"
+expect 1 "$helio" run "$temp/script"
+
+[ $failures = 0 ] || { echo "$failures failures"; exit 1; }
+echo ok
