@@ -25,18 +25,18 @@ PATH = ["--mode=path", "--spp=64", "--denoise"]
 PICTURES = {
     "demo": ("demo:", None, []),
     "demo_path": ("demo:", None, PATH),
-    "demo_clusters": ("demo:", None, ["--debug-view=clusters"]),
+    "demo_clusters": ("demo:", None, ["--debug-view=cluster", "--jpeg-quality=75"]),
     "chair": ("khronos/SheenChair/glTF/SheenChair.gltf", STUDIO, []),
     "chair_path": ("khronos/SheenChair/glTF/SheenChair.gltf", STUDIO, PATH + ["--variant=Peacock Velvet"]),
     "iridescence": ("khronos/IridescenceSuzanne/glTF-Binary/IridescenceSuzanne.glb", HALL, PATH),
     "transmission": ("khronos/TransmissionTest/glTF-Binary/TransmissionTest.glb", MEADOW, ["--view=front"]),
     "anisotropy": ("khronos/AnisotropyStrengthTest/glTF-Binary/AnisotropyStrengthTest.glb", HALL,
-                   ["--view=front"]),
+                   ["--view=front", "--background=blur"]),
     "spheres": ("khronos/MetalRoughSpheresNoTextures/glTF-Binary/MetalRoughSpheresNoTextures.glb", STUDIO,
                 ["--view=front"]),
     "instances": ("khronos/SimpleInstancing/glTF-Binary/SimpleInstancing.glb", None, []),
-    "terrain": ("big-geometry/srtm/N46E008_height16.png", None, ["--view=35,20"]),
-    "points": ("MADE/statue.ply.gz", None, []),
+    "terrain": ("big-geometry/srtm/N46E008_height16.png", None, ["--view=35,45"]),
+    "statue": ("MADE/statue.ply.gz", None, []),
 }
 
 
