@@ -115,7 +115,7 @@ enum hg_status hg_cli_render_stats(struct hg_cli_render *r, struct hg_error *err
         .first_frame_ns = r->first_frame_ns,
         .uploaded_bytes = r->upload_bytes,
         .skipped_frames = r->skipped,
-        .fitted = r->fitted};
+        .fitted = r->turntable.fitted};
     status = hg_cli_stats_complete(stats, &r->cli, r->last, &own, err);
     json_t *client = json_object_get(stats, "client");
     if (client && r->loaded.up_reason[0]) {

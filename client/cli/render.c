@@ -435,10 +435,7 @@ static enum hg_status find_place(
         .has_cameras = true,
         .cameras = !o->has_view && !o->has_fov && !o->has_camera && !o->has_turntable};
     enum hg_status status = o->has_view ? hg_cli_parse_view("--view", o->view, &fit, err) : HG_OK;
-    if (!status)
-        status = helio_camera_fit(r->cli.h, &fit, camera, err);
-    r->fitted = !status && !camera->has_camera;
-    return status;
+    return status ? status : helio_camera_fit(r->cli.h, &fit, camera, err);
 }
 
 static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
@@ -464,7 +461,9 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
         camera.has_vfov_rad = true;
         camera.vfov_rad = (float)fov;
     }
-    r->turntable = (struct hg_cli_turntable){.frames = o->turntable,
+    const bool fitted = !o->has_orbit && !o->has_eye && !camera.has_camera;
+    r->turntable = (struct hg_cli_turntable){.fitted = fitted,
+        .frames = o->turntable,
         .moves = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1),
         .start = camera};
     return hg_cli_send_camera(&r->cli, &camera, err);

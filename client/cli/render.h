@@ -17,8 +17,9 @@ struct hg_cli_loaded {
     char up_reason[136]; // why it is up; "" = not stated
 };
 
-// A camera that goes around its target; frames 0: it stays.
+// The camera, which goes around its target; frames 0: it stays.
 struct hg_cli_turntable {
+    bool fitted;     // to the whole scene
     uint32_t frames; // once around
     bool moves;      // frames say where the next one is: shutter and motion
     struct hgp_view_camera start;
@@ -58,7 +59,6 @@ struct hg_cli_render {
     struct hg_cli_film_kept film; // of the first frame that is not there yet
     uint32_t replaced;            // workers, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
-    bool fitted;                  // the camera shows the whole scene
     struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_frame_numbers list; // of --frames and --turntable; empty: one picture
