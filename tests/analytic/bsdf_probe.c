@@ -33,7 +33,7 @@ void bsdf_run(struct probe *probe, enum bsdf_op op, const struct bsdf_material *
     hg_free(in);
 }
 
-enum { PARTS = 50, SHIFTED = 5, SHIFTS = PARTS / SHIFTED }; // of bsdf.comp
+enum { PARTS = 50, SHIFTED = 5, SHIFTS = PARTS / SHIFTED, SAMPLES = 3280 }; // of bsdf.comp
 
 // Of SHIFTS sums of samples: deviation of their mean.
 static float noise_of(const struct hg_vec4 *sums, int channel)
@@ -58,6 +58,7 @@ void bsdf_add_up(struct probe *probe, enum bsdf_op op, const struct bsdf_materia
     for (uint32_t i = 0; i < PARTS * count; i++) {
         in[2 * i] = pairs[i / PARTS * 2];
         in[2 * i + 1].x = (float)(i % PARTS);
+        in[2 * i + 1].y = pairs[i / PARTS * 2 + 1].y > 0 ? pairs[i / PARTS * 2 + 1].y : SAMPLES;
     }
     bsdf_run(probe, op, m, PARTS * count, in, sums);
     for (uint32_t i = 0; i < count; i++) {

@@ -37,7 +37,7 @@ struct hg_vec4 bsdf_direction(float cosine, float phi, bool front);
 void bsdf_run(struct probe *probe, enum bsdf_op op, const struct bsdf_material *m, uint32_t count,
     const struct hg_vec4 *pairs, struct hg_vec4 *out);
 // The first of the two results of BSDF_ALBEDO and BSDF_INTEGRALS, sums in parts of bsdf.comp, and
-// its noise: one standard deviation.
+// its noise: one standard deviation. Second inputs: y samples of each of ten shifts, 0: 3280.
 void bsdf_add_up(struct probe *probe, enum bsdf_op op, const struct bsdf_material *m,
     uint32_t count, const struct hg_vec4 *pairs, struct hg_vec4 *out);
 

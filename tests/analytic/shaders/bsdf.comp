@@ -78,10 +78,9 @@ vec3 balance(hg_bsdf b, hg_bsdf_sample_result r)
 // noise.
 #define SHIFTED 5u
 
-// Sum of the weights of samples: rgb; w: share of samples that end.
-vec4 albedo(hg_bsdf b, uint part)
+// Sum of the weights of n samples of each shift: rgb; w: share of samples that end.
+vec4 albedo(hg_bsdf b, uint part, uint n)
 {
-    const uint n = 3280u;
     vec3 shift = fract(float(part / SHIFTED) * vec3(0.8191725, 0.6710436, 0.5497005));
     vec4 sum = vec4(0.0);
     part %= SHIFTED;
@@ -150,7 +149,7 @@ void main()
         x.rgb = hg_bsdf_evaluate(b, c.xyz, pdf);
         x.w = pdf;
     } else if (op == 2u) {
-        x = albedo(b, uint(c.x));
+        x = albedo(b, uint(c.x), uint(c.y));
     } else if (op == 3u) {
         x = integrals(b, uint(c.x));
     } else if (op == 4u) {
