@@ -413,7 +413,7 @@ static void test_lamp(void **state)
         lit_floor(rig, true);
         rig->renderer->context.overrides.path_estimators = use;
         struct hg_view_params params = defaults;
-        params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
+        params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 128;
         params.max_bounces = 2;
         mean[use - 1] = mean_of(rig, &params);
     }
@@ -422,7 +422,7 @@ static void test_lamp(void **state)
         lit_floor(rig, true);
         path_rig_pose(rig, 1.0 + ((i + 0.5) / 16 - 0.5) * 0.5);
         struct hg_view_params params = defaults;
-        params.samples = 64;
+        params.samples = 32;
         params.max_bounces = 2;
         params.shutter_open = params.shutter_close = 0.0f;
         mean[3] += mean_of(rig, &params) / 16;
