@@ -76,12 +76,12 @@ static void note(struct hg_view_state *view, const struct hg_meter_key *key, flo
 static struct hg_view_settings settings_of(
     const struct hg_view_state *view, const struct hg_meter_key *key)
 {
-    return (struct hg_view_settings){.width = key->width,
-        .height = key->height,
+    return (struct hg_view_settings){.width = key->width * HG_METER_SPLIT,
+        .height = key->height * HG_METER_SPLIT,
         .background = HG_BACKGROUND_MODE_NONE,
         .exposure = 1.0f,
-        .samples = HG_METER_SAMPLES,
-        .error_px = 1.0f,
+        .samples = 1,
+        .error_px = HG_METER_SPLIT,
         .mode = HG_VIEW_MODE_PATH,
         .path = {.filter = FILTER_BOX,
             .filter_radius_px = 0.5f,
@@ -89,6 +89,25 @@ static struct hg_view_settings settings_of(
             .planes = 1u << PLANE_ALBEDO | 1u << PLANE_EMISSION,
             .trace = view->settings.mode == HG_VIEW_MODE_PATH ? view->settings.path.trace : 0,
             .frame_s = 1.0f / 24.0f}};
+}
+
+// Means over blocks of pixels, which take the place of the first of them: what is written lies
+// before all that is still read.
+static void take_means(float *pixels, const struct hg_view_settings *s, uint32_t channels)
+{
+    const uint32_t columns = s->width / HG_METER_SPLIT, rows = s->height / HG_METER_SPLIT;
+    for (uint32_t i = 0; i < columns * rows; i++) {
+        const uint32_t x = i % columns * HG_METER_SPLIT, y = i / columns * HG_METER_SPLIT;
+        float sum[4] = {0};
+        for (uint32_t k = 0; k < HG_METER_SPLIT * HG_METER_SPLIT; k++) {
+            const size_t from =
+                (size_t)(y + k / HG_METER_SPLIT) * s->width + x + k % HG_METER_SPLIT;
+            for (uint32_t c = 0; c < channels; c++)
+                sum[c] += pixels[from * channels + c];
+        }
+        for (uint32_t c = 0; c < channels; c++)
+            pixels[(size_t)i * channels + c] = sum[c] / (HG_METER_SPLIT * HG_METER_SPLIT);
+    }
 }
 
 static enum hg_status read_value(struct hg_view_state *view, float *ev, struct hg_error *err)
@@ -102,7 +121,10 @@ static enum hg_status read_value(struct hg_view_state *view, float *ev, struct h
         status = hg_path_read(view->path, planes[i].plane, planes[i].channels, &read[i], err);
     if (status == HG_OK) {
         const struct hg_view_settings *s = view->exposure.metering;
-        const struct hg_exposure_picture picture = {.pixels = s->width * s->height,
+        for (int i = 0; i < 3; i++)
+            take_means((float *)(void *)read[i]->data, s, planes[i].channels);
+        const struct hg_exposure_picture picture = {
+            .pixels = s->width * s->height / (HG_METER_SPLIT * HG_METER_SPLIT),
             .color = (const float *)(const void *)read[0]->data,
             .albedo = (const float *)(const void *)read[1]->data,
             .emission = (const float *)(const void *)read[2]->data};

@@ -11,7 +11,7 @@
 #include "renderer/frame/state.h"
 
 #define HG_METER_SIDE_PX 64
-#define HG_METER_SAMPLES 16
+#define HG_METER_SPLIT   4 // a metered pixel is the mean of so many by so many, of one sample each
 #define HG_METER_BOUNCES 6
 
 // ev: the exposure, or what is added to the metered one, which is that of the last metering.
