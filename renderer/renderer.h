@@ -74,10 +74,10 @@ enum hg_background {
     HG_BACKGROUND_BLUR,
     HG_BACKGROUND_DISPLAY,
 };
-enum hg_gi { // light by way of surfaces, of HG_MODE_REALTIME
+enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_NONE,
-    HG_GI_AUTO, // the best that there is; at present as NONE
-    HG_GI_RAYS, // HG_E_UNSUPPORTED at present, as PROBES
+    HG_GI_AUTO, // the best that there is; at present as PROBES
+    HG_GI_RAYS, // at present as PROBES
     HG_GI_PROBES,
 };
 enum hg_exposure_mode {
@@ -184,7 +184,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_background     enum hg_background
 #define HG_VIEW_ENUM_exposure_mode  enum hg_exposure_mode
 #define HG_VIEW_ENUM_ground         enum hg_ground
-#define HG_VIEW_ENUM_gi             enum hg_gi
+#define HG_VIEW_ENUM_gi             enum hg_view_gi
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
 #define HG_VIEW_ENUM_denoise        enum hg_view_denoise

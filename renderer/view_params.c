@@ -101,9 +101,6 @@ enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_er
 #include "protocol/view_params.def"
     if (p->shutter_close < p->shutter_open)
         return out_of_range(err, "shutter_close");
-    if (p->gi > HG_GI_AUTO)
-        return hg_error_set(err, HG_E_UNSUPPORTED, "view", "gi",
-            "this renderer has neither rays nor probes for light by way of surfaces");
     const enum hg_status status = check_region(p, err);
     return status == HG_OK ? check_planes(p, err) : status;
 }
@@ -195,6 +192,7 @@ enum hg_status hg_view_set_params(
     s.background = (uint32_t)p.background; // same values as HG_BACKGROUND_MODE_*
     memcpy(s.background_color, p.background_color, sizeof s.background_color);
     s.ground = (uint32_t)p.ground;
+    s.gi = p.gi != HG_GI_NONE && p.mode == HG_MODE_REALTIME && p.debug_view == HG_DEBUG_OFF;
     s.exposure = exp2f(p.exposure_ev);
     s.samples = p.samples;
     s.seed = p.seed;

@@ -105,6 +105,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     fill_background(draw, f);
     fill_ground(draw, f);
     hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
+    hg_gi_fill(draw->scene_gpu->gi, draw->probes, &f->probes);
     const struct hg_blend_lists *lists = &draw->blend->lists;
     f->blend = (struct hg_gpu_blend_lists){.heads = lists->heads.address,
         .nodes = lists->nodes.address,
@@ -255,6 +256,9 @@ static struct hg_pass make_pass(
     bind_tables(draw, slot, &pass);
     pass.features = features_of(draw, pass.tables, streams);
     pass.features2 = mixes_of(draw, pass.features);
+    struct hg_gpu_probes probes;
+    hg_gi_fill(draw->scene_gpu->gi, draw->probes, &probes);
+    pass.features2 |= probes.count > 0 ? HG_FEATURE2_PROBES : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;

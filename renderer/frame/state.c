@@ -21,5 +21,6 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .accumulation = &view->accumulation,
         .blend = &view->blend,
         .unlit = &view->unlit,
-        .stats = &view->stats};
+        .stats = &view->stats,
+        .probes = view->gi.field};
 }

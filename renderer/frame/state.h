@@ -39,6 +39,7 @@ struct hg_view_settings {
     uint32_t background;    // HG_BACKGROUND_MODE_*
     float background_color[3];
     uint32_t ground;  // enum hg_ground of renderer.h
+    uint32_t gi;      // 1: diffuse light comes from probes
     float exposure;   // linear factor
     uint32_t samples; // per pixel until settled, >= 1
     uint32_t seed;
@@ -65,6 +66,13 @@ struct hg_view_exposure {
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
 };
 
+// Light from probes (gi_view.h).
+struct hg_view_probes {
+    enum hg_gi_field_kind field; // that the next sample is drawn with
+    bool refused;                // for want of memory, for refused_key
+    struct hg_gi_key refused_key;
+};
+
 struct hg_view_state {
     struct hg_frame_context *context;
     struct hg_scene_gpu *scene_gpu;
@@ -75,6 +83,7 @@ struct hg_view_state {
     struct hg_view_camera_state camera;
     uint64_t settings_revision, camera_revision;
     struct hg_view_exposure exposure;
+    struct hg_view_probes gi;
     bool final;       // not displayed before the picture is settled
     uint32_t formats; // 1 << index into targets.pixels: of pixels that are read after a step
 

@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/gi_view.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/frame/view_pixels.h"
@@ -167,7 +168,8 @@ static struct hg_view_key present_key(const struct hg_view_state *view)
         .environment = view->scene_gpu->scene->environment.revision,
         .geometry = view->scene_gpu->geometry_revision,
         .settings = view->settings_revision,
-        .camera = view->camera_revision};
+        .camera = view->camera_revision,
+        .gi = hg_gi_view_is_on(view) && hg_gi_view_is_done(view)};
 }
 
 static bool bakes(const struct hg_view_state *view)
@@ -186,7 +188,7 @@ static bool is_drawn(const struct hg_view_state *view)
 {
     const struct hg_tiled_accumulation *a = &view->accumulation;
     return is_known(view) && (a->phase == HG_VIEW_ACCUMULATING || a->phase == HG_VIEW_EXACT) &&
-           a->shortfall == 0 && a->samples >= view->settings.samples;
+           a->shortfall == 0 && a->samples >= view->settings.samples && hg_gi_view_is_done(view);
 }
 
 // Planes of a real-time picture are path-traced (first hits only) once it is drawn.
@@ -409,6 +411,10 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
         deform_for_motion(view);
     enum hg_status status = sync(view, &request, err);
     if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
+        return status;
+    bool waits;
+    status = hg_gi_view_step(view, view->final || is_known(view), &waits, err);
+    if (status != HG_OK || waits)
         return status;
     const struct hg_view_key key = present_key(view);
     // A client subscribed to a view that was rendering in the background, before its first sample.

@@ -332,6 +332,21 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
     return &l->atlas;
 }
 
+void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources *out)
+{
+    const struct hg_gpu_lighting *b = &l->block;
+    *out = (struct hg_lighting_sources){.lights = l->set.items,
+        .casts = l->set.casts,
+        .count = l->set.count,
+        .directional_count = l->set.directional_count,
+        .env_kind = b->env_kind,
+        .env_color = {b->env_color.x, b->env_color.y, b->env_color.z},
+        .env_rotation_cos = b->env_rotation_cos,
+        .env_rotation_sin = b->env_rotation_sin,
+        .env_faces = l->env.coarse,
+        .env_side = HG_ENV_COARSE_SIDE};
+}
+
 void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *out)
 {
     *out = (struct hg_lighting_stats){.lights = l->set.count,

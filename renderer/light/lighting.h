@@ -73,6 +73,20 @@ struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *lighting);
 void hg_lighting_note_drawn(struct hg_lighting *lighting);
 
+// What lights rays that are shaded on the host, as of the newest sync: lights of the scene, among
+// them a sky's sun, and the environment without it.
+struct hg_lighting_sources {
+    const struct hg_gpu_light *lights; // [count], those of kind DIRECTIONAL first
+    const bool *casts;                 // [count]
+    uint32_t count, directional_count;
+    uint32_t env_kind;  // HG_ENV_KIND_*
+    float env_color[3]; // as of hg_gpu_lighting
+    float env_rotation_cos, env_rotation_sin;
+    const float *env_faces; // IMAGE: [6][env_side^2][3], in Vulkan's order of faces, rows from the top
+    uint32_t env_side;
+};
+void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
+
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
     uint32_t local_lights;      // point and spot lights

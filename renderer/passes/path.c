@@ -1,5 +1,7 @@
 #include "renderer/passes/path.h"
 
+#include "shaders/shared/features.h"
+
 _Static_assert(HG_BIND_PATH == HG_BIND_HISTORY, "paths have no history");
 
 static const struct {
@@ -18,7 +20,7 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, 
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
         .spec = {kernels[kernel].variant, pass->tables, pass->features | pass->background, options,
-            0, pass->features2},
+            0, pass->features2 & ~HG_FEATURE2_PROBES},
         .spec_count = 6};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)

@@ -41,6 +41,8 @@ static struct hg_gpu_pipeline_params pipeline_of(
         features2 &= ~HG_MIX_ALL;
     if (!style->background)
         features2 &= ~HG_FEATURE2_GROUND;
+    else
+        features2 &= ~HG_FEATURE2_PROBES;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")

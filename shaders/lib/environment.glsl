@@ -7,6 +7,17 @@
 
 #include "lib/brdf.glsl"
 
+// Passes that look at a field of probes (lib/probes.glsl) before they ask for ambient light.
+#ifdef HG_ENVIRONMENT_PROBES
+#include "lib/probes.glsl"
+#define HG_AMBIENT_PROBES HG_HAS2(HG_FEATURE2_PROBES)
+#else
+#define HG_AMBIENT_PROBES false
+const vec3 hg_probes_irradiance = vec3(0.0), hg_probes_behind = vec3(0.0);
+const vec3 hg_probes_surfaces = vec3(0.0);
+const float hg_probes_sky = 1.0;
+#endif
+
 // true: one level of the prefiltered cube per lookup, chosen by hg_environment_xi, so that
 // accumulated samples converge to the blend of two. Half the price.
 #ifndef HG_ENVIRONMENT_STOCHASTIC
@@ -129,13 +140,28 @@ float hg_specular_occlusion(float n_dot_v, float occlusion, float alpha)
     return clamp(pow(n_dot_v + occlusion, exp2(-16.0 * alpha - 1.0)) - 1.0 + occlusion, 0.0, 1.0);
 }
 
+// The same where a field of probes says how much of the environment is seen.
+vec3 hg_environment_reflected(vec3 r, float roughness)
+{
+    if (!HG_AMBIENT_PROBES)
+        return hg_environment_prefiltered(r, roughness);
+    vec3 sky = hg_frame.lighting.env_kind == HG_ENV_KIND_NONE
+        ? vec3(0.0)
+        : hg_environment_prefiltered(r, roughness);
+    return sky * hg_probes_sky + hg_probes_surfaces;
+}
+
 // Light reflected to the eye from the whole environment; occlusion 0..1 is the material's.
 // Split sum (Karis 2013) with multiple scattering as in Fdez-Aguera 2019, "A Multiple-Scattering
 // Microfacet Model for Real-Time Image Based Lighting"; in a white furnace what leaves a white
 // surface is 1 for every roughness and metallic.
+// With HG_FEATURE2_PROBES hg_probes_look was called: then the diffuse light is that of the field,
+// which knows what the environment adds where it is seen, and the reflected environment is seen as
+// much as the field says, in front of the light of surfaces that the field has in that direction.
 vec3 hg_environment_brdf(hg_brdf b, float occlusion)
 {
-    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE)
+    bool probes = HG_AMBIENT_PROBES;
+    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE && !probes)
         return vec3(0.0);
     vec3 r = 2.0 * dot(b.n, b.v) * b.n - b.v;
     // Wide lobes lean from the mirror direction towards the normal (Lagarde and de Rousiers 2014,
@@ -145,8 +171,9 @@ vec3 hg_environment_brdf(hg_brdf b, float occlusion)
     float specular_occlusion = 1.0;
     if (occlusion < 1.0)
         specular_occlusion = hg_specular_occlusion(b.n_dot_v, occlusion, b.alpha);
-    vec3 irradiance = hg_environment_irradiance(b.n) * occlusion;
-    vec3 radiance = hg_environment_prefiltered(r_lobe, b.roughness) * specular_occlusion;
+    vec3 irradiance =
+        (probes ? hg_probes_irradiance : hg_environment_irradiance(b.n)) * occlusion;
+    vec3 radiance = hg_environment_reflected(r_lobe, b.roughness) * specular_occlusion;
     float miss = 1.0 - b.dfg_v.x - b.dfg_v.y;
     vec3 single = b.f0 * b.dfg_v.x + b.dfg_v.y;
     float e_dielectric = b.f0_dielectric * b.dfg_v.x + b.dfg_v.y + b.f_ms_dielectric * miss;
@@ -171,19 +198,22 @@ vec3 hg_environment_mirror(hg_bsdf b, vec2 xi)
 // hg_environment_brdf for all lobes but transmission. xi: two random numbers of the sample.
 vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
 {
-    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE)
+    bool probes = HG_AMBIENT_PROBES;
+    if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE && !probes)
         return vec3(0.0);
     vec3 r = hg_environment_mirror(b, xi);
     float r2 = b.base.roughness * b.base.roughness, shade = 1.0;
     if (occlusion < 1.0)
         shade = hg_specular_occlusion(b.base.n_dot_v, occlusion, b.base.alpha);
-    vec3 irradiance = hg_environment_irradiance(b.base.n) * occlusion;
+    vec3 irradiance =
+        (probes ? hg_probes_irradiance : hg_environment_irradiance(b.base.n)) * occlusion;
     vec3 lobe = normalize(mix(r, b.base.n, r2 * r2));
-    vec3 radiance = hg_environment_prefiltered(lobe, b.base.roughness) * shade;
+    vec3 radiance = hg_environment_reflected(lobe, b.base.roughness) * shade;
     vec3 sum = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.below_v) * radiance;
     sum += (b.base.f_ms * b.several_v + b.base.diffuse * b.enter_v) * irradiance;
     if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
-        sum += b.behind * b.enter_v * hg_environment_irradiance(-b.base.n) * occlusion;
+        sum += b.behind * b.enter_v *
+            (probes ? hg_probes_behind : hg_environment_irradiance(-b.base.n)) * occlusion;
     if (HG_HAS(HG_FEATURE_TRANSMISSION))
         sum += b.transmission * (b.glass_v * b.glass_front * b.through_v + b.held_v) * irradiance;
     if (HG_HAS(HG_FEATURE_SHEEN))
@@ -194,7 +224,7 @@ vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
         coat = normalize(mix(coat, b.coat_n, c2 * c2));
         if (occlusion < 1.0)
             shade = hg_specular_occlusion(b.coat_n_dot_v, occlusion, b.coat_alpha);
-        sum += hg_environment_prefiltered(coat, b.coat_roughness) * ((1.0 - b.coat_v) * shade);
+        sum += hg_environment_reflected(coat, b.coat_roughness) * ((1.0 - b.coat_v) * shade);
     }
     return sum;
 }

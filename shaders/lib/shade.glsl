@@ -12,6 +12,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #define HG_TEXTURE_STOCHASTIC     true
 #define HG_TEXTURE_NOTE           true
 #define HG_ENVIRONMENT_STOCHASTIC true
+#define HG_ENVIRONMENT_PROBES
 
 #include "lib/frame.glsl"
 #include "lib/tables.glsl"
@@ -170,6 +171,15 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
 vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
 {
     hg_bsdf b = hg_bsdf_make(s, view, 1.0);
+    if (HG_HAS2(HG_FEATURE2_PROBES)) {
+        vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
+        vec3 r = reflect(-view, b.base.n);
+        if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
+            hg_probes_look(v.position_ws, -s.geometric_normal, -b.base.n, -view, r, xi);
+            hg_probes_behind = hg_probes_irradiance;
+        }
+        hg_probes_look(v.position_ws, s.geometric_normal, b.base.n, view, r, xi);
+    }
     b.delta = b.coat_delta = false; // highlights of point lights are to be seen
     vec3 radiance = hg_bsdf_emission(b, s.emissive);
     radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(gl_FragCoord.xy), 2u).xy);
@@ -212,6 +222,9 @@ vec4 surface(uvec2 id, out float depth)
         return vec4(lobes(s, v, view), 1.0) * alpha;
 #endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
+    if (HG_HAS2(HG_FEATURE2_PROBES))
+        hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
+            hg_random3(uvec2(gl_FragCoord.xy), 15u));
     vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
     radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
     return vec4(radiance, 1.0) * alpha;

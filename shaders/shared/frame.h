@@ -7,6 +7,7 @@
 
 #include "shared/blend.h"
 #include "shared/geometry.h"
+#include "shared/gi.h"
 #include "shared/light.h"
 #include "shared/texture.h"
 #include "shared/types.h"
@@ -68,7 +69,8 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_textures) textures;
     HG_STRUCT(hg_gpu_geometry) geometry;
     HG_STRUCT(hg_gpu_blend_lists) blend;
+    HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
 };
-HG_SHARED_SIZE(hg_gpu_frame, 808);
+HG_SHARED_SIZE(hg_gpu_frame, 848);
 
 #endif

@@ -165,6 +165,31 @@ static void release(struct hg_env_device *env, struct hg_gpu *gpu)
     hg_gpu_buffer_destroy(gpu, &env->irradiance);
 }
 
+// Means of the sharpest level.
+static enum hg_status make_coarse(const struct hg_environment_map *map, float **out)
+{
+    const uint32_t side = HG_ENV_COARSE_SIDE, step = map->face_size / side;
+    float *coarse = hg_calloc((size_t)6 * side * side, 3 * sizeof *coarse);
+    if (!coarse)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < 6 * side * side; i++) {
+        const uint32_t face = i / (side * side), y0 = i / side % side * step, x0 = i % side * step;
+        double sum[3] = {0};
+        for (uint32_t y = y0; y < y0 + step; y++)
+            for (uint32_t x = x0; x < x0 + step; x++) {
+                const uint16_t *texel =
+                    map->specular[0] + (((size_t)face * map->face_size + y) * map->face_size + x) * 4;
+                for (int c = 0; c < 3; c++)
+                    sum[c] += (double)hg_half_to_float(texel[c]);
+            }
+        for (int c = 0; c < 3; c++)
+            coarse[i * 3 + c] = (float)(sum[c] / ((double)step * step));
+    }
+    hg_free(*out);
+    *out = coarse;
+    return HG_OK;
+}
+
 // Replaces what is on the device; keeps it on failure.
 static enum hg_status upload(struct hg_env_device *env, struct hg_gpu *gpu,
     const struct hg_environment_map *map, const struct radiance *radiance, struct hg_error *err)
@@ -208,6 +233,7 @@ enum hg_status hg_env_device_init(
 void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu)
 {
     release(env, gpu);
+    hg_free(env->coarse);
     *env = (struct hg_env_device){0};
 }
 
@@ -316,6 +342,8 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env
         env->prefilter_ns = hg_clock_now_ns() - begin;
         status = upload(env, maker->gpu, &made.map, &made.radiance, err);
     }
+    if (!status && make_coarse(&made.map, &env->coarse))
+        status = hg_error_set(err, HG_E_NOMEM, "environment", NULL, "no memory for a coarse copy");
     if (!status) {
         memcpy(env->key, key, 32);
         env->has_key = true;

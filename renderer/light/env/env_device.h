@@ -9,6 +9,8 @@
 #include "base/store/store.h"
 #include "shaders/shared/light.h"
 
+#define HG_ENV_COARSE_SIDE 32
+
 // Zero-initialise.
 struct hg_env_device {
     uint32_t kind;   // HG_ENV_KIND_* of what the images hold
@@ -19,6 +21,7 @@ struct hg_env_device {
     uint32_t specular_lods;
     uint64_t prefilter_ns;
     bool from_cache;
+    float *coarse; // [6][HG_ENV_COARSE_SIDE^2][3] radiance, for rays on the host; faces as in cubemap.h
 };
 
 // Black 1x1 images, so that bindings are always valid.

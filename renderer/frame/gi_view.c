@@ -1,0 +1,93 @@
+// gi_view.c - see gi_view.h.
+#include "renderer/frame/gi_view.h"
+
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+
+#define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
+#define MOVE_RAYS 8000  // of a picture in motion
+
+static struct hg_gi_key key_of(const struct hg_view_state *view)
+{
+    const struct hg_scene_gpu *s = view->scene_gpu;
+    return (struct hg_gi_key){.scene = s->scene->revision,
+        .environment = s->scene->environment.revision,
+        .geometry = s->geometry_revision};
+}
+
+static bool is_refused(const struct hg_view_state *view)
+{
+    const struct hg_gi_key key = key_of(view);
+    return view->gi.refused && memcmp(&key, &view->gi.refused_key, sizeof key) == 0;
+}
+
+bool hg_gi_view_is_on(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 && !is_refused(view);
+}
+
+bool hg_gi_view_is_done(const struct hg_view_state *view)
+{
+    const struct hg_gi_key key = key_of(view);
+    return !hg_gi_view_is_on(view) || hg_gi_is_rest(view->scene_gpu->gi, &key);
+}
+
+static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_scene_gpu *s = view->scene_gpu;
+    const struct hg_gi_params params = {.gpu = view->context->gpu,
+        .jobs = view->context->jobs,
+        .geometry = s->geometry,
+        .textures = s->textures,
+        .rays = s->rays};
+    return s->gi != NULL ? HG_OK : hg_gi_create(&params, &s->gi, err);
+}
+
+static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_error *err)
+{
+    const struct hg_gi_key key = key_of(view);
+    struct hg_lighting_sources sources;
+    const enum hg_status status = create(view, err);
+    if (status != HG_OK)
+        return status;
+    hg_lighting_sources(view->lighting, &sources);
+    return rests ? hg_gi_rest(view->scene_gpu->gi, &key, &sources, REST_RAYS, err)
+                 : hg_gi_move(view->scene_gpu->gi, &key, &sources, MOVE_RAYS, err);
+}
+
+// Without memory for rays or probes the picture is that of `none`.
+static enum hg_status refuse(
+    struct hg_view_state *view, enum hg_status status, struct hg_error *err)
+{
+    if (status != HG_E_LIMIT && status != HG_E_NOMEM && status != HG_E_UNSUPPORTED)
+        return status;
+    hg_warn(FRAME, "no light by way of surfaces: %s: %s", err->what, err->reason);
+    *err = (struct hg_error){0};
+    view->gi.refused = true;
+    view->gi.refused_key = key_of(view);
+    view->gi.field = HG_GI_NO_FIELD;
+    return HG_OK;
+}
+
+enum hg_status hg_gi_view_step(
+    struct hg_view_state *view, bool rests, bool *waits, struct hg_error *err)
+{
+    const uint64_t begin = hg_clock_now_ns();
+    enum hg_status status = HG_OK;
+    *waits = false;
+    view->gi.field = HG_GI_NO_FIELD;
+    if (!hg_gi_view_is_on(view))
+        return HG_OK;
+    if (!hg_gi_view_is_done(view))
+        status = advance(view, rests, err);
+    if (status != HG_OK)
+        return refuse(view, status, err);
+    const bool done = hg_gi_view_is_done(view);
+    *waits = rests && !done;
+    view->gi.field = done ? HG_GI_REST : HG_GI_MOVING;
+    hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
+    return HG_OK;
+}

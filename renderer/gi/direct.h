@@ -1,0 +1,28 @@
+// direct.h - light that comes straight from lamps, the sun and the environment, on the host.
+// Floor 2, private to renderer/gi. Pure; any thread.
+#ifndef HG_RENDERER_GI_DIRECT_H
+#define HG_RENDERER_GI_DIRECT_H
+
+#include "renderer/light/lighting.h"
+#include "shaders/shared/ray.h"
+
+#define HG_GI_SHADOW_RAYS 3 // of one hit: two directional lights and one of the others, by chance
+
+// Light of a surface's point if nothing is in the way of its ray; a ray with t_max < t_min has none.
+struct hg_gi_direct {
+    struct hg_gpu_ray rays[HG_GI_SHADOW_RAYS];
+    float light[HG_GI_SHADOW_RAYS][3]; // irradiance over pi
+};
+
+// lift: metres that rays begin off the surface. xi: a number in [0, 1).
+struct hg_gi_receiver {
+    float position[3], normal[3], lift, xi;
+};
+void hg_gi_direct_at(const struct hg_lighting_sources *sources,
+    const struct hg_gi_receiver *receiver, struct hg_gi_direct *out);
+
+// Radiance of the environment in a direction, a sky's sun not included.
+void hg_gi_environment(
+    const struct hg_lighting_sources *sources, const float direction[3], float out[3]);
+
+#endif

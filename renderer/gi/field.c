@@ -1,0 +1,367 @@
+#include "renderer/gi/field.h"
+
+#include <float.h>
+
+#include "base/alloc.h"
+#include "base/jobs.h"
+#include "renderer/math/vec.h"
+
+#define IRRADIANCE_SIDE   HG_PROBE_IRRADIANCE_SIDE
+#define IRRADIANCE_TEXELS HG_PROBE_IRRADIANCE_TEXELS
+#define MOMENT_SIDE       HG_PROBE_MOMENT_SIDE
+#define MOMENT_TEXELS     HG_PROBE_MOMENT_TEXELS
+#define PROBE_WORDS       (1 + 3 * IRRADIANCE_TEXELS + MOMENT_TEXELS)
+#define INSET             0.25f // of the outermost probes from the bounds, in spacings
+#define INSIDE            0.25f // share of rays that meet backs, from which a probe sleeps
+#define CLEARANCE         0.15f // distance that probes keep from surfaces, in spacings
+#define MOST_OFFSET       0.45f
+#define LOBE_POWER        32 // of the cosine in moments
+
+// --- octahedral tables ---------------------------------------------------------------------------
+
+// As hg_oct_encode and hg_oct_decode in shaders/lib/octahedral.glsl.
+static void oct_encode(const float v[3], float out[2])
+{
+    const float sum = fmaxf(fabsf(v[0]) + fabsf(v[1]) + fabsf(v[2]), 1e-30f);
+    const float x = v[0] / sum, y = v[1] / sum;
+    out[0] = v[2] >= 0 ? x : (1 - fabsf(y)) * (x >= 0 ? 1.0f : -1.0f);
+    out[1] = v[2] >= 0 ? y : (1 - fabsf(x)) * (y >= 0 ? 1.0f : -1.0f);
+}
+
+static void texel_direction(uint32_t texel, uint32_t side, float out[3])
+{
+    const float x = 2 * ((float)(texel % side) + 0.5f) / (float)side - 1;
+    const float y = 2 * ((float)(texel / side) + 0.5f) / (float)side - 1;
+    const float z = 1 - fabsf(x) - fabsf(y), fold = fmaxf(-z, 0);
+    out[0] = x + (x >= 0 ? -fold : fold);
+    out[1] = y + (y >= 0 ? -fold : fold);
+    out[2] = z;
+    hg_normalize3(out);
+}
+
+static uint32_t wrapped_texel(int x, int y, int side)
+{
+    if (x < 0 || x >= side) {
+        x = x < 0 ? 0 : side - 1;
+        y = side - 1 - y;
+    }
+    if (y < 0 || y >= side) {
+        x = side - 1 - x;
+        y = y < 0 ? 0 : side - 1;
+    }
+    x = x < 0 ? 0 : x >= side ? side - 1 : x;
+    return (uint32_t)(y * side + x);
+}
+
+static uint32_t texel_of(const float d[3], int side, float xi_x, float xi_y)
+{
+    float e[2];
+    oct_encode(d, e);
+    const float x = (e[0] * 0.5f + 0.5f) * (float)side + xi_x - 0.5f;
+    const float y = (e[1] * 0.5f + 0.5f) * (float)side + xi_y - 0.5f;
+    return wrapped_texel((int)floorf(x), (int)floorf(y), side);
+}
+
+// --- placing -------------------------------------------------------------------------------------
+
+// Probes along an axis, and where the first one stands.
+static uint32_t along(float min, float max, float spacing, float *first)
+{
+    const float extent = max - min - 2 * INSET * spacing;
+    const uint32_t steps = extent > spacing ? (uint32_t)ceilf(extent / spacing) : 1;
+    *first = 0.5f * (min + max - (float)steps * spacing);
+    return steps < HG_GI_MOST_PROBES ? steps + 1 : HG_GI_MOST_PROBES;
+}
+
+void hg_gi_field_grid(struct hg_gi_field *f, const float min[3], const float max[3])
+{
+    float extent = 0;
+    for (int a = 0; a < 3; a++)
+        extent = fmaxf(extent, max[a] - min[a]);
+    f->spacing = fmaxf(extent / 512, 1e-6f);
+    for (;;) {
+        uint64_t count = 1;
+        for (int a = 0; a < 3; a++) {
+            f->counts[a] = along(min[a], max[a], f->spacing, &f->origin[a]);
+            count *= f->counts[a];
+        }
+        f->count = (uint32_t)count;
+        if (count <= HG_GI_MOST_PROBES)
+            return;
+        f->spacing *= 1.02f;
+    }
+}
+
+enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
+{
+    struct hg_gi_field next = {.buffer = f->buffer};
+    f->buffer = (struct hg_gpu_buffer){0};
+    hg_gi_field_finish(f, NULL);
+    hg_gi_field_grid(&next, min, max);
+    next.offsets = hg_calloc(next.count, sizeof *next.offsets);
+    next.awake = hg_calloc(next.count, sizeof *next.awake);
+    next.updates = hg_calloc(next.count, sizeof *next.updates);
+    next.irradiance = hg_calloc(next.count, sizeof *next.irradiance);
+    next.moments = hg_calloc(next.count, sizeof *next.moments);
+    next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
+    *f = next;
+    if (!f->offsets || !f->awake || !f->updates || !f->irradiance || !f->moments || !f->words)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < f->count; i++)
+        f->awake[i] = true;
+    return HG_OK;
+}
+
+void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
+{
+    if (gpu)
+        hg_gpu_buffer_destroy(gpu, &f->buffer);
+    hg_free(f->offsets);
+    hg_free(f->awake);
+    hg_free(f->updates);
+    hg_free(f->irradiance);
+    hg_free(f->moments);
+    hg_free(f->words);
+    *f = (struct hg_gi_field){.buffer = f->buffer};
+}
+
+uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
+{
+    return f->count * (sizeof *f->offsets + sizeof *f->awake + sizeof *f->updates +
+                          sizeof *f->irradiance + sizeof *f->moments + PROBE_WORDS * 4ull) +
+           f->buffer.size_bytes;
+}
+
+void hg_gi_probe_position(const struct hg_gi_field *f, uint32_t probe, float out[3])
+{
+    const uint32_t cell[3] = {probe % f->counts[0], probe / f->counts[0] % f->counts[1],
+        probe / f->counts[0] / f->counts[1]};
+    for (int a = 0; a < 3; a++)
+        out[a] = f->origin[a] + ((float)cell[a] + f->offsets[probe][a]) * f->spacing;
+}
+
+void hg_gi_probe_relocate(
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count)
+{
+    const struct hg_gi_ray *back = NULL, *front = NULL;
+    uint32_t backs = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct hg_gi_ray **nearest = rays[i].back ? &back : &front;
+        backs += rays[i].back;
+        if (rays[i].distance < FLT_MAX && (!*nearest || rays[i].distance < (*nearest)->distance))
+            *nearest = &rays[i];
+    }
+    const bool inside = (float)backs > INSIDE * (float)count;
+    float step = 0;
+    const struct hg_gi_ray *by = inside ? back : front;
+    if (inside)
+        step = back->distance / f->spacing + CLEARANCE;
+    else if (front)
+        step = fminf(front->distance / f->spacing - CLEARANCE, 0);
+    for (int a = 0; a < 3 && by; a++)
+        f->offsets[probe][a] = hg_clampf(
+            f->offsets[probe][a] + by->direction[a] * step, -MOST_OFFSET, MOST_OFFSET);
+    // Offsets are what the device has of them.
+    for (int a = 0; a < 3; a++)
+        f->offsets[probe][a] =
+            rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) / HG_PROBE_OFFSET_STEPS -
+            0.5f;
+    f->awake[probe] = !inside;
+}
+
+// --- gathering -----------------------------------------------------------------------------------
+
+static void keep_share(float *values, size_t count, float keep)
+{
+    for (size_t i = 0; i < count; i++)
+        values[i] = keep > 0 ? values[i] * keep : 0;
+}
+
+static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
+    const float directions[3][IRRADIANCE_TEXELS])
+{
+    const float *d = ray->direction, hit = ray->distance < FLT_MAX ? 1.0f : 0.0f;
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        const float c =
+            d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
+        const float w = c > 0 ? c : 0;
+        to->weight[t] += w;
+        to->sky[t] += w * (1 - hit);
+        for (int k = 0; k < 3; k++) {
+            to->light[k][t] += w * ray->light[k];
+            to->surfaces[k][t] += w * hit * ray->light[k];
+        }
+    }
+}
+
+static void add_distance(
+    struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing)
+{
+    float e[2];
+    oct_encode(ray->direction, e);
+    const int x0 = (int)floorf((e[0] * 0.5f + 0.5f) * MOMENT_SIDE);
+    const int y0 = (int)floorf((e[1] * 0.5f + 0.5f) * MOMENT_SIDE);
+    float distance = fminf(ray->distance / spacing, HG_GI_FARTHEST);
+    if (ray->back)
+        distance *= 0.2f;
+    for (int y = y0 - 1; y <= y0 + 1; y++)
+        for (int x = x0 - 1; x <= x0 + 1; x++) {
+            const uint32_t t = wrapped_texel(x, y, MOMENT_SIDE);
+            float d[3];
+            texel_direction(t, MOMENT_SIDE, d);
+            float w = fmaxf(hg_dot3(d, ray->direction), 0);
+            for (int power = 1; power < LOBE_POWER; power *= 2)
+                w *= w;
+            to->distance[t] += w * distance;
+            to->squared[t] += w * distance * distance;
+            to->weight[t] += w;
+        }
+}
+
+void hg_gi_probe_gather(struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays,
+    uint32_t count, float keep, bool light)
+{
+    float directions[3][IRRADIANCE_TEXELS];
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        float d[3];
+        texel_direction(t, IRRADIANCE_SIDE, d);
+        for (int a = 0; a < 3; a++)
+            directions[a][t] = d[a];
+    }
+    struct hg_gi_irradiance *to = &f->irradiance[probe];
+    if (light)
+        keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
+    for (uint32_t i = 0; i < count; i++) {
+        if (light)
+            add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])directions);
+        add_distance(&f->moments[probe], &rays[i], f->spacing);
+    }
+}
+
+// --- looking -------------------------------------------------------------------------------------
+
+static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, float *variance)
+{
+    const float w = m->weight[t];
+    *mean = w > 0 ? m->distance[t] / w : HG_GI_FARTHEST;
+    *variance = w > 0 ? fmaxf(m->squared[t] / w - *mean * *mean, 1e-4f) : 1;
+}
+
+static float probe_weight(const struct hg_gi_field *f, uint32_t probe,
+    const struct hg_gi_point *p, const float lifted[3], const float xi[3])
+{
+    float at[3], to[3], from[3], mean, variance;
+    hg_gi_probe_position(f, probe, at);
+    hg_sub3(at, p->position, to);
+    hg_normalize3(to);
+    hg_sub3(lifted, at, from);
+    const float wrap = hg_dot3(to, p->normal) * 0.5f + 0.5f;
+    const float distance = hg_length3(from) / f->spacing;
+    moments_at(&f->moments[probe], texel_of(from, MOMENT_SIDE, xi[1], xi[2]), &mean, &variance);
+    const float beyond = fmaxf(distance - mean, 0);
+    const float seen = variance / (variance + beyond * beyond);
+    const float weight = fmaxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
+    return weight < 0.2f ? weight * weight * weight * 25 : weight;
+}
+
+void hg_gi_field_irradiance(const struct hg_gi_field *f, const struct hg_gi_point *p,
+    const float xi[3], float out[3])
+{
+    float lifted[3], fraction[3], sum[4] = {0};
+    uint32_t base[3];
+    for (int a = 0; a < 3; a++) {
+        lifted[a] = p->position[a] + (p->normal[a] * HG_PROBE_BIAS_NORMAL +
+                                         p->view[a] * HG_PROBE_BIAS_VIEW) *
+                                         f->spacing;
+        const float at = (lifted[a] - f->origin[a]) / f->spacing;
+        const float most = f->counts[a] > 1 ? (float)(f->counts[a] - 2) : 0;
+        base[a] = (uint32_t)hg_clampf(floorf(at), 0, most);
+        fraction[a] = hg_clampf(at - (float)base[a], 0, 1);
+    }
+    const uint32_t t = texel_of(p->normal, IRRADIANCE_SIDE, xi[0], xi[1]);
+    for (uint32_t i = 0; i < 8; i++) {
+        float weight = 1;
+        uint32_t cell[3];
+        for (int a = 0; a < 3; a++) {
+            const uint32_t off = i >> a & 1;
+            weight *= off ? fraction[a] : 1 - fraction[a];
+            cell[a] = base[a] + off < f->counts[a] ? base[a] + off : f->counts[a] - 1;
+        }
+        const uint32_t k = (cell[2] * f->counts[1] + cell[1]) * f->counts[0] + cell[0];
+        const struct hg_gi_irradiance *from = &f->irradiance[k];
+        if (weight <= 0 || !f->awake[k] || from->weight[t] <= 0)
+            continue;
+        weight *= probe_weight(f, k, p, lifted, xi);
+        for (int c = 0; c < 3; c++)
+            sum[c] += weight * from->light[c][t] / from->weight[t];
+        sum[3] += weight;
+    }
+    for (int c = 0; c < 3; c++)
+        out[c] = sum[3] > 0 ? sum[c] / sum[3] : 0;
+}
+
+// --- the device ----------------------------------------------------------------------------------
+
+// Source: Khronos Data Format Specification 1.3, section 10.5 (shared exponent).
+static uint32_t rgb9e5(float r, float g, float b)
+{
+    const float most = fmaxf(r, fmaxf(g, b));
+    int exponent = 0;
+    if (!(most > 1e-8f))
+        return 0;
+    frexpf(fminf(most, 65408.0f), &exponent);
+    const int shared = exponent + 15 < 0 ? 0 : exponent + 15 > 31 ? 31 : exponent + 15;
+    const float scale = ldexpf(1, 24 - shared);
+    const float values[3] = {r, g, b};
+    uint32_t word = (uint32_t)shared << 27;
+    for (int c = 0; c < 3; c++)
+        word |= (uint32_t)hg_clampf(rintf(values[c] * scale), 0, 511) << (9 * c);
+    return word;
+}
+
+static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
+{
+    uint32_t word = f->awake[probe] ? HG_PROBE_AWAKE : 0;
+    for (int a = 0; a < 3; a++)
+        word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS)
+                << (10 * a);
+    return word;
+}
+
+static void pack_probe(void *user, size_t probe)
+{
+    const struct hg_gi_field *f = user;
+    uint32_t *irradiance = f->words + f->count + probe * IRRADIANCE_TEXELS;
+    uint32_t *moments =
+        f->words + (size_t)f->count * (1 + IRRADIANCE_TEXELS) + probe * MOMENT_TEXELS;
+    uint32_t *reflection = f->words + (size_t)f->count * (1 + IRRADIANCE_TEXELS + MOMENT_TEXELS) +
+                           probe * 2 * IRRADIANCE_TEXELS;
+    const struct hg_gi_irradiance *from = &f->irradiance[probe];
+    f->words[probe] = place_word(f, (uint32_t)probe);
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
+        const float sky = from->sky[t] * scale;
+        irradiance[t] = rgb9e5(
+            from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
+        reflection[2 * t] = rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
+            from->surfaces[2][t] * scale);
+        memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
+    }
+    for (uint32_t t = 0; t < MOMENT_TEXELS; t++) {
+        float mean, variance;
+        moments_at(&f->moments[probe], t, &mean, &variance);
+        moments[t] = (uint32_t)hg_half(mean) | (uint32_t)hg_half(variance) << 16;
+    }
+}
+
+enum hg_status hg_gi_field_upload(
+    struct hg_gi_field *f, struct hg_gpu *gpu, struct hg_jobs *jobs, struct hg_error *err)
+{
+    const uint64_t bytes = (uint64_t)f->count * PROBE_WORDS * sizeof *f->words;
+    enum hg_status status =
+        hg_gpu_buffer_reserve(gpu, HG_GPU_BUFFER_DEVICE, bytes, "probes", &f->buffer, err);
+    if (status != HG_OK)
+        return status;
+    hg_jobs_for(jobs, f->count, pack_probe, f);
+    return hg_gpu_buffer_upload(gpu, &f->buffer, 0, f->words, bytes, err);
+}

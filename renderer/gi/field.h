@@ -1,0 +1,74 @@
+// field.h - a field of irradiance probes on the host: where probes stand, what their rays brought.
+// Floor 2, private to renderer/gi. Thread: the render thread; probes may be gathered in parallel.
+//
+// Source: Majercik et al. 2019 and 2021 (shaders/lib/probes.glsl).
+#ifndef HG_RENDERER_GI_FIELD_H
+#define HG_RENDERER_GI_FIELD_H
+
+#include "renderer/gpu/gpu.h"
+#include "shaders/shared/gi.h"
+
+#define HG_GI_MOST_PROBES 2048
+#define HG_GI_FARTHEST    3.0f // distances in moments end there, in spacings
+
+// Sums over rays, weighted by the cosine about the texel's direction.
+struct hg_gi_irradiance {
+    float light[3][HG_PROBE_IRRADIANCE_TEXELS];    // radiance
+    float surfaces[3][HG_PROBE_IRRADIANCE_TEXELS]; // of rays that hit
+    float sky[HG_PROBE_IRRADIANCE_TEXELS];         // 1 of rays that missed
+    float weight[HG_PROBE_IRRADIANCE_TEXELS];
+};
+
+struct hg_gi_moments { // weighted by a narrow lobe about the texel's direction; spacings
+    float distance[HG_PROBE_MOMENT_TEXELS], squared[HG_PROBE_MOMENT_TEXELS];
+    float weight[HG_PROBE_MOMENT_TEXELS];
+};
+
+struct hg_gi_field { // zeroed: none
+    uint32_t counts[3], count;
+    float origin[3], spacing;
+    float (*offsets)[3]; // [count] from the grid, in spacings
+    bool *awake;         // [count]
+    uint32_t *updates;   // [count] since what they hold was last out of date
+    struct hg_gi_irradiance *irradiance;
+    struct hg_gi_moments *moments;
+    uint32_t *words; // as the device reads them
+    struct hg_gpu_buffer buffer;
+};
+
+// What a ray brought.
+struct hg_gi_ray {
+    float direction[3]; // unit
+    float distance;     // metres; FLT_MAX: it left the scene
+    float light[3];
+    bool back; // the back of a surface that has one side: what begins there lies inside of it
+};
+
+// counts, count, origin and spacing for these bounds.
+void hg_gi_field_grid(struct hg_gi_field *field, const float min[3], const float max[3]);
+// Probes for these bounds (relative to the geometry's origin), all empty. HG_E_NOMEM.
+enum hg_status hg_gi_field_place(
+    struct hg_gi_field *field, const float min[3], const float max[3]) HG_MUST_CHECK;
+void hg_gi_field_finish(struct hg_gi_field *field, struct hg_gpu *gpu);
+uint64_t hg_gi_field_bytes(const struct hg_gi_field *field);
+
+void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float out[3]);
+// Moves a probe out of and away from what its rays met, and says whether it is inside of something.
+void hg_gi_probe_relocate(
+    struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count);
+// Adds rays to sums that are multiplied by `keep` first. light: false: to the moments alone.
+void hg_gi_probe_gather(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
+    uint32_t count, float keep, bool light);
+
+// Irradiance over pi on a surface. xi: three numbers in [0, 1), as in the shader.
+struct hg_gi_point {
+    float position[3], normal[3], view[3];
+};
+void hg_gi_field_irradiance(const struct hg_gi_field *field, const struct hg_gi_point *point,
+    const float xi[3], float out[3]);
+
+// Packs and uploads all of it. HG_E_NOMEM, device errors.
+enum hg_status hg_gi_field_upload(struct hg_gi_field *field, struct hg_gpu *gpu,
+    struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+
+#endif

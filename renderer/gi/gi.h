@@ -1,0 +1,63 @@
+// gi.h - diffuse light that bounces: fields of irradiance probes of a scene, filled by rays.
+// Floor 2 (gi). Thread: the render thread; rays are shaded on jobs.
+//
+// A scene has two fields. That of rest is built from empty by a fixed schedule: rays in directions
+// that follow from the probe's number and the round, waves of the same probes in the same order. It
+// depends on the scene and its lights alone; neither threads, nor how the work is cut into steps,
+// nor what was seen before has a part in it. The moving one follows a scene that changes, under a
+// budget of rays per picture, and never contributes to the other. docs/internals/gi.md.
+#ifndef HG_RENDERER_GI_GI_H
+#define HG_RENDERER_GI_GI_H
+
+#include "base/jobs.h"
+#include "renderer/light/lighting.h"
+#include "renderer/texture/textures.h"
+#include "renderer/trace/rays.h"
+#include "shaders/shared/gi.h"
+
+struct hg_gi;
+
+// All borrowed.
+struct hg_gi_params {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    struct hg_geometry *geometry;
+    struct hg_textures *textures;
+    struct hg_rays *rays;
+};
+// HG_E_NOMEM.
+enum hg_status hg_gi_create(
+    const struct hg_gi_params *params, struct hg_gi **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_gi_destroy(struct hg_gi *gi); // accepts NULL; before the rays
+
+// What a field is of.
+struct hg_gi_key {
+    uint64_t scene, environment, geometry; // revisions
+};
+
+enum hg_gi_field_kind { HG_GI_NO_FIELD, HG_GI_MOVING, HG_GI_REST };
+
+// Between batches, after the scene was synced and posed and before culling. Casts about `rays` rays
+// (whole waves) for the field of rest. The caller goes on until hg_gi_is_rest. HG_E_LIMIT,
+// HG_E_NOMEM, device errors: then there is no field of rest.
+enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
+    const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
+// The same for the moving field, which the picture of now is shown with.
+enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
+    const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
+// The field of rest is that of the key, and complete.
+bool hg_gi_is_rest(const struct hg_gi *gi, const struct hg_gi_key *key);
+
+// Of NO_FIELD: zeroed.
+void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gpu_probes *out);
+
+struct hg_gi_stats {
+    uint32_t probes, asleep;            // of the field of rest, or the moving one
+    float spacing;                      // metres
+    uint64_t rays, shadow_rays, misses; // since creation
+    uint64_t updates;                   // of probes
+    uint64_t ns, bytes;
+};
+void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out); // gi NULL: zeroed
+
+#endif

@@ -1,0 +1,194 @@
+#include "renderer/gi/surfaces.h"
+
+#include "base/alloc.h"
+#include "renderer/math/vec.h"
+#include "renderer/texture/cache/page_cache.h"
+#include "renderer/texture/source/page_source.h"
+
+#define DIELECTRIC 0.04f // share of light that rough dielectrics mirror, about
+
+// --- means of textures ---------------------------------------------------------------------------
+
+static float srgb_decode(float v)
+{
+    return v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
+}
+
+// The last mip, one texel of the tail page.
+static void read_mean(struct hg_page_source *source, float out[4])
+{
+    const struct hg_page_source_info *info = hg_page_source_info(source);
+    const uint32_t j = info->layout.mips - 1 - info->layout.tail;
+    const size_t at = (size_t)(HG_TAIL_Y(j) + HG_PAGE_BORDER) * HG_PAGE_PITCH + HG_TAIL_X(j) +
+                      HG_PAGE_BORDER;
+    uint8_t *page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, info->texel_bytes);
+    struct hg_error err = {0};
+    if (page && info->udim_columns == 0 && hg_page_source_read(source, info->layout.tail, 0, 0, page, &err) == HG_OK) {
+        const uint8_t *texel = page + at * info->texel_bytes;
+        for (int c = 0; c < 4; c++) {
+            uint16_t half;
+            memcpy(&half, texel + 2 * (info->texel_bytes == 8 ? c : 0), sizeof half);
+            out[c] = info->texel_bytes == 8 ? hg_half_to_float(half) : (float)texel[c] / 255;
+            if (info->pool == HG_POOL_SRGB && c < 3)
+                out[c] = srgb_decode(out[c]);
+        }
+    }
+    hg_free(page);
+}
+
+// White where there is no texture, or none that can be read.
+static void texture_mean(struct hg_textures *textures, const struct hg_material *m,
+    enum hg_texture_slot slot, float out[4])
+{
+    const struct hg_texture *texture = m->slots[slot].texture;
+    struct hg_error err = {0};
+    struct hg_page_source *source;
+    for (int c = 0; c < 4; c++)
+        out[c] = 1;
+    if (!texture || !texture->image)
+        return;
+    const struct hg_page_source_params params = {.image = texture->image,
+        .use = hg_texture_slot_use(m, slot) == HG_TEXTURE_MASK ? HG_TEXTURE_BLEND
+                                                               : hg_texture_slot_use(m, slot),
+        .wrap_s = texture->wrap_s,
+        .wrap_t = texture->wrap_t};
+    if (hg_page_source_open(hg_page_cache_sources(hg_textures_cache(textures)), &params, &source,
+            &err) != HG_OK)
+        return;
+    if (hg_page_source_wait(source, &err) == HG_OK)
+        read_mean(source, out);
+    hg_page_source_close(source);
+}
+
+// --- materials -----------------------------------------------------------------------------------
+
+static struct hg_gi_material make_material(struct hg_textures *textures, const struct hg_material *m)
+{
+    struct hg_gi_material out = {.albedo = {1, 1, 1}};
+    float base[4], other[4], glow[4];
+    if (!m)
+        return out;
+    texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
+    texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
+    texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
+    const float metallic = m->metallic * other[2];
+    out.id = m->head.id;
+    out.revision = m->head.revision;
+    out.double_sided = m->double_sided;
+    for (int c = 0; c < 3; c++) {
+        const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
+        out.albedo[c] = m->unlit ? 0
+                                 : color * (1 - metallic) * (1 - DIELECTRIC) +
+                                       DIELECTRIC * (1 - metallic) + color * metallic;
+        out.emission[c] = m->emissive[c] * glow[c] + (m->unlit ? color : 0);
+        out.emission[c] = hg_clampf(out.emission[c], 0, 1e9f);
+    }
+    return out;
+}
+
+static enum hg_status find_material(struct hg_gi_surfaces *s, struct hg_textures *textures,
+    const struct hg_material *m, uint32_t *index)
+{
+    const uint64_t id = m ? m->head.id : 0, revision = m ? m->head.revision : 0;
+    for (*index = 0; *index < s->material_count; ++*index)
+        if (s->materials[*index].id == id && s->materials[*index].revision == revision)
+            return HG_OK;
+    if (hg_grow(&s->materials, &s->material_capacity, s->material_count + 1, sizeof *s->materials))
+        return HG_E_NOMEM;
+    s->materials[s->material_count++] = make_material(textures, m);
+    return HG_OK;
+}
+
+// --- pieces --------------------------------------------------------------------------------------
+
+static void index_draws(struct hg_gi_surfaces *s)
+{
+    for (uint32_t i = s->piece_count; i-- > 0;)
+        s->first_pieces[s->pieces[i].draw] = i;
+    for (uint32_t d = s->draw_count; d-- > 0;)
+        if (s->first_pieces[d] == UINT32_MAX)
+            s->first_pieces[d] = s->first_pieces[d + 1];
+}
+
+enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geometry *geometry,
+    const struct hg_ray_geometry *rays, struct hg_textures *textures)
+{
+    const uint32_t count = hg_ray_geometry_count(rays);
+    struct hg_gpu_geometry tables;
+    hg_geometry_fill(geometry, &tables);
+    uint32_t *materials = hg_calloc((size_t)count + 1, sizeof *materials);
+    uint32_t *first = hg_calloc((size_t)tables.draw_count + 1, sizeof *first);
+    hg_free(s->piece_materials);
+    hg_free(s->first_pieces);
+    s->piece_materials = materials;
+    s->first_pieces = first;
+    s->pieces = hg_ray_geometry_pieces(rays);
+    s->piece_count = count;
+    s->draw_count = tables.draw_count;
+    if (!materials || !first)
+        return HG_E_NOMEM;
+    memset(first, 0xff, tables.draw_count * sizeof *first);
+    first[tables.draw_count] = count;
+    for (uint32_t i = 0; i < count; i++) {
+        struct hg_draw_info info;
+        const bool known = hg_geometry_draw_info(geometry, s->pieces[i].draw, &info);
+        if (find_material(s, textures, known ? info.material : NULL, &materials[i]))
+            return HG_E_NOMEM;
+    }
+    index_draws(s);
+    return HG_OK;
+}
+
+void hg_gi_surfaces_finish(struct hg_gi_surfaces *s)
+{
+    hg_free(s->piece_materials);
+    hg_free(s->first_pieces);
+    hg_free(s->materials);
+    *s = (struct hg_gi_surfaces){0};
+}
+
+// --- hits ----------------------------------------------------------------------------------------
+
+// The last piece of the draw that begins at the primitive or before it.
+static uint32_t find_piece(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit)
+{
+    uint32_t low = s->first_pieces[hit->draw], high = s->first_pieces[hit->draw + 1];
+    while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (s->pieces[middle].first_primitive <= hit->primitive)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+static void world_edge(const struct hg_ray_geometry_piece *p, const float *from, const float *to,
+    float out[3])
+{
+    const float *m = p->world, d[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+    for (int a = 0; a < 3; a++)
+        out[a] = m[a] * d[0] + m[3 + a] * d[1] + m[6 + a] * d[2];
+}
+
+void hg_gi_surface_at(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit,
+    const float direction[3], struct hg_gi_surface *out)
+{
+    const uint32_t i = find_piece(s, hit);
+    const struct hg_ray_geometry_piece *p = &s->pieces[i];
+    uint32_t triangle = hit->primitive - p->first_primitive;
+    triangle = triangle < p->triangle_count ? triangle : 0;
+    const uint32_t *v = p->indices + (size_t)triangle * 3;
+    const float *corner = p->positions + (size_t)v[0] * 3;
+    float a[3], b[3];
+    world_edge(p, corner, p->positions + (size_t)v[1] * 3, a);
+    world_edge(p, corner, p->positions + (size_t)v[2] * 3, b);
+    hg_cross3(a, b, out->normal);
+    hg_normalize3(out->normal);
+    const float facing = hg_dot3(out->normal, direction) * ((p->flags & HG_DRAW_MIRRORED) ? -1.0f : 1.0f);
+    out->material = &s->materials[s->piece_materials[i]];
+    out->back = facing > 0 && !out->material->double_sided && !(p->flags & HG_DRAW_DOUBLE_SIDED);
+    if (hg_dot3(out->normal, direction) > 0)
+        for (int k = 0; k < 3; k++)
+            out->normal[k] = -out->normal[k];
+}

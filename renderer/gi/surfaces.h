@@ -1,0 +1,44 @@
+// surfaces.h - what rays meet, shaded on the host from means: a diffuse albedo and emission per
+// material, never its textures texel by texel.
+// Floor 2, private to renderer/gi. Thread: the render thread; lookups from any.
+#ifndef HG_RENDERER_GI_SURFACES_H
+#define HG_RENDERER_GI_SURFACES_H
+
+#include "renderer/texture/textures.h"
+#include "renderer/trace/ray_geometry.h"
+#include "shaders/shared/ray.h"
+
+struct hg_gi_material {
+    uint64_t id, revision;
+    float albedo[3];   // of all light that comes back, mirrored or scattered
+    float emission[3]; // radiance
+    bool double_sided;
+};
+
+struct hg_gi_surfaces { // zeroed: none
+    const struct hg_ray_geometry_piece *pieces;
+    uint32_t piece_count;
+    uint32_t *piece_materials; // [pieces]
+    uint32_t *first_pieces;    // [draws + 1]
+    uint32_t draw_count;
+    struct hg_gi_material *materials;
+    size_t material_count, material_capacity;
+};
+
+// In line with ray geometry, which is borrowed until the next sync. Waits for textures that are seen
+// for the first time to be decoded. HG_E_NOMEM.
+enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *surfaces,
+    const struct hg_geometry *geometry, const struct hg_ray_geometry *rays,
+    struct hg_textures *textures) HG_MUST_CHECK;
+void hg_gi_surfaces_finish(struct hg_gi_surfaces *surfaces);
+
+struct hg_gi_surface {
+    float normal[3]; // geometric, unit, on the ray's side
+    const struct hg_gi_material *material;
+    bool back; // what has one side was met from behind
+};
+// Of a hit; direction: of the ray.
+void hg_gi_surface_at(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
+    const float direction[3], struct hg_gi_surface *out);
+
+#endif

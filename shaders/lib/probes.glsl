@@ -1,0 +1,95 @@
+// probes.glsl - diffuse light from a field of irradiance probes (shared/gi.h).
+//
+// Eight probes around a point, weighed by the grid, by whether they lie in front of the surface, and
+// by Chebyshev's inequality on the distances that their rays met. Tables are read at one texel that
+// the sample's random numbers choose, so that accumulated samples see them interpolated.
+// Source: Majercik et al. 2019, "Dynamic Diffuse Global Illumination with Ray-Traced Irradiance
+// Fields", section 5; Majercik et al. 2021, "Scaling Probe-Based Real-Time Dynamic Global
+// Illumination for Production" (bias along normal and view).
+// renderer/gi/field.c has the same on the host. Include lib/frame.glsl and lib/tables.glsl first.
+#ifndef HG_LIB_PROBES_GLSL
+#define HG_LIB_PROBES_GLSL
+
+#include "lib/octahedral.glsl"
+
+vec3 hg_probes_irradiance;  // on the normal that was asked for, over pi
+vec3 hg_probes_behind;      // on the opposite one, where surfaces let light through
+vec3 hg_probes_surfaces;    // about the mirror direction, of surfaces alone, over pi
+float hg_probes_sky = 1.0;  // share of the environment that is seen about it
+
+// Texel of a table with this side; xi in [0, 1) moves the point by up to half a texel.
+uint hg_probe_texel(vec3 d, int side, vec2 xi)
+{
+    ivec2 i = ivec2(floor((hg_oct_encode(d) * 0.5 + 0.5) * float(side) + xi - 0.5));
+    // Beyond an edge the table goes on mirrored about the middle of that edge.
+    bool x = i.x < 0 || i.x >= side;
+    i = x ? ivec2(clamp(i.x, 0, side - 1), side - 1 - i.y) : i;
+    bool y = i.y < 0 || i.y >= side;
+    i = y ? ivec2(side - 1 - i.x, clamp(i.y, 0, side - 1)) : i;
+    i = clamp(i, ivec2(0), ivec2(side - 1));
+    return uint(i.y * side + i.x);
+}
+
+vec3 hg_rgb9e5(uint word)
+{
+    float scale = exp2(float(word >> 27) - 24.0);
+    return vec3(uvec3(word, word >> 9, word >> 18) & 511u) * scale;
+}
+
+// Weight of a probe without that of the grid, for a point that was lifted.
+float hg_probe_weight(uint probe, vec3 at_ws, vec3 pos_ws, vec3 lifted_ws, vec3 n, vec2 xi)
+{
+    float wrap = dot(normalize(at_ws - pos_ws), n) * 0.5 + 0.5;
+    float weight = wrap * wrap + 0.02;
+    vec3 from = lifted_ws - at_ws;
+    float distance = length(from) / hg_frame.probes.spacing;
+    uint k = hg_frame.probes.count * (1u + HG_PROBE_IRRADIANCE_TEXELS) +
+        probe * HG_PROBE_MOMENT_TEXELS + hg_probe_texel(from, HG_PROBE_MOMENT_SIDE, xi);
+    vec2 moments = unpackHalf2x16(hg_frame.probes.words.v[k]);
+    float beyond = max(distance - moments.x, 0.0);
+    float seen = moments.y / (moments.y + beyond * beyond);
+    weight = max(weight * seen * seen * seen, 1e-6);
+    return weight < 0.2 ? weight * weight * weight * 25.0 : weight;
+}
+
+// The light at a surface: n its shading normal, n_geometric faces the eye, r where it mirrors.
+void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, vec3 xi)
+{
+    hg_gpu_probes p = hg_frame.probes;
+    vec3 lifted = pos_ws +
+        (n_geometric * HG_PROBE_BIAS_NORMAL + view * HG_PROBE_BIAS_VIEW) * p.spacing;
+    ivec3 most = ivec3(p.counts[0], p.counts[1], p.counts[2]) - 1;
+    vec3 at = (lifted - p.origin_ws) / p.spacing;
+    ivec3 base = clamp(ivec3(floor(at)), ivec3(0), max(most - 1, ivec3(0)));
+    vec3 f = clamp(at - vec3(base), 0.0, 1.0);
+    uint texel = hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, xi.xy);
+    vec4 sum = vec4(0.0);
+    uint chosen = 0u;
+    float pick = xi.z;
+    for (int i = 0; i < 8; i++) {
+        ivec3 off = ivec3(i, i >> 1, i >> 2) & 1;
+        ivec3 cell = min(base + off, most);
+        uint k = uint((cell.z * (most.y + 1) + cell.y) * (most.x + 1) + cell.x);
+        uint place = p.words.v[k];
+        vec3 tri = mix(1.0 - f, f, vec3(off));
+        vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) *
+            (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
+        vec3 probe_ws = p.origin_ws + (vec3(cell) + moved) * p.spacing;
+        float w = tri.x * tri.y * tri.z * hg_probe_weight(k, probe_ws, pos_ws, lifted, n_geometric, xi.yz);
+        w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
+        sum += vec4(hg_rgb9e5(p.words.v[p.count + k * HG_PROBE_IRRADIANCE_TEXELS + texel]), 1.0) * w;
+        // One of them by weight, for the reflection.
+        float share = sum.w > 0.0 ? w / sum.w : 0.0;
+        bool take = pick < share;
+        chosen = take ? k : chosen;
+        pick = take ? pick / max(share, 1e-6) : (pick - share) / max(1.0 - share, 1e-6);
+    }
+    hg_probes_irradiance = sum.rgb / max(sum.w, 1e-12);
+    uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
+        2u * (chosen * HG_PROBE_IRRADIANCE_TEXELS +
+            hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx));
+    hg_probes_surfaces = sum.w > 0.0 ? hg_rgb9e5(p.words.v[k]) : vec3(0.0);
+    hg_probes_sky = sum.w > 0.0 ? uintBitsToFloat(p.words.v[k + 1u]) : 0.0;
+}
+
+#endif
