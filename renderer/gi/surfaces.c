@@ -5,7 +5,9 @@
 #include "renderer/texture/cache/page_cache.h"
 #include "renderer/texture/source/page_source.h"
 
-#define DIELECTRIC 0.04f // share of light that rough dielectrics mirror, about
+// Share of light from everywhere that dielectrics of index 1.5 mirror, smooth and rough ones.
+#define DIELECTRIC_SMOOTH 0.09f
+#define DIELECTRIC_ROUGH  0.02f
 
 // --- means of textures ---------------------------------------------------------------------------
 
@@ -71,15 +73,16 @@ static struct hg_gi_material make_material(struct hg_textures *textures, const s
     texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
     texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
     texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
-    const float metallic = m->metallic * other[2];
+    const float metallic = m->metallic * other[2], roughness = m->roughness * other[1];
+    const float mirrored = DIELECTRIC_SMOOTH + (DIELECTRIC_ROUGH - DIELECTRIC_SMOOTH) * roughness;
     out.id = m->head.id;
     out.revision = m->head.revision;
     out.double_sided = m->double_sided;
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
         out.albedo[c] = m->unlit ? 0
-                                 : color * (1 - metallic) * (1 - DIELECTRIC) +
-                                       DIELECTRIC * (1 - metallic) + color * metallic;
+                                 : (color * (1 - mirrored) + mirrored) * (1 - metallic) +
+                                       color * metallic;
         out.emission[c] = m->emissive[c] * glow[c] + (m->unlit ? color : 0);
         out.emission[c] = hg_clampf(out.emission[c], 0, 1e9f);
     }

@@ -1,0 +1,376 @@
+// gi.c - light from probes against closed forms, path tracing and itself.
+#include <math.h>
+#include <string.h>
+
+#include "renderer/internal.h"
+#include "tests/analytic/rig.h"
+
+enum { WIDTH = 64, HEIGHT = 48 };
+
+// --- scenes --------------------------------------------------------------------------------------
+
+static struct hg_material *grey(struct rig *rig, float albedo, float emission)
+{
+    struct hg_material *m = rig_material(rig);
+    for (int c = 0; c < 3; c++) {
+        m->base_color[c] = albedo;
+        m->emissive[c] = emission;
+    }
+    return m;
+}
+
+// A face of a box seen from inside (side 1) or outside (-1): across `axis`, at its low or high end.
+static void face(struct rig *rig, struct hg_material *m, const float box[2][3], int side, int which)
+{
+    const int axis = which / 2, high = which % 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+    float corners[4][3];
+    for (int i = 0; i < 4; i++) {
+        const int turn = (high == 1) == (side > 0) ? 3 - i : i; // counter-clockwise from the front
+        corners[i][axis] = box[high][axis];
+        corners[i][u] = box[turn == 1 || turn == 2][u];
+        corners[i][v] = box[turn >= 2][v];
+    }
+    rig_quad(rig, m, (const float(*)[3])corners);
+}
+
+static void room(struct rig *rig, struct hg_material *m, const float box[2][3])
+{
+    for (int i = 0; i < 6; i++)
+        face(rig, m, box, 1, i);
+}
+
+static void solid(struct rig *rig, struct hg_material *m, const float box[2][3])
+{
+    for (int i = 0; i < 6; i++)
+        face(rig, m, box, -1, i);
+}
+
+static void sky(struct rig *rig, float radiance)
+{
+    struct hg_environment *e = &rig->scene->environment;
+    e->kind = HG_ENV_COLOR;
+    e->intensity = 1;
+    e->revision++;
+    for (int c = 0; c < 3; c++)
+        e->color[c] = radiance;
+}
+
+// --- pictures ------------------------------------------------------------------------------------
+
+struct shot {
+    float eye[3], target[3];
+    enum hg_view_gi gi;
+    enum hg_render_mode mode;
+    uint32_t samples;
+};
+
+static struct hg_view *open_view(struct rig *rig, const struct shot *shot)
+{
+    struct hg_error err = {0};
+    struct hg_view *view;
+    const struct hg_view_params params = {.width = WIDTH,
+        .height = HEIGHT,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .background = HG_BACKGROUND_NONE,
+        .samples = shot->samples,
+        .mode = shot->mode,
+        .gi = shot->gi,
+        .filter = HG_FILTER_BOX};
+    struct hg_view_camera camera = {.vfov_rad = 1.2f};
+    memcpy(camera.eye, shot->eye, sizeof camera.eye);
+    memcpy(camera.target, shot->target, sizeof camera.target);
+    hg_scene_publish(rig->scene);
+    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
+    test_ok(hg_view_set_params(view, &params, &err), &err);
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    return view;
+}
+
+static void settle(struct hg_view *view, uint32_t samples)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 4000 && !info.settled; i++)
+        test_ok(hg_view_step(view, samples, &info, &err), &err);
+    assert_true(info.settled);
+}
+
+static struct hg_refbuf *read_floats(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *pixels;
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
+    return pixels;
+}
+
+static struct hg_refbuf *take(struct rig *rig, const struct shot *shot)
+{
+    struct hg_view *view = open_view(rig, shot);
+    settle(view, 8);
+    struct hg_refbuf *pixels = read_floats(view);
+    hg_view_destroy(view);
+    return pixels;
+}
+
+// Mean of green over a rectangle given in eighths of the picture.
+static double mean(const struct hg_refbuf *pixels, const int cells[4])
+{
+    const float *p = (const float *)(const void *)pixels->data;
+    double sum = 0, count = 0;
+    for (int y = cells[1] * HEIGHT / 8; y < cells[3] * HEIGHT / 8; y++)
+        for (int x = cells[0] * WIDTH / 8; x < cells[2] * WIDTH / 8; x++, count++)
+            sum += (double)p[(y * WIDTH + x) * 4 + 1];
+    return sum / count;
+}
+
+// The same of the linear light behind sRGB bytes.
+static double mean_of_bytes(const struct hg_refbuf *pixels, const int cells[4])
+{
+    double sum = 0, count = 0;
+    for (int y = cells[1] * HEIGHT / 8; y < cells[3] * HEIGHT / 8; y++)
+        for (int x = cells[0] * WIDTH / 8; x < cells[2] * WIDTH / 8; x++, count++) {
+            const double v = pixels->data[(y * WIDTH + x) * 4 + 1] / 255.0;
+            sum += v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+        }
+    return sum / count;
+}
+
+static const int all[4] = {0, 0, 8, 8};
+
+// --- closed forms --------------------------------------------------------------------------------
+
+static const float box[2][3] = {{-2, 0, -3}, {2, 3, 3}};
+static const struct shot inside = {
+    .eye = {0, 1.5f, 2.5f}, .target = {0, 1.4f, -3}, .gi = HG_GI_PROBES, .samples = 16};
+
+// One level of 255 in sRGB is 1 / 255 / 12.92.
+static void test_closed_box(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    room(rig, grey(rig, 0.8f, 0), box);
+    sky(rig, 1);
+    struct hg_refbuf *pixels = take(rig, &inside);
+    const double dark = mean(pixels, all);
+    print_message("closed box under a sky of 1: mean %.6f\n", dark);
+    assert_true(dark <= 1.0 / 255 / 12.92);
+    hg_refbuf_unref(pixels);
+}
+
+// Walls that emit 0.5 and send back about half: the light in the room is 0.5 / (1 - albedo).
+static void test_furnace_room(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    room(rig, grey(rig, 0.5f, 0.5f), box);
+    struct shot shot = inside;
+    struct hg_refbuf *probes = take(rig, &shot);
+    shot.mode = HG_MODE_PATH;
+    shot.samples = 64;
+    struct hg_refbuf *path = take(rig, &shot);
+    for (int y = 0; y < 8; y += 2)
+        for (int x = 0; x < 8; x += 2) {
+            const int cells[4] = {x, y, x + 2, y + 2};
+            const double a = mean(probes, cells), b = mean(path, cells);
+            print_message("%s%.3f/%.3f", x ? " " : "\nfurnace room: ", a, b);
+            assert_true(fabs(a - b) <= 0.05 * b);
+        }
+    print_message("\n");
+    hg_refbuf_unref(probes);
+    hg_refbuf_unref(path);
+}
+
+// Under a uniform sky a white ball in the open is as bright as the sky.
+static void test_open_furnace(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    rig_sphere(rig, grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
+    sky(rig, 1);
+    const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
+    struct hg_refbuf *pixels = take(rig, &shot);
+    const double white = mean(pixels, (const int[4]){3, 3, 5, 5});
+    print_message("white ball under a sky of 1: %.4f\n", white);
+    assert_true(fabs(white - 1) <= 0.03);
+    hg_refbuf_unref(pixels);
+}
+
+// --- against path tracing ------------------------------------------------------------------------
+
+static void test_panel_room(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    room(rig, grey(rig, 0.6f, 0), box);
+    const float panel[2][3] = {{-1, 2.9f, -1.5f}, {1, 2.95f, 1.5f}};
+    face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
+    face(rig, grey(rig, 0, 0), panel, -1, 3);
+    struct shot shot = inside;
+    struct hg_refbuf *probes = take(rig, &shot);
+    shot.mode = HG_MODE_PATH;
+    shot.samples = 256;
+    struct hg_refbuf *path = take(rig, &shot);
+    double worst = 0, sum_a = 0, sum_b = 0;
+    for (int y = 2; y < 8; y += 2) // below the panel
+        for (int x = 0; x < 8; x += 2) {
+            const int cells[4] = {x, y, x + 2, y + 2};
+            const double a = mean(probes, cells), b = mean(path, cells);
+            print_message("%s%.3f/%.3f", x ? " " : "\npanel room: ", a, b);
+            worst = fmax(worst, fabs(a - b) / b);
+            sum_a += a;
+            sum_b += b;
+        }
+    print_message("\nworst region off by %.3f, all by %.3f\n", worst, sum_a / sum_b - 1);
+    assert_true(worst <= 0.10);
+    assert_true(fabs(sum_a / sum_b - 1) <= 0.05);
+    hg_refbuf_unref(probes);
+    hg_refbuf_unref(path);
+}
+
+// Two rooms with a wall of 10 cm between; all light is in one of them.
+static void test_wall(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    struct hg_material *m = grey(rig, 0.7f, 0);
+    const float both[2][3] = {{-4, 0, -3}, {4, 3, 3}}, wall[2][3] = {{-0.05f, 0, -3}, {0.05f, 3, 3}};
+    const float lamp[2][3] = {{1.5f, 2.8f, -1}, {3, 2.9f, 1}};
+    room(rig, m, both);
+    solid(rig, m, wall);
+    solid(rig, grey(rig, 0, 8), lamp);
+    struct shot shot = inside;
+    memcpy(shot.eye, (const float[3]){2, 1.5f, 2.5f}, sizeof shot.eye);
+    memcpy(shot.target, (const float[3]){0.5f, 1, -3}, sizeof shot.target);
+    struct hg_refbuf *bright = take(rig, &shot);
+    shot.eye[0] = -2;
+    shot.target[0] = -0.5f;
+    struct hg_refbuf *dark = take(rig, &shot);
+    const double a = mean(dark, all), b = mean(bright, all);
+    print_message("behind a wall of 10 cm: %.5f of %.3f, %.4f\n", a, b, a / b);
+    assert_true(b > 0.1);
+    assert_true(a <= 0.01 * b);
+    hg_refbuf_unref(bright);
+    hg_refbuf_unref(dark);
+}
+
+// --- rest and motion -----------------------------------------------------------------------------
+
+static struct hg_light *lamp_room(struct rig *rig)
+{
+    rig_scene(rig);
+    room(rig, grey(rig, 0.6f, 0), box);
+    const float block[2][3] = {{-0.8f, 0, -1.5f}, {0.2f, 1.2f, -0.7f}};
+    solid(rig, grey(rig, 0.4f, 0), block);
+    struct hg_light *lamp = rig_light(
+        rig, HG_LIGHT_POINT, (const double[3]){1.2, 2.2, -1}, (const double[3]){0, -1, 0});
+    lamp->intensity = 8;
+    lamp->casts_shadow = true;
+    return lamp;
+}
+
+static void set_lamp(struct rig *rig, struct hg_light *lamp, float intensity)
+{
+    lamp->intensity = intensity;
+    hg_scene_touch(rig->scene, &lamp->head);
+    hg_scene_publish(rig->scene);
+}
+
+// The same bytes with another number of threads, other steps, and after another past.
+static void test_same_bytes(void **state)
+{
+    struct rig *rig = *state, alone = {0};
+    struct hg_error err = {0};
+    const struct hg_renderer_params one = {.threads = 1};
+    lamp_room(rig);
+    struct hg_refbuf *first = take(rig, &inside);
+    test_ok(hg_renderer_create(&one, &alone.renderer, &err), &err);
+    struct hg_light *lamp = lamp_room(&alone);
+    lamp->intensity = 1; // a history of another light and another camera, in steps of a sample
+    struct shot shot = inside;
+    shot.eye[0] = 1;
+    struct hg_view *view = open_view(&alone, &shot);
+    struct hg_frame_info info;
+    for (int i = 0; i < 3; i++)
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+    set_lamp(&alone, lamp, 8);
+    const struct hg_view_camera camera = {.vfov_rad = 1.2f,
+        .eye = {inside.eye[0], inside.eye[1], inside.eye[2]},
+        .target = {inside.target[0], inside.target[1], inside.target[2]}};
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    settle(view, 1);
+    struct hg_refbuf *second = read_floats(view);
+    hg_view_destroy(view);
+    assert_int_equal(first->size, second->size);
+    assert_memory_equal(first->data, second->data, first->size);
+    hg_refbuf_unref(first);
+    hg_refbuf_unref(second);
+    rig_finish(&alone);
+}
+
+// Light that is switched on is there within 15 pictures of a moving view, seen where the lamp's own
+// light does not come: the shadow of the block.
+static void test_lamp_switched(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_light *lamp = lamp_room(rig);
+    struct hg_frame_info info;
+    lamp->intensity = 0.001f;
+    struct hg_view *view = open_view(rig, &inside);
+    double seen[16] = {0}, final = 0;
+    struct hg_refbuf *pixels;
+    for (int i = 0; i < 45; i++) {
+        struct hg_view_camera camera = {.vfov_rad = 1.2f};
+        memcpy(camera.eye, inside.eye, sizeof camera.eye);
+        memcpy(camera.target, inside.target, sizeof camera.target);
+        camera.eye[0] = i % 2 ? 0.001f : 0; // it moves
+        if (i == 5)
+            set_lamp(rig, lamp, 8);
+        test_ok(hg_view_set_camera(view, &camera, &err), &err);
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+        test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+        final = mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
+        if (i >= 5 && i < 21)
+            seen[i - 5] = final;
+        hg_refbuf_unref(pixels);
+    }
+    print_message("lamp switched on: after 1, 5, 10 and 15 pictures %.2f %.2f %.2f %.2f of %.4f\n",
+        seen[0] / final, seen[4] / final, seen[9] / final, seen[14] / final, final);
+    assert_true(final > 0.001);
+    assert_true(fabs(seen[14] / final - 1) <= 0.10);
+    hg_view_destroy(view);
+}
+
+// Nothing of it is in pictures that do not ask for it.
+static void test_none_is_as_before(void **state)
+{
+    struct rig *rig = *state;
+    lamp_room(rig);
+    struct shot shot = inside;
+    shot.gi = HG_GI_NONE;
+    struct hg_refbuf *before = take(rig, &shot);
+    shot.gi = HG_GI_PROBES;
+    struct hg_refbuf *probes = take(rig, &shot);
+    shot.gi = HG_GI_NONE;
+    struct hg_refbuf *after = take(rig, &shot);
+    assert_memory_equal(before->data, after->data, before->size);
+    assert_memory_not_equal(before->data, probes->data, before->size);
+    hg_refbuf_unref(before);
+    hg_refbuf_unref(probes);
+    hg_refbuf_unref(after);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_closed_box),
+        cmocka_unit_test(test_furnace_room),
+        cmocka_unit_test(test_open_furnace),
+        cmocka_unit_test(test_panel_room),
+        cmocka_unit_test(test_wall),
+        cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_lamp_switched),
+        cmocka_unit_test(test_none_is_as_before),
+    };
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
+}
