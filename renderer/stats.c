@@ -162,6 +162,20 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
         l.clusters);
 }
 
+static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_gi_stats g;
+    if (s->settings.gi == 0 || s->scene_gpu->gi == NULL)
+        return;
+    hg_gi_stats(s->scene_gpu->gi, &g);
+    hg_json_put(w,
+        ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"spacing_m\":%.6g,\"updates\":%llu,\"rays\":%llu,"
+        "\"shadow_rays\":%llu,\"misses\":%llu,\"ms\":%.3f,\"bytes\":%llu}",
+        g.probes, g.asleep, (double)g.spacing, (unsigned long long)g.updates,
+        (unsigned long long)g.rays, (unsigned long long)g.shadow_rays, (unsigned long long)g.misses,
+        ms(g.ns), (unsigned long long)g.bytes);
+}
+
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_path_stats t = {0};
@@ -239,6 +253,7 @@ enum hg_status hg_renderer_stats_json(
         put_environment(&w, &view->state);
         put_geometry(&w, &view->state);
         put_light(&w, &view->state);
+        put_gi(&w, &view->state);
         put_trace(&w, &view->state);
         put_passes(&w, &view->state);
     }

@@ -16,6 +16,7 @@ struct hg_bench_settings {  // zero of each field = default
                             // nothing is streamed or baked any more, at most two minutes
     const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
     uint32_t path_count;
+    uint32_t gi; // enum hg_view_gi; of realtime
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, uint32_t done, uint32_t total);
     void *progress_user;

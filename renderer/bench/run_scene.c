@@ -61,10 +61,10 @@ static enum hg_status read_path(struct run *r, const json_t *path, struct hg_err
 
 static enum hg_status read_options(struct run *r, const json_t *options, struct hg_error *err)
 {
-    double width = 0, height = 0, vfov_deg = 0, rounds = 0; // 0: the benchmark's defaults
+    double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
-        {"rounds", 1, 1000, &rounds}};
+        {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}};
     enum hg_status st =
         hg_bench_read_numbers(options, numbers, sizeof numbers / sizeof *numbers, err);
     if (st)
@@ -75,6 +75,7 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .height = (uint32_t)height,
         .vfov_rad = (float)(vfov_deg * M_PI / 180),
         .rounds = (uint32_t)rounds,
+        .gi = (uint32_t)gi,
         .progress = r->host->progress,
         .progress_user = r->host->progress_user};
     const json_t *path = json_object_get(options, "path");

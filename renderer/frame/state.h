@@ -89,7 +89,7 @@ struct hg_view_state {
 
     struct hg_view_targets targets;
     struct hg_view_buffers buffers;
-    struct hg_culling *culling, *pick_culling; // of the picture; of what one pixel shows
+    struct hg_culling *culling;                // of the picture
     struct hg_gpu_frame frame;                 // of the newest sample
     struct hg_tiled_accumulation accumulation; // the picture, and how far it is
 

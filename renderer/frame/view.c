@@ -80,7 +80,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     if (status == HG_OK)
         status = hg_culling_create(context->gpu, &view->culling, err);
     if (status == HG_OK)
-        status = hg_culling_create(context->gpu, &view->pick_culling, err);
+        status = hg_culling_create(context->gpu, &view->buffers.pick_culling, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
             HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_SLOT_BYTES, "frame blocks",
@@ -118,7 +118,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_prefetch_finish(gpu, &view->prefetch);
     hg_unlit_tiles_finish(gpu, &view->unlit.tiles);
     hg_culling_destroy(view->culling);
-    hg_culling_destroy(view->pick_culling);
+    hg_culling_destroy(view->buffers.pick_culling);
     hg_lighting_destroy(view->lighting);
     hg_scene_gpu_unref(view->context, view->scene_gpu);
     *view = (struct hg_view_state){0};

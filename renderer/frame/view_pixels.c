@@ -146,7 +146,7 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         .max_samples = 1,
         .error_px = view->accumulation.error_px}; // as the picture shows it
     struct hg_draw draw = hg_view_draw(view, &request);
-    draw.culling = view->pick_culling;
+    draw.culling = view->buffers.pick_culling;
     enum hg_status status = unpose(view, err);
     if (status == HG_OK)
         status = hg_frame_cull_part(&draw, pixel, err);
