@@ -10,8 +10,8 @@
 
 // Illuminance per unit of a light's colour on a surface, and the way to it; distance: metres.
 // KHR_lights_punctual, as hg_light_illuminance in shaders/lib/light.glsl.
-static float illuminance(const struct hg_gpu_light *light, const struct hg_gi_receiver *r,
-    float to[3], float *distance)
+static float illuminance(
+    const struct hg_gpu_light *light, const struct hg_gi_receiver *r, float to[3], float *distance)
 {
     const float way[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
     const float from[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
@@ -92,8 +92,7 @@ static void ask_one(const struct hg_lighting_sources *sources, uint32_t first,
 void hg_gi_direct_at(const struct hg_lighting_sources *sources, const struct hg_gi_receiver *r,
     struct hg_gi_direct *out)
 {
-    const uint32_t suns =
-        sources->directional_count < 2 ? sources->directional_count : 2;
+    const uint32_t suns = sources->directional_count < 2 ? sources->directional_count : 2;
     *out = (struct hg_gi_direct){0};
     for (uint32_t i = 0; i < HG_GI_SHADOW_RAYS; i++)
         out->rays[i].t_max = -1;
@@ -125,12 +124,13 @@ void hg_gi_environment(
     const struct hg_lighting_sources *sources, const float direction[3], float out[3])
 {
     const float c = sources->env_rotation_cos, s = sources->env_rotation_sin;
-    const float d[3] = {c * direction[0] - s * direction[2], direction[1],
-        s * direction[0] + c * direction[2]};
+    const float d[3] = {
+        c * direction[0] - s * direction[2], direction[1], s * direction[0] + c * direction[2]};
     const bool image = sources->env_kind == HG_ENV_KIND_IMAGE && sources->env_faces;
     const float *texel =
         image ? sources->env_faces + (size_t)cube_texel(d, sources->env_side) * 3 : NULL;
     for (int k = 0; k < 3; k++)
-        out[k] = sources->env_kind == HG_ENV_KIND_NONE ? 0
-                                                       : sources->env_color[k] * (image ? texel[k] : 1);
+        out[k] = sources->env_kind == HG_ENV_KIND_NONE
+                     ? 0
+                     : sources->env_color[k] * (image ? texel[k] : 1);
 }

@@ -8,7 +8,8 @@
 
 #define HG_GI_SHADOW_RAYS 3 // of one hit: two directional lights and one of the others, by chance
 
-// Light of a surface's point if nothing is in the way of its ray; a ray with t_max < t_min has none.
+// Light of a surface's point if nothing is in the way of its ray; a ray with t_max < t_min has
+// none.
 struct hg_gi_direct {
     struct hg_gpu_ray rays[HG_GI_SHADOW_RAYS];
     float light[HG_GI_SHADOW_RAYS][3]; // irradiance over pi

@@ -159,8 +159,8 @@ void hg_gi_probe_relocate(
     else if (front)
         step = fminf(front->distance / f->spacing - CLEARANCE, 0);
     for (int a = 0; a < 3 && by; a++)
-        f->offsets[probe][a] = hg_clampf(
-            f->offsets[probe][a] + by->direction[a] * step, -MOST_OFFSET, MOST_OFFSET);
+        f->offsets[probe][a] =
+            hg_clampf(f->offsets[probe][a] + by->direction[a] * step, -MOST_OFFSET, MOST_OFFSET);
     // Offsets are what the device has of them.
     for (int a = 0; a < 3; a++)
         f->offsets[probe][a] =
@@ -182,8 +182,7 @@ static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
 {
     const float *d = ray->direction, hit = ray->distance < FLT_MAX ? 1.0f : 0.0f;
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
-        const float c =
-            d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
+        const float c = d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
         const float w = c > 0 ? c : 0;
         to->weight[t] += w;
         to->sky[t] += w * (1 - hit);
@@ -194,8 +193,7 @@ static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
     }
 }
 
-static void add_distance(
-    struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing)
+static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing)
 {
     float e[2];
     oct_encode(ray->direction, e);
@@ -247,8 +245,8 @@ static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, f
     *variance = w > 0 ? fmaxf(m->squared[t] / w - *mean * *mean, 1e-4f) : 1;
 }
 
-static float probe_weight(const struct hg_gi_field *f, uint32_t probe,
-    const struct hg_gi_point *p, const float lifted[3], const float xi[3])
+static float probe_weight(const struct hg_gi_field *f, uint32_t probe, const struct hg_gi_point *p,
+    const float lifted[3], const float xi[3])
 {
     float at[3], to[3], from[3], mean, variance;
     hg_gi_probe_position(f, probe, at);
@@ -264,15 +262,15 @@ static float probe_weight(const struct hg_gi_field *f, uint32_t probe,
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
 
-void hg_gi_field_irradiance(const struct hg_gi_field *f, const struct hg_gi_point *p,
-    const float xi[3], float out[3])
+void hg_gi_field_irradiance(
+    const struct hg_gi_field *f, const struct hg_gi_point *p, const float xi[3], float out[3])
 {
     float lifted[3], fraction[3], sum[4] = {0};
     uint32_t base[3];
     for (int a = 0; a < 3; a++) {
-        lifted[a] = p->position[a] + (p->normal[a] * HG_PROBE_BIAS_NORMAL +
-                                         p->view[a] * HG_PROBE_BIAS_VIEW) *
-                                         f->spacing;
+        lifted[a] =
+            p->position[a] +
+            (p->normal[a] * HG_PROBE_BIAS_NORMAL + p->view[a] * HG_PROBE_BIAS_VIEW) * f->spacing;
         const float at = (lifted[a] - f->origin[a]) / f->spacing;
         const float most = f->counts[a] > 1 ? (float)(f->counts[a] - 2) : 0;
         base[a] = (uint32_t)hg_clampf(floorf(at), 0, most);
@@ -323,8 +321,7 @@ static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
 {
     uint32_t word = f->awake[probe] ? HG_PROBE_AWAKE : 0;
     for (int a = 0; a < 3; a++)
-        word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS)
-                << (10 * a);
+        word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) << (10 * a);
     return word;
 }
 
@@ -341,8 +338,8 @@ static void pack_probe(void *user, size_t probe)
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
-        irradiance[t] = rgb9e5(
-            from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
+        irradiance[t] =
+            rgb9e5(from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
         reflection[2 * t] = rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);

@@ -55,8 +55,8 @@ struct wave {
     uint32_t first, count; // probes
     uint32_t rays;         // of each
     uint32_t round;
-    float keep;   // < 0: by what each probe has seen since the last change
-    bool places;  // finds out where probes stand; no light
+    float keep;  // < 0: by what each probe has seen since the last change
+    bool places; // finds out where probes stand; no light
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -90,9 +90,9 @@ enum hg_status hg_gi_create(
     gi->surfaces_revision = UINT64_MAX;
     gi->brought = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->brought);
     gi->direct = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->direct);
-    enum hg_status status = gi->brought && gi->direct
-                                ? HG_OK
-                                : hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
+    enum hg_status status = gi->brought && gi->direct ? HG_OK
+                                                      : hg_error_set(err, HG_E_NOMEM, "probes",
+                                                            NULL, "out of host memory");
     if (status == HG_OK)
         status = create_buffers(gi, err);
     if (status != HG_OK)
@@ -125,8 +125,8 @@ void hg_gi_destroy(struct hg_gi *gi)
 // pcg3d, as hg_hash3 in shaders/lib/frame.glsl.
 static void random3(uint32_t x, uint32_t y, uint32_t z, float out[3])
 {
-    uint32_t v[3] = {x * 1664525u + 1013904223u, y * 1664525u + 1013904223u,
-        z * 1664525u + 1013904223u};
+    uint32_t v[3] = {
+        x * 1664525u + 1013904223u, y * 1664525u + 1013904223u, z * 1664525u + 1013904223u};
     for (int round = 0; round < 2; round++) {
         v[0] += v[1] * v[2];
         v[1] += v[2] * v[0];
@@ -168,8 +168,7 @@ static void fibonacci(uint32_t i, uint32_t count, float out[3])
 static void cast_probe(void *user, size_t index)
 {
     const struct wave *w = user;
-    struct hg_gpu_ray *rays =
-        (struct hg_gpu_ray *)w->gi->wave_rays.mapped + index * w->rays;
+    struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->gi->wave_rays.mapped + index * w->rays;
     float m[9], at[3];
     const uint32_t probe = w->first + (uint32_t)index;
     random_rotation(probe, w->round, m);
@@ -196,7 +195,8 @@ static void receive(const struct wave *w, size_t i, const struct hg_gi_surface *
     const float from[3] = {ray->origin_ws.x, ray->origin_ws.y, ray->origin_ws.z};
     hg_mad3(from, out->direction, out->distance, r.position);
     hg_copy3(surface->normal, r.normal);
-    const float far = fmaxf(fabsf(r.position[0]), fmaxf(fabsf(r.position[1]), fabsf(r.position[2])));
+    const float far =
+        fmaxf(fabsf(r.position[0]), fmaxf(fabsf(r.position[1]), fabsf(r.position[2])));
     r.lift = 1e-3f * w->field->spacing + 1e-6f * far;
     r.xi = xi[0];
     hg_gi_direct_at(w->sources, &r, &w->gi->direct[i]);
@@ -206,8 +206,7 @@ static void receive(const struct wave *w, size_t i, const struct hg_gi_surface *
         point.view[a] = -out->direction[a];
     hg_gi_field_irradiance(w->field, &point, xi, bounced);
     for (int c = 0; c < 3; c++) {
-        out->light[c] =
-            surface->material->emission[c] + surface->material->albedo[c] * bounced[c];
+        out->light[c] = surface->material->emission[c] + surface->material->albedo[c] * bounced[c];
         for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
             w->gi->direct[i].light[k][c] *= surface->material->albedo[c];
     }
@@ -359,7 +358,8 @@ static enum hg_status place(struct hg_gi *gi, struct build *b, struct hg_error *
 
 // --- the field of rest ---------------------------------------------------------------------------
 
-static struct wave wave_of(struct hg_gi *gi, struct build *b, const struct hg_lighting_sources *from)
+static struct wave wave_of(
+    struct hg_gi *gi, struct build *b, const struct hg_lighting_sources *from)
 {
     const uint32_t left = b->field.count - b->next;
     struct wave w = {.gi = gi,

@@ -21,11 +21,12 @@ static void read_mean(struct hg_page_source *source, float out[4])
 {
     const struct hg_page_source_info *info = hg_page_source_info(source);
     const uint32_t j = info->layout.mips - 1 - info->layout.tail;
-    const size_t at = (size_t)(HG_TAIL_Y(j) + HG_PAGE_BORDER) * HG_PAGE_PITCH + HG_TAIL_X(j) +
-                      HG_PAGE_BORDER;
+    const size_t at =
+        (size_t)(HG_TAIL_Y(j) + HG_PAGE_BORDER) * HG_PAGE_PITCH + HG_TAIL_X(j) + HG_PAGE_BORDER;
     uint8_t *page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, info->texel_bytes);
     struct hg_error err = {0};
-    if (page && info->udim_columns == 0 && hg_page_source_read(source, info->layout.tail, 0, 0, page, &err) == HG_OK) {
+    if (page && info->udim_columns == 0 &&
+        hg_page_source_read(source, info->layout.tail, 0, 0, page, &err) == HG_OK) {
         const uint8_t *texel = page + at * info->texel_bytes;
         for (int c = 0; c < 4; c++) {
             uint16_t half;
@@ -54,8 +55,8 @@ static void texture_mean(struct hg_textures *textures, const struct hg_material 
                                                                : hg_texture_slot_use(m, slot),
         .wrap_s = texture->wrap_s,
         .wrap_t = texture->wrap_t};
-    if (hg_page_source_open(hg_page_cache_sources(hg_textures_cache(textures)), &params, &source,
-            &err) != HG_OK)
+    if (hg_page_source_open(
+            hg_page_cache_sources(hg_textures_cache(textures)), &params, &source, &err) != HG_OK)
         return;
     if (hg_page_source_wait(source, &err) == HG_OK)
         read_mean(source, out);
@@ -64,7 +65,8 @@ static void texture_mean(struct hg_textures *textures, const struct hg_material 
 
 // --- materials -----------------------------------------------------------------------------------
 
-static struct hg_gi_material make_material(struct hg_textures *textures, const struct hg_material *m)
+static struct hg_gi_material make_material(
+    struct hg_textures *textures, const struct hg_material *m)
 {
     struct hg_gi_material out = {.albedo = {1, 1, 1}};
     float base[4], other[4], glow[4];
@@ -80,9 +82,8 @@ static struct hg_gi_material make_material(struct hg_textures *textures, const s
     out.double_sided = m->double_sided;
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
-        out.albedo[c] = m->unlit ? 0
-                                 : (color * (1 - mirrored) + mirrored) * (1 - metallic) +
-                                       color * metallic;
+        out.albedo[c] =
+            m->unlit ? 0 : (color * (1 - mirrored) + mirrored) * (1 - metallic) + color * metallic;
         out.emission[c] = m->emissive[c] * glow[c] + (m->unlit ? color : 0);
         out.emission[c] = hg_clampf(out.emission[c], 0, 1e9f);
     }
@@ -166,8 +167,8 @@ static uint32_t find_piece(const struct hg_gi_surfaces *s, const struct hg_gpu_h
     return low;
 }
 
-static void world_edge(const struct hg_ray_geometry_piece *p, const float *from, const float *to,
-    float out[3])
+static void world_edge(
+    const struct hg_ray_geometry_piece *p, const float *from, const float *to, float out[3])
 {
     const float *m = p->world, d[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
     for (int a = 0; a < 3; a++)
@@ -188,7 +189,8 @@ void hg_gi_surface_at(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *h
     world_edge(p, corner, p->positions + (size_t)v[2] * 3, b);
     hg_cross3(a, b, out->normal);
     hg_normalize3(out->normal);
-    const float facing = hg_dot3(out->normal, direction) * ((p->flags & HG_DRAW_MIRRORED) ? -1.0f : 1.0f);
+    const float facing =
+        hg_dot3(out->normal, direction) * ((p->flags & HG_DRAW_MIRRORED) ? -1.0f : 1.0f);
     out->material = &s->materials[s->piece_materials[i]];
     out->back = facing > 0 && !out->material->double_sided && !(p->flags & HG_DRAW_DOUBLE_SIDED);
     if (hg_dot3(out->normal, direction) > 0)

@@ -25,8 +25,8 @@ struct hg_gi_surfaces { // zeroed: none
     size_t material_count, material_capacity;
 };
 
-// In line with ray geometry, which is borrowed until the next sync. Waits for textures that are seen
-// for the first time to be decoded. HG_E_NOMEM.
+// In line with ray geometry, which is borrowed until the next sync. Waits for textures that are
+// seen for the first time to be decoded. HG_E_NOMEM.
 enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *surfaces,
     const struct hg_geometry *geometry, const struct hg_ray_geometry *rays,
     struct hg_textures *textures) HG_MUST_CHECK;

@@ -82,7 +82,8 @@ struct hg_lighting_sources {
     uint32_t env_kind;  // HG_ENV_KIND_*
     float env_color[3]; // as of hg_gpu_lighting
     float env_rotation_cos, env_rotation_sin;
-    const float *env_faces; // IMAGE: [6][env_side^2][3], in Vulkan's order of faces, rows from the top
+    const float
+        *env_faces; // IMAGE: [6][env_side^2][3], in Vulkan's order of faces, rows from the top
     uint32_t env_side;
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);

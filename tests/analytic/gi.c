@@ -233,7 +233,8 @@ static void test_wall(void **state)
     struct rig *rig = *state;
     rig_scene(rig);
     struct hg_material *m = grey(rig, 0.7f, 0);
-    const float both[2][3] = {{-4, 0, -3}, {4, 3, 3}}, wall[2][3] = {{-0.05f, 0, -3}, {0.05f, 3, 3}};
+    const float both[2][3] = {{-4, 0, -3}, {4, 3, 3}},
+                wall[2][3] = {{-0.05f, 0, -3}, {0.05f, 3, 3}};
     const float lamp[2][3] = {{1.5f, 2.8f, -1}, {3, 2.9f, 1}};
     room(rig, m, both);
     solid(rig, m, wall);

@@ -178,7 +178,8 @@ static enum hg_status make_coarse(const struct hg_environment_map *map, float **
         for (uint32_t y = y0; y < y0 + step; y++)
             for (uint32_t x = x0; x < x0 + step; x++) {
                 const uint16_t *texel =
-                    map->specular[0] + (((size_t)face * map->face_size + y) * map->face_size + x) * 4;
+                    map->specular[0] +
+                    (((size_t)face * map->face_size + y) * map->face_size + x) * 4;
                 for (int c = 0; c < 3; c++)
                     sum[c] += (double)hg_half_to_float(texel[c]);
             }

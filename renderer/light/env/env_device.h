@@ -21,7 +21,8 @@ struct hg_env_device {
     uint32_t specular_lods;
     uint64_t prefilter_ns;
     bool from_cache;
-    float *coarse; // [6][HG_ENV_COARSE_SIDE^2][3] radiance, for rays on the host; faces as in cubemap.h
+    float *coarse; // [6][HG_ENV_COARSE_SIDE^2][3] radiance, for rays on the host; faces as in
+                   // cubemap.h
 };
 
 // Black 1x1 images, so that bindings are always valid.
