@@ -37,7 +37,6 @@ struct build { // of a field
 struct hg_gi {
     struct hg_gi_params params;
     struct hg_rays_scene *rays;
-    uint64_t surfaces_revision;
     struct hg_gi_surfaces surfaces;
     struct build rest, moving;
     uint32_t moving_at; // the probe that is updated next
@@ -87,7 +86,6 @@ enum hg_status hg_gi_create(
     if (!gi)
         return hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
     gi->params = *params;
-    gi->surfaces_revision = UINT64_MAX;
     gi->brought = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->brought);
     gi->direct = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->direct);
     enum hg_status status = gi->brought && gi->direct ? HG_OK
@@ -329,7 +327,6 @@ static enum hg_status sync_rays(struct hg_gi *gi, bool rests, struct hg_error *e
         status = hg_rays_sync(gi->rays, err);
     if (status != HG_OK)
         return status;
-    gi->surfaces_revision = hg_ray_geometry_revision(hg_rays_geometry(gi->rays));
     status = hg_gi_surfaces_sync(
         &gi->surfaces, gi->params.geometry, hg_rays_geometry(gi->rays), gi->params.textures);
     return status == HG_OK ? HG_OK

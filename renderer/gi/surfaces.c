@@ -118,7 +118,16 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
     const struct hg_ray_geometry *rays, struct hg_textures *textures)
 {
     const uint32_t count = hg_ray_geometry_count(rays);
+    const uint64_t rays_revision = hg_ray_geometry_revision(rays);
+    const uint64_t geometry_revision = hg_geometry_revision(geometry);
     struct hg_gpu_geometry tables;
+    s->pieces = hg_ray_geometry_pieces(rays);
+    if (s->first_pieces && s->piece_count == count && s->rays_revision == rays_revision &&
+        s->geometry_revision == geometry_revision)
+        return HG_OK;
+    s->rays_revision = s->geometry_revision = 0;
+    if (s->material_count > 2 * (size_t)count + 64) // most are of revisions that are gone
+        s->material_count = 0;
     hg_geometry_fill(geometry, &tables);
     uint32_t *materials = hg_calloc((size_t)count + 1, sizeof *materials);
     uint32_t *first = hg_calloc((size_t)tables.draw_count + 1, sizeof *first);
@@ -126,7 +135,6 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
     hg_free(s->first_pieces);
     s->piece_materials = materials;
     s->first_pieces = first;
-    s->pieces = hg_ray_geometry_pieces(rays);
     s->piece_count = count;
     s->draw_count = tables.draw_count;
     if (!materials || !first)
@@ -140,6 +148,8 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
             return HG_E_NOMEM;
     }
     index_draws(s);
+    s->rays_revision = rays_revision;
+    s->geometry_revision = geometry_revision;
     return HG_OK;
 }
 

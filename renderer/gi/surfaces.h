@@ -23,6 +23,7 @@ struct hg_gi_surfaces { // zeroed: none
     uint32_t draw_count;
     struct hg_gi_material *materials;
     size_t material_count, material_capacity;
+    uint64_t rays_revision, geometry_revision; // that it is in line with; 0: none
 };
 
 // In line with ray geometry, which is borrowed until the next sync. Waits for textures that are
