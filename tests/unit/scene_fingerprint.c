@@ -15,6 +15,7 @@
 #include "renderer/scene/load.h"
 #include "tests/support/check.h"
 #include "tests/support/folder.h"
+#include "scene_memory.h"
 
 #define KNOT TEST_MODELS "/knot"
 
@@ -158,9 +159,35 @@ static void test_changes(void **state)
     drop(&m);
 }
 
+// Frame keys of films that are half rendered contain the fingerprint: what a material that states
+// hardly anything hashes to is stored.
+static void test_stored(void **state)
+{
+    static const uint8_t stored[8] = {0x76, 0x33, 0xb7, 0xe5, 0xf4, 0x31, 0x98, 0x8c};
+    static struct memory_gltf file;
+    struct made m;
+    (void)state;
+    (void)memory_floats(&file, "VEC3", 3, (const float[]){0, 0, 0, 1, 0, 0, 0, 1, 0}, 36);
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"extensionsUsed\":[\"KHR_materials_volume\"],\"materials\":[{},{\"extensions\":"
+        "{\"KHR_materials_volume\":{\"attenuationDistance\":2}}}],\"meshes\":[{\"primitives\":["
+        "{\"attributes\":{\"POSITION\":0},\"material\":0},"
+        "{\"attributes\":{\"POSITION\":0},\"material\":1}]}],\"nodes\":[{\"mesh\":0}],"
+        "\"scenes\":[{\"nodes\":[0]}],\"scene\":0");
+    assert_int_equal(hg_scene_create(&m.scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(m.scene, asset, NULL), HG_OK);
+    hg_scene_publish(m.scene);
+    m.fingerprint = hg_fingerprint_create();
+    assert_non_null(m.fingerprint);
+    hash(&m, m.hash);
+    assert_memory_equal(m.hash, stored, sizeof stored);
+    drop(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_stored),
         cmocka_unit_test(test_place_does_not_count),
         cmocka_unit_test(test_sent_files),
         cmocka_unit_test(test_changes),
