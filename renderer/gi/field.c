@@ -105,8 +105,10 @@ enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], cons
     next.moments = hg_calloc(next.count, sizeof *next.moments);
     next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
     *f = next;
-    if (!f->offsets || !f->awake || !f->updates || !f->irradiance || !f->moments || !f->words)
+    if (!f->offsets || !f->awake || !f->updates || !f->irradiance || !f->moments || !f->words) {
+        hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
+    }
     for (uint32_t i = 0; i < f->count; i++)
         f->awake[i] = true;
     return HG_OK;
@@ -216,8 +218,8 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
         }
 }
 
-void hg_gi_probe_gather(struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays,
-    uint32_t count, float keep, bool light)
+void hg_gi_probe_gather(
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, float keep)
 {
     float directions[3][IRRADIANCE_TEXELS];
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
@@ -227,11 +229,9 @@ void hg_gi_probe_gather(struct hg_gi_field *f, uint32_t probe, const struct hg_g
             directions[a][t] = d[a];
     }
     struct hg_gi_irradiance *to = &f->irradiance[probe];
-    if (light)
-        keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
+    keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < count; i++) {
-        if (light)
-            add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])directions);
+        add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])directions);
         add_distance(&f->moments[probe], &rays[i], f->spacing);
     }
 }

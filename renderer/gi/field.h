@@ -56,9 +56,9 @@ void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
 void hg_gi_probe_relocate(
     struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count);
-// Adds rays to sums that are multiplied by `keep` first. light: false: to the moments alone.
+// Adds rays to sums of light that are multiplied by `keep` first, and to the moments.
 void hg_gi_probe_gather(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
-    uint32_t count, float keep, bool light);
+    uint32_t count, float keep);
 
 // Irradiance over pi on a surface. xi: three numbers in [0, 1), as in the shader.
 struct hg_gi_point {

@@ -272,7 +272,7 @@ static void gather_probe(void *user, size_t index)
                 rays[i].light[c] += d->light[k][c];
         }
     }
-    hg_gi_probe_gather(w->field, probe, rays, w->rays, keep_of(w, probe), true);
+    hg_gi_probe_gather(w->field, probe, rays, w->rays, keep_of(w, probe));
     w->field->updates[probe]++;
 }
 
@@ -338,7 +338,7 @@ static bool same_key(const struct build *b, const struct hg_gi_key *key)
     return b->keyed && memcmp(&b->key, key, sizeof *key) == 0;
 }
 
-// Probes for the scene as it is now; false: there is nothing to put them around.
+// Probes for the scene as it is now; none where there is nothing to put them around.
 static enum hg_status place(struct hg_gi *gi, struct build *b, struct hg_error *err)
 {
     float min[3], max[3];

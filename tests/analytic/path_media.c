@@ -67,7 +67,7 @@ static double mean_of(const struct hg_refbuf *pixels)
 }
 
 // The device walks rays ten times slower than Embree, and what it may get wrong there (a hit that
-// is missing, or of the wrong side) is much: a quarter of the samples, bounds of twice the width,
+// is missing, or of the wrong side) is much: a third of the samples, bounds of twice the width,
 // since noise falls with the root of their number.
 static bool on_device(const struct rig *rig)
 {

@@ -240,7 +240,8 @@ static void test_camera_angles(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char camera[512];
         snprintf(camera, sizeof camera,
-            "<camera id='c' name=\"a > b\"><optics><technique_common><perspective>%s"
+            "<!-- the file's, not <camera id='c'> --><camera id='c' name=\"a > "
+            "b\"><optics><technique_common><perspective>%s"
             "<znear>0.1</znear><zfar>10</zfar></perspective></technique_common></optics><extra>"
             "<technique profile=\"x\"><xfov>99</xfov></technique></extra></camera>",
             cases[i].optics);

@@ -32,12 +32,9 @@ static void hash(struct made *m, uint8_t out[32])
     test_ok(hg_fingerprint_scene(m->fingerprint, m->scene, out, &err), &err);
 }
 
-static struct made load_by(const struct hg_load_params *params)
+static struct made made_of(struct hg_asset *asset)
 {
     struct made m;
-    struct hg_asset *asset;
-    struct hg_error err = {0};
-    test_ok(hg_load_asset(params, &asset, &err), &err);
     assert_int_equal(hg_scene_create(&m.scene), HG_OK);
     assert_int_equal(hg_scene_add_asset(m.scene, asset, NULL), HG_OK);
     hg_scene_publish(m.scene);
@@ -45,6 +42,14 @@ static struct made load_by(const struct hg_load_params *params)
     assert_non_null(m.fingerprint);
     hash(&m, m.hash);
     return m;
+}
+
+static struct made load_by(const struct hg_load_params *params)
+{
+    struct hg_asset *asset;
+    struct hg_error err = {0};
+    test_ok(hg_load_asset(params, &asset, &err), &err);
+    return made_of(asset);
 }
 
 static struct made load(const char *path, uint32_t number)
@@ -165,21 +170,14 @@ static void test_stored(void **state)
 {
     static const uint8_t stored[8] = {0x76, 0x33, 0xb7, 0xe5, 0xf4, 0x31, 0x98, 0x8c};
     static struct memory_gltf file;
-    struct made m;
     (void)state;
     (void)memory_floats(&file, "VEC3", 3, (const float[]){0, 0, 0, 1, 0, 0, 0, 1, 0}, 36);
-    struct hg_asset *asset = memory_load_ok(&file,
+    struct made m = made_of(memory_load_ok(&file,
         "\"extensionsUsed\":[\"KHR_materials_volume\"],\"materials\":[{},{\"extensions\":"
         "{\"KHR_materials_volume\":{\"attenuationDistance\":2}}}],\"meshes\":[{\"primitives\":["
         "{\"attributes\":{\"POSITION\":0},\"material\":0},"
         "{\"attributes\":{\"POSITION\":0},\"material\":1}]}],\"nodes\":[{\"mesh\":0}],"
-        "\"scenes\":[{\"nodes\":[0]}],\"scene\":0");
-    assert_int_equal(hg_scene_create(&m.scene), HG_OK);
-    assert_int_equal(hg_scene_add_asset(m.scene, asset, NULL), HG_OK);
-    hg_scene_publish(m.scene);
-    m.fingerprint = hg_fingerprint_create();
-    assert_non_null(m.fingerprint);
-    hash(&m, m.hash);
+        "\"scenes\":[{\"nodes\":[0]}],\"scene\":0"));
     assert_memory_equal(m.hash, stored, sizeof stored);
     drop(&m);
 }
