@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/spill.h"
 #include "base/clock.h"
 #include "renderer/lod/build.h"
 
@@ -404,9 +405,9 @@ enum hg_status hg_lod_assemble(struct hg_lod_build *b, uint32_t root_chunks, str
     struct order o = {0};
     struct hg_writer bytes = {0};
     enum hg_status status = find_order(b, &o);
-    f.clusters = hg_calloc(b->built.cluster_count, sizeof *f.clusters);
-    f.groups = hg_calloc(b->built.group_count, sizeof *f.groups);
-    f.chunks = hg_calloc(b->built.chunk_count, sizeof *f.chunks);
+    f.clusters = hg_spill_scratch(b->built.cluster_count, sizeof *f.clusters);
+    f.groups = hg_spill_scratch(b->built.group_count, sizeof *f.groups);
+    f.chunks = hg_spill_scratch(b->built.chunk_count, sizeof *f.chunks);
     if (f.clusters == NULL || f.groups == NULL || f.chunks == NULL)
         status = HG_E_NOMEM;
     if (status == HG_OK) {

@@ -171,7 +171,7 @@ enum hg_status hg_discs_build(
     const uint32_t stride = points->index_count > most ? (points->index_count - 1) / most + 1 : 1;
     const uint32_t sides = stride > 1 ? 4 : hg_disc_sides(points->index_count);
     *out = NULL;
-    enum hg_status status = hg_point_tree_build(points, stride, NULL, &tree);
+    enum hg_status status = hg_point_tree_build(points, stride, false, NULL, &tree);
     if (status == HG_OK)
         status = start_part(points, tree.count, sides, out);
     if (status == HG_OK)

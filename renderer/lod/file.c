@@ -10,6 +10,7 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/spill.h"
 #include "renderer/lod/internal.h"
 
 #define MAGIC         0x444f4c47485f4748ull // "HG_HGLOD"
@@ -111,11 +112,12 @@ enum hg_status hg_lod_write(
     const struct hg_lod_file *f, const uint8_t *chunks, size_t size, struct hg_writer *out)
 {
     struct hg_writer tables = {0};
+    hg_writer_spill(&tables, (size_t)tables_size(&f->lod));
     write_clusters(&tables, f);
     write_groups(&tables, f);
     write_chunks(&tables, f);
     const size_t bound = ZSTD_compressBound(tables.size);
-    uint8_t *packed = tables.failed ? NULL : hg_calloc(bound, 1);
+    uint8_t *packed = tables.failed ? NULL : hg_spill_scratch(bound, 1);
     size_t n = 0;
     if (packed != NULL)
         n = ZSTD_compress(packed, bound, tables.data, tables.size, TABLES_LEVEL);

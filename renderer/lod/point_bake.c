@@ -536,6 +536,18 @@ static enum hg_status choose_step(struct points_bake *p)
     return HG_OK;
 }
 
+// Room for all clusters and groups: every level but the lowest has a cluster per group below.
+static enum hg_status reserve_tables(struct points_bake *p)
+{
+    struct hg_lod_built *built = &p->build->built;
+    const size_t groups = p->now.groups, most = cluster_points(p->now.sides);
+    built->group_capacity = groups + groups / 3 + 1;
+    built->groups = hg_spill_scratch(built->group_capacity, sizeof *built->groups);
+    built->cluster_capacity = groups * ((GROUP_POINTS + most - 1) / most) + built->group_capacity;
+    built->clusters = hg_spill_scratch(built->cluster_capacity, sizeof *built->clusters);
+    return built->groups != NULL && built->clusters != NULL ? HG_OK : HG_E_NOMEM;
+}
+
 static enum hg_status begin(struct points_bake *p)
 {
     struct hg_lod_build *b = p->build;
@@ -547,7 +559,7 @@ static enum hg_status begin(struct points_bake *p)
     if (status == HG_OK)
         status = hg_pack_layout_of(p->part, 0, &layout);
     if (status == HG_OK)
-        status = hg_point_tree_build(p->part, 1, b->params->jobs, &p->tree);
+        status = hg_point_tree_build(p->part, 1, true, b->params->jobs, &p->tree);
     if (status != HG_OK)
         return status;
     hg_lod_format_set(&b->mesh.format,
@@ -568,8 +580,9 @@ static enum hg_status begin(struct points_bake *p)
     b->mesh.triangle_count = p->tree.count * hg_disc_triangles(p->now.sides);
     b->total = p->tree.count;
     hg_writer_spill(&b->built.bytes, (size_t)p->tree.count * 16);
+    status = reserve_tables(p);
     b->report.cluster_ns = hg_clock_now_ns() - start;
-    return choose_step(p);
+    return status == HG_OK ? choose_step(p) : status;
 }
 
 enum hg_status hg_lod_build_points(

@@ -2,12 +2,14 @@
 #include "renderer/lod/point_tree.h"
 
 #include <float.h>
+#include <stdatomic.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/spill.h"
 
 #define WIDE_LEVELS 7u // levels whose nodes are split one level after the other, for the threads
+#define GATHER_FROM (1u << 20) // points
 
 static void swap_items(struct hg_point_item *a, struct hg_point_item *b)
 {
@@ -77,14 +79,20 @@ int hg_point_longest_axis(const struct hg_point_item *items, uint32_t count)
     return axis;
 }
 
+// ---- splits -------------------------------------------------------------------------------------
+
 struct splitting {
     struct hg_point_tree *tree;
+    const struct hg_mesh_part *part;
     uint32_t level;
-    bool below; // all levels below the node, too
+    bool below;         // all levels below the node, too
+    uint32_t *numbers;  // [1 << WIDE_LEVELS] of the points that part the wide nodes
+    atomic_bool failed; // for want of memory
 };
 
-static void split_node(struct hg_point_tree *t, uint32_t level, uint32_t node, bool below)
+static void split_node(const struct splitting *s, uint32_t level, uint32_t node)
 {
+    struct hg_point_tree *t = s->tree;
     if (level >= t->depth)
         return;
     const uint32_t first = hg_point_tree_first(t, level, node);
@@ -95,30 +103,131 @@ static void split_node(struct hg_point_tree *t, uint32_t level, uint32_t node, b
     hg_point_select(t->items + first, end - first, middle - first, axis);
     t->axes[at] = (uint8_t)axis;
     t->splits[at] = t->items[middle].at[axis];
-    if (!below)
+    if (level < WIDE_LEVELS)
+        s->numbers[at] = t->items[middle].number;
+    if (!s->below)
         return;
-    split_node(t, level + 1, node * 2, true);
-    split_node(t, level + 1, node * 2 + 1, true);
+    split_node(s, level + 1, node * 2);
+    split_node(s, level + 1, node * 2 + 1);
 }
 
 static void split_job(void *user, size_t node)
 {
     const struct splitting *s = user;
-    split_node(s->tree, s->level, (uint32_t)node, s->below);
+    split_node(s, s->level, (uint32_t)node);
 }
 
-static void split_all(struct hg_point_tree *t, struct hg_jobs *jobs)
+static void each_node(struct splitting *s, struct hg_jobs *jobs, hg_jobs_fn *fn)
 {
-    for (uint32_t level = 0; level <= WIDE_LEVELS && level < t->depth; level++) {
-        struct splitting s = {t, level, level == WIDE_LEVELS};
-        if (jobs != NULL)
-            hg_jobs_for(jobs, (size_t)1 << level, split_job, &s);
-        for (size_t i = 0; jobs == NULL && i < (size_t)1 << level; i++)
-            split_job(&s, i);
+    if (jobs != NULL)
+        hg_jobs_for(jobs, (size_t)1 << s->level, fn, s);
+    for (size_t i = 0; jobs == NULL && i < (size_t)1 << s->level; i++)
+        fn(s, i);
+}
+
+// ---- attributes ---------------------------------------------------------------------------------
+
+// The wide node that a point is in.
+static uint32_t wide_node(const struct splitting *s, const struct hg_point_item *item)
+{
+    const struct hg_point_tree *t = s->tree;
+    uint32_t at = 1;
+    while (at < 1u << WIDE_LEVELS) {
+        const int axis = t->axes[at];
+        struct hg_point_item split = {.number = s->numbers[at]};
+        split.at[axis] = t->splits[at];
+        at = at * 2 + !before(item, &split, axis);
+    }
+    return at - (1u << WIDE_LEVELS);
+}
+
+// One pass over the part; each wide node has a range that is filled from its beginning.
+static void gather_attributes(const struct splitting *s)
+{
+    const struct hg_mesh_part *part = s->part;
+    struct hg_point_tree *t = s->tree;
+    uint32_t next[1u << WIDE_LEVELS];
+    for (uint32_t node = 0; node < 1u << WIDE_LEVELS; node++)
+        next[node] = hg_point_tree_first(t, WIDE_LEVELS, node);
+    for (uint32_t i = 0; i < t->count; i++) {
+        const size_t vertex = part->indices[(size_t)i * t->stride];
+        struct hg_point_item item = {.number = i};
+        memcpy(item.at, part->positions + vertex * 3, sizeof item.at);
+        const size_t to = next[wide_node(s, &item)]++;
+        if (t->normals != NULL)
+            memcpy(t->normals + to * 3, part->normals + vertex * 3, 3 * sizeof(float));
+        if (t->colors != NULL)
+            memcpy(t->colors + to * 4, part->colors + vertex * 4, 4 * sizeof(float));
     }
 }
 
-enum hg_status hg_point_tree_build(const struct hg_mesh_part *part, uint32_t stride,
+// Numbers of a wide node's points: their ranks in it, by a bit per point of the tree.
+static void renumber_job(void *user, size_t node)
+{
+    struct splitting *s = user;
+    const struct hg_point_tree *t = s->tree;
+    const uint32_t first = hg_point_tree_first(t, WIDE_LEVELS, (uint32_t)node);
+    const uint32_t end = hg_point_tree_first(t, WIDE_LEVELS, (uint32_t)node + 1);
+    const size_t words = (size_t)t->count / 64 + 1;
+    uint64_t *bits = hg_calloc(words, sizeof *bits);
+    uint32_t *ranks = hg_calloc(words, sizeof *ranks);
+    if (bits == NULL || ranks == NULL) {
+        atomic_store(&s->failed, true);
+    } else {
+        for (uint32_t i = first; i < end; i++)
+            bits[t->items[i].number / 64] |= UINT64_C(1) << t->items[i].number % 64;
+        uint32_t rank = first;
+        for (size_t w = 0; w < words; w++) {
+            ranks[w] = rank;
+            rank += (uint32_t)__builtin_popcountll(bits[w]);
+        }
+        for (uint32_t i = first; i < end; i++) {
+            const uint32_t number = t->items[i].number;
+            const uint64_t below = bits[number / 64] & ((UINT64_C(1) << number % 64) - 1);
+            t->items[i].number = ranks[number / 64] + (uint32_t)__builtin_popcountll(below);
+        }
+    }
+    hg_free(bits);
+    hg_free(ranks);
+}
+
+// Comparisons within wide nodes give the same as before: ranks are in the order of numbers.
+static enum hg_status gather_all(struct splitting *s, struct hg_jobs *jobs)
+{
+    struct hg_point_tree *t = s->tree;
+    const struct hg_mesh_part *part = s->part;
+    if (part->normals != NULL)
+        t->normals = hg_spill_scratch((size_t)t->count * 3, sizeof *t->normals);
+    if (part->colors != NULL)
+        t->colors = hg_spill_scratch((size_t)t->count * 4, sizeof *t->colors);
+    if ((part->normals != NULL && t->normals == NULL) ||
+        (part->colors != NULL && t->colors == NULL))
+        return HG_E_NOMEM;
+    gather_attributes(s);
+    each_node(s, jobs, renumber_job);
+    t->gathered = true;
+    return atomic_load(&s->failed) ? HG_E_NOMEM : HG_OK;
+}
+
+static enum hg_status split_all(
+    struct hg_point_tree *t, const struct hg_mesh_part *part, bool gather, struct hg_jobs *jobs)
+{
+    uint32_t numbers[1u << WIDE_LEVELS];
+    struct splitting s = {.tree = t, .part = part, .numbers = numbers};
+    for (; s.level < WIDE_LEVELS && s.level < t->depth; s.level++)
+        each_node(&s, jobs, split_job);
+    if (s.level >= t->depth)
+        return HG_OK;
+    const enum hg_status status = gather && t->count >= GATHER_FROM ? gather_all(&s, jobs) : HG_OK;
+    s.below = true;
+    if (status == HG_OK)
+        each_node(&s, jobs, split_job);
+    return status;
+}
+
+// ---- tree ---------------------------------------------------------------------------------------
+
+enum hg_status hg_point_tree_build(const struct hg_mesh_part *part, uint32_t stride, bool gather,
     struct hg_jobs *jobs, struct hg_point_tree *out)
 {
     memset(out, 0, sizeof *out);
@@ -140,8 +249,10 @@ enum hg_status hg_point_tree_build(const struct hg_mesh_part *part, uint32_t str
         memcpy(out->items[i].at, part->positions + vertex * 3, sizeof out->items[i].at);
         out->items[i].number = i;
     }
-    split_all(out, jobs);
-    return HG_OK;
+    const enum hg_status status = split_all(out, part, gather, jobs);
+    if (status != HG_OK)
+        hg_point_tree_finish(out);
+    return status;
 }
 
 void hg_point_tree_finish(struct hg_point_tree *tree)
@@ -149,5 +260,7 @@ void hg_point_tree_finish(struct hg_point_tree *tree)
     hg_free(tree->items);
     hg_free(tree->splits);
     hg_free(tree->axes);
+    hg_free(tree->normals);
+    hg_free(tree->colors);
     memset(tree, 0, sizeof *tree);
 }

@@ -16,7 +16,9 @@
 
 struct hg_point_item {
     float at[3];
-    uint32_t number; // of the point: part->indices[number * stride] is its vertex
+    // Of the point: part->indices[number * stride] is its vertex. In a gathered tree its place
+    // among `normals` and `colors`; in the same order within a leaf.
+    uint32_t number;
 };
 
 struct hg_point_tree {
@@ -24,10 +26,15 @@ struct hg_point_tree {
     float *splits;               // [2^depth] coordinate that parts node 2^level + t
     uint8_t *axes;               // [2^depth]
     uint32_t count, depth, stride;
+    // Gathered: the part's attributes, those of points that are near each other in one place.
+    bool gathered;
+    float *normals, *colors; // [count * 3], [count * 4]; NULL: the part has none
 };
 
-// Of the points that part->indices names, every `stride`-th. HG_E_NOMEM. Cost O(n log n).
-enum hg_status hg_point_tree_build(const struct hg_mesh_part *part, uint32_t stride,
+// Of the points that part->indices names, every `stride`-th. `gather`: where there are many,
+// attributes are read in the order of the part once, and from then on near each other; otherwise
+// each point reads a page of its own of a spilled array. HG_E_NOMEM. Cost O(n log n).
+enum hg_status hg_point_tree_build(const struct hg_mesh_part *part, uint32_t stride, bool gather,
     struct hg_jobs *jobs, struct hg_point_tree *out) HG_MUST_CHECK;
 void hg_point_tree_finish(struct hg_point_tree *tree);
 

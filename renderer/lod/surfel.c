@@ -36,18 +36,25 @@ static inline void note(struct neighbours *n, float distance2, uint32_t item)
     n->item[i] = item;
 }
 
+// Distances of a leaf first, in a loop without branches, then what they say.
 static void scan(const struct hg_point_tree *t, uint32_t first, uint32_t end, struct neighbours *n)
 {
-    n->looks += end - first;
-    for (uint32_t i = first; i < end; i++) {
-        float d2 = 0.0f;
-        for (int k = 0; k < 3; k++) {
-            const float d = t->items[i].at[k] - n->at[k];
-            d2 += d * d;
-        }
+    float distance2[HG_POINT_TREE_LEAF];
+    const struct hg_point_item *items = t->items + first;
+    const uint32_t count = end - first;
+    n->looks += count;
+    for (uint32_t i = 0; i < count; i++) {
+        const float x = items[i].at[0] - n->at[0], y = items[i].at[1] - n->at[1],
+                    z = items[i].at[2] - n->at[2];
+        distance2[i] = x * x + y * y + z * z;
+    }
+    float worst = n->count < NEIGHBOURS ? FLT_MAX : n->distance2[NEIGHBOURS - 1];
+    for (uint32_t i = 0; i < count; i++) {
         // Points at the same place, itself among them, say nothing about the spacing.
-        if (d2 > 0.0f && (n->count < NEIGHBOURS || d2 < n->distance2[NEIGHBOURS - 1]))
-            note(n, d2, i);
+        if ((distance2[i] < worst) & (distance2[i] > 0.0f)) {
+            note(n, distance2[i], first + i);
+            worst = n->count < NEIGHBOURS ? FLT_MAX : n->distance2[NEIGHBOURS - 1];
+        }
     }
 }
 
@@ -138,24 +145,33 @@ struct cell {
     int count;
 };
 
-// Cuts off what lies nearer to a neighbour at x, y than to the origin.
-static void cut_cell(struct cell *c, float x, float y)
+// Cuts off what lies nearer to a neighbour at x, y than to the origin. False: nothing does, or
+// nothing would be left, and `out` is not made.
+static bool cut_cell(const struct cell *c, float x, float y, struct cell *out)
 {
-    struct cell out = {.count = 0};
     const float half = 0.5f * (x * x + y * y);
+    float inside[CELL + NEIGHBOURS], least = INFINITY;
     for (int i = 0; i < c->count; i++) {
-        const float *a = c->corners[i], *b = c->corners[(i + 1) % c->count];
-        const float da = half - (a[0] * x + a[1] * y), db = half - (b[0] * x + b[1] * y);
-        if (da >= 0.0f && out.count < CELL + NEIGHBOURS)
-            memcpy(out.corners[out.count++], a, sizeof out.corners[0]);
-        if ((da >= 0.0f) != (db >= 0.0f) && out.count < CELL + NEIGHBOURS) {
+        inside[i] = half - (c->corners[i][0] * x + c->corners[i][1] * y);
+        least = inside[i] < least ? inside[i] : least;
+    }
+    if (least >= 0.0f)
+        return false;
+    int n = 0;
+    for (int i = 0; i < c->count; i++) {
+        const int next = i + 1 < c->count ? i + 1 : 0;
+        const float *a = c->corners[i], *b = c->corners[next];
+        const float da = inside[i], db = inside[next];
+        if (da >= 0.0f && n < CELL + NEIGHBOURS)
+            memcpy(out->corners[n++], a, sizeof out->corners[0]);
+        if ((da >= 0.0f) != (db >= 0.0f) && n < CELL + NEIGHBOURS) {
             const float s = da / (da - db);
-            out.corners[out.count][0] = a[0] + (b[0] - a[0]) * s;
-            out.corners[out.count++][1] = a[1] + (b[1] - a[1]) * s;
+            out->corners[n][0] = a[0] + (b[0] - a[0]) * s;
+            out->corners[n++][1] = a[1] + (b[1] - a[1]) * s;
         }
     }
-    if (out.count >= 3)
-        *c = out;
+    out->count = n;
+    return n >= 3;
 }
 
 // The farthest corner that is nearer than `below`.
@@ -178,13 +194,14 @@ static float cell_radius(
         {-0.5f, 0.8660254f}, {-0.8660254f, 0.5f}, {-1, 0}, {-0.8660254f, -0.5f},
         {-0.5f, -0.8660254f}, {0, -1}, {0.5f, -0.8660254f}, {0.8660254f, -0.5f}};
     float u[3], v[3];
-    struct cell cell = {.count = CELL};
+    struct cell cells[2], *cell = &cells[0], *spare = &cells[1];
     const float open = OPEN_CELL * sqrtf(n->distance2[n->count > 4 ? 4 : n->count - 1]);
     hg_disc_basis(normal, u, v);
+    cell->count = CELL;
     for (int i = 0; i < CELL; i++)
         for (int k = 0; k < 2; k++)
-            cell.corners[i][k] = turn[i][k] * open;
-    float reach = open * 1.01f;
+            cell->corners[i][k] = turn[i][k] * open;
+    float reach = reach_of(cell, INFINITY);
     for (uint32_t i = 0; i < n->count && n->distance2[i] < 4.0f * reach * reach; i++) {
         const float *p = t->items[n->item[i]].at;
         const float d[3] = {p[0] - n->at[0], p[1] - n->at[1], p[2] - n->at[2]};
@@ -192,11 +209,15 @@ static float cell_radius(
         const float y = d[0] * v[0] + d[1] * v[1] + d[2] * v[2];
         if (2.0f * (x * x + y * y) < n->distance2[i])
             continue; // above or below the surface
-        cut_cell(&cell, x, y);
-        reach = reach_of(&cell, INFINITY);
+        if (!cut_cell(cell, x, y, spare))
+            continue;
+        struct cell *cut = spare;
+        spare = cell;
+        cell = cut;
+        reach = reach_of(cell, INFINITY);
     }
     // No point of the first polygon's sides is nearer than cos(pi / CELL).
-    reach = reach_of(&cell, open * 0.96f);
+    reach = reach_of(cell, open * 0.96f);
     return reach > 0.0f ? reach : 0.5f * sqrtf(n->distance2[0]);
 }
 
@@ -237,8 +258,11 @@ static float lonely_radius(const struct hg_mesh_part *part)
 static void measure(const struct hg_point_tree *t, const struct hg_mesh_part *part,
     const struct hg_point_item *item, struct hg_surfel *out)
 {
-    const size_t vertex = part->indices[(size_t)item->number * t->stride];
-    const float *own = part->normals != NULL ? part->normals + vertex * 3 : NULL;
+    const size_t vertex =
+        t->gathered ? item->number : part->indices[(size_t)item->number * t->stride];
+    const float *normals = t->gathered ? t->normals : part->normals;
+    const float *colors = t->gathered ? t->colors : part->colors;
+    const float *own = normals != NULL ? normals + vertex * 3 : NULL;
     struct neighbours n = {.count = 0};
     memcpy(n.at, item->at, sizeof n.at);
     memcpy(out->at, item->at, sizeof out->at);
@@ -256,7 +280,7 @@ static void measure(const struct hg_point_tree *t, const struct hg_mesh_part *pa
     else
         out->radius = SLACK * cell_radius(t, &n, out->normal);
     for (size_t k = 0; k < 4; k++)
-        out->color[k] = part->colors != NULL ? part->colors[vertex * 4 + k] : 1.0f;
+        out->color[k] = colors != NULL ? colors[vertex * 4 + k] : 1.0f;
 }
 
 enum hg_status hg_surfels_measure(const struct hg_point_tree *tree, const struct hg_mesh_part *part,

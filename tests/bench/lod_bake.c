@@ -1,17 +1,27 @@
 // lod_bake.c - bakes every triangle part of an asset and says what it cost:
-//     bench_lod_bake FILE|terrain:CELLS [THREADS [TIMES]]
+//     bench_lod_bake FILE|terrain:CELLS|points:COUNT [THREADS [TIMES [SPILL_FOLDER]]]
 // Some lines per part, of the time that took the least CPU time; decoded and checked chunk by
 // chunk.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <time.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/spill.h"
 #include "renderer/lod/lod.h"
 #include "renderer/scene/load.h"
 #include "tests/unit/lod_meshes.h"
+#include "tests/unit/lod_points.h"
+
+static double peak_megabytes(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (double)usage.ru_maxrss * 1024e-6;
+}
 
 static double cpu_seconds(void)
 {
@@ -134,6 +144,7 @@ static int bake(const struct hg_mesh_part *part, struct hg_jobs *jobs, int times
             (double)r.stored_triangles / t, (double)bytes / (double)r.stored_triangles,
             r.terminal_clusters, hash_of(best.data, best.size));
         print_levels(lod);
+        printf("  processor %.2f s; peak of the process %.0f MB\n", cpu, peak_megabytes());
     } else {
         fprintf(stderr, "%s: %s\n", err.what, err.reason);
     }
@@ -163,12 +174,36 @@ static int bake_asset(const char *path, struct hg_jobs *jobs, int times)
     return failed;
 }
 
+// A hilly square with colours and without normals, in no order; its arrays are spilled.
+static struct hg_mesh_part scan(uint32_t count)
+{
+    struct hg_mesh_part p = {
+        .topology = HG_TOPOLOGY_POINTS, .vertex_count = count, .index_count = count};
+    uint32_t seed = 5;
+    p.indices = hg_spill_calloc(count, 4);
+    p.positions = hg_spill_calloc(count, 12);
+    p.colors = hg_spill_calloc(count, 16);
+    if (p.indices == NULL || p.positions == NULL || p.colors == NULL)
+        abort();
+    for (size_t i = 0; i < count; i++) {
+        const float x = points_random(&seed), z = points_random(&seed);
+        const float y = 0.1f * sinf(9.0f * x) * cosf(7.0f * z);
+        p.indices[i] = (uint32_t)i;
+        memcpy(p.positions + i * 3, (float[]){1000.0f * x, 1000.0f * y, 1000.0f * z}, 12);
+        memcpy(p.colors + i * 4, (float[]){0.5f + y, x, z, 1.0f}, 16);
+    }
+    return p;
+}
+
 int main(int argc, char **argv)
 {
     if (argc < 2) {
-        fprintf(stderr, "usage: bench_lod_bake FILE|terrain:CELLS [THREADS [TIMES]]\n");
+        fprintf(stderr, "usage: bench_lod_bake FILE|terrain:CELLS|points:COUNT [THREADS [TIMES "
+                        "[SPILL_FOLDER]]]\n");
         return 2;
     }
+    if (argc > 4)
+        hg_spill_set_folder(argv[4]);
     struct hg_jobs *jobs = hg_jobs_create(argc > 2 ? (unsigned)atoi(argv[2]) : 1);
     if (jobs == NULL)
         return 1;
@@ -178,6 +213,12 @@ int main(int argc, char **argv)
         struct hg_mesh_part part = lod_terrain((uint32_t)atoi(argv[1] + 8));
         failed = bake(&part, jobs, times);
         lod_part_finish(&part);
+    } else if (strncmp(argv[1], "points:", 7) == 0) {
+        hg_spill_begin("points");
+        struct hg_mesh_part part = scan((uint32_t)atoi(argv[1] + 7));
+        hg_spill_end();
+        failed = bake(&part, jobs, times);
+        points_finish(&part);
     } else {
         failed = bake_asset(argv[1], jobs, times);
     }

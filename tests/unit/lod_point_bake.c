@@ -182,6 +182,46 @@ static void test_two_million_points(void **state)
     points_finish(&part);
 }
 
+// What is gathered is the same points with the same attributes in the same order: of a cloud whose
+// indices are in no order, with equal coordinates on both sides of splits.
+static void test_gathered_trees(void **state)
+{
+    (void)state;
+    enum { COUNT = 1u << 20, LOOKED_AT = 64 };
+    struct hg_mesh_part part = points_sphere(COUNT, true);
+    struct hg_jobs *jobs = hg_jobs_create(2);
+    struct hg_point_tree near = {0}, far = {0};
+    struct hg_surfel a[LOOKED_AT], b[LOOKED_AT];
+    uint32_t wrong = 0;
+    part.colors = hg_calloc(COUNT, 16);
+    assert_non_null(part.colors);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        part.indices[i] = i * 48271u % COUNT;
+        part.positions[i * 3] = roundf(part.positions[i * 3] * 16.0f) / 16.0f;
+        for (uint32_t k = 0; k < 4; k++)
+            part.colors[i * 4 + k] = (float)(i >> k * 5 & 31) / 31.0f;
+    }
+    assert_int_equal(hg_point_tree_build(&part, 1, true, jobs, &near), HG_OK);
+    assert_int_equal(hg_point_tree_build(&part, 1, false, NULL, &far), HG_OK);
+    assert_true(near.gathered && !far.gathered);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        const size_t vertex = part.indices[far.items[i].number], at = near.items[i].number;
+        wrong += memcmp(near.items[i].at, far.items[i].at, 12) != 0 ||
+                 memcmp(near.normals + at * 3, part.normals + vertex * 3, 12) != 0 ||
+                 memcmp(near.colors + at * 4, part.colors + vertex * 4, 16) != 0;
+    }
+    assert_int_equal(wrong, 0);
+    for (uint32_t i = 0; i < COUNT; i += COUNT / 8) {
+        assert_int_equal(hg_surfels_measure(&near, &part, i, LOOKED_AT, a), HG_OK);
+        assert_int_equal(hg_surfels_measure(&far, &part, i, LOOKED_AT, b), HG_OK);
+        assert_memory_equal(a, b, sizeof a);
+    }
+    hg_point_tree_finish(&near);
+    hg_point_tree_finish(&far);
+    hg_jobs_destroy(jobs);
+    points_finish(&part);
+}
+
 static void test_sizes_are_part_of_the_key(void **state)
 {
     (void)state;
@@ -261,6 +301,7 @@ int main(void)
         cmocka_unit_test(test_every_level_closes_a_plane),
         cmocka_unit_test(test_errors),
         cmocka_unit_test(test_two_million_points),
+        cmocka_unit_test(test_gathered_trees),
         cmocka_unit_test(test_sizes_are_part_of_the_key),
         cmocka_unit_test(test_odd_clouds),
         cmocka_unit_test(test_damaged_chunks),
