@@ -10,7 +10,7 @@
 #include "base/clock.h"
 #include "renderer/bench/run.h"
 #include "renderer/light/env/env_file.h"
-#include "renderer/scene/demo.h"
+#include "renderer/scene/demo/demo.h"
 
 enum { MAX_POSES = 4096 };
 

@@ -6,12 +6,12 @@
 #include "base/alloc.h"
 #include "base/spill.h"
 #include "renderer/scene/asset.h"
-#include "renderer/scene/demo.h"
+#include "renderer/scene/demo/demo.h"
 #include "renderer/scene/fetch.h"
-#include "renderer/scene/gltf.h"
-#include "renderer/scene/heightmap.h"
-#include "renderer/scene/import.h"
-#include "renderer/scene/mesh_file.h"
+#include "renderer/scene/formats/gltf/gltf.h"
+#include "renderer/scene/formats/heightmap.h"
+#include "renderer/scene/formats/import/import.h"
+#include "renderer/scene/formats/mesh/mesh_file.h"
 #include "renderer/scene/up_axis.h"
 
 static const char *base_name(const char *path)

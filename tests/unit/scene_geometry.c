@@ -12,7 +12,7 @@
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
-#include "renderer/scene/spec_gloss.h"
+#include "renderer/scene/formats/gltf/spec_gloss.h"
 #include "renderer/scene/xform.h"
 #include "scene_corpus.h"
 #include "scene_memory.h"

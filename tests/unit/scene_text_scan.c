@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/scene/text_scan.h"
+#include "renderer/scene/formats/text_scan.h"
 
 static double scan(const char *text, size_t *used)
 {

@@ -54,7 +54,7 @@ APART = {
     "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
     "client": {"client", "base/store"},
 }
-CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/draco.cpp"}
+CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/formats/gltf/draco.cpp"}
 SCANNED = ("base", "protocol", "renderer", "server", "client", "shaders")
 SUFFIXES = (".c", ".h", ".cpp", ".cc", ".cxx", ".hpp", ".inl", ".def",
             ".glsl", ".comp", ".vert", ".frag", ".mesh", ".task", ".geom", ".tesc", ".tese")

@@ -1,0 +1,51 @@
+// import.h - FBX and Collada through assimp's C interface.
+// Floor 2, private to scene/. One load on one thread. assimp reads files only through the load's
+// fetch function, so the path rules hold for whatever a file names.
+#ifndef HG_RENDERER_SCENE_FORMATS_IMPORT_IMPORT_H
+#define HG_RENDERER_SCENE_FORMATS_IMPORT_IMPORT_H
+
+#include <assimp/scene.h>
+
+#include "renderer/scene/asset.h"
+#include "renderer/scene/formats/import/collada_camera.h"
+
+struct hg_import {
+    const struct hg_load_params *params;
+    struct hg_asset *asset;
+    struct hg_error *err;
+    const char *file; // name in messages
+    const struct aiScene *scene;
+    uint64_t memory_used, memory_limit;
+    bool states_sides; // the file says of materials that they are seen from one side
+    struct hg_collada_cameras cameras; // of a Collada file
+};
+
+// Whether the name's ending (".gz" taken off) is one that is read here.
+bool hg_import_knows(const char *path);
+// Loads `main`, the bytes of `path`. HG_E_FORMAT, HG_E_UNSUPPORTED, HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
+    const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
+// Inflates a gzip file. HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM.
+enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes,
+    const char *label, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Parts of hg_import_load, in this order.
+enum hg_status hg_import_materials(struct hg_import *im) HG_MUST_CHECK;
+enum hg_status hg_import_meshes(struct hg_import *im) HG_MUST_CHECK;
+enum hg_status hg_import_nodes(struct hg_import *im) HG_MUST_CHECK;
+enum hg_status hg_import_animations(struct hg_import *im) HG_MUST_CHECK;
+
+// Brings the lights' intensities to candela and lux, when nodes and meshes are there.
+void hg_import_light_units(struct hg_import *im);
+
+// *known: false for ambient light, which has no counterpart.
+unsigned hg_import_light_kind(const struct aiLight *from, bool *known);
+// Metres per unit of lengths that assimp does not scale with the nodes.
+float hg_import_file_unit(const struct hg_import *im);
+void *hg_import_alloc(struct hg_import *im, uint64_t count, size_t size) HG_MUST_CHECK;
+enum hg_status hg_import_fail(struct hg_import *im, enum hg_status status, const char *where,
+    const char *reason);
+// Node of the asset by name; NULL when there is none.
+struct hg_node *hg_import_find_node(const struct hg_import *im, const char *name);
+
+#endif
