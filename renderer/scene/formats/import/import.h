@@ -26,8 +26,8 @@ bool hg_import_knows(const char *path);
 enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
 // Inflates a gzip file. HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM.
-enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes,
-    const char *label, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes, const char *label,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
 // Parts of hg_import_load, in this order.
 enum hg_status hg_import_materials(struct hg_import *im) HG_MUST_CHECK;
@@ -43,8 +43,8 @@ unsigned hg_import_light_kind(const struct aiLight *from, bool *known);
 // Metres per unit of lengths that assimp does not scale with the nodes.
 float hg_import_file_unit(const struct hg_import *im);
 void *hg_import_alloc(struct hg_import *im, uint64_t count, size_t size) HG_MUST_CHECK;
-enum hg_status hg_import_fail(struct hg_import *im, enum hg_status status, const char *where,
-    const char *reason);
+enum hg_status hg_import_fail(
+    struct hg_import *im, enum hg_status status, const char *where, const char *reason);
 // Node of the asset by name; NULL when there is none.
 struct hg_node *hg_import_find_node(const struct hg_import *im, const char *name);
 

@@ -27,7 +27,8 @@ static bool get_float(
 {
     ai_real v;
     unsigned count = 1;
-    if (aiGetMaterialFloatArray(m, key, type, index, &v, &count) != aiReturn_SUCCESS || !isfinite(v))
+    if (aiGetMaterialFloatArray(m, key, type, index, &v, &count) != aiReturn_SUCCESS ||
+        !isfinite(v))
         return false;
     *out = v;
     return true;
@@ -154,8 +155,8 @@ static enum hg_status read_slot(struct hg_import *im, const struct aiMaterial *f
 {
     struct aiString path;
     unsigned uv_index = 0;
-    enum aiTextureMapMode modes[3] = {aiTextureMapMode_Wrap, aiTextureMapMode_Wrap,
-        aiTextureMapMode_Wrap};
+    enum aiTextureMapMode modes[3] = {
+        aiTextureMapMode_Wrap, aiTextureMapMode_Wrap, aiTextureMapMode_Wrap};
     if (slot->texture || aiGetMaterialTexture(from, type, 0, &path, NULL, &uv_index, NULL, NULL,
                              modes, NULL) != aiReturn_SUCCESS)
         return HG_OK;
@@ -192,8 +193,7 @@ static enum hg_status read_textures(
     bool has_rough = aiGetMaterialTexture(from, aiTextureType_DIFFUSE_ROUGHNESS, 0, &rough, NULL,
                          NULL, NULL, NULL, NULL, NULL) == aiReturn_SUCCESS;
     if (has_metal && has_rough && strcmp(metal.data, rough.data) == 0)
-        return read_slot(
-            im, from, aiTextureType_METALNESS, &m->slots[HG_SLOT_METALLIC_ROUGHNESS]);
+        return read_slot(im, from, aiTextureType_METALNESS, &m->slots[HG_SLOT_METALLIC_ROUGHNESS]);
     if (has_metal || has_rough)
         hg_asset_warn(im->asset, m->head.name,
             "separate metalness and roughness textures are not read; the factors are used");
@@ -213,8 +213,8 @@ enum hg_status hg_import_materials(struct hg_import *im)
         enum hg_status status = read_textures(im, from, m);
         if (status)
             return status;
-        if (m->slots[HG_SLOT_EMISSIVE].texture && m->emissive[0] + m->emissive[1] +
-                                                      m->emissive[2] == 0)
+        if (m->slots[HG_SLOT_EMISSIVE].texture &&
+            m->emissive[0] + m->emissive[1] + m->emissive[2] == 0)
             m->emissive[0] = m->emissive[1] = m->emissive[2] = 1;
     }
     return HG_OK;
