@@ -8,10 +8,7 @@
 #include "renderer/scene/asset.h"
 #include "renderer/scene/demo/demo.h"
 #include "renderer/scene/fetch.h"
-#include "renderer/scene/formats/gltf/gltf.h"
-#include "renderer/scene/formats/heightmap.h"
-#include "renderer/scene/formats/import/import.h"
-#include "renderer/scene/formats/mesh/mesh_file.h"
+#include "renderer/scene/formats/formats.h"
 #include "renderer/scene/up_axis.h"
 
 static const char *base_name(const char *path)
@@ -39,7 +36,7 @@ static enum hg_status load_other(const struct hg_load_params *params, const stru
 {
     static const struct {
         const char *suffix, *format;
-        hg_mesh_file_load_fn *load;
+        hg_format_load_fn *load;
     } readers[] = {{".ply", "ply", hg_ply_load}, {".stl", "stl", hg_stl_load},
         {".obj", "obj", hg_obj_load}, {".off", "off", hg_off_load}};
     if (hg_heightmap_knows(label, data))

@@ -1,5 +1,5 @@
-// load.h - files to assets. glTF 2.0, PLY, STL, OBJ, OFF (mesh_file.h) and height maps
-// (heightmap.h) are read here; FBX and Collada go through assimp. Any but glTF may be gzipped.
+// load.h - files to assets. glTF 2.0, PLY, STL, OBJ, OFF and height maps have readers here
+// (formats/formats.h); FBX and Collada go through assimp. Any but glTF may be gzipped.
 // Floor 2. Any thread; one load uses only its own memory until it returns.
 #ifndef HG_RENDERER_SCENE_LOAD_H
 #define HG_RENDERER_SCENE_LOAD_H

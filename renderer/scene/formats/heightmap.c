@@ -1,4 +1,4 @@
-#include "renderer/scene/formats/heightmap.h"
+#include "renderer/scene/formats/formats.h"
 
 #include <ctype.h>
 #include <math.h>

@@ -10,6 +10,7 @@ Rules (names as they are printed):
     down        rooms of floor 2 include each other only downhill, in the order of HILL
     apart       broker, worker and client meet only in the protocol; client and broker do not
                 include the renderer, the worker includes it without the benchmarks
+    border      a folder within a room is included from outside by another header than those of BORDERS
     pass        a pass includes another pass
     vulkan      Vulkan headers outside renderer/, also through headers of the project
     socket      socket headers outside server/ and client/
@@ -53,6 +54,13 @@ APART = {
     "server/broker": {"server", "server/broker"},
     "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
     "client": {"client", "base/store"},
+}
+# Folders within rooms, and the headers by which files outside of them may include them.
+BORDERS = {
+    "renderer/scene/demo": {"demo.h"},
+    "renderer/scene/formats": {"formats.h"},
+    "renderer/scene/formats/gltf": set(), "renderer/scene/formats/import": set(),
+    "renderer/scene/formats/mesh": set(),
 }
 CPP_FILES = {"renderer/image/oiio.cpp", "renderer/scene/formats/gltf/draco.cpp"}
 SCANNED = ("base", "protocol", "renderer", "server", "client", "shaders")
@@ -152,6 +160,12 @@ def check_target(path, target):
     return None if FLOORS[other] < FLOORS[room] else "floor"
 
 
+def check_border(path, target):
+    """Do all folders that the include enters offer the header?"""
+    return all(os.path.relpath(target, folder) in headers for folder, headers in BORDERS.items()
+               if target.startswith(folder + "/") and not path.startswith(folder + "/"))
+
+
 def check_layer(layers, path, target):
     """Does an include within a room with layers go to a lower one, or to the file's own header?"""
     if stem(target) == stem(path):
@@ -181,6 +195,8 @@ def check_quoted(tree, path, name):
     if target is None:
         return "root"
     rule = check_target(path, target)
+    if rule is None and not check_border(path, target):
+        rule = "border"
     room = os.path.dirname(path)
     if rule is None and room in tree.layers and os.path.dirname(target) == room and \
             not check_layer(tree.layers[room], path, target):

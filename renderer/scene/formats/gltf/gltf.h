@@ -8,6 +8,7 @@
 #include <jansson.h>
 
 #include "renderer/scene/asset.h"
+#include "renderer/scene/formats/formats.h"
 
 // A place in the JSON: a value and the way to it. Children point to their parents on the stack.
 struct hg_gltf_at {
@@ -152,9 +153,5 @@ enum hg_status hg_gltf_convert_spec_gloss(struct hg_gltf *g, const struct hg_glt
 // A textureInfo at `at`/key into a slot (texture, UV set, KHR_texture_transform).
 void hg_gltf_texture_ref(
     struct hg_gltf *g, const struct hg_gltf_at *at, const char *key, struct hg_texture_ref *out);
-
-// gltf.c: loads `main` (borrowed) into params' new asset.
-enum hg_status hg_gltf_load(const struct hg_load_params *params, struct hg_refbuf *main,
-    const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

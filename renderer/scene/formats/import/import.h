@@ -7,6 +7,7 @@
 #include <assimp/scene.h>
 
 #include "renderer/scene/asset.h"
+#include "renderer/scene/formats/formats.h"
 #include "renderer/scene/formats/import/collada_camera.h"
 
 struct hg_import {
@@ -19,15 +20,6 @@ struct hg_import {
     bool states_sides; // the file says of materials that they are seen from one side
     struct hg_collada_cameras cameras; // of a Collada file
 };
-
-// Whether the name's ending (".gz" taken off) is one that is read here.
-bool hg_import_knows(const char *path);
-// Loads `main`, the bytes of `path`. HG_E_FORMAT, HG_E_UNSUPPORTED, HG_E_LIMIT, HG_E_NOMEM.
-enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
-    const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
-// Inflates a gzip file. HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM.
-enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes, const char *label,
-    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
 // Parts of hg_import_load, in this order.
 enum hg_status hg_import_materials(struct hg_import *im) HG_MUST_CHECK;

@@ -9,6 +9,7 @@
 #define HG_RENDERER_SCENE_FORMATS_MESH_MESH_FILE_H
 
 #include "renderer/scene/asset.h"
+#include "renderer/scene/formats/formats.h"
 #include "renderer/scene/formats/text_scan.h"
 
 struct hg_mesh_file {
@@ -101,12 +102,5 @@ enum hg_status hg_mesh_file_finish_part(
     struct hg_mesh_file *f, struct hg_mesh_part *part, const uint32_t *smoothing) HG_MUST_CHECK;
 // Drops vertices that no index names.
 enum hg_status hg_mesh_part_drop_unused(struct hg_mesh_part *part) HG_MUST_CHECK;
-
-// ---- readers -----------------------------------------------------------------------------------
-
-// Each: HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM, HG_E_CANCELLED with place and reason.
-typedef enum hg_status hg_mesh_file_load_fn(const struct hg_load_params *params,
-    const struct hg_refbuf *main, const char *label, struct hg_asset **out, struct hg_error *err);
-hg_mesh_file_load_fn hg_ply_load, hg_stl_load, hg_obj_load, hg_off_load;
 
 #endif

@@ -1,0 +1,1 @@
+#include "renderer/scene/formats/formats.h"
