@@ -243,8 +243,8 @@ static bool choose_temp(struct hg_file_out *out)
     return true;
 }
 
-// Created, locked, and not removed in between by somebody who found it without a lock. Not mkstemp,
-// whose mode 0600 could only be widened by reading the umask, which is not thread-safe.
+// Created, locked, and not removed in between by a process that found it without a lock. Not
+// mkstemp, whose mode 0600 could only be widened by reading the umask, which is not thread-safe.
 static int create_temp(struct hg_file_out *out)
 {
     remove_dead(out->path);

@@ -192,7 +192,7 @@ static void *pager_main(void *user)
     return NULL;
 }
 
-// Where all would fit the window, nobody needs to look. Without a thread pages stay until the end.
+// Where all would fit the window, no thread is needed. Without a thread pages stay until the end.
 static void start_pager(void)
 {
     if (spill.users == 0 || spill.paging || spill.stats.bytes <= HG_SPILL_WINDOW_BYTES)
@@ -265,8 +265,8 @@ static bool find_loss(const siginfo_t *info, struct hg_spill_loss *out)
     return ours;
 }
 
-// Comes from an access to memory and not from within a function, so that locks may be taken: nobody
-// looks at arrays with this one.
+// Comes from an access to memory and not from within a function, so that locks may be taken: no
+// thread looks at arrays with this one.
 static void on_bus_error(int number, siginfo_t *info, void *context)
 {
     (void)context;

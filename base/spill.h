@@ -1,5 +1,5 @@
-// spill.h - large arrays in pages of unlinked files: they take no memory of their own while nobody
-// looks at them, as the kernel keeps them on disk.
+// spill.h - large arrays in pages of unlinked files: while no thread looks at them the kernel keeps
+// them on disk, and they take no memory of their own.
 // Floor 0. Thread-safe. Results are freed with hg_free and grow with hg_realloc like all others.
 //
 // A file's blocks are reserved before it is mapped, so a disk that is full is found then and not by

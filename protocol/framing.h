@@ -1,6 +1,6 @@
 // framing.h - the receiving end of a stream: bytes in, whole messages out. Used by the broker, the
 // worker and the client library; the sending end is hgp_encode and hgp_header_encode (hgp.h).
-// Floor 1. Thread: one at a time. Pure: no descriptors. Whoever owns the stream reads into the
+// Floor 1. Thread: one at a time. Pure: no descriptors. The owner of the stream reads into the
 // space that the framer shows and says how much came; so every transport has the same framing.
 //
 //   for (;;) {

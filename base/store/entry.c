@@ -198,7 +198,7 @@ static void drop_damaged(struct hg_store_entry *e)
     hg_store_count(e->store, &e->store->stats.damaged, 1);
     if (hg_store_is_same_file(e->path, e->fd)) {
         unlink(e->path);
-        hg_warn(MAIN, "%s is damaged and is made anew", e->path);
+        hg_warn(MAIN, "%s is damaged and is made again", e->path);
     }
 }
 

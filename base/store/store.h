@@ -68,7 +68,7 @@ uint32_t hg_store_entry_blocks(const struct hg_store_entry *entry);
 uint32_t hg_store_entry_size(const struct hg_store_entry *entry, uint32_t block);
 uint64_t hg_store_entry_bytes(const struct hg_store_entry *entry); // of the file
 // Reads a block whole and checks it; `size` must be its size. Nothing is mapped: files may shrink
-// under a mapping, and mapped pages would count against nobody's budget.
+// under a mapping, and mapped pages would count against no budget.
 // HG_E_HASH (damaged: the entry is deleted, close and rebuild it), HG_E_INVAL (size),
 // HG_E_NOMEM (for want of descriptors: try again).
 enum hg_status hg_store_entry_read(struct hg_store_entry *entry, uint32_t block, void *dst,

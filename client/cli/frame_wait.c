@@ -110,7 +110,7 @@ static enum hg_status save_interval(
     }
 }
 
-// A worker that took the place of another knows no job, and begins the picture anew but for what
+// A worker that took the place of another knows no job, and begins the picture again but for what
 // was kept of it.
 static enum hg_status go_on(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)

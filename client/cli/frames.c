@@ -85,8 +85,8 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
     return HG_OK;
 }
 
-// What the next picture of a series needs is there before the picture itself is: whoever finds the
-// one finds the other.
+// What the next picture of a series needs is there before the picture itself is: a process that
+// finds the one finds the other.
 static bool keep_history(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
     const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job, 0};
@@ -236,7 +236,7 @@ enum hg_status hg_cli_frame_go_to(struct hg_cli_render *r, uint32_t index, struc
 }
 
 // All pictures of a series have the exposure of the first one, whichever of them are there already
-// and whoever renders the others.
+// and the process that renders the others.
 static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err)
 {
     const struct hgp_exposure_query query = {.view = HG_CLI_VIEW};

@@ -231,7 +231,7 @@ export const messages = {
             { name: "id_count", kind: "u32", least: 1, most: 4294967295, since: 1 },
         ],
     },
-    // leave; a scene nobody holds is dropped
+    // leave; a scene that no session holds is dropped
     scene_close: {
         type: 0x0203, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [],
@@ -620,7 +620,7 @@ export const messages = {
             { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
-    // a part of the data of the frame that a request waits for; they come in order, and begin anew when the worker was replaced
+    // a part of the data of the frame that a request waits for; they come in order, and begin again when the worker was replaced
     frame_part: {
         type: 0x030d, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
         fields: [

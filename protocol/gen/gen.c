@@ -2,7 +2,7 @@
 //
 //   gen js RUNTIME OUT      the JavaScript codec: tables and the hand-written RUNTIME
 //   gen docs IN OUT         IN with the text between "<!-- generated: NAME -->" and
-//                           "<!-- end of NAME -->" made anew
+//                           "<!-- end of NAME -->" made again
 #include "protocol/gen/gen.h"
 
 #include <ctype.h>
@@ -106,7 +106,7 @@ static void store(const char *path, const struct hg_writer *out)
     }
 }
 
-// Copies `text`, with every generated section made anew.
+// Copies `text`, with every generated section made again.
 static void fill_sections(struct hg_writer *out, const char *text)
 {
     static const char begin[] = "<!-- generated: ";

@@ -8,7 +8,7 @@
 //   result REPORT
 //
 // The last line is an error (exit code 1) or the result (0). It has no sandbox and no memory limit:
-// what is measured is the renderer, on files that whoever runs it has chosen.
+// what is measured is the renderer, on files that its user has chosen.
 #include <errno.h>
 #include <getopt.h>
 #include <signal.h>
@@ -176,7 +176,7 @@ static enum hg_status run(
     return HG_OK;
 }
 
-// Who has started this asks to stop with SIGTERM; Ctrl-C on a terminal reaches both.
+// The parent process asks to stop with SIGTERM; Ctrl-C on a terminal reaches both.
 static void watch_signals(void)
 {
     struct sigaction stop = {.sa_handler = on_stop};

@@ -83,7 +83,7 @@ static enum hg_status open_scene(struct run *run, struct hg_scene *scene, struct
                            : status;
 }
 
-// Each backend's structures, made anew in every round: the fastest counts.
+// Each backend's structures, rebuilt in every round: the fastest counts.
 static enum hg_status build(struct run *run, enum hg_trace_backend b, struct hg_error *err)
 {
     struct result *r = &run->results[b];

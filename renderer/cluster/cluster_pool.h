@@ -7,7 +7,7 @@
 
 struct hg_gpu *hg_cluster_pool_gpu(const struct hg_cluster_pool *pool);
 uint32_t hg_cluster_pool_next_number(struct hg_cluster_pool *pool);
-// Raises the budget as far as `count` chunks need that must be resident: whoever set it sees what
+// Raises the budget as far as `count` chunks need that must be resident: code that set it sees what
 // is used and what that leaves.
 void hg_cluster_pool_make_room(struct hg_cluster_pool *pool, uint32_t count);
 // A resident chunk that is never evicted.

@@ -62,7 +62,7 @@ struct hg_index_lists_memory {
 // its draw, flags, chunk, primitive_count and whether it is numbered.
 void hg_index_list_open(const struct hg_geometry *g, const struct hg_culling_view *view,
     const struct hg_culling_item *item, struct hg_index_list *out);
-// Whether triangles of a draw of a part that is not baked are told one by one.
+// Whether triangles of a draw of a part that is not baked are culled one by one.
 bool hg_index_list_culls_part(
     const struct hg_geometry *g, const struct hg_culling_view *view, uint32_t draw);
 

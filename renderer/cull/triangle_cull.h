@@ -1,4 +1,4 @@
-// triangle_cull.h - triangles that cannot show at any sample of a view, told one by one.
+// triangle_cull.h - conservative per-triangle culling, for all samples of a view.
 // Floor 2 (geometry). Pure: any thread. Private to the room.
 //
 // A rasteriser in software pays for each triangle by itself: corners, setup, and a place in the

@@ -108,14 +108,14 @@ enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_dra
 {
     const struct hg_path_request request = request_of(view, draw->flags);
     enum hg_status status = create(view, err);
-    const bool anew = begins || !hg_path_has_film(view->path);
+    const bool restart = begins || !hg_path_has_film(view->path);
     *changes = 0;
-    if (status == HG_OK && anew)
+    if (status == HG_OK && restart)
         status = begin(view, err);
     if (status != HG_OK)
         return status;
     const uint64_t before = hg_path_changes(view->path);
-    status = hg_path_step(view->path, &request, anew, err);
+    status = hg_path_step(view->path, &request, restart, err);
     *changes = hg_path_changes(view->path) - before;
     view->accumulation.pages.missing = status == HG_OK ? hg_path_missing(view->path) : 0;
     return status;

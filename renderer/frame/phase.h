@@ -5,7 +5,7 @@
 // of it in a step that is not final. "short": a bit of enum hg_view_shortfall is set.
 //
 //   state         event                                              next
-//   any           asked; nobody looks (final) and pages are missing  EXACT, blank
+//   any           asked; not displayed (final) and pages are missing EXACT, blank
 //   any           asked, in motion, and only RGBA8 is read           DIRECT
 //   any           asked, the sample is short                         PROVISIONAL
 //   any           asked, the sample is whole                         ACCUMULATING

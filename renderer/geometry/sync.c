@@ -1,6 +1,6 @@
 // sync.c - brings the device in line with a scene. See geometry.h.
 //
-// A sync first compares a signature of everything it reads; when it differs, lists are made anew
+// A sync first compares a signature of everything it reads; when it differs, lists are rebuilt
 // and the device gets what differs: meshes by {id, revision}, poses by their bytes, tables by
 // pieces. New sizes are checked against the budget before anything is taken or dropped.
 #include "renderer/geometry/sync.h"

@@ -32,7 +32,7 @@ struct id {
     uint8_t kind;       // of a type
     bool known;
     bool seen;     // block: the walk has come by
-    bool reached;  // block: some way leads there; function: somebody calls it
+    bool reached;  // block: some way leads there; function: it is called
     bool declared; // block: a merge or continue block of what is reached
     bool defined;  // in what is written
 };

@@ -16,7 +16,7 @@ struct hg_spirv {
 
 // values: of the constants with ids 0..value_count - 1; others keep their defaults. Branches, not
 // switches, whose condition then is known lose the side that is not taken, and functions that
-// nobody calls any more go with it, as do names and line numbers. False: the module uses something
+// are no longer called go with it, as do names and line numbers. False: the module uses something
 // that is not known here (arithmetic with constants of 64 bits or of floats, groups of
 // decorations), is malformed, or there is no memory; *out is empty.
 bool hg_spirv_specialise(const uint32_t *words, size_t size_bytes, const uint32_t *values,

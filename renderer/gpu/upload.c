@@ -82,7 +82,7 @@ static bool overlaps(const struct hg_gpu_written *a, const struct hg_gpu_written
 }
 
 // Copies of one upload may overtake each other; one that writes what an earlier one wrote waits for
-// it. So does one that finds the list full, which then begins anew.
+// it. So does one that finds the list full, which is then cleared.
 static void order_write(struct hg_gpu *gpu, const struct hg_gpu_written *next)
 {
     bool wait = gpu->uploads.written_count == HG_GPU_MAX_WRITTEN;

@@ -193,7 +193,7 @@ void hg_lod_build_queue_destroy(struct hg_lod_build_queue *b)
 
 // --- the render thread ---------------------------------------------------------------------------
 
-// Nobody writes arrays of a mesh any more: what is spilled is shared and not copied.
+// Arrays of a mesh are no longer written: what is spilled is shared and not copied.
 static bool copy_array(void *out, void *values, size_t count, size_t size)
 {
     void *copy = NULL;

@@ -25,7 +25,7 @@ enum hg_status hg_lod_stored_find(struct hg_store *store, const struct hg_store_
     struct hg_lod_stored *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_lod_stored_close(struct hg_lod_stored *stored); // accepts a zeroed one
 // Encoded bytes of a chunk (lod->chunks[chunk].bytes of them), for hg_lod_decode. Thread-safe.
-// HG_E_HASH: damaged, the entry is gone; bake it anew.
+// HG_E_HASH: damaged, the entry is gone; bake it again.
 enum hg_status hg_lod_stored_read(const struct hg_lod_stored *stored, uint32_t chunk, void *dst,
     struct hg_error *err) HG_MUST_CHECK;
 

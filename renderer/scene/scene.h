@@ -384,7 +384,7 @@ bool hg_scene_moves(const struct hg_scene *scene);
 // For a look at other times: poses what was posed before at its time plus offset_s, and nodes that
 // move `frames` on their way (places and sizes on the line, turns at one speed; before it
 // backwards), without a change of revisions, and keeps what was there (a zeroed *kept; further
-// calls leave it). The caller updates the scene and puts things back before anybody else looks at
+// calls leave it). The caller updates the scene and puts things back before other code looks at
 // it. HG_E_NOMEM.
 struct hg_pose_kept {
     float *values;

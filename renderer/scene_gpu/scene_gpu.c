@@ -243,7 +243,7 @@ enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_sce
     const double eye_ws[3], uint64_t until_ns, struct hg_error *err)
 {
     const enum hg_status status = sync(context, scene_gpu, eye_ws, until_ns, err);
-    // Parts that were queued just now: the one who waits does so for them too.
+    // Parts that were queued just now are waited for, too.
     return status == HG_OK && until_ns > 0 && hg_geometry_baking(scene_gpu->geometry) > 0
                ? sync(context, scene_gpu, eye_ws, until_ns, err)
                : status;

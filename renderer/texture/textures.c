@@ -297,7 +297,7 @@ static bool was_opened(const struct sync *s, const struct want *w)
     return false;
 }
 
-// The new wants take the place of the old ones; sets that nobody wants any more are let go.
+// The new wants take the place of the old ones; sets that are no longer wanted are let go.
 static void exchange_wants(struct sync *s)
 {
     struct hg_textures *t = s->t;

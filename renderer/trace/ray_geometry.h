@@ -54,7 +54,7 @@ struct hg_ray_geometry;
 
 // Loads what is wanted and not there. HG_E_LIMIT: the geometry budget does not hold it.
 // HG_E_NOMEM, device errors. *out: kept and brought up to date when it is not NULL (also after an
-// error: then it is empty); its chunks stay resident until it is freed, made anew or the geometry
+// error: then it is empty); its chunks stay resident until it is freed, rebuilt or the geometry
 // is synced. Free it before the geometry.
 enum hg_status hg_ray_geometry_make(struct hg_geometry *geometry,
     const struct hg_ray_geometry_lens *lens, struct hg_jobs *jobs, struct hg_ray_geometry **out,

@@ -32,9 +32,9 @@ void hg_rays_destroy(struct hg_rays *rays); // accepts NULL
 struct hg_rays_key {
     enum hg_trace_backend backend;
     // Hits depend on the geometry, backend and lens alone. Else which triangle is named of several
-    // at the same distance depends on what moved before, and a move builds that alone anew.
+    // at the same distance depends on what moved before, and a move rebuilds only that.
     bool exact;
-    const void *owner; // of poses other than the scene's, which nobody shares; NULL = the scene's
+    const void *owner; // of poses other than the scene's, which are not shared; NULL = the scene's
     struct hg_ray_geometry_lens lens;
 };
 
@@ -44,8 +44,8 @@ struct hg_rays_key hg_rays_default_key(
     const struct hg_rays *rays, enum hg_trace_backend backend, bool wait);
 
 // *scene: a reference to structures of that key. What it was (NULL: none) is kept where it has that
-// key, gets it where nobody else refers to it, and is let go otherwise. HG_E_NOMEM, HG_E_DEVICE: no
-// such backend; then *scene is NULL.
+// key, gets it where there is no other reference, and is let go otherwise. HG_E_NOMEM, HG_E_DEVICE:
+// no such backend; then *scene is NULL.
 enum hg_status hg_rays_ref(struct hg_rays *rays, const struct hg_rays_key *key,
     struct hg_rays_scene **scene, struct hg_error *err) HG_MUST_CHECK;
 void hg_rays_unref(struct hg_rays_scene *scene); // accepts NULL

@@ -586,8 +586,8 @@ static void print_man_option(FILE *file, const char *name, const char *metavar)
 
 static const char man_tail[] =
     ".SH SIGNALS\n"
-    ".TP\n\\fBSIGTERM\\fR, \\fBSIGINT\\fR\nDrain: accept nobody, finish what is under way, exit "
-    "with 0. A second one exits at once.\n"
+    ".TP\n\\fBSIGTERM\\fR, \\fBSIGINT\\fR\nDrain: accept no connections, finish what is under way, "
+    "exit with 0. A second one exits at once.\n"
     ".TP\n\\fBSIGHUP\\fR\nRead the configuration file and the tokens again; a bad file changes "
     "nothing.\n"
     ".SH EXIT STATUS\n0 done, 2 bad options or configuration, 4 cannot listen or start the worker. "

@@ -17,8 +17,8 @@ enum { REPLAY_DEATHS = 2 };
 
 // ---- sessions -----------------------------------------------------------------------------------
 
-// The journal holds the edits of open batches, too: who has one open comes first, so that it is
-// open again before anybody has a view of the scene.
+// The journal holds the edits of open batches, too: a session with one open comes first, so that it
+// is open again before any session has a view of the scene.
 static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;

@@ -5,7 +5,7 @@
 
 #include "server/worker/worker.h"
 
-// Who gets an answer. Request 0: no request is answered (frames of a subscription).
+// Where an answer goes. Request 0: no request is answered (frames of a subscription).
 struct reply_to {
     struct worker *w;
     uint32_t channel, request;

@@ -8,7 +8,7 @@
 // Steps one view that has work, in turn, and delivers what became due. False: nothing to do; then
 // *wait_ns is how long until a view may have work (UINT64_MAX: only after a message or a wake-up).
 //
-// A view whose encode stream is full is stepped only for those who wait for its settled frame: the
+// A view whose encode stream is full is stepped only for requests of its settled frame: the
 // next frame that it delivers is of its newest state.
 bool hg_schedule_step_next(struct render_state *s, uint64_t *wait_ns);
 // Pose, lens and parameters of a view are up to date with its scene; steps once if it never did.

@@ -3,7 +3,7 @@
 // Define HG_EMITTERS as an expression of type hg_gpu_emitters first, and include lib/frame.glsl.
 // Positions are those of the frame (relative to the geometry's origin), directions are unit length.
 // normal_ws: of the side that light has to come from; vec3(0): light from every side counts. Surfaces
-// that let light through have to ask with vec3(0), else what shines on their back is never chosen. A
+// that let light through have to ask with vec3(0), else emitters behind them are never chosen. A
 // direction is drawn by hg_emitter_pick with the density that the two pdf functions return for the
 // same position and normal; where they return 0 it never is, and light found there by other means
 // counts in full.

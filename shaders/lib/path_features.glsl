@@ -1,5 +1,5 @@
 // path_features.glsl - what is seen in smooth surfaces, for the denoiser's guide: paths are followed through
-// mirrors, glass and coats to what scatters or shines.
+// mirrors, glass and coats to surfaces that scatter or emit.
 //
 // Define struct path and vec4 position_at(uint moment, hg_gpu_hit hit) first; include lib/path.glsl and
 // lib/bsdf.glsl.

@@ -196,7 +196,7 @@ bool hg_texture_draws(uvec2 pixel)
 }
 
 // Tells the host what this invocation asked for: all of it as needed when something was missing
-// (and counts), as used when its pixel is drawn. One loop: where nobody has anything to say it is
+// (and counts), as used when its pixel is drawn. One loop: where no lane has anything to report it is
 // left at once, also on devices that run both sides of branches.
 void hg_texture_report(uvec2 pixel)
 {
@@ -245,8 +245,8 @@ void hg_progress_spoil(uvec2 pixel)
         hg_frame.sample_index | (HG_TEXTURES.run << HG_PROGRESS_RUN_SHIFT);
 }
 
-// Whether all that this sample of the pixel was made of is as it will be. Of one that does not wait
-// nobody knows: what it lacks was not asked for.
+// Whether all that this sample of the pixel was made of is as it will be. Unknown of one that does
+// not wait: what it lacks was not asked for.
 bool hg_progress_would_take(uvec2 pixel)
 {
     if (!hg_textures_exact())

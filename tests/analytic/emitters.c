@@ -166,7 +166,7 @@ static void test_left_out(void **state)
 
 // --- textures ------------------------------------------------------------------------------------
 
-// A square of the texture shines, the rest is black: u 1/4 .. 1/2, v 1/2 .. 3/4.
+// A square of the texture emits, the rest is black: u 1/4 .. 1/2, v 1/2 .. 3/4.
 static struct hg_texture *add_texture(struct rig *r, uint32_t side)
 {
     struct hg_texture *t = rig_add(r, HG_OBJECT_TEXTURE);
@@ -248,7 +248,7 @@ static struct hg_emitters_stats sync_rooms(struct rig *r)
     return stats;
 }
 
-// What a texture leaves black is hardly ever chosen, and the light is that of what shines.
+// What a texture leaves black is hardly ever chosen, and the light is that of the rest.
 static void test_textured(void **state)
 {
     (void)state;
@@ -264,7 +264,7 @@ static void test_textured(void **state)
         const struct estimate e = rig_estimate(&r, p, up);
         print_message("%u of %llu triangles\n", stats.leaves, (unsigned long long)stats.triangles);
         rig_expect("textured", e, 3 * rig_polygon(lit, 4, p, up), 0.01);
-        // A sixteenth of them shines, and their neighbours may.
+        // A sixteenth of them emit, and their neighbours may.
         assert_true(i == 0 || (stats.leaves >= 128 && stats.leaves < 256));
         assert_true(i == 0 || e.sigma < 0.7 * e.mean);
         rig_close(&r);
@@ -443,7 +443,7 @@ static void test_hostile(void **state)
         assert_true(rig_estimate_as(&r, OP_ESTIMATE, places[i], up, 64).bad == 0.0);
     assert_non_null(good);
 
-    // Nothing that shines.
+    // No emitters.
     rig_close(&r);
     rig_open(&r);
     stats = rig_sync(&r);

@@ -377,7 +377,7 @@ static void test_cache(void **state)
         sizeof(struct hg_vec4) * HG_ENVIRONMENT_PITCH * HG_ENVIRONMENT_PITCH);
     hg_environment_map_finish(&read);
 
-    // Damage and truncation are noticed, and the map is made anew.
+    // Damage and truncation are noticed, and the map is made again.
     uint8_t *data;
     size_t size;
     char path[512];

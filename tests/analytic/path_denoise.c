@@ -152,7 +152,7 @@ static void test_gain(void **state)
     hg_refbuf_unref(reference[1]);
 }
 
-// Planes, alpha, and pixels that see only what shines.
+// Planes, alpha, and pixels that see only emitters.
 static void test_untouched(void **state)
 {
     struct rig *rig = *state;
@@ -289,7 +289,7 @@ static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_de
 }
 
 // Root of the mean squared difference of the last two, below the lamp and inside of what is seen:
-// edges of what shines and of alpha stay as they are.
+// edges of emitters and of alpha stay as they are.
 static double last_change(struct hg_refbuf **frames, int count)
 {
     const float *a = floats(frames[count - 2]), *b = floats(frames[count - 1]);

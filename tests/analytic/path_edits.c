@@ -220,7 +220,7 @@ static const struct {
     const char *name;
     void (*edit)(struct state *);
 } edits[] = {{"ball", move_ball}, {"lamp", move_lamp}, {"hidden", hide_wall},
-    {"removed", remove_wall}, {"painted", paint_floor}, {"shines", light_floor},
+    {"removed", remove_wall}, {"painted", paint_floor}, {"emits", light_floor},
     {"blended", blend_floor}, {"catches", catch_shadows}, {"sun", dim_sun}, {"added", add_lamp},
     {"sky", change_sky}, {"pose", change_pose}, {"camera", look_elsewhere}, {"lens", open_lens},
     {"size", grow}, {"samples", want_more}, {"noise", want_less_noise},

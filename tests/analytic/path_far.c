@@ -224,8 +224,8 @@ static void test_far_lamps(void **state)
 // --- strays --------------------------------------------------------------------------------------
 
 // A floor below a light, and something so far away that it is not seen: a light, or a square that
-// shines.
-static double strayed(struct rig *rig, float far, bool shines)
+// emits.
+static double strayed(struct rig *rig, float far, bool emits)
 {
     static const float eye[3] = {0, 0.5f, 2.5f}, target[3] = {0, 0, 0};
     static const float square[4][3] = {{-1, 0, -1}, {1, 0, -1}, {1, 0, 1}, {-1, 0, 1}};
@@ -234,9 +234,9 @@ static double strayed(struct rig *rig, float far, bool shines)
     rig_scene(rig);
     path_rig_floor(rig, path_rig_lambert(rig, 1.0f), 3);
     (void)rig_light(rig, HG_LIGHT_POINT, near, down);
-    if (far > 0.0f && !shines)
+    if (far > 0.0f && !emits)
         (void)rig_light(rig, HG_LIGHT_POINT, away, down);
-    if (far > 0.0f && shines) {
+    if (far > 0.0f && emits) {
         struct hg_material *m = path_rig_lambert(rig, 0.0f);
         m->emissive[0] = m->emissive[1] = m->emissive[2] = 1.0f;
         rig_quad(rig, m, square)->translation[1] = far;

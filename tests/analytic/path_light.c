@@ -123,7 +123,7 @@ static void test_rectangle(void **state)
     check(rig, "rectangle", polygon_irradiance, &q, 0.01, 0.002);
 }
 
-// A square of its texture shines: u 1/4 .. 1/2, v 1/2 .. 3/4.
+// A square of its texture emits: u 1/4 .. 1/2, v 1/2 .. 3/4.
 static void test_textured_rectangle(void **state)
 {
     struct rig *rig = *state;

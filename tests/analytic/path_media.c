@@ -310,7 +310,7 @@ static double tinted_lamp(const double p[3])
 }
 
 // Nothing but its ray finds a lamp: smooth panes let it through, tinted; a pane that reflects takes
-// as much of a lamp as of a sphere that shines as it does, which paths run into.
+// as much of a lamp as of a sphere that emits as much, which paths run into.
 static void test_lamp_behind_pane(void **state)
 {
     struct rig *rig = *state;

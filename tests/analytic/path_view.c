@@ -1,5 +1,5 @@
 // path_view.c - path-traced views as they are looked at: a preview in motion that settles at rest,
-// a thin lens against its circle of confusion, one picture whoever walks the rays.
+// a thin lens against its circle of confusion, one picture on all backends.
 #include <math.h>
 #include <string.h>
 
@@ -67,7 +67,7 @@ static struct hg_refbuf *whole(struct rig *rig, const float eye[3])
     return out;
 }
 
-// Steps of a view that somebody looks at: the first is a picture in real time, then samples come
+// Steps of a view that is displayed: the first is a picture in real time, then samples come
 // one by one, each picture nearer to the end; at last it is the one that a farm gets.
 static void watch(struct hg_view *view, const struct hg_refbuf *end)
 {
@@ -118,8 +118,8 @@ static void test_resting_view(void **state)
     hg_view_destroy(view);
 }
 
-// What the first step after a change shows is of the new state, also when nobody has looked at the
-// newest samples of the old one; planes come with samples only.
+// What the first step after a change shows is of the new state, also when no picture was read of
+// the newest samples of the old one; planes come with samples only.
 static void test_changes_unread(void **state)
 {
     struct rig *rig = *state;
@@ -157,8 +157,8 @@ static void test_changes_unread(void **state)
     hg_refbuf_unref(previews[1]);
 }
 
-// A picture was begun for one who waits until it is settled; then somebody wants to see how far it
-// is, before all pixels have a sample. What the view showed before is not in it.
+// A picture was begun for a request of a settled frame; then another request wants to see how far
+// it is, before all pixels have a sample. What the view showed before is not in it.
 static void test_looked_at_late(void **state)
 {
     struct rig *rig = *state;

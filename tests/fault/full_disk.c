@@ -1,4 +1,4 @@
-// full_disk.c - a disk that is full, for whoever may not mount one: preloaded into a program, it
+// full_disk.c - a disk that is full, for users who may not mount one: preloaded into a program, it
 // refuses writes to files below HELIO_FULL_DIR with ENOSPC once the files there would have more
 // than HELIO_FULL_BYTES bytes. A write that fits in part is done in part, as disks do.
 #include <dirent.h>

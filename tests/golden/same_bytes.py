@@ -4,7 +4,7 @@
     same_bytes.py --build OLD --record before.json --repeat 2
     same_bytes.py --build NEW --compare before.json
 
-For a change that must change nothing anybody sees: record with a build of the tree before, compare
+For a change that must not change any picture: record with a build of the tree before, compare
 with a build of the tree after, on one machine (another driver or processor rounds differently, so a
 recording of another device is refused). same_bytes.toml lists what is made. Of each picture file
 three things are recorded:
@@ -19,7 +19,7 @@ between the passes of --repeat is not deterministic: it is named and not compare
 
 The recording is FILE and the folder FILE.kept beside it (--kept): the pictures to look at, and what
 the old build left for the new one to take up. A run that was stopped goes on where it was, as long
-as the build, the row and the made scenes are the same; --fresh begins anew.
+as the build, the row and the made scenes are the same; --fresh begins again.
 
 Exit code: 0 all the same; 1 something differs that no [[exception]] names, or could not be made
 (without the test data, too); 2 wrong usage, or another device.

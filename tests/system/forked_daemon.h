@@ -8,7 +8,7 @@
 struct forked_daemon_options {
     uint32_t workers;
     uint64_t fail_at; // this allocation fails; 0 = none
-    int count_fd;     // gets the number of allocations (uint64_t) when the daemon ends; 0 = nobody
+    int count_fd;     // gets the number of allocations (uint64_t) when the daemon ends; 0 = none
 };
 
 // Begins the daemon of `d`, which has its options. Sets d->pid; daemon_finish ends it.

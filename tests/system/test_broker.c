@@ -377,7 +377,7 @@ static void verified_files_are_uploads(void **state)
     peer_refused(&p, HGP_T_upload, &upload, HG_E_LIMIT);
     peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
     assert_non_null(memmem(q.m.error.reason.data, q.m.error.reason.size, "upload-store", 12));
-    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // begun anew: in place of the first
+    peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // begun again: in place of the first
     peer_call(&p, HGP_T_image_query, &last, HGP_T_json);
     peer_call(&q, HGP_T_image_query, &first, HGP_T_ok);
     peer_refused(&p, HGP_T_image_query, &first, HG_E_LIMIT);

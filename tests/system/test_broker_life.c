@@ -257,7 +257,7 @@ static void refuses_bad_starts(void **state)
     daemon_option(&d, "worker", "/nonexistent/worker");
     assert_int_equal(daemon_run(&d), 4);
     daemon_finish(&d);
-    // A socket that somebody serves is left alone; one of a dead daemon is replaced.
+    // A socket that is served is left alone; one of a dead daemon is replaced.
     daemon_begin(&d);
     struct daemon second = d;
     second.pid = 0;

@@ -46,7 +46,7 @@ static void make_scene_and_view(struct rig *rig)
     link_expect(rig, link_ask(rig, 1, HGP_T_view_camera, &camera), HGP_T_ok);
 }
 
-// The next frame that nobody asked for by id; NULL when a later pulse shows that none comes.
+// The next frame that no request asked for; NULL when a later pulse shows that none comes.
 static const struct hgp_frame *next_subscribed(struct rig *rig, int pulses)
 {
     while (pulses > 0) {
@@ -177,7 +177,7 @@ static void test_a_batch_left_open(void **state)
     assert_int_equal(rig->message.ok.revision, before + 1); // all of it was published
 }
 
-// Nobody has a name; with `later` all numbers are by one higher.
+// No session has a name; with `later` all numbers are by one higher.
 static void write_triangle(const char *folder, const char *name, bool later)
 {
     char text[1024];

@@ -265,7 +265,7 @@ static void test_unwritable_folder(void **state)
     struct hg_error err = {0};
     uid_t user = geteuid();
     assert_int_equal(chmod(folder, 0555), 0);
-    if (user == 0) // root may write everywhere, so be nobody for a moment
+    if (user == 0) // root may write everywhere, so be another user for a moment
         assert_int_equal(seteuid(65534), 0);
     enum hg_status status = hg_file_write_atomic(target, "x", 1, &err);
     if (user == 0)

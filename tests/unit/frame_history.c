@@ -99,7 +99,7 @@ static void test_camera_and_pose(void **state)
     rig_close(&rig);
 }
 
-// Nobody asked: nothing is kept.
+// Not asked for: nothing is kept.
 static void test_not_wanted(void **state)
 {
     (void)state;

@@ -134,7 +134,7 @@ static void test_history(void **state)
     assert_float_equal(run_history(r, &outside, SIDE, &previous), 1.1f, 1e-6f);
     assert_true(previous);
     assert_float_equal(run_history(r, &outside, SIDE, &previous), 1.11f, 1e-6f);
-    // Another size and a reset start anew.
+    // Another size and a reset start again.
     assert_float_equal(run_history(r, &other, SIDE / 2, &previous), 1.0f, 1e-6f);
     assert_false(previous);
     assert_float_equal(run_history(r, &other, SIDE / 2, &previous), 1.1f, 1e-6f);

@@ -113,7 +113,7 @@ static void test_culling(void **state)
     graph_rig_clear(r, "a", &again);
     graph_rig_clear(r, "b", &two);
     graph_rig_blend(r, "wanted", &use_a);
-    graph_rig_blend(r, "nobody wants", &use_b);
+    graph_rig_blend(r, "unwanted", &use_b);
     hg_graph_pass(r->graph, &(struct hg_graph_pass){.name = "kept", .keep = true});
     hg_graph_want(r->graph, out);
     graph_rig_run(r);

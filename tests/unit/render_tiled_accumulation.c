@@ -251,7 +251,7 @@ static void test_bias_settles(void **state)
     rig_close(&rig);
 }
 
-// Nobody looks before it is settled: a batch to see what is needed, one with it, and those that
+// Not displayed before it is settled: a batch to see what is needed, one with it, and those that
 // find more behind holes of masked surfaces; the number of frames does not hang on how images
 // arrive.
 static void test_final_is_drawn_once(void **state)
@@ -272,7 +272,7 @@ static void test_final_is_drawn_once(void **state)
     }
 }
 
-// Somebody looks after all: there is a picture at once, and the same one in the end.
+// Displayed after all: there is a picture at once, and the same one in the end.
 static void test_final_no_longer(void **state)
 {
     (void)state;

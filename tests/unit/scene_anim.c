@@ -241,7 +241,7 @@ static void test_single_key_and_numbers(void **state)
     hg_asset_destroy(asset);
 }
 
-// Whoever keeps what was made from a node must see that a pose changed it.
+// Code that keeps what was made from a node must see that a pose changed it.
 static void test_poses_raise_revisions(void **state)
 {
     (void)state;

@@ -482,7 +482,7 @@ static void test_kill(void **state)
     }
 }
 
-// The folder from outside: what lies there, while somebody has an entry open.
+// The folder from outside: what lies there, while an entry is open.
 struct reading {
     struct hg_store_entry **entries;
     uint32_t count, first;

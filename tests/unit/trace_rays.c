@@ -70,14 +70,14 @@ static void sharing(void **state)
     rig_check(r, hg_rays_sync(a, &r->err));
     struct hg_trace *trace = hg_rays_trace(a);
     other.lens.eye[0] = 1.0f;
-    rig_check(r, hg_rays_ref(rays, &other, &b, &r->err)); // somebody else has it: another one
+    rig_check(r, hg_rays_ref(rays, &other, &b, &r->err)); // there is another reference: another one
     assert_ptr_not_equal(a, b);
     hg_rays_stats(rays, &stats);
     assert_int_equal(stats.scenes, 2);
     assert_int_equal(stats.references, 2);
     other.lens.eye[0] = 2.0f;
     struct hg_rays_scene *const alone = b;
-    rig_check(r, hg_rays_ref(rays, &other, &b, &r->err)); // nobody else: it goes along
+    rig_check(r, hg_rays_ref(rays, &other, &b, &r->err)); // no other reference: it goes along
     assert_ptr_equal(b, alone);
     other.owner = r;
     rig_check(r, hg_rays_ref(rays, &other, &c, &r->err));
@@ -112,24 +112,24 @@ static void default_key(void **state)
 
 // --- moves ---------------------------------------------------------------------------------------
 
-// Hits of the service are those of trying every triangle, and of structures made anew.
+// Hits of the service are those of trying every triangle, and of structures rebuilt.
 static void compare(struct rig *r, struct hg_rays_scene *scene)
 {
     enum { COUNT = 1500 };
     struct hg_trace *const own = r->trace;
     rig_fill_rays(r, COUNT);
-    struct hg_gpu_hit *anew = hg_calloc(COUNT, sizeof *anew);
-    assert_non_null(anew);
-    memcpy(anew, rig_closest(r, COUNT, false), COUNT * sizeof *anew);
+    struct hg_gpu_hit *rebuilt = hg_calloc(COUNT, sizeof *rebuilt);
+    assert_non_null(rebuilt);
+    memcpy(rebuilt, rig_closest(r, COUNT, false), COUNT * sizeof *rebuilt);
     r->trace = hg_rays_trace(scene);
     assert_in_range(rig_compare(r, COUNT, false), 0, 6);
     assert_in_range(rig_compare(r, COUNT, true), 0, 6);
     const struct hg_gpu_hit *hits = rig_closest(r, COUNT, false);
     uint32_t others = 0;
     for (uint32_t i = 0; i < COUNT; i++)
-        others += hits[i].draw != anew[i].draw || hits[i].primitive != anew[i].primitive;
+        others += hits[i].draw != rebuilt[i].draw || hits[i].primitive != rebuilt[i].primitive;
     assert_in_range(others, 0, 2);
-    hg_free(anew);
+    hg_free(rebuilt);
     r->trace = own;
 }
 

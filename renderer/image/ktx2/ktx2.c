@@ -360,7 +360,7 @@ static enum hg_status start(struct hg_ktx2_reader *r, struct hg_error *err)
     return r->decoding.texels != NULL ? HG_OK : no_memory(r, err);
 }
 
-// Rows begin anew.
+// Rows begin again at the first.
 static void stop(struct hg_ktx2_reader *r)
 {
     hg_basislz_slice_close(r->decoding.slices[0]);

@@ -1,6 +1,6 @@
 // ktx2.h - pictures in KTX 2.0 files that hold Basis Universal textures, as KHR_texture_basisu has
 // them: ETC1S under BasisLZ, or UASTC as it is or under Zstandard. Only the first mip is read; the
-// others are made anew, as for every image.
+// others are computed, as for every image.
 // Floor 1, private to renderer/image. A reader may be used by several threads; they take turns.
 // Source: KTX File Format Specification 2.0; Khronos Data Format Specification 1.4;
 // KHR_texture_basisu.

@@ -13,7 +13,7 @@ static float luminance(const struct hg_material *m)
     return hg_emitter_luminance(m->emissive[0], m->emissive[1], m->emissive[2]);
 }
 
-static bool shines(const struct hg_emitter_part *part)
+static bool emits(const struct hg_emitter_part *part)
 {
     const struct hg_material *m = part->material;
     return m && !m->unlit && part->piece->triangle_count > 0 && part->piece->positions &&
@@ -103,7 +103,7 @@ enum hg_status hg_emitter_sources_collect(
         s->glows[i].used = false;
     for (uint32_t i = 0; i < in->part_count; i++) {
         const struct hg_emitter_part *part = &in->parts[i];
-        if (!shines(part))
+        if (!emits(part))
             continue;
         if (hg_grow(&s->items, &s->capacity, s->count + 1, sizeof *s->items))
             return HG_E_NOMEM;

@@ -36,8 +36,8 @@ enum hg_status hg_environment_map_create(struct hg_environment_map *map,
 void hg_environment_map_finish(struct hg_environment_map *map); // accepts a zeroed one
 
 // The same through the store (NULL: none) by `key`, the content's SHA-256. What is missing or
-// damaged is made anew; a store that cannot be written is only a warning. *cached (may be NULL): it
-// came from the store.
+// damaged is made again; a store that cannot be written is only a warning. *cached (may be NULL):
+// it came from the store.
 enum hg_status hg_environment_map_load(struct hg_environment_map *map, const struct hg_image *image,
     const uint8_t key[32], struct hg_store *store, struct hg_jobs *jobs,
     bool *cached) HG_MUST_CHECK;

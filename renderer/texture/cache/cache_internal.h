@@ -85,7 +85,7 @@ enum hg_status hg_page_coarse_update(
     struct hg_page_cache *cache, enum hg_page_mode mode, struct hg_error *err) HG_MUST_CHECK;
 void hg_page_coarse_forget(struct hg_page_cache *cache, struct hg_page_set *set);
 
-// page_cache.c: destroys sets that nobody uses or reads.
+// page_cache.c: destroys sets that are neither used nor read.
 void hg_page_cache_sweep(struct hg_page_cache *cache);
 
 // page_table.c: from entries to pages, and the entries of ancestors and descendants.

@@ -351,7 +351,7 @@ static void empty_pool(struct hg_page_cache *c, uint32_t pool)
     }
 }
 
-// The slots of one colour, in the first slots of a pool that was made anew.
+// The slots of one colour, in the first slots of a pool that was rebuilt.
 static enum hg_status fill_nothing(struct hg_page_cache *c, uint32_t pool, struct hg_error *err)
 {
     static const float colors[NOTHINGS][4] = {[NOTHING_GREY] = {0.5f, 0.5f, 0.5f, 1},
@@ -475,7 +475,7 @@ enum hg_status hg_page_cache_fit(struct hg_page_cache *c, struct hg_error *err)
     status = reserve_buffers(c, err);
     if (status == HG_OK)
         status = resize_pools(c, &plan, err);
-    if (status != HG_OK) // a pool may be half made: all start anew
+    if (status != HG_OK) // a pool may be half made: all are rebuilt
         drop_pools(c);
     return status;
 }

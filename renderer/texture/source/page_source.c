@@ -544,7 +544,7 @@ enum hg_status hg_page_source_read(struct hg_page_source *source, uint32_t mip, 
     pthread_mutex_unlock(&s->lock);
     if (status == HG_E_HASH && b->kind == HG_PAGES_IN_PACK) {
         lose_backing(source, b);
-        status = hg_error_set(err, HG_E_AGAIN, source->origin->label, NULL, "is loaded anew");
+        status = hg_error_set(err, HG_E_AGAIN, source->origin->label, NULL, "is loaded again");
     }
     hg_page_backing_unref(s, b);
     return status;

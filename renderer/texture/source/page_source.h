@@ -63,7 +63,7 @@ void hg_page_sources_wait(struct hg_page_sources *sources, uint64_t seen, uint64
 // the smallest first; nothing is loaded any more. Returns early when there is nothing left to do.
 void hg_page_sources_linger(struct hg_page_sources *sources, uint64_t most_ns);
 
-// Somebody who draws can do nothing but wait (counted): until the matching call with false images
+// A draw can do nothing but wait (counted): until the matching call with false images
 // are loaded at full priority, not behind the threads that draw.
 void hg_page_sources_hurry(struct hg_page_sources *sources, bool hurry);
 

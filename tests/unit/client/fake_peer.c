@@ -99,7 +99,7 @@ static bool receive(uint8_t *data, size_t size)
     return true;
 }
 
-// As a worker that was replaced after the first part: the frame begins anew.
+// As a worker that was replaced after the first part: the frame begins again.
 static void split_frame(const struct hgp_header *h, struct hgp_frame *frame, bool gap)
 {
     struct hgp_bytes all = frame->data;

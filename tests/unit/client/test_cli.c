@@ -617,7 +617,7 @@ static void test_interrupt(void **state)
         expect_run(8, "interrupted", "silent=frame_request log=logi", command);
     }
     expect_no_file("i.png");
-    // nohup; and nobody who reads what is said
+    // nohup; and output that is not read
     expect_run(0, NULL, "log=logh",
         "rm -f logh; trap '' HUP; $HELIO render s.gltf -o i-##.png --frames 1-400 & p=$!; "
         "until grep -qs frame_request logh; do sleep 0.05; kill -0 $p || break; done; "

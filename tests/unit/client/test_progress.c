@@ -44,7 +44,7 @@ static void test_one(void **state)
     assert_left(&p, 17.8, 18);
 }
 
-// A film that is taken up; a worker that was replaced begins anew.
+// A film that is taken up; a worker that was replaced begins again.
 static void test_resumed(void **state)
 {
     (void)state;
