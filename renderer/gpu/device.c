@@ -106,14 +106,16 @@ static void point_mesa_cache(const struct hg_gpu *gpu)
 static enum hg_status wants_validation(
     const struct hg_gpu_params *params, bool *out, struct hg_error *err)
 {
+    const char *asked = getenv("HELIO_GPU_VALIDATION");
+    const bool required = params->validation || (asked != NULL && strcmp(asked, "1") == 0);
     *out = false;
-    if (!params->validation && !params->validation_try)
+    if (!required && !params->validation_try)
         return HG_OK;
     if (has_layer(validation_layer)) {
         *out = true;
         return HG_OK;
     }
-    if (params->validation) {
+    if (required) {
         return hg_error_set(err, HG_E_DEVICE, "validation", NULL,
             "%s is not installed (Debian: vulkan-validationlayers)", validation_layer);
     }
@@ -640,7 +642,7 @@ static void write_fallbacks(struct hg_writer *w, const struct hg_gpu *gpu)
         {gpu->caps.timestamp_period_ns <= 0, "timestamps", "passes are not timed on the device"},
         {gpu->caps.is_cpu, "cpu_device", "software rasteriser: textures stay RGBA8"},
         {gpu->pipelines.cache_dir == NULL, "no_shader_cache",
-            "shaders are compiled anew by each process"},
+            "shaders are compiled again by each process"},
     };
     const char *comma = "";
     write_text(w, ",\"fallbacks\":{");

@@ -6,8 +6,8 @@
 //  - Buffers are reached by device address, images by the one descriptor set of bindings.h.
 //  - All work goes to one queue in order. hg_gpu_begin .. hg_gpu_submit records one batch; the
 //    batch's timeline value says when it is over. Up to HG_GPU_MAX_IN_FLIGHT batches run before
-//    hg_gpu_begin waits for the oldest. Whoever needs a result waits for its value; host writes to
-//    mapped memory must go where no batch in flight reads.
+//    hg_gpu_begin waits for the oldest. Code that needs a result waits for its value; host writes
+//    to mapped memory must go where no batch in flight reads.
 //  - Uploads that need a copy are recorded in front of the batch and are visible to all of it.
 //  - Destroying is deferred: hg_gpu_*_destroy retires the object on the timeline, never waits.
 //  - hg_gpu_image_use() is the only place where layouts and image barriers are made.
@@ -30,7 +30,8 @@ struct hg_gpu_params {
     const char *device;     // part of a device name or an index; NULL = best (GPU before CPU)
     const char *cache_dir;  // NULL = none
     const char *shader_dir; // root of the GLSL tree, compiled at run time; NULL = embedded
-    bool validation;        // HG_E_DEVICE when the layer is not installed
+    bool validation;        // HG_E_DEVICE when the layer is not installed;
+                            // also the environment variable HELIO_GPU_VALIDATION=1
     bool validation_try;    // the same, but only a warning when it is not
     bool force_staging;     // never map device-local memory: the path of discrete GPUs, for tests;
                             // also the environment variable HELIO_GPU_FORCE_STAGING=1
@@ -303,7 +304,7 @@ enum hg_gpu_blend {
     HG_GPU_BLEND_PREMULTIPLIED, // src + (1 - src.a) dst
 };
 
-// Cached by content: fill it anew each time. Zero-initialise (padding counts); names are string
+// Cached by content: fill it again each time. Zero-initialise (padding counts); names are string
 // literals such as "visibility.vert" (file in shaders/passes/).
 #define HG_GPU_MAX_MAKING                                                                          \
     8 // at once by hg_gpu_pipelines_make; more are made when they are asked for
