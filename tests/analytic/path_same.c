@@ -321,7 +321,7 @@ static void test_device_film(void **state)
 
 // --- beside other users of the scene's rays ------------------------------------------------------
 
-enum { ASKED = 20000 };
+enum { ASKED_ROW = 80, ASKED_ROWS = 50, ASKED = ASKED_ROW * ASKED_ROWS };
 
 // What a pass of a real-time view does: rays at the default level of detail, in batches.
 struct pass {
@@ -347,7 +347,8 @@ static void open_pass(struct pass *pass, struct hg_view *beside)
     struct hg_gpu_ray *to = pass->wave[0].mapped;
     for (int i = 0; i < ASKED; i++)
         to[i] = (struct hg_gpu_ray){.origin_ws = {0.5f, 1.2f, 3.5f},
-            .direction_ws = {(float)(i % 200) * 0.01f - 1, (float)(i / 200) * 0.01f - 1, -3},
+            .direction_ws = {2.0f * (float)(i % ASKED_ROW) / ASKED_ROW - 1,
+                (float)(i / ASKED_ROW) / ASKED_ROWS - 1, -3},
             .t_max = 1e30f,
             .mask = HG_RAY_ALL};
 }

@@ -89,6 +89,7 @@ class Test:
         self.cache = f"{folder}/cache"
         self.shaders = f"{folder}/shaders"
         self.count = 0
+        self.was_full = False  # case_nospace ran
         self.right = self.render(cache=self.shaders)["frame"]["hash"]
 
     def start(self, *words, **more):
@@ -300,8 +301,9 @@ class Test:
         if not any([case(size) for size in sizes]):
             raise Failure("no disk was ever full")
 
-    # By a preloaded library: works for everybody, everywhere.
+    # By a preloaded library: needs no rights.
     def case_nospace(self):
+        self.was_full = True
         def case(size):
             shutil.rmtree(self.cache, ignore_errors=True)
             # Programs with sanitizers would insist on being the first library.
@@ -331,7 +333,8 @@ class Test:
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         if probe.returncode:
             print("  no file system may be mounted here; the disk is full by a preloaded library")
-            self.case_nospace()
+            if not self.was_full:
+                self.case_nospace()
             return
         inside = [sys.executable, __file__, "--bin", self.bin, "tmpfs"]
         if subprocess.run([*alone, *inside], env={**os.environ, "HELIO_OWN_MOUNTS": "1"}).returncode:

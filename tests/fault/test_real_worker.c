@@ -13,7 +13,7 @@
 #include "base/clock.h"
 #include "tests/system/daemon.h"
 
-enum { WIDTH = 96, HEIGHT = 54, FRAME_BYTES = WIDTH * HEIGHT * 4, SAMPLES = 40 };
+enum { WIDTH = 96, HEIGHT = 54, FRAME_BYTES = WIDTH * HEIGHT * 4, SAMPLES = 160 };
 
 struct picture {
     uint8_t data[FRAME_BYTES], hash[32];
@@ -31,10 +31,11 @@ static void start(struct daemon *d)
     daemon_init(d);
     daemon_option(d, "worker-timeout", "5");
     daemon_option(d, "restart-delay", "0.01");
+    daemon_option(d, "asset-root", TEST_MODELS);
     daemon_start(d);
 }
 
-// The demo scene, and objects of the client's own that hang on it and were edited since.
+// An asset, and objects of the client's own that hang on it and were edited since.
 static void build_scene(struct peer *p)
 {
     static const float triangle[9] = {0, 0, 0, 2, 0, 0, 0, 2, 0};
@@ -42,7 +43,8 @@ static void build_scene(struct peer *p)
     struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
         .positions = {(const uint8_t *)triangle, sizeof triangle}};
     peer_call(p, HGP_T_asset_load,
-        &(struct hgp_asset_load){.asset = n, .path = hgp_str_make("demo:")}, HGP_T_asset_loaded);
+        &(struct hgp_asset_load){.asset = n, .path = hgp_str_make(TEST_MODELS "/knot/knot.gltf")},
+        HGP_T_asset_loaded);
     peer_call(p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
     peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
         HGP_T_ok);
@@ -188,7 +190,8 @@ static void loads_survive(void **state)
     take(&a, &calm);
     peer_open_scene(&b, &d, "");
     uint32_t load = peer_send(&b, HGP_T_asset_load,
-        &(struct hgp_asset_load){.asset = b.first_id, .path = hgp_str_make("demo:")});
+        &(struct hgp_asset_load){
+            .asset = b.first_id, .path = hgp_str_make("demo:")}); // takes a while
     kill(daemon_worker(&d, 0), SIGKILL);
     peer_answer(&b, load, HGP_T_asset_loaded);
     take(&a, &disturbed); // the other scene came back, too
@@ -253,7 +256,7 @@ static uint32_t ask_raw(struct peer *p)
             .view = 1, .has_encoding = true, .encoding = HGP_encoding_RAW_RGBA8});
 }
 
-// The worker dies inside a batch: nobody sees the first half of it without the second.
+// The worker dies inside a batch: no client sees the first half of it without the second.
 static void batches_stay_whole(void **state)
 {
     (void)state;
@@ -354,7 +357,7 @@ static struct hgp_picked pick_middle(struct peer *p)
 }
 
 // The disk loses what is spilled: the worker says what and where, the next one keeps arrays in
-// memory, and nobody's request or picture is lost.
+// memory, and no request or picture is lost.
 static void lost_disks_are_survived(void **state)
 {
     (void)state;

@@ -27,6 +27,17 @@ until_true() { # command...: waits for it, a minute at most
     for i in $(seq 1200); do "$@" && return 0; sleep 0.05; done
     fail "never came true: $*"
 }
+# A daemon at $url, which ends with the script. Its worker starts once for all pictures, where a private one
+# loads libraries, opens the device and makes pipelines for each.
+start_daemon() { # asset roots...
+    local root roots=()
+    for root; do roots+=(--asset-root "$root"); done
+    url=unix:$temp/sock
+    "$heliod" --listen "$url" "${roots[@]}" --hang-timeout 3600 --log warn &
+    daemon=$!
+    answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
+    until_true answers
+}
 # Is there this file of the test data? A missing one is a failure where HELIO_TEST_DATA is set or
 # CI=true (test_data.h).
 has_data() {

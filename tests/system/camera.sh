@@ -5,9 +5,10 @@
 startup=$models/startup.glb
 for file in "$helio" "$startup"; do need "$file"; done
 
+start_daemon "$models"
 picture() { # options...
     expect 0 "$helio" render "$startup" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 \
-        --stats "$temp/stats.json" "$@"
+        --stats "$temp/stats.json" --connect "$url" "$@"
 }
 camera() { # key
     python3 -c 'import json, sys
@@ -56,7 +57,7 @@ is target "[0.0, 0.5, 0.0]"
 } >"$temp/script"
 expect 0 "$helio" run "$temp/script"
 echo "expect stat camera.source == fit" >>"$temp/script"
-expect 1 "$helio" run "$temp/script"
+expect 1 "$helio" run "$temp/script" --connect "$url"
 
 [ $failures = 0 ] || { echo "$failures failures"; exit 1; }
 echo ok

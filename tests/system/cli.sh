@@ -8,11 +8,7 @@ worm=$models/worm.glb
 env=$models/room.hdr
 for file in "$helio" "$heliod" "$knot" "$worm" "$env"; do need "$file"; done
 
-url=unix:$temp/sock
-"$heliod" --listen "$url" --asset-root "$models" --log warn &
-daemon=$!
-answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
-until_true answers
+start_daemon "$models"
 expect 0 "$helio" ping --connect "$url"
 
 # Embedded, embedded again, through the daemon, and uploaded: the same bytes.
@@ -40,17 +36,17 @@ compare_ways exr "$worm" --size 96x96 --samples 4 --at 0.4 --exr float --env "$e
 lens=(--mode path --size 48x32 --spp 4 --lens-radius 0.3 --filter tent --clamp-indirect 1)
 compare_ways exr "$knot" "${lens[@]}" --focus 2
 grep -aq heliograph:lensRadius "$temp/a.exr" || fail "the file does not tell its lens"
-picture e.exr "$knot" "${lens[@]}" --focus 2.5
+picture e.exr "$knot" "${lens[@]}" --focus 2.5 --connect "$url"
 expect 1 "$helio" compare "$temp/a.exr" "$temp/e.exr" --metric max --fail-above 0
 expect 2 "$helio" render "$knot" -o "$temp/none.png" "${lens[@]}" # the scene's camera has no target
 # Noise: no more samples than it takes, no more noise than is asked for.
 noisy() { # limit: leaves the samples that it took in $took
-    picture n.exr "$knot" --mode path --size 48x32 --spp 2048 --noise "$1"
+    picture n.exr "$knot" --mode path --size 48x32 --spp 2048 --noise "$1" --connect "$url"
     took=$(python3 -c 'import json, sys; f = json.load(open(sys.argv[1]))["frame"]
 print(f["samples"] if 0 < f["noise"] <= float(sys.argv[2]) else "too noisy")' "$temp/stats.json" "$1")
 }
 noisy 0.05 && rough=$took
-noisy 0.01 && fine=$took
+noisy 0.02 && fine=$took
 [ "$rough" -lt "$fine" ] && [ "$fine" -lt 2048 ] || fail "--noise: $rough and $fine samples"
 compare_ways jpg demo: --size 160x90 --samples 4 --jpeg-quality 85
 
@@ -69,7 +65,7 @@ else:
 PY
 }
 region=(--size 96x64 --samples 2 --region 31,17,40,33)
-picture r.png "$knot" "${region[@]}"
+picture r.png "$knot" "${region[@]}" --connect "$url"
 [ "$(windows "$temp/r.png")" = "40 33" ] || fail "the region's picture is $(windows "$temp/r.png")"
 compare_ways exr "$knot" "${region[@]}" --mode path --aov depth
 [ "$(windows "$temp/a.exr")" = "31 17 70 49 0 0 95 63 " ] || fail "windows of $(windows "$temp/a.exr")"
@@ -86,10 +82,10 @@ expect 0 "$helio" compare "$temp/a.exr" "$temp/b.exr" --metric max --fail-above 
     echo "set aov none"
     echo "frame $temp/none.exr"
 } >"$temp/planes.hs"
-expect 0 "$helio" run "$temp/planes.hs"
+expect 0 "$helio" run "$temp/planes.hs" --connect "$url"
 for part in depth.Z CryptoAsset00.R; do
     grep -aq $part "$temp/planes.exr" || fail "the script's file has no $part"
-    ! grep -aq $part "$temp/none.exr" || fail "the script's file has $part, which nobody asked for"
+    ! grep -aq $part "$temp/none.exr" || fail "the script's file has $part, which was not asked for"
 done
 
 # Frames of an animation differ from each other and are the same both ways.
@@ -149,8 +145,8 @@ SCRIPT
     echo "include $temp/keys"
     echo "expect psnr $temp/reference.png >= 60"
 } >"$temp/suite"
-expect 1 "$helio" run "$temp/suite"
-expect 0 "$helio" run "$temp/suite" --update-references
+expect 1 "$helio" run "$temp/suite" --connect "$url"
+expect 0 "$helio" run "$temp/suite" --update-references --connect "$url"
 expect 0 "$helio" run "$temp/suite"
 expect 0 "$helio" run - --connect "$url" <"$temp/suite"
 expect 0 "$helio" compare "$temp/reference.png" "$temp/reference.png" --metric all --mask "$temp/script.png" \
@@ -158,7 +154,7 @@ expect 0 "$helio" compare "$temp/reference.png" "$temp/reference.png" --metric a
 cp "$temp/x.png" "$temp/small.png"
 expect 3 "$helio" compare "$temp/reference.png" "$temp/reference.png" --mask "$temp/small.png"
 cp "$temp/script.png" "$temp/reference.png"
-expect 1 "$helio" run "$temp/suite" --report "$temp/pages" --junit "$temp/junit.xml"
+expect 1 "$helio" run "$temp/suite" --report "$temp/pages" --junit "$temp/junit.xml" --connect "$url"
 for part in picture reference difference; do
     [ -s "$temp/pages/0005-$part.png" ] || fail "the report has no $part"
     grep -q "0005-$part.png" "$temp/pages/index.html" || fail "the page does not show the $part"
@@ -212,7 +208,7 @@ grep -q "warning: .*knot.png" "$temp/out" || fail "a missing image is not told"
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }
 for samples in 400 4000 40000; do
-    slow=(--size 256x256 --samples "$samples" --progress json)
+    slow=(--size 96x96 --samples "$samples" --progress json)
     : >"$temp/out"
     "$helio" render "$knot" -o "$temp/j.png" --connect "$url" "${slow[@]}" 2>"$temp/out" &
     client=$!
@@ -230,7 +226,7 @@ same "$temp/i.png" "$temp/j.png"
 # A private worker that dies, and one that is stopped by Ctrl-C, both in a frame without an end.
 endless() {
     : >"$temp/out"
-    "$helio" render "$knot" -o "$temp/h.png" --size 4096x4096 --samples 65536 --progress json \
+    "$helio" render "$knot" -o "$temp/h.png" --size 1024x1024 --samples 65536 --progress json \
         2>"$temp/out" &
     client=$!
     until_true at_work

@@ -20,11 +20,13 @@ is() { # key value
 }
 told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not said: $(tail -n 3 "$temp/out")"; }
 untold() { ! grep -q -- "$1" "$temp/out" || fail "'$1' is said: $(tail -n 3 "$temp/out")"; }
-picture() { # file options...: of the startup scene
+start_daemon "$models"
+embedded() { # file options...: of the startup scene
     local file=$1
     shift
     expect 0 "$helio" render "$startup" -o "$temp/$file" --samples 2 --stats "$temp/stats.json" "$@"
 }
+picture() { embedded "$@" --connect "$url"; }
 between() { # low high value
     python3 -c 'import sys; low, high, v = map(float, sys.argv[1:]); sys.exit(not low <= v <= high)' "$@" ||
         fail "$3 is not in $1 to $2"
@@ -73,7 +75,7 @@ picture j.png --size 64x36 --env none --exposure -20
 told "j.png: .* is black: .*--env sky"
 picture k.png --size 64x36 --eye 0,0,9 --target 0,0,18 --env none
 told "k.png: 100 % of the picture is black"
-expect 0 "$helio" render "$knot" -o "$temp/l.png" --size 64x36 --samples 1 --debug-view overdraw
+expect 0 "$helio" render "$knot" -o "$temp/l.png" --size 64x36 --samples 1 --debug-view overdraw --connect "$url"
 untold warning
 
 # A series has the exposure of its first picture, whatever is there already, and so has each part of it
@@ -82,7 +84,7 @@ series() { # folder options...
     local folder=$1
     shift
     expect 0 "$helio" render "$startup" -o "$temp/$folder/s-#.png" --size 64x36 --samples 1 --fps 4 \
-        --stats "$temp/stats.json" "$@"
+        --stats "$temp/stats.json" --connect "$url" "$@"
 }
 mkdir "$temp/once" "$temp/again" "$temp/part"
 series once --frames 0-3
@@ -110,7 +112,7 @@ for f in "$temp"/again/*.png; do same "$temp/once/${f##*/}" "$f"; done
     echo "set env none"
     echo "frame $temp/p.png"
 } >"$temp/script"
-expect 0 "$helio" run "$temp/script"
+expect 0 "$helio" run "$temp/script" --connect "$url"
 expect 1 "$helio" compare "$temp/m.png" "$temp/n.png" --metric rmse --fail-above 0.1
 expect 1 "$helio" compare "$temp/m.png" "$temp/o.png" --metric rmse --fail-above 0.02
 expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above 0.1
@@ -128,20 +130,15 @@ expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above
     echo "set exposure auto"
     echo "frame $temp/r.exr"
 } >"$temp/script"
-expect 0 "$helio" run "$temp/script"
-expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36
+expect 0 "$helio" run "$temp/script" --connect "$url"
+expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36 --connect "$url"
 same "$temp/q1.png" "$temp/q2.png"
 for pair in q.exr:s.exr r.exr:h.exr; do
     expect 0 "$helio" compare "$temp/${pair%:*}" "$temp/${pair#*:}" --metric max --fail-above 0
 done
 
-# Through a daemon.
-url=unix:$temp/sock
-"$heliod" --listen "$url" --asset-root "$models" --log warn &
-daemon=$!
-answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
-until_true answers
-picture q.png --size 160x90 --connect "$url"
+# By a private worker.
+embedded q.png --size 160x90
 same "$temp/a.png" "$temp/q.png"
 
 [ $failures = 0 ] || { echo "$failures failures"; exit 1; }

@@ -20,10 +20,11 @@ with open(sys.argv[1] + "/grid.ply", "w") as file:
     file.writelines("%g %g %g 200 100 50\n" % p for p in points)
 PY
 
+start_daemon "$temp"
 picture() { # name scene options...
     local name=$1 scene=$2
     shift 2
-    expect 0 "$helio" render "$temp/$scene" -o "$temp/$name.png" "${size[@]}" "$@"
+    expect 0 "$helio" render "$temp/$scene" -o "$temp/$name.png" "${size[@]}" --connect "$url" "$@"
 }
 covered() { # name: percent of the picture that is not transparent
     PYTHONPATH=$(dirname "$0")/../golden:$(dirname "$0")/../support python3 -B -c '

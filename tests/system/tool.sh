@@ -50,11 +50,7 @@ expect 0 "$helio" info "$temp/torn/knot.gltf" --json
 grep -q "searched: knot.png; white" "$temp/out" || fail "glTF: what was searched is not listed"
 
 # Names of a daemon count from its asset roots, which are named by their last names only.
-url=unix:$temp/sock
-"$heliod" --listen "$url" --asset-root "$models" --log warn &
-daemon=$!
-answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
-until_true answers
+start_daemon "$models"
 refused() { # code name text
     (cd "$temp/torn" && "$helio" render "$2" -o "$temp/none.png" --connect "$url") >"$temp/out" 2>&1
     [ $? = "$1" ] || fail "$2: not exit code $1: $(cat "$temp/out")"

@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/internal.h"
+#include "tests/support/folder.h"
 #include "tests/unit/lod_meshes.h"
 #include "tests/unit/render_rig.h"
 
@@ -100,9 +101,12 @@ static struct hg_scene *make_scene(void)
 
 // --- views ---------------------------------------------------------------------------------------
 
+static char folder[TEST_FOLDER_MAX]; // page packs, baked once for all renderers
+
 static void open_rig(struct rig *rig, uint64_t budget_bytes)
 {
-    const struct hg_renderer_params params = {.texture_budget_bytes = budget_bytes, .threads = 2};
+    const struct hg_renderer_params params = {
+        .texture_budget_bytes = budget_bytes, .threads = 2, .cache_dir = folder};
     const struct hg_view_params view = {
         .width = VIEW_PX, .height = VIEW_PX, .samples = SAMPLES, .seed = 5};
     *rig = (struct rig){.scene = make_scene()};
@@ -390,11 +394,17 @@ static void test_finding_does_not_show(void **state)
     }
 }
 
+static int set_up(void **state)
+{
+    (void)state;
+    return test_folder_make(folder, "accumulation") ? 0 : -1;
+}
+
 static int finish(void **state)
 {
     (void)state;
     hg_refbuf_unref(unlimited);
-    return 0;
+    return test_folder_remove(folder) ? 0 : -1;
 }
 
 int main(void)
@@ -406,5 +416,5 @@ int main(void)
         cmocka_unit_test(test_finding_does_not_show), cmocka_unit_test(test_final_is_drawn_once),
         cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
         cmocka_unit_test(test_looking_ahead)};
-    return cmocka_run_group_tests(tests, NULL, finish);
+    return cmocka_run_group_tests(tests, set_up, finish);
 }
