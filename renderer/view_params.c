@@ -192,7 +192,8 @@ enum hg_status hg_view_set_params(
     s.background = (uint32_t)p.background; // same values as HG_BACKGROUND_MODE_*
     memcpy(s.background_color, p.background_color, sizeof s.background_color);
     s.ground = (uint32_t)p.ground;
-    s.gi = p.gi != HG_GI_NONE && p.mode == HG_MODE_REALTIME && p.debug_view == HG_DEBUG_OFF;
+    if (p.mode == HG_MODE_REALTIME && p.debug_view == HG_DEBUG_OFF && p.gi != HG_GI_NONE)
+        s.gi = p.gi == HG_GI_PROBES ? HG_VIEW_GI_PROBES : HG_VIEW_GI_RAYS;
     s.exposure = exp2f(p.exposure_ev);
     s.samples = p.samples;
     s.seed = p.seed;

@@ -164,6 +164,7 @@ static enum hg_status record_behind(
     const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
         .depth = hg_graph_run_image(run, f->depth),
         .target = hg_graph_run_image(run, f->behind),
+        .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
         .clear = true,
         .alone = true};
     return hg_shade_record(&f->pass, &shade, err);
@@ -175,7 +176,8 @@ static void declare_behind(struct hg_batch *f)
                         .record = record_behind,
                         .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0},
                             {f->depth, HG_GRAPH_DEPTH_TEST, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                            {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                            {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
+                            {f->progress, HG_GRAPH_READ_WRITE, 0},
                             {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
@@ -222,7 +224,8 @@ static enum hg_status record_shading(
         .tonemap = f->draw->request->settings->tonemap,
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
         .unlit = f->skips_unlit,
-        .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL};
+        .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
+        .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -234,7 +237,8 @@ static void declare_shading(struct hg_batch *f, bool keep)
                .record = record_shading,
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->blend.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
                .keep = keep});
@@ -305,6 +309,8 @@ static enum hg_status open_graph(struct hg_batch *f, struct hg_draw *draw, struc
     hg_graph_begin(f->graph, draw->request->settings->width, draw->request->settings->height);
     f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
     f->depth = hg_graph_import(f->graph, "depth", &t->depth);
+    if (draw->gathered != NULL && draw->request->smaller == 0)
+        f->gathered = hg_graph_import(f->graph, "gathered light", draw->gathered);
     f->progress = hg_draw_is(draw, HG_DRAW_EXACT) ? hg_graph_buffer(f->graph, "pixel progress") : 0;
     return HG_OK;
 }

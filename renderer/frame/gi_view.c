@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "renderer/frame/gather_view.h"
 
 #define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
 #define MOVE_RAYS 8000  // of a picture in motion
@@ -29,10 +30,21 @@ bool hg_gi_view_is_on(const struct hg_view_state *view)
     return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 && !is_refused(view);
 }
 
-bool hg_gi_view_is_done(const struct hg_view_state *view)
+static bool has_field(const struct hg_view_state *view)
 {
     const struct hg_gi_key key = key_of(view);
-    return !hg_gi_view_is_on(view) || hg_gi_is_rest(view->scene_gpu->gi, &key);
+    return hg_gi_is_rest(view->scene_gpu->gi, &key);
+}
+
+static bool gathers(const struct hg_view_state *view)
+{
+    return view->settings.gi == HG_VIEW_GI_RAYS;
+}
+
+bool hg_gi_view_is_done(const struct hg_view_state *view)
+{
+    return !hg_gi_view_is_on(view) ||
+           (has_field(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
 static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
@@ -69,6 +81,7 @@ static enum hg_status refuse(
     view->gi.refused = true;
     view->gi.refused_key = key_of(view);
     view->gi.field = HG_GI_NO_FIELD;
+    view->gi.gathered = false;
     return HG_OK;
 }
 
@@ -79,15 +92,21 @@ enum hg_status hg_gi_view_step(
     enum hg_status status = HG_OK;
     *waits = false;
     view->gi.field = HG_GI_NO_FIELD;
+    view->gi.gathered = false;
     if (!hg_gi_view_is_on(view))
         return HG_OK;
-    if (!hg_gi_view_is_done(view))
+    const bool had = has_field(view);
+    if (!had)
         status = advance(view, rests, err);
     if (status != HG_OK)
         return refuse(view, status, err);
-    const bool done = hg_gi_view_is_done(view);
-    *waits = rests && !done;
-    view->gi.field = done ? HG_GI_REST : HG_GI_MOVING;
+    view->gi.field = has_field(view) ? HG_GI_REST : HG_GI_MOVING;
+    if (had && rests && gathers(view) && !hg_gather_view_is_done(view))
+        status = hg_gather_view_step(view, err);
+    if (status != HG_OK)
+        return refuse(view, status, err);
+    *waits = rests && !hg_gi_view_is_done(view);
+    view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
     return HG_OK;
 }

@@ -24,17 +24,18 @@ static void add_stage(void *user, const char *name, uint64_t ns)
     hg_view_stats_add_stage(&view->stats, name, ns);
 }
 
-static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_path_view_create(
+    struct hg_view_state *view, struct hg_path **path, struct hg_error *err)
 {
     const struct hg_path_host host = {.user = view,
         .camera = &view->frame.camera,
         .fill = fill,
         .begin = begin_batch,
         .add_stage = add_stage};
-    if (view->path == NULL)
-        view->path = hg_path_create(view->context, view->scene_gpu, &host);
-    return view->path != NULL ? HG_OK
-                              : hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
+    if (*path == NULL)
+        *path = hg_path_create(view->context, view->scene_gpu, &host);
+    return *path != NULL ? HG_OK
+                         : hg_error_set(err, HG_E_NOMEM, "path", NULL, "out of host memory");
 }
 
 // --- what it asks of it --------------------------------------------------------------------------
@@ -107,7 +108,7 @@ enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_dra
     bool begins, uint64_t *changes, struct hg_error *err)
 {
     const struct hg_path_request request = request_of(view, draw->flags);
-    enum hg_status status = create(view, err);
+    enum hg_status status = hg_path_view_create(view, &view->path, err);
     const bool restart = begins || !hg_path_has_film(view->path);
     *changes = 0;
     if (status == HG_OK && restart)
@@ -125,7 +126,7 @@ enum hg_status hg_path_view_meter(struct hg_view_state *view, const struct hg_dr
     bool begins, struct hg_error *err)
 {
     const struct hg_path_request request = request_of(view, draw->flags);
-    const enum hg_status status = create(view, err);
+    const enum hg_status status = hg_path_view_create(view, &view->path, err);
     return status == HG_OK
                ? hg_path_step(view->path, &request, begins || !hg_path_has_film(view->path), err)
                : status;
@@ -173,7 +174,7 @@ enum hg_status hg_path_view_load(
     struct hg_path_identity identity;
     if (view->settings.mode != HG_VIEW_MODE_PATH)
         return hg_error_set(err, HG_E_INVAL, "checkpoint", NULL, "is for path-traced views");
-    enum hg_status status = create(view, err);
+    enum hg_status status = hg_path_view_create(view, &view->path, err);
     if (status == HG_OK)
         status = identify(view, &identity, err);
     if (status == HG_OK)
@@ -197,6 +198,6 @@ enum hg_status hg_path_view_history_load(
     if (view->settings.mode != HG_VIEW_MODE_PATH ||
         view->settings.path.denoise != HG_PATH_DENOISE_SERIES)
         return hg_error_set(err, HG_E_INVAL, "history", NULL, "is for views that make a series");
-    const enum hg_status status = create(view, err);
+    const enum hg_status status = hg_path_view_create(view, &view->path, err);
     return status == HG_OK ? hg_path_history_load(view->path, data, size_bytes, err) : status;
 }

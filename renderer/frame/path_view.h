@@ -10,6 +10,9 @@
 // the film changed.
 enum hg_status hg_path_view_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     bool begins, uint64_t *changes, struct hg_error *err) HG_MUST_CHECK;
+// A path with the callbacks of this view, where there is none yet. HG_E_NOMEM.
+enum hg_status hg_path_view_create(
+    struct hg_view_state *view, struct hg_path **path, struct hg_error *err) HG_MUST_CHECK;
 // The same of the picture that is metered (view->exposure.metering), whose film takes the place of
 // the view's.
 enum hg_status hg_path_view_meter(struct hg_view_state *view, const struct hg_draw_request *draw,

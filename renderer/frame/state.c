@@ -22,5 +22,6 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .blend = &view->blend,
         .unlit = &view->unlit,
         .stats = &view->stats,
-        .probes = view->gi.field};
+        .probes = view->gi.field,
+        .gathered = view->gi.gathered ? &view->gather.light : NULL};
 }

@@ -32,6 +32,10 @@
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
+#define HG_VIEW_GI_NONE   0
+#define HG_VIEW_GI_PROBES 1 // light by way of surfaces comes from a field of probes
+#define HG_VIEW_GI_RAYS   2 // at rest it is gathered per pixel
+
 struct hg_view_settings {
     uint32_t width, height; // px
     struct hg_picture_region region;
@@ -39,7 +43,7 @@ struct hg_view_settings {
     uint32_t background;    // HG_BACKGROUND_MODE_*
     float background_color[3];
     uint32_t ground;  // enum hg_ground of renderer.h
-    uint32_t gi;      // 1: diffuse light comes from probes
+    uint32_t gi;      // HG_VIEW_GI_*
     float exposure;   // linear factor
     uint32_t samples; // per pixel until settled, >= 1
     uint32_t seed;
@@ -69,8 +73,22 @@ struct hg_view_exposure {
 // Light from probes (gi_view.h).
 struct hg_view_probes {
     enum hg_gi_field_kind field; // that the next sample is drawn with
+    bool gathered;               // and it has the gathered light
     bool refused;                // for want of memory, for refused_key
     struct hg_gi_key refused_key;
+};
+
+// What light is gathered for.
+struct hg_gather_key {
+    uint64_t scene, environment, geometry, settings, camera; // revisions
+};
+
+// Light gathered per pixel (gather_view.h).
+struct hg_view_gather {
+    struct hg_path *path; // while it is gathered
+    struct hg_gather_key key;
+    bool begun, done;          // for `key`
+    struct hg_gpu_image light; // shaders/shared/gi.h
 };
 
 struct hg_view_state {
@@ -84,6 +102,7 @@ struct hg_view_state {
     uint64_t settings_revision, camera_revision;
     struct hg_view_exposure exposure;
     struct hg_view_probes gi;
+    struct hg_view_gather gather;
     bool final;       // not displayed before the picture is settled
     uint32_t formats; // 1 << index into targets.pixels: of pixels that are read after a step
 

@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/gather_view.h"
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/path_view.h"
@@ -107,6 +108,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     struct hg_gpu *gpu = view->context->gpu;
     destroy_extras(view);
     hg_path_destroy(view->path);
+    hg_gather_view_finish(view);
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);

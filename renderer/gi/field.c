@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/jobs.h"
+#include "renderer/gi/words.h"
 #include "renderer/math/vec.h"
 
 #define IRRADIANCE_SIDE   HG_PROBE_IRRADIANCE_SIDE
@@ -300,23 +301,6 @@ void hg_gi_field_irradiance(
 
 // --- the device ----------------------------------------------------------------------------------
 
-// Source: Khronos Data Format Specification 1.3, section 10.5 (shared exponent).
-static uint32_t rgb9e5(float r, float g, float b)
-{
-    const float most = fmaxf(r, fmaxf(g, b));
-    int exponent = 0;
-    if (!(most > 1e-8f))
-        return 0;
-    frexpf(fminf(most, 65408.0f), &exponent);
-    const int shared = exponent + 15 < 0 ? 0 : exponent + 15 > 31 ? 31 : exponent + 15;
-    const float scale = ldexpf(1, 24 - shared);
-    const float values[3] = {r, g, b};
-    uint32_t word = (uint32_t)shared << 27;
-    for (int c = 0; c < 3; c++)
-        word |= (uint32_t)hg_clampf(rintf(values[c] * scale), 0, 511) << (9 * c);
-    return word;
-}
-
 static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
 {
     uint32_t word = f->awake[probe] ? HG_PROBE_AWAKE : 0;
@@ -339,8 +323,8 @@ static void pack_probe(void *user, size_t probe)
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
         irradiance[t] =
-            rgb9e5(from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
-        reflection[2 * t] = rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
+            hg_gi_rgb9e5(from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
+        reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
     }

@@ -15,6 +15,7 @@
 struct sky_sun {
     float sun_direction[3], turbidity;
     float illuminance[3];
+    float towards_ws[3]; // 0: the sky has none
 };
 
 struct hg_lighting {
@@ -242,6 +243,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
 // in the image of the sky (emitters.c), where it has its size.
 static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environment *env)
 {
+    memset(l->sun.towards_ws, 0, sizeof l->sun.towards_ws);
     if (env->kind != HG_ENV_SKY)
         return HG_OK;
     const struct hg_sky sky = hg_sky_of(env, l->set.directional_count > 0);
@@ -259,6 +261,7 @@ static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environ
         return HG_OK;
     const float c = cosf(env->rotation_rad), s = sinf(env->rotation_rad);
     const float towards[3] = {c * to[0] + s * to[2], to[1], c * to[2] - s * to[0]};
+    hg_copy3(towards, l->sun.towards_ws);
     return hg_light_set_add_sun(&l->set, lux, towards);
 }
 
@@ -335,7 +338,9 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
 void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources *out)
 {
     const struct hg_gpu_lighting *b = &l->block;
+    const float *sun = l->sun.towards_ws;
     *out = (struct hg_lighting_sources){.lights = l->set.items,
+        .sky_sun_ws = {sun[0], sun[1], sun[2]},
         .casts = l->set.casts,
         .count = l->set.count,
         .directional_count = l->set.directional_count,

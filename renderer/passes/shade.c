@@ -42,7 +42,9 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (!style->background)
         features2 &= ~HG_FEATURE2_GROUND;
     else
-        features2 &= ~HG_FEATURE2_PROBES;
+        features2 &= ~(HG_FEATURE2_PROBES | HG_FEATURE2_GATHERED);
+    if (style->variant == LAYER || style->variant == LAYERS)
+        features2 &= ~HG_FEATURE2_GATHERED;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
@@ -122,7 +124,8 @@ enum hg_status hg_shade_record(
     struct hg_pass *pass, const struct hg_shade *shade, struct hg_error *err)
 {
     const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
-        .front = {.image = shade->layer ? shade->behind : shade->front}};
+        .front = {.image = shade->layer ? shade->behind : shade->front},
+        .gathered = {.image = shade->gathered}};
     const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->lists           ? LAYERS
@@ -133,6 +136,8 @@ enum hg_status hg_shade_record(
         .first = picture || shade->clear || shade->layer,
         .flat = hg_gpu_strategy(pass->gpu)->flat_shading,
         .picture = picture ? shade->tonemap + 1 : 0};
+    if (shade->gathered != NULL)
+        pass->features2 |= HG_FEATURE2_GATHERED;
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
         status = make_all(pass, &style, unlit, err);

@@ -28,6 +28,7 @@ struct hg_shade {
     // count.
     bool alone;
     struct hg_gpu_image *behind; // of layers: that picture
+    struct hg_gpu_image *gathered; // light on opaque surfaces (shaders/shared/gi.h), NULL = none
 };
 
 enum hg_status hg_shade_record(

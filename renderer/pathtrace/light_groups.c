@@ -198,10 +198,14 @@ enum hg_status hg_light_groups_make(struct hg_light_groups *g, struct hg_gpu *gp
     struct naming n = {.groups = g, .gpu = gpu, .scene_gpu = scene_gpu};
     enum hg_status status = HG_OK;
     g->count = 0;
-    *options &=
-        ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES | HG_PATH_FOLLOWS);
+    *options &= ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES |
+                  HG_PATH_FOLLOWS | HG_PATH_GATHERS);
     if (request->surfaces) { // there are no shadow catchers
         *options |= HG_PATH_SURFACES;
+        return reserve_marks(&n, err);
+    }
+    if (request->gather.on) {
+        *options |= HG_PATH_GATHERS | HG_PATH_SPLIT;
         return reserve_marks(&n, err);
     }
     if (request->ground)

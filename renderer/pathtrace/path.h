@@ -39,6 +39,15 @@ struct hg_path_settings {
     float shutter_open, shutter_close; // frames from the pose of the scene; equal = no motion blur
 };
 
+// Final gathering for a real-time picture: paths bring to its opaque surfaces what it does not draw
+// itself, and end in the scene's field of irradiance probes, which the frame block names
+// (HG_PATH_GATHERS of shaders/shared/path.h). The film is read by hg_path_read_gathered.
+struct hg_path_gather {
+    bool on;
+    float sky_sun_ws[3]; // towards a sky's sun, unit; 0: there is none
+    float reach;         // metres from which on a hit is shaded by the field
+};
+
 #define HG_PATH_DENOISE_SERIES 2u // flag of `denoise`: temporal, with the previous pictures
 
 // Constant while one picture is rendered, except for the stopping criteria (but not `samples`) and
@@ -51,6 +60,7 @@ struct hg_path_request {
     uint32_t samples;       // per pixel, at most
     uint32_t seed;
     float error_px;   // greatest projected error of geometry
+    struct hg_path_gather gather;
     bool surfaces;    // paths end at the first surface: planes of a view in another mode
     bool transparent; // the background has alpha 0
     bool aside;       // between two pictures of the view: what the next one takes up stays
@@ -150,6 +160,11 @@ enum hg_status hg_path_history_save(
     struct hg_path *path, struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_path_history_load(struct hg_path *path, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
+
+// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*. Borrowed until the next
+// step. HG_E_STATE: there is none, or it is not complete.
+enum hg_status hg_path_read_gathered(
+    struct hg_path *path, const float **out, struct hg_error *err) HG_MUST_CHECK;
 
 enum hg_path_piece {      // where the time of a picture is spent
     HG_PATH_PIECE_BEGIN,  // camera rays

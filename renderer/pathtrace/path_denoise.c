@@ -19,7 +19,7 @@ void hg_path_denoise_destroy(struct hg_path_denoiser *d, struct hg_gpu *gpu)
 static bool is_due(const struct hg_path *p)
 {
     const uint32_t pass = p->progress.pass;
-    const bool wanted = p->request.settings.denoise != 0 && !p->request.surfaces;
+    const bool wanted = p->request.settings.denoise != 0 && !p->request.surfaces && !p->request.gather.on;
     return wanted && pass > p->denoiser.pass &&
            (hg_path_done(p) || (p->request.watched && pass >= 2 * p->denoiser.pass));
 }
@@ -168,6 +168,19 @@ static enum hg_status denoise(struct hg_path *p, struct hg_error *err)
         memcpy(p->denoiser.samples.mapped, f->samples.mapped, (size_t)f->tile_count * 4);
     }
     hg_free(light);
+    return status;
+}
+
+enum hg_status hg_path_read_gathered(struct hg_path *p, const float **out, struct hg_error *err)
+{
+    struct hg_path_film *f = &p->film;
+    const float *film;
+    *out = NULL;
+    if (!hg_path_done(p) || !p->request.gather.on)
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was gathered yet");
+    const enum hg_status status = hg_path_film_fetch(p->context->gpu, f, f->channels, &film, err);
+    if (status == HG_OK)
+        *out = film + f->planes[HG_PATH_PLANE_GUIDE] * (size_t)f->width * f->height;
     return status;
 }
 

@@ -13,6 +13,8 @@
 #define HG_AMBIENT_PROBES HG_HAS2(HG_FEATURE2_PROBES)
 #else
 #define HG_AMBIENT_PROBES false
+#endif
+#ifndef HG_LIB_PROBES_GLSL
 const vec3 hg_probes_irradiance = vec3(0.0), hg_probes_behind = vec3(0.0);
 const vec3 hg_probes_surfaces = vec3(0.0);
 const float hg_probes_sky = 1.0;

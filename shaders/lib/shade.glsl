@@ -38,6 +38,8 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 HG_SHADE_IO(HG_IO_DECLARE)
 #define NOTHING 1e30
 
+#include "lib/gathered.glsl"
+
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
 
@@ -171,7 +173,10 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
 vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
 {
     hg_bsdf b = hg_bsdf_make(s, view, 1.0);
-    if (HG_HAS2(HG_FEATURE2_PROBES)) {
+    if (HG_HAS2(HG_FEATURE2_GATHERED)) {
+        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
+        s.occlusion = 1.0;
+    } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
         vec3 r = reflect(-view, b.base.n);
         if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
@@ -222,9 +227,13 @@ vec4 surface(uvec2 id, out float depth)
         return vec4(lobes(s, v, view), 1.0) * alpha;
 #endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
-    if (HG_HAS2(HG_FEATURE2_PROBES))
+    if (HG_HAS2(HG_FEATURE2_GATHERED)) {
+        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.n);
+        s.occlusion = 1.0;
+    } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
             hg_random3(uvec2(gl_FragCoord.xy), 15u));
+    }
     vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
     radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
     return vec4(radiance, 1.0) * alpha;

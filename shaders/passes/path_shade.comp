@@ -17,6 +17,7 @@
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"
 #include "lib/light.glsl"
+#include "lib/probes.glsl"
 #include "lib/environment.glsl"
 #include "lib/path.glsl"
 #include "lib/hit.glsl"
@@ -65,6 +66,7 @@ layout(constant_id = 0) const uint kind = 0u;
 #define SEVERAL (HG_EMITTER_KIND_ALL & ~HG_EMITTER_KIND_SUN) // but a single directional light
 #define ROULETTE_AFTER 3u // bounces
 #define ROULETTE_LEAST 0.05
+#define GATHER_ROUGH   0.3 // lobes from this roughness on are rough
 #define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
 
 // A path as far as it has come.
@@ -149,6 +151,20 @@ void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
     hg_path_set(at + 3u, slot, on.y);
 }
 
+// The direction belongs to the sun of a sky.
+bool is_sky_sun(vec3 direction_ws)
+{
+    return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
+}
+
+// Of a gathering path: light that real-time pictures draw themselves at the first surface, and that the
+// field of probes does not hold.
+bool is_drawn(hg_emitter_sample e)
+{
+    return e.group == HG_EMITTER_GROUP_PUNCTUAL ||
+        (e.group == HG_EMITTER_GROUP_ENVIRONMENT && is_sky_sun(e.direction));
+}
+
 // What the camera sees behind everything.
 vec3 background(path p, vec3 direction)
 {
@@ -180,6 +196,8 @@ uint miss(path p)
             weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d));
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && is_sky_sun(d))
+        radiance = vec3(0.0);
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
@@ -226,7 +244,13 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
 {
     uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, hg_features_scattering(b));
+    vec3 scattering = hg_features_scattering(b);
+    if (HG_PATH_CAN(HG_PATH_GATHERS)) { // as hg_environment_brdf multiplies irradiance
+        float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
+        scattering *= clamp(1.0 - b.base.f0_dielectric * b.base.dfg_v.x - b.base.dfg_v.y -
+            b.base.f_ms_dielectric * miss, 0.0, 1.0);
+    }
+    hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, scattering);
     hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
@@ -375,6 +399,8 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     if (through && !b.thin)
         hg_media_cross(p.media, v.material, s.front);
     bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
+    bool wide = diffuse || ((r.lobe & HG_LOBE_DELTA) == 0u && s.roughness >= GATHER_ROUGH);
+    p.flags = wide ? p.flags | HG_PATH_WIDE : p.flags & ~HG_PATH_WIDE;
     float more = (diffuse ? 1.0 : s.roughness * s.roughness) * SPREAD_DIFFUSE * hg_path.footprint;
     hg_path_set(HG_PATH_CONE, p.slot, hg_path_pack_cone(width, spread + more));
     p.ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
@@ -506,6 +532,16 @@ uint ground(inout path p, uvec2 pixel)
     return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.x);
 }
 
+// The light of the field of probes on a surface ends the path.
+void end_in_field(path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 xi)
+{
+    vec3 view = -p.ray.direction_ws;
+    hg_probes_look(v.position_ws, s.geometric_normal, s.normal, view, reflect(-view, s.normal), xi);
+    vec3 albedo = min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
+    hg_path_light(p.slot, p.bounce + 1u, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
+        clamped(p.throughput * albedo * hg_probes_irradiance, p.bounce + 1u));
+}
+
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
@@ -531,8 +567,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     // Nothing there: holes, and what only has a front.
     p.steps++;
-    bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES);
-    if (ub.w >= s.alpha || (one_sided && behind && p.bounce == 0u)) {
+    bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES | HG_PATH_GATHERS);
+    bool layer = HG_PATH_CAN(HG_PATH_GATHERS) && (v.flags & HG_DRAW_BLEND) != 0u;
+    if (ub.w >= s.alpha || ((layer || (one_sided && behind)) && p.bounce == 0u)) {
         if (HG_PATH_CAN(HG_PATH_FIRST))
             store(p, 0.0);
         hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
@@ -584,14 +621,24 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && (p.flags & HG_PATH_WIDE) != 0u &&
+        hit.t >= hg_path.gather.reach;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && is_drawn(light.e) != ends)
+        light.light = vec3(0.0);
     uint status = HG_PATH_DONE;
     if (ask_light(p, b, v, s, light, false))
         status |= HG_PATH_SHADOW;
     if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
         light.e = hg_emitter_pick_apart(v.position_ws, side, ua.x);
         light.light = reflected(b, s, light.e, 1u, light.f);
+        if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u)
+            light.light = vec3(0.0);
         if (ask_light(p, b, v, s, light, true))
             status |= HG_PATH_SUN;
+    }
+    if (ends) {
+        end_in_field(p, b, v, s, vec3(ua.yzw));
+        return status;
     }
     vec3 direction = p.ray.direction_ws;
     uint lobe;

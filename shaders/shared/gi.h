@@ -6,6 +6,11 @@
 // [count][MOMENT_TEXELS] mean and variance as halves, in units of `spacing` and its square,
 // [count][IRRADIANCE_TEXELS][2] irradiance from surfaces alone as RGB9E5, and the share of the
 // cosine-weighted directions that see the environment as float.
+//
+// Gathered light, RGBA32UI at the size of the picture, of the first opaque surface about each pixel's
+// middle: light that scatters (irradiance over pi) and mean radiance under the specular lobe, both
+// RGB9E5 and without what lights and a sky's sun bring directly; the shading normal (lib/octahedral.glsl);
+// depth along the view direction in metres as a float, 0: there is no surface.
 #ifndef HG_SHADERS_SHARED_GI_H
 #define HG_SHADERS_SHARED_GI_H
 

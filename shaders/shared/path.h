@@ -61,6 +61,7 @@
 #define HG_PATH_SEEN          0x00200000u // a surface was found: what the camera sees is noted
 #define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
+#define HG_PATH_WIDE          0x02000000u // it left a rough surface: what it meets may be shaded coarsely
 #define HG_PATH_CATCHES           0x00080000u // its shadow ray tests the light of a shadow catcher
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u
@@ -183,11 +184,21 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_CATCHER 0x10u // there are shadow catchers
 #define HG_PATH_FOLLOWS    0x20u // the guide has features seen in smooth surfaces
 #define HG_PATH_PLACED 0x40u // some draws are marked so
+#define HG_PATH_GATHERS 0x80u // final gathering for a real-time picture (hg_gpu_path.gather)
 #define HG_PATH_SURFACES   0x2000000u // first hits only, by the rules of the real-time mode
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
 #define HG_PATH_FIRST  0x800000u // of shading: paths are as they left the camera, state is not read
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
+
+// With HG_PATH_GATHERS paths leave the first opaque surface, bring what real-time pictures do not draw
+// themselves (all but punctual lights and the sun of a sky), and end in the field of irradiance probes
+// (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away.
+struct hg_gpu_path_gather {
+    HG_VEC3 sun_ws; // towards the sun of a sky, unit
+    float sun_cos;  // of the angle that belongs to it; 2: there is none
+    float reach;    // metres
+};
 
 // Uniform block HG_BIND_PATH.
 struct hg_gpu_path {
@@ -226,6 +237,7 @@ struct hg_gpu_path {
     HG_UINT lists, list_count;
     HG_UINT name_draws; // in a row of names
     float footprint;     // of textures, as a share of what a pixel or a lobe covers
+    HG_STRUCT(hg_gpu_path_gather) gather;
     HG_UINT branch_bits; // each surface that the camera sees gets 2^n paths for a sample
     // HG_PATH_SPLATS: where in its pixel each sample of the pass is, px from the middle, and how much
     // of the sample to the left, of its own, to the right (above, ...) a pixel takes.

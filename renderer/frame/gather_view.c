@@ -1,0 +1,137 @@
+// gather_view.c - see gather_view.h.
+#include "renderer/frame/gather_view.h"
+
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/frame/frame.h"
+#include "renderer/frame/path_view.h"
+#include "renderer/gi/gather.h"
+#include "shaders/shared/path.h"
+
+#define FILTER_BOX  1u   // enum hg_filter of renderer.h
+#define SAMPLES     8    // of a pixel
+#define MOST_BOUNCE 6    // of paths that do not find the field
+#define REACH       0.5f // spacings of the field
+
+static struct hg_gather_key key_of(const struct hg_view_state *view)
+{
+    return (struct hg_gather_key){.scene = view->scene_gpu->scene->revision,
+        .environment = view->scene_gpu->scene->environment.revision,
+        .geometry = view->scene_gpu->geometry_revision,
+        .settings = view->settings_revision,
+        .camera = view->camera_revision};
+}
+
+bool hg_gather_view_is_done(const struct hg_view_state *view)
+{
+    const struct hg_gather_key key = key_of(view);
+    return view->gather.done && memcmp(&key, &view->gather.key, sizeof key) == 0;
+}
+
+void hg_gather_view_finish(struct hg_view_state *view)
+{
+    hg_path_destroy(view->gather.path);
+    hg_gpu_image_destroy(view->context->gpu, &view->gather.light);
+    view->gather = (struct hg_view_gather){0};
+}
+
+static struct hg_path_request request_of(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    struct hg_lighting_sources sources;
+    struct hg_gi_stats field;
+    hg_lighting_sources(view->lighting, &sources);
+    hg_gi_stats(view->scene_gpu->gi, &field);
+    struct hg_path_request request = {.camera = view->camera,
+        .width = s->width,
+        .height = s->height,
+        .region = {0, 0, s->width, s->height}, // the filter looks around
+        .samples = SAMPLES,
+        .seed = s->seed,
+        .error_px = s->error_px,
+        .gather = {.on = true, .reach = REACH * field.spacing},
+        .aside = true,
+        .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
+    memcpy(request.gather.sky_sun_ws, sources.sky_sun_ws, sizeof sources.sky_sun_ws);
+    request.settings = (struct hg_path_settings){.trace = s->path.trace,
+        .filter = FILTER_BOX,
+        .filter_radius_px = 0.5f,
+        .max_bounces = MOST_BOUNCE,
+        .denoise = 1, // the film has what the denoiser is guided by
+        .frame_s = s->path.frame_s};
+    return request;
+}
+
+static uint32_t first_half(void)
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < SAMPLES; i++)
+        count += HG_PATH_IS_FIRST_HALF(i);
+    return count;
+}
+
+static enum hg_status make_image(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
+    struct hg_gpu_image *image = &view->gather.light;
+    const struct hg_gpu_image_params params = {.format = VK_FORMAT_R32G32B32A32_UINT,
+        .width = s->width,
+        .height = s->height,
+        .name = "gathered light"};
+    if (image->width == s->width && image->height == s->height)
+        return HG_OK;
+    hg_gpu_image_destroy(view->context->gpu, image);
+    return hg_gpu_image_create(view->context->gpu, &params, image, err);
+}
+
+static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const size_t pixels = (size_t)s->width * s->height;
+    struct hg_gi_gather_input input = {.width = s->width,
+        .height = s->height,
+        .samples = SAMPLES,
+        .first_half = first_half()};
+    const struct hg_gpu_region all = {.width = s->width, .height = s->height};
+    const uint64_t start = hg_clock_now_ns();
+    enum hg_status status = hg_path_read_gathered(view->gather.path, &input.sums, err);
+    if (status == HG_OK)
+        status = make_image(view, err);
+    if (status != HG_OK)
+        return status;
+    input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * pixels;
+    uint32_t *words = hg_calloc(4 * pixels, sizeof *words);
+    if (words == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    status = hg_gi_gather_filter(view->context->jobs, &input, words, err);
+    if (status == HG_OK)
+        status = hg_gpu_image_upload(
+            view->context->gpu, &view->gather.light, &all, words, 0, err);
+    hg_free(words);
+    hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
+    return status;
+}
+
+enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_view_gather *g = &view->gather;
+    const struct hg_gather_key key = key_of(view);
+    const struct hg_path_request request = request_of(view);
+    const bool begins = !g->begun || memcmp(&key, &g->key, sizeof key) != 0;
+    enum hg_status status = hg_path_view_create(view, &g->path, err);
+    g->key = key;
+    g->begun = true;
+    g->done = false;
+    if (status == HG_OK)
+        status = hg_path_step(g->path, &request, begins, err);
+    if (status == HG_OK && hg_path_done(g->path)) {
+        status = filter(view, err);
+        g->done = status == HG_OK;
+        hg_path_destroy(g->path); // its film is large
+        g->path = NULL;
+    }
+    g->begun = status == HG_OK && !g->done;
+    return status;
+}

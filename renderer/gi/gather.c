@@ -1,0 +1,364 @@
+// gather.c - see gather.h.
+#include "renderer/gi/gather.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/simd.h"
+#include "renderer/gi/words.h"
+#include "renderer/lod/vertex_pack.h"
+#include "renderer/math/vec.h"
+#include "shaders/shared/path.h"
+
+#define ITERATIONS 5
+#define BLIND      3 // of them, which do not look at light: that of few samples is noise
+#define STRIP      8 // rows that are filtered together
+#define LEAST_ALBEDO 0.02f
+
+// How far neighbours may differ.
+#define NORMAL_SQUARINGS 3      // the cosine between normals to the power of 8
+#define SLOPE_REACH      1.5f   // of what the depth's gradient explains
+#define DEPTH_REACH      0.01f // of the depth itself, per px
+#define LIGHT_REACH      3.0f   // standard deviations of luminance
+#define ROUGH_REACH      0.1f
+#define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
+
+// Light of one kind: radiance, how much it is worth, variance of its luminance.
+enum { RED, GREEN, BLUE, WORTH, VARIANCE, LIGHT_PLANES };
+// Of surfaces. SLOPE_*: of depth, per px.
+enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, GUIDES };
+enum { SCATTERED, MIRRORED, KINDS };
+
+struct work {
+    const struct hg_gi_gather_input *in;
+    float *guides[GUIDES];
+    float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
+    float *rows;   // [strips][LIGHT_PLANES][width]
+    uint32_t step; // px between taps
+    int kind;
+    uint32_t *out;
+};
+
+static size_t strips_of(const struct work *w)
+{
+    return (w->in->height + STRIP - 1) / STRIP;
+}
+
+static size_t pixels_of(const struct work *w)
+{
+    return (size_t)w->in->width * w->in->height;
+}
+
+// --- what the film has ---------------------------------------------------------------------------
+
+static float luminance(const float c[3])
+{
+    return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
+}
+
+static void set_guides(struct work *w, size_t at, float hits)
+{
+    const size_t pixels = pixels_of(w);
+    const float *sums = w->in->sums, scale = 1 / hits;
+    float n[3];
+    for (size_t c = 0; c < 3; c++)
+        n[c] = sums[(HG_PATH_GUIDE_NORMAL + c) * pixels + at];
+    hg_normalize3(n);
+    for (size_t c = 0; c < 3; c++)
+        w->guides[NORMAL_X + c][at] = n[c];
+    w->guides[DEPTH][at] = expf(sums[HG_PATH_GUIDE_DEPTH * pixels + at] * scale);
+    w->guides[ROUGHNESS][at] = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at] * scale;
+}
+
+static void add3(const float *planes, size_t first, size_t pixels, size_t at, float out[3])
+{
+    for (size_t c = 0; c < 3; c++)
+        out[c] += planes[(first + c) * pixels + at];
+}
+
+// What samples brought, and the variance of their mean: a quarter of the squared difference of the two
+// halves' means.
+static void set_light(struct work *w, int kind, size_t at)
+{
+    const struct hg_gi_gather_input *in = w->in;
+    const size_t pixels = pixels_of(w);
+    const size_t lobes[KINDS][2] = {{HG_PATH_GUIDE_DIRECT, HG_PATH_GUIDE_INDIRECT},
+        {HG_PATH_GUIDE_SPECULAR, HG_PATH_GUIDE_SPECULAR}};
+    const size_t albedo_at = kind == SCATTERED ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
+    const float first = (float)in->first_half, second = (float)(in->samples - in->first_half);
+    float all[3] = {0}, half[3] = {0}, albedo[3] = {0}, worth = 0, differs[3] = {0};
+    for (int i = 0; i < (kind == SCATTERED ? 2 : 1); i++) {
+        add3(in->sums, lobes[kind][i], pixels, at, all);
+        add3(in->halves, lobes[kind][i], pixels, at, half);
+    }
+    add3(in->sums, albedo_at, pixels, at, albedo);
+    for (int c = 0; c < 3; c++) {
+        const float a = fmaxf(albedo[c], LEAST_ALBEDO * (float)in->samples);
+        const float mean = a / (float)in->samples;
+        w->from[kind][RED + c][at] = all[c] / a;
+        if (first > 0 && second > 0)
+            differs[c] = (half[c] / first - (all[c] - half[c]) / second) / mean;
+        worth = fmaxf(worth, albedo[c] / a);
+    }
+    const float d = luminance(differs);
+    w->from[kind][WORTH][at] = worth;
+    w->from[kind][VARIANCE][at] = 0.25f * d * d;
+}
+
+static void load_row(void *user, size_t y)
+{
+    struct work *w = user;
+    const size_t width = w->in->width, pixels = pixels_of(w);
+    for (size_t at = y * width; at < (y + 1) * width; at++) {
+        const float hits = w->in->sums[HG_PATH_GUIDE_HITS * pixels + at];
+        if (!(hits > 0)) // planes are zero
+            continue;
+        set_guides(w, at, hits);
+        for (int kind = 0; kind < KINDS; kind++)
+            set_light(w, kind, at);
+    }
+}
+
+// The smaller of the two one-sided differences; 0 next to nothing.
+static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool after)
+{
+    const float here = z[at];
+    const float back = before && z[(ptrdiff_t)at - by] > 0 ? here - z[(ptrdiff_t)at - by] : INFINITY;
+    const float on = after && z[(ptrdiff_t)at + by] > 0 ? z[(ptrdiff_t)at + by] - here : INFINITY;
+    const float least = fabsf(back) < fabsf(on) ? back : on;
+    return here > 0 && isfinite(least) ? least : 0;
+}
+
+// Slopes, and variances that are means over 7 x 7 px, as those of single pixels are noise themselves.
+static void prepare_row(void *user, size_t y)
+{
+    struct work *w = user;
+    const size_t width = w->in->width, height = w->in->height;
+    const size_t y0 = y > 3 ? y - 3 : 0, y1 = y + 4 < height ? y + 4 : height;
+    for (size_t x = 0; x < width; x++) {
+        const size_t at = y * width + x, x0 = x > 3 ? x - 3 : 0, x1 = x + 4 < width ? x + 4 : width;
+        w->guides[SLOPE_X][at] = slope(w->guides[DEPTH], at, 1, x > 0, x + 1 < width);
+        w->guides[SLOPE_Y][at] =
+            slope(w->guides[DEPTH], at, (ptrdiff_t)width, y > 0, y + 1 < height);
+        for (int kind = 0; kind < KINDS; kind++) {
+            float sum = 0, count = 1e-6f;
+            for (size_t v = y0; v < y1; v++)
+                for (size_t u = x0; u < x1; u++) {
+                    sum += w->from[kind][VARIANCE][v * width + u];
+                    count += w->guides[DEPTH][v * width + u] > 0 ? 1.0f : 0.0f;
+                }
+            w->to[kind][VARIANCE][at] = sum / count;
+        }
+    }
+}
+
+// --- one iteration -------------------------------------------------------------------------------
+
+// Sums of one row.
+struct row {
+    float *restrict sums[LIGHT_PLANES]; // WORTH: of weights
+};
+
+struct tap {
+    ptrdiff_t to;     // from a pixel to its neighbour
+    float dx, dy, px; // px
+    float kernel;
+};
+
+static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
+{
+    const float y = 1 - (x < 4 ? x : 4) * 0.25f, y2 = y * y;
+    return y2 * y2;
+}
+
+// Adds what one neighbour of each pixel [begin, end) brings; indices begin at the first pixel of a row.
+HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin, size_t end,
+    const struct tap *tap, const struct row *out)
+{
+    float *const *light = w->from[w->kind];
+    const float *restrict nx = w->guides[NORMAL_X] + row, *restrict ny = w->guides[NORMAL_Y] + row;
+    const float *restrict nz = w->guides[NORMAL_Z] + row, *restrict z = w->guides[DEPTH] + row;
+    const float *restrict zx = w->guides[SLOPE_X] + row, *restrict zy = w->guides[SLOPE_Y] + row;
+    const float *restrict rough = w->guides[ROUGHNESS] + row;
+    const float *restrict r = light[RED] + row, *restrict g = light[GREEN] + row;
+    const float *restrict b = light[BLUE] + row, *restrict worth = light[WORTH] + row;
+    const float *restrict variance = light[VARIANCE] + row;
+    float *restrict sr = out->sums[RED], *restrict sg = out->sums[GREEN];
+    float *restrict sb = out->sums[BLUE], *restrict sw = out->sums[WORTH];
+    float *restrict sv = out->sums[VARIANCE];
+    const ptrdiff_t to = tap->to;
+    const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
+    const float mirrored = w->kind == MIRRORED ? 1.0f : 0.0f;
+    const float looks = w->step >> BLIND > 0 ? 1.0f : 0.0f;
+    for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
+        const ptrdiff_t q = x + to;
+        float n = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
+        n = n > 0 ? n : 0;
+        for (int i = 0; i < NORMAL_SQUARINGS; i++)
+            n *= n;
+        const float plane = z[x] + zx[x] * dx + zy[x] * dy;
+        const float apart = fabsf(z[q] - plane);
+        const float may = SLOPE_REACH * (fabsf(zx[x] * dx) + fabsf(zy[x] * dy)) * 0.25f +
+                          DEPTH_REACH * px * z[x] + 1e-6f;
+        const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
+        const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
+        const float deviation = LIGHT_REACH * sqrtf(variance[x]) + 1e-2f * lx + 1e-7f;
+        const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
+        float weight = kernel * n * approach_zero(apart / may) * like * worth[q];
+        const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
+        const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
+        const float lobe = approach_zero(2 * reach) * approach_zero(2 * other);
+        weight *= 1 - mirrored * (1 - lobe);
+        sr[x] += weight * r[q];
+        sg[x] += weight * g[q];
+        sb[x] += weight * b[q];
+        sw[x] += weight;
+        sv[x] += weight * weight * variance[q];
+    }
+}
+
+HG_SIMD_LOOP static void finish_row(
+    const struct work *w, size_t row, size_t width, const struct row *sums)
+{
+    float *const *light = w->from[w->kind];
+    float *const *to = w->to[w->kind];
+    for (size_t x = 0; x < width; x++) {
+        const float weight = sums->sums[WORTH][x];
+        const float scale = weight > 1e-12f ? 1 / weight : 0, keep = weight > 1e-12f ? 0.0f : 1.0f;
+        for (int c = RED; c <= BLUE; c++)
+            to[c][row + x] = sums->sums[c][x] * scale + keep * light[c][row + x];
+        to[WORTH][row + x] = light[WORTH][row + x];
+        to[VARIANCE][row + x] =
+            sums->sums[VARIANCE][x] * scale * scale + keep * light[VARIANCE][row + x];
+    }
+}
+
+static void filter_row(const struct work *w, size_t y, const struct row *row)
+{
+    static const float kernel[2] = {0.5f, 0.25f}; // of a B-spline of three taps
+    const size_t width = w->in->width, height = w->in->height, step = w->step;
+    for (int plane = 0; plane < LIGHT_PLANES; plane++)
+        memset(row->sums[plane], 0, width * sizeof(float));
+    for (int j = -1; j <= 1; j++) {
+        if ((j < 0 && y < step) || (j > 0 && y + step >= height))
+            continue;
+        for (int i = -1; i <= 1; i++) {
+            const float dx = (float)i * (float)step, dy = (float)j * (float)step;
+            const struct tap tap = {.to = (ptrdiff_t)step * (i + j * (ptrdiff_t)width),
+                .dx = dx,
+                .dy = dy,
+                .px = sqrtf(dx * dx + dy * dy),
+                .kernel = kernel[i != 0] * kernel[j != 0]};
+            const size_t begin = i < 0 ? step : 0;
+            const size_t end = i > 0 ? (width > step ? width - step : 0) : width;
+            if (begin < end)
+                add_tap(w, y * width, begin, end, &tap, row);
+        }
+    }
+    finish_row(w, y * width, width, row);
+}
+
+static void filter_strip(void *user, size_t strip)
+{
+    struct work *w = user;
+    const size_t width = w->in->width, height = w->in->height, first = strip * STRIP;
+    struct row row;
+    for (size_t p = 0; p < LIGHT_PLANES; p++)
+        row.sums[p] = w->rows + (strip * LIGHT_PLANES + p) * width;
+    for (size_t y = first; y < first + STRIP && y < height; y++)
+        filter_row(w, y, &row);
+}
+
+// --- words ---------------------------------------------------------------------------------------
+
+// What is left of a pixel that no neighbour was like (edges within it): its luminance is at most the third
+// largest of those around it. Returns the factor that does it.
+static float despeckle(const struct work *w, int kind, size_t at)
+{
+    float *const *light = w->from[kind];
+    const size_t width = w->in->width, x = at % width, y = at / width;
+    float most[3] = {0}; // the largest first
+    if (x == 0 || y == 0 || x + 1 == width || y + 1 == w->in->height)
+        return 1;
+    for (size_t v = y - 1; v <= y + 1; v++)
+        for (size_t u = x - 1; u <= x + 1; u++) {
+            const size_t q = v * width + u;
+            const float c[3] = {light[RED][q], light[GREEN][q], light[BLUE][q]};
+            float l = q == at ? 0 : luminance(c);
+            for (int i = 0; i < 3; i++)
+                if (l > most[i]) {
+                    const float less = most[i];
+                    most[i] = l;
+                    l = less;
+                }
+        }
+    const float own[3] = {light[RED][at], light[GREEN][at], light[BLUE][at]};
+    const float l = luminance(own);
+    return l > most[2] ? most[2] / l : 1;
+}
+
+static void pack_row(void *user, size_t y)
+{
+    struct work *w = user;
+    for (size_t at = y * w->in->width; at < (y + 1) * (size_t)w->in->width; at++) {
+        uint32_t *out = w->out + 4 * at;
+        const float depth = w->guides[DEPTH][at];
+        float *const *s = w->from[SCATTERED], *const *m = w->from[MIRRORED];
+        const float n[3] = {
+            w->guides[NORMAL_X][at], w->guides[NORMAL_Y][at], w->guides[NORMAL_Z][at]};
+        const float a = despeckle(w, SCATTERED, at), b = despeckle(w, MIRRORED, at);
+        out[0] = hg_gi_rgb9e5(a * s[RED][at], a * s[GREEN][at], a * s[BLUE][at]);
+        out[1] = hg_gi_rgb9e5(b * m[RED][at], b * m[GREEN][at], b * m[BLUE][at]);
+        out[2] = hg_pack_normal(n);
+        memcpy(&out[3], &depth, sizeof depth);
+    }
+}
+
+// --- all of it -----------------------------------------------------------------------------------
+
+static void swap_planes(struct work *w, int kind, int plane)
+{
+    float *other = w->from[kind][plane];
+    w->from[kind][plane] = w->to[kind][plane];
+    w->to[kind][plane] = other;
+}
+
+static void filter(struct work *w, struct hg_jobs *jobs)
+{
+    const size_t height = w->in->height;
+    hg_jobs_for(jobs, height, load_row, w);
+    hg_jobs_for(jobs, height, prepare_row, w);
+    for (w->kind = 0; w->kind < KINDS; w->kind++) {
+        swap_planes(w, w->kind, VARIANCE);
+        for (int i = 0; i < ITERATIONS; i++) {
+            w->step = 1u << i;
+            hg_jobs_for(jobs, strips_of(w), filter_strip, w);
+            for (int plane = 0; plane < LIGHT_PLANES; plane++)
+                swap_planes(w, w->kind, plane);
+        }
+    }
+    hg_jobs_for(jobs, height, pack_row, w);
+}
+
+enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+    uint32_t *out, struct hg_error *err)
+{
+    struct work w = {.in = input, .out = out};
+    const size_t pixels = pixels_of(&w), planes = GUIDES + 2 * KINDS * LIGHT_PLANES;
+    const size_t rows = strips_of(&w) * LIGHT_PLANES * input->width;
+    float *memory = hg_calloc(planes * pixels + rows, sizeof *memory), *next = memory;
+    if (memory == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    for (int i = 0; i < GUIDES; i++, next += pixels)
+        w.guides[i] = next;
+    for (int kind = 0; kind < KINDS; kind++)
+        for (int plane = 0; plane < LIGHT_PLANES; plane++, next += 2 * pixels) {
+            w.from[kind][plane] = next;
+            w.to[kind][plane] = next + pixels;
+        }
+    w.rows = next;
+    filter(&w, jobs);
+    hg_free(memory);
+    return HG_OK;
+}
