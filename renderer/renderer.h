@@ -76,8 +76,8 @@ enum hg_background {
 };
 enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_NONE,
-    HG_GI_AUTO, // the best that there is; at present as PROBES
-    HG_GI_RAYS, // at present as PROBES
+    HG_GI_AUTO, // the best that there is; at present as RAYS
+    HG_GI_RAYS, // PROBES in motion; at rest gathered by rays from each pixel
     HG_GI_PROBES,
 };
 enum hg_exposure_mode {

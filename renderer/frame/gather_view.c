@@ -11,7 +11,8 @@
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX  1u   // enum hg_filter of renderer.h
-#define SAMPLES     8    // of a pixel
+#define LEAST       8    // samples of a pixel
+#define MOST        64
 #define MOST_BOUNCE 6    // of paths that do not find the field
 #define REACH       0.5f // spacings of the field
 
@@ -37,6 +38,16 @@ void hg_gather_view_finish(struct hg_view_state *view)
     view->gather = (struct hg_view_gather){0};
 }
 
+// Small pictures have more samples, as there is less room for the filter in them.
+static uint32_t samples_of(const struct hg_view_settings *s)
+{
+    uint64_t px = (uint64_t)s->width * s->height;
+    uint32_t samples = LEAST;
+    for (; px * 2 < 921600 && samples < MOST; px *= 4)
+        samples *= 2;
+    return samples;
+}
+
 static struct hg_path_request request_of(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
@@ -48,7 +59,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .width = s->width,
         .height = s->height,
         .region = {0, 0, s->width, s->height}, // the filter looks around
-        .samples = SAMPLES,
+        .samples = samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
         .gather = {.on = true, .reach = REACH * field.spacing},
@@ -64,10 +75,10 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
     return request;
 }
 
-static uint32_t first_half(void)
+static uint32_t first_half(uint32_t samples)
 {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < SAMPLES; i++)
+    for (uint32_t i = 0; i < samples; i++)
         count += HG_PATH_IS_FIRST_HALF(i);
     return count;
 }
@@ -92,8 +103,8 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     const size_t pixels = (size_t)s->width * s->height;
     struct hg_gi_gather_input input = {.width = s->width,
         .height = s->height,
-        .samples = SAMPLES,
-        .first_half = first_half()};
+        .samples = samples_of(s),
+        .first_half = first_half(samples_of(s))};
     const struct hg_gpu_region all = {.width = s->width, .height = s->height};
     const uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_path_read_gathered(view->gather.path, &input.sums, err);

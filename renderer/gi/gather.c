@@ -11,8 +11,8 @@
 #include "renderer/math/vec.h"
 #include "shaders/shared/path.h"
 
-#define ITERATIONS 5
-#define BLIND      3 // of them, which do not look at light: that of few samples is noise
+#define FINEST 48 // the widest step is at most this part of the picture's height, or 1 px
+#define BLIND  2  // iterations that do not look at light: that of few samples is noise
 #define STRIP      8 // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
@@ -331,8 +331,7 @@ static void filter(struct work *w, struct hg_jobs *jobs)
     hg_jobs_for(jobs, height, prepare_row, w);
     for (w->kind = 0; w->kind < KINDS; w->kind++) {
         swap_planes(w, w->kind, VARIANCE);
-        for (int i = 0; i < ITERATIONS; i++) {
-            w->step = 1u << i;
+        for (w->step = 1; w->step == 1 || w->step * FINEST <= height; w->step *= 2) {
             hg_jobs_for(jobs, strips_of(w), filter_strip, w);
             for (int plane = 0; plane < LIGHT_PLANES; plane++)
                 swap_planes(w, w->kind, plane);

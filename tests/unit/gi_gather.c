@@ -1,0 +1,179 @@
+// gi_gather.c - the filter of gathered light on made pictures.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "renderer/gi/gather.h"
+#include "shaders/shared/path.h"
+#include "tests/support/check.h"
+
+enum { WIDTH = 256, HEIGHT = 192, PIXELS = WIDTH * HEIGHT, SAMPLES = 8 };
+
+struct film {
+    float *sums, *halves;
+    uint32_t *words;
+    struct hg_jobs *jobs;
+};
+
+static void film_init(struct film *f, uint32_t threads)
+{
+    f->sums = hg_calloc(2 * (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS, sizeof(float));
+    f->words = hg_calloc(4 * (size_t)PIXELS, sizeof(uint32_t));
+    assert_non_null(f->sums);
+    assert_non_null(f->words);
+    f->halves = f->sums + (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS;
+    f->jobs = hg_jobs_create(threads);
+    assert_non_null(f->jobs);
+}
+
+static void film_finish(struct film *f)
+{
+    hg_jobs_destroy(f->jobs);
+    hg_free(f->sums);
+    hg_free(f->words);
+}
+
+static void put3(struct film *f, size_t channel, size_t at, float value)
+{
+    for (size_t c = 0; c < 3; c++) {
+        f->sums[(channel + c) * PIXELS + at] = value * SAMPLES;
+        f->halves[(channel + c) * PIXELS + at] = value * SAMPLES / 2;
+    }
+}
+
+// A grey surface that faces the camera; albedo and reflection 0.5.
+static void put_surface(struct film *f, size_t at, float depth, int axis)
+{
+    put3(f, HG_PATH_GUIDE_ALBEDO, at, 0.5f);
+    put3(f, HG_PATH_GUIDE_REFLECTION, at, 0.5f);
+    f->sums[(HG_PATH_GUIDE_NORMAL + (size_t)axis) * PIXELS + at] = SAMPLES;
+    f->sums[HG_PATH_GUIDE_DEPTH * PIXELS + at] = logf(depth) * SAMPLES;
+    f->sums[HG_PATH_GUIDE_ROUGHNESS * PIXELS + at] = 0.5f * SAMPLES;
+    f->sums[HG_PATH_GUIDE_HITS * PIXELS + at] = SAMPLES;
+}
+
+static void put_light(struct film *f, size_t at, float scattered, float mirrored)
+{
+    put3(f, HG_PATH_GUIDE_DIRECT, at, 0.25f * scattered);
+    put3(f, HG_PATH_GUIDE_INDIRECT, at, 0.25f * scattered);
+    put3(f, HG_PATH_GUIDE_SPECULAR, at, 0.5f * mirrored);
+}
+
+static void run(struct film *f)
+{
+    struct hg_error err = {0};
+    const struct hg_gi_gather_input input = {.width = WIDTH,
+        .height = HEIGHT,
+        .samples = SAMPLES,
+        .first_half = SAMPLES / 2,
+        .sums = f->sums,
+        .halves = f->halves};
+    assert_int_equal(hg_gi_gather_filter(f->jobs, &input, f->words, &err), HG_OK);
+}
+
+static float green(uint32_t rgb9e5)
+{
+    return (float)(rgb9e5 >> 9 & 511u) * exp2f((float)(rgb9e5 >> 27) - 24);
+}
+
+static float noise(uint32_t i) // in [0, 1)
+{
+    i = i * 747796405u + 2891336453u;
+    i = ((i >> ((i >> 28) + 4)) ^ i) * 277803737u;
+    return (float)((i >> 22 ^ i) >> 8) / 16777216.0f;
+}
+
+// Light that is the same everywhere stays as it is, over any albedo; nothing is where no surface is.
+static void test_constant(void **state)
+{
+    struct film f;
+    (void)state;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++)
+        if (at % WIDTH < WIDTH / 2) {
+            put_surface(&f, at, 2, 2);
+            put_light(&f, at, 3, 0.75f);
+        }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const bool there = at % WIDTH < WIDTH / 2;
+        float depth;
+        memcpy(&depth, &f.words[4 * at + 3], sizeof depth);
+        assert_true(fabsf(green(f.words[4 * at]) - (there ? 3.0f : 0.0f)) <= 0.01f);
+        assert_true(fabsf(green(f.words[4 * at + 1]) - (there ? 0.75f : 0.0f)) <= 0.003f);
+        assert_true(fabsf(depth - (there ? 2.0f : 0.0f)) <= 1e-4f);
+    }
+    film_finish(&f);
+}
+
+// Two surfaces apart in depth, and two that meet at a right angle: no light crosses the edge.
+static void test_edges(void **state)
+{
+    (void)state;
+    for (int bends = 0; bends < 2; bends++) {
+        struct film f;
+        film_init(&f, 2);
+        for (size_t at = 0; at < PIXELS; at++) {
+            const bool left = at % WIDTH < WIDTH / 2;
+            put_surface(&f, at, left || bends ? 2.0f : 3.0f, left || !bends ? 2 : 0);
+            put_light(&f, at, left ? 1 : 0, left ? 1 : 0);
+        }
+        run(&f);
+        for (size_t at = 0; at < PIXELS; at++) {
+            const float light = at % WIDTH < WIDTH / 2 ? 1 : 0;
+            assert_true(fabsf(green(f.words[4 * at]) - light) <= 0.01f);
+            assert_true(fabsf(green(f.words[4 * at + 1]) - light) <= 0.01f);
+        }
+        film_finish(&f);
+    }
+}
+
+// A twentieth of all pixels holds all of the light: its mean stays, its noise goes.
+static void test_sparse_light(void **state)
+{
+    struct film one, two;
+    double sum = 0, squares = 0, before = 0, before_squares = 0;
+    (void)state;
+    film_init(&one, 1);
+    film_init(&two, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const float light = noise((uint32_t)at) < 0.05f ? 20 : 0;
+        put_surface(&one, at, 2, 2);
+        put_light(&one, at, light, light);
+        before += (double)light;
+        before_squares += (double)(light * light);
+    }
+    memcpy(two.sums, one.sums, 2 * (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS * sizeof(float));
+    run(&one);
+    run(&two);
+    assert_memory_equal(one.words, two.words, 4 * (size_t)PIXELS * sizeof(uint32_t));
+    for (size_t at = 0; at < PIXELS; at++) {
+        const double light = (double)green(one.words[4 * at]);
+        sum += light;
+        squares += light * light;
+    }
+    const double mean = sum / PIXELS, expected = before / PIXELS;
+    const double deviation = sqrt(squares / PIXELS - mean * mean);
+    const double was = sqrt(before_squares / PIXELS - expected * expected);
+    print_message("mean %.3f of %.3f, deviation %.3f of %.3f\n", mean, expected, deviation, was);
+    assert_true(fabs(mean - expected) <= 0.05 * expected);
+    assert_true(deviation <= 0.2 * was);
+    film_finish(&one);
+    film_finish(&two);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_constant),
+        cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_sparse_light),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
