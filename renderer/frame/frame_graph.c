@@ -172,13 +172,13 @@ static enum hg_status record_behind(
 
 static void declare_behind(struct hg_batch *f)
 {
-    hg_batch_add(f, &(struct hg_graph_pass){.name = "shading",
-                        .record = record_behind,
-                        .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0},
-                            {f->depth, HG_GRAPH_DEPTH_TEST, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                            {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
-                            {f->progress, HG_GRAPH_READ_WRITE, 0},
-                            {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "shading",
+               .record = record_behind,
+               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
+                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
 // --- shading -------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@
 #include "renderer/gi/gather.h"
 #include "shaders/shared/path.h"
 
-#define FILTER_BOX  1u   // enum hg_filter of renderer.h
-#define LEAST       8    // samples of a pixel
+#define FILTER_BOX  1u // enum hg_filter of renderer.h
+#define LEAST       8  // samples of a pixel
 #define MOST        64
 #define MOST_BOUNCE 6    // of paths that do not find the field
 #define REACH       0.5f // spacings of the field
@@ -118,8 +118,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     status = hg_gi_gather_filter(view->context->jobs, &input, words, err);
     if (status == HG_OK)
-        status = hg_gpu_image_upload(
-            view->context->gpu, &view->gather.light, &all, words, 0, err);
+        status = hg_gpu_image_upload(view->context->gpu, &view->gather.light, &all, words, 0, err);
     hg_free(words);
     hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
     return status;

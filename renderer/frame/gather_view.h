@@ -1,9 +1,10 @@
 // gather_view.h - light that is gathered per pixel for a picture at rest (renderer/gi/gather.h).
 // Floor 4. Thread: the render thread.
 //
-// Once the field of rest is complete, paths from every pixel bring what surfaces around it send back
-// (hg_path_request.gather), and end in that field. What they brought is filtered once, and all samples
-// of the picture are shaded with it. It is a function of the scene, the settings and the camera.
+// Once the field of rest is complete, paths from every pixel bring what surfaces around it send
+// back (hg_path_request.gather), and end in that field. What they brought is filtered once, and all
+// samples of the picture are shaded with it. It is a function of the scene, the settings and the
+// camera.
 #ifndef HG_RENDERER_FRAME_GATHER_VIEW_H
 #define HG_RENDERER_FRAME_GATHER_VIEW_H
 

@@ -322,8 +322,8 @@ static void pack_probe(void *user, size_t probe)
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
-        irradiance[t] =
-            hg_gi_rgb9e5(from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
+        irradiance[t] = hg_gi_rgb9e5(
+            from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
         reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);

@@ -11,16 +11,16 @@
 #include "renderer/math/vec.h"
 #include "shaders/shared/path.h"
 
-#define FINEST 48 // the widest step is at most this part of the picture's height, or 1 px
-#define BLIND  2  // iterations that do not look at light: that of few samples is noise
-#define STRIP      8 // rows that are filtered together
+#define FINEST       48 // the widest step is at most this part of the picture's height, or 1 px
+#define BLIND        2  // iterations that do not look at light: that of few samples is noise
+#define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
 // How far neighbours may differ.
-#define NORMAL_SQUARINGS 3      // the cosine between normals to the power of 8
-#define SLOPE_REACH      1.5f   // of what the depth's gradient explains
+#define NORMAL_SQUARINGS 3     // the cosine between normals to the power of 8
+#define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
-#define LIGHT_REACH      3.0f   // standard deviations of luminance
+#define LIGHT_REACH      3.0f  // standard deviations of luminance
 #define ROUGH_REACH      0.1f
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
@@ -77,8 +77,8 @@ static void add3(const float *planes, size_t first, size_t pixels, size_t at, fl
         out[c] += planes[(first + c) * pixels + at];
 }
 
-// What samples brought, and the variance of their mean: a quarter of the squared difference of the two
-// halves' means.
+// What samples brought, and the variance of their mean: a quarter of the squared difference of the
+// two halves' means.
 static void set_light(struct work *w, int kind, size_t at)
 {
     const struct hg_gi_gather_input *in = w->in;
@@ -124,13 +124,15 @@ static void load_row(void *user, size_t y)
 static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool after)
 {
     const float here = z[at];
-    const float back = before && z[(ptrdiff_t)at - by] > 0 ? here - z[(ptrdiff_t)at - by] : INFINITY;
+    const float back =
+        before && z[(ptrdiff_t)at - by] > 0 ? here - z[(ptrdiff_t)at - by] : INFINITY;
     const float on = after && z[(ptrdiff_t)at + by] > 0 ? z[(ptrdiff_t)at + by] - here : INFINITY;
     const float least = fabsf(back) < fabsf(on) ? back : on;
     return here > 0 && isfinite(least) ? least : 0;
 }
 
-// Slopes, and variances that are means over 7 x 7 px, as those of single pixels are noise themselves.
+// Slopes, and variances that are means over 7 x 7 px, as those of single pixels are noise
+// themselves.
 static void prepare_row(void *user, size_t y)
 {
     struct work *w = user;
@@ -172,7 +174,8 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
     return y2 * y2;
 }
 
-// Adds what one neighbour of each pixel [begin, end) brings; indices begin at the first pixel of a row.
+// Adds what one neighbour of each pixel [begin, end) brings; indices begin at the first pixel of a
+// row.
 HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin, size_t end,
     const struct tap *tap, const struct row *out)
 {
@@ -272,8 +275,8 @@ static void filter_strip(void *user, size_t strip)
 
 // --- words ---------------------------------------------------------------------------------------
 
-// What is left of a pixel that no neighbour was like (edges within it): its luminance is at most the third
-// largest of those around it. Returns the factor that does it.
+// What is left of a pixel that no neighbour was like (edges within it): its luminance is at most
+// the third largest of those around it. Returns the factor that does it.
 static float despeckle(const struct work *w, int kind, size_t at)
 {
     float *const *light = w->from[kind];

@@ -3,8 +3,8 @@
 //
 // Each pixel has few samples of two kinds of light: what scatters, over the albedo, and what the
 // specular lobe reflects, over its albedo. Both are smooth where surfaces are, so neighbours are
-// averaged by an edge-avoiding a-trous filter (Dammertz et al. 2010) that knows the variance of each
-// pixel (Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering").
+// averaged by an edge-avoiding a-trous filter (Dammertz et al. 2010) that knows the variance of
+// each pixel (Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering").
 #ifndef HG_RENDERER_GI_GATHER_H
 #define HG_RENDERER_GI_GATHER_H
 
@@ -19,8 +19,8 @@ struct hg_gi_gather_input {
     const float *sums, *halves;
 };
 
-// out: [height][width][4] words as the device reads them (shaders/shared/gi.h). The same bytes for any
-// number of threads. HG_E_NOMEM. Takes 100 bytes per pixel meanwhile.
+// out: [height][width][4] words as the device reads them (shaders/shared/gi.h). The same bytes for
+// any number of threads. HG_E_NOMEM. Takes 100 bytes per pixel meanwhile.
 enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
     uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
 

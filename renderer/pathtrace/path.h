@@ -161,8 +161,8 @@ enum hg_status hg_path_history_save(
 enum hg_status hg_path_history_load(struct hg_path *path, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
-// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*. Borrowed until the next
-// step. HG_E_STATE: there is none, or it is not complete.
+// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*. Borrowed until the
+// next step. HG_E_STATE: there is none, or it is not complete.
 enum hg_status hg_path_read_gathered(
     struct hg_path *path, const float **out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -19,7 +19,8 @@ void hg_path_denoise_destroy(struct hg_path_denoiser *d, struct hg_gpu *gpu)
 static bool is_due(const struct hg_path *p)
 {
     const uint32_t pass = p->progress.pass;
-    const bool wanted = p->request.settings.denoise != 0 && !p->request.surfaces && !p->request.gather.on;
+    const bool wanted =
+        p->request.settings.denoise != 0 && !p->request.surfaces && !p->request.gather.on;
     return wanted && pass > p->denoiser.pass &&
            (hg_path_done(p) || (p->request.watched && pass >= 2 * p->denoiser.pass));
 }

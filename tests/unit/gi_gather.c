@@ -89,7 +89,8 @@ static float noise(uint32_t i) // in [0, 1)
     return (float)((i >> 22 ^ i) >> 8) / 16777216.0f;
 }
 
-// Light that is the same everywhere stays as it is, over any albedo; nothing is where no surface is.
+// Light that is the same everywhere stays as it is, over any albedo; nothing is where no surface
+// is.
 static void test_constant(void **state)
 {
     struct film f;
