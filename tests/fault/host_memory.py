@@ -20,6 +20,7 @@ import threading
 import time
 
 CELLS = 256  # per side of a part: 131,072 triangles
+SMALL_CELLS = 184  # where nothing is measured: the smallest arrays are still spilled (256 KiB)
 FEW, MANY = 6, 96  # parts; 21 and 337 MiB of source arrays
 PART_BYTES = (CELLS + 1) ** 2 * 32 + CELLS * CELLS * 24
 BUDGET = 64  # MiB, of textures, geometry and the host each; as much as of geometry for ray structures
@@ -51,28 +52,28 @@ expect stat process.spill_refused_bytes {refused}
 """
 
 
-def scene(folder, parts):
-    """Tiles of waves side by side; all parts name the same arrays, and the loader reads them anew."""
+def scene(folder, parts, cells=CELLS):
+    """Tiles of waves side by side; all parts name the same arrays, and the loader reads them for each."""
     os.makedirs(folder, exist_ok=True)
-    rng, n = random.Random(5), CELLS + 1
+    rng, n = random.Random(5), cells + 1
     slopes = [[rng.uniform(-1, 1) for _ in range(8)] for _ in range(2)]
     rows = [[0.02 * sum(s * ((k * i * 37 % 512) / 256 - 1) for k, s in enumerate(one)) / 8
              for i in range(n)] for one in slopes]
     data = bytearray()
     for z in range(n):
         for x in range(n):
-            data += struct.pack("<3f", x / CELLS, rows[0][x] + rows[1][z], z / CELLS)
+            data += struct.pack("<3f", x / cells, rows[0][x] + rows[1][z], z / cells)
     data += struct.pack("<3f", 0, 1, 0) * (n * n)
     for z in range(n):
         for x in range(n):
-            data += struct.pack("<2f", x / CELLS, z / CELLS)
-    for z in range(CELLS):
-        for x in range(CELLS):
+            data += struct.pack("<2f", x / cells, z / cells)
+    for z in range(cells):
+        for x in range(cells):
             a = z * n + x
             data += struct.pack("<6I", a, a + n, a + 1, a + 1, a + n, a + n + 1)
     with open(f"{folder}/scene.bin", "wb") as f:
         f.write(data)
-    spans = [n * n * 12, n * n * 12, n * n * 8, CELLS * CELLS * 24]
+    spans = [n * n * 12, n * n * 12, n * n * 8, cells * cells * 24]
     starts = [sum(spans[:i]) for i in range(4)]
     heights = [h for h in (min(rows[0]) + min(rows[1]), max(rows[0]) + max(rows[1]))]
     count = n * n
@@ -85,7 +86,7 @@ def scene(folder, parts):
              "min": [0, heights[0], 0], "max": [1, heights[1], 1]},
             {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC3"},
             {"bufferView": 2, "componentType": 5126, "count": count, "type": "VEC2"},
-            {"bufferView": 3, "componentType": 5125, "count": CELLS * CELLS * 6, "type": "SCALAR"}],
+            {"bufferView": 3, "componentType": 5125, "count": cells * cells * 6, "type": "SCALAR"}],
         "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0}}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
                                     "indices": 3, "material": 0}]} for _ in range(parts)],
@@ -140,8 +141,7 @@ class Watch(threading.Thread):
 class Test:
     def __init__(self, folder, bin_folder):
         self.folder, self.bin = folder, bin_folder
-        self.few = scene(f"{folder}/few", FEW)
-        self.many = scene(f"{folder}/many", MANY)
+        self.small = scene(f"{folder}/small", FEW, SMALL_CELLS)
         self.cache = f"{folder}/cache"
 
     def start(self, *words, **more):
@@ -201,10 +201,11 @@ class Test:
     # ---- cases ----------------------------------------------------------------------------------
 
     def case_peak(self):
-        self.walk(self.few, f"{self.folder}/warm")  # shaders are compiled
+        few, many = scene(f"{self.folder}/few", FEW), scene(f"{self.folder}/many", MANY)
+        self.walk(self.small, f"{self.folder}/warm")  # shaders are compiled
         peaks = {}
         for cached in ("an empty store", "a full store"):
-            for name, path in (("few", self.few), ("many", self.many)):
+            for name, path in (("few", few), ("many", many)):
                 if cached == "an empty store":
                     shutil.rmtree(f"{self.cache}/store", ignore_errors=True)
                 watch, err = self.walk(path, f"{self.folder}/{name}-out")
@@ -223,7 +224,7 @@ class Test:
     def places(self):
         good, bad = f"{self.folder}/good", f"{self.folder}/bad"
         if not os.path.exists(f"{good}/path.png"):
-            _, err = self.walk(self.few, good)
+            _, err = self.walk(self.small, good)
             if "stay in memory" in err:
                 raise Failure(f"the folder does not do for files:\n{err}")
         return good, bad
@@ -234,12 +235,12 @@ class Test:
         os.makedirs(self.cache)
         with open(f"{self.cache}/store", "w") as f:
             f.write("not a folder")
-        _, err = self.walk(self.few, bad, "> 0")
+        _, err = self.walk(self.small, bad, "> 0")
         if "stay in memory" not in err:
             raise Failure(f"nothing is said of a file in the folder's place:\n{err}")
         self.same(good, bad)
         os.remove(f"{self.cache}/store")
-        _, err = self.walk(self.few, bad)
+        _, err = self.walk(self.small, bad)
         if "stay in memory" in err:
             raise Failure(f"with a folder again:\n{err}")
         self.same(good, bad)
@@ -252,7 +253,7 @@ class Test:
             env = {**os.environ, "LD_PRELOAD": f"{self.bin}/../tests/libfull_disk.so",
                    "ASAN_OPTIONS": asan, "HELIO_FULL_DIR": f"{self.cache}/store",
                    "HELIO_FULL_BYTES": str(room)}
-            _, err = self.walk(self.few, bad, "> 0", env=env)
+            _, err = self.walk(self.small, bad, "> 0", env=env)
             if "No space left" not in err or "stay in memory" not in err:
                 raise Failure(f"nothing is said of a full disk ({room} bytes):\n{err}")
             self.same(good, bad)
@@ -263,7 +264,7 @@ class Test:
                "ASAN_OPTIONS": asan}
         for lost in (1, 4):
             out = f"{self.folder}/lost{lost}.png"
-            child = self.start("render", self.few, *self.options(), "--size", "64x64", "-o", out,
+            child = self.start("render", self.small, *self.options(), "--size", "64x64", "-o", out,
                                env={**env, "HELIO_LOSE": str(lost)})
             try:
                 _, err = child.communicate(timeout=PATIENCE_S)
@@ -281,7 +282,7 @@ class Test:
 
     def case_kill(self):
         begin = time.monotonic()
-        self.walk(self.few, f"{self.folder}/killed")
+        self.walk(self.small, f"{self.folder}/killed")
         whole, rng = time.monotonic() - begin, random.Random(9)
         for _ in range(4):
             shutil.rmtree(f"{self.cache}/store", ignore_errors=True)
@@ -290,7 +291,7 @@ class Test:
             self.kill_session(child)
             if os.path.isdir(f"{self.cache}/store"):
                 self.nothing_left()
-        self.walk(self.few, f"{self.folder}/healed")
+        self.walk(self.small, f"{self.folder}/healed")
         self.same(f"{self.folder}/killed", f"{self.folder}/healed")
 
 

@@ -11,7 +11,7 @@ ordinary_scenes.py makes the files. Of each picture these are checked, and then 
     contrast  the scene differs from the background around it
     upright   of a tower: the foot is below the shaft
 
-What covers is found with a second picture that has no background.
+What covers is found with a second picture that has no background, of all scenes by one script and one daemon.
 """
 import argparse
 import concurrent.futures
@@ -23,6 +23,9 @@ import sys
 import zlib
 
 import ordinary_scenes
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+from daemon import daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "240x135"
@@ -140,28 +143,41 @@ class Test:
     def path(self, name, ending):
         return os.path.join(self.options.out, name.replace(".", "_") + ending)
 
-    def run(self, *arguments):
+    def run(self, *arguments, pictures=1):
+        seconds = SECONDS_PER_PICTURE * pictures
         try:
             done = subprocess.run([self.options.helio, *arguments], stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT, text=True, errors="replace",
-                                  timeout=SECONDS_PER_PICTURE)
+                                  timeout=seconds)
         except subprocess.TimeoutExpired:
-            return -1, "took more than %d s" % SECONDS_PER_PICTURE
+            return -1, "took more than %d s" % seconds
         return done.returncode, done.stdout.strip()
 
-    def render(self, name, ending, *more):
-        return self.run("render", os.path.join(self.scenes, name), "-o", self.path(name, ending),
+    def render(self, name):
+        return self.run("render", os.path.join(self.scenes, name), "-o", self.path(name, ".png"),
                         "--size", SIZE, "--device", "llvmpipe", "--progress", "none",
-                        "--cache-dir", os.path.join(self.options.out, "cache"), *more)
+                        "--cache-dir", os.path.join(self.options.out, "cache"))
+
+    def draw_masks(self, names):
+        """What the program printed, if drawing the pictures without background failed."""
+        script = os.path.join(self.options.out, "masks.script")
+        with open(script, "w") as file:
+            for name in names:
+                file.write("\n".join((
+                    "scene " + name, "load " + os.path.join(self.scenes, name), "set size " + SIZE,
+                    "set background none", "set samples 4", "frame " + self.path(name, ".mask.png"), "")))
+        cache = os.path.join(self.options.out, "cache")
+        with daemon(self.options.helio, [self.scenes], cache, "llvmpipe") as url:
+            code, text = self.run("run", script, "--connect", url, pictures=len(names))
+        return "" if code == 0 else "drawing the masks failed with %d: %s" % (code, text)
 
     def compare(self, a, b, limit):
         return self.run("compare", a, b, "--metric", "flip", "--fail-above", str(limit))
 
     def check(self, name):
-        for ending, more in ((".png", ()), (".mask.png", ("--background", "none", "--samples", "4"))):
-            code, text = self.render(name, ending, *more)
-            if code != 0:
-                return ["rendering failed with %d: %s" % (code, text)]
+        code, text = self.render(name)
+        if code != 0:
+            return ["rendering failed with %d: %s" % (code, text)]
         wrong = look(self.path(name, ".png"), mask_of(self.path(name, ".mask.png")), SCENES[name])
         reference = os.path.join(HERE, "references", "ordinary_%s.png" % name.replace(".", "_"))
         if self.options.update:
@@ -186,6 +202,9 @@ def main():
     os.makedirs(options.out)
     test = Test(options)
     names = [n for n in SCENES if not options.only or n in options.only]
+    failure = test.draw_masks(names)
+    if failure:
+        sys.exit(failure)
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         found = dict(zip(names, pool.map(test.check, names)))
     for name in names:

@@ -8,12 +8,6 @@
 #include "tests/support/test_data.h"
 #include "tests/unit/render_rig.h"
 
-static void open_silent(struct rig *rig)
-{
-    rig_open(rig, true);
-    test_ok(hg_renderer_warm_up(rig->renderer, NULL, NULL, &rig->err), &rig->err);
-}
-
 static void check_silent(struct rig *rig, const char *path)
 {
     const struct hg_view_params params = {.width = 48, .height = 32, .samples = 2};
@@ -43,7 +37,8 @@ static void test_validation_is_silent(void **state)
     static const char *const paths[] = {PANES, KNOT, WORM, MORPH, "demo:"};
     (void)state;
     struct rig rig;
-    open_silent(&rig);
+    rig_open(&rig, true);
+    test_ok(hg_renderer_warm_up(rig.renderer, NULL, NULL, &rig.err), &rig.err);
     for (size_t i = 0; i < sizeof paths / sizeof paths[0]; i++)
         check_silent(&rig, paths[i]);
     close_silent(&rig);
@@ -64,7 +59,7 @@ static void test_validation_is_silent_with_samples(void **state)
     struct rig rig;
     for (size_t i = 0; i < COUNT; i++)
         (void)test_data(names[i]); // ends the test here if one is missing
-    open_silent(&rig);
+    rig_open(&rig, true);
     for (size_t i = 0; i < COUNT; i++)
         check_silent(&rig, test_data(names[i]));
     close_silent(&rig);
