@@ -378,6 +378,22 @@ static const struct hg_cli_option_row *find_short(uint32_t command, char letter)
     return NULL;
 }
 
+// What other programs call it.
+static const char *other_name(uint32_t command, const char *name, size_t length)
+{
+    static const char *const names[][2] = {{"width", "size"}, {"height", "size"},
+        {"resolution", "size"}, {"environment", "env"}, {"hdri", "env"}, {"hdr", "env"},
+        {"ibl", "env"}, {"azimuth", "view"}, {"elevation", "view"}, {"angle", "view"},
+        {"direction", "view"}, {"background-color", "background"}, {"bg", "background"},
+        {"engine", "mode"}, {"renderer", "mode"}, {"start", "frames"}, {"end", "frames"},
+        {"animation-time", "at"}, {"dof", "lens-radius"}, {"light", "sun"}};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strlen(names[i][0]) == length && memcmp(names[i][0], name, length) == 0 &&
+            find_long(command, names[i][1], strlen(names[i][1])) != NULL)
+            return names[i][1];
+    return NULL;
+}
+
 // Of an option that the command does not have: the nearest one that it has, or another command
 // that has it.
 static enum hg_status refuse_option(uint32_t command, const char *word, struct hg_error *err)
@@ -393,9 +409,10 @@ static enum hg_status refuse_option(uint32_t command, const char *word, struct h
         if (find_long(hg_cli_commands[i].command, name, length))
             return hg_error_set(err, HG_E_INVAL, word, NULL,
                 "unknown option; it is one of helio %s", hg_cli_commands[i].name);
-    if (near.word[0])
-        return hg_error_set(
-            err, HG_E_INVAL, word, NULL, "unknown option; did you mean --%s?", near.word);
+    const char *other = is_long ? other_name(command, name, length) : NULL;
+    if (other != NULL || near.word[0])
+        return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown option; did you mean --%s?",
+            other != NULL ? other : near.word);
     return hg_error_set(err, HG_E_INVAL, word, NULL, "unknown option; --help lists all of them");
 }
 

@@ -157,6 +157,42 @@ static void test_atlas(void **state)
     clear(probe, 90);
 }
 
+// Lamps beside a sun take nothing of its finer cascades while there is room for smaller lamps.
+static void test_lamps_leave_cascades(void **state)
+{
+    struct probe *probe = *state;
+    const float far_max[3] = {300, 30, 300}, far_min[3] = {-300, 0, -300};
+    const struct hg_lighting_view before = probe->view;
+    float finest[2] = {0};
+    memcpy(probe->view.bounds_min, far_min, sizeof far_min);
+    memcpy(probe->view.bounds_max, far_max, sizeof far_max);
+    for (uint32_t lamps = 0; lamps <= 6; lamps += 6) {
+        for (uint64_t id = 1; id <= 1 + lamps; id++) {
+            struct hg_light *light = add_light(probe, id, (float[3]){(float)id, 1, 0});
+            light->kind = id == 1 ? HG_LIGHT_DIRECTIONAL : HG_LIGHT_POINT;
+            light->intensity = 10;
+            light->casts_shadow = true;
+        }
+        struct hg_light_set lights = {0};
+        struct hg_shadow_plan plan = {0};
+        hg_scene_update(probe->scene);
+        assert_int_equal(hg_light_set_collect(&lights, probe->scene, (double[3]){0, 0, 0}), HG_OK);
+        assert_int_equal(hg_shadow_plan_make(&plan, &lights, &probe->view, 4096), HG_OK);
+        assert_int_equal(plan.shadowed_lights, 1 + lamps);
+        const struct hg_shadow_map *maps = plan.maps + lights.items[0].shadow;
+        const uint32_t count = lights.items[0].shadow_count;
+        assert_true(count > 2 && maps[0].refines && !maps[count - 1].refines);
+        finest[lamps > 0] = maps[0].gpu.size_px;
+        assert_true(maps[count - 1].gpu.size_px >= 1024.0f);
+        hg_shadow_plan_finish(&plan);
+        hg_light_set_finish(&lights);
+        clear(probe, 1 + lamps);
+    }
+    assert_float_equal(finest[0], HG_SHADOW_SUN_SIDE_PX, 0);
+    assert_float_equal(finest[1], finest[0], 0);
+    probe->view = before;
+}
+
 // A plan follows from its inputs alone and is made again only when they change.
 static void test_maps_are_kept(void **state)
 {
@@ -192,6 +228,7 @@ int main(void)
         cmocka_unit_test(test_illuminance),
         cmocka_unit_test(test_clusters_change_nothing),
         cmocka_unit_test(test_atlas),
+        cmocka_unit_test(test_lamps_leave_cascades),
         cmocka_unit_test(test_maps_are_kept),
     };
     return cmocka_run_group_tests(tests, probe_setup, probe_teardown);

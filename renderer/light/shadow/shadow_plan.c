@@ -12,7 +12,8 @@
 
 struct candidate {
     uint32_t light, maps, side_px;
-    float weight; // decides who goes without
+    uint32_t whole_px; // of a sun's map of the whole scene, the last; 0: all maps are side_px
+    float weight;      // decides who goes without
 };
 
 struct draft {
@@ -48,30 +49,51 @@ static int compare_weight(const void *a, const void *b)
     return x->light < y->light ? -1 : 1;
 }
 
-static uint64_t draft_area(const struct draft *draft, uint32_t count, uint32_t halvings)
+// How often sides are halved: those of a sun's finer cascades, and all others.
+struct halvings {
+    uint32_t fine, rest;
+};
+
+static uint32_t halved(uint32_t side_px, uint32_t halvings)
+{
+    const uint32_t side = side_px >> halvings;
+    return side < HG_SHADOW_MIN_SIDE_PX ? HG_SHADOW_MIN_SIDE_PX : side;
+}
+
+static struct candidate candidate_halved(struct candidate c, struct halvings h)
+{
+    c.side_px = halved(c.side_px, c.whole_px > 0 ? h.fine : h.rest);
+    c.whole_px = c.whole_px > 0 ? halved(c.whole_px, h.rest) : 0;
+    return c;
+}
+
+static uint64_t draft_area(const struct draft *draft, uint32_t count, struct halvings h)
 {
     uint64_t area = 0;
     for (uint32_t i = 0; i < count; i++) {
-        uint64_t side = draft->items[i].side_px >> halvings;
-        side = side < HG_SHADOW_MIN_SIDE_PX ? HG_SHADOW_MIN_SIDE_PX : side;
-        area += side * side * draft->items[i].maps;
+        const struct candidate c = candidate_halved(draft->items[i], h);
+        const uint64_t side = c.side_px, whole = c.whole_px;
+        area += side * side * (c.maps - (whole > 0)) + whole * whole;
     }
     return area;
 }
 
-// Fits the wishes into the atlas; returns how many lights keep their maps.
+// Fits the wishes into the atlas; returns how many lights keep their maps. A sun that fills the
+// atlas by itself leaves no room for a single lamp: its cascades are the last to get coarser.
 static uint32_t draft_fit(struct draft *draft, uint32_t max_atlas_px)
 {
+    static const struct halvings steps[] = {{0, 0}, {0, 1}, {1, 1}, {2, 2}, {3, 3}, {4, 4}};
     const uint64_t room = (uint64_t)max_atlas_px * max_atlas_px;
-    uint32_t halvings = 0, count = draft->count;
-    while (halvings < 4 && draft_area(draft, count, halvings) > room)
-        halvings++;
-    while (count && draft_area(draft, count, halvings) > room)
+    uint32_t step = 0, count = draft->count;
+    while (step + 1 < sizeof steps / sizeof *steps && draft_area(draft, count, steps[step]) > room)
+        step++;
+    while (count && draft_area(draft, count, steps[step]) > room)
         count--;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t side = draft->items[i].side_px >> halvings;
-        side = side < HG_SHADOW_MIN_SIDE_PX ? HG_SHADOW_MIN_SIDE_PX : side;
-        draft->items[i].side_px = side < max_atlas_px ? side : max_atlas_px;
+        struct candidate *c = &draft->items[i];
+        *c = candidate_halved(*c, steps[step]);
+        c->side_px = c->side_px < max_atlas_px ? c->side_px : max_atlas_px;
+        c->whole_px = c->whole_px < max_atlas_px ? c->whole_px : max_atlas_px;
     }
     return count;
 }
@@ -302,56 +324,78 @@ static void slice_sphere(
     *radius = sqrtf((b - *center) * (b - *center) + b * b * k2);
 }
 
-// The part of the scene between two depths. Radius in steps of 2^(1/4), centre in steps of a
-// quarter radius: the map holds the sphere wherever in its step the centre lies. False when it
-// would be hardly finer than the map of the whole scene.
-static bool cascade_map(struct hg_shadow_map *map, const struct sun_frame *f,
-    const struct hg_lighting_view *view, const float depths[2], uint32_t side_px)
+// Half the side of a map for the part of the scene between two depths. Radius in steps of 2^(1/4),
+// centre in steps of a quarter radius: the map holds the sphere wherever in its step the centre is.
+static float cascade_half(
+    const struct hg_lighting_view *view, const float depths[2], float *distance, float *grid)
 {
-    float distance, radius, center[3];
-    slice_sphere(view, depths[0], depths[1], &distance, &radius);
-    float step_radius = exp2f(ceilf(log2f(radius) * 4) * 0.25f), grid = step_radius * 0.25f;
-    float half = step_radius + 0.5f * grid;
-    if (half > 0.7f * scene_half(f))
+    float radius;
+    slice_sphere(view, depths[0], depths[1], distance, &radius);
+    const float step_radius = exp2f(ceilf(log2f(radius) * 4) * 0.25f);
+    *grid = step_radius * 0.25f;
+    return step_radius + 0.5f * *grid;
+}
+
+// Whether a cascade is finer than the map of the whole scene by enough to be worth drawing.
+static bool is_finer(float half, const struct sun_frame *f, const struct candidate *c)
+{
+    return half / (float)c->side_px <= 0.7f * scene_half(f) / (float)c->whole_px;
+}
+
+static bool cascade_map(struct hg_shadow_map *map, const struct sun_frame *f,
+    const struct hg_lighting_view *view, const float depths[2], const struct candidate *c)
+{
+    float distance, grid, center[3];
+    const float half = cascade_half(view, depths, &distance, &grid);
+    if (!is_finer(half, f, c))
         return false;
     hg_mad3((float *)&view->camera->eye_ws, (float *)&view->camera->forward_ws, distance, center);
     float plane[2] = {hg_dot3(center, f->right), hg_dot3(center, f->up)};
     for (int i = 0; i < 2; i++)
         plane[i] = roundf(plane[i] / grid) * grid;
-    sun_map(map, f, plane, half, side_px);
+    sun_map(map, f, plane, half, c->side_px);
     return true;
 }
 
-// Finest first; the last map holds the whole scene. Finer ones cover the depths at which a texel of
-// that last map would look larger than a pixel, in splits between logarithmic and even ones.
-// Source: Zhang et al. 2006, "Parallel-Split Shadow Maps", eq. 3, with lambda 0.8.
-static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *light,
-    const struct hg_lighting_view *view, uint32_t side_px)
+// Ends of the depths that finer maps cover: where a texel of the whole map would look larger than a
+// pixel. Even in the logarithm, so that texels look alike at all depths; with even splits mixed in,
+// hills 2 km away took the first map from the court in front of them. False: there are none.
+// Source: Zhang et al. 2006, "Parallel-Split Shadow Maps", eq. 1.
+static bool split_depths(const struct sun_frame *f, const struct hg_lighting_view *view,
+    const struct candidate *c, float ends[HG_CASCADE_COUNT])
 {
-    struct sun_frame f = sun_frame_make(light, view);
-    float near, far, whole = scene_half(&f);
-    uint32_t count = 0;
+    const int splits = HG_CASCADE_COUNT - 1;
+    const float texel = 2 * scene_half(f) / (float)c->whole_px;
+    float near, far;
     view_depths(view, &near, &far);
-    float texel = 2 * whole / (float)side_px;
     if (!view->camera->orthographic) {
         far = fminf(far, texel / fmaxf(view->camera->pixel_angle, 1e-9f));
         near = fmaxf(near, fmaxf(view->camera->near, far * 0.005f));
     } else if (texel <= view->camera->pixel_size) {
-        far = near;
+        return false;
     }
-    const int splits = HG_CASCADE_COUNT - 1;
-    float begin = near;
-    for (int i = 1; i <= splits && far > near; i++) {
-        float t = (float)i / (float)splits, even = near + (far - near) * t;
-        float log = near > 0 ? near * powf(far / near, t) : even;
-        float end = i == splits ? far : 0.8f * log + 0.2f * even;
-        if (cascade_map(&maps[count], &f, view, (float[2]){begin, end}, side_px))
-            maps[count++].refines = true;
-        begin = end;
+    for (int i = 0; i <= splits; i++) {
+        const float t = (float)i / (float)splits;
+        ends[i] = near > 0 ? near * powf(far / near, t) : near + (far - near) * t;
     }
-    float center[2] = {0.5f * (f.low[0] + f.high[0]), 0.5f * (f.low[1] + f.high[1])};
+    ends[splits] = far;
+    return far > near;
+}
+
+// Finest first; the last map holds the whole scene.
+static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *light,
+    const struct hg_lighting_view *view, const struct candidate *c)
+{
+    const struct sun_frame f = sun_frame_make(light, view);
+    float ends[HG_CASCADE_COUNT];
+    uint32_t count = 0;
+    if (split_depths(&f, view, c, ends))
+        for (int i = 0; i + 1 < HG_CASCADE_COUNT; i++)
+            if (cascade_map(&maps[count], &f, view, ends + i, c))
+                maps[count++].refines = true;
+    const float center[2] = {0.5f * (f.low[0] + f.high[0]), 0.5f * (f.low[1] + f.high[1])};
     maps[count].refines = false;
-    sun_map(&maps[count++], &f, center, whole, side_px);
+    sun_map(&maps[count++], &f, center, scene_half(&f), c->whole_px);
     return count;
 }
 
@@ -363,13 +407,16 @@ static void draft_make(
     draft->count = 0;
     for (uint32_t i = 0; i < lights->count && draft->count < MAX_CANDIDATES; i++) {
         const struct hg_gpu_light *light = &lights->items[i];
-        struct candidate c = {i, 1, HG_SHADOW_SPOT_SIDE_PX, light_weight(light, view)};
+        struct candidate c = {.light = i,
+            .maps = 1,
+            .side_px = HG_SHADOW_SPOT_SIDE_PX,
+            .weight = light_weight(light, view)};
         if (!lights->casts[i])
             continue;
         if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
             struct hg_shadow_map scratch[HG_CASCADE_COUNT];
-            c.side_px = HG_SHADOW_SUN_SIDE_PX;
-            c.maps = sun_maps(scratch, light, view, c.side_px);
+            c.side_px = c.whole_px = HG_SHADOW_SUN_SIDE_PX;
+            c.maps = sun_maps(scratch, light, view, &c);
         } else if (needs_cube(light)) {
             c.side_px = HG_SHADOW_POINT_SIDE_PX;
             c.maps = 6;
@@ -394,7 +441,7 @@ static enum hg_status add_light(struct hg_shadow_plan *plan, struct hg_gpu_light
         // Smaller maps may ask for more cascades than the draft counted; it holds room for those
         // it counted.
         struct hg_shadow_map all[HG_CASCADE_COUNT] = {0};
-        uint32_t wanted = sun_maps(all, light, view, c->side_px);
+        uint32_t wanted = sun_maps(all, light, view, c);
         count = wanted < count ? wanted : count;
         memcpy(maps, all + (wanted - count), count * sizeof *maps);
     } else if (count == 6) {

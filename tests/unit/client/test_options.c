@@ -158,7 +158,8 @@ static void test_suggestions(void **state)
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
         expect_reason(2, (const char *[]){"helio", commands[i][0]}, commands[i][1]);
     static const char *const options[][2] = {{"--tonmap", "did you mean --tonemap?"},
-        {"--env-rot=3", "did you mean --env-rotation?"}, {"--sise", "did you mean --size?"},
+        {"--env-rot=3", "did you mean --env-rotation?"}, {"--width=3", "did you mean --size?"},
+        {"--hdri", "did you mean --env?"}, {"--sise", "did you mean --size?"},
         {"--metric", "it is one of helio compare"}, {"--nonsense", "--help lists all of them"},
         {"-z", "--help lists all of them"}};
     for (size_t i = 0; i < sizeof options / sizeof *options; i++)
