@@ -15,9 +15,9 @@
 #include "base/sha256.h"
 #include "base/status.h"
 
-#define HG_STORE_BLOCK_BYTES_MAX (64u << 20) // of one block
-#define HG_STORE_BLOCKS_MAX      (1u << 24)  // of one entry
-#define HG_STORE_LABEL_BYTES     201u        // with its end
+#define HG_STORE_BLOCK_BYTES_MAX (256u << 20) // of one block
+#define HG_STORE_BLOCKS_MAX      (1u << 24)   // of one entry
+#define HG_STORE_LABEL_BYTES     201u         // with its end
 
 struct hg_store;
 struct hg_store_entry;  // open for reading

@@ -13,8 +13,9 @@
 #include "base/spill.h"
 #include "renderer/scene/asset.h"
 
-#define TABLE_BITS 6u      // at first
-#define TRIM_FROM  500000u // triangles, whose groups leave hundreds of megabytes free in the heap
+#define TABLE_BITS 6u        // at first
+#define TELL_FROM  10000000u // indices, whose bake takes a minute
+#define TRIM_FROM  500000u   // triangles, whose groups leave hundreds of megabytes free in the heap
 
 struct task {
     struct task *next;
@@ -82,11 +83,15 @@ static bool may_go_on(void *user, uint64_t done, uint64_t total)
 static void keep(struct hg_lod_build_queue *b, const struct hg_store_key *key, struct task *task)
 {
     struct hg_lod_built *r = &task->result;
-    struct hg_error err;
+    struct hg_error err = {0};
     struct hg_lod_stored stored;
     if (hg_lod_stored_write(b->store, key, task->name, r->data, r->size, &err) != HG_OK ||
-        hg_lod_stored_find(b->store, key, &stored, &err) != HG_OK)
+        hg_lod_stored_find(b->store, key, &stored, &err) != HG_OK) {
+        if (task->part.index_count >= TELL_FROM)
+            hg_warn(GEOMETRY, "levels of detail of '%s' are not kept and will be made again: %s",
+                task->name, err.reason);
         return;
+    }
     r->stored = stored;
     hg_free(r->data);
     r->data = NULL;

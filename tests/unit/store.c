@@ -632,13 +632,38 @@ static void test_verify(void **state)
     hg_store_close(store);
 }
 
+// The tables of the hierarchy of 100 million points are a block of about 100 MiB.
+static void test_large_block(void **state)
+{
+    (void)state;
+    const size_t size = (size_t)100 << 20;
+    struct hg_store *store = open_store(0);
+    const struct hg_store_key key = key_of(1);
+    struct hg_store_writer *w;
+    struct hg_store_entry *e;
+    uint8_t *data = hg_calloc(size, 1);
+    assert_non_null(data);
+    data[size - 1] = 7;
+    assert_int_equal(hg_store_begin(store, &key, &w, NULL), HG_OK);
+    assert_int_equal(hg_store_write(w, 0, data, size, NULL), HG_OK);
+    assert_int_equal(hg_store_commit(w, NULL), HG_OK);
+    data[size - 1] = 0;
+    assert_int_equal(hg_store_find(store, &key, &e, NULL), HG_OK);
+    assert_int_equal(hg_store_entry_read(e, 0, data, size, NULL), HG_OK);
+    assert_int_equal(data[size - 1], 7);
+    hg_store_entry_close(e);
+    hg_free(data);
+    hg_store_close(store);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, set_up, remove_folder)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_checksum), TEST(test_round_trip),
-        TEST(test_writer_rules), TEST(test_damage), TEST(test_damage_while_open),
-        TEST(test_wrong_name), TEST(test_eviction), TEST(test_folder_goes_away),
-        TEST(test_no_folder), TEST(test_full_disk), TEST(test_no_memory), TEST(test_processes),
-        TEST(test_kill), TEST(test_few_descriptors), TEST(test_list), TEST(test_verify)};
+        TEST(test_large_block), TEST(test_writer_rules), TEST(test_damage),
+        TEST(test_damage_while_open), TEST(test_wrong_name), TEST(test_eviction),
+        TEST(test_folder_goes_away), TEST(test_no_folder), TEST(test_full_disk),
+        TEST(test_no_memory), TEST(test_processes), TEST(test_kill), TEST(test_few_descriptors),
+        TEST(test_list), TEST(test_verify)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
